@@ -231,6 +231,12 @@ def from_yaw(yaw: Array | float) -> Array:
     return np.stack([np.cos(half), zero, np.sin(half), zero], axis=-1)
 
 
+def yaw_of(q: Array) -> Array:
+    """The yaw `(...)` that a rotation `(..., 4)` faces; see `from_yaw`."""
+    facing = rotate(q, np.array([0.0, 0.0, 1.0]))
+    return np.arctan2(facing[..., 0], facing[..., 2])
+
+
 def yaw_matrix(yaw: Array) -> Array:
     """Rotation matrices `(..., 3, 3)` of a turn by `yaw` `(...)` about +Y."""
     matrix = np.zeros((*yaw.shape, 3, 3))

@@ -28,6 +28,7 @@ WIDGETS = (
     "begin_combo",
     "begin_tab_item",
     "drag_int",
+    "input_int",
     "menu_item",
     "begin_menu",
     "tree_node_ex",
@@ -79,6 +80,20 @@ def drawn(app: App) -> list[tuple[str, tuple[float, float, float, float]]]:
 
     with pytest.MonkeyPatch.context() as patch:
         for name in WIDGETS:
+            patch.setattr(imgui, name, watched(getattr(imgui, name)))
+        run(app)
+    return found
+
+
+def texts(app: App) -> list[str]:
+    """Every text of one frame that no widget carries."""
+    found = []
+
+    def watched(draw: Callable[..., Any]) -> Callable[..., Any]:
+        return lambda text: (found.append(text), draw(text))
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("text_unformatted", "text_wrapped"):
             patch.setattr(imgui, name, watched(getattr(imgui, name)))
         run(app)
     return found

@@ -216,7 +216,7 @@ class Monkey:
         self.rng.choice((self.app.compare.add, lambda: self.app.compare.remove(0)))()
 
     def do_wall_of_blends(self) -> None:
-        self.rng.choice((self.app.compare.variants, self.app.compare.last_prompts))()
+        self.rng.choice((self.app.compare.seeds, self.app.compare.last_prompts))()
 
     def do_export_window(self) -> None:
         self.rng.choice((self.app.exporting.open, self.app.exporting.propose))()

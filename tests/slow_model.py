@@ -107,7 +107,7 @@ def asking(start: Start, model: Model) -> Callable[[], App]:
         app = start(services={"load_model": load_model}, prompt="a proud king")
         app.prompting.blocking = app.jobs.blocking = False
         app.settings.gpt_base_url, app.settings.gpt_model = model.url, "m"
-        app.expanders.choose("gpt")
+        app.language_model.choose("gpt")
         run_until(app, lambda: not app.jobs.busy(Slot("language model")))
         return app
 

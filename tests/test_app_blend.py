@@ -80,8 +80,9 @@ def test_a_blend_is_undone_swapped_dropped_and_kept_in_takes(start: Start) -> No
     app.prompting.submit_prompt("a duck", Side.B)
     for weight in (0.1, 0.2, 0.3):  # one drag
         app.prompting.set_weight("torso", weight)
-        run(app)
-    app.prompting.commit("blend of torso")
+        app.prompting.poll()
+    run(app)
+    assert app.editor.undo_label == "blend of the torso"
     blended = style(app)
     kept = read_words(marks[-1])
     assert (kept.a, kept.b, kept.weights) == ("a proud king", "a duck", (0.5, 0.5, 0.5, 0.5, 0.3, 0.5))
@@ -118,7 +119,7 @@ def test_the_blend_panel_is_used_by_mouse_and_keys(start: Start) -> None:
     run(app, 2)
     assert app.editor.session.live.prompt.b is not None
     assert app.editor.session.live.prompt.b.prompt == "a duck"
-    steps = app.prompting.history.undo_label
+    assert app.editor.undo_label == "prompt B “a duck”"
     left, y = place(app, "##all")
     app.window.inject_mouse(left, y, 0, True)
     run(app, 2)
@@ -129,6 +130,31 @@ def test_the_blend_panel_is_used_by_mouse_and_keys(start: Start) -> None:
     app.window.inject_mouse(right, y, 0, False)
     run(app, 2)
     assert app.editor.session.live.prompt.master_weight > 0.8
-    assert (steps, app.prompting.history.undo_label) == ("“a duck”", "blend of all parts")
+    assert app.editor.undo_label == "blend of all parts"
     press(app, "ctrl", "z")  # the drag is one step
+    assert app.editor.session.live.prompt.weights == (0.5,) * 6
+
+
+def test_an_emptied_prompt_b_ends_the_blend(start: Start) -> None:
+    app = start(prompt="a proud king")
+    run(app, 3)
+    king = style(app)
+    click_on(app, "Blend")
+    for leave in (lambda: press(app, "enter"), lambda: click_on(app, "##prompt A")):
+        app.prompting.submit_prompt("a duck", Side.B)
+        run(app, 2)
+        assert app.editor.session.live.prompt.blended
+        click_on(app, "##prompt B")
+        press(app, "ctrl", "a")
+        press(app, "backspace")
+        assert app.editor.session.live.prompt.blended  # while it is typed into
+        leave()
+        run(app, 2)
+        assert app.editor.session.live.prompt.b is None
+        assert app.editor.undo_label == "end of the blend"
+        assert np.array_equal(style(app), king)
+        press(app, "escape")
+        press(app, "escape")
+    press(app, "ctrl", "z")
+    assert app.prompting.boxes[Side.B].text == "a duck"
     assert app.editor.session.live.prompt.weights == (0.5,) * 6

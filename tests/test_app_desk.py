@@ -12,11 +12,12 @@ from app_driver import Start, click, click_on, drawn, place, press, run
 
 from runtime.formats.bvh_clip import load_clip_bvh
 from viewer.app import App
-from viewer.desk.guide import STEPS
 from viewer.filming import film
 from viewer.gl_bindings import imgui
 from viewer.gui.layout import STATUS_HEIGHT
+from viewer.gui.theme import ICON
 from viewer.messages import SETTLED_SECONDS, WARNING_SECONDS, Messages
+from viewer.panels.guide import STEPS
 
 
 def said(app: App) -> str:
@@ -32,7 +33,7 @@ def record(app: App, frames: int = 20) -> None:
 
 
 def names(app: App) -> list[str]:
-    return [item.name for item in app.editor.session.takes]
+    return [take.title for take in app.editor.session.takes]
 
 
 def labels(app: App) -> str:
@@ -58,20 +59,20 @@ def test_a_take_is_renamed_in_its_row_and_exported_under_its_name(start: Start, 
     assert (tmp_path / "a-proud-walk.bvh").is_file()
 
 
-def test_a_removed_take_comes_back_by_button_and_by_key(start: Start) -> None:
+def test_a_removed_take_comes_back_by_key_and_by_the_menu(start: Start) -> None:
     app = start()
     for _ in range(3):
         record(app)
-    app.takes.remove(1)
+    click_on(app, ICON.trash, index=1)
     run(app, 2)
     assert names(app) == ["Take 1", "Take 3"]
     assert "Ctrl+Z brings it back" in said(app)
     press(app, "ctrl", "z")
     assert names(app) == ["Take 1", "Take 2", "Take 3"]
-    assert app.editor.session.takes[1].journal is not None
-    app.takes.remove(0)
-    run(app, 2)
-    click_on(app, "##restore")
+    click_on(app, ICON.trash)
+    assert names(app) == ["Take 2", "Take 3"]
+    click_on(app, "##session")
+    click_on(app, "##undo", index=-1)  # the prompt panel has one too
     assert names(app) == ["Take 1", "Take 2", "Take 3"]
 
 
@@ -80,14 +81,14 @@ def test_the_newest_take_is_in_view(start: Start, height: int) -> None:
     app = start(width=1280, height=height)
     for _ in range(14):
         record(app, 4)
-    if "Clips" in {label.partition("##")[0] for label, _ in drawn(app)}:
-        click_on(app, "Clips")
+    if "Takes" in {label.partition("##")[0] for label, _ in drawn(app)}:
+        click_on(app, "Takes")
     run(app, 3)
     rows = [box for label, box in drawn(app) if label == "row"]
-    window = next(w for w in imgui.get_current_context().windows if "clip list" in w.name)
+    window = next(w for w in imgui.get_current_context().windows if "take list" in w.name)
     assert window.pos.y <= rows[-1][1]
     assert rows[-1][3] <= window.pos.y + window.size.y
-    app.takes.select(0)
+    app.takes.select(1)
     run(app, 3)
     rows = [box for label, box in drawn(app) if label == "row"]
     assert window.pos.y <= rows[0][1]
@@ -108,7 +109,7 @@ def test_every_take_is_exported_at_once_and_no_file_is_replaced(start: Start, tm
         "take-2.bvh",
     ]
     assert "Saved 2 takes" in said(app)
-    assert app.takes.unsaved == []
+    assert all(app.takes.saved(take) for take in app.editor.session.takes)
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (800, 500)])
@@ -141,8 +142,9 @@ def test_the_export_window_writes_what_the_command_writes(start: Start, tmp_path
     assert len(load_clip_bvh(tmp_path / "take-1.bvh")) == 21  # 40 frames at half the rate, and the rest pose
     assert (tmp_path / "take-1-ground.obj").is_file()
     assert "21 frames at 30 fps" in app.exporting.state.report
-    assert app.editor.session.takes[0].exported == tmp_path / "take-1.bvh"
-    assert app.editor.session.takes[0].saved is None  # half the frames
+    (take,) = app.editor.session.takes
+    assert app.takes.exported(take) == tmp_path / "take-1.bvh"
+    assert app.takes.saved(take) is None  # half the frames
     exports.choose(in_place=True)
     click_on(app, "##export now")
     run(app, 2)
@@ -167,8 +169,8 @@ def test_a_film_shows_its_progress_and_can_be_given_up(
     app = start()
     app.settings.export_folder = str(tmp_path)
     record(app, 40)
-    app.takes.play(0)
-    app.takes.playback.trim_out(19)  # type: ignore[union-attr]
+    app.takes.play(1)
+    app.takes.trim(last=19)
     app.exporting.open()
     app.exporting.choose_format(".mp4")
     app.exporting.state.choose(camera="side")
@@ -177,7 +179,7 @@ def test_a_film_shows_its_progress_and_can_be_given_up(
     assert (path, options.camera, options.size, count) == (tmp_path / "take-1.mp4", "side", (1280, 720), 20)
     assert app.exporting.state.progress == (3, 20)
     assert "20 frames" in app.exporting.state.report
-    assert app.editor.session.takes[0].saved is None  # a film is no copy of the take
+    assert app.takes.saved(app.editor.session.takes[0]) is None  # a film is no copy of the take
     cancelled = threading.Event()
     cancelled.set()
     monkeypatch.setattr(app.exporting, "_cancel", SimpleNamespace(clear=lambda: None, is_set=lambda: True))
@@ -211,12 +213,12 @@ def test_settings_are_chosen_in_a_window(start: Start, tmp_path: Path) -> None:
 def test_another_model_is_loaded_by_a_dialog_and_remembered(start: Start, tmp_path: Path) -> None:
     app = start()
     before = app.scene.controller
-    app.desk.choose_model(tmp_path)
+    app.settings_window.choose_model(tmp_path)
     run(app, 2)
     assert app.settings.model_folder == str(tmp_path)
     assert app.scene.controller is not before
     app.settings.model_folder = str(tmp_path / "gone")
-    assert app.desk.chosen_model(offscreen=False) is None
+    assert app.settings_window.chosen_model(offscreen=False) is None
     assert "is not there any more" in said(app)
 
 

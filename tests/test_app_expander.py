@@ -103,28 +103,31 @@ def test_the_key_is_typed_used_and_written_nowhere(
     model.released.set()
     open_panel(app)
     type_key(app, KEY)
-    assert app.state.prompt.expander.key == KEY
+    assert app.language_model.key == KEY
     run_until(app, lambda: not app.jobs.busy(Slot("language model")))
     app.takes.toggle_recording()
     app.prompting.submit_prompt("a duck")
     run_until(app, lambda: source(app) == ("a duck", "gpt"))
     model.status = 401  # an endpoint that repeats the key in its refusal
-    for ask in (lambda: app.prompting.submit_prompt("a goose"), app.expanders.test):
+    for ask in (lambda: app.prompting.submit_prompt("a goose"), app.language_model.test):
         ask()
-        run_until(app, lambda: not app.prompting.asked and not app.state.prompt.expander.testing)
+        run_until(app, lambda: not app.prompting.asked and not app.language_model.testing)
         run(app, 2)
     assert model.keys == {f"Bearer {KEY}"}
     app.takes.toggle_recording()
     run(app)
-    app.takes.rescue()
+    app.takes.export()
+    run_until(app, lambda: (tmp_path / "clips").exists() and any((tmp_path / "clips").glob("*.bvh")))
+    assert app.editor.file.flush(10.0)
     save_settings(app.settings, app.config)
-    told = "\n".join([caplog.text, repr(app.state), *(m.text for m in app.messages.recent)])
+    told = "\n".join([caplog.text, repr(app.language_model), *(m.text for m in app.messages.recent)])
     assert "refuses the key" in told
     assert KEY not in told
     events = app.editor.session.takes[0].clip.prompts
     assert KEY not in "".join(event.prompt for event in events)
     written = [path for path in tmp_path.rglob("*") if path.is_file()]
-    assert {"settings.json", "take-1.bvh"} <= {path.name for path in written}
+    assert "settings.json" in {path.name for path in written}
+    assert {app.editor.file.path, *(tmp_path / "clips").glob("*.bvh")} <= set(written)
     assert list((tmp_path / "cache").rglob("*.json"))  # the answers are kept, too
     for path in written:
         assert KEY.encode() not in path.read_bytes(), path
@@ -132,24 +135,24 @@ def test_the_key_is_typed_used_and_written_nowhere(
 
 def test_the_test_button_reports(asking: Callable[[], App], model: Model) -> None:
     app = asking()
-    app.expanders.test()
+    app.language_model.test()
     run(app, 2)
-    assert app.state.prompt.expander.testing
+    assert app.language_model.testing
     model.released.set()
-    run_until(app, lambda: not app.state.prompt.expander.testing)
-    assert app.state.prompt.expander.report_good
-    assert "m at 127.0.0.1" in app.state.prompt.expander.report
+    run_until(app, lambda: not app.language_model.testing)
+    assert app.language_model.report_good
+    assert "m at 127.0.0.1" in app.language_model.report
     model.status = 401
-    app.expanders.test()
-    run_until(app, lambda: not app.state.prompt.expander.testing)
-    assert not app.state.prompt.expander.report_good
-    assert "refuses the key" in app.state.prompt.expander.report
+    app.language_model.test()
+    run_until(app, lambda: not app.language_model.testing)
+    assert not app.language_model.report_good
+    assert "refuses the key" in app.language_model.report
 
 
 def test_the_end_does_not_wait_for_a_test(asking: Callable[[], App], model: Model) -> None:
     app = asking()
     app.settings.gpt_timeout_s = 120.0
-    app.expanders.test()
+    app.language_model.test()
     run_until(app, lambda: bool(model.asked))
     begin = time.monotonic()
     app.close()
@@ -159,24 +162,24 @@ def test_the_end_does_not_wait_for_a_test(asking: Callable[[], App], model: Mode
 def test_without_a_key_or_an_address_the_library_answers_and_the_panel_says_why(start: Start) -> None:
     app = start(services={"load_model": load_model})
     run(app)
-    assert app.expanders.kind == "library"
+    assert app.language_model.kind == "library"
     open_panel(app)
-    app.expanders.choose("gpt")
+    app.language_model.choose("gpt")
     run(app, 2)
-    assert "neither a key nor an address" in app.state.prompt.expander.problem
+    assert "neither a key nor an address" in app.language_model.problem
     app.prompting.submit_prompt("a duck")
     assert source(app) == ("a duck", "library")
-    app.expanders.test()
-    assert "neither a key nor an address" in app.state.prompt.expander.report
+    app.language_model.test()
+    assert "neither a key nor an address" in app.language_model.report
     app.settings.gpt_base_url = "not an address"
-    app.expanders.apply()
-    assert "Base URL" in app.state.prompt.expander.problem
+    app.language_model.apply()
+    assert "Base URL" in app.language_model.problem
 
 
 def test_the_choice_is_remembered_but_no_address_with_credentials(start: Start) -> None:
     app = start(services={"load_model": load_model})
     settings = app.settings
-    app.expanders.choose("gpt")
+    app.language_model.choose("gpt")
     settings.gpt_model, settings.gpt_timeout_s = "llama3", 30.0
     for url, kept in (("http://localhost:11434/v1", True), (f"http://me:{KEY}@localhost/v1", False)):
         settings.gpt_base_url = url
@@ -201,7 +204,7 @@ def test_the_environment_chooses_the_language_model_at_the_start(
 
     app = start(services={"load_model": spy})
     assert (given[0].model, given[0].base_url) == ("m", model.url)
-    assert app.state.prompt.expander.language_model.startswith("m at 127.0.0.1")
+    assert app.language_model.name.startswith("m at 127.0.0.1")
 
 
 # a choice made while the model is being loaded
@@ -214,7 +217,7 @@ def loading(
     """Opens the application as on a screen; the model is there once the event is set."""
     loaded = threading.Event()
     model.released.set()
-    monkeypatch.setattr("viewer.app.Jobs", lambda messages, blocking: Jobs(messages))
+    monkeypatch.setattr("viewer.workspace.Jobs", lambda messages, blocking: Jobs(messages))
 
     def load(*given: Any) -> Loaded:
         loaded.wait(20.0)
@@ -234,14 +237,14 @@ def test_the_library_chosen_while_the_model_loads_sends_nothing(
     monkeypatch.setenv("OPENAI_BASE_URL", model.url)
     monkeypatch.setenv("SPORT_GPT_MODEL", "m")
     app, loaded = loading()
-    assert app.state.prompt.expander.language_model.startswith("m at")
-    app.expanders.choose("library")
+    assert app.language_model.name.startswith("m at")
+    app.language_model.choose("library")
     loaded.set()
     run_until(app, lambda: app.editor.session.live.prompt.a is not None and not app.prompting.asked)
     app.prompting.submit_prompt("a duck")
     run_until(app, lambda: not app.prompting.asked)
     assert source(app) == ("a duck", "library")
-    assert app.state.prompt.expander.language_model == ""
+    assert app.language_model.name == ""
     assert model.asked == []  # not even the prompt that waited for the model
 
 
@@ -250,7 +253,7 @@ def test_a_language_model_chosen_while_the_model_loads_is_asked(
 ) -> None:
     app, loaded = loading()
     app.settings.gpt_base_url, app.settings.gpt_model = model.url, "m"
-    app.expanders.choose("gpt")
+    app.language_model.choose("gpt")
     loaded.set()
     run_until(
         app,
@@ -266,10 +269,10 @@ def test_a_choice_that_holds_opens_no_second_expander(
 ) -> None:
     monkeypatch.setenv("OPENAI_BASE_URL", model.url)
     app, loaded = loading()
-    app.expanders.choose("library")
-    app.expanders.choose("gpt")  # back to what the model is opened with
+    app.language_model.choose("library")
+    app.language_model.choose("gpt")  # back to what the model is opened with
     loaded.set()
-    run_until(app, lambda: app.state.prompt.available and app.expanders.library is not None)
+    run_until(app, lambda: app.prompting.available and app.language_model.library is not None)
     assert not app.jobs.busy(Slot("language model"))
     run_until(app, lambda: not app.prompting.asked)
     assert source(app) == ("a proud king", "gpt")

@@ -68,7 +68,7 @@ def test_joints_chosen_from_the_lists_are_kept_and_used_again(start: Start, tmp_
     assert character.joint_names[list(character.sport_joints).index(18)] == "L f"
     app.close()
     again = start(services=REAL, character=path)  # the command takes it without a word
-    assert again.stage.character_path == path
+    assert again.scene.character_path == path
 
 
 def test_a_joint_plays_one_part_and_guesses_come_back(start: Start, tmp_path: Path) -> None:
@@ -108,14 +108,16 @@ def test_a_vrm_is_dropped_chosen_in_the_dialog_and_given_to_the_command(start: S
     app.open_files([path])
     assert app.scene.character_path == path
     app.scene.open_character(None)
-    app.desk.ask_file(app.open_files)
+    run(app, 2)
+    click_on(app, "Open a file, shape the body")
+    click_on(app, "##browse file")
     question = app.sessions.dialogs.question
     assert question is not None
     assert "*.vrm" in question.filters[1].split()
     question.done(path)
     assert app.scene.character_path == path
     app.close()
-    assert start(services=REAL, character=path).stage.character_path == path
+    assert start(services=REAL, character=path).scene.character_path == path
 
 
 def test_without_a_window_the_command_says_what_to_do(start: Start, tmp_path: Path) -> None:

@@ -111,8 +111,8 @@ def test_tooltips_of_the_timeline_lie_over_it(start: Start) -> None:
     app.takes.toggle_recording()
     run(app, 30)
     app.takes.toggle_recording()
-    app.takes.play(0)
-    app.takes.state.playback.playing = False
+    app.takes.play(1)
+    app.takes.playback.playing = False
     run(app, 3)
     app.window.inject_mouse(*place(app, "##prompts"))
     run(app, 60)
@@ -145,8 +145,8 @@ def test_a_click_on_a_tab_counts_where_move_and_click_fall_into_one_frame(start:
     """At twenty frames a second they do; ImGui alone takes it for a click on what was under the mouse before."""
     app = start(width=800, height=500)
     run(app, 3)
-    clips, prompts = place(app, "Clips"), place(app, "Prompt")
-    for tab, label in ((clips, "Clips"), (prompts, "Prompt")):
+    takes, prompts = place(app, "Takes"), place(app, "Prompt")
+    for tab, label in ((takes, "Takes"), (prompts, "Prompt")):
         app.window.inject_mouse(*tab, 0, True)
         run(app, 2)
         app.window.inject_mouse(*tab, 0, False)

@@ -78,4 +78,4 @@ def test_a_path_is_drawn_changed_and_walked(start: Start) -> None:
     assert tool.walk is None  # the user's own stick
     app.window.inject_key("w", False)
     click_on(app, "Clear")
-    assert tool.points == []
+    assert tool.points == ()

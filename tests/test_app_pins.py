@@ -7,9 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from app_driver import click_on, message, place, press, run
+from app_driver import click_on, message, place, press, run, texts
 
 from runtime.formats.bvh_clip import load_clip_bvh
+from runtime.session import edits
+from runtime.session.motion import Motion
+from runtime.session.session import Take
 from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
 from runtime.takes.pinned import farthest
@@ -18,7 +21,6 @@ from runtime.takes.plants import PlantEdit
 from viewer.app import App
 from viewer.edit.path import on_screen
 from viewer.gl_bindings import imgui
-from viewer.takes.state import ClipItem
 
 HAND = SPORT_SKELETON.index("LeftHand")
 
@@ -26,25 +28,24 @@ HAND = SPORT_SKELETON.index("LeftHand")
 @pytest.fixture
 def app(desk: App) -> App:
     """The window as it was at its start."""
-    desk.takes.clear()
-    desk.stage.pins.pins.clear()
-    desk.pinning.close()
-    desk.stage.reset_character()
+    desk.sessions.new()
+    desk.scene.reset_character()
     run(desk, 3)
     return desk
 
 
-def take(app: App, speed: float = 0.0) -> ClipItem:
+def glide(app: App, speed: float = 0.0) -> Take:
     """A take of a figure that stands, or glides at m/s; it plays, paused at frame 20."""
     pose, count = app.scene.simulation.current, 60
     hips = np.tile(pose.hips_position, (count, 1))
     hips[:, 2] += speed * np.arange(count) / 60.0
     local, contacts = np.tile(pose.local_rotations, (count, 1, 1)), np.ones((count, 4), np.float32)
-    app.editor.session.takes.append(ClipItem(Clip("Take", 60.0, hips, local, contacts), recorded=True))
+    made = Take(motion=Motion.of(Clip("Take", 60.0, hips, local, contacts)))
+    app.editor.do("take", lambda session: edits.with_new_take(session, made))
     return played(app)
 
 
-def recorded(app: App) -> ClipItem:
+def recorded(app: App) -> Take:
     """The same of the live character, driven."""
     app.takes.toggle_recording()
     run(app, 24)
@@ -52,11 +53,15 @@ def recorded(app: App) -> ClipItem:
     return played(app)
 
 
-def played(app: App) -> ClipItem:
-    app.takes.play(len(app.editor.session.takes) - 1)
+def played(app: App) -> Take:
+    app.takes.play(app.editor.session.counter)
     assert app.takes.playback is not None
     app.takes.playback.seek(20)
     run(app, 2)
+    return item(app)
+
+
+def item(app: App) -> Take:
     return app.editor.session.takes[-1]
 
 
@@ -82,19 +87,20 @@ def handle(app: App, index: int = 0) -> tuple[float, float]:
 
 
 def test_a_pin_of_a_take_is_dragged_undone_and_exported(app: App, tmp_path: Path) -> None:
-    item = take(app)
-    before = item.clip
+    before = glide(app)
     add_pin(app, "Left hand")
-    (pin,) = item.edits.pins
+    (pin,) = item(app).poses.pins
     assert (pin.what, round(pin.start * 60)) == (Pinned.LEFT_HAND, 20)
-    assert np.allclose(item.clip.world()[0][:, HAND], before.world()[0][:, HAND], atol=0.005)  # where it was
+    assert np.allclose(
+        item(app).clip.world()[0][:, HAND], before.clip.world()[0][:, HAND], atol=0.005
+    )  # where it was
     x, y = handle(app)
     drag(app, (x, y), (x + 30.0, y - 40.0))
-    (moved,) = item.edits.pins
+    (moved,) = item(app).poses.pins
     assert moved.point[1] > pin.point[1] + 0.05
-    assert farthest(item.clip, moved) < 0.01
-    assert item.label == "pin of the left hand"
-    assert item.driven is before
+    assert farthest(item(app).clip, moved) < 0.01
+    assert app.editor.undo_label == "pin of the left hand"
+    assert item(app).motion == before.motion
     app.takes.export_path = str(tmp_path / "pinned.bvh")
     app.takes.export()
     run(app, 2)
@@ -103,75 +109,75 @@ def test_a_pin_of_a_take_is_dragged_undone_and_exported(app: App, tmp_path: Path
     run(app, 2)
     for _ in range(2):
         press(app, "ctrl", "z")
-    assert item.clip is before
-    assert not item.edits
+    assert item(app) == before
 
 
 def test_the_card_sets_frames_and_removes(app: App) -> None:
-    item = take(app)
+    glide(app)
     add_pin(app, "Right hand")
     click_on(app, "Along")
-    assert item.edits.pins[0].along
+    assert item(app).poses.pins[0].along
     click_on(app, "Rail")
-    assert item.edits.pins[0].rail is not None
+    assert item(app).poses.pins[0].rail is not None
     assert len(app.pins.overlay().points) == 2  # type: ignore[union-attr]
     x, y = place(app, "##pin to")
     drag(app, (x, y), (x - 60.0, y))
-    assert item.edits.pins[0].end < 55 / 60
+    assert item(app).poses.pins[0].end < 55 / 60
     click_on(app, "##remove pin")
-    assert not item.edits.pins
+    assert not item(app).poses.pins
     assert app.pins.pin is None
     press(app, "ctrl", "z")
-    assert len(item.edits.pins) == 1
+    assert len(item(app).poses.pins) == 1
 
 
 def test_a_pin_is_moved_on_its_track(app: App) -> None:
-    item = take(app)
+    glide(app)
     add_pin(app, "Look")
-    app.pins.change(replace(item.edits.pins[0], end=0.6))
+    app.pins.change(replace(item(app).poses.pins[0], end=0.6))
     run(app, 3)
-    frames = [round(t * 60) for t in (item.edits.pins[0].start, item.edits.pins[0].end)]
+    frames = [round(t * 60) for t in (item(app).poses.pins[0].start, item(app).poses.pins[0].end)]
     assert frames == [20, 36]
     (x, y), (far, _) = (place(app, "##pins 0", share=share) for share in (28 / 59, 38 / 59))
     drag(app, (x, y), (far, y))
-    frames = [round(t * 60) for t in (item.edits.pins[0].start, item.edits.pins[0].end)]
+    frames = [round(t * 60) for t in (item(app).poses.pins[0].start, item(app).poses.pins[0].end)]
     assert frames == [30, 46]
 
 
 def test_words_of_a_take_change_under_its_pins(app: App) -> None:
-    item = recorded(app)
+    recorded(app)
     add_pin(app, "Left hand")
-    app.pins.change(replace(item.edits.pins[0], point=(0.3, 1.3, 0.3)))
+    app.pins.change(replace(item(app).poses.pins[0], point=(0.3, 1.3, 0.3)))
     run(app, 3)
     app.editing.insert_prompt("an old king")
     run(app, 3)
-    assert item.label.startswith("prompt")
-    assert item.edits.pins
-    assert farthest(item.clip, item.edits.pins[0]) < 0.01
+    assert app.editor.undo_label.startswith("prompt an old king")
+    assert item(app).poses.pins
+    assert farthest(item(app).clip, item(app).poses.pins[0]) < 0.01
 
 
 def test_a_plant_without_its_step_is_said_after_a_redrive(app: App) -> None:
-    item = recorded(app)
-    item.edits = replace(item.edits, plants=(PlantEdit(0, (2, 5), None),))
+    recorded(app)
+    lifted = replace(item(app).poses, plants=(PlantEdit(0, (2, 5), None),))
+    app.editor.do("plant", lambda session: session.with_take(session.counter, poses=lifted))
     app.editing.insert_prompt("an old king")
     run(app, 3)
     assert "One changed plant" in message(app)
-    assert item.edits.plants  # it comes back with the version before
+    assert item(app).poses.plants  # it comes back with the version before
 
 
 def test_a_hand_of_someone_who_walks_goes_along(app: App) -> None:
-    item = take(app, speed=1.0)
+    glide(app, speed=1.0)
     add_pin(app, "Left hand")
-    assert item.edits.pins[0].along
-    assert farthest(item.clip, item.edits.pins[0]) < 0.01
+    assert item(app).poses.pins[0].along
+    assert farthest(item(app).clip, item(app).poses.pins[0]) < 0.01
 
 
 def test_out_of_reach_is_said(app: App) -> None:
-    item = take(app)
+    glide(app)
     add_pin(app, "Left hand")
-    app.pins.change(replace(item.edits.pins[0], point=(5.0, 1.0, 0.0)))
+    app.pins.change(replace(item(app).poses.pins[0], point=(5.0, 1.0, 0.0)))
     run(app, 3)
-    assert "out of reach" in message(app)
+    assert any("m out of reach at worst" in text for text in texts(app))
 
 
 def test_the_live_hand_holds_is_dragged_recorded_and_let_go(app: App) -> None:
@@ -182,9 +188,9 @@ def test_the_live_hand_holds_is_dragged_recorded_and_let_go(app: App) -> None:
     shown = app._shown_pose().positions[HAND]
     assert np.allclose(shown, (0.3, 1.3, 0.3), atol=0.01)
     assert not np.allclose(app.scene.simulation.current.positions[HAND], shown, atol=0.1)
-    item = recorded(app)
-    assert np.allclose(item.clip.world()[0][10, HAND], shown, atol=0.01)
-    assert not np.allclose(item.driven.world()[0][10, HAND], shown, atol=0.1)
+    recorded(app)
+    assert np.allclose(item(app).clip.world()[0][10, HAND], shown, atol=0.01)
+    assert not np.allclose(item(app).driven.world()[0][10, HAND], shown, atol=0.1)
     press(app, "escape")
     press(app, "escape")
     assert app.takes.playback is None
@@ -194,12 +200,12 @@ def test_the_live_hand_holds_is_dragged_recorded_and_let_go(app: App) -> None:
 
 
 def test_a_plant_is_dragged_lifted_and_planted(app: App) -> None:
-    item = take(app)
+    glide(app)
     assert app.pins.plants(0) == [(0, 60)]
     (end, y), (to, _) = (place(app, "##foot 0", share=share) for share in (0.99, 40 / 59))
     drag(app, (end, y), (to, y))
     (bears,) = app.pins.plants(0)
-    assert bears == item.edits.plants[0].new == (0, pytest.approx(40, abs=1))
+    assert bears == item(app).poses.plants[0].new == (0, pytest.approx(40, abs=1))
     x, y = place(app, "##foot 0", share=50 / 59)
     for down in (None, True, False):
         app.window.inject_mouse(x, y, None if down is None else 1, bool(down))
@@ -211,4 +217,4 @@ def test_a_plant_is_dragged_lifted_and_planted(app: App) -> None:
     app.pins.plant(0, bears, None)
     run(app, 3)
     assert app.pins.plants(0) == [added]
-    assert item.label == "left foot, plant removed"
+    assert app.editor.undo_label == "left foot, plant removed of Take"

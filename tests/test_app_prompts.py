@@ -89,7 +89,7 @@ def test_enter_changes_the_shipped_models_style_at_the_next_frame_after_the_answ
 
     app = start(services={"load_model": load_model}, prompt="a person walking normally")
     app.prompting.blocking = app.jobs.blocking = False
-    run_until(app, lambda: app.prompting.history.top is not None)
+    run_until(app, lambda: app.editor.session.live.prompt.a is not None)
     run(app, 90)  # the first style has come in
     walker, worker = app.scene.simulation.controller, app.prompting.workers[Side.A]
     assert isinstance(walker, Controller)
@@ -311,7 +311,6 @@ def test_the_words_in_force_survive_another_model(start: Start) -> None:
     app.prompt.use_model(loaded, None)
     run(app)
     assert words(app)["head"] == "head shaking"
-    assert loaded.prompts[0].asked == [PartDescriptions.from_mapping(words(app))]
     assert prompt(app) == "a proud king"
     assert style(app)[PART_NAMES.index("head")] == pytest.approx(FakeEncoder.code("head shaking"))
     assert words(app) == app.prompting.parts
@@ -328,7 +327,6 @@ def test_a_prompt_that_waits_for_another_model_leaves_locked_words(start: Start)
     app = start(prompt="a proud king")
     app.prompting.blocking = False
     run(app)
-    before = PartDescriptions.from_mapping(words(app))
     app.prompting.toggle_lock("head")
     app.prompting.workers[Side.A].held = True
     app.prompting.submit_prompt("a duck")
@@ -338,8 +336,8 @@ def test_a_prompt_that_waits_for_another_model_leaves_locked_words(start: Start)
     app.scene.use_model(loaded)
     app.prompt.use_model(loaded, None)
     run(app, 2)
-    assert loaded.prompts[0].asked == [before, "a duck"]  # type: ignore[attr-defined]
+    assert loaded.prompts[0].asked == ["a duck"]  # type: ignore[attr-defined]
     assert words(app) == {**duck(), "head": "head of a proud king"}
     assert np.array_equal(style(app), OtherEncoder().encode(PartDescriptions.from_mapping(words(app))))
-    assert "duck" in app.prompting.history.undo_label
+    assert "duck" in app.editor.undo_label
     assert not app.prompting.asked

@@ -19,14 +19,13 @@ from viewer.app import App
 from viewer.gl_bindings import imgui
 from viewer.gui import status
 from viewer.jobs import Jobs, Slot
-from viewer.takes import opening
 
 
 @pytest.fixture
 def endless(start: Start, monkeypatch: pytest.MonkeyPatch) -> Iterator[App]:
     """An application in which the ground "endless.npy" is never read to its end."""
     monkeypatch.setattr(jobs, "PATIENCE_S", 0.0)
-    monkeypatch.setattr("viewer.app.Jobs", lambda messages, blocking: Jobs(messages))
+    monkeypatch.setattr("viewer.workspace.Jobs", lambda messages, blocking: Jobs(messages))
     real, never = fake_services().load_terrain, threading.Event()
 
     def load(spec: str, *sizes: float) -> Any:
@@ -44,7 +43,7 @@ def test_a_ground_without_end_is_cancelled_and_another_one_loads(
     endless: App, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = endless.scene.terrain
-    endless.stage.load_terrain("endless.npy")
+    endless.scene.load_terrain("endless.npy")
     time.sleep(0.01)
     shown: list[str] = []
     real = status._doing
@@ -61,14 +60,14 @@ def test_a_ground_without_end_is_cancelled_and_another_one_loads(
     assert endless.scene.terrain is before
     run(endless, 2)
     assert len(shown) == 3  # nothing is read any more
-    endless.stage.load_terrain("stairs")
+    endless.scene.load_terrain("stairs")
     run_until(endless, lambda: endless.scene.terrain_spec == "stairs")
 
 
 def test_the_end_of_the_program_does_not_wait_for_a_file_that_is_read(endless: App) -> None:
-    endless.stage.load_terrain("endless.npy")
+    endless.scene.load_terrain("endless.npy")
     begun = time.monotonic()
-    endless.stage.jobs.close()
+    endless.scene.jobs.close()
     assert time.monotonic() - begun < 5.0
     readers = [t for t in threading.enumerate() if t.name == "sport reading" and t.is_alive()]
     assert readers
@@ -81,7 +80,7 @@ def test_the_button_of_the_status_line_is_drawn_in_place_of_the_message(
     labels: list[str] = []
     button = imgui.small_button
     monkeypatch.setattr(imgui, "small_button", lambda label: labels.append(label) or button(label))
-    endless.stage.load_terrain(str(Path("folder") / "endless.npy"))
+    endless.scene.load_terrain(str(Path("folder") / "endless.npy"))
     time.sleep(0.01)
     run(endless, 2)
     assert any(label.startswith("Cancel") for label in labels)
@@ -92,7 +91,7 @@ def test_a_character_or_clip_without_end_is_cancelled_and_the_next_one_is_read(
     name: str, start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(jobs, "PATIENCE_S", 0.0)
-    monkeypatch.setattr("viewer.app.Jobs", lambda messages, blocking: Jobs(messages))
+    monkeypatch.setattr("viewer.workspace.Jobs", lambda messages, blocking: Jobs(messages))
     never, begun, shipped = threading.Event(), [], fake_services().load_character
 
     def wait(path: Path) -> None:
@@ -104,7 +103,7 @@ def test_a_character_or_clip_without_end_is_cancelled_and_the_next_one_is_read(
     def load_character(path: Path | None, joint_map: Path | None = None) -> Any:
         return shipped(None, joint_map) if path is None else wait(path)
 
-    monkeypatch.setattr(opening, "read_clip", wait)
+    monkeypatch.setattr("runtime.formats.reference.open_take", wait)
     monkeypatch.setattr("viewer.scene.scene.has_skin", lambda _: True)
     app = start(services={"load_character": load_character})
     run_until(app, lambda: not app.jobs.busy(Slot("character")) and not app.jobs.busy(Slot("terrain")))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from test_reference import TURNS, foreign
 from runtime.character.shape import BodyShape, shaped_file
 from runtime.errors import FileError
 from runtime.formats.reference import load_reference_bvh
+from runtime.session.session import Reference
 from runtime.takes.own_skeleton import STEP_M, OwnSkeleton
 from runtime.takes.pins import Pinned
 from viewer.app import App
@@ -29,7 +31,7 @@ def with_take(app: App) -> App:
     run(app, 70)
     app.window.inject_key("w", False)
     app.takes.toggle_recording()
-    app.takes.play(0)
+    app.takes.play(1)
     run(app, 3)
     assert app.takes.playback is not None
     app.takes.playback.seek(0)
@@ -62,9 +64,19 @@ def film(path: Path, size: tuple[int, int] = (64, 48), count: int = 30) -> Path:
 
 
 def brightness(app: App) -> float:
-    """Of the picture in the card."""
-    texture = app.references._texture
-    return float(np.frombuffer(texture.read(), np.uint8).mean())
+    """Of the middle of the film's picture on the screen."""
+    show, middle = imgui.image, []
+
+    def watched(*given: Any) -> None:
+        show(*given)
+        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        middle[:] = round((low.x + high.x) / 2), round((low.y + high.y) / 2)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(imgui, "image", watched)
+        run(app)
+    x, y = middle
+    return float(app.window.read_pixels()[y - 8 : y + 8, x - 8 : x + 8, :3].mean())
 
 
 def test_another_skeleton_keeps_its_own_points(tmp_path: Path) -> None:
@@ -89,7 +101,7 @@ def test_a_reference_is_drawn_as_its_own_skeleton_and_comes_back_with_the_projec
     choose_beside(app, foreign(tmp_path / "other.bvh", TURNS["as ours"]))
     reference, playback = app.references, app.takes.playback
     assert playback is not None
-    assert playback.index == 0, "the take goes on playing"
+    assert playback.number == 1, "the take goes on playing"
     assert reference.name == "other"
     assert reference.look is Look.SKELETON
     beside = reference.pose(playback)
@@ -105,8 +117,8 @@ def test_a_reference_is_drawn_as_its_own_skeleton_and_comes_back_with_the_projec
     run(app, 2)
     assert np.abs(plain.astype(int) - app.window.read_pixels()).max() > 60, "it is seen"
 
-    reference.show(app.editor.session.takes[1])
-    reference.aside_m, reference.offset_s = 1.5, 0.25
+    reference.show(2)
+    reference.set(aside_m=1.5, offset_s=0.25)
     click_on(app, "Over it")
     path = tmp_path / "a.sport"
     app.sessions.save_as(path)
@@ -114,13 +126,12 @@ def test_a_reference_is_drawn_as_its_own_skeleton_and_comes_back_with_the_projec
     assert path.stat().st_size < 400_000
     app.sessions.new()
     run(app, 2)
-    assert reference.item is None
+    assert app.editor.session.reference is None
     app.sessions.open(path)
     run(app, 2)
-    assert (reference.aside_m, reference.offset_s, reference.over) == (1.5, 0.25, True)
-    assert reference.item is app.editor.session.takes[1]
+    assert app.editor.session.reference == Reference(2, offset_s=0.25, aside_m=1.5, over=True)
     assert reference.look is Look.SKELETON
-    app.takes.play(0)
+    app.takes.play(1)
     run(app, 2)
     overlays = app._overlays(None, [])
     assert overlays.figure is not None
@@ -131,10 +142,10 @@ def test_a_reference_is_drawn_as_its_own_skeleton_and_comes_back_with_the_projec
 
 def test_a_reference_is_shown_by_a_character_of_its_own(start: Start, tmp_path: Path) -> None:
     app = with_take(start(real_renderer=True, width=1280, height=720))
-    app.takes.mirror(0)
-    app.takes.play(0)
+    app.takes.mirror(1)
+    app.takes.play(1)
     click_on(app, "Beside…")
-    click_on(app, app.editor.session.takes[1].name)
+    click_on(app, app.editor.session.takes[1].title)
     path = shaped_file(BodyShape(1.0, 1.2, 1.2), tmp_path)
     click_on(app, "##reference look")
     choose_file(app, "Another character…", path)
@@ -144,11 +155,13 @@ def test_a_reference_is_shown_by_a_character_of_its_own(start: Start, tmp_path: 
     assert figure.mesh is not app.scene._character
     app.sessions.save_as(tmp_path / "a.sport")
     run(app, 2)
-    app.references.character = app.references.character_path = None
+    app.sessions.new()
+    run(app, 2)
+    assert app.references.character is None
     path.unlink()
     app.sessions.open(tmp_path / "a.sport")
     run(app, 3)
-    app.takes.play(0)
+    app.takes.play(1)
     run(app, 2)
     assert app.references.look is Look.CHARACTER
     assert app._overlays(None, []).figure is not None
@@ -177,9 +190,9 @@ def apart(a: tuple[float, float, float, float], b: tuple[float, float, float, fl
 @pytest.mark.parametrize("pinned", [False, True])
 def test_the_card_hides_nobody(start: Start, tmp_path: Path, size: tuple[int, int], pinned: bool) -> None:
     app = with_take(start(width=size[0], height=size[1]))
-    app.takes.mirror(0)
-    app.takes.play(0)
-    app.references.show(app.editor.session.takes[1])
+    app.takes.mirror(1)
+    app.takes.play(1)
+    app.references.show(2)
     if pinned:
         app.pins.add(Pinned.LEFT_HAND)
     assert app.takes.playback is not None
@@ -196,7 +209,7 @@ def test_the_card_hides_nobody(start: Start, tmp_path: Path, size: tuple[int, in
     run(app, 60)
     assert app.references.video is not None
     assert apart(card_box(app), body_box(app)), "a film stands beside the character"
-    app.references.size = 1.0  # hardly anything is left beside it
+    app.references.set(size=1.0)  # hardly anything is left beside it
     run(app, 30)
     assert body_box(app)[2] < size[0]
 
@@ -213,7 +226,7 @@ def test_a_film_runs_in_sync_with_the_take_and_comes_back(start: Start, tmp_path
         playback.seek(frame)
         run(app, 2)
         assert brightness(app) == pytest.approx(8 * (frame // 2), abs=5), f"frame {frame}"
-    reference.offset_s = -0.5
+    reference.set(offset_s=-0.5)
     run(app, 2)
     assert brightness(app) == pytest.approx(8 * 10, abs=5)
     click_on(app, "Over it")
@@ -229,8 +242,8 @@ def test_a_film_runs_in_sync_with_the_take_and_comes_back(start: Start, tmp_path
     app.sessions.open(tmp_path / "a.sport")
     run(app, 3)
     assert reference.video is not None
-    assert (reference.offset_s, reference.over) == (-0.5, True)
-    app.takes.play(0)
+    assert (reference.reference.offset_s, reference.reference.over) == (-0.5, True)
+    app.takes.play(1)
     run(app, 2)
     click_on(app, "##close reference")
     assert not reference.shown

@@ -100,7 +100,7 @@ def test_dropped_files_go_where_they_belong(start: Start, tmp_path: Path) -> Non
     app.open_files([damaged])
     run(app)
     assert "walk.bvh" in message(app)
-    assert app.editor.session.takes == []
+    assert app.editor.session.takes == ()
 
 
 @pytest.mark.parametrize("suffix", [".glb", ".gltf", ".off", ".obj"])
@@ -200,13 +200,13 @@ def test_the_mannequin_takes_another_shape_and_its_own_again(start: Start) -> No
     app = start(services={"load_character": services.load_character})
     run(app)
     assert app.scene.size == 1.0
-    app.scene.shape_mannequin(BodyShape(height=0.8, shoulders=1.2))
+    app.scene.set_shape(BodyShape(height=0.8, shoulders=1.2))
     run(app)
     assert app.scene.is_mannequin
     assert app.scene.size == pytest.approx(0.8, abs=0.01)  # the motion has its size
     assert app.scene.character_path is not None  # what exports and projects take along
     assert load_character(app.scene.character_path).size == app.scene.size
-    app.scene.shape_mannequin(BodyShape())
+    app.scene.set_shape(BodyShape())
     run(app)
     assert app.scene.character_path is None
     assert app.scene.size == 1.0

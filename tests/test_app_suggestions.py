@@ -18,7 +18,7 @@ def test_suggestions_show_while_typing_and_are_taken_by_keys(start: Start) -> No
     type_prompt(app, "prou")
     box = app.prompting.boxes[Side.A]
     assert box.suggesting
-    found = [s.text for s in app.suggester.suggestions(box)]
+    found = [s.text for s in app.prompt.suggester.suggestions(box)]
     # begins so, has a word that begins so, means the like
     assert found == ["proud peacock", "a proud king", "waddling duck", "goose step"]
     press(app, "down")
@@ -84,13 +84,13 @@ def test_meaning_is_looked_up_on_a_worker_only(start: Start) -> None:
     app = start()
     app.jobs.blocking = False
     run(app, 2)
-    library = app.expanders.library
+    library = app.language_model.library
     assert isinstance(library, FakeLibrary)
     type_prompt(app, "quack")
     run_until(app, lambda: app.prompting.boxes[Side.A].near_to == "quack")
     assert {text for text, _ in library.looked_up} <= {"qu", "qua", "quac", "quack"}
     assert threading.main_thread().name not in {thread for _, thread in library.looked_up}
-    similar = [(s.text, s.similarity) for s in app.suggester.suggestions(app.prompting.boxes[Side.A])]
+    similar = [(s.text, s.similarity) for s in app.prompt.suggester.suggestions(app.prompting.boxes[Side.A])]
     assert similar == list(FakeLibrary.near)
 
 
@@ -106,7 +106,7 @@ def test_the_history_is_recalled_remembered_and_has_no_doubles(start: Start) -> 
     type_prompt(app, "x")
     press(app, "backspace")
     box = app.prompting.boxes[Side.A]
-    assert [s.text for s in app.suggester.suggestions(box)] == ["three", "One", "two"]
+    assert [s.text for s in app.prompt.suggester.suggestions(box)] == ["three", "One", "two"]
     seen = []
     for key in ("up", "up", "up", "up", "down", "down", "down"):
         press(app, key)

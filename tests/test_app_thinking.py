@@ -32,7 +32,6 @@ def test_a_blend_can_be_moved_while_the_language_model_thinks(
     asking: Callable[[], App], model: Model
 ) -> None:
     app = blending(asking, model)
-    app.prompting.commit()
     model.released.set()
     run_until(app, lambda: not app.prompting.asked)
     edit = app.editor.session.live.prompt
@@ -47,8 +46,9 @@ def test_a_blend_moved_while_the_language_model_thinks_is_a_step_of_its_own(
     asking: Callable[[], App], model: Model
 ) -> None:
     app = blending(asking, model)
-    app.prompting.commit("blend of all parts")
-    app.prompting.set_all_weights(0.0)  # still held when the answer comes
+    run(app)
+    app.prompting.set_all_weights(0.0)
+    assert app.editor.dragging
     model.released.set()
     run_until(app, lambda: not app.prompting.asked)
 
@@ -60,8 +60,7 @@ def test_a_blend_moved_while_the_language_model_thinks_is_a_step_of_its_own(
         assert np.array_equal(edit.b.z, FakeEncoder().encode(ANSWER))
 
     check(0.0)
-    assert app.prompting.history.undo_label == "blend of all parts"
-    app.prompting.commit("blend of torso")
+    assert app.editor.undo_label == "blend of all parts"
     for weight in (0.8, 0.5):
         app.editor.undo()
         check(weight)

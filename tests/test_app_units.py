@@ -181,17 +181,17 @@ def test_interpolated_poses_keep_bone_lengths() -> None:
 
 def test_playback_loops_between_its_marks() -> None:
     from runtime.controls import Controls
+    from runtime.session.motion import Motion
+    from runtime.session.session import Take
     from runtime.takes.recorder import ClipRecorder
 
     fake, recorder = FakeController(Terrain.flat()), ClipRecorder()
     for _ in range(61):
         recorder.add(fake.step(Controls(move=(0.0, 1.0))))
-    playback = Playback(recorder.last(10.0), Terrain.flat(), Terrain.flat(), 0)
-    playback.seek(15)
-    playback.trim_in()
-    playback.seek(45)
-    playback.trim_out()
-    playback.toggle()
+    clip = recorder.last(10.0)
+    take = Take(1, Motion.of(clip), trim=(15, 45))
+    playback = Playback(take, clip, Terrain.flat(), Terrain.flat())
+    assert playback.frame == 15
     playback.advance(0.25)
     assert playback.start_s <= playback.time_s <= playback.end_s
     playback.loop = False
@@ -218,8 +218,8 @@ def test_export_names(tmp_path: Path) -> None:
 
 def test_every_action_that_is_no_held_one_is_done_by_exactly_one_room(start: Start) -> None:
     app = start()
-    rooms = (app.scene.actions, app.takes.actions, app.shell.actions, app.compare.actions)
-    shared = {Action.RESET}  # the wall lines its characters up
+    rooms = [app.shell.actions, *(panel.actions for panel in app.shell.panels)]
+    shared = {Action.RESET}  # the compare view lines its characters up
     once = [action for room in rooms for action in room if action not in shared]
     assert len(once) == len(set(once))
     assert len(once) + len(shared) + 2 == len(app.actions)  # and two of the window

@@ -30,7 +30,7 @@ from training.baselines.networks import (
 from training.baselines.train import BaselineStepGraph
 from training.data.clip_files import TrainingClip
 from training.data.height_patches import Patches
-from training.evaluation.motion.subject import count_parameters
+from training.evaluation.motion.evaluated_model import count_parameters
 from training.presets import preset
 
 

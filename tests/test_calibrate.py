@@ -81,7 +81,7 @@ def test_sides_and_gains_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(calibrate, "EDITS", {name: EDITS[name] for name in names})
     monkeypatch.setattr(calibrate, "neutral_motion", lambda *_: walker(420))
-    monkeypatch.setattr(calibrate, "edit_share", share)
+    monkeypatch.setattr(calibrate, "edit_fraction", share)
     monkeypatch.setattr(calibrate, "_rule_sentences", lambda _told: [])
     found = calibrate.calibrated(None, Told(), Gains(), Wording())  # type: ignore[arg-type]
     number = {1.0 + k: name for k, name in enumerate(EDITS)}

@@ -16,11 +16,10 @@ from app_driver import Start, run
 from runtime.assets import PROJECT_ROOT
 from runtime.atomic import atomic_path, sweep
 from runtime.formats.bvh_clip import load_clip_bvh
-from runtime.projects.project import load_project
-from runtime.takes.journal import find_journals
-from viewer.projects.autosave import AutosaveFile, LeftBehind, find_sessions
-from viewer.projects.notes import StyleNotes
-from viewer.takes.journals import describe
+from runtime.session import library
+from runtime.session.library import SessionSummary
+from runtime.session.session_file import SessionFile
+from viewer.session.sessions import describe
 
 YEAR_S = 365 * 86400.0
 JUMPS = (0.0, -5.0, 1.0, 4e9, 1e12, 1.5e9, -1e9)
@@ -36,7 +35,6 @@ from viewer.options import ViewOptions
 folder = Path(sys.argv[2])
 app = App(ViewOptions(offscreen=True, terrain="flat"), fake_services(), config=folder / "config")
 app.settings.export_folder = str(folder / "clips")
-app.sessions.autosaving = True
 app.takes.toggle_recording()
 for _ in range(int(sys.argv[3])):
     app.frame()
@@ -64,27 +62,24 @@ def jumping(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("jumping")
-def test_takes_are_recorded_played_and_autosaved_while_the_clock_jumps(start: Start, tmp_path: Path) -> None:
+def test_takes_are_recorded_played_and_kept_while_the_clock_jumps(start: Start, tmp_path: Path) -> None:
     app = start()
     app.settings.export_folder = str(tmp_path / "clips")
-    app.sessions.autosaving = True
     for _ in range(3):
         app.takes.toggle_recording()
         run(app, 30)
         app.takes.toggle_recording()
-        app.takes.play(0)
+        app.takes.play(app.editor.session.counter)
         run(app, 5)
         app.takes.close_playback()
     assert [len(item.clip) for item in app.editor.session.takes] == [30, 30, 30]
     app.takes.export()
     assert len(load_clip_bvh(next((tmp_path / "clips").glob("*.bvh")))) == 30
-    app.sessions.autosaving = False
-    app.takes.journals.close()
-    found, complaints = find_journals(tmp_path / "config" / "journals")
-    assert complaints == []
-    for journal in found:
-        describe(journal)
-        journal.release()
+    app.interrupt()
+    app.end()
+    (left,) = library.find(tmp_path / "config" / "sessions")
+    assert (left.takes, left.ended) == (3, True)
+    assert describe(left).startswith("Untitled, 3 takes")
 
 
 @pytest.mark.usefixtures("jumping")
@@ -92,22 +87,20 @@ def test_the_newest_session_is_that_of_the_last_run(start: Start, tmp_path: Path
     folder = tmp_path / "config" / "sessions"
     for frames in (3, 6, 9, 12):
         app = start()
-        app.sessions.autosaving = True
         app.takes.toggle_recording()
         run(app, frames)
         app.takes.toggle_recording()
         for _ in range(frames // 3 - 1):
-            app.takes.mirror(0)
+            app.takes.mirror(1)
         app.interrupt()
         app.end()
         app.close()
-        left = find_sessions(folder)
-        assert [one.takes for one in left if one.ended] == [frames // 3]
+        assert library.find(folder)[0].takes == frames // 3
 
 
 @pytest.mark.parametrize("seconds", [-1e18, -1.0, 0.0, 4e9, 1e18])
 def test_a_session_of_any_time_can_be_described(tmp_path: Path, seconds: float) -> None:
-    assert LeftBehind(tmp_path, "", 1, True, seconds).describe().startswith("untitled, 1 take")
+    assert describe(SessionSummary(tmp_path, "Untitled", True, seconds, 1, 2.0, b"")).startswith("Untitled, 1 take")
 
 
 def test_what_a_running_program_writes_is_not_swept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -122,8 +115,8 @@ def test_what_a_running_program_writes_is_not_swept(tmp_path: Path, monkeypatch:
 def test_names_of_sessions_sort_after_those_that_are_there(tmp_path: Path) -> None:
     (tmp_path / "29991231-235959-0007-00000000.sport").touch()
     (tmp_path / "29991231-235959-notours.sport").touch()
-    assert AutosaveFile(tmp_path).path.name.startswith("29991231-235959-0008-")
-    assert AutosaveFile(tmp_path / "none").path.name[15:20] == "-0000"
+    assert library.new_path(tmp_path).name.startswith("29991231-235959-0008-")
+    assert library.new_path(tmp_path / "none").name[15:20] == "-0000"
 
 
 def test_steps_of_no_time_and_of_ten_seconds(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -135,27 +128,35 @@ def test_steps_of_no_time_and_of_ten_seconds(start: Start, monkeypatch: pytest.M
     run(app, 40)
     app.window.inject_key("w", False)
     app.takes.toggle_recording()
-    (item,) = app.editor.session.takes
-    assert np.isfinite(item.clip.hips_positions).all()
-    app.takes.play(0)
+    (take,) = app.editor.session.takes
+    assert np.isfinite(take.clip.hips_positions).all()
+    app.takes.play(1)
     for _ in range(30):
         run(app)
         assert np.isfinite(np.array(app.scene.camera.current.heading)).all()
         assert np.isfinite(app.takes.playback.pose().positions).all()  # type: ignore[union-attr]
 
 
+def frames(path: Path) -> int:
+    """Of the one take of a session."""
+    file, history = SessionFile.open(path, path.parent)
+    (take,) = history.present.session.takes
+    assert len(take.clip) == take.frames
+    file.close(1.0)
+    return take.frames
+
+
 def test_two_programs_share_a_folder(tmp_path: Path) -> None:
-    """Settings, journals, sessions and one project of both: each keeps its own, and the file is one of the two, whole."""
+    """Settings, sessions and one named file of both: each keeps its own, and the file is that of one of the two, whole."""
     command = [sys.executable, "-c", BESIDE, str(PROJECT_ROOT), str(tmp_path)]
     both = [subprocess.Popen([*command, str(20 + k)], stderr=subprocess.PIPE, text=True) for k in range(2)]
     for process in both:
         _, said = process.communicate(timeout=300)
         assert process.returncode == 0, said
         assert "Traceback" not in said, said
-    (take,) = load_project(tmp_path / "both.sport", StyleNotes()).takes
-    assert len(take.shown.clip) in (20, 21)
+    found = [tmp_path / "both.sport", *(tmp_path / "config" / "sessions").glob("*.sport")]
+    assert sorted(frames(path) for path in found) == [20, 21]
     lengths = [len(load_clip_bvh(path)) for path in (tmp_path / "clips").glob("*.bvh")]
     assert sorted(set(lengths)) == [20, 21]
-    assert find_journals(tmp_path / "config" / "journals") == ([], [])
     left = [path for path in tmp_path.rglob("*") if "-sport-" in path.name]
     assert left == []

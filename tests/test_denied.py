@@ -51,7 +51,7 @@ from viewer_fakes import fake_services
 from viewer.app import App
 from viewer.options import ViewOptions
 folder = Path(sys.argv[2])
-app = App(ViewOptions(offscreen=True, terrain="flat", project=str(folder / "mine.sport")), fake_services(), config=folder / "config")
+app = App(ViewOptions(offscreen=True, terrain="flat", session=str(folder / "mine.sport")), fake_services(), config=folder / "config")
 app.sessions.autosaving = True
 app.settings.export_folder = str(folder / "clips")
 for _ in range(3):

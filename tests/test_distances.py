@@ -1,6 +1,6 @@
 """The table of several models' distances."""
 
-from training.evaluation.on_captured_paths import distances_table as table
+from training.evaluation.compared_models import distances_table as table
 
 RESULT = {
     "fmd": {

@@ -107,7 +107,6 @@ def test_projection_keeps_what_varies_and_ignores_what_does_not():
     x = np.random.default_rng(0).normal(size=(500, 4)) * [10.0, 1.0, 0.1, 0.0]
     plain, scaled = Projection.fit(x, 1, False), Projection.fit(x, 3, True)
     assert abs(plain.axes[0, 0]) == pytest.approx(1.0, abs=1e-2)
-    assert plain.share > 0.98
     assert np.abs(scaled.axes[3]).max() == 0.0
     assert scaled(x).std(0) == pytest.approx(np.ones(3), abs=0.15)
 
@@ -271,7 +270,6 @@ def test_recognition_counts_own_and_merged_labels():
     found = recognition({"angry": ["angry", "angry_bn"], "drunk": ["drunk", "drunk"], "sad": []})
     assert found.score == {"angry": 0.5, "drunk": 1.0}
     assert found.merged_score == {"angry": 1.0, "drunk": 1.0}
-    assert (found.mean, found.merged_mean) == (0.75, 1.0)
 
 
 def test_balanced_rows_have_at_most_so_many_of_a_label():

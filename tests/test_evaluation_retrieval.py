@@ -53,7 +53,7 @@ def _codes(*numbers: int) -> Codes:
     return Codes.of(mean, np.zeros_like(mean))
 
 
-def test_scores_tell_what_is_confused_with_what() -> None:
+def test_scores_count_what_is_found_first() -> None:
     styles = ["angry", "angry", "happy", "neutral_bn"]
     found = Clips(list("abcd"), styles, _codes(0, 0, 0, 2))  # the happy clip moves as the angry ones
     texts = {
@@ -67,10 +67,7 @@ def test_scores_tell_what_is_confused_with_what() -> None:
     whole = scores["whole"]
     assert whole["motion_to_text"]["r1"] == 0.5
     assert whole["motion_to_text_alike"]["r1"] == 0.75  # a neutral walk of another data set is one
-    assert whole["text_to_motion"]["queries"] == 4  # no held-out clip is old, so nobody asks for it
-    assert scores["by_style"]["happy"]["motion_taken_for"] == {"angry": 1}
-    assert scores["by_style"]["angry"]["text_to_motion"] == 1.0
-    assert scores["by_style"]["neutral_bn"]["motion_to_text"] == 0.0
+    assert whole["text_to_motion"]["queries"] == 4  # no held-out clip is old, so it is not queried
 
 
 def test_only_held_out_captured_clips_are_asked_for(clips: Path, tmp_path: Path) -> None:  # noqa: F811
@@ -80,7 +77,7 @@ def test_only_held_out_captured_clips_are_asked_for(clips: Path, tmp_path: Path)
         held_out_clips(tmp_path, mirrored=False)
 
 
-def test_clips_of_styles_that_nobody_described_are_left_out(clips: Path) -> None:  # noqa: F811
+def test_clips_of_styles_without_descriptions_are_left_out(clips: Path) -> None:  # noqa: F811
     class Encoder:
         def encode(self, joints: np.ndarray, _root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             return (np.zeros((len(joints), 6, 64), np.float32),) * 2
@@ -104,6 +101,3 @@ def test_a_model_without_the_text_distribution_is_refused(monkeypatch: pytest.Mo
     monkeypatch.setattr(retrieval, "read_graph", lambda *_: model.SerializeToString())
     with pytest.raises(ModelError, match="log_variance"):
         retrieval.TextSide(Path("old"), None)
-
-
-# --- part edits -------------------------------------------------------------------------------------------------------

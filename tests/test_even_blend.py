@@ -17,7 +17,6 @@ from runtime.motion.style_mix import LINEAR, StyleMix, even_weights, mixes, turn
 from runtime.prompts.blend import BlendedPrompt
 from runtime.prompts.prompter import Prompter
 from runtime.session.prompt_blend import Side
-from training.evaluation.on_straight_walks import STEPS, largest_step
 
 ONE = st.floats(0.0, 1.0)
 RISING = st.lists(ONE, min_size=1, max_size=11).map(lambda inner: (0.0, *sorted(inner), 1.0))
@@ -55,9 +54,10 @@ def test_six_steps_of_a_measured_blend_are_nearly_equal(monkeypatch: pytest.Monk
 
     def largest(weights: Sequence[float]) -> float:
         mixed = [StyleMix((1.0 - w, w), ends) for w in weights]
-        return largest_step(even_blend.walks(model, mixed))
+        steps = np.linalg.norm(np.diff(even_blend.walks(model, mixed), axis=0), axis=1)
+        return float(steps.max() / steps.sum())
 
-    linear = [k / STEPS for k in range(STEPS + 1)]
+    linear = [k / 6 for k in range(7)]
     measured = largest(even_weights(shares, linear))  # a sixth is even
     assert measured < (0.22 if model.precision == "int8" else 0.25)
     assert measured < 0.75 * largest(linear)
@@ -88,21 +88,19 @@ def test_a_slider_becomes_even_while_the_character_walks(start: Start) -> None:
         asked.append((a, b))
         return (0.0, 0.8, 1.0)
 
-    even_blends = app.prompting.even_blends
-    assert even_blends is not None
-    even_blends.use(measure)
+    app.prompting.even_blends.use(measure)
     app.prompting.submit_prompt("a zombie")
     run(app, 2)
     app.prompting.submit_prompt("a king", Side.B)
     run(app, 4)
-    edit = app.prompting.state.edit
+    edit = app.editor.session.live.prompt
     assert edit.shares == (0.0, 0.8, 1.0)
     style = edit.style()
     assert isinstance(style, StyleMix)
     assert style.shares == pytest.approx((0.8, 0.2))
     app.prompting.swap()
-    assert app.prompting.state.edit.shares == pytest.approx((0.0, 0.2, 1.0))
+    assert app.editor.session.live.prompt.shares == pytest.approx((0.0, 0.2, 1.0))
     app.editor.undo()
-    assert app.prompting.state.edit.shares == (0.0, 0.8, 1.0)
+    assert app.editor.session.live.prompt.shares == (0.0, 0.8, 1.0)
     run(app, 4)
     assert len(asked) == 1

@@ -1,4 +1,4 @@
-"""Real processes that record and are killed, interrupted or find no room; all of them: `python -m tests.faults`."""
+"""Real processes that record or edit and are killed, interrupted or find no room; all of them: `python -m tests.faults`."""
 
 from __future__ import annotations
 
@@ -13,16 +13,18 @@ from faults.faults import Outcome
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="signals of POSIX")
 QUICK = (
     "killed by SIGKILL",
-    "folder of journals removed, then SIGKILL",
+    "killed while editing",
+    "folder of sessions removed, then SIGKILL",
     "display gone",
     "Ctrl+C four times",
     "disk full",
+    "nothing can be written but temporary files",
     "two runs end at once",
 )
 
 
 @pytest.mark.parametrize("name", QUICK)
-def test_at_most_the_last_second_is_lost(name: str, tmp_path: Path) -> None:
+def test_at_most_the_last_quarter_of_a_second_is_lost(name: str, tmp_path: Path) -> None:
     fault: Callable[[Path, float], Outcome] | None = faults.all_faults().get(name)
     if fault is None:
         pytest.skip("no Xvfb here")

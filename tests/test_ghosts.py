@@ -10,6 +10,8 @@ from app_driver import Start, click_on, run
 from test_app_timeline import record, seek
 from walker import walk
 
+from runtime.session.motion import Motion
+from runtime.session.session import Take
 from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
 from runtime.takes.mirror import mirrored, other_side
@@ -22,8 +24,13 @@ from viewer.session.playback import Playback
 CLIP = Clip("walk", 60.0, *walk(90), prompts=(PromptEvent(0.0, "left arm in a sling, turns right"),))
 
 
+def paused(trim: tuple[int, int] | None = None) -> Playback:
+    take = Take(1, Motion.of(CLIP), trim=trim)
+    return Playback(take, CLIP, Terrain.flat(), Terrain.flat(), playing=False)
+
+
 def test_ghosts_stand_at_frames_of_the_take_within_its_trim() -> None:
-    playback = Playback(CLIP, Terrain.flat(), Terrain.flat(), 0, playing=False, first=10, last=70)
+    playback = paused(trim=(10, 70))
     playback.seek(31)
     found = [
         int(np.argmin(np.abs(CLIP.hips_positions - g.hips_position).sum(1))) for g in ghosts(playback, 10)
@@ -32,7 +39,7 @@ def test_ghosts_stand_at_frames_of_the_take_within_its_trim() -> None:
 
 
 def test_trails_go_through_the_joints_and_know_their_speeds() -> None:
-    playback = Playback(CLIP, Terrain.flat(), Terrain.flat(), 0, playing=False)
+    playback = paused()
     playback.seek(45)
     trails = Trails().around(playback)
     positions = playback.pose().positions[list(JOINTS)]
@@ -43,7 +50,7 @@ def test_trails_go_through_the_joints_and_know_their_speeds() -> None:
 
 
 def test_ghosts_before_the_character_hide_it_no_more_than_one_does() -> None:
-    pose, eye = Playback(CLIP, Terrain.flat(), Terrain.flat(), 0, playing=False).pose_at(45), np.zeros(3)
+    pose, eye = paused().pose_at(45), np.zeros(3)
     for count in (1, 3, 6):
         near = [dataclasses.replace(pose, hips_position=0.2 * pose.hips_position)] * count
         drawn = ghost_draws(
@@ -76,7 +83,7 @@ def test_ghosts_trails_and_mirror_in_the_window(start: Start) -> None:
     overlays = app.scene.renderer.overlays
     assert len(overlays.frames) == 5  # of the 60 frames
     assert overlays.trails is not None
-    app.takes.mirror(0)
+    app.takes.mirror(1)
     run(app, 2)
     assert len(app.editor.session.takes) == 2
     app.takes.close_playback()

@@ -8,14 +8,8 @@ from runtime.assets import asset_path
 from runtime.errors import FileError
 from training.export.model_card import main, model_card
 
-SOAK = {
-    "frames": 7200,
-    "not_finite": 0,
-    "frozen_seconds": 3,
-    "moving_seconds": 90,
-    "speed_error": 0.051,
-    "terrains": {"flat": {"skating_cm": 0.0123}, "hills": {"skating_cm": 0.02}},
-}
+RECALL = {"text_to_motion": {"r1": 0.74}, "motion_to_text": {"r1": 0.86}}
+TEXT = {"retrieval": {"original": {"whole": RECALL}}}
 
 
 @pytest.fixture
@@ -37,22 +31,19 @@ def test_a_card_without_measurements_says_so(model) -> None:
 
 
 def test_figures_reach_metadata_and_card(model, tmp_path) -> None:
-    soak = tmp_path / "soak.json"
-    soak.write_text(json.dumps(SOAK))
-    main([str(model), "--soak", str(soak)])
+    text = tmp_path / "text.json"
+    text.write_text(json.dumps(TEXT))
+    main([str(model), "--text", str(text)])
     card = (model / "README.md").read_text()
-    assert "2 minutes of random play" in card
-    assert "3 of 90 moving seconds frozen" in card
-    assert "mean speed error 5.1 %" in card
-    assert "flat 0.0123, hills 0.0200" in card
+    assert "- text→motion R@1 on held-out captured clips: at least 60 %: 74 %" in card
     assert len(json.loads((model / "metadata.json").read_text())["metrics"]) == 2
 
 
 def test_a_damaged_measurement_is_named(model, tmp_path) -> None:
-    broken = tmp_path / "soak.json"
+    broken = tmp_path / "text.json"
     broken.write_text("{")
-    with pytest.raises(FileError, match=r"soak\.json"):
-        main([str(model), "--soak", str(broken)])
+    with pytest.raises(FileError, match=r"text\.json"):
+        main([str(model), "--text", str(broken)])
 
 
 def test_a_card_tells_of_its_8_bit_graph(model) -> None:

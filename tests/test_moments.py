@@ -58,7 +58,7 @@ def test_a_start_and_a_stop_take_the_time_that_they_take() -> None:
     script = "stand 2; walk 3; stand 3.2"
     start, stop = figures(points, script, "start"), figures(points, script, "stop")
     assert start["reached_s"] == pytest.approx(0.9 * 1.2 / 1.4, abs=0.05)
-    assert start["peak_share"] == pytest.approx(1.4 / 1.2, abs=0.06)
+    assert start["peak_ratio"] == pytest.approx(1.4 / 1.2, abs=0.06)
     assert start["steady_speed"] == pytest.approx(1.2, abs=0.01)
     assert stop["stop_s"] == pytest.approx(1.2 * (1 - m.STILL / 1.2), abs=0.05)
     assert stop["calm_after_s"] == 0.0  # no limb moves against the hips
@@ -71,7 +71,7 @@ def test_an_arm_that_swings_on_is_not_calm_and_faster_than_before() -> None:
     points["lw"][:, 2] += swing  # 0.63 m/s walking, 1.26 m/s until a second after the stop
     stop = figures(points, "walk 3; stand 3", "stop")
     assert stop["stop_s"] + stop["calm_after_s"] == pytest.approx(2.0, abs=0.05)
-    assert stop["wrists_share"] == pytest.approx(2.0, rel=0.05)
+    assert stop["wrists_ratio"] == pytest.approx(2.0, rel=0.05)
 
 
 def test_turns_are_found_by_the_hips() -> None:
@@ -115,13 +115,9 @@ def test_toes_that_slide_near_the_ground_are_found_and_lifted_ones_are_not() -> 
     assert m.whole_clip(points, parse_stick(script))["toe_under_cm"] == pytest.approx(-3.0, abs=0.5)
 
 
-def test_standing_and_jumping() -> None:
+def test_jumping() -> None:
     points = puppet(np.zeros(480))
     t = np.arange(480) / FPS
-    points["rw"][:, 0] += 0.1 * np.sin(2 * np.pi * t)
-    stand = figures(points, "stand 8", "stand")
-    assert stand["wrists_largest"] == pytest.approx(0.63, rel=0.03)
-    assert stand["wrists_median"] == pytest.approx(0.63 / np.sqrt(2), rel=0.1)
     hop = np.clip(0.3 * np.sin(np.pi * (t - 4.25) / 0.5), 0, None) * (t < 4.75) * (t > 4.25)
     for joint in points.values():
         joint[:, 1] += hop
@@ -150,8 +146,6 @@ def test_an_exported_file_is_measured_and_shown(tmp_path: Path) -> None:
     table = on_moments.moment_table({"prompts": {"still": [found]}, "raw": {}})
     assert "| knee pops a minute | – | at most 1 | 0.0 |" in table
     assert "| start of a walk, 90 % after, s | – | 0.6 to 1.5 | – |" in table
-    standing = on_moments.standing_table({"styles": {"still": [found]}, "raw": {}})
-    assert "| still | 0.00 | 0.00 | – | – |" in standing
 
 
 def test_what_is_out_of_the_range_is_bold() -> None:

@@ -18,7 +18,7 @@ from runtime.prompts.shares import PhraseShares, load_shares
 from runtime.skeleton import PART_NAMES
 from tests.test_layering import walker
 from tests.walker import WalkerModel
-from training.evaluation.text import phrase_shares
+from training.evaluation.text import prompt_adherence
 from training.evaluation.text import walks as text_walks
 from training.layering.apply import apply
 from training.layering.catalog import EDITS
@@ -50,7 +50,7 @@ def test_a_sentence_of_the_right_limb_is_looked_up_as_one_of_the_left() -> None:
 
 
 def test_a_limb_that_differs_from_the_other_has_a_share_of_its_own() -> None:
-    found = phrase_shares.Found()
+    found = prompt_adherence.Found()
     for part, share in (("left_arm", 0.0), ("right_arm", 0.9)):
         side = part.split("_")[0]
         found.add_edit(part, f"{side} hand behind the back", share)
@@ -210,10 +210,10 @@ def synthetic(monkeypatch: pytest.MonkeyPatch) -> None:
         name: EDITS[name]
         for name in ("head.tilted_right", "head.turned_left", "left_arm.overhead", "legs.long")
     }
-    monkeypatch.setattr(phrase_shares, "Prompter", Prompter)
-    monkeypatch.setattr(phrase_shares, "load_model", lambda folder: WalkerModel())
-    monkeypatch.setattr(phrase_shares, "EDITS", kept)
-    monkeypatch.setattr(phrase_shares, "SECONDS", 2.0)
+    monkeypatch.setattr(prompt_adherence, "Prompter", Prompter)
+    monkeypatch.setattr(prompt_adherence, "load_model", lambda folder: WalkerModel())
+    monkeypatch.setattr(prompt_adherence, "EDITS", kept)
+    monkeypatch.setattr(prompt_adherence, "SECONDS", 2.0)
     monkeypatch.setattr(text_walks, "_model", lambda folder: WalkerModel())
     said = PLAIN.replace("head", "head tilted to the right").replace(
         "left_arm", "left arm overhead, elbow bent"
@@ -224,7 +224,7 @@ def synthetic(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_phrases_are_walked_once_and_what_is_not_done_is_said(synthetic: None, tmp_path: Path) -> None:
     out = tmp_path / "shares.json"
     out.write_text('{"other": {"sentences": {}, "clauses": {}}}', "utf-8")
-    phrase_shares.main(["--model", "./none", "--out", str(out), "--workers", "1"])
+    prompt_adherence.main(["--model", "./none", "--out", str(out), "--workers", "1"])
     tables = load_shares(out)
     assert set(tables) == {"other", "walker"}
     found = tables["walker"]
@@ -257,7 +257,7 @@ class Encoding:
 
 
 def test_the_sentences_of_a_plain_walk_ask_for_nothing() -> None:
-    found = phrase_shares.Found()
+    found = prompt_adherence.Found()
     found.sentences["leg", "left leg taking brisk steps"] = [0.0]
     words = PLAIN.replace("left_leg", "left leg taking brisk steps").replace("head", "head level")
     plain = library_data.LibraryStyle("walking", (words,))

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from fuzz.projects import project
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from runtime import rotations
 from runtime.errors import UsageError
-from runtime.projects.project import StoredTake, StoredVersion, load_project, save_project
+from runtime.session.history import History
+from runtime.session.motion import Motion
+from runtime.session.session import Session, Take
+from runtime.session.session_file import SessionFile
 from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, J
 from runtime.takes.clip import Clip
 from runtime.takes.pinned import along_with, farthest, pinned
@@ -187,14 +188,18 @@ def test_any_plant_leaves_poses_of_rigid_bones(
     assert np.allclose(made.local_rotations[same][:, other], walk.local_rotations[same][:, other], atol=1e-4)
 
 
-def test_a_project_keeps_the_motion_under_its_edits(walk: Clip, tmp_path: Path) -> None:
+def test_a_session_keeps_the_motion_under_its_edits(walk: Clip, tmp_path: Path) -> None:
     edits = PoseEdits(
         parse_pins("left hand 0.3 1.2 1 from 1 to 2"), (PlantEdit(1, plants(walk.contacts[:, 2:])[0], None),)
     )
-    shown = StoredVersion(edits.apply(walk), base=walk, edits=edits)
-    save_project(replace(project(), takes=(StoredTake(shown),)), tmp_path / "a.sport")
-    found = load_project(tmp_path / "a.sport").takes[0].shown
-    assert found.edits == edits
-    assert found.base is not None
-    assert np.allclose(found.base.local_rotations, walk.local_rotations, atol=1e-4)
-    assert np.allclose(found.clip.local_rotations, shown.clip.local_rotations, atol=1e-3)
+    made, history = Take(1, Motion.of(walk), poses=edits), History()
+    history.push("take", Session((made,), counter=1))
+    file = SessionFile.create(tmp_path / "a.sport", tmp_path)
+    file.write(history)
+    assert file.close(5.0)
+    file, history = SessionFile.open(tmp_path / "a.sport", tmp_path)
+    (found,) = history.present.session.takes
+    assert found.poses == edits
+    assert np.allclose(found.driven.local_rotations, walk.local_rotations, atol=1e-4)
+    assert np.allclose(found.clip.local_rotations, edits.apply(walk).local_rotations, atol=1e-3)
+    file.close(1.0)

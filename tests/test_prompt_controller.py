@@ -24,11 +24,11 @@ from runtime.session.prompt_blend import PromptBlend, Side
 from runtime.session.session import LIVE, Session, Variant
 from runtime.skeleton import PART_NAMES
 from runtime.takes.recorder import LIVE_SECONDS
+from viewer.editor import Editor
 from viewer.jobs import Jobs
 from viewer.messages import Messages
 from viewer.prompt.answers import quoted
 from viewer.prompt.prompt_controller import FIRST_STYLE_SECONDS, PromptController
-from viewer.editor import Editor
 from viewer.settings import Settings
 
 

@@ -87,7 +87,7 @@ def test_a_foreign_file_is_dropped_and_plays_on_flat_ground(start: Start, tmp_pa
     run(app, 2)
     assert app.takes.playback is not None
     assert "another skeleton" in message(app)
-    assert app.takes.ground_to_show().name == "flat"
+    assert app.takes.ground_to_show().terrain.name == "flat"
     names = tuple("tail" if "Leg" in name else f"m{k}" for k, name in enumerate(SPORT_SKELETON.names))
     path = tmp_path / "worm.bvh"
     skeleton = Skeleton(names, (-1, *range(30)), np.tile(np.float32([0, 0, 0.1]), (31, 1)))
@@ -149,10 +149,10 @@ def test_a_ground_from_a_file_is_looked_for_beside_the_take(start: Start, tmp_pa
 def test_the_command_shows_a_clip_on_its_ground_or_the_one_asked_for(start: Start, tmp_path: Path) -> None:
     path = take(tmp_path / "up.bvh", "hills")
     app = start(clip=path, terrain=None)
-    assert app.takes.ground_to_show().name == "hills"
+    assert app.takes.ground_to_show().terrain.name == "hills"
     app.close()
     app = start(clip=path, terrain="stairs")
-    assert app.takes.ground_to_show().name == app.scene.terrain.name
+    assert app.takes.ground_to_show().terrain.name == app.scene.terrain.name
     assert app.scene.terrain_spec == "stairs"
     assert load_clip_bvh(path).terrain == "hills"
 

@@ -11,9 +11,9 @@ import pytest
 pytest.importorskip("sklearn")
 
 from runtime.errors import FileError
-from training.evaluation import table1
+from training.evaluation import compared_models as table1
+from training.evaluation.compared_models import CAPTURE, ROWS, SHIPPED, TABLE1, markdown, models_of
 from training.evaluation.experiment import run
-from training.evaluation.table1 import CAPTURE, ROWS, SHIPPED, TABLE1, markdown, models_of
 
 CELLS = dict.fromkeys(table1.COLUMNS, 2.0)
 
@@ -36,9 +36,9 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         done.append(subject)
         return {}
 
-    monkeypatch.setattr(table1, "_plan", lambda setting: type("Plan", (), {"texts": {}}))
+    monkeypatch.setattr(table1, "plan_of", lambda setting: type("Plan", (), {"texts": {}}))
     monkeypatch.setattr(table1, "capture_cells", lambda plan, report: {"fmd_kinematic": 1.0})
-    monkeypatch.setattr(table1, "Subject", lambda folder, texts: "/".join(Path(folder).parts[-3:]))
+    monkeypatch.setattr(table1, "EvaluatedModel", lambda folder, texts: "/".join(Path(folder).parts[-3:]))
     monkeypatch.setattr(table1, "score_model", score)
     monkeypatch.setattr(table1, "cells_of", lambda scores: {**CELLS, "fmd_kinematic": 2.0 + len(done)})
     return done
@@ -81,10 +81,10 @@ def lines_of(text: str, title: str) -> list[str]:
 def test_a_store_of_other_options_is_not_mixed_in(tmp_path: Path, measured: list[str]) -> None:
     store = tmp_path / "table1.json"
     run(TABLE1, ["--clips", str(tmp_path), "--store", str(store)], "table1")
-    with pytest.raises(FileError, match="other options"):
+    with pytest.raises(FileError, match="of these options"):
         run(TABLE1, ["--clips", str(tmp_path), "--store", str(store), "--seed", "1"], "table1")
     store.write_text("[]", encoding="utf-8")
-    with pytest.raises(FileError, match="no store"):
+    with pytest.raises(FileError, match="of these options"):
         run(TABLE1, ["--clips", str(tmp_path), "--store", str(store)], "table1")
 
 

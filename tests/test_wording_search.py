@@ -9,7 +9,6 @@ import pytest
 
 pytest.importorskip("torch")
 
-from runtime.errors import FileError
 from runtime.motion.model import load_model
 from runtime.prompts.prompter import Prompter
 from runtime.prompts.wording import Wording
@@ -78,17 +77,10 @@ def test_captured_sentences_keep_their_words():
     assert better_wordings(WALKS, frozenset({("torso", "torso leaning forward")}), alike) == {}
 
 
-def test_walks_are_kept_and_a_run_goes_on_from_them(tmp_path, monkeypatch):
+def test_a_sentence_is_walked_with_the_rest_of_the_body_neutral(monkeypatch):
     monkeypatch.setattr(wording, "LEAD_SECONDS", 0.5)
     monkeypatch.setattr(wording, "SECONDS", 1.0)
     model = load_model()
-    prompter = Prompter(model, wording=Wording())
-    store = tmp_path / "walks.json"
     key = ("torso", "torso leaning far forward")
-    walks = walk_all(model, prompter, [key], store)
+    walks = walk_all(model, Prompter(model, wording=Wording()), [key])
     assert walks[key].torso.pitch > walks[NEUTRAL].torso.pitch + 10.0
-    monkeypatch.setattr(wording, "walk", lambda *_: pytest.fail("walked again"))
-    assert walk_all(model, prompter, [key], store) == walks
-    store.write_text("{")
-    with pytest.raises(FileError, match="no store"):
-        walk_all(model, prompter, [key], store)

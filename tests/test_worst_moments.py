@@ -1,9 +1,8 @@
-"""What goes wrong outside the program: folders that vanish, names that are too long, leftovers, numbers that are none."""
+"""What goes wrong outside the program: names that are too long, leftovers, numbers that are none."""
 
 from __future__ import annotations
 
 import os
-import shutil
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 from fuzz.files import clip
-from test_journal import HEADER, left_behind
 
 from runtime.atomic import sweep, write_atomic
 from runtime.controls import Controls
@@ -21,11 +19,8 @@ from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
 from runtime.pose import Pose
 from runtime.prompts.gpt.client import ChatClient, EndpointError
 from runtime.prompts.gpt.settings import GptSettings
-from runtime.takes import journal as journals
 from runtime.takes.drive import Drive, Keyframe, played_again
 from runtime.takes.driven_frames import DrivenFrame, DrivenFrames
-from runtime.takes.journal import TakeJournal
-from runtime.takes.recorder import ClipRecorder
 from runtime.terrain.height_map import Terrain
 from sport.batch import plan
 from viewer.scene.simulation import Simulation
@@ -35,25 +30,6 @@ def standing(x: float = 0.0) -> Pose:
     pose = Simulation.standing(Terrain.flat()).current
     pose.hips_position[0] = x
     return pose
-
-
-def test_a_journal_whose_folder_was_deleted_is_written_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(journals, "WRITE_SECONDS", 0.01)
-    monkeypatch.setattr(journals, "SYNC_SECONDS", 0.02)
-    folder, recorder = tmp_path / "journals", ClipRecorder()
-    journal = recorder.journal = TakeJournal(folder, HEADER)
-    recorder.start()
-    recorder.add(standing(1.0), 1)
-    while not folder.is_dir() or not list(folder.iterdir()) or next(folder.iterdir()).stat().st_size < 500:
-        time.sleep(0.005)
-    shutil.rmtree(folder)
-    recorder.add(standing(2.0), 1)
-    journal.release()
-    assert journal.problem == ""
-    (found,) = left_behind(folder)
-    assert found.read().hips_positions[:, 0].tolist() == [1.0, 2.0]
 
 
 def test_a_bvh_with_a_name_of_250_characters_keeps_what_is_known_of_it(tmp_path: Path) -> None:

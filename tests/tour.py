@@ -431,7 +431,7 @@ def rest(tour: Tour) -> None:
     tour.press("f1")
     tour.picture("help")
     tour.press("f1")
-    tour.click("##project")
+    tour.click("##session")
     tour.picture("the project menu")
     tour.press("escape")
     tour.press("escape")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import logging
 import os
 import sys
@@ -10,7 +9,6 @@ import time
 from pathlib import Path
 
 from runtime.controls import Controls
-from runtime.errors import SportError
 from runtime.motion.stick_script import parse_stick
 from runtime.open_files import allow_many_files
 from runtime.pose import Pose
@@ -29,10 +27,10 @@ from viewer.scene.simulation import STEP_SECONDS
 from viewer.services import Services
 from viewer.settings import (
     MAPPINGS_NAME,
+    KeptSettings,
     Settings,
     config_directory,
     load_settings,
-    save_settings,
     state_directory,
 )
 from viewer.signals import Ending
@@ -100,7 +98,6 @@ class App(Workspace):
         self._stick = None if options.controls is None else parse_stick(options.controls)
         self.config = config or config_directory()
         settings, complaints = load_settings(self.config)
-        self._settings_before = dataclasses.replace(settings, prompt_history=list(settings.prompt_history))
         self.frames_shown = 0
         self.interrupted = False  # from outside: by a signal or Ctrl+C
         self._trimmed_mb = 0.0  # held after freed memory was last given back
@@ -118,6 +115,7 @@ class App(Workspace):
             self.devices = Devices(gamepads or GlfwGamepads(glfw), keys, window.inject_key)
             folder = config or state_directory()
             super().__init__(window, options, settings, Messages(), services or Services(), folder)
+            self.kept = KeptSettings(settings, self.config, self.jobs, active=not options.offscreen)
             if isinstance(self.devices.pads, GlfwGamepads):
                 complaints.append(self.devices.pads.add_mappings(self.config / MAPPINGS_NAME))
             for complaint in filter(None, complaints):
@@ -187,6 +185,9 @@ class App(Workspace):
         self.path.poll()
         self.sessions.poll()
         self.guide.watch(dt, intent.move != (0.0, 0.0))
+        if self.kept.active:
+            self.settings.width, self.settings.height = self.window.unscaled_size
+        self.kept.watch()
 
     def _finish_drag(self) -> None:
         """What the mouse or a typed number changed is a step of undo once that is let go of."""
@@ -343,13 +344,7 @@ class App(Workspace):
         keep = self.interrupted or not self.options.offscreen
         self.sessions.finish(keep, max(until - time.monotonic(), 0.5))
         lost = lost or self.sessions.incomplete
-        if not self.options.offscreen:
-            self.settings.width, self.settings.height = self.window.unscaled_size
-            try:
-                save_settings(self.settings, self.config, self._settings_before)
-            except SportError as error:
-                self.messages.error(error)  # it is in the log; the user is leaving
-                lost = True
+        lost = not self.kept.finish(time.monotonic() + END_S) or lost
         if self.options.screenshot is not None:
             save_png(self.window.read_pixels(), self.options.screenshot)
         return int(lost)

@@ -41,7 +41,7 @@ class ViewOptions:
     fit_to_motion: bool = False  # the character gets the size of the motion
     joint_map: Path | None = None  # JSON of its joints, in place of the one beside it
     clip: Path | None = None  # BVH to open
-    project: str | None = None  # file of a project, or "last"
+    session: str | None = None  # file of a session, or "last"
     seed: int = specified(0, 0, flag="--seed")
     quality: str | None = specified(None, choices=QUALITIES, flag="--quality")
     camera: str | None = specified(None, choices=CAMERAS | VIEWS, flag="--camera")

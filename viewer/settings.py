@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import copy
 import dataclasses
 import json
 import os
 import reprlib
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +22,16 @@ from runtime.motion.controller import TEMPERATURE
 from runtime.options import spec_of, specified
 from runtime.prompts.gpt.settings import has_credentials
 from runtime.safe_read import is_text, parse_json, read_bounded
+from viewer.jobs import Jobs, Slot
 
 MAX_BYTES = 1_000_000
 MAX_LIST = 50  # entries of a list
 MAX_TEXT = 4096  # characters of a text
 FILE_NAME = "settings.json"
+INTERVAL_S = 1.0
 LOCK_NAME = "settings.lock"
 MAPPINGS_NAME = "gamecontrollerdb.txt"
+_SLOT = Slot("settings")
 
 
 QUALITIES = {"": "Automatic", "fast": "Fast", "software": "Software", "high": "High"}
@@ -103,6 +109,7 @@ class Settings:
     export_folder: str = "~/sport-clips"
     export_fps: int = specified(60, choices={60: "60 fps", 30: "30 fps"})
     export_unit: str = specified("cm", choices={"cm": "cm", "m": "m"})
+    export_form: str = ""  # of the export window, as JSON
     dead_zone: float = specified(
         0.15, 0.0, 0.9, label="%.0f %% of the travel", factor=100.0, whole=True,
         hint="How far a stick of the gamepad moves before it counts",
@@ -112,7 +119,7 @@ class Settings:
     text_size: float = specified(1.0, choices={0.9: "Small", 1.0: "Normal", 1.15: "Large"})
     model_folder: str = ""  # name of a shipped model or folder of an exported one; "": the default
     first_minute_seen: bool = False
-    recent_projects: list[str] = field(default_factory=list)  # newest first
+    recent_sessions: list[str] = field(default_factory=list)  # newest first
     prompt_history: list[str] = field(default_factory=list)  # newest first
     # what answers prompts; "" is what the environment says
     expander: str = specified("", choices={"": "", "library": "Library", "gpt": "Language model"})
@@ -189,6 +196,44 @@ def checked(name: str, value: Any, default: Any) -> Any:
 
 def _is_text(value: Any) -> bool:
     return is_text(value) and len(value) < MAX_TEXT and "\0" not in value
+
+
+@dataclass
+class KeptSettings:
+    """Settings that are written, on a worker, at most `INTERVAL_S` after they change."""
+
+    settings: Settings
+    directory: Path
+    jobs: Jobs
+    active: bool
+    clock: Callable[[], float] = time.monotonic
+    _written: Settings = field(init=False)  # what this run began with, or has written since
+    _tried: Settings = field(init=False)  # what cannot be written is said once
+    _next_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._written = self._tried = copy.deepcopy(self.settings)
+
+    def watch(self) -> None:
+        """Write what was changed; call once a frame."""
+        if self.active and self.clock() >= self._next_s and self.settings != self._tried:
+            self._next_s = self.clock() + INTERVAL_S
+            self._write()
+
+    def finish(self, until: float) -> bool:
+        """The program ends: write what was changed, until a time of `time.monotonic`; whether it is in the file."""
+        if self.active:
+            self._write()
+        return self.jobs.finish(_SLOT.what, until) and self._written == self._tried
+
+    def _write(self) -> None:
+        self._tried = now = copy.deepcopy(self.settings)
+
+        def done(_: None) -> None:
+            self._written = now
+
+        work = partial(save_settings, now, self.directory, self._written)
+        self.jobs.submit(_SLOT, work, done, writing="the file of settings")
 
 
 def save_settings(settings: Settings, directory: Path, before: Settings | None = None) -> None:

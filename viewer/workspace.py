@@ -172,7 +172,7 @@ class Workspace:
             self.jobs.submit(Slot("sweep"), self._sweep, lambda _: None)
             if not settings.first_minute_seen:
                 self.guide.begin()
-        self.sessions.begin(options.project, looking=not options.offscreen)
+        self.sessions.begin(options.session, looking=not options.offscreen)
         failure = self.jobs.first_error or prompting.first_error
         if options.offscreen and failure is not None:
             raise failure  # there is no status line to read it in
@@ -195,9 +195,11 @@ class Workspace:
         self.sessions.dialogs.ask(DialogKind.OPEN, title, start, done, filters)
 
     def _picture(self) -> bytes:
-        """A small PNG of the view, to know the session by."""
+        """A small PNG of the view, to know the session by; b"" before there is one."""
         from PIL import Image
 
+        if self.window.framebuffer is None:
+            return b""
         picture = Image.fromarray(self.window.read_pixels()[..., :3])
         picture.thumbnail((PICTURE_WIDTH, PICTURE_WIDTH))
         file = io.BytesIO()

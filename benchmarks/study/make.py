@@ -27,7 +27,7 @@ from runtime.terrain.height_map import Terrain
 
 if TYPE_CHECKING:
     from training.evaluation.metrics.motion import Motion
-    from training.evaluation.motion.subject import Subject
+    from training.evaluation.motion.evaluated_model import EvaluatedModel
 
 Report = Callable[[str], None]
 
@@ -172,10 +172,10 @@ def _scenes(
     report: Report,
 ) -> Iterator[Scene]:
     """Every motion by every method, one after the other."""
+    from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
     from training.evaluation.motion.obstacles import by_name
-    from training.evaluation.motion.subject import Subject, style_texts
 
-    subjects = {name: Subject(folder, style_texts()) for name, folder in methods.items()}
+    subjects = {name: EvaluatedModel(folder, style_texts()) for name, folder in methods.items()}
     captured = {} if clips is None else _captured_walks(clips, styles)
     for course in by_name(obstacles):
         for gait in gaits:
@@ -220,7 +220,7 @@ def _middle(motion: Motion, seconds: float) -> Motion:
     return motion.cut(first, first + length)
 
 
-def _over(subject: Subject, course: Any, gait: Gait, seconds: float) -> tuple[Clip, Terrain]:
+def _over(subject: EvaluatedModel, course: Any, gait: Gait, seconds: float) -> tuple[Clip, Terrain]:
     """A character over one obstacle of a course, from a little before it."""
     from training.evaluation.motion.obstacles import run_obstacles
 
@@ -234,7 +234,9 @@ def _over(subject: Subject, course: Any, gait: Gait, seconds: float) -> tuple[Cl
     return clip_of(motion), run.motion.terrain
 
 
-def _in_style(subject: Subject, style: str, path: Motion | None, seconds: float) -> tuple[Clip, Terrain]:
+def _in_style(
+    subject: EvaluatedModel, style: str, path: Motion | None, seconds: float
+) -> tuple[Clip, Terrain]:
     """A walk in a style along a captured path, or straight ahead."""
     from runtime.generate import simulate
     from runtime.motion.controller import Controller
@@ -255,9 +257,20 @@ def _in_style(subject: Subject, style: str, path: Motion | None, seconds: float)
 
 
 def _captured_walks(clips: Path, styles: Sequence[str]) -> dict[str, Motion]:
-    from training.evaluation.on_captured_paths import walks
+    """A walk ahead of each style, held out where one is: the six seconds in its middle."""
+    from training.evaluation.metrics.motion import load_motion, original_clips
 
-    return {motion.style: motion for motion in walks(clips, 10_000) if motion.style in styles}
+    found: dict[str, Motion] = {}
+    for path in original_clips(clips):
+        if path.stem.startswith(("layer_", "rollout_")):
+            continue
+        with np.load(path, allow_pickle=False) as file:
+            style, forward = str(file["style"]), str(file["content"]) == "walk forward"
+            held_out, frames = str(file["split"]) == "held_out", len(file["gait"])
+        if style in styles and forward and frames >= 3 * FPS and (held_out or style not in found):
+            walk = _middle(load_motion(path), 6.0)
+            found[style] = replace(walk, gait=np.full(len(walk), Gait.WALK))
+    return found
 
 
 def _captured_obstacles(clips: Path, course: str, count: int) -> list[Motion]:

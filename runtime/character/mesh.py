@@ -74,7 +74,7 @@ class _Palette:
     def slots(self, skin: int) -> NDArray[np.int64]:
         """Entry of each joint of a skin."""
         if skin not in self._slots:
-            joints, inverse = _skin_joints(self._file, skin)
+            joints, inverse = skin_joints(self._file, skin)
             self._read += len(joints)
             if self._read > MAX_SKIN_JOINTS:
                 raise FileError(
@@ -97,7 +97,7 @@ class _Palette:
         return self._index[key]
 
 
-def _skin_joints(file: GltfFile, index: int) -> tuple[list[int], AnyArray]:
+def skin_joints(file: GltfFile, index: int) -> tuple[list[int], AnyArray]:
     """The nodes of skin `index` and their inverse bind matrices `(joints or more, 4, 4)`."""
     skins, nodes = file.gltf.skins, file.gltf.nodes
     if not 0 <= index < len(skins):

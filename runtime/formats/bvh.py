@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -276,11 +276,9 @@ def format_bvh(
     `order` is that of all rotations; None: `MOVING_ORDER` for the joints with positions, whose heading may be any,
     and `JOINT_ORDER` for the others.
     """
-    joints: list[int] = []
     places = {0: np.asarray(hips_positions), **(moving or {})}
     orders = [order or (MOVING_ORDER if j in places else JOINT_ORDER) for j in range(len(skeleton))]
-    lines = ["HIERARCHY"]
-    _write_joint(skeleton, 0, 0, lines, joints, units_per_metre, orders, end_offsets or {}, set(places))
+    lines, joints = _hierarchy(skeleton, units_per_metre, orders, end_offsets or {}, places)
     lines += ["MOTION", f"Frames: {len(hips_positions)}", f"Frame Time: {1.0 / fps:.10f}", ""]
     before: Array | None = None  # the angles from which the next block goes on
     blocks = ["\n".join(lines)]
@@ -321,29 +319,27 @@ def _steady(angles: Array) -> Array:
     return np.unwrap(np.where(chosen[..., None], other, angles), axis=0)
 
 
-def _write_joint(
-    skeleton: Skeleton,
-    j: int,
-    depth: int,
-    lines: list[str],
-    joints: list[int],
-    scale: float,
-    orders: list[str],
-    end_offsets: dict[int, Array],
-    moving: set[int],
-) -> None:
-    pad = "  " * depth
-    joints.append(j)
-    x, y, z = (float(v) * scale for v in skeleton.offsets[j])
-    rotation_channels = " ".join(f"{axis}rotation" for axis in orders[j].upper())
-    lines += [f"{pad}{'JOINT' if depth else 'ROOT'} {skeleton.names[j]}", f"{pad}{{"]
-    lines += [f"{pad}  OFFSET {x:.5f} {y:.5f} {z:.5f}"]
-    position_channels = "Xposition Yposition Zposition " if j in moving else ""
-    lines += [f"{pad}  CHANNELS {6 if j in moving else 3} {position_channels}{rotation_channels}"]
-    for child in skeleton.children[j]:
-        _write_joint(skeleton, child, depth + 1, lines, joints, scale, orders, end_offsets, moving)
-    if not skeleton.children[j]:
-        x, y, z = (float(v) * scale for v in end_offsets.get(j, np.zeros(3)))
-        lines += [f"{pad}  End Site", f"{pad}  {{", f"{pad}    OFFSET {x:.5f} {y:.5f} {z:.5f}"]
-        lines += [f"{pad}  }}"]
-    lines += [f"{pad}}}"]
+def _hierarchy(
+    skeleton: Skeleton, scale: float, orders: list[str], end_offsets: dict[int, Array], moving: Container[int]
+) -> tuple[list[str], list[int]]:
+    """The lines of the hierarchy, and the joints in their order."""
+    lines, joints = ["HIERARCHY"], []
+
+    def offset(values: Array, pad: str) -> str:
+        return f"{pad}  OFFSET " + " ".join(f"{float(v) * scale:.5f}" for v in values)
+
+    def joint(j: int, pad: str) -> None:
+        joints.append(j)
+        turning = " ".join(f"{axis}rotation" for axis in orders[j].upper())
+        channels = f"6 Xposition Yposition Zposition {turning}" if j in moving else f"3 {turning}"
+        lines.extend((f"{pad}{'JOINT' if pad else 'ROOT'} {skeleton.names[j]}", f"{pad}{{"))
+        lines.extend((offset(skeleton.offsets[j], pad), f"{pad}  CHANNELS {channels}"))
+        for child in skeleton.children[j]:
+            joint(child, pad + "  ")
+        if not skeleton.children[j]:
+            end = offset(end_offsets.get(j, np.zeros(3)), pad + "  ")
+            lines.extend((f"{pad}  End Site", f"{pad}  {{", end, f"{pad}  }}"))
+        lines.append(f"{pad}}}")
+
+    joint(0, "")
+    return lines, joints

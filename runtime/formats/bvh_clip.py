@@ -10,9 +10,9 @@ import numpy as np
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.atomic import write_atomic, write_new
-from runtime.errors import FileError, UsageError
+from runtime.errors import FileError
 from runtime.formats.bvh import BvhMotion, check_size, format_bvh, read_bvh
-from runtime.formats.options import ROTATION_ORDERS, UNITS_PER_METRE, ExportOptions
+from runtime.formats.options import UNITS_PER_METRE, ExportOptions
 from runtime.formats.prepare import Check, PreparedTake
 from runtime.formats.sidecar import read_metadata, write_sidecar
 from runtime.pose import MAX_FPS, video_rate
@@ -40,16 +40,6 @@ class OtherSkeleton(FileError):
     """A BVH that is sound, but not of the SPORT skeleton."""
 
 
-def check_bvh_options(fps: float, unit: str, order: str | None = None) -> None:
-    """UsageError when `save_bvh` cannot write with these options."""
-    if not 1.0 <= fps <= MAX_FPS:
-        raise UsageError(f"{fps} frames per second: expected 1 to {MAX_FPS:.0f}.", "Try 60 or 30.")
-    if unit not in UNITS_PER_METRE:
-        raise UsageError(f"unit '{unit}': expected cm or m.", "Choose one of the two.")
-    if order is not None and order.upper() not in ROTATION_ORDERS:
-        raise UsageError(f"rotation order '{order}': unknown.", f"Choose {', '.join(ROTATION_ORDERS)}.")
-
-
 def check_bvh_length(seconds: float, fps: float) -> None:
     """UsageError when a clip of `seconds` at `fps` is longer than a BVH that `load_clip_bvh` reads."""
     frames = min(seconds * fps, 1e12)  # what is not finite is refused by those who make a clip
@@ -69,7 +59,7 @@ def save_bvh(
     With `new` no file is replaced: a name that is taken becomes name-2, name-3, … .
     `fps` resamples the clip, `unit` is "cm" or "m", `order` one of `ROTATION_ORDERS` for all joints, or None as in `format_bvh`. UsageError or FileError.
     """
-    check_bvh_options(fps, unit, order)
+    ExportOptions(fps=fps, unit=unit, euler_order=order).check()
     check_bvh_length(clip.seconds, fps)
     at_rate = clip.resampled(fps)
     return _write(at_rate, Path(path), _text(at_rate, unit, order), new)

@@ -11,16 +11,16 @@ import numpy as np
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.character.character import Character
-from runtime.character.mesh import MeshData
+from runtime.character.mesh import MeshData, skin_joints
 from runtime.character.nodes import ancestors, node_world_matrices
-from runtime.character.read import GltfFile, read_accessor
+from runtime.character.read import GltfFile
 from runtime.formats.engines import Engine
 from runtime.formats.glb_buffer import GlbBuffer
 from runtime.formats.prepare import PreparedTake
 from runtime.skeleton import SPORT_SKELETON
 
 if TYPE_CHECKING:
-    from pygltflib import GLTF2, Node, Skin
+    from pygltflib import GLTF2, Node
 
 
 ROOT_NAMES = ("Root", "GroundRoot", "SportGroundRoot")
@@ -80,7 +80,7 @@ def open_rig(
     x, _, z = rest[data.joint_nodes[hips], :3, 3]
     rig = Rig(character, buffer.gltf, joints, parents, rest, space, size, np.array([x, soles, z]))
     for index, skin in enumerate(rig.gltf.skins):
-        rig.binds[index] = _inverse_binds(file, skin, index)
+        rig.binds[index] = skin_joints(file, index)[1][: len(skin.joints)].astype(np.float64)
     (_set_plain_scene if plain else _set_scene)(rig)
     if ground_root:
         _add_root(rig, data.joint_nodes[hips])
@@ -89,13 +89,6 @@ def open_rig(
             flat = rig.binds[index].swapaxes(1, 2).reshape(-1, 16)
             skin.inverseBindMatrices = buffer.add(flat.astype(np.float32))
     return rig
-
-
-def _inverse_binds(file: GltfFile, skin: Skin, index: int) -> Array:
-    if skin.inverseBindMatrices is None:
-        return np.tile(np.eye(4), (len(skin.joints), 1, 1))
-    flat = read_accessor(file, skin.inverseBindMatrices, f"inverse bind matrices of skin {index}")
-    return flat[: len(skin.joints)].reshape(-1, 4, 4).swapaxes(1, 2).astype(np.float64)
 
 
 def _set_plain_scene(rig: Rig) -> None:
@@ -115,12 +108,9 @@ def _set_plain_scene(rig: Rig) -> None:
         rig.binds[index][:, 3] = (0.0, 0.0, 0.0, 1.0)
         skin.skeleton = None
     heads = [n for n in sorted(moving) if parents[n] not in moving]
+    top = _line(parents, heads[0])[-1]
     loose = [n for n in range(count) if gltf.nodes[n].mesh is not None and not _under_joint(rig, n)]
-    loose = [
-        n
-        for n in loose
-        if gltf.nodes[n].skin is not None or _within(parents, heads[0], _line(parents, n)[-1])
-    ]
+    loose = [n for n in loose if gltf.nodes[n].skin is not None or _line(parents, n)[-1] == top]
     for node in (*heads, *loose):
         if parents[node] >= 0:
             gltf.nodes[parents[node]].children.remove(node)
@@ -165,7 +155,7 @@ def _set_scene(rig: Rig) -> None:
     import pygltflib as g
 
     gltf, tops = rig.gltf, [i for i, parent in enumerate(rig.parents) if parent < 0]
-    moved = [top for top in tops if any(_within(rig.parents, node, top) for node in rig.joints)]
+    moved = [top for top in tops if any(top in _line(rig.parents, node) for node in rig.joints)]
     skinned = [
         top
         for top in tops
@@ -184,12 +174,6 @@ def _set_scene(rig: Rig) -> None:
         rig.space = np.eye(4)
     gltf.scenes = [g.Scene(name="take", nodes=[*moved, *skinned])]
     gltf.scene = 0
-
-
-def _within(parents: Sequence[int], node: int, top: int) -> bool:
-    while node >= 0 and node != top:
-        node = parents[node]
-    return node == top
 
 
 def _add_root(rig: Rig, hips: int) -> None:

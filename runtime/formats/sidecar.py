@@ -5,16 +5,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import logging
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from runtime.atomic import write_atomic
-from runtime.checked import number_field, text_field
+from runtime.checked import number_field, read_number, text_field
 from runtime.controls import Gait
 from runtime.errors import FileError
 from runtime.formats.bvh import MAX_FILE_BYTES
@@ -121,33 +121,30 @@ def read_metadata(bvh: Path) -> TakeMetadata:
             if isinstance(gaits, dict) and gait.label in gaits
         ),
         gait_changes=_gait_changes(value.get("gaits")),
-        placed=_placed(value),
+        placed=_placed(value.get("placed", UNMOVED)),
         size=min(max(number_field(value, "size", 1.0), MIN_SIZE), MAX_SIZE),
     )
 
 
 def _gait_changes(value: Any) -> tuple[tuple[float, str], ...]:
-    names = {gait.label for gait in Gait}
-    pairs = (
-        [pair for pair in value if isinstance(pair, list) and len(pair) == 2]
-        if isinstance(value, list)
-        else []
-    )
-    return tuple(
-        (float(seconds), name)
-        for seconds, name in pairs[:MAX_EVENTS]
-        if isinstance(seconds, int | float) and abs(seconds) < 1e9 and isinstance(name, str) and name in names
-    )
+    """The pairs of a list that are a time and the name of a gait."""
+    names, found = {gait.label for gait in Gait}, []
+    for pair in value[:MAX_EVENTS] if isinstance(value, list) else ():
+        with contextlib.suppress(TypeError, ValueError):
+            seconds, name = pair
+            if isinstance(name, str) and name in names:
+                found.append((read_number(seconds), name))
+    return tuple(found)
 
 
-def _placed(value: Mapping[str, Any]) -> tuple[float, ...] | None:
-    found = value.get("placed", list(UNMOVED))
-    if found is None:
+def _placed(value: Any) -> tuple[float, ...] | None:
+    if value is None:
         return None
-    numbers = isinstance(found, list) and all(
-        isinstance(v, int | float) and not isinstance(v, bool) and abs(v) < 1e9 for v in found
-    )
-    return tuple(float(v) for v in found) if numbers and len(found) == len(UNMOVED) else UNMOVED
+    try:
+        yaw, x, y, z = (read_number(part) for part in value)
+    except (TypeError, ValueError):
+        return UNMOVED
+    return yaw, x, y, z
 
 
 def markers(clip: Clip) -> list[dict[str, Any]]:

@@ -18,6 +18,7 @@ import numpy as np
 from runtime import rotations
 from runtime.arrays import AnyArray
 from runtime.atomic import atomic_path
+from runtime.character.mesh import skin_joints
 from runtime.character.nodes import ancestors, node_world_matrices
 from runtime.character.read import Entry, GltfFile, buffer_view_bytes, open_gltf, read_accessor
 from runtime.errors import FileError, UsageError
@@ -127,14 +128,10 @@ class _Stage:
         return [self.Gf.Matrix4d(*np.asarray(m, np.float64).T.ravel().tolist()) for m in matrices]
 
     def _skin(self, index: int) -> _Skin:
-        skin = self.file.gltf.skins[index]
-        slots = np.array([self.slot[node] for node in skin.joints])
-        inverse = np.tile(np.eye(4), (len(slots), 1, 1))
-        if skin.inverseBindMatrices is not None:
-            read = read_accessor(self.file, skin.inverseBindMatrices, f"skin {index}")
-            inverse = read[: len(slots)].reshape(-1, 4, 4).transpose(0, 2, 1).astype(np.float64)
+        joints, inverse = skin_joints(self.file, index)
+        slots = np.array([self.slot[node] for node in joints])
         bind = self.world[self.joints].copy()
-        bind[slots] = np.linalg.inv(inverse)
+        bind[slots] = np.linalg.inv(inverse[: len(slots)].astype(np.float64))
         for k, known in enumerate(self.skins if hasattr(self, "skins") else []):
             if np.allclose(known.inverse_bind, np.linalg.inv(bind), atol=BIND_SAME):
                 return _Skin(self.skins[k].path, known.inverse_bind, slots)
@@ -225,21 +222,16 @@ class _Stage:
 
         def read(name: str) -> AnyArray | None:
             index = primitive.attributes.get(name)
-            return (
-                None
-                if index is None
-                else np.ascontiguousarray(read_accessor(self.file, index, name), np.float32)
-            )
+            read = None if index is None else read_accessor(self.file, index, name)
+            return None if read is None else np.ascontiguousarray(read, np.float32)
 
         points = read("POSITION")
         assert points is not None  # the character was loaded before
         count = len(points)
-        indices = (
-            np.arange(count)
-            if primitive.indices is None
-            else read_accessor(self.file, primitive.indices, "indices")
-        )
-        triangles = np.ascontiguousarray(indices.ravel()[: len(indices.ravel()) // 3 * 3], np.int32)
+        indices = np.arange(count)
+        if primitive.indices is not None:
+            indices = read_accessor(self.file, primitive.indices, "indices").ravel()
+        triangles = np.ascontiguousarray(indices[: len(indices) // 3 * 3], np.int32)
         mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
         mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(triangles) // 3, 3, np.int32)))
         mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(triangles))

@@ -2,7 +2,7 @@
 
 The file has, for every model by name and for arm, leg, torso and head, shares (0 to 1) of whole sentences and of single
 clauses; limbs are described as the left ones. Where a limb shows less or more than that of the other side, `left_arm` and
-the like have its own. `python -m training.evaluation.text.phrase_shares` writes it.
+the like have its own. `python -m training.evaluation.text.prompt_adherence` writes it.
 """
 
 from __future__ import annotations

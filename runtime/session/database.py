@@ -21,7 +21,8 @@ from typing import Any
 from runtime.errors import FileError
 from runtime.session.sqlite_file import (
     APPLICATION_ID,
-    MAX_VALUE_BYTES,
+    LARGE_BYTES,
+    MAX_TEXT_BYTES,
     REMEDY,
     ROOM,
     SCHEMA_VERSION,
@@ -51,14 +52,13 @@ __all__ = ["APPLICATION_ID", "SCHEMA_VERSION", "SUFFIX", "Budget", "Database", "
 GATHER_S = 0.05  # that works wait for others before they are written
 IDLE_S = 1.0  # without work until the log goes into the file, and between two attempts where the disk takes nothing
 MAX_WAITING = 20_000  # works that wait for a disk; of a recording an hour and more
-MAX_TEXT_BYTES = 16 << 20  # of one document
 LEVEL = 1  # of zlib
 _LOG = logging.getLogger("sport.session")
 Work = Callable[["Writer"], None]
 
 
 class Writer:
-    """What a work may change. Only on the writer thread, within `Database.submit`; nothing of it lasts unless all does."""
+    """What a work may change, one for each transaction. Only within `Database.submit`; nothing of it lasts unless all does."""
 
     def __init__(self, connection: sqlite3.Connection, counted: set[tuple[Any, ...]]) -> None:
         self._run = connection.execute
@@ -80,7 +80,7 @@ class Writer:
         self._counted.add(("motions", key))
         self._run(
             "INSERT INTO motions (key, header) VALUES (?, ?) ON CONFLICT (key) DO UPDATE SET header = excluded.header",
-            (key, _text(header)),
+            (key, header),
         )
 
     def put_frames(self, key: str, number: int, count: int, content: bytes) -> None:
@@ -96,7 +96,7 @@ class Writer:
     def put_step(self, number: int, label: str, document: str) -> None:
         """Keep a step of the session's history, or replace it."""
         self._counted.add(("steps", number))
-        self._run("INSERT OR REPLACE INTO steps VALUES (?, ?, ?)", (number, label, _text(document)))
+        self._run("INSERT OR REPLACE INTO steps VALUES (?, ?, ?)", (number, label, document))
 
     def drop_steps(self, first: int | None = None, before: int | None = None) -> None:
         """Remove the steps from `first` on, and those before `before`."""
@@ -135,12 +135,6 @@ class Writer:
             )
 
 
-def _text(document: str) -> str:
-    if len(document.encode()) > MAX_TEXT_BYTES:
-        raise ValueError(f"a text of more than {MAX_TEXT_BYTES >> 20} MB")
-    return document
-
-
 @dataclass
 class Database:
     """One session's rows in one SQLite file, written by one thread of its own. Made by `create`, `open` and `read`."""
@@ -163,6 +157,7 @@ class Database:
     _failures: int = 0
     _trouble: str = ""  # that may end
     _lost: str = ""  # what will never be on disk
+    _full: bool = False  # nothing is taken any more
     _urgent: bool = False
     _ending: bool = False
     _changed: threading.Condition = field(
@@ -249,9 +244,12 @@ class Database:
         if self._thread is None or self._ending:
             raise FileError(f"{self.path}: it is open for reading only.", "Save a copy of it.")
         with self._changed:
-            if len(self._queue) >= MAX_WAITING:
-                self._lost = f"{self._trouble or f'{self.path}: the disk is too slow.'} What is done from now on is in memory only."
-            if self._lost:  # what came later would build on what is missing
+            if (
+                self._full or len(self._queue) >= MAX_WAITING
+            ):  # what came later would build on what is missing
+                self._full = True
+                slow = self._trouble or f"{self.path}: its disk is too slow."
+                self._lost = f"{slow} What is done from now on is in memory only."
                 return
             self._queue.append(work)
             self._submitted += 1
@@ -279,23 +277,24 @@ class Database:
                 if not self._write():
                     raise FileError(self.problem)
                 return
-            handle, count = self._copy(path)
-            before, self.path = self.path, path
-            self._handle, old = handle, self._handle
-            self._disconnect()
-            drop_lock(old, before)
-            self._connect()
-            self._settle(count)
+            handle, count, committed = self._copy(path)
+            with self._reading:
+                before, self.path = self.path, path
+                self._handle, old = handle, self._handle
+                self._disconnect()
+                drop_lock(old, before)
+                self._connect()
+            self._settle(count, committed)
 
     def save_copy(self, path: Path) -> None:
         """Write all that was submitted into another file, and stay; FileError, FileInUse."""
         path = real_path(path)
         with self._turn:
-            handle, _ = self._copy(path)
+            handle, _, _ = self._copy(path)
             drop_lock(handle, path)
 
-    def _copy(self, path: Path) -> tuple[int, int]:
-        """The lock of a new file with all rows, and how many of the works that waited are in it."""
+    def _copy(self, path: Path) -> tuple[int, int, list[Callable[[], None]]]:
+        """Make a file with all rows and what waits: its lock, how many works are in it, and what they want called."""
         if self._thread is not None:
             self._write()
         handle = take_lock(path)
@@ -307,12 +306,13 @@ class Database:
                 raise FileError(f"{self.path}: it is closed.")
             with new_file(path, self.home) as target, file_errors(self.path):
                 copy_rows(source, target)
+                writer = Writer(target, self._counted)
                 for work in works:
-                    work(Writer(target, self._counted))
+                    work(writer)
         except BaseException:
             drop_lock(handle, path)
             raise
-        return handle, len(works)
+        return handle, len(works), writer.committed
 
     def close(self, seconds: float | None = None) -> bool:
         """Flush, put the log into the file, let go; False where not all is on disk. A disk that hangs longer is left alone."""
@@ -349,6 +349,7 @@ class Database:
         with self._reading, file_errors(self.path):
             self._writer = connect_writer(self.path)
             self._reader = connect(self.path, "ro")
+            self._reader.execute("SELECT * FROM meta LIMIT 0")  # opens the log while it has its name
             self._files = self._present()
 
     def _disconnect(self) -> None:
@@ -382,8 +383,9 @@ class Database:
                 os.close(self._handle)
                 self._handle = -1
                 self._handle = take_lock(self.path)
-        self._disconnect()
-        self._connect()
+        with self._reading:
+            self._disconnect()
+            self._connect()
 
     def _run(self) -> None:
         """The thread: what waits is written soon, and when nothing comes the log goes into the file."""
@@ -411,6 +413,7 @@ class Database:
         with self._changed:
             works = list(self._queue)
         work: Work | None = None
+        committed: list[Callable[[], None]] = []
         try:
             self._keep_there()
             if works:
@@ -421,18 +424,14 @@ class Database:
                     work(writer)
                 work = None
                 connection.execute("COMMIT")
-                for done in writer.committed:
-                    done()
+                committed = writer.committed
         except Exception as error:
             self._roll_back()
             if work is not None and not _of_the_disk(error):  # a defect must not hold up what others did
-                _LOG.exception("a change could not be written")
-                self._lost = (
-                    f"{self.path}: a change cannot be kept ({said(error)}). Please report this defect."
-                )
+                self._defect(error)
                 with self._changed:
                     self._queue.remove(work)
-                    self._submitted -= 1
+                    self._written += 1
                 return self._write()
             problem = (
                 error if isinstance(error, FileError) else FileError(f"{self.path}: {said(error)}.", ROOM)
@@ -442,10 +441,20 @@ class Database:
                 self._failures += 1
                 self._changed.notify_all()
             return False
-        self._settle(len(works))
+        self._settle(len(works), committed)
         return True
 
-    def _settle(self, count: int) -> None:
+    def _defect(self, error: Exception) -> None:
+        _LOG.exception("a change could not be written")
+        self._lost = f"{self.path}: a change cannot be kept ({said(error)}). Please report this defect."
+
+    def _settle(self, count: int, committed: Sequence[Callable[[], None]]) -> None:
+        """The first `count` works are on disk."""
+        for done in committed:
+            try:
+                done()
+            except Exception as error:  # the thread goes on
+                self._defect(error)
         with self._changed:
             for _ in range(count):
                 self._queue.popleft()
@@ -493,6 +502,10 @@ class Database:
         for number, count in rows:
             yield count, self._content("frames", "motion = ? AND number = ?", key, number)
 
+    def frame_count(self, key: str) -> int:
+        """How many frames the pieces of a motion say they have."""
+        return sum(count for (count,) in self._rows("frames", "count", (int,), "8", "motion = ?", key))
+
     def meta(self, name: str, default: str = "") -> str:
         """The text under a name."""
         rows = self._rows("meta", "value", (str,), "length(CAST(value AS BLOB))", "name = ?", name)
@@ -509,6 +522,8 @@ class Database:
         )
         size, content = self._one(rows, f"{table} {values[0]}")
         with file_errors(self.path):
+            if not 0 <= size <= LARGE_BYTES:
+                raise ValueError(f"{size} bytes")
             unfold = zlib.decompressobj()
             made = unfold.decompress(content, size + 1)
             if len(made) != size or not unfold.eof or unfold.unused_data:
@@ -533,9 +548,7 @@ class Database:
                     f"SELECT coalesce(sum({size}), 0), coalesce(max({size}), 0) FROM {table} WHERE {where}"
                 )
                 total, most = self._reader.execute(sized, values).fetchone()
-                if type(total) is not int or most > (
-                    MAX_TEXT_BYTES if bytes not in kinds else MAX_VALUE_BYTES
-                ):
+                if most > MAX_TEXT_BYTES and bytes not in kinds:
                     raise ValueError("a text is too long")
                 self.budget.spend(total)
                 self._counted.add(question)

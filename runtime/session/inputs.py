@@ -202,12 +202,12 @@ class InputReader:
         unit = read_number(value["unit_m"], MAX_SIZE)
         if unit < MIN_SIZE:
             raise FileError(f"{path}: a ground for a body of {unit:g} times our size.", REMEDY)
-
-        def made() -> Terrain:
-            name, note = read_text(value["name"]), read_text(value["note"])
-            return Terrain(name, heights, cell, origin, note, unit)
-
-        return self.blobs.once("ground", json.dumps(value, sort_keys=True), made)
+        name, note = read_text(value["name"]), read_text(value["note"])
+        return self.blobs.once(
+            "ground",
+            json.dumps(value, sort_keys=True),
+            lambda: Terrain(name, heights, cell, origin, note, unit),
+        )
 
     def _finite(self, values: Any) -> Any:
         if not (np.abs(values) <= 1e6).all():

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from runtime.errors import FileError
-from runtime.session.database import SUFFIX, Database
+from runtime.session.database import SUFFIX, Budget, Database
 from runtime.session.sqlite_file import drop_lock, is_held, side_files, take_lock
 
+SUMMARY_BYTES = 8 << 20  # that a summary may cost
 _NAME = re.compile(r"(\d{8}-\d{6})-(\d{4})-")
 
 
@@ -82,6 +83,7 @@ def _summary(path: Path) -> SessionSummary | None:
     """None for a session in which nothing was done."""
     saved_s = max(os.stat(file).st_mtime for file in (path, *side_files(path)[:1]) if file.exists())
     database = Database.read(path, thorough=False)
+    database.budget = Budget(SUMMARY_BYTES, SUMMARY_BYTES)
     try:
         if not database.steps():
             return None
@@ -92,7 +94,7 @@ def _summary(path: Path) -> SessionSummary | None:
                 database.meta("ended") == "1",
                 saved_s,
                 int(database.meta("takes", "0")),
-                float(database.meta("seconds", "0")),
+                max(0.0, min(float(database.meta("seconds", "0")), 1e9)),  # a number also where it says none
                 database.meta_bytes("picture"),
             )
     finally:

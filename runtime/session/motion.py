@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 import uuid
 import weakref
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -116,13 +116,17 @@ class Motion:
 
     @property
     def drive(self) -> Drive | None:
-        """The input that made it; None where that is not known."""
+        """The input that made it; None where that is not known. FileError once where it cannot be read: then it is not."""
         with self._lock:
             if not self.header.drivable:
                 return None
             known = self._drive or (None if self._known_drive is None else self._known_drive())
             if known is None:
-                known = self._loaded_from().load_drive(self.key)
+                try:
+                    known = self._loaded_from().load_drive(self.key)
+                except FileError:
+                    self.header = replace(self.header, drivable=False)
+                    raise
                 self._known_drive = None if known is None else weakref.ref(known)
             return known
 

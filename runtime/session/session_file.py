@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from runtime.arrays import Float32Array
 from runtime.errors import FileError
-from runtime.safe_read import parse_json
+from runtime.safe_read import parse_json, printable
 from runtime.session.blobs import REMEDY, BlobReader
 from runtime.session.character_files import (
     check_character_files,
@@ -36,6 +36,7 @@ from runtime.session.history import History, Step
 from runtime.session.inputs import InputReader, pack_sticks, unpack_sticks
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.session import CharacterChoice, Session, Take
+from runtime.session.sqlite_file import file_errors
 from runtime.skeleton import J
 from runtime.takes.clip import Clip, are_poses
 from runtime.takes.drive import Drive
@@ -58,7 +59,9 @@ class SessionFile:
     """The file of the session that is open."""
 
     database: Database
-    cache: Path  # folder for the files of characters
+    cache: (
+        Path  # folder for the files of characters; beside it is what this installation knows its own files by
+    )
     _documents: DocumentWriter = field(init=False)
     _written: dict[int, Session] = field(default_factory=dict)  # steps of the file, by their numbers
     _known: set[str] = field(default_factory=set)  # blobs, motions and characters that the file has
@@ -78,12 +81,12 @@ class SessionFile:
     @staticmethod
     def create(path: Path, cache: Path) -> SessionFile:
         """A new file; FileError."""
-        return SessionFile(Database.create(path), cache)
+        return SessionFile(Database.create(path, cache.parent), cache)
 
     @staticmethod
     def open(path: Path, cache: Path) -> tuple[SessionFile, History]:
         """An existing file and its history, as untrusted; FileError, FileInUse."""
-        database = Database.open(path)
+        database = Database.open(path, cache.parent)
         try:
             file, history = _opened(database, cache)
             file._remove_unused()
@@ -125,13 +128,12 @@ class SessionFile:
         kept = {s.number: s.session for s in history.steps}
         self._dropped += len(self._written.keys() - kept.keys())
         self._written = kept
-        self._held.update((take.made.key, take.made) for step in steps for take in step.session.takes)
 
         def work(writer: Writer) -> None:
             self._begin(writer)
             for step in steps:
                 self._put_motions(writer, step.session)
-                writer.put_step(step.number, step.label, self._documents.session(step.session))
+                writer.put_step(step.number, printable(step.label), self._documents.session(step.session))
             writer.drop_steps(first=last + 1)
             writer.drop_steps(before=first)
             takes = present.session.takes
@@ -146,10 +148,11 @@ class SessionFile:
 
     def _remove_unused(self) -> None:
         """Have the writer remove motions and blobs that no step refers to and nothing in this process holds."""
-        held, self._dropped = set(self._held.keys()), 0
+        self._dropped = 0
 
         def work(writer: Writer) -> None:
             self._begin(writer)
+            held = [known.key for known in self._held.valuerefs() if known() is not None]
             motions, blobs = _used(writer, held)
             writer.keep_only(motions, blobs)
             self._known &= motions | blobs
@@ -199,6 +202,7 @@ class SessionFile:
             motion = take.made
             if self._is_new(motion.key):
                 self._put_motion(writer, motion)
+                self._held[motion.key] = motion
             if not motion.is_stored:
                 writer.committed.append(partial(motion.stored, self))
         reference = session.reference
@@ -263,20 +267,19 @@ class SessionFile:
             return self._clips[key]
 
     def _read_clip(self, key: str, header: MotionHeader) -> Clip:
-        budget, count = self._budget(), header.frames
-        budget.spend(CLIP_BYTES * count)
-        hips, rotations = np.empty((count, 3), np.float32), np.empty((count, J, 4), np.float32)
-        contacts, gaits = np.empty((count, 4), np.float32), np.empty(count, np.int8)
-        at = 0
-        for size, content in self._pieces(key):
-            part = slice(at, at + size)
-            at += size
-            if at > count:
-                break
-            frames = unpacked_frames(content[: BYTES * size], size)
-            hips[part], rotations[part], contacts[part], gaits[part] = frames
-        if at != count:
-            raise FileError(f"{self.path}: {header.name} has {at} frames of {count}.", REMEDY)
+        count, found = header.frames, self._frame_count(key)
+        if found != count:
+            raise FileError(f"{self.path}: {header.name} has {found} frames of {count}.", REMEDY)
+        with file_errors(self.path):
+            self._budget().spend(CLIP_BYTES * count)
+            hips, rotations = np.empty((count, 3), np.float32), np.empty((count, J, 4), np.float32)
+            contacts, gaits = np.empty((count, 4), np.float32), np.empty(count, np.int8)
+            at = 0
+            for size, content in self._pieces(key):
+                part = slice(at, at + size)
+                frames = unpacked_frames(content[: BYTES * size], size)
+                hips[part], rotations[part], contacts[part], gaits[part] = frames
+                at += size
         clip = header.clip(hips, rotations, contacts, gaits)
         check_motion(clip, self.path)
         return clip
@@ -295,6 +298,10 @@ class SessionFile:
             return InputReader(reader.blobs).drive(value, DrivenFrames(table))
 
         return reader.checked(read)
+
+    def _frame_count(self, key: str) -> int:
+        """Frames that the pieces of a motion say they have."""
+        return self.database.frame_count(key) + self.database.frame_count(key + TAIL)
 
     def _pieces(self, key: str) -> Iterator[tuple[int, bytes]]:
         for count, content in (*self.database.frames(key), *self.database.frames(key + TAIL)):
@@ -399,10 +406,12 @@ class Recording:
 
     def finish(self, clip: Clip, drive: Drive | None) -> Motion:
         """The motion that was recorded. Its frames are in the file already, unless they are more than the clip's."""
-        if len(clip) != self.header.frames:
-            return Motion.of(clip, drive)
-        motion = Motion(self.key, MotionHeader.of(clip, drive), clip, drive)
-        self.file.hold(self.key, motion)
+        whole = len(clip) == self.header.frames
+        motion = (
+            Motion(self.key, MotionHeader.of(clip, drive), clip, drive) if whole else Motion.of(clip, drive)
+        )
+        if whole:
+            self.file.hold(self.key, motion)
         text = header_text(motion.header)
         self.file.database.submit(partial(self.file.put_recorded, key=self.key, header=text, drive=drive))
         return motion
@@ -435,9 +444,8 @@ def _opened(database: Database, cache: Path) -> tuple[SessionFile, History]:
     steps = [Step(number, label, reader.session(database.step(number))) for number, label in database.steps()]
     history = History()
     if steps:
-        at = database.meta("at")
-        numbers = [step.number for step in steps]
-        present = numbers.index(int(at)) if at.isdecimal() and int(at) in numbers else len(steps) - 1
+        numbers, at = [str(step.number) for step in steps], database.meta("at")
+        present = numbers.index(at) if at in numbers else len(steps) - 1
         history = History(steps, present)
     motions = {key for key in database.motions() if not key.endswith(INPUT)}
     file._written = {step.number: step.session for step in steps}
@@ -458,7 +466,7 @@ def _recover(file: SessionFile, history: History, key: str, header: MotionHeader
     """Take up a recording that was cut off, as far as its frames are there."""
     from runtime.session.edits import with_new_take
 
-    frames = sum(count for count, _ in file._pieces(key))
+    frames = file._frame_count(key)
     if not frames:
         return
     header = replace(header, frames=frames)

@@ -28,7 +28,8 @@ SUFFIX = ".sport"
 APPLICATION_ID = 0x53504F52  # "SPOR"
 SCHEMA_VERSION = 1
 MAX_BYTES = 1 << 29  # of the file, and of its log
-MAX_VALUE_BYTES = 1 << 28  # of one value as it is stored
+MAX_VALUE_BYTES = (1 << 28) + (1 << 20)  # of one row as it is stored
+MAX_TEXT_BYTES = 16 << 20  # of one text
 MAX_ROWS = 1_000_000  # of one table
 MAX_OPERATIONS = 400_000_000  # of SQLite's machine while a file is checked: a million rows cost a tenth
 # a small file makes no more than this, a large one a multiple of its size
@@ -37,19 +38,23 @@ REMEDY = "Choose another file, or an older copy of it."
 ROOM = "Make room on the disk, or save a copy elsewhere."
 KEY_FILE = "session.key"  # what this installation knows its own files by
 SEAL = ".seal"  # the row of `meta` that proves it
-_TEXT = "TEXT NOT NULL CHECK (typeof({0}) = 'text')"
-_INTEGER = "INTEGER NOT NULL CHECK (typeof({0}) = 'integer' AND {0} BETWEEN {1})"
-_CONTENT = (
-    f"size {_INTEGER.format('size', f'0 AND {LARGE_BYTES}')}, "  # of what it unfolds to
-    "content BLOB NOT NULL CHECK (typeof(content) = 'blob')"
-)
 TABLES = {
-    "meta": f"name {_TEXT.format('name')} PRIMARY KEY, value NOT NULL CHECK (typeof(value) IN ('text', 'blob'))",
-    "steps": f"number INTEGER PRIMARY KEY, label {_TEXT.format('label')}, document {_TEXT.format('document')}",
-    "blobs": f"key {_TEXT.format('key')} PRIMARY KEY, {_CONTENT}",
-    "motions": f"number INTEGER PRIMARY KEY, key {_TEXT.format('key')} UNIQUE, header {_TEXT.format('header')}",
-    "frames": f"motion {_TEXT.format('motion')}, number {_INTEGER.format('number', '0 AND 1000000')}, "
-    f"count {_INTEGER.format('count', '1 AND 1000000')}, {_CONTENT}, PRIMARY KEY (motion, number)",
+    "meta": "name TEXT PRIMARY KEY, value",
+    "steps": "number INTEGER PRIMARY KEY, label TEXT, document TEXT",
+    "blobs": "key TEXT PRIMARY KEY, size INTEGER, content BLOB",  # size: of what it unfolds to
+    "motions": "number INTEGER PRIMARY KEY, key TEXT UNIQUE, header TEXT",
+    "frames": "motion TEXT, number INTEGER, count INTEGER, size INTEGER, content BLOB, PRIMARY KEY (motion, number)",
+}
+_TEXT = f"typeof({{0}}) = 'text' AND length(CAST({{0}} AS BLOB)) <= {MAX_TEXT_BYTES}"
+_NUMBER = "typeof({0}) = 'integer' AND {0} BETWEEN {1} AND {2}"
+_CONTENT = f"{_NUMBER.format('size', 0, LARGE_BYTES)} AND typeof(content) = 'blob'"
+_SOUND = {  # what is true of each row
+    "meta": f"{_TEXT.format('name')} AND (typeof(value) = 'blob' OR {_TEXT.format('value')})",
+    "steps": f"{_TEXT.format('label')} AND {_TEXT.format('document')}",
+    "blobs": f"{_TEXT.format('key')} AND {_CONTENT}",
+    "motions": f"{_TEXT.format('key')} AND {_TEXT.format('header')}",
+    "frames": f"{_TEXT.format('motion')} AND {_NUMBER.format('number', 0, 1_000_000)} "
+    f"AND {_NUMBER.format('count', 1, 1_000_000)} AND {_CONTENT}",
 }
 _SAID = {
     sqlite3.SQLITE_FULL: f"there is no room left, or the session has reached {MAX_BYTES >> 20} MB",
@@ -61,8 +66,11 @@ _SAID = {
     sqlite3.SQLITE_LOCKED: "another program keeps it busy",
     sqlite3.SQLITE_CORRUPT: "it is damaged",
     sqlite3.SQLITE_NOTADB: "it is no session",
-    sqlite3.SQLITE_CONSTRAINT: "its rows contradict each other",
+    sqlite3.SQLITE_CONSTRAINT: "a value is not as it must be",
 }
+
+
+_OF_CONTENT = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CONSTRAINT)
 
 
 class FileInUse(FileError):
@@ -94,6 +102,8 @@ def said(error: Exception) -> str:
     code = getattr(error, "sqlite_errorcode", None)
     if code is not None:
         return _SAID.get(code & 0xFF, reason(error))
+    if isinstance(error, zlib.error):
+        return _SAID[sqlite3.SQLITE_CORRUPT]
     return getattr(error, "strerror", None) or reason(error)
 
 
@@ -103,6 +113,8 @@ def file_errors(path: Path, remedy: str = REMEDY) -> Iterator[None]:
     try:
         yield
     except (sqlite3.Error, OSError, ValueError, OverflowError, MemoryError, zlib.error) as error:
+        if getattr(error, "sqlite_errorcode", 0) & 0xFF in _OF_CONTENT:
+            remedy = REMEDY
         raise FileError(f"{path}: {said(error)}.", remedy) from error
 
 
@@ -221,7 +233,7 @@ def connect_writer(path: Path) -> sqlite3.Connection:
     connection.execute("PRAGMA secure_delete = ON")  # what was removed does not leave with the file
     page = connection.execute("PRAGMA page_size").fetchone()[0]
     connection.execute(f"PRAGMA max_page_count = {MAX_BYTES // page}")
-    connection.execute("SELECT * FROM meta LIMIT 0")
+    connection.execute("SELECT * FROM meta LIMIT 0")  # the log is there from now on
     return connection
 
 
@@ -249,14 +261,18 @@ def check_content(connection: sqlite3.Connection) -> None:
     for (problem,) in connection.execute("PRAGMA quick_check(1)"):
         if problem != "ok":
             raise ValueError("it is damaged")
-    for table in TABLES:
-        if connection.execute(f"SELECT count(*) FROM {table}").fetchone()[0] > MAX_ROWS:
+    for table, sound in _SOUND.items():  # SQLite ignores a CHECK where it only reads
+        query = f"SELECT count(*), total(NOT ({sound})) FROM {table}"
+        rows, wrong = connection.execute(query).fetchone()
+        if rows > MAX_ROWS:
             raise ValueError(f"more than {MAX_ROWS} rows")
+        if wrong:
+            raise ValueError("a value is of another type or too large")
 
 
 def _create(connection: sqlite3.Connection) -> None:
     for table, columns in TABLES.items():
-        connection.execute(f"CREATE TABLE {table} ({columns})" + " WITHOUT ROWID" * (table == "meta"))
+        connection.execute(f"CREATE TABLE {table} ({columns}, CHECK ({_SOUND[table]}))")
     connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
     connection.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
 

@@ -175,7 +175,5 @@ def shift_prompts(events: tuple[PromptEvent, ...], start: float, length: float) 
 
 def _pose(hips: Array, local: Array, contacts: Array, ground_m: float) -> Pose:
     positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
-    facing = rotations.rotate(local[0], np.array([0.0, 0.0, 1.0], np.float32))
     root = np.array([hips[0], ground_m, hips[2]], np.float32)
-    yaw = math.atan2(float(facing[0]), float(facing[2]))
-    return Pose(hips, local, positions, world, contacts, root, yaw)
+    return Pose(hips, local, positions, world, contacts, root, float(rotations.yaw_of(local[0])))

@@ -5,23 +5,13 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-import numpy as np
-
 from runtime import rotations
-from runtime.skeleton import SPORT_SKELETON, mirror_motion
+from runtime.skeleton import mirror_motion
 from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
+from runtime.takes.root import Placement
 
 _SIDES = re.compile(r"(?<![a-zA-Z])(left|right)(?![a-zA-Z])", re.IGNORECASE)
-_OTHER = {
-    "left": "right",
-    "right": "left",
-    "Left": "Right",
-    "Right": "Left",
-    "LEFT": "RIGHT",
-    "RIGHT": "LEFT",
-}
-UP = np.array([0.0, 1.0, 0.0])
 
 
 def mirrored(clip: Clip) -> Clip:
@@ -29,19 +19,13 @@ def mirrored(clip: Clip) -> Clip:
 
     It no longer goes over the ground that it was made on, where that is not level.
     """
-    yaw = _first_yaw(clip)
-    turn = rotations.from_axis_angle(UP, np.array(yaw))
-    back = rotations.from_axis_angle(UP, np.array(-yaw))
-    start = clip.hips_positions[0] * np.array([1.0, 0.0, 1.0])
-    local = np.array(clip.local_rotations, float)
-    local[:, 0] = rotations.multiply(back, local[:, 0])
-    hips, local = mirror_motion(rotations.rotate(back, clip.hips_positions - start), local)
-    local[:, 0] = rotations.multiply(turn, local[:, 0])
+    x, _, z = (float(v) for v in clip.hips_positions[0])
+    place = Placement(float(rotations.yaw_of(clip.local_rotations[0, 0])), (x, 0.0, z))
+    there = place.inverse().clip(clip)
+    hips, local = mirror_motion(there.hips_positions, there.local_rotations)
     return replace(
-        clip,
+        place.clip(replace(there, hips_positions=hips, local_rotations=local)),
         name=f"{clip.name}, mirrored",
-        hips_positions=(rotations.rotate(turn, hips) + start).astype(np.float32),
-        local_rotations=local.astype(np.float32),
         contacts=clip.contacts[:, [2, 3, 0, 1]],
         prompts=tuple(_mirrored_event(event) for event in clip.prompts),
     )
@@ -49,7 +33,12 @@ def mirrored(clip: Clip) -> Clip:
 
 def other_side(text: str) -> str:
     """Words with left and right exchanged."""
-    return _SIDES.sub(lambda found: _OTHER.get(found[0], found[0]), text)
+
+    def other(found: re.Match[str]) -> str:
+        word = "right" if found[0].lower() == "left" else "left"
+        return word.upper() if found[0].isupper() else word.capitalize() if found[0][0].isupper() else word
+
+    return _SIDES.sub(other, text)
 
 
 def _mirrored_event(event: PromptEvent) -> PromptEvent:
@@ -59,10 +48,3 @@ def _mirrored_event(event: PromptEvent) -> PromptEvent:
         words=other_side(event.words),
         typed=other_side(event.typed),
     )
-
-
-def _first_yaw(clip: Clip) -> float:
-    """Where the hips look in the first frame, radians about the vertical; 0 is +Z."""
-    _, world = SPORT_SKELETON.forward_kinematics(clip.hips_positions[:1], clip.local_rotations[:1])
-    forward = rotations.rotate(world[0, 0], np.array([0.0, 0.0, 1.0]))
-    return float(np.arctan2(forward[0], forward[2]))

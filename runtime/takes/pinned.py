@@ -104,10 +104,13 @@ def point_of(what: Pinned, positions: Array, world: Array) -> Array:
 
 
 def in_world(pin: Pin, hips: Array, hips_rotation: Array) -> tuple[Array, ...]:
-    """The point of a pin beside a character, and the end of its rail, in the world: `(3,)` each."""
+    """The point of a pin beside a character, and the end of its rail, in the world: `(..., 3)` each."""
     points = [np.array(point, float) for point in (pin.point, pin.rail) if point is not None]
     if pin.along:
-        turn, below = rotations.from_yaw(_yaw(hips_rotation)), hips - np.array([0.0, REST_HIPS_HEIGHT, 0.0])
+        turn, below = (
+            rotations.from_yaw(rotations.yaw_of(hips_rotation)),
+            hips - np.array([0.0, REST_HIPS_HEIGHT, 0.0]),
+        )
         points = [below + rotations.rotate(turn, point) for point in points]
     return tuple(points)
 
@@ -115,7 +118,7 @@ def in_world(pin: Pin, hips: Array, hips_rotation: Array) -> tuple[Array, ...]:
 def along_with(point: Array, hips: Array, hips_rotation: Array) -> Array:
     """A point of the world `(3,)` as it lies beside a character: left, up from its ground, ahead."""
     offset = np.asarray(point) - hips
-    back = rotations.inverse(rotations.from_yaw(_yaw(hips_rotation)))
+    back = rotations.inverse(rotations.from_yaw(rotations.yaw_of(hips_rotation)))
     return np.asarray(rotations.rotate(back, offset) + np.array([0.0, REST_HIPS_HEIGHT, 0.0]))
 
 
@@ -132,15 +135,11 @@ def _bend(frames: _Frames, pin: Pin, weights: Array) -> None:
 
 def _goals(pin: Pin, frames: _Frames, positions: Array, world: Array) -> Array:
     """Where the pinned joint is to be in each frame `(T, 3)`."""
-    points = np.broadcast_to(np.array(pin.point, float), (len(positions), 3))
-    ends = points if pin.rail is None else np.broadcast_to(np.array(pin.rail, float), points.shape)
-    if pin.along:
-        turn = rotations.from_yaw(_yaw(world[:, 0]))
-        below = frames.hips - (0.0, REST_HIPS_HEIGHT, 0.0)
-        points, ends = (below + rotations.rotate(turn, p) for p in (points, ends))
-    if pin.rail is not None:
+    place, *rail = in_world(pin, frames.hips, world[:, 0])
+    points = np.broadcast_to(place, (len(positions), 3))
+    for end in rail:
         near = positions[:, ARMS[pin.what][0] if pin.what in ARMS else _joint(pin.what)]
-        along = ends - points
+        along = end - points
         share = np.sum((near - points) * along, -1) / np.maximum(np.sum(along * along, -1), 1e-9)
         points = points + np.clip(share, 0.0, 1.0)[:, None] * along
     sole = pin.what in (Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT)
@@ -245,7 +244,9 @@ def _step_on(
     feet = world[:, LEG_FEET].astype(float)
     most = np.flatnonzero(weights >= weights.max() - 1e-9)
     middle = int(most[len(most) // 2])
-    flat = np.broadcast_to(rotations.from_yaw(_yaw(feet[middle : middle + 1, side])), feet[:, side].shape)
+    flat = np.broadcast_to(
+        rotations.from_yaw(rotations.yaw_of(feet[middle : middle + 1, side])), feet[:, side].shape
+    )
     feet[:, side] = rotations.slerp(feet[:, side], flat, weights)
     solved = solve_legs(frames.hips, frames.local, targets, feet)
     toe = LEG_TOES[side]
@@ -297,8 +298,3 @@ def _falls(value: Array, begins: float, ends: float) -> Array:
 
 def _relative(parent: Array, world: Array) -> Array:
     return rotations.normalize(rotations.multiply(rotations.inverse(parent), world))
-
-
-def _yaw(rotation: Array) -> Array:
-    facing = rotations.rotate(rotation, _FORWARD)
-    return np.arctan2(facing[..., 0], facing[..., 2])

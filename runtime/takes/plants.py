@@ -154,8 +154,7 @@ def _put_down(path: Array, turns: Array, new: Frames) -> tuple[Array, Array]:
     around = slice(max(first - EASE_FRAMES, 0), min(end + EASE_FRAMES, len(path)))
     place = path[middle].copy()
     place[1] = path[around, 1].min()
-    facing = rotations.rotate(turns[middle], np.array([0.0, 0.0, 1.0]))
-    flat = rotations.from_yaw(np.arctan2(facing[0], facing[2]))
+    flat = rotations.from_yaw(rotations.yaw_of(turns[middle]))
     frames = np.arange(len(path))
     away = np.maximum(np.maximum(first - frames, frames - (end - 1)), 0) / EASE_FRAMES
     weight = smoothstep(1.0 - away)

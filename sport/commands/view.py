@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import fields
 from pathlib import Path
 
 from sport.commands.arguments import Subparsers, add_blend, add_model, blend_weights, size
@@ -24,7 +25,7 @@ def add(commands: Subparsers) -> None:
         "--fit-to-motion", action="store_true", help="the character gets the size of the motion, not its own"
     )
     view.add_argument("--clip", type=Path, metavar="BVH", help="clip to open")
-    view.add_argument("--project", metavar="FILE", help='project to open, or "last"')
+    view.add_argument("--session", metavar="FILE", help='session to open, or "last"')
     view.add_argument("--size", metavar="WxH", help="window in pixels, e.g. 1280x720")
     view.add_argument("--ui-scale", type=float, metavar="S", help="size of the interface, 1 is 96 dpi")
     view.add_argument("--no-panels", action="store_true", help="begin without panels")
@@ -76,33 +77,17 @@ def run(options: argparse.Namespace) -> int:
         if link is not None:
             parse_address(link, flag=flag)
     width, height = (None, None) if options.size is None else size(options.size)
+    names = {field.name for field in fields(ViewOptions)}
+    given = {name: value for name, value in vars(options).items() if name in names}
     view_options = ViewOptions(
-        offscreen=options.offscreen,
-        frames=options.frames,
-        screenshot=options.screenshot,
-        frames_directory=options.save_frames,
-        width=width,
-        height=height,
-        ui_scale=options.ui_scale,
-        panels=not options.no_panels,
-        terrain=options.terrain,
-        prompt=options.prompt,
-        blend=options.blend,
-        blend_weights=blend_weights(options),
-        model=options.model,
-        character=options.character,
-        joint_map=options.joint_map,
-        fit_to_motion=options.fit_to_motion,
-        clip=options.clip,
-        project=options.project,
-        seed=options.seed,
-        quality=options.quality,
-        camera=options.camera,
-        response=options.response,
-        controls=options.controls,
-        keys=options.keys,
-        live_link=options.live_link,
-        vmc=options.vmc,
+        **given
+        | {
+            "frames_directory": options.save_frames,
+            "width": width,
+            "height": height,
+            "panels": not options.no_panels,
+            "blend_weights": blend_weights(options),
+        }
     )
     view_options.check()
     from viewer.app import run

@@ -1,4 +1,4 @@
-"""Each fault as a function: it happens to a recording process, and what is left of the take is counted."""
+"""Each fault as a function: it happens to a process that records or edits, and what is left is counted."""
 
 from __future__ import annotations
 
@@ -14,12 +14,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from runtime.formats.bvh_clip import load_clip_bvh
-from runtime.takes.journal import find_journals
+from runtime.errors import SportError
+from runtime.session.session import Take
+from runtime.session.session_file import SessionFile
 
 RECORDER = Path(__file__).with_name("recorder.py")
 START_S = 120.0
 FPS = 60.0
+MOST_LOST_S = 0.25 + 0.2  # what is written down together, and the time until it is on disk on a busy machine
 
 
 @dataclass
@@ -28,24 +30,24 @@ class Outcome:
 
     lost_s: float  # of the recording, by the frames that the process had reported
     code: int
-    where: str  # what holds the take now
-    takes: int = 1
+    where: str  # the folder that holds the session now
     said: str = ""  # on stderr
     problems: list[str] = field(default_factory=list)  # nothing may be in it
 
 
 class Recorder:
-    """A recording process; `frames` is what it reported last."""
+    """A process that records; `frames` is what it reported last, of edits their number."""
 
     def __init__(self, folder: Path, *options: str, env: dict[str, str] | None = None) -> None:
-        self.config, self.export = folder / "config", folder / "clips"
-        command = [sys.executable, str(RECORDER), str(self.config), str(self.export), *options]
+        self.config, self.temporary = folder / "config", folder / "temporary"
+        self.temporary.mkdir(parents=True, exist_ok=True)
+        command = [sys.executable, str(RECORDER), str(self.config), *options]
         self.process = subprocess.Popen(
             command,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            env={**os.environ, **(env or {})},
+            env={**os.environ, "TMPDIR": str(self.temporary), **(env or {})},
         )
         self.frames, self.said, self.stuck = 0, "", False
         self._readers = [threading.Thread(target=read, daemon=True) for read in (self._count, self._listen)]
@@ -82,42 +84,64 @@ class Recorder:
         return code
 
 
-def signalled(number: int) -> Callable[[Path, float], Outcome]:
+def signalled(number: int, *options: str) -> Callable[[Path, float], Outcome]:
     """The process is killed by a signal that it cannot or does not handle."""
 
     def fault(folder: Path, seconds: float) -> Outcome:
-        recorder = Recorder(folder)
+        recorder = Recorder(folder, *options)
         recorder.until(seconds)
         recorder.process.send_signal(number)
-        return _from_journal(recorder)
+        return _killed(recorder, takes=1, edits="--edits" in options)
 
     return fault
 
 
-def _from_journal(recorder: Recorder, finished: int = 0) -> Outcome:
+def takes_in(folder: Path, problems: list[str]) -> list[list[Take]]:
+    """The takes of each session in a folder, whose frames are all there; what is wrong goes to `problems`."""
+    found = []
+    for path in sorted(folder.glob("*.sport")):
+        try:
+            file, history = SessionFile.open(path, folder / "characters")
+            takes = list(history.present.session.takes)
+            for take in takes:
+                if len(take.made.clip) != take.frames or (
+                    take.made.header.drivable and take.made.drive is None
+                ):
+                    problems.append(f"{path.name}: {take.title} is not whole")
+                if not take.made.header.drivable:
+                    problems.append(f"{path.name}: {take.title} cannot be resimulated")
+            file.close()
+        except SportError as error:
+            problems.append(str(error))
+            continue
+        found.append(takes)
+    return found
+
+
+def _killed(recorder: Recorder, takes: int, edits: bool = False) -> Outcome:
+    """What the session of a killed process has of what it had reported."""
     code = recorder.wait()
-    found, complaints = find_journals(recorder.config / "journals")
-    outcome = Outcome(recorder.frames / FPS, code, "journal", len(found), recorder.said, complaints)
+    outcome = Outcome(recorder.frames / FPS, code, "sessions", recorder.said)
     outcome.problems += [f"it did not end within {START_S:.0f} s"] * recorder.stuck
-    if len(found) == 1 + finished:
-        outcome.lost_s -= max(len(journal.read()) for journal in found) / FPS
+    found = takes_in(recorder.config / "sessions", outcome.problems)
+    if [len(session) for session in found] == [takes]:
+        last = found[0][-1]
+        outcome.lost_s -= (int(last.name.split()[-1]) if edits else last.frames) / FPS
     else:
-        outcome.problems.append(f"{len(found)} journals of {1 + finished}")
-    if outcome.lost_s > 1.0:
+        outcome.problems.append(f"{[len(session) for session in found]} takes of {takes}")
+    if outcome.lost_s > MOST_LOST_S:
         outcome.problems.append(f"{outcome.lost_s:.2f} s lost")
-    for journal in found:
-        journal.release()
     return outcome
 
 
-def config_removed(folder: Path, seconds: float) -> Outcome:
-    """The folder of settings and journals is removed while a take runs and another has ended; then the process is killed."""
+def folder_removed(folder: Path, seconds: float) -> Outcome:
+    """The folder of settings and sessions is removed while a take runs and another has ended; then the process is killed."""
     recorder = Recorder(folder, "--takes", "1")
     recorder.until(seconds)
     shutil.rmtree(recorder.config)
-    recorder.until(seconds + 1.0)
+    recorder.until(seconds + 2.0)
     recorder.process.send_signal(signal.SIGKILL)
-    return _from_journal(recorder, finished=1)
+    return _killed(recorder, takes=2)
 
 
 def display_gone(folder: Path, seconds: float) -> Outcome:
@@ -126,7 +150,7 @@ def display_gone(folder: Path, seconds: float) -> Outcome:
         recorder = Recorder(folder, "--window", env={"DISPLAY": name, "WAYLAND_DISPLAY": ""})
         recorder.until(seconds)
         server.kill()
-        return _from_journal(recorder)
+        return _killed(recorder, takes=1)
 
 
 def window_killed(folder: Path, seconds: float) -> Outcome:
@@ -135,7 +159,7 @@ def window_killed(folder: Path, seconds: float) -> Outcome:
         recorder = Recorder(folder, "--window", env={"DISPLAY": name, "WAYLAND_DISPLAY": ""})
         recorder.until(seconds)
         subprocess.run([sys.executable, "-c", _XKILL, name], check=True)
-        return _from_journal(recorder)
+        return _killed(recorder, takes=1)
 
 
 _XKILL = """
@@ -167,94 +191,76 @@ def display() -> Iterator[tuple[subprocess.Popen[bytes], str]]:
             server.kill()
 
 
-def interrupted_twice(folder: Path, seconds: float) -> Outcome:
-    """Ctrl+C, and again and again while the take is being written."""
-    recorder = Recorder(folder, "--slow", "1.0")
+def interrupted_often(folder: Path, seconds: float) -> Outcome:
+    """Ctrl+C, and again and again while the session is being written."""
+    recorder = Recorder(folder, "--slow", "0.3")
     recorder.until(seconds)
     for _ in range(4):
         recorder.process.send_signal(signal.SIGINT)
         time.sleep(0.2)
-    return _exported(recorder, [recorder.export], expected=0)
+    return _ended([recorder], recorder.config / "sessions", expected=0)
 
 
 def disk_full(folder: Path, seconds: float) -> Outcome:
-    """The disk of the export folder has no room (a real one of 16 KB where root may mount it)."""
-    export = folder / "clips"
-    export.mkdir(parents=True)
-    mount = ["mount", "-t", "tmpfs", "-o", "size=16k", "tmpfs", str(export)]
+    """The disk of the sessions gets full (a real one of 256 KB where root may mount it)."""
+    place = folder / "config" / "sessions"
+    place.mkdir(parents=True)
+    mount = ["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", str(place)]
     mounted = bool(shutil.which("mount")) and subprocess.run(mount, capture_output=True).returncode == 0
     try:
-        recorder = Recorder(folder, *(() if mounted else ("--full",)))
+        recorder = Recorder(folder, "--takes", "1", *(() if mounted else ("--full",)))
         recorder.until(seconds)
+        if mounted:
+            with contextlib.suppress(OSError), (place / "filler").open("wb", buffering=0) as filler:
+                while True:
+                    filler.write(bytes(512))
+        recorder.until(seconds + 1.0)
         recorder.process.send_signal(signal.SIGTERM)
-        return _exported(recorder, [recorder.config / "takes"], expected=1)
+        return _ended([recorder], recorder.temporary / "sport-sessions", expected=1, takes=2)
     finally:
         if mounted:
-            subprocess.run(["umount", str(export)], check=True)
+            subprocess.run(["umount", str(place)], check=True)
 
 
-def export_is_a_file(folder: Path, seconds: float) -> Outcome:
-    """What should be the export folder is a file; so it is where nothing can be made in a read-only home."""
+def state_is_a_file(folder: Path, seconds: float) -> Outcome:
+    """The folder of settings and sessions cannot be made; so it is in a read-only home."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "clips").write_text("", encoding="utf-8")
+    (folder / "config").write_text("", encoding="utf-8")
     recorder = Recorder(folder)
     recorder.until(seconds)
     recorder.process.send_signal(signal.SIGTERM)
-    return _exported(recorder, [recorder.config / "takes"], expected=1)
-
-
-def no_home(folder: Path, seconds: float) -> Outcome:
-    """Neither the export folder nor the folder of settings and journals can be made."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name in ("clips", "config"):
-        (folder / name).write_text("", encoding="utf-8")
-    temporary = folder / "temporary"
-    temporary.mkdir()
-    recorder = Recorder(folder, env={"TMPDIR": str(temporary)})
-    recorder.until(seconds)
-    recorder.process.send_signal(signal.SIGTERM)
-    return _exported(recorder, [temporary / "sport-clips"], expected=1)
+    recorder.wait()
+    (place,) = recorder.temporary.glob("sport-*")
+    return _ended([recorder], place, expected=1)
 
 
 def two_at_once(folder: Path, seconds: float) -> Outcome:
-    """Two runs with three takes each end at the same moment and export into one folder."""
+    """Two runs with three takes each end at the same moment."""
     recorders = [Recorder(folder, "--takes", "2") for _ in range(2)]
     for recorder in recorders:
         recorder.until(seconds)
     for recorder in recorders:
         recorder.process.send_signal(signal.SIGTERM)
-    recorders[1].wait()
-    return _exported(recorders[0], [recorders[0].export], expected=0, takes=6, others=recorders[1:])
+    return _ended(recorders, recorders[0].config / "sessions", expected=0, takes=3)
 
 
-def _exported(
-    recorder: Recorder,
-    folders: list[Path],
-    expected: int,
-    takes: int = 1,
-    others: list[Recorder] | None = None,
-) -> Outcome:
-    """What the files in `folders` hold of what was recorded."""
-    code = recorder.wait()
-    clips = [load_clip_bvh(path) for folder in folders for path in sorted(folder.glob("*.bvh"))]
-    frames = sum(r.frames for r in (recorder, *(others or [])))
-    finished = 10 * len(others or []) * 2  # frames of the takes before the running ones
-    held = sum(len(clip) for clip in clips) - finished
-    outcome = Outcome(max(frames - held, 0) / FPS, code, folders[0].name, len(clips), recorder.said)
-    if len(clips) != takes:
-        outcome.problems.append(f"{len(clips)} takes of {takes}")
+def _ended(recorders: list[Recorder], place: Path, expected: int, takes: int = 1) -> Outcome:
+    """What the sessions in `place` hold of what was recorded when the processes were told to end."""
+    codes = [recorder.wait() for recorder in recorders]
+    said = "".join(recorder.said for recorder in recorders)
+    outcome = Outcome(0.0, codes[0], place.name, said)
+    found = takes_in(place, outcome.problems)
+    frames = sum(recorder.frames for recorder in recorders)
+    outcome.lost_s = max(frames - sum(session[-1].frames for session in found if session), 0) / FPS
+    if [len(session) for session in found] != [takes] * len(recorders):
+        outcome.problems.append(f"{[len(session) for session in found]} takes of {takes}")
     if outcome.lost_s > 0.0:
         outcome.problems.append(f"{outcome.lost_s:.2f} s lost")
-    outcome.problems += [f"it did not end within {START_S:.0f} s"] * any(
-        r.stuck for r in (recorder, *(others or []))
-    )
-    codes = [code, *(r.process.returncode for r in others or [])]
-    if any(c != expected for c in codes):
-        outcome.problems.append(f"exit codes {codes}, expected {expected}: {recorder.said[-300:]}")
-    if expected and str(folders[0]) not in recorder.said:
-        outcome.problems.append(f"it does not say where: {recorder.said[-300:]}")
-    if find_journals(recorder.config / "journals")[0]:
-        outcome.problems.append("a journal is left")
+    outcome.problems += [f"it did not end within {START_S:.0f} s"] * any(r.stuck for r in recorders)
+    if any(code != expected for code in codes):
+        outcome.problems.append(f"exit codes {codes}, expected {expected}: {said[-300:]}")
+    if expected and str(place) not in said:
+        outcome.problems.append(f"it does not say where: {said[-300:]}")
     return outcome
 
 
@@ -262,14 +268,14 @@ def all_faults() -> dict[str, Callable[[Path, float], Outcome]]:
     """The faults that can be made on this machine, by name."""
     names = [name for name in ("SIGKILL", "SIGSEGV", "SIGABRT", "SIGQUIT") if hasattr(signal, name)]
     faults = {f"killed by {name}": signalled(getattr(signal, name)) for name in names}
+    faults["killed while editing"] = signalled(signal.SIGKILL, "--edits")
     if shutil.which("Xvfb"):
         faults |= {"display gone": display_gone, "window killed": window_killed}
     return {
         **faults,
-        "folder of journals removed, then SIGKILL": config_removed,
-        "Ctrl+C four times": interrupted_twice,
+        "folder of sessions removed, then SIGKILL": folder_removed,
+        "Ctrl+C four times": interrupted_often,
         "disk full": disk_full,
-        "export folder is a file": export_is_a_file,
-        "nothing can be written but temporary files": no_home,
+        "nothing can be written but temporary files": state_is_a_file,
         "two runs end at once": two_at_once,
     }

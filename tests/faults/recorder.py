@@ -1,6 +1,6 @@
 """The process that faults happen to: the viewer with a model that costs nothing, recording from its first frame.
 
-It reports on its output, a line each, how many frames of the running take it has recorded.
+It reports on its output, a line each, how many frames of the running take it has recorded, or how many edits it has made.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ def main() -> int:
     """Run the viewer until something ends it; the exit code."""
     parser = argparse.ArgumentParser()
     parser.add_argument("config", type=Path)
-    parser.add_argument("export", type=Path)
     parser.add_argument("--window", action="store_true", help="in a window, not offscreen")
     parser.add_argument("--takes", type=int, default=0, help="finished takes before the running one")
-    parser.add_argument("--slow", type=float, default=0.0, help="seconds that saving a take lasts longer")
-    parser.add_argument("--full", action="store_true", help="the export folder's disk is full")
+    parser.add_argument("--edits", action="store_true", help="rename a take in every frame, and record none")
+    parser.add_argument("--slow", type=float, default=0.0, help="seconds that writing lasts longer")
+    parser.add_argument("--full", action="store_true", help="the disk is full from the second take on")
     options = parser.parse_args()
     signal.signal(
         signal.SIGINT, signal.default_int_handler
@@ -39,7 +39,7 @@ def main() -> int:
     from viewer import app as app_module
     from viewer.options import ViewOptions
 
-    _spoil_saving(options)
+    _spoil_writing(options)
     _record(app_module.App, options)
     frames = None if options.window else 1_000_000
     size = {"width": 320, "height": 240, "panels": False}
@@ -48,43 +48,47 @@ def main() -> int:
 
 
 def _record(app_class: Any, options: argparse.Namespace) -> None:
-    """Record from the first frame on, at the pace of the simulation."""
+    """Record from the first frame on, or edit in every one, at the pace of the simulation."""
     draw = app_class.frame
 
     def frame(app: Any) -> None:
         begin = time.monotonic()
         if app.frames_shown == 0:
-            app.settings.export_folder = str(options.export)
             app.window.draw_interface = lambda: None
-            for _ in range(options.takes):
+            for _ in range(options.takes + options.edits):
                 app.takes.toggle_recording()
                 for _ in range(5):
                     draw(app)
                 app.takes.toggle_recording()
-            app.takes.toggle_recording()
+            app.editor.file.flush(10.0)
+            if not options.edits:
+                app.takes.toggle_recording()
         draw(app)
-        print(round(app.takes.recorder.take_seconds * 60), flush=True)
+        if options.edits:
+            app.takes.rename(1, f"name {app.frames_shown}")
+        done = app.frames_shown if options.edits else round(app.takes.recorder.take_seconds * 60)
+        print(done, flush=True)
         time.sleep(max(1 / 60 - (time.monotonic() - begin), 0.0))
 
     app_class.frame = frame
 
 
-def _spoil_saving(options: argparse.Namespace) -> None:
-    from runtime.formats import bvh_clip
+def _spoil_writing(options: argparse.Namespace) -> None:
+    from runtime.session.database import Database, Writer
 
-    save, write = bvh_clip.save_bvh, Path.write_bytes
+    keep, put = Database._keep_there, Writer.put_frames
 
-    def slow(*about: Any, **more: Any) -> Path:
+    def slow(database: Database) -> None:
         time.sleep(options.slow)
-        return save(*about, **more)
+        keep(database)
 
-    def full(path: Path, data: bytes) -> int:
-        if options.full and path.is_relative_to(options.export):
+    def full(writer: Writer, key: str, *about: Any) -> None:
+        put(writer, key, *about)
+        if options.full and writer._run("SELECT count(DISTINCT motion) FROM frames").fetchone()[0] > 1:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return write(path, data)
 
-    bvh_clip.save_bvh = slow
-    Path.write_bytes = full  # type: ignore[assignment]
+    Database._keep_there = slow  # type: ignore[method-assign]
+    Writer.put_frames = full  # type: ignore[method-assign]
 
 
 if __name__ == "__main__":

@@ -40,7 +40,7 @@ from training.baselines.matching import (
 )
 from training.data.catalog import BY_NAME
 from training.evaluation.metrics.motion import original_clips
-from training.evaluation.motion.subject import style_texts
+from training.evaluation.motion.evaluated_model import style_texts
 from training.frames import LAYERED, ClipFrames, clip_frames
 
 MIN_FRAMES = 60  # of a clip

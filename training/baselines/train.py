@@ -35,7 +35,7 @@ from training.baselines.motion_matching import MIN_FRAMES, ROLLOUTS, speeds
 from training.baselines.networks import Baseline, FilmModulated, PhaseFunctioned, StyleByLabel
 from training.baselines.phases import phase_vectors, windows
 from training.evaluation.metrics.motion import original_clips
-from training.evaluation.motion.subject import style_texts
+from training.evaluation.motion.evaluated_model import style_texts
 from training.export.graph import export_graph
 from training.frames import LAYERED, PLAIN, ClipFrames, clip_frames
 from training.presets import preset

@@ -36,7 +36,7 @@ from training.data.clip_files import TrainingClip
 from training.data.height_patches import Patches
 from training.evaluation.metrics.crossing import first_problem
 from training.evaluation.motion.driving import Recorder
-from training.evaluation.motion.subject import Subject, style_texts
+from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
 
 log = logging.getLogger("sport.train")
 
@@ -273,7 +273,7 @@ def make(folder: Path, out: Path, minutes: float, seed: int, part: int = 0, part
     """
     generator = np.random.default_rng([seed, part])
     texts = style_texts()
-    subject = Subject(folder, texts)
+    evaluated = EvaluatedModel(folder, texts)
     styles = sorted(texts)
     seen: Counter[str] = Counter()
     frames, number, walks = 0, part, 0
@@ -286,9 +286,14 @@ def make(folder: Path, out: Path, minutes: float, seed: int, part: int = 0, part
         walks += 1
         style, kind = str(generator.choice(styles)), str(generator.choice(KINDS, p=SHARES))
         gait = Gait.JOG if generator.random() < 0.35 else Gait.WALK
-        code = subject.style(style, int(generator.integers(8)))
+        code = evaluated.style(style, int(generator.integers(8)))
         walked = walk(
-            subject.model, random_course(kind, generator), style, code, gait, int(generator.integers(1 << 30))
+            evaluated.model,
+            random_course(kind, generator),
+            style,
+            code,
+            gait,
+            int(generator.integers(1 << 30)),
         )
         for clip in kept(walked, f"course_{seed}_{number}_{style}", seen):
             clip.save(out)

@@ -1,1 +1,1 @@
-"""Evaluation (Sec. IV): what generated motion is worth beside captured motion, scored by the same code."""
+"""Evaluation (Sec. IV): generated and captured motion, scored by the same code."""

@@ -5,28 +5,29 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-from runtime.assets import model_folder
 from runtime.errors import UsageError
 from runtime.motion.motion_encoder import ExportedMotionEncoder
-from training.evaluation.experiment import Arguments, Experiment, Setting, run
+from training.evaluation.experiment import (
+    FEATURES,
+    QUICK,
+    SECONDS,
+    SEED,
+    STYLES,
+    Arguments,
+    Experiment,
+    Setting,
+    command_of,
+    option,
+    run,
+)
 from training.evaluation.metrics.classifiers import StyleClassifier
 from training.evaluation.metrics.features import has_encoder
-from training.evaluation.motion.capture import Options, make_plan
-from training.evaluation.motion.obstacles import (
-    COURSES as OBSTACLE_COURSES,
-)
-from training.evaluation.motion.obstacles import (
-    STYLES,
-    ObstacleRun,
-    by_name,
-    runner_of,
-    score_obstacles,
-)
-from training.evaluation.motion.scores import score_held_out, score_model, score_rollouts
-from training.evaluation.motion.subject import Subject
+from training.evaluation.motion import obstacles
+from training.evaluation.motion.capture import EvaluationPlan, Options, make_plan
+from training.evaluation.motion.evaluated_model import EvaluatedModel
+from training.evaluation.motion.scores import score_held_out, score_model
 from training.evaluation.report import courses, tables
 
 
@@ -48,137 +49,83 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def motion(setting: Setting) -> dict[str, Any]:
-    """All figures as plain data; with --figures the paper's Fig. 6, 7 and 8 too."""
-    args = setting.args
-    if args.figures is not None:
-        from training.evaluation.report.figures import draw_figures
-
-        args.figures.mkdir(parents=True, exist_ok=True)
-        draw_figures(setting.clips, setting.folders[0], args.figures, args.seed, setting.report)
-        if args.only_figures:
-            return {}
-    options = replace(Options.quick() if args.quick else Options(), seed=args.seed)
-    if args.seconds is not None:
-        options = replace(options, follow_seconds=args.seconds)
-    plan = make_plan(setting.clips, args.styles, options, _encoder(setting), setting.report)
+    """All figures as plain data."""
+    plan = plan_of(setting)
     held_out = score_held_out(plan, setting.report)
-    models = [score_model(plan, Subject(folder, plan.texts), setting.report) for folder in setting.folders]
+    models = [
+        score_model(plan, EvaluatedModel(folder, plan.texts), setting.report) for folder in setting.folders
+    ]
     for model in models:
         for bar in tables.check(model, held_out):
             setting.report(f"{model['name']}: {bar.name}: {bar.passed} ({bar.met} of {bar.cases})")
     return {
-        "command": command_of("sport evaluate", args, clips=True),
-        "options": vars(options),
+        "command": command_of("sport evaluate", setting.args, clips=True),
+        "options": vars(plan.options),
         "feature_sets": plan.feature_sets,
         "styles": list(plan.groups),
         "held_out": held_out,
-        "rollouts": score_rollouts(plan, setting.report),
         "models": models,
     }
 
 
-def _encoder(setting: Setting) -> ExportedMotionEncoder | None:
-    """The encoder of --features; without that option that of the first model, which may have none."""
-    if setting.args.features is not None:
-        return ExportedMotionEncoder(setting.args.features)
-    first = setting.folders[0]
-    if has_encoder(first):
-        return ExportedMotionEncoder(first)
-    setting.report(f"{first} has no motion.onnx: distances are taken over kinematic features alone")
-    return None
+def plan_of(setting: Setting) -> EvaluationPlan:
+    """The plan that --quick, --seconds, --seed, --styles and --features ask for.
+
+    Without --features the encoder is that of the first model that has one.
+    """
+    args = setting.args
+    options = replace(Options.quick() if args.quick else Options(), seed=args.seed)
+    if args.seconds is not None:
+        options = replace(options, follow_seconds=args.seconds)
+    folder = args.features or next((f for f in setting.folders if has_encoder(f)), None)
+    if folder is None:
+        setting.report("no model has a motion.onnx: distances are taken over kinematic features alone")
+    encoder = None if folder is None else ExportedMotionEncoder(folder)
+    return make_plan(setting.clips, args.styles, options, encoder, setting.report)
 
 
-def _check_motion(args: Arguments) -> None:
-    if args.only_figures and args.figures is None:
-        raise UsageError("--only-figures: there is no folder for them.", "Add --figures DIR.")
+def check_seconds(args: Arguments) -> None:
+    """UsageError for a length of paths that makes no sense."""
     if args.seconds is not None and not 3.0 <= args.seconds <= 3600.0:
         raise UsageError(f"--seconds {args.seconds}: expected 3 to 3600.", "Try 40.")
 
 
-def command_of(program: str, args: Arguments, clips: bool = False) -> str:
-    """The command in a form that names no folder of this machine."""
-    words = [program] + (["--clips DIR"] if clips else [])
-    for name, value in vars(args).items():
-        option = f"--{name.replace('_', '-')}"
-        if name in ("model", "features") and value:
-            words += [f"{option} {_short(f)}" for f in (value if isinstance(value, list) else [value])]
-        elif name in ("styles", "course", "only") and value:
-            words.append(f"{option} {' '.join(value)}")
-        elif name == "seconds" and value is not None:
-            words.append(f"{option} {value:g}")
-        elif (name == "quick" and value) or (name == "seed" and value):
-            words.append(option if value is True else f"{option} {value}")
-    return " ".join(words)
-
-
-def _short(folder: Path) -> str:
-    return folder.as_posix() if not folder.is_absolute() else "/".join(folder.parts[-2:])
-
-
-SEED: tuple[str, dict[str, Any]] = ("--seed", {"type": int, "default": 0})
-
 MOTION = Experiment(
     "Score models against captured motion by the paper's metrics; equal arguments give equal figures, but for the times.",
     motion,
-    lambda results: tables.markdown(results) if results else "",
+    tables.markdown,
     tables.SECTION,
     clips=True,
     models=2,
     options=(
-        (
-            "--features",
-            {
-                "type": model_folder,
-                "metavar": "DIR",
-                "help": "model folder whose motion encoder serves all distances (default: the first model's)",
-            },
-        ),
-        ("--figures", {"type": Path, "metavar": "DIR", "help": "draw the paper's Fig. 6, 7 and 8 into DIR"}),
-        ("--only-figures", {"action": "store_true", "help": "draw the figures and score nothing"}),
-        ("--styles", {"nargs": "+", "metavar": "STYLE", "help": "default: every style of the clips"}),
-        (
-            "--seconds",
-            {"type": float, "metavar": "S", "help": "of followed paths per style (default: 40)"},
-        ),
-        ("--quick", {"action": "store_true", "help": "a trial: too little motion for figures to quote"}),
-        (
-            "--text",
-            {"action": "store_true", "help": "score what prompts do instead; it has a help of its own"},
-        ),
-        ("--courses", {"action": "store_true", "help": "score how obstacles are crossed instead; likewise"}),
+        FEATURES,
+        STYLES,
+        SECONDS,
+        QUICK,
+        option("--text", action="store_true", help="score what prompts do instead; it has a help of its own"),
+        option("--courses", action="store_true", help="score how obstacles are crossed instead; likewise"),
         SEED,
     ),
-    check=_check_motion,
+    check=check_seconds,
 )
 
 # --- courses: six obstacle courses by six styles, walking and jogging, before and after foot lock --------------------
 
 
 def obstacle_courses(setting: Setting) -> dict[str, Any]:
-    """All figures as plain data; pictures are drawn on the way."""
-    args, runs = setting.args, []
-
-    def draw(run: ObstacleRun) -> None:
-        """Draw a course when the last style has walked over it."""
-        if "walk" in run.motion.name:
-            runs.append(run)
-        if len(runs) == len(args.styles):
-            courses.draw_courses(runs, args.pictures / f"{run.course.name}.png")
-            runs.clear()
-
-    if args.pictures is not None:
-        args.pictures.mkdir(parents=True, exist_ok=True)
-    results = score_obstacles(
-        runner_of(setting.subject, args.seed),
+    """All figures as plain data."""
+    args = setting.args
+    results = obstacles.score_obstacles(
+        obstacles.runner_of(setting.model, args.seed),
         args.styles,
-        by_name(args.course),
+        obstacles.by_name(args.course),
         _classifier(setting),
         setting.report,
-        None if args.pictures is None else draw,
     )
-    named = Arguments(**{**vars(args), "styles": [] if tuple(args.styles) == STYLES else args.styles})
+    chosen = [] if tuple(args.styles) == obstacles.STYLES else args.styles
+    named = Arguments(**{**vars(args), "styles": chosen})
     command = command_of("sport evaluate --courses", named, clips=args.clips is not None)
-    return {"command": command, "model": setting.subject.name, **results}
+    return {"command": command, "model": setting.model.name, **results}
 
 
 def _classifier(setting: Setting) -> StyleClassifier | None:
@@ -198,30 +145,21 @@ COURSES = Experiment(
     obstacle_courses,
     courses.markdown,
     courses.SECTION,
-    clips=None,  # to tell whether styles are recognised
+    clips=None,  # only to recognise styles
     options=(
-        (
+        option(
             "--styles",
-            {
-                "nargs": "+",
-                "metavar": "STYLE",
-                "default": list(STYLES),
-                "help": f"default: {' '.join(STYLES)}",
-            },
+            nargs="+",
+            metavar="STYLE",
+            default=list(obstacles.STYLES),
+            help=f"default: {' '.join(obstacles.STYLES)}",
         ),
-        (
+        option(
             "--course",
-            {
-                "nargs": "+",
-                "metavar": "NAME",
-                "default": [],
-                "choices": [c.name for c in OBSTACLE_COURSES],
-                "help": "default: all six",
-            },
-        ),
-        (
-            "--pictures",
-            {"type": Path, "metavar": "DIR", "help": "draw a contact sheet of each course into DIR"},
+            nargs="+",
+            default=[],
+            choices=[c.name for c in obstacles.COURSES],
+            help="default: all",
         ),
         SEED,
     ),

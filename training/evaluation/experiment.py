@@ -1,6 +1,6 @@
 """One runner for every experiment: what is generated and measured, from which inputs, in which table.
 
-An `Experiment` is a record. `run` gives it the arguments that all share, checks the files before anything is measured,
+An `Experiment` is a record. `run` gives it the common arguments, checks the files before anything is measured,
 prints the table, and writes figures and table: `python -m training.evaluation NAME --help`.
 """
 
@@ -19,7 +19,7 @@ from typing import Any
 from runtime.assets import model_folder
 from runtime.atomic import check_target, write_atomic
 from runtime.errors import FileError, UsageError, run_command
-from training.evaluation.motion.subject import Subject, style_texts
+from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
 from training.markdown import check_section, write_section
 
 log = logging.getLogger("sport.evaluate")
@@ -32,23 +32,28 @@ EXPERIMENTS = {
     "motion": "training.evaluation.command:MOTION",
     "courses": "training.evaluation.command:COURSES",
     "text": "training.evaluation.text.command:TEXT",
-    "table1": "training.evaluation.table1:TABLE1",
-    "distances": "training.evaluation.on_captured_paths:DISTANCES",
-    "two-sample": "training.evaluation.on_captured_paths:TWO_SAMPLE",
-    "same-path": "training.evaluation.on_captured_paths:SAME_PATH",
+    "animators": "training.evaluation.text.animators:ANIMATORS",
+    "table1": "training.evaluation.compared_models:TABLE1",
+    "distances": "training.evaluation.compared_models:DISTANCES",
     "gait": "training.evaluation.on_straight_walks:GAIT",
-    "blend-steps": "training.evaluation.on_straight_walks:BLEND_STEPS",
-    "speed": "training.evaluation.on_straight_walks:SPEED",
-    "precision": "training.evaluation.on_straight_walks:PRECISION",
     "moments": "training.evaluation.on_moments:MOMENTS",
-    "standing": "training.evaluation.on_moments:STANDING_STILL",
-    "phases": "training.evaluation.phase_spaces:PHASES",
-    "contrast": "training.evaluation.contrast:CONTRAST",
-    "wall": "training.evaluation.wall:WALL",
-    "hands": "training.evaluation.text.hand_places:HANDS",
-    "prompts": "training.evaluation.text.untuned_prompts:PROMPTS",
-    "soak": "training.evaluation.motion.soak:SOAK",
 }
+
+Option = tuple[str, dict[str, Any]]
+
+
+def option(name: str, **settings: Any) -> Option:
+    """An option of one experiment, as `add_argument` takes it."""
+    return name, settings
+
+
+SEED = option("--seed", type=int, default=0)
+STYLES = option("--styles", nargs="+", metavar="STYLE", help="default: every style of the clips")
+SECONDS = option("--seconds", type=float, metavar="S", help="of followed paths per style (default: 40)")
+QUICK = option("--quick", action="store_true", help="a trial: too little motion for figures to quote")
+FEATURES = option(
+    "--features", type=model_folder, metavar="DIR", help="model whose motion encoder serves all"
+)
 
 
 @dataclass(frozen=True)
@@ -69,17 +74,17 @@ class Setting:
         return list(given) if isinstance(given, list) else [given]
 
     @cached_property
-    def subjects(self) -> list[Subject]:
+    def models(self) -> list[EvaluatedModel]:
         """The models with the descriptions of every style."""
-        return [Subject(folder, style_texts()) for folder in self.folders]
+        return [EvaluatedModel(folder, style_texts()) for folder in self.folders]
 
     @property
-    def subject(self) -> Subject:
+    def model(self) -> EvaluatedModel:
         """The one model."""
-        return self.subjects[0]
+        return self.models[0]
 
     def report(self, line: str) -> None:
-        """Tell of progress."""
+        """Log progress."""
         log.info(line)
 
 
@@ -93,12 +98,12 @@ class Experiment:
     section: str = ""  # of a document, between whose markers the table goes
     clips: bool | None = False  # whether a folder of imported clips is needed; None: it can be given
     models: int = 1  # how many can be given: 0, 1 or 2 for any number
-    options: tuple[tuple[str, dict[str, Any]], ...] = ()  # its own, as `add_argument` takes them
+    options: tuple[Option, ...] = ()  # its own
     check: Callable[[Arguments], None] = lambda args: None  # UsageError before anything is measured
     missed: Callable[[Figures], bool] = lambda figures: False  # exit code 1
 
     def parser(self, program: str) -> argparse.ArgumentParser:
-        """The arguments that all experiments share, and its own."""
+        """The common arguments, and its own."""
         parser = argparse.ArgumentParser(prog=program, description=self.question)
         if self.clips is not False:
             parser.add_argument("--clips", type=Path, metavar="DIR", help="folder of imported clips")
@@ -140,7 +145,7 @@ def run(experiment: Experiment, argv: Sequence[str], program: str) -> int:
     if experiment.clips and args.known is None and args.clips is None:
         raise UsageError("--clips: no folder of imported clips is given.", "Add --clips DIR.")
     experiment.check(args)
-    figures = experiment.figures(Setting(args)) if args.known is None else _read(args.known)
+    figures = experiment.figures(Setting(args)) if args.known is None else read_json(args.known)
     text = experiment.table(figures)
     print(text.rstrip("\n"))
     if args.json is not None:
@@ -150,7 +155,28 @@ def run(experiment: Experiment, argv: Sequence[str], program: str) -> int:
     return int(experiment.missed(figures))
 
 
-def _read(path: Path) -> Figures:
+def command_of(program: str, args: Arguments, clips: bool = False) -> str:
+    """The command in a form that names no folder of this machine."""
+    words = [program] + (["--clips DIR"] if clips else [])
+    for name, value in vars(args).items():
+        given = f"--{name.replace('_', '-')}"
+        if name in ("model", "features") and value:
+            words += [f"{given} {_short(f)}" for f in (value if isinstance(value, list) else [value])]
+        elif name in ("styles", "course", "only") and value:
+            words.append(f"{given} {' '.join(value)}")
+        elif name == "seconds" and value is not None:
+            words.append(f"{given} {value:g}")
+        elif name in ("quick", "seed") and value:
+            words.append(given if value is True else f"{given} {value}")
+    return " ".join(words)
+
+
+def _short(folder: Path) -> str:
+    return folder.as_posix() if not folder.is_absolute() else "/".join(folder.parts[-2:])
+
+
+def read_json(path: Path) -> Figures:
+    """What --json or --store kept; FileError where it cannot be read."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:

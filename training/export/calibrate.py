@@ -33,9 +33,8 @@ from runtime.prompts.parts import PartDescriptions, mirror_text
 from runtime.prompts.prompter import Prompter
 from runtime.prompts.wording import Wording, wording_of
 from runtime.skeleton import PART_NAMES
-from training.evaluation.text.command import PLAIN_PROMPT
-from training.evaluation.text.phrase_shares import SECONDS, described_edits, edit_share, neutral_motion
-from training.evaluation.text.walks import Walk, Walker
+from training.evaluation.text.prompt_adherence import SECONDS, described_edits, edit_fraction, neutral_motion
+from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker
 from training.frames import FrameTable, load_frames
 from training.layering.catalog import EDITS, HELD_OUT
 from training.layering.measured_edits import Summary
@@ -157,7 +156,7 @@ def calibrated(model: MotionModel, prompter: Prompter, walker: Walker, told: Wor
     examples = described_edits(neutral_motion(model, neutral))
     pairs = _trained()
     edits = {
-        name: _Asked(name, EDITS[name].phrases, partial(edit_share, name, examples[name]))
+        name: _Asked(name, EDITS[name].phrases, partial(edit_fraction, name, examples[name]))
         for name in sorted({n for pair in pairs for n in pair})
     }
     first = dict(zip(edits, walks.shares(list(edits.values())), strict=True))

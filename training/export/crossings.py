@@ -28,7 +28,7 @@ from runtime.terrain.height_map import Terrain
 from runtime.terrain.way_ahead import ObstacleAhead, ObstacleKind
 from training.evaluation.metrics.crossing import first_problem
 from training.evaluation.motion.driving import Recorder
-from training.evaluation.motion.subject import Subject, style_texts
+from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
 
 log = logging.getLogger("sport.train")
 
@@ -59,10 +59,10 @@ class _WithoutKeys(MotionModel):
 
 def measure_crossings(folder: Path) -> dict[str, float]:
     """Measure a model folder, and write the largest size of each kind that is crossed into its metadata."""
-    subject = Subject(folder, style_texts(STYLES))
-    model = copy(subject.model)
+    evaluated = EvaluatedModel(folder, style_texts(STYLES))
+    model = copy(evaluated.model)
     model.__class__ = _WithoutKeys
-    codes = [subject.style(style, 0) for style in STYLES]
+    codes = [evaluated.style(style, 0) for style in STYLES]
     crossed: dict[str, float] = {}
     for kind, sizes in SIZES.items():
         for size in sizes:

@@ -1,6 +1,6 @@
 """The model card that travels with the exported networks.
 
-    python -m training.export.model_card FOLDER --soak soak.json --text text.json --motion evaluation.json --gait gait.json
+    python -m training.export.model_card FOLDER --text text.json --motion evaluation.json --gait gait.json
 
 puts measured figures into an exported model's metadata and card.
 """
@@ -94,18 +94,6 @@ def _eight_bits(quantised: dict[str, Any]) -> list[str]:
     ]
 
 
-def soak_metrics(soak: dict[str, Any]) -> list[str]:
-    """Lines from the JSON of `training.evaluation soak`."""
-    minutes = soak["frames"] / 3600
-    lines = [
-        f"- {minutes:.0f} minutes of random play (`training.evaluation soak`): {soak['not_finite']} values not finite,"
-        f" {soak['frozen_seconds']} of {soak['moving_seconds']} moving seconds frozen, mean speed error"
-        f" {100 * soak['speed_error']:.1f} %"
-    ]
-    skating = ", ".join(f"{k} {v['skating_cm']:.4f}" for k, v in soak["terrains"].items())
-    return [*lines, f"- Toe skating by the paper's formula in it, cm per frame: {skating}"]
-
-
 def text_metrics(text: dict[str, Any]) -> list[str]:
     """Lines from the JSON of `sport evaluate --text`."""
     from training.evaluation.report.text_tables import bars
@@ -127,14 +115,14 @@ def gait_metrics(gait: dict[str, Any]) -> list[str]:
 
     ours = gait["models"][list(gait["models"])[-1]]
     found = [f"{row.title} {cell(row, gait['raw'], ours)}" for row in ROWS]
-    return ["- straight walks, ours beside raw capture, median; styles within the bar: " + ", ".join(found)]
+    return ["- straight walks, ours and raw capture, median; styles within the bar: " + ", ".join(found)]
 
 
 def main(argv: list[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description="Put measured figures into a model's card.")
     parser.add_argument("model", type=Path, help="folder of an exported model")
-    sources = {"soak": soak_metrics, "text": text_metrics, "motion": motion_metrics, "gait": gait_metrics}
+    sources = {"text": text_metrics, "motion": motion_metrics, "gait": gait_metrics}
     for name in sources:
         parser.add_argument(f"--{name}", type=Path, help=f"JSON of the {name} measurement")
     args = parser.parse_args(argv)

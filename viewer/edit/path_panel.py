@@ -50,10 +50,8 @@ def _selected(tool: PathTool) -> None:
     gait = widgets.segmented("path gait", GAITS, point.gait)
     width = imgui.get_content_region_avail().x
     imgui.set_next_item_width(width - 2 * px(62) - 2 * px(4))
-    text = f"to point {tool.selected + 1}: %.0f %%%%"
-    moved, speed = widgets.slider(
-        "##path speed", point.speed * 100.0, 10.0, 100.0, text.replace("%%%%", "%%")
-    )
+    text = f"to point {tool.selected + 1}: %.0f %%"
+    moved, speed = widgets.slider("##path speed", point.speed * 100.0, 10.0, 100.0, text)
     widgets.tooltip("How far the stick is pushed on the way to this point")
     if gait != point.gait or moved:
         tool.change(gait=gait, speed=speed / 100.0)

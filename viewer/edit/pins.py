@@ -87,7 +87,7 @@ class Pins:
         return self.pins[self.selected] if 0 <= self.selected < len(self.pins) else None
 
     def follow(self, before: Session, now: Session) -> None:
-        """Say how far a pin is out of reach once it was set or dragged."""
+        """Select no pin that is gone."""
         if self._subject != self.take.number:
             return
         self.selected = self.selected if self.selected < len(self.pins) else -1

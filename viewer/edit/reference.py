@@ -26,7 +26,11 @@ from viewer.scene.simulation import make_pose
 from viewer.session.playback import Playback
 from viewer.session.takes import Takes
 
-CHARACTER, VIDEO = Slot("reference character"), Slot("reference video")
+CHARACTER, VIDEO, FRAMES = (
+    Slot("reference character"),
+    Slot("reference video"),
+    Slot("frames of the reference"),
+)
 LIMITS = {  # of fields that are dragged
     "offset_s": (-600.0, 600.0),
     "aside_m": (-20.0, 20.0),
@@ -55,7 +59,7 @@ class References:
     _character_of: CharacterChoice | None = None
     _placed: tuple[Clip, Clip, float, Array, float] | None = None
     _bones: tuple[OwnSkeleton, Bones] | None = None
-    _clip: tuple[Take, Clip] | None = None
+    _clip: tuple[Take, Clip | None] | None = None
 
     def __post_init__(self) -> None:
         self.editor.followers.append(self.follow)
@@ -171,9 +175,16 @@ class References:
         """The reference's own time at the one that is shown of the take."""
         return playback.time_s - playback.start_s + self.reference.offset_s
 
-    def _clip_of(self, take: Take) -> Clip:
+    def _clip_of(self, take: Take) -> Clip | None:
+        """The frames of a take; None until they are loaded."""
         if self._clip is None or self._clip[0] != take:
-            self._clip = take, take.clip
+            self._clip = take, None
+
+            def loaded(clip: Clip) -> None:
+                if self._clip == (take, None):
+                    self._clip = take, clip
+
+            self.takes.jobs.submit(FRAMES, lambda: take.clip, loaded)
         return self._clip[1]
 
     def pose(self, playback: Playback) -> Pose | None:
@@ -182,6 +193,8 @@ class References:
         if not self.shown or take is None:
             return None
         clip = self._clip_of(take)
+        if clip is None:
+            return None
         move, turn = self._place(playback.clip, clip)
         pose = clip.sample(self.time_s(playback))
         hips = rotations.rotate(rotations.from_yaw(turn), pose.hips_position) + move
@@ -202,6 +215,8 @@ class References:
         if self._bones is None or self._bones[0] is not own:
             self._bones = own, bones_of(own)
         bones, clip = self._bones[1], self._clip_of(take)
+        if clip is None:
+            return None
         _, turn = self._place(playback.clip, clip)
         time_s = min(max(self.time_s(playback), 0.0), clip.seconds)
         there = clip.sample(time_s).hips_position  # the points keep their place about our hips

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -13,10 +14,10 @@ from runtime.formats.engines import ENGINES
 from runtime.formats.options import ExportOptions
 from runtime.formats.table import FORMATS, ExportCancelled, check_export, save_motion
 from runtime.options import spec_of
-from runtime.safe_read import printable
+from runtime.safe_read import parse_json, printable
 from runtime.session.session import Take
 from runtime.terrain.height_map import Terrain
-from viewer.exports.state import ExportForm, ExportState
+from viewer.exports.state import ExportForm, ExportState, form_from_json, form_to_json
 from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
@@ -41,6 +42,17 @@ class Exporting:
     state: ExportState = field(default_factory=ExportState)
     _cancel: threading.Event = field(default_factory=threading.Event)
     _proposed: str = ""
+
+    def __post_init__(self) -> None:
+        try:
+            kept = parse_json(self.takes.settings.export_form or "{}")
+        except ValueError:
+            kept = {}
+        self.state.form = form_from_json(kept if isinstance(kept, dict) else {})
+
+    def remember(self) -> None:
+        """Keep what is chosen with the settings."""
+        self.takes.settings.export_form = json.dumps(form_to_json(self.state.form))
 
     @property
     def busy(self) -> bool:
@@ -201,17 +213,23 @@ class Exporting:
 
     def _ground_of(self, take: Take) -> Callable[[], Terrain]:
         """What finds the ground that a take was made on."""
-        drive, scene, spec = take.made.drive, self.scene, take.made.header.terrain
-        driven = drive.ground(0) if drive is not None and not take.mirrored else None
-        if driven is not None:
-            return lambda: driven.terrain
-        if take.ground is not None:
-            ground = take.ground
-            return lambda: ground.terrain
-        if spec == scene.terrain_spec or not take.recorded:
-            shown = scene.terrain
-            return lambda: shown
-        return lambda: scene.read_ground(spec)
+        spec, scene, shown = take.made.header.terrain, self.scene, self.scene.terrain
+        is_shown = spec == scene.terrain_spec or not take.recorded
+
+        def found() -> Terrain:
+            drive = None if take.mirrored else take.made.drive
+            driven = None if drive is None else drive.ground(0)
+            if driven is not None:
+                return driven.terrain
+            return (
+                take.ground.terrain
+                if take.ground is not None
+                else shown
+                if is_shown
+                else scene.read_ground(spec)
+            )
+
+        return found
 
     def _film(self, clip: Clip, terrain: Terrain, path: Path, export: ExportOptions, film: Any) -> str:
         """Make a film on the worker; "" when it was given up."""
@@ -233,7 +251,7 @@ class Exporting:
             self.state.report, self.state.report_good = "Cancelled: nothing was written.", True
             self.messages.note(f"The export of {take.title} was cancelled.")
             return
-        self.takes.note_file(replace(take, motion=None) if held is None else held, path)
+        self.takes.note_file(path, take.number, held)
         self.takes.settings.export_folder = str(path.parent)
         self.state.report, self.state.report_good = f"Saved {printable(text)}", True
         self.messages.note(f"Saved {text}")

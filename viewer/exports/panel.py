@@ -51,6 +51,7 @@ def draw(exporting: Exporting, fonts: Fonts) -> None:
         _toggles(exporting, take.trimmed)
         imgui.end_disabled()
         _end(exporting)
+    exporting.remember()
     if closed[0]:
         state.open = False
 

@@ -54,7 +54,8 @@ class Focus:
         held = context.active_id != 0 and not background
         moves = bool(context.nav_move_submitted or context.nav_next_activate_id)  # to a field, or by Tab
         if held or moves or len(context.open_popup_stack):
-            self.holder = _owner(context.nav_window) or self.holder
+            if not any(map(imgui.is_mouse_clicked, range(3))):  # which ImGui acts on at the end of the frame
+                self.holder = _owner(context.nav_window) or self.holder
             self.use = Use.UNSURE if moves and not len(context.open_popup_stack) else Use.OPEN
             return
         if opened:

@@ -92,7 +92,7 @@ def panel(guide: Guide, covered: Callable[[], bool]) -> Panel:
 
 
 def draw(guide: Guide, view: Rect) -> None:
-    """The card under the project's bar; nothing where the view is too low for it."""
+    """The card under the session's bar; nothing where the view is too low for it."""
     if not guide.shown or view.height < px(MIN_HEIGHT) or view.width < px(WIDTH + 4 * card.MARGIN):
         return
     small = min(view.height, view.width) < px(SMALL_VIEW)

@@ -20,7 +20,7 @@ from viewer.panels.settings_panel import SettingsWindow
 from viewer.prompt.prompt_field import pressed_undo
 from viewer.session.sessions import Sessions, SessionSummary, describe
 
-POPUP = "project menu"
+POPUP = "session menu"
 NAME_WIDTH = 110.0  # pixels at scale 1
 MENU_WIDTH = 240.0
 MARGIN = 10.0
@@ -95,7 +95,7 @@ class SessionBar:
         hint = "Session: open, save, earlier ones. Every edit is in its file at once."
         if sessions.path is not None:
             hint = f"{printable(sessions.path)}\nEvery edit is in it at once."
-        if widgets.button(f"{ICON.folder} {name}{mark}###project", 0.0, file.problem or hint):
+        if widgets.button(f"{ICON.folder} {name}{mark}###session", 0.0, file.problem or hint):
             imgui.open_popup(POPUP)
         imgui.same_line(0, px(4))
         if widgets.button(f"{ICON.gear}###settings", px(30), "Settings"):

@@ -34,6 +34,7 @@ class Playback:
 
     def __post_init__(self) -> None:
         self.shown = self.take
+        self.time_s = max(self.time_s, self.start_s)
 
     @property
     def number(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import tempfile
 import time
 from collections.abc import Callable
@@ -12,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.assets import model_folder
-from runtime.errors import FileError, SportError
+from runtime.errors import SportError
 from runtime.session import library
 from runtime.session.database import SUFFIX
 from runtime.session.history import History
@@ -37,6 +38,7 @@ KEPT_SESSIONS = 10  # untitled ones that can be opened again
 VIEW_S = 10.0  # between two times at which the view is written
 OPENING, CLOSING, COPYING = Slot("session"), Slot("closing of a session"), Slot("copy of the session")
 PROBLEM = Slot("file of the session")  # a topic of messages
+ELSEWHERE, ELSEWHERE_S = Slot("session elsewhere"), 5.0  # that the end of the program waits for it
 KEPT_SETTINGS = (
     "temperature", "response", "strength", "blend_seconds", "show_grid", "show_trajectory", "show_skeleton",
     "show_contacts",
@@ -116,7 +118,7 @@ class Sessions:
     @property
     def recent(self) -> list[Path]:
         """Named sessions that were open last, newest first."""
-        return [Path(text) for text in self.settings.recent_projects[:MAX_RECENT]]
+        return [Path(text) for text in self.settings.recent_sessions[:MAX_RECENT]]
 
     @property
     def cut_off(self) -> SessionSummary | None:
@@ -145,7 +147,7 @@ class Sessions:
     def open(self, path: Path) -> None:
         """Open a session; the one that is open stays until the other is read."""
         path = path.expanduser()
-        if path.absolute() == self.editor.file.path.absolute():
+        if os.path.realpath(path) == str(self.editor.file.path):
             self.messages.note(f"{path.name} is open already.")
             return
         self.jobs.submit(
@@ -245,6 +247,7 @@ class Sessions:
         self.editor.finish_drag()
         self.takes.end_recording()
         self.takes.close_playback()
+        self.takes.forget_files()
         self._leave()
         self.editor.use(file, history)
         self._viewed_s = time.monotonic()
@@ -277,8 +280,8 @@ class Sessions:
 
     def _remember(self, path: Path) -> None:
         text = str(path.absolute())
-        rest = [known for known in self.settings.recent_projects if known != text]
-        self.settings.recent_projects = [text, *rest][:MAX_RECENT]
+        rest = [known for known in self.settings.recent_sessions if known != text]
+        self.settings.recent_sessions = [text, *rest][:MAX_RECENT]
 
     def _home(self) -> Path:
         return self.recent[0].parent if self.recent else Path(self.settings.export_folder).expanduser()
@@ -353,16 +356,16 @@ class Sessions:
 
     # --- while it is open
 
-    def begin(self, project: str | None, looking: bool) -> None:
+    def begin(self, session: str | None, looking: bool) -> None:
         """Find the sessions of other runs, and open the one of the command line; "last" is the one open last."""
         if looking:
             self.look()
             if self.cut_off is not None:
                 self.messages.warn(f"Cut off: {describe(self.cut_off)}. Takes: Reopen or Discard.")
-        if project == "last":
+        if session == "last":
             self.open_last()
-        elif project is not None:
-            self.open(Path(project))
+        elif session is not None:
+            self.open(Path(session))
 
     def look(self) -> None:
         """Find the untitled sessions of other runs."""
@@ -372,12 +375,11 @@ class Sessions:
         """Write the view now and then, and say when the file cannot be written; call once a frame."""
         self.dialogs.poll()
         problem = self.editor.file.problem
-        if problem != self._said:
-            self._said = problem
-            if problem:
-                self.messages.error(f"{problem} Until then it is in memory only.", PROBLEM)
-            else:
-                self.messages.settle(PROBLEM)
+        if problem and (problem != self._said or self.messages.current is None):
+            self.messages.error(f"{problem} Until then it is in memory only.", PROBLEM)
+        elif self._said and not problem:
+            self.messages.settle(PROBLEM)
+        self._said = problem
         if time.monotonic() - self._viewed_s > VIEW_S and not self._is_empty:
             if self._view() != self._viewed:
                 self._write_view()
@@ -390,23 +392,27 @@ class Sessions:
         file, empty = self.editor.file, self._is_empty or (not keep and self.path is None)
         if not empty:
             self._write_view(ended=True)
-        if not file.close(seconds) and not empty:
-            self._rescue(file)
+            if not file.flush(seconds):
+                self._write_elsewhere(file)
+            elif self.path is None and file.path.parent != self.untitled_folder:
+                self.incomplete = True
+                self.messages.error(f"The session is in {file.path}.")
+        file.close(seconds)
         if empty:
             library.remove(file.path)
 
-    def _rescue(self, file: SessionFile) -> None:
-        """What its file did not take goes to the temporary folder."""
+    def _write_elsewhere(self, file: SessionFile) -> None:
+        """What its file does not take goes to the temporary folder."""
         self.incomplete = True
-        place = Path(tempfile.gettempdir()) / "sport-sessions"
-        try:
-            copy, _ = first_file(place, self.scene.characters)
-            copy.write(self.editor.history)
-            if not copy.close(5.0):
-                raise FileError(copy.problem, "Make room.")
-            self.messages.error(f"{file.problem} The session is in {copy.path}.")
-        except SportError as error:
-            self.messages.error(f"{file.problem} {error}")
+        problem = file.problem or f"{file.path}: the disk is too slow."
+        copy = library.new_path(Path(tempfile.gettempdir()) / "sport-sessions")
+        self.jobs.submit(
+            ELSEWHERE,
+            lambda: file.save_copy(copy),
+            lambda _: self.messages.error(f"{problem} The session is in {copy}."),
+            writing="the session in the temporary folder",
+        )
+        self.jobs.finish(ELSEWHERE.what, time.monotonic() + ELSEWHERE_S)
 
 
 def _with_suffix(path: Path) -> Path:

@@ -59,7 +59,8 @@ class Takes:
     _recording: Recording | None = None
     _written: int = 0  # number of the first frame that is not written down yet
     _known: object = None  # the last keyframe and change that are written down
-    _files: dict[Path, Take] = field(default_factory=dict)  # what a BVH of this run holds
+    # files of this run, by whose number and what they hold; None: the take otherwise than it is
+    _files: dict[Path, tuple[int, object]] = field(default_factory=dict)
     _proposed: str | None = None  # what was put into the export field, until something else is typed
     _target: Path | None = None  # the file that it means: a name may hold what no field can show
     _seen: tuple[Terrain, Terrain] | None = None  # a ground, as a take of another size sees it
@@ -97,7 +98,7 @@ class Takes:
             take = now.take(playback.number)
             if take is None or take.number == LIVE:
                 self.close_playback()
-            elif take != playback.take:
+            elif take != playback.take or take != playback.shown:
                 self._refresh(playback, take)
         if self.renaming != LIVE and now.take(self.renaming) is None:
             self.renaming = LIVE
@@ -114,9 +115,14 @@ class Takes:
         elif not self.editor.dragging:
             self.jobs.submit(SHOWING, partial(_loaded, take), partial(self._show, playback, take))
 
-    def _show(self, playback: Playback, take: Take, loaded: tuple[Clip, Drive | None]) -> None:
+    def _show(
+        self, playback: Playback, take: Take, loaded: tuple[Clip, Drive | None, SportError | None]
+    ) -> None:
+        clip, drive, problem = loaded
+        if problem is not None:
+            self.messages.error(problem)
         if self.playback is playback and playback.take == take:
-            playback.show(take, *loaded)
+            playback.show(take, clip, drive)
 
     # --- recording
 
@@ -356,8 +362,10 @@ class Takes:
         if take is None or take.motion is None:
             return
 
-        def begin(loaded: tuple[Clip, Drive | None]) -> None:
-            now, (clip, drive) = self.session.take(number), loaded
+        def begin(loaded: tuple[Clip, Drive | None, SportError | None]) -> None:
+            now, (clip, drive, problem) = self.session.take(number), loaded
+            if problem is not None:
+                self.messages.error(problem)
             if now is None:
                 return
             live = self.scene.terrain
@@ -423,13 +431,12 @@ class Takes:
     def saved(self, take: Take) -> Path | None:
         """The BVH of this run that holds what the take keeps; None where there is none any more."""
         content = _content(take)
-        found = (path for path, held in self._files.items() if held.motion and _content(held) == content)
+        found = (path for path, (_, held) in reversed(self._files.items()) if held == content)
         return next((path for path in found if path.is_file()), None)
 
     def exported(self, take: Take) -> Path | None:
         """The file of this run that was written last of the take, whatever it holds."""
-        found = [path for path, held in self._files.items() if held.number == take.number]
-        return found[-1] if found else None
+        return next((path for path, (by, _) in reversed(self._files.items()) if by == take.number), None)
 
     def _propose(self) -> None:
         """Fill the export field with the file that this run wrote of the take, or with a name that is free."""
@@ -457,7 +464,7 @@ class Takes:
             if self.export_path == self._proposed and self._target is not None:
                 self._propose()  # another program may have taken the name since
                 path = self._target
-                new = self._files.get(path, Take()).number != take.number
+                new = self._files.get(path, (LIVE, None))[0] != take.number
             else:
                 self._proposed = None  # typed: whatever is typed from now on is meant
                 path = export_target(self.export_path)
@@ -475,14 +482,18 @@ class Takes:
         )
 
     def _exported(self, take: Take, path: Path) -> None:
-        self.note_file(take, path)
+        self.note_file(path, take.number, take)
         self.settings.export_folder = str(path.parent)
         self.messages.note(f"Saved {path}")
 
-    def note_file(self, take: Take, path: Path) -> None:
-        """A file was written of a take."""
+    def note_file(self, path: Path, number: int, held: Take | None) -> None:
+        """A file was written of a take, and holds it as `held`; None for another form."""
         self._files.pop(path, None)
-        self._files[path] = take
+        self._files[path] = number, None if held is None else _content(held)
+
+    def forget_files(self) -> None:
+        """Another session is open, which gives the numbers to other takes."""
+        self._files.clear()
 
     def export_all(self) -> None:
         """Write what every take keeps as BVH under its own name into the export folder; no file is replaced."""
@@ -500,15 +511,19 @@ class Takes:
 
         def done(paths: list[Path]) -> None:
             for take, path in zip(takes, paths, strict=True):
-                self.note_file(take, path)
+                self.note_file(path, take.number, take)
             self.messages.note(f"Saved {len(paths)} takes in {folder}")
 
         self.jobs.submit(EXPORT_ALL, work, done, writing="the export of all takes")
 
 
-def _loaded(take: Take) -> tuple[Clip, Drive | None]:
-    """The frames of a take as they are shown, and what drove it; on any thread, FileError."""
-    return take.clip, None if take.mirrored else take.made.drive
+def _loaded(take: Take) -> tuple[Clip, Drive | None, SportError | None]:
+    """The frames of a take as they are shown, what drove it, and why that cannot be read; on any thread, FileError."""
+    clip = take.clip
+    try:
+        return clip, None if take.mirrored else take.made.drive, None
+    except SportError as error:
+        return clip, None, error
 
 
 def _content(take: Take) -> tuple[object, ...]:

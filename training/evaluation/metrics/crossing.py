@@ -19,7 +19,7 @@ Mask = NDArray[np.bool_]
 MARGIN_M = 0.5  # before and behind an obstacle that counts as crossing it
 TOLERANCE_M = 0.005  # that is not yet inside
 DEEP_M = 0.03
-# Of a way that passes every check: the deepest sole, joint and limb, and the acceleration of a joint; captured jogs
+# Of a path that passes every check: the deepest sole, joint and limb, and the acceleration of a joint; captured jogs
 # come to 470.
 DEEPEST_SOLE_M, DEEPEST_JOINT_M, DEEPEST_LIMB_M = 0.02, 0.015, 0.035
 MOST_ACCELERATION = 600.0  # m/s^2
@@ -39,7 +39,7 @@ def crossing_frames(xz: Array, obstacle: Obstacle) -> Mask:
 
 
 def depths(positions: Array, terrain: Terrain, crossing: Mask) -> dict[str, float]:
-    """Depth of soles (vertical), joints and limbs in the ground over the frames `crossing`, cm and shares of them."""
+    """Depth of soles (vertical), joints and limbs in the ground over the frames `crossing`, cm and fractions of them."""
     chosen = positions[crossing]
     if not len(chosen):
         return {}
@@ -48,7 +48,7 @@ def depths(positions: Array, terrain: Terrain, crossing: Mask) -> dict[str, floa
     result = {
         "sole_p99": 100.0 * max(0.0, float(np.percentile(-soles, 99))),
         "joint_max": 100.0 * float(joints.max()),
-        "joint_inside": float((joints > TOLERANCE_M).mean(0).max()),  # the worst joint's share
+        "joint_inside": float((joints > TOLERANCE_M).mean(0).max()),  # the worst joint's fraction
         "joint_deep": float((joints > DEEP_M).mean(0).max()),
     }
     for name, values in limb_depths(chosen, terrain).items():
@@ -58,7 +58,7 @@ def depths(positions: Array, terrain: Terrain, crossing: Mask) -> dict[str, floa
 
 
 def first_problem(positions: Array, ground: Terrain, most_acceleration: float = MOST_ACCELERATION) -> str:
-    """The first check that a way of world joints `(T, 31, 3)` does not pass; empty where it passes all.
+    """The first check that a motion of world joints `(T, 31, 3)` does not pass; empty where it passes all.
 
     Soles, joints and limbs under the surface, by the shortest way out, and the acceleration of any joint, m/s^2.
     """
@@ -95,7 +95,7 @@ def clearances(positions: Array, obstacles: Sequence[Obstacle]) -> list[float]:
 
 
 def beam_contacts(positions: Array, contacts: Array, beam: Obstacle, ramp_m: float) -> tuple[int, int]:
-    """Contacts on a beam and contacts beside it, of points of the feet between its ramps."""
+    """Contacts on a beam and contacts off it, of points of the feet between its ramps."""
     p = positions[:, feet.SOLE_POINTS]
     between = (p[..., 2] > beam.begin + ramp_m) & (p[..., 2] < beam.end - ramp_m) & (contacts > 0.5)
     on = between & (np.abs(p[..., 0]) <= beam.half_width)
@@ -136,8 +136,8 @@ def seconds_over(xz: Array, obstacle: Obstacle) -> tuple[float, float] | None:
     begin, end = int(entered[0]), int(left[0])
     half = FPS // 2
     track = xz[max(0, begin - half) : end + 1].astype(np.float64)
-    way = np.linalg.norm(track[half:] - track[:-half], axis=-1) * FPS / half
-    return (end - begin) / FPS, float(way.min()) if len(way) else float("nan")
+    speed = np.linalg.norm(track[half:] - track[:-half], axis=-1) * FPS / half
+    return (end - begin) / FPS, float(speed.min()) if len(speed) else float("nan")
 
 
 def on_top_after(positions: Array, wall: Obstacle) -> float | None:

@@ -59,7 +59,7 @@ def kinematic_features(root: RootFeatures, starts: NDArray[np.integer]) -> Array
 
     Mean, deviation and range of 16 joints' positions relative to the root, mean and deviation of their speeds, mean,
     deviation and range of 16 joint and body angles, mean and deviation of the root's velocity and turn, and the
-    share of time that heels and toes stand.
+    fraction of time that heels and toes stand.
     """
     index = window_index(starts)
     joints = root.joints[:, _JOINTS].reshape(len(root.joints), -1)[index]
@@ -119,17 +119,17 @@ SIZE = 384  # six parts of 64
 _BATCH = 128
 
 
-def encoder_features(
+def encoded(
     encoder: ExportedMotionEncoder, root: RootFeatures, starts: NDArray[np.integer]
-) -> Array:
-    """Rows `(N, 384)`, the encoder's mean, of the windows of 40 samples that begin at frames `starts`."""
+) -> tuple[Array, Array]:
+    """Mean and log variance `(N, 6, 64)` of the windows of 40 samples that begin at frames `starts`."""
     both = np.concatenate([root.joints, root.rotations], axis=-1)
-    rows = [np.zeros((0, SIZE), np.float32)]
+    rows = [np.zeros((2, 0, 6, 64), np.float32)]
     for first in range(0, len(starts), _BATCH):
         index = window_index(starts[first : first + _BATCH])
-        mean, _ = encoder.encode(both[index], root.velocity[index])
-        rows.append(mean.reshape(len(index), SIZE))
-    return np.concatenate(rows)
+        rows.append(np.stack(encoder.encode(both[index], root.velocity[index])))
+    mean, log_variance = np.concatenate(rows, axis=1)
+    return mean, log_variance
 
 
 def has_encoder(folder: Path) -> bool:
@@ -161,26 +161,21 @@ class WindowSet:
         """Rows of the feature set "encoder" or "kinematic"."""
         return self.encoder if name == "encoder" else self.kinematic
 
-    def pick(self, rows: NDArray[np.integer] | NDArray[np.bool_]) -> WindowSet:
-        """Some of the windows."""
-        encoder = self.encoder[rows] if len(self.encoder) else self.encoder
-        return WindowSet(self.kinematic[rows], self.temporal[rows], encoder, self.unit[rows])
-
 
 def window_set(motions: Iterable[Motion], encoder: ExportedMotionEncoder | None, hop: int = HOP) -> WindowSet:
     """Windows `hop` frames apart of every motion."""
     kinematic, temporal = [np.zeros((0, 234), np.float32)], [np.zeros((0, 88), np.float32)]
-    encoded, units = [np.zeros((0, SIZE), np.float32)], [np.zeros(0, np.int64)]
+    codes, units = [np.zeros((0, SIZE), np.float32)], [np.zeros(0, np.int64)]
     for number, motion in enumerate(motions):
         starts = window_starts(len(motion), hop)
         root = motion.root_features()
         kinematic.append(kinematic_features(root, starts))
         temporal.append(temporal_features(root, starts))
         if encoder is not None:
-            encoded.append(encoder_features(encoder, root, starts))
+            codes.append(encoded(encoder, root, starts)[0].reshape(len(starts), SIZE))
         units.append(halves(number, len(motion), starts))
     return WindowSet(
-        np.concatenate(kinematic), np.concatenate(temporal), np.concatenate(encoded), np.concatenate(units)
+        np.concatenate(kinematic), np.concatenate(temporal), np.concatenate(codes), np.concatenate(units)
     )
 
 

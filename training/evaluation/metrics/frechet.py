@@ -36,7 +36,6 @@ class Projection:
 
     mean: Array  # (d,)
     axes: Array  # (d, k), with the standardisation in it
-    share: float  # of the variance that is left
 
     @staticmethod
     def fit(features: Array, components: int, standardise: bool) -> Projection:
@@ -44,10 +43,9 @@ class Projection:
         mean = features.mean(0)
         scale = features.std(0) if standardise else np.ones(features.shape[1])
         scale = np.where(scale > 1e-6, scale, np.inf)  # a feature that never changes tells nothing
-        values, vectors = np.linalg.eigh(np.cov(((features - mean) / scale).T.astype(np.float64)))
+        _, vectors = np.linalg.eigh(np.cov(((features - mean) / scale).T.astype(np.float64)))
         kept = vectors[:, ::-1][:, :components]
-        share = float(values[::-1][:components].sum() / values.sum())
-        return Projection(mean, kept / scale[:, None], share)
+        return Projection(mean, kept / scale[:, None])
 
     def __call__(self, features: Array) -> Array:
         """Rows `(N, d)` to `(N, k)`."""

@@ -1,4 +1,4 @@
-"""Starts, stops, turns, jumps and standing of joints that are read from a file, second by second of a known stick.
+"""Starts, stops, turns and jumps of joints that are read from a file, second by second of a known stick.
 
 Points are world positions `(T, 3)` by the keys of `training.data.gait` at 60 frames a second, in a body with 0.82 m legs;
 speeds are m/s, angles degrees. Nothing here knows how the program moves a character, so that raw capture is measured alike.
@@ -139,7 +139,7 @@ def moments(p: Points, script: StickScript) -> list[Moment]:
     """Every segment of the stick with its figures."""
     curves = _Curves(p, _resting(script, len(p["hips"])))
     return [
-        Moment(kind, gait, first, end, _FIGURES[kind](curves, first, end))
+        Moment(kind, gait, first, end, _FIGURES[kind](curves, first, end) if kind in _FIGURES else {})
         for kind, gait, first, end in _segments(script, len(p["hips"]))
     ]
 
@@ -211,10 +211,9 @@ def _start(c: _Curves, first: int, end: int) -> dict[str, float]:
     reached = np.flatnonzero(c.hips[first:end] > REACHED * steady)
     return {
         "reached_s": float(reached[0]) / FPS if len(reached) else float("inf"),
-        "peak_share": float(c.hips[begin].max()) / max(steady, 1e-6),
+        "peak_ratio": float(c.hips[begin].max()) / max(steady, 1e-6),
         "steady_speed": steady,
         "tilt": float(c.tilt[begin].max()),
-        "steady_tilt": float(np.median(c.tilt[last])),
     } | c.toe_paths(first, end)
 
 
@@ -227,8 +226,7 @@ def _stop(c: _Curves, first: int, end: int) -> dict[str, float]:
     return {
         "stop_s": stop,
         "calm_after_s": max(calm - stop, 0.0),
-        "wrists": float(c.wrists[first : end - 2].max()),
-        "wrists_share": float(c.wrists[first : end - 2].max() / max(steady, 1e-6)),
+        "wrists_ratio": float(c.wrists[first : end - 2].max() / max(steady, 1e-6)),
         "tilt": float(c.tilt[first:end].max()),
     }
 
@@ -237,11 +235,6 @@ def _turn(c: _Curves, first: int, end: int) -> dict[str, float]:
     return {"turn": float(c.turn[first:end].max()), "tilt": float(c.tilt[first:end].max())} | c.toe_paths(
         first, end
     )
-
-
-def _stand(c: _Curves, first: int, end: int) -> dict[str, float]:
-    wrists = c.wrists[first + min(SETTLED, (end - first) // 3) : end - 2]
-    return {"wrists_median": float(np.median(wrists, 0).max()), "wrists_largest": float(wrists.max())}
 
 
 def _jump(c: _Curves, first: int, end: int) -> dict[str, float]:
@@ -254,20 +247,7 @@ def _jump(c: _Curves, first: int, end: int) -> dict[str, float]:
     }
 
 
-def _steady(c: _Curves, first: int, end: int) -> dict[str, float]:
-    return {"speed": float(np.median(c.hips[first:end])), "tilt": float(np.median(c.tilt[first:end]))}
-
-
-_FIGURES = {
-    "start": _start,
-    "stop": _stop,
-    "turn": _turn,
-    "spin": _turn,
-    "stand": _stand,
-    "jump": _jump,
-    "steady": _steady,
-    "change": _steady,
-}
+_FIGURES = {"start": _start, "stop": _stop, "turn": _turn, "spin": _turn, "jump": _jump}
 
 
 def whole_clip(p: Points, script: StickScript) -> dict[str, float]:
@@ -286,7 +266,7 @@ def whole_clip(p: Points, script: StickScript) -> dict[str, float]:
     return result
 
 
-# --- raw capture, whose stick nobody knows -----------------------------------------------------------------------------
+# --- raw capture, whose stick is unknown -----------------------------------------------------------------------------
 
 
 def raw_start(p: Points) -> dict[str, float]:
@@ -298,7 +278,7 @@ def raw_start(p: Points) -> dict[str, float]:
     first = int(begins[-1]) if len(begins) else 0
     return _toe_paths(p, slice(first, first + BEGIN), v < STILL) | {
         "reached_s": (reached - first) / FPS,
-        "peak_share": float(v[first : first + BEGIN].max()) / steady,
+        "peak_ratio": float(v[first : first + BEGIN].max()) / steady,
         "tilt": float(torso_tilt(p)[first : first + BEGIN].max()),
     }
 
@@ -317,7 +297,7 @@ def raw_stop(p: Points) -> dict[str, float]:
     return {
         "stop_s": stop / FPS,
         "calm_after_s": max(float(busy[-1] + 1 - stop) / FPS, 0.0) if len(busy) else 0.0,
-        "wrists_share": float(
+        "wrists_ratio": float(
             wrists[last:].max() / max(wrists[max(last - round(LAST * FPS), 0) : last + 1].max(), 1e-6)
         ),
     }
@@ -337,12 +317,6 @@ def _toe_paths(p: Points, w: slice, resting: NDArray[np.bool_]) -> dict[str, flo
     heights = toe_heights(p, resting)
     paths = [s for i, k in enumerate(("lt", "rt")) for s in paths_near_ground(p[k][w], heights[w, i])]
     return {"toe_path_cm": float(np.percentile(paths, 90))} if paths else {}
-
-
-def raw_stand(p: Points) -> dict[str, float]:
-    """Of an idle: wrists after its first and before its last second, which hold its lead-in."""
-    wrists = wrists_speed(p)[2 * FPS : -2 * FPS]
-    return {"wrists_median": float(np.median(wrists, 0).max()), "wrists_largest": float(wrists.max())}
 
 
 def raw_pops(p: Points) -> dict[str, float]:

@@ -43,7 +43,7 @@ class Motion:
     hips: Array  # (T, 3) metres
     local: Array  # (T, 31, 4)
     contacts: Array  # (T, 4) 0..1
-    gait: NDArray[np.integer]  # (T,) labels of runtime.controls.Gait: captured, or asked for
+    gait: NDArray[np.integer]  # (T,) labels of runtime.controls.Gait: captured, or requested
     terrain: Terrain
     held_out: bool = False
     source: str = ""

@@ -30,7 +30,7 @@ from training.evaluation.metrics.motion import (
     mean_speed,
     original_clips,
 )
-from training.evaluation.motion.subject import style_texts
+from training.evaluation.motion.evaluated_model import style_texts
 
 ROLLOUTS = "pfnn_rollouts"  # distilled motion of a published network on uneven ground: no capture
 LAYERED = "layered"  # clips with edited or recombined body parts: no capture either
@@ -74,7 +74,7 @@ class Capture:
     clips: tuple[ClipInfo, ...]
 
     def of(self, group: str, held_out: bool | None = None) -> list[ClipInfo]:
-        """Clips of a group, of both splits unless one is asked for."""
+        """Clips of a group, of both splits unless one is chosen."""
         return [c for c in self.clips if c.group == group and held_out in (None, c.held_out)]
 
     @property
@@ -88,7 +88,7 @@ class Capture:
 
 
 def read_capture(folder: Path, styles: Iterable[str] | None = None) -> Capture:
-    """Catalogue of `*.npz` under `folder`; FileError when a style that is asked for has no clips."""
+    """Catalogue of `*.npz` under `folder`; FileError when a chosen style has no clips."""
     wanted = None if styles is None else set(styles)
     found = [info for info in map(_info, original_clips(folder)) if info is not None]
     clips = [c for c in found if wanted is None or c.style in wanted]
@@ -154,7 +154,7 @@ OVERALL_COMPONENTS = 128  # of the distances of all styles together
 TRAINING_SECONDS = 150.0  # of a style's training clips, for the classifier and the principal axes
 TRAINING_HOP = 20  # frames between two windows
 HELD_OUT_SECONDS = 240.0
-MIN_GAIT_SECONDS = 2.0  # of a captured gait without which a style is not asked for it
+MIN_GAIT_SECONDS = 2.0  # of a captured gait without which a style is not driven in it
 
 
 @dataclass(frozen=True)

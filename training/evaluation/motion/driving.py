@@ -58,7 +58,7 @@ class Recorder:
         return len(self._poses)
 
     def motion(self, name: str, style: str, gait: NDArray[np.integer], skip: int) -> Motion:
-        """What was recorded after the first `skip` frames; `gait` `(frames - skip,)` are the labels asked for."""
+        """What was recorded after the first `skip` frames; `gait` `(frames - skip,)` are the requested labels."""
         poses = self._poses[skip:]
         hips, local = (np.stack(values) for values in zip(*self._unlocked[skip:], strict=True))
         return Motion(
@@ -271,7 +271,7 @@ def run_course(
 
 
 def _nearest(course: Array, root: Array, last: int) -> int:
-    """The nearest point among those ahead of the last one: the way round is never cut short."""
+    """The nearest point among those ahead of the last one: the ring is never cut short."""
     ahead = (last + np.arange(-5, POINTS // 12)) % POINTS
     return int(ahead[np.argmin(np.square(course[ahead] - root).sum(-1))])
 

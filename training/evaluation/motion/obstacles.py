@@ -1,10 +1,10 @@
-"""Six obstacle courses: a straight way along +Z at full stick, and its scores by style and gait."""
+"""Six obstacle courses: a straight path along +Z at full stick, and its scores by style and gait."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -24,16 +24,15 @@ from training.evaluation.metrics.features import window_set
 from training.evaluation.metrics.feet import foot_skating
 from training.evaluation.metrics.motion import Motion
 from training.evaluation.motion.driving import Recorder
-from training.evaluation.motion.subject import Subject
+from training.evaluation.motion.evaluated_model import EvaluatedModel
 
 BEYOND_M = 1.5  # behind the last obstacle the run is over
-SPARE_S = 25.0  # that a run may take longer than the way at full stick
-STAND_S = 1.0  # at the start mark
+SPARE_S = 25.0  # that a run may take longer than the path at full stick
 
 
 @dataclass(frozen=True)
 class ObstacleCourse:
-    """Ground with obstacles along +Z; of stairs and hills the whole way is one."""
+    """Ground with obstacles along +Z; of stairs and hills the whole path is one."""
 
     name: str
     title: str
@@ -120,12 +119,12 @@ def score_run(run: ObstacleRun) -> dict[str, Any]:
         "own": sum(o and p is not None for o, p in zip(own, passed, strict=True)),
         "seconds_each": float(np.mean(times)) if times else None,
         "slowest_m_s": min((p[1] for p in over), default=None),
-        "asked_m_s": float(run.requested_speed.max()),
+        "requested_m_s": float(run.requested_speed.max()),
         "frozen_s": crossing.frozen_seconds(motion.positions, run.root, run.requested_speed),
         "skating": foot_skating(motion.positions, ground, np.ones(len(motion), bool)).soles,
         "blocked": list(run.blocked),
         "keyed_s": float(run.keyed.sum() / FPS),
-        "keyed_share": float(run.keyed[within].mean()) if within.any() else None,
+        "keyed_fraction": float(run.keyed[within].mean()) if within.any() else None,
     }
     for name, positions in (("before", motion.unlocked), ("after", motion.positions)):
         result[name] |= _own_measures(course, positions, motion.contacts)
@@ -141,9 +140,11 @@ def _own_measures(course: ObstacleCourse, positions: Array, contacts: Array) -> 
             "touched": float(np.mean(np.array(values) < 1.0)) if values else None,
         }
     if course.name == "beam":
-        on, beside = crossing.beam_contacts(positions, contacts, BEAM, BEAM_RAMP_M)
-        share = on / (on + beside) if on + beside else None
-        return {"on_beam": share, "falls": crossing.falls(positions, contacts, BEAM, BEAM_RAMP_M)}
+        on, off = crossing.beam_contacts(positions, contacts, BEAM, BEAM_RAMP_M)
+        return {
+            "on_beam": on / (on + off) if on + off else None,
+            "falls": crossing.falls(positions, contacts, BEAM, BEAM_RAMP_M),
+        }
     if course.name == "platforms":
         gaps = [g for g in pairwise(course.obstacles) if positions[-1, 0, 2] > g[1].begin]
         flown, clean = crossing.flights(positions, contacts, gaps)
@@ -162,10 +163,10 @@ STYLES = ("neutral", "old", "exhausted", "angry", "drunk", "happy")
 GAITS = (Gait.WALK, Gait.JOG)
 
 
-def runner_of(subject: Subject, seed: int) -> Runner:
+def runner_of(evaluated: EvaluatedModel, seed: int) -> Runner:
     """Leads a model's character over a course in the first description of a style."""
     return lambda course, style, gait: run_obstacles(
-        subject.model, course, style, subject.style(style, 0), gait, seed
+        evaluated.model, course, style, evaluated.style(style, 0), gait, seed
     )
 
 
@@ -175,34 +176,23 @@ def score_obstacles(
     courses: Iterable[ObstacleCourse],
     classifier: StyleClassifier | None,
     report: Report,
-    keep: Callable[[ObstacleRun], None] | None = None,
     gaits: Sequence[Gait] = GAITS,
 ) -> dict[str, Any]:
-    """A row for each course, style and gait, and the share of windows taken for their style there and on level ground.
-
-    `keep` is given every run, to draw it.
-    """
+    """A row for each course, style and gait, and how often the style is recognised there and on level ground."""
     rows: list[dict[str, Any]] = []
-    for course in (*courses, LEVEL):
-        for style in styles:
-            for gait in gaits:
-                if course is LEVEL and classifier is None:
-                    continue
-                report(f"{course.name}: {style}, {gait.label}")
-                done = run(course, style, gait)
-                row: dict[str, Any] = {"course": course.name, "style": style, "gait": gait.label}
-                row["recognised"] = _recognised(done, classifier)
-                if course is not LEVEL:
-                    row |= score_run(done)
-                    if keep is not None:
-                        keep(done)
-                rows.append(row)
+    grounds = [*courses, *([] if classifier is None else [LEVEL])]
+    for course, style, gait in product(grounds, styles, gaits):
+        report(f"{course.name}: {style}, {gait.label}")
+        done = run(course, style, gait)
+        row: dict[str, Any] = {"course": course.name, "style": style, "gait": gait.label}
+        row["recognised"] = _recognised(done, classifier)
+        rows.append(row if course is LEVEL else row | score_run(done))
     level = [r for r in rows if r["course"] == LEVEL.name]
     return {"rows": [r for r in rows if r["course"] != LEVEL.name], "level": level}
 
 
 def _recognised(run: ObstacleRun, classifier: StyleClassifier | None) -> float | None:
-    """Share of the windows that are taken for the style, look-alikes counted as one; None where it cannot be decided."""
+    """Fraction of the windows that are taken for the style, look-alikes counted as one; None where that is unknown."""
     style = run.motion.style
     if classifier is None or style not in classifier.labels:
         return None

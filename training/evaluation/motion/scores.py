@@ -30,7 +30,7 @@ from training.evaluation.motion.capture import (
     motions,
 )
 from training.evaluation.motion.driving import flat_ground, follow, replay, run_course, transition
-from training.evaluation.motion.subject import Subject, count_parameters, frame_times
+from training.evaluation.motion.evaluated_model import EvaluatedModel, count_parameters, frame_times
 
 Report = Callable[[str], None]
 
@@ -42,21 +42,21 @@ class Followed:
     windows: WindowSet  # of the segments, one take each
     recognised: WindowSet  # of the held-out segments (of all, where there are none), several takes
     path_error: float  # m, mean distance from the clip's root at the same time
-    speed_ratio: float  # way made over the clip's
+    speed_ratio: float  # distance travelled over the clip's
     skating: dict[str, Skating]  # by gait, on the capture's own paths and ground
 
 
-def follow_group(plan: EvaluationPlan, subject: Subject, group: str) -> Followed:
+def follow_group(plan: EvaluationPlan, evaluated: EvaluatedModel, group: str) -> Followed:
     """Lead the character along every segment of a group, in descriptions that take turns."""
     segments, style = plan.segments[group], plan.style_of(group)
-    first, extra, errors, ways = [], [], [], []
+    first, extra, errors, distances = [], [], [], []
     skating = {gait: Skating() for gait in GAITS}
 
     def take(segment: ClipSegment, number: int) -> Motion:
         clip = segment.load()
-        made = follow(subject.model, clip, subject.style(style, number), plan.options.seed + number)
+        made = follow(evaluated.model, clip, evaluated.style(style, number), plan.options.seed + number)
         errors.append(np.linalg.norm(clip.positions[:, 0, ::2] - made.positions[:, 0, ::2], axis=-1))
-        ways.append([len(m) * mean_speed(m.positions) for m in (clip, made)])
+        distances.append([len(m) * mean_speed(m.positions) for m in (clip, made)])
         for name, gait in GAITS.items():
             skating[name] += foot_skating(made.positions, made.terrain, made.gait == gait)
         return made
@@ -74,18 +74,22 @@ def follow_group(plan: EvaluationPlan, subject: Subject, group: str) -> Followed
     windows = window_set(first, plan.encoder)
     own = window_set((m for m, t in zip(first, tested, strict=True) if t), None)
     recognised = joined([own, window_set(extra, None)])
-    way = np.sum(ways, axis=0)
+    travelled = np.sum(distances, axis=0)
     return Followed(
-        windows, recognised, float(np.concatenate(errors).mean()), float(way[1] / max(way[0], 1e-6)), skating
+        windows,
+        recognised,
+        float(np.concatenate(errors).mean()),
+        float(travelled[1] / max(travelled[0], 1e-6)),
+        skating,
     )
 
 
-def score_following(plan: EvaluationPlan, subject: Subject, report: Report) -> dict[str, Any]:
+def score_following(plan: EvaluationPlan, evaluated: EvaluatedModel, report: Report) -> dict[str, Any]:
     """Distances per style and overall, recognition, path and speed along the captured paths."""
     done: dict[str, Followed] = {}
     for number, group in enumerate(plan.groups):
-        report(f"{subject.name}: following {number + 1}/{len(plan.groups)}: {group}")
-        done[group] = follow_group(plan, subject, group)
+        report(f"{evaluated.name}: following {number + 1}/{len(plan.groups)}: {group}")
+        done[group] = follow_group(plan, evaluated, group)
     styles = [g for g in plan.groups if g != TERRAIN_GROUP]
     answers = {g: plan.classifier.predict(done[g].recognised.for_classifier) for g in styles}
     known = {g: a for g, a in answers.items() if g in plan.classifier.labels}
@@ -107,7 +111,7 @@ def score_following(plan: EvaluationPlan, subject: Subject, report: Report) -> d
 
 
 def style_distance(plan: EvaluationPlan, name: str, group: str, windows: WindowSet) -> dict[str, Any]:
-    """Frechet distance of a group's windows to the captured ones, beside the capture's own."""
+    """Frechet distance of a group's windows to the captured ones, and the capture's own."""
     project = plan.projection(name, STYLE_COMPONENTS)
     reference = plan.reference[group]
     return _comparison(compare(project(windows.of(name)), project(reference.of(name)), reference.unit))
@@ -131,27 +135,29 @@ def _comparison(c: Comparison) -> dict[str, Any]:
     }
 
 
-def score_courses(plan: EvaluationPlan, subject: Subject, rough: Terrain, report: Report) -> dict[str, Any]:
+def score_courses(
+    plan: EvaluationPlan, evaluated: EvaluatedModel, rough: Terrain, report: Report
+) -> dict[str, Any]:
     """Skating before and after foot lock, path error and speed, per style and gait, on level and on rough ground."""
     result: dict[str, Any] = {}
     styles = [g for g in plan.groups if g != TERRAIN_GROUP and plan.gaits(g)]
     for number, style in enumerate(styles):
-        report(f"{subject.name}: courses {number + 1}/{len(styles)}: {style}")
+        report(f"{evaluated.name}: courses {number + 1}/{len(styles)}: {style}")
         result[style] = {}
         for gait in plan.gaits(style):
             captured, held_out = captured_skating(plan, style, gait)
             result[style][gait] = {"captured": captured.as_dict() | {"held_out": held_out}}
             for ground in (flat_ground(), rough):
-                result[style][gait][ground.name] = _course(plan, subject, ground, style, gait, number)
+                result[style][gait][ground.name] = _course(plan, evaluated, ground, style, gait, number)
     return result
 
 
 def _course(
-    plan: EvaluationPlan, subject: Subject, ground: Terrain, style: str, gait: str, number: int
+    plan: EvaluationPlan, evaluated: EvaluatedModel, ground: Terrain, style: str, gait: str, number: int
 ) -> dict[str, Any]:
     seed = plan.options.seed + number
-    z = subject.style(style, number)
-    run = run_course(subject.model, ground, style, z, GAITS[gait], plan.options.course_seconds, seed)
+    z = evaluated.style(style, number)
+    run = run_course(evaluated.model, ground, style, z, GAITS[gait], plan.options.course_seconds, seed)
     everything = np.ones(len(run.motion), bool)
     assert run.motion.unlocked is not None
     before = foot_skating(run.motion.unlocked, ground, everything)
@@ -162,7 +168,7 @@ def _course(
         "path_error_m": float(run.path_error.mean()),
         "path_error_p95_m": float(np.percentile(run.path_error, 95)),
         "speed_m_s": mean_speed(run.motion.positions),
-        "asked_m_s": float(run.requested_speed.mean()),
+        "requested_m_s": float(run.requested_speed.mean()),
     }
 
 
@@ -170,38 +176,38 @@ TERRAINS = ("hills", "stairs", "rough")
 DETERMINISM_CLIPS = 5  # that temperature 0 gives the same twice takes no more
 
 
-def score_model(plan: EvaluationPlan, subject: Subject, report: Report) -> dict[str, Any]:
+def score_model(plan: EvaluationPlan, evaluated: EvaluatedModel, report: Report) -> dict[str, Any]:
     """Generate what the plan asks for and score it."""
-    metadata = subject.model.metadata
+    metadata = evaluated.model.metadata
     result: dict[str, Any] = {
-        "name": subject.name,
-        "decoder": subject.decoder,
+        "name": evaluated.name,
+        "decoder": evaluated.decoder,
         "config": metadata["config"],
         "parameters": count_parameters(metadata),
-        "runtime": frame_times(subject.model),
+        "runtime": frame_times(evaluated.model),
     }
-    result["following"] = score_following(plan, subject, report)
-    result["courses"] = score_courses(plan, subject, make_terrain("rough", plan.options.seed), report)
-    result["terrain"] = score_terrain(plan, subject, report)
-    result["transitions"] = score_transitions(plan, subject, report)
-    result["diversity"] = score_diversity(plan, subject, report)
+    result["following"] = score_following(plan, evaluated, report)
+    result["courses"] = score_courses(plan, evaluated, make_terrain("rough", plan.options.seed), report)
+    result["terrain"] = score_terrain(plan, evaluated, report)
+    result["transitions"] = score_transitions(plan, evaluated, report)
+    result["diversity"] = score_diversity(plan, evaluated, report)
     return result
 
 
-def score_terrain(plan: EvaluationPlan, subject: Subject, report: Report) -> dict[str, Any]:
+def score_terrain(plan: EvaluationPlan, evaluated: EvaluatedModel, report: Report) -> dict[str, Any]:
     """Sinking and floating of soles, and path error, on uneven ground: neutral first, then other styles."""
     result: dict[str, Any] = {}
     styles = _walking_styles(plan)[: plan.options.terrain_styles]
     for name in TERRAINS:
         ground = make_terrain(name, plan.options.seed)
         for gait in GAITS:
-            report(f"{subject.name}: {gait} on {name}")
+            report(f"{evaluated.name}: {gait} on {name}")
             runs = [
                 run_course(
-                    subject.model,
+                    evaluated.model,
                     ground,
                     style,
-                    subject.style(style, k),
+                    evaluated.style(style, k),
                     GAITS[gait],
                     plan.options.course_seconds,
                     plan.options.seed + k,
@@ -227,7 +233,7 @@ def _walking_styles(plan: EvaluationPlan) -> list[str]:
     return sorted(mixed, key=lambda s: s != "neutral")  # stable: the rest stays mixed
 
 
-def score_transitions(plan: EvaluationPlan, subject: Subject, report: Report) -> dict[str, float]:
+def score_transitions(plan: EvaluationPlan, evaluated: EvaluatedModel, report: Report) -> dict[str, float]:
     """Jerk around changes of prompt between random styles, walking, against that inside the styles."""
     rng = np.random.default_rng(plan.options.seed + 2)
     styles = _walking_styles(plan)
@@ -237,9 +243,9 @@ def score_transitions(plan: EvaluationPlan, subject: Subject, report: Report) ->
     for k in range(plan.options.transitions):
         first, second = (styles[i] for i in rng.choice(len(styles), 2, replace=False))
         if k % 10 == 0:
-            report(f"{subject.name}: transition {k + 1}/{plan.options.transitions}")
+            report(f"{evaluated.name}: transition {k + 1}/{plan.options.transitions}")
         positions, change = transition(
-            subject.model, subject.style(first, k), subject.style(second, k), plan.options.seed + k
+            evaluated.model, evaluated.style(first, k), evaluated.style(second, k), plan.options.seed + k
         )
         result = transition_jerk(positions, change)
         rows.append((result.inside, result.around, result.ratio, result.peak))
@@ -267,15 +273,15 @@ def diversity(model: MotionModel, clips: Sequence[tuple[Motion, Array]], tempera
     return Diversity(*(float(v) for v in np.mean(rows, axis=0)))
 
 
-def score_diversity(plan: EvaluationPlan, subject: Subject, report: Report) -> dict[str, Any]:
+def score_diversity(plan: EvaluationPlan, evaluated: EvaluatedModel, report: Report) -> dict[str, Any]:
     """Diversity at temperature 1, and over a few clips at 0, of random captured clips, held-out ones first."""
     clips = diversity_clips(plan)
-    styled = [(clip, subject.style(clip.style, k)) for k, clip in enumerate(clips)]
+    styled = [(clip, evaluated.style(clip.style, k)) for k, clip in enumerate(clips)]
     result: dict[str, Any] = {"clips": len(clips)}
     for temperature in (0.0, 1.0):
-        report(f"{subject.name}: diversity at temperature {temperature:.0f}")
+        report(f"{evaluated.name}: diversity at temperature {temperature:.0f}")
         chosen = styled if temperature > 0 else styled[:DETERMINISM_CLIPS]
-        result[f"temperature_{temperature:.0f}"] = asdict(diversity(subject.model, chosen, temperature))
+        result[f"temperature_{temperature:.0f}"] = asdict(diversity(evaluated.model, chosen, temperature))
     return result
 
 
@@ -343,48 +349,3 @@ def _split_distance(plan: EvaluationPlan, name: str, styles: list[str]) -> dict[
         distances.append(frechet_distance(a, b))
         count = len(a)
     return {"distance": float(np.mean(distances)), "windows": count}
-
-
-def score_rollouts(plan: EvaluationPlan, report: Report) -> dict[str, Any] | None:
-    """The terrain rollouts as a row of their own, against captured neutral motion; None without rollouts."""
-    clips = plan.capture.of(TERRAIN_GROUP, True)
-    if not clips:
-        return None
-    report("terrain rollouts")
-    skating = {gait: Skating() for gait in GAITS}
-    rows: dict[str, list[list[float]]] = {}
-    keys: list[str] = []
-    for _, motion in motions(clips):
-        _add(skating, motion)
-        for gait, label in GAITS.items():
-            chosen = motion.gait == label
-            if chosen.sum() >= 60:
-                found = asdict(terrain_feet(motion.positions[chosen], motion.terrain))
-                keys = list(found)
-                rows.setdefault(gait, []).append(list(found.values()))
-    result: dict[str, Any] = {
-        "name": "terrain rollouts (PFNN)",
-        "clips": len(clips),
-        "skating": {g: s.as_dict() for g, s in skating.items()},
-        "terrain": {
-            gait: dict(zip(keys, np.mean(values, axis=0).tolist(), strict=True))
-            for gait, values in rows.items()
-        },
-    }
-    neutral = [g for g in plan.groups if g.startswith("neutral") and g != TERRAIN_GROUP]
-    if neutral:
-        windows = joined([plan.reference[g] for g in neutral])
-        result["fmd"] = {n: _rollout_distance(plan, n, windows) for n in plan.feature_sets}
-    return result
-
-
-def _rollout_distance(plan: EvaluationPlan, name: str, neutral: WindowSet) -> dict[str, float]:
-    """Windows of rollouts against captured neutral windows, as many of either."""
-    rng = np.random.default_rng(plan.options.seed)
-    project = plan.projection(name, OVERALL_COMPONENTS)
-    a, b = project(plan.reference[TERRAIN_GROUP].of(name)), project(neutral.of(name))
-    n = min(len(a), len(b))
-    draws = [
-        frechet_distance(a[rng.permutation(len(a))[:n]], b[rng.permutation(len(b))[:n]]) for _ in range(DRAWS)
-    ]
-    return {"distance": float(np.mean(draws)), "windows": n}

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from training.evaluation.text import edits, retrieval
-from training.evaluation.text.timing import LATENCY_BAR_MS
 from training.markdown import table
 
 SECTION = "text evaluation"  # of a document, between its markers
@@ -18,56 +17,41 @@ def markdown(results: dict[str, Any]) -> str:
         lines += _retrieval(results["retrieval"])
     if "edits" in results:
         lines += [*_edits(results["edits"]), *_independence(results["independence"])]
-    if "timing" in results:
-        lines += _timing(results["timing"])
     return "\n".join(lines) + "\n"
 
 
 def bars(results: dict[str, Any]) -> list[tuple[str, str, bool | None]]:
-    """Every demand: what is asked, what was measured, and whether it is met (None: not measured)."""
+    """Every demand: what is required, what was measured, and whether it is met (None: not measured)."""
     found: list[tuple[str, str, bool | None]] = []
     if "retrieval" in results:
         found += _retrieval_bars(results["retrieval"])
     if "edits" in results:
-        zero = results["edits"]["summary"]["zero-shot"]
-        for key, asked, bar in (
-            ("right_way", "change the described way", edits.RIGHT_BAR),
-            ("enough", "reach at least half the described change", edits.ENOUGH_BAR),
-        ):
-            name = f"zero-shot part edits that {asked}: at least {100 * bar:.0f} %"
-            found.append((name, f"{100 * zero[key]:.0f} % of {zero['cases']}", zero[key] >= bar))
-        found += _rhythm_bars(results["edits"]["summary"].get(edits.HELD_OUT_RHYTHM))
+        summary = results["edits"]["summary"]
+        found += _edit_bars("zero-shot part edits", summary["zero-shot"], (edits.RIGHT_BAR, edits.ENOUGH_BAR))
+        if edits.HELD_OUT_RHYTHM in summary:
+            bars_of_rhythm = (edits.RHYTHM_RIGHT_BAR, edits.RHYTHM_ENOUGH_BAR)
+            name = "held-out edits of rhythm and weight"
+            found += _edit_bars(name, summary[edits.HELD_OUT_RHYTHM], bars_of_rhythm)
         ratio = results["independence"]["by_slot"]["all"]["ratio"]
         name = f"other parts change by at most {100 * edits.BAR:.0f} % of the described part's change"
         found.append((name, f"{100 * ratio:.0f} %", ratio <= edits.BAR))
-    if "timing" in results:
-        latency = results["timing"]["latency"]["warm_median_ms"]
-        found.append(
-            (
-                f"prompt to Z^t in at most {LATENCY_BAR_MS:.0f} ms",
-                f"{latency:.1f} ms",
-                latency <= LATENCY_BAR_MS,
-            )
-        )
-        late = max(r["first_frame_worst"] for r in results["timing"]["response"].values())
-        found.append(("the next frame answers a new prompt", f"frame {late + 1:.0f} after it", late == 0))
     return found
 
 
-def _rhythm_bars(scores: dict[str, float] | None) -> list[tuple[str, str, bool | None]]:
-    if scores is None:
-        return []
-    right, enough = edits.RHYTHM_RIGHT_BAR, edits.RHYTHM_ENOUGH_BAR
+def _edit_bars(
+    name: str, scores: dict[str, float], least: tuple[float, float]
+) -> list[tuple[str, str, bool | None]]:
+    demands = (
+        ("right_way", "change the described way"),
+        ("enough", "reach at least half the described change"),
+    )
     return [
         (
-            f"held-out edits of rhythm and weight that {asked}: at least {100 * bar:.0f} %",
+            f"{name} that {demand}: at least {100 * bar:.0f} %",
             f"{100 * scores[key]:.0f} % of {scores['cases']}",
             scores[key] >= bar,
         )
-        for key, asked, bar in (
-            ("right_way", "change the described way", right),
-            ("enough", "reach at least half the described change", enough),
-        )
+        for (key, demand), bar in zip(demands, least, strict=True)
     ]
 
 
@@ -85,7 +69,7 @@ def _retrieval_bars(scores: dict[str, Any]) -> list[tuple[str, str, bool | None]
 
 def _bars(results: dict[str, Any]) -> list[str]:
     words = {True: "yes", False: "**no**", None: "–"}
-    return table(["Asked", "Measured", "Met"], [[n, m, words[ok]] for n, m, ok in bars(results)])
+    return table(["Bar", "Measured", "Met"], [[n, m, words[ok]] for n, m, ok in bars(results)])
 
 
 def _retrieval(scores: dict[str, Any]) -> list[str]:
@@ -105,27 +89,7 @@ def _retrieval(scores: dict[str, Any]) -> list[str]:
                 rows.append(_recall_row(f"{name}, {side}", label, scores[side][compared][key]))
     head = ["", "compared by", "queries", "gallery", "R@1", "R@3", "median rank", "R@1, mean over styles"]
     lines += [*table(head, rows), "Chance stands in brackets.", ""]
-    own = scores["original"]["by_style"]
-    rows = [
-        [
-            style,
-            f"{row['texts']} / {row['clips']}",
-            f"{100 * row['text_to_motion']:.0f} %",
-            f"{100 * row['motion_to_text']:.0f} %",
-            _counts(row["text_taken_for"]),
-            _counts(row["motion_taken_for"]),
-        ]
-        for style, row in sorted(own.items(), key=lambda item: item[1]["motion_to_text"])
-    ]
-    head = [
-        "style",
-        "texts / clips",
-        "text→motion R@1",
-        "motion→text R@1",
-        "nearest clip is of",
-        "nearest text is of",
-    ]
-    return lines + table(head, rows)
+    return lines
 
 
 def _recall_row(name: str, compared: str, found: dict[str, float]) -> list[str]:
@@ -141,10 +105,6 @@ def _recall_row(name: str, compared: str, found: dict[str, float]) -> list[str]:
     ]
 
 
-def _counts(counts: dict[str, int], most: int = 3) -> str:
-    return ", ".join(f"{name} {n}" for name, n in list(counts.items())[:most]) or "–"
-
-
 def _edits(found: dict[str, Any]) -> list[str]:
     lines = ["### Part edits", ""]
     rows = [
@@ -153,13 +113,13 @@ def _edits(found: dict[str, Any]) -> list[str]:
             f"{s['cases']}",
             f"{100 * s['right_way']:.0f} %",
             f"{100 * s['enough']:.0f} %",
-            f"{s['median_share']:.2f}",
+            f"{s['median_fraction']:.2f}",
             f"{100 * s['runs_right_way']:.0f} %",
             f"{100 * s['runs_enough']:.0f} %",
         ]
         for kind, s in found["summary"].items()
     ]
-    head = ["", "cases", "right way", "at least half", "median share", "of single walks", "at least half"]
+    head = ["", "cases", "right way", "at least half", "median fraction", "of single walks", "at least half"]
     lines += table(head, rows)
     for kind, title in (
         ("held out", "Held-out edits"),
@@ -173,7 +133,9 @@ def _edits(found: dict[str, Any]) -> list[str]:
         if rows:
             last = "words that the library made of it" if kind == "free words" else "walks right / half"
             lines += [f"{title}:", ""]
-            lines += table([" ", "measure: described → measured", "share", "right way", "half", last], rows)
+            lines += table(
+                [" ", "measure: described → measured", "fraction", "right way", "half", last], rows
+            )
     if found["unmeasured"]:
         names = ", ".join(found["unmeasured"])
         lines += [
@@ -196,7 +158,7 @@ def _edit_row(row: dict[str, Any]) -> list[str]:
     return [
         row["name"],
         "; ".join(changes),
-        f"{row['worst_share']:.2f}{noisy}",
+        f"{row['worst_fraction']:.2f}{noisy}",
         words[row["right_way"]],
         words[row["enough"]],
         last,
@@ -237,28 +199,3 @@ def _independence(found: dict[str, Any]) -> list[str]:
         f"Two seeds of the neutral prompt differ, in the same measure, by: {seeds}."
     )
     return ["### Part independence", "", *table(head, rows), note, ""]
-
-
-def _timing(found: dict[str, Any]) -> list[str]:
-    latency = found["latency"]
-    rows = [
-        [
-            "first prompt, files and networks loaded",
-            f"{latency['first_ms']:.0f} ms",
-            f"{latency['first_processor_ms']:.0f} ms",
-        ],
-        [
-            f"new prompts after it, median of {latency['prompts'] - 1}",
-            f"{latency['warm_median_ms']:.1f} ms",
-            f"{latency['warm_median_processor_ms']:.1f} ms",
-        ],
-        ["the slowest of them", "–", f"{latency['warm_worst_processor_ms']:.1f} ms"],
-    ]
-    lines = ["### Speed and smoothness", "", *table(["prompt to Z^t", "time", "processor time"], rows)]
-    rows = [
-        [f"{seconds} s", f"{r['first_frame_worst'] + 1:.0f}", f"{r['half_seconds_median']:.2f} s"]
-        for seconds, r in found["response"].items()
-    ]
-    lines += table(["blend", "first frame that differs, latest", "half of the change, median"], rows)
-    rows = [[name, f"{r['ratio']:.2f}", f"{r['peak']:.2f}"] for name, r in found["transitions"].items()]
-    return lines + table(["change of prompt", "jerk ratio", "highest frame"], rows)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,47 +12,28 @@ from runtime.motion.model import load_model
 from runtime.prompts.english.library_data import load_styles
 from runtime.prompts.prompter import Prompter
 from runtime.prompts.text_encoder import TextEncoder
-from training.evaluation.experiment import Arguments, Experiment, Setting
+from training.evaluation.experiment import Arguments, Experiment, Setting, command_of, option
 from training.evaluation.report.text_tables import SECTION, markdown
 from training.evaluation.text import edits
 from training.evaluation.text.edits import FREE_PROMPTS, Case, by_slot, independence, seed_changes
-from training.evaluation.text.timing import timing
-from training.evaluation.text.walks import SECONDS, Walk, Walker
+from training.evaluation.text.walks import PLAIN_PROMPT, SECONDS, Walk, Walker
 from training.layering.measured_edits import CapturedReference, Summary, load_reference
 
-log = logging.getLogger("sport.evaluate")
-
-PARTS = ("retrieval", "edits", "timing")
-PLAIN_PROMPT = "a person walking normally"  # what words about a part change
-# changes of prompt while walking: one part, several parts, and whole styles
-CHANGES: tuple[tuple[str, str], ...] = (
-    (PLAIN_PROMPT, "left arm raised overhead"),
-    (PLAIN_PROMPT, "torso leaning far forward"),
-    (PLAIN_PROMPT, "hands on hips"),
-    (PLAIN_PROMPT, "a zombie"),
-    ("a proud king", "an exhausted soldier"),
-    ("a drunk man", PLAIN_PROMPT),
-)
+PARTS = ("retrieval", "edits")
 
 
 def words_and_motion(setting: Setting) -> dict[str, Any]:
-    """All figures as plain data; equal arguments give equal figures, but for the times."""
+    """All figures as plain data; equal arguments give equal figures."""
     args, folder = setting.args, setting.folders[0]
-    wanted = set(args.only or PARTS)
     model = load_model(folder)
     prompter = Prompter(model, text_encoder=args.text_encoder)
-    results: dict[str, Any] = {"command": _command(args, folder), "model": model.name}
-    started = time.perf_counter()
-    if "retrieval" in wanted:
+    command = command_of("sport evaluate --text", args, clips=True)
+    results: dict[str, Any] = {"command": command, "model": model.name}
+    if "retrieval" in (args.only or PARTS):
+        setting.report("retrieval")
         results["retrieval"] = _retrieval(args, folder, prompter.text_encoder)
-        log.info("retrieval: %.0f s", time.perf_counter() - started)
-    if "edits" in wanted:
-        results |= _edits(args, folder, prompter)
-        log.info("part edits: %.0f s", time.perf_counter() - started)
-    if "timing" in wanted:
-        changes = {f"{a} → {b}": (prompter(a), prompter(b)) for a, b in CHANGES}
-        results["timing"] = timing(model, list(FREE_PROMPTS), changes, args.text_encoder)
-        log.info("timing: %.0f s", time.perf_counter() - started)
+    if "edits" in (args.only or PARTS):
+        results |= _edits(setting, prompter)
     return results
 
 
@@ -72,18 +51,19 @@ def _retrieval(args: Arguments, folder: Path, words: TextEncoder) -> dict[str, A
     return evaluate_retrieval(folder, args.clips, texts, words)
 
 
-def _edits(args: Arguments, folder: Path, prompter: Prompter) -> dict[str, Any]:
+def _edits(setting: Setting, prompter: Prompter) -> dict[str, Any]:
     """Part edits and part independence: they look at the same walks."""
+    args = setting.args
     reference = load_reference(args.clips)
     neutral = prompter.expand(PLAIN_PROMPT).descriptions
     expanded = {prompt: prompter.expand(prompt) for prompt in FREE_PROMPTS}
     cases = edits.catalogue_cases(neutral, trained=not args.quick)
     cases += [edits.free_case(p, FREE_PROMPTS[p], e.descriptions) for p, e in expanded.items()]
-    walker = Walker(folder, args.workers, 3.0 if args.quick else SECONDS)
-    asked = [Walk.of(prompter(neutral), seed) for seed in range(edits.SEEDS)]
-    asked += [Walk.of(prompter(d), s) for c in cases for d, s in zip(c.variants, c.seeds, strict=True)]
-    log.info("%d walks", len(set(asked)))
-    made = iter(walker.make(asked))
+    walker = Walker(setting.folders[0], args.workers, 3.0 if args.quick else SECONDS)
+    requested = [Walk.of(prompter(neutral), seed) for seed in range(edits.SEEDS)]
+    requested += [Walk.of(prompter(d), s) for c in cases for d, s in zip(c.variants, c.seeds, strict=True)]
+    setting.report(f"{len(set(requested))} walks")
+    made = iter(walker.make(requested))
     neutral_walks = {seed: next(made) for seed in range(edits.SEEDS)}
     rows, independent, unmeasured = [], [], []
     for case in cases:
@@ -104,7 +84,7 @@ def _edits(args: Arguments, folder: Path, prompter: Prompter) -> dict[str, Any]:
             "unmeasured": unmeasured,
             "summary": _summaries(rows),
             "reference": [name for name, _, _ in reference.walks],
-            "walks": len(set(asked)),
+            "walks": len(set(requested)),
         },
         "independence": {
             "rows": independent,
@@ -132,16 +112,7 @@ def _summaries(rows: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:
     """By kind, and of held-out edits and pairs together: what the bars are about."""
     groups = {kind: [r for r in rows if r["kind"] == kind] for kind in dict.fromkeys(r["kind"] for r in rows)}
     zero_shot = [r for r in rows if r["kind"] in ("held out", "pair")]
-    return {kind: edits.shares(group) for kind, group in {"zero-shot": zero_shot, **groups}.items()}
-
-
-def _command(args: Arguments, folder: Path) -> str:
-    """The command in a form that names no folder of this machine."""
-    model = folder if not folder.is_absolute() else Path(folder.name)
-    words = [f"sport evaluate --text --clips DIR --model {model.as_posix()}"]
-    words += [f"--only {name}" for name in args.only or ()]
-    words += ["--quick"] if args.quick else []
-    return " ".join(words)
+    return {kind: edits.totals(group) for kind, group in {"zero-shot": zero_shot, **groups}.items()}
 
 
 def _check(args: Arguments) -> None:
@@ -156,22 +127,11 @@ TEXT = Experiment(
     SECTION,
     clips=True,
     options=(
-        (
-            "--only",
-            {"choices": PARTS, "action": "append", "help": "measure this alone; several can be given"},
-        ),
-        (
-            "--quick",
-            {"action": "store_true", "help": "no trained edits, shorter walks: a trial, no figures to quote"},
-        ),
-        ("--workers", {"type": int, "default": 2, "metavar": "N", "help": "processes (default: 2)"}),
-        (
-            "--text-encoder",
-            {
-                "type": Path,
-                "metavar": "DIR",
-                "help": "folder of the text encoder that the model was trained with",
-            },
+        option("--only", choices=PARTS, nargs="+", help="measure this alone"),
+        option("--quick", action="store_true", help="no trained edits, shorter walks: no figures to quote"),
+        option("--workers", type=int, default=2, metavar="N", help="processes (default: 2)"),
+        option(
+            "--text-encoder", type=Path, metavar="DIR", help="text encoder that the model was trained with"
         ),
     ),
     check=_check,

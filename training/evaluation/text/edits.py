@@ -14,8 +14,8 @@ from runtime.skeleton import PART_NAMES, SPORT_SKELETON
 from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
 from training.layering.measured_edits import Summary, Target, rotation_change, value
 
-RIGHT_WAY, ENOUGH = 0.1, 0.5  # shares of the described change; under a tenth is no change
-RIGHT_BAR, ENOUGH_BAR = 0.8, 0.5  # shares of the held-out edits and pairs
+RIGHT_WAY, ENOUGH = 0.1, 0.5  # fractions of the described change; under a tenth is no change
+RIGHT_BAR, ENOUGH_BAR = 0.8, 0.5  # fractions of the held-out edits and pairs
 RHYTHM_RIGHT_BAR, RHYTHM_ENOUGH_BAR = 0.9, 0.7  # of those of rhythm and weight
 HELD_OUT_RHYTHM, TRAINED_RHYTHM = "held-out rhythm", "trained rhythm"
 SEEDS = 3
@@ -23,7 +23,7 @@ SEEDS = 3
 
 @dataclass(frozen=True)
 class Case:
-    """What is asked for: `variants` are descriptions that all ask for `edits`."""
+    """What is requested: `variants` are descriptions that all request `edits`."""
 
     name: str
     kind: str  # "held out", "pair", "trained", "held-out rhythm", "trained rhythm" or "free words"
@@ -38,7 +38,7 @@ class Case:
         return tuple(p for p in PART_NAMES if p in described)
 
 
-# --- what is asked for ------------------------------------------------------------------------------------------------
+# --- what is requested ------------------------------------------------------------------------------------------------
 
 
 def catalogue_cases(neutral: PartDescriptions, trained: bool = True) -> list[Case]:
@@ -81,11 +81,11 @@ def free_case(prompt: str, edits: tuple[str, ...], expanded: PartDescriptions, w
 def score(
     case: Case, summaries: Sequence[Summary], neutral: dict[int, Summary], described: dict[Target, float]
 ) -> dict[str, Any]:
-    """A case's result: of each measure the median share of the described change, and whether all of them suffice.
+    """A case's result: of each measure the median fraction of the described change, and whether all of them suffice.
 
     `summaries` are the walks of the variants, `neutral` the neutral walks by seed.
     """
-    shares: dict[str, list[float]] = {}
+    fractions: dict[str, list[float]] = {}
     changes: dict[str, float] = {}
     for target, amount in described.items():
         found = [
@@ -94,18 +94,18 @@ def score(
         ]
         label = ".".join(target)
         changes[label] = float(np.median(found))
-        shares[label] = [f / amount for f in found]
-    median = {k: float(np.median(v)) for k, v in shares.items()}
+        fractions[label] = [f / amount for f in found]
+    median = {k: float(np.median(v)) for k, v in fractions.items()}
     worst = min(median.values())
-    runs = np.min(list(shares.values()), axis=0)
+    runs = np.min(list(fractions.values()), axis=0)
     return {
         "name": case.name,
         "kind": case.kind,
         "edits": list(case.edits),
         "described": {".".join(t): v for t, v in described.items()},
         "change": changes,
-        "share": median,
-        "worst_share": worst,
+        "fraction": median,
+        "worst_fraction": worst,
         "right_way": bool(worst >= RIGHT_WAY),
         "enough": bool(worst >= ENOUGH),
         "runs": len(summaries),
@@ -116,7 +116,7 @@ def score(
 
 
 def seed_noise(neutral: dict[int, Summary], described: dict[Target, float]) -> float:
-    """How much neutral walks of different seeds differ, at most, as a share of the described change."""
+    """How much neutral walks of different seeds differ, at most, as a fraction of the described change."""
     noise = []
     for target, amount in described.items():
         values = [value(s, target) for s in neutral.values()]
@@ -124,13 +124,13 @@ def seed_noise(neutral: dict[int, Summary], described: dict[Target, float]) -> f
     return float(np.max(noise))
 
 
-def shares(results: Sequence[dict[str, Any]]) -> dict[str, float]:
-    """Of several cases: how many go the right way and far enough, and their median share of the described change."""
+def totals(results: Sequence[dict[str, Any]]) -> dict[str, float]:
+    """Of several cases: how many go the right way and far enough, and their median fraction of the described change."""
     return {
         "cases": len(results),
         "right_way": float(np.mean([r["right_way"] for r in results])),
         "enough": float(np.mean([r["enough"] for r in results])),
-        "median_share": float(np.median([r["worst_share"] for r in results])),
+        "median_fraction": float(np.median([r["worst_fraction"] for r in results])),
         "runs_right_way": float(np.mean([r["runs_right_way"] for r in results])),
         "runs_enough": float(np.mean([r["runs_enough"] for r in results])),
     }

@@ -20,12 +20,12 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.sentence_inputs import sentence_inputs
 from runtime.prompts.text_encoder import TextEncoderLike
 from training.evaluation.metrics.classifiers import merged
-from training.evaluation.metrics.motion import Motion, load_motion, window_index, window_starts
+from training.evaluation.metrics.features import encoded
+from training.evaluation.metrics.motion import load_motion, window_starts
 from training.evaluation.motion.capture import ROLLOUTS
 
 HOP = 20  # frames between the beginnings of a clip's windows
 BAR = 0.6  # R@1
-_BATCH = 64
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def held_out_clips(folder: Path, mirrored: bool) -> list[Path]:
 
 
 def encode_clips(encoder: ExportedMotionEncoder, paths: Sequence[Path], described: Collection[str]) -> Clips:
-    """Codes of clips; those shorter than a window (1.3 s) and those of styles that nobody described are left out."""
+    """Codes of clips; those shorter than a window (1.3 s) and those of styles without descriptions are left out."""
     names, styles, codes = [], [], []
     for path in paths:
         motion = load_motion(path)
@@ -115,23 +115,13 @@ def encode_clips(encoder: ExportedMotionEncoder, paths: Sequence[Path], describe
         if len(starts) and motion.style in described:
             names.append(path.stem)
             styles.append(motion.style)
-            codes.append(_windows(encoder, motion, starts).mean())
+            codes.append(Codes.of(*encoded(encoder, motion.root_features(), starts)).mean())
     return Clips(names, styles, Codes.stack(codes))
-
-
-def _windows(encoder: ExportedMotionEncoder, motion: Motion, starts: NDArray[np.integer]) -> Codes:
-    root = motion.root_features()
-    joints = np.concatenate([root.joints, root.rotations], axis=-1)
-    parts = []
-    for first in range(0, len(starts), _BATCH):
-        index = window_index(starts[first : first + _BATCH])
-        parts.append(Codes.of(*encoder.encode(joints[index], root.velocity[index])))
-    return Codes.stack(parts)
 
 
 @dataclass(frozen=True)
 class Recall:
-    """Shares of queries whose first relevant entry is first, or among three; each with what chance would give."""
+    """Fractions of queries whose first relevant entry is first, or among three; each with what chance would give."""
 
     queries: int
     gallery: int
@@ -187,8 +177,8 @@ def evaluate_retrieval(
     encoder, side = ExportedMotionEncoder(folder), TextSide(folder, text_encoder)
     result: dict[str, Any] = {}
     for mirrored in (False, True):
-        asked = {s: [d.mirrored() for d in ds] if mirrored else ds for s, ds in texts.items()}
-        codes = {style: side.codes(descriptions) for style, descriptions in asked.items()}
+        queried = {s: [d.mirrored() for d in ds] if mirrored else ds for s, ds in texts.items()}
+        codes = {style: side.codes(descriptions) for style, descriptions in queried.items()}
         found = encode_clips(encoder, held_out_clips(clips, mirrored), texts)
         result["mirrored" if mirrored else "original"] = _score(found, codes)
     return result
@@ -196,8 +186,8 @@ def evaluate_retrieval(
 
 def _score(clips: Clips, texts: dict[str, Codes]) -> dict[str, Any]:
     gallery = np.array(clips.styles)
-    asked = [s for s in texts for _ in range(len(texts[s].whole)) if s in set(clips.styles)]
-    queries = Codes.stack([texts[s] for s in dict.fromkeys(asked)])
+    queried = [s for s in texts for _ in range(len(texts[s].whole)) if s in set(clips.styles)]
+    queries = Codes.stack([texts[s] for s in dict.fromkeys(queried)])
     names = list(texts)
     style_codes = Codes.stack([texts[s].mean() for s in names])
     scores: dict[str, Any] = {"clips": dict(Counter(clips.styles)), "styles": len(names)}
@@ -205,47 +195,17 @@ def _score(clips: Clips, texts: dict[str, Codes]) -> dict[str, Any]:
         to_motion = queries.similarity(clips.codes, by_part)
         to_text = clips.codes.similarity(style_codes, by_part)
         scores[key] = {
-            "text_to_motion": asdict(recall(to_motion, np.array(asked)[:, None] == gallery, asked)),
+            "text_to_motion": asdict(recall(to_motion, np.array(queried)[:, None] == gallery, queried)),
             "motion_to_text": asdict(recall(to_text, gallery[:, None] == np.array(names), clips.styles)),
-            "text_to_motion_alike": asdict(recall(to_motion, _alike(asked, clips.styles), asked)),
+            "text_to_motion_alike": asdict(recall(to_motion, _alike(queried, clips.styles), queried)),
             "motion_to_text_alike": asdict(recall(to_text, _alike(clips.styles, names), clips.styles)),
         }
-        if not by_part:
-            scores["by_style"] = _by_style(asked, gallery[to_motion.argmax(1)], clips.styles, names, to_text)
     return scores
 
 
 def _alike(queries: Sequence[str], gallery: Sequence[str]) -> NDArray[np.bool_]:
     """Relevance where styles of nearly the same name in two data sets count as one."""
     return np.array([merged(s) for s in queries])[:, None] == np.array([merged(s) for s in gallery])
-
-
-def _by_style(
-    asked: Sequence[str],
-    nearest: Sequence[str],
-    clip_styles: Sequence[str],
-    names: Sequence[str],
-    to_text: Array,
-) -> dict[str, Any]:
-    """For each style: R@1 both ways, and what it is taken for otherwise, most often first."""
-    named = [names[k] for k in to_text.argmax(1)]
-    rows = {}
-    for style in dict.fromkeys(asked):
-        motions = Counter(n for a, n in zip(asked, nearest, strict=True) if a == style)
-        words = Counter(n for s, n in zip(clip_styles, named, strict=True) if s == style)
-        rows[style] = {
-            "text_to_motion": motions[style] / motions.total(),
-            "motion_to_text": words[style] / words.total(),
-            "texts": motions.total(),
-            "clips": words.total(),
-            "text_taken_for": _others(motions, style),
-            "motion_taken_for": _others(words, style),
-        }
-    return rows
-
-
-def _others(counts: Counter[str], own: str) -> dict[str, int]:
-    return {str(name): n for name, n in counts.most_common() if name != own}
 
 
 def _unit(x: Array) -> Array:

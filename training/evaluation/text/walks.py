@@ -20,6 +20,7 @@ from runtime.motion.paths import control_script
 from training.evaluation.motion.driving import flat_ground
 from training.layering.measured_edits import Summary, summarise
 
+PLAIN_PROMPT = "a person walking normally"  # what words about a part change
 LEAD_SECONDS = 2.0  # walked before measuring: standing still and the start pose are over
 SECONDS = 6.0
 
@@ -57,21 +58,19 @@ class Walker:
         self._made |= dict(zip(new, made, strict=True))
         return [self._made[w] for w in walks]
 
-    @property
-    def frames(self) -> int:
-        """Frames simulated so far, lead-ins included."""
-        return len(self._made) * round((LEAD_SECONDS + self.seconds) * FPS)
-
 
 def _make(job: tuple[Path, Walk, float]) -> Summary:
-    folder, asked, seconds = job
-    controller = Controller(_model(folder), flat_ground(), asked.seed)
-    z = np.frombuffer(asked.z, np.float32).reshape(6, 64)
+    folder, walk, seconds = job
+    z = np.frombuffer(walk.z, np.float32).reshape(6, 64)
+    return summarise(*straight_walk(_model(folder), z, seconds, walk.seed))
+
+
+def straight_walk(model: MotionModel, z: Array, seconds: float, seed: int = 0) -> tuple[Array, Array, Array]:
+    """Hips `(T, 3)`, local rotations `(T, 31, 4)` and contacts `(T, 4)` of a walk in Z^t `(6, 64)`, after its lead-in."""
     lead = round(LEAD_SECONDS * FPS)
-    poses = simulate(controller, control_script("forward", "walk"), [(0.0, z)], lead + round(seconds * FPS))[
-        lead:
-    ]
-    return summarise(
+    controller, script = Controller(model, flat_ground(), seed), control_script("forward", "walk")
+    poses = simulate(controller, script, [(0.0, z)], lead + round(seconds * FPS))[lead:]
+    return (
         np.stack([p.hips_position for p in poses]),
         np.stack([p.local_rotations for p in poses]),
         np.stack([p.contacts for p in poses]),

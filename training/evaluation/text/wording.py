@@ -1,6 +1,6 @@
 """Walk every sentence once and find the wording that a model follows: `assets/prompts/wording.json`.
 
-    python -m training.evaluation.text.wording --store walks.json [--model FOLDER] [--out FILE]
+    python -m training.evaluation.text.wording [--model FOLDER] [--out FILE]
 
 A sentence is walked with everything else as in neutral, and what it claims (`training.text.claims`) is compared with what the
 body does; each arm is walked on its own, for some of its edits are held out on one side. Where the model shows less than `WEAK` of it,
@@ -16,7 +16,6 @@ import json
 import logging
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, fields
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +24,7 @@ from runtime.arrays import Array
 from runtime.assets import asset_path, model_folder
 from runtime.atomic import check_target, write_atomic
 from runtime.controls import Controls
-from runtime.errors import FileError, run_command
+from runtime.errors import run_command
 from runtime.motion.controller import Controller
 from runtime.motion.crowd import MOST, Crowd
 from runtime.motion.features import FPS
@@ -39,16 +38,16 @@ from runtime.prompts.wording import FILE, Wording
 from runtime.skeleton import SPORT_SKELETON
 from training.data.labels import foot_contacts
 from training.evaluation.motion.driving import flat_ground
-from training.evaluation.text.command import PLAIN_PROMPT
+from training.evaluation.text.walks import PLAIN_PROMPT
 from training.text.claims import claims, sentence_share, unclaimed_change
-from training.text.measure import ArmMeasures, BodyMeasures, HeadMeasures, LegMeasures, TorsoMeasures, measure
+from training.text.measure import BodyMeasures, measure
 
 log = logging.getLogger("sport.evaluate")
 
 LEAD_SECONDS, SECONDS = 1.5, 4.0  # walked before measuring, and measured
-WEAK = 0.6  # share of a sentence's claims under which it gets another wording
+WEAK = 0.6  # fraction of a sentence's claims under which it gets another wording
 GAIN = 0.3  # by which the other wording has to be better
-CHANGE = 0.12  # what a unit of change that was not claimed costs, in shares
+CHANGE = 0.12  # what a unit of change that was not claimed costs, in fractions
 ALIKE = 0.8  # what likeness of words is worth
 # what is walked, by the group of the table
 PARTS = {
@@ -61,8 +60,6 @@ PARTS = {
 ARMS = ("left_arm", "right_arm")
 Key = tuple[str, str]  # group and words, of a limb as of the left one
 NEUTRAL: Key = ("", "")
-Measures = dict[str, float]
-_KINDS = (ArmMeasures, ArmMeasures, LegMeasures, LegMeasures, TorsoMeasures, HeadMeasures)  # of the parts
 
 
 def walk(model: MotionModel, codes: Sequence[Array], seed: int = 0) -> list[BodyMeasures]:
@@ -86,45 +83,22 @@ def _measured(poses: Sequence[Pose]) -> BodyMeasures:
     return measure(hips, local, contacts)
 
 
-def walk_all(
-    model: MotionModel, prompter: Prompter, keys: Sequence[Key], store: Path
-) -> dict[Key, BodyMeasures]:
-    """What bodies do under each sentence, and under `NEUTRAL`; `store` keeps what was walked, a run goes on from it."""
+def walk_all(model: MotionModel, prompter: Prompter, keys: Sequence[Key]) -> dict[Key, BodyMeasures]:
+    """What bodies do under each sentence, and under `NEUTRAL`."""
     plain = prompter.expand(PLAIN_PROMPT).descriptions
-    found = _read(store)
-    missing = [key for key in (NEUTRAL, *keys) if key not in found]
-    for first in range(0, len(missing), MOST):
-        chunk = missing[first : first + MOST]
+    found: dict[Key, BodyMeasures] = {}
+    every = [NEUTRAL, *keys]
+    for first in range(0, len(every), MOST):
+        chunk = every[first : first + MOST]
         said = [_said(plain, *key) if key != NEUTRAL else plain for key in chunk]
         found |= dict(zip(chunk, walk(model, [prompter(each) for each in said]), strict=True))
-        write_atomic(store, json.dumps({"|".join(key): asdict(body) for key, body in found.items()}))
-        log.info("walked %d of %d", first + len(chunk), len(missing))
+        log.info("walked %d of %d", len(found), len(every))
     return found
 
 
 def _said(plain: PartDescriptions, group: str, words: str) -> PartDescriptions:
     part = PARTS[group]
     return plain.replace(part, mirror_text(words) if part.startswith("right") else words)
-
-
-def _read(store: Path) -> dict[Key, BodyMeasures]:
-    if not store.exists():
-        return {}
-    try:
-        rows = json.loads(store.read_text("utf-8"))
-        return {_key(name): _body(values) for name, values in rows.items()}
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise FileError(f"{store}: no store of this command ({error!r}).", "Name another --store.") from error
-
-
-def _key(name: str) -> Key:
-    group, _, words = name.partition("|")
-    return group, words
-
-
-def _body(values: Mapping[str, Measures]) -> BodyMeasures:
-    kinds = {f.name: type_ for f, type_ in zip(fields(BodyMeasures), _KINDS, strict=True)}
-    return BodyMeasures(**{part: kinds[part](**values[part]) for part in kinds})
 
 
 def better_wordings(
@@ -138,8 +112,8 @@ def better_wordings(
     table: dict[str, dict[str, str]] = {}
     for group, part in PARTS.items():
         pool = [key for key in walks if key[0] == group]
-        shares = [sentence_share(part, words, neutral, walks[group, words]) for _, words in pool]
-        weak = [share is not None and share < WEAK for share in shares]
+        fractions = [sentence_share(part, words, neutral, walks[group, words]) for _, words in pool]
+        weak = [fraction is not None and fraction < WEAK for fraction in fractions]
         vectors = likeness([words for _, words in pool]) if any(weak) else np.zeros((len(pool), 1))
         said = [_meaning(part, words) for _, words in pool]
         for number, key in enumerate(pool):
@@ -149,7 +123,7 @@ def better_wordings(
             scores = [
                 -np.inf
                 if weak[other] or not _stands_for(pool[other], said[other], key, said[number])
-                else _score(part, key[1], neutral, walks[pool[other]], shares[number] or 0.0, near)
+                else _score(part, key[1], neutral, walks[pool[other]], fractions[number] or 0.0, near)
                 for other, near in enumerate(alike.tolist())
             ]
             best = int(np.argmax(scores))
@@ -180,28 +154,27 @@ def _stands_for(key: Key, meaning: Meaning, other: Key, wanted: Meaning) -> bool
 def _score(
     part: str, words: str, neutral: BodyMeasures, walked: BodyMeasures, own: float, alike: float
 ) -> float:
-    share = sentence_share(part, words, neutral, walked)
-    if share is None or share < own + GAIN:
+    fraction = sentence_share(part, words, neutral, walked)
+    if fraction is None or fraction < own + GAIN:
         return -np.inf
-    return share - CHANGE * unclaimed_change(part, words, neutral, walked) + ALIKE * alike
+    return fraction - CHANGE * unclaimed_change(part, words, neutral, walked) + ALIKE * alike
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description="Find the wording of every sentence that a model follows.")
     parser.add_argument("--model", type=model_folder, default=model_folder(), metavar="DIR")
-    parser.add_argument("--store", type=Path, required=True, metavar="FILE", help="walks so far")
     parser.add_argument("--out", type=Path, default=Path("assets") / FILE, metavar="FILE")
     args = parser.parse_args(argv)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
     check_target(args.out)
     model = load_model(args.model)
     prompter = Prompter(model, wording=Wording())
-    shares = shares_of(model.name)
+    fractions = shares_of(model.name)
     keys = sorted(
-        {key for group, words in {*shares.sentences, *shares.clauses} for key in _walked(group, words)}
+        {key for group, words in {*fractions.sentences, *fractions.clauses} for key in _walked(group, words)}
     )
-    walks = walk_all(model, prompter, keys, args.store)
+    walks = walk_all(model, prompter, keys)
     table = better_wordings(walks, _captured(), lambda words: prompter.text_encoder.encode(list(words)))
     write_atomic(
         args.out, json.dumps({model.name: table}, indent=0, ensure_ascii=False, sort_keys=True) + "\n"
@@ -210,7 +183,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def _walked(group: str, words: str) -> list[Key]:
-    """The keys under which a sentence of the shares is walked: of an arm one for each side."""
+    """The keys under which a sentence of the fractions is walked: of an arm one for each side."""
     if group == "arm":
         return [("left_arm", words), ("right_arm", words)]
     return [(group, words)]

@@ -1,0 +1,90 @@
+"""What keeping a session costs: `python -m benchmarks.sessions`, with an hour of takes in it."""
+
+from __future__ import annotations
+
+import statistics
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.bench import cpu_name
+from runtime.pose import FPS
+from runtime.session import edits
+from runtime.session.history import History
+from runtime.session.motion import Motion, MotionHeader
+from runtime.session.session import Session, Take
+from runtime.session.session_file import SessionFile
+from runtime.skeleton import REST_HIPS_HEIGHT, J
+from runtime.takes.clip import Clip
+
+TAKES, MINUTES, EDITS = 20, 3, 50
+RECORDED_S, PIECE = 60, 15  # seconds of a recording, and its frames that are written together
+
+
+def main() -> None:
+    """Measure and print."""
+    with tempfile.TemporaryDirectory() as folder:
+        home = Path(folder)
+        file, history = SessionFile.create(home / "hour.sport", home / "characters"), History()
+        random = np.random.default_rng(1)
+        for number in range(TAKES):
+            take = Take(motion=Motion.of(_walk(f"Take {number + 1}", random)))
+            _do(history, file, edits.with_new_take(history.present.session, take))
+        begin = time.perf_counter()
+        file.flush()
+        print(f"{cpu_name()}; {TAKES} takes of {MINUTES} minutes, written in {time.perf_counter() - begin:.2f} s")
+        times = []
+        for first in range(EDITS):
+            begin = time.perf_counter()
+            _do(history, file, edits.trimmed(history.present.session, 5, first, 1000))
+            times.append(1e3 * (time.perf_counter() - begin))
+            time.sleep(0.02)
+        print(f"an edit, on the thread of the frame: {statistics.median(times):.2f} ms, worst {max(times):.2f} ms")
+        worst = _record(file, random)
+        print(f"a quarter of a second of a recording, on that thread: worst {worst:.2f} ms")
+        file.close()
+        size = (home / "hour.sport").stat().st_size
+        begin = time.perf_counter()
+        again, opened = SessionFile.open(home / "hour.sport", home / "characters")
+        print(f"opened in {time.perf_counter() - begin:.2f} s, {size / 1e6:.0f} MB")
+        begin = time.perf_counter()
+        frames = len(opened.present.session.takes[3].clip)
+        print(f"the {frames} frames of a take read in {time.perf_counter() - begin:.2f} s")
+        again.close()
+
+
+def _do(history: History, file: SessionFile, session: Session) -> None:
+    history.push("edit", session)
+    file.write(history)
+
+
+def _walk(name: str, random: np.random.Generator) -> Clip:
+    """Frames of joints that swing, which are no walk but compress as one."""
+    count = MINUTES * 60 * FPS
+    at = np.arange(count) / FPS
+    half = 0.3 * np.sin(2.0 * np.pi * at[:, None] * random.uniform(0.5, 1.5, J) + random.uniform(0.0, 6.0, J))
+    turns = np.zeros((count, J, 4), np.float32)
+    turns[..., 0], turns[..., 1] = np.cos(half), np.sin(half)
+    hips = np.column_stack([np.zeros(count), np.full(count, REST_HIPS_HEIGHT), 1.3 * at]).astype(np.float32)
+    return Clip(name, FPS, hips, turns, np.ones((count, 4), np.float32), gaits=np.zeros(count, np.int8))
+
+
+def _record(file: SessionFile, random: np.random.Generator) -> float:
+    """The longest time (ms) that a piece of a recording takes of its thread."""
+    clip, worst = _walk("recorded", random), 0.0
+    recording = file.begin_recording(replace(MotionHeader.of(clip, None), frames=0))
+    turns = clip.local_rotations.reshape(len(clip), -1)
+    rows = np.column_stack([clip.hips_positions, turns, clip.contacts, np.zeros(len(clip))]).astype(np.float32)
+    for first in range(0, RECORDED_S * FPS, PIECE):
+        begin = time.perf_counter()
+        recording.add(rows[first : first + PIECE], None)
+        worst = max(worst, 1e3 * (time.perf_counter() - begin))
+        time.sleep(0.01)
+    return worst
+
+
+if __name__ == "__main__":
+    main()

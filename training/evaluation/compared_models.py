@@ -1,0 +1,297 @@
+"""Models compared: Table I of the paper, every row and column, over several seeds, and distances to capture alone.
+
+    python -m training.evaluation table1 --clips DIR --runs RUNS --store table1.json --markdown docs/results/table1.md
+
+A row's models lie in RUNS/<row>/seed<k>/model (the one without diffusion in RUNS/full/seed<k>/model-mixture), or in RUNS/<row>/model
+as one seed: what `python -m training.ablations` and `python -m training.baselines` write. Each model is measured once; the store is
+written after each, and a run that was stopped goes on where it was.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runtime.atomic import write_atomic
+from runtime.errors import FileError
+from runtime.motion.model_files import read_metadata
+from training.evaluation.command import check_seconds, plan_of
+from training.evaluation.experiment import (
+    FEATURES,
+    QUICK,
+    SECONDS,
+    SEED,
+    STYLES,
+    Arguments,
+    Experiment,
+    Setting,
+    option,
+    read_json,
+)
+from training.evaluation.metrics.features import joined
+from training.evaluation.metrics.frechet import compare
+from training.evaluation.motion.capture import OVERALL_COMPONENTS, TERRAIN_GROUP, EvaluationPlan
+from training.evaluation.motion.evaluated_model import EvaluatedModel
+from training.evaluation.motion.scores import score_following, score_held_out, score_model
+from training.evaluation.report.tables import mean, mean_skating
+from training.markdown import number, table
+
+Cells = dict[str, float]
+SEED_IN_NAME = re.compile(r" seed\d+")  # of a model, `EvaluatedModel.name`
+SHIPPED, CAPTURE = "ours, as shipped", "capture, one half against the other"
+SHOWN = 0.5  # fraction of its windows from which on a style counts as shown
+
+
+@dataclass(frozen=True)
+class TableRow:
+    """A line of the table: where its models lie, and what the paper's Table I says of its counterpart."""
+
+    title: str
+    folder: str  # below RUNS
+    model: str = "model"
+    paper: tuple[str, ...] = ()  # FMD, skating, diversity, ms, parameters, styles, terrain, seamless
+
+
+ROWS = (
+    TableRow("ours", "full", paper=("0.96", "0.16", "2.47e-2", "52.09", "55.46 M", "100+", "yes", "yes")),
+    TableRow("4 experts", "4-experts", paper=("1.27", "0.21", "2.32e-2", "46.27", "31.49 M", "100+", "yes", "yes")),
+    TableRow("4 content experts", "4-content-experts", paper=("1.18", "0.17", "2.28e-2", "49.67", "47.05 M", "100+", "yes", "yes")),
+    TableRow("without diffusion", "full", "model-mixture", ("4.33", "0.13", "0.00", "12.29", "47.98 M", "100+", "yes", "yes")),
+    TableRow("PAE", "pae", paper=("0.99", "0.19", "2.41e-2", "52.09", "55.46 M", "100+", "yes", "yes")),
+    TableRow("without content encoder", "no-content-encoder", paper=("1.06", "0.23", "2.18e-2", "53.65", "66.64 M", "100+", "yes", "yes")),
+    TableRow("whole-body contrast", "whole-body-contrast"),
+    TableRow("motion matching", "motion-matching"),
+    TableRow("PFNN", "pfnn", paper=("10.25", "0.03", "0.00", "7.55", "2.39 M", "1", "yes", "no")),
+    TableRow("Mason 2022", "mason2022", paper=("3.15", "0.20", "0.00", "8.30", "18.42 M", "100", "no", "no")),
+    TableRow("style by label", "style-label"),
+    TableRow("ours, 100STYLE alone", "100style", paper=("1.76", "0.11", "2.31e-2", "52.09", "55.46 M", "100+", "no", "yes")),
+    TableRow("ours, terrain data alone", "terrain", paper=("1.94", "0.09", "2.16e-2", "52.09", "47.71 M", "1", "yes", "yes")),
+)  # fmt: skip
+COLUMNS: dict[str, tuple[str, int]] = {
+    "fmd_encoder": ("FMD, encoder", 1),
+    "fmd_kinematic": ("FMD, kinematic", 1),
+    "skating_formula": ("skating, formula (cm)", 3),
+    "skating_soles": ("skating, soles (cm)", 3),
+    "diversity": ("diversity (m)", 3),
+    "ms": ("network (ms)", 2),
+    "parameters": ("parameters (M)", 2),
+    "styles": ("styles shown", 0),
+    "terrain": ("soles sunk on uneven ground (cm)", 1),
+    "transitions": ("transition jerk", 2),
+    "recognition": ("recognised", 2),
+}
+
+
+def models_of(row: TableRow, runs: Path) -> dict[str, Path]:
+    """Exported models of a row by seed, those that are there."""
+    found = {
+        path.parent.name.removeprefix("seed"): path
+        for path in sorted((runs / row.folder).glob(f"seed*/{row.model}"))
+        if (path / "metadata.json").is_file()
+    }
+    alone = runs / row.folder / row.model
+    if not found and (alone / "metadata.json").is_file():
+        return {"0": alone}
+    return found
+
+
+def cells_of(scores: dict[str, Any]) -> Cells:
+    """The columns of the table out of the scores of one model."""
+    following = scores["following"]
+    courses = [c for gaits in scores["courses"].values() for c in gaits.values()]
+    cells = {f"fmd_{name}": found["takes"]["distance"] for name, found in following["fmd"].items()}
+    return cells | {
+        "skating_formula": mean([c["flat"]["after"]["toes"] for c in courses]),
+        "skating_soles": mean([c["flat"]["after"]["soles"] for c in courses]),
+        "diversity": scores["diversity"]["temperature_1"]["pose"],
+        "ms": scores["runtime"]["network_ms"],
+        "parameters": scores["parameters"] / 1e6,
+        "terrain": mean([t["sunk_sole_p99"] for t in scores["terrain"].values()]),
+        "transitions": scores["transitions"].get("ratio", float("nan")),
+        **_recognised(following["recognition"]["score"]),
+    }
+
+
+def _recognised(scores: dict[str, float]) -> Cells:
+    shown = float(sum(score >= SHOWN for score in scores.values()))
+    return {"styles": shown, "recognition": mean(scores)}
+
+
+def capture_cells(plan: EvaluationPlan, report: Callable[[str], None]) -> Cells:
+    """The same of the capture: one half of its takes against the other, and its held-out clips."""
+    held_out = score_held_out(plan, report)
+    reference = joined([plan.reference[g] for g in plan.groups if g != TERRAIN_GROUP])
+    cells = {}
+    for name in plan.feature_sets:
+        rows = plan.projection(name, OVERALL_COMPONENTS)(reference.of(name))
+        cells[f"fmd_{name}"] = compare(rows, rows, reference.unit).takes.reference
+    soles, _, formula = mean_skating(held_out["skating"])
+    recognised = _recognised(held_out["recognition"]["score"])
+    return cells | {"skating_formula": formula, "skating_soles": soles, **recognised}
+
+
+def table_one(setting: Setting) -> dict[str, Any]:
+    """Measure what is there and not in the store yet; all cells by row and seed."""
+    args = setting.args
+    kept: dict[str, Any] = {"options": _options(setting), "cells": {}}
+    if args.store is not None and args.store.is_file():
+        kept = _kept(args.store, kept["options"])
+    waiting = _waiting(setting, kept["cells"])
+    if waiting or CAPTURE not in kept["cells"]:
+        plan = plan_of(setting)
+        if CAPTURE not in kept["cells"]:
+            kept["cells"][CAPTURE] = {"0": capture_cells(plan, setting.report)}
+            _keep(args, kept)
+        for title, seed, folder in waiting:
+            setting.report(f"{title}, seed {seed}")
+            cells = cells_of(score_model(plan, EvaluatedModel(folder, plan.texts), setting.report))
+            kept["cells"].setdefault(title, {})[seed] = cells
+            _keep(args, kept)
+    return kept
+
+
+def _waiting(setting: Setting, cells: dict[str, dict[str, Cells]]) -> list[tuple[str, str, Path]]:
+    """Row, seed and folder of the models without figures: every row once, then its other seeds."""
+    found = {SHIPPED: {"0": setting.folders[0]}}
+    if setting.args.runs is not None:
+        found |= {row.title: models_of(row, setting.args.runs) for row in ROWS}
+    models = [
+        (number, title, seed, folder)
+        for title, seeds in found.items()
+        for number, (seed, folder) in enumerate(seeds.items())
+        if seed not in cells.get(title, {})
+    ]
+    return [(title, seed, folder) for _, title, seed, folder in sorted(models, key=lambda model: model[0])]
+
+
+def _options(setting: Setting) -> dict[str, Any]:
+    """What decides the figures."""
+    args = setting.args
+    features = read_metadata(args.features or setting.folders[0])["sha256"].get("motion", "")
+    return {name: getattr(args, name) for name in ("styles", "seconds", "quick", "seed")} | {
+        "features": features
+    }
+
+
+def _kept(path: Path, options: dict[str, Any]) -> dict[str, Any]:
+    kept = read_json(path)
+    if not isinstance(kept, dict) or kept.get("options") != options:
+        raise FileError(
+            f"{path}: holds no figures of these options.", "Name another --store, or take the same options."
+        )
+    return kept
+
+
+def _keep(args: Arguments, kept: dict[str, Any]) -> None:
+    if args.store is not None:
+        write_atomic(args.store, json.dumps(kept, indent=1) + "\n")
+
+
+def markdown(kept: dict[str, Any]) -> str:
+    """The table: mean ± deviation over seeds; rows whose training has not run have no figures. The paper's below it."""
+    rows = []
+    for title in (CAPTURE, SHIPPED, *(row.title for row in ROWS)):
+        seeds = kept["cells"].get(title, {})
+        if not seeds:
+            rows.append([title, "not run", *("–" for _ in COLUMNS)])
+            continue
+        rows.append([title, str(len(seeds)), *(_cell(list(seeds.values()), key) for key in COLUMNS)])
+    head = ["", "seeds", *(name for name, _ in COLUMNS.values())]
+    lines = table(head, rows)
+    names = ["FMD", "skating (cm)", "diversity", "ms", "parameters", "styles", "terrain", "seamless"]
+    paper = [[row.title, *row.paper] for row in ROWS if row.paper]
+    lines += [
+        "The paper's Table I. Its FMD rests on another encoder and its times on a GPU: not comparable.",
+        "",
+    ]
+    return "\n".join([*lines, *table(["", *names], paper)])
+
+
+def _cell(seeds: Sequence[Cells], key: str) -> str:
+    digits = COLUMNS[key][1]
+    values = [s[key] for s in seeds if key in s]
+    if not values:
+        return "–"
+    spread = f" ± {np.std(values, ddof=1):.{digits}f}" if len(values) > 1 else ""
+    return number(mean(values), digits) + spread
+
+
+TABLE1 = Experiment(
+    "Table I: every row over its seeds, resumable; rows whose training has not run are listed as not run.",
+    table_one,
+    markdown,
+    "table 1",
+    clips=True,
+    options=(
+        option("--runs", type=Path, metavar="DIR", help="folder of trained rows: DIR/<row>/seed<k>/model"),
+        option("--store", type=Path, metavar="FILE", help="figures so far; the run goes on from them"),
+        FEATURES,
+        STYLES,
+        SECONDS,
+        QUICK,
+        SEED,
+    ),
+    check=check_seconds,
+)
+
+# --- distances: is the diffusion worth its steps, what does each part of the model bring ----------------------------
+
+
+def distances(setting: Setting) -> dict[str, Any]:
+    """Frechet distances and recognition of several models, a tenth of the whole evaluation.
+
+    One encoder serves all: that of --features, or the first model's that has one.
+    """
+    plan = plan_of(setting)
+    plan = replace(plan, options=replace(plan.options, recognise_seconds=8.0))
+    models = [EvaluatedModel(folder, plan.texts) for folder in setting.folders]
+    return {f"{m.name} ({m.decoder})": score_following(plan, m, setting.report) for m in models}
+
+
+def distances_table(results: dict[str, dict[str, Any]]) -> str:
+    """Overall distance, its ratio to two halves of the capture (whole takes, cut takes), and recognition.
+
+    Seeds of one model are in one row: means, and deviations of the distance.
+    """
+    sets = sorted({name for r in results.values() for name in r["fmd"]})
+    groups: dict[str, dict[str, dict[str, Any]]] = {}
+    for label, result in results.items():
+        groups.setdefault(SEED_IN_NAME.sub("", label), {})[label] = result
+    rows = []
+    for name_of_all, by_label in groups.items():
+        seeds = list(by_label.values())
+        cells = [*by_label] if len(seeds) == 1 else [f"{name_of_all}, {len(seeds)} seeds"]
+        for name in sets:
+            found = [r["fmd"][name] for r in seeds]
+            takes = [f["takes"]["distance"] for f in found]
+            spread = f" ± {np.std(takes, ddof=1):.2f}" if len(takes) > 1 else ""
+            ratios = np.mean([[f["takes"]["ratio"], f["ratio"]] for f in found], axis=0)
+            cells.append(f"{np.mean(takes):.2f}{spread} ({ratios[0]:.1f} x, {ratios[1]:.1f} x)")
+        scores = [v for r in seeds for v in r["recognition"]["score"].values()]
+        rows.append([*cells, f"{100 * sum(scores) / max(1, len(scores)):.0f} %"])
+    head = ["model", *(f"FMD, {n} (halves)" for n in sets), "styles recognised, mean"]
+    return "\n".join(table(head, rows)).rstrip("\n")
+
+
+DISTANCES = Experiment(
+    "Several models: distance to capture and style recognition along captured paths.",
+    distances,
+    distances_table,
+    "distances",
+    clips=True,
+    models=2,
+    options=(
+        option("--seconds", type=float, default=12.0, help="of each style's paths (default: 12)"),
+        QUICK,
+        SEED,
+        STYLES,
+        FEATURES,
+    ),
+    check=check_seconds,
+)

@@ -1,0 +1,131 @@
+"""A model under evaluation: what makes its frames, its styles, its size and its speed."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Iterable
+from dataclasses import fields
+from functools import cached_property
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runtime.arrays import Array
+from runtime.assets import asset_path
+from runtime.controls import Controls
+from runtime.errors import FileError
+from runtime.motion.controller import Controller
+from runtime.motion.model import MotionModel, load_model
+from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.prompter import Prompter
+from training.data.style_library import style_library
+from training.evaluation.motion.driving import flat_ground
+
+TIMED_FRAMES, WARM_UP = 240, 30
+VALUES_OF_A_ROW = 33 + 4 * 31 + 3 + 3 + 4  # of a database for motion matching
+
+
+class EvaluatedModel:
+    """The runtime's model of a folder, with the six-part descriptions of each style."""
+
+    def __init__(self, folder: Path, texts: dict[str, list[PartDescriptions]]) -> None:
+        self.folder = folder
+        self.model: MotionModel = load_model(folder)
+        self.texts = texts
+        self._styles: dict[tuple[str, int], Array] = {}
+
+    @cached_property
+    def prompter(self) -> Prompter:
+        """From words to Z^t."""
+        return Prompter(self.model)
+
+    @property
+    def name(self) -> str:
+        """The folder's name; that of the training run for its `model` and `model-mixture`, without a first seed."""
+        folder = self.folder.resolve()
+        inner = folder.name
+        if not inner.startswith("model"):
+            return inner
+        run, seed = folder.parent, ""
+        if run.name.startswith("seed"):  # of an ablation or a baseline: RUNS/<row>/seed<k>/model
+            run, seed = run.parent, "" if run.name == "seed0" else f" {run.name}"
+        return run.name + inner[5:] + seed
+
+    @property
+    def decoder(self) -> str:
+        """ "diffusion", or "mixture" (w/o-Diffusion)."""
+        return str(self.model.metadata.get("decoder", "diffusion"))
+
+    def style(self, style: str, number: int) -> Array:
+        """Z^t `(6, 64)` of one of a style's descriptions; any number counts round."""
+        key = (style, number % len(self.texts[style]))
+        if key not in self._styles:
+            self._styles[key] = self.prompter(self.texts[style][key[1]])
+        return self._styles[key]
+
+
+def count_parameters(metadata: dict[str, Any]) -> int:
+    """Trained values of encoder, modulator and decoders (Table I); of one decoder for w/o-Diffusion.
+
+    Of motion matching, which trains nothing, the values of its database. The MoE decoder is counted in the diffusion model too, as the paper's totals do.
+    """
+    if "parameters" in metadata:  # of another method
+        return int(metadata["parameters"])
+    if "rows" in metadata:  # a database: what it holds for each row
+        return int(metadata["rows"]) * VALUES_OF_A_ROW
+    from training.networks.generator import Generator
+    from training.presets import ModelConfig
+
+    known = {f.name for f in fields(ModelConfig)}
+    values: dict[str, Any] = {
+        k: tuple(v) if isinstance(v, list) else v for k, v in metadata["config"].items() if k in known
+    }
+    generator = Generator(ModelConfig(**values))
+    mixture = metadata.get("decoder") == "mixture"
+    return sum(
+        p.numel() for n, p in generator.named_parameters() if not (mixture and n.startswith("denoiser"))
+    )
+
+
+def frame_times(model: MotionModel, frames: int = TIMED_FRAMES) -> dict[str, float]:
+    """Median milliseconds of processor time of one thread: the network alone, and with control, foot lock and IK.
+
+    Processor time, so that other programs on the machine do not count.
+    """
+    controller = Controller(model, flat_ground())
+    forward = Controls(move=(0.0, 1.0))
+    x = np.zeros((1, 472), np.float32)
+    noise = np.random.default_rng(0).standard_normal((1, *model.noise_shape), np.float32)
+    style = controller.style
+    network = _median_ms(lambda: model.step(x, noise, style), frames)
+    return {"network_ms": network, "frame_ms": _median_ms(lambda: controller.step(forward), frames)}
+
+
+def _median_ms(work: Any, count: int) -> float:
+    times = []
+    for k in range(WARM_UP + count):
+        begin = time.process_time()
+        work()
+        if k >= WARM_UP:
+            times.append(time.process_time() - begin)
+    return 1e3 * statistics.median(times)
+
+
+def style_texts(styles: Iterable[str] | None = None) -> dict[str, list[PartDescriptions]]:
+    """Six-part descriptions of styles (default: all), hand-written and measured ones in turn; FileError names a style without."""
+    path = asset_path("prompts/styles.json")
+    library = style_library(path)
+    chosen = set(library) if styles is None else set(styles)
+    missing = chosen - set(library)
+    if missing:
+        raise FileError(f"{path}: no descriptions for '{sorted(missing)[0]}'.", "Add an entry for it.")
+    result = {}
+    for style in sorted(chosen):
+        all_parts = [PartDescriptions.from_mapping(d) for d in library[style]["descriptions"]]
+        written = len(all_parts) - int(library[style].get("measured", 0))
+        pairs = zip_longest(all_parts[:written], all_parts[written:])
+        result[style] = [parts for pair in pairs for parts in pair if parts is not None]
+    return result

@@ -1,0 +1,231 @@
+"""Prompt adherence: walk every phrase once and measure what the body does (`assets/prompts/shares.json`).
+
+    python -m training.evaluation.text.prompt_adherence --model FOLDER [--out FILE]
+
+Every entry of the prompt library and every phrase of the layering catalogue is walked straight ahead on flat ground for some
+seconds. A sentence of the catalogue is compared with what its edit does to the model's own neutral walk, any other
+with the claims of `training.text.claims`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runtime.arrays import Array
+from runtime.assets import asset_path, model_folder
+from runtime.atomic import check_target, write_atomic
+from runtime.errors import UsageError, run_command
+from runtime.motion.model import MotionModel, load_model
+from runtime.prompts.english.library_data import LibraryStyle
+from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.prompter import Prompter
+from runtime.prompts.sentence_tables import as_left_limb
+from runtime.prompts.shares import FILE
+from runtime.skeleton import PART_NAMES
+from runtime.terrain.height_map import Terrain
+from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker, straight_walk
+from training.frames import PLAIN
+from training.layering.apply import apply
+from training.layering.catalog import EDITS
+from training.layering.measured_edits import Summary, summarise, targets, value
+from training.layering.pose_edits import EditedMotion
+from training.text.claims import clause_share, clauses
+from training.text.measure import BodyMeasures
+
+log = logging.getLogger("sport.evaluate")
+
+SECONDS = 3.0  # walked and measured for each phrase
+_HAND = ("hand_front", "hand_out", "hand_level")
+_LEVEL_M = 0.45  # metres of one unit of hand_level
+APART = 0.15  # between one limb's fraction and that of both: from there its own is kept
+UNEVEN = ("neutral_rough",)  # plain, on ground that is not
+
+
+@dataclass
+class Found:
+    """Fractions shown by (group, words), of sentences and clauses, of all walks that said them; of single limbs by (part, words)."""
+
+    sentences: dict[tuple[str, str], list[float]] = field(default_factory=lambda: defaultdict(list))
+    clauses: dict[tuple[str, str], list[float]] = field(default_factory=lambda: defaultdict(list))
+    limbs: dict[tuple[str, str], list[float]] = field(default_factory=lambda: defaultdict(list))
+
+    def add(self, part: str, sentence: str, neutral: BodyMeasures, walked: BodyMeasures) -> None:
+        """What a walk shows of a sentence by the claims of its clauses."""
+        fractions: list[tuple[float, bool]] = []
+        for clause in clauses(as_left_limb(sentence, part)[1] if "_" in part else sentence.lower()):
+            fraction = clause_share(part, clause, neutral, walked)
+            if fraction is not None:
+                fractions.append(fraction)
+                self.clauses[as_left_limb(part, part)[0], clause].append(fraction[0])
+        if fractions:
+            # what neutral does not do already is what the sentence is there for
+            shown = [fraction for fraction, changes in fractions if changes] or [
+                fraction for fraction, _ in fractions
+            ]
+            self.sentences[as_left_limb(sentence, part)].append(float(np.mean(shown)))
+
+    def add_edit(self, part: str, phrase: str, fraction: float) -> None:
+        """What a walk shows of a phrase of the catalogue."""
+        group, words = as_left_limb(phrase, part)
+        self.sentences[group, words].append(fraction)
+        self.clauses[group, words].append(fraction)
+        if group != part:
+            self.limbs[part, words].append(fraction)
+
+    def add_plain(self, styles: Mapping[str, LibraryStyle]) -> None:
+        """The sentences of the plain walks ask for nothing special: all of it is shown."""
+        for name in sorted(styles):
+            if name.startswith(PLAIN) and name not in UNEVEN:
+                for words in styles[name].descriptions:
+                    for part in PART_NAMES:
+                        self.sentences[as_left_limb(getattr(words, part), part)] = [1.0]
+
+    def table(self) -> dict[str, dict[str, dict[str, float]]]:
+        """Medians over the walks, as the file has them."""
+        both = {"sentences": self.sentences, "clauses": self.clauses}
+        return {name: _medians(own | self._apart(own)) for name, own in both.items()}
+
+    def _apart(self, both: Mapping[tuple[str, str], list[float]]) -> dict[tuple[str, str], list[float]]:
+        """The limbs that show something by another fraction than the two of them do."""
+        found = {}
+        for (part, words), fractions in self.limbs.items():
+            all_walks = both[as_left_limb(part, part)[0], words]
+            if abs(np.median(fractions) - np.median(all_walks)) > APART:
+                found[part, words] = fractions
+        return found
+
+
+def measure_adherence(
+    model: MotionModel,
+    prompter: Prompter,
+    walker: Walker,
+    entries: Sequence[PartDescriptions],
+    every: int = 1,
+) -> Found:
+    """Walk the library's `entries` and the catalogue's phrases once each, or one in `every`."""
+    neutral = prompter.expand(PLAIN_PROMPT).descriptions
+    requested: list[tuple[PartDescriptions, str]] = [(d, "") for d in entries] + list(_phrases(neutral))
+    requested = requested[::every]
+    log.info("%d walks", len(requested) + 1)
+    walks = [Walk.of(prompter(d), 0) for d in (neutral, *(d for d, _ in requested))]
+    plain, *made = walker.make(walks)
+    motion = neutral_motion(model, prompter(neutral))
+    found, described = Found(), described_edits(motion)
+    for (descriptions, edit), walked in zip(requested, made, strict=True):
+        if not edit:
+            for part in PART_NAMES:
+                found.add(part, getattr(descriptions, part), plain.body, walked.body)
+            continue
+        fraction = edit_fraction(edit, described[edit], plain, walked)
+        for part in EDITS[edit].phrases:
+            found.add_edit(part, getattr(descriptions, part), fraction)
+    return found
+
+
+def edit_fraction(edit: str, example: tuple[Summary, Summary], plain: Summary, walked: Summary) -> float:
+    """How much of what an edit does to the neutral walk (`example`: before, after) a walk does, 0 to 1.
+
+    Of a held hand it is the path of the hand to its place.
+    """
+    before, after = example
+    if EDITS[edit].kind == "hand" and "wave" not in EDITS[edit].parameters:
+        part = EDITS[edit].slot
+        place = [hand_place(s, part) for s in (before, after, plain, walked)]
+        wanted, moved = place[1] - place[0], place[3] - place[2]
+        missed = float(np.linalg.norm(wanted - moved)) / max(float(np.linalg.norm(wanted)), 0.05)
+        return float(np.clip(1.0 - missed, 0.0, 1.0))
+    fractions = []
+    for target in targets((edit,)):
+        amount = value(after, target) - value(before, target)
+        if abs(amount) > 1e-6:
+            fractions.append((value(walked, target) - value(plain, target)) / amount)
+    return float(np.clip(min(fractions), 0.0, 1.0)) if fractions else 0.0
+
+
+def hand_place(summary: Summary, part: str) -> np.ndarray:
+    """Where the hand of an arm is, metres: forward of the shoulder, outward of it, and up."""
+    arm = getattr(summary.body, part)
+    place = np.array([getattr(arm, name) for name in _HAND])
+    return place * np.array([1.0, 1.0, _LEVEL_M])
+
+
+def _phrases(neutral: PartDescriptions) -> Iterable[tuple[PartDescriptions, str]]:
+    """Every phrase of the catalogue on a neutral walk, with its edit."""
+    for name, edit in EDITS.items():
+        for k in range(max(len(texts) for texts in edit.phrases.values())):
+            words = neutral
+            for part, texts in edit.phrases.items():
+                words = words.replace(part, texts[k % len(texts)])
+            yield words, name
+
+
+def described_edits(motion: EditedMotion) -> dict[str, tuple[Summary, Summary]]:
+    """Of every edit: the neutral walk before and after it."""
+    before = summarise(motion.hips, motion.local, motion.contacts)
+    found = {}
+    for name, edit in EDITS.items():
+        changed = apply(motion, edit, np.random.default_rng(0))
+        found[name] = before, summarise(changed.hips, changed.local, changed.contacts)
+    return found
+
+
+def neutral_motion(model: MotionModel, z: Array) -> EditedMotion:
+    """A neutral walk of the model, to apply edits to."""
+    hips, local, contacts = straight_walk(model, z, 2 * SECONDS)
+    stands = (contacts > 0.5).astype(np.uint8)
+    return EditedMotion(hips.astype(np.float64), local.astype(np.float64), stands, Terrain.flat(size_m=200.0))
+
+
+def _medians(values: dict[tuple[str, str], list[float]]) -> dict[str, dict[str, float]]:
+    groups: dict[str, dict[str, float]] = {}
+    for (group, words), fractions in sorted(values.items()):
+        groups.setdefault(group, {})[words] = round(float(np.median(fractions)), 2)
+    return groups
+
+
+def write_adherence(path: Path, model: str, table: dict[str, Any]) -> None:
+    """Put a model's table into the file, keeping those of others."""
+    tables = json.loads(path.read_text("utf-8")) if path.is_file() else {}
+    tables[model] = table
+    write_atomic(path, json.dumps(tables, indent=0, ensure_ascii=False, sort_keys=True) + "\n")
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description="Measure on walks what every phrase of the library shows.")
+    parser.add_argument("--model", type=model_folder, default=model_folder(), metavar="DIR")
+    parser.add_argument("--out", type=Path, default=Path("assets") / FILE, metavar="FILE")
+    parser.add_argument("--workers", type=int, default=2, metavar="N")
+    parser.add_argument("--every", type=int, default=1, metavar="N", help="walk one in N: a trial")
+    args = parser.parse_args(argv)
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    check_target(args.out)
+    if args.every < 1:
+        raise UsageError(f"--every {args.every}: expected at least 1.", "Choose another number.")
+    from runtime.prompts.english.library_data import load_library, load_styles
+
+    model = load_model(args.model)
+    prompter = Prompter(model)
+    styles = load_styles(asset_path("prompts/styles.json"))
+    entries = load_library(asset_path("prompts/library.json"), styles)
+    walker = Walker(args.model, args.workers, SECONDS)
+    found = measure_adherence(model, prompter, walker, [e.descriptions for e in entries], args.every)
+    found.add_plain(styles)
+    write_adherence(args.out, model.name, found.table())
+    fractions = [np.median(v) for v in found.sentences.values()]
+    print(
+        f"{args.out}: {len(fractions)} sentences, {np.mean(np.array(fractions) < 0.3):.0%} of them under 0.3"
+    )
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_command("prompt adherence", main))

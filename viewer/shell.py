@@ -154,8 +154,11 @@ class Shell:
 
     def draw(self) -> None:
         """Draw every panel, and act on Esc where ImGui has not."""
-        if imgui.is_key_pressed(imgui.Key.escape, False) and self.focus.use is not Use.OPEN:
-            self._cancel()
+        if imgui.is_key_pressed(imgui.Key.escape, False):
+            if self.focus.use is not Use.OPEN:
+                self._cancel()
+            # else a mouse that lies on the entry of a menu opens it again
+            imgui.get_current_context().nav_highlight_item_under_nav = True
         layout = self._layout
         self._cover_scripts()
         self._windows = []

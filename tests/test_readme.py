@@ -53,8 +53,8 @@ def test_the_library_example_writes_its_clip(tmp_path: Path) -> None:
 
 
 def test_one_line_starts_the_program_and_one_passes_the_tests() -> None:
-    lines = [line for block in blocks(README, "sh")[:2] for line in block.splitlines()]
-    start, tests = (line.split(" && ") for line in lines)
+    first, *_, last = blocks(README, "sh")
+    start, tests = (block.strip().split(" && ") for block in (first, last))
     assert start[:2] == tests[:2]
     assert start[-1] == ".venv/bin/sport"
     assert tests[-1].startswith(".venv/bin/pytest")

@@ -100,7 +100,9 @@ def test_the_newest_session_is_that_of_the_last_run(start: Start, tmp_path: Path
 
 @pytest.mark.parametrize("seconds", [-1e18, -1.0, 0.0, 4e9, 1e18])
 def test_a_session_of_any_time_can_be_described(tmp_path: Path, seconds: float) -> None:
-    assert describe(SessionSummary(tmp_path, "Untitled", True, seconds, 1, 2.0, b"")).startswith("Untitled, 1 take")
+    assert describe(SessionSummary(tmp_path, "Untitled", True, seconds, 1, 2.0, b"")).startswith(
+        "Untitled, 1 take"
+    )
 
 
 def test_what_a_running_program_writes_is_not_swept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

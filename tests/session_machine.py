@@ -1,0 +1,415 @@
+"""Anything that a user does to a session, in any order, against a simple model of it.
+
+`python -m tests.session_machine --steps 5000 --seed 1` runs long (from the project's folder); `tests/test_session_machine.py` a little of it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+import tempfile
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parent))  # helpers of tests, where this runs as a module
+
+from app_driver import InjectedPads, run
+from hypothesis import HealthCheck, seed, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, precondition, rule, run_state_machine_as_test
+from viewer_fakes import fake_services
+
+from runtime.session import live_pins
+from runtime.session.session import Session
+from runtime.takes.pins import Pinned
+from viewer.app import App
+from viewer.options import ViewOptions
+
+GROUNDS = ("flat", "stairs", "hills")
+PROMPTS = ("a proud king", "an old king", "a zombie")
+KILLED_S = 0.3  # after which a process that is killed has lost nothing of an edit
+
+
+def shown(session: Session) -> dict[str, Any]:
+    """What the model knows of a session, as plain values."""
+    takes = [
+        (t.number, t.title, t.frames, t.range, len(t.poses.pins), len(t.cameras), t.color, t.mirrored)
+        for t in session.takes
+    ]
+    live = session.live
+    return {
+        "takes": takes,
+        "prompt": live.prompt.prompt(0),
+        "ground": "" if session.ground is None else session.ground.spec,
+        "path": len(live.path),
+        "held": sorted(str(pin.what) for pin in live_pins.held(live.poses.pins)),
+        "reference": 0 if session.reference is None else session.reference.take,
+        "variants": len(session.variants),
+    }
+
+
+@dataclass
+class Model:
+    """One session as a list of what it was after each edit."""
+
+    steps: list[dict[str, Any]]
+    at: int = 0
+    opened: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def now(self) -> dict[str, Any]:
+        return self.steps[self.at]
+
+    def edit(self, **changes: Any) -> None:
+        del self.steps[self.at + 1 :]
+        self.steps.append({**self.now, **changes})
+        self.at += 1
+
+
+class SessionMachine(RuleBasedStateMachine):
+    """Drives the real application without a display."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.folder = Path(tempfile.mkdtemp(prefix="session-machine-"))
+        self.files = 0
+        self.app = self._start()
+        self.model = Model([shown(self.session)])
+        self.model.opened = self.model.now
+        self.kept: dict[Path, Model] = {}  # named sessions that are closed
+
+    def _start(self) -> App:
+        options = ViewOptions(offscreen=True, terrain="flat", width=320, height=240)
+        app = App(options, fake_services(False), InjectedPads(), self.folder / "config")
+        run(app, 3)
+        return app
+
+    @property
+    def session(self) -> Session:
+        return self.app.editor.session
+
+    def teardown(self) -> None:
+        self.app.close()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def check(self) -> None:
+        """After every step: what holds, and what undo and redo would do."""
+        run(self.app, 2)
+        self.app.editor.finish_drag()
+        assert shown(self.session) == self.model.now, (shown(self.session), self.model.now)
+        assert bool(self.app.editor.undo_label) == (self.model.at > 0)
+        assert bool(self.app.editor.redo_label) == (self.model.at + 1 < len(self.model.steps))
+        playback = self.app.takes.playback
+        assert playback is None or self.session.take(playback.number) == playback.take
+
+    def pick(self, place: int) -> Any:
+        takes = self.session.takes
+        return takes[place % len(takes)] if takes else None
+
+    def replaced(self, number: int, **changes: Any) -> list[Any]:
+        names = ("number", "title", "frames", "range", "pins", "cameras", "color", "mirrored")
+        return [
+            tuple(changes.get(name, value) for name, value in zip(names, take, strict=True))
+            if take[0] == number
+            else take
+            for take in self.model.now["takes"]
+        ]
+
+    # --- takes
+
+    @rule(frames=st.integers(5, 20), walks=st.booleans())
+    def record(self, frames: int, walks: bool) -> None:
+        self.app.takes.toggle_recording()
+        if walks:
+            self.app.window.inject_key("w", True)
+        run(self.app, frames)
+        self.app.window.inject_key("w", False)
+        self.app.takes.toggle_recording()
+        self._new_take()
+        self.check()
+
+    @rule()
+    def keep_last(self) -> None:
+        self.app.takes.save_last()
+        self._new_take()
+        self.check()
+
+    def _new_take(self) -> None:
+        take = shown(self.session)["takes"][-1]
+        known = self.model.now["takes"]
+        assert len(self.session.takes) == len(known) + 1
+        assert take[0] > max([each[0] for each in known], default=0)
+        assert (take[3], take[6], take[7]) == ((0, take[2] - 1), 0, False)
+        self.model.edit(takes=[*known, take])
+
+    @precondition(lambda self: self.session.takes)
+    @rule(place=st.integers(0, 9), first=st.integers(1, 9))
+    def trim(self, place: int, first: int) -> None:
+        take = self.pick(place)
+        self.app.takes.play(take.number)
+        self.app.takes.trim(first=first)
+        end = take.range[1]
+        begin = min(first, end - 1)
+        if (begin, end) != take.range:
+            self.model.edit(takes=self.replaced(take.number, range=(begin, end)))
+        self.check()
+
+    @precondition(lambda self: self.session.takes)
+    @rule(place=st.integers(0, 9), name=st.sampled_from(("walk", "the king", "näher")))
+    def rename(self, place: int, name: str) -> None:
+        take = self.pick(place)
+        self.app.takes.rename(take.number, name)
+        if name != take.title:
+            self.model.edit(takes=self.replaced(take.number, title=name))
+        self.check()
+
+    @precondition(lambda self: self.session.takes)
+    @rule(place=st.integers(0, 9), color=st.integers(0, 5))
+    def recolor(self, place: int, color: int) -> None:
+        take = self.pick(place)
+        self.app.takes.set_color(take.number, color)
+        if color != take.color:
+            self.model.edit(takes=self.replaced(take.number, color=color))
+        self.check()
+
+    @precondition(lambda self: self.session.takes)
+    @rule(place=st.integers(0, 9))
+    def remove(self, place: int) -> None:
+        take = self.pick(place)
+        self.app.takes.remove(take.number)
+        kept = [each for each in self.model.now["takes"] if each[0] != take.number]
+        reference = self.model.now["reference"]
+        self.model.edit(takes=kept, reference=0 if reference == take.number else reference)
+        self.check()
+
+    @precondition(lambda self: self.session.takes)
+    @rule(place=st.integers(0, 9))
+    def mirror(self, place: int) -> None:
+        take = self.pick(place)
+        self.app.takes.mirror(take.number)
+        made = shown(self.session)["takes"][-1]
+        assert (made[2], made[4], made[7]) == (take.frames, 0, not take.mirrored)
+        self.model.edit(takes=[*self.model.now["takes"], made])
+        self.check()
+
+    @precondition(lambda self: len(self.session.takes) > 1)
+    @rule(place=st.integers(0, 9), by=st.sampled_from((-1, 1)))
+    def move(self, place: int, by: int) -> None:
+        takes = list(self.model.now["takes"])
+        at = place % len(takes)
+        self.app.takes.move(takes[at][0], by)
+        if 0 <= at + by < len(takes):
+            takes.insert(at + by, takes.pop(at))
+            self.model.edit(takes=takes)
+        self.check()
+
+    @precondition(lambda self: self.session.takes)
+    @rule(place=st.integers(0, 9), what=st.sampled_from((Pinned.LEFT_HAND, Pinned.LOOK, Pinned.POSE)))
+    def pin(self, place: int, what: Pinned) -> None:
+        take = self.pick(place)
+        self.app.takes.play(take.number)
+        self.app.pins.add(what)
+        self.model.edit(takes=self.replaced(take.number, pins=len(take.poses.pins) + 1))
+        self.check()
+
+    @precondition(lambda self: self.session.takes)
+    @rule(place=st.integers(0, 9), frame=st.integers(0, 4))
+    def camera_key(self, place: int, frame: int) -> None:
+        take = self.pick(place)
+        self.app.takes.play(take.number)
+        playback = self.app.takes.playback
+        assert playback is not None
+        playback.seek(frame)
+        self.app.camera_keys.add()
+        after = self.session.take(take.number)
+        assert after is not None
+        frames = {round(key.seconds * 60) for key in take.cameras} | {playback.frame}
+        assert len(after.cameras) == len(frames)
+        if after != take:
+            self.model.edit(takes=self.replaced(take.number, cameras=len(frames)))
+        self.check()
+
+    @precondition(lambda self: len(self.session.takes) > 1)
+    @rule(place=st.integers(0, 9))
+    def compare_with(self, place: int) -> None:
+        take = self.pick(place)
+        self.app.references.show(take.number)
+        before = self.model.now["reference"]
+        self.model.edit(reference=0 if before == take.number else take.number)
+        self.check()
+
+    # --- the live character
+
+    @rule(text=st.sampled_from(PROMPTS))
+    def prompt(self, text: str) -> None:
+        self.app.takes.close_playback()
+        self.app.prompting.submit_prompt(text)
+        run(self.app, 2)
+        if self.model.now["prompt"] != text:
+            self.model.edit(prompt=text)
+        elif self.app.editor.history.at != self.model.at:
+            self.model.edit()  # the same words, answered anew
+        self.check()
+
+    @rule(what=st.sampled_from((Pinned.LEFT_HAND, Pinned.RIGHT_HAND, Pinned.LOOK)))
+    def hold(self, what: Pinned) -> None:
+        self.app.takes.close_playback()
+        self.app.pins.toggle_live(what)
+        held = set(self.model.now["held"]) ^ {str(what)}
+        self.model.edit(held=sorted(held))
+        self.check()
+
+    @rule(x=st.integers(-5, 5), z=st.integers(-5, 5))
+    def path_point(self, x: int, z: int) -> None:
+        self.app.takes.close_playback()
+        run(self.app, 1)
+        self.app.path.add(float(x), float(z))
+        self.model.edit(path=self.model.now["path"] + 1)
+        self.check()
+
+    @rule(name=st.sampled_from(GROUNDS))
+    def ground(self, name: str) -> None:
+        self.app.scene.load_terrain(name)
+        if name != self.model.now["ground"]:
+            self.model.edit(ground=name)
+        self.check()
+
+    # --- what is no edit
+
+    @precondition(lambda self: self.session.takes)
+    @rule(place=st.integers(0, 9))
+    def play(self, place: int) -> None:
+        self.app.takes.play(self.pick(place).number)
+        self.check()
+
+    @rule()
+    def go_live(self) -> None:
+        self.app.takes.close_playback()
+        self.check()
+
+    @rule()
+    def walk(self) -> None:
+        self.app.window.inject_key("w", True)
+        run(self.app, 5)
+        self.app.window.inject_key("w", False)
+        self.check()
+
+    # --- history and files
+
+    @rule(count=st.integers(1, 4))
+    def undo(self, count: int) -> None:
+        for _ in range(count):
+            self.app.editor.undo()
+            self.model.at = max(self.model.at - 1, 0)
+        self.check()
+
+    @rule(count=st.integers(1, 4))
+    def redo(self, count: int) -> None:
+        for _ in range(count):
+            self.app.editor.redo()
+            self.model.at = min(self.model.at + 1, len(self.model.steps) - 1)
+        self.check()
+
+    @rule()
+    def revert(self) -> None:
+        before = self.session
+        self.app.sessions.revert()
+        if self.session != before:
+            self.model.edit(**self.model.opened)
+        self.check()
+
+    def _name(self) -> Path:
+        self.files += 1
+        return self.folder / f"session {self.files}.sport"
+
+    @rule()
+    def save_as(self) -> None:
+        path, before = self._name(), self.app.sessions.path
+        model = Model([dict(step) for step in self.model.steps], self.model.at)
+        self.app.sessions.save_as(path)
+        assert self.app.sessions.path == path
+        if before is not None:
+            self.kept[before] = model  # stays as it was
+        self.check()
+
+    @rule()
+    def save_copy(self) -> None:
+        path = self._name()
+        self.app.sessions.save_copy(path)
+        self.kept[path] = Model([dict(step) for step in self.model.steps], self.model.at)
+        self.check()
+
+    @rule()
+    def new(self) -> None:
+        if self.app.sessions.path is not None:
+            self.kept[self.app.sessions.path] = self.model
+        ground, prompt, held = (self.model.now[name] for name in ("ground", "prompt", "held"))
+        self.app.sessions.new()
+        self.model = Model([{**shown(Session()), "ground": ground, "prompt": prompt, "held": held}])
+        self.model.opened = self.model.now
+        self.check()
+
+    @precondition(lambda self: self.kept)
+    @rule(place=st.integers(0, 9))
+    def open(self, place: int) -> None:
+        path = sorted(self.kept)[place % len(self.kept)]
+        if self.app.sessions.path is not None:
+            self.kept[self.app.sessions.path] = self.model
+        self.app.sessions.open(path)
+        run(self.app, 3)
+        self.model = self.kept.pop(path)
+        self.model.opened = self.model.now
+        self.check()
+
+    @rule()
+    def kill(self) -> None:
+        """The process is gone a moment after the last edit; what its file was then is opened again."""
+        self.app.editor.finish_drag()
+        time.sleep(KILLED_S)
+        file, copy = self.app.editor.file.path, self._name()
+        for ending in ("", "-wal", "-shm"):
+            beside = file.with_name(file.name + ending)
+            if beside.exists():
+                shutil.copy(beside, copy.with_name(copy.name + ending))
+        if self.app.sessions.path is not None:
+            self.kept[self.app.sessions.path] = Model(self.model.steps, self.model.at)
+        self.app.close()
+        self.app = self._start()
+        empty = len(self.model.steps) == 1 and self.model.now == self.model.opened
+        if empty:  # nothing was written yet
+            self.model = Model([shown(self.session)])
+        else:
+            self.app.sessions.open(copy)
+            run(self.app, 3)
+        self.model = Model([dict(step) for step in self.model.steps], self.model.at)
+        self.model.opened = self.model.now
+        self.check()
+
+
+def run_machine(steps: int, number: int, examples: int) -> None:
+    """Run so many steps in each of some sequences; AssertionError for a difference."""
+    machine = seed(number)(type("Seeded", (SessionMachine,), {}))
+    run_state_machine_as_test(
+        machine,
+        settings=settings(
+            max_examples=examples, stateful_step_count=steps, deadline=None, database=None, derandomize=False,
+            suppress_health_check=list(HealthCheck), print_blob=False,
+        ),
+    )  # fmt: skip
+
+
+def main() -> None:
+    """The long run."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--steps", type=int, default=5000)
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    run_machine(100, options.seed, max(options.steps // 100, 1))
+    print(f"{options.steps} steps, seed {options.seed}: no difference")
+
+
+if __name__ == "__main__":
+    main()

@@ -133,8 +133,8 @@ USED = {
     "quality": "click ##quality; click Fast",
     "record by Enter": "key f6; key f6; key f6; key enter",
     "toggle by Space": "key f6; key f6; key tab; key space",
-    "menu left": "click ##project; key escape",
-    "menu of a menu left": "click ##project; click Settings…; key escape",
+    "menu left": "click ##session; key escape",
+    "menu of a menu left": "click ##session; click Settings…; key escape",
     "export": "key ctrl+e; click ##export format; click GIF: animation; key escape",
     "rename": "click ##take menu; click Rename; type walk; key enter",
     "rename left": "click ##take menu; click Rename; type walk; key escape",
@@ -178,7 +178,7 @@ OPENED = {
     "key f6; key f6; key space": 1,
     "key f6; key f6": 1,
     "play; key f6; key f6": 2,
-    "click ##project; click Open…": 1,
+    "click ##session; click Open…": 1,
 }
 
 
@@ -267,7 +267,7 @@ class Keys(RuleBasedStateMachine):
     def use(self, data: st.DataObject, button: int, twice: bool) -> None:
         self.click(data, button, twice)
 
-    @rule(label=st.sampled_from(("##project", "##settings", "##take menu", "##terrain", "##prompt A")))
+    @rule(label=st.sampled_from(("##session", "##settings", "##take menu", "##terrain", "##prompt A")))
     def use_what_opens(self, label: str) -> None:
         if any(label in full.replace("###", "##") for full, _ in drawn(self.app)):
             click_on(self.app, label)

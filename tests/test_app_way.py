@@ -85,9 +85,9 @@ def test_a_reference_stands_beside_the_take_in_sync_and_over_it(app: App) -> Non
     pose, beside = playback.pose(), references.pose(playback)
     assert beside is not None
     assert beside.hips_position - pose.hips_position == pytest.approx([-1.0, 0.0, 0.0], abs=0.01)
-    assert len(app._overlays(None, []).extra_poses) == 1
+    assert len(app.overlays(None, []).extra_poses) == 1
     click_on(app, "Over it")
-    assert len(app._overlays(None, []).ghosts) == 1
+    assert len(app.overlays(None, []).ghosts) == 1
     x, y = place(app, "##reference offset")
     for at, down in ((x, None), (x, True), (x + 40.0, True), (x + 40.0, False)):
         app.window.inject_mouse(at, y, None if down is None else 0, bool(down))

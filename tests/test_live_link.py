@@ -221,7 +221,7 @@ def test_the_viewer_sends_every_step_and_the_pose_of_playback(start: Start, rece
     app.takes.toggle_recording()
     run(app, 20)
     app.takes.toggle_recording()
-    app.takes.play(0)
+    app.takes.play(1)
     drain(receiver, 50)
     run(app, 10)
     shown = drain(receiver, 60)

@@ -180,14 +180,14 @@ def test_the_window_walks_a_body_in_its_own_size(start: Callable[..., Any], body
     app = start(services=REAL, character=body)
     run(app, 3)
     size = load_character(body).size
-    assert app.scene.state.terrain.unit_m == pytest.approx(size)
+    assert app.scene.terrain.unit_m == pytest.approx(size)
     app.scene.put_character(2.0, 1.0, 0.0)
     run(app, 2)
-    before = app.scene.state.simulation.current.root_position[[0, 2]] * size
+    before = app.scene.simulation.current.root_position[[0, 2]] * size
     app.settings.fit_to_motion = True
     run(app, 2)
-    assert app.scene.state.terrain.unit_m == 1.0
-    assert np.allclose(app.scene.state.simulation.current.root_position[[0, 2]], before, atol=0.1)
+    assert app.scene.terrain.unit_m == 1.0
+    assert np.allclose(app.scene.simulation.current.root_position[[0, 2]], before, atol=0.1)
 
 
 def test_every_form_with_a_character_can_fit_it_to_the_motion() -> None:

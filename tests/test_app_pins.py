@@ -185,7 +185,7 @@ def test_the_live_hand_holds_is_dragged_recorded_and_let_go(app: App) -> None:
     click_on(app, "Left hand")
     app.pins.change(replace(app.pins.pin, point=(0.3, 1.3, 0.3)))  # type: ignore[type-var]
     run(app, 20)
-    shown = app._shown_pose().positions[HAND]
+    shown = app.shown_pose().positions[HAND]
     assert np.allclose(shown, (0.3, 1.3, 0.3), atol=0.01)
     assert not np.allclose(app.scene.simulation.current.positions[HAND], shown, atol=0.1)
     recorded(app)
@@ -196,7 +196,7 @@ def test_the_live_hand_holds_is_dragged_recorded_and_let_go(app: App) -> None:
     assert app.takes.playback is None
     app.pins.toggle_live(Pinned.LEFT_HAND)
     run(app, 20)
-    assert app._shown_pose() is app.scene.simulation.current
+    assert app.shown_pose() is app.scene.simulation.current
 
 
 def test_a_plant_is_dragged_lifted_and_planted(app: App) -> None:

@@ -133,7 +133,7 @@ def test_a_reference_is_drawn_as_its_own_skeleton_and_comes_back_with_the_projec
     assert reference.look is Look.SKELETON
     app.takes.play(1)
     run(app, 2)
-    overlays = app._overlays(None, [])
+    overlays = app.overlays(None, [])
     assert overlays.figure is not None
     assert overlays.figure.on_top
     assert not overlays.extra_poses
@@ -149,7 +149,7 @@ def test_a_reference_is_shown_by_a_character_of_its_own(start: Start, tmp_path: 
     path = shaped_file(BodyShape(1.0, 1.2, 1.2), tmp_path)
     click_on(app, "##reference look")
     choose_file(app, "Another character…", path)
-    figure = app._overlays(None, []).figure
+    figure = app.overlays(None, []).figure
     assert figure is not None
     assert figure.mesh is app.references.character
     assert figure.mesh is not app.scene._character
@@ -164,7 +164,7 @@ def test_a_reference_is_shown_by_a_character_of_its_own(start: Start, tmp_path: 
     app.takes.play(1)
     run(app, 2)
     assert app.references.look is Look.CHARACTER
-    assert app._overlays(None, []).figure is not None
+    assert app.overlays(None, []).figure is not None
 
 
 def card_box(app: App) -> tuple[float, float, float, float]:

@@ -85,9 +85,9 @@ def test_a_reference_stands_beside_the_take_in_sync_and_over_it(app: App) -> Non
     pose, beside = playback.pose(), references.pose(playback)
     assert beside is not None
     assert beside.hips_position - pose.hips_position == pytest.approx([-1.0, 0.0, 0.0], abs=0.01)
-    assert len(app._overlays(None, []).extra_poses) == 1
+    assert len(app.overlays(None, []).extra_poses) == 1
     click_on(app, "Over it")
-    assert len(app._overlays(None, []).ghosts) == 1
+    assert len(app.overlays(None, []).ghosts) == 1
     x, y = place(app, "##reference offset")
     for at, down in ((x, None), (x, True), (x + 40.0, True), (x + 40.0, False)):
         app.window.inject_mouse(at, y, None if down is None else 0, bool(down))
@@ -131,7 +131,7 @@ def test_keys_of_the_camera_are_set_dragged_looked_through_and_kept(app: App, tm
     assert np.abs(np.diff(yaws)).max() < 0.04
     app.sessions.save_copy(tmp_path / "a.sport")
     run(app, 2)
-    file, history = SessionFile.read(tmp_path / "a.sport", tmp_path)
+    file, history = SessionFile.open(tmp_path / "a.sport", tmp_path)
     file.close()
     assert history.present.session.takes[0].cameras == keys(app)
     app.window.inject_mouse(*place(app, "##camera", share=10 / 69), 1, True)

@@ -192,7 +192,7 @@ def test_moving_leaves_the_playback_and_nothing_else_does(start: Start) -> None:
 def kept(folder: Path) -> list[str]:
     """Titles of the takes in the one untitled session of a folder."""
     (path,) = (folder / "sessions").glob("*.sport")
-    file, history = SessionFile.read(path, folder / "characters")
+    file, history = SessionFile.open(path, folder / "characters")
     file.close()
     return [take.title for take in history.present.session.takes]
 

@@ -131,7 +131,7 @@ def test_keys_of_the_camera_are_set_dragged_looked_through_and_kept(app: App, tm
     assert np.abs(np.diff(yaws)).max() < 0.04
     app.sessions.save_copy(tmp_path / "a.sport")
     run(app, 2)
-    file, history = SessionFile.read(tmp_path / "a.sport", tmp_path)
+    file, history = SessionFile.open(tmp_path / "a.sport", tmp_path)
     file.close()
     assert history.present.session.takes[0].cameras == keys(app)
     app.window.inject_mouse(*place(app, "##camera", share=10 / 69), 1, True)

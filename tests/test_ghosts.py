@@ -88,4 +88,7 @@ def test_ghosts_trails_and_mirror_in_the_window(start: Start) -> None:
     assert len(app.editor.session.takes) == 2
     app.takes.close_playback()
     run(app, 2)
+    click_on(app, "Ghosts")
+    click_on(app, "Trails")
     assert app.scene.renderer.overlays.frames == []
+    assert app.scene.renderer.overlays.trails is None

@@ -11,24 +11,25 @@ from runtime.session.session import LIVE, MIN_FRAMES, Session, Take
 MAX_NAME = 60
 
 
-def with_new_take(session: Session, take: Take, after: int | None = None) -> Session:
-    """The session with one take more, selected; at the end, or after the take `after`."""
+def with_new_take(session: Session, take: Take) -> Session:
+    """The session with one take more at the end, selected."""
     number = session.counter + 1
-    at = len(session.takes) if after is None else session.index(after) + 1
-    takes = (*session.takes[:at], replace(take, number=number), *session.takes[at:])
+    takes = (*session.takes, replace(take, number=number))
     return replace(session, takes=takes, counter=number, selected=number)
 
 
 def without_take(session: Session, number: int) -> Session:
-    """The session without a take; the next one is selected, and a reference to it is gone."""
+    """The session without a take; the next one is selected if that was, and a reference to it is gone."""
     at = session.index(number)
     if at < 0:
         return session
     takes = session.takes[:at] + session.takes[at + 1 :]
-    selected = takes[min(at, len(takes) - 1)].number if takes else LIVE
-    compared = session.reference is not None and not session.reference.video
-    gone = compared and session.reference is not None and session.reference.take == number
-    return replace(session, takes=takes, selected=selected, reference=None if gone else session.reference)
+    selected, reference = session.selected, session.reference
+    if selected == number:
+        selected = takes[min(at, len(takes) - 1)].number if takes else LIVE
+    if reference is not None and not reference.video and reference.take == number:
+        reference = None
+    return replace(session, takes=takes, selected=selected, reference=reference)
 
 
 def renamed(session: Session, number: int, name: str) -> Session:
@@ -41,13 +42,13 @@ def renamed(session: Session, number: int, name: str) -> Session:
 
 
 def mirrored_copy(session: Session, number: int) -> Session:
-    """A second take with left and right exchanged, after the first; edits of its poses do not come along."""
+    """A second take with left and right exchanged, at the end; edits of its poses do not come along."""
     take = session.take(number)
     if take is None or take.motion is None:
         return session
     made = Take(motion=take.motion, mirrored=not take.mirrored, recorded=True, ground=take.ground)
     name = "" if not take.name else f"{take.name}, mirrored"[:MAX_NAME]
-    return with_new_take(session, replace(made, name=name), after=None)
+    return with_new_take(session, replace(made, name=name))
 
 
 def trimmed(session: Session, number: int, first: int, last: int) -> Session:

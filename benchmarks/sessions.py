@@ -35,14 +35,18 @@ def main() -> None:
             _do(history, file, edits.with_new_take(history.present.session, take))
         begin = time.perf_counter()
         file.flush()
-        print(f"{cpu_name()}; {TAKES} takes of {MINUTES} minutes, written in {time.perf_counter() - begin:.2f} s")
+        print(
+            f"{cpu_name()}; {TAKES} takes of {MINUTES} minutes, written in {time.perf_counter() - begin:.2f} s"
+        )
         times = []
         for first in range(EDITS):
             begin = time.perf_counter()
             _do(history, file, edits.trimmed(history.present.session, 5, first, 1000))
             times.append(1e3 * (time.perf_counter() - begin))
             time.sleep(0.02)
-        print(f"an edit, on the thread of the frame: {statistics.median(times):.2f} ms, worst {max(times):.2f} ms")
+        print(
+            f"an edit, on the thread of the frame: {statistics.median(times):.2f} ms, worst {max(times):.2f} ms"
+        )
         worst = _record(file, random)
         print(f"a quarter of a second of a recording, on that thread: worst {worst:.2f} ms")
         file.close()
@@ -77,7 +81,9 @@ def _record(file: SessionFile, random: np.random.Generator) -> float:
     clip, worst = _walk("recorded", random), 0.0
     recording = file.begin_recording(replace(MotionHeader.of(clip, None), frames=0))
     turns = clip.local_rotations.reshape(len(clip), -1)
-    rows = np.column_stack([clip.hips_positions, turns, clip.contacts, np.zeros(len(clip))]).astype(np.float32)
+    rows = np.column_stack([clip.hips_positions, turns, clip.contacts, np.zeros(len(clip))]).astype(
+        np.float32
+    )
     for first in range(0, RECORDED_S * FPS, PIECE):
         begin = time.perf_counter()
         recording.add(rows[first : first + PIECE], None)

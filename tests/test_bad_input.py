@@ -306,7 +306,7 @@ IN_THE_VIEWER: dict[str, tuple[Callable[[Path], Path], tuple[str, ...]]] = {
     "BVH": (damaged_bvh, ("cut.bvh", "Export the clip again")),
     "foreign BVH": (worm_bvh, ("worm.bvh", "Name its joints")),
     "PNG": (damaged_png, ("cut.png", "Save it again")),
-    "unknown ending": (text_file("notes.txt"), ("notes.txt", "Drop a project")),
+    "unknown ending": (text_file("notes.txt"), ("notes.txt", "Drop a session")),
 }
 
 
@@ -361,7 +361,7 @@ def test_the_viewer_says_it_goes_on_and_loses_nothing(tmp_path: Path) -> None:
         assert app.editor.session.live.prompt is style
         play(30)
         app.takes.toggle_recording()
-        app.takes.play(0)
+        app.takes.play(1)
         app.takes.export_path = str(tmp_path / "kept.bvh")
         app.takes.export()
         app.frame()

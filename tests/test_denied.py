@@ -11,17 +11,15 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from full_session import history_of, written
 from fuzz.networks import write_model
-from fuzz.projects import project
 
 from runtime.assets import PROJECT_ROOT, asset_path
-from runtime.formats.bvh_clip import load_clip_bvh
-from runtime.projects.project import save_project
-from runtime.takes.journal import find_journals
+from runtime.session.session import Session
+from runtime.session.session_file import SessionFile
 
 RIGHTS = "-dac_override,-dac_read_search,-fowner"
 ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
@@ -50,23 +48,19 @@ from pathlib import Path
 from viewer_fakes import fake_services
 from viewer.app import App
 from viewer.options import ViewOptions
-folder = Path(sys.argv[2])
-app = App(ViewOptions(offscreen=True, terrain="flat", session=str(folder / "mine.sport")), fake_services(), config=folder / "config")
-app.sessions.autosaving = True
-app.settings.export_folder = str(folder / "clips")
+folder, named = Path(sys.argv[2]), sys.argv[3:]
+options = ViewOptions(offscreen=True, terrain="flat", session=named[0] if named else None)
+app = App(options, fake_services(), config=folder / "config")
 for _ in range(3):
     app.frame()
 app.takes.toggle_recording()
 for _ in range(20):
     app.frame()
 app.takes.toggle_recording()
-app.sessions.save()
-for _ in range(3):
-    app.frame()
-print("\\n".join(message.text for message in app.messages.recent))
-app.sessions.autosaving = False
+app.frame()
 app.interrupt()
 code = app.end()
+print("\\n".join(message.text for message in app.messages.recent))
 app.close()
 sys.exit(code)
 """
@@ -126,16 +120,37 @@ def test_every_file_that_is_denied_is_named_in_one_sentence(place: Path) -> None
         assert "Traceback" not in said
 
 
-@pytest.mark.parametrize("exports", [False, True])
-def test_a_take_outlives_folders_that_nobody_may_write(place: Path, exports: bool) -> None:
-    save_project(replace(project(), character={}), place / "mine.sport")
-    for name in ("config", "clips"):
-        (place / name).mkdir(mode=0o500)
-    (place / "clips").chmod(0o700 if exports else 0o500)
+def takes_of(path: Path) -> list[int]:
+    file, history = SessionFile.open(path, path.parent)
+    frames = [len(take.made.clip) for take in history.present.session.takes]
+    file.close()
+    return frames
+
+
+def test_a_take_outlives_a_folder_that_nobody_may_write(place: Path) -> None:
+    (place / "config").mkdir(mode=0o500)
     done = process("-c", VIEW, str(PROJECT_ROOT), str(place), folder=place)
     assert "Traceback" not in done.stderr, done.stderr
-    assert "in memory only until you export it" in done.stdout + done.stderr
-    written = [*(place / "clips").glob("*.bvh"), *(place / "temporary").rglob("*.bvh")]
-    assert [len(load_clip_bvh(path)) for path in written].count(20) == 1
-    assert done.returncode == (0 if exports else 1), done.stderr
-    assert find_journals(place / "config" / "journals")[0] == []
+    (path,) = (place / "temporary").rglob("*.sport")
+    assert str(path) in done.stdout
+    assert "until you save it elsewhere" in done.stdout
+    assert done.returncode == 1, done.stderr
+    assert takes_of(path) == [20]
+
+
+def test_a_session_in_a_folder_that_nobody_may_write_is_refused_and_the_take_is_kept(place: Path) -> None:
+    (place / "mine").mkdir()
+    named = written(place / "mine" / "a.sport", history_of(Session(counter=5)), place)
+    before = named.read_bytes()
+    (place / "mine").chmod(0o500)
+    (place / "config").mkdir()
+    text = VIEW.replace("session=named[0] if named else None", "").replace(
+        "app.takes.toggle_recording()", "app.sessions.open(Path(named[0])); app.takes.toggle_recording()", 1
+    )
+    done = process("-c", text, str(PROJECT_ROOT), str(place), str(named), folder=place)
+    assert "Traceback" not in done.stderr, done.stderr
+    assert "a.sport" in done.stdout
+    assert done.returncode == 0, done.stderr
+    (path,) = (place / "config" / "sessions").glob("*.sport")
+    assert takes_of(path) == [20]
+    assert named.read_bytes() == before

@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("onnx")
 pytest.importorskip("openai")
 
-from fuzz import files, lists, models, projects, words
+from fuzz import files, lists, models, sessions, words
 from fuzz.run import Tally, run
 from fuzz.target import Target
 
@@ -20,7 +20,7 @@ from runtime.errors import FileError
 
 TARGETS = {
     target.name: target
-    for target in (*files.TARGETS, *words.TARGETS, *models.TARGETS, *projects.TARGETS, *lists.TARGETS)
+    for target in (*files.TARGETS, *words.TARGETS, *models.TARGETS, *sessions.TARGETS, *lists.TARGETS)
 }
 
 

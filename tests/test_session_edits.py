@@ -177,7 +177,7 @@ class Edits(RuleBasedStateMachine):
     def trims_keep_frames_of_the_motion(self) -> None:
         for take in self.session.takes:
             first, last = take.range
-            assert 0 <= first
+            assert first >= 0
             assert last < take.frames
             assert last - first + 1 >= MIN_FRAMES
             assert take.trimmed == ((first, last) != (0, take.frames - 1))

@@ -245,7 +245,7 @@ class SessionFile:
         writer.put_motion(key, header)
 
     def begin_recording(self, header: MotionHeader) -> Recording:
-        """Keep what is recorded from now on, four times a second."""
+        """Keep what is recorded from now on."""
         recording = Recording(self, uuid.uuid4().hex, header)
         self.hold(recording.key, recording)
         return recording

@@ -2,13 +2,12 @@
 
 The real viewer with its shipped model runs in a window on a display of its own. In every state it is ended by SIGTERM, by
 Ctrl+C and by the window's close button; counted are the seconds until the process is gone, and whether what was recorded is
-in files or offered by the next start. The exit code is 1 for more than `LIMIT_S` or a take that is lost.
+in the session's file. The exit code is 1 for more than `LIMIT_S` or a take that is lost.
 """
 
 from __future__ import annotations
 
 import argparse
-import contextlib
 import logging
 import os
 import signal
@@ -34,8 +33,8 @@ STATES = {
     "film under way": 1,
     "export of all": 40,
     "blends measured": 1,
-    "a project saved": 40,
-    "a take driven again": 1,
+    "a session saved": 40,
+    "a take resimulated": 1,
     "a wall of nine": 1,
 }
 
@@ -92,7 +91,7 @@ def program(state: str, folder: Path) -> int:
 def _into(state: str, app: Any, folder: Path) -> Any:
     """A step after each frame until the state is reached."""
     app.settings.export_folder = str(folder / "clips")
-    while app.scene.controller is None or app.prompting.state.edit.a is None:
+    while app.scene.controller is None or app.editor.session.live.prompt.a is None:
         yield
     for _ in range(STATES[state]):
         app.takes.toggle_recording()
@@ -121,16 +120,18 @@ def _into(state: str, app: Any, folder: Path) -> Any:
 
         for k in range(10):
             app.prompting.submit_prompt(f"a drunk man number {k}", Side.B)
-            while app.prompting.state.asked:
+            while app.prompting.asked:
                 yield
             yield
         while not app.jobs.busy("blend"):
             yield
-    elif state == "a project saved":
-        app.sessions.save_as(folder / "project.sport")
+    elif state == "a session saved":
+        app.sessions.save_as(folder / "named.sport")
         yield
-    elif state == "a take driven again":
-        app.takes.play(0)
+    elif state == "a take resimulated":
+        app.takes.play(1)
+        while app.takes.playback is None:
+            yield
         app.takes.seek_end(first=True)
         app.editing.insert_prompt("an old man")
         for _ in range(20):
@@ -159,6 +160,7 @@ def ended(
 ) -> tuple[float, int, list[str]]:
     """Seconds until the program was gone after it was told, its exit code, and what went wrong."""
     environment = {**os.environ, "DISPLAY": display_name, "WAYLAND_DISPLAY": ""}
+    environment["TMPDIR"] = str(folder)
     environment["PYTHONPATH"] = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
     command = [sys.executable, "-m", "tests.faults.ending", "--program", state, str(folder)]
     with open(folder / "said", "w", encoding="utf-8") as said:
@@ -190,25 +192,16 @@ def ended(
 
 
 def _kept(folder: Path) -> int:
-    """Takes in files, and those that the next start offers, by their names."""
-    from runtime.errors import SportError
-    from runtime.formats.bvh_clip import load_clip_bvh
-    from runtime.projects.project import load_project
-    from runtime.takes.journal import find_journals
-    from viewer.projects.autosave import find_sessions
+    """Takes in the session that was closed, and in the one of the temporary folder."""
+    from tests.faults.faults import takes_in
 
-    names = set()
-    for path in (folder / "clips").glob("*.bvh"):
-        with contextlib.suppress(SportError):
-            names.add(load_clip_bvh(path).name)
-    found, _ = find_journals(folder / "config" / "journals")
-    for journal in found:
-        names.add(journal.header.name)
-        journal.release()
-    projects = [left.path for left in find_sessions(folder / "config" / "sessions")]
-    for path in [*projects, *folder.glob("*.sport")]:
-        names |= {take.shown.clip.name for take in load_project(path).takes}
-    return len(names)
+    problems: list[str] = []
+    found = [
+        takes_in(path, problems)
+        for path in (folder, folder / "config" / "sessions", folder / "sport-sessions")
+    ]
+    print(*problems, sep="\n", file=sys.stderr, end="")
+    return max((len(takes) for sessions in found for takes in sessions), default=0)
 
 
 def main() -> int:

@@ -21,11 +21,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # helpers of the t
 
 from training.markdown import check_section, write_section
 
-from . import files, lists, models, projects, words
+from . import files, lists, models, sessions, words
 from .run import HUNG_SECONDS, Tally, damaged, run
 from .target import Target
 
-TARGETS = (*files.TARGETS, *words.TARGETS, *models.TARGETS, *projects.TARGETS, *lists.TARGETS)
+TARGETS = (*files.TARGETS, *words.TARGETS, *models.TARGETS, *sessions.TARGETS, *lists.TARGETS)
 BATCH = 2000
 SHOWN = 10  # failures of a target
 SECTION = "damaged input"

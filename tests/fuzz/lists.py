@@ -1,58 +1,24 @@
-"""Targets beside the program's own files: journals, batch lists, and takes as the Blender add-on reads them."""
+"""Targets beside the program's own files: batch lists, and takes as the Blender add-on reads them."""
 
 from __future__ import annotations
 
 import json
 import math
-import time
 from functools import cache
 from pathlib import Path
 from types import ModuleType
 
-import numpy as np
 from blender_addon import load_addon
 
 from runtime.errors import FileError
 from runtime.formats.bvh_clip import save_bvh
-from runtime.takes.journal import ROW, Header, TakeJournal, read_journal
-from runtime.takes.metadata import Origin
-from runtime.takes.recorder import ClipRecorder
 from sport.batch.rows import read_rows
 
 from .files import clip
-from .mutate import damaged_bytes, damaged_glb, damaged_json, damaged_text
+from .mutate import damaged_glb, damaged_json, damaged_text
 from .target import Target, put
 
 ROWS = 'prompt,seconds,out,seed\n"a proud, old king",4,king.bvh,1\nlimping,2.5,limp.glb,2\n'
-
-
-def _journal_seeds(folder: Path) -> list[bytes]:
-    header = Header("Take 1", 60.0, "hills", Origin(model="tiny"), 1e9, 0.62)
-    recorder, take = ClipRecorder(), clip()
-    journal = recorder.journal = TakeJournal(folder / "journals", header)
-    recorder.start()
-    recorder.mark_prompt("a proud king", 0.5)
-    for number in range(len(take)):
-        recorder.add(take.pose(number), 1)
-    journal.finish()
-    end = time.monotonic() + 10.0
-    while time.monotonic() < end and _size(journal.path) < 4 * ROW * len(take):
-        time.sleep(0.01)
-    journal.release()
-    return [journal.path.read_bytes()]
-
-
-def _size(path: Path) -> int:
-    """Bytes of a file that another thread writes, 0 before there is one."""
-    return path.stat().st_size if path.exists() else 0
-
-
-def _read_journal(folder: Path, data: bytes) -> None:
-    path = put(folder, "input.take", data)
-    with path.open("rb") as file:
-        found = read_journal(file, path)
-    assert np.isfinite(found.pose(0).positions).all()
-    found.describe().encode()
 
 
 def _json_lines() -> bytes:
@@ -123,7 +89,6 @@ def _read_glb(folder: Path, data: bytes) -> None:
 
 
 TARGETS = (
-    Target("journal", _journal_seeds, damaged_bytes, _read_journal),
     Target("batch list .csv", lambda _: [ROWS.encode()], damaged_text, _read_list(".csv")),
     Target("batch list .jsonl", lambda _: [_json_lines()], damaged_text, _read_list(".jsonl")),
     Target("BVH in Blender", _bvh_seeds, damaged_text, _read_bvh),

@@ -37,7 +37,7 @@ from viewer.settings import Settings
 MAX_NAME = 60
 EXPORT_ALL = Slot("export", "all takes")
 SHOWING, PLAYING = Slot("frames of the take"), Slot("take")
-RECORDED_FRAMES = 15  # that are written down together: four times a second
+RECORDED_FRAMES = 10  # that are written down together: six times a second
 
 
 @dataclass

@@ -27,6 +27,7 @@ JUMPS = (0.0, -5.0, 1.0, 4e9, 1e12, 1.5e9, -1e9)
 
 BESIDE = """
 import sys
+import time
 sys.path[:0] = [sys.argv[1], sys.argv[1] + "/tests"]
 from pathlib import Path
 from viewer_fakes import fake_services
@@ -42,6 +43,10 @@ app.takes.toggle_recording()
 for _ in range(10):
     app.sessions.save_as(folder / "both.sport")
     app.takes.export()
+    app.frame()
+(folder / f"saved {sys.argv[3]}").touch()
+end = time.monotonic() + 200.0
+while len(list(folder.glob("saved *"))) < 2 and time.monotonic() < end:  # neither closes the file before the other asks
     app.frame()
 app.interrupt()
 code = app.end()

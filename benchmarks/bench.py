@@ -20,6 +20,7 @@ from runtime.atomic import check_target, write_atomic
 from runtime.errors import SportError, UsageError
 
 WARM_UP = 60  # frames
+RECORDED_FRAMES = 10  # that the viewer writes down together
 CROWDS = (1, 9, 32)  # characters
 PROMPTS = (
     "an exhausted soldier, left arm hanging",
@@ -45,6 +46,8 @@ _EXPLAINED = {
     "crowd_9_over_model": "crowd_9_ms over model_ms",
     "crowd_32_over_model": "crowd_32_ms over model_ms",
     "frame_cpu_over_model": "frame_cpu_ms over model_ms",
+    "recording_ms": "what a recorded frame costs more to be on disk, at 60 Hz: queue and writing thread, mean",
+    "recording_queue_ms_p99": "handing over ten frames on the frame's path, 99th percentile",
     "prompt_ms": "prompt to style without network, median",
     "prompt_first_ms": "the first prompt, loading included",
     "first_frame_s": "start of the program to its first frame, offscreen",
@@ -70,6 +73,7 @@ def measure(frames: int, model: Path | None) -> dict[str, Any]:
     figures: dict[str, Any] = {"notes": []}
     figures.update(_model_times(frames, model))
     figures.update(_crowd_times(max(frames // 4, 10), model))
+    figures.update(_recording_times(min(frames, 600)))
     figures.update(_prompt_times(model))
     for name, part in (
         ("frame_cpu_ms", lambda: _frame_times(frames, model)),
@@ -165,6 +169,31 @@ def _crowd_times(frames: int, model: Path | None) -> dict[str, float]:
         crowd.close()
         figures[f"crowd_{count}_ms"] = _summary("ms", times)["ms"]
     return figures
+
+
+def _recording_times(frames: int) -> dict[str, float]:
+    """A recording at the rate of the simulation: milliseconds a frame, the writing thread's processor time included."""
+    import tempfile
+
+    from runtime.session.motion import MotionHeader
+    from runtime.session.session_file import ROW, SessionFile
+    from runtime.takes.driven_frames import COLUMNS
+
+    rows, sticks = np.zeros((RECORDED_FRAMES, ROW), np.float32), np.zeros((RECORDED_FRAMES, COLUMNS))
+    rows[:, 3:-5:4] = 1.0  # unit rotations
+    times: list[float] = []
+    with tempfile.TemporaryDirectory() as folder:
+        file = SessionFile.create(Path(folder) / "bench.sport", Path(folder) / "characters")
+        recording = file.begin_recording(MotionHeader("bench", 60.0, 0))
+        elsewhere = time.process_time() - time.thread_time()
+        for _ in range(max(frames // RECORDED_FRAMES, 1)):
+            times += _timed(lambda: recording.add(rows, sticks), 1)
+            time.sleep(RECORDED_FRAMES / 60)
+        elsewhere = time.process_time() - time.thread_time() - elsewhere
+        if not file.close():
+            raise SportError(file.problem, "Choose a temporary folder (TMPDIR) that can be written.")
+    mean = (sum(times) + elsewhere) / (RECORDED_FRAMES * len(times))
+    return {"recording_ms": 1e3 * mean, "recording_queue_ms_p99": _summary("", times)["_p99"]}
 
 
 def _prompt_times(model: Path | None) -> dict[str, float]:

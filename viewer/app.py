@@ -10,7 +10,6 @@ from pathlib import Path
 
 from runtime.controls import Controls
 from runtime.motion.stick_script import parse_stick
-from runtime.open_files import allow_many_files
 from runtime.pose import Pose
 from runtime.session.prompt_blend import Side
 from viewer.gl_bindings import glfw, imgui
@@ -92,7 +91,6 @@ class App(Workspace):
     ) -> None:
         options.check()
         give_back_large_blocks()
-        allow_many_files()
         self.options = options
         keys = KeyScript.parse(options.keys, frozenset(KEY_CODES))
         self._stick = None if options.controls is None else parse_stick(options.controls)

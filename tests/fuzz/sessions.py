@@ -243,7 +243,7 @@ def _driven(clip: Clip, drive: Drive) -> tuple[Clip, Drive]:
 
 
 TARGETS = (
-    Target("session", _session_seeds, _in_rows(_texts), _read_session, 2.0),
-    Target("session resimulated", _short_session_seeds, _in_rows(_values), _resimulate),
+    Target("session", _session_seeds, _in_rows(_texts), _read_session, 0.5),
+    Target("session resimulated", _short_session_seeds, _in_rows(_values), _resimulate, 0.2),
     Target("controller state", _state_seeds, damaged_bytes, lambda _, data: Snapshot.from_bytes(data)),
 )

@@ -240,13 +240,18 @@ def test_a_key_pressed_in_the_slow_frame_of_a_click_acts(label: str, app: App) -
     run(app, 2)
 
 
-def test_a_click_on_the_view_closes_a_list_and_has_the_keys(app: App) -> None:
+@pytest.mark.parametrize(
+    "steps",
+    ["click ##terrain", "click ##settings; click ##text size", "click ##settings; ctrl-click ##dead_zone"],
+)
+def test_a_click_on_the_view_leaves_a_list_or_field_and_has_the_keys(steps: str, app: App) -> None:
+    do(app, steps)
     spot = view_spot()
     assert spot is not None
-    do(app, "click ##terrain")
     click(app, *spot)
     run(app, 2)
-    assert things(app) == []
+    assert things(app) in ([], ["Settings##overlay"])
+    assert app.shell.focus.in_view
     assert walks(app)
 
 

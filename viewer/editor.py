@@ -28,9 +28,12 @@ class Editor:
     followers: list[Follower] = field(default_factory=list)
     # asked before undo: takes back what is no step yet, such as a prompt without an answer, and says so
     withdraw: list[Callable[[], bool]] = field(default_factory=list)
-    opened: Session = field(default_factory=Session)  # what it was when its file was opened
+    opened: Session = field(init=False)  # what it was when its file was opened
     _draft: Session | None = None
     _draft_label: str = ""
+
+    def __post_init__(self) -> None:
+        self.opened = self.history.present.session
 
     @property
     def session(self) -> Session:
@@ -78,7 +81,10 @@ class Editor:
         before = self.session
         if self._draft is not None:
             self._draft = change(self._draft)
-        self.history.replace(change(self.history.present.session))
+        present = self.history.present.session
+        self.history.replace(change(present))
+        if self.opened is present:  # the first ground and the first answer belong to what was opened
+            self.opened = self.history.present.session
         if self.session is not before:
             self._changed(before)
 
@@ -86,6 +92,7 @@ class Editor:
         """Change every step, as when a better answer takes the place of the first one."""
         before = self.session
         self.history.revise(change)
+        self.opened = change(self.opened)
         self._draft = None if self._draft is None else change(self._draft)
         self._changed(before)
 

@@ -43,7 +43,8 @@ def draw(exporting: Exporting, fonts: Fonts) -> None:
         return
     with overlay.window(fonts, "Export", ICON.save, WIDTH) as closed:
         header = take.made.header
-        length = f"{header.seconds:.1f} s, on {header.terrain.rsplit('/', 1)[-1]}"
+        first, last = take.range if state.form.trimmed else (0, take.frames - 1)
+        length = f"{(last - first + 1) / header.fps:.1f} s, on {header.terrain.rsplit('/', 1)[-1]}"
         widgets.muted(widgets.elided(f"{take.title}: {length}", imgui.get_content_region_avail().x))
         imgui.begin_disabled(exporting.busy)
         _target(exporting)

@@ -150,7 +150,7 @@ USED = {
     "new prompt left": "play; click + Prompt; type a king; key escape; key escape",
     "new gait": "play; click + Gait; click Jog",
     "new pin left": "play; click + Pin; key escape",
-    "beside": "play; click Beside…; key escape",
+    "beside": "play; click Compare…; key escape",
     "play": "play; click ##play",
 }
 

@@ -161,7 +161,7 @@ def test_a_plant_without_its_step_is_said_after_a_redrive(app: App) -> None:
     app.editor.do("plant", lambda session: session.with_take(session.counter, poses=lifted))
     app.editing.insert_prompt("an old king")
     run(app, 3)
-    assert "One changed plant" in message(app)
+    assert "One changed foot plant" in message(app)
     assert item(app).poses.plants  # it comes back with the version before
 
 
@@ -217,4 +217,4 @@ def test_a_plant_is_dragged_lifted_and_planted(app: App) -> None:
     app.pins.plant(0, bears, None)
     run(app, 3)
     assert app.pins.plants(0) == [added]
-    assert app.editor.undo_label == "left foot, plant removed of Take"
+    assert app.editor.undo_label == "removal of a left foot plant in Take"

@@ -51,7 +51,7 @@ def choose_file(app: App, entry: str, path: Path) -> None:
 
 def choose_beside(app: App, path: Path) -> None:
     """By the menu of the timeline and the dialog, as a person would."""
-    click_on(app, "Beside…")
+    click_on(app, "Compare…")
     choose_file(app, "A take or film from a file…", path)
 
 
@@ -144,7 +144,7 @@ def test_a_reference_is_shown_by_a_character_of_its_own(start: Start, tmp_path: 
     app = with_take(start(real_renderer=True, width=1280, height=720))
     app.takes.mirror(1)
     app.takes.play(1)
-    click_on(app, "Beside…")
+    click_on(app, "Compare…")
     click_on(app, app.editor.session.takes[1].title)
     path = shaped_file(BodyShape(1.0, 1.2, 1.2), tmp_path)
     click_on(app, "##reference look")

@@ -112,8 +112,8 @@ class Tour:
 
     def beside(self, what: str) -> None:
         """Choose what the take is compared with: by the button, or in a narrow window by the menu of a take."""
-        if any("Beside…" in label for label, _ in drawn(self.app)):
-            self.click("Beside…")
+        if any("Compare…" in label for label, _ in drawn(self.app)):
+            self.click("Compare…")
         else:
             self.see("Clips", "##record")
             self.click("##take menu", self.app.editor.session.selected)

@@ -251,11 +251,11 @@ class Pins:
             self.editor.messages.error(error)
             return
         edit, take = PlantEdit(foot, old, fitted), playback.take
-        side = ("left", "right")[foot]
-        name = f"{side} foot" + (", plant removed" if new is None else ", plant added" if old is None else "")
+        what = "removal" if new is None else "addition" if old is None else "change"
+        name = f"{what} of a {('left', 'right')[foot]} foot plant"
         made = replace(take.poses, plants=(*playback.shown.poses.plants, edit))
         self.editor.drag(
-            f"{name} of {take.title}", lambda session: session.with_take(take.number, poses=made)
+            f"{name} in {take.title}", lambda session: session.with_take(take.number, poses=made)
         )
 
     # --- in the view

@@ -17,7 +17,7 @@ from viewer.session.playback import Playback
 
 PIN_TINT: Color = (0.86, 0.48, 0.62, 0.45)
 NEW_PLANT_FRAMES = 8
-_FEET_HINT = "When a foot bears: the left one above, the right one below.\nDrag a plant or its ends; right-click adds or removes one"
+_FEET_HINT = "When a foot bears: the left one above, the right one below.\nDrag a foot plant or its ends; right-click adds or removes one"
 
 
 def draw_pins(pins: Pins, rows: list[list[int]], height: float, playback: Playback) -> None:

@@ -64,7 +64,7 @@ class ReferenceCard:
         if others:
             imgui.separator()
         if imgui.menu_item("A take or film from a file…", "", False)[0]:
-            self.browse("Show beside the take", (".bvh", *VIDEOS), self.open)
+            self.browse("Compare the take with", (".bvh", *VIDEOS), self.open)
         widgets.tooltip("BVH of any two-legged skeleton, MP4, WebM, GIF, WebP")
         if reference.shown and imgui.menu_item("Nothing", "", False)[0]:
             reference.close()

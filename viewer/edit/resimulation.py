@@ -246,7 +246,9 @@ class Resimulation:
         self.takes.editor.do(f"{label} of {before.title}", change)
         text = f"{before.title}: {label}. Ctrl+Z undoes it."
         if self._left_out:
-            count = "One changed plant" if self._left_out == 1 else f"{self._left_out} changed plants"
+            count = (
+                "One changed foot plant" if self._left_out == 1 else f"{self._left_out} changed foot plants"
+            )
             self.takes.messages.warn(f"{count} of {before.title} left out: the steps are others now. {text}")
         else:
             self.takes.messages.note(text)

@@ -152,9 +152,9 @@ def _editing(
 
 
 def _beside(references: ReferenceCard) -> None:
-    hint = "Compare with another take, a BVH or a film: beside it or over it"
+    hint = "Compare with another take, a BVH or a film: next to it or over it"
     shown = references.reference.shown
-    if widgets.toggle("Beside…", shown, px(66), hint) != shown:
+    if widgets.toggle("Compare…", shown, px(78), hint) != shown:
         imgui.open_popup(BESIDE_POPUP)
     if imgui.begin_popup(BESIDE_POPUP):
         references.menu()

@@ -10,23 +10,28 @@ import shutil
 import sys
 import tempfile
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))  # helpers of tests, where this runs as a module
 
 from app_driver import InjectedPads, run
-from hypothesis import HealthCheck, seed, settings
+from full_session import text_of
+from hypothesis import HealthCheck, Phase, seed, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, precondition, rule, run_state_machine_as_test
 from viewer_fakes import fake_services
 
 from runtime.session import live_pins
+from runtime.session.prompt_blend import Side
 from runtime.session.session import Session
+from runtime.skeleton import PART_NAMES
 from runtime.takes.pins import Pinned
 from viewer.app import App
+from viewer.messages import Level
 from viewer.options import ViewOptions
+from viewer.session.takes import RECORDED_FRAMES
 
 GROUNDS = ("flat", "stairs", "hills")
 PROMPTS = ("a proud king", "an old king", "a zombie")
@@ -43,6 +48,10 @@ def shown(session: Session) -> dict[str, Any]:
     return {
         "takes": takes,
         "prompt": live.prompt.prompt(0),
+        "blended": live.prompt.prompt(1),
+        "weights": live.prompt.weights,
+        "locked": sorted(live.prompt.locked),
+        "shape": session.character.shape,
         "ground": "" if session.ground is None else session.ground.spec,
         "path": len(live.path),
         "held": sorted(str(pin.what) for pin in live_pins.held(live.poses.pins)),
@@ -58,6 +67,8 @@ class Model:
     steps: list[dict[str, Any]]
     at: int = 0
     opened: dict[str, Any] = field(default_factory=dict)
+    # of each step, once it was seen: all of the session as text, and the name of the edit
+    seen: dict[int, tuple[str, str]] = field(default_factory=dict)
 
     @property
     def now(self) -> dict[str, Any]:
@@ -67,6 +78,10 @@ class Model:
         del self.steps[self.at + 1 :]
         self.steps.append({**self.now, **changes})
         self.at += 1
+        self.seen = {at: seen for at, seen in self.seen.items() if at < self.at}
+
+    def copy(self) -> Model:
+        return Model([dict(step) for step in self.steps], self.at, dict(self.opened), dict(self.seen))
 
 
 class SessionMachine(RuleBasedStateMachine):
@@ -102,8 +117,14 @@ class SessionMachine(RuleBasedStateMachine):
         assert shown(self.session) == self.model.now, (shown(self.session), self.model.now)
         assert bool(self.app.editor.undo_label) == (self.model.at > 0)
         assert bool(self.app.editor.redo_label) == (self.model.at + 1 < len(self.model.steps))
+        text, label = text_of(replace(self.session, selected=0)), self.app.editor.undo_label
+        assert self.model.seen.setdefault(self.model.at, (text, label)) == (text, label)
+        if self.model.at + 1 in self.model.seen:
+            assert self.app.editor.redo_label == self.model.seen[self.model.at + 1][1]
         playback = self.app.takes.playback
         assert playback is None or self.session.take(playback.number) == playback.take
+        assert self.session.selected == 0 or self.session.current is not None
+        assert not [m.text for m in self.app.messages.recent if m.level is Level.ERROR]
 
     def pick(self, place: int) -> Any:
         takes = self.session.takes
@@ -277,7 +298,63 @@ class SessionMachine(RuleBasedStateMachine):
             self.model.edit(ground=name)
         self.check()
 
+    @rule(text=st.sampled_from(PROMPTS))
+    def prompt_b(self, text: str) -> None:
+        self.app.takes.close_playback()
+        self.app.prompting.submit_prompt(text, Side.B)
+        run(self.app, 2)
+        if self.model.now["blended"] != text:
+            self.model.edit(blended=text, weights=shown(self.session)["weights"])
+        elif self.app.editor.history.at != self.model.at:
+            self.model.edit()
+        self.check()
+
+    @precondition(lambda self: self.model.now["blended"])
+    @rule(part=st.sampled_from(PART_NAMES), weight=st.sampled_from((0.0, 0.25, 1.0)))
+    def weight(self, part: str, weight: float) -> None:
+        """A slider is dragged in two steps, which are one edit."""
+        for held in (0.5, weight):
+            self.app.prompting.set_weight(part, held)
+        self.app.editor.finish_drag()
+        at = PART_NAMES.index(part)
+        now = self.model.now["weights"]
+        if part not in self.model.now["locked"] and now[at] != weight:
+            self.model.edit(weights=(*now[:at], weight, *now[at + 1 :]))
+        self.check()
+
+    @rule(part=st.sampled_from(PART_NAMES[:2]))
+    def lock(self, part: str) -> None:
+        self.app.prompting.toggle_lock(part)
+        self.model.edit(locked=sorted(set(self.model.now["locked"]) ^ {part}))
+        self.check()
+
+    @rule(part=st.sampled_from(PART_NAMES[:2]), words=st.sampled_from(("raised high", "hanging")))
+    def part(self, part: str, words: str) -> None:
+        """Other words for a part lock it."""
+        self.app.takes.close_playback()
+        before = self.app.prompting.applied(part)
+        self.app.prompting.parts[part] = words
+        self.app.prompting.submit_part(part)
+        run(self.app, 2)
+        if words != before:
+            self.model.edit(locked=sorted({*self.model.now["locked"], part}))
+        self.check()
+
+    @rule(height=st.sampled_from((0.8, 1.0, 1.2)))
+    def shape(self, height: float) -> None:
+        shape = replace(self.model.now["shape"], height=height)
+        self.app.scene.set_shape(shape)
+        if shape != self.model.now["shape"]:
+            self.model.edit(shape=shape)
+        self.check()
+
     # --- what is no edit
+
+    @precondition(lambda self: self.session.takes)
+    @rule(place=st.integers(0, 9))
+    def select(self, place: int) -> None:
+        self.app.takes.select(self.pick(place).number)
+        self.check()
 
     @precondition(lambda self: self.session.takes)
     @rule(place=st.integers(0, 9))
@@ -328,7 +405,7 @@ class SessionMachine(RuleBasedStateMachine):
     @rule()
     def save_as(self) -> None:
         path, before = self._name(), self.app.sessions.path
-        model = Model([dict(step) for step in self.model.steps], self.model.at)
+        model = self.model.copy()
         self.app.sessions.save_as(path)
         assert self.app.sessions.path == path
         if before is not None:
@@ -339,16 +416,16 @@ class SessionMachine(RuleBasedStateMachine):
     def save_copy(self) -> None:
         path = self._name()
         self.app.sessions.save_copy(path)
-        self.kept[path] = Model([dict(step) for step in self.model.steps], self.model.at)
+        self.kept[path] = self.model.copy()
         self.check()
 
     @rule()
     def new(self) -> None:
         if self.app.sessions.path is not None:
             self.kept[self.app.sessions.path] = self.model
-        ground, prompt, held = (self.model.now[name] for name in ("ground", "prompt", "held"))
+        kept = ("ground", "prompt", "held", "blended", "weights", "locked", "shape")
         self.app.sessions.new()
-        self.model = Model([{**shown(Session()), "ground": ground, "prompt": prompt, "held": held}])
+        self.model = Model([{**shown(Session()), **{name: self.model.now[name] for name in kept}}])
         self.model.opened = self.model.now
         self.check()
 
@@ -365,26 +442,54 @@ class SessionMachine(RuleBasedStateMachine):
         self.check()
 
     @rule()
-    def kill(self) -> None:
+    def close(self) -> None:
+        """The program ends as planned, and the session is opened again: by its name, or among the earlier ones."""
+        path = self.app.sessions.path
+        empty = path is None and len(self.model.steps) == 1
+        self.app.interrupt()
+        assert self.app.end() == 0
+        self.app.close()
+        self.app = self._start()
+        self.app.sessions.look()
+        if path is None and not empty and self.model.now["takes"]:
+            path = self.app.sessions.earlier[0].path
+            assert len(self.model.now["takes"]) == self.app.sessions.earlier[0].takes
+        if path is None:
+            self.model = Model([shown(self.session)])
+        else:
+            self.app.sessions.open(path)
+            run(self.app, 3)
+        self.model.opened = self.model.now
+        self.check()
+
+    @rule(recording=st.booleans())
+    def kill(self, recording: bool) -> None:
         """The process is gone a moment after the last edit; what its file was then is opened again."""
         self.app.editor.finish_drag()
+        if recording:
+            self.app.takes.toggle_recording()
+            run(self.app, 20)
         time.sleep(KILLED_S)
         file, copy = self.app.editor.file.path, self._name()
         for ending in ("", "-wal", "-shm"):
             beside = file.with_name(file.name + ending)
             if beside.exists():
                 shutil.copy(beside, copy.with_name(copy.name + ending))
-        if self.app.sessions.path is not None:
-            self.kept[self.app.sessions.path] = Model(self.model.steps, self.model.at)
+        if self.app.sessions.path is not None and not recording:
+            self.kept[self.app.sessions.path] = self.model.copy()
         self.app.close()
         self.app = self._start()
-        empty = len(self.model.steps) == 1 and self.model.now == self.model.opened
+        empty = len(self.model.steps) == 1 and self.model.now == self.model.opened and not recording
         if empty:  # nothing was written yet
             self.model = Model([shown(self.session)])
         else:
             self.app.sessions.open(copy)
             run(self.app, 3)
-        self.model = Model([dict(step) for step in self.model.steps], self.model.at)
+        self.model = self.model.copy()
+        if recording:
+            made = shown(self.session)["takes"][-1]
+            assert 20 - made[2] <= RECORDED_FRAMES
+            self.model.edit(takes=[*self.model.now["takes"], made])
         self.model.opened = self.model.now
         self.check()
 
@@ -396,7 +501,7 @@ def run_machine(steps: int, number: int, examples: int) -> None:
         machine,
         settings=settings(
             max_examples=examples, stateful_step_count=steps, deadline=None, database=None, derandomize=False,
-            suppress_health_check=list(HealthCheck), print_blob=False,
+            phases=[Phase.generate], suppress_health_check=list(HealthCheck), print_blob=False,
         ),
     )  # fmt: skip
 

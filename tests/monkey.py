@@ -26,6 +26,7 @@ if str(TESTS) not in sys.path:
 
 from viewer_fakes import FakeRenderer, fake_services  # noqa: E402
 
+from runtime.takes.pins import Pinned  # noqa: E402
 from runtime.terrain.files import write_height_png  # noqa: E402
 from viewer.app import App  # noqa: E402
 from viewer.input.bindings import Action  # noqa: E402
@@ -168,7 +169,8 @@ class Monkey:
         self.app.takes.save_last()
 
     def take(self) -> int:
-        return self.rng.randrange(max(len(self.app.editor.session.takes), 1))
+        """The number of a take of the list; 1 where it is empty."""
+        return self.rng.choice([take.number for take in self.app.editor.session.takes] or [1])
 
     def do_play(self) -> None:
         self.app.takes.play(self.take())
@@ -176,16 +178,18 @@ class Monkey:
     def do_trim(self) -> None:
         playback = self.app.takes.playback
         if playback is not None:
-            playback.seek(self.rng.randrange(playback.frames))
-            self.rng.choice((playback.trim_in, playback.trim_out))()
+            name, held = self.rng.choice(("first", "last")), self.rng.random() < 0.5
+            self.app.takes.trim(**{name: self.rng.randrange(playback.frames)}, held=held)
 
     def do_edit(self) -> None:
         if self.app.takes.playback is not None:
             self.app.editing.insert_prompt(self.rng.choice(WORDS[:3]))
 
     def do_undo(self) -> None:
-        if self.app.takes.playback is not None:
-            self.app.editor.undo()
+        self.app.editor.undo()
+
+    def do_redo(self) -> None:
+        self.app.editor.redo()
 
     def do_export(self) -> None:
         self.app.takes.select(self.take())
@@ -194,8 +198,23 @@ class Monkey:
     def do_remove(self) -> None:
         self.app.takes.remove(self.take())
 
-    def do_bring_back(self) -> None:
-        self.app.editor.undo()
+    def do_move(self) -> None:
+        self.app.takes.move(self.take(), self.rng.choice((-1, 1)))
+
+    def do_mirror(self) -> None:
+        self.app.takes.mirror(self.take())
+
+    def do_color(self) -> None:
+        self.app.takes.set_color(self.take(), self.rng.randrange(6))
+
+    def do_pin(self) -> None:
+        self.app.pins.add(self.rng.choice(list(Pinned)))
+
+    def do_camera_key(self) -> None:
+        self.app.camera_keys.add()
+
+    def do_compare(self) -> None:
+        self.app.references.show(self.take())
 
     def do_ground(self) -> None:
         self.app.scene.load_terrain(
@@ -207,7 +226,10 @@ class Monkey:
         self.app.open_files([self.rng.choice(files)])
 
     def do_save(self) -> None:
-        self.app.sessions.save_as(self.folder / "monkey.sport")
+        self.app.sessions.save_as(self.folder / f"monkey{self.rng.randrange(2)}.sport")
+
+    def do_session(self) -> None:
+        self.rng.choice((self.app.sessions.new, self.app.sessions.revert, self.app.sessions.open_last))()
 
     def do_wall(self) -> None:
         self.app.compare.toggle()

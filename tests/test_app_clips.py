@@ -275,6 +275,7 @@ def test_a_screenshot_that_fails_costs_neither_takes_nor_settings(start: Start, 
     blocked = tmp_path / "file"
     blocked.write_text("", encoding="utf-8")
     app.options = dataclasses.replace(app.options, offscreen=False, screenshot=blocked / "shot.png")
+    app.kept.active = True
     run(app, 2)
     record(app)
     with pytest.raises(FileError, match=r"shot\.png"):

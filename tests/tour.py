@@ -115,9 +115,10 @@ class Tour:
         if any("Compare…" in label for label, _ in drawn(self.app)):
             self.click("Compare…")
         else:
-            self.see("Clips", "##record")
-            self.click("##take menu", self.app.editor.session.selected)
-            self.click("Show beside it")
+            self.see("Takes", "##record")
+            session = self.app.editor.session
+            self.click("##take menu", session.index(session.selected))
+            self.click("Compare with")
         self.picture("what to compare with")
         self.click(what)
 
@@ -179,7 +180,7 @@ def record(tour: Tour) -> None:
     tour.hold("w", 100)
     tour.frames(30)
     tour.press("r")
-    tour.see("Clips", "##record")
+    tour.see("Takes", "##record")
     tour.picture("recorded")
     tour.press("p")
     tour.frames(60)
@@ -237,17 +238,17 @@ def looks(tour: Tour) -> None:
     tour.click("Trails")
 
 
-def way(tour: Tour) -> None:
-    tour.see("Scene", "Edit its way")
-    tour.click("Edit its way")
+def path(tour: Tour) -> None:
+    tour.see("Scene", "Edit its path")
+    tour.click("Edit its path")
     tour.leave()
-    tour.picture("the way")
+    tour.picture("the path")
     app = tour.app
     tool = app.path
     point = tool.points[-1]
     shown = on_screen(
         app.scene.camera.current,
-        [point.x, float(app.scene.state.terrain.height(point.x, point.z)), point.z],  # type: ignore[arg-type]
+        [point.x, float(app.scene.terrain.height(point.x, point.z)), point.z],  # type: ignore[arg-type]
         app_size(app),  # type: ignore[arg-type]
     )
     if shown is not None:
@@ -255,14 +256,14 @@ def way(tour: Tour) -> None:
     tour.see("Scene", "##drive path")
     tour.click("##drive path")
     tour.leave()
-    tour.picture("another way")
+    tour.picture("another path")
     tour.press("ctrl", "z")
-    tour.see("Scene", "Edit its way")
-    tour.click("Edit its way")
+    tour.see("Scene", "Edit its path")
+    tour.click("Edit its path")
 
 
 def mirror(tour: Tour) -> None:
-    tour.see("Clips", "##record")
+    tour.see("Takes", "##record")
     tour.click("##take menu")
     tour.picture("the menu of a take")
     tour.click("Mirror")
@@ -432,7 +433,7 @@ def rest(tour: Tour) -> None:
     tour.picture("help")
     tour.press("f1")
     tour.click("##session")
-    tour.picture("the project menu")
+    tour.picture("the session menu")
     tour.press("escape")
     tour.press("escape")
     tour.frames(5)
@@ -446,7 +447,7 @@ def rest(tour: Tour) -> None:
 
 
 STEPS = (
-    walk, prompt, record, retime, pin, plants, keys, looks, way, mirror, compare, steady, export,
+    walk, prompt, record, retime, pin, plants, keys, looks, path, mirror, compare, steady, export,
     looks_of_the_scene, pad, rest,
 )  # fmt: skip
 

@@ -6,6 +6,7 @@ import sqlite3
 import time
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,8 @@ from runtime.takes import drive_edits
 from runtime.takes.clip import Clip
 from runtime.takes.drive import Drive, StyleChange, played_again
 from runtime.takes.metadata import PromptEvent
+from viewer.editor import Editor
+from viewer.messages import Messages
 
 
 def reopened(path: Path, cache: Path) -> tuple[SessionFile, History]:
@@ -465,6 +468,29 @@ def test_frames_of_few_takes_are_in_memory(tmp_path: Path) -> None:
         assert len(take.made.clip) == 600
     assert len(file._clips) == LOADED_CLIPS
     file.close()
+
+
+def test_an_edit_of_five_hundred_takes_costs_the_frame_little_and_opening_them_a_second(
+    tmp_path: Path,
+) -> None:
+    """Of the processor, so that what else the machine does counts for nothing."""
+    takes = [Take(motion=Motion.of(still(3, f"{n}", n))) for n in range(500)]
+    file = SessionFile.create(tmp_path / "a.sport", tmp_path)
+    editor = Editor(Messages(), file)
+    editor.do("takes", lambda session: edits.with_takes(session, takes))
+    assert file.flush(60.0)
+    spent = []
+    for number in range(50):
+        begun = time.thread_time()
+        editor.do("name", partial(edits.renamed, number=1 + number * 7, name=f"name {number}"))
+        spent.append(time.thread_time() - begun)
+    assert max(spent) < 5e-3
+    assert file.close()
+    begun = time.thread_time()
+    again, history = reopened(tmp_path / "a.sport", tmp_path)
+    assert time.thread_time() - begun < 1.0
+    assert len(history.present.session.takes) == 500
+    again.close()
 
 
 def test_damaged_frames_are_one_sentence_when_a_take_is_looked_at(tmp_path: Path) -> None:

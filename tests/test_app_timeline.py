@@ -265,7 +265,7 @@ def test_driving_goes_on_from_a_frame_of_a_take(start: Start) -> None:
     app.scene.load_terrain("stairs")
     run(app, 3)
     seek(app, 25)
-    click_on(app, "Go on from here")
+    click_on(app, "##go on")
     run(app, 1)
     assert app.takes.playback is None
     assert prompt(app) == "a proud king"

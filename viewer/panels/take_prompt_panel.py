@@ -39,8 +39,9 @@ def draw(editing: Resimulation) -> None:
     if editing.shown is not bar:
         _fill(editing, bar)
     take = editing.take
-    of = "" if take is None else f"{take.title}, frames {bar.span.start} to {bar.span.end - 1}"
-    widgets.muted(of)
+    frames = f", frames {bar.span.start} to {bar.span.end - 1}"
+    room = imgui.get_content_region_avail().x - imgui.calc_text_size(frames).x
+    widgets.muted("" if take is None else widgets.elided(take.title, room) + frames)
     imgui.begin_disabled(bool(editing.fixed))
     _prompt(editing, index)
     imgui.end_disabled()

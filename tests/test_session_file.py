@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sqlite3
+import threading
 import time
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +27,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from runtime.errors import FileError
-from runtime.session import edits
+from runtime.session import database, edits
 from runtime.session.database import Database, FileInUse
 from runtime.session.frames import packed_frames, unpacked_frames
 from runtime.session.history import MAX_STEPS, History
@@ -413,6 +415,36 @@ def test_a_file_that_is_open_is_opened_by_nobody_else_but_can_be_copied(tmp_path
     file, found = reopened(tmp_path / "a.sport", tmp_path)
     assert len(found.present.session.takes) == 2
     file.close()
+
+
+def test_a_file_is_not_closed_under_a_copy_that_is_being_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copying, go_on = threading.Event(), threading.Event()
+
+    def slow(*about: Any) -> None:
+        copying.set()
+        go_on.wait(20)
+        real(*about)
+
+    real = database.copy_rows
+    monkeypatch.setattr(database, "copy_rows", slow)
+    file = SessionFile.create(tmp_path / "a.sport", tmp_path)
+    file.write(history_of(Session(counter=3)))
+    thread = threading.Thread(target=file.save_copy, args=[tmp_path / "b.sport"])
+    thread.start()
+    assert copying.wait(20)
+    assert not file.close(0.1)
+    go_on.set()
+    thread.join(20)
+    assert file.close()
+    other, found = reopened(tmp_path / "b.sport", tmp_path)
+    assert found.present.session.counter == 3
+    other.close()
+    for late in (file.save_copy, file.save_as):
+        with pytest.raises(FileError, match="it is closed"):
+            late(tmp_path / "c.sport")
+    assert not (tmp_path / "c.sport").exists()
 
 
 def test_a_transaction_that_is_rolled_back_is_written_again_whole(

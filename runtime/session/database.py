@@ -324,19 +324,24 @@ class Database:
             self._thread.join(seconds)
             if self._thread.is_alive():
                 return False
-        if self._writer is not None:
-            with contextlib.suppress(sqlite3.Error):  # what is committed is on disk, if in two files
-                free, pages = (
-                    self._writer.execute(f"PRAGMA {n}").fetchone()[0]
-                    for n in ("freelist_count", "page_count")
-                )
-                if 4 * free > pages:
-                    self._writer.execute("VACUUM")
-                self._writer.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-        self._disconnect()
-        if self._handle >= 0:
-            drop_lock(self._handle, self.path)
-            self._handle = -1
+        if not self._turn.acquire(timeout=-1 if seconds is None else seconds):  # a copy is being written
+            return False
+        try:
+            if self._writer is not None:
+                with contextlib.suppress(sqlite3.Error):  # what is committed is on disk, if in two files
+                    free, pages = (
+                        self._writer.execute(f"PRAGMA {n}").fetchone()[0]
+                        for n in ("freelist_count", "page_count")
+                    )
+                    if 4 * free > pages:
+                        self._writer.execute("VACUUM")
+                    self._writer.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            self._disconnect()
+            if self._handle >= 0:
+                drop_lock(self._handle, self.path)
+                self._handle = -1
+        finally:
+            self._turn.release()
         return written
 
     def _begin(self) -> Database:
@@ -361,6 +366,8 @@ class Database:
             self._reader = self._writer = None
 
     def _connection(self) -> sqlite3.Connection:
+        if self._writer is None and self._handle < 0:
+            raise FileError(f"{self.path}: it is closed.")
         if self._writer is None:
             self._connect()
         assert self._writer is not None

@@ -424,7 +424,7 @@ class SessionMachine(RuleBasedStateMachine):
     def new(self) -> None:
         if self.app.sessions.path is not None:
             self.kept[self.app.sessions.path] = self.model
-        kept = ("ground", "prompt", "held", "blended", "weights", "locked", "shape")
+        kept = ("ground", "prompt", "blended", "weights", "locked", "shape")
         self.app.sessions.new()
         self.model = Model([{**shown(Session()), **{name: self.model.now[name] for name in kept}}])
         self.model.opened = self.model.now

@@ -24,6 +24,8 @@ from runtime.session.library import find
 from runtime.session.motion import Motion
 from runtime.session.session import Session, Take
 from runtime.session.session_file import SessionFile
+from runtime.takes.pins import Pinned
+from runtime.takes.pose_edits import NO_EDITS
 from runtime.terrain.files import write_height_png
 from viewer.app import App
 from viewer.jobs import Jobs
@@ -194,6 +196,33 @@ def test_a_new_session_is_on_the_same_ground_and_can_be_left_by_undo_of_nothing(
     app.editor.undo()
     assert said(app) == "There is nothing to undo."
     assert app.editor.session.takes == ()
+
+
+def test_a_new_session_holds_no_hand_and_has_no_path(start: Start) -> None:
+    app = start()
+    app.pins.toggle_live(Pinned.LEFT_HAND)
+    app.path.add(1.0, 2.0)
+    app.sessions.new()
+    run(app, 3)
+    assert app.pins.pins == ()
+    assert app.editor.session.live.poses == NO_EDITS
+    assert app.path.points == ()
+
+
+def test_a_camera_key_is_dragged_past_another_one_and_never_onto_it(start: Start) -> None:
+    app = start()
+    record(app, 60)
+    app.takes.play(1)
+    playback = app.takes.playback
+    assert playback is not None
+    for frame in (10, 20, 30):
+        playback.seek(frame)
+        app.camera_keys.add()
+    dragged = 0
+    for frame in (12, 20, 24, 30, 40):
+        app.camera_keys.move(dragged, frame)
+        dragged = len([at for at in (20, 30) if at < frame]) if frame not in (20, 30) else dragged
+    assert [round(key.seconds * 60) for key in app.camera_keys.keys] == [20, 30, 40]
 
 
 def test_save_as_of_an_untitled_session_removes_the_untitled_file(start: Start, tmp_path: Path) -> None:

@@ -85,12 +85,15 @@ class CameraKeys:
             self._put(f"removal of a camera key of {self.take.title}", kept)
 
     def move(self, index: int, frame: int) -> None:
-        """Put a key to another frame, while the mouse holds it."""
+        """Put a key to another frame, while the mouse holds it; a frame that has a key keeps its own."""
         take, playback = self.take, self.takes.playback
         if take is None or playback is None or not 0 <= index < len(take.cameras):
             return
-        key = replace(take.cameras[index], seconds=frame / playback.clip.fps)
-        keys = with_key([k for i, k in enumerate(take.cameras) if i != index], key, playback.clip.fps)
+        fps, others = playback.clip.fps, [key for i, key in enumerate(take.cameras) if i != index]
+        if frame in {round(key.seconds * fps) for key in others}:
+            return
+        key = replace(take.cameras[index], seconds=frame / fps)
+        keys = with_key(others, key, fps)
         self._put(f"move of a camera key of {take.title}", keys, held=True)
         self._dragged = keys.index(key)
 

@@ -22,6 +22,7 @@ from runtime.session.session import ModelName
 from runtime.session.session_file import SessionFile
 from runtime.session.sqlite_file import FileInUse
 from runtime.takes.metadata import origin_of
+from runtime.takes.pose_edits import NO_EDITS
 from viewer.editor import Editor
 from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.gui.widgets import clock
@@ -132,7 +133,7 @@ class Sessions:
         before = self.editor.session
         file, problem = first_file(self.untitled_folder, self.scene.characters)
         history = History()
-        live = replace(before.live, path=(), cameras=())
+        live = replace(before.live, path=(), cameras=(), poses=NO_EDITS)
         history.replace(
             replace(before, takes=(), live=live, counter=0, selected=0, reference=None, variants=())
         )

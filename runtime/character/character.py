@@ -17,9 +17,8 @@ from runtime.character.joint_map import saved_joint_map
 from runtime.character.joints import Alignment, align
 from runtime.character.mesh import MeshData, read_meshes
 from runtime.character.planted_feet import Soles, find_soles, plant_feet
-from runtime.character.read import MAX_VALUE, REMEDY, STRUCTURE_ERRORS, GltfFile, open_gltf
+from runtime.character.read import MAX_VALUE, STRUCTURE_ERRORS, GltfFile, open_gltf
 from runtime.character.skinned_mesh import SkinnedMesh
-from runtime.errors import FileError
 from runtime.pose import Pose
 from runtime.safe_read import is_text, reason
 
@@ -79,7 +78,7 @@ def load_character(path: str | Path, joint_map: Mapping[str, str] | None = None)
         with np.errstate(all="ignore"):  # what comes of it is checked
             character = _assemble(file, read_meshes(file), chosen)
     except STRUCTURE_ERRORS as error:
-        raise FileError(f"{file.name}: damaged glTF structure ({reason(error)}).", REMEDY) from error
+        raise file.error(f"damaged glTF structure ({reason(error)}).") from error
     _check_finite(file, character)
     return character
 
@@ -93,7 +92,7 @@ def joints_of(path: str | Path, joint_map: Mapping[str, str] | None = None) -> J
             data = read_meshes(file)
             return guess_joints(file.path, data, _names(file, data), chosen)[0]
     except STRUCTURE_ERRORS as error:
-        raise FileError(f"{file.name}: damaged glTF structure ({reason(error)}).", REMEDY) from error
+        raise file.error(f"damaged glTF structure ({reason(error)}).") from error
 
 
 def _names(file: GltfFile, data: MeshData) -> tuple[str, ...]:
@@ -108,9 +107,7 @@ def _check_finite(file: GltfFile, character: Character) -> None:
             value = getattr(holder, field.name)
             real = isinstance(value, float) or (isinstance(value, np.ndarray) and value.dtype.kind == "f")
             if real and not np.all(np.abs(value) < MAX_VALUE):
-                raise FileError(
-                    f"{file.name}: the {field.name.replace('_', ' ')} of its skeleton are not finite.", REMEDY
-                )
+                raise file.error(f"the {field.name.replace('_', ' ')} of its skeleton are not finite.")
 
 
 def _assemble(file: GltfFile, data: MeshData, joint_map: Mapping[str, str]) -> Character:

@@ -111,8 +111,7 @@ def _other_feet(
     across = _apart(found, tree, "UpLeg")
     across = across / max(float(np.linalg.norm(across)), 1e-9)
     feet = _middle(found, tree, "Foot") - hips
-    ends = [joint for joint in range(len(tree.parents)) if joint not in own and tree.parents[joint] >= 0]
-    ends = [joint for joint in ends if not tree.children[joint]]
+    ends = [joint for joint in tree.ends if joint not in own and tree.parents[joint] >= 0]
     ends = [joint for joint in ends if float((tree.positions[joint] - hips) @ along) > LOW * length]
     for a, b in itertools.combinations(ends, 2):
         gap = tree.positions[a] - tree.positions[b]

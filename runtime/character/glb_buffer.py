@@ -56,8 +56,8 @@ class GlbBuffer:
         for number, image in enumerate(gltf.images):
             if image.uri is not None or image.mimeType not in _IMAGE_TYPES.values():
                 self._embed_image(file, image, f"image {number}")
-        for number, texture in enumerate(gltf.textures or []):
-            texture.source = texture_source(file.gltf.textures[number])
+        for texture, read in zip(gltf.textures, file.gltf.textures or [], strict=True):
+            texture.source = texture_source(read)
             for name in EXTENSIONS:
                 (texture.extensions or {}).pop(name, None)
         for names in (gltf.extensionsUsed, gltf.extensionsRequired):
@@ -73,7 +73,7 @@ class GlbBuffer:
     def _normalise_weights(self, file: GltfFile) -> None:
         """Skin weights that do not add up to one are replaced: a valid file has none, and many exporters write them."""
         done: dict[tuple[int, ...], list[int]] = {}
-        for primitive in (primitive for mesh in self.gltf.meshes or [] for primitive in mesh.primitives):
+        for primitive in _primitives(self.gltf):
             fields = vars(primitive.attributes)
             names = [name for name in ("WEIGHTS_0", "WEIGHTS_1") if fields.get(name) is not None]
             old = tuple(fields[name] for name in names)
@@ -178,16 +178,21 @@ def _as_png(data: bytes, file: GltfFile, what: str) -> bytes:
 Reference = tuple[dict[str, Any], str]  # an object's fields, and the one that names an entry of a list
 
 
+def _primitives(gltf: GLTF2) -> Iterator[Any]:
+    return (primitive for mesh in gltf.meshes or [] for primitive in mesh.primitives)
+
+
 def _accessor_references(gltf: GLTF2) -> Iterator[Reference]:
     for skin in gltf.skins or []:
         yield vars(skin), "inverseBindMatrices"
-    for primitive in (primitive for mesh in gltf.meshes or [] for primitive in mesh.primitives):
+    for primitive in _primitives(gltf):
         yield vars(primitive), "indices"
         for attributes in (primitive.attributes, *(primitive.targets or [])):
             named = attributes if isinstance(attributes, dict) else vars(attributes)
             yield from ((named, name) for name in named)
-    for sampler in (sampler for animation in gltf.animations or [] for sampler in animation.samplers):
-        yield from ((vars(sampler), end) for end in ("input", "output"))
+    for animation in gltf.animations or []:
+        for sampler in animation.samplers:
+            yield from ((vars(sampler), end) for end in ("input", "output"))
 
 
 def _renumbered(entries: list[Any], references: list[Reference]) -> list[Any]:

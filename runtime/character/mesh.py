@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from runtime.character.read import (
     accessor_count,
     read_accessor,
 )
+from runtime.character.skinned_mesh import Surface
 from runtime.character.textures import Textures, primitive_colors
 
 MAX_BIND = 1e6  # of an inverse bind matrix: rounding would be seen in its vertices
@@ -32,20 +33,14 @@ _SKINNED_AT_ONCE = 1 << 15  # vertices, whose blended matrices take 400 bytes ea
 
 
 @dataclass(frozen=True)
-class MeshData:
-    """All skinned primitives of a file over one list of joints; shapes as in `Character`."""
+class MeshData(Surface):
+    """All skinned primitives of a file over one list of joints; `humanoid` has the joints that a VRM names."""
 
-    positions: AnyArray
-    normals: AnyArray
-    colors: AnyArray
-    joint_indices: AnyArray
-    joint_weights: AnyArray
-    triangles: AnyArray
-    joint_nodes: tuple[int, ...] = ()
-    joint_parents: tuple[int, ...] = ()
-    inverse_bind: AnyArray = field(default_factory=lambda: np.zeros((0, 4, 4), np.float32))
-    rest_world: AnyArray = field(default_factory=lambda: np.zeros((0, 4, 4)))
-    humanoid: dict[str, int] = field(default_factory=dict)
+    joint_nodes: tuple[int, ...]
+    joint_parents: tuple[int, ...]  # -1 at roots
+    inverse_bind: AnyArray  # (K, 4, 4) float32
+    rest_world: AnyArray  # (K, 4, 4)
+    humanoid: dict[str, int]
 
     def rest_positions(self) -> AnyArray:
         """Vertices `(V, 3)` as the file shows them, skinned by the joints' rest transforms."""
@@ -125,7 +120,7 @@ class _Reader:
         self._textures = Textures(file)
         self._primitives = self._vertices = self._triangles = 0
 
-    def read(self, mesh: int, slots: NDArray[np.int64], rigid: AnyArray | None) -> list[MeshData]:
+    def read(self, mesh: int, slots: NDArray[np.int64], rigid: AnyArray | None) -> list[Surface]:
         """The triangles of a mesh whose joints are `slots`; for `rigid` see `_read_primitive`."""
         meshes = self._file.gltf.meshes or []
         if not 0 <= mesh < len(meshes):
@@ -163,7 +158,7 @@ def read_meshes(file: GltfFile) -> MeshData:
     order, parents = ancestors(file)
     world = node_world_matrices(file, order, parents)
     palette, reader = _Palette(file), _Reader(file)
-    parts: list[MeshData] = []
+    parts: list[Surface] = []
     meshes = [(i, node) for i, node in enumerate(nodes) if node.mesh is not None]
     for _, node in meshes:
         if node.skin is not None:
@@ -176,8 +171,8 @@ def read_meshes(file: GltfFile) -> MeshData:
             slot = palette.first[carriers[i]]
             to_bind = np.linalg.inv(world[carriers[i]] @ palette.inverse_bind[slot]) @ world[i]
             parts += reader.read(node.mesh, np.array([slot]), to_bind)
-    return replace(
-        _merge(parts),
+    return MeshData(
+        **vars(_merged(parts)),
         joint_nodes=tuple(palette.nodes),
         joint_parents=_joint_parents(parents, carriers, palette),
         inverse_bind=np.stack(palette.inverse_bind).astype(np.float32),
@@ -193,7 +188,7 @@ def _read_primitive(
     what: str,
     rigid: AnyArray | None,
     textures: Textures,
-) -> MeshData:
+) -> Surface:
     """One primitive; `rigid` `(4, 4)` carries a mesh without weights to the bind space of its only joint."""
     attributes = primitive.attributes
     positions = _vectors(file, attributes.POSITION, f"POSITION of {what}", 3)
@@ -216,7 +211,7 @@ def _read_primitive(
         positions = (positions @ rigid[:3, :3].T + rigid[:3, 3]).astype(np.float32)
         normals = normals @ np.linalg.inv(rigid[:3, :3])
     unit = rotations.normalize(normals.astype(np.float64)).astype(np.float32)
-    return MeshData(
+    return Surface(
         positions,
         unit,
         primitive_colors(file, textures, primitive, what, len(positions)),
@@ -277,17 +272,10 @@ def _influences(
     return slots[index].astype(np.uint16), (kept / kept.sum(axis=1, keepdims=True)).astype(np.float32)
 
 
-def _merge(parts: list[MeshData]) -> MeshData:
+def _merged(parts: list[Surface]) -> Surface:
     base = np.cumsum([0] + [len(p.positions) for p in parts[:-1]])
-    triangles = [p.triangles + np.uint32(b) for p, b in zip(parts, base, strict=True)]
-
-    def join(name: str) -> AnyArray:
-        return np.concatenate([getattr(p, name) for p in parts])
-
-    return MeshData(
-        join("positions"), join("normals"), join("colors"), join("joint_indices"), join("joint_weights"),
-        np.concatenate(triangles),
-    )  # fmt: skip
+    moved = [replace(p, triangles=p.triangles + np.uint32(b)) for p, b in zip(parts, base, strict=True)]
+    return Surface(*(np.concatenate([getattr(p, f.name) for p in moved]) for f in fields(Surface)))
 
 
 def _joint_parents(parents: list[int], carriers: list[int], palette: _Palette) -> tuple[int, ...]:

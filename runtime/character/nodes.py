@@ -20,7 +20,8 @@ def ancestors(file: GltfFile) -> tuple[list[int], list[int]]:
     parents = [-1] * len(nodes)
     for i, node in enumerate(nodes):
         for child in node.children or []:
-            if not isinstance(child, int) or child == i or parents[child : child + 1] != [-1] or child < 0:
+            known = isinstance(child, int) and 0 <= child < len(nodes) and child != i
+            if not known or parents[child] >= 0:
                 raise file.error(f"the children of node {i} do not form a tree.")
             parents[child] = i
     order = [i for i, parent in enumerate(parents) if parent < 0]

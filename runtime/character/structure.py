@@ -201,7 +201,7 @@ def _arms(
     middle = 0.5 * (tree.positions[legs[0].top] + tree.positions[legs[1].top])
     in_legs = _joints_in_legs(tree, legs)
     top = _trunk_root(tree, hips, in_legs)
-    ends = [joint for joint in tree.under(top) if joint not in in_legs and not tree.children[joint]]
+    ends = [joint for joint in tree.under(top) if not tree.children[joint] and joint not in in_legs]
     ends = [joint for joint in ends if len(tree.chain(top, joint)) > 3]
     nothing: tuple[int, tuple[list[int], list[int]]] = (-1, ([], []))
     if not ends:

@@ -110,7 +110,9 @@ def library() -> LibraryExpander:
     return LibraryExpander(TextEncoder())
 
 
-@pytest.mark.parametrize("row", rows("side_sentences"), ids=[row.split(" | ")[0][:60] for row in rows("side_sentences")])
+@pytest.mark.parametrize(
+    "row", rows("side_sentences"), ids=[row.split(" | ")[0][:60] for row in rows("side_sentences")]
+)
 def test_each_part_does_what_the_sentence_means(row: str, library: LibraryExpander) -> None:
     sentence, *expectations = row.split(" | ")
     words = library.expand(sentence).descriptions.to_mapping()

@@ -14,6 +14,24 @@ from tests.helpers.gpt_endpoint import endpoint, expander_of, settings_of  # noq
 from tests.helpers.slow_model import asking, model  # noqa: F401  (fixtures)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A home folder for every test and the processes that it starts, so that none writes into the user's own."""
+    folder = tmp_path_factory.mktemp("home")
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("HOME", "USERPROFILE"):
+            patch.setenv(name, str(folder))
+        for name in (
+            "XDG_CONFIG_HOME",
+            "XDG_CACHE_HOME",
+            "XDG_STATE_HOME",
+            "SPORT_CONFIG_DIR",
+            "SPORT_CACHE_DIR",
+        ):
+            patch.delenv(name, raising=False)
+        yield folder
+
+
 @pytest.fixture
 def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Any]]:
     """Opens the viewer offscreen on flat ground with a fake model; closes what the test leaves open.

@@ -20,7 +20,6 @@ from runtime.takes.clip import Clip
 from runtime.terrain.files import read_terrain
 from runtime.terrain.height_map import Terrain
 from sport import cli
-from viewer.settings import Settings, load_settings
 
 MOTION = "MOTION\nFrames: {}\nFrame Time: 0.01\n"
 
@@ -78,16 +77,6 @@ def test_prompts_with_times_that_are_none() -> None:
     for script in ("9" * 400 + ":a", "1e400:a", "inf:a", "nan:a", "٣:a", "4000:a", ";".join(["0:a"] * 1001)):
         with pytest.raises(PromptError, match="Prompts with times"):
             parse_prompts(script)
-
-
-def test_settings_fall_back_one_by_one(tmp_path: Path) -> None:
-    text = '{"width": 1%s, "height": 1%s, "terrain": "\\ud800", "max_fps": NaN, "seed": 1, "camera": "orbit"}'
-    (tmp_path / "settings.json").write_text(text % ("0" * 400, "0" * 5000), encoding="utf-8")
-    settings, complaints = load_settings(tmp_path)
-    assert settings == Settings(camera="orbit")
-    assert len(complaints) == 1  # one message for all of them
-    assert all(name in complaints[0] for name in ("width", "height", "terrain", "max_fps"))
-    complaints[0].encode()
 
 
 def test_the_command_refuses_what_its_own_reader_would_refuse(

@@ -118,11 +118,6 @@ def test_the_variance_of_a_denoiser_that_knows_nothing_is_kept_within_its_bounds
     assert found.max() <= 1.5 * float(spread)
 
 
-def test_a_short_stage_averages_over_a_fifth_of_its_steps():
-    assert decay_of(20000) == 0.9995
-    assert decay_of(1000) == pytest.approx(0.995)
-
-
 def test_shown_joints_are_those_of_the_skeleton():
     rng = np.random.default_rng(4)
     local = rotations.normalize(rng.normal(size=(5, J, 4)))

@@ -235,10 +235,6 @@ def test_a_name_may_leave_out_who_does_it(library: PromptLibrary) -> None:
 _INDEX: list[PhraseIndex] = []
 
 
-def test_there_are_100_of_them() -> None:
-    assert len(set(STYLES_100)) == 100
-
-
 # embeddings
 
 

@@ -151,12 +151,6 @@ def test_every_course_begins_on_level_ground_before_it(course):
             assert float(ground.height(0.0, middle)) == pytest.approx(obstacle.top)
 
 
-def test_the_beam_is_twenty_centimetres_wide():
-    ground = make_terrain("beam")
-    assert ground.height(np.array([-0.1, 0.0, 0.1]), np.full(3, 9.0)) == pytest.approx([0.4] * 3)
-    assert ground.height(np.array([-0.16, 0.16]), np.full(2, 9.0)) == pytest.approx([0.0] * 2)
-
-
 @pytest.fixture(scope="module")
 def results():
     """A walker at a wall of 60 cm, scored."""

@@ -36,7 +36,8 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Any]]:
     """Opens the viewer offscreen on flat ground with a fake model; closes what the test leaves open.
 
-    `start(real_renderer=False, services={}, **options)`: `services` are loaders in place of the fakes, by name.
+    `start(real_renderer=False, drawn=real_renderer, services={}, **options)`: `services` are loaders in place of the
+    fakes, by name; panels are laid out in every frame, but put into the picture, which takes time, only where `drawn`.
     """
     import dataclasses
 
@@ -49,10 +50,18 @@ def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[
         monkeypatch.delenv(name, raising=False)
     apps: list[App] = []
 
-    def open_app(real_renderer: bool = False, services: dict[str, Any] | None = None, **options: Any) -> App:
+    def open_app(
+        real_renderer: bool = False,
+        services: dict[str, Any] | None = None,
+        drawn: bool | None = None,
+        **options: Any,
+    ) -> App:
         chosen = {"offscreen": True, "terrain": "flat", **options}
-        loaders = dataclasses.replace(fake_services(real_renderer), **(services or {}))
+        drawn = real_renderer if drawn is None else drawn
+        loaders = dataclasses.replace(fake_services(real_renderer, drawn=drawn), **(services or {}))
         app = App(ViewOptions(**chosen), loaders, InjectedPads(), tmp_path / "config")
+        if not drawn:
+            app.window.draw_interface = lambda: None  # type: ignore[method-assign]
         apps.append(app)
         return app
 
@@ -70,7 +79,8 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     from viewer.options import ViewOptions
 
     options = ViewOptions(offscreen=True, terrain="flat")
-    app = App(options, fake_services(False), InjectedPads(), tmp_path_factory.mktemp("config"))
+    app = App(options, fake_services(drawn=False), InjectedPads(), tmp_path_factory.mktemp("config"))
+    app.window.draw_interface = lambda: None  # type: ignore[method-assign]
     yield app
     app.close()
 

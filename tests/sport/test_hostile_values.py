@@ -15,11 +15,11 @@ from runtime.formats.bvh import parse_bvh, read_bvh
 from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
 from runtime.generate import parse_prompts
 from runtime.motion.controller import Controller
-from runtime.motion.model import load_model
 from runtime.takes.clip import Clip
 from runtime.terrain.files import read_terrain
 from runtime.terrain.height_map import Terrain
 from sport import cli
+from tests.helpers.shipped import shipped_model
 
 MOTION = "MOTION\nFrames: {}\nFrame Time: 0.01\n"
 
@@ -108,7 +108,7 @@ def test_the_library_refuses_what_has_no_sense() -> None:
             Terrain("t", heights, 0.1, (0.0, 0.0))
     with pytest.raises(TerrainError):
         Terrain("t", np.zeros((3, 3)), nan, (0.0, 0.0))
-    model = load_model()
+    model = shipped_model()
     for options in ({"seed": -1}, {"temperature": nan}, {"strength": inf}):
         with pytest.raises(UsageError, match="Controller"):
             Controller(model, Terrain.flat(), **options)

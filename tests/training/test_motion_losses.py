@@ -20,7 +20,7 @@ from training.networks.generator import Generator  # noqa: E402
 from training.presets import preset  # noqa: E402
 from training.rollouts import MOVEMENTS, RolloutLanes  # noqa: E402
 from training.session import Session  # noqa: E402
-from training.stages.motion import MotionData, decay_of, estimate_variance, from_other_poses  # noqa: E402
+from training.stages.motion import MotionData, estimate_variance, from_other_poses  # noqa: E402
 from training.styles import StyleTable  # noqa: E402
 
 

@@ -116,5 +116,3 @@ def test_encoding_goes_on_where_it_was_stopped(frames, table, tmp_path, monkeypa
         encode(tmp_path / "half", 2)
     assert encode(tmp_path / "half", 10**6).tobytes() == whole.tobytes()
     assert len(rows) == chunks - 2 > 0
-
-

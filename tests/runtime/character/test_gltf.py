@@ -19,6 +19,7 @@ from runtime.character.writer import write_character
 from runtime.errors import FileError
 from runtime.pose import Pose
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
+from tests.helpers import shipped
 from tests.helpers.gltf_characters import make_pose, user_character
 
 JOINTS = SPORT_SKELETON.names
@@ -26,7 +27,7 @@ JOINTS = SPORT_SKELETON.names
 
 @pytest.fixture(scope="module")
 def mannequin() -> Character:
-    return load_character(asset_path("character/mannequin.glb"))
+    return shipped.mannequin()
 
 
 def test_mannequin_is_a_bounded_closed_body(mannequin: Character) -> None:

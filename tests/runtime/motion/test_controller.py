@@ -5,10 +5,10 @@ import pytest
 
 from runtime.controls import Controls, Gait
 from runtime.motion.controller import Controller
-from runtime.motion.model import load_model
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
+from tests.helpers.shipped import shipped_model
 from tests.helpers.walker import WalkerModel
 
 FORWARD = Controls((0.0, 1.0))
@@ -16,7 +16,7 @@ FORWARD = Controls((0.0, 1.0))
 
 @pytest.fixture(scope="module")
 def model():
-    return load_model()
+    return shipped_model()
 
 
 def drive(controller, controls, frames):

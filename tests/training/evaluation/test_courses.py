@@ -14,7 +14,6 @@ from runtime.controls import Gait
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.courses import BEAM, BEAM_RAMP_M, GAPS, HURDLES, WALLS, Obstacle
 from runtime.terrain.height_map import Terrain
-from runtime.terrain.library import make_terrain
 from training.evaluation.metrics import crossing
 from training.evaluation.metrics.crossing import capsule_points, depth_inside, limb_depths
 from training.evaluation.motion.obstacles import COURSES, run_obstacles, score_obstacles

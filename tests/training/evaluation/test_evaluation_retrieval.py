@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime.errors import FileError, ModelError
+from runtime.errors import FileError
 from tests.training.evaluation.test_evaluation_text import clips, write_clip  # noqa: F401
 from training.evaluation.text import (
     retrieval,
@@ -86,5 +86,3 @@ def test_clips_of_styles_without_descriptions_are_left_out(clips: Path) -> None:
     found = encode_clips(Encoder(), paths, {"neutral", "old"})  # type: ignore[arg-type]
     assert found.names == ["cmu_01"]  # cmu_03 is too short, cmu_04 is angry
     assert len(encode_clips(Encoder(), paths, {"neutral", "angry"}).names) == 2  # type: ignore[arg-type]
-
-

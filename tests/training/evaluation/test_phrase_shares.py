@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from runtime.errors import FileError
-from runtime.prompts import prompter, shares
 from runtime.prompts.english import library_data
 from runtime.prompts.english.compose import compose_neighbours
 from runtime.prompts.english.library_data import LibraryEmbeddings, LibraryEntry
@@ -22,7 +21,7 @@ from training.evaluation.text import prompt_adherence
 from training.evaluation.text import walks as text_walks
 from training.layering.apply import apply
 from training.layering.catalog import EDITS
-from training.text.claims import RULES, clause_share, clauses
+from training.text.claims import clause_share, clauses
 from training.text.measure import BodyMeasures, measure
 
 PLAIN = PartDescriptions(**{part: f"{part.replace('_', ' ')} as it is" for part in PART_NAMES})

@@ -12,7 +12,7 @@ pytest.importorskip("sklearn")
 
 from runtime.errors import FileError
 from training.evaluation import compared_models as table1
-from training.evaluation.compared_models import CAPTURE, ROWS, SHIPPED, TABLE1, markdown, models_of
+from training.evaluation.compared_models import CAPTURE, ROWS, SHIPPED, TABLE1
 from training.evaluation.experiment import run
 
 CELLS = dict.fromkeys(table1.COLUMNS, 2.0)
@@ -86,5 +86,3 @@ def test_a_store_of_other_options_is_not_mixed_in(tmp_path: Path, measured: list
     store.write_text("[]", encoding="utf-8")
     with pytest.raises(FileError, match="of these options"):
         run(TABLE1, ["--clips", str(tmp_path), "--store", str(store)], "table1")
-
-

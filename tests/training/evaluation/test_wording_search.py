@@ -9,9 +9,9 @@ import pytest
 
 pytest.importorskip("torch")
 
-from runtime.motion.model import load_model
 from runtime.prompts.prompter import Prompter
 from runtime.prompts.wording import Wording
+from tests.helpers.shipped import shipped_model
 from training.evaluation.text import wording
 from training.evaluation.text.wording import NEUTRAL, better_wordings, walk_all
 from training.text.claims import sentence_share, unclaimed_change
@@ -78,7 +78,7 @@ def test_captured_sentences_keep_their_words():
 def test_a_sentence_is_walked_with_the_rest_of_the_body_neutral(monkeypatch):
     monkeypatch.setattr(wording, "LEAD_SECONDS", 0.5)
     monkeypatch.setattr(wording, "SECONDS", 1.0)
-    model = load_model()
+    model = shipped_model()
     key = ("torso", "torso leaning far forward")
     walks = walk_all(model, Prompter(model, wording=Wording()), [key])
     assert walks[key].torso.pitch > walks[NEUTRAL].torso.pitch + 10.0

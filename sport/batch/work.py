@@ -100,7 +100,14 @@ class RayExecutor(Executor):
 
 def entry(row: Any, error: str = "", **made: Any) -> Line:
     """A line of a row or task: its arguments, file, files with their hashes, seconds of work, error."""
-    fields: Line = {"file": None, "sha256": None, "seconds": None, "error": error or None, "notes": [], "files": {}}
+    fields: Line = {
+        "file": None,
+        "sha256": None,
+        "seconds": None,
+        "error": error or None,
+        "notes": [],
+        "files": {},
+    }
     return {"row": row.number, "arguments": row.values, **fields, **made, "key": getattr(row, "key", "")}
 
 

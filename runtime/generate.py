@@ -13,9 +13,15 @@ from numpy.typing import NDArray
 
 from runtime.arrays import Array
 from runtime.errors import FileError, PromptError, SportError, UsageError
+from runtime.motion.control_scripts import (
+    GAITS,
+    ControlScript,
+    PlanarPose,
+    StickScript,
+    control_script,
+    parse_stick,
+)
 from runtime.motion.features import FPS
-from runtime.motion.paths import GAITS, ControlScript, PlanarPose, control_script
-from runtime.motion.stick_script import StickScript, parse_stick
 from runtime.pose import Pose
 from runtime.prompts.blend import BlendedPrompt, Words, read_words, write_words
 from runtime.prompts.expander import DEFAULT_PROMPT, check_prompt
@@ -33,7 +39,7 @@ if TYPE_CHECKING:
     from runtime.controls import Controls, Gait
     from runtime.motion.controller import Controller
     from runtime.motion.model import MotionModel
-    from runtime.motion.style_mix import StyleMix
+    from runtime.motion.style import StyleMix
 
 
 MAX_SECONDS = 3600.0
@@ -111,9 +117,9 @@ def generate_clip(
     """Generate a clip of `seconds` (10, or the length of `controls`) at 60 frames a second; equal arguments give equal bytes.
 
     It begins at rest at the origin, in its first style and in the gait. `controls` is the stick as text, see
-    `runtime.motion.stick_script`, in place of path, gait and speed.
+    `runtime.motion.control_scripts`, in place of path, gait and speed.
     `prompt` is one prompt, six descriptions, a blend of two, or several prompts with times (also those of a take),
-    `terrain` a name, file or terrain, `path` and `gait` are those of `runtime.motion.paths`. `model` is a model folder, by default the shipped one, or a loaded model; `expander`, `report` and
+    `terrain` a name, file or terrain, `path` and `gait` are those of `runtime.motion.control_scripts`. `model` is a model folder, by default the shipped one, or a loaded model; `expander`, `report` and
     `text_encoder` are those of `Prompter`, or `prompter` is one of that model; `strength` is that of `Controller`; `size` is that of `Character`: a smaller body takes smaller steps on the same ground.
     `pins` bend the poses: text of `runtime.takes.pins`, or pins. `response` is how quickly starts, stops and turns follow
     the stick: 0 as in capture, 1 as in a game. SportError names what cannot be used.
@@ -151,7 +157,7 @@ def _script(
 def _check(seconds: float, transition_seconds: float, strength: float, seed: int, response: float) -> None:
     """UsageError names the number of `generate_clip` that is out of its range."""
     from runtime.motion.model import MAX_STRENGTH, MIN_STRENGTH
-    from runtime.motion.momentum import MAX_RESPONSE, MIN_RESPONSE
+    from runtime.motion.trajectory import MAX_RESPONSE, MIN_RESPONSE
 
     if not 1.0 / FPS <= seconds <= MAX_SECONDS:
         raise UsageError(

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from viewer_fakes import FakeController
 
-from runtime.motion.style_mix import StyleMix
+from runtime.motion.style import StyleMix
 from viewer.app import App
 from viewer.gl_bindings import imgui
 from viewer.input.gamepad import GamepadState

@@ -9,7 +9,7 @@ import pytest
 from app_driver import click_on, place, press, run
 
 from runtime.controls import Gait
-from runtime.motion.point_path import Waypoint
+from runtime.motion.control_scripts import Waypoint
 from runtime.session import edits
 from runtime.session.session import LIVE
 from runtime.session.session_file import SessionFile

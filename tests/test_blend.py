@@ -11,7 +11,7 @@ from walker import WalkerModel
 import runtime.generate as generate_module
 import runtime.motion.model
 from runtime.errors import PromptError
-from runtime.motion.style_mix import Style, StyleFolder
+from runtime.motion.style import Style, StyleFolder
 from runtime.prompts.blend import (
     ALL_A,
     ALL_B,

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from render_scene import hills
 
-from runtime.spring import spring
+from runtime.easing import spring
 from viewer.render.camera import Camera, FollowCamera, OrbitCamera
 from viewer.render.frame import make_frame
 

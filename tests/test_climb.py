@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from runtime import rotations
 from runtime.arrays import Array
-from runtime.crossing.climb import Climb, Descend
-from runtime.crossing.keyed_pose import Track, slerp
 from runtime.feet.ik import solve_legs
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain.courses import Obstacle
+from runtime.traversal.climb import Climb, Descend
+from runtime.traversal.keyframes import Track, slerp
 from training.evaluation.metrics.crossing import CAPSULES, capsule_points, hands_on_edge, on_top_after
 
 FPS = 60

@@ -11,16 +11,14 @@ import pytest
 
 from runtime.assets import model_folder
 from runtime.controls import Controls, Gait
-from runtime.crossing.crossing import Crossing
-from runtime.crossing.look import look_ahead, seen_heights
 from runtime.errors import ModelError
 from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
-from runtime.motion.controller import Controller
-from runtime.motion.crowd import Crowd
+from runtime.motion.controller import Controller, Crowd
 from runtime.motion.model import MotionModel, load_model
 from runtime.motion.snapshot import Snapshot, take_snapshot
 from runtime.terrain.courses import Obstacle, raise_obstacles
 from runtime.terrain.height_map import Terrain
+from runtime.traversal.traversal import Traversal, seen_heights
 from training.evaluation.metrics import crossing
 
 FORWARD = Controls((0.0, 1.0))
@@ -48,8 +46,8 @@ def walked(
     for _ in range(round(seconds * 60)):
         pose = controller.step(controls)
         positions.append(pose.positions)
-        if controller.crossing and (not kinds or kinds[-1] != controller.crossing):
-            kinds.append(controller.crossing)
+        if controller.traversal and (not kinds or kinds[-1] != controller.traversal):
+            kinds.append(controller.traversal)
         if pose.root_position[2] > until_z:
             break
     return np.array(positions), kinds
@@ -88,17 +86,17 @@ def test_a_wall_is_climbed_and_left_again(model: MotionModel) -> None:
 
 def test_the_network_sees_no_obstacle_that_is_crossed() -> None:
     """Before a bar and while it leaps: level ground; a hill stays what it is."""
-    state = Crossing()
+    state = Traversal()
     points = np.zeros((12, 3, 2))
     points[..., 1] = np.arange(12)[:, None] * 0.25
     heights = np.where(points[..., 1] > 2.0, 0.4, 0.0)
     terrain = ground(Obstacle(2.0, 2.1, 0.4, 4.0))
-    look = look_ahead(state, terrain, np.zeros(2), np.array([0.0, 1.2]), 1.2)
-    assert not look.stops
-    assert seen_heights(state, points, heights, 0, look.ahead).max() == 0.0
+    probe = state.probe(terrain, np.zeros(2), np.array([0.0, 1.2]), 1.2)
+    assert not probe.stops
+    assert seen_heights(state, points, heights, 0, probe.ahead).max() == 0.0
     slope = points[..., 1] * 0.2
-    look = look_ahead(state, Terrain.flat(), np.zeros(2), np.array([0.0, 1.2]), 1.2)
-    assert look.ahead is None
+    probe = state.probe(Terrain.flat(), np.zeros(2), np.array([0.0, 1.2]), 1.2)
+    assert probe.ahead is None
     assert seen_heights(state, points, slope, 0, None) is slope
 
 
@@ -122,9 +120,9 @@ def test_a_snapshot_in_a_leap_goes_on_alike(model: MotionModel) -> None:
     controller = Controller(model, terrain)
     for _ in range(600):
         controller.step(FORWARD)
-        if controller.crossing:
+        if controller.traversal:
             break
-    assert controller.crossing == "bar"
+    assert controller.traversal == "bar"
     for _ in range(12):
         controller.step(FORWARD)
     data = take_snapshot(controller).to_bytes()
@@ -132,7 +130,7 @@ def test_a_snapshot_in_a_leap_goes_on_alike(model: MotionModel) -> None:
     Snapshot.from_bytes(data).restore(other)
     for _ in range(90):
         assert np.array_equal(controller.step(FORWARD).positions, other.step(FORWARD).positions)
-    assert controller.crossing == ""
+    assert controller.traversal == ""
 
 
 def test_a_crowd_crosses_as_each_would_alone(model: MotionModel) -> None:
@@ -150,7 +148,7 @@ def test_a_crowd_crosses_as_each_would_alone(model: MotionModel) -> None:
         together = crowd.step(FORWARD)
         for one, pose in zip(alone, together, strict=True):
             assert np.array_equal(one.step(FORWARD).positions, pose.positions)
-            seen.add(one.crossing)
+            seen.add(one.traversal)
     crowd.close()
     assert {"bar", "climb"} <= seen
 
@@ -159,11 +157,11 @@ def test_another_ground_ends_a_crossing(model: MotionModel) -> None:
     controller = Controller(model, ground(Obstacle(1.5, 2.5, 1.0, 4.0)))
     for _ in range(400):
         controller.step(FORWARD)
-        if controller.crossing:
+        if controller.traversal:
             break
-    assert controller.crossing == "climb"
+    assert controller.traversal == "climb"
     controller.set_terrain(Terrain.flat())
-    assert controller.crossing == ""
+    assert controller.traversal == ""
 
 
 def test_what_the_network_crosses_itself_is_not_keyed(model: MotionModel, tmp_path: Path) -> None:

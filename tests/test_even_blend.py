@@ -11,9 +11,9 @@ from app_driver import Start, run
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.motion import even_blend
+from runtime.motion import perceptual_weights
 from runtime.motion.model import load_model
-from runtime.motion.style_mix import LINEAR, StyleMix, even_weights, mixes, turned_round
+from runtime.motion.style import LINEAR, StyleMix, even_weights, mixes, turned_round
 from runtime.prompts.blend import BlendedPrompt
 from runtime.prompts.prompter import Prompter
 from runtime.session.prompt_blend import Side
@@ -44,17 +44,17 @@ def test_only_parts_of_both_styles_need_a_measurement() -> None:
 
 
 def test_six_steps_of_a_measured_blend_are_nearly_equal(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(even_blend, "LEAD_IN", 30)
-    monkeypatch.setattr(even_blend, "FRAMES", 60)
+    monkeypatch.setattr(perceptual_weights, "LEAD_IN", 30)
+    monkeypatch.setattr(perceptual_weights, "FRAMES", 60)
     model = load_model()
     to_style = Prompter(model)
     ends = to_style("a person walking normally"), to_style("an old man")
-    shares = even_blend.even_shares(model, *ends)
-    assert len(shares) == even_blend.WALKERS
+    shares = perceptual_weights.perceptual_weights(model, *ends)
+    assert len(shares) == perceptual_weights.WALKERS
 
     def largest(weights: Sequence[float]) -> float:
         mixed = [StyleMix((1.0 - w, w), ends) for w in weights]
-        steps = np.linalg.norm(np.diff(even_blend.walks(model, mixed), axis=0), axis=1)
+        steps = np.linalg.norm(np.diff(perceptual_weights.walks(model, mixed), axis=0), axis=1)
         return float(steps.max() / steps.sum())
 
     linear = [k / 6 for k in range(7)]
@@ -70,7 +70,7 @@ def test_a_prompter_measures_a_pair_once(monkeypatch: pytest.MonkeyPatch) -> Non
         asked.append(1)
         return (0.0, 0.9, 1.0)
 
-    monkeypatch.setattr("runtime.prompts.prompter.even_shares", measured)
+    monkeypatch.setattr("runtime.prompts.prompter.perceptual_weights", measured)
     to_style = Prompter(load_model())
     blend = BlendedPrompt("a zombie", "an old man", (0.5,) * 6)
     assert to_style(blend).shares == pytest.approx((0.9, 0.1))

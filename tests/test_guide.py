@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from documents import DOCUMENTS, GUIDE, ROOT, blocks, check_command, commands, run_python, text_of
 
+from runtime.motion.control_scripts import GAITS, PATH_NAMES
 from runtime.motion.controller import TEMPERATURE
-from runtime.motion.noise import PERIODS_S
-from runtime.motion.paths import GAITS, PATH_NAMES
+from runtime.motion.model import PERIODS_S
 from runtime.terrain.library import TERRAIN_NAMES
 from training.presets import ABLATIONS, preset
 from viewer.input.bindings import HELP

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from runtime.controls import Controls, Gait
-from runtime.crossing.jump import Jump
 from runtime.motion.controller import Controller
 from runtime.motion.model import MotionModel, load_model
 from runtime.motion.snapshot import Snapshot, take_snapshot
@@ -14,6 +13,7 @@ from runtime.pose import FPS, Pose
 from runtime.skeleton import TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import load_terrain
+from runtime.traversal.jump import Jump
 
 TOES = (5, 10)
 STAND, WALK, JOG = Controls(), Controls((0.0, 1.0)), Controls((0.0, 1.0), gait=Gait.JOG)

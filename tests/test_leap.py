@@ -8,10 +8,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from runtime import rotations
-from runtime.crossing.leap import TOE, Leap, LeapStart, takeoff_m
 from runtime.feet.ik import LEG_FEET, LEG_TOES
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
-from runtime.terrain.way_ahead import ObstacleKind
+from runtime.terrain.obstacle_detection import ObstacleKind
+from runtime.traversal.leap import TOE, Leap, LeapStart, takeoff_m
 
 DT = 1.0 / 60.0
 HIPS = 0.93

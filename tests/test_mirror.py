@@ -13,7 +13,7 @@ from runtime.motion.features import INPUT_SIZE, OUTPUT_SIZE, C, InputParts, buil
 from runtime.motion.mirror import Mirror, Ways, mirrored_code
 from runtime.motion.model import MotionModel, load_model
 from runtime.motion.snapshot import Snapshot, take_snapshot
-from runtime.motion.style_mix import StyleFolder, StyleMix
+from runtime.motion.style import StyleFolder, StyleMix
 from runtime.prompts.content import PromptEncoder
 from runtime.prompts.prompter import Prompter
 from runtime.skeleton import MIRROR_JOINTS, PART_JOINTS, SPORT_SKELETON, J

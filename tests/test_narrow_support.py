@@ -6,7 +6,7 @@ from walker import walk
 
 from runtime import rotations
 from runtime.feet.foot_lock import FootLock
-from runtime.feet.leg_scalar import leg_bones, leg_forward
+from runtime.feet.leg import leg_bones, leg_forward
 from runtime.feet.narrow_support import (
     ARMS,
     AROUND_M,

@@ -169,8 +169,7 @@ def test_exported_graphs_agree_with_torch(exported_tiny):
     from tiny_model import tiny_trained
 
     from runtime.errors import ModelError
-    from runtime.motion.model import MotionModel, load_model
-    from runtime.motion.motion_encoder import ExportedMotionEncoder
+    from runtime.motion.model import ExportedMotionEncoder, MotionModel, load_model
 
     trained = tiny_trained()
     normal, steps = trained.normal, trained.steps

@@ -11,7 +11,7 @@ from runtime.motion.model import load_model
 from runtime.rotations import identity
 from runtime.skeleton import J
 from runtime.terrain.height_map import Terrain
-from runtime.terrain.obstacles import step_ahead, within_steps
+from runtime.terrain.obstacle_detection import step_ahead, within_steps
 
 NORTH = np.array([0.0, 1.0])
 

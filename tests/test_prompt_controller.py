@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 from viewer_fakes import FakeEncoder
 
-from runtime.motion.style_mix import StyleMix
+from runtime.motion.style import StyleMix
 from runtime.prompts.answer import Answer
 from runtime.prompts.blend import ALL_A
 from runtime.prompts.expander import DEFAULT_PROMPT

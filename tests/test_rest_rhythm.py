@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from runtime.motion.features import FPS, PHASE_OFFSETS, C
-from runtime.motion.rest_rhythm import RestRhythm
+from runtime.motion.phase import RestRhythm
 
 PRESENT = int(-PHASE_OFFSETS[0])
 STILL = np.tile(np.array([0.3, 0.4]), (PHASE_OFFSETS[-1] - PHASE_OFFSETS[0] + 1, C, 1))

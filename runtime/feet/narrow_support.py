@@ -9,9 +9,9 @@ import numpy as np
 
 from runtime import rotations
 from runtime.arrays import Array
-from runtime.feet.leg_scalar import LegPose, Vector, add, dot, scale, subtract
+from runtime.feet.leg import LegPose
+from runtime.scalar_math import Vector, add, damp, dot, scale, subtract
 from runtime.skeleton import SPORT_SKELETON
-from runtime.spring import damp
 from runtime.terrain.height_map import PointHeights
 
 DROP_M = 0.12  # that the ground beside must be lower than a beam: less is a step, which a foot takes
@@ -25,13 +25,13 @@ INLINE_M = 0.02  # from the middle, to its own side, a foot is put down
 AROUND_M = 0.08  # farther out it passes the other foot,
 PASSES_M = 0.25  # while it is so near to it along the way
 LIFTED_M = 0.06  # and so high
-HALFLIFE_S = 0.06
+HALF_LIFE_S = 0.06
 PULL_PER_S, FASTEST_PULL = 1.5, 0.3  # of the root's way to the middle; m/s
 NOTHING: Vector = (0.0, 0.0, 0.0)
 
 ARMS = (SPORT_SKELETON.index("LeftArm"), SPORT_SKELETON.index("RightArm"))
 OUT = 0.5  # radians that the arms are held out,
-OUT_HALFLIFE_S = 0.25  # in about twice so long
+OUT_HALF_LIFE_S = 0.25  # in about twice so long
 
 
 def side_of_beam(hips: Vector, legs: tuple[LegPose, LegPose], ground: PointHeights) -> Vector | None:
@@ -96,8 +96,8 @@ class SidewaysLead:
             goal = NOTHING if side is None else self._lead(leg, other, side, ground)
             if goal == NOTHING == self.offset:
                 return leg
-            x, vx = damp(self.offset[0], self.velocity[0], goal[0], HALFLIFE_S, dt)
-            z, vz = damp(self.offset[2], self.velocity[2], goal[2], HALFLIFE_S, dt)
+            x, vx = damp(self.offset[0], self.velocity[0], goal[0], HALF_LIFE_S, dt)
+            z, vz = damp(self.offset[2], self.velocity[2], goal[2], HALF_LIFE_S, dt)
             self.offset, self.velocity = (x, 0.0, z), (vx, 0.0, vz)
             if goal == NOTHING and x * x + z * z < 1e-8:
                 self.offset = self.velocity = NOTHING
@@ -126,7 +126,7 @@ class Balance:
 
     def apply(self, local: Array, on_beam: bool, dt: float) -> Array:
         """Local rotations `(31, 4)` with the upper arms turned out by what is reached of `OUT`."""
-        self.share += (float(on_beam) - self.share) * (1.0 - exp(-0.693 * dt / OUT_HALFLIFE_S))
+        self.share += (float(on_beam) - self.share) * (1.0 - exp(-0.693 * dt / OUT_HALF_LIFE_S))
         if self.share < 1e-3:
             self.share = 0.0
             return local

@@ -1,27 +1,28 @@
-"""The handle of one character: a state, and what it is driven by. `runtime.motion.frame` has what a frame does."""
+"""The handle of one character, a state and what it is driven by, and crowds of them. `runtime.motion.frame` has what a frame does."""
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from runtime.arrays import Array
 from runtime.controls import Controls, Gait
-from runtime.crossing.crossing import Crossing
 from runtime.errors import UsageError
 from runtime.feet.foot_lock import FootLock
 from runtime.motion.features import FPS
 from runtime.motion.frame import Frame, full_speed, step
 from runtime.motion.model import MotionModel
 from runtime.motion.state import CharacterState, standing
-from runtime.motion.style_blend import StyleBlend, StyleCodes
-from runtime.motion.style_mix import Style, StyleFolder, StyleMix
+from runtime.motion.style import Style, StyleBlend, StyleCodes, StyleFolder, StyleMix
 from runtime.motion.trajectory import Trajectory, TrajectoryView
 from runtime.pose import Pose
-from runtime.records import copied
+from runtime.records import copied, joined, part
 from runtime.terrain.height_map import Terrain
-from runtime.terrain.room import nearest_place
+from runtime.terrain.obstacle_detection import nearest_place
+from runtime.traversal.traversal import Traversal
 
 log = logging.getLogger("sport.controller")
 
@@ -149,7 +150,7 @@ class Controller:
             return
         state = copied(self._state)
         state.ground = np.array([float(terrain.height(x, z))])
-        state.crossings, state.feet = (Crossing(),), (FootLock(),)
+        state.traversals, state.feet = (Traversal(),), (FootLock(),)
         self._state, self._frame = state, None
 
     @property
@@ -173,7 +174,7 @@ class Controller:
 
     @property
     def unlocked(self) -> tuple[Array, Array]:
-        """Hips `(3,)` and local rotations `(31, 4)` before foot lock: the network's, arms inertialised in a blend, or keyed."""
+        """Hips `(3,)` and local rotations `(31, 4)` before foot lock: the network's, arms inertialised in a blend, or keyframed."""
         if self._frame is None:
             return self.pose.hips_position, self.pose.local_rotations
         return self._frame.hips[0], self._frame.local[0]
@@ -184,9 +185,9 @@ class Controller:
         return None if self._frame is None else self._frame.reasons[0]
 
     @property
-    def crossing(self) -> str:
-        """What is being crossed by keyed motion: "bar", "gap", "up", "down", "climb", "descend"; else ""."""
-        return self._state.crossings[0].kind
+    def traversal(self) -> str:
+        """What is being crossed by keyframed motion: "bar", "gap", "up", "down", "climb", "descend"; else ""."""
+        return self._state.traversals[0].kind
 
     @property
     def trajectory(self) -> TrajectoryView:
@@ -206,3 +207,49 @@ class Controller:
         if self.message:
             log.error(self.message)
         return self._pose
+
+
+MOST = 64  # characters
+
+
+class Crowd:
+    """Steps controllers of one model on one ground together; each keeps its own style, seed, strength and place.
+
+    UsageError for none, for more than MOST, and for controllers of several models or grounds.
+    """
+
+    def __init__(self, members: Sequence[Controller]) -> None:
+        if not 1 <= len(members) <= MOST:
+            raise UsageError(f"Crowd: {len(members)} characters; expected 1 to {MOST}.", "Take fewer.")
+        if any(m.model is not members[0].model or m.terrain is not members[0].terrain for m in members):
+            raise UsageError("Crowd: characters of several models or grounds.", "Give all the same.")
+        self.members = tuple(members)
+        self._helper = ThreadPoolExecutor(1, "crowd")
+
+    def close(self) -> None:
+        """End the second thread."""
+        self._helper.shutdown()
+
+    @property
+    def terrain(self) -> Terrain:
+        """The ground of all."""
+        return self.members[0].terrain
+
+    def set_terrain(self, terrain: Terrain) -> None:
+        """Let all stand on another ground, where they are."""
+        for member in self.members:
+            member.set_terrain(terrain)
+
+    def step(self, controls: Controls) -> list[Pose]:
+        """Simulate 1/60 s of every character; see `Controller.step`."""
+        members = self.members
+        state, frame = step(
+            members[0].model,
+            joined([member.state for member in members]),
+            [controls] * len(members),
+            self.terrain,
+            [member.temperature for member in members],
+            [member.response for member in members],
+            self._helper,
+        )
+        return [member.take(part(state, i), frame.part(i)) for i, member in enumerate(members)]

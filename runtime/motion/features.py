@@ -17,7 +17,7 @@ from runtime.pose import DT as DT
 from runtime.pose import FPS as FPS
 from runtime.skeleton import SPORT_SKELETON, J
 from runtime.terrain.height_map import Terrain
-from runtime.terrain.way_ahead import EDGE_M, RUN_M
+from runtime.terrain.obstacle_detection import EDGE_M, RUN_M
 
 LAYOUT_VERSION = 1
 SAMPLE_STEP = 10  # frames between two samples of the ±1 s window

@@ -52,7 +52,7 @@ LIMBS = (
 LEGS = LIMBS[2:]
 
 
-def off_walls(
+def resolve_penetration(
     hips: Array, local: Array, before: Array, terrain: Terrain, limbs: tuple[Limb, ...] = LIMBS
 ) -> Array:
     """Local rotations `(31, 4)` whose `limbs` hang down as far as they must to be out of the ground.
@@ -61,7 +61,7 @@ def off_walls(
     faster than `TURN_MOST`.
     """
     result = no_faster(local, before)
-    if limbs is LIMBS:  # arms that are keyed are as fast as they must be
+    if limbs is LIMBS:  # arms that are keyframed are as fast as they must be
         result = _slowed(result, before, _ARMS, ARM_TURN)
     positions, world = SPORT_SKELETON.forward_kinematics(hips, result)
     for limb in limbs:

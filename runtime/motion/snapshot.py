@@ -18,18 +18,15 @@ from zipfile import BadZipFile, ZipFile
 import numpy as np
 
 from runtime.checked import read_number
-from runtime.crossing.crossing import is_possible
-from runtime.crossing.jump import Jump
 from runtime.errors import FileError, ModelError
-from runtime.motion.calm import Calm
 from runtime.motion.controller import Controller
 from runtime.motion.mirror import LIMBS
 from runtime.motion.state import CharacterState
-from runtime.motion.style_blend import StyleCodes
-from runtime.motion.style_mix import Style, StyleMix
+from runtime.motion.style import Style, StyleCodes, StyleMix
 from runtime.records import REMEDY, copied, read_record, write_record
+from runtime.traversal.traversal import is_possible
 
-VERSION = 7
+VERSION = 8
 MAX_BYTES = 16 * 1024 * 1024  # a folded style has 2 MB
 MOST_CODES, LARGEST_SHARE, LARGEST_CODE = 64, 64.0, 1e4
 LONGEST_BLEND_S, LARGEST_STRENGTH, FASTEST = 1e6, 16.0, 100.0
@@ -84,23 +81,15 @@ class Snapshot:
             named = _arrays(data)
             tree = json.loads(named.pop("head").tobytes())
             version = tree["version"]
-            if version == 3:
-                _plan_as_velocity(tree["state"])
-            if version in (3, 4):
-                _no_jump(tree["state"])
-            if version in (3, 4, 5, 6):
-                _in_sight(tree["state"])
-            if version in (3, 4, 5, 6, VERSION):
+            if version == VERSION:
                 arrays = [named[f"a{k}"] for k in range(len(named))]
-                if version in (3, 4, 5):
-                    _awake(tree["state"], arrays)
                 codes = _codes(tree["style"], arrays)
                 state = read_record(CharacterState, tree["state"], arrays, name)
-                if state.styles or not all(is_possible(crossing) for crossing in state.crossings):
-                    raise ValueError("a crossing of no obstacle")
+                if state.styles or not all(is_possible(traversal) for traversal in state.traversals):
+                    raise ValueError("a traversal of no obstacle")
                 if (
                     len(state.feet) != 1
-                    or len(state.crossings) != 1
+                    or len(state.traversals) != 1
                     or len(state.jumps) != 1
                     or not state.jumps[0].is_possible
                     or state.seed[0] < 0
@@ -126,31 +115,6 @@ class Snapshot:
         ) as error:
             raise FileError(f"{name}: not the state of a controller.", REMEDY) from error
         raise FileError(f"{name}: of version {str(version)[:20]}, expected {VERSION}.", REMEDY)
-
-
-def _plan_as_velocity(state: Any) -> None:
-    """Version 3 had no plan on the way to the stick's velocity: the velocity was the stick's."""
-    state["wished_speed"] = state["smooth_request"] = state["requested_speed"]
-    state["trajectory"]["wish"] = state["trajectory"]["velocity"]
-
-
-def _no_jump(state: Any) -> None:
-    """Version 4 had jumps of the network, of which nothing but their time was remembered."""
-    del state["jump_left"]
-    state["jumps"] = [write_record(Jump(), [])]
-
-
-def _awake(state: Any, arrays: list[np.ndarray]) -> None:
-    """Version 5 knew no time that runs slower at rest."""
-    poses = state["poses"]
-    local, yaw = arrays[poses["local"]].astype(np.float64), arrays[poses["yaw"]]
-    state["calm"] = write_record(Calm.awake(local, yaw), arrays)
-
-
-def _in_sight(state: Any) -> None:
-    """Until version 6 the ground was out of sight during a crossing, and in sight at once after it."""
-    for crossing in state["crossings"]:
-        crossing |= {"sight": 0.0 if crossing["kind"] else 1.0, "sight_velocity": 0.0}
 
 
 def take_snapshot(controller: Controller) -> Snapshot:

@@ -11,9 +11,16 @@ from typing import Any
 
 from runtime.arrays import Array
 from runtime.assets import asset_path
-from runtime.crossing.keyed_motion import STANDING_HIPS_M, KeyedMotion, Rows, both_sides, stands, timed
-from runtime.crossing.keyed_pose import CrossingPose
 from runtime.skeleton import TOE_HEIGHT
+from runtime.traversal.keyframes import (
+    STANDING_HIPS_M,
+    KeyframedMotion,
+    Rows,
+    TraversalPose,
+    both_sides,
+    stands,
+    timed,
+)
 
 GRAVITY = 9.81
 STEP_UP_M = 0.68  # up to which the lead foot steps from the ground onto the top
@@ -41,7 +48,7 @@ def _value(cell: float | str, names: _Names) -> float:
     return total
 
 
-def _motion(kind: str, rise: float, seconds: float, whole: float, names: _Names) -> KeyedMotion:
+def _motion(kind: str, rise: float, seconds: float, whole: float, names: _Names) -> KeyframedMotion:
     """The key poses of a kind, whose times go to `whole`, with `names` in place of the file's; seconds at tempo 1."""
     keys = _keys()[kind]
     scale = seconds / whole
@@ -59,7 +66,7 @@ def _motion(kind: str, rise: float, seconds: float, whole: float, names: _Names)
         return [row for span in spans for row in stands(**span, whole=whole)]
 
     out, up, ahead = keys["elbows"]
-    return KeyedMotion(
+    return KeyframedMotion(
         seconds,
         names["start"],
         names["end"],
@@ -74,7 +81,7 @@ def _motion(kind: str, rise: float, seconds: float, whole: float, names: _Names)
     )
 
 
-def _climb(rise: float, start: float, end: float) -> KeyedMotion:
+def _climb(rise: float, start: float, end: float) -> KeyframedMotion:
     """Up a wall: heights of the pelvis over a standing one's, and of the hands before they are on the edge."""
     tiptoe, support = 1.02, rise + 0.34  # of a pelvis that leaves the ground, and of one that the arms carry
 
@@ -94,7 +101,7 @@ def _climb(rise: float, start: float, end: float) -> KeyedMotion:
     return _motion(kind, rise, 1.5 + 1.5 * (rise - 0.6), 1.0, names)
 
 
-def _let_down(drop: float, start: float, end: float) -> KeyedMotion:
+def _let_down(drop: float, start: float, end: float) -> KeyframedMotion:
     """Squat, step off, free fall to the ground, and as much bending as stops it evenly.
 
     Heights are those of the pelvis over the upper ground, `t_` the seconds at which it has them.
@@ -138,10 +145,10 @@ def _let_down(drop: float, start: float, end: float) -> KeyedMotion:
     return _motion("let_down", -drop, seconds, seconds, names)
 
 
-class _Keyed:
-    """What climbing up and getting down have in common: a keyed motion at a tempo."""
+class _AtTempo:
+    """What climbing up and getting down have in common: a keyframed motion at a tempo."""
 
-    def __init__(self, motion: KeyedMotion, tempo: float) -> None:
+    def __init__(self, motion: KeyframedMotion, tempo: float) -> None:
         self._motion, self._tempo = motion, tempo
         self.seconds = motion.seconds / tempo
         self.end_z = motion.end_z
@@ -150,12 +157,12 @@ class _Keyed:
         """Place of the root along z in metres at `t` seconds."""
         return self._motion.root.at(t * self._tempo)[0]
 
-    def pose(self, t: float, hips: Array, local: Array) -> CrossingPose:
+    def pose(self, t: float, hips: Array, local: Array) -> TraversalPose:
         """The pose at `t` seconds; `hips` `(3,)` and `local` `(31, 4)` are the incoming one, root at `root_z(t)`."""
         return self._motion.pose(min(max(t * self._tempo, 0.0), self._motion.seconds), hips, local)
 
 
-class Climb(_Keyed):
+class Climb(_AtTempo):
     """Up onto a wall: hands on the edge, a foot on top, stand."""
 
     def __init__(self, rise: float, start_z: float, depth: float, tempo: float = 1.0) -> None:
@@ -163,7 +170,7 @@ class Climb(_Keyed):
         super().__init__(_climb(rise, start_z, min(FARTHEST_END_M, 0.5 * depth)), tempo)
 
 
-class Descend(_Keyed):
+class Descend(_AtTempo):
     """Down a drop: squat at the edge, step off, land on bent knees, stand."""
 
     def __init__(self, rise: float, start_z: float, depth: float, tempo: float = 1.0) -> None:

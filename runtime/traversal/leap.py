@@ -2,7 +2,7 @@
 
 It begins when a foot has come down before the obstacle (the stance foot). The other foot (the lead foot) swings over and
 comes down behind it, then the stance foot follows and comes down a step farther: the same moment of the gait, a stride on.
-All is in the frame of the crossing: x to the left, y over the ground before the obstacle, z along the way from its near edge.
+All is in the frame of the traversal: x to the left, y over the ground before the obstacle, z along the way from its near edge.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.arrays import Array
-from runtime.crossing.keyed_pose import CrossingPose
 from runtime.easing import smoothstep
 from runtime.feet.ik import LEG_FEET, LEG_SHINS, LEG_THIGHS, solve_legs
 from runtime.pose import FPS
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
-from runtime.terrain.way_ahead import ObstacleKind
+from runtime.terrain.obstacle_detection import ObstacleKind
+from runtime.traversal.keyframes import TraversalPose
 
 Mask = NDArray[np.bool_]
 
@@ -48,7 +48,7 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True)
 class LeapStart:
-    """What a leap begins with, in the frame of the crossing."""
+    """What a leap begins with, in the frame of the traversal."""
 
     start_z: float  # of the root
     speed: float  # m/s
@@ -72,7 +72,7 @@ def takeoff_m(kind: ObstacleKind, top: float, speed: float) -> float:
 
 
 class Leap:
-    """The plan of one crossing, as tables of a row for each frame."""
+    """The plan of one traversal, as tables of a row for each frame."""
 
     def __init__(
         self, kind: ObstacleKind, length: float, top: float, beyond: float, stride: LeapStart
@@ -187,14 +187,14 @@ class Leap:
         """The root's place along the way at `t` seconds."""
         return float(np.interp(self.stride.elapsed + t, self._t, self._root))
 
-    def pose(self, t: float, hips: Array, local: Array) -> CrossingPose:
-        """The crossing's pose at `t` seconds in place of the network's: `hips` `(3,)` over ground 0, `local` `(31, 4)`."""
+    def pose(self, t: float, hips: Array, local: Array) -> TraversalPose:
+        """The traversal's pose at `t` seconds in place of the network's: `hips` `(3,)` over ground 0, `local` `(31, 4)`."""
         row = min(max(round(t * FPS), 0), self._count)
         raised = hips + np.array([0.0, self._rise[row], 0.0])
         targets = np.array([plan.ankle[row] for plan in self._plans])
         feet = np.array([plan.rotation[row] for plan in self._plans])
         contacts = np.array([[plan.heel[row], plan.toe[row]] for plan in self._plans], np.float64).ravel()
-        return CrossingPose(raised, solve_legs(raised, local, targets, feet), contacts)
+        return TraversalPose(raised, solve_legs(raised, local, targets, feet), contacts)
 
 
 class _FootPlan:

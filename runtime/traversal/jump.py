@@ -14,32 +14,29 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.controls import Gait
-from runtime.crossing.keyed_pose import ARMS, bend_trunk, quaternions
-from runtime.crossing.steps import PlannedSteps
-from runtime.easing import smooth
-from runtime.feet.leg_scalar import (
-    LegPose,
+from runtime.feet.leg import LegPose, leg_bones, leg_forward, leg_inverse
+from runtime.feet.planted_foot import SETTINGS
+from runtime.pose import DT, Pose
+from runtime.scalar_math import (
     Quaternion,
     Vector,
     add,
     between,
+    damp,
     dot,
     from_vector,
-    leg_bones,
-    leg_forward,
-    leg_inverse,
     length,
     multiply,
     rotate,
     scale,
+    smoothstep,
     subtract,
     unit,
 )
-from runtime.feet.settings import SETTINGS
-from runtime.pose import DT, Pose
 from runtime.skeleton import SPORT_SKELETON, TOE_HEIGHT
-from runtime.spring import damp
 from runtime.terrain.height_map import PointHeights, Terrain
+from runtime.traversal.keyframes import ARMS, bend_trunk, quaternions
+from runtime.traversal.traversal import PlannedSteps
 
 GRAVITY = 9.81
 STAGES = ("", "push", "flight", "land")
@@ -183,7 +180,7 @@ class Jump:
         if self.stage == "flight":
             return np.array(self.velocity)
         if self.stage == "land":
-            share = smooth(self.time / CARRIED_S)
+            share = smoothstep(self.time / CARRIED_S)
             return np.array(self.velocity) * (1.0 - share) + velocity * share
         return velocity
 
@@ -230,7 +227,7 @@ class Jump:
                 self.give = GIVE_RATES[0 if self.foot == BOTH else 1 + fast]
                 self.rate = 1.0
         elif self.stage == "land":
-            back = smooth((self.time - HOLD_S) / CARRIED_S)
+            back = smoothstep((self.time - HOLD_S) / CARRIED_S)
             self.hips = mean + back * (incoming - mean) + _giving(self.time, self.give, *self.begin)
             if self.time > LAND_S:
                 self.stage = ""
@@ -272,21 +269,21 @@ class Jump:
         lands = self.foot in (BOTH, 1 - side)
         if self.stage == "push":
             if pushes:
-                down = smooth(self.time / SET_S) * high
+                down = smoothstep(self.time / SET_S) * high
                 return -down, (float(self.over < TIPTOE_M), 1.0)
             return max(self.over, 0.0), (0.0, 0.0)
         if self.stage == "flight":
-            extended = (OFF_M + high) * (1.0 - smooth(self.time / EXTENDED_S)) if pushes else 0.0
+            extended = (OFF_M + high) * (1.0 - smoothstep(self.time / EXTENDED_S)) if pushes else 0.0
             extended -= TUCK_M * self.flies
-            extended += smooth(1.0 - self._left() / EXTENDED_S) * (
+            extended += smoothstep(1.0 - self._left() / EXTENDED_S) * (
                 self.over - self.high + LAND_M + high if lands else -HANG_M
             )
             return self.over - extended, (0.0, 0.0)
         if lands:
             soon = self.time < HOLD_S
-            down = (1.0 - smooth((self.time - HOLD_S) / HOLD_S)) * high
+            down = (1.0 - smoothstep((self.time - HOLD_S) / HOLD_S)) * high
             return -down, (float(self.over < TIPTOE_M), 1.0) if soon else None
-        hangs = 1.0 - smooth(self.time / HANG_S)
+        hangs = 1.0 - smoothstep(self.time / HANG_S)
         return (LAND_M + HANG_M) * hangs, (0.0, 0.0) if hangs > 0.0 else None
 
     def _wait_for(self, leg: LegPose) -> None:
@@ -311,15 +308,15 @@ class Jump:
         """0 on the ground to 1 in the middle of the flight."""
         if self.stage != "flight":
             return 0.0
-        return smooth(self.time / FOLD_S) * smooth(self._left() / FOLD_S)
+        return smoothstep(self.time / FOLD_S) * smoothstep(self._left() / FOLD_S)
 
     def _spans(self) -> float:
         """Share of its length that a leg spans at most: bent before it comes down, and then as fast as a knee can."""
         if self.stage == "flight":
-            return LEG_SHARE + (BENT_SHARE - LEG_SHARE) * smooth(self.time / FOLD_S)
+            return LEG_SHARE + (BENT_SHARE - LEG_SHARE) * smoothstep(self.time / FOLD_S)
         if self.stage == "land":
             soon = max(BENT_SHARE - YIELDING * self.time**2, YIELDED_SHARE)
-            return soon + (LEG_SHARE - soon) * smooth((self.time - YIELD_S) / YIELD_S)
+            return soon + (LEG_SHARE - soon) * smoothstep((self.time - YIELD_S) / YIELD_S)
         return LEG_SHARE
 
     def _placed(self, side: int, leg: LegPose, up: float, high: float) -> tuple[Vector, Quaternion]:
@@ -354,7 +351,7 @@ class Jump:
         """Metres (XZ) by which a foot is moved so that it stays where it stands, before and after the flight."""
         x, z = self.shift
         if self.stage == "flight":
-            left = 1.0 - smooth(self.time / FOLD_S)
+            left = 1.0 - smoothstep(self.time / FOLD_S)
             return (x * left, z * left) if side == self.foot else (0.0, 0.0)
         if side != (self.foot if self.stage == "push" else 1 - self.foot):
             return 0.0, 0.0
@@ -368,8 +365,8 @@ class Jump:
             return 0.0, 0.0
         if self.stage == "land":
             behind = -dot(way, (self.spot[0] - hip[0], 0.0, self.spot[1] - hip[2]))
-            held = 1.0 - smooth((self.time - HOLD_S) / HOLD_S)
-            held *= 1.0 - smooth((behind - FARTHEST_M) / FARTHEST_M)
+            held = 1.0 - smoothstep((self.time - HOLD_S) / HOLD_S)
+            held *= 1.0 - smoothstep((behind - FARTHEST_M) / FARTHEST_M)
         self.shift = (held * (self.spot[0] - toe[0]), held * (self.spot[1] - toe[2]))
         return self.shift
 
@@ -387,7 +384,7 @@ class Jump:
         for _, upper, fore, _ in ARMS:
             bone = SPORT_SKELETON.offsets[fore]
             down = -rotate(mine[upper], (float(bone[0]), float(bone[1]), float(bone[2])))[1] / length(bone)
-            hangs = smooth((down - 0.2) / 0.6)
+            hangs = smoothstep((down - 0.2) / 0.6)
             mine[upper] = multiply(from_vector((self.swing * hangs, 0.0, 0.0)), mine[upper])
 
     def _move_upper(self) -> None:

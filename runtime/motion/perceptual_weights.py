@@ -14,11 +14,10 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.controls import Controls
-from runtime.motion.controller import Controller
-from runtime.motion.crowd import Crowd
+from runtime.motion.controller import Controller, Crowd
 from runtime.motion.features import facing_yaw
 from runtime.motion.model import MotionModel
-from runtime.motion.style_mix import Shares, StyleMix
+from runtime.motion.style import Shares, StyleMix
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 
@@ -29,7 +28,9 @@ LEAST = 0.02  # of the whole change that a step counts for: equal walks leave th
 FIELD_M = 200.0
 
 
-def even_shares(model: MotionModel, a: Array, b: Array, strength: float = 1.0, pause: float = 0.0) -> Shares:
+def perceptual_weights(
+    model: MotionModel, a: Array, b: Array, strength: float = 1.0, pause: float = 0.0
+) -> Shares:
     """Shares of style `b` `(6, 64)` at which 0, 1/12, 2/12 ... of the change from style `a` is done.
 
     `pause` seconds pass between frames, for threads that share the interpreter with a window.

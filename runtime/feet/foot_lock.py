@@ -15,9 +15,10 @@ from math import sqrt
 import numpy as np
 
 from runtime.arrays import Array
+from runtime.feet.ik import EASE_REACH, MAX_REACH
 from runtime.feet.leg import Knee, LegPose, bent, leg_forward, leg_inverse
-from runtime.feet.narrow_support import Balance, SidewaysLead, pull_of_beam, side_of_beam
-from runtime.feet.planted_foot import SETTINGS, FootLockSettings, PlantedFoot, span, straightness
+from runtime.feet.narrow_support import Balance, SidewaysLead, may_be_narrow, pull_of_beam, side_of_beam
+from runtime.feet.planted_foot import SETTINGS, PlantedFoot, span
 from runtime.scalar_math import Vector, damp, smoothstep
 from runtime.terrain.height_map import PointHeights, Terrain
 
@@ -47,12 +48,14 @@ class PelvisOffset:
         total, carried, least = s.free_weight, 0.0, s.max_rise
         for leg, foot in zip(legs, feet, strict=True):
             spans = span(leg)
-            weight = 0.0 if airborne else _straight(spans / foot.bones.length, s)
+            bent = (spans / foot.bones.length - s.bent_span) / (s.straight_span - s.bent_span)
+            weight = 0.0 if airborne else smoothstep(bent)
             up, down = (s.max_rise, s.max_drop) if foot.anchor else (s.max_free_rise, s.max_free_rise)
             carried += weight * min(max(rise_for(leg.hip, foot.ankle, spans), -down), up)
             total += weight
             if foot.anchor:
-                reach = foot.bones.length * straightness(leg, foot.bones)
+                # what needs no easing, or what the incoming leg spans
+                reach = foot.bones.length * max(MAX_REACH - EASE_REACH, spans / foot.bones.length)
                 least = min(least, rise_for(leg.hip, foot.ankle, reach))
         self.carried, self.speed = damp(self.carried, self.speed, carried / total, s.carry_half_life, dt)
         carried = self.carried
@@ -72,11 +75,6 @@ def rise_for(hip: Vector, ankle: Vector, spans: float) -> float:
     """Metres that `hip` must rise to be `spans` away from `ankle`, over it; as near as possible when it never is."""
     across = (ankle[0] - hip[0]) ** 2 + (ankle[2] - hip[2]) ** 2
     return ankle[1] + sqrt(max(spans * spans - across, 0.0)) - hip[1]
-
-
-def _straight(share: float, s: FootLockSettings) -> float:
-    """0 for a bent to 1 for a straight leg that spans `share` of its length."""
-    return smoothstep((share - s.bent_span) / (s.straight_span - s.bent_span))
 
 
 @dataclass(frozen=True)
@@ -130,41 +128,54 @@ class FootLock:
         drop = -self.pelvis.offset
         left, right = (leg_forward(foot.bones, (x, y, z), local) for foot in self.feet)
         incoming = (left, right)
-        side_way = side_of_beam((x, y, z), incoming, ground)
-        self.on_beam, self.pull = side_way is not None, pull_of_beam((x, y, z), side_way, ground)
-        legs = [
-            lead.apply(leg, other, side_way, bool(foot.anchor), ground, dt)
-            for lead, leg, other, foot in zip(self.leads, incoming, incoming[::-1], self.feet, strict=True)
-        ]
+        legs, shown = [left, right], local_rotations
+        if may_be_narrow(ground):
+            legs, shown = self._on_beam((x, y, z), incoming, local_rotations, ground, dt)
         for side, (foot, leg) in enumerate(zip(self.feet, legs, strict=True)):
             foot.observe(leg, chances[2 * side], chances[2 * side + 1], ground, dt)
             foot.choose_anchor(leg, drop, self.feet[1 - side].refractory > 0.0, patience)
             foot.plant(leg, drop, ground, dt)
         self.pelvis.carry(legs, self.feet, dt, airborne)
         drop = -self.pelvis.offset
-        result = np.array(self.balance.apply(local_rotations, self.on_beam, dt), copy=True)
+        result = np.array(shown, copy=True)
         targets = [foot.within_reach(leg, drop, ground) for foot, leg in zip(self.feet, legs, strict=True)]
+        hips = [(leg.hip[0], leg.hip[1] - drop, leg.hip[2]) for leg in incoming]
         reaches = [
-            knee.follow(leg, leg.raised(-drop), target, foot.bones, dt)
-            for knee, leg, target, foot in zip(self.knees, incoming, targets, self.feet, strict=True)
+            knee.follow(leg, hip, target, foot.bones, dt)
+            for knee, leg, hip, target, foot in zip(
+                self.knees, incoming, hips, targets, self.feet, strict=True
+            )
         ]
-        drop -= self.pelvis.make_room(
-            [
-                foot.depth_at(leg.raised(-drop), target, reach, ground)
-                for foot, leg, target, reach in zip(self.feet, incoming, targets, reaches, strict=True)
-            ],
-            dt,
-        )
+        spans = zip(self.feet, hips, targets, reaches, strict=True)
+        depths = [foot.spanned(hip, target, reach, ground)[3] for foot, hip, target, reach in spans]
+        drop -= self.pelvis.make_room(depths, dt)
         for foot, knee, leg, target, reach in zip(
             self.feet, self.knees, incoming, targets, reaches, strict=True
         ):
-            first, toe, hip = foot.bones.joints[1], foot.bones.joints[4], leg.raised(-drop)
-            joint, ankle, rotation = foot.on_ground(foot.spanned(hip, target, reach), ground)
+            first, toe, hip = (
+                foot.bones.joints[1],
+                foot.bones.joints[4],
+                (leg.hip[0], leg.hip[1] - drop, leg.hip[2]),
+            )
+            joint, ankle, rotation, up = foot.spanned(hip, target, reach, ground)
+            ankle = (ankle[0], ankle[1] + up, ankle[2])
             knee.bend_to(leg, hip, ankle, foot.bones, dt)
             result[first : first + 3] = leg_inverse(leg, ankle, rotation, drop)
-            result[toe] = bent(local[toe], rotation, joint, ground, s.sink)
-        hips = np.array([x, y - drop, z], np.asarray(hips_position).dtype)
-        return FootLockResult(hips, result)
+            result[toe] = bent(local[toe], rotation, (joint[0], joint[1] + up, joint[2]), ground, s.sink)
+        position = np.array([x, y - drop, z], np.asarray(hips_position).dtype)
+        return FootLockResult(position, result)
+
+    def _on_beam(
+        self, hips: Vector, incoming: tuple[LegPose, LegPose], local: Array, ground: PointHeights, dt: float
+    ) -> tuple[list[LegPose], Array]:
+        """Legs moved onto the middle of a beam, and local rotations with the arms held out; as they came elsewhere."""
+        side_way = side_of_beam(hips, incoming, ground)
+        self.on_beam, self.pull = side_way is not None, pull_of_beam(hips, side_way, ground)
+        legs = [
+            lead.apply(leg, other, side_way, bool(foot.anchor), ground, dt)
+            for lead, leg, other, foot in zip(self.leads, incoming, incoming[::-1], self.feet, strict=True)
+        ]
+        return legs, self.balance.apply(local, self.on_beam, dt)
 
     def take_over(self, shown: tuple[Array, Array], incoming: tuple[Array, Array]) -> None:
         """Go on from a pose that was shown in place of the incoming one: what they differ by fades like any offset.

@@ -95,9 +95,9 @@ def leg_inverse(
     a, b = max(length(upper), 1e-6), max(length(lower), 1e-6)
     axis = unit(subtract(leg.ankle, leg.hip))
     to_target = subtract(target, hip)
-    asked = length(to_target)
-    aim = unit(to_target) if asked > 1e-6 else axis
-    d = max(soft_reach(asked, a + b, length(subtract(leg.ankle, leg.hip))), abs(a - b) + 1e-4)
+    wanted = length(to_target)
+    aim = unit(to_target) if wanted > 1e-6 else axis
+    d = max(soft_reach(wanted, a + b, length(subtract(leg.ankle, leg.hip))), abs(a - b) + 1e-4)
     swing = between(axis, aim)
     bend = rotate(swing, _bend(axis, upper, rotate(leg.thigh, (0.0, 0.0, 1.0))))
     c = min(1.0, max(-1.0, (a * a + d * d - b * b) / (2.0 * a * d)))
@@ -108,6 +108,23 @@ def leg_inverse(
     shin_turn = multiply(between(rotate(swing, unit(lower)), shin_to), swing)
     thigh, shin = multiply(thigh_turn, leg.thigh), multiply(shin_turn, leg.shin)
     return relative(leg.base, thigh), relative(thigh, shin), relative(shin, foot)
+
+
+def roll_cosine(to_hip: Vector, foot: float, reach: float) -> float:
+    """Cosine of the angle at a toe, between hip and ankle, where the ankle, `foot` metres away, is `reach` from the hip.
+
+    Beyond -1 to 1 there is no such angle.
+    """
+    distance = length(to_hip)
+    return (distance * distance + foot * foot - reach * reach) / (2.0 * distance * foot)
+
+
+def rolled(to_hip: Vector, along: Vector, cosine: float) -> Vector:
+    """Direction from a toe to its ankle at this cosine from the hip (see `roll_cosine`), on the side of `along`."""
+    cosine = min(max(cosine, -1.0), 1.0)
+    up = scale(to_hip, 1.0 / length(to_hip))
+    side = unit(subtract(along, scale(up, dot(along, up))))
+    return add(scale(up, cosine), scale(side, sqrt(1.0 - cosine * cosine)))
 
 
 def soft_reach(distance: float, leg_length: float, span: float = 0.0) -> float:
@@ -129,7 +146,7 @@ FASTEST_BEND = (
     radians(4.5) * 3600
 )  # rad/s2, of the flexion; 6 degrees a frame squared are seen as a snap, captures stay below
 STRAIGHT = radians(2.3)  # a straight knee: as far as it goes
-BRAKING = radians(2.5) * 3600  # rad/s2, with which it comes to what is asked for
+BRAKING = radians(2.5) * 3600  # rad/s2, with which it comes to what is requested
 
 
 @dataclass

@@ -14,7 +14,7 @@ from runtime.scalar_math import Vector, add, damp, dot, scale, subtract
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import PointHeights
 
-DROP_M = 0.12  # that the ground beside must be lower than a beam: less is a step, which a foot takes
+DROP_M = 0.12  # that the ground on both sides must be lower than a beam: less is a step, which a foot takes
 LEVEL_M = 0.06  # that the ground of a beam may differ across it
 BESIDE_M = 0.35  # on both sides of the hips the ground is low,
 ALONG_M = 0.2  # and before and behind them it is high: no hurdle, no step, no wall
@@ -34,10 +34,13 @@ OUT = 0.5  # radians that the arms are held out,
 OUT_HALF_LIFE_S = 0.25  # in about twice so long
 
 
+def may_be_narrow(ground: PointHeights) -> bool:
+    """Whether any slope of this ground falls as far as next to a beam."""
+    return ground.steepest * BESIDE_M >= DROP_M
+
+
 def side_of_beam(hips: Vector, legs: tuple[LegPose, LegPose], ground: PointHeights) -> Vector | None:
     """Unit vector to the left where the character is on ground as narrow as a beam; None elsewhere."""
-    if ground.steepest * BESIDE_M < DROP_M:
-        return None  # no slope of this ground falls so far
     across = subtract(legs[0].hip, legs[1].hip)
     size = sqrt(across[0] * across[0] + across[2] * across[2])
     if size < 1e-3:
@@ -122,16 +125,16 @@ class SidewaysLead:
 class Balance:
     """Arms that are held out on a beam, from frame to frame."""
 
-    share: float = 0.0
+    fraction: float = 0.0
 
     def apply(self, local: Array, on_beam: bool, dt: float) -> Array:
         """Local rotations `(31, 4)` with the upper arms turned out by what is reached of `OUT`."""
-        self.share += (float(on_beam) - self.share) * (1.0 - exp(-0.693 * dt / OUT_HALF_LIFE_S))
-        if self.share < 1e-3:
-            self.share = 0.0
+        self.fraction += (float(on_beam) - self.fraction) * (1.0 - exp(-0.693 * dt / OUT_HALF_LIFE_S))
+        if self.fraction < 1e-3:
+            self.fraction = 0.0
             return local
         result = np.array(local, np.float64)
-        angle = OUT * self.share * np.array([1.0, -1.0])  # about the way ahead, as the chest faces
+        angle = OUT * self.fraction * np.array([1.0, -1.0])  # about the way ahead, as the chest faces
         turn = rotations.from_axis_angle(np.tile([0.0, 0.0, 1.0], (2, 1)), angle)
         result[list(ARMS)] = rotations.multiply(turn, result[list(ARMS)])
         return result.astype(local.dtype)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from math import atan2, cos, pi, sin, sqrt
 
 from runtime.feet.ik import EASE_REACH, MAX_REACH
-from runtime.feet.leg import LegBones, LegPose, leg_bones, soft_reach
+from runtime.feet.leg import LegBones, LegPose, leg_bones, roll_cosine, rolled, soft_reach
 from runtime.scalar_math import (
     Quaternion,
     Vector,
@@ -14,7 +14,6 @@ from runtime.scalar_math import (
     between,
     damp,
     damp_vector,
-    dot,
     from_vector,
     inverse,
     length,
@@ -72,7 +71,7 @@ class FootLockSettings:
     room_half_life: float = 0.05
     max_free_rise: float = 0.01  # m that a foot in the air may carry them, up or down
     straight_span: float = (
-        0.99  # share of its length that a straight leg spans (16 degrees): it carries the hips
+        0.99  # fraction of its length that a straight leg spans (16 degrees): it carries the hips
     )
     bent_span: float = 0.94  # and a bent one (40 degrees), which does not
     free_weight: float = 0.02  # of no leg at all: the hips stay where they are
@@ -213,14 +212,20 @@ class PlantedFoot:
         turned = self.rotation
         sole = rotate(self.rotation, self.bones.offsets[4])
         if self.anchor == "toe":
-            rest = self._rest(self._support(ground) + TOE_HEIGHT, leg.toe[1] - drop)
-            y = self._settle(self.toe[1], self.rise[0], rest, dt)
+            y = self._settle(
+                self.toe[1], self.rise[0], self._support(ground) + TOE_HEIGHT, leg.toe[1] - drop, dt
+            )
             self.toe = (self.point[0], y, self.point[1])
             self.ankle = subtract(self.toe, sole)
             self._roll(leg)
         elif self.anchor == "heel":
-            rest = self._rest(ground.height(*self.point) + ANKLE_HEIGHT, leg.ankle[1] - drop)
-            y = self._settle(self.ankle[1], self.rise[1], rest, dt)
+            y = self._settle(
+                self.ankle[1],
+                self.rise[1],
+                ground.height(*self.point) + ANKLE_HEIGHT,
+                leg.ankle[1] - drop,
+                dt,
+            )
             self.ankle = (self.point[0], y, self.point[1])
             self.toe = add(self.ankle, sole)
         else:
@@ -246,12 +251,12 @@ class PlantedFoot:
         """Where a free toe goes on its way to `target`: it lifts before it travels, and rests before it is down."""
         s = SETTINGS
         height = min(joint[1] - ground.height(joint[0], joint[2]) for joint in (self.toe, target))
-        share = max(0.0, height - TOE_HEIGHT) / s.travel_height
-        if share >= 1.0:
+        fraction = max(0.0, height - TOE_HEIGHT) / s.travel_height
+        if fraction >= 1.0:
             return target
         x, z = target[0] - self.toe[0], target[2] - self.toe[2]
         behind = sqrt((leg.toe[0] - self.toe[0]) ** 2 + (leg.toe[2] - self.toe[2]) ** 2)
-        fastest = s.travel_near + s.travel_rise * share * share / (1.0 - share)
+        fastest = s.travel_near + s.travel_rise * fraction * fraction / (1.0 - fraction)
         fastest = max(fastest, (behind - s.max_behind) / s.behind_seconds)
         part = fastest * dt / max(sqrt(x * x + z * z), 1e-9)
         if part >= 1.0:
@@ -261,30 +266,24 @@ class PlantedFoot:
     def _roll(self, leg: LegPose) -> None:
         """Roll a trailing foot over its held toe until the leg spans what the incoming one does, as a walker does."""
         to_hip, to_ankle = subtract(leg.hip, self.toe), subtract(self.ankle, self.toe)
-        distance, foot = length(to_hip), self.bones.foot_length
+        foot = self.bones.foot_length
         lack = length(subtract(self.ankle, leg.hip)) - span(leg)
         ahead = (to_hip[0] * -to_ankle[0] + to_hip[2] * -to_ankle[2]) / foot + foot
-        share = min(max((ahead - SETTINGS.trailing) / SETTINGS.trailing, 0.0), 1.0)
-        if lack == 0.0 or share == 0.0:
+        fraction = min(max((ahead - SETTINGS.trailing) / SETTINGS.trailing, 0.0), 1.0)
+        if lack == 0.0 or fraction == 0.0:
             return
         # an incoming leg that goes deep into the ground would roll the ankle over the hip
         beyond = max(-lack - SETTINGS.rolls_away, 0.0)
-        wanted = span(leg) + (1.0 - share) * lack - share * beyond
-        cosine = (distance * distance + foot * foot - wanted * wanted) / (2.0 * distance * foot)
-        up, along = scale(to_hip, 1.0 / distance), unit(to_ankle)
-        side = unit(subtract(along, scale(up, dot(along, up))))
-        cosine = min(max(cosine, -1.0), 1.0)
-        turned = add(scale(up, cosine), scale(side, sqrt(1.0 - cosine * cosine)))
+        wanted = span(leg) + (1.0 - fraction) * lack - fraction * beyond
+        along = unit(to_ankle)
+        turned = rolled(to_hip, along, roll_cosine(to_hip, foot, wanted))
         self.rotation = multiply(between(along, turned), self.rotation)
         self.ankle = add(self.toe, scale(turned, foot))
 
-    def _rest(self, ground: float, incoming: float) -> float:
-        """Height that a held point settles at: the ground's, or within what nobody sees of it the incoming one."""
-        unseen = SETTINGS.unseen
-        return min(max(incoming, ground - unseen), ground + unseen)
-
-    def _settle(self, y: float, velocity: float, rest: float, dt: float) -> float:
+    def _settle(self, y: float, velocity: float, ground: float, incoming: float, dt: float) -> float:
+        """Height of a held point on its way to the ground's, or within what is unseen of it the incoming one."""
         s = SETTINGS
+        rest = min(max(incoming, ground - s.unseen), ground + s.unseen)
         return damp(y, velocity, rest, s.settle_half_life + s.settle_slower * abs(y - rest), dt)[0]
 
     def _turn(self, leg: LegPose, ground: PointHeights, dt: float) -> None:
@@ -313,13 +312,8 @@ class PlantedFoot:
             slope = between((0.0, 1.0, 0.0), self._normal(ground))
             lying = multiply(slope, _from_yaw(heading + self.yaw))
             goal = to_vector(multiply(lying, inverse(rotation)))
-        self._fade_tilt(goal, dt)
+        self.tilt, self.tilt_velocity = damp_vector(self.tilt, self.tilt_velocity, goal, s.flat_half_life, dt)
         self.rotation = multiply(from_vector(self.tilt), rotation)
-
-    def _fade_tilt(self, goal: Vector, dt: float) -> None:
-        self.tilt, self.tilt_velocity = damp_vector(
-            self.tilt, self.tilt_velocity, goal, SETTINGS.flat_half_life, dt
-        )
 
     def _normal(self, ground: PointHeights) -> Vector:
         """Upward normal of the ground under the sole; straight up where the sole lies over an edge."""
@@ -352,8 +346,8 @@ class PlantedFoot:
         room, under = max(leg.hip[1] - s.folded - leg.ankle[1], 0.0), 0.0
         for joint, rest, chance in zip((self.toe, self.ankle), incoming, self.chances, strict=True):
             below = ahead = ground.height(joint[0], joint[2])
-            for share in (1.0, 0.75, 0.5, 0.25):
-                time = share * s.look_ahead
+            for fraction in (1.0, 0.75, 0.5, 0.25):
+                time = fraction * s.look_ahead
                 ahead = ground.height(joint[0] + time * vx, joint[2] + time * vz)
                 if ahead - below > 0.03 + s.edge_slope * time * speed:
                     lift = max(lift, ahead + s.clearance - rest)
@@ -419,62 +413,42 @@ class PlantedFoot:
             ground.height(ankle[0], ankle[2]) + ANKLE_HEIGHT - SETTINGS.sink - ankle[1],
         )
 
-    def spanned(self, hip: Vector, target: Vector, reach: float) -> tuple[Vector, Vector, Quaternion]:
-        """Toe, ankle and world rotation with the ankle at `reach` from `hip` in place of at `target`: rolled over the toe, or slid on the heel."""
+    def spanned(
+        self, hip: Vector, target: Vector, reach: float, ground: PointHeights
+    ) -> tuple[Vector, Vector, Quaternion, float]:
+        """The foot with its ankle at `reach` from `hip` in place of at `target`: rolled over the toe, or slid on the heel.
+
+        Toe, ankle, world rotation, and the metres by which it so lies too deep in the ground.
+        """
         sole, rotation = rotate(self.rotation, self.bones.offsets[4]), self.rotation
-        toe, to_target = add(target, sole), subtract(target, hip)
-        turned = self._rolled(subtract(hip, toe), scale(sole, -1.0), reach)
-        if turned is None:
+        toe = add(target, sole)
+        to_hip, along = subtract(hip, toe), unit(scale(sole, -1.0))
+        cosine = roll_cosine(to_hip, self.bones.foot_length, reach)
+        if abs(cosine) > 1.0:
+            to_target = subtract(target, hip)
             ankle = add(hip, scale(to_target, reach / max(length(to_target), 1e-6)))
             toe = add(ankle, sole)
         else:
+            turned = rolled(to_hip, along, cosine)
             ankle = add(toe, scale(turned, self.bones.foot_length))
-            rotation = multiply(between(unit(scale(sole, -1.0)), turned), rotation)
-        return toe, ankle, rotation
-
-    def depth_at(self, hip: Vector, target: Vector, reach: float, ground: PointHeights) -> float:
-        """Metres by which a foot that is `spanned` so lies too deep in the ground."""
-        toe, ankle, _ = self.spanned(hip, target, reach)
-        return max(0.0, self._depth(toe, ankle, ground))
-
-    def on_ground(
-        self, foot: tuple[Vector, Vector, Quaternion], ground: PointHeights
-    ) -> tuple[Vector, Vector, Quaternion]:
-        """Toe, ankle and rotation, raised where they lie too deep in the ground."""
-        toe, ankle, rotation = foot
-        up = max(0.0, self._depth(toe, ankle, ground))
-        return (toe[0], toe[1] + up, toe[2]), (ankle[0], ankle[1] + up, ankle[2]), rotation
-
-    def _rolled(self, to_hip: Vector, to_ankle: Vector, reach: float) -> Vector | None:
-        """Direction from the toe to the ankle that is `reach` from the hip, on the present one's side; None where there is none."""
-        distance, foot = length(to_hip), self.bones.foot_length
-        cosine = (distance * distance + foot * foot - reach * reach) / (2.0 * distance * foot)
-        if abs(cosine) > 1.0:
-            return None
-        up, along = scale(to_hip, 1.0 / distance), unit(to_ankle)
-        side = unit(subtract(along, scale(up, dot(along, up))))
-        return add(scale(up, cosine), scale(side, sqrt(1.0 - cosine * cosine)))
+            rotation = multiply(between(along, turned), rotation)
+        return toe, ankle, rotation, max(0.0, self._depth(toe, ankle, ground))
 
     def within_reach(self, leg: LegPose, drop: float, ground: PointHeights) -> Vector:
         """Target of the ankle for the IK: raised where the leg is too short and what it reaches instead lies in a step."""
         hip, target = (leg.hip[0], leg.hip[1] - drop, leg.hip[2]), self.ankle
         for _ in range(REACH_TRIALS):
             to_target = subtract(target, hip)
-            asked = length(to_target)
-            if asked <= (MAX_REACH - EASE_REACH) * self.bones.length:
+            wanted = length(to_target)
+            if wanted <= (MAX_REACH - EASE_REACH) * self.bones.length:
                 break
-            reached = add(hip, scale(to_target, soft_reach(asked, self.bones.length, span(leg)) / asked))
+            reached = add(hip, scale(to_target, soft_reach(wanted, self.bones.length, span(leg)) / wanted))
             toe = add(reached, rotate(self.rotation, self.bones.offsets[4]))
             missing = self._depth(toe, reached, ground)
             if missing <= 0.0:
                 break
             target = (target[0], target[1] + 2.0 * missing, target[2])  # twice: the reach takes a part of it
         return target
-
-
-def straightness(leg: LegPose, bones: LegBones) -> float:
-    """Share of its length that a leg may span: that of the incoming pose, and at least what needs no easing."""
-    return max(MAX_REACH - EASE_REACH, span(leg) / bones.length)
 
 
 def span(leg: LegPose) -> float:

@@ -48,7 +48,7 @@ ControlScript = Callable[[float, PlanarPose], Controls]  # seconds since the sta
 
 
 def control_script(path: str, gait: str, speed: float = 1.0, seed: int = 0) -> ControlScript:
-    """Script of one of `PATH_NAMES` in one of `GAITS`; `speed` 0..1 is the share of the full stick.
+    """Script of one of `PATH_NAMES` in one of `GAITS`; `speed` 0..1 is the fraction of the full stick.
 
     The same arguments, time and place give the same controls. UsageError names what is unknown.
     """
@@ -136,7 +136,7 @@ STUCK_SECONDS, STUCK_M = 4.0, 0.15  # with less progress than this in so long, t
 
 @dataclass(frozen=True)
 class Waypoint:
-    """A point in metres; `speed` (share of the full stick) and `gait` belong to the leg that leads to it."""
+    """A point in metres; `speed` (fraction of the full stick) and `gait` belong to the leg that leads to it."""
 
     x: float
     z: float
@@ -237,7 +237,7 @@ _FORM = re.compile(
 
 @dataclass(frozen=True)
 class StickSegment:
-    """A position of the stick: degrees, share of the full stick, degrees or None, seconds."""
+    """A position of the stick: degrees, fraction of the full stick, degrees or None, seconds."""
 
     gait: Gait
     seconds: float
@@ -254,7 +254,7 @@ class StickSegment:
 
     @property
     def controls(self) -> Controls:
-        """What the stick asks for."""
+        """What the stick requests."""
         if self.gait in (Gait.STAND, Gait.JUMP):
             return Controls()
         facing = None if self.facing is None else _direction(self.facing)

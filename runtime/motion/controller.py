@@ -59,6 +59,7 @@ class Controller:
         self.model = model
         self.terrain = terrain
         self.temperature = temperature
+        self._frame: Frame | None = None
         self.response = response  # 0: starts, stops and turns as in capture, 1: as in a game
         self.seed = seed
         self.message = ""  # the network's fault in this frame, for the status line
@@ -72,7 +73,8 @@ class Controller:
         return self.pose
 
     def _stand(self, style: StyleBlend, x: float, z: float, yaw: float) -> None:
-        self._set(standing(self.model, self.terrain, style, self.seed, x, z, yaw), None)
+        self._state = standing(self.model, self.terrain, style, self.seed, x, z, yaw)
+        self._frame, self._pose = None, self._state.poses.pose()
 
     @property
     def state(self) -> CharacterState:
@@ -84,11 +86,8 @@ class Controller:
         folder = StyleFolder(self.model.fold_style, codes.strength, self.model.calibration)
         style = StyleBlend.of(codes, folder.fold)
         self._folder, self.seed = folder, int(state.seed[0])
-        self._set(state, None)
+        self._state, self._frame, self._pose = state, None, state.poses.pose()
         self._restyle(style)
-
-    def _set(self, state: CharacterState, frame: Frame | None) -> None:
-        self._state, self._frame, self._pose = state, frame, state.poses.pose()
 
     def _restyle(self, style: StyleBlend) -> None:
         self._state = copied(self._state)
@@ -103,7 +102,7 @@ class Controller:
         self._restyle(self._state.styles[0].towards(style, float(transition_seconds), self._folder.fold))
 
     def twin(self) -> Controller:
-        """Another character of the same model, at the start of the same ground: to make a take again beside this one."""
+        """Another character of the same model, at the start of the same ground: to make a take again next to this one."""
         return Controller(self.model, self.terrain, self.seed, self.temperature, self.strength, self.response)
 
     @property
@@ -120,7 +119,7 @@ class Controller:
         self._restyle(self._state.styles[0].at_strength(value, self._folder.fold))
 
     def settle(self, gait: Gait = Gait.WALK, seconds: float = SETTLE_SECONDS) -> Pose:
-        """Come to rest in the present style, in place, in frames that nobody sees; returns the pose to begin from.
+        """Come to rest in the present style, in place, in frames that are not shown; returns the pose to begin from.
 
         A character begins in neutral standing, and the network is in a style some frames later, with hands that fly
         there. In `Gait.CROUCH` it comes to rest crouched.
@@ -165,11 +164,11 @@ class Controller:
 
     @property
     def requested_speed(self) -> float:
-        """m/s that the last frame's stick asked for."""
+        """m/s that the last frame's stick requested."""
         return float(self._state.requested_speed[0])
 
     def full_speed(self, gait: Gait) -> float:
-        """What a full stick asks for in the present style, m/s."""
+        """What a full stick requests in the present style, m/s."""
         return full_speed(self.style, gait)
 
     @property
@@ -202,7 +201,7 @@ class Controller:
 
     def take(self, state: CharacterState, frame: Frame) -> Pose:
         """Go on from a frame of this character."""
-        self._set(state, frame)
+        self._state, self._frame, self._pose = state, frame, state.poses.pose()
         self.message = FAULT if frame.faults[0] else ""
         if self.message:
             log.error(self.message)

@@ -38,7 +38,10 @@ REST_TEMPERATURE = 0.35  # of the temperature, while standing: breathing and shi
 TAKE_OFF_FRAMES = 6  # whose mean velocity a body keeps in the air
 MIN_GAIT_SPEED = 0.3  # m/s; slower, feet may well rest for a while
 CROUCH_SPEED = 0.8  # m/s at full stick
-GATHERED, JOG_START_GAIN = 0.8, 1.0  # share of the plan's speed, and the regulator's gain at most until then
+GATHERED, JOG_START_GAIN = (
+    0.8,
+    1.0,
+)  # fraction of the plan's speed, and the regulator's gain at most until then
 SLOWEST_PLAN = 0.05  # m/s: a body that stops is regulated until then
 FASTEST_LIFT = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
 _PHASES = features.PHASE_OFFSETS + PRESENT
@@ -46,7 +49,7 @@ _PHASES = features.PHASE_OFFSETS + PRESENT
 
 @dataclass(frozen=True)
 class Frame:
-    """What a frame tells beside the state that it leads to."""
+    """What a frame returns besides the state that it leads to."""
 
     hips: Array  # (N, 3) before foot lock: the network's, arms inertialised in a blend, or keyframed
     local: Array  # (N, 31, 4)
@@ -116,7 +119,9 @@ def step(
     if inertialised.any():
         joints[inertialised] = SPORT_SKELETON.forward_kinematics(hips[inertialised], local[inertialised])[0]
     # the feet of a calm body stay where they are
-    contacts = np.maximum(np.minimum(np.maximum(y.contacts, 0.0), 1.0), 1.0 - state.settling.share[:, None])
+    contacts = np.maximum(
+        np.minimum(np.maximum(y.contacts, 0.0), 1.0), 1.0 - state.settling.fraction[:, None]
+    )
     unlocked = _plant(state, hips, local, contacts, terrain)
     _cross(state, unlocked, (hips, local), probes, styles)
     _feed_back(state, y, joints, probes, styles, terrain, haste)
@@ -154,8 +159,8 @@ def _probe(
     probes = []
     for i, traversal in enumerate(state.traversals):
         stick, style = controls[i], state.styles[i].style
-        velocity = sticks[i] * full_speed(style, state.jumps[i].asked(stick.gait))
-        # a glance beside a beam would see a drop
+        velocity = sticks[i] * full_speed(style, state.jumps[i].requested_gait(stick.gait))
+        # a probe next to a beam would find a drop
         ground = None if clear[i] or state.feet[i].on_beam else terrain
         probe = traversal.probe(ground, here[i], velocity, float(state.measured_speed[i]))
         own = probe.ahead is not None and model.crosses(probe.ahead.obstacle)
@@ -178,22 +183,21 @@ def _request(
         jump, traversal = state.jumps[i], state.traversals[i]
         if jump.press(stick.gait, traversal.kind == ""):
             jump.start(state.poses.pose(i), traversal.steps, _velocity(state, i))
-        gait = jump.asked(stick.gait)
+        gait = jump.requested_gait(stick.gait)
         full = full_speed(style, gait)
         if not probe.stops:
             speeds[i] = amount * full
         moving = bool(speeds[i] > STAND_SPEED)
         if moving:
             velocity[i] = x * full, z * full
-        if jump.airborne:  # nobody steers in the air
+        if jump.airborne:  # no steering in the air
             velocity[i] = state.trajectory.velocity[i]
             speeds[i] = float(np.hypot(*velocity[i]))
         elif not moving and gait != Gait.CROUCH:
             gait = Gait.STAND
         gaits[i] = gait
-        climbs = state.traversals[i].facing
-        if climbs is not None:
-            facing[i] = climbs
+        if traversal.climbing:
+            facing[i] = traversal.yaw
         elif stick.facing is not None:
             facing[i] = np.arctan2(*stick.facing)
         elif moving:
@@ -227,8 +231,8 @@ def _steer(state: CharacterState, request: Request, styles: Sequence[Style], res
     )
     state.requested_speed = speeds
     moving = (state.wished_speed > 0.0) | (speeds > SLOWEST_PLAN)
-    gain = state.regulator.update(speeds, state.root_speed * state.stride.share, moving)
-    # asked for more while it gathers speed, the network dives into a jog
+    gain = state.regulator.update(speeds, state.root_speed * state.stride.fraction, moving)
+    # requested more while it gathers speed, the network dives into a jog
     begins = (request.gait == Gait.JOG) & (state.regulator.measured < GATHERED * speeds)
     begins &= state.regulator.stood < STANDING_SECONDS
     gain = np.where(begins, np.minimum(gain, JOG_START_GAIN), gain)
@@ -283,9 +287,9 @@ def _network(
         run(0, len(x))
     else:
         middle = len(x) // 2
-        beside = helper.submit(run, 0, middle)
+        first_half = helper.submit(run, 0, middle)
         run(middle, len(x))
-        beside.result()
+        first_half.result()
     return y
 
 
@@ -314,7 +318,7 @@ def _plant(
                 posed = jump.pose(hips[i], local[i], contacts[i], terrain)
                 unlocked_hips[i], unlocked_local[i], contacts[i] = posed
             stood = feet.feet[0].incoming is not None  # else on ground that has just come under the body
-            patience = 1.0 + PATIENCE * (1.0 - float(state.settling.share[i]))
+            patience = 1.0 + PATIENCE * (1.0 - float(state.settling.fraction[i]))
             locked = feet.apply(
                 unlocked_hips[i], unlocked_local[i], contacts[i], terrain, DT, jump.airborne, patience
             )

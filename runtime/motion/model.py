@@ -64,7 +64,7 @@ class MotionModel:
 
     Deterministic for equal inputs and noise. `precision` is that of the loaded step graph, fp32 or int8, and
     `notice` says so where it is not the one that the model prefers. With int8 a
-    character's output depends a little on the others of its batch: they share the scale of the activations.
+    character's output depends a little on the others of its batch: the scale of the activations is common to all.
     `noise_shape` is `(steps, experts, output size)`,
     `style_shape` that of Z^t: (6, 64), or of six sentence embeddings for a network without a content encoder.
     """
@@ -102,7 +102,7 @@ class MotionModel:
 
     @property
     def batches(self) -> bool:
-        """Whether characters with styles of their own share a call without a bearing on each other."""
+        """Whether characters with styles of their own can be in one call, independent of each other."""
         return self._styles_apart and self.precision == "fp32"
 
     def crosses(self, obstacle: ObstacleAhead) -> bool:
@@ -159,19 +159,21 @@ class MotionModel:
         """
         y, alpha = self._one_way(x, noise, style)
         styles = [style] * len(x) if isinstance(style, Style) else style
-        twice = {i: one.beside for i, one in enumerate(styles) if one.beside is not None and any(one.limbs)}
+        twice = {
+            i: one.opposite for i, one in enumerate(styles) if one.opposite is not None and any(one.limbs)
+        }
         if self._mirror is not None and twice:
-            rows, besides = list(twice), list(twice.values())
-            other = besides[0] if isinstance(style, Style) else besides
-            beside, _ = self._one_way(x[rows], noise[rows], other, second=True)
-            shares = np.array([styles[i].limbs for i in rows], np.float32)
-            y[rows] = self._mirror.with_limbs(y[rows], beside, shares)
+            rows, opposites = list(twice), list(twice.values())
+            other = opposites[0] if isinstance(style, Style) else opposites
+            opposite, _ = self._one_way(x[rows], noise[rows], other, second=True)
+            fractions = np.array([styles[i].limbs for i in rows], np.float32)
+            y[rows] = self._mirror.with_limbs(y[rows], opposite, fractions)
         return y, alpha
 
     def _one_way(
         self, x: Float32Array, noise: Float32Array, style: Style | Sequence[Style], second: bool = False
     ) -> tuple[Float32Array, Float32Array]:
-        """y and alpha by the styles alone, without those beside them; `second` is the call with these."""
+        """y and alpha by the styles alone, without their opposites; `second` is the call with these."""
         folded = self._folded(style, len(x), second)
         turned = np.array([s.mirrored for s in ([style] * len(x) if isinstance(style, Style) else style)])
         if self._mirror is not None and turned.any():
@@ -232,11 +234,11 @@ def _calibration(
     try:
         phase = np.array(section["phase"], np.float32)
         parts = np.array([PART_NAMES.index(code["part"]) for code in section["codes"]], np.int64)
-        codes, leads, alone, beside, spreads = (
+        codes, leads, alone, opposite, spreads = (
             np.array([code[name] for code in section["codes"]], np.float32)
             for name in ("code", "lead", "gain", "gain_beside", "spread")
         )
-        gains = np.stack([alone, beside], axis=-1)
+        gains = np.stack([alone, opposite], axis=-1)
         fits = phase.shape == (C,) and bool((np.abs(phase) == 1.0).all())
         fits = fits and codes.shape == (len(parts), neutral.shape[1]) and bool(np.isfinite(codes).all())
         fits = fits and leads.shape == spreads.shape == parts.shape

@@ -121,20 +121,20 @@ def _check_numbers(path: Path, field: str, values: Any, count: int) -> None:
         raise ModelError(f"{path}: field '{field}' is not a list of {count} finite numbers.", REMEDY)
 
 
-def choose_precision(folder: Path, metadata: dict[str, Any], asked: str) -> tuple[str, str]:
+def choose_precision(folder: Path, metadata: dict[str, Any], wanted: str) -> tuple[str, str]:
     """fp32 or int8 for one of PRECISIONS, and a notice for the user or "".
 
     `auto` is fp32, with a notice and a warning in the log, where the model's default is int8 and 8-bit products overflow.
 
-    ModelError when int8 is asked for and not there, or not exact here, and when the metadata name another default.
+    ModelError when int8 is requested and not there, or not exact here, and when the metadata name another default.
     """
     path = folder / "metadata.json"
     quantised = metadata.get("quantised", {})
     if not isinstance(quantised, dict) or quantised.get("default", "fp32") not in PRECISIONS[1:]:
         raise ModelError(f"{path}: field 'quantised.default' is neither fp32 nor int8.", REMEDY)
-    if asked not in PRECISIONS:
-        raise ModelError(f"precision {asked[:40]}: unknown.", f"Use one of {', '.join(PRECISIONS)}.")
-    precision = str(quantised.get("default", "fp32")) if asked == "auto" else asked
+    if wanted not in PRECISIONS:
+        raise ModelError(f"precision {wanted[:40]}: unknown.", f"Use one of {', '.join(PRECISIONS)}.")
+    precision = str(quantised.get("default", "fp32")) if wanted == "auto" else wanted
     if precision == "int8" and INT8_GRAPH not in metadata["sha256"]:
         raise ModelError(
             f"{path}: the model has no 8-bit graph ({INT8_GRAPH}.onnx).",
@@ -142,7 +142,7 @@ def choose_precision(folder: Path, metadata: dict[str, Any], asked: str) -> tupl
         )
     if precision == "int8" and not exact_8_bit_products():
         problem = "8-bit products overflow on this processor, which has no VNNI"
-        if asked == "auto":
+        if wanted == "auto":
             notice = f"{problem}; the slower fp32 graph is used."
             _LOG.warning("%s: %s", folder, notice)
             return "fp32", notice
@@ -173,7 +173,7 @@ def open_graph(path: Path, data: bytes, threads: int) -> onnxruntime.InferenceSe
     options.add_session_config_entry("session.force_spinning_stop", "1")
     try:
         session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
-        # kept to change the provider later, which nobody does: the file once more
+        # kept to change the provider later, which is never done: the file once more
         session._model_bytes = None
         check_names(session)
         return session
@@ -194,7 +194,7 @@ def run_graph(
     """The outputs of a graph read from `path`; ModelError where it cannot be computed."""
     try:
         return list(session.run(names, feed))
-    except Exception as error:  # onnxruntime's exceptions share no base class but Exception
+    except Exception as error:  # onnxruntime's exceptions have no common base class but Exception
         raise ModelError(f"{path}: the graph fails ({reason(error)}).", REMEDY) from error
 
 

@@ -18,7 +18,7 @@ INTEGRAL = 0.6  # change of the gain per second and relative error
 SPEED_SMOOTHING = 0.12  # seconds, half-life of the measured speed: a stride speeds up and slows down
 SETS_OFF_S = 0.36  # seconds in which a body has followed half of a change of its plan
 SLOWEST_REQUEST = 0.12  # m/s; slower requests have no relative error
-# A style that is to go much slower than it ever does may go on standing: it is asked for more until it sets off.
+# A style that is to go much slower than it ever does may go on standing: it is requested more until it sets off.
 STANDING_SHARE = 0.4  # of the expected speed
 STANDING_SECONDS = 0.7
 STANDING_GAIN = 3.0  # at most
@@ -58,7 +58,7 @@ class SpeedRegulator:
 
 POINTS = list(SOLE_POINTS)  # left heel, left toe, right heel, right toe, as contacts
 LEAST_CONTACT = 0.25  # sum of squared contacts: less is a flight, which says nothing
-SHARE_RANGE = (0.5, 1.5)  # of the share
+SHARE_RANGE = (0.5, 1.5)  # of the fraction
 STRIDE_SMOOTHING = 0.3  # seconds, half-life: about a step
 SLOWEST = 0.3  # m/s: slower, feet may well rest
 # what the regulator leaves of a difference in speed is taken up by longer or shorter strides, this much at most
@@ -74,7 +74,7 @@ class StrideState:
     """The speed of the planted feet over that of the root, of N characters, from frame to frame."""
 
     feet: Array = field(metadata={"shape": (4, 2)})  # (N, 4, 2) in XZ, relative to the root
-    share: Array = field(metadata={"shape": ()})  # (N,)
+    fraction: Array = field(metadata={"shape": ()})  # (N,)
 
     @staticmethod
     def at_rest(joints: Array) -> StrideState:
@@ -89,15 +89,15 @@ class StrideState:
         return -back * FPS / np.maximum(total, LEAST_CONTACT)[:, None], total
 
     def update(self, joints: Array, contacts: Array, speed: Array) -> Array:
-        """The shares `(N,)`, of joints `(N, 31, 3)` relative to the root, contacts `(N, 4)` and the roots' smoothed speeds in m/s."""
+        """The fractions `(N,)`, of joints `(N, 31, 3)` relative to the root, contacts `(N, 4)` and the roots' smoothed speeds in m/s."""
         carried, total = self.carried(joints, contacts)
         self.feet = _across(joints)
         back = np.sqrt((carried * carried).sum(-1))
-        share = np.minimum(np.maximum(back / np.maximum(speed, SLOWEST), SHARE_RANGE[0]), SHARE_RANGE[1])
-        share = np.where(total > LEAST_CONTACT, share, self.share)  # a flight says nothing
-        share = np.where(speed < SLOWEST, 1.0, share)
-        self.share = self.share + (share - self.share) * (1.0 - decay(STRIDE_SMOOTHING))
-        return self.share
+        fraction = np.minimum(np.maximum(back / np.maximum(speed, SLOWEST), SHARE_RANGE[0]), SHARE_RANGE[1])
+        fraction = np.where(total > LEAST_CONTACT, fraction, self.fraction)  # a flight says nothing
+        fraction = np.where(speed < SLOWEST, 1.0, fraction)
+        self.fraction = self.fraction + (fraction - self.fraction) * (1.0 - decay(STRIDE_SMOOTHING))
+        return self.fraction
 
 
 def stretch(

@@ -1,8 +1,8 @@
-"""Blends whose change is even: how much of the way between two styles is shown at which share of the second.
+"""Blends whose change is even: how much of the way between two styles is shown at which fraction of the second.
 
 The folded weights of two styles mix evenly (`style_mix`), the walks that come out of them do not: most of the change may
-come within a sixth of the way. So some characters walk a few seconds side by side, each with a share of its own; how far
-their walks lie apart is the change, and a weight is the share at which so much of it is done.
+come within a sixth of the way. So some characters walk a few seconds side by side, each with a fraction of its own; how far
+their walks lie apart is the change, and a weight is the fraction at which so much of it is done.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from runtime.terrain.height_map import Terrain
 WALKERS = 13
 LEAD_IN, FRAMES = 120, 240  # not measured, measured: some walks take seconds to find their gait
 STICK = 0.7
-LEAST = 0.02  # of the whole change that a step counts for: equal walks leave the shares as they are
+LEAST = 0.02  # of the whole change that a step counts for: equal walks leave the fractions as they are
 FIELD_M = 200.0
 
 
@@ -33,14 +33,14 @@ def perceptual_weights(
 ) -> Shares:
     """Shares of style `b` `(6, 64)` at which 0, 1/12, 2/12 ... of the change from style `a` is done.
 
-    `pause` seconds pass between frames, for threads that share the interpreter with a window.
+    `pause` seconds pass between frames, for threads in the interpreter of a window.
     """
-    shares = np.linspace(0.0, 1.0, WALKERS)
-    mixed = [StyleMix((1.0 - share, share), (a, b)) for share in shares.tolist()]
+    fractions = np.linspace(0.0, 1.0, WALKERS)
+    mixed = [StyleMix((1.0 - fraction, fraction), (a, b)) for fraction in fractions.tolist()]
     steps = np.linalg.norm(np.diff(walks(model, mixed, strength, pause), axis=0), axis=1)
     steps = np.maximum(steps, LEAST * steps.sum()) + 1e-9
     done = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
-    found = np.interp(shares, done, shares)
+    found = np.interp(fractions, done, fractions)
     return (0.0, *found[1:-1].tolist(), 1.0)
 
 

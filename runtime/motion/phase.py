@@ -16,7 +16,7 @@ from runtime.scalar_math import decay
 
 PRESENT = int(-PHASE_OFFSETS[0])  # index of the current frame in the dense window of 121 frames
 _FRAMES = np.arange(FUTURE_PHASE_OFFSETS[-1] + 1)
-# the shares (61, 7) of the samples in every frame
+# the fractions (61, 7) of the samples in every frame
 _BETWEEN = np.maximum(1.0 - np.abs(_FRAMES[:, None] - FUTURE_PHASE_OFFSETS) / FUTURE_PHASE_OFFSETS[1], 0.0)
 
 
@@ -67,7 +67,7 @@ def at_rate(before: Array, window: Array, rate: Array) -> Array:
 
 
 # A fit that is linear in the words of the arms finds 1.33 to 3.3 at 1.0 to 1.9 turns a second for waving hands, and up to
-# 1.25 at 0.93 in styles that nobody asked to wave.
+# 1.25 at 0.93 in styles that do not wave.
 LEAST_AMPLITUDE = 1.3
 LEAST_RATE = 0.97  # turns a second, of the same fit
 FULL_AMPLITUDE = 2.0  # of a waving hand in capture
@@ -83,7 +83,7 @@ _PRESENT = int(-PHASE_OFFSETS[0])
 class RestRhythm:
     """The clocks of N characters, from frame to frame."""
 
-    share: Array = field(metadata={"shape": (C,)})  # (N, C) that each has taken over
+    fraction: Array = field(metadata={"shape": (C,)})  # (N, C) that each has taken over
     turns: Array = field(metadata={"shape": (C,)})  # (N, C) of the clocks
 
     @staticmethod
@@ -96,16 +96,16 @@ class RestRhythm:
         swings = (
             (rest[..., 0] > LEAST_AMPLITUDE) & (rest[..., 1] > LEAST_RATE) & (standing[:, None] > STANDING)
         )
-        if not swings.any() and not self.share.any():
+        if not swings.any() and not self.fraction.any():
             return phase
         full = FULL_AMPLITUDE / np.maximum(rest[..., 0], LEAST_AMPLITUDE)
         rate = np.clip(full * rest[..., 1], *RATES)
         now = phase[:, _PRESENT]
-        begins = self.share == 0.0
+        begins = self.fraction == 0.0
         turns = np.where(begins, np.arctan2(now[..., 0], now[..., 1]) / (2 * np.pi), self.turns)
         self.turns = turns + rate / FPS
-        share = self.share + (swings - self.share) * (1.0 - decay(SET_IN))
-        self.share = np.where(swings | (share > LEAST_SHARE), share, 0.0)
+        fraction = self.fraction + (swings - self.fraction) * (1.0 - decay(SET_IN))
+        self.fraction = np.where(swings | (fraction > LEAST_SHARE), fraction, 0.0)
         angle = 2 * np.pi * (self.turns[:, None] + rate[:, None] * _SECONDS[:, None])
         clock = FULL_AMPLITUDE * np.stack([np.sin(angle), np.cos(angle)], axis=-1)
-        return np.asarray(phase + self.share[:, None, :, None] * (clock - phase))
+        return np.asarray(phase + self.fraction[:, None, :, None] * (clock - phase))

@@ -97,13 +97,13 @@ WATCHED = [
 AT_REST = np.array([0.07, 0.07, 0.07, 0.05, 0.05, 0.02, 0.02])
 NEARLY = 0.3  # of the usual speed: a body that is nearly at rest comes over its feet
 PATIENCE = 0.6  # more of its usual distance a foot may be held away at rest, where a body steps for no reason
-UNSEEN_M = 0.05  # m beside its feet it may stay,
+UNSEEN_M = 0.05  # m away from its feet it may stay,
 OVER_FEET_S = 0.4  # from farther away it comes in about this time,
 SWAYS = 0.05  # m/s at most
 FORGETS = 2.0  # seconds, half-life, in which a body forgets how fast its limbs were
 LEAST_USUAL = 1.0  # m/s: as fast a body may come to rest that moved slower
 RESTS_BELOW = 0.25  # m/s of the plan: slower, a body comes to rest
-WAITS = 0.2  # seconds after the last change of what is asked
+WAITS = 0.2  # seconds after the last change of the request
 EVEN = 0.05  # seconds, half-life, in which the rate changes while a body stops; at rest at once
 SETTLES = 0.12  # seconds, half-life, in which the limit goes down,
 WAKES = 0.05  # and up again
@@ -118,8 +118,8 @@ class Settling:
         metadata={"shape": (J, 4)}
     )  # (N, 31, 4) of the last frame, the hips seen from the root
     usual: Array = field(metadata={"shape": (len(WATCHED),), "most": 1000.0})  # (N, 7) m/s
-    share: Array = field(metadata={"shape": ()})  # (N,) of it that is the limit, 1 while a body moves
-    asked: Array = field(metadata={"shape": ()})  # (N,) seconds since something else was asked for
+    fraction: Array = field(metadata={"shape": ()})  # (N,) of it that is the limit, 1 while a body moves
+    waited: Array = field(metadata={"shape": ()})  # (N,) seconds since something else was requested
     rate: Array = field(metadata={"shape": ()})  # (N,) of this frame's time
 
     @staticmethod
@@ -139,21 +139,21 @@ class Settling:
     ) -> Array:
         """The rates `(N,)` of this frame, for joints `(N, 31, 3)` relative to the root and those of the last frame.
 
-        `free` `(N,)`: nothing is asked of the body, which may be coming to rest; `still` `(N,)`: it is where it was
-        asked to be; `grounded` `(N,)`: both feet stand where they may stay.
+        `free` `(N,)`: nothing is requested of the body, which may be coming to rest; `still` `(N,)`: it is where it was
+        requested to be; `grounded` `(N,)`: both feet stand where they may stay.
         """
         moved = (joints - before)[:, WATCHED]
         speed = np.sqrt((moved * moved).sum(-1)) * FPS
         usual = np.maximum(np.maximum(self.usual * decay(FORGETS), speed), LEAST_USUAL)
         self.usual = np.where(free[:, None], self.usual, usual)
-        self.asked = np.where(free & still, self.asked + 1.0 / FPS, 0.0)
-        settled = self.share * decay(SETTLES)
-        settled = np.where(grounded, settled, np.maximum(settled, np.minimum(self.share, STEPS_ON)))
-        awake = 1.0 + (self.share - 1.0) * decay(WAKES)
-        self.share = np.where(self.asked > WAITS, settled, awake)
-        limit = np.maximum(self.share[:, None] * self.usual, AT_REST)
+        self.waited = np.where(free & still, self.waited + 1.0 / FPS, 0.0)
+        settled = self.fraction * decay(SETTLES)
+        settled = np.where(grounded, settled, np.maximum(settled, np.minimum(self.fraction, STEPS_ON)))
+        awake = 1.0 + (self.fraction - 1.0) * decay(WAKES)
+        self.fraction = np.where(self.waited > WAITS, settled, awake)
+        limit = np.maximum(self.fraction[:, None] * self.usual, AT_REST)
         rate = np.minimum((limit / np.maximum(speed, 1e-9)).min(-1), 1.0)
-        even = 0.5 ** (1.0 / (FPS * EVEN * np.maximum(self.share, 1e-3)))
+        even = 0.5 ** (1.0 / (FPS * EVEN * np.maximum(self.fraction, 1e-3)))
         self.rate = rate + (self.rate - rate) * even
         return self.rate
 

@@ -74,7 +74,7 @@ def _carried(state: CharacterState, velocity: Array, contacts: Array, flying: Fl
 
 
 def _slowed(state: CharacterState, velocity: Array, flying: Flags, response: Array) -> Array:
-    """At rest nobody creeps: what is faster than the plan fades. Writes `root_speed`."""
+    """A body at rest does not creep: what is faster than the plan fades. Writes `root_speed`."""
     speed = np.sqrt((velocity * velocity).sum(-1))
     still = (state.wished_speed == 0.0) & ~flying
     coast = decay(COAST) ** (GAME**-response)
@@ -116,7 +116,7 @@ def rest_share(state: CharacterState) -> Array:
     """How far bodies have come to rest `(N,)`: 0 while they move or gesticulate, 1 when their plan stands still."""
     stops = (state.wished_speed == 0.0) & ~np.array([jump.airborne for jump in state.jumps])
     slow = np.minimum(np.maximum(1.0 - state.requested_speed / CALM_FROM, 0.0), 1.0)
-    return np.asarray(np.where(stops, slow * (1.0 - state.rest.share.max(-1)), 0.0))
+    return np.asarray(np.where(stops, slow * (1.0 - state.rest.fraction.max(-1)), 0.0))
 
 
 def settled_pose(
@@ -130,7 +130,7 @@ def settled_pose(
     yaw, gait = path.yaw[:, PRESENT], path.gait
     turning = np.abs(wrap_angle(path.wish_yaw - path.requested_yaw)) > TURNS
     changes = np.abs(gait[:, PRESENT] - gait[:, PRESENT - 1]).max(-1) > CHANGES
-    free = (state.wished_speed == 0.0) & (state.rest.share.max(-1) == 0.0) & (state.arms.left == 0.0)
+    free = (state.wished_speed == 0.0) & (state.rest.fraction.max(-1) == 0.0) & (state.arms.left == 0.0)
     free &= [
         jump.stage == "" and traversal.kind == ""
         for jump, traversal in zip(state.jumps, state.traversals, strict=True)
@@ -151,11 +151,11 @@ def settled_pose(
 
 def over_feet(state: CharacterState) -> Array:
     """Velocities `(N, 2)` (m/s) that bring calm bodies over their feet: one that stops leaves them up to 0.2 m behind."""
-    share = np.maximum(1.0 - state.settling.share / NEARLY, 0.0)
+    fraction = np.maximum(1.0 - state.settling.fraction / NEARLY, 0.0)
     away = [
         [foot.offset for foot in feet.feet] if all(feet.held) else ((0.0,) * 3,) * 2 for feet in state.feet
     ]
     offset = np.array(away).mean(1)[:, [0, 2]]
     distance = np.sqrt((offset * offset).sum(-1))
     speed = np.minimum(np.maximum(distance - UNSEEN_M, 0.0) / OVER_FEET_S, SWAYS)
-    return np.asarray(offset * (share * speed / np.maximum(distance, 1e-9))[:, None])
+    return np.asarray(offset * (fraction * speed / np.maximum(distance, 1e-9))[:, None])

@@ -30,6 +30,11 @@ VERSION = 8
 MAX_BYTES = 16 * 1024 * 1024  # a folded style has 2 MB
 MOST_CODES, LARGEST_SHARE, LARGEST_CODE = 64, 64.0, 1e4
 LONGEST_BLEND_S, LARGEST_STRENGTH, FASTEST = 1e6, 16.0, 100.0
+# what zipfile, json and numpy raise on damaged bytes
+DAMAGES = (
+    ValueError, KeyError, TypeError, OSError, EOFError, IndexError, AttributeError, RecursionError, NotImplementedError,
+    RuntimeError, OverflowError, MemoryError, BadZipFile, zlib.error,
+)  # fmt: skip
 FOLDED_FIELDS = ("z", "front_bias", "content_weight", "content_bias", "rest")
 
 
@@ -97,22 +102,7 @@ class Snapshot:
                 ):
                     raise ValueError("not one character")
                 return Snapshot(state, codes)
-        except (
-            ValueError,
-            KeyError,
-            TypeError,
-            OSError,
-            EOFError,
-            IndexError,
-            AttributeError,
-            RecursionError,
-            NotImplementedError,
-            RuntimeError,
-            OverflowError,
-            MemoryError,
-            BadZipFile,
-            zlib.error,
-        ) as error:
+        except DAMAGES as error:
             raise FileError(f"{name}: not the state of a controller.", REMEDY) from error
         raise FileError(f"{name}: of version {str(version)[:20]}, expected {VERSION}.", REMEDY)
 
@@ -130,7 +120,7 @@ def _written(style: StyleMix | Style, arrays: list[np.ndarray]) -> dict[str, Any
         return write_record(style, arrays)
     mix = style
     arrays.append(np.stack(mix.codes))
-    return {"codes": len(arrays) - 1, "shares": list(mix.shares)}
+    return {"codes": len(arrays) - 1, "weights": list(mix.weights)}
 
 
 def _codes(tree: Any, arrays: list[np.ndarray]) -> StyleCodes:
@@ -151,24 +141,24 @@ def _folded(tree: Any, arrays: list[np.ndarray]) -> Style:
     z, front_bias, content_weight, content_bias, rest = folded
     walk, jog = (read_number(tree[name], FASTEST) for name in ("walk_speed", "jog_speed"))
     made = Style(z, front_bias, content_weight, content_bias, walk, jog, rest)
-    if tree.get("beside") is None:  # so are all of older states, which know no mirror
+    if tree.get("opposite") is None:  # so are all of older states, which know no mirror
         return replace(made, mirrored=tree.get("mirrored") is True)
-    beside = _folded(tree["beside"] | {"beside": None}, arrays)
-    limbs = tuple(read_number(share, LARGEST_SHARE) for share in tree["limbs"])
+    opposite = _folded(tree["opposite"] | {"opposite": None}, arrays)
+    limbs = tuple(read_number(fraction, LARGEST_SHARE) for fraction in tree["limbs"])
     if len(limbs) != LIMBS:
         raise ValueError("limbs that no body has")
-    return replace(made, mirrored=tree["mirrored"] is True, beside=beside, limbs=limbs)
+    return replace(made, mirrored=tree["mirrored"] is True, opposite=opposite, limbs=limbs)
 
 
 def _mix(tree: Any, arrays: list[np.ndarray]) -> StyleMix:
-    codes, shares = (
+    codes, fractions = (
         arrays[int(tree["codes"])],
-        [read_number(share, LARGEST_SHARE) for share in tree["shares"]],
+        [read_number(fraction, LARGEST_SHARE) for fraction in tree["weights"]],
     )
-    fits = codes.dtype == np.float32 and codes.ndim == 3 and len(codes) == len(shares)
+    fits = codes.dtype == np.float32 and codes.ndim == 3 and len(codes) == len(fractions)
     if not fits or not 1 <= len(codes) <= MOST_CODES or not (np.abs(codes) <= LARGEST_CODE).all():
         raise ValueError("codes that no style has")
-    return StyleMix(tuple(shares), tuple(codes))
+    return StyleMix(tuple(fractions), tuple(codes))
 
 
 def _arrays(data: bytes) -> dict[str, np.ndarray]:

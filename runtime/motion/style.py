@@ -37,7 +37,7 @@ class Style:
     # amplitude and turns a second (C, 2) of the phases at rest, by what the arms are to do; zeros of a model that does not tell
     rest: Float32Array = field(default_factory=lambda: np.zeros((C, 2), np.float32))
     mirrored: bool = False  # folded from the mirror image of z: the network walks it in the mirror
-    beside: Style | None = (
+    opposite: Style | None = (
         None  # the same code folded the other way round, where some limbs move as it moves them
     )
     limbs: tuple[float, ...] = (0.0,) * LIMBS  # how far each of the four does
@@ -45,25 +45,25 @@ class Style:
     @property
     def ways(self) -> Ways:
         """The ways round that it is folded."""
-        return Ways(self.mirrored, self.beside is not None)
+        return Ways(self.mirrored, self.opposite is not None)
 
 
 @dataclass(frozen=True, eq=False)
 class StyleMix:
-    """Codes Z^t `(6, 64)` with their shares, which sum to one."""
+    """Codes Z^t `(6, 64)` with their weights, which sum to one."""
 
-    shares: tuple[float, ...]
+    weights: tuple[float, ...]
     codes: tuple[Float32Array, ...]
 
 
-def even_weights(shares: Shares, weights: Sequence[float]) -> Shares:
-    """The shares of the second style at which these parts (0 to 1) of the change are done; 0 and 1 stay what they are."""
-    return tuple(np.interp(weights, np.linspace(0.0, 1.0, len(shares)), shares).tolist())
+def even_weights(fractions: Shares, weights: Sequence[float]) -> Shares:
+    """The fractions of the second style at which these parts (0 to 1) of the change are done; 0 and 1 stay what they are."""
+    return tuple(np.interp(weights, np.linspace(0.0, 1.0, len(fractions)), fractions).tolist())
 
 
-def turned_round(shares: Shares) -> Shares:
-    """The shares of the same pair, the other style first."""
-    return tuple(1.0 - share for share in reversed(shares))
+def turned_round(fractions: Shares) -> Shares:
+    """The fractions of the same pair, the other style first."""
+    return tuple(1.0 - fraction for fraction in reversed(fractions))
 
 
 def mixes(weights: Sequence[float]) -> bool:
@@ -71,28 +71,28 @@ def mixes(weights: Sequence[float]) -> bool:
     return any(0.0 < weight < 1.0 for weight in weights)
 
 
-def mixed(styles: Sequence[Style], shares: Sequence[float]) -> Style:
+def mixed(styles: Sequence[Style], weights: Sequence[float]) -> Style:
     """The weighted mean of folded styles, all of them folded the same ways; one style alone is handed back as it is."""
     if len(styles) == 1:
         return styles[0]
 
     def mean(name: str) -> Float32Array:
-        total = np.float32(shares[0]) * getattr(styles[0], name)
-        for share, style in zip(shares[1:], styles[1:], strict=True):
-            total += np.float32(share) * getattr(style, name)
+        total = np.float32(weights[0]) * getattr(styles[0], name)
+        for fraction, style in zip(weights[1:], styles[1:], strict=True):
+            total += np.float32(fraction) * getattr(style, name)
         return total
 
     walk, jog = (
-        sum(share * getattr(style, name) for share, style in zip(shares, styles, strict=True))
+        sum(fraction * getattr(style, name) for fraction, style in zip(weights, styles, strict=True))
         for name in ("walk_speed", "jog_speed")
     )
     z, front_bias, weight, bias = (mean(n) for n in ("z", "front_bias", "content_weight", "content_bias"))
     made = Style(z, front_bias, weight, bias, walk, jog, mean("rest"), styles[0].mirrored)
-    besides = [style.beside for style in styles if style.beside is not None]
-    if len(besides) < len(styles):
+    opposites = [style.opposite for style in styles if style.opposite is not None]
+    if len(opposites) < len(styles):
         return made
-    limbs = np.array(shares) @ np.array([style.limbs for style in styles])
-    return replace(made, beside=mixed(besides, shares), limbs=tuple(limbs.tolist()))
+    limbs = np.array(weights) @ np.array([style.limbs for style in styles])
+    return replace(made, opposite=mixed(opposites, weights), limbs=tuple(limbs.tolist()))
 
 
 class StyleFolder:
@@ -110,22 +110,22 @@ class StyleFolder:
         self._known: dict[tuple[bytes, bool], Style] = {}
 
     def fold(self, style: Float32Array | StyleMix, like: Ways | None = None) -> Style:
-        """The style folded the ways round that it is walked best, or at least those asked for.
+        """The style folded the ways round that it is walked best, or at least the requested ones.
 
         ModelError where a code does not fit the model.
         """
         mix = style if isinstance(style, StyleMix) else StyleMix((1.0,), (style,))
         measured = self._calibration
         if measured is None:
-            return mixed([self._folded(z, False) for z in mix.codes], mix.shares)
-        leads = np.array(mix.shares, np.float32) @ np.stack([measured.side_leads(z) for z in mix.codes])
+            return mixed([self._folded(z, False) for z in mix.codes], mix.weights)
+        leads = np.array(mix.weights, np.float32) @ np.stack([measured.side_leads(z) for z in mix.codes])
         ways = measured.ways(leads) if like is None else like
         limbs = measured.other_limbs(leads, ways.mirrored)
-        made = mixed([self._folded(z, ways.mirrored) for z in mix.codes], mix.shares)
+        made = mixed([self._folded(z, ways.mirrored) for z in mix.codes], mix.weights)
         if not ways.both:
             return made
-        beside = mixed([self._folded(z, not ways.mirrored) for z in mix.codes], mix.shares)
-        return replace(made, beside=beside, limbs=limbs)
+        opposite = mixed([self._folded(z, not ways.mirrored) for z in mix.codes], mix.weights)
+        return replace(made, opposite=opposite, limbs=limbs)
 
     def _folded(self, z: Float32Array, mirrored: bool) -> Style:
         key = np.ascontiguousarray(z, np.float32).tobytes(), mirrored
@@ -140,7 +140,7 @@ class StyleFolder:
 
 
 class Fold(Protocol):
-    """Folds a code or a mix the ways round that it is walked best, or those asked for."""
+    """Folds a code or a mix the ways round that it is walked best, or the requested ones."""
 
     def __call__(self, style: Float32Array | StyleMix, like: Ways | None = None) -> Style: ...
 
@@ -156,7 +156,7 @@ class StyleCodes:
     strength: float = 1.0
 
     @property
-    def share(self) -> float:
+    def fraction(self) -> float:
         """Of the goal, eased at both ends."""
         return smoothstep(self.progress)
 
@@ -180,7 +180,7 @@ class StyleBlend:
             start = fold(start)
         if not isinstance(start, Style):
             return StyleBlend(codes, (goal, goal), goal)
-        ways = Ways(goal.mirrored, goal.beside is not None or start.beside is not None)
+        ways = Ways(goal.mirrored, goal.opposite is not None or start.opposite is not None)
         if ways != start.ways:
             start = fold(start.z if isinstance(codes.start, Style) else codes.start, ways)
         if ways != goal.ways:
@@ -225,6 +225,6 @@ def _mix(style: Float32Array | StyleMix) -> StyleMix:
 
 
 def _between(ends: tuple[Style, Style], codes: StyleCodes) -> Style:
-    if codes.share <= 0.0 or codes.share >= 1.0:
-        return ends[codes.share >= 1.0]
-    return mixed(ends, (1.0 - codes.share, codes.share))
+    if codes.fraction <= 0.0 or codes.fraction >= 1.0:
+        return ends[codes.fraction >= 1.0]
+    return mixed(ends, (1.0 - codes.fraction, codes.fraction))

@@ -70,8 +70,8 @@ def planned_velocities(now: Array, wish: Array, reach: Array, seconds: Array) ->
     """Velocities `(N, 61, 2)` on the way from `now` to `wish` `(N, 2)`, m/s."""
     change = now - wish
     missing = np.sqrt((change * change).sum(-1, keepdims=True))
-    share = remaining(missing, reach[:, None], seconds[:, None], AHEAD) / np.maximum(missing, 1e-9)
-    return np.asarray(wish[:, None] + share[..., None] * change[:, None])
+    fraction = remaining(missing, reach[:, None], seconds[:, None], AHEAD) / np.maximum(missing, 1e-9)
+    return np.asarray(wish[:, None] + fraction[..., None] * change[:, None])
 
 
 def facings(now: Array, wish: Array, seconds: Array) -> Array:
@@ -122,7 +122,7 @@ _BEYOND = np.maximum(_FRAMES - _AT[-1], 0.0) / SAMPLE_STEP  # and how far each l
 _TIME = _FRAMES / (LENGTH - PRESENT - 1)
 _ALONG = (1 - (1 - _TIME) ** POSITION_BIAS)[:, None]
 _AROUND = 1 - (1 - _TIME) ** DIRECTION_BIAS
-# shares (60, 6) of the samples in every coming frame, the last one kept beyond it; and going on as it went
+# fractions (60, 6) of the samples in every coming frame, the last one kept beyond it; and going on as it went
 _KEPT = np.maximum(1.0 - np.abs(np.minimum(_FRAMES, _AT[-1])[:, None] - _AT) / SAMPLE_STEP, 0.0)
 _GOING_ON = _KEPT.copy()
 _GOING_ON[:, -1] += _BEYOND

@@ -105,7 +105,7 @@ class InputWriter:
     def code(self, z: Any) -> Json:
         """JSON of a style code or a mix of codes."""
         if isinstance(z, StyleMix):
-            return [self.blobs.array(np.stack(z.codes)), [float(share) for share in z.shares]]
+            return [self.blobs.array(np.stack(z.codes)), [float(share) for share in z.weights]]
         return self.blobs.array(z)
 
     def prompt(self, blend: PromptBlend) -> Json:

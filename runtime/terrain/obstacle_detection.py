@@ -132,7 +132,7 @@ def _level_after(row: Array, far: float) -> float:
 
 
 def _edge_beside(row: Array, along: Array, near: float, falls: bool) -> float | None:
-    """The same edge on a way beside: where it crosses a fifth of its step, within half a metre."""
+    """The same edge on a parallel path: where it crosses a fifth of its step, within half a metre."""
     begin = max(round((near - 0.5) / SPACING_M), 0)
     part = row[begin : round((near + 0.5) / SPACING_M)]
     if len(part) < 2:
@@ -194,7 +194,7 @@ def level_ahead(
 def within_steps(heights: Array, present: int) -> Array:
     """Heights `(N, 12, 3)` of trajectory samples, as far as a walker goes from that under sample `present`.
 
-    Ground behind a step over `HIGHEST_STEP_M` lies as high as that before it: nobody lifts a knee for it. No ground is
+    Ground behind a step over `HIGHEST_STEP_M` lies as high as that before it: no walker lifts a knee for it. No ground is
     farther than `HIGHEST_STEP_M` from the present one.
     """
     seen = np.array(heights, np.float64)
@@ -222,7 +222,7 @@ def blocked_message(rise_m: float) -> str:
 
 REACH_M, RISE_M = 0.45, 0.8  # of knees and elbows: higher ground within that is a wall for them,
 HAND_M, HAND_RISE_M = 0.65, 1.3  # and for hands
-STEEP_M, STEEP_RUN_M = 0.8, 0.15  # nobody stands where the ground falls so far within so little
+STEEP_M, STEEP_RUN_M = 0.8, 0.15  # no body stands where the ground falls so far within so little
 TOWARDS, HAND_TOWARDS = 0.5, 0.7  # cosines of the angle to such ground from which on a way leads towards it
 LANDING_M = (0.2, 0.35, 0.5)  # behind an edge that is leapt, where feet come down;
 RUN_OUT_M, RUN_OUT_RISE_M = (0.75, 1.0, 1.25), 0.6  # and where the body comes to, no higher;
@@ -267,7 +267,7 @@ def kept_off(terrain: Terrain, place: Array, velocity: Array) -> Array:
 def led_clear(terrain: Terrain, place: Array, velocity: Array) -> Array:
     """The velocity `(2,)` (m/s) of a root at `place` (XZ): away from walls that the body is in, else as `kept_off` leaves it.
 
-    Ground that comes in place of another, a jump's flight and a turn beside a wall can leave a body where it has no room.
+    Ground that comes in place of another, a jump's flight and a turn near a wall can leave a body where it has no room.
     """
     if _free(terrain, place):
         return kept_off(terrain, place, velocity)

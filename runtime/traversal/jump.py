@@ -14,7 +14,7 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.controls import Gait
-from runtime.feet.leg import LegPose, leg_bones, leg_forward, leg_inverse
+from runtime.feet.leg import LegPose, leg_bones, leg_forward, leg_inverse, roll_cosine, rolled
 from runtime.feet.planted_foot import SETTINGS
 from runtime.pose import DT, Pose
 from runtime.scalar_math import (
@@ -97,7 +97,7 @@ class Jump:
     pressed: bool = False  # the button was down in the last frame
     gait: int = field(
         default=int(Gait.WALK), metadata={"most": max(Gait)}
-    )  # asked for when the button was not
+    )  # requested when the button was not
     foot: int = field(default=BOTH, metadata={"most": BOTH})  # that pushes: 0 left, 1 right, or both
     rate: float = 1.0  # of the network's rhythm
     rest: float = 0.95  # mean height of the hips over the ground, m
@@ -152,8 +152,8 @@ class Jump:
             return self.rate
         return 1.0 + (self.rate - 1.0) * min(self.time / EASE_S, 1.0)
 
-    def asked(self, gait: Gait) -> Gait:
-        """The gait that the stick asks for: while the button is down the one before."""
+    def requested_gait(self, gait: Gait) -> Gait:
+        """The gait that the stick requests: while the button is down the one before."""
         return Gait(self.gait) if gait is Gait.JUMP else gait
 
     def press(self, gait: Gait, free: bool) -> bool:
@@ -180,8 +180,8 @@ class Jump:
         if self.stage == "flight":
             return np.array(self.velocity)
         if self.stage == "land":
-            share = smoothstep(self.time / CARRIED_S)
-            return np.array(self.velocity) * (1.0 - share) + velocity * share
+            fraction = smoothstep(self.time / CARRIED_S)
+            return np.array(self.velocity) * (1.0 - fraction) + velocity * fraction
         return velocity
 
     def start(self, pose: Pose, steps: PlannedSteps, velocity: tuple[float, float]) -> None:
@@ -206,11 +206,11 @@ class Jump:
         before, mean = self.hips, self.rest + ground
         self.time += DT
         if self.stage == "push":
-            share = min(self.time / PUSH_S, 1.0)
+            fraction = min(self.time / PUSH_S, 1.0)
             if self.time <= 1.5 * DT:
                 self.aim = (mean + OFF_M, sqrt(2.0 * GRAVITY * (RISE_M - OFF_M)))
-            self.hips = _hermite(share, self.begin, self.aim, PUSH_S)
-            if share >= 1.0 - 1e-6:
+            self.hips = _hermite(fraction, self.begin, self.aim, PUSH_S)
+            if fraction >= 1.0 - 1e-6:
                 self.stage, self.time, self.velocity = "flight", 0.0, root
                 self.begin = self.aim
         elif self.stage == "flight":
@@ -337,7 +337,8 @@ class Jump:
         far = length(subtract(ankle, hip))
         if far > reach:
             along = unit(scale(sole, -1.0))
-            turned = rolled(subtract(hip, toe), along, bones.foot_length, reach)
+            to_hip = subtract(hip, toe)
+            turned = rolled(to_hip, along, roll_cosine(to_hip, bones.foot_length, reach))
             foot = multiply(between(along, turned), foot)
             ankle = add(toe, scale(turned, bones.foot_length))
             away = subtract(ankle, hip)
@@ -374,9 +375,9 @@ class Jump:
         """The way of a foot to where it is in a leap: before or behind the hips, as far as the body goes where it faces."""
         way = _ahead(leg)
         speed = self.velocity[0] * way[0] + self.velocity[1] * way[2]
-        share = min(max(2.0 * speed / FAST - 1.0, 0.0), 1.0)
+        fraction = min(max(2.0 * speed / FAST - 1.0, 0.0), 1.0)
         goal = APART_M[speed > RUNS] * (-1.0 if side == self.foot else 1.0)
-        return scale(way, share * (goal - dot(way, subtract(leg.toe, leg.hip))))
+        return scale(way, fraction * (goal - dot(way, subtract(leg.toe, leg.hip))))
 
     def _trunk_and_arms(self, mine: list[Quaternion]) -> None:
         """Bend the trunk and swing the arms, as far as they hang, in place."""
@@ -389,8 +390,8 @@ class Jump:
 
     def _move_upper(self) -> None:
         """Let trunk and arms follow: back and down, up in the flight, and forward as the landing gives way."""
-        share = 1.0 if self.foot == BOTH else 0.5
-        back, up = share * SWING[0], -share * SWING[1]
+        fraction = 1.0 if self.foot == BOTH else 0.5
+        back, up = fraction * SWING[0], -fraction * SWING[1]
         if self.stage == "push":
             swing, lean = (back, LEAN) if self.time < 0.4 * PUSH_S else (up, 0.0)
         elif self.stage == "flight":
@@ -410,19 +411,9 @@ def _ahead(leg: LegPose) -> Vector:
     return x / size, 0.0, z / size
 
 
-def rolled(to_hip: Vector, along: Vector, foot: float, reach: float) -> Vector:
-    """Direction from a toe to its ankle, `foot` metres away, that is `reach` from the hip, turned from `along` towards it."""
-    distance = length(to_hip)
-    cosine = (distance * distance + foot * foot - reach * reach) / (2.0 * distance * foot)
-    up = scale(to_hip, 1.0 / distance)
-    side = unit(subtract(along, scale(up, dot(along, up))))
-    cosine = min(max(cosine, -1.0), 1.0)
-    return add(scale(up, cosine), scale(side, sqrt(1.0 - cosine * cosine)))
-
-
-def _hermite(share: float, begin: tuple[float, float], end: tuple[float, float], seconds: float) -> float:
-    """Height at `share` of `seconds` between heights and speeds at both ends."""
-    s, v = share, 1.0 - share
+def _hermite(fraction: float, begin: tuple[float, float], end: tuple[float, float], seconds: float) -> float:
+    """Height at `fraction` of `seconds` between heights and speeds at both ends."""
+    s, v = fraction, 1.0 - fraction
     a, b = (1.0 + 2.0 * s) * v * v, s * s * (3.0 - 2.0 * s)
     return a * begin[0] + b * end[0] + seconds * (s * v * v * begin[1] - s * s * v * end[1])
 

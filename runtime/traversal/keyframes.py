@@ -99,14 +99,16 @@ def quaternions(local: Array) -> list[Quaternion]:
     return [(w, x, y, z) for w, x, y, z in np.asarray(local, np.float64).tolist()]
 
 
-def slerp(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
-    """From a (share 0) to b (1) along the shorter arc."""
+def slerp(a: Quaternion, b: Quaternion, fraction: float) -> Quaternion:
+    """From a (fraction 0) to b (1) along the shorter arc."""
     c = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
     sign = -1.0 if c < 0.0 else 1.0
     angle = acos(min(1.0, abs(c)))
     sine = sin(angle)
     p, q = (
-        (1.0 - share, share) if sine < 1e-4 else (sin((1 - share) * angle) / sine, sin(share * angle) / sine)
+        (1.0 - fraction, fraction)
+        if sine < 1e-4
+        else (sin((1 - fraction) * angle) / sine, sin(fraction * angle) / sine)
     )
     w, x, y, z = (p * m + sign * q * n for m, n in zip(a, b, strict=True))
     s = 1.0 / sqrt(w * w + x * x + y * y + z * z)
@@ -115,8 +117,8 @@ def slerp(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
 
 def bend_trunk(local: list[Quaternion], lean: float, twist: float, look: float) -> None:
     """Bend spine and neck in place (radians): forward, towards the left about the spine, and the face down."""
-    for joint, share in zip(SPINE, SPINE_SHARES, strict=True):
-        local[joint] = multiply(from_vector((share * lean, share * twist, 0.0)), local[joint])
+    for joint, fraction in zip(SPINE, SPINE_SHARES, strict=True):
+        local[joint] = multiply(from_vector((fraction * lean, fraction * twist, 0.0)), local[joint])
     for joint in NECK:
         local[joint] = multiply(from_vector((0.5 * look, 0.0, 0.0)), local[joint])
 
@@ -240,7 +242,7 @@ FADE_S = 0.25  # at both ends: inverse kinematics takes over the incoming legs
 class KeyframedMotion:
     """Tracks over the seconds at tempo 1; metres and radians in the traversal's frame, left before right.
 
-    A foot stands where the incoming pose has it when the root is at the start or at the end: its place is a share of
+    A foot stands where the incoming pose has it when the root is at the start or at the end: its place is a fraction of
     each of both plus a place of its own, so that it lands in the stance of the style.
     """
 
@@ -250,10 +252,10 @@ class KeyframedMotion:
     rise: float
     root: Track  # z of the pelvis
     body: Track  # x, height over the incoming one, pitch, yaw, roll of the pelvis; lean, twist of the spine; look down
-    level: Track  # share of `STANDING_HIPS_M` in place of the incoming height of the pelvis
+    level: Track  # fraction of `STANDING_HIPS_M` in place of the incoming height of the pelvis
     feet: tuple[
         Track, Track
-    ]  # share of the start, of the end; toe joint x, y, z; heel over toe, knee outwards
+    ]  # fraction of the start, of the end; toe joint x, y, z; heel over toe, knee outwards
     stands: tuple[Track, Track]  # contact of heel, of toe
     hands: tuple[Track, Track]  # weight, wrist x, y, z, hand turned inwards, fingers down
     elbows: tuple[Vector, Vector]  # where they point
@@ -269,12 +271,12 @@ class KeyframedMotion:
         bend_trunk(mine, lean, twist, look)
         hands = [track.at(t) for track in self.hands]
         place = self._within_reach((x + dx, y + level * (STANDING_HIPS_M - y) + dy, z), mine, hands)
-        share = smoothstep(min(t, self.seconds - t) / FADE_S)
+        fraction = smoothstep(min(t, self.seconds - t) / FADE_S)
         for side in (0, 1):
             leg = leg_forward(LEGS[side], (x, y, z), incoming)
             self._foot(t, side, leg, z, place, mine)
-            if share < 1.0:
-                self._keep_angles(side, leg, (x, y, z), incoming, mine, 1.0 - share)
+            if fraction < 1.0:
+                self._keep_angles(side, leg, (x, y, z), incoming, mine, 1.0 - fraction)
             if hands[side][0] > 0.0:
                 weight, *wrist, inward, down = hands[side]
                 turn = flat_hand(side, inward, down)
@@ -314,14 +316,14 @@ class KeyframedMotion:
         hips: Vector,
         incoming: list[Quaternion],
         mine: list[Quaternion],
-        share: float,
+        fraction: float,
     ) -> None:
-        """Take a share of what inverse kinematics alone changes at the incoming pose off a leg again, in place."""
+        """Take a fraction of what inverse kinematics alone changes at the incoming pose off a leg again, in place."""
         solved = list(incoming)
         place_foot(solved, side, hips, leg.toe, leg.foot, 0.0, 0.0)
         for joint in LEGS[side].joints[1:4]:
             change = multiply(inverse(solved[joint]), incoming[joint])
-            mine[joint] = multiply(mine[joint], slerp((1.0, 0.0, 0.0, 0.0), change, share))
+            mine[joint] = multiply(mine[joint], slerp((1.0, 0.0, 0.0, 0.0), change, fraction))
 
     def _within_reach(self, place: Vector, mine: list[Quaternion], hands: list[list[float]]) -> Vector:
         """The pelvis, drawn to where the arms reach the places of the hands; further for hands of more weight."""
@@ -329,9 +331,9 @@ class KeyframedMotion:
             weight, x, y, z = hands[side][:4]
             if weight > 0.0:
                 way = subtract((x, y, z), shoulder_frame(mine, side, place)[1])
-                asked = length(way)
-                over = min(beyond(asked, EASY_REACH_M, SLACK_M), FARTHEST_PULL_M)
-                place = add(place, scale(way, weight * over / max(asked, 1e-6)))
+                wanted = length(way)
+                over = min(beyond(wanted, EASY_REACH_M, SLACK_M), FARTHEST_PULL_M)
+                place = add(place, scale(way, weight * over / max(wanted, 1e-6)))
         return place
 
 
@@ -343,7 +345,7 @@ def flat_hand(side: int, inward: float, down: float) -> Quaternion:
 
 
 def timed(rows: Rows, seconds: float) -> Track:
-    """A track of rows whose times are shares of the whole."""
+    """A track of rows whose times are fractions of the whole."""
     return Track([(row[0] * seconds, *row[1:]) for row in rows])
 
 

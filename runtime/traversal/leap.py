@@ -111,16 +111,16 @@ class Leap:
 
         A stride that is too short for the hips to come near enough to where the lead foot lands takes longer.
         """
-        asked = self.stride.seconds
+        wanted = self.stride.seconds
         for _ in range(4):
             self.seconds = self.stride.seconds - self.stride.elapsed
             self._count = max(round(self.seconds * FPS), 2)
             self._t = self.stride.elapsed + np.arange(self._count + 1) / self._count * self.seconds
             self._root = self._root_path()
             whole = float(np.interp(self._lead_z - AHEAD_M, self._root, self._t)) / LATEST_LANDING
-            if whole <= self.stride.seconds + 0.5 / FPS or self.stride.seconds >= LONGER * asked:
+            if whole <= self.stride.seconds + 0.5 / FPS or self.stride.seconds >= LONGER * wanted:
                 break
-            self.stride = replace(self.stride, seconds=min(whole, LONGER * asked))
+            self.stride = replace(self.stride, seconds=min(whole, LONGER * wanted))
         return self._times(stance_z)
 
     def _root_path(self) -> Array:

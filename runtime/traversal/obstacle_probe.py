@@ -35,7 +35,7 @@ CLIMB_SECONDS = 0.4  # and as much farther as it covers in this time
 NEAREST_M = 0.38  # it comes to a wall
 CLIMB_FROM_M = 0.8  # a climb begins nearer
 WIDEST_SKEW = 0.9  # radians from the right angle
-BESIDE_BAR_M, BAR_SLACK_M = 0.3, 0.1  # before a bar, and higher than it, nothing stands beside the path
+BESIDE_BAR_M, BAR_SLACK_M = 0.3, 0.1  # before a bar, and higher than it, nothing stands next to the path
 NO_LANDING = "The way ahead is blocked: no room to come down behind the edge."
 NO_CLIMB = "The way ahead is blocked: no room to climb over the edge."
 

@@ -48,8 +48,8 @@ WALKED_S, JOGGED_S, JOGS = (
 )  # of a stride at a neutral walk, and a jog: faster than so many m/s
 SHORTEST_S = 0.25  # between two landings of one foot
 AGAIN = 0.8  # of a stride, until the same foot may come down twice running
-TURNING = 0.15  # share of a frame in the mean velocity
-SMOOTHING = 0.05  # share of a frame in the mean speed
+TURNING = 0.15  # fraction of a frame in the mean velocity
+SMOOTHING = 0.05  # fraction of a frame in the mean speed
 SAME = (0.6, 1.6)  # of the stride before: other lengths come of a landing that was missed
 
 
@@ -177,14 +177,9 @@ class Traversal:
         default_factory=lambda: np.zeros((31, 3)), metadata={"whole": (31, 3)}
     )  # rotation vectors
     last_z: float = 0.0
-    sight: float = 1.0  # share of the ground's heights that the network sees: none of them in a traversal
+    sight: float = 1.0  # fraction of the ground's heights that the network sees: none of them in a traversal
     sight_velocity: float = 0.0  # its change, 1/s
     steps: PlannedSteps = field(default_factory=PlannedSteps)
-
-    @property
-    def facing(self) -> float | None:
-        """The yaw in which it climbs."""
-        return self.yaw if self.climbing else None
 
     @property
     def climbing(self) -> bool:
@@ -264,7 +259,7 @@ def decide(
     walk_speed: float,
     ahead: Ahead | None,
 ) -> None:
-    """Begin what the obstacle ahead asks for. `held` tells which feet stand."""
+    """Begin what the obstacle ahead requests. `held` tells which feet stand."""
     steps = traversal.steps
     came = steps.watch(pose, held, ahead.path if ahead is not None else None, traversal.pace)
     if ahead is None or not is_leap(ahead.obstacle):
@@ -431,9 +426,9 @@ def seen_heights(
     goal = 0.0 if traversal.kind else 1.0
     if traversal.sight == goal:
         return heights if goal else np.full_like(heights, level)
-    share, velocity = damp(traversal.sight, traversal.sight_velocity, goal, SIGHT_HALF_LIFE, DT)
-    arrived = abs(share - goal) < UNSEEN and abs(velocity) < UNSEEN
-    traversal.sight, traversal.sight_velocity = (goal, 0.0) if arrived else (share, velocity)
+    fraction, velocity = damp(traversal.sight, traversal.sight_velocity, goal, SIGHT_HALF_LIFE, DT)
+    arrived = abs(fraction - goal) < UNSEEN and abs(velocity) < UNSEEN
+    traversal.sight, traversal.sight_velocity = (goal, 0.0) if arrived else (fraction, velocity)
     return level + traversal.sight * (heights - level)
 
 

@@ -73,7 +73,7 @@ def test_a_prompter_measures_a_pair_once(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr("runtime.prompts.prompter.perceptual_weights", measured)
     to_style = Prompter(shipped_model())
     blend = BlendedPrompt("a zombie", "an old man", (0.5,) * 6)
-    assert to_style(blend).shares == pytest.approx((0.9, 0.1))
+    assert to_style(blend).weights == pytest.approx((0.9, 0.1))
     to_style(dataclasses.replace(blend, weights=(0.25,) * 6))
     assert len(asked) == 1
     to_style(BlendedPrompt("a zombie", "a proud king", (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
@@ -97,7 +97,7 @@ def test_a_slider_becomes_even_while_the_character_walks(start: Start) -> None:
     assert edit.shares == (0.0, 0.8, 1.0)
     style = edit.style()
     assert isinstance(style, StyleMix)
-    assert style.shares == pytest.approx((0.8, 0.2))
+    assert style.weights == pytest.approx((0.8, 0.2))
     app.prompting.swap()
     assert app.editor.session.live.prompt.shares == pytest.approx((0.0, 0.2, 1.0))
     app.editor.undo()

@@ -19,7 +19,7 @@ def walk(stride: StrideState, carried: float, seconds: float = 3.0, contacts: np
         joints[:, POINTS[:2], 2] -= carried * SPEED / FPS
         joints[:, POINTS[2:], 2] += SPEED / FPS
         stride.update(joints, contacts, np.array([SPEED]))
-    return float(stride.share[0])
+    return float(stride.fraction[0])
 
 
 @pytest.mark.parametrize("carried", [0.6, 0.8, 1.0, 1.2])
@@ -34,4 +34,4 @@ def test_it_says_nothing_in_flight_at_rest_and_beyond_its_range():
     walk(stride, 0.6)
     for _ in range(3 * FPS):
         stride.update(STANDING, PLANTED, np.zeros(1))
-    assert stride.share[0] == pytest.approx(1.0, abs=0.01)
+    assert stride.fraction[0] == pytest.approx(1.0, abs=0.01)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from runtime.checked import read_number, read_text, read_whole
 from runtime.errors import FileError
+from runtime.feet.leg_edit import checked_targets
 from runtime.motion.snapshot import Snapshot
 from runtime.motion.style import StyleMix
 from runtime.prompts.parts import PartDescriptions
@@ -105,7 +106,8 @@ class InputWriter:
     def code(self, z: Any) -> Json:
         """JSON of a style code or a mix of codes."""
         if isinstance(z, StyleMix):
-            return [self.blobs.array(np.stack(z.codes)), [float(share) for share in z.weights]]
+            weights = [float(weight) for weight in z.weights]
+            return [self.blobs.array(np.stack(z.codes)), weights, z.legs.tolist()]
         return self.blobs.array(z)
 
     def prompt(self, blend: PromptBlend) -> Json:
@@ -176,12 +178,12 @@ class InputReader:
         """A style code, or a mix of codes."""
         if not isinstance(value, list):
             return self._finite(self.blobs.array(value, "<f4", CODE))
-        number, shares = value
+        number, shares, legs = value
         codes = self._finite(self.blobs.array(number, "<f4", (len(shares), *CODE)))
         mixed = tuple(read_number(share, 1.0) for share in shares)
         if not mixed or min(mixed) < 0.0 or abs(sum(mixed) - 1.0) > 1e-3:
             raise ValueError("shares of styles that are no mix")
-        return StyleMix(mixed, tuple(codes))
+        return StyleMix(mixed, tuple(codes), checked_targets(legs))
 
     def prompt(self, value: Json) -> PromptBlend:
         """An answered prompt, or a blend of two."""

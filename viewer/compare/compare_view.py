@@ -232,7 +232,9 @@ class CompareView:
             self._standing = now.variants
             for i, (new, old) in enumerate(zip(now.variants, standing, strict=True)):
                 if new.prompt != old.prompt:
-                    self.members[i].set_style(new.prompt.style(), self.settings.blend_seconds)
+                    self.members[i].set_style(
+                        new.prompt.style(self.settings.exact_legs), self.settings.blend_seconds
+                    )
                 if new.seed != old.seed:
                     self._restart(i, new.seed)
 
@@ -271,7 +273,7 @@ class CompareView:
         for member, variant in zip(self.members, self._standing, strict=True):
             member.seed = variant.seed
             member.set_terrain(self.scene.terrain)
-            member.set_style(variant.prompt.style(), 0.0)
+            member.set_style(variant.prompt.style(self.settings.exact_legs), 0.0)
         self._crowd = self.scene.services.make_crowd(self.members)
         self._ground = self.scene.terrain
         self._place(centre, yaw)

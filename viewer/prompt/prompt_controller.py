@@ -299,7 +299,7 @@ class PromptController:
         character = self.character()
         if self._due_seconds is None or character is None or self._coding:
             return
-        style = self.prompt.style()
+        style = self.prompt.style(self.settings.exact_legs)
         if style is None:
             return
         seconds, self._due_seconds = self._due_seconds, None

@@ -28,7 +28,7 @@ from runtime.errors import FileError, run_command
 from runtime.motion.features import C
 from runtime.motion.model import MotionModel, load_model
 from runtime.motion.model_files import read_metadata
-from runtime.prompts.english.clause_rules import grammar
+from runtime.prompts.english.grammar import grammar
 from runtime.prompts.parts import PartDescriptions, mirror_text
 from runtime.prompts.prompter import Prompter
 from runtime.prompts.wording import Wording, wording_of

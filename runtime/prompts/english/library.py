@@ -14,6 +14,7 @@ from runtime.assets import asset_path
 from runtime.prompts.english import other_languages
 from runtime.prompts.english.clauses import ParsedPrompt, parse_clauses
 from runtime.prompts.english.compose import compose_elements, compose_neighbours, sources_note
+from runtime.prompts.english.entry_sides import lame_leg, lame_on, named_side, on_side
 from runtime.prompts.english.language import ENGLISH, is_foreign, knows_no_word
 from runtime.prompts.english.library_data import (
     NEUTRAL_STYLE,
@@ -29,7 +30,6 @@ from runtime.prompts.english.library_data import (
 )
 from runtime.prompts.english.other_languages import OtherLanguages
 from runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, Reading, read_phrases
-from runtime.prompts.english.sides import lame_leg, lame_on, named_side, on_side
 from runtime.prompts.english.spelling import Spelling
 from runtime.prompts.english.words import PERSONS, PLACES, Word, plain_denials, words_of
 from runtime.prompts.expander import Expansion, check_prompt

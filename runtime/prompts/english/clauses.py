@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from runtime.prompts.english.grammar import Match, grammar, replaced
@@ -12,6 +13,18 @@ from runtime.prompts.parts import MAX_CHARACTERS
 from runtime.skeleton import PART_NAMES
 
 _LIMBS = ("arm", "leg")
+_OF_SOMEBODY = {
+    "left",
+    "right",
+    "both",
+    "two",
+    "his",
+    "her",
+    "their",
+    "its",
+    "my",
+    "your",
+}  # owners of a limb
 _PAIRS = {"arms": "arm", "legs": "leg", "one_leg": "leg"}  # targets of phrases, and whose actions they are
 
 
@@ -32,12 +45,13 @@ def parse_clauses(prompt: str) -> ParsedPrompt:
     rules = grammar()
     text, hand = name_sides(_plain(prompt))
     pieces = rules["separators"].split(text)
+    leg = _only(match["side"] for match in rules["sided_leg"].finditer(text)) or "right"
     parts: dict[str, str] = {}
     denied: set[str] = set()  # parts of which no more is known than what they do not do
     rest: list[str] = []
     for i in range(0, len(pieces), 2):
         link = pieces[i - 1] if i else ""
-        found, remainder = _parse_clause(pieces[i].strip())
+        found, remainder = _parse_clause(pieces[i].strip(), leg)
         if rules["except"].search(link):
             _take_back(parts, found)
         _add(parts, found, denied, denies=bool(rules["denies"].search(pieces[i])))
@@ -72,12 +86,18 @@ def _take_back(parts: dict[str, str], found: dict[str, str]) -> None:
             del parts[(pair & found.keys()).pop()]
 
 
-def _parse_clause(clause: str) -> tuple[dict[str, str], str]:
-    """Parts that a clause describes, and what of it does not."""
+def _only(sides: Iterable[str]) -> str:
+    named = set(sides)
+    return named.pop() if len(named) == 1 else ""
+
+
+def _parse_clause(clause: str, leg: str) -> tuple[dict[str, str], str]:
+    """Parts that a clause describes, and what of it does not; `leg` is the one that limps where none is named."""
     rules = grammar()
-    noun = rules["noun_clause"].match(clause)
-    if noun and (stated := _noun_parts(noun, noun["rest"], verbatim=True)):
-        return stated, ""
+    for name in ("noun_clause", "loose_clause"):
+        noun = rules[name].match(clause)
+        if noun and (stated := _noun_parts(noun, noun["rest"], verbatim=name == "noun_clause")):
+            return stated, ""
     parts: dict[str, str] = {}
     verb = rules["verb_clause"].search(clause)
     if verb:
@@ -90,7 +110,7 @@ def _parse_clause(clause: str) -> tuple[dict[str, str], str]:
     found: list[tuple[int, dict[str, str]]] = []
 
     def take(match: Match, rule: tuple[str, str]) -> str:
-        found.append((match.start(), _phrase_parts(match, *rule)))
+        found.append((match.start(), _phrase_parts(match, *rule, leg)))
         return ""
 
     rest = replaced(clause, rules.phrases, take)
@@ -105,6 +125,8 @@ def _noun_parts(match: Match, action: str, verbatim: bool) -> dict[str, str]:
     if rules["no_clause"].search(match["rest"].strip()):
         return {}
     noun, owners = match["noun"], match["owners"].split()
+    if match.re is rules["loose_clause"] and not set(owners) & _OF_SOMEBODY:
+        return {}  # "head teacher", "back pain"
     group = next(name for name, group in rules.groups.items() if group.nouns.fullmatch(noun))
     # "hands", "feet" and "both" mean two sides; a single limb without a side is the right one
     plural = noun == "feet" or match.string[match.end("noun") : match.end("noun") + 1] == "s"
@@ -119,11 +141,11 @@ def _noun_parts(match: Match, action: str, verbatim: bool) -> dict[str, str]:
     return _sided(group, sides, template[: MAX_CHARACTERS - 3])
 
 
-def _phrase_parts(match: Match, target: str, looked_up: str) -> dict[str, str]:
+def _phrase_parts(match: Match, target: str, looked_up: str, leg: str) -> dict[str, str]:
     words = looked_up or match.group()
     denied = match.groupdict().get("denied") and target != "arms"
     words = f"not {words}" if denied and not grammar()["denies"].search(words) else words
-    side = match["side"] if target in _LIMBS else "right"
+    side = match["side"] if target in _LIMBS else leg
     return _described(
         _PAIRS.get(target, target), tuple(OPPOSITE) if target in ("arms", "legs") else (side,), words
     )

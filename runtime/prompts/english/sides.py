@@ -18,6 +18,7 @@ OPPOSITE = {"left": "right", "right": "left"}
 _RELATIVE = ("one", "other", "opposite", "same")  # words that name a side by another
 _EACH_OTHER = re.compile(r" (?:before|in front of|after|behind|over|across) the other\b")  # both, in turn
 _OF_LEGS = re.compile(r" (?:limp|drag|stomp|stamp|kick|step|shuffl)")
+_DEFINITE = ("the", "his", "her", "their", "its")
 _OWNERS = ("a", "his", "her", "their")  # of a hand that is the one of somebody left-handed
 
 
@@ -55,7 +56,7 @@ def _relation(match: Match, words: str, hand: str, sides: list[str]) -> str | No
 
 def _hands(values: dict[str, str]) -> str:
     """The hand of a gesture: the one that is named, else that of the target's side (across from it on an arm)."""
-    if values.get("side") == "both":
+    if "both" in (values.get("side"), values.get("both")):
         return "both hands"
     place = values.get("target_side", "")
     side = (
@@ -86,6 +87,8 @@ class _Limbs:
     def _replacement(self, match: Match) -> str:
         if match["that"]:
             return self._that(match)
+        if match["it"]:
+            return f"{self._side} {self._noun}" if self._spoken else "it"
         return self._limb(match) if match["noun"] else self._bare(match)
 
     def _that(self, match: Match) -> str:
@@ -132,8 +135,10 @@ class _Limbs:
             return self._side_of_one(match, is_arm)
         if match["at"]:
             return ""
-        hand = self._hand if is_arm and owners and owners[-1] in _OWNERS else ""
-        return self._side_of_place(match.end()) or hand
+        owner = owners[-1] if owners else ""
+        if self._spoken and match["noun"] == self._noun and owner in _DEFINITE:
+            return self._side  # "pain in the left knee, so the knee stays straight"
+        return self._side_of_place(match.end()) or (self._hand if is_arm and owner in _OWNERS else "")
 
     def _side_of_one(self, match: Match, is_arm: bool) -> str:
         """The side of "one arm": that of its place, else the one that the other arm of the prompt leaves."""

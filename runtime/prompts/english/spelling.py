@@ -10,6 +10,15 @@ SHORTEST = 5  # letters of a word that is corrected: shorter ones are one letter
 SHORTEST_CHANGED = 8  # where a letter is changed for another: "lugging" is no "lagging"
 
 
+# "haed", "rigth": two letters of a body part exchanged
+_TURNED = {
+    word[:i] + word[i + 1] + word[i] + word[i + 2 :]: word
+    for word in ("left", "right", "hand", "head", "knee", "back", "neck", "shoulder", "elbow", "torso")
+    for i in range(1, len(word) - 1)
+    if word[i] != word[i + 1]
+}
+
+
 class Spelling:
     """Corrects words by one letter inserted, left out, changed or exchanged with its neighbour, to `known` ones.
 
@@ -36,6 +45,8 @@ class Spelling:
 
     def nearest(self, word: str) -> str | None:
         """The known word that a lower-case word is one letter off, or None for what is no typing error."""
+        if word in _TURNED:
+            return _TURNED[word]
         if len(word) < SHORTEST or not word.isascii() or word in self._known or word in self._others:
             return None
         if self._inflected(word):

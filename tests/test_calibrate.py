@@ -11,7 +11,7 @@ import pytest
 from runtime.motion.features import C
 from runtime.motion.model import load_model
 from runtime.prompts.parts import PartDescriptions, mirror_text
-from runtime.prompts.wording import Wording
+from runtime.prompts.phrasing import ModelPhrasing
 from runtime.skeleton import PART_NAMES
 from tests.test_layering import walker
 from training.export import calibrate
@@ -83,7 +83,7 @@ def test_sides_and_gains_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(calibrate, "neutral_motion", lambda *_: walker(420))
     monkeypatch.setattr(calibrate, "edit_fraction", share)
     monkeypatch.setattr(calibrate, "_rule_sentences", lambda _told: [])
-    found = calibrate.calibrated(None, Told(), Gains(), Wording())  # type: ignore[arg-type]
+    found = calibrate.calibrated(None, Told(), Gains(), ModelPhrasing())  # type: ignore[arg-type]
     number = {1.0 + k: name for k, name in enumerate(EDITS)}
     rows = {(number[row["code"][0]], row["part"]): row for row in found}
 
@@ -118,7 +118,9 @@ def test_the_words_of_others_leave_an_edit_its_own_parts() -> None:
 
 
 def test_sentences_of_rules_are_asked_as_a_model_is_told_them() -> None:
-    told = Wording({("head", "head raised, chin up"): "head held high, chin raised", ("torso", "x"): "y"})
+    told = ModelPhrasing(
+        {("head", "head raised, chin up"): "head held high, chin raised", ("torso", "x"): "y"}
+    )
     asked = {each.name: each for each in calibrate._rule_sentences(told)}
     assert "head raised, chin up" not in asked
     assert asked["head held high, chin raised"].words == {"head": ("head held high, chin raised",)}
@@ -171,7 +173,7 @@ def test_a_model_is_measured_as_it_is_without_calibration(
         return SimpleNamespace(name="m")
 
     monkeypatch.setattr(calibrate, "load_model", load)
-    monkeypatch.setattr(calibrate, "wording_of", lambda name: name)
+    monkeypatch.setattr(calibrate, "phrasing_of", lambda name: name)
     monkeypatch.setattr(calibrate, "calibrated", lambda *_: [])
     calibrate.calibrate(tmp_path, [1, -1, 1, 1, 1])
     assert seen == [False]

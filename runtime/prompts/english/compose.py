@@ -1,15 +1,17 @@
-"""Several entries of the library made into one set of six descriptions, part by part."""
+"""Several entries of the library made into one set of six descriptions, part by part, on the side that is meant."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.prompts.english.library_data import LibraryEmbeddings, LibraryEntry
 from runtime.prompts.english.phrases import FIGURES, SLIGHTLY, Element
+from runtime.prompts.english.sides import OPPOSITE
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
 
@@ -23,6 +25,13 @@ _ORDER = (
 _PRECEDENCE = {name: 1.0 + 0.03 * rank for rank, name in enumerate(_ORDER.split())}
 _PAIRS = {"arms": ("left_arm", "right_arm"), "legs": ("left_leg", "right_leg")}
 _GROUPS = {**_PAIRS, "torso": ("torso",), "head": ("head",)}
+
+_IDLE_ARM = re.compile(
+    r"\bbehind the back\b|\bhanging\b(?!.*\bpulled\b)|\bswinging (?:naturally|gently|little|lightly|evenly)"
+)
+_BUSY_LEG = re.compile(
+    r"limping|dragging|trailing|hopping|springing off|off the ground|stiff and straight|low kick|hanging"
+)
 
 Worth = Callable[[int, str], float]  # of an entry's sentence of a part, up to 1: how much of it a walk shows
 
@@ -183,3 +192,51 @@ def _figure_strength(element: Element, entries: tuple[LibraryEntry, ...]) -> flo
 
 def _words(sources: dict[str, int], entries: tuple[LibraryEntry, ...]) -> PartDescriptions:
     return PartDescriptions(**{part: getattr(entries[i].descriptions, part) for part, i in sources.items()})
+
+
+def entry_side(entry: LibraryEntry) -> str:
+    """The side on which an entry does what makes it so, "" where both sides do the like.
+
+    Its name says it ("limping on the left leg"), else the one leg that it defines, else the limb that is not idle.
+    """
+    spoken = {side for side in OPPOSITE if re.search(rf"\b{side}\b", entry.prompt)}
+    if not spoken and not {"left_leg", "right_leg"} <= set(entry.defines):
+        spoken = {side for side in OPPOSITE if f"{side}_leg" in entry.defines}
+    if spoken:
+        return spoken.pop() if len(spoken) == 1 else ""
+    said = entry.descriptions.to_mapping()
+    arms = busy_arms(said)
+    return lame_leg(said) or (arms[0] if len(arms) == 1 else "")
+
+
+def busy_arms(said: Mapping[str, str]) -> list[str]:
+    """The sides of the arms that do more than hang and swing."""
+    return [side for side in OPPOSITE if not _IDLE_ARM.search(said[f"{side}_arm"])]
+
+
+def lame_leg(said: Mapping[str, str]) -> str:
+    """The side of the one leg that limps, drags, hops or is stiff by the descriptions of some parts, "" for none and for both."""
+    lame = [side for side in OPPOSITE if _BUSY_LEG.search(said.get(f"{side}_leg", ""))]
+    return lame[0] if len(lame) == 1 else ""
+
+
+def lame_on(entry: LibraryEntry, side: str) -> LibraryEntry:
+    """The entry, mirrored if it is lame on the other side: a pirate who drags the left leg has no wooden right one."""
+    return on_side(entry, side) if lame_leg(entry.descriptions.to_mapping()) else entry
+
+
+def on_side(entry: LibraryEntry, side: str) -> LibraryEntry:
+    """The entry with its descriptions mirrored if it is one of the other side."""
+    own = entry_side(entry)
+    if not side or not own or own == side:
+        return entry
+    mirrored = {
+        part: text.replace("left angle", "right angle")
+        for part, text in entry.descriptions.mirrored().to_mapping().items()
+    }
+    return replace(entry, descriptions=PartDescriptions(**mirrored), defines=_mirrored(entry.defines))
+
+
+def _mirrored(parts: tuple[str, ...]) -> tuple[str, ...]:
+    swapped = {f"{OPPOSITE[p.split('_')[0]]}_{p.split('_')[1]}" if "_" in p else p for p in parts}
+    return tuple(part for part in PART_NAMES if part in swapped)

@@ -10,14 +10,19 @@ Words of relations that stand for one action (weight, injuries, loads) are rules
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from functools import partial
 
 from runtime.prompts.english.grammar import Match, grammar, replaced
+from runtime.prompts.english.words import PART_WORDS, Word, word_set
 
 OPPOSITE = {"left": "right", "right": "left"}
 _RELATIVE = ("one", "other", "opposite", "same")  # words that name a side by another
 _EACH_OTHER = re.compile(r" (?:before|in front of|after|behind|over|across) the other\b")  # both, in turn
 _OF_LEGS = re.compile(r" (?:limp|drag|stomp|stamp|kick|step|shuffl)")
+_SIDED_NOUNS = word_set(
+    "arm hand elbow shoulder wrist leg foot feet knee hip ankle side thigh heel toe collarbone"
+)
 _DEFINITE = ("the", "his", "her", "their", "its")
 _OWNERS = ("a", "his", "her", "their")  # of a hand that is the one of somebody left-handed
 
@@ -176,3 +181,23 @@ def _with_side(match: Match, owners: list[str], side: str) -> str:
         kept = [word for word in kept if word not in ("the", "a", "an")]
     words = "".join(f"{word} " for word in ([*kept, side] if side else kept))
     return "".join((match["at"] or "", words, match["adjective"] or "", match["noun"], match["plural"] or ""))
+
+
+def named_side(words: Sequence[Word]) -> str:
+    """The one side of a body that a prompt names, "" for none and for both.
+
+    It is named with a limb ("the left foot", "foot left") or as "on the left", "left side"; a direction is none.
+    """
+    named: set[str] = set()
+    for i, word in enumerate(words):
+        if word.text not in OPPOSITE:
+            continue
+        after = words[i + 1].stem if i + 1 < len(words) else ""
+        before = words[i - 1] if i else None
+        of_limb = after in _SIDED_NOUNS or (
+            before is not None and before.stem in _SIDED_NOUNS | {"on"} and after not in PART_WORDS
+        )
+        # "a wooden left leg", "the paralysed left": between them an adjective at most
+        if of_limb or (i + 2 < len(words) and words[i + 2].stem in _SIDED_NOUNS):
+            named.add(word.text)
+    return named.pop() if len(named) == 1 else ""

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 from runtime.prompts.english.grammar import Match, grammar, replaced
-from runtime.prompts.english.sides import OPPOSITE, name_sides
+from runtime.prompts.english.sides import OPPOSITE, name_sides, only_side
 from runtime.prompts.english.words import continuous
 from runtime.prompts.parts import MAX_CHARACTERS
 from runtime.skeleton import PART_NAMES
@@ -45,7 +44,7 @@ def parse_clauses(prompt: str) -> ParsedPrompt:
     rules = grammar()
     text, hand = name_sides(_plain(prompt))
     pieces = rules["separators"].split(text)
-    leg = _only(match["side"] for match in rules["sided_leg"].finditer(text)) or "right"
+    leg = only_side(match["side"] for match in rules["sided_leg"].finditer(text)) or "right"
     parts: dict[str, str] = {}
     denied: set[str] = set()  # parts of which no more is known than what they do not do
     rest: list[str] = []
@@ -86,59 +85,64 @@ def _take_back(parts: dict[str, str], found: dict[str, str]) -> None:
             del parts[(pair & found.keys()).pop()]
 
 
-def _only(sides: Iterable[str]) -> str:
-    named = set(sides)
-    return named.pop() if len(named) == 1 else ""
-
-
 def _parse_clause(clause: str, leg: str) -> tuple[dict[str, str], str]:
     """Parts that a clause describes, and what of it does not; `leg` is the one that limps where none is named."""
-    rules = grammar()
     for name in ("noun_clause", "loose_clause"):
-        noun = rules[name].match(clause)
+        noun = grammar()[name].match(clause)
         if noun and (stated := _noun_parts(noun, noun["rest"], verbatim=name == "noun_clause")):
             return stated, ""
-    parts: dict[str, str] = {}
-    verb = rules["verb_clause"].search(clause)
-    if verb:
-        before = rules["verb_at_end"].search(clause[: verb.start()])  # "dragging a stiff left leg"
-        words = (before["verb"] if before else "", verb["degree"], verb["verb"], verb["rest"])
-        stated = _noun_parts(verb, " ".join(word.strip() for word in words if word), verbatim=False)
-        if stated:
-            parts |= stated
-            clause = rules["denial_at_end"].sub("", clause[: (before or verb).start()].strip())
+    parts, clause = _verb_parts(clause)
     found: list[tuple[int, dict[str, str]]] = []
 
     def take(match: Match, rule: tuple[str, str]) -> str:
         found.append((match.start(), _phrase_parts(match, *rule, leg)))
         return ""
 
-    rest = replaced(clause, rules.phrases, take)
+    rest = replaced(clause, grammar().phrases, take)
     for _, stated in sorted(found, key=lambda one: one[0]):
         parts |= {part: _joined(parts.get(part), text) for part, text in stated.items()}
     return parts, rest.strip()
 
 
+def _verb_parts(clause: str) -> tuple[dict[str, str], str]:
+    """What a verb before a part's name says of it, and the clause up to there: "a zombie with raised arms"."""
+    rules = grammar()
+    verb = rules["verb_clause"].search(clause)
+    if not verb:
+        return {}, clause
+    before = rules["verb_at_end"].search(clause[: verb.start()])  # "dragging a stiff left leg"
+    words = (before["verb"] if before else "", verb["degree"], verb["verb"], verb["rest"])
+    stated = _noun_parts(verb, " ".join(word.strip() for word in words if word), verbatim=False)
+    if not stated:
+        return {}, clause
+    return stated, rules["denial_at_end"].sub("", clause[: (before or verb).start()].strip())
+
+
 def _noun_parts(match: Match, action: str, verbatim: bool) -> dict[str, str]:
     """Descriptions of a clause with a part's name; the clause itself where no rule knows its action."""
     rules = grammar()
-    if rules["no_clause"].search(match["rest"].strip()):
-        return {}
     noun, owners = match["noun"], match["owners"].split()
-    if match.re is rules["loose_clause"] and not set(owners) & _OF_SOMEBODY:
-        return {}  # "head teacher", "back pain"
+    impersonal = match.re is rules["loose_clause"] and not set(owners) & _OF_SOMEBODY
+    if impersonal or rules["no_clause"].search(match["rest"].strip()):
+        return {}  # "head teacher", "hand in hand"
     group = next(name for name, group in rules.groups.items() if group.nouns.fullmatch(noun))
     # "hands", "feet" and "both" mean two sides; a single limb without a side is the right one
-    plural = noun == "feet" or match.string[match.end("noun") : match.end("noun") + 1] == "s"
+    plural = noun == "feet" or match.string[match.end("noun") :].startswith("s")
     sides = _sides(owners, plural)
-    before = match.string[: match.start(2) if match.re.groups > 1 else 0].split()[-3:]
-    denial = rules["denies"].search(" ".join([*before, *owners]))
-    words = f"{noun} {action}" if rules["own_actions"].fullmatch(noun) else action
-    stated = _described(group, sides, f"{denial.group()} {words}" if denial else words)
+    stated = _described(
+        group, sides, _denial(match) + (f"{noun} " if rules["own_actions"].fullmatch(noun) else "") + action
+    )
     if stated or not verbatim or not (owners or plural):
         return stated
     template = f"{'{s} ' if group in _LIMBS else ''}{'foot' if noun == 'feet' else noun} {action}"
     return _sided(group, sides, template[: MAX_CHARACTERS - 3])
+
+
+def _denial(match: Match) -> str:
+    """The denial among the owners of a part and the three words before them: "never" of "never moving the arms"."""
+    before = match.string[: match.start(2) if match.re.groups > 1 else 0].split()[-3:]
+    denial = grammar()["denies"].search(" ".join([*before, match["owners"]]))
+    return f"{denial.group()} " if denial else ""
 
 
 def _phrase_parts(match: Match, target: str, looked_up: str, leg: str) -> dict[str, str]:

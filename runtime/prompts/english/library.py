@@ -137,7 +137,7 @@ class LibraryExpander:
     def _expand_rest(self, parsed: ParsedPrompt, words: list[Word]) -> Expansion:
         """What a prompt says beyond its clauses: by its phrases, by the nearest entries, or nothing."""
         reading = read_phrases(words, self._library.phrases)
-        entries = self._entries_on(named_side(words) or parsed.side, parsed.parts)
+        entries = self._entries_on(named_side(_text(words)) or parsed.side, parsed.parts)
         note, text = "", parsed.rest
         if reading.denied:
             note = f"Left out, as it is denied: “{_short(', '.join(reading.denied))}”."

@@ -10,19 +10,15 @@ Words of relations that stand for one action (weight, injuries, loads) are rules
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable
 from functools import partial
 
 from runtime.prompts.english.grammar import Match, grammar, replaced
-from runtime.prompts.english.words import PART_WORDS, Word, word_set
 
 OPPOSITE = {"left": "right", "right": "left"}
 _RELATIVE = ("one", "other", "opposite", "same")  # words that name a side by another
 _EACH_OTHER = re.compile(r" (?:before|in front of|after|behind|over|across) the other\b")  # both, in turn
 _OF_LEGS = re.compile(r" (?:limp|drag|stomp|stamp|kick|step|shuffl)")
-_SIDED_NOUNS = word_set(
-    "arm hand elbow shoulder wrist leg foot feet knee hip ankle side thigh heel toe collarbone"
-)
 _DEFINITE = ("the", "his", "her", "their", "its")
 _OWNERS = ("a", "his", "her", "their")  # of a hand that is the one of somebody left-handed
 
@@ -122,13 +118,16 @@ class _Limbs:
             side = self._side_meant(match, owners, is_arm)
         if "one" in owners:
             self._single[is_arm] = side or self._hand or "right"
+        self._speak_of(match, noun, side)
+        return _with_side(match, owners, side)
+
+    def _speak_of(self, match: Match, noun: str, side: str) -> None:
         # "right hand holding the left elbow": the elbow is no subject of its own
         if side and not (match["at"] and match.start() < self._subject_end):
             self._noun, self._side, self._spoken = noun, side, True
             self._subject_end = self._end_of(r"[,;.:!?]| and | while ", match.end())
         elif not match["at"] and not self._spoken:  # "both legs ..., the left one ..."
             self._noun = "foot" if noun == "feet" else noun
-        return _with_side(match, owners, side)
 
     def _side_meant(self, match: Match, owners: list[str], is_arm: bool) -> str:
         """The side of a single limb without one: by its relation to another, by its place, or "" where nothing tells it."""
@@ -140,10 +139,11 @@ class _Limbs:
             return self._side_of_one(match, is_arm)
         if match["at"]:
             return ""
-        owner = owners[-1] if owners else ""
+        owner = "".join(owners[-1:])
         if self._spoken and match["noun"] == self._noun and owner in _DEFINITE:
             return self._side  # "pain in the left knee, so the knee stays straight"
-        return self._side_of_place(match.end()) or (self._hand if is_arm and owner in _OWNERS else "")
+        hand = self._hand if is_arm and owner in _OWNERS else ""
+        return self._side_of_place(match.end()) or hand
 
     def _side_of_one(self, match: Match, is_arm: bool) -> str:
         """The side of "one arm": that of its place, else the one that the other arm of the prompt leaves."""
@@ -175,29 +175,24 @@ class _Limbs:
 
 def _with_side(match: Match, owners: list[str], side: str) -> str:
     """The words of one limb with its side, "" for none, in place of "one", "other", "same" and the like."""
-    kept = [word for word in owners if word not in (*_RELATIVE, *OPPOSITE)]
+    dropped = {*_RELATIVE, *OPPOSITE}
     single = not match["plural"] and not {"both", "two"} & set(owners)
     if side and single and set(owners) & set(_RELATIVE):
-        kept = [word for word in kept if word not in ("the", "a", "an")]
-    words = "".join(f"{word} " for word in ([*kept, side] if side else kept))
-    return "".join((match["at"] or "", words, match["adjective"] or "", match["noun"], match["plural"] or ""))
+        dropped |= {"the", "a", "an"}
+    words = [word for word in owners if word not in dropped] + [side] * bool(side)
+    before = f"{match['at'] or ''}{''.join(f'{word} ' for word in words)}{match['adjective'] or ''}"
+    return f"{before}{match['noun']}{match['plural'] or ''}"
 
 
-def named_side(words: Sequence[Word]) -> str:
-    """The one side of a body that a prompt names, "" for none and for both.
+def named_side(text: str) -> str:
+    """The one side of a body that a text without articles names, "" for none and for both.
 
-    It is named with a limb ("the left foot", "foot left") or as "on the left", "left side"; a direction is none.
+    It is named with a limb ("left foot", "foot left") or as "on left", "left side"; a direction is none.
     """
-    named: set[str] = set()
-    for i, word in enumerate(words):
-        if word.text not in OPPOSITE:
-            continue
-        after = words[i + 1].stem if i + 1 < len(words) else ""
-        before = words[i - 1] if i else None
-        of_limb = after in _SIDED_NOUNS or (
-            before is not None and before.stem in _SIDED_NOUNS | {"on"} and after not in PART_WORDS
-        )
-        # "a wooden left leg", "the paralysed left": between them an adjective at most
-        if of_limb or (i + 2 < len(words) and words[i + 2].stem in _SIDED_NOUNS):
-            named.add(word.text)
+    return only_side(one or other for one, other in grammar()["named_side"].findall(text))
+
+
+def only_side(sides: Iterable[str]) -> str:
+    """The side that all of some are, "" where there is none or both."""
+    named = set(sides)
     return named.pop() if len(named) == 1 else ""

@@ -1,6 +1,6 @@
 """An hour at the desk in a minute: the real application by mouse and keys alone, with a picture of every step.
 
-`python tests/tour.py --size 1280x720 --out DIR` writes DIR/01-start.png and so on; a step that finds no button ends it.
+`python -m tests.tour --size 1280x720 --out DIR` writes DIR/01-start.png and so on; a step that finds no button ends it.
 """
 
 from __future__ import annotations
@@ -12,11 +12,21 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from app_driver import InjectedPads, click, click_on, click_prompt_box, drawn, message, place, press, run
-from test_reference import TURNS, foreign
 
 from runtime.character.shape import BodyShape, shaped_file
 from sport.commands.arguments import size
+from tests.helpers.app_driver import (
+    InjectedPads,
+    click,
+    click_on,
+    click_prompt_box,
+    drawn,
+    message,
+    place,
+    press,
+    run,
+)
+from tests.runtime.formats.test_reference import TURNS, foreign
 from viewer.app import App
 from viewer.edit.path import on_screen
 from viewer.filming.writers import open_writer
@@ -271,16 +281,16 @@ def mirror(tour: Tour) -> None:
     tour.picture("mirrored")
 
 
-def plants(tour: Tour) -> None:
+def footplants(tour: Tour) -> None:
     """A plant longer, and another one taken away."""
     app = tour.app
-    (_, end), *_ = app.pins.plants(0)
+    (_, end), *_ = app.pins.footplants(0)
     last = len(app.editor.session.takes[0].clip) - 1
     x, y = place(app, "##foot 0", share=end / last)
     tour.drag((x - 1.0, y), (x + 14.0, y))
     tour.leave()
     tour.picture("a plant longer")
-    at = next((a + b) / 2 for a, b in app.pins.plants(1) if b - a > 20)
+    at = next((a + b) / 2 for a, b in app.pins.footplants(1) if b - a > 20)
     x, y = place(app, "##foot 1", share=at / last)
     tour.right_click_at(x, y)
     tour.picture("the menu of a plant")
@@ -447,7 +457,7 @@ def rest(tour: Tour) -> None:
 
 
 STEPS = (
-    walk, prompt, record, retime, pin, plants, keys, looks, path, mirror, compare, steady, export,
+    walk, prompt, record, retime, pin, footplants, keys, looks, path, mirror, compare, steady, export,
     looks_of_the_scene, pad, rest,
 )  # fmt: skip
 

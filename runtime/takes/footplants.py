@@ -1,0 +1,183 @@
+"""Edits of when a foot bears: a plant that lasts longer or shorter, comes at another time, is added or taken away.
+
+The path of the foot is told again in another time: what it does between two plants takes the time that is left between
+them, and the leg follows by IK.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from runtime import rotations
+from runtime.arrays import Array
+from runtime.easing import smoothstep
+from runtime.errors import UsageError
+from runtime.feet.ik import LEG_FEET, LEG_THIGHS, LEG_TOES, solve_legs
+from runtime.takes.clip import Clip
+from runtime.takes.pinned import drop_to
+
+CONTACT = 0.5  # of a heel or toe: it bears the character
+LIFT_M = 0.06  # of a foot over a plant that was taken away
+MIN_FRAMES = 2  # of a plant, and between two
+EASE_FRAMES = 8  # in which a foot comes down for a plant that was added
+MAX_FRAME = 1 << 31
+Frames = tuple[int, int]  # first, and the one after the last
+
+
+@dataclass(frozen=True)
+class FootplantEdit:
+    """A plant of foot 0 (left) or 1: `old` frames become `new`; without `old` it is added, without `new` removed."""
+
+    foot: int
+    old: Frames | None
+    new: Frames | None
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values, see `read_footplant`."""
+        return {"foot": self.foot, "old": self.old and list(self.old), "new": self.new and list(self.new)}
+
+
+def read_footplant(value: Mapping[str, Any]) -> FootplantEdit:
+    """An edit of `FootplantEdit.to_json`; KeyError, TypeError or ValueError for what is none."""
+
+    def frames(entry: Any) -> Frames | None:
+        if entry is None:
+            return None
+        first, end = entry
+        if type(first) is not int or type(end) is not int or not 0 <= first < end < MAX_FRAME:
+            raise ValueError("a plant of no frames")
+        return first, end
+
+    if value["foot"] not in (0, 1) or isinstance(value["foot"], bool):
+        raise ValueError("a plant of no foot")
+    return FootplantEdit(value["foot"], frames(value["old"]), frames(value["new"]))
+
+
+def footplants(contacts: Array) -> list[Frames]:
+    """Frames in which a heel or a toe of one foot bears: `contacts` `(T, 2)`."""
+    down = np.concatenate([[False], (np.asarray(contacts) > CONTACT).any(axis=1), [False]])
+    edges = np.flatnonzero(np.diff(down.astype(np.int8)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def fitted_footplant(clip: Clip, foot: int, old: Frames | None, start: int, end: int) -> Frames:
+    """Where a plant may go that is to last from `start` to `end`; UsageError where there is no room."""
+    others = [p for p in footplants(clip.contacts[:, 2 * foot : 2 * foot + 2]) if p != old]
+    middle = (start + end) / 2 if old is None else (old[0] + old[1]) / 2
+    low = max((b + MIN_FRAMES for a, b in others if (a + b) / 2 <= middle), default=0)
+    high = min((a - MIN_FRAMES for a, b in others if (a + b) / 2 > middle), default=len(clip))
+    inside = old is None and any(a <= middle < b for a, b in others)
+    if inside or high - low < MIN_FRAMES:
+        raise UsageError("A plant there: the foot bears already.", "Choose frames in which it swings.")
+    start = min(max(start, low), high - MIN_FRAMES)
+    end = max(min(end, high), start + MIN_FRAMES)
+    return start, end
+
+
+def replanted(clip: Clip, edits: Sequence[FootplantEdit]) -> Clip:
+    """The clip with the plants changed, one edit after the other; edits that no longer fit the clip are left out."""
+    return _each(clip, edits)[0]
+
+
+def unfitted(clip: Clip, edits: Sequence[FootplantEdit]) -> int:
+    """How many edits `replanted` leaves out: the take has other steps by now."""
+    return _each(clip, edits)[1]
+
+
+def _each(clip: Clip, edits: Sequence[FootplantEdit]) -> tuple[Clip, int]:
+    left_out = 0
+    for edit in edits:
+        known = footplants(clip.contacts[:, 2 * edit.foot : 2 * edit.foot + 2])
+        if (edit.old is None or edit.old in known) and max(edit.new or (0, 0)) <= len(clip):
+            clip = _replanted(clip, edit, known)
+        else:
+            left_out += 1
+    return clip, left_out
+
+
+def _replanted(clip: Clip, edit: FootplantEdit, known: list[Frames]) -> Clip:
+    positions, world = clip.world()
+    ankle, toe = LEG_FEET[edit.foot], LEG_TOES[edit.foot]
+    path, turns = positions[:, ankle].astype(float), world[:, ankle].astype(float)
+    bends = clip.local_rotations[:, toe].astype(float)
+    contacts = clip.contacts.copy()
+    ours = contacts[:, 2 * edit.foot : 2 * edit.foot + 2]  # a view
+    if edit.old is None and edit.new is not None:
+        path, turns = _put_down(path, turns, edit.new)
+        ours[edit.new[0] : edit.new[1]] = 1.0
+    elif edit.new is None and edit.old is not None:
+        first, end = edit.old
+        rise = np.sin(np.linspace(0.0, np.pi, end - first)) ** 2
+        path[first:end, 1] += LIFT_M * rise
+        ours[first:end] = 0.0
+    elif edit.old is not None and edit.new is not None:
+        before = max((b for a, b in known if b <= edit.old[0]), default=0)
+        after = min((a for a, b in known if a >= edit.old[1]), default=len(clip))
+        at = _retimed(len(clip), before, edit.old, edit.new, after)
+        path, turns, bends = _sampled(path, at), _turned(turns, at), _turned(bends, at)
+        ours[:] = ours[np.clip(np.round(at).astype(int), 0, len(clip) - 1)]
+        ours[before : edit.new[0]], ours[edit.new[1] : after] = 0.0, 0.0
+        still = ours[edit.new[0] : edit.new[1]]
+        still[:] = np.where((still > CONTACT).any(axis=1, keepdims=True), still, 1.0)
+    targets, feet = positions[:, LEG_FEET].astype(float), world[:, LEG_FEET].astype(float)
+    changed = np.any(np.abs(path - targets[:, edit.foot]) > 1e-6, axis=1) | np.any(
+        contacts != clip.contacts, axis=1
+    )
+    targets[:, edit.foot], feet[:, edit.foot] = path, turns
+    drop = np.where(changed, drop_to(positions[:, LEG_THIGHS[edit.foot]], path), 0.0)
+    drop -= np.where(changed, drop_to(positions[:, LEG_THIGHS[edit.foot]], positions[:, ankle]), 0.0)
+    drop = _smoothed(np.maximum(drop, 0.0))
+    changed |= drop > 1e-5
+    hips = clip.hips_positions - (drop * changed)[:, None] * np.array([0.0, 1.0, 0.0])
+    local = solve_legs(hips, clip.local_rotations.astype(float), targets, feet)
+    made = clip.local_rotations.copy()
+    made[changed], made[changed, toe] = local[changed], bends[changed]
+    return replace(clip, hips_positions=hips.astype(np.float32), local_rotations=made, contacts=contacts)
+
+
+def _smoothed(drop: Array) -> Array:
+    """How far the hips sink, begun some frames before and ended after: nowhere less than `drop`."""
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(drop, EASE_FRAMES), 2 * EASE_FRAMES + 1)
+    most = np.pad(around.max(axis=1), EASE_FRAMES, mode="edge")
+    window = np.hanning(2 * EASE_FRAMES + 3)[1:-1]
+    return np.asarray(np.convolve(most, window / window.sum(), mode="valid"))
+
+
+def _put_down(path: Array, turns: Array, new: Frames) -> tuple[Array, Array]:
+    """The foot stands where it is in the middle of the new plant, as high as its lowest frames there are."""
+    first, end = new
+    middle = (first + end) // 2
+    around = slice(max(first - EASE_FRAMES, 0), min(end + EASE_FRAMES, len(path)))
+    place = path[middle].copy()
+    place[1] = path[around, 1].min()
+    flat = rotations.from_yaw(rotations.yaw_of(turns[middle]))
+    frames = np.arange(len(path))
+    away = np.maximum(np.maximum(first - frames, frames - (end - 1)), 0) / EASE_FRAMES
+    weight = smoothstep(1.0 - away)
+    path = path + weight[:, None] * (place - path)
+    return path, rotations.slerp(turns, np.broadcast_to(flat, turns.shape), weight)
+
+
+def _retimed(count: int, before: int, old: Frames, new: Frames, after: int) -> Array:
+    """The old time (frames) that each frame shows `(count,)`."""
+    # the last frame of the swing stays apart from the first one of the plant
+    now = [before, new[0], new[1] - 1, after]
+    then = [before, old[0], old[1] - 1, after]
+    at = np.arange(count, dtype=float)
+    part = slice(before, min(after + 1, count))
+    at[part] = np.interp(at[part], now, then) if new[0] > before else np.interp(at[part], now[1:], then[1:])
+    return at
+
+
+def _sampled(path: Array, at: Array) -> Array:
+    return np.stack([np.interp(at, np.arange(len(path)), path[:, k]) for k in range(3)], axis=1)
+
+
+def _turned(turns: Array, at: Array) -> Array:
+    low = np.clip(np.floor(at).astype(int), 0, len(turns) - 1)
+    high = np.minimum(low + 1, len(turns) - 1)
+    return rotations.slerp(turns[low], turns[high], at - low)

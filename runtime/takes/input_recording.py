@@ -1,0 +1,489 @@
+"""The input that made a take: the stick of every frame and what changed, from which its frames can be made again.
+
+A take is resimulated by the recorded stick after an edit (`input_edits`): what lies before the edit stays as it is, bit
+by bit, and so does what follows when nothing was changed. Keyframes hold the controller's state every few seconds, so that
+no take has to be made again from its start.
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import count
+from typing import Any, Protocol, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.arrays import Array
+from runtime.controls import MAX_STICK, Controls, Gait
+from runtime.errors import FileError
+from runtime.motion.features import FPS
+from runtime.motion.snapshot import Snapshot, take_snapshot
+from runtime.motion.style_mix import StyleMix
+from runtime.pose import Pose
+from runtime.takes.clip import Clip, are_poses, shift_prompts
+from runtime.takes.metadata import PromptEvent, gait_seconds
+from runtime.takes.recorder import LIVE_SECONDS
+from runtime.terrain.height_map import Terrain
+
+KEYFRAME_STEPS = 300  # between two keyframes: 5 s are made again in about half a second
+
+COLUMNS = 8  # of a frame: stick x and z, facing x and z (NaN without), gait, temperature, strength, response
+LARGEST_SETTING = 10.0
+_NOWHERE = (math.nan, math.nan)
+
+
+@dataclass(frozen=True)
+class InputFrame:
+    """What one simulated step was asked for, and the settings that may change while it runs."""
+
+    controls: Controls
+    temperature: float
+    strength: float
+    response: float = 0.0
+
+    @property
+    def row(self) -> tuple[float, ...]:
+        """The frame as `COLUMNS` numbers."""
+        asked = self.controls
+        facing = asked.facing or _NOWHERE
+        return (*asked.move, *facing, int(asked.gait), self.temperature, self.strength, self.response)
+
+
+class InputFrames(Sequence[InputFrame]):
+    """The frames of a take; they do not change, and a part of them shares their memory."""
+
+    def __init__(self, rows: NDArray[np.float64]) -> None:
+        """Rows `(T, COLUMNS)` as `InputFrame.row` has them; they must not be changed later."""
+        self.rows = rows.view()
+        self.rows.flags.writeable = False
+
+    @staticmethod
+    def of(frames: Iterable[InputFrame]) -> InputFrames:
+        """Frames one by one."""
+        return InputFrames(np.array([frame.row for frame in frames], np.float64).reshape(-1, COLUMNS))
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @overload
+    def __getitem__(self, at: int) -> InputFrame: ...
+    @overload
+    def __getitem__(self, at: slice) -> InputFrames: ...
+    def __getitem__(self, at: int | slice) -> InputFrame | InputFrames:
+        if isinstance(at, slice):
+            return InputFrames(self.rows[at])
+        x, z, facing_x, facing_z, gait, *settings = self.rows[at].tolist()
+        facing = None if math.isnan(facing_x) else (facing_x, facing_z)
+        return InputFrame(Controls((x, z), facing, Gait(int(gait))), *settings)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, InputFrames) and np.array_equal(self.rows, other.rows, equal_nan=True)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __add__(self, later: InputFrames) -> InputFrames:
+        """These frames and then others."""
+        return InputFrames(np.concatenate([self.rows, later.rows]))
+
+    def gaits(self) -> NDArray[np.int8]:
+        """What each frame asked for `(T,)`, as `metadata.gait_of` counts gaits."""
+        asked = self.rows[:, 4].astype(np.int8)
+        moves = (self.rows[:, :2] != 0.0).any(axis=1)
+        return np.where(moves | (asked == Gait.JUMP), asked, np.int8(Gait.STAND))
+
+
+def are_asked(rows: NDArray[np.float64]) -> bool:
+    """Whether rows `(T, COLUMNS)` of a file are what a step can be asked for."""
+    move, facing, gait, settings = rows[:, :2], rows[:, 2:4], rows[:, 4], rows[:, 5:]
+    turned = (np.abs(facing) <= MAX_STICK).all(axis=1) | np.isnan(facing).all(axis=1)
+    return bool(
+        (np.abs(move) <= MAX_STICK).all()  # nor NaN
+        and turned.all()
+        and np.isin(gait, [float(each) for each in Gait]).all()
+        and (np.abs(settings) <= LARGEST_SETTING).all()
+    )
+
+
+class KeptFrames:
+    """The newest frames while they are made."""
+
+    def __init__(self) -> None:
+        self._numbers = array("d")
+
+    def __len__(self) -> int:
+        return len(self._numbers) // COLUMNS
+
+    def add(self, frame: InputFrame) -> None:
+        """One frame more."""
+        self._numbers.extend(frame.row)
+
+    def drop(self, count: int) -> None:
+        """Forget the oldest frames."""
+        del self._numbers[: count * COLUMNS]
+
+    def since(self, first: int) -> InputFrames:
+        """The frames from one on, counted from the oldest that is kept."""
+        return InputFrames(np.array(self._numbers[first * COLUMNS :]).reshape(-1, COLUMNS))
+
+
+class Steppable(Protocol):
+    """What is driven: `runtime.motion.controller.Controller`, or a stand-in whose state a snapshot takes."""
+
+    temperature: float
+    strength: float
+    response: float
+
+    def step(self, controls: Controls) -> Pose:
+        """Simulate 1/60 s."""
+
+    def set_style(self, z: Any, transition_seconds: float) -> None:
+        """Blend to the style code `(6, 64)`, or to a mix of codes."""
+
+    def set_terrain(self, terrain: Terrain) -> None:
+        """Walk on another ground."""
+
+    def reset(self, x: float, z: float, yaw: float) -> Any:
+        """Stand at a place."""
+
+
+@dataclass(frozen=True, eq=False)
+class StyleChange:
+    """From `frame` on the character blends to `z` `(6, 64)`, or to a mix, within `seconds`.
+
+    `event` says by which words; `note` is whatever the recording program keeps with them.
+    """
+
+    frame: int
+    z: Array | StyleMix
+    seconds: float
+    event: PromptEvent
+    note: Any = None
+
+    def apply(self, controller: Steppable) -> None:
+        """Hand the style over."""
+        controller.set_style(self.z, self.seconds)
+
+
+@dataclass(frozen=True, eq=False)
+class GroundChange:
+    """From `frame` on the character walks on another ground."""
+
+    frame: int
+    name: str  # or the path of its file
+    terrain: Terrain
+
+    def apply(self, controller: Steppable) -> None:
+        """Put the ground under the character."""
+        controller.set_terrain(self.terrain)
+
+
+@dataclass(frozen=True, eq=False)
+class Restart:
+    """Before `frame` the character was put to a place (metres, radians) and stood for a step that no take holds."""
+
+    frame: int
+    x: float
+    z: float
+    yaw: float
+
+    def apply(self, controller: Steppable) -> None:
+        """Put the character there."""
+        controller.reset(self.x, self.z, self.yaw)
+        controller.step(Controls())
+
+
+Change = StyleChange | GroundChange | Restart
+
+
+@dataclass(frozen=True, eq=False)
+class Keyframe:
+    """The controller's state right before the step of `frame`, after the changes of that frame."""
+
+    frame: int
+    snapshot: Snapshot
+
+
+@dataclass(frozen=True, eq=False)
+class InputRecording:
+    """Frames count from the clip's first one; what led to it has negative numbers.
+
+    `frames` begin with that of the first keyframe, at or before the clip's first one, and end with the clip's last.
+    """
+
+    frames: InputFrames
+    changes: tuple[Change, ...]  # in the order in which they happened
+    keyframes: tuple[Keyframe, ...]
+
+    @property
+    def start(self) -> int:
+        """The number of the first frame, 0 or less."""
+        return self.keyframes[0].frame
+
+    def __len__(self) -> int:
+        """Frames of the clip."""
+        return len(self.frames) + self.start
+
+    def frame(self, number: int) -> InputFrame:
+        """What frame `number` was asked for."""
+        return self.frames[number - self.start]
+
+    def ground(self, number: int) -> GroundChange | None:
+        """The ground of a frame; None where it is the controller's own."""
+        found = [c for c in self.changes if isinstance(c, GroundChange) and c.frame <= number]
+        return found[-1] if found else None
+
+    def gaits(self) -> NDArray[np.int8]:
+        """What was asked for in each frame of the clip `(T,)`, as `gait_of` counts gaits."""
+        return self.frames[-self.start :].gaits()
+
+    def prompts(self) -> tuple[PromptEvent, ...]:
+        """The clip's prompts with their times; of live changes in quick succession the last, at the time of the first."""
+        kept: list[tuple[int, PromptEvent]] = []
+        for change in self.changes:
+            if not isinstance(change, StyleChange):
+                continue
+            at = change.frame
+            if kept and follows_live(kept[-1], change):
+                at = kept.pop()[0]
+            kept.append((at, replace(change.event, seconds=at / FPS, transition_seconds=change.seconds)))
+        return shift_prompts(tuple(event for _, event in kept), 0.0, len(self) / FPS)
+
+
+def follows_live(before: tuple[int, PromptEvent], change: StyleChange) -> bool:
+    """Whether a style change continues a slider's movement that began with the event `before` at its frame."""
+    frame, event = before
+    live = 0.0 < event.transition_seconds <= LIVE_SECONDS and 0.0 < change.seconds <= LIVE_SECONDS
+    return live and change.frame - frame < round(LIVE_SECONDS * FPS)
+
+
+def resimulate(
+    inputs: InputRecording,
+    controller: Steppable,
+    first_frame: int,
+    last_frame: int | None = None,
+    progress: Callable[[float], None] = lambda _: None,
+) -> tuple[list[Pose], tuple[Keyframe, ...]]:
+    """Poses of the frames `first_frame` to `last_frame` (the end by default), and its keyframes with new ones.
+
+    Nothing of `inputs` may have been changed before `first_frame`. `controller` has the model of the take and is left
+    after the last frame. `progress` hears the share that is done. About 1 ms a frame, and up to `KEYFRAME_STEPS` frames before the first.
+    """
+    end = len(inputs) if last_frame is None else last_frame + 1
+    key = keyframe_for(inputs, first_frame).frame
+
+    def recorded(number: int, _: Pose | None) -> Controls | None:
+        progress((number - key) / max(end - key, 1))
+        return inputs.frame(number).controls if number < end else None
+
+    return started(inputs, controller, first_frame, recorded)
+
+
+def started(
+    inputs: InputRecording,
+    controller: Steppable,
+    first_frame: int,
+    stick: Callable[[int, Pose | None], Controls | None],
+) -> tuple[list[Pose], tuple[Keyframe, ...]]:
+    """Poses from `first_frame` on under a `stick`, until that gives None, and the keyframes.
+
+    `stick` gets the number of each frame and the pose before it, if that is of `first_frame` or later; before, the recorded
+    stick leads to `first_frame`. Settings and changes are those of the inputs, whose last settings hold on.
+    """
+    key = keyframe_for(inputs, first_frame)
+    ground = inputs.ground(key.frame)
+    if ground is not None:
+        controller.set_terrain(ground.terrain)
+    key.snapshot.restore(controller)  # type: ignore[arg-type]
+    keyframes = [k for k in inputs.keyframes if k.frame < first_frame]
+    later: dict[int, list[Change]] = {}
+    for change in inputs.changes:
+        # a keyframe holds the changes of its own frame, unless one of them is what was edited
+        again = key.frame == first_frame == change.frame and isinstance(change, StyleChange)
+        if change.frame > key.frame or again:
+            later.setdefault(change.frame, []).append(change)
+    poses: list[Pose] = []
+    for number in count(key.frame):
+        frame = inputs.frame(min(number, len(inputs) - 1))
+        controls = frame.controls if number < first_frame else stick(number, poses[-1] if poses else None)
+        if controls is None:
+            break
+        for change in later.get(number, ()):
+            change.apply(controller)
+        if number >= first_frame and (not keyframes or number - keyframes[-1].frame >= KEYFRAME_STEPS):
+            keyframes.append(Keyframe(number, take_snapshot(controller)))  # type: ignore[arg-type]
+        pose = _step(controller, replace(frame, controls=controls))
+        if number >= first_frame:
+            poses.append(pose)
+    return poses, tuple(keyframes)
+
+
+def keyframe_for(inputs: InputRecording, frame: int) -> Keyframe:
+    """The last keyframe before a frame, or the first one of all."""
+    before = [k for k in inputs.keyframes if k.frame < frame]
+    return before[-1] if before else inputs.keyframes[0]
+
+
+def _step(controller: Steppable, frame: InputFrame) -> Pose:
+    if controller.temperature != frame.temperature:
+        controller.temperature = frame.temperature
+    if controller.response != frame.response:
+        controller.response = frame.response
+    if controller.strength != frame.strength:  # setting it folds the style anew
+        controller.strength = frame.strength
+    return controller.step(frame.controls)
+
+
+def resimulated_take(
+    clip: Clip,
+    inputs: InputRecording,
+    controller: Steppable,
+    first_frame: int,
+    progress: Callable[[float], None] = lambda _: None,
+) -> tuple[Clip, InputRecording]:
+    """The take of edited inputs: frames before `first_frame` from `clip`, the rest by the recorded stick."""
+    poses, keyframes = resimulate(inputs, controller, first_frame, progress=progress)
+    made = replace(inputs, keyframes=keyframes)
+    return with_poses(clip, made, poses, first_frame), made
+
+
+def with_poses(clip: Clip, inputs: InputRecording, poses: Sequence[Pose], first_frame: int) -> Clip:
+    """The clip with other poses from `first_frame` on, and the prompts and gaits of the inputs that made them; FileError."""
+    _check_poses(poses)
+    gaits = inputs.gaits()
+    return replace(
+        clip,
+        hips_positions=_joined(clip.hips_positions, first_frame, [p.hips_position for p in poses]),
+        local_rotations=_joined(clip.local_rotations, first_frame, [p.local_rotations for p in poses]),
+        contacts=_joined(clip.contacts, first_frame, [p.contacts for p in poses]),
+        prompts=inputs.prompts(),
+        gaits=gaits,
+        gait_seconds=tuple(gait_seconds(gaits, clip.fps).items()),
+    )
+
+
+def _check_poses(poses: Sequence[Pose]) -> None:
+    """FileError unless every pose can be shown: a damaged state of a controller may lead anywhere."""
+    if not poses:
+        return
+    hips, rotations, contacts = (
+        np.stack([getattr(pose, name) for pose in poses])
+        for name in ("hips_position", "local_rotations", "contacts")
+    )
+    if not are_poses(hips, rotations, contacts):
+        raise FileError(
+            "The take cannot be resimulated: what it was driven by leads to poses that are none.",
+            "Edit it at another place, or record it again.",
+        )
+
+
+def _joined(old: Array, first: int, new: Sequence[Array]) -> Array:
+    return np.concatenate([old[:first], np.stack(new).astype(np.float32)]) if new else old.copy()
+
+
+class InputRecorder:
+    """Beside a `ClipRecorder`, whose frame numbers it shares: keeps what the kept frames were driven by.
+
+    Per frame call `before_steps`, step, then `add` for each step; the marks in between, as things happen.
+    """
+
+    def __init__(self) -> None:
+        self._first = 0  # number of the oldest frame kept
+        self._frames = KeptFrames()
+        self._changes: list[Change] = []
+        self._keyframes: deque[Keyframe] = deque()
+
+    @property
+    def next_frame(self) -> int:
+        """Number of the frame that comes next, counted since the program's start."""
+        return self._first + len(self._frames)
+
+    def before_steps(self, controller: Steppable) -> None:
+        """Keep the state of `controller` when it is time."""
+        number = self.next_frame
+        if not self._keyframes or number - self._keyframes[-1].frame >= KEYFRAME_STEPS:
+            self._keyframes.append(Keyframe(number, take_snapshot(controller)))  # type: ignore[arg-type]
+
+    def add(self, controls: Controls, controller: Steppable) -> None:
+        """Remember what one simulated step of `controller` was asked for."""
+        frame = InputFrame(controls, controller.temperature, controller.strength, controller.response)
+        self._frames.add(frame)
+
+    def mark_style(
+        self,
+        z: Array | StyleMix,
+        seconds: float,
+        prompt: str,
+        words: str,
+        note: Any = None,
+        holds: bool = False,
+        typed: str = "",
+    ) -> None:
+        """A style came into force, see `StyleChange`; or it `holds` already in the controller's state."""
+        event, frame = PromptEvent(0.0, prompt, seconds, words, typed), self.next_frame - holds
+        if holds:
+            self._changes = [c for c in self._changes if not isinstance(c, StyleChange)]
+        kept = z if isinstance(z, StyleMix) else np.array(z, np.float32)
+        self._changes.append(StyleChange(frame, kept, seconds, event, note))
+
+    def mark_ground(self, name: str, terrain: Terrain) -> None:
+        """Another ground came under the character."""
+        self._changes.append(GroundChange(self.next_frame, name, terrain))
+
+    def mark_restart(self, x: float, z: float, yaw: float) -> None:
+        """The character was put to a place, see `Restart`."""
+        self._changes.append(Restart(self.next_frame, x, z, yaw))
+
+    def forget(self) -> None:
+        """Something happened that cannot be made again: takes that began before it cannot be resimulated."""
+        self._first = self.next_frame
+        self._frames = KeptFrames()
+        self._keyframes.clear()
+        self._changes = self._still_holding(self._first)
+
+    def drop_before(self, frame: int) -> None:
+        """Frames before this number are no longer needed."""
+        popped = False
+        while len(self._keyframes) > 1 and self._keyframes[1].frame <= frame:
+            self._keyframes.popleft()
+            popped = True
+        if popped:
+            first = self._keyframes[0].frame
+            self._frames.drop(first - self._first)
+            self._first = first
+            self._changes = self._still_holding(first) + [c for c in self._changes if c.frame > first]
+
+    def _still_holding(self, frame: int) -> list[Change]:
+        """The last style and ground up to a frame."""
+        last = {type(c): c for c in self._changes if c.frame <= frame and not isinstance(c, Restart)}
+        return list(last.values())
+
+    @property
+    def known(self) -> tuple[Keyframe | None, Change | None]:
+        """The last keyframe and change: others than before when something happened but sticks."""
+        key = self._keyframes[-1] if self._keyframes else None
+        return key, self._changes[-1] if self._changes else None
+
+    def sticks(self, first_frame: int) -> NDArray[np.float64] | None:
+        """Sticks and settings `(T, 8)` from `first_frame` to the newest; None where they are not known."""
+        return None if first_frame < self._first else self._frames.since(first_frame - self._first).rows
+
+    def cut(self, first_frame: int) -> InputRecording | None:
+        """The inputs of a clip from `first_frame` to the newest frame; None when its state there is not known."""
+        keys = [k for k in self._keyframes if k.frame <= first_frame]
+        if not keys or first_frame >= self.next_frame:
+            return None
+        start = keys[-1].frame
+        return InputRecording(
+            self._frames.since(start - self._first),
+            tuple(replace(c, frame=c.frame - first_frame) for c in self._changes),
+            tuple(
+                replace(k, frame=k.frame - first_frame)
+                for k in self._keyframes
+                if k.frame == start or k.frame > first_frame
+            ),
+        )

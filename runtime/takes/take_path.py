@@ -1,0 +1,121 @@
+"""The way of a take as points with speeds, and the take resimulated along a changed one.
+
+A take was driven by a stick; along another way the stick follows from where the character comes to, so that the network
+walks it as it would live. Prompts stay at their frames; the take ends where the way does.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from math import hypot
+
+import numpy as np
+
+from runtime.arrays import Array
+from runtime.controls import Controls, Gait
+from runtime.errors import UsageError
+from runtime.motion.paths import PlanarPose
+from runtime.motion.point_path import PointPath, Waypoint
+from runtime.pose import FPS, Pose
+from runtime.takes.clip import Clip
+from runtime.takes.input_recording import InputFrames, InputRecording, Steppable, started, with_poses
+from runtime.takes.metadata import gait_of
+
+APART_M = 1.5  # between two points of a straight way
+BEND_M = 0.12  # that the way may lie beside the line between two points
+SLOWEST = 0.1  # of the full stick
+STANDS_S = 0.75  # after the end of the way
+MAX_SECONDS = 600.0
+MOVED_M = 0.05  # less is standing
+
+
+def path_of(clip: Clip, inputs: InputRecording, first: int = 0) -> tuple[Waypoint, ...]:
+    """The way of a clip from a frame on as few points, each with the speed and gait of the leg that leads to it.
+
+    UsageError where it goes nowhere.
+    """
+    path = np.asarray(clip.hips_positions, float)[first:, [0, 2]]
+    corners = _corners(path)
+    points = []
+    for a, b in itertools.pairwise(corners):
+        frames = [inputs.frame(first + i).controls for i in range(a, b + 1)]
+        moving = [c for c in frames if gait_of(c) != Gait.STAND] or frames
+        stick = float(np.median([hypot(*c.move) for c in moving]))
+        gaits = [c.gait for c in moving if c.gait is not Gait.JUMP] or [Gait.WALK]
+        gait = max(set(gaits), key=gaits.count)
+        points.append(Waypoint(float(path[b, 0]), float(path[b, 1]), min(max(stick, SLOWEST), 1.0), gait))
+    if not points:
+        raise UsageError("The way of this take: it stands.", "Choose a take that goes somewhere.")
+    return tuple(points)
+
+
+def resimulated_along(
+    clip: Clip,
+    inputs: InputRecording,
+    controller: Steppable,
+    points: Sequence[Waypoint],
+    first: int = 0,
+    progress: Callable[[float], None] = lambda _: None,
+) -> tuple[Clip, InputRecording]:
+    """The take along other points from frame `first` on; before, it is bit by bit as it was. It may be longer or shorter."""
+    place = _place(clip.pose(max(first - 1, 0)))
+    walk = PointPath(tuple(points)).walk_from(place)
+    pose = clip.pose(max(first - 1, 0))
+    asked: list[Controls] = []
+    rest = 0
+
+    def stick(number: int, shown: Pose | None) -> Controls | None:
+        nonlocal rest, pose
+        pose = shown or pose
+        if walk.ended:
+            rest += 1
+        if rest > STANDS_S * FPS or number - first > MAX_SECONDS * FPS:
+            return None
+        asked.append(walk((number - first) / FPS, _place(pose)))
+        progress(min(walk.progress / max(float(walk.ends[-1]), 1e-6), 0.99))
+        return asked[-1]
+
+    poses, keyframes = started(inputs, controller, first, stick)
+    settings = [inputs.frame(min(first + i, len(inputs) - 1)) for i in range(len(asked))]
+    made = (replace(frame, controls=stick) for stick, frame in zip(asked, settings, strict=True))
+    frames = inputs.frames[: first - inputs.start] + InputFrames.of(made)
+    changes = tuple(change for change in inputs.changes if change.frame < len(frames) + inputs.start)
+    again = replace(inputs, frames=frames, changes=changes, keyframes=keyframes)
+    return with_poses(clip, again, poses, first), again
+
+
+def _place(pose: Pose) -> PlanarPose:
+    return PlanarPose(float(pose.root_position[0]), float(pose.root_position[2]), pose.root_yaw)
+
+
+def _corners(path: Array) -> list[int]:
+    """Frames of the points: where the way bends (Ramer 1972, Douglas and Peucker 1973), and on long straight stretches."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    if along[-1] < MOVED_M:
+        return [0]
+    kept = _bends(path, 0, len(path) - 1)
+    corners = [0]
+    for a, b in itertools.pairwise(kept):
+        parts = max(round((along[b] - along[a]) / APART_M), 1)
+        inner = np.searchsorted(along, np.linspace(along[a], along[b], parts + 1)[1:-1])
+        corners += [int(i) for i in inner if i > corners[-1]]
+        if b > corners[-1]:
+            corners.append(b)
+    return corners
+
+
+def _bends(path: Array, a: int, b: int) -> list[int]:
+    if b - a < 2:
+        return [a, b]
+    line = path[b] - path[a]
+    offset = path[a + 1 : b] - path[a]
+    length = max(float(np.hypot(*line)), 1e-9)
+    share = np.clip(offset @ line / length**2, 0.0, 1.0)
+    away = np.hypot(*(offset - share[:, None] * line).T)
+    worst = int(np.argmax(away))
+    if away[worst] < BEND_M:
+        return [a, b]
+    middle = a + 1 + worst
+    return [*_bends(path, a, middle)[:-1], *_bends(path, middle, b)]

@@ -1,0 +1,194 @@
+"""Snapshots of a controller: what follows from one is the same, bit by bit, from memory and from bytes."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from runtime.controls import Controls, Gait
+from runtime.errors import FileError
+from runtime.motion.controller import Controller
+from runtime.motion.model import MotionModel
+from runtime.motion.snapshot import Snapshot, take_snapshot
+from runtime.pose import Pose
+from runtime.terrain.library import make_terrain
+from tests.helpers.shipped import shipped_model
+
+
+@pytest.fixture(scope="module")
+def model() -> MotionModel:
+    return shipped_model()
+
+
+def controls(frame: int) -> Controls:
+    gait = Gait.JUMP if frame == 130 else Gait.JOG if frame % 100 > 60 else Gait.WALK
+    return Controls((float(np.sin(frame / 40)), float(np.cos(frame / 40))), None, gait)
+
+
+def play(controller: Controller, first: int, last: int) -> list[Pose]:
+    return [controller.step(controls(frame)) for frame in range(first, last)]
+
+
+def same(one: list[Pose], two: list[Pose]) -> bool:
+    return all(
+        np.array_equal(a.local_rotations, b.local_rotations)
+        and np.array_equal(a.hips_position, b.hips_position)
+        and np.array_equal(a.contacts, b.contacts)
+        for a, b in zip(one, two, strict=True)
+    )
+
+
+@pytest.fixture(scope="module")
+def middle(model: MotionModel) -> tuple[Controller, Snapshot]:
+    """A controller in the middle of a blend on hills, and a snapshot of that moment."""
+    controller = Controller(model, make_terrain("hills"), seed=3)
+    style = np.random.default_rng(0).normal(size=(6, 64)).astype(np.float32) * 0.5
+    play(controller, 0, 80)
+    controller.set_style(style, 1.0)
+    play(controller, 80, 110)
+    return controller, take_snapshot(controller)
+
+
+@pytest.fixture
+def walked(middle: tuple[Controller, Snapshot]) -> Controller:
+    """That controller at that moment again."""
+    controller, snapshot = middle
+    snapshot.restore(controller)
+    return controller
+
+
+def test_what_follows_is_the_same_again(walked: Controller) -> None:
+    snapshot = take_snapshot(walked)
+    once = play(walked, 110, 170)
+    snapshot.restore(walked)
+    assert same(play(walked, 110, 170), once)
+
+
+def test_the_same_in_another_controller_from_bytes(walked: Controller, model: MotionModel) -> None:
+    data = take_snapshot(walked).to_bytes()
+    once = play(walked, 110, 170)
+    other = Controller(model, make_terrain("hills"), seed=8)
+    play(other, 0, 25)
+    Snapshot.from_bytes(data).restore(other)
+    assert same(play(other, 110, 170), once)
+
+
+def test_a_snapshot_holds_what_changes_and_not_what_follows_later(walked: Controller) -> None:
+    snapshot = take_snapshot(walked)
+    before = snapshot.to_bytes()
+    play(walked, 110, 120)
+    assert snapshot.to_bytes() == before
+    assert take_snapshot(walked).to_bytes() != before
+
+
+@pytest.mark.parametrize("damage", [b"", b"PK\x03\x04", b"x" * 100])
+def test_other_bytes_are_refused(damage: bytes) -> None:
+    with pytest.raises(FileError, match=r"take\.state: not the state"):
+        Snapshot.from_bytes(damage, "take.state")
+
+
+def written(snapshot: Snapshot, change: Callable[[dict[str, Any], dict[str, np.ndarray]], None]) -> bytes:
+    """The bytes of a snapshot whose JSON and arrays were changed."""
+    with np.load(io.BytesIO(snapshot.to_bytes())) as file:
+        arrays = dict(file)
+    tree = json.loads(arrays.pop("head").tobytes())
+    change(tree["state"], arrays)
+    buffer = io.BytesIO()
+    np.savez(buffer, head=np.frombuffer(json.dumps(tree).encode(), np.uint8), **arrays)  # type: ignore[arg-type]
+    return buffer.getvalue()
+
+
+def test_a_state_from_before_momentum_is_read(walked: Controller) -> None:
+    with np.load(io.BytesIO(take_snapshot(walked).to_bytes())) as file:
+        arrays = dict(file)
+    tree = json.loads(arrays.pop("head").tobytes())
+    tree["version"] = 3
+    tree["state"]["jump_left"] = tree["state"].pop("jumps") and tree["state"]["ground"]
+    del (
+        tree["state"]["calm"],
+        tree["state"]["wished_speed"],
+        tree["state"]["smooth_request"],
+        tree["state"]["trajectory"]["wish"],
+        tree["state"]["crossings"][0]["sight"],
+        tree["state"]["crossings"][0]["sight_velocity"],
+    )
+    buffer = io.BytesIO()
+    np.savez(buffer, head=np.frombuffer(json.dumps(tree).encode(), np.uint8), **arrays)  # type: ignore[arg-type]
+    state = Snapshot.from_bytes(buffer.getvalue()).state
+    assert np.array_equal(state.trajectory.wish, walked.state.trajectory.velocity)
+    assert np.array_equal(state.wished_speed, walked.state.requested_speed)
+    assert state.calm.local[0, 5] == pytest.approx(walked.state.poses.local[0, 5])
+    assert state.crossings[0].sight == (0.0 if state.crossings[0].kind else 1.0)
+
+
+def another_shape(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    arrays[f"a{state['joints']}"] = np.zeros((1, 30, 3))
+
+
+def not_finite(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    arrays[f"a{state['trajectory']['xz']}"][0, 60] = np.nan
+
+
+def far_away(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    arrays[f"a{state['trajectory']['xz']}"][:] = 4e11
+
+
+def another_name(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    state["wings"] = 2
+
+
+def no_such_hold(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    state["feet"][0]["feet"][1]["anchor"] = "elbow"
+
+
+def text_for_a_number(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    state["feet"][0]["hips"]["offset"] = "high"
+
+
+def no_obstacle(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    state["crossings"][0]["kind"] = "climb"
+
+
+def two_characters(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    state["feet"] *= 2
+
+
+@pytest.mark.parametrize(
+    ("damage", "says"),
+    [
+        (another_shape, r"\.joints: shape \(1, 30, 3\), expected \(1, 31, 3\)"),
+        (not_finite, r"\.trajectory\.xz: numbers that no character reaches"),
+        (far_away, r"\.trajectory\.xz: numbers that no character reaches"),
+        (another_name, "not the fields of a CharacterState"),
+        (no_such_hold, r"\.feet\[0\]\.feet\[1\]\.anchor: expected one of '', 'heel', 'toe'"),
+        (text_for_a_number, r"\.feet\[0\]\.hips\.offset: expected a number"),
+        (no_obstacle, "not the state"),
+        (two_characters, "not the state"),
+    ],
+)
+def test_a_damaged_state_is_refused_by_name(walked: Controller, damage: Any, says: str) -> None:
+    with pytest.raises(FileError, match=says):
+        Snapshot.from_bytes(written(take_snapshot(walked), damage), "take.state")
+
+
+def test_a_blend_that_began_within_another_goes_on_alike(walked: Controller, model: MotionModel) -> None:
+    walked.set_style(model.neutral, 0.6)
+    play(walked, 110, 120)
+    data = take_snapshot(walked).to_bytes()
+    once = play(walked, 120, 150)
+    other = Controller(model, make_terrain("hills"))
+    Snapshot.from_bytes(data).restore(other)
+    assert same(play(other, 120, 150), once)
+
+
+def test_a_share_of_the_ground_that_no_eye_sees_is_refused(walked: Controller) -> None:
+    def out_of_sight(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+        state["crossings"][0]["sight"] = 3.0
+
+    with pytest.raises(FileError, match="not the state"):
+        Snapshot.from_bytes(written(take_snapshot(walked), out_of_sight))

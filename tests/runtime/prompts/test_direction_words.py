@@ -1,0 +1,90 @@
+"""Direction words beside sentence embeddings: what they see, and the networks with and without them."""
+
+import numpy as np
+import pytest
+
+from runtime.prompts.content import PromptEncoder
+from runtime.prompts.sentence_inputs import GROUPS, PRESENT, direction_words, with_direction_words
+
+NAMES = [name for name, _ in GROUPS]
+
+
+def _found(text: str) -> set[str]:
+    return {name for name, value in zip(NAMES, direction_words([text])[0], strict=True) if value}
+
+
+def test_opposites_are_told_apart():
+    assert _found("left arm raised high") == {"left", "up"}
+    assert _found("Right arm, lowered slightly.") == {"right", "down", "little"}
+    assert _found("torso leaning far back") == {"tilted", "much", "back"}
+    assert _found("") == set()
+
+
+def test_words_are_whole_words():
+    assert not _found("leftovers for a pupil in a box")
+
+
+def test_no_word_is_in_both_groups_of_a_pair():
+    groups = dict(GROUPS)
+    pairs = (
+        "left right",
+        "forward back",
+        "up down",
+        "out in",
+        "much little",
+        "bent straight",
+        "fast slow",
+        "still moving",
+    )
+    for first, second in (pair.split() for pair in pairs):
+        assert not groups[first] & groups[second]
+
+
+def test_they_are_appended_to_the_embedding():
+    vectors = np.random.default_rng(0).normal(size=(2, 5)).astype(np.float32)
+    both = with_direction_words(["left", "nothing of the kind"], vectors)
+    assert both.shape == (2, 5 + len(GROUPS))
+    assert both.dtype == np.float32
+    assert np.array_equal(both[:, :5], vectors)
+    assert both[0, 5 + NAMES.index("left")] == np.float32(PRESENT)
+    assert not both[1, 5:].any()
+
+
+def _network(path, size):
+    """z = the last number of every sentence, in all 64 places."""
+    onnx = pytest.importorskip("onnx")
+    from onnx import TensorProto, helper, numpy_helper
+
+    graph = helper.make_graph(
+        [
+            helper.make_node("Gather", ["embeddings", "last"], ["one"], axis=2),
+            helper.make_node("Expand", ["one", "shape"], ["z"]),
+        ],
+        "last",
+        [helper.make_tensor_value_info("embeddings", TensorProto.FLOAT, ["n", 6, size])],
+        [helper.make_tensor_value_info("z", TensorProto.FLOAT, ["n", 6, 64])],
+        [
+            numpy_helper.from_array(np.array([size - 1]), "last"),
+            numpy_helper.from_array(np.array([1, 6, 64]), "shape"),
+        ],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=8)
+    onnx.save(model, str(path))
+    return path
+
+
+class _Words:
+    name, dimensions = "stand-in", 4
+
+    def encode(self, texts):
+        return np.full((len(texts), 4), 0.5, np.float32)
+
+
+def test_a_network_gets_them_if_it_was_trained_with_them(tmp_path):
+    from runtime.prompts.parts import PartDescriptions
+
+    text = PartDescriptions(*["both feet stepping"] * 6)
+    plain = PromptEncoder(_Words(), _network(tmp_path / "plain.onnx", 4)).encode(text)
+    words = PromptEncoder(_Words(), _network(tmp_path / "words.onnx", 4 + len(GROUPS))).encode(text)
+    assert plain == pytest.approx(0.5)
+    assert words == pytest.approx(PRESENT)  # the last group is that of the feet

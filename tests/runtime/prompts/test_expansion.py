@@ -1,0 +1,359 @@
+"""What the library makes of prompts: entries by their names, mixtures by part, denials, degrees, typing errors."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from runtime.errors import PromptError
+from runtime.prompts.english.library import LibraryExpander
+from runtime.prompts.english.spelling import Spelling
+from runtime.prompts.expander import Expansion
+from runtime.prompts.parts import PartDescriptions, mirror_text
+from runtime.skeleton import PART_NAMES
+from tests.helpers.shipped import shipped_library
+
+ARMS, LEGS = ("left_arm", "right_arm"), ("left_leg", "right_leg")
+
+
+@cache
+def expander() -> LibraryExpander:
+    return shipped_library()
+
+
+@cache
+def expand(prompt: str) -> Expansion:
+    return expander().expand(prompt)
+
+
+def parts_of(prompt: str, parts: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(getattr(expand(prompt).descriptions, part) for part in parts)
+
+
+def moves_like(prompt: str, entry: str, parts: tuple[str, ...]) -> bool:
+    return parts_of(prompt, parts) == parts_of(entry, parts)
+
+
+NEUTRAL = "a person walking normally"
+
+
+# one entry
+
+
+def test_a_clause_overrides_only_its_part() -> None:
+    plain, hanging = expand("an exhausted soldier"), expand("an exhausted soldier, left arm hanging")
+    assert hanging.explicit_parts == ("left_arm",)
+    assert "hanging limp" in hanging.descriptions.left_arm
+    assert hanging.descriptions.as_tuple()[1:] == plain.descriptions.as_tuple()[1:]
+    assert plain.nearest[0] == ("an exhausted soldier", pytest.approx(1.0, abs=0.01))
+
+
+@pytest.mark.parametrize(
+    ("prompt", "nearest"),
+    [
+        ("a drunken man", "a drunk person stumbling home"),
+        ("furious", "furious boss"),
+        ("T-rex", "dinosaur"),
+        ("an astronaut", "astronaut on the moon"),
+        ("a toddler", "toddler"),
+        ("ArmsAboveHead", "arms above the head"),
+        ("a melting snowman", "snowman"),
+        ("a giraffe", "giraffe"),
+        ("someone carrying a piano", "carrying a heavy box"),
+        ("as if the floor were lava", "hot coals"),
+    ],
+)
+def test_new_words_find_their_entry(prompt: str, nearest: str) -> None:
+    expansion = expand(prompt)
+    assert expansion.source == "library"
+    assert nearest in [found for found, _ in expansion.nearest[:2]]
+    similarities = [s for _, s in expansion.nearest]
+    assert similarities == sorted(similarities, reverse=True)
+
+
+@pytest.mark.parametrize("prompt", ["walk calmly", "a calm walk", "walk slowly", "a peaceful person"])
+def test_calm_words_bring_no_temper(prompt: str) -> None:
+    assert expand(prompt).note == ""
+    assert "relaxed" in expand(prompt).descriptions.torso
+
+
+@pytest.mark.parametrize(
+    ("prompt", "leg"),
+    [("an angry man", "stomping"), ("a drunk man", "stumbling"), ("walk happily", "bounce")],
+)
+def test_a_mood_of_nobody_in_particular_moves_the_whole_body(prompt: str, leg: str) -> None:
+    assert leg in expand(prompt).descriptions.left_leg
+
+
+def test_far_words_are_composed_of_neighbours_and_say_how_near() -> None:
+    expansion = expand("somebody measuring a room in strides")
+    assert f"{expansion.nearest[0][1]:.0%}" in expansion.note
+    assert expansion.nearest[0][0] in expansion.note
+
+
+@pytest.mark.parametrize(("side", "other"), [("left", "right"), ("right", "left")])
+@pytest.mark.parametrize(
+    "prompt", ["someone waves the {} hand", "limping on the {} leg", "{} hand up", "hop on the {} leg"]
+)
+def test_sides_are_not_mistaken(prompt: str, side: str, other: str) -> None:
+    there, back = expand(prompt.format(side)).descriptions, expand(prompt.format(other)).descriptions
+    part = "arm" if "hand" in prompt else "leg"
+    assert getattr(there, f"{side}_{part}") == mirror_text(getattr(back, f"{other}_{part}"))
+    assert getattr(there, f"{side}_{part}") != mirror_text(getattr(there, f"{other}_{part}"))
+
+
+def test_what_is_left_of_a_clause_is_an_entry_too() -> None:
+    limping = expand("a chicken with a limp")
+    assert limping.explicit_parts == ("right_leg",)
+    assert moves_like("a chicken with a limp", "chicken", (*ARMS, "left_leg", "torso", "head"))
+
+
+@pytest.mark.parametrize(
+    ("prompt", "side"),
+    [
+        ("a limping man", "right"),
+        ("a man limping on the left leg", "left"),
+        ("limping, putting little weight on it", "right"),
+    ],
+)
+def test_who_only_limps_does_so_with_the_whole_body(prompt: str, side: str) -> None:
+    limping = expand(prompt)
+    assert limping.explicit_parts == (f"{side}_leg",)
+    assert "limping" in getattr(limping.descriptions, f"{side}_leg")
+    assert moves_like(prompt, f"limping on the {side} leg", (*ARMS, "torso", "head"))
+    raised = expand(f"{prompt}, both arms raised").descriptions
+    assert "raised" in raised.left_arm
+    assert raised.torso == limping.descriptions.torso
+
+
+@pytest.mark.parametrize(
+    ("prompt", "unlike"),
+    [
+        ("a star athlete", "star"),
+        ("a child running to the ice cream van", "ice"),
+        ("an angry mob", "mobster"),
+    ],
+)
+def test_words_that_mean_something_else_in_company_are_not_taken(prompt: str, unlike: str) -> None:
+    assert not moves_like(prompt, unlike, ("left_leg",))
+
+
+def test_only_clauses_are_explicit_on_a_neutral_body() -> None:
+    expansion = expand("a person with hands on hips")
+    assert expansion.source == "explicit"
+    assert moves_like("a person with hands on hips", NEUTRAL, ("torso", *LEGS))
+    assert "hip" in expansion.descriptions.left_arm
+
+
+# several entries
+
+
+@pytest.mark.parametrize(
+    ("prompt", "sources"),
+    [
+        ("a depressed robot", {"robot": (*ARMS, *LEGS), "depressed person": ("torso", "head")}),
+        ("a drunken giraffe", {"giraffe": ARMS, "drunk": (*LEGS, "torso", "head")}),
+        ("a robot on ice", {"on ice": (*ARMS, *LEGS), "robot": ("torso", "head")}),
+        ("an arrogant king on stilts", {"king": ARMS, "stilts": LEGS, "arrogant": ("torso", "head")}),
+        ("a happy drunk", {"drunk": ("torso", *LEGS), "happy": ("head",)}),
+        ("a tired nurse", {"nurse": (*ARMS, *LEGS), "tired": ("torso", "head")}),
+        ("a king walking like a penguin", {"penguin": (*ARMS, *LEGS), "king": ("head",)}),
+        ("a robot dancing samba", {"samba": LEGS, "robot": ("head",)}),
+        ("an elephant on a tightrope", {"tightrope": (*ARMS, *LEGS), "elephant": ("torso", "head")}),
+        ("a lethargic robot", {"robot": ARMS, "lethargic": ("torso", "head")}),
+        (
+            "an old pirate carrying a heavy backpack through deep snow",
+            {"heavy backpack": (*ARMS, "torso"), "deep snow": LEGS, "old": ("head",)},
+        ),
+        ("arms like a robot, legs like a penguin", {"robot": ARMS, "penguin": LEGS, NEUTRAL: ("torso",)}),
+        ("a king with penguin legs", {"penguin": LEGS, "king": (*ARMS, "torso", "head")}),
+        (
+            "upper body like a gorilla, lower body like a ballerina",
+            {"gorilla": (*ARMS, "torso", "head"), "ballerina": LEGS},
+        ),
+        ("left arm like a robot", {"robot": ("left_arm",), NEUTRAL: ("right_arm", *LEGS, "torso")}),
+        ("slightly angry", {NEUTRAL: (*ARMS, *LEGS), "angry": ("torso", "head")}),
+        ("very angry", {"angry": PART_NAMES}),
+    ],
+)
+def test_mixtures_are_by_part(prompt: str, sources: dict[str, tuple[str, ...]]) -> None:
+    for entry, parts in sources.items():
+        assert moves_like(prompt, entry, parts), (entry, expand(prompt).note)
+
+
+def test_a_mixture_names_its_parts_and_their_sources() -> None:
+    assert expand("a depressed robot").note.startswith("arms, legs: “robot”; torso, head: “depressed person”")
+
+
+@pytest.mark.parametrize(
+    ("prompt", "like", "unlike"),
+    [
+        ("a man afraid of dogs", "afraid", "dog"),
+        ("running from a bear", "running from a bear", "bear"),
+        ("a clown with a parrot", "clown", "parrot"),
+        ("a ghost of a chicken", "ghost", "chicken"),
+        ("a sad man in an old house", "sad", "old"),
+    ],
+)
+def test_whoever_is_only_mentioned_does_not_move(prompt: str, like: str, unlike: str) -> None:
+    assert moves_like(prompt, like, ("torso", "head"))
+    assert not moves_like(prompt, unlike, ("torso",))
+
+
+# denials
+
+
+@pytest.mark.parametrize(
+    ("prompt", "like"),
+    [
+        ("not angry", NEUTRAL),
+        ("a man who is not drunk", NEUTRAL),
+        ("a soldier who isn't tired", "soldier"),
+        ("a waiter, not hurried", "waiter"),
+        ("no longer sad, a robot", "robot"),
+        ("a robot, neither sad nor drunk", "robot"),
+        ("not sad but happy", "happy"),
+        ("a king without sadness or shame", "king"),
+    ],
+)
+def test_what_is_denied_is_left_out_and_said(prompt: str, like: str) -> None:
+    assert moves_like(prompt, like, PART_NAMES)
+    assert "denied" in expand(prompt).note
+
+
+@pytest.mark.parametrize("prompt", ["no energy left", "not a care in the world", "can't see anything"])
+def test_denials_that_are_ways_to_say_something_are_kept(prompt: str) -> None:
+    assert expand(prompt).note == ""
+    assert not moves_like(prompt, NEUTRAL, PART_NAMES)
+
+
+@pytest.mark.parametrize(
+    ("prompt", "opposite"),
+    [
+        ("not so fast", "slow walk"),
+        ("less energetic", "relaxed stroller"),
+        ("not so slow", "impatient commuter"),
+        ("not stiff", "relaxed stroller"),
+    ],
+)
+def test_what_is_only_denied_is_turned_round_where_it_can_be(prompt: str, opposite: str) -> None:
+    assert moves_like(prompt, opposite, PART_NAMES)
+    assert f"In its place: “{opposite}”" in expand(prompt).note
+
+
+@pytest.mark.parametrize(
+    ("prompt", "entry"),
+    [("stiff as a poker", "stiff"), ("sad as a clown", "sad"), ("as tired as a dog", "tired")],
+)
+def test_a_comparison_that_says_how_much_is_no_figure(prompt: str, entry: str) -> None:
+    assert moves_like(prompt, entry, PART_NAMES)
+
+
+@pytest.mark.parametrize(
+    ("left", "right"),
+    [
+        ("sword in the left hand", "sword in the right hand"),
+        ("foot drop, left leg", "foot drop"),
+        ("a wooden left leg", "wooden leg"),
+        ("stroke patient, left side", "stroke patient, right side"),
+    ],
+)
+def test_the_other_side_is_mirrored(left: str, right: str) -> None:
+    assert expand(left).descriptions == expand(right).descriptions.mirrored()
+
+
+def test_an_unknown_instruction_is_no_other_one_of_that_part() -> None:
+    assert moves_like("unhook the right elbow", NEUTRAL, PART_NAMES)
+    assert "neutral" in expand("unhook the right elbow").note
+
+
+def test_a_mood_is_kept_beside_a_figure_near_the_whole_prompt() -> None:
+    assert moves_like("weary nurse going home after a very long shift", "nurse", LEGS)
+    assert not moves_like("weary nurse going home after a very long shift", "nurse", ("torso",))
+
+
+def test_trying_not_to_is_no_denial() -> None:
+    assert moves_like("someone trying not to wake the baby", "sneaking", PART_NAMES)
+
+
+# typing errors
+
+
+@pytest.mark.parametrize(
+    ("prompt", "meant"),
+    [
+        ("exausted soldier", "exhausted soldier"),
+        ("a drnuk man", "a drunk man"),
+        ("penguinn", "penguin"),
+        ("walking with sholders hunched", "walking with shoulders hunched"),
+    ],
+)
+def test_one_wrong_letter_is_read_and_said(prompt: str, meant: str) -> None:
+    assert expand(prompt).descriptions == expand(meant).descriptions
+    assert "read as" in expand(prompt).note
+
+
+@pytest.mark.parametrize("prompt", ["a hoarse robot", "a guy named Steve", "a dessert chef", "stumbled"])
+def test_right_words_are_not_corrected(prompt: str) -> None:
+    assert "read as" not in expand(prompt).note
+
+
+def test_spelling_needs_a_known_word_one_letter_off() -> None:
+    spelling = Spelling({"penguin", "stomping"}, {"stamping"})
+    assert spelling.corrected("A penguni is stompin, stamping or penguins") == (
+        "A penguin is stomping, stamping or penguins",
+        {"penguni": "penguin", "stompin": "stomping"},
+    )
+    assert spelling.corrected("pinguin pengu engine") == ("pinguin pengu engine", {})
+
+
+# any prompt
+
+
+@pytest.mark.parametrize("prompt", ["", "  \n ", "x" * 1001, "x" * 10_000, "bell\x07", "\ud800", None])
+def test_unusable_prompts_are_refused_with_a_remedy(prompt: str) -> None:
+    with pytest.raises(PromptError) as raised:
+        expander().expand(prompt)
+    assert "prompt" in str(raised.value)
+    assert raised.value.remedy
+
+
+@given(st.text(alphabet=st.characters(exclude_categories=("Cc", "Cs")), min_size=1, max_size=80))
+@settings(max_examples=40, deadline=None)
+def test_any_prompt_expands(text: str) -> None:
+    if text.split():
+        assert len(expander().expand(text).descriptions.as_tuple()) == 6
+
+
+WORDS = [
+    "a",
+    "very",
+    "not",
+    "sad",
+    "old",
+    "robot",
+    "like",
+    "with",
+    "carrying",
+    "bear",
+    "arms",
+    "of",
+    "the",
+    "left,",
+    "slowly",
+    "and",
+    "without",
+    "drunk",
+    "dancing",
+]
+
+
+@given(st.lists(st.sampled_from(WORDS), min_size=1, max_size=14))
+@settings(max_examples=60, deadline=None)
+def test_any_sentence_of_known_words_expands(words: list[str]) -> None:
+    expansion = expander().expand(" ".join(words))
+    assert isinstance(expansion.descriptions, PartDescriptions)
+    assert set(expansion.explicit_parts) <= set(PART_NAMES)

@@ -1,0 +1,327 @@
+"""The shipped prompt library: its extent, its vocabulary, its embeddings, and what is said of damaged files."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from runtime.assets import asset_path
+from runtime.errors import FileError
+from runtime.prompts.english.library import LibraryExpander
+from runtime.prompts.english.library_data import (
+    PromptLibrary,
+    library_hash,
+    load_embeddings,
+    load_prompt_library,
+    load_styles,
+)
+from runtime.prompts.english.phrases import PhraseIndex
+from runtime.prompts.english.words import key, words_of
+from runtime.prompts.gpt.prompt import load_structured_prompt
+from runtime.skeleton import PART_NAMES
+from tests.helpers.shipped import shipped_encoder
+from training.text.build_library import other_words
+
+PROMPTS = asset_path("prompts/library.json").parent
+ENCODER = shipped_encoder()
+CATEGORIES = [
+    "arms",
+    "steps",
+    "posture",
+    "walks",
+    "emotions",
+    "minds",
+    "ages",
+    "bodies",
+    "characters",
+    "animals",
+    "occupations",
+    "injuries",
+    "loads",
+    "weather",
+    "ground",
+    "dances",
+    "sports",
+    "situations",
+]
+# the styles of the 100STYLE data set, by the names of its files
+STYLES_100 = [
+    "Aeroplane",
+    "Akimbo",
+    "Angry",
+    "ArmsAboveHead",
+    "ArmsBehindBack",
+    "ArmsBySide",
+    "ArmsFolded",
+    "Balance",
+    "BeatChest",
+    "BentForward",
+    "BentKnees",
+    "BigSteps",
+    "BouncyLeft",
+    "BouncyRight",
+    "Cat",
+    "Chicken",
+    "CrossOver",
+    "Crouched",
+    "CrowdAvoidance",
+    "Depressed",
+    "Dinosaur",
+    "DragLeftLeg",
+    "DragRightLeg",
+    "Drunk",
+    "DuckFoot",
+    "Elated",
+    "FairySteps",
+    "Flapping",
+    "FlickLegs",
+    "Followed",
+    "GracefulArms",
+    "HandsBetweenLegs",
+    "HandsInPockets",
+    "Heavyset",
+    "HighKnees",
+    "InTheDark",
+    "KarateChop",
+    "Kick",
+    "LawnMower",
+    "LeanBack",
+    "LeanLeft",
+    "LeanRight",
+    "LeftHop",
+    "LegsApart",
+    "LimpLeft",
+    "LimpRight",
+    "LookUp",
+    "Lunge",
+    "March",
+    "Monk",
+    "Morris",
+    "Neutral",
+    "Old",
+    "OnHeels",
+    "OnPhoneLeft",
+    "OnPhoneRight",
+    "OnToesBentForward",
+    "OnToesCrouched",
+    "PendulumHands",
+    "Penguin",
+    "PigeonToed",
+    "Proud",
+    "Punch",
+    "Quail",
+    "RaisedLeftArm",
+    "RaisedRightArm",
+    "RightHop",
+    "Roadrunner",
+    "Robot",
+    "Rocket",
+    "Rushed",
+    "ShieldedLeft",
+    "ShieldedRight",
+    "Skip",
+    "SlideFeet",
+    "SpinAntiClock",
+    "SpinClock",
+    "Star",
+    "StartStop",
+    "Stiff",
+    "Strutting",
+    "Superman",
+    "Swat",
+    "Sweep",
+    "Swimming",
+    "SwingArmsRound",
+    "SwingShoulders",
+    "Teapot",
+    "Tiptoe",
+    "TogetherStep",
+    "TwoFootJump",
+    "WalkingStickLeft",
+    "WalkingStickRight",
+    "Waving",
+    "WhirlArms",
+    "WideLegs",
+    "WiggleHips",
+    "WildArms",
+    "WildLegs",
+    "Zombie",
+]
+ALSO_NAMED = ["TwistFoot", "TwistShoulders"]
+
+
+@pytest.fixture(scope="module")
+def library() -> PromptLibrary:
+    return load_prompt_library(PROMPTS / "library.json", load_styles(PROMPTS / "styles.json"))
+
+
+def test_every_category_is_well_filled(library: PromptLibrary) -> None:
+    counts = Counter(entry.category for entry in library.entries)
+    assert list(json.loads((PROMPTS / "library.json").read_text("utf-8"))["categories"]) == CATEGORIES
+    assert set(counts) == set(CATEGORIES)
+    assert min(counts.values()) >= 12
+    assert len(library.entries) >= 500
+
+
+def test_every_entry_is_its_own(library: PromptLibrary) -> None:
+    descriptions = Counter(entry.descriptions for entry in library.entries)
+    assert [d for d, count in descriptions.items() if count > 1] == []
+    asked = Counter(key(words_of(text)) for entry in library.entries for text in (entry.prompt, *entry.also))
+    assert [text for text, count in asked.items() if count > 1] == []
+    assert sum(asked.values()) >= 4000
+    assert len(set(library.nothing)) == len(library.nothing) > 400
+    phrases = PhraseIndex(library)
+    assert [word for word in library.alone if phrases.whole(word) is None] == []
+
+
+def test_six_different_sentences_of_what_can_be_seen(library: PromptLibrary) -> None:
+    for entry in library.entries:
+        texts = entry.descriptions.as_tuple()
+        assert len(set(texts)) == len(PART_NAMES), entry.prompt
+        for text in texts:
+            assert 2 <= len(text.split()) <= 30, text
+            assert not set("{}@.") & set(text), text
+
+
+def test_descriptions_keep_to_the_vocabulary(library: PromptLibrary) -> None:
+    terms = [term for terms in load_structured_prompt().words.values() for term in terms]
+    known = {word for term in terms for word in term.split()}
+    written = [e.descriptions for e in library.entries if not e.style]
+    words = Counter(word for d in written for text in d.as_tuple() for word in re.findall("[a-z]+", text))
+    assert [word for word in words if word not in known] == []
+
+
+def test_every_training_style_is_an_entry(library: PromptLibrary) -> None:
+    styles = load_styles(PROMPTS / "styles.json")
+    assert {entry.style for entry in library.entries} - {""} == set(styles)
+    for name, style in styles.items():
+        assert len(style.descriptions) >= 5, name
+
+
+def test_limbs_are_described_on_their_own_side(library: PromptLibrary) -> None:
+    styles = load_styles(PROMPTS / "styles.json")
+    every = [d for style in styles.values() for d in style.descriptions]
+    every += [entry.descriptions for entry in library.entries]
+    for description in every:
+        for part in ("left_arm", "right_arm", "left_leg", "right_leg"):
+            own, other = ("left", "right") if part.startswith("left") else ("right", "left")
+            words = re.findall(r"\w+", getattr(description, part))
+            assert own in words, getattr(description, part)
+            assert other not in words[:2], getattr(description, part)
+
+
+@pytest.mark.parametrize("name", [*STYLES_100, *ALSO_NAMED])
+def test_the_styles_of_100style_are_known_by_name(name: str, library: PromptLibrary) -> None:
+    phrases = PhraseIndex(library) if not _INDEX else _INDEX[0]
+    _INDEX[:] = [phrases]
+    spoken = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    assert phrases.whole(name) is not None
+    assert phrases.whole(name) == phrases.whole(spoken.lower()) == phrases.whole(f"{spoken} ")
+
+
+def test_a_name_may_leave_out_who_does_it(library: PromptLibrary) -> None:
+    phrases = PhraseIndex(library)
+    for style in load_styles(PROMPTS / "styles.json").values():
+        entry = phrases.whole(style.prompt)
+        assert entry is not None
+        plainly = re.sub(r"^(someone|a person|people) ", "", style.prompt)
+        assert phrases.whole(plainly) == phrases.whole(f"somebody {plainly}") == entry
+
+
+_INDEX: list[PhraseIndex] = []
+
+
+# embeddings
+
+
+def test_stored_embeddings_fit_the_shipped_words(library: PromptLibrary) -> None:
+    """Fails when library.json or a style changed without `python -m training.text.build_library`."""
+    path = PROMPTS / "library.npz"
+    stored = load_embeddings(path, library_hash(library), ENCODER, len(library.entries))
+    assert stored is not None
+    assert path.stat().st_size < 3_000_000
+    for entry in (5, 250, -1):
+        fresh = ENCODER.encode(library.entries[entry].descriptions.as_tuple())
+        # versions of onnxruntime differ by 6e-3 in a number; another sentence is at most 0.99 alike
+        assert (stored.parts[entry] * fresh).sum(-1) == pytest.approx(1.0, abs=2e-3)
+    assert stored.other_words == other_words(PhraseIndex(library).known)
+    assert "hoarse" in stored.other_words
+
+
+def test_the_hash_is_of_what_is_embedded(library: PromptLibrary) -> None:
+    entries = library.entries
+    assert library_hash(PromptLibrary(entries, frozenset(), library.nothing)) == library_hash(library)
+    assert library_hash(PromptLibrary(entries[1:], library.alone, library.nothing)) != library_hash(library)
+    assert library_hash(PromptLibrary(entries, library.alone, ())) != library_hash(library)
+
+
+# a library of one's own
+
+
+def _small_library(directory: Path, entries: list[object], **lists: object) -> Path:
+    (directory / "styles.json").write_bytes((PROMPTS / "styles.json").read_bytes())
+    path = directory / "library.json"
+    path.write_text(json.dumps({"entries": entries, **lists}))
+    return path
+
+
+CRAB = {"prompt": "crab", "arms": "{s} hand like a claw", "legs": "@chicken", "torso": "low", "head": "up"}
+
+
+def test_a_library_without_embeddings_computes_them(tmp_path: Path) -> None:
+    expansion = LibraryExpander(ENCODER, _small_library(tmp_path, [CRAB])).expand("crab")
+    assert expansion.descriptions.right_arm == "right hand like a claw"
+    assert expansion.descriptions.left_leg.startswith("left")
+
+
+def test_outdated_embeddings_are_not_used(tmp_path: Path) -> None:
+    path = _small_library(tmp_path, [{"style": "chicken"}])
+    (tmp_path / "library.npz").write_bytes((PROMPTS / "library.npz").read_bytes())
+    nearest = LibraryExpander(ENCODER, path).expand("a clucking hen").nearest
+    assert nearest[0][0] == "someone strutting like a chicken"
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        {"prompt": "crab"},
+        {"style": "nobody"},
+        7,
+        {"prompt": "a", "arms": "@nobody", "legs": "x"},
+        {**CRAB, "defines": ["tail"]},
+        {**CRAB, "defines": []},
+    ],
+)
+def test_a_malformed_entry_is_named(tmp_path: Path, entry: object) -> None:
+    path = _small_library(tmp_path, [{"style": "chicken"}, entry])
+    with pytest.raises(FileError, match="entry 1"):
+        LibraryExpander(ENCODER, path).expand("crab")
+
+
+def test_an_unknown_opposite_is_named(tmp_path: Path) -> None:
+    path = _small_library(tmp_path, [{**CRAB, "opposite": "lobster"}])
+    with pytest.raises(FileError, match="lobster"):
+        LibraryExpander(ENCODER, path).expand("crab")
+
+
+@pytest.mark.parametrize(
+    "lists", [{"alone": 7}, {"nothing": [""]}, {"categories": {"animals": {}}}, {"categories": ["animals"]}]
+)
+def test_a_malformed_list_is_named(tmp_path: Path, lists: dict[str, object]) -> None:
+    path = _small_library(tmp_path, [CRAB], **lists)
+    with pytest.raises(FileError, match=r"library\.json.*'alone'"):
+        LibraryExpander(ENCODER, path).expand("crab")
+
+
+def test_damaged_files_are_named(tmp_path: Path) -> None:
+    path = _small_library(tmp_path, [{"style": "chicken"}])
+    (tmp_path / "library.npz").write_bytes(b"PK\x03\x04 no archive")
+    with pytest.raises(FileError, match=r"library\.npz"):
+        LibraryExpander(ENCODER, path).expand("crab")
+    path.write_text("{")
+    with pytest.raises(FileError, match=r"library\.json"):
+        LibraryExpander(ENCODER, path).expand("crab")

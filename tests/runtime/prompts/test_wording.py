@@ -1,0 +1,92 @@
+"""The wording that a model follows: what it is told in place of a sentence that it hardly shows."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from runtime.assets import asset_path
+from runtime.errors import FileError
+from runtime.prompts.content import PromptEncoder
+from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.phrasing import PHRASINGS, ModelPhrasing, as_left_limb, load_phrasings, phrasing_of
+from tests.helpers.shipped import shipped_encoder, shipped_model
+
+PLAIN = PartDescriptions(
+    "left arm hanging",
+    "right arm hanging",
+    "left leg stepping",
+    "right leg stepping",
+    "torso upright",
+    "head upright",
+)
+WORDING = ModelPhrasing(
+    {
+        ("torso", "torso leaning forward"): "torso tilted forward",
+        ("leg", "left leg stiff"): "left foot hardly lifted",
+    }
+)
+
+
+def test_a_whole_sentence_is_said_as_the_model_follows_it():
+    assert WORDING.of("Torso leaning forward", "torso") == "torso tilted forward"
+    assert WORDING.of("torso leaning forward, tense", "torso") == "torso leaning forward, tense"
+    assert WORDING.of("torso upright", "torso") == "torso upright"
+    assert WORDING.of("torso leaning forward", "head") == "torso leaning forward"
+
+
+def test_a_right_limb_is_said_as_the_left_one_is():
+    told = WORDING.followed(replace(PLAIN, right_leg="right leg stiff"))
+    assert told == replace(PLAIN, right_leg="right foot hardly lifted")
+
+
+def test_an_arm_has_wordings_of_its_own():
+    behind = ("left hand held behind the back", "right hand held behind the back")
+    wording = ModelPhrasing({("left_arm", behind[0]): "left arm stretched back"})
+    assert wording.of(behind[0], "left_arm") == "left arm stretched back"
+    assert wording.of(behind[1], "right_arm") == behind[1]
+    right = ModelPhrasing({("right_arm", behind[0]): "left arm stretched back"})
+    assert right.of(behind[1], "right_arm") == "right arm stretched back"
+    assert right.of(behind[0], "left_arm") == behind[0]
+
+
+def test_the_model_is_told_the_other_words():
+    model = shipped_model()
+    plain, worded = (PromptEncoder(shipped_encoder(), model.prompt_path, each) for each in (None, WORDING))
+    leaning = replace(PLAIN, torso="torso leaning forward")
+    np.testing.assert_array_equal(
+        worded.encode(leaning), plain.encode(replace(PLAIN, torso="torso tilted forward"))
+    )
+    assert not np.array_equal(worded.encode(leaning), plain.encode(leaning))
+
+
+def test_the_shipped_table_leaves_captured_styles_alone_and_ends_after_one_step():
+    table = phrasing_of("compact").table
+    styles = json.loads(asset_path("prompts/styles.json").read_text("utf-8"))
+    captured = {
+        as_left_limb(words, part)
+        for style in styles.values()
+        for description in style["descriptions"]
+        for part, words in description.items()
+    }
+    assert len(table) > 20
+    limbs = {"left_arm": "arm", "right_arm": "arm"}
+    assert not captured & {(limbs.get(group, group), words) for group, words in table}
+    assert not {(group, told) for (group, _), told in table.items()} & set(table)
+
+
+def test_a_damaged_table_is_named(tmp_path):
+    path = tmp_path / "wording.json"
+    assert load_phrasings(path) == {}
+    for text in ("[", '{"compact": []}', '{"compact": {"torso": {"torso bent": 3}}}'):
+        path.write_text(text)
+        with pytest.raises(FileError, match=r"wording\.json.*Restore"):
+            load_phrasings(path)
+
+
+def test_a_model_without_a_table_is_told_what_was_said():
+    assert phrasing_of("no such model").followed(PLAIN) == PLAIN
+    assert asset_path(PHRASINGS).is_file()

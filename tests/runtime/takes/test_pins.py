@@ -1,0 +1,206 @@
+"""Pins and plants: what is pinned is there, the rest is as it was, nothing jumps, and text and projects keep them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from runtime import rotations
+from runtime.errors import UsageError
+from runtime.session.history import History
+from runtime.session.motion import Motion
+from runtime.session.session import Session, Take
+from runtime.session.session_file import SessionFile
+from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, J
+from runtime.takes.clip import Clip
+from runtime.takes.footplants import FootplantEdit, fitted_footplant, footplants, replanted, unfitted
+from runtime.takes.pinned import along_with, farthest, pinned
+from runtime.takes.pins import Pin, Pinned, parse_pins, read_pin
+from runtime.takes.pose_edits import PoseEdits
+
+FRAMES, SPEED = 180, 0.6
+LEFT_HAND, HEAD, LEFT_FOOT = (SPORT_SKELETON.index(name) for name in ("LeftHand", "Head", "LeftFoot"))
+coordinates = st.floats(-50.0, 50.0).map(lambda v: round(v, 3))
+points = st.tuples(coordinates, coordinates, coordinates)
+
+
+@pytest.fixture(scope="module")
+def walk() -> Clip:
+    """Legs and arms swing once a second; each foot bears while its leg swings back."""
+    t = np.arange(FRAMES) / 60.0
+    local = np.tile(rotations.identity((J,)), (FRAMES, 1, 1)).astype(float)
+    x, z, swing = np.eye(3)[0], np.eye(3)[2], 0.35 * np.sin(2 * np.pi * t)
+    for name, sign in (("LeftUpLeg", 1.0), ("RightUpLeg", -1.0)):
+        local[:, SPORT_SKELETON.index(name)] = rotations.from_axis_angle(x, sign * swing)
+    for name in ("LeftLeg", "RightLeg"):
+        local[:, SPORT_SKELETON.index(name)] = rotations.from_axis_angle(x, np.full(FRAMES, 0.25))
+    for name, angle, sign in (("LeftArm", -1.2, -1.0), ("RightArm", 1.2, 1.0)):
+        down = rotations.from_axis_angle(z, np.full(FRAMES, angle))
+        local[:, SPORT_SKELETON.index(name)] = rotations.multiply(
+            rotations.from_axis_angle(x, sign * swing), down
+        )
+    hips = np.stack([0 * t, np.full(FRAMES, REST_HIPS_HEIGHT - 0.03), SPEED * t], -1)
+    back = np.gradient(swing) > 0
+    contacts = np.stack([back, back, ~back, ~back], -1)
+    return Clip("walk", 60.0, *(a.astype(np.float32) for a in (hips, local, contacts)))
+
+
+def largest_step(clip: Clip) -> float:
+    """Degrees that the fastest joint turns in a frame."""
+    turned = rotations.angle_between(clip.local_rotations[1:], clip.local_rotations[:-1])
+    return float(np.degrees(turned).max())
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "left hand 0.25 1.2 0.4 along from 1 to 2",
+        "right hand -0.4 1.1 0 rail -0.4 1.1 3 from 1 to 2",
+        "right hand -0.25 0.6 0.3 along from 1 to 2",  # the spine leans
+        "left foot 0.15 0.1 0.75 from 1 to 1.2",
+    ],
+)
+def test_a_hand_or_foot_is_where_it_is_pinned_and_nothing_jumps(walk: Clip, text: str) -> None:
+    (pin,) = parse_pins(text)
+    made = pinned(walk, [pin])
+    assert farthest(walk, pin) > 0.1
+    assert farthest(made, pin) < 0.02
+    free = pin.weights(np.arange(FRAMES) / 60.0) == 0.0
+    assert 0 < free.sum() < FRAMES
+    for name in ("hips_positions", "local_rotations", "contacts"):
+        assert np.array_equal(getattr(made, name)[free], getattr(walk, name)[free])
+    assert largest_step(made) < 14.0  # an arm's way in 0.3 s
+
+
+def test_the_head_looks_at_its_point_and_not_behind(walk: Clip) -> None:
+    ahead, behind = parse_pins("look 2 1.2 4 from 0.5 to 1.5; look 0 1.4 -5 from 0.5 to 1.5")
+    positions, world = pinned(walk, [ahead]).world()
+    wanted = rotations.normalize(np.array(ahead.point) - positions[60, HEAD])
+    facing = rotations.rotate(world[60, HEAD], np.array([0.0, 0.0, 1.0]))
+    assert np.degrees(np.arccos(facing @ wanted)) < 3.0
+    assert np.allclose(pinned(walk, [behind]).local_rotations, walk.local_rotations, atol=1e-6)
+
+
+def test_what_is_out_of_reach_is_let_go(walk: Clip) -> None:
+    (pin,) = parse_pins("left hand 30 1 0 from 1 to 2")
+    assert np.allclose(pinned(walk, [pin]).local_rotations, walk.local_rotations, atol=1e-5)
+    assert farthest(pinned(walk, [pin]), pin) > 25.0
+
+
+def test_a_pose_stays_while_the_legs_walk_on(walk: Clip) -> None:
+    (pin,) = parse_pins("pose 0.25 from 1 to 2")
+    made = pinned(walk, [pin])
+    arm = SPORT_SKELETON.index("LeftArm")
+    assert np.allclose(made.local_rotations[60:120, arm], walk.local_rotations[15, arm], atol=1e-5)
+    assert np.array_equal(made.local_rotations[:, :11], walk.local_rotations[:, :11])
+
+
+def test_a_foot_on_a_mark_bears_and_stands_flat(walk: Clip) -> None:
+    (pin,) = parse_pins("left foot 0.15 0.05 0.75 from 1 to 1.2")
+    made = pinned(walk, [pin])
+    positions, world = made.world()
+    assert positions[66, LEFT_FOOT, 1] == pytest.approx(0.05 + ANKLE_HEIGHT, abs=0.01)
+    assert rotations.rotate(world[66, LEFT_FOOT], np.array([0.0, 1.0, 0.0]))[1] > 0.999
+    assert (made.contacts[60:73, :2] == 1.0).all()
+
+
+def test_a_point_beside_a_character_turns_with_it() -> None:
+    turn = rotations.from_yaw(np.pi / 2)
+    beside = along_with(np.array([5.0, 1.0, 1.0]), np.array([4.0, REST_HIPS_HEIGHT, 1.0]), turn)
+    assert np.allclose(beside, [0.0, 1.0, 1.0], atol=1e-6)  # one metre ahead of who looks towards +X
+
+
+@given(
+    st.sampled_from([what for what in Pinned if what is not Pinned.POSE]), points, st.none() | points, st.booleans(),
+    st.floats(0.0, 10.0).map(lambda v: round(v, 2)), st.floats(0.0, 5.0).map(lambda v: round(v, 2)),
+)  # fmt: skip
+def test_pins_are_read_as_they_are_written(what, point, rail, along, start, ease) -> None:  # type: ignore[no-untyped-def]
+    pin = Pin(what, point, start, start + 1.5, ease, 0.25, rail, along)
+    (read,) = parse_pins(pin.to_text())
+    assert np.allclose(read.point, point, rtol=1e-4)
+    assert (read.what, read.along, read.ease_out) == (what, along, 0.25)
+    assert read_pin(pin.to_json()) == pin
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["nose 0 1 2", "left hand", "left hand 0 1", "pose 0 1 2", "look 0 1 2 from 3 to 2", "left hand 1e9 0 0"],
+)
+def test_what_is_no_pin_is_refused(text: str) -> None:
+    with pytest.raises(UsageError, match="pin"):
+        parse_pins(text)
+
+
+# --- plants
+
+
+def test_a_plant_is_longer_moved_removed_and_added(walk: Clip) -> None:
+    bearing = footplants(walk.contacts[:, :2])
+    old = bearing[1]
+    toe = SPORT_SKELETON.index("LeftToeBase")
+    longer = fitted_footplant(walk, 0, old, old[0] - 4, old[1] + 4)
+    made = replanted(walk, [FootplantEdit(0, old, longer)])
+    assert footplants(made.contacts[:, :2]) == [bearing[0], longer, *bearing[2:]]
+    moved = fitted_footplant(walk, 0, old, old[0] + 6, old[1] + 6)
+    made = replanted(walk, [FootplantEdit(0, old, moved)])
+    place, before = made.world()[0][:, toe], walk.world()[0][:, toe]
+    assert np.allclose(place[moved[0] : moved[1]], before[old[0] : old[1]], atol=0.01)  # where it was, later
+    made = replanted(walk, [FootplantEdit(0, old, None)])
+    assert unfitted(walk, [FootplantEdit(0, old, None)]) == 0
+    assert unfitted(made, [FootplantEdit(0, old, None)]) == 1
+    middle = sum(old) // 2
+    assert made.world()[0][middle, toe, 1] > before[middle, 1] + 0.05
+    assert not (made.contacts[old[0] : old[1], :2]).any()
+    swing = (old[1] + bearing[2][0]) // 2
+    added = fitted_footplant(walk, 0, None, swing - 4, swing + 4)
+    made = replanted(walk, [FootplantEdit(0, None, added)])
+    stands = made.world()[0][added[0] : added[1], toe]
+    assert np.abs(np.diff(stands, axis=0)).max() < 0.001
+    assert added in footplants(made.contacts[:, :2])
+
+
+def test_a_plant_does_not_run_into_its_neighbours(walk: Clip) -> None:
+    bearing = footplants(walk.contacts[:, :2])
+    first, end = fitted_footplant(walk, 0, bearing[1], -100, 1000)
+    assert bearing[0][1] < first < end < bearing[2][0]
+    with pytest.raises(UsageError, match="bears already"):
+        fitted_footplant(walk, 0, None, bearing[1][0] + 1, bearing[1][0] + 3)
+
+
+@settings(max_examples=15)
+@given(st.integers(0, 1), st.integers(0, 2), st.integers(-40, 40), st.integers(-40, 40))
+def test_any_plant_leaves_poses_of_rigid_bones(
+    walk: Clip, foot: int, which: int, by: int, longer: int
+) -> None:
+    bearing = footplants(walk.contacts[:, 2 * foot : 2 * foot + 2])
+    old = bearing[min(which, len(bearing) - 1)]
+    new = fitted_footplant(walk, foot, old, old[0] + by, max(old[1] + by + longer, old[0] + by + 1))
+    made = replanted(walk, [FootplantEdit(foot, old, new)])
+    assert new in footplants(made.contacts[:, 2 * foot : 2 * foot + 2])
+    assert np.allclose(np.linalg.norm(made.local_rotations, axis=-1), 1.0, atol=1e-4)
+    other = 7 - 5 * foot
+    hips = np.abs(made.hips_positions - walk.hips_positions).max(axis=1)
+    same = hips < 1e-6  # the other leg bends only where the hips sink
+    assert np.allclose(made.local_rotations[same][:, other], walk.local_rotations[same][:, other], atol=1e-4)
+
+
+def test_a_session_keeps_the_motion_under_its_edits(walk: Clip, tmp_path: Path) -> None:
+    edits = PoseEdits(
+        parse_pins("left hand 0.3 1.2 1 from 1 to 2"),
+        (FootplantEdit(1, footplants(walk.contacts[:, 2:])[0], None),),
+    )
+    made, history = Take(1, Motion.of(walk), poses=edits), History()
+    history.push("take", Session((made,), counter=1))
+    file = SessionFile.create(tmp_path / "a.sport", tmp_path)
+    file.write(history)
+    assert file.close(5.0)
+    file, history = SessionFile.open(tmp_path / "a.sport", tmp_path)
+    (found,) = history.present.session.takes
+    assert found.poses == edits
+    assert np.allclose(found.base_clip.local_rotations, walk.local_rotations, atol=1e-4)
+    assert np.allclose(found.clip.local_rotations, edits.apply(walk).local_rotations, atol=1e-3)
+    file.close(1.0)

@@ -1,0 +1,88 @@
+"""Table I: what is there is measured once, a run that was stopped goes on, and nothing is made up."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("sklearn")
+
+from runtime.errors import FileError
+from training.evaluation import compared_models as table1
+from training.evaluation.compared_models import CAPTURE, ROWS, SHIPPED, TABLE1
+from training.evaluation.experiment import run
+
+CELLS = dict.fromkeys(table1.COLUMNS, 2.0)
+
+
+def trained(runs: Path, folder: str, seed: int, model: str = "model") -> None:
+    path = runs / folder / f"seed{seed}" / model
+    path.mkdir(parents=True)
+    (path / "metadata.json").write_text("{}", encoding="utf-8")
+
+
+@pytest.fixture
+def measured(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of what was measured; the third one stops the run the first time."""
+    done: list[str] = []
+
+    def score(plan: Any, subject: Any, report: Any) -> dict[str, Any]:
+        if len(done) == 2 and "stopped" not in done:
+            done.append("stopped")
+            raise KeyboardInterrupt
+        done.append(subject)
+        return {}
+
+    monkeypatch.setattr(table1, "plan_of", lambda setting: type("Plan", (), {"texts": {}}))
+    monkeypatch.setattr(table1, "capture_cells", lambda plan, report: {"fmd_kinematic": 1.0})
+    monkeypatch.setattr(table1, "EvaluatedModel", lambda folder, texts: "/".join(Path(folder).parts[-3:]))
+    monkeypatch.setattr(table1, "score_model", score)
+    monkeypatch.setattr(table1, "cells_of", lambda scores: {**CELLS, "fmd_kinematic": 2.0 + len(done)})
+    return done
+
+
+def test_a_stopped_run_goes_on_and_rows_without_training_say_so(
+    tmp_path: Path, measured: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    runs, store = tmp_path / "runs", tmp_path / "table1.json"
+    for seed in range(3):
+        trained(runs, "full", seed)
+    trained(runs, "full", 0, "model-mixture")
+    words = ["--clips", str(tmp_path), "--runs", str(runs), "--store", str(store)]
+    with pytest.raises(KeyboardInterrupt):
+        run(TABLE1, words, "table1")
+    assert set(json.loads(store.read_text(encoding="utf-8"))["cells"]) == {CAPTURE, SHIPPED, "ours"}
+    assert run(TABLE1, words, "table1") == 0
+    names = [m for m in measured if m != "stopped"]
+    assert len(names) == len(set(names)) == 5  # each of them once
+    text = capsys.readouterr().out
+    lines = {line.split(" | ")[0].strip("| "): line for line in text.splitlines() if line.startswith("| ")}
+    ours = next(line for line in text.splitlines() if line.startswith("| ours | 3 |"))
+    assert (
+        "| 6.3 ± 2.1 |" in ours
+    )  # 4, 7 and 8, as the row without diffusion came between: seeds' mean and deviation
+    assert "| without diffusion | 1 |" in text
+    for row in ROWS:
+        if row.title not in ("ours", "without diffusion"):
+            assert f"| {row.title} | not run | – |" in text
+            assert set(lines_of(text, row.title)[0].split(" | ")[2:]) <= {"–", "– |"}
+    assert CAPTURE in lines
+    assert run(TABLE1, words, "table1") == 0
+    assert len([m for m in measured if m != "stopped"]) == 5  # all of it was kept
+
+
+def lines_of(text: str, title: str) -> list[str]:
+    return [line for line in text.splitlines() if line.startswith(f"| {title} |")]
+
+
+def test_a_store_of_other_options_is_not_mixed_in(tmp_path: Path, measured: list[str]) -> None:
+    store = tmp_path / "table1.json"
+    run(TABLE1, ["--clips", str(tmp_path), "--store", str(store)], "table1")
+    with pytest.raises(FileError, match="of these options"):
+        run(TABLE1, ["--clips", str(tmp_path), "--store", str(store), "--seed", "1"], "table1")
+    store.write_text("[]", encoding="utf-8")
+    with pytest.raises(FileError, match="of these options"):
+        run(TABLE1, ["--clips", str(tmp_path), "--store", str(store)], "table1")

@@ -1,0 +1,84 @@
+"""`training.evaluation.text.wording`: the wording of a sentence is found on walks."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+
+from runtime.prompts.phrasing import ModelPhrasing
+from runtime.prompts.prompter import Prompter
+from tests.helpers.shipped import shipped_model
+from training.evaluation.text import wording
+from training.evaluation.text.wording import NEUTRAL, better_wordings, walk_all
+from training.text.claims import sentence_share, unclaimed_change
+from training.text.measure import ArmMeasures, BodyMeasures, HeadMeasures, LegMeasures, TorsoMeasures
+
+
+def _body(**torso: float) -> BodyMeasures:
+    def of(kind):
+        return kind(**{f.name: 1.0 for f in dataclasses.fields(kind)})
+
+    arm, leg = of(ArmMeasures), of(LegMeasures)
+    return BodyMeasures(arm, arm, leg, leg, dataclasses.replace(of(TorsoMeasures), **torso), of(HeadMeasures))
+
+
+PLAIN = _body(pitch=0.0)
+WALKS = {
+    NEUTRAL: PLAIN,
+    ("torso", "torso leaning forward"): _body(pitch=1.0),
+    ("torso", "torso tilted forward"): _body(pitch=12.0),
+    ("torso", "torso bowed far forward"): _body(pitch=45.0),
+    ("torso", "torso bent forward, rocking"): _body(pitch=12.0, roll_range=20.0),
+}
+
+
+def alike(words):
+    return np.eye(len(words))
+
+
+def test_a_share_is_that_of_what_neutral_does_not_do():
+    assert sentence_share("torso", "torso leaning forward", PLAIN, _body(pitch=4.5)) == pytest.approx(0.5)
+    assert sentence_share("torso", "torso upright", PLAIN, PLAIN) is None
+
+
+def test_too_much_and_what_was_not_said_count_as_change():
+    words = "torso leaning forward"
+    near, far, other = _body(pitch=12.0), _body(pitch=45.0), _body(pitch=12.0, roll_range=20.0)
+    assert unclaimed_change("torso", words, PLAIN, near) == 0.0
+    assert unclaimed_change("torso", words, PLAIN, far) > 1.0
+    assert unclaimed_change("torso", words, PLAIN, other) > 1.0
+
+
+def test_a_weak_sentence_gets_the_words_whose_walk_does_it_and_nothing_else():
+    table = better_wordings(WALKS, frozenset(), alike)
+    assert table == {"torso": {"torso leaning forward": "torso tilted forward"}}
+
+
+def test_each_arm_is_told_what_says_the_same_or_less_and_is_done_by_it():
+    whole, less = "left hand held behind the back, elbow bent", "left hand held behind the back"
+    arm = dataclasses.replace(PLAIN.right_arm, hand_front=0.1, elbow_bend=10.0)
+    plain = dataclasses.replace(PLAIN, left_arm=arm, right_arm=arm)
+    there = dataclasses.replace(arm, hand_front=-0.15, elbow_bend=60.0)
+    walks = {NEUTRAL: plain}
+    for part in ("left_arm", "right_arm"):
+        walks[part, whole] = plain
+        walks[part, less] = dataclasses.replace(plain, **({part: there} if part == "right_arm" else {}))
+    assert better_wordings(walks, frozenset(), alike) == {"right_arm": {whole: less}}
+    assert better_wordings(walks, frozenset({("arm", whole)}), alike) == {}
+
+
+def test_captured_sentences_keep_their_words():
+    assert better_wordings(WALKS, frozenset({("torso", "torso leaning forward")}), alike) == {}
+
+
+def test_a_sentence_is_walked_with_the_rest_of_the_body_neutral(monkeypatch):
+    monkeypatch.setattr(wording, "LEAD_SECONDS", 0.5)
+    monkeypatch.setattr(wording, "SECONDS", 1.0)
+    model = shipped_model()
+    key = ("torso", "torso leaning far forward")
+    walks = walk_all(model, Prompter(model, phrasing=ModelPhrasing()), [key])
+    assert walks[key].torso.pitch > walks[NEUTRAL].torso.pitch + 10.0

@@ -14,9 +14,9 @@ from runtime.assets import asset_path
 from runtime.prompts.english import other_languages
 from runtime.prompts.english.clauses import ParsedPrompt, parse_clauses
 from runtime.prompts.english.compose import (
-    busy_arms,
     compose_elements,
     compose_neighbours,
+    is_idle,
     lame_leg,
     lame_on,
     on_side,
@@ -35,7 +35,7 @@ from runtime.prompts.english.library_data import (
 )
 from runtime.prompts.english.other_languages import OtherLanguages
 from runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, Reading, read_phrases
-from runtime.prompts.english.sides import OPPOSITE, named_side
+from runtime.prompts.english.sides import OPPOSITE, SIDE, named_side
 from runtime.prompts.english.spelling import ENGLISH, Spelling, is_foreign, knows_no_word
 from runtime.prompts.english.words import PERSONS, PLACES, Word, plain_denials, words_of
 from runtime.prompts.expander import Expansion, check_prompt
@@ -129,7 +129,8 @@ class LibraryExpander:
         parsed = replace(parsed, rest=self._library.phrases.plainly(parsed.rest))
         words = words_of(parsed.rest)
         if any(word.says for word in words):
-            return self._expand_rest(parsed, words)
+            expansion = self._expand_rest(parsed, words)
+            return self._with_one_gesture(expansion) if SIDE.search(prompt.lower()) else expansion
         note = "" if parsed.parts else "The prompt names no style: neutral."
         expansion = self._neutral((), parsed.parts, note)
         return replace(expansion, source="explicit") if parsed.parts else expansion
@@ -290,28 +291,25 @@ class LibraryExpander:
     ) -> Expansion:
         """The descriptions `base`, or those of the entry of that number, with what a prompt states of parts."""
         said = self._library.entries[base].descriptions if isinstance(base, int) else base
-        other = self._other_arm(said.to_mapping(), stated)
         parts = tuple(part for part in PART_NAMES if part in stated)
         source: Literal["library", "explicit"] = "explicit" if parts == PART_NAMES else "library"
-        return Expansion(
-            PartDescriptions(**{**said.to_mapping(), **other, **stated}), source, near, note, parts
-        )
+        return Expansion(PartDescriptions(**{**said.to_mapping(), **stated}), source, near, note, parts)
 
-    def _other_arm(self, said: dict[str, str], stated: dict[str, str]) -> dict[str, str]:
-        """The arm that nothing is stated of, idle where the stated one does what it would do.
+    def _with_one_gesture(self, expansion: Expansion) -> Expansion:
+        """The arm that nothing is stated of swings, where the stated one does what it would do.
 
         "Left palm on the forehead, as if having a headache": the right hand of the headache is not on the head too.
         """
-        arms = [side for side in OPPOSITE if f"{side}_arm" in stated]
-        busy = busy_arms(said)
-        if len(arms) != 1 or OPPOSITE[arms[0]] not in busy:
-            return {}
-        own, other = f"{arms[0]}_arm", f"{OPPOSITE[arms[0]]}_arm"
-        one, two = self._encoder.encode([stated[own], mirror_text(said[other])])
+        said = expansion.descriptions
+        arms = [part for part in expansion.explicit_parts if part.endswith("arm")]
+        other = {"left_arm": "right_arm", "right_arm": "left_arm"}.get(arms[0]) if len(arms) == 1 else None
+        if other is None or is_idle(getattr(said, other)):
+            return expansion
+        one, two = self._encoder.encode([getattr(said, arms[0]), mirror_text(getattr(said, other))])
         if float(one @ two) < SAME_GESTURE:
-            return {}
-        neutral = self._library.entries[self._library.neutral].descriptions
-        return {other: getattr(neutral, other) if arms[0] in busy else mirror_text(said[own])}
+            return expansion
+        idle = getattr(self._library.entries[self._library.neutral].descriptions, other)
+        return replace(expansion, descriptions=said.replace(other, idle))
 
     def _rank(self, text: str) -> list[tuple[int, float]]:
         """(entry, cosine similarity) of the nearest entries, best first; an entry counts by its best prompt."""

@@ -15,6 +15,7 @@ from functools import partial
 
 from runtime.prompts.english.grammar import Match, grammar, replaced
 
+SIDE = re.compile(r"\b(?:left|right)\b")
 OPPOSITE = {"left": "right", "right": "left"}
 _RELATIVE = ("one", "other", "opposite", "same")  # words that name a side by another
 _EACH_OTHER = re.compile(r" (?:before|in front of|after|behind|over|across) the other\b")  # both, in turn
@@ -94,9 +95,7 @@ class _Limbs:
 
     def _that(self, match: Match) -> str:
         """ "That shoulder" is of the side spoken of last."""
-        sides = (
-            [self._side] if self._spoken else re.findall(r"\b(?:left|right)\b", self._text[: match.start()])
-        )
+        sides = [self._side] if self._spoken else SIDE.findall(self._text, 0, match.start())
         return f"the {sides[-1]} " if sides else match.group()
 
     def _bare(self, match: Match) -> str:

@@ -73,13 +73,12 @@ class Spelling:
         """The known word that a lower-case word is one letter off, or None for what is no typing error."""
         if word in _TURNED:
             return _TURNED[word]
-        if len(word) < SHORTEST or not word.isascii() or word in self._known or word in self._others:
+        right = word in self._known or word in self._others or self._inflected(word)
+        if right or len(word) < SHORTEST or not word.isascii():
             return None
-        if self._inflected(word):
-            return None
-        found = {right for form in (word, *_shortened(word)) for right in self._forms.get(form, ())}
-        found = {right for right in found if right[0] == word[0] and _one_off(word, right)}
-        return min(found, key=lambda right: (abs(len(right) - len(word)), right), default=None)
+        found = {known for form in (word, *_shortened(word)) for known in self._forms.get(form, ())}
+        near = [known for known in found if known[0] == word[0] and _one_off(word, known)]
+        return min(near, key=lambda known: (abs(len(known) - len(word)), known), default=None)
 
     def _inflected(self, word: str) -> bool:
         """Whether a word is a known one with another ending."""
@@ -119,12 +118,12 @@ def is_foreign(text: str, known: frozenset[str]) -> bool:
     `known` are English words, the library's own.
     """
     letters = [c for c in text if c.isalpha()]
-    if letters and sum(not unicodedata.name(c, "").startswith("LATIN") for c in letters) > len(letters) / 2:
+    if sum(not unicodedata.name(c, "").startswith("LATIN") for c in letters) > len(letters) / 2:
         return True
     words = re.findall(r"[^\W\d_]+", text.lower())
-    english = sum(word in ENGLISH or (word in known and word not in _FOREIGN) for word in words)
-    foreign = sum(word in _FOREIGN and word not in _SHARED for word in words)
-    foreign += sum(not word.isascii() and word not in known and word not in _FOREIGN for word in words)
+    native, other = ENGLISH | (known & set(words)) - _FOREIGN, _FOREIGN - _SHARED
+    english = sum(word in native for word in words)
+    foreign = sum(word in other or not (word.isascii() or word in known) for word in words)
     return foreign > english
 
 

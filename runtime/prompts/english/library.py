@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from runtime.assets import asset_path
+from runtime.errors import FileError
 from runtime.prompts.english import other_languages
 from runtime.prompts.english.clauses import ParsedPrompt, parse_clauses
 from runtime.prompts.english.compose import (
@@ -332,6 +333,8 @@ class LibraryExpander:
         embeddings = load_embeddings(path, digest, self._encoder, len(content.entries))
         embeddings = embeddings or embed_library(content, self._encoder)
         names = [entry.style for entry in content.entries]
+        if NEUTRAL_STYLE not in names:
+            raise FileError(f"{self._path}: has no entry of the style 'neutral'.", "Restore the file.")
         plain = [i for i, style in enumerate(names) if style.startswith(NEUTRAL_STYLE)]
         phrases = PhraseIndex(content)
         spelling = Spelling(phrases.known | ENGLISH, embeddings.other_words)

@@ -61,7 +61,7 @@ class Spelling:
 
         def correct(match: re.Match[str]) -> str:
             word = match.group(0)
-            right = self.nearest(word.lower())
+            right = _TURNED.get(word.lower()) or self.nearest(word.lower())
             if right is None:
                 return word
             read[word] = right
@@ -71,8 +71,6 @@ class Spelling:
 
     def nearest(self, word: str) -> str | None:
         """The known word that a lower-case word is one letter off, or None for what is no typing error."""
-        if word in _TURNED:
-            return _TURNED[word]
         right = word in self._known or word in self._others or self._inflected(word)
         if right or len(word) < SHORTEST or not word.isascii():
             return None

@@ -13,10 +13,10 @@ from runtime.motion.model import load_model
 from runtime.prompts.parts import PartDescriptions, mirror_text
 from runtime.prompts.wording import Wording
 from runtime.skeleton import PART_NAMES
-from tests.test_layering import walker
+from tests.test_augmentation import walker
+from training.augmentation.catalogue import catalogue, part_edits
+from training.augmentation.measured_edits import summarise
 from training.export import calibrate
-from training.layering.catalog import EDITS, HELD_OUT
-from training.layering.measured_edits import summarise
 from training.text.measure import BodyMeasures
 
 PLAIN = PartDescriptions(**{part: f"{part} as it is" for part in PART_NAMES})
@@ -43,7 +43,9 @@ class Told:
         code = np.zeros((6, 64), np.float32)
         for k, part in enumerate(PART_NAMES):
             words = getattr(said, part)
-            numbers = [n for n, name in enumerate(EDITS) if words in EDITS[name].phrases.get(part, ())]
+            numbers = [
+                n for n, name in enumerate(part_edits()) if words in part_edits()[name].phrases.get(part, ())
+            ]
             code[k, :2] = (1 + numbers[0], 1) if numbers else 0
         return code
 
@@ -79,16 +81,16 @@ def test_sides_and_gains_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
         asked.append((name, gain, others))
         return min(1.0, (beside if others else shown).get(name, 0.95) * gain)
 
-    monkeypatch.setattr(calibrate, "EDITS", {name: EDITS[name] for name in names})
+    monkeypatch.setattr(calibrate, "part_edits", lambda: {name: part_edits()[name] for name in names})
     monkeypatch.setattr(calibrate, "neutral_motion", lambda *_: walker(420))
     monkeypatch.setattr(calibrate, "edit_fraction", share)
     monkeypatch.setattr(calibrate, "_rule_sentences", lambda _told: [])
     found = calibrate.calibrated(None, Told(), Gains(), Wording())  # type: ignore[arg-type]
-    number = {1.0 + k: name for k, name in enumerate(EDITS)}
+    number = {1.0 + k: name for k, name in enumerate(part_edits())}
     rows = {(number[row["code"][0]], row["part"]): row for row in found}
 
     def gains(name: str) -> tuple[float, float]:
-        row = rows[name, EDITS[name].slot.replace("legs", "left_leg")]
+        row = rows[name, part_edits()[name].slot.replace("legs", "left_leg")]
         return row["gain"], row["gain_beside"]
 
     assert len(rows) == len(found)
@@ -110,11 +112,11 @@ def test_the_words_of_others_leave_an_edit_its_own_parts() -> None:
     first = calibrate.COMPANIONS[0]
     said = calibrate._beside(PLAIN, ["left_leg"], first)
     assert (said.left_leg, said.right_leg) == (PLAIN.left_leg, PLAIN.right_leg)
-    assert said.torso == EDITS["torso.chest_out"].phrases["torso"][0]
+    assert said.torso == part_edits()["torso.chest_out"].phrases["torso"][0]
     said = calibrate._beside(PLAIN, ["left_arm"], first)
     assert said.left_arm == PLAIN.left_arm
-    assert said.right_arm == EDITS["right_arm.on_hip"].phrases["right_arm"][0]
-    assert said.right_leg == EDITS["legs.short"].phrases["right_leg"][0]
+    assert said.right_arm == part_edits()["right_arm.on_hip"].phrases["right_arm"][0]
+    assert said.right_leg == part_edits()["legs.short"].phrases["right_leg"][0]
 
 
 def test_sentences_of_rules_are_asked_as_a_model_is_told_them() -> None:
@@ -125,7 +127,9 @@ def test_sentences_of_rules_are_asked_as_a_model_is_told_them() -> None:
     legs = [each.words for each in asked.values() if "left_leg" in each.words]
     assert legs
     assert all(mirror_text(words["left_leg"][0]) == words["right_leg"][0] for words in legs)
-    assert not set(asked) & {t for edit in EDITS.values() for texts in edit.phrases.values() for t in texts}
+    assert not set(asked) & {
+        t for edit in part_edits().values() for texts in edit.phrases.values() for t in texts
+    }
     raised = asked["head held high, chin raised"]
     level, up = (SimpleNamespace(body=measures(pitch)) for pitch in (0.0, -20.0))
     assert raised.share(level, up) == 1.0  # type: ignore[arg-type]
@@ -142,7 +146,9 @@ def measures(pitch: float) -> BodyMeasures:
 def test_what_is_held_out_is_not_looked_at() -> None:
     names = {name for pair in calibrate._trained() for name in pair}
     alone = {
-        name for name in HELD_OUT if name.replace("left", "right") == name.replace("right", "left") == name
+        name
+        for name in catalogue().held_out
+        if name.replace("left", "right") == name.replace("right", "left") == name
     }
     assert alone
     assert not names & alone

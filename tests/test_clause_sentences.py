@@ -10,11 +10,11 @@ pytest.importorskip("torch")
 
 
 def test_named_sentences_are_the_catalogues() -> None:
-    from training.layering.catalog import EDITS
+    from training.augmentation.catalogue import part_edits
 
     sentences = tomllib.loads(asset_path("prompts/clauses.toml").read_text("utf-8"))["sentences"]
     for name, text in sentences.items():
         edit = name.rstrip("_23456789")
-        edit = edit if edit in EDITS else f"left_{edit}"
-        said = {phrase for phrases in EDITS[edit].phrases.values() for phrase in phrases}
+        edit = edit if edit in part_edits() else f"left_{edit}"
+        said = {phrase for phrases in part_edits()[edit].phrases.values() for phrase in phrases}
         assert text.replace("{s}", "left") in said, name

@@ -31,8 +31,8 @@ from runtime.prompts.parts import PartDescriptions  # noqa: E402
 from runtime.skeleton import PART_NAMES  # noqa: E402
 from runtime.terrain.height_map import Terrain  # noqa: E402
 from training import ablations, parallel, pipeline  # noqa: E402
+from training.augmentation.sentences import longer_sentences  # noqa: E402
 from training.export import model as export_module  # noqa: E402
-from training.layering.longer_phrases import longer_sentences  # noqa: E402
 from training.networks.content import StatisticsReader  # noqa: E402
 from training.presets import ABLATIONS, PRESETS  # noqa: E402
 from training.stages import motion as stage_motion  # noqa: E402

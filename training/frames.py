@@ -26,7 +26,7 @@ from runtime.terrain.height_map import Terrain
 PAD = 61  # frames of extrapolated root path at each end of a clip
 FACING_SIGMA = 12.0  # frames; the root faces the forward direction smoothed by this Gaussian
 MAX_PATCHES = 3
-LAYERED = "layered"  # content of clips made by training.layering
+LAYERED = "layered"  # content of clips made by training.augmentation
 FIRST_OF_UPPER = 11  # joints from LowerBack on are the upper body
 FIXED_POINT = 32767.0  # of rotations stored in 16 bits: 16 times finer than half floats near 1
 PLAIN = "neutral"  # of the neutral styles the one that "a person walking normally" describes

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import astuple, fields
+from dataclasses import astuple
 from functools import partial
 from pathlib import Path
 
@@ -12,21 +12,15 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.skeleton import PART_NAMES
-from training.text.measure import ArmMeasures, HeadMeasures, LegMeasures, TorsoMeasures, measure
+from training.text.measure import measure, measure_names
 
 MOST = 4.0  # deviations: what a clip that turns or jumps does beyond that says nothing more
-_KIND = {"arm": ArmMeasures, "leg": LegMeasures, "torso": TorsoMeasures, "head": HeadMeasures}
 _ONE_SIDED = ("roll", "turn")  # of torso and head: these change their sign in the mirror image
-
-
-def value_names(part: str) -> tuple[str, ...]:
-    """The measures of a part, in the order of `clip_values`."""
-    return tuple(f.name for f in fields(_KIND[part.split("_")[-1]]))
 
 
 def signs_of(part: str) -> tuple[float, ...]:
     """Of each measure: -1 where it changes its sign in the mirror image, else 1."""
-    return tuple(-1.0 if name in _ONE_SIDED else 1.0 for name in value_names(part))
+    return tuple(-1.0 if name in _ONE_SIDED else 1.0 for name in measure_names(part))
 
 
 def clip_values(folder: Path, names: Sequence[str], workers: int = 2) -> list[Array]:

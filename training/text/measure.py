@@ -92,6 +92,9 @@ class HeadMeasures:
     turn: float = 0.0  # degrees that the face looks to the left of the facing direction
 
 
+_MEASURES = {"arm": ArmMeasures, "leg": LegMeasures, "torso": TorsoMeasures, "head": HeadMeasures}
+
+
 @dataclass(frozen=True)
 class BodyMeasures:
     """A whole motion, or the average of several."""
@@ -102,6 +105,11 @@ class BodyMeasures:
     right_leg: LegMeasures
     torso: TorsoMeasures
     head: HeadMeasures
+
+
+def measure_names(part: str) -> tuple[str, ...]:
+    """The measures of a part such as "left_arm", in their order."""
+    return tuple(field.name for field in fields(_MEASURES[part.split("_")[-1]]))
 
 
 def measure(hips: Array, local: Array, contacts: Array) -> BodyMeasures:

@@ -12,9 +12,8 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.easing import smoothstep
 from runtime.skeleton import SPORT_SKELETON
-from training.frames import smooth
-from training.layering.catalog import PartEdit
-from training.layering.cycle import (
+from training.augmentation.catalogue import PartEdit
+from training.augmentation.cycle import (
     Axes,
     away_from_mean,
     axes,
@@ -22,9 +21,10 @@ from training.layering.cycle import (
     cycle_mean,
     right_landings,
 )
-from training.layering.pose_edits import SPINE_ONLY, EditedMotion, lean_shares, turn_joints, turns
-from training.layering.root_edits import down, feet_of, with_feet
-from training.layering.steps import height_in_swing, left_landings, swings
+from training.augmentation.pose_edits import SPINE_ONLY, EditedMotion, lean_shares, turn_joints, turns
+from training.augmentation.root_edits import down, feet_of, with_feet
+from training.augmentation.steps import height_in_swing, left_landings, swings
+from training.frames import smooth
 
 _UP = np.array([0.0, 1.0, 0.0])
 _LEFT_ARM, _RIGHT_ARM = SPORT_SKELETON.index("LeftArm"), SPORT_SKELETON.index("RightArm")
@@ -34,7 +34,7 @@ _HARD = 6.0  # frames from a landing to the deepest of a knee that gives
 
 
 def _scale(edit: PartEdit, name: str, random: np.random.Generator) -> float:
-    value = float(edit.parameters.get(name, 1.0))  # type: ignore[arg-type]
+    value = float(edit.parameters.get(name, 1.0))
     return value if value == 1.0 else value * float(np.exp(0.05 * random.normal()))
 
 
@@ -80,7 +80,7 @@ def shoulders(motion: EditedMotion, edit: PartEdit, random: np.random.Generator)
     more = turn * np.array([0.0, _scale(edit, "yaw", random) - 1.0, 0.0])
     shares = lean_shares(SPINE_ONLY, 1.0, 0.1)
     moved = turn_joints(motion, _world(ahead, more), shares)
-    roll = float(edit.parameters.get("roll", 0.0)) * random.normal(1.0, 0.06)  # type: ignore[arg-type]
+    roll = float(edit.parameters.get("roll", 0.0)) * random.normal(1.0, 0.06)
     if not roll:
         return moved
     swing = roll * np.sin(2 * np.pi * (motion.step_phase() + 0.05))
@@ -93,9 +93,9 @@ def rock(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> E
     swing = np.sin(2 * np.pi * (motion.step_phase() + 0.05))
     ankles, _, _ = feet_of(motion)
     left = axes(motion).left
-    sideways = size * float(edit.parameters["sideways"]) * swing  # type: ignore[arg-type]
+    sideways = size * float(edit.parameters["sideways"]) * swing
     moved = replace(motion, hips=motion.hips + sideways[:, None] * left)
-    roll = size * float(edit.parameters["roll"]) * swing  # type: ignore[arg-type]
+    roll = size * float(edit.parameters["roll"]) * swing
     chain = {0: 0.35, 11: 0.6, 12: 0.8, 13: 1.0}
     return turn_joints(moved, turns(moved, 0.0, 0.0, roll), lean_shares(chain, 0.6, 0.4), ankles)
 

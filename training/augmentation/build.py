@@ -1,6 +1,6 @@
 """`sport train layer`: edited clips from imported ones, each with six descriptions of its own.
 
-    python -m training.layering.build --clips DIR --out DIR
+    python -m training.augmentation.build --clips DIR --out DIR
 
 Writes `layer_*.npz` beside (or apart from) the imported clips, and `layers.json`: for every layered clip the
 descriptions of its parts, a key that names what each part does, and what the clip was made of.
@@ -25,18 +25,18 @@ from runtime.motion import features
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES, SPORT_SKELETON
 from training.arguments import COUNT
+from training.augmentation import recipes
+from training.augmentation.apply import apply
+from training.augmentation.catalogue import part_edits
+from training.augmentation.cycle import axes, cycle_frames, cycle_mean
+from training.augmentation.effects import rhythm_section
+from training.augmentation.pool import NEUTRAL, Pool, Source
+from training.augmentation.pose_edits import EditedMotion, cut
 from training.data import relief
 from training.data.clip_files import TrainingClip
 from training.data.height_patches import Patches
 from training.data.labels import FOOT_JOINTS
 from training.data.style_library import style_library
-from training.layering import recipes
-from training.layering.apply import apply
-from training.layering.catalog import EDITS
-from training.layering.cycle import axes, cycle_frames, cycle_mean
-from training.layering.effects import rhythm_section
-from training.layering.pool import NEUTRAL, Pool, Source
-from training.layering.pose_edits import EditedMotion, cut
 
 log = logging.getLogger("sport.train")
 
@@ -95,7 +95,7 @@ def _with_edits(
     draft: _Draft, pool: Pool, styles: dict[str, dict], standing: bool, random: np.random.Generator
 ) -> _Draft | None:
     """The draft with edits drawn for it, of another clip where its own cannot show them; None where none can."""
-    edits = recipes.draw(random, standing).edits
+    edits = recipes.draw(random, standing)
     if not _suits(draft.source, draft.motion, edits):
         found = _suitable(pool, edits, random)
         if found is None:
@@ -106,7 +106,7 @@ def _with_edits(
 
 
 def _apply_edit(draft: _Draft, name: str, random: np.random.Generator) -> None:
-    edit = EDITS[name]
+    edit = part_edits()[name]
     draft.motion = apply(draft.motion, edit, random)
     for part, phrases in edit.phrases.items():
         order = random.permutation(max(len(phrases), 4)) % len(phrases)
@@ -153,18 +153,18 @@ def _style_texts(
 
 def _suits(source: Source, motion: EditedMotion, edits: tuple[str, ...]) -> bool:
     """Whether edits can show: an arm that does not swing in its style cannot swing more, feet move on a floor only."""
-    if any(EDITS[e].scales for e in edits) and not source.style.startswith("neutral"):
+    if any(part_edits()[e].scales for e in edits) and not source.style.startswith("neutral"):
         return False
-    if any(EDITS[e].of_steps for e in edits) and source.gait[:, Gait.WALK].mean() < WALKED:
+    if any(part_edits()[e].of_steps for e in edits) and source.gait[:, Gait.WALK].mean() < WALKED:
         return False
-    return not any(EDITS[e].moves_feet for e in edits) or walks_on_a_floor(motion)
+    return not any(part_edits()[e].moves_feet for e in edits) or walks_on_a_floor(motion)
 
 
 def _suitable(
     pool: Pool, edits: tuple[str, ...], random: np.random.Generator
 ) -> tuple[Source, EditedMotion] | None:
     """Another clip and a piece of it that suit the edits; None after `TRIES` draws."""
-    neutral = 1.0 if any(EDITS[e].scales for e in edits) else NEUTRAL
+    neutral = 1.0 if any(part_edits()[e].scales for e in edits) else NEUTRAL
     for _ in range(TRIES):
         source = pool.draw(random, neutral)
         start, end = _segment(source, random)
@@ -192,7 +192,7 @@ def _ground(
     source: Source, motion: EditedMotion, edits: tuple[str, ...], random: np.random.Generator
 ) -> Patches:
     """The source's ground near the path, or new relief around feet that stand elsewhere now."""
-    if any(EDITS[e].moves_feet for e in edits):
+    if any(part_edits()[e].moves_feet for e in edits):
         positions, _ = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local)
         return relief.fit_around_steps(positions, motion.contacts, random)
     return _near(source.patches, motion.hips)
@@ -264,18 +264,21 @@ def report(entries: dict[str, dict], captured: int, rhythm: str = "") -> str:
     lines = [
         "# Layered styles",
         "",
-        "Written by `python -m training.layering.build --clips DIR --report docs/results/layering.md`. Layered clips are imported"
+        "Written by `python -m training.augmentation.build --clips DIR --report docs/results/augmentation.md`. Layered clips are imported"
         " ones with edits whose descriptions are exact, the feet kept by inverse kinematics; while training their parts are"
         " put on other clips, and those of other clips on them (`training/composition`). Every clip has six descriptions of its own. The edits"
-        " are defined in `training/layering/catalog*.py`; those marked there as held out never enter training.",
+        " are defined in `training/augmentation/edits.toml`; those marked there as held out never enter training.",
         "",
         f"- {captured} captured styles",
-        f"- {len(edits)} parametric part edits of {len(EDITS)} ({len(EDITS) - len(edits)} held out)",
+        f"- {len(edits)} parametric part edits of {len(part_edits())} ({len(part_edits()) - len(edits)} held out)",
         f"- {len(combinations)} different combinations of part contents in {len(entries)} clips",
         "",
         "| Parametric edit | clips | in its words |",
         "| --- | --- | --- |",
-        *(f"| {k} | {v} | {next(iter(EDITS[k].phrases.values()))[0]} |" for k, v in sorted(edits.items())),
+        *(
+            f"| {k} | {v} | {next(iter(part_edits()[k].phrases.values()))[0]} |"
+            for k, v in sorted(edits.items())
+        ),
         "",
         rhythm,
         "",
@@ -307,4 +310,4 @@ def main(argv: list[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    raise SystemExit(run_command("layering", main))
+    raise SystemExit(run_command("augmentation", main))

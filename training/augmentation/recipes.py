@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS, PartEdit
+from training.augmentation.catalogue import catalogue, part_edits
 
 # legs first: some of their edits take the torso along
 _CHANCE = {"legs": 0.74, "torso": 0.5, "left_arm": 0.42, "right_arm": 0.42, "head": 0.38}
@@ -29,15 +27,8 @@ _OF_MOVEMENT = (
 _MOVEMENT_WEIGHT = 3.0
 
 
-@dataclass(frozen=True)
-class Recipe:
-    """Names of parametric edits, in the order in which they are applied."""
-
-    edits: tuple[str, ...]
-
-
-def draw(random: np.random.Generator, standing: bool) -> Recipe:
-    """One to four edits that do not touch the same part twice."""
+def draw(random: np.random.Generator, standing: bool) -> tuple[str, ...]:
+    """Names of one to four edits that do not touch the same part twice, in the order in which they are applied."""
     while True:
         chosen: list[str] = []
         for slot, chance in _CHANCE.items():
@@ -49,22 +40,17 @@ def draw(random: np.random.Generator, standing: bool) -> Recipe:
             chosen.append(edit)
             twin = _twin(edit)
             both = BOTH_ARMS if "arm" in edit else BOTH_LEGS
-            both = BOTH_SWING if EDITS[edit].kind == "swing" else both
+            both = BOTH_SWING if part_edits()[edit].kind == "swing" else both
             if twin is not None and not _taken(chosen, twin) and random.random() < both:
                 chosen.append(twin)
         if chosen and allowed(tuple(chosen)):
-            return Recipe(tuple(sorted(chosen, key=_order)))
+            return tuple(sorted(chosen, key=_order))
 
 
 def allowed(names: tuple[str, ...]) -> bool:
     """Whether a combination may enter training."""
-    pairs = (set(pair) <= set(names) for pair in HELD_OUT_PAIRS.values())
-    return not set(names) & HELD_OUT and not any(pairs)
-
-
-def trained_edits() -> list[PartEdit]:
-    """Every edit that training may show."""
-    return [edit for name, edit in EDITS.items() if name not in HELD_OUT]
+    pairs = (set(pair) <= set(names) for pair in catalogue().held_out_pairs.values())
+    return not set(names) & catalogue().held_out and not any(pairs)
 
 
 def _choose(slot: str, random: np.random.Generator, standing: bool) -> str | None:
@@ -74,34 +60,40 @@ def _choose(slot: str, random: np.random.Generator, standing: bool) -> str | Non
         rhythm = not standing and random.random() < LEGS_RHYTHM
         one = not standing and random.random() >= (BOTH_RHYTHM if rhythm else BOTH)
         slots = {"left_leg", "right_leg"} if one else {"legs"}
-    names = [e.name for e in trained_edits() if e.slot in slots]
+    names = [e.name for e in catalogue().trained if e.slot in slots]
     if slot == "legs":
-        names = [n for n in names if (EDITS[n].kind in RHYTHM) == rhythm]
+        names = [n for n in names if (part_edits()[n].kind in RHYTHM) == rhythm]
     if standing:
-        names = [n for n in names if EDITS[n].kind != "leg" and not EDITS[n].of_steps and n != "torso.bounce"]
+        names = [
+            n
+            for n in names
+            if part_edits()[n].kind != "leg" and not part_edits()[n].of_steps and n != "torso.bounce"
+        ]
     if not names:
         return None
-    weight = [_MOVEMENT_WEIGHT if EDITS[n].measure[1] in _OF_MOVEMENT else 1.0 for n in names]
+    weight = [_MOVEMENT_WEIGHT if part_edits()[n].measure[1] in _OF_MOVEMENT else 1.0 for n in names]
     return str(random.choice(names, p=np.array(weight) / sum(weight)))
 
 
 def _twin(name: str) -> str | None:
     """The same edit of the other side, where both can be done at once."""
-    if EDITS[name].kind == "stance":
+    if part_edits()[name].kind == "stance":
         return None  # both legs cannot limp at once
     for one, other in (("left_", "right_"), ("right_", "left_")):
         if name.startswith(one):
             twin = other + name.removeprefix(one)
-            return twin if twin in EDITS and twin not in HELD_OUT else None
+            return twin if twin in part_edits() and twin not in catalogue().held_out else None
     return None
 
 
 def _taken(chosen: list[str], name: str) -> bool:
     """Whether an edit describes a part that another one describes already."""
-    return any(EDITS[name].phrases.keys() & EDITS[other].phrases.keys() for other in chosen)
+    return any(part_edits()[name].phrases.keys() & part_edits()[other].phrases.keys() for other in chosen)
 
 
 def _order(name: str) -> int:
     """Legs and torso first, rhythm before posture: hands are then placed on the body as it is, the head looks last."""
-    slot = ("left_leg", "right_leg", "legs", "torso", "head", "left_arm", "right_arm").index(EDITS[name].slot)
-    return 0 if EDITS[name].moves_feet else 1 + slot
+    slot = ("left_leg", "right_leg", "legs", "torso", "head", "left_arm", "right_arm").index(
+        part_edits()[name].slot
+    )
+    return 0 if part_edits()[name].moves_feet else 1 + slot

@@ -11,8 +11,8 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.motion import features
 from runtime.skeleton import SPORT_SKELETON
-from training.layering.pose_edits import EditedMotion
-from training.layering.steps import left_landings
+from training.augmentation.pose_edits import EditedMotion
+from training.augmentation.steps import left_landings
 
 USUAL_CYCLE = 66  # frames, where there are too few landings to tell
 

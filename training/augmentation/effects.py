@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from training.layering.catalog import EDITS, HELD_OUT, PartEdit
-from training.layering.measured_edits import load_reference, targets, value
+from training.augmentation.catalogue import PartEdit, catalogue, part_edits
+from training.augmentation.measured_edits import load_reference, targets, value
 
 INTRODUCTION = """## Rhythm and weight
 
 The other edits are of posture; these are of how long, quick, even and hard steps are, and of what hips, shoulders and arms do
-in them (`training/layering/catalog_rhythm.py`). What a walk does about its mean over a gait cycle is scaled, its frames
+in them (`training/augmentation/edits.toml`). What a walk does about its mean over a gait cycle is scaled, its frames
 are played at another rate, or its path is changed and every footprint with it. A planted foot stays planted:
 
 | kind | numbers | what is done |
@@ -38,7 +38,7 @@ def rhythm_section(clips: Path) -> str:
     """The definitions, and of every edit what it does to its measure on captured neutral walks, medians."""
     reference = load_reference(clips)
     rows = []
-    for name, edit in EDITS.items():
+    for name, edit in part_edits().items():
         if not edit.rhythm or edit.slot.startswith("right"):
             continue
         target = targets((name,))[0]
@@ -64,7 +64,7 @@ def rhythm_section(clips: Path) -> str:
 
 def _held_out(edit: PartEdit) -> str:
     twin = edit.name.replace("left_", "right_", 1)
-    return " \\*" if {edit.name, twin} & HELD_OUT else ""
+    return " \\*" if {edit.name, twin} & catalogue().held_out else ""
 
 
 def _numbers(edit: PartEdit) -> str:

@@ -14,10 +14,10 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.errors import FileError
 from runtime.skeleton import SPORT_SKELETON
-from training.layering.apply import apply
-from training.layering.catalog import EDITS
-from training.layering.pool import load_source
-from training.layering.pose_edits import EditedMotion, cut
+from training.augmentation.apply import apply
+from training.augmentation.catalogue import part_edits
+from training.augmentation.pool import load_source
+from training.augmentation.pose_edits import EditedMotion, cut
 from training.text.measure import BodyMeasures, measure, smoothed_facing
 
 Target = tuple[str, str]  # part, field of its measures
@@ -76,7 +76,7 @@ def targets(edits: Iterable[str]) -> list[Target]:
     """The measures that show the edits; what both legs do is measured on both."""
     found = []
     for name in edits:
-        edit = EDITS[name]
+        edit = part_edits()[name]
         part, field = edit.measure
         found += [(part, f) for f in _SHOWN_BY.get(name.split(".")[1], (field,))]
         if edit.slot == "legs":
@@ -102,7 +102,7 @@ class CapturedReference:
             random = np.random.default_rng([number, *"+".join(edits).encode()])
             changed = motion
             for name in edits:
-                changed = apply(changed, EDITS[name], random)
+                changed = apply(changed, part_edits()[name], random)
             pairs.append((plain, summarise(changed.hips, changed.local, changed.contacts)))
         return pairs
 

@@ -16,9 +16,9 @@ from runtime.motion import features
 from runtime.motion.features import FPS
 from runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
+from training.augmentation.catalogue import PartEdit
+from training.augmentation.steps import bumps, held_in_stance, step_phase, swing_share
 from training.frames import smooth
-from training.layering.catalog import PartEdit
-from training.layering.steps import bumps, held_in_stance, step_phase, swing_share
 
 _REACH = 0.998  # of a leg, before the hips give way: seven degrees of the knee
 _AT = SPORT_SKELETON.index
@@ -126,7 +126,7 @@ def lean_shares(chain: dict[int, float], arms: float, head: float) -> dict[int, 
 
 
 def _lean(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    pitch, roll = float(edit.parameters.get("pitch", 0.0)), float(edit.parameters.get("roll", 0.0))  # type: ignore[arg-type]
+    pitch, roll = float(edit.parameters.get("pitch", 0.0)), float(edit.parameters.get("roll", 0.0))
     amount = random.normal(1.0, 0.06)
     vectors = turns(motion, amount * pitch, 0.0, amount * roll)
     hips = motion.hips.copy()
@@ -139,25 +139,25 @@ def _lean(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> 
 
 
 def _slump(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    pitch = float(edit.parameters["pitch"]) * random.normal(1.0, 0.06)  # type: ignore[arg-type]
+    pitch = float(edit.parameters["pitch"]) * random.normal(1.0, 0.06)
     shares = lean_shares(_ROUNDED, ARM_FOLLOWS, HEAD_FOLLOWS)
     return turn_joints(motion, turns(motion, pitch, 0.0, 0.0), shares)
 
 
 def _sway(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    roll = float(edit.parameters["roll"]) * random.normal(1.0, 0.08)  # type: ignore[arg-type]
+    roll = float(edit.parameters["roll"]) * random.normal(1.0, 0.08)
     swing = roll * np.sin(2 * np.pi * (motion.step_phase() + 0.05))
     return turn_joints(motion, turns(motion, 0.0, 0.0, swing), lean_shares(CHAIN, 0.6, 0.4))
 
 
 def _twist(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    yaw = float(edit.parameters["yaw"]) * random.normal(1.0, 0.08)  # type: ignore[arg-type]
+    yaw = float(edit.parameters["yaw"]) * random.normal(1.0, 0.08)
     swing = yaw * np.cos(2 * np.pi * motion.step_phase())
     return turn_joints(motion, turns(motion, 0.0, -swing, 0.0), lean_shares(SPINE_ONLY, 1.0, 0.15))
 
 
 def _bounce(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    height = float(edit.parameters["height"]) * random.normal(1.0, 0.08)  # type: ignore[arg-type]
+    height = float(edit.parameters["height"]) * random.normal(1.0, 0.08)
     drop = 0.5 * height * (1.0 - np.cos(4 * np.pi * (motion.step_phase() - 0.04)))
     return _lowered(motion, drop)
 
@@ -250,7 +250,7 @@ def _beat(motion: EditedMotion, rate: float, random: np.random.Generator) -> Arr
 
 
 def _swing(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    scale = float(edit.parameters["scale"]) * random.normal(1.0, 0.05)  # type: ignore[arg-type]
+    scale = float(edit.parameters["scale"]) * random.normal(1.0, 0.05)
     name = edit.slot.removesuffix("_arm").capitalize()
     local = motion.local.astype(np.float64).copy()
     for joint in (_AT(f"{name}Arm"), _AT(f"{name}ForeArm")):

@@ -17,10 +17,9 @@ from runtime.arrays import Array
 from runtime.feet import ik
 from runtime.motion.features import FPS
 from runtime.skeleton import SPORT_SKELETON
-from training.frames import smooth
-from training.layering.catalog import PartEdit
-from training.layering.cycle import away_from_mean, axes, cycle_frames, cycle_mean, right_landings
-from training.layering.pose_edits import (
+from training.augmentation.catalogue import PartEdit
+from training.augmentation.cycle import away_from_mean, axes, cycle_frames, cycle_mean, right_landings
+from training.augmentation.pose_edits import (
     CHAIN,
     SIDES,
     EditedMotion,
@@ -29,7 +28,8 @@ from training.layering.pose_edits import (
     turns,
     within_reach,
 )
-from training.layering.steps import held_in_stance, left_landings
+from training.augmentation.steps import held_in_stance, left_landings
+from training.frames import smooth
 
 _WINDOW = 75  # frames before and after in which the path passes a foot
 _END = 12  # frames whose mean change goes on beyond an end
@@ -207,7 +207,7 @@ def _as_straight(before: EditedMotion, after: EditedMotion) -> EditedMotion:
 
 def line(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
     """`outward`: metres of both feet from the middle line; steps vary about it a third as much as in the capture."""
-    wanted = float(edit.parameters["outward"]) + 0.006 * random.normal()  # type: ignore[arg-type]
+    wanted = float(edit.parameters["outward"]) + 0.006 * random.normal()
     path = cycle_mean(motion.hips.astype(np.float64), cycle_frames(motion.contacts))
     left = axes(motion).left
     ankles, _, _ = feet_of(motion)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from training.layering import cycle_edits, pose_edits, root_edits
-from training.layering.catalog import PartEdit
-from training.layering.pose_edits import EditedMotion
+from training.augmentation import cycle_edits, pose_edits, root_edits
+from training.augmentation.catalogue import PartEdit
+from training.augmentation.pose_edits import EditedMotion
 
 KINDS = pose_edits.KINDS | root_edits.KINDS | cycle_edits.KINDS
 

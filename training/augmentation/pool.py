@@ -9,9 +9,9 @@ import numpy as np
 
 from runtime.errors import FileError
 from runtime.terrain.height_map import Terrain
+from training.augmentation.pose_edits import EditedMotion
 from training.data.height_patches import Patches
 from training.frames import PLAIN
-from training.layering.pose_edits import EditedMotion
 
 NEUTRAL = 0.45  # share of clips that are built on neutral motion, where an edit shows most clearly
 PLAIN_SHARE = 0.7  # of the neutral motion is plain: an edit's words stand beside these sentences most often

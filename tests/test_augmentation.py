@@ -16,11 +16,11 @@ from runtime.terrain.height_map import Terrain
 from tests.walker import CYCLE_FRAMES, walk
 from training import augmentation
 from training.augmentation import recipes
-from training.augmentation.apply import apply
 from training.augmentation.build import LAYERS, build_layers
 from training.augmentation.catalogue import catalogue, load_catalogue, part_edits
-from training.augmentation.pose_edits import EditedMotion, keep_feet
-from training.augmentation.steps import left_landings, step_phase
+from training.augmentation.edits import apply
+from training.augmentation.gait import left_landings, step_phase
+from training.augmentation.motion import EditedMotion, keep_feet
 from training.data.clip_files import TrainingClip
 from training.text.measure import measure
 

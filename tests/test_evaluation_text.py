@@ -17,8 +17,8 @@ from runtime.prompts.expander import Expansion
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.prompter import Prompter
 from runtime.skeleton import PART_NAMES, SPORT_SKELETON
-from training.augmentation.apply import apply
 from training.augmentation.catalogue import catalogue, part_edits
+from training.augmentation.edits import apply
 from training.augmentation.measured_edits import (
     CapturedReference,
     Summary,
@@ -28,7 +28,7 @@ from training.augmentation.measured_edits import (
     summarise,
     targets,
 )
-from training.augmentation.pose_edits import EditedMotion
+from training.augmentation.motion import EditedMotion
 from training.data.clip_files import TrainingClip
 from training.data.height_patches import Patches
 from training.evaluation.experiment import Setting, run

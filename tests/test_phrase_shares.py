@@ -18,8 +18,8 @@ from runtime.prompts.shares import PhraseShares, load_shares
 from runtime.skeleton import PART_NAMES
 from tests.test_augmentation import walker
 from tests.walker import WalkerModel
-from training.augmentation.apply import apply
 from training.augmentation.catalogue import part_edits
+from training.augmentation.edits import apply
 from training.evaluation.text import prompt_adherence
 from training.evaluation.text import walks as text_walks
 from training.text.claims import RULES, clause_share, clauses

@@ -5,10 +5,10 @@ import pytest
 
 from runtime.skeleton import SPORT_SKELETON
 from tests.test_augmentation import walker
-from training.augmentation.apply import apply
 from training.augmentation.catalogue import PartEdit, catalogue, part_edits
-from training.augmentation.cycle import cycle_frames, cycle_mean
-from training.augmentation.pose_edits import EditedMotion
+from training.augmentation.edits import apply
+from training.augmentation.gait import cycle_frames, cycle_mean
+from training.augmentation.motion import EditedMotion
 from training.data.labels import FOOT_JOINTS
 from training.text.measure import BodyMeasures, measure
 

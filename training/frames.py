@@ -62,10 +62,10 @@ def smooth(values: Array, sigma: float) -> Array:
     return out.reshape(values.shape)
 
 
-def extrapolate(path: Array, frames: int = 12) -> Array:
-    """Pad a path `(T, n)` at both ends with its mean end velocity."""
-    n = min(frames, len(path) - 1)
-    steps = np.arange(1, PAD + 1)[:, None]
+def extrapolate(path: Array, pad: int = PAD) -> Array:
+    """Extend a path `(T, n)` by `pad` frames at both ends with the mean velocity of twelve frames there."""
+    n = min(12, len(path) - 1)
+    steps = np.arange(1, pad + 1)[:, None]
     before = path[0] - steps[::-1] * (path[n] - path[0]) / n
     after = path[-1] + steps * (path[-1] - path[-1 - n]) / n
     return np.concatenate([before, path, after])

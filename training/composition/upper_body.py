@@ -16,7 +16,7 @@ from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.motion.features import FPS, INPUT, OUTPUT, L
 from runtime.skeleton import PART_JOINTS, SPORT_SKELETON, J
-from training.augmentation.steps import left_landings, step_phase
+from training.augmentation.gait import left_landings, step_phase
 from training.frames import FIRST_OF_UPPER as FIRST
 from training.frames import FIXED_POINT, FrameTable, smooth
 

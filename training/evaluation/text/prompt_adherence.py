@@ -32,10 +32,10 @@ from runtime.prompts.sentence_tables import as_left_limb
 from runtime.prompts.shares import FILE
 from runtime.skeleton import PART_NAMES
 from runtime.terrain.height_map import Terrain
-from training.augmentation.apply import apply
 from training.augmentation.catalogue import part_edits
+from training.augmentation.edits import apply
 from training.augmentation.measured_edits import Summary, summarise, targets, value
-from training.augmentation.pose_edits import EditedMotion
+from training.augmentation.motion import EditedMotion
 from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker, straight_walk
 from training.frames import PLAIN
 from training.text.claims import clause_share, clauses

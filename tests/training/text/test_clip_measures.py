@@ -11,7 +11,7 @@ from runtime.skeleton import PART_NAMES  # noqa: E402
 from training.networks.content import PARTS, ContentEncoder, MeasuresReader, odd_codes  # noqa: E402
 from training.presets import preset  # noqa: E402
 from training.stages.content import begin_with  # noqa: E402
-from training.text.clip_values import MOST, _standardised, signs_of  # noqa: E402
+from training.text.clip_measures import MOST, _standardised, signs_of  # noqa: E402
 from training.text.measure import measure_names  # noqa: E402
 
 LEFT, RIGHT, TORSO = (PART_NAMES.index(n) for n in ("left_leg", "right_leg", "torso"))

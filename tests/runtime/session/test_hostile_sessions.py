@@ -16,10 +16,9 @@ from typing import Any
 import pytest
 
 from runtime.errors import FileError, SportError
-from runtime.session.session import Take
 from runtime.session.session_file import INPUT, SessionFile
 from runtime.session.sqlite_file import SEAL
-from tests.helpers.full_session import full_session, history_of, text_of, written
+from tests.helpers.full_session import full_session, history_of, written
 
 DEEP = "[" * 100_000
 HUGE = "1" * 5000
@@ -157,7 +156,7 @@ DOCUMENTS: dict[str, Callable[[Any], Any]] = {
     "a path far away": setting("live", "path", to=[[1e300, 0, 1, 1]]),
     "a surrogate in a name": setting("live", "name", to="\ud800"),
     "a long name": setting("live", "name", to="x" * 100_000),
-    "a pin of nothing": setting("live", "poses", to={"pins": [{}], "plants": []}),
+    "a pin of nothing": setting("live", "poses", to={"pins": [{}], "footplants": []}),
     "pins without end": lambda d: setting("live", "poses", "pins", to=d["live"]["poses"]["pins"] * 5000)(d),
 }
 TAKES: dict[str, Callable[[Any], None]] = {
@@ -169,8 +168,8 @@ TAKES: dict[str, Callable[[Any], None]] = {
     "a trim backwards": setting("trim", to=[9, 3]),
     "a trim below zero": setting("trim", to=[-1, 9]),
     "a color below zero": setting("color", to=-3),
-    "a plant of no foot": setting("poses", "plants", to=[{"foot": 2, "old": None, "new": None}]),
-    "a plant of no frames": setting("poses", "plants", to=[{"foot": 0, "old": [9, 3], "new": None}]),
+    "a plant of no foot": setting("poses", "footplants", to=[{"foot": 2, "old": None, "new": None}]),
+    "a plant of no frames": setting("poses", "footplants", to=[{"foot": 0, "old": [9, 3], "new": None}]),
     "a skeleton of strings": setting("own", to=[["a"], "x", "y"]),
     "a skeleton of other bytes": setting("own", to=[[-1, 0], "<f4 3x3 " + "0" * 32, "|u1 7 " + "0" * 32]),
     "a name with a null": setting("name", to="a\0"),
@@ -305,7 +304,7 @@ def looked_at(path: Path) -> list[str]:
     said = []
     file, history = SessionFile.open(path, path.parent / "cache")
     for found in history.present.session.takes:
-        for load in (lambda t=found: t.made.clip, lambda t=found: t.made.drive):  # type: ignore[misc]
+        for load in (lambda t=found: t.made.clip, lambda t=found: t.made.inputs):  # type: ignore[misc]
             try:
                 load()
             except FileError as error:
@@ -386,9 +385,9 @@ def test_what_is_named_a_hundred_times_is_made_once(path: Path) -> None:
     text["keyframes"] *= 100
     change(path, f"UPDATE motions SET header = ? WHERE key LIKE '%{INPUT}'", json.dumps(text))
     file, history = SessionFile.open(path, path.parent / "cache")
-    drive = history.present.session.takes[0].made.drive
-    assert drive is not None
-    assert len({id(key.snapshot) for key in drive.keyframes}) == 1
+    inputs = history.present.session.takes[0].made.inputs
+    assert inputs is not None
+    assert len({id(key.snapshot) for key in inputs.keyframes}) == 1
     file.close()
 
 
@@ -435,13 +434,3 @@ def test_what_is_refused_stays_as_it_was(path: Path) -> None:
     assert value_of(path, "SELECT group_concat(document) FROM steps") == rows
     assert len(before) > 0
     assert not path.with_name(f".{path.name}.lock").exists()
-
-
-def test_the_whole_one_is_opened(path: Path, whole: Path) -> None:
-    """What the others are damaged copies of."""
-    file, history = SessionFile.open(path, path.parent / "cache")
-    other, same = SessionFile.open(whole, whole.parent / "cache")
-    assert text_of(history.present.session) == text_of(same.present.session)
-    assert looked_at(path) == [] if file.close() else False
-    assert isinstance(history.present.session.live, Take)
-    other.close()

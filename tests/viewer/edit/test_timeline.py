@@ -13,7 +13,7 @@ from runtime.controls import Gait
 from runtime.session.frames import HIPS_STEP_M
 from runtime.session.session import Take
 from runtime.takes.clip import Clip
-from runtime.takes.drive import played_again
+from runtime.takes.input_recording import resimulated_take
 from tests.helpers.app_driver import (
     Start,
     click_on,
@@ -132,41 +132,6 @@ def test_the_keys_of_a_take(start: Start) -> None:
     assert app.takes.playback is None
 
 
-def test_trims_are_undone_and_done_again(start: Start) -> None:
-    app = start()
-    record(app)
-    playback = app.takes.playback
-    assert playback is not None
-    seek(app, 20)
-    click_on(app, "[ In")
-    seek(app, 60)
-    click_on(app, "Out ]")
-    assert (playback.first, playback.last) == (20, 60)
-    press(app, "ctrl", "z")
-    assert (playback.first, playback.last) == (20, 79)
-    app.editing.reword(1, "a goose")  # an edit comes between
-    run(app, 2)
-    press(app, "ctrl", "z")
-    assert "words" in message(app)
-    press(app, "ctrl", "z")
-    assert (playback.first, playback.last) == (0, 79)
-    press(app, "ctrl", "y")
-    assert (playback.first, playback.last) == (20, 79)
-
-
-@pytest.mark.parametrize(("size", "least"), [((1280, 720), 15.0), ((1920, 1080), 22.0)])
-def test_tracks_are_taller_where_there_is_room(start: Start, size: tuple[int, int], least: float) -> None:
-    app = start(width=size[0], height=size[1])
-    record(app, 20)
-    for parts in (False, True):
-        app.editing.part_tracks = parts
-        run(app, 2)
-        rows = {label: box for label, box in drawn(app) if label in ("##gaits", "##foot 1")}
-        _, top, _, bottom = rows["##gaits"]
-        assert bottom - top >= least
-        assert rows["##foot 1"][3] <= app.shell._layout.transport.y + app.shell._layout.transport.height  # type: ignore[union-attr]
-
-
 def test_the_words_shown_are_those_of_the_take_that_plays(start: Start) -> None:
     app = start()
     record(app)
@@ -277,7 +242,7 @@ def test_driving_goes_on_from_a_frame_of_a_take(start: Start) -> None:
     app.takes.toggle_recording()
     again = app.editor.session.takes[-1]
     assert [event.prompt for event in again.clip.prompts] == ["a proud king"]
-    assert again.made.drive is not None
+    assert again.made.inputs is not None
 
 
 def test_a_take_from_a_file_says_why_it_cannot_be_edited(start: Start, tmp_path: Path) -> None:
@@ -342,14 +307,14 @@ def test_a_span_stays_where_it_was_dropped_while_the_take_is_driven(
 ) -> None:
     app = start()
     record(app)
-    go, real = threading.Event(), played_again
+    go, real = threading.Event(), resimulated_take
 
     def slow(*given: Any) -> Any:
         given[-1](0.25)  # the progress
         go.wait(10)
         return real(*given)
 
-    monkeypatch.setattr(resimulation, "played_again", slow)
+    monkeypatch.setattr(resimulation, "resimulated_take", slow)
     app.jobs.blocking = False
     drag(app, "##prompts", 0.5, 0.25)
     assert app.editing.busy

@@ -109,21 +109,22 @@ def part_edits() -> dict[str, PartEdit]:
 def load_catalogue(path: Path) -> Catalogue:
     """Read a catalogue; FileError names the entry that is wrong."""
     try:
-        table = tomllib.loads(path.read_text("utf-8"))
-        edits = {edit.name: edit for edit in _edits(table)}
-        held_out = frozenset(table["held_out"])
-        pairs = {words: (one, other) for words, (one, other) in table["held_out_pairs"].items()}
-        clauses = {when: {k: tuple(v) for k, v in by.items()} for when, by in table["clauses"].items()}
-        other_words = dict(_other_words(table["other_words"]))
-        named = (
-            held_out | {name for pair in pairs.values() for name in pair} | {name for name, _ in other_words}
-        )
-        if unknown := named - edits.keys():
-            raise ValueError(f"{min(unknown)} is no edit")
+        return _catalogue(tomllib.loads(path.read_text("utf-8")))
     except KeyError as error:
         raise FileError(f"{path}: {error.args[0]} is missing.", "Add it.") from error
     except (OSError, ValueError, TypeError, AttributeError) as error:
         raise FileError(f"{path}: {error}.", "Correct the file, or restore it.") from error
+
+
+def _catalogue(table: dict[str, Any]) -> Catalogue:
+    edits = {edit.name: edit for edit in _edits(table)}
+    held_out = frozenset(table["held_out"])
+    pairs = {words: (one, other) for words, (one, other) in table["held_out_pairs"].items()}
+    clauses = {when: {part: tuple(c) for part, c in by.items()} for when, by in table["clauses"].items()}
+    other_words = dict(_other_words(table["other_words"]))
+    named = held_out.union(*pairs.values(), (name for name, _ in other_words))
+    if unknown := named - edits.keys():
+        raise ValueError(f"{min(unknown)} is no edit")
     other_words = {key: words for key, words in other_words.items() if key[0] not in held_out}
     return Catalogue(edits, held_out, pairs, clauses, other_words)
 

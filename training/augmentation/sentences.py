@@ -38,25 +38,14 @@ class LongerSentence:
 
 def longer_sentences() -> list[LongerSentence]:
     """Every trained phrase with each clause that fits it, and pairs of clauses that both count, in either order."""
-    trained = catalogue().trained
-    found = []
-    for edit in trained:
-        for part, phrases in edit.phrases.items():
-            for phrase, clause in product(phrases, _clauses(edit, part)):
-                found.append(LongerSentence(part, f"{phrase}, {clause}", (phrase,)))
-    for slot in ("torso", "head"):
-        postures = [
-            e for e in trained if e.slot == slot and e.measure[1] not in _MOVEMENTS and not e.of_steps
-        ]
-        upright = [p for e in postures if e.measure[1] not in _ACROSS for p in e.phrases[slot]]
-        sideways = [p for e in postures if e.measure[1] in _ACROSS for p in e.phrases[slot]]
-        found += _either_order(slot, upright, sideways)
-    for part in ("left_leg", "right_leg", "torso"):  # a posture, and what its steps are like
-        own = [e for e in trained if part in e.phrases]
-        postures_first = [e.phrases[part][0] for e in own if not e.of_steps]
-        rhythm_first = [e.phrases[part][0] for e in own if e.of_steps]
-        found += _either_order(part, postures_first, rhythm_first)
-    return found
+    return [
+        *_with_clauses(),
+        *_two_postures("torso"),
+        *_two_postures("head"),
+        *_posture_and_rhythm("left_leg"),
+        *_posture_and_rhythm("right_leg"),
+        *_posture_and_rhythm("torso"),
+    ]
 
 
 def other_sentences() -> list[LongerSentence]:
@@ -67,6 +56,31 @@ def other_sentences() -> list[LongerSentence]:
         for (name, part), texts in catalogue().other_words.items()
         for text in texts
     ]
+
+
+def _with_clauses() -> Iterator[LongerSentence]:
+    for edit in catalogue().trained:
+        for part, phrases in edit.phrases.items():
+            for phrase, clause in product(phrases, _clauses(edit, part)):
+                yield LongerSentence(part, f"{phrase}, {clause}", (phrase,))
+
+
+def _two_postures(slot: str) -> Iterator[LongerSentence]:
+    """One of forward and back, and one of what goes to a side."""
+    postures = [
+        e for e in catalogue().trained if e.slot == slot and e.measure[1] not in _MOVEMENTS and not e.of_steps
+    ]
+    upright = [p for e in postures if e.measure[1] not in _ACROSS for p in e.phrases[slot]]
+    sideways = [p for e in postures if e.measure[1] in _ACROSS for p in e.phrases[slot]]
+    return _either_order(slot, upright, sideways)
+
+
+def _posture_and_rhythm(part: str) -> Iterator[LongerSentence]:
+    """A posture, and what its steps are like; the first phrase of each."""
+    own = [e for e in catalogue().trained if part in e.phrases]
+    postures = [e.phrases[part][0] for e in own if not e.of_steps]
+    rhythm = [e.phrases[part][0] for e in own if e.of_steps]
+    return _either_order(part, postures, rhythm)
 
 
 def _either_order(part: str, ones: list[str], others: list[str]) -> Iterator[LongerSentence]:

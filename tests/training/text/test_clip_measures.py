@@ -1,0 +1,69 @@
+"""What clips do as numbers, and the directions of codes that they are read off."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from runtime.skeleton import PART_NAMES  # noqa: E402
+from training.networks.content import PARTS, ContentEncoder, MeasuresReader, odd_codes  # noqa: E402
+from training.presets import preset  # noqa: E402
+from training.stages.content import begin_with  # noqa: E402
+from training.text.clip_measures import MOST, _standardised, signs_of  # noqa: E402
+from training.text.measure import measure_names  # noqa: E402
+
+LEFT, RIGHT, TORSO = (PART_NAMES.index(n) for n in ("left_leg", "right_leg", "torso"))
+
+
+def reader() -> MeasuresReader:
+    torch.manual_seed(0)
+    return MeasuresReader([signs_of(name) for name in PART_NAMES], one_sided=True)
+
+
+def test_values_are_of_unit_spread_and_what_has_a_side_keeps_its_sign():
+    values = np.random.default_rng(0).normal(3.0, 5.0, (400, len(measure_names("torso"))))
+    values[0] = 1e6  # a clip that spins
+    found = _standardised(values, "torso")
+    assert np.abs(found).max() <= MOST
+    roll = measure_names("torso").index("roll")
+    assert np.array_equal(np.sign(found[:, roll]), np.sign(values[:, roll]).astype(np.float32))
+    assert np.median(np.delete(found, roll, axis=1), axis=0) == pytest.approx(0.0, abs=1e-5)
+
+
+def test_no_weight_enlarges_what_a_code_hardly_says():
+    read = reader()
+    z = torch.randn(1, PARTS, 64)
+    before = read(z)[TORSO]
+    for part in read.parts:
+        part.weight.data *= 1000.0
+    assert torch.allclose(read(z)[TORSO], before, atol=1e-5)
+    moved = z + 1.0 * torch.nn.functional.normalize(torch.randn(1, PARTS, 64), dim=-1)
+    assert (read(moved)[TORSO] - before).abs().max() <= MeasuresReader.GAIN + 1e-5
+
+
+def test_mirrored_codes_are_read_as_the_mirrored_motion():
+    read = reader()
+    z = torch.randn(2, PARTS, 64)
+    mirrored = (z * (1.0 - 2.0 * odd_codes()))[:, [PART_NAMES.index(_other(n)) for n in PART_NAMES]]
+    plain, other = read(z), read(mirrored)
+    assert torch.allclose(plain[LEFT], other[RIGHT], atol=1e-6)
+    signs = torch.tensor(signs_of("torso"))
+    assert torch.allclose(plain[TORSO] * signs, other[TORSO], atol=1e-5)
+
+
+def _other(part: str) -> str:
+    if part.startswith("left_"):
+        return part.replace("left_", "right_")
+    return part.replace("right_", "left_")
+
+
+def test_weights_of_a_model_without_the_reader_begin_one_that_has_it():
+    torch.manual_seed(1)
+    old, new = ContentEncoder(preset("tiny")), ContentEncoder(preset("tiny"))
+    start = {k: v for k, v in old.state_dict().items() if not k.startswith("measures.")}
+    own = new.measures.parts[0].weight.clone()
+    begin_with(new, start)
+    assert torch.equal(new.text.first.weight, old.text.first.weight)
+    assert torch.equal(new.measures.parts[0].weight, own)

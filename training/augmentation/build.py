@@ -1,0 +1,269 @@
+"""`sport train layer`: edited clips from imported ones, each with six descriptions of its own.
+
+    python -m training.augmentation.build --clips DIR --out DIR
+
+Writes `layer_*.npz` next to (or apart from) the imported clips, and `layers.json`: for every edited clip the
+descriptions of its parts, a key that names what each part does, and what the clip was made of.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from runtime.assets import asset_path
+from runtime.atomic import write_atomic
+from runtime.controls import Gait
+from runtime.errors import run_command
+from runtime.motion import features
+from runtime.prompts.parts import PartDescriptions
+from runtime.skeleton import PART_NAMES
+from training.arguments import COUNT
+from training.augmentation import recipes
+from training.augmentation.catalogue import part_edits
+from training.augmentation.edits import apply
+from training.augmentation.measured_edits import rhythm_section
+from training.augmentation.motion import EditedMotion, cut
+from training.augmentation.pool import NEUTRAL, Pool, Source
+from training.data import relief
+from training.data.clip_files import TrainingClip
+from training.data.height_patches import Patches
+from training.data.labels import FOOT_JOINTS
+from training.data.style_library import style_library
+from training.frames import LAYERED
+from training.markdown import table
+
+log = logging.getLogger("sport.train")
+
+SECONDS = (4.0, 7.0)  # of a clip
+PARAPHRASES = 4
+LAYERS = "layers.json"
+_MADE = "layers.jsonl"  # of a build that has not come to its end: a line for each clip
+LEVEL = 0.015  # m: ground under all contacts of a floor
+WALKED = 0.5  # fraction of a clip's frames that walk, for edits of steps
+TRIES = 30  # clips drawn for edits that do not suit every one
+FORWARD = 0.8  # of a path that goes where the body faces
+
+
+def build_layer(
+    pool: Pool, styles: dict[str, dict], name: str, random: np.random.Generator
+) -> tuple[TrainingClip, dict[str, object]] | None:
+    """One edited clip and its entry of `layers.json`; None when no clip was found that shows the drawn edits."""
+    source, motion = _piece(pool, NEUTRAL, random)
+    texts = {part: _style_texts(styles, source, part, random) for part in PART_NAMES}
+    standing = bool(np.asarray(motion.gait)[:, Gait.STAND].mean() > 0.5)
+    edits = recipes.draw(random, standing)
+    if not _suits(source, motion, edits):
+        found = _suitable(pool, edits, random)
+        if found is None:
+            return None
+        source, motion = found
+        texts = {part: _style_texts(styles, source, part, random) for part in PART_NAMES}
+    keys = dict.fromkeys(PART_NAMES, source.key)
+    for edit_name in edits:
+        edit = part_edits()[edit_name]
+        motion = apply(motion, edit, random)
+        for part, phrases in edit.phrases.items():
+            order = random.permutation(max(len(phrases), 4)) % len(phrases)
+            texts[part] = [phrases[int(k)] for k in order]
+            keys[part] = edit_name if len(edit.phrases) == 1 else f"{edit_name}.{part}"
+    clip = TrainingClip(
+        name=name,
+        hips=motion.hips,
+        local=motion.local,
+        contacts=motion.contacts,
+        gait=np.asarray(motion.gait),
+        style=source.style,
+        content=LAYERED,
+        source=source.source,
+        split="train",
+        tier=LAYERED,
+        patches=_ground(source, motion, edits, random),
+        mirrored=source.mirrored,
+    )
+    entry = {
+        "descriptions": [{p: texts[p][k % len(texts[p])] for p in PART_NAMES} for k in range(PARAPHRASES)],
+        "keys": [keys[p] for p in PART_NAMES],
+        "base": source.name,
+        "edits": list(edits),
+    }
+    return clip, entry
+
+
+def _piece(pool: Pool, neutral: float, random: np.random.Generator) -> tuple[Source, EditedMotion]:
+    """A drawn clip, neutral with the given chance, and some seconds of it."""
+    source = pool.draw(random, neutral)
+    frames = int(random.uniform(*SECONDS) * features.FPS)
+    length = len(source.motion.hips)
+    start = int(random.integers(max(1, length - frames)))
+    return source, cut(source.motion, start, min(start + frames, length))
+
+
+def _style_texts(
+    styles: dict[str, dict], source: Source, part: str, random: np.random.Generator
+) -> list[str]:
+    descriptions = [PartDescriptions.from_mapping(d) for d in styles[source.style]["descriptions"]]
+    if source.mirrored:
+        descriptions = [d.mirrored() for d in descriptions]
+    order = random.permutation(len(descriptions))
+    return [getattr(descriptions[int(k)], part) for k in order[:PARAPHRASES]]
+
+
+def _suits(source: Source, motion: EditedMotion, edits: tuple[str, ...]) -> bool:
+    """Whether edits can show: an arm that does not swing in its style cannot swing more, feet move on a floor only."""
+    if any(part_edits()[e].scales for e in edits) and not source.style.startswith("neutral"):
+        return False
+    if (
+        any(part_edits()[e].of_steps for e in edits)
+        and np.asarray(source.motion.gait)[:, Gait.WALK].mean() < WALKED
+    ):
+        return False
+    return not any(part_edits()[e].moves_feet for e in edits) or walks_on_a_floor(motion)
+
+
+def _suitable(
+    pool: Pool, edits: tuple[str, ...], random: np.random.Generator
+) -> tuple[Source, EditedMotion] | None:
+    """Another clip and a piece of it that suit the edits; None after `TRIES` draws."""
+    neutral = 1.0 if any(part_edits()[e].scales for e in edits) else NEUTRAL
+    for _ in range(TRIES):
+        source, motion = _piece(pool, neutral, random)
+        if _suits(source, motion, edits):
+            return source, motion
+    return None
+
+
+def walks_on_a_floor(motion: EditedMotion) -> bool:
+    """Whether a motion goes forward on level ground, so that its feet may be put elsewhere."""
+    feet = motion.joints[0][:, FOOT_JOINTS]
+    ground = motion.ground.height(feet[..., 0], feet[..., 2])
+    standing = motion.contacts.astype(bool)
+    if not standing.any() or np.abs(ground[standing]).max() > LEVEL:
+        return False
+    step = np.diff(motion.path, axis=0)
+    along = np.sum(step * motion.axes.ahead[1:], axis=1)
+    gone = np.linalg.norm(step[:, [0, 2]], axis=1)
+    return bool(gone.sum() > 0.3 * len(gone) / features.FPS and along.sum() > FORWARD * gone.sum())
+
+
+def _ground(
+    source: Source, motion: EditedMotion, edits: tuple[str, ...], random: np.random.Generator
+) -> Patches:
+    """The source's ground near the path, or new relief around feet that stand elsewhere now."""
+    if any(part_edits()[e].moves_feet for e in edits):
+        return relief.fit_around_steps(motion.joints[0], motion.contacts, random)
+    return _near(source.patches, motion.hips)
+
+
+def _near(patches: Patches, hips: np.ndarray, margin: float = 2.5) -> Patches:
+    """The part of the ground within `margin` metres of the path."""
+    _count, n, m = patches.heights.shape
+    if n <= 2:
+        return patches
+    x0, z0 = patches.origin
+    low = np.floor((hips[:, [0, 2]].min(0) - margin - (x0, z0)) / patches.cell).astype(int)
+    high = np.ceil((hips[:, [0, 2]].max(0) + margin - (x0, z0)) / patches.cell).astype(int) + 1
+    low, high = np.clip(low, 0, (n - 2, m - 2)), np.clip(high, 2, (n, m))
+    piece = patches.heights[:, low[0] : high[0], low[1] : high[1]]
+    return Patches(piece, (x0 + low[0] * patches.cell, z0 + low[1] * patches.cell), patches.cell)
+
+
+def build_layers(clips: Path, out: Path, count: int, seed: int = 0) -> dict[str, dict]:
+    """Write `count` layered clips and `layers.json` into `out`; returns the entries by clip name.
+
+    Each has random numbers of its own, so that a build that was interrupted goes on to the same clips.
+    """
+    pool = Pool(clips)
+    styles = style_library(asset_path("prompts/styles.json"))
+    out.mkdir(parents=True, exist_ok=True)
+    made = out / _MADE
+    entries = _made_so_far(made)
+    with made.open("a", encoding="utf-8") as lines:
+        for number in range(len(entries), count):
+            clip, entry = _one_layer(pool, styles, number, seed)
+            clip.save(out)
+            entries[clip.name] = entry
+            lines.write(json.dumps([clip.name, entry]) + "\n")
+            lines.flush()
+            if len(entries) % 200 == 0:
+                log.info("%d of %d layered clips", len(entries), count)
+    write_atomic(out / LAYERS, json.dumps(entries) + "\n")
+    made.unlink()
+    return entries
+
+
+def _made_so_far(path: Path) -> dict[str, dict]:
+    """The entries of an interrupted build; a last line that was cut off does not count."""
+    if not path.exists():
+        return {}
+    whole = [line for line in path.read_text("utf-8").splitlines(keepends=True) if line.endswith("\n")]
+    path.write_text("".join(whole), "utf-8")
+    return dict(json.loads(line) for line in whole)
+
+
+def _one_layer(
+    pool: Pool, styles: dict[str, dict], number: int, seed: int
+) -> tuple[TrainingClip, dict[str, object]]:
+    random = np.random.default_rng([seed, number])
+    while True:
+        built = build_layer(pool, styles, f"layer_{number:05d}", random)
+        if built is not None and np.isfinite(built[0].local).all():
+            return built
+
+
+def report(entries: dict[str, dict], captured: int, rhythm: str = "") -> str:
+    """How many styles are captured, which edits were made, and how often, as Markdown."""
+    edits = Counter(e for entry in entries.values() for e in entry["edits"])
+    combinations = {tuple(e["keys"]) for e in entries.values()}
+    catalogue = part_edits()
+    rows = ([k, str(v), next(iter(catalogue[k].phrases.values()))[0]] for k, v in sorted(edits.items()))
+    lines = [
+        "# Augmentation",
+        "",
+        "Written by `python -m training.augmentation.build --clips DIR --report docs/results/augmentation.md`. Edited clips"
+        " are imported ones with edits whose descriptions are exact, the feet kept by inverse kinematics; while training"
+        " their parts are put on other clips, and those of other clips on them (`training/composition`). Every clip has six"
+        " descriptions of its own. The edits are defined in `training/augmentation/edits.toml`; those that are held out"
+        " never enter training.",
+        "",
+        f"- {captured} captured styles",
+        f"- {len(edits)} parametric part edits of {len(catalogue)} ({len(catalogue) - len(edits)} held out)",
+        f"- {len(combinations)} different combinations of part contents in {len(entries)} clips",
+        "",
+        *table(("Parametric edit", "clips", "in its words"), rows),
+        rhythm,
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description="Edit parts of clips by numbers.")
+    parser.add_argument("--clips", type=Path, required=True, help="folder of imported clips (*.npz)")
+    parser.add_argument("--out", type=Path, help="folder to write (default: the same)")
+    parser.add_argument("--count", type=int, default=COUNT)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--report", type=Path, help="Markdown file to write; existing layers are only counted"
+    )
+    args = parser.parse_args(argv)
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    out = args.out or args.clips
+    if args.report is not None and (out / LAYERS).exists():
+        entries = json.loads((out / LAYERS).read_text("utf-8"))
+    else:
+        entries = build_layers(args.clips, out, args.count, args.seed)
+    if args.report is not None:
+        args.report.write_text(
+            report(entries, len(Pool(args.clips).by_style), rhythm_section(args.clips)), encoding="utf-8"
+        )
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_command("augmentation", main))

@@ -1,0 +1,81 @@
+"""Imported clips that edited ones are made of, drawn by style."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from runtime.errors import FileError
+from training.augmentation.motion import EditedMotion
+from training.data.height_patches import Patches
+from training.frames import PLAIN
+
+NEUTRAL = 0.45  # fraction of clips that are made of neutral motion, where an edit shows most clearly
+PLAIN_FRACTION = 0.7  # of the neutral motion: an edit's words stand next to these sentences most often
+
+
+@dataclass(frozen=True)
+class Source:
+    """An imported clip to edit."""
+
+    name: str
+    style: str
+    mirrored: bool
+    source: str
+    motion: EditedMotion
+    patches: Patches
+
+    @property
+    def key(self) -> str:
+        return self.style + ("_m" if self.mirrored else "")
+
+
+def load_source(path: Path) -> Source:
+    """Read an imported clip."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            clip = {k: file[k] for k in file.files}
+    except (OSError, ValueError) as error:
+        raise FileError(f"{path}: not a clip file.", "Run the importer again.") from error
+    x, z = map(float, clip["patch_origin"])
+    patches = Patches(clip["patch_heights"], (x, z), float(clip["patch_cell"]))
+    motion = EditedMotion(
+        clip["hips_positions"].astype(np.float64),
+        clip["local_rotations"].astype(np.float64),
+        clip["contacts"],
+        patches.terrain(),
+        clip["gait"],
+    )
+    style, source, mirrored = str(clip["style"]), str(clip["source"]), bool(clip["mirrored"])
+    return Source(path.stem, style, mirrored, source, motion, patches)
+
+
+class Pool:
+    """Imported training clips by style, drawn so that styles count alike and neutral motion more."""
+
+    def __init__(self, folder: Path) -> None:
+        self.by_style: dict[str, list[Path]] = {}
+        for path in sorted(folder.glob("*.npz")):
+            with np.load(path, allow_pickle=False) as clip:
+                long_enough = len(clip["gait"]) > 100
+                if path.stem.startswith("layer_") or str(clip["split"]) != "train" or not long_enough:
+                    continue
+                self.by_style.setdefault(str(clip["style"]), []).append(path)
+        if not self.by_style:
+            raise FileError(f"{folder}: no training clips.", "Run `sport train import` first.")
+        self._load = lru_cache(maxsize=400)(load_source)
+
+    def draw(self, random: np.random.Generator, neutral: float = NEUTRAL) -> Source:
+        """A clip; neutral ones with the given chance."""
+        styles = sorted(self.by_style)
+        normal = [s for s in styles if s.startswith("neutral")]
+        if normal and random.random() < neutral:
+            plain = PLAIN in normal and random.random() < PLAIN_FRACTION
+            style = PLAIN if plain else normal[int(random.integers(len(normal)))]
+        else:
+            style = styles[int(random.integers(len(styles)))]
+        paths = self.by_style[style]
+        return self._load(paths[int(random.integers(len(paths)))])

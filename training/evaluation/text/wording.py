@@ -38,7 +38,7 @@ from runtime.skeleton import SPORT_SKELETON
 from training.data.labels import foot_contacts
 from training.evaluation.motion.driving import flat_ground
 from training.evaluation.text.walks import PLAIN_PROMPT
-from training.text.claims import claims, sentence_share, unclaimed_change
+from training.text.claims import claims, sentence_fraction, unclaimed_change
 from training.text.measure import BodyMeasures, measure
 
 log = logging.getLogger("sport.evaluate")
@@ -111,7 +111,7 @@ def better_wordings(
     table: dict[str, dict[str, str]] = {}
     for group, part in PARTS.items():
         pool = [key for key in walks if key[0] == group]
-        fractions = [sentence_share(part, words, neutral, walks[group, words]) for _, words in pool]
+        fractions = [sentence_fraction(part, words, neutral, walks[group, words]) for _, words in pool]
         weak = [fraction is not None and fraction < WEAK for fraction in fractions]
         vectors = likeness([words for _, words in pool]) if any(weak) else np.zeros((len(pool), 1))
         said = [_meaning(part, words) for _, words in pool]
@@ -153,7 +153,7 @@ def _stands_for(key: Key, meaning: Meaning, other: Key, wanted: Meaning) -> bool
 def _score(
     part: str, words: str, neutral: BodyMeasures, walked: BodyMeasures, own: float, alike: float
 ) -> float:
-    fraction = sentence_share(part, words, neutral, walked)
+    fraction = sentence_fraction(part, words, neutral, walked)
     if fraction is None or fraction < own + GAIN:
         return -np.inf
     return fraction - CHANGE * unclaimed_change(part, words, neutral, walked) + ALIKE * alike

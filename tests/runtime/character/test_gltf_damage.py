@@ -172,5 +172,5 @@ def test_base_colour_texture_and_rigid_attachment(tmp_path: Path, user_file: tup
 
 def test_writing_into_an_impossible_folder_is_a_file_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(FileError, match="cannot be written"):
+    with pytest.raises(FileError, match="is not a folder"):
         write_character(tmp_path / "file" / "x.glb", user_character())

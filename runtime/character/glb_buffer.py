@@ -1,0 +1,217 @@
+"""A glTF document with one binary buffer to which arrays are added."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from runtime.arrays import AnyArray
+from runtime.atomic import write_atomic
+from runtime.character.read import STRUCTURE_ERRORS, GltfFile, buffer_view_bytes, read_accessor
+from runtime.character.textures import EXTENSIONS, image_bytes, open_image, texture_source
+from runtime.safe_read import reason
+
+if TYPE_CHECKING:
+    from pygltflib import GLTF2
+
+
+ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963
+_COMPONENT_TYPES = {"uint8": 5121, "uint16": 5123, "uint32": 5125, "float32": 5126}
+_ELEMENT_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+NAMES_ACCESSORS = {"EXT_mesh_gpu_instancing"}
+WEIGHT_ERROR = 1e-3  # of their sum: 8 bits round by as much
+_IMAGE_TYPES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
+
+
+class GlbBuffer:
+    """A document and the bytes of its only buffer; `add` appends arrays, `save` writes a GLB."""
+
+    def __init__(self, gltf: GLTF2) -> None:
+        self.gltf = gltf
+        self._blob = bytearray()
+
+    @staticmethod
+    def of_file(file: GltfFile) -> GlbBuffer:
+        """The document of a file with all its buffers and images inside one buffer, without its animations.
+
+        FileError when something is missing or damaged.
+        """
+        gltf = _document(file)
+        made = GlbBuffer(gltf)
+        for index, view in enumerate(gltf.bufferViews):
+            held = buffer_view_bytes(file, index, f"buffer view {index}")
+            view.byteOffset, view.buffer = made._append(held), 0
+        made._embed_images(file)
+        made._normalise_weights(file)
+        return made
+
+    def _embed_images(self, file: GltfFile) -> None:
+        """All images inside the buffer, as PNG or JPEG: other forms are extensions that many programs lack."""
+        gltf = self.gltf
+        for number, image in enumerate(gltf.images):
+            if image.uri is not None or image.mimeType not in _IMAGE_TYPES.values():
+                self._embed_image(file, image, f"image {number}")
+        for texture, read in zip(gltf.textures, file.gltf.textures or [], strict=True):
+            texture.source = texture_source(read)
+            for name in EXTENSIONS:
+                (texture.extensions or {}).pop(name, None)
+        for names in (gltf.extensionsUsed, gltf.extensionsRequired):
+            names[:] = [name for name in names or [] if name not in EXTENSIONS]
+
+    def _embed_image(self, file: GltfFile, image: Any, what: str) -> None:
+        data = image_bytes(file, image, what)
+        kind = next((t for head, t in _IMAGE_TYPES.items() if data.startswith(head)), None)
+        if kind is None:
+            data, kind = _as_png(data, file, what), "image/png"
+        image.mimeType, image.uri, image.bufferView = kind, None, self.add_view(data)
+
+    def _normalise_weights(self, file: GltfFile) -> None:
+        """Skin weights that do not add up to one are replaced: a valid file has none, and many exporters write them."""
+        done: dict[tuple[int, ...], list[int]] = {}
+        for primitive in _primitives(self.gltf):
+            fields = vars(primitive.attributes)
+            names = [name for name in ("WEIGHTS_0", "WEIGHTS_1") if fields.get(name) is not None]
+            old = tuple(fields[name] for name in names)
+            if old and old not in done:
+                done[old] = self._normalised(file, old)
+            fields.update(zip(names, done.get(old, old), strict=True))
+
+    def _normalised(self, file: GltfFile, indices: tuple[int, ...]) -> list[int]:
+        """Accessors of weights that add up to one: those at `indices` where they do already."""
+        sets = [read_accessor(file, index, "skin weights").astype(np.float64) for index in indices]
+        if any(values.shape != sets[0].shape for values in sets):
+            return list(indices)
+        total = sum(values.sum(axis=1, keepdims=True) for values in sets)
+        if np.all(np.abs(total - 1.0) < WEIGHT_ERROR) or np.any(total <= 0.0):
+            return list(indices)
+        return [self.add(values / total, ARRAY_BUFFER) for values in sets]
+
+    def _append(self, data: bytes | memoryview) -> int:
+        self._blob.extend(b"\0" * (-len(self._blob) % 4))
+        start = len(self._blob)
+        self._blob.extend(data)
+        return start
+
+    def add_view(self, data: bytes, target: int | None = None) -> int:
+        """The index of a new buffer view that holds `data`."""
+        import pygltflib as g
+
+        start = self._append(data)
+        self.gltf.bufferViews.append(
+            g.BufferView(buffer=0, byteOffset=start, byteLength=len(data), target=target)
+        )
+        return len(self.gltf.bufferViews) - 1
+
+    def add(
+        self, values: AnyArray, target: int | None = None, *, bounds: bool = False, normalized: bool = False
+    ) -> int:
+        """The index of a new accessor that holds `values` `(count, width)`; floats are written as float32."""
+        import pygltflib as g
+
+        values = np.ascontiguousarray(values, np.float32 if values.dtype.kind == "f" else values.dtype)
+        accessor = g.Accessor(
+            bufferView=self.add_view(values.tobytes(), target),
+            componentType=_COMPONENT_TYPES[values.dtype.name],
+            count=len(values),
+            type=_ELEMENT_TYPES[values.shape[1]],
+            normalized=normalized,
+        )
+        if bounds:
+            accessor.min, accessor.max = values.min(axis=0).tolist(), values.max(axis=0).tolist()
+        self.gltf.accessors.append(accessor)
+        return len(self.gltf.accessors) - 1
+
+    def _drop_unused(self) -> None:
+        """Take out accessors and buffer views that nothing uses, such as those of old animations, and their bytes.
+
+        Everything stays where an extension may name accessors that are not known here.
+        """
+        gltf = self.gltf
+        if set(gltf.extensionsUsed or []) & NAMES_ACCESSORS:
+            return
+        gltf.accessors = _renumbered(gltf.accessors, list(_accessor_references(gltf)))
+        sparse = [accessor.sparse for accessor in gltf.accessors if accessor.sparse is not None]
+        parts = [part for each in sparse for part in (each.indices, each.values)]
+        users = (*gltf.accessors, *parts, *(gltf.images or []))
+        gltf.bufferViews = _renumbered(gltf.bufferViews, [(vars(user), "bufferView") for user in users])
+        old, self._blob = self._blob, bytearray()
+        for view in gltf.bufferViews:
+            first = view.byteOffset or 0
+            view.byteOffset = self._append(bytes(old[first : first + view.byteLength]))
+
+    def save(self, path: Path) -> None:
+        """Write the GLB whole or not at all; FileError when it cannot be written."""
+        write_atomic(path, self.to_bytes())
+
+    def to_bytes(self) -> bytes:
+        """The GLB."""
+        import pygltflib as g
+
+        self._drop_unused()
+        for accessor in self.gltf.accessors:
+            if accessor.bufferView is None:  # the values are zero but for sparse ones
+                accessor.byteOffset = None
+        self._blob.extend(b"\0" * (-len(self._blob) % 4))
+        self.gltf.buffers = [g.Buffer(byteLength=len(self._blob))]
+        self.gltf.set_binary_blob(bytes(self._blob))
+        return b"".join(self.gltf.save_to_bytes())
+
+
+def _as_png(data: bytes, file: GltfFile, what: str) -> bytes:
+    """An image of another form as PNG; FileError where it is damaged or too large."""
+    from PIL import Image
+
+    out = io.BytesIO()
+    try:
+        with open_image(data, file, what) as image:
+            image.save(out, "PNG")
+    except (Image.DecompressionBombError, *STRUCTURE_ERRORS, OSError, SyntaxError, EOFError) as error:
+        raise file.error(f"{what} is damaged ({reason(error)}).") from error
+    return out.getvalue()
+
+
+Reference = tuple[dict[str, Any], str]  # an object's fields, and the one that names an entry of a list
+
+
+def _primitives(gltf: GLTF2) -> Iterator[Any]:
+    return (primitive for mesh in gltf.meshes or [] for primitive in mesh.primitives)
+
+
+def _accessor_references(gltf: GLTF2) -> Iterator[Reference]:
+    for skin in gltf.skins or []:
+        yield vars(skin), "inverseBindMatrices"
+    for primitive in _primitives(gltf):
+        yield vars(primitive), "indices"
+        for attributes in (primitive.attributes, *(primitive.targets or [])):
+            named = attributes if isinstance(attributes, dict) else vars(attributes)
+            yield from ((named, name) for name in named)
+    for animation in gltf.animations or []:
+        for sampler in animation.samplers:
+            yield from ((vars(sampler), end) for end in ("input", "output"))
+
+
+def _renumbered(entries: list[Any], references: list[Reference]) -> list[Any]:
+    """The entries that are referred to; the references get their new numbers."""
+    references = [(fields, name) for fields, name in references if isinstance(fields.get(name), int)]
+    used = sorted({fields[name] for fields, name in references})
+    place = {index: k for k, index in enumerate(used)}
+    for fields, name in references:
+        fields[name] = place[fields[name]]
+    return [entries[index] for index in used]
+
+
+def _document(file: GltfFile) -> GLTF2:
+    """A document of its own to be changed and written, without animations."""
+    import pygltflib as g
+
+    try:
+        gltf = g.GLTF2.gltf_from_json(json.dumps(file.gltf))
+        gltf.animations = []
+        return gltf
+    except STRUCTURE_ERRORS as error:
+        raise file.error(f"damaged glTF document ({reason(error)}).") from error

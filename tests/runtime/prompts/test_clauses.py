@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from runtime.prompts.english.clauses import parse_clauses
 from runtime.prompts.english.words import continuous
 from runtime.skeleton import PART_NAMES
-from training.layering.catalog import EDITS
+from training.augmentation.catalogue import part_edits
 
 SIDES = ("left", "right")
 
@@ -149,7 +149,7 @@ def test_clauses(prompt: str, rest: str, expected: dict[str, str]) -> None:
     ],
 )
 def test_clauses_are_said_as_the_networks_were_told(prompt: str, edits: str) -> None:
-    told = {part: phrases for edit in edits.split() for part, phrases in EDITS[edit].phrases.items()}
+    told = {part: phrases for edit in edits.split() for part, phrases in part_edits()[edit].phrases.items()}
     parsed = parse_clauses(prompt)
     assert parsed.rest == ""
     if "limping" in edits:  # the other leg is the library's

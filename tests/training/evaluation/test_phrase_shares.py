@@ -16,11 +16,11 @@ from runtime.prompts.sentence_tables import as_left_limb
 from runtime.prompts.shares import PhraseShares, load_shares
 from runtime.skeleton import PART_NAMES
 from tests.helpers.walker import WalkerModel
-from tests.training.layering.test_layering import walker
+from tests.training.augmentation.test_augmentation import walker
+from training.augmentation.catalogue import part_edits
+from training.augmentation.edits import apply
 from training.evaluation.text import prompt_adherence
 from training.evaluation.text import walks as text_walks
-from training.layering.apply import apply
-from training.layering.catalog import EDITS
 from training.text.claims import clause_share, clauses
 from training.text.measure import BodyMeasures, measure
 
@@ -34,7 +34,7 @@ TABLE = PhraseShares(
 def measured(name: str = "") -> BodyMeasures:
     motion = walker(420)
     if name:
-        motion = apply(motion, EDITS[name], np.random.default_rng(1))
+        motion = apply(motion, part_edits()[name], np.random.default_rng(1))
     return measure(motion.hips, motion.local, motion.contacts)
 
 
@@ -189,12 +189,12 @@ class Prompter:
 def synthetic(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few phrases, short walks of the synthetic walker."""
     kept = {
-        name: EDITS[name]
+        name: part_edits()[name]
         for name in ("head.tilted_right", "head.turned_left", "left_arm.overhead", "legs.long")
     }
     monkeypatch.setattr(prompt_adherence, "Prompter", Prompter)
     monkeypatch.setattr(prompt_adherence, "load_model", lambda folder: WalkerModel())
-    monkeypatch.setattr(prompt_adherence, "EDITS", kept)
+    monkeypatch.setattr(prompt_adherence, "part_edits", lambda: kept)
     monkeypatch.setattr(prompt_adherence, "SECONDS", 2.0)
     monkeypatch.setattr(text_walks, "_model", lambda folder: WalkerModel())
     said = PLAIN.replace("head", "head tilted to the right").replace(
@@ -210,12 +210,12 @@ def test_phrases_are_walked_once_and_what_is_not_done_is_said(synthetic: None, t
     tables = load_shares(out)
     assert set(tables) == {"other", "walker"}
     found = tables["walker"]
-    tilt = EDITS["head.tilted_right"].phrases["head"][0]
+    tilt = part_edits()["head.tilted_right"].phrases["head"][0]
     assert found.of(tilt, "head") > 0.5
     assert found.of("head tilted to the right", "head") > 0.5
-    assert found.of(EDITS["head.turned_left"].phrases["head"][0], "head") < 0.1
+    assert found.of(part_edits()["head.turned_left"].phrases["head"][0], "head") < 0.1
     for part in ("left_arm", "right_arm"):
-        phrase = EDITS[f"{part}.overhead"].phrases[part][0]
+        phrase = part_edits()[f"{part}.overhead"].phrases[part][0]
         assert found.of(phrase, part) < 0.3, "the walker's arms do not rise"
     assert found.of("left leg taking long strides", "left_leg") < 0.3
 

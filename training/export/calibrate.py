@@ -28,10 +28,10 @@ from runtime.errors import FileError, run_command
 from runtime.motion.features import C
 from runtime.motion.model import MotionModel, load_model
 from runtime.motion.model_files import read_metadata
-from runtime.prompts.english.clause_rules import grammar
+from runtime.prompts.english.grammar import grammar
 from runtime.prompts.parts import PartDescriptions, mirror_text
+from runtime.prompts.phrasing import ModelPhrasing, phrasing_of
 from runtime.prompts.prompter import Prompter
-from runtime.prompts.wording import Wording, wording_of
 from runtime.skeleton import PART_NAMES
 from training.augmentation.catalogue import catalogue, part_edits
 from training.augmentation.measured_edits import Summary
@@ -151,7 +151,7 @@ class _Walks:
 
 
 def calibrated(
-    model: MotionModel, prompter: Prompter, walker: Walker, phrasing: Wording
+    model: MotionModel, prompter: Prompter, walker: Walker, phrasing: ModelPhrasing
 ) -> list[dict[str, Any]]:
     """The codes of what a model shows with leads and gains, as its metadata have them; `phrasing` is its own wording."""
     plain = prompter.expand(PLAIN_PROMPT).descriptions
@@ -183,7 +183,7 @@ def calibrated(
     return rows
 
 
-def _rule_sentences(phrasing: Wording) -> Iterable[_Claim]:
+def _rule_sentences(phrasing: ModelPhrasing) -> Iterable[_Claim]:
     """What rules make of legs, torso and head beyond the catalogue, in the phrasing of a model."""
     edited = {text for edit in part_edits().values() for texts in edit.phrases.values() for text in texts}
     for part, group in (("left_leg", "leg"), ("torso", "torso"), ("head", "head")):
@@ -259,8 +259,8 @@ def calibrate(folder: Path, signs: Sequence[int], text_encoder: Path | None = No
     if metadata.pop("calibration", None) is not None:
         _write(folder, metadata)
     model = load_model(folder)
-    prompter = Prompter(model, text_encoder=text_encoder, wording=Wording())
-    codes = calibrated(model, prompter, Walker(folder, workers, SECONDS), wording_of(model.name))
+    prompter = Prompter(model, text_encoder=text_encoder, phrasing=ModelPhrasing())
+    codes = calibrated(model, prompter, Walker(folder, workers, SECONDS), phrasing_of(model.name))
     _write(folder, metadata | {"calibration": {"phase": list(signs), "codes": codes}})
 
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import time
+import tomllib
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from runtime.assets import asset_path
 from runtime.prompts.english.clauses import parse_clauses
+from runtime.prompts.english.grammar import Grammar
 from runtime.prompts.english.words import continuous
 from runtime.skeleton import PART_NAMES
 from training.augmentation.catalogue import part_edits
@@ -223,6 +227,22 @@ def test_what_is_denied_adds_nothing_to_what_is_said() -> None:
 )
 def test_orders_need_a_body_part(prompt: str) -> None:
     assert parse_clauses(prompt).parts == {}
+
+
+def test_the_order_of_rules_never_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tomllib.loads(asset_path("prompts/clauses.toml").read_text("utf-8"))
+    groups = [
+        file[group][kind] for group in ("arm", "leg", "torso", "head") for kind in ("actions", "denied")
+    ]
+    for rules in (*groups, file["phrases"]["rules"], *file["relations"].values()):
+        rules.reverse()
+    lines = Path(__file__).with_name("side_sentences.txt").read_text("utf-8").splitlines()
+    prompts = [line.partition(" | ")[0] for line in lines if line and not line.startswith("#")]
+    parsed = [parse_clauses(prompt) for prompt in prompts]
+    turned = Grammar(file)
+    for module in ("clauses", "sides"):
+        monkeypatch.setattr(f"runtime.prompts.english.{module}.grammar", lambda: turned)
+    assert [parse_clauses(prompt) for prompt in prompts] == parsed
 
 
 # gestures of a hand at a part

@@ -10,7 +10,7 @@ import pytest
 from runtime.motion.features import C
 from runtime.motion.model import load_model
 from runtime.prompts.parts import PartDescriptions
-from runtime.prompts.wording import Wording
+from runtime.prompts.phrasing import ModelPhrasing
 from runtime.skeleton import PART_NAMES
 from tests.training.augmentation.test_augmentation import walker
 from training.augmentation.catalogue import part_edits
@@ -82,7 +82,7 @@ def test_sides_and_gains_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(calibrate, "neutral_motion", lambda *_: walker(420))
     monkeypatch.setattr(calibrate, "edit_fraction", share)
     monkeypatch.setattr(calibrate, "_rule_sentences", lambda _told: [])
-    found = calibrate.calibrated(None, Told(), Gains(), Wording())  # type: ignore[arg-type]
+    found = calibrate.calibrated(None, Told(), Gains(), ModelPhrasing())  # type: ignore[arg-type]
     number = {1.0 + k: name for k, name in enumerate(part_edits())}
     rows = {(number[row["code"][0]], row["part"]): row for row in found}
 
@@ -128,7 +128,7 @@ def test_a_model_is_measured_as_it_is_without_calibration(
         return SimpleNamespace(name="m")
 
     monkeypatch.setattr(calibrate, "load_model", load)
-    monkeypatch.setattr(calibrate, "wording_of", lambda name: name)
+    monkeypatch.setattr(calibrate, "phrasing_of", lambda name: name)
     monkeypatch.setattr(calibrate, "calibrated", lambda *_: [])
     calibrate.calibrate(tmp_path, [1, -1, 1, 1, 1])
     assert seen == [False]

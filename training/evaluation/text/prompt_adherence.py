@@ -27,9 +27,8 @@ from runtime.errors import UsageError, run_command
 from runtime.motion.model import MotionModel, load_model
 from runtime.prompts.english.library_data import LibraryStyle
 from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.phrasing import ADHERENCE, as_left_limb
 from runtime.prompts.prompter import Prompter
-from runtime.prompts.sentence_tables import as_left_limb
-from runtime.prompts.shares import FILE
 from runtime.skeleton import PART_NAMES
 from runtime.terrain.height_map import Terrain
 from training.augmentation.catalogue import part_edits
@@ -203,7 +202,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description="Measure on walks what every phrase of the library shows.")
     parser.add_argument("--model", type=model_folder, default=model_folder(), metavar="DIR")
-    parser.add_argument("--out", type=Path, default=Path("assets") / FILE, metavar="FILE")
+    parser.add_argument("--out", type=Path, default=Path("assets") / ADHERENCE, metavar="FILE")
     parser.add_argument("--workers", type=int, default=2, metavar="N")
     parser.add_argument("--every", type=int, default=1, metavar="N", help="walk one in N: a trial")
     args = parser.parse_args(argv)

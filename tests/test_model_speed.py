@@ -290,23 +290,15 @@ def test_products_added_in_16_bits_are_found_out(monkeypatch):
 
 
 def test_the_table_of_speeds_names_graph_batch_and_times():
-    row = networks.TimingRow("folded int8", "shared", 1, 2, 4.5, 4.0, 9.0, 8.0, 1.5, 45.0, 0.0083)
+    row = {
+        "variant": "folded int8", "styles": "shared", "batch": 1, "threads": 2, "median": 4.5, "fastest": 4.0, "p99": 9.0,
+        "processor": 8.0, "floor": 1.5, "megabytes": 45.0, "error": 0.0083,
+    }  # fmt: skip
     figures = {
-        "network": "paper", "cpu": "a processor", "cores": 2, "cores_busy": 0.04,
-        "read_bandwidth_gb_s": {"1": 20.0}, "rows": [networks.asdict(row)],
+        "network": "paper", "cpu": "a processor", "cores": 2, "load": 0.04,
+        "read_bandwidth_gb_s": {"1": 20.0}, "rows": [row],
     }  # fmt: skip
     text = networks.table(figures)
     assert (
         text.count("| folded int8 | shared | 1 | 2 | 4.50 | 4.00 | 9.00 | 8.00 | 1.50 | 45.0 | 0.83 % |") == 1
     )
-
-
-def test_the_load_of_a_machine_is_a_number_of_its_cores(monkeypatch):
-    load = networks.others_load(0.05)
-    assert load is None or 0.0 <= load <= (networks.os.cpu_count() or 1) + 0.1
-    ticks = iter(["cpu 100 0 100 800 0 0 0 0 0 0\n", "cpu 200 0 150 850 0 0 0 0 0 0\n"])
-    monkeypatch.setattr(networks.Path, "read_text", lambda *_, **__: next(ticks))
-    monkeypatch.setattr(networks.os, "cpu_count", lambda: 2)
-    assert networks.others_load(0.0) == pytest.approx(2 * 150 / 200)
-    monkeypatch.setattr(networks.Path, "read_text", lambda *_, **__: "not the numbers of a processor")
-    assert networks.others_load(0.0) is None

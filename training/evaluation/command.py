@@ -22,7 +22,6 @@ from training.evaluation.experiment import (
     option,
     run,
 )
-from training.evaluation.metrics.classifiers import StyleClassifier
 from training.evaluation.metrics.features import has_encoder
 from training.evaluation.motion import obstacles
 from training.evaluation.motion.capture import EvaluationPlan, Options, make_plan
@@ -59,7 +58,7 @@ def motion(setting: Setting) -> dict[str, Any]:
         for bar in tables.check(model, held_out):
             setting.report(f"{model['name']}: {bar.name}: {bar.passed} ({bar.met} of {bar.cases})")
     return {
-        "command": command_of("sport evaluate", setting.args, clips=True),
+        "command": command_of("sport evaluate", setting.args),
         "options": vars(plan.options),
         "feature_sets": plan.feature_sets,
         "styles": list(plan.groups),
@@ -96,7 +95,7 @@ MOTION = Experiment(
     tables.markdown,
     tables.SECTION,
     clips=True,
-    models=2,
+    many=True,
     options=(
         FEATURES,
         STYLES,
@@ -113,26 +112,21 @@ MOTION = Experiment(
 
 
 def obstacle_courses(setting: Setting) -> dict[str, Any]:
-    """All figures as plain data."""
+    """All figures as plain data; styles are recognised where clips are given, as in `sport evaluate`."""
     args = setting.args
+    classifier = None
+    if args.clips is not None:
+        classifier = make_plan(setting.clips, None, Options(), None, setting.report).classifier
     results = obstacles.score_obstacles(
-        obstacles.runner_of(setting.model, args.seed),
-        args.styles,
+        setting.model,
+        args.seed,
+        args.styles or obstacles.STYLES,
         obstacles.by_name(args.course),
-        _classifier(setting),
+        classifier,
         setting.report,
     )
-    chosen = [] if tuple(args.styles) == obstacles.STYLES else args.styles
-    named = Arguments(**{**vars(args), "styles": chosen})
-    command = command_of("sport evaluate --courses", named, clips=args.clips is not None)
+    command = command_of("sport evaluate --courses", args)
     return {"command": command, "model": setting.model.name, **results}
-
-
-def _classifier(setting: Setting) -> StyleClassifier | None:
-    """Of all captured styles, as in `sport evaluate`; None without clips."""
-    if setting.args.clips is None:
-        return None
-    return make_plan(setting.clips, None, Options(), None, setting.report).classifier
 
 
 def _check_courses(args: Arguments) -> None:
@@ -147,13 +141,7 @@ COURSES = Experiment(
     courses.SECTION,
     clips=None,  # only to recognise styles
     options=(
-        option(
-            "--styles",
-            nargs="+",
-            metavar="STYLE",
-            default=list(obstacles.STYLES),
-            help=f"default: {' '.join(obstacles.STYLES)}",
-        ),
+        option("--styles", nargs="+", metavar="STYLE", help=f"default: {' '.join(obstacles.STYLES)}"),
         option(
             "--course",
             nargs="+",

@@ -20,7 +20,7 @@ from runtime.generate import clip_of
 from runtime.motion.controller import Controller
 from runtime.motion.crowd import Crowd
 from runtime.motion.features import FPS
-from runtime.motion.stick_script import StickScript, parse_stick
+from runtime.motion.stick_script import parse_stick
 from runtime.takes.clip import Clip
 from runtime.terrain.library import load_terrain
 from training.evaluation.experiment import Arguments, Experiment, Setting, option
@@ -136,30 +136,27 @@ def measure(path: Path, script: str) -> dict[str, Any]:
 
 
 def clips_of(setting: Setting) -> dict[str, list[dict[str, Any]]]:
-    """Figures of every prompt in every seed; the BVHs stay in --keep."""
+    """Figures of every prompt in every seed."""
     args = setting.args
     result: dict[str, list[dict[str, Any]]] = {prompt: [] for prompt in args.prompts}
-    stick = parse_stick(args.script)
     members = list(product(args.prompts, args.seeds))
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = Path(scratch) if args.keep is None else args.keep
-        folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "clip.bvh"
         for first in range(0, len(members), TOGETHER):
             few = members[first : first + TOGETHER]
             setting.report(", ".join(dict.fromkeys(prompt for prompt, _ in few)))
-            for (prompt, seed), clip in zip(few, clips_together(setting, few, stick), strict=True):
-                path = folder / f"{'_'.join(prompt.split())}_{seed}.bvh"
+            for (prompt, seed), clip in zip(few, clips_together(setting, few), strict=True):
                 save_bvh(clip, path)
                 result[prompt].append({"seed": seed, **measure(path, args.script)})
     return result
 
 
-def clips_together(setting: Setting, styles: Sequence[tuple[str, int]], stick: StickScript) -> list[Clip]:
+def clips_together(setting: Setting, styles: Sequence[tuple[str, int]]) -> list[Clip]:
     """The clips that `generate_clip` makes of prompts and seeds, as one crowd in half of the time."""
-    evaluated, ground = setting.model, load_terrain("flat")
+    evaluated, ground, stick = setting.model, load_terrain("flat"), parse_stick(setting.args.script)
     crowd = []
     for prompt, seed in styles:
-        controller = Controller(evaluated.model, ground, seed, response=setting.args.response)
+        controller = Controller(evaluated.model, ground, seed, response=0.0)  # as in capture
         controller.set_style(evaluated.prompter(prompt), 0.0)
         controller.settle(stick(0.0).gait)
         crowd.append(controller)
@@ -204,20 +201,13 @@ def moment_table(figures: dict[str, Any]) -> str:
 
 
 def _raw(row: Row, raw: dict[str, Raw]) -> str:
+    """The range of a measure in raw takes of the row's kinds, of its gait where such takes are."""
     kinds = row.kinds or ("whole",)
-    values = [
-        v
-        for kind in kinds
-        for name in (kind, f"{kind} {row.gait}".strip())
-        for v in raw.get(name, {}).get(row.key, [])
-    ]
-    if row.kinds and not row.gait and not values:
-        values = [
-            v for name, found in raw.items() if name.split()[0] in kinds for v in found.get(row.key, [])
-        ]
-    if not values:
-        return "–"
-    ends = dict.fromkeys(f"{v:.{row.digits}f}" for v in (min(values), max(values)))
+    names = {*kinds, *(f"{kind} {row.gait}" for kind in kinds)}
+    if row.kinds and not row.gait:
+        names |= {name for name in raw if name.split()[0] in kinds}
+    values = [v for name, found in raw.items() if name in names for v in found.get(row.key, [])]
+    ends = dict.fromkeys(f"{v:.{row.digits}f}" for v in (min(values), max(values))) if values else ["–"]
     return " to ".join(ends)
 
 
@@ -235,11 +225,9 @@ MOMENTS = Experiment(
         option("--prompts", nargs="+", metavar="PROMPT", default=list(PROMPTS), help="default: seven"),
         option("--script", default=SCRIPT, help="the stick, as sport generate --controls"),
         option("--seeds", type=int, nargs="+", default=[1, 2], help="default: 1 2"),
-        option("--response", type=float, default=0.0, help="0 as in capture (default) to 1 as in a game"),
         option(
             "--data", type=Path, metavar="DIR", help="folder of the unpacked source files, to measure too"
         ),
-        option("--keep", type=Path, metavar="DIR", help="write the measured BVH files into DIR"),
     ),
     check=_sensible,
 )

@@ -65,21 +65,14 @@ def read_points(path: Path, first_frame: int = 0) -> Points:
 # --- curves ----------------------------------------------------------------------------------------------------------
 
 
-def speed(points: Array, flat: bool = False) -> Array:
-    """Of points `(T, 3)`, m/s `(T,)`; over the ground where `flat`."""
-    steps = np.gradient(points, axis=0) * FPS
-    return np.asarray(np.linalg.norm(steps[:, [0, 2]] if flat else steps, axis=-1))
+def speed(points: Array) -> Array:
+    """Of points `(T, 2)` or `(T, 3)`, m/s `(T,)`."""
+    return np.asarray(np.linalg.norm(np.gradient(points, axis=0) * FPS, axis=-1))
 
 
 def hips_speed(p: Points) -> Array:
     """Over the ground, smoothed over 0.1 s."""
-    return np.asarray(gaussian_filter1d(speed(p["hips"], flat=True), SMOOTH_HIPS))
-
-
-def torso_tilt(p: Points) -> Array:
-    """Degrees of the line from hips to neck from upright."""
-    up = p["neck"] - p["hips"]
-    return np.degrees(np.arctan2(np.linalg.norm(up[:, [0, 2]], axis=-1), up[:, 1]))
+    return np.asarray(gaussian_filter1d(speed(p["hips"][:, [0, 2]]), SMOOTH_HIPS))
 
 
 def hips_turn(p: Points) -> Array:
@@ -109,18 +102,10 @@ def joint_pops(p: Points) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return np.sort(np.concatenate(knees)), np.sort(np.concatenate(elbows))
 
 
-def wrists_speed(p: Points) -> Array:
-    """Of both wrists against the hips, `(T, 2)`."""
-    return np.stack([speed(p[w] - p["hips"]) for w in ("lw", "rw")], -1)
-
-
-def limbs_speed(p: Points) -> Array:
-    """Of the fastest of head, wrists and knees against the hips, `(T,)`."""
-    return np.asarray(np.max([speed(p[k] - p["hips"]) for k in LIMBS], axis=0))
-
-
 def toe_heights(p: Points, resting: NDArray[np.bool_]) -> Array:
-    """Of both toe joints over their own median height in `resting` frames `(T,)`; `(T, 2)`."""
+    """Of both toe joints over their own median height in `resting` frames `(T,)`; `(T, 2)`, without columns if unknown."""
+    if "lt" not in p or not resting.any():
+        return np.zeros((len(p["hips"]), 0))
     heights = np.stack([p["lt"][:, 1], p["rt"][:, 1]], -1)
     return np.asarray(heights - np.median(heights[resting], axis=0))
 
@@ -132,30 +117,84 @@ def paths_near_ground(toe: Array, height: Array) -> list[float]:
     return [100.0 * float(steps[a : b - 1].sum()) for a, b in edges.reshape(-1, 2).tolist()]
 
 
+class Curves:
+    """The curves of a clip, and the figures of what happens between two of its frames."""
+
+    def __init__(self, p: Points, resting: NDArray[np.bool_] | None = None) -> None:
+        """`resting` `(T,)`: when the body stands; by default while its hips do."""
+        self.p, self.hips, self.turn = p, hips_speed(p), hips_turn(p)
+        up = p["neck"] - p["hips"]
+        self.tilt = np.degrees(np.arctan2(np.linalg.norm(up[:, [0, 2]], axis=-1), up[:, 1]))
+        self.wrists = np.stack([speed(p[w] - p["hips"]) for w in ("lw", "rw")], -1)
+        self.limbs = np.max([speed(p[k] - p["hips"]) for k in LIMBS], axis=0)
+        self.toes = toe_heights(p, self.hips < STILL if resting is None else resting)
+
+    def start_figures(self, first: int, end: int, steady: float | None = None) -> dict[str, float]:
+        """From rest to a speed, by default that of the last second."""
+        if steady is None:
+            steady = float(np.median(self.hips[first + max(end - first - FPS, (end - first) // 2) : end]))
+        reached = np.flatnonzero(self.hips[first:end] > REACHED * steady)
+        begin = slice(first, min(end, first + BEGIN))
+        return {
+            "reached_s": float(reached[0]) / FPS if len(reached) else float("inf"),
+            "peak_ratio": float(self.hips[begin].max()) / max(steady, 1e-6),
+            "tilt": float(self.tilt[begin].max()),
+        } | self._toe_paths(begin)
+
+    def stop_figures(self, first: int, end: int, until: int | None = None) -> dict[str, float]:
+        """From a speed, steady `until` a frame, to rest; the last two frames see what comes next."""
+        stopped = np.flatnonzero(self.hips[first:end] < STILL)
+        stop = float(stopped[0]) / FPS if len(stopped) else float("inf")
+        busy = np.flatnonzero(self.limbs[first : end - 2] > CALM)
+        settled = float(busy[-1] + 1) / FPS if len(busy) else 0.0
+        until = max(first - 1, 1) if until is None else until
+        steady = self.wrists[max(first - round(LAST * FPS), 0) : until].max()
+        return {
+            "stop_s": stop,
+            "calm_after_s": max(settled - stop, 0.0),
+            "wrists_ratio": float(self.wrists[first : end - 2].max() / max(steady, 1e-6)),
+            "tilt": float(self.tilt[first:end].max()),
+        }
+
+    def turn_figures(self, first: int, end: int) -> dict[str, float]:
+        """The fastest moment of a turn."""
+        fastest, tilt = float(self.turn[first:end].max()), float(self.tilt[first:end].max())
+        return {"turn": fastest, "tilt": tilt} | self._toe_paths(slice(first, min(end, first + BEGIN)))
+
+    def jump_figures(self, first: int, end: int) -> dict[str, float]:
+        """When both toes leave the ground, and how far the hips rise."""
+        air = np.flatnonzero((self.toes[first:end] > IN_AIR).all(-1)) if self.toes.shape[1] else []
+        height = self.p["hips"][:, 1]
+        rise = height[first:end].max() - np.median(height[max(first - FPS, 0) : first + 1])
+        return {
+            "take_off_s": float(air[0]) / FPS if len(air) > 3 else float("inf"),
+            "rise_cm": 100.0 * float(rise),
+        }
+
+    def _toe_paths(self, w: slice) -> dict[str, float]:
+        """The 90th percentile of `paths_near_ground` in a window."""
+        toes = zip(("lt", "rt"), self.toes.T, strict=False)
+        paths = [path for key, heights in toes for path in paths_near_ground(self.p[key][w], heights[w])]
+        return {"toe_path_cm": float(np.percentile(paths, 90))} if paths else {}
+
+
 # --- moments of a script -----------------------------------------------------------------------------------------------
 
 
 def moments(p: Points, script: StickScript) -> list[Moment]:
     """Every segment of the stick with its figures."""
-    curves = _Curves(p, _resting(script, len(p["hips"])))
+    curves = Curves(p, _resting(script, len(p["hips"])))
+    of = {
+        "start": curves.start_figures,
+        "stop": curves.stop_figures,
+        "turn": curves.turn_figures,
+        "spin": curves.turn_figures,
+        "jump": curves.jump_figures,
+    }
     return [
-        Moment(kind, gait, first, end, _FIGURES[kind](curves, first, end) if kind in _FIGURES else {})
+        Moment(kind, gait, first, end, of[kind](first, end) if kind in of else {})
         for kind, gait, first, end in _segments(script, len(p["hips"]))
     ]
-
-
-class _Curves:
-    """The curves of a clip that the figures are taken from."""
-
-    def __init__(self, p: Points, resting: NDArray[np.bool_]) -> None:
-        self.p, self.resting = p, resting
-        self.hips, self.tilt, self.turn = hips_speed(p), torso_tilt(p), hips_turn(p)
-        self.wrists, self.limbs = wrists_speed(p), limbs_speed(p)
-        self.toes = toe_heights(p, resting) if "lt" in p else np.zeros((len(self.hips), 0))
-
-    def toe_paths(self, first: int, end: int) -> dict[str, float]:
-        """The 90th percentile of `paths_near_ground` of a start or turn."""
-        return _toe_paths(self.p, slice(first, min(end, first + BEGIN)), self.resting)
 
 
 def _segments(script: StickScript, frames: int) -> Iterator[tuple[str, str, int, int]]:
@@ -172,16 +211,14 @@ def _segments(script: StickScript, frames: int) -> Iterator[tuple[str, str, int,
 
 
 def _kind(segment: StickSegment, before: StickSegment) -> str:
-    rests, rested = _rests(segment), _rests(before)
+    turned = segment.facing != before.facing
     if segment.gait == Gait.JUMP:
         return "jump"
-    if rests:
-        if not rested:
-            return "stop"
-        return "stand" if segment.facing in (None, before.facing) else "spin"
-    if rested:
-        return "start"
-    if segment.heading != before.heading or segment.facing != before.facing:
+    if _rests(segment) and _rests(before):
+        return "spin" if turned and segment.facing is not None else "stand"
+    if _rests(segment) or _rests(before):
+        return "stop" if _rests(segment) else "start"
+    if turned or segment.heading != before.heading:
         return "turn"
     return "steady" if (segment.gait, segment.amount) == (before.gait, before.amount) else "change"
 
@@ -204,54 +241,8 @@ def _resting(script: StickScript, frames: int) -> NDArray[np.bool_]:
     return result if result.any() else np.ones(frames, bool)
 
 
-def _start(c: _Curves, first: int, end: int) -> dict[str, float]:
-    last = slice(first + max(end - first - FPS, (end - first) // 2), end)
-    begin = slice(first, min(end, first + BEGIN))
-    steady = float(np.median(c.hips[last]))
-    reached = np.flatnonzero(c.hips[first:end] > REACHED * steady)
-    return {
-        "reached_s": float(reached[0]) / FPS if len(reached) else float("inf"),
-        "peak_ratio": float(c.hips[begin].max()) / max(steady, 1e-6),
-        "steady_speed": steady,
-        "tilt": float(c.tilt[begin].max()),
-    } | c.toe_paths(first, end)
-
-
-def _stop(c: _Curves, first: int, end: int) -> dict[str, float]:
-    stopped = np.flatnonzero(c.hips[first:end] < STILL)
-    stop = float(stopped[0]) / FPS if len(stopped) else float("inf")
-    busy = np.flatnonzero(c.limbs[first : end - 2] > CALM)  # the last two see the next segment
-    calm = float(busy[-1] + 1) / FPS if len(busy) else 0.0
-    steady = c.wrists[max(first - round(LAST * FPS), 0) : max(first - 1, 1)].max()
-    return {
-        "stop_s": stop,
-        "calm_after_s": max(calm - stop, 0.0),
-        "wrists_ratio": float(c.wrists[first : end - 2].max() / max(steady, 1e-6)),
-        "tilt": float(c.tilt[first:end].max()),
-    }
-
-
-def _turn(c: _Curves, first: int, end: int) -> dict[str, float]:
-    return {"turn": float(c.turn[first:end].max()), "tilt": float(c.tilt[first:end].max())} | c.toe_paths(
-        first, end
-    )
-
-
-def _jump(c: _Curves, first: int, end: int) -> dict[str, float]:
-    air = np.flatnonzero((c.toes[first:end] > IN_AIR).all(-1)) if c.toes.shape[1] else np.zeros(0)
-    height = c.p["hips"][:, 1]
-    rise = height[first:end].max() - np.median(height[max(first - FPS, 0) : first + 1])
-    return {
-        "take_off_s": float(air[0]) / FPS if len(air) > 3 else float("inf"),
-        "rise_cm": 100.0 * float(rise),
-    }
-
-
-_FIGURES = {"start": _start, "stop": _stop, "turn": _turn, "spin": _turn, "jump": _jump}
-
-
 def whole_clip(p: Points, script: StickScript) -> dict[str, float]:
-    """Pops of knees and elbows a minute without jumps, and in jumps; how far toes are under their resting height, cm (0.1th percentile)."""
+    """Pops of knees and elbows a minute without jumps, and in jumps; toes under their resting height, cm (0.1th percentile)."""
     jumps = np.zeros(len(p["hips"]), bool)
     for kind, _, first, end in _segments(script, len(jumps)):
         jumps[first:end] |= kind == "jump"
@@ -260,8 +251,8 @@ def whole_clip(p: Points, script: StickScript) -> dict[str, float]:
         for there, title in ((~jumps, name), (jumps, name + "_in_jumps")):
             if there.any():
                 result[title] = float(there[frames].sum()) / (there.sum() / FPS / 60.0)
-    if "lt" in p:
-        toes = toe_heights(p, _resting(script, len(p["hips"])))
+    toes = toe_heights(p, _resting(script, len(p["hips"])))
+    if toes.size:
         result["toe_under_cm"] = 100.0 * float(np.percentile(toes, 0.1))
     return result
 
@@ -271,36 +262,20 @@ def whole_clip(p: Points, script: StickScript) -> dict[str, float]:
 
 def raw_start(p: Points) -> dict[str, float]:
     """Of a take that begins at rest and goes: from the first frame that moves to 90 % of the steady speed."""
-    v = hips_speed(p)
+    curves = Curves(p)
+    v = curves.hips
     steady = float(np.median(v[v > 0.5 * v.max()]))
-    reached = int(np.argmax(v > REACHED * steady))
-    begins = np.flatnonzero(v[: reached + 1] < STILL)
-    first = int(begins[-1]) if len(begins) else 0
-    return _toe_paths(p, slice(first, first + BEGIN), v < STILL) | {
-        "reached_s": (reached - first) / FPS,
-        "peak_ratio": float(v[first : first + BEGIN].max()) / steady,
-        "tilt": float(torso_tilt(p)[first : first + BEGIN].max()),
-    }
+    begins = np.flatnonzero(v[: int(np.argmax(v > REACHED * steady)) + 1] < STILL)
+    return curves.start_figures(int(begins[-1]) if len(begins) else 0, len(v), steady)
 
 
 def raw_stop(p: Points) -> dict[str, float]:
     """Of a take that goes and ends at rest: from the last frame at 90 % of the steady speed to the first that stands."""
-    v = hips_speed(p)
+    curves = Curves(p)
+    v = curves.hips
     steady = float(np.median(v[v > 0.5 * v.max()]))
     last = int(np.flatnonzero(v > REACHED * steady)[-1])
-    still = np.flatnonzero(v[last:] < STILL)
-    if not len(still):
-        return {}
-    stop = int(still[0])
-    busy = np.flatnonzero(limbs_speed(p)[last:] > CALM)
-    wrists = wrists_speed(p)
-    return {
-        "stop_s": stop / FPS,
-        "calm_after_s": max(float(busy[-1] + 1 - stop) / FPS, 0.0) if len(busy) else 0.0,
-        "wrists_ratio": float(
-            wrists[last:].max() / max(wrists[max(last - round(LAST * FPS), 0) : last + 1].max(), 1e-6)
-        ),
-    }
+    return curves.stop_figures(last, len(v) + 2, last + 1) if (v[last:] < STILL).any() else {}
 
 
 def raw_turns(p: Points) -> dict[str, float]:
@@ -308,15 +283,6 @@ def raw_turns(p: Points) -> dict[str, float]:
     turn = hips_turn(p)
     peaks, _ = find_peaks(turn, height=TURNING, distance=FPS)
     return {"turn": float(np.percentile(turn[peaks], 90))} if len(peaks) else {}
-
-
-def _toe_paths(p: Points, w: slice, resting: NDArray[np.bool_]) -> dict[str, float]:
-    """`_Curves.toe_paths` of a window of a take; nothing of one that never rests."""
-    if "lt" not in p or not resting.any():
-        return {}
-    heights = toe_heights(p, resting)
-    paths = [s for i, k in enumerate(("lt", "rt")) for s in paths_near_ground(p[k][w], heights[w, i])]
-    return {"toe_path_cm": float(np.percentile(paths, 90))} if paths else {}
 
 
 def raw_pops(p: Points) -> dict[str, float]:

@@ -45,6 +45,7 @@ class ClipInfo:
     path: Path
     group: str  # its style; the rollouts are a group of their own
     style: str
+    content: str
     held_out: bool
     frames: int
     gaits: dict[Gait, int]  # frames of each
@@ -109,11 +110,13 @@ def _info(path: Path) -> ClipInfo | None:
                 return None
             labels, counts = np.unique(clip["gait"].argmax(1), return_counts=True)
             style, rollout = str(clip["style"]), str(clip["source"]) == ROLLOUTS
-            held_out = str(clip["split"]) == "held_out"
+            held_out, content = str(clip["split"]) == "held_out", str(clip["content"])
     except (OSError, ValueError, KeyError) as error:
         raise FileError(f"{path}: not a clip file.", "Run the importer again.") from error
     gaits = {Gait(int(g)): int(n) for g, n in zip(labels, counts, strict=True)}
-    return ClipInfo(path, TERRAIN_GROUP if rollout else style, style, held_out, int(counts.sum()), gaits)
+    return ClipInfo(
+        path, TERRAIN_GROUP if rollout else style, style, content, held_out, int(counts.sum()), gaits
+    )
 
 
 def driving_segments(

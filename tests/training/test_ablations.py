@@ -78,10 +78,6 @@ def test_the_table_of_frames_is_shared_by_variants_of_the_same_clips_alone(tmp_p
     assert not (tmp_path / "other" / "frames").exists()
 
 
-def test_of_every_variant_it_is_known_what_it_shares() -> None:
-    assert set(SHARED) == set(ABLATIONS)
-
-
 def test_without_a_content_encoder_the_style_graph_is_exported_and_loaded(tmp_path) -> None:
     """By torch's own exporter: the regression is too large there to be folded, and keeps its name in the graph."""
     pytest.importorskip("onnxscript")

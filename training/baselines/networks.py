@@ -21,7 +21,7 @@ HALF = L // 2
 def catmull_rom(knots: Tensor, phase: Tensor) -> Tensor:
     """Phase function of PFNN (Holden et al. 2017, Eq. 7): control points `(4, ...)` at phases `(B,)` in radians, `(B, ...)`.
 
-    Theta = a1 + w (a2 - a0)/2 + w^2 (a0 - 5/2 a1 + 2 a2 - a3/2) + w^3 (3/2 a1 - 3/2 a2 + a3/2 - a0/2), with w the share of the way
+    Theta = a1 + w (a2 - a0)/2 + w^2 (a0 - 5/2 a1 + 2 a2 - a3/2) + w^3 (3/2 a1 - 3/2 a2 + a3/2 - a0/2), with w the fraction of the way
     from knot k1 to k2, k_n = floor(4 p / 2 pi) + n - 1 mod 4.
     """
     position = torch.remainder(phase / (2.0 * math.pi), 1.0) * KNOTS
@@ -37,14 +37,14 @@ def catmull_rom(knots: Tensor, phase: Tensor) -> Tensor:
     )
 
 
-def blended(weights: Tensor, biases: Tensor, share: Tensor, x: Tensor) -> Tensor:
-    """Layer of blended experts: `(K, out, in)`, `(K, out)`, shares `(B, K)` and inputs `(B, in)` to `(B, out)`."""
+def blended(weights: Tensor, biases: Tensor, blend: Tensor, x: Tensor) -> Tensor:
+    """Layer of blended experts: `(K, out, in)`, `(K, out)`, weights `(B, K)` and inputs `(B, in)` to `(B, out)`."""
     every = torch.einsum("koi,bi->bko", weights, x) + biases
-    return (share[..., None] * every).sum(1)
+    return (blend[..., None] * every).sum(1)
 
 
 class Baseline(nn.Module):
-    """What all rivals share: the scales of x and y. `forward` takes and gives physical units."""
+    """What all rivals have: the scales of x and y. `forward` takes and gives physical units."""
 
     def __init__(self, styles: int) -> None:
         super().__init__()
@@ -94,10 +94,10 @@ class PhaseFunctioned(Baseline):
         phase = torch.atan2(now[:, 0], now[:, 1])
         h = scaled[:, :MOTION_INPUT_SIZE]
         for number, (w, b) in enumerate(zip(self.weights, self.biases, strict=True)):
-            share = catmull_rom(
+            blend = catmull_rom(
                 torch.eye(KNOTS, device=x.device), phase
-            )  # the knots' shares: it is linear in them
-            h = blended(w, b, share, self.dropout(h))
+            )  # the knots' weights: it is linear in them
+            h = blended(w, b, blend, self.dropout(h))
             if number < len(self.weights) - 1:
                 h = functional.elu(h)
         start = OUTPUT["phase"].start
@@ -140,10 +140,10 @@ class FilmModulated(Baseline):
 
     def normalised(self, scaled: Tensor, x: Tensor, label: Tensor) -> Tensor:
         """h = gamma_s * ELU(W h + b) + beta_s (their Eq. 1 on every hidden layer)."""
-        share = torch.softmax(self.gating(x[:, INPUT["phase"]]), 1)
+        blend = torch.softmax(self.gating(x[:, INPUT["phase"]]), 1)
         h = scaled[:, :MOTION_INPUT_SIZE]
         for number, (w, b) in enumerate(zip(self.weights, self.biases, strict=True)):
-            h = blended(w, b, share, self.dropout(h))
+            h = blended(w, b, blend, self.dropout(h))
             if number < len(self.weights) - 1:
                 gamma, beta = (label @ table for table in self.film[number])
                 h = (1.0 + gamma) * functional.elu(h) + beta

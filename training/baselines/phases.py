@@ -51,11 +51,11 @@ def footstep_phase(left: NDArray[np.bool_], right: NDArray[np.bool_]) -> Array:
     steps = sorted([(int(f), 0.5) for f in onsets(left)] + [(int(f), 0.0) for f in onsets(right)])
     frames: list[int] = []
     turns: list[float] = []
-    for frame, share in steps:
+    for frame, fraction in steps:
         if frames and frame - frames[-1] < 2:  # both feet at once: a jump comes down
             continue
         last = turns[-1] if turns else -0.5
-        ahead = (share - last) % 1.0
+        ahead = (fraction - last) % 1.0
         turns.append(last + (ahead if ahead > 0 else 1.0))
         frames.append(frame)
     return through(np.array(frames, int), np.array(turns), len(left))

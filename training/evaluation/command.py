@@ -59,9 +59,7 @@ def motion(setting: Setting) -> dict[str, Any]:
             setting.report(f"{model['name']}: {bar.name}: {bar.passed} ({bar.met} of {bar.cases})")
     return {
         "command": command_of("sport evaluate", setting.args),
-        "options": vars(plan.options),
         "feature_sets": plan.feature_sets,
-        "styles": list(plan.groups),
         "held_out": held_out,
         "models": models,
     }

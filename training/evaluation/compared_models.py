@@ -107,7 +107,7 @@ def cells_of(scores: dict[str, Any]) -> Cells:
     return cells | {
         "skating_formula": mean([c["flat"]["after"]["toes"] for c in courses]),
         "skating_soles": mean([c["flat"]["after"]["soles"] for c in courses]),
-        "diversity": scores["diversity"]["temperature_1"]["pose"],
+        "diversity": scores["diversity"]["temperature_1"],
         "ms": scores["runtime"]["network_ms"],
         "parameters": scores["parameters"] / 1e6,
         "terrain": mean([t["sunk_sole_p99"] for t in scores["terrain"].values()]),

@@ -67,9 +67,9 @@ def write_clip(folder: Path, name: str, frames: int = FRAMES, split: str = "trai
         local[:, SPORT_SKELETON.index(f"{side}Arm")] = down
     flat = Patches(np.zeros((1, 3, 3), np.float16), (-200.0, -200.0), 200.0)
     gait = np.eye(6)[np.full(frames, Gait.WALK)]
-    values = {"style": "neutral", "content": "walk", "source": "cmu"} | changes
+    values = {"style": "neutral", "content": "walk", "source": "cmu", "tier": "exact"} | changes
     TrainingClip(
-        name, hips, local, contacts, gait, **values, split=split, tier="exact", patches=flat
+        name, hips, local, contacts, gait, **values, split=split, patches=flat
     ).save(folder)  # fmt: skip
 
 
@@ -80,8 +80,9 @@ def clips(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_clip(folder, "cmu_02", 280)
     write_clip(folder, "cmu_03", 60)  # too short to measure on
     write_clip(folder, "cmu_04", style="angry")
-    for name in ("cmu_05", "cmu_05_m", "cmu_05_t", "layer_00000"):
+    for name in ("cmu_05", "cmu_05_m", "cmu_05_t"):
         write_clip(folder, name, split="held_out")
+    write_clip(folder, "layer_00000", split="held_out", tier="layered")
     write_clip(folder, "rollout_1", split="held_out", source="pfnn_rollouts", content="mixed locomotion")
     return folder
 

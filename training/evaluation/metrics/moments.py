@@ -163,7 +163,8 @@ class Curves:
 
     def jump_figures(self, first: int, end: int) -> dict[str, float]:
         """When both toes leave the ground, and how far the hips rise."""
-        air = np.flatnonzero((self.toes[first:end] > IN_AIR).all(-1)) if self.toes.shape[1] else []
+        known = self.toes.shape[1] > 0
+        air = np.flatnonzero((self.toes[first:end] > IN_AIR).all(-1) & known)
         height = self.p["hips"][:, 1]
         rise = height[first:end].max() - np.median(height[max(first - FPS, 0) : first + 1])
         return {

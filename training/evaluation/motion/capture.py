@@ -88,7 +88,9 @@ class Capture:
         return sum(c.gaits.get(gait, 0) for c in self.of(group, held_out)) / FPS
 
 
-def read_capture(folder: Path, styles: Iterable[str] | None = None) -> Capture:
+def read_capture(
+    folder: Path, styles: Iterable[str] | None = None, least_frames: int = WINDOW_FRAMES
+) -> Capture:
     """Catalogue of `*.npz` under `folder`; FileError when a chosen style has no clips."""
     wanted = None if styles is None else set(styles)
     found = [info for info in map(_info, original_clips(folder)) if info is not None]
@@ -99,7 +101,7 @@ def read_capture(folder: Path, styles: Iterable[str] | None = None) -> Capture:
             f"{folder}: no clips of {', '.join(sorted(missing))}.",
             "Choose styles of assets/prompts/styles.json.",
         )
-    return Capture(tuple(c for c in clips if c.frames >= WINDOW_FRAMES))
+    return Capture(tuple(c for c in clips if c.frames >= least_frames))
 
 
 def _info(path: Path) -> ClipInfo | None:

@@ -160,10 +160,8 @@ class ReplayTrajectory(Trajectory):
         self.number += 1
 
 
-def replay(
-    model: MotionModel, clip: Motion, z: Array, seed: int, temperature: float, lead_in: int
-) -> tuple[Array, Array]:
-    """Joints relative to the root `(T - lead_in, 31, 3)`, shown and before foot lock, under a clip's own controls.
+def replay(model: MotionModel, clip: Motion, z: Array, seed: int, temperature: float, lead_in: int) -> Array:
+    """Joints relative to the root `(T - lead_in, 31, 3)` under a clip's own controls.
 
     The first `lead_in` frames are run at temperature 0: two runs that differ in their seed begin in the same pose.
     """
@@ -178,13 +176,9 @@ def replay(
             controller.temperature = temperature
         pose = controller.step(Controls())
         if frame >= lead_in:
-            hips, local = controller.unlocked
-            both = np.stack([pose.positions, SPORT_SKELETON.forward_kinematics(hips, local)[0]])
-            root = np.array([pose.root_position[[0, 2]]] * 2)
-            ground = np.full(2, pose.root_position[1])
-            joints.append(features.relative_joints(both, root, ground, np.full(2, pose.root_yaw)))
-    shown, unlocked = np.stack(joints, 1)
-    return shown, unlocked
+            root, ground = pose.root_position[[0, 2]], pose.root_position[1]
+            joints.append(features.relative_joints(pose.positions, root, ground, np.array(pose.root_yaw)))
+    return np.stack(joints)
 
 
 def transition(model: MotionModel, first: Array, second: Array, seed: int) -> tuple[Array, int]:

@@ -78,8 +78,7 @@ def run_obstacles(
     recorder = Recorder(controller)
     end = course.obstacles[-1].end + BEYOND_M
     limit = round((end / controller.full_speed(gait) * 1.3 + SPARE_S) * FPS)
-    roots, speeds, blocked = [], [], set()
-    keyed = []
+    roots, speeds, keyed, blocked = [], [], [], set()
     for _ in range(limit):
         root = controller.pose.root_position.astype(np.float64)
         ahead = np.array([-root[0], LOOK_AHEAD_M])
@@ -88,15 +87,13 @@ def run_obstacles(
         roots.append(pose.root_position[[0, 2]])
         speeds.append(controller.requested_speed)
         keyed.append(bool(controller.crossing))
-        if controller.blocked:
-            blocked.add(controller.blocked)
+        blocked.add(controller.blocked)
         if pose.root_position[2] > end:
             break
-    labels = np.full(len(roots), int(gait))
-    motion = recorder.motion(f"{style} {gait.label} {course.name}", style, labels, 0)
-    return ObstacleRun(
-        course, motion, np.stack(roots), np.array(speeds), tuple(sorted(blocked)), np.array(keyed)
-    )
+    name = f"{style} {gait.label} {course.name}"
+    motion = recorder.motion(name, style, np.full(len(roots), int(gait)), 0)
+    messages = tuple(sorted(filter(None, blocked)))
+    return ObstacleRun(course, motion, np.stack(roots), np.array(speeds), messages, np.array(keyed))
 
 
 def score_run(run: ObstacleRun) -> dict[str, Any]:
@@ -105,20 +102,17 @@ def score_run(run: ObstacleRun) -> dict[str, Any]:
     assert motion.unlocked is not None
     inside = [crossing.crossing_frames(run.root, o) for o in course.obstacles]
     within = np.any(inside, axis=0)
-    sound = [bool(w.any()) and not crossing.first_problem(motion.positions[w], ground) for w in inside]
-    own = [s and not run.keyed[w].any() for s, w in zip(sound, inside, strict=True)]
     passed = [crossing.seconds_over(run.root, o) for o in course.obstacles]
-    over = [p for p in passed if p is not None]
-    times = [p[0] for p in over]
+    times, slowest = zip(*(p for p in passed if p is not None), strict=True) if any(passed) else ((), ())
+    over = [w for w, p in zip(inside, passed, strict=True) if p is not None]
+    sound = [w for w in over if w.any() and not crossing.first_problem(motion.positions[w], ground)]
     result: dict[str, Any] = {
-        "before": crossing.depths(motion.unlocked, ground, within),
-        "after": crossing.depths(motion.positions, ground, within),
         "obstacles": len(passed),
         "passed": len(over),
-        "sound": sum(s and p is not None for s, p in zip(sound, passed, strict=True)),
-        "own": sum(o and p is not None for o, p in zip(own, passed, strict=True)),
+        "sound": len(sound),
+        "own": sum(not run.keyed[w].any() for w in sound),
         "seconds_each": float(np.mean(times)) if times else None,
-        "slowest_m_s": min((p[1] for p in over), default=None),
+        "slowest_m_s": min(slowest, default=None),
         "requested_m_s": float(run.requested_speed.max()),
         "frozen_s": crossing.frozen_seconds(motion.positions, run.root, run.requested_speed),
         "skating": foot_skating(motion.positions, ground, np.ones(len(motion), bool)).soles,
@@ -127,63 +121,65 @@ def score_run(run: ObstacleRun) -> dict[str, Any]:
         "keyed_fraction": float(run.keyed[within].mean()) if within.any() else None,
     }
     for name, positions in (("before", motion.unlocked), ("after", motion.positions)):
-        result[name] |= _own_measures(course, positions, motion.contacts)
+        result[name] = crossing.depths(positions, ground, within) | own_measures(
+            course, positions, motion.contacts
+        )
     return result
 
 
-def _own_measures(course: ObstacleCourse, positions: Array, contacts: Array) -> dict[str, Any]:
+def own_measures(course: ObstacleCourse, positions: Array, contacts: Array) -> dict[str, Any]:
     """What only one kind of course has."""
-    if course.name == "hurdles":
-        values = crossing.clearances(positions, course.obstacles)
-        return {
-            "clearance": float(np.median(values)) if values else None,
-            "touched": float(np.mean(np.array(values) < 1.0)) if values else None,
-        }
-    if course.name == "beam":
-        on, off = crossing.beam_contacts(positions, contacts, BEAM, BEAM_RAMP_M)
-        return {
-            "on_beam": on / (on + off) if on + off else None,
-            "falls": crossing.falls(positions, contacts, BEAM, BEAM_RAMP_M),
-        }
-    if course.name == "platforms":
-        gaps = [g for g in pairwise(course.obstacles) if positions[-1, 0, 2] > g[1].begin]
-        flown, clean = crossing.flights(positions, contacts, gaps)
-        return {"gaps": len(gaps), "flown": flown, "not_stepped_into": clean}
-    if course.name == "wall":
-        hands = crossing.hands_on_edge(positions, course.obstacles)
-        tops = [crossing.on_top_after(positions, w) for w in course.obstacles]
-        return {"hands_s": hands, "on_top_s": tops}
-    return {}
+    measure = _OWN_MEASURES.get(course.name)
+    return {} if measure is None else measure(course, positions, contacts)
+
+
+def _hurdles(course: ObstacleCourse, positions: Array, contacts: Array) -> dict[str, Any]:
+    values = np.array(crossing.clearances(positions, course.obstacles))
+    if not len(values):
+        return {"clearance": None, "touched": None}
+    return {"clearance": float(np.median(values)), "touched": float((values < 1.0).mean())}
+
+
+def _beam(course: ObstacleCourse, positions: Array, contacts: Array) -> dict[str, Any]:
+    on, off = crossing.beam_contacts(positions, contacts, BEAM, BEAM_RAMP_M)
+    fraction = on / (on + off) if on + off else None
+    return {"on_beam": fraction, "falls": crossing.falls(positions, contacts, BEAM, BEAM_RAMP_M)}
+
+
+def _platforms(course: ObstacleCourse, positions: Array, contacts: Array) -> dict[str, Any]:
+    gaps = [g for g in pairwise(course.obstacles) if positions[-1, 0, 2] > g[1].begin]
+    flown, clean = crossing.flights(positions, contacts, gaps)
+    return {"gaps": len(gaps), "flown": flown, "not_stepped_into": clean}
+
+
+def _walls(course: ObstacleCourse, positions: Array, contacts: Array) -> dict[str, Any]:
+    tops = [crossing.on_top_after(positions, wall) for wall in course.obstacles]
+    return {"hands_s": crossing.hands_on_edge(positions, course.obstacles), "on_top_s": tops}
+
+
+_OWN_MEASURES = {"hurdles": _hurdles, "beam": _beam, "platforms": _platforms, "wall": _walls}
 
 
 Report = Callable[[str], None]
-Runner = Callable[[ObstacleCourse, str, Gait], ObstacleRun]
 
 STYLES = ("neutral", "old", "exhausted", "angry", "drunk", "happy")
 GAITS = (Gait.WALK, Gait.JOG)
 
 
-def runner_of(evaluated: EvaluatedModel, seed: int) -> Runner:
-    """Leads a model's character over a course in the first description of a style."""
-    return lambda course, style, gait: run_obstacles(
-        evaluated.model, course, style, evaluated.style(style, 0), gait, seed
-    )
-
-
 def score_obstacles(
-    run: Runner,
+    evaluated: EvaluatedModel,
+    seed: int,
     styles: Sequence[str],
     courses: Iterable[ObstacleCourse],
     classifier: StyleClassifier | None,
     report: Report,
-    gaits: Sequence[Gait] = GAITS,
 ) -> dict[str, Any]:
     """A row for each course, style and gait, and how often the style is recognised there and on level ground."""
     rows: list[dict[str, Any]] = []
     grounds = [*courses, *([] if classifier is None else [LEVEL])]
-    for course, style, gait in product(grounds, styles, gaits):
+    for course, style, gait in product(grounds, styles, GAITS):
         report(f"{course.name}: {style}, {gait.label}")
-        done = run(course, style, gait)
+        done = run_obstacles(evaluated.model, course, style, evaluated.style(style, 0), gait, seed)
         row: dict[str, Any] = {"course": course.name, "style": style, "gait": gait.label}
         row["recognised"] = _recognised(done, classifier)
         rows.append(row if course is LEVEL else row | score_run(done))

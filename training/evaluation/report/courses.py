@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import isnan
 from typing import Any
 
@@ -16,36 +16,32 @@ Row = dict[str, Any]
 
 def markdown(results: dict[str, Any]) -> str:
     """All tables of `results`, what `--json` holds."""
-    lines = [f"`{results['command']}`", "", *_overview(results)]
-    for course in COURSES:
-        rows = [r for r in results["rows"] if r["course"] == course.name]
-        if rows:
-            lines += [f"### {course.title[0].upper()}{course.title[1:]}", "", *_course(course.name, rows)]
+    found = {c.title: [r for r in results["rows"] if r["course"] == c.name] for c in COURSES}
+    found = {title: rows for title, rows in found.items() if rows}
+    lines = [f"`{results['command']}`", "", *_overview(found, mean_of(results["level"], "recognised"))]
+    for title, rows in found.items():
+        lines += [f"### {title[0].upper()}{title[1:]}", "", *_course(rows)]
     return "\n".join(lines) + "\n"
 
 
-def _overview(results: dict[str, Any]) -> list[str]:
+def _overview(found: dict[str, list[Row]], level: float) -> list[str]:
     """A row for each course: means over styles and gaits."""
-    level = mean_of(results["level"], "recognised")
     rows = []
-    for course in COURSES:
-        found = [r for r in results["rows"] if r["course"] == course.name]
-        if not found:
-            continue
-        known = mean_of(found, "recognised")
+    for title, runs in found.items():
+        known, obstacles = mean_of(runs, "recognised"), sum(r["obstacles"] for r in runs)
+        limbs = [_both(runs, f"{limb}_deep", percent) for limb in ("thighs", "shins", "hands")]
         rows.append(
             [
-                course.title,
-                f"{sum(r['passed'] for r in found)} of {sum(r['obstacles'] for r in found)}",
-                _both(found, "sole_p99"),
-                _both(found, "joint_inside", percent),
-                _both(found, "joint_deep", percent),
-                *(_both(found, f"{limb}_deep", percent) for limb in ("thighs", "shins", "hands")),
-                number(mean_of(found, "skating"), 2),
-                str(sum(r["frozen_s"] for r in found)),
-                percent(mean_of(found, "keyed_fraction")),
-                _fraction(found, "sound"),
-                _fraction(found, "own"),
+                title,
+                f"{sum(r['passed'] for r in runs)} of {obstacles}",
+                _both(runs, "sole_p99"),
+                _both(runs, "joint_inside", percent),
+                _both(runs, "joint_deep", percent),
+                *limbs,
+                number(mean_of(runs, "skating"), 2),
+                str(sum(r["frozen_s"] for r in runs)),
+                percent(mean_of(runs, "keyed_fraction")),
+                *(percent(sum(r[key] for r in runs) / obstacles) for key in ("sound", "own")),
                 percent(known) + ("" if isnan(known / level) else f" ({known / level:.2f})"),
             ]
         )
@@ -59,48 +55,48 @@ def _both(rows: Sequence[Row], key: str, show: Any = number) -> str:
     return " > ".join(show(mean_of([r[side] for r in rows], key)) for side in ("before", "after"))
 
 
-def _fraction(rows: Sequence[Row], key: str) -> str:
-    return percent(sum(r[key] for r in rows) / sum(r["obstacles"] for r in rows))
-
-
-def _course(name: str, rows: Sequence[Row]) -> list[str]:
+def _course(rows: Sequence[Row]) -> list[str]:
+    """A row for each style and gait, with the columns that only this course has."""
+    own = OWN_COLUMNS.get(rows[0]["course"], {})
     head = ["", "got over", "s each", "slowest / requested m/s", "soles p99, cm", "deepest joint, cm"]
-    head += ["thigh, shin, hand p99, cm, after lock", *_OWN_HEADS.get(name, ()), "recognised"]
-    return table(head, [_row(name, r) for r in rows])
-
-
-def _row(name: str, row: Row) -> list[str]:
-    after = row["after"]
-    return [
-        f"{row['style']} {row['gait']}",
-        f"{row['passed']} of {row['obstacles']}",
-        number(row["seconds_each"]),
-        f"{number(row['slowest_m_s'], 2)} / {number(row['requested_m_s'], 2)}",
-        _both([row], "sole_p99"),
-        _both([row], "joint_max"),
-        ", ".join(number(after.get(f"{limb}_p99")) for limb in ("thighs", "shins", "hands")),
-        *_own_cells(name, row),
-        percent(row["recognised"]),
+    head += ["thigh, shin, hand p99, cm, after lock", *own, "recognised"]
+    cells = [
+        [
+            f"{r['style']} {r['gait']}",
+            f"{r['passed']} of {r['obstacles']}",
+            number(r["seconds_each"]),
+            f"{number(r['slowest_m_s'], 2)} / {number(r['requested_m_s'], 2)}",
+            _both([r], "sole_p99"),
+            _both([r], "joint_max"),
+            ", ".join(number(r["after"].get(f"{limb}_p99")) for limb in ("thighs", "shins", "hands")),
+            *(cell(r) for cell in own.values()),
+            percent(r["recognised"]),
+        ]
+        for r in rows
     ]
+    return table(head, cells)
 
 
-_OWN_HEADS: dict[str, tuple[str, ...]] = {
-    "hurdles": ("clearance, median cm", "feet that touch"),
-    "beam": ("contacts on it", "falls off"),
-    "platforms": ("gaps flown over, after lock", "not stepped into"),
-    "wall": ("both hands on the edge, s", "both feet on top after, s", "keyed s"),
+def _each(row: Row, key: str) -> str:
+    return " / ".join(number(v) for v in row["after"][key])
+
+
+OWN_COLUMNS: dict[str, dict[str, Callable[[Row], str]]] = {
+    "hurdles": {
+        "clearance, median cm": lambda r: _both([r], "clearance"),
+        "feet that touch": lambda r: _both([r], "touched", percent),
+    },
+    "beam": {
+        "contacts on it": lambda r: _both([r], "on_beam", percent),
+        "falls off": lambda r: f"{r['before']['falls']} > {r['after']['falls']}",
+    },
+    "platforms": {
+        "gaps flown over, after lock": lambda r: f"{r['after']['flown']} of {r['after']['gaps']}",
+        "not stepped into": lambda r: f"{r['after']['not_stepped_into']} of {r['after']['gaps']}",
+    },
+    "wall": {
+        "both hands on the edge, s": lambda r: _each(r, "hands_s"),
+        "both feet on top after, s": lambda r: _each(r, "on_top_s"),
+        "keyed s": lambda r: number(r["keyed_s"]),
+    },
 }
-
-
-def _own_cells(name: str, row: Row) -> list[str]:
-    before, after = row["before"], row["after"]
-    if name == "hurdles":
-        return [_both([row], "clearance"), _both([row], "touched", percent)]
-    if name == "beam":
-        return [_both([row], "on_beam", percent), f"{before['falls']} > {after['falls']}"]
-    if name == "platforms":
-        return [f"{after[k]} of {after['gaps']}" for k in ("flown", "not_stepped_into")]
-    if name == "wall":
-        lists = [" / ".join(number(v) for v in after[k]) for k in ("hands_s", "on_top_s")]
-        return [*lists, number(row["keyed_s"])]
-    return []

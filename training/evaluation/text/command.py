@@ -13,9 +13,11 @@ from runtime.prompts.english.library_data import load_styles
 from runtime.prompts.prompter import Prompter
 from runtime.prompts.text_encoder import TextEncoder
 from training.evaluation.experiment import Arguments, Experiment, Setting, command_of, option
+from training.evaluation.metrics.features import has_encoder
 from training.evaluation.report.text_tables import SECTION, markdown
 from training.evaluation.text import edits
 from training.evaluation.text.edits import FREE_PROMPTS, Case, by_slot, independence, seed_changes
+from training.evaluation.text.retrieval import evaluate_retrieval
 from training.evaluation.text.walks import PLAIN_PROMPT, SECONDS, Walk, Walker
 from training.layering.measured_edits import CapturedReference, Summary, load_reference
 
@@ -27,7 +29,7 @@ def words_and_motion(setting: Setting) -> dict[str, Any]:
     args, folder = setting.args, setting.folders[0]
     model = load_model(folder)
     prompter = Prompter(model, text_encoder=args.text_encoder)
-    command = command_of("sport evaluate --text", args, clips=True)
+    command = command_of("sport evaluate --text", args)
     results: dict[str, Any] = {"command": command, "model": model.name}
     if "retrieval" in (args.only or PARTS):
         setting.report("retrieval")
@@ -39,16 +41,12 @@ def words_and_motion(setting: Setting) -> dict[str, Any]:
 
 def _retrieval(args: Arguments, folder: Path, words: TextEncoder) -> dict[str, Any]:
     """The figures, or why there are none: models of version 0.1 hold no motion encoder."""
-    from training.evaluation.metrics.features import has_encoder
-    from training.evaluation.text.retrieval import evaluate_retrieval
-
     if not has_encoder(folder):
         return {
             "missing": "The model folder holds no motion.onnx: export it again with `sport train export`."
         }
     styles = load_styles(asset_path("prompts/styles.json"))
-    texts = {name: list(style.descriptions) for name, style in styles.items()}
-    return evaluate_retrieval(folder, args.clips, texts, words)
+    return evaluate_retrieval(folder, args.clips, {n: list(s.descriptions) for n, s in styles.items()}, words)
 
 
 def _edits(setting: Setting, prompter: Prompter) -> dict[str, Any]:
@@ -56,9 +54,8 @@ def _edits(setting: Setting, prompter: Prompter) -> dict[str, Any]:
     args = setting.args
     reference = load_reference(args.clips)
     neutral = prompter.expand(PLAIN_PROMPT).descriptions
-    expanded = {prompt: prompter.expand(prompt) for prompt in FREE_PROMPTS}
     cases = edits.catalogue_cases(neutral, trained=not args.quick)
-    cases += [edits.free_case(p, FREE_PROMPTS[p], e.descriptions) for p, e in expanded.items()]
+    cases += [edits.free_case(p, names, prompter.expand(p).descriptions) for p, names in FREE_PROMPTS.items()]
     walker = Walker(setting.folders[0], args.workers, 3.0 if args.quick else SECONDS)
     requested = [Walk.of(prompter(neutral), seed) for seed in range(edits.SEEDS)]
     requested += [Walk.of(prompter(d), s) for c in cases for d, s in zip(c.variants, c.seeds, strict=True)]
@@ -69,23 +66,11 @@ def _edits(setting: Setting, prompter: Prompter) -> dict[str, Any]:
     for case in cases:
         summaries = [next(made) for _ in case.variants]
         row, own = _case_result(case, summaries, neutral_walks, reference)
-        if row is None:
-            unmeasured.append(case.name)
-        else:
-            rows.append(row)
-        if own is not None:
-            independent.append(own)
-    for row in rows:
-        if row["kind"] == "free words":
-            row["expansion"] = expanded[row["name"]].note
+        rows += [] if row is None else [row]
+        unmeasured += [case.name] if row is None else []
+        independent += [] if own is None else [own]
     return {
-        "edits": {
-            "rows": rows,
-            "unmeasured": unmeasured,
-            "summary": _summaries(rows),
-            "reference": [name for name, _, _ in reference.walks],
-            "walks": len(set(requested)),
-        },
+        "edits": {"rows": rows, "unmeasured": unmeasured, "summary": _summaries(rows)},
         "independence": {
             "rows": independent,
             "by_slot": by_slot(independent),

@@ -90,18 +90,19 @@ class Found:
                         self.sentences[as_left_limb(getattr(words, part), part)] = [1.0]
 
     def table(self) -> dict[str, dict[str, dict[str, float]]]:
-        """Medians over the walks, as the file has them."""
-        both = {"sentences": self.sentences, "clauses": self.clauses}
-        return {name: _medians(own | self._apart(own)) for name, own in both.items()}
-
-    def _apart(self, both: Mapping[tuple[str, str], list[float]]) -> dict[tuple[str, str], list[float]]:
-        """The limbs that show something by another fraction than the two of them do."""
-        found = {}
-        for (part, words), fractions in self.limbs.items():
-            all_walks = both[as_left_limb(part, part)[0], words]
-            if abs(np.median(fractions) - np.median(all_walks)) > APART:
-                found[part, words] = fractions
-        return found
+        """Medians over the walks, as the file has them; of a limb where it shows another fraction than both together."""
+        result = {}
+        for name, both in (("sentences", self.sentences), ("clauses", self.clauses)):
+            medians = {key: float(np.median(fractions)) for key, fractions in both.items()}
+            for (part, words), fractions in self.limbs.items():
+                own = float(np.median(fractions))
+                if abs(own - medians[as_left_limb(part, part)[0], words]) > APART:
+                    medians[part, words] = own
+            groups: dict[str, dict[str, float]] = {}
+            for (group, words), median in sorted(medians.items()):
+                groups.setdefault(group, {})[words] = round(median, 2)
+            result[name] = groups
+        return result
 
 
 def measure_adherence(
@@ -183,13 +184,6 @@ def neutral_motion(model: MotionModel, z: Array) -> EditedMotion:
     hips, local, contacts = straight_walk(model, z, 2 * SECONDS)
     stands = (contacts > 0.5).astype(np.uint8)
     return EditedMotion(hips.astype(np.float64), local.astype(np.float64), stands, Terrain.flat(size_m=200.0))
-
-
-def _medians(values: dict[tuple[str, str], list[float]]) -> dict[str, dict[str, float]]:
-    groups: dict[str, dict[str, float]] = {}
-    for (group, words), fractions in sorted(values.items()):
-        groups.setdefault(group, {})[words] = round(float(np.median(fractions)), 2)
-    return groups
 
 
 def write_adherence(path: Path, model: str, table: dict[str, Any]) -> None:

@@ -70,30 +70,33 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures to FILE")
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="put the table into this document")
     options = parser.parse_args(argv)
-    preset, model = options.preset, options.model
-    network = preset or model.name
+    network = options.preset or options.model.name
     if options.json is not None:
         check_target(options.json)
     if options.markdown is not None:
         check_section(options.markdown, f"networks {network}")
+    figures = {"network": network, **figures_of(options.preset, options.model)}
+    print(table(figures))
+    if options.markdown is not None:
+        write_section(options.markdown, f"networks {network}", table(figures))
+    write_figures(options.json, figures)
+    return 0
+
+
+def figures_of(preset: str | None, model: Path) -> dict[str, Any]:
+    """The machine, its read bandwidth, and the rows."""
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
     with tempfile.TemporaryDirectory() as folder:
         variants = _variants(Path(folder), preset, model)
         bandwidth = {count: read_bandwidth(count) for count in (1, 2) if count <= (os.cpu_count() or 1)}
         rows = measure(variants, bandwidth, _errors(variants) if preset else _known_errors(model))
-    figures = {
-        "network": network,
+    return {
         "cpu": cpu_name(),
         "cores": os.cpu_count(),
         "load": round(load, 2),
         "read_bandwidth_gb_s": {str(count): round(value, 1) for count, value in bandwidth.items()},
         "rows": rows,
     }
-    print(table(figures))
-    if options.markdown is not None:
-        write_section(options.markdown, f"networks {network}", table(figures))
-    write_figures(options.json, figures)
-    return 0
 
 
 def _variants(folder: Path, preset: str | None, model: Path) -> list[Variant]:

@@ -13,6 +13,7 @@ import secrets
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -134,7 +135,6 @@ def draw(scene: Scene) -> bytes:
 
 def _scenes(methods: dict[str, Path], clips: Path | None, seconds: float) -> Iterator[Scene]:
     """Every motion by every method, one after the other."""
-    from training.evaluation.metrics.motion import load_motion
     from training.evaluation.motion.capture import TERRAIN_GROUP, read_capture
     from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
     from training.evaluation.motion.obstacles import COURSES
@@ -143,20 +143,26 @@ def _scenes(methods: dict[str, Path], clips: Path | None, seconds: float) -> Ite
     capture = [] if clips is None else [c for c in read_capture(clips).clips if c.group != TERRAIN_GROUP]
     capture.sort(key=lambda clip: not clip.held_out)
     for course in COURSES:
-        for gait in (Gait.WALK, Gait.JOG):
-            for name, evaluated in models.items():
-                yield Scene(name, "obstacle", course.title, *_over(evaluated, course, gait, seconds))
+        for gait, (name, evaluated) in product((Gait.WALK, Gait.JOG), models.items()):
+            yield Scene(name, "obstacle", course.title, *_over(evaluated, course, gait, seconds))
         for motion in _captured_obstacles(capture, course.name, 2):
             clip = clip_of(_middle(motion, seconds))
             yield Scene(CAPTURE, "obstacle", course.title, clip, motion.terrain)
     for style in STYLES:
-        title = style.replace("_", " ")
-        found = next((c for c in capture if c.style == style and c.content == "walk forward"), None)
-        path = None if found is None else _middle(load_motion(found.path), 6.0)
+        title, path = style.replace("_", " "), _captured_walk(capture, style)
         for name, evaluated in models.items():
             yield Scene(name, "style", title, *_in_style(evaluated, style, path, seconds))
         if path is not None:
             yield Scene(CAPTURE, "style", title, clip_of(_middle(path, seconds)), path.terrain)
+
+
+def _captured_walk(capture: Iterable[ClipInfo], style: str) -> Motion | None:
+    """The middle of a walk ahead in a style."""
+    from training.evaluation.metrics.motion import load_motion
+
+    walks = (c.path for c in capture if c.style == style and c.content == "walk forward")
+    path = next(walks, None)
+    return None if path is None else _middle(load_motion(path), 6.0)
 
 
 def _widened(terrain: Terrain, clip: Clip) -> Terrain:

@@ -44,11 +44,7 @@ def read_answers(files: Sequence[Path], key: Path, synthetic: bool = False) -> p
     known: dict[str, Path] = {}
     marked = False
     for file in files:
-        content = _read(file)
-        if content.get("format") != f"{FORMAT}-answers" or not isinstance(content.get("answers"), list):
-            raise FileError(f"{file}: not the answers of a participant.", REMEDY)
-        if content.get("study") != secret.get("study"):
-            raise FileError(f"{file}: answers of another study.", "Name the key of that study.")
+        content = _read_participant(file, secret.get("study"))
         marked |= bool(content.get("synthetic"))
         if marked and not synthetic:
             raise UsageError(f"{file}: marked as synthetic.", "Add --synthetic to try the report with it.")
@@ -63,6 +59,15 @@ def read_answers(files: Sequence[Path], key: Path, synthetic: bool = False) -> p
     answers["method"] = pandas.Categorical(answers["method"], secret["methods"]).remove_unused_categories()
     answers.attrs["synthetic"] = marked
     return answers
+
+
+def _read_participant(file: Path, study: Any) -> dict[str, Any]:
+    content = _read(file)
+    if content.get("format") != f"{FORMAT}-answers" or not isinstance(content.get("answers"), list):
+        raise FileError(f"{file}: not the answers of a participant.", REMEDY)
+    if content.get("study") != study:
+        raise FileError(f"{file}: answers of another study.", "Name the key of that study.")
+    return content
 
 
 def _ratings(file: Path, answers: list[Any], clips: dict[str, Any]) -> list[dict[str, Any]]:

@@ -26,7 +26,7 @@ from training.baselines.folders import add_arguments as add_common
 from training.baselines.folders import copy_text_side, speeds, style_codes, training_clips, write_metadata
 from training.baselines.networks import Baseline, FilmModulated, PhaseFunctioned, StyleByLabel
 from training.baselines.phases import phase_vectors, windows
-from training.evaluation.motion.capture import TERRAIN_GROUP
+from training.evaluation.motion.capture import TERRAIN_GROUP, ClipInfo
 from training.export.graph import export_graph
 from training.frames import PLAIN, ClipFrames, clip_frames
 from training.presets import preset
@@ -66,8 +66,7 @@ def read_frames(folder: Path, method: Method, most: int, seed: int, report: Repo
     """Frames of the captured clips that training sees, up to `most`, clips at random; FileError where there is none."""
     xs, ys, labels, count = [], [], [], 0
     for clip in training_clips(folder, seed):
-        unwanted = clip.group == TERRAIN_GROUP and not method.rollouts
-        if unwanted or (method.neutral and not clip.style.startswith(PLAIN)):
+        if not method.learns_from(clip):
             continue
         x, y = frames_of(clip_frames(clip.path))
         xs.append(x.astype(np.float16))
@@ -92,6 +91,11 @@ class Method:
     network: Callable[[int], Baseline]  # of a number of styles
     neutral: bool = False  # neutral styles alone, as one
     rollouts: bool = False  # terrain rollouts too
+
+    def learns_from(self, clip: ClipInfo) -> bool:
+        """Whether a clip is one of its kind."""
+        kind = self.rollouts or clip.group != TERRAIN_GROUP
+        return kind and (not self.neutral or clip.style.startswith(PLAIN))
 
 
 METHODS = {

@@ -194,18 +194,18 @@ def _stored(setting: Setting) -> dict[str, dict[str, Cells]]:
 
 def markdown(kept: dict[str, Any]) -> str:
     """The table: mean ± deviation over seeds; rows whose training has not run have no figures. The paper's below it."""
-    rows = []
-    for title in (CAPTURE, SHIPPED, *(row.title for row in ROWS)):
-        seeds = list(kept["cells"].get(title, {}).values())
-        found = [[s[key] for s in seeds if key in s] for key in COLUMNS]
-        digits = [places for _, places in COLUMNS.values()]
-        cells = [_spread(values, n) for values, n in zip(found, digits, strict=True)]
-        rows.append([title, str(len(seeds)) if seeds else "not run", *cells])
+    titles = (CAPTURE, SHIPPED, *(row.title for row in ROWS))
+    rows = [[title, *_cells(list(kept["cells"].get(title, {}).values()))] for title in titles]
     head = ["", "seeds", *(name for name, _ in COLUMNS.values())]
     names = ["FMD", "skating (cm)", "diversity", "ms", "parameters", "styles", "terrain", "seamless"]
     note = "The paper's Table I. Its FMD rests on another encoder and its times on a GPU: not comparable."
     paper = table(["", *names], [[row.title, *row.paper] for row in ROWS if row.paper])
     return "\n".join([*table(head, rows), note, "", *paper])
+
+
+def _cells(seeds: Sequence[Cells]) -> list[str]:
+    columns = [_spread([s[key] for s in seeds if key in s], digits) for key, (_, digits) in COLUMNS.items()]
+    return [str(len(seeds)) if seeds else "not run", *columns]
 
 
 def _spread(values: Sequence[float], digits: int) -> str:
@@ -258,16 +258,10 @@ def distances_table(results: dict[str, dict[str, Any]]) -> str:
     rows = []
     for name, labels in groups.items():
         seeds = [results[label] for label in labels]
+        title = labels[0] if len(labels) == 1 else f"{name}, {len(labels)} seeds"
         scores = [v for r in seeds for v in r["recognition"]["score"].values()]
-        rows.append(
-            [
-                labels[0] if len(labels) == 1 else f"{name}, {len(labels)} seeds",
-                *(_distances([r["fmd"][n] for r in seeds]) for n in sets),
-                percent(mean(scores)),
-            ]
-        )
-    head = ["model", *(f"FMD, {n} (halves)" for n in sets), "styles recognised, mean"]
-    return "\n".join(table(head, rows)).rstrip("\n")
+        rows.append([title, *(_distances([r["fmd"][n] for r in seeds]) for n in sets), percent(mean(scores))])
+    return "\n".join(table(["model", *(f"FMD, {n} (halves)" for n in sets), "styles recognised, mean"], rows))
 
 
 def _distances(seeds: Sequence[dict[str, Any]]) -> str:

@@ -203,10 +203,9 @@ def moment_table(figures: dict[str, Any]) -> str:
 def _raw(row: Row, raw: dict[str, Raw]) -> str:
     """The range of a measure in raw takes of the row's kinds, of its gait where such takes are."""
     kinds = row.kinds or ("whole",)
-    names = {*kinds, *(f"{kind} {row.gait}" for kind in kinds)}
-    if row.kinds and not row.gait:
-        names |= {name for name in raw if name.split()[0] in kinds}
-    values = [v for name, found in raw.items() if name in names for v in found.get(row.key, [])]
+    wanted = {*kinds, *(f"{kind} {row.gait}" for kind in kinds)}
+    names = [name for name in raw if name in wanted or (not row.gait and name.split()[0] in kinds)]
+    values = [v for name in names for v in raw[name].get(row.key, [])]
     ends = dict.fromkeys(f"{v:.{row.digits}f}" for v in (min(values), max(values))) if values else ["–"]
     return " to ".join(ends)
 

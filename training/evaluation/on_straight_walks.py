@@ -73,10 +73,17 @@ def raw_walks(data: Path) -> dict[str, Measures]:
         first = _CMU_FIRST_FRAME if style.startswith("cmu") else 0
         chosen = paths[:: max(1, -(-len(paths) // RAW_FILES))]
         measured = [m for m in (gait.measure_file(p, first) for p in chosen) if m is not None]
-        keys = dict.fromkeys(key for m in measured for key in m)
         if measured:
-            result[style] = {k: float(np.median([m[k] for m in measured if k in m])) for k in keys}
+            result[style] = _median(measured)
     return result
+
+
+def _median(measured: Iterable[Measures]) -> Measures:
+    """Of every measure, over those that have it."""
+    values: dict[str, list[float]] = {}
+    for key, value in (item for m in measured for item in m.items()):
+        values.setdefault(key, []).append(value)
+    return {key: float(np.median(found)) for key, found in values.items()}
 
 
 def generated_walks(evaluated: EvaluatedModel, styles: Iterable[str]) -> dict[str, Measures]:

@@ -212,13 +212,13 @@ def _segments(script: StickScript, frames: int) -> Iterator[tuple[str, str, int,
 
 
 def _kind(segment: StickSegment, before: StickSegment) -> str:
-    turned = segment.facing != before.facing
+    rests, turned = _rests(segment), segment.facing != before.facing
     if segment.gait == Gait.JUMP:
         return "jump"
-    if _rests(segment) and _rests(before):
+    if rests != _rests(before):
+        return "stop" if rests else "start"
+    if rests:
         return "spin" if turned and segment.facing is not None else "stand"
-    if _rests(segment) or _rests(before):
-        return "stop" if _rests(segment) else "start"
     if turned or segment.heading != before.heading:
         return "turn"
     return "steady" if (segment.gait, segment.amount) == (before.gait, before.amount) else "change"

@@ -103,16 +103,15 @@ def score_run(run: ObstacleRun) -> dict[str, Any]:
     inside = [crossing.crossing_frames(run.root, o) for o in course.obstacles]
     within = np.any(inside, axis=0)
     passed = [crossing.seconds_over(run.root, o) for o in course.obstacles]
-    times, slowest = zip(*(p for p in passed if p is not None), strict=True) if any(passed) else ((), ())
-    over = [w for w, p in zip(inside, passed, strict=True) if p is not None]
-    sound = [w for w in over if w.any() and not crossing.first_problem(motion.positions[w], ground)]
+    over = [(w, *p) for w, p in zip(inside, passed, strict=True) if p is not None]
+    sound = [w for w, _, _ in over if w.any() and not crossing.first_problem(motion.positions[w], ground)]
     result: dict[str, Any] = {
         "obstacles": len(passed),
         "passed": len(over),
         "sound": len(sound),
         "own": sum(not run.keyed[w].any() for w in sound),
-        "seconds_each": float(np.mean(times)) if times else None,
-        "slowest_m_s": min(slowest, default=None),
+        "seconds_each": float(np.mean([seconds for _, seconds, _ in over])) if over else None,
+        "slowest_m_s": min((slowest for _, _, slowest in over), default=None),
         "requested_m_s": float(run.requested_speed.max()),
         "frozen_s": crossing.frozen_seconds(motion.positions, run.root, run.requested_speed),
         "skating": foot_skating(motion.positions, ground, np.ones(len(motion), bool)).soles,

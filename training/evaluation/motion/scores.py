@@ -23,8 +23,6 @@ from training.evaluation.motion.capture import (
     TERRAIN_GROUP,
     ClipInfo,
     EvaluationPlan,
-    captured_skating,
-    motions,
 )
 from training.evaluation.motion.driving import RingRun, flat_ground, follow, replay, run_course, transition
 from training.evaluation.motion.evaluated_model import EvaluatedModel, count_parameters, frame_times
@@ -148,7 +146,7 @@ def score_courses(plan: EvaluationPlan, evaluated: EvaluatedModel, report: Repor
         report(f"{evaluated.name}: courses {number + 1}/{len(styles)}: {style}")
         result[style] = {}
         for gait in plan.gaits(style):
-            captured, held_out = captured_skating(plan, style, gait)
+            captured, held_out = plan.captured_skating(style, gait)
             result[style][gait] = {"captured": captured.as_dict() | {"held_out": held_out}}
             for ground in grounds:
                 run = _run(plan, evaluated, ground, style, gait, number)
@@ -269,7 +267,7 @@ def score_held_out(plan: EvaluationPlan, report: Report) -> dict[str, Any]:
     styles = [g for g in plan.groups if g != TERRAIN_GROUP and len(plan.held_out[g])]
     skating = {gait: Skating() for gait in GAITS}
     for group in styles:
-        for _, motion in motions(plan.capture.of(group, True)):
+        for motion in (load_motion(clip.path) for clip in plan.capture.of(group, True)):
             for name, gait in GAITS.items():
                 skating[name] += foot_skating(motion.positions, motion.terrain, motion.gait == gait)
     return {

@@ -109,10 +109,7 @@ def _edits(found: dict[str, Any]) -> list[str]:
     head = ["", "cases", "right way", "at least half", "median fraction", "of single walks", "at least half"]
     lines = table(head, rows)
     for kind, title in KINDS.items():
-        rows = [_edit_row(r) for r in found["rows"] if r["kind"] == kind]
-        last = "words that the library made of it" if kind == "free words" else "walks right / half"
-        head = [" ", "measure: described → measured", "fraction", "right way", "half", last]
-        lines += [f"{title}:", "", *table(head, rows)] if rows else []
+        lines += _edits_of(kind, title, [r for r in found["rows"] if r["kind"] == kind])
     if found["unmeasured"]:
         names = ", ".join(found["unmeasured"])
         lines += [
@@ -120,6 +117,14 @@ def _edits(found: dict[str, Any]) -> list[str]:
             "",
         ]
     return lines
+
+
+def _edits_of(kind: str, title: str, rows: list[dict[str, Any]]) -> list[str]:
+    if not rows:
+        return []
+    last = "words that the library made of it" if kind == "free words" else "walks right / half"
+    head = [" ", "measure: described → measured", "fraction", "right way", "half", last]
+    return [f"{title}:", "", *table(head, [_edit_row(r) for r in rows])]
 
 
 def _edit_row(row: dict[str, Any]) -> list[str]:

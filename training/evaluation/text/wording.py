@@ -112,17 +112,17 @@ def better_wordings(
             continue
         vectors = dict(zip(pool, likeness(pool), strict=True))
         for words in weak:
-            scores = {
-                other: _score(
-                    part, words, neutral, walks[group, other], float(vectors[words] @ vectors[other])
-                )
-                for other in strong
-                if _stands_for(group, part, other, words)
+            alike = {
+                w: float(vectors[words] @ vectors[w]) for w in strong if _stands_for(group, part, w, words)
             }
             least = (shown[words] or 0.0) + GAIN
-            better = [other for other in scores if scores[other][0] >= least]
-            if better:
-                table.setdefault(group, {})[words] = max(better, key=lambda other: scores[other][1])
+            worth = {
+                w: _worth(part, words, neutral, walks[group, w]) + ALIKE * near
+                for w, near in alike.items()
+                if (sentence_share(part, words, neutral, walks[group, w]) or 0.0) >= least
+            }
+            if worth:
+                table.setdefault(group, {})[words] = max(worth, key=worth.__getitem__)
     return table
 
 
@@ -151,14 +151,10 @@ def _stands_for(group: str, part: str, other: str, words: str) -> bool:
     return meaning == wanted
 
 
-def _score(
-    part: str, words: str, neutral: BodyMeasures, walked: BodyMeasures, alike: float
-) -> tuple[float, float]:
-    """How much of the sentence a walk shows, and what that is worth with its other changes and unlike words."""
-    fraction = sentence_share(part, words, neutral, walked)
-    if fraction is None:
-        return -np.inf, -np.inf
-    return fraction, fraction - CHANGE * unclaimed_change(part, words, neutral, walked) + ALIKE * alike
+def _worth(part: str, words: str, neutral: BodyMeasures, walked: BodyMeasures) -> float:
+    """How much of a sentence a walk shows, less what its other changes cost."""
+    fraction = sentence_share(part, words, neutral, walked) or 0.0
+    return fraction - CHANGE * unclaimed_change(part, words, neutral, walked)
 
 
 def main(argv: Sequence[str] | None = None) -> None:

@@ -26,7 +26,7 @@ from runtime.motion.model import MotionModel, load_model
 from runtime.prompts.prompter import Prompter
 from runtime.session.motion import MotionHeader
 from runtime.session.session_file import ROW, SessionFile
-from runtime.takes.driven_frames import COLUMNS
+from runtime.takes.input_recording import COLUMNS
 from runtime.terrain.height_map import Terrain
 
 WARM_UP = 60  # frames

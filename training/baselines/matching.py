@@ -115,7 +115,7 @@ class Database:
             base = Database(
                 **floats,
                 world=found["world"],
-                contacts=np.unpackbits(found["contacts"][:, None], axis=1)[:, :4],
+                contacts=found["contacts"],
                 last=found["last"].astype(np.int64),
                 style=found["style"].astype(np.int64),
                 styles=tuple(str(s) for s in found["styles"]),
@@ -130,18 +130,11 @@ class Database:
 
     def save(self, path: Path) -> None:
         """As half-precision numbers where that is enough: rotations within 0.05 degrees."""
-        small = {k: getattr(self, k).astype(np.float16) for k in ("world", "root", "codes", "features")}
-        np.savez_compressed(
-            path,
-            **small,
-            hips=self.hips.astype(np.float32),
-            contacts=np.packbits(self.contacts.astype(bool), axis=1)[:, 0],
-            last=self.last.astype(np.int32),
-            style=self.style.astype(np.int16),
-            styles=np.array(self.styles),
-            code_style=self.code_style.astype(np.int16),
-            speeds=self.speeds.astype(np.float32),
-        )
+        types = {"world": np.float16, "root": np.float16, "codes": np.float16, "features": np.float16}
+        types |= {"hips": np.float32, "speeds": np.float32, "contacts": np.uint8}
+        types |= {"last": np.int32, "style": np.int16, "code_style": np.int16}
+        arrays = {name: getattr(self, name).astype(kind) for name, kind in types.items()}
+        np.savez_compressed(path, **arrays, styles=np.array(self.styles))
 
     def check(self) -> None:
         """ValueError for arrays that do not belong together."""

@@ -119,7 +119,7 @@ def obstacle_courses(setting: Setting) -> dict[str, Any]:
         setting.model,
         args.seed,
         args.styles or obstacles.STYLES,
-        obstacles.by_name(args.course),
+        obstacles.COURSES,
         classifier,
         setting.report,
     )
@@ -140,13 +140,6 @@ COURSES = Experiment(
     clips=None,  # only to recognise styles
     options=(
         option("--styles", nargs="+", metavar="STYLE", help=f"default: {' '.join(obstacles.STYLES)}"),
-        option(
-            "--course",
-            nargs="+",
-            default=[],
-            choices=[c.name for c in obstacles.COURSES],
-            help="default: all",
-        ),
         SEED,
     ),
     check=_check_courses,

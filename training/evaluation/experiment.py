@@ -151,7 +151,7 @@ def run(experiment: Experiment, argv: Sequence[str], program: str) -> int:
 def command_of(program: str, args: Arguments) -> str:
     """The command in a form that names no folder of this machine."""
     words = [program] + (["--clips DIR"] if args.clips is not None else [])
-    for name in ("model", "features", "styles", "course", "only", "seconds", "quick", "seed"):
+    for name in ("model", "features", "styles", "only", "seconds", "quick", "seed"):
         value = getattr(args, name, None)
         if not value:
             continue

@@ -90,11 +90,15 @@ def requests_of(clip: Motion, lead_in: int = LEAD_IN_FRAMES) -> Requests:
     velocity = smooth(np.gradient(xz, axis=0) * FPS, REQUEST_SIGMA)
     start = velocity[0] if clip.gait[0] != Gait.STAND else np.zeros(2)
     back = np.arange(lead_in, 0, -1)[:, None] / FPS
+
+    def led_in(values: Array) -> Array:
+        return np.concatenate([np.repeat(values[:1], lead_in, axis=0), values])
+
     return Requests(
         np.concatenate([xz[0] - back * start, xz]),
-        np.concatenate([np.broadcast_to(start, (lead_in, 2)), velocity]),
-        np.concatenate([np.full(lead_in, yaw[0]), yaw]),
-        np.concatenate([np.full(lead_in, clip.gait[0]), clip.gait]),
+        np.concatenate([np.tile(start, (lead_in, 1)), velocity]),
+        led_in(yaw),
+        led_in(clip.gait),
     )
 
 
@@ -188,15 +192,12 @@ def transition(model: MotionModel, first: Array, second: Array, seed: int) -> tu
     """
     controller = Controller(model, flat_ground(), seed)
     controller.set_style(first, 0.0)
-    forward = Controls((0.0, 1.0))
-    for _ in range(LEAD_IN_FRAMES):
-        controller.step(forward)
     positions = []
-    for frame in range(2 * STEADY_FRAMES):
-        if frame == STEADY_FRAMES:
+    for frame in range(LEAD_IN_FRAMES + 2 * STEADY_FRAMES):
+        if frame == LEAD_IN_FRAMES + STEADY_FRAMES:
             controller.set_style(second, 1.0)
-        positions.append(controller.step(forward).positions)
-    return np.stack(positions), STEADY_FRAMES
+        positions.append(controller.step(Controls((0.0, 1.0))).positions)
+    return np.stack(positions[LEAD_IN_FRAMES:]), STEADY_FRAMES
 
 
 def flat_ground(size_m: float = 400.0) -> Terrain:

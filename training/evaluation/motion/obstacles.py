@@ -63,7 +63,6 @@ class ObstacleRun:
     motion: Motion
     root: Array  # (T, 2) metres
     requested_speed: Array  # (T,) m/s
-    blocked: tuple[str, ...]  # what the status line said
     keyed: Flags  # (T,) keyed motion was shown
 
 
@@ -78,7 +77,7 @@ def run_obstacles(
     recorder = Recorder(controller)
     end = course.obstacles[-1].end + BEYOND_M
     limit = round((end / controller.full_speed(gait) * 1.3 + SPARE_S) * FPS)
-    roots, speeds, keyed, blocked = [], [], [], set()
+    roots, speeds, keyed = [], [], []
     for _ in range(limit):
         root = controller.pose.root_position.astype(np.float64)
         ahead = np.array([-root[0], LOOK_AHEAD_M])
@@ -87,13 +86,11 @@ def run_obstacles(
         roots.append(pose.root_position[[0, 2]])
         speeds.append(controller.requested_speed)
         keyed.append(bool(controller.crossing))
-        blocked.add(controller.blocked)
         if pose.root_position[2] > end:
             break
     name = f"{style} {gait.label} {course.name}"
     motion = recorder.motion(name, style, np.full(len(roots), int(gait)), 0)
-    messages = tuple(sorted(filter(None, blocked)))
-    return ObstacleRun(course, motion, np.stack(roots), np.array(speeds), messages, np.array(keyed))
+    return ObstacleRun(course, motion, np.stack(roots), np.array(speeds), np.array(keyed))
 
 
 def score_run(run: ObstacleRun) -> dict[str, Any]:
@@ -115,7 +112,6 @@ def score_run(run: ObstacleRun) -> dict[str, Any]:
         "requested_m_s": float(run.requested_speed.max()),
         "frozen_s": crossing.frozen_seconds(motion.positions, run.root, run.requested_speed),
         "skating": foot_skating(motion.positions, ground, np.ones(len(motion), bool)).soles,
-        "blocked": list(run.blocked),
         "keyed_s": float(run.keyed.sum() / FPS),
         "keyed_fraction": float(run.keyed[within].mean()) if within.any() else None,
     }
@@ -194,8 +190,3 @@ def _recognised(run: ObstacleRun, classifier: StyleClassifier | None) -> float |
     windows = window_set([run.motion], None)
     answers = classifier.predict(windows.for_classifier)
     return float(np.mean([merged(a) == merged(style) for a in answers])) if answers else None
-
-
-def by_name(names: Sequence[str]) -> tuple[ObstacleCourse, ...]:
-    """The courses of these names, in their order; all without names."""
-    return tuple(c for c in COURSES if not names or c.name in names)

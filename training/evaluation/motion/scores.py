@@ -266,10 +266,10 @@ def score_held_out(plan: EvaluationPlan, report: Report) -> dict[str, Any]:
     report("held-out capture")
     styles = [g for g in plan.groups if g != TERRAIN_GROUP and len(plan.held_out[g])]
     skating = {gait: Skating() for gait in GAITS}
-    for group in styles:
-        for motion in (load_motion(clip.path) for clip in plan.capture.of(group, True)):
-            for name, gait in GAITS.items():
-                skating[name] += foot_skating(motion.positions, motion.terrain, motion.gait == gait)
+    for clip in (clip for group in styles for clip in plan.capture.of(group, True)):
+        motion = load_motion(clip.path)
+        for name, gait in GAITS.items():
+            skating[name] += foot_skating(motion.positions, motion.terrain, motion.gait == gait)
     return {
         "name": "held-out capture",
         "fmd": {n: _split_distance(plan, n, styles) for n in plan.feature_sets},

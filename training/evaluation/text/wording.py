@@ -104,26 +104,37 @@ def better_wordings(
     neutral = walks[NEUTRAL]
     table: dict[str, dict[str, str]] = {}
     for group, part in PARTS.items():
-        pool = [words for own_group, words in walks if own_group == group]
-        shown = {words: sentence_share(part, words, neutral, walks[group, words]) for words in pool}
-        strong = [words for words in pool if not _weak(shown[words])]
-        weak = [w for w in pool if _weak(shown[w]) and (as_left_limb("", part)[0], w) not in captured]
-        if not weak:
-            continue
-        vectors = dict(zip(pool, likeness(pool), strict=True))
+        bodies = {words: body for (own, words), body in walks.items() if own == group}
+        shown = {words: sentence_share(part, words, neutral, body) for words, body in bodies.items()}
+        strong = [words for words in bodies if not _weak(shown[words])]
+        weak = [w for w in bodies if _weak(shown[w]) and (as_left_limb("", part)[0], w) not in captured]
+        vectors = dict(zip(bodies, likeness(list(bodies)), strict=True)) if weak else {}
         for words in weak:
             alike = {
                 w: float(vectors[words] @ vectors[w]) for w in strong if _stands_for(group, part, w, words)
             }
-            least = (shown[words] or 0.0) + GAIN
-            worth = {
-                w: _worth(part, words, neutral, walks[group, w]) + ALIKE * near
-                for w, near in alike.items()
-                if (sentence_share(part, words, neutral, walks[group, w]) or 0.0) >= least
-            }
-            if worth:
-                table.setdefault(group, {})[words] = max(worth, key=worth.__getitem__)
+            best = _best(
+                part, words, (shown[words] or 0.0) + GAIN, neutral, {w: (bodies[w], alike[w]) for w in alike}
+            )
+            if best is not None:
+                table.setdefault(group, {})[words] = best
     return table
+
+
+def _best(
+    part: str,
+    words: str,
+    least: float,
+    neutral: BodyMeasures,
+    others: Mapping[str, tuple[BodyMeasures, float]],
+) -> str | None:
+    """The sentence whose walk shows at least so much of another one; others' changes and unlike words count against it."""
+    worth = {}
+    for other, (body, alike) in others.items():
+        fraction = sentence_share(part, words, neutral, body)
+        if fraction is not None and fraction >= least:
+            worth[other] = fraction - CHANGE * unclaimed_change(part, words, neutral, body) + ALIKE * alike
+    return max(worth, key=worth.__getitem__, default=None)
 
 
 def _weak(fraction: float | None) -> bool:
@@ -149,12 +160,6 @@ def _stands_for(group: str, part: str, other: str, words: str) -> bool:
         place = _PLACE.search(other)
         return begins or (meaning == wanted and place is not None and words.endswith(place[0]))
     return meaning == wanted
-
-
-def _worth(part: str, words: str, neutral: BodyMeasures, walked: BodyMeasures) -> float:
-    """How much of a sentence a walk shows, less what its other changes cost."""
-    fraction = sentence_share(part, words, neutral, walked) or 0.0
-    return fraction - CHANGE * unclaimed_change(part, words, neutral, walked)
 
 
 def main(argv: Sequence[str] | None = None) -> None:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from training.evaluation.metrics.motion import Motion
     from training.evaluation.motion.capture import ClipInfo
     from training.evaluation.motion.evaluated_model import EvaluatedModel
-    from training.evaluation.motion.obstacles import ObstacleCourse
+    from training.evaluation.on_obstacles import ObstacleCourse
 
 Report = Callable[[str], None]
 
@@ -137,7 +137,7 @@ def _scenes(methods: dict[str, Path], clips: Path | None, seconds: float) -> Ite
     """Every motion by every method, one after the other."""
     from training.evaluation.motion.capture import TERRAIN_GROUP, read_capture
     from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
-    from training.evaluation.motion.obstacles import COURSES
+    from training.evaluation.on_obstacles import COURSES
 
     models = {name: EvaluatedModel(folder, style_texts()) for name, folder in methods.items()}
     capture = [] if clips is None else [c for c in read_capture(clips).clips if c.group != TERRAIN_GROUP]
@@ -188,7 +188,7 @@ def _over(
     evaluated: EvaluatedModel, course: ObstacleCourse, gait: Gait, seconds: float
 ) -> tuple[Clip, Terrain]:
     """A character over one obstacle of a course, from a little before it."""
-    from training.evaluation.motion.obstacles import run_obstacles
+    from training.evaluation.on_obstacles import run_obstacles
 
     number = SHOWN.get(course.name, 0)
     shown = course.obstacles[number]

@@ -130,10 +130,10 @@ class Database:
 
     def save(self, path: Path) -> None:
         """As half-precision numbers where that is enough: rotations within 0.05 degrees."""
-        types = {"world": np.float16, "root": np.float16, "codes": np.float16, "features": np.float16}
-        types |= {"hips": np.float32, "speeds": np.float32, "contacts": np.uint8}
-        types |= {"last": np.int32, "style": np.int16, "code_style": np.int16}
-        arrays = {name: getattr(self, name).astype(kind) for name, kind in types.items()}
+        kinds: dict[str, Any] = dict.fromkeys(("world", "root", "codes", "features"), np.float16)
+        kinds |= {"hips": np.float32, "speeds": np.float32, "contacts": np.uint8}
+        kinds |= {"last": np.int32, "style": np.int16, "code_style": np.int16}
+        arrays = {name: getattr(self, name).astype(kind) for name, kind in kinds.items()}
         np.savez_compressed(path, **arrays, styles=np.array(self.styles))
 
     def check(self) -> None:

@@ -24,8 +24,14 @@ from runtime.errors import FileError
 from runtime.motion.features import INPUT, INPUT_SIZE, OUTPUT, OUTPUT_SIZE, C, L
 from training.baselines.folders import add_arguments as add_common
 from training.baselines.folders import copy_text_side, speeds, style_codes, training_clips, write_metadata
-from training.baselines.networks import Baseline, FilmModulated, PhaseFunctioned, StyleByLabel
-from training.baselines.phases import phase_vectors, windows
+from training.baselines.networks import (
+    Baseline,
+    FilmModulated,
+    PhaseFunctioned,
+    StyleByLabel,
+    phase_vectors,
+    windows,
+)
 from training.evaluation.motion.capture import TERRAIN_GROUP, ClipInfo
 from training.export.graph import export_graph
 from training.frames import PLAIN, ClipFrames, clip_frames

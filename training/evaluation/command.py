@@ -23,11 +23,10 @@ from training.evaluation.experiment import (
     run,
 )
 from training.evaluation.metrics.features import has_encoder
-from training.evaluation.motion import obstacles
+from training.evaluation.motion import tables
 from training.evaluation.motion.capture import EvaluationPlan, Options, make_plan
 from training.evaluation.motion.evaluated_model import EvaluatedModel
 from training.evaluation.motion.scores import score_held_out, score_model
-from training.evaluation.report import courses, tables
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -39,12 +38,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         words.remove("--text")
         return run(TEXT, words, "sport evaluate --text")
     if "--courses" in words:  # how obstacles are crossed
+        from training.evaluation.on_obstacles import OBSTACLES
+
         words.remove("--courses")
-        return run(COURSES, words, "sport evaluate --courses")
+        return run(OBSTACLES, words, "sport evaluate --courses")
     return run(MOTION, words, "sport evaluate")
-
-
-# --- motion: distances, skating, diversity, times, recognition, terrain, transitions ---------------------------------
 
 
 def motion(setting: Setting) -> dict[str, Any]:
@@ -104,43 +102,4 @@ MOTION = Experiment(
         SEED,
     ),
     check=check_seconds,
-)
-
-# --- courses: six obstacle courses by six styles, walking and jogging, before and after foot lock --------------------
-
-
-def obstacle_courses(setting: Setting) -> dict[str, Any]:
-    """All figures as plain data; styles are recognised where clips are given, as in `sport evaluate`."""
-    args = setting.args
-    classifier = None
-    if args.clips is not None:
-        classifier = make_plan(setting.clips, None, Options(), None, setting.report).classifier
-    results = obstacles.score_obstacles(
-        setting.model,
-        args.seed,
-        args.styles or obstacles.STYLES,
-        obstacles.COURSES,
-        classifier,
-        setting.report,
-    )
-    command = command_of("sport evaluate --courses", args)
-    return {"command": command, "model": setting.model.name, **results}
-
-
-def _check_courses(args: Arguments) -> None:
-    if args.seed < 0:
-        raise UsageError(f"--seed {args.seed}: expected 0 or more.", "Try 0.")
-
-
-COURSES = Experiment(
-    "Lead a character over six obstacle courses and measure how it crosses them. Equal arguments give equal figures.",
-    obstacle_courses,
-    courses.markdown,
-    courses.SECTION,
-    clips=None,  # only to recognise styles
-    options=(
-        option("--styles", nargs="+", metavar="STYLE", help=f"default: {' '.join(obstacles.STYLES)}"),
-        SEED,
-    ),
-    check=_check_courses,
 )

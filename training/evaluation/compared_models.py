@@ -38,7 +38,7 @@ from training.evaluation.metrics.frechet import compare
 from training.evaluation.motion.capture import OVERALL_COMPONENTS, TERRAIN_GROUP, EvaluationPlan
 from training.evaluation.motion.evaluated_model import EvaluatedModel
 from training.evaluation.motion.scores import score_following, score_held_out, score_model
-from training.evaluation.report.tables import mean, mean_skating
+from training.evaluation.motion.tables import mean, mean_skating
 from training.markdown import number, percent, table
 
 Cells = dict[str, float]

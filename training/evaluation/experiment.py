@@ -31,7 +31,7 @@ Arguments = argparse.Namespace
 # where the record of each name stands; modules are imported when their experiment is run
 EXPERIMENTS = {
     "motion": "training.evaluation.command:MOTION",
-    "courses": "training.evaluation.command:COURSES",
+    "courses": "training.evaluation.on_obstacles:OBSTACLES",
     "text": "training.evaluation.text.command:TEXT",
     "animators": "training.evaluation.text.animators:ANIMATORS",
     "table1": "training.evaluation.compared_models:TABLE1",
@@ -137,6 +137,8 @@ def run(experiment: Experiment, argv: Sequence[str], program: str) -> int:
         check_section(args.markdown, experiment.section)
     if experiment.clips and args.known is None and args.clips is None:
         raise UsageError("--clips: no folder of imported clips is given.", "Add --clips DIR.")
+    if getattr(args, "seed", 0) < 0:
+        raise UsageError(f"--seed {args.seed}: expected 0 or more.", "Try 0.")
     experiment.check(args)
     figures = experiment.figures(Setting(args)) if args.known is None else read_json(args.known)
     text = experiment.table(figures)

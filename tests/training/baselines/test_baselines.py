@@ -20,7 +20,7 @@ from runtime.motion.controller import Controller
 from runtime.motion.features import INPUT, INPUT_SIZE, OUTPUT, OUTPUT_SIZE
 from runtime.motion.model import load_model
 from runtime.terrain.height_map import Terrain
-from training.baselines import phases
+from training.baselines import networks as phases
 from training.baselines.networks import (
     FilmModulated,
     PhaseFunctioned,

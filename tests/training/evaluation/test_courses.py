@@ -17,8 +17,7 @@ from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
 from training.evaluation.metrics import crossing
 from training.evaluation.metrics.crossing import capsule_points, depth_inside, limb_depths
-from training.evaluation.motion.obstacles import COURSES, score_obstacles
-from training.evaluation.report.courses import markdown
+from training.evaluation.on_obstacles import COURSES, markdown, score_obstacles
 
 BLOCK = Obstacle(2.0, 4.0, 1.0, 3.0)
 

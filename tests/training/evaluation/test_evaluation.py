@@ -29,7 +29,7 @@ from training.evaluation.motion.capture import (
 from training.evaluation.motion.driving import follow, replay, requests_of, run_course, transition
 from training.evaluation.motion.evaluated_model import style_texts
 from training.evaluation.motion.scores import score_held_out, score_model
-from training.evaluation.report.tables import check, markdown
+from training.evaluation.motion.tables import check, markdown
 from training.frames import clip_frames
 
 Z = np.zeros((6, 64), np.float32)

@@ -18,8 +18,14 @@ from training.evaluation.metrics.features import (
 )
 from training.evaluation.metrics.feet import Skating, foot_skating, terrain_feet
 from training.evaluation.metrics.frechet import Projection, compare, frechet_distance
-from training.evaluation.metrics.motion import RootFeatures, window_index, window_starts
-from training.evaluation.metrics.variation import jerk, pair_distance, transition_jerk
+from training.evaluation.metrics.motion import (
+    RootFeatures,
+    jerk,
+    pair_distance,
+    transition_jerk,
+    window_index,
+    window_starts,
+)
 from training.evaluation.motion.driving import path_error, ring
 
 FLAT = Terrain.flat(size_m=100.0)

@@ -20,7 +20,6 @@ from tests.helpers.walker import WalkerModel, walk
 from training.data.clip_files import TrainingClip
 from training.data.height_patches import Patches
 from training.evaluation.experiment import Setting, run
-from training.evaluation.report.text_tables import bars, markdown
 from training.evaluation.text import (
     command as text_main,
 )
@@ -30,7 +29,7 @@ from training.evaluation.text import (
 from training.evaluation.text import (
     walks as text_walks,
 )
-from training.evaluation.text.command import TEXT
+from training.evaluation.text.command import TEXT, bars, markdown
 from training.evaluation.text.edits import (
     FREE_PROMPTS,
     Case,

@@ -13,9 +13,8 @@ from runtime.motion.stick_script import parse_stick
 from runtime.pose import Pose
 from runtime.rotations import identity
 from runtime.skeleton import SPORT_SKELETON
-from training.evaluation import on_moments
-from training.evaluation.metrics import moments as m
-from training.evaluation.metrics.moments import FPS, Points
+from training.evaluation import on_moments as m
+from training.evaluation.on_moments import FPS, Points
 
 JOINTS = {  # of a body at rest that faces +Z, legs of 0.82 m
     "hips": (0, 0.9, 0), "neck": (0, 1.45, 0), "head": (0, 1.55, 0),
@@ -141,13 +140,13 @@ def test_an_exported_file_is_measured_and_shown(tmp_path: Path) -> None:
     ]
     path = tmp_path / "still.bvh"
     save_bvh(clip_of(poses, "still", (), "flat"), path)
-    found = on_moments.measure(path, "stand 4")
-    table = on_moments.moment_table({"prompts": {"still": [found]}, "raw": {}})
+    found = m.measure(path, "stand 4")
+    table = m.moment_table({"prompts": {"still": [found]}, "raw": {}})
     assert "| knee pops a minute | – | at most 1 | 0.0 |" in table
     assert "| start of a walk, 90 % after, s | – | 0.6 to 1.5 | – |" in table
 
 
 def test_what_is_out_of_the_range_is_bold() -> None:
-    row = on_moments.Row("stop_s", "", ("stop",), "walk", 0.7, 1.6)
+    row = m.Row("stop_s", "", ("stop",), "walk", 0.7, 1.6)
     assert row.shown([0.8, 1.2]) == "0.80 to 1.20"
     assert row.shown([0.5, 1.2]) == "**0.50 to 1.20**"

@@ -91,14 +91,11 @@ def requests_of(clip: Motion, lead_in: int = LEAD_IN_FRAMES) -> Requests:
     start = velocity[0] if clip.gait[0] != Gait.STAND else np.zeros(2)
     back = np.arange(lead_in, 0, -1)[:, None] / FPS
 
-    def led_in(values: Array) -> Array:
-        return np.concatenate([np.repeat(values[:1], lead_in, axis=0), values])
-
     return Requests(
         np.concatenate([xz[0] - back * start, xz]),
         np.concatenate([np.tile(start, (lead_in, 1)), velocity]),
-        led_in(yaw),
-        led_in(clip.gait),
+        np.concatenate([np.full(lead_in, yaw[0]), yaw]),
+        np.concatenate([np.full(lead_in, clip.gait[0]), clip.gait]),
     )
 
 

@@ -80,7 +80,9 @@ def count_parameters(metadata: dict[str, Any]) -> int:
     from training.presets import ModelConfig
 
     known = {f.name for f in fields(ModelConfig)}
-    config = {k: tuple(v) if isinstance(v, list) else v for k, v in metadata["config"].items() if k in known}
+    config: dict[str, Any] = {
+        k: tuple(v) if isinstance(v, list) else v for k, v in metadata["config"].items() if k in known
+    }
     counted = Generator(ModelConfig(**config)).named_parameters()
     unused = "denoiser" if metadata.get("decoder") == "mixture" else "none of these"
     return sum(p.numel() for name, p in counted if not name.startswith(unused))

@@ -15,8 +15,15 @@ from training.evaluation.metrics.classifiers import recognition
 from training.evaluation.metrics.features import WindowSet, joined, window_set
 from training.evaluation.metrics.feet import GAITS, Skating, foot_skating, terrain_feet
 from training.evaluation.metrics.frechet import Comparison, compare, frechet_distance
-from training.evaluation.metrics.motion import Motion, load_motion, mean_speed
-from training.evaluation.metrics.variation import FRAMES, LEAD_IN, pair_distance, transition_jerk
+from training.evaluation.metrics.motion import (
+    DIVERSITY_FRAMES,
+    DIVERSITY_LEAD_IN,
+    Motion,
+    load_motion,
+    mean_speed,
+    pair_distance,
+    transition_jerk,
+)
 from training.evaluation.motion.capture import (
     OVERALL_COMPONENTS,
     STYLE_COMPONENTS,
@@ -234,7 +241,7 @@ def score_diversity(plan: EvaluationPlan, evaluated: EvaluatedModel, report: Rep
         distances = []
         for k, clip in clips if temperature > 0 else clips[:DETERMINISM_CLIPS]:
             z = evaluated.style(clip.style, k)
-            pair = [replay(evaluated.model, clip, z, seed, temperature, LEAD_IN) for seed in (1, 2)]
+            pair = [replay(evaluated.model, clip, z, seed, temperature, DIVERSITY_LEAD_IN) for seed in (1, 2)]
             distances.append(pair_distance(*pair))
         result[f"temperature_{temperature:.0f}"] = float(np.mean(distances))
     return result
@@ -243,7 +250,7 @@ def score_diversity(plan: EvaluationPlan, evaluated: EvaluatedModel, report: Rep
 def diversity_clips(plan: EvaluationPlan) -> Iterator[Motion]:
     """Clips of 180 frames and their lead-in, every one of another group as far as these reach."""
     rng = np.random.default_rng(plan.options.seed + 3)
-    length = LEAD_IN + FRAMES
+    length = DIVERSITY_LEAD_IN + DIVERSITY_FRAMES
     by_group: dict[str, list[ClipInfo]] = {}
     for clip in plan.capture.clips:
         if clip.frames >= length and clip.gaits.get(Gait.JUMP, 0) == 0:

@@ -1,10 +1,11 @@
-"""Six obstacle courses: a straight path along +Z at full stick, and its scores by style and gait."""
+"""Six obstacle courses: a straight path along +Z at full stick, its scores by style and gait, and their tables."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
+from math import isnan
 from typing import Any
 
 import numpy as np
@@ -18,13 +19,16 @@ from runtime.motion.paths import LOOK_AHEAD_M
 from runtime.terrain.courses import BEAM, BEAM_RAMP_M, GAPS, HURDLES, WALLS, Obstacle
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
+from training.evaluation.experiment import SEED, Experiment, Setting, command_of, option
 from training.evaluation.metrics import crossing
 from training.evaluation.metrics.classifiers import StyleClassifier, merged
 from training.evaluation.metrics.features import window_set
 from training.evaluation.metrics.feet import foot_skating
 from training.evaluation.metrics.motion import Motion
+from training.evaluation.motion.capture import Options, make_plan
 from training.evaluation.motion.driving import Recorder
 from training.evaluation.motion.evaluated_model import EvaluatedModel
+from training.markdown import number, percent, table
 
 BEYOND_M = 1.5  # behind the last obstacle the run is over
 SPARE_S = 25.0  # that a run may take longer than the path at full stick
@@ -155,10 +159,20 @@ def _walls(course: ObstacleCourse, positions: Array, contacts: Array) -> dict[st
 _OWN_MEASURES = {"hurdles": _hurdles, "beam": _beam, "platforms": _platforms, "wall": _walls}
 
 
-Report = Callable[[str], None]
-
 STYLES = ("neutral", "old", "exhausted", "angry", "drunk", "happy")
 GAITS = (Gait.WALK, Gait.JOG)
+
+
+def obstacle_courses(setting: Setting) -> dict[str, Any]:
+    """All figures as plain data; styles are recognised where clips are given, as in `sport evaluate`."""
+    args, classifier = setting.args, None
+    if args.clips is not None:
+        classifier = make_plan(setting.clips, None, Options(), None, setting.report).classifier
+    results = score_obstacles(
+        setting.model, args.seed, args.styles or STYLES, COURSES, classifier, setting.report
+    )
+    command = command_of("sport evaluate --courses", args)
+    return {"command": command, "model": setting.model.name, **results}
 
 
 def score_obstacles(
@@ -167,7 +181,7 @@ def score_obstacles(
     styles: Sequence[str],
     courses: Iterable[ObstacleCourse],
     classifier: StyleClassifier | None,
-    report: Report,
+    report: Callable[[str], None],
 ) -> dict[str, Any]:
     """A row for each course, style and gait, and how often the style is recognised there and on level ground."""
     rows: list[dict[str, Any]] = []
@@ -190,3 +204,110 @@ def _recognised(run: ObstacleRun, classifier: StyleClassifier | None) -> float |
     windows = window_set([run.motion], None)
     answers = classifier.predict(windows.for_classifier)
     return float(np.mean([merged(a) == merged(style) for a in answers])) if answers else None
+
+
+# --- tables -----------------------------------------------------------------------------------------------------------
+
+
+Row = dict[str, Any]
+
+
+def markdown(results: dict[str, Any]) -> str:
+    """All tables of `results`, what `--json` holds."""
+    found = {c.title: [r for r in results["rows"] if r["course"] == c.name] for c in COURSES}
+    found = {title: rows for title, rows in found.items() if rows}
+    lines = [
+        f"`{results['command']}`",
+        "",
+        *_overview(found, crossing.mean_of(results["level"], "recognised")),
+    ]
+    for title, rows in found.items():
+        lines += [f"### {title[0].upper()}{title[1:]}", "", *_course(rows)]
+    return "\n".join(lines) + "\n"
+
+
+def _overview(found: dict[str, list[Row]], level: float) -> list[str]:
+    """A row for each course: means over styles and gaits."""
+    rows = []
+    for title, runs in found.items():
+        known, obstacles = crossing.mean_of(runs, "recognised"), sum(r["obstacles"] for r in runs)
+        limbs = [_both(runs, f"{limb}_deep", percent) for limb in ("thighs", "shins", "hands")]
+        rows.append(
+            [
+                title,
+                f"{sum(r['passed'] for r in runs)} of {obstacles}",
+                _both(runs, "sole_p99"),
+                _both(runs, "joint_inside", percent),
+                _both(runs, "joint_deep", percent),
+                *limbs,
+                number(crossing.mean_of(runs, "skating"), 2),
+                str(sum(r["frozen_s"] for r in runs)),
+                percent(crossing.mean_of(runs, "keyed_fraction")),
+                *(percent(sum(r[key] for r in runs) / obstacles) for key in ("sound", "own")),
+                percent(known) + ("" if isnan(known / level) else f" ({known / level:.2f})"),
+            ]
+        )
+    head = ["means over styles and gaits; before > after foot lock", "got over", "soles sunk p99, cm"]
+    head += ["joint inside", "over 3 cm", "thigh over 3 cm", "shin", "hand", "soles slide, cm a frame"]
+    head += ["frozen s", "keyed", "crossings that pass every check", "by the network alone"]
+    return table([*head, f"recognised (of level ground's {percent(level)})"], rows)
+
+
+def _both(rows: Sequence[Row], key: str, show: Any = number) -> str:
+    return " > ".join(show(crossing.mean_of([r[side] for r in rows], key)) for side in ("before", "after"))
+
+
+def _course(rows: Sequence[Row]) -> list[str]:
+    """A row for each style and gait, with the columns that only this course has."""
+    own = OWN_COLUMNS.get(rows[0]["course"], {})
+    head = ["", "got over", "s each", "slowest / requested m/s", "soles p99, cm", "deepest joint, cm"]
+    head += ["thigh, shin, hand p99, cm, after lock", *own, "recognised"]
+    cells = [
+        [
+            f"{r['style']} {r['gait']}",
+            f"{r['passed']} of {r['obstacles']}",
+            number(r["seconds_each"]),
+            f"{number(r['slowest_m_s'], 2)} / {number(r['requested_m_s'], 2)}",
+            _both([r], "sole_p99"),
+            _both([r], "joint_max"),
+            ", ".join(number(r["after"].get(f"{limb}_p99")) for limb in ("thighs", "shins", "hands")),
+            *(cell(r) for cell in own.values()),
+            percent(r["recognised"]),
+        ]
+        for r in rows
+    ]
+    return table(head, cells)
+
+
+def _each(row: Row, key: str) -> str:
+    return " / ".join(number(v) for v in row["after"][key])
+
+
+OWN_COLUMNS: dict[str, dict[str, Callable[[Row], str]]] = {
+    "hurdles": {
+        "clearance, median cm": lambda r: _both([r], "clearance"),
+        "feet that touch": lambda r: _both([r], "touched", percent),
+    },
+    "beam": {
+        "contacts on it": lambda r: _both([r], "on_beam", percent),
+        "falls off": lambda r: f"{r['before']['falls']} > {r['after']['falls']}",
+    },
+    "platforms": {
+        "gaps flown over, after lock": lambda r: f"{r['after']['flown']} of {r['after']['gaps']}",
+        "not stepped into": lambda r: f"{r['after']['not_stepped_into']} of {r['after']['gaps']}",
+    },
+    "wall": {
+        "both hands on the edge, s": lambda r: _each(r, "hands_s"),
+        "both feet on top after, s": lambda r: _each(r, "on_top_s"),
+        "keyed s": lambda r: number(r["keyed_s"]),
+    },
+}
+
+OBSTACLES = Experiment(
+    "Lead a character over six obstacle courses and measure how it crosses them. Equal arguments give equal figures.",
+    obstacle_courses,
+    markdown,
+    "obstacle courses",
+    clips=None,  # only to recognise styles
+    options=(option("--styles", nargs="+", metavar="STYLE", help=f"default: {' '.join(STYLES)}"), SEED),
+)

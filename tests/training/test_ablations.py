@@ -5,7 +5,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from runtime.errors import FileError, UsageError  # noqa: E402
+from runtime.errors import FileError  # noqa: E402
 from runtime.motion.model_files import FOLDED  # noqa: E402
 from runtime.skeleton import SPORT_SKELETON  # noqa: E402
 from training.ablations import SHARED, prepare  # noqa: E402
@@ -38,11 +38,6 @@ def test_the_variants_change_what_they_are_named_for() -> None:
     joined = two_hop_neighbours(True) - two_hop_neighbours()
     hips = sorted(SPORT_SKELETON.index(f"{side}UpLeg") for side in ("Left", "Right"))
     assert torch.nonzero(joined).tolist() == [hips, hips[::-1]]
-
-
-def test_an_unknown_variant_lists_the_known_ones() -> None:
-    with pytest.raises(UsageError, match="4-content-experts"):
-        ablation(preset("tiny"), "nothing")
 
 
 def test_without_a_content_encoder_the_sentences_are_the_code() -> None:

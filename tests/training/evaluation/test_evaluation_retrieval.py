@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime.errors import FileError, ModelError
+from runtime.errors import FileError
 from tests.training.evaluation.test_evaluation_text import clips, write_clip  # noqa: F401
-from training.evaluation.text import retrieval
 from training.evaluation.text.retrieval import codes_of, first_ranks, held_out_clips, recall, scores
 
 
@@ -71,18 +70,3 @@ def test_only_held_out_captured_clips_of_described_styles_are_in_the_gallery(
     assert [c.path.stem for c in held_out_clips(clips, ["neutral"])] == ["cmu_05"]
     with pytest.raises(FileError, match="no held-out clips"):
         held_out_clips(clips, ["angry"])
-
-
-def test_a_model_without_the_text_distribution_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("onnx")
-    from onnx import TensorProto, helper
-
-    tensors = [helper.make_tensor_value_info(n, TensorProto.FLOAT, ["n", 6, 64]) for n in ("embeddings", "z")]
-    graph = helper.make_graph(
-        [helper.make_node("Identity", ["embeddings"], ["z"])], "g", tensors[:1], tensors[1:]
-    )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
-    monkeypatch.setattr(retrieval, "read_metadata", lambda folder: {})
-    monkeypatch.setattr(retrieval, "read_graph", lambda *_: model.SerializeToString())
-    with pytest.raises(ModelError, match="log_variance"):
-        retrieval.TextSide(Path("old"), None)

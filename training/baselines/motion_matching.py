@@ -107,7 +107,7 @@ def export(base: Database, model: Path, out: Path) -> Path:
         "name": out.name,
         "decoder": "motion matching",
         "styles": list(base.styles),
-        "rows": len(base.last),
+        "parameters": sum(getattr(base, n).size for n in ("features", "world", "hips", "root", "contacts")),
         "start": {"output": [0.0] * OUTPUT_SIZE, "phase": [0.0] * (2 * C * (L + 1))},
     }
     own["start"]["output"] = standing(MatchingModel(out, own, base))

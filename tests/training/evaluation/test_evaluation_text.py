@@ -287,11 +287,11 @@ def test_from_clips_to_tables(small: None, clips: Path) -> None:
     # the synthetic model tilts the head for "tilted", whatever else is said, and does nothing for other words
     assert abs(rows["head.tilted_left"]["worst_fraction"]) > 0.5
     assert rows["hands on hips"]["worst_fraction"] == pytest.approx(0.0, abs=0.05)
-    assert rows["cocked, tilted left"]["words"] == {"head": "cocked, tilted left"}
+    assert abs(rows["cocked, tilted left"]["worst_fraction"]) > 0.5
     assert results["edits"]["summary"]["zero-shot"]["cases"] == 3
     assert results["edits"]["summary"]["held-out rhythm"]["cases"] == 1
     assert results["independence"]["by_slot"]["all"]["edits"] == 3
-    assert "Held-out edits of rhythm and weight" in markdown(results)
+    assert "hands on hips (" in markdown(results)  # which the walk does not show
     assert "missing" in results["retrieval"]
     assert json.dumps(results) == json.dumps(measured(asked))
     outcome = {name: met for name, _, met in bars(results)}

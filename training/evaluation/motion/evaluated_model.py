@@ -25,7 +25,6 @@ from training.data.style_library import style_library
 from training.evaluation.motion.driving import flat_ground
 
 TIMED_FRAMES, WARM_UP = 240, 30
-VALUES_OF_A_ROW = 33 + 4 * 31 + 3 + 3 + 4  # of a database for motion matching
 
 
 class EvaluatedModel:
@@ -70,12 +69,10 @@ class EvaluatedModel:
 def count_parameters(metadata: dict[str, Any]) -> int:
     """Trained values of encoder, modulator and decoders (Table I); of one decoder for w/o-Diffusion.
 
-    Of motion matching, which trains nothing, the values of its database. The MoE decoder is counted in the diffusion model too, as the paper's totals do.
+    The MoE decoder is counted in the diffusion model too, as the paper's totals do.
     """
     if "parameters" in metadata:  # of another method
         return int(metadata["parameters"])
-    if "rows" in metadata:  # a database: what it holds for each row
-        return int(metadata["rows"]) * VALUES_OF_A_ROW
     from training.networks.generator import Generator
     from training.presets import ModelConfig
 

@@ -89,7 +89,6 @@ def _case_result(
     row = None
     if described:
         row = edits.score(case, summaries, neutral, described)
-        row["seed_noise"] = edits.seed_noise(neutral, described)
     single = len(case.edits) == 1 and case.kind != "free words"
     return row, independence(case, summaries, neutral, pairs) if single else None
 
@@ -108,14 +107,6 @@ Bar = tuple[
     str, str, bool | None
 ]  # what is required, what was measured, and whether it is met (None: not measured)
 DIRECTIONS = {"text_to_motion": "text→motion", "motion_to_text": "motion→text"}
-KINDS = {
-    "held out": "Held-out edits",
-    "pair": "Held-out pairs",
-    edits.HELD_OUT_RHYTHM: "Held-out edits of rhythm and weight",
-    "free words": "Free words",
-    "trained": "Trained edits",
-    edits.TRAINED_RHYTHM: "Trained edits of rhythm and weight",
-}
 
 
 def markdown(results: dict[str, Any]) -> str:
@@ -203,9 +194,16 @@ def _edits_table(found: dict[str, Any]) -> list[str]:
         for kind, s in found["summary"].items()
     ]
     head = ["", "cases", "right way", "at least half", "median fraction", "of single walks", "at least half"]
-    lines = table(head, rows)
-    for kind, title in KINDS.items():
-        lines += _edits_of(kind, title, [r for r in found["rows"] if r["kind"] == kind])
+    weak = {
+        kind: [
+            f"{r['name']} ({r['worst_fraction']:.2f})"
+            for r in found["rows"]
+            if r["kind"] == kind and not r["enough"]
+        ]
+        for kind in dict.fromkeys(r["kind"] for r in found["rows"])
+    }
+    lines = [*table(head, rows), "Edits under half of the described change (in brackets the fraction):", ""]
+    lines += table(["kind", "edits"], [[kind, ", ".join(names)] for kind, names in weak.items() if names])
     if found["unmeasured"]:
         names = ", ".join(found["unmeasured"])
         lines += [
@@ -213,30 +211,6 @@ def _edits_table(found: dict[str, Any]) -> list[str]:
             "",
         ]
     return lines
-
-
-def _edits_of(kind: str, title: str, rows: list[dict[str, Any]]) -> list[str]:
-    if not rows:
-        return []
-    last = "words that the library made of it" if kind == "free words" else "walks right / half"
-    head = [" ", "measure: described → measured", "fraction", "right way", "half", last]
-    return [f"{title}:", "", *table(head, [_edit_row(r) for r in rows])]
-
-
-def _edit_row(row: dict[str, Any]) -> list[str]:
-    changes = [f"{n} {_signed(row['described'][n])} → {_signed(row['change'][n])}" for n in row["described"]]
-    walks = f"{percent(row['runs_right_way'])} / {percent(row['runs_enough'])}"
-    return [
-        row["name"],
-        "; ".join(changes),
-        f"{row['worst_fraction']:.2f}" + ("†" if row["seed_noise"] > edits.RIGHT_WAY else ""),
-        *("yes" if row[key] else "no" for key in ("right_way", "enough")),
-        "; ".join(row["words"].values()) if row["kind"] == "free words" else walks,
-    ]
-
-
-def _signed(value: float) -> str:
-    return f"{value:+.1f}°" if abs(value) >= 3.0 else f"{value:+.2f}"
 
 
 def _independence_table(found: dict[str, Any]) -> list[str]:

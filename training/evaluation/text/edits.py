@@ -104,20 +104,9 @@ def score(
         "worst_fraction": worst,
         "right_way": bool(worst >= RIGHT_WAY),
         "enough": bool(worst >= ENOUGH),
-        "runs": len(summaries),
         "runs_right_way": float((runs >= RIGHT_WAY).mean()),
         "runs_enough": float((runs >= ENOUGH).mean()),
-        "words": {part: getattr(case.variants[0], part) for part in case.parts},
     }
-
-
-def seed_noise(neutral: dict[int, Summary], described: dict[Target, float]) -> float:
-    """How much neutral walks of different seeds differ, at most, as a fraction of the described change."""
-    noise = []
-    for target, amount in described.items():
-        values = [value(s, target) for s in neutral.values()]
-        noise.append((max(values) - min(values)) / abs(amount))
-    return float(np.max(noise))
 
 
 def totals(results: Sequence[dict[str, Any]]) -> dict[str, float]:

@@ -23,7 +23,7 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.assets import asset_path, model_folder
 from runtime.atomic import check_target, write_atomic
-from runtime.errors import UsageError, run_command
+from runtime.errors import run_command
 from runtime.motion.model import MotionModel, load_model
 from runtime.prompts.english.library_data import LibraryStyle
 from runtime.prompts.parts import PartDescriptions
@@ -110,12 +110,10 @@ def measure_adherence(
     prompter: Prompter,
     walker: Walker,
     entries: Sequence[PartDescriptions],
-    every: int = 1,
 ) -> Found:
-    """Walk the library's `entries` and the catalogue's phrases once each, or one in `every`."""
+    """Walk the library's `entries` and the catalogue's phrases once each."""
     neutral = prompter.expand(PLAIN_PROMPT).descriptions
     requested: list[tuple[PartDescriptions, str]] = [(d, "") for d in entries] + list(_phrases(neutral))
-    requested = requested[::every]
     log.info("%d walks", len(requested) + 1)
     walks = [Walk.of(prompter(d), 0) for d in (neutral, *(d for d, _ in requested))]
     plain, *made = walker.make(walks)
@@ -199,12 +197,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--model", type=model_folder, default=model_folder(), metavar="DIR")
     parser.add_argument("--out", type=Path, default=Path("assets") / FILE, metavar="FILE")
     parser.add_argument("--workers", type=int, default=2, metavar="N")
-    parser.add_argument("--every", type=int, default=1, metavar="N", help="walk one in N: a trial")
     args = parser.parse_args(argv)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
     check_target(args.out)
-    if args.every < 1:
-        raise UsageError(f"--every {args.every}: expected at least 1.", "Choose another number.")
     from runtime.prompts.english.library_data import load_library, load_styles
 
     model = load_model(args.model)
@@ -212,7 +207,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     styles = load_styles(asset_path("prompts/styles.json"))
     entries = load_library(asset_path("prompts/library.json"), styles)
     walker = Walker(args.model, args.workers, SECONDS)
-    found = measure_adherence(model, prompter, walker, [e.descriptions for e in entries], args.every)
+    found = measure_adherence(model, prompter, walker, [e.descriptions for e in entries])
     found.add_plain(styles)
     write_adherence(args.out, model.name, found.table())
     fractions = [np.median(v) for v in found.sentences.values()]

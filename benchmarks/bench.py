@@ -19,8 +19,7 @@ from benchmarks.timing import cpu_name, times_ms, write_figures
 from runtime.atomic import check_target
 from runtime.controls import Controls
 from runtime.errors import SportError, UsageError
-from runtime.motion.controller import Controller
-from runtime.motion.crowd import Crowd
+from runtime.motion.controller import Controller, Crowd
 from runtime.motion.features import INPUT_SIZE
 from runtime.motion.model import MotionModel, load_model
 from runtime.prompts.prompter import Prompter

@@ -26,9 +26,8 @@ from runtime.errors import SportError, UsageError
 from runtime.formats.bvh import read_bvh
 from runtime.formats.bvh_clip import save_bvh
 from runtime.generate import clip_of
-from runtime.motion.controller import Controller
-from runtime.motion.crowd import Crowd
-from runtime.motion.stick_script import StickScript, StickSegment, parse_stick
+from runtime.motion.control_scripts import StickScript, StickSegment, parse_stick
+from runtime.motion.controller import Controller, Crowd
 from runtime.takes.clip import Clip
 from runtime.terrain.library import load_terrain
 from training.data.gait import GaitJoints

@@ -12,6 +12,7 @@ from runtime.motion.model import load_model
 from runtime.prompts.english.library_data import load_styles
 from runtime.prompts.prompter import Prompter
 from runtime.prompts.text_encoder import TextEncoder
+from training.augmentation.measured_edits import CapturedReference, Summary, load_reference
 from training.evaluation.experiment import Arguments, Experiment, Setting, command_of, option
 from training.evaluation.metrics.features import has_encoder
 from training.evaluation.text import edits
@@ -19,7 +20,6 @@ from training.evaluation.text.edits import FREE_PROMPTS, Case, by_slot, independ
 from training.evaluation.text.retrieval import BAR as RETRIEVAL_BAR
 from training.evaluation.text.retrieval import evaluate_retrieval
 from training.evaluation.text.walks import PLAIN_PROMPT, SECONDS, Walk, Walker
-from training.layering.measured_edits import CapturedReference, Summary, load_reference
 from training.markdown import percent, table
 
 PARTS = ("retrieval", "edits")

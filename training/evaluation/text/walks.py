@@ -18,9 +18,9 @@ from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel, load_model
 from runtime.skeleton import SPORT_SKELETON
+from training.augmentation.measured_edits import Summary, summarise
 from training.data.labels import foot_contacts
 from training.evaluation.motion.driving import flat_ground
-from training.layering.measured_edits import Summary, summarise
 from training.text.measure import BodyMeasures, measure
 
 PLAIN_PROMPT = "a person walking normally"  # what words about a part change

@@ -1,22 +1,20 @@
-"""Run by a Python of its own: an FBX character becomes a GLB, by the library ufbx. Arguments: FBX, GLB.
+"""An FBX character becomes a GLB, by the library ufbx in a process of its own (`native_worker`).
 
-A process of its own, so that a damaged file that the library stumbles over ends this process and not the program. It
-imports nothing of the project. Meshes, skins, nodes, base colours and textures are kept; animations are not.
+Meshes, skins, nodes, base colours and textures are kept; animations are not.
 """
 
 from __future__ import annotations
 
 import io
 import json
-import os
 import struct
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+MAX_NODES, MAX_VERTICES = 20_000, 6_000_000  # of a file; the latter are corners of faces
 INFLUENCES = 8  # joints of a vertex, the strongest
 _TYPES = {"f": (5126, np.float32), "u": (5125, np.uint32), "i": (5123, np.uint16)}
 _WIDTHS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
@@ -30,6 +28,8 @@ class Kept:
 
     Whatever is read through it is kept until the process ends.
     """
+
+    __slots__ = ("value",)  # there is one for each vertex and weight
 
     def __init__(self, value: Any) -> None:
         _KEPT.append(value)
@@ -84,19 +84,19 @@ class Document:
                  "type": _WIDTHS[values.shape[1]], "min": values.min(0).tolist(), "max": values.max(0).tolist()}  # fmt: skip
         return self.append("accessors", entry)
 
-    def save(self, path: Path) -> None:
-        """Write the GLB."""
+    def to_bytes(self) -> bytes:
+        """The GLB."""
         self.blob.extend(b"\0" * (-len(self.blob) % 4))
         self.gltf["buffers"] = [{"byteLength": len(self.blob)}]
         text = json.dumps(self.gltf).encode()
         text += b" " * (-len(text) % 4)
         size = 28 + len(text) + len(self.blob)
         head = struct.pack("<4sIII4s", b"glTF", 2, size, len(text), b"JSON")
-        path.write_bytes(head + text + struct.pack("<I4s", len(self.blob), b"BIN\0") + self.blob)
+        return head + text + struct.pack("<I4s", len(self.blob), b"BIN\0") + self.blob
 
 
-def convert(source: Path, target: Path) -> None:
-    """Read an FBX in metres, Y up, and write what it shows at rest as GLB."""
+def convert(source: Path) -> bytes:
+    """What an FBX shows at rest as GLB, in metres, Y up."""
     import ufbx
 
     loaded = ufbx.load_file(
@@ -111,6 +111,9 @@ def convert(source: Path, target: Path) -> None:
         node_depth_limit=512,
     )
     scene = Kept(loaded)
+    vertices = sum(mesh.num_indices for mesh in scene.meshes)
+    if len(scene.nodes) > MAX_NODES or vertices > MAX_VERTICES:
+        raise ValueError(f"{len(scene.nodes)} nodes and {vertices} corners of faces")
     document = Document()
     nodes = {node.typed_id: k for k, node in enumerate(scene.nodes)}
     materials = {m.typed_id: _material(document, m, source) for m in scene.materials}
@@ -132,7 +135,7 @@ def convert(source: Path, target: Path) -> None:
                 entry["skin"] = skin
         document.append("nodes", entry)
     document.gltf["scenes"] = [{"nodes": [nodes[scene.root_node.typed_id]]}]
-    document.save(target)
+    return document.to_bytes()
 
 
 def _unit(q: list[float]) -> list[float]:
@@ -157,31 +160,38 @@ def _mesh(document: Document, node: Any, materials: dict[int, int]) -> int:
     mesh = node.mesh
     corners, parts = _triangles(mesh)
     weights = _weights(mesh)
+    owner = node.materials if len(node.materials) else mesh.materials
     primitives = []
     for part in np.unique(parts):
-        chosen = corners[parts == part]
-        layers = {"POSITION": mesh.vertex_position, "NORMAL": mesh.vertex_normal,
-                  "TEXCOORD_0": mesh.vertex_uv, "COLOR_0": mesh.vertex_color}  # fmt: skip
-        layers = {name: layer for name, layer in layers.items() if layer.exists}
-        columns = [layer.indices.array().astype(np.int64)[chosen.ravel()] for layer in layers.values()]
-        columns.append(mesh.vertex_indices.array().astype(np.int64)[chosen.ravel()])
-        rows, indices = np.unique(np.stack(columns, -1), axis=0, return_inverse=True)
-        primitive: dict[str, Any] = {"attributes": {}, "indices": document.add(indices.reshape(-1, 1), "u")}
-        for column, (name, layer) in enumerate(layers.items()):
-            values = layer.values.array()[rows[:, column]]
-            if name == "TEXCOORD_0":
-                values = np.stack([values[:, 0], 1.0 - values[:, 1]], -1)
-            primitive["attributes"][name] = document.add(values)
-        if weights is not None:
-            joints, shares = (array[rows[:, -1]] for array in weights)
-            for k in range(0, joints.shape[1], 4):
-                primitive["attributes"][f"JOINTS_{k // 4}"] = document.add(joints[:, k : k + 4], "i")
-                primitive["attributes"][f"WEIGHTS_{k // 4}"] = document.add(shares[:, k : k + 4])
-        owner = node.materials if len(node.materials) else mesh.materials
+        primitive = _primitive(document, mesh, corners[parts == part].ravel(), weights)
         if part < len(owner) and owner[int(part)] is not None:
             primitive["material"] = materials[owner[int(part)].typed_id]
         primitives.append(primitive)
     return document.append("meshes", {"name": mesh.name or node.name, "primitives": primitives})
+
+
+def _primitive(
+    document: Document, mesh: Any, corners: Any, weights: tuple[Any, Any] | None
+) -> dict[str, Any]:
+    """A primitive of some corners: one vertex for those that are alike in everything."""
+    layers = {"POSITION": mesh.vertex_position, "NORMAL": mesh.vertex_normal,
+              "TEXCOORD_0": mesh.vertex_uv, "COLOR_0": mesh.vertex_color}  # fmt: skip
+    layers = {name: layer for name, layer in layers.items() if layer.exists}
+    columns = [layer.indices.array().astype(np.int64)[corners] for layer in layers.values()]
+    columns.append(mesh.vertex_indices.array().astype(np.int64)[corners])
+    rows, indices = np.unique(np.stack(columns, -1), axis=0, return_inverse=True)
+    primitive: dict[str, Any] = {"attributes": {}, "indices": document.add(indices.reshape(-1, 1), "u")}
+    for column, (name, layer) in enumerate(layers.items()):
+        values = layer.values.array()[rows[:, column]]
+        if name == "TEXCOORD_0":
+            values = np.stack([values[:, 0], 1.0 - values[:, 1]], -1)
+        primitive["attributes"][name] = document.add(values)
+    if weights is not None:
+        joints, shares = (array[rows[:, -1]] for array in weights)
+        for k in range(0, joints.shape[1], 4):
+            primitive["attributes"][f"JOINTS_{k // 4}"] = document.add(joints[:, k : k + 4], "i")
+            primitive["attributes"][f"WEIGHTS_{k // 4}"] = document.add(shares[:, k : k + 4])
+    return primitive
 
 
 def _weights(mesh: Any) -> tuple[Any, Any] | None:
@@ -232,12 +242,9 @@ def _material(document: Document, material: Any, source: Path) -> int:
 
 
 def _image(texture: Any, source: Path) -> bytes | None:
-    """A texture as PNG or JPEG: embedded, or beside the file under its own name; None where it is neither."""
-    data = bytes(texture.content or b"")
+    """A texture as PNG or JPEG: embedded, or next to the file under its own name; None where it is neither."""
     name = Path((texture.relative_filename or texture.filename or "").replace("\\", "/")).name
-    for folder in (source.parent, source.with_suffix(".fbm"), source.parent / "textures"):
-        if not data and name and (folder / name).is_file():
-            data = (folder / name).read_bytes()
+    data = bytes(texture.content or b"") or _file_beside(source, name)
     if data.startswith((b"\x89PNG", b"\xff\xd8\xff")) or not data:
         return data or None
     from PIL import Image
@@ -251,10 +258,7 @@ def _image(texture: Any, source: Path) -> bytes | None:
         return None
 
 
-if __name__ == "__main__":
-    try:
-        convert(Path(sys.argv[1]), Path(sys.argv[2]))
-    except Exception as error:  # the library's errors share no base class with Python's
-        print(f"{type(error).__name__}: {error}", file=sys.stderr)
-        os._exit(1)
-    os._exit(0)  # the library's objects outlive their scene, which ends in a fault
+def _file_beside(source: Path, name: str) -> bytes:
+    """The bytes of a texture's file where exporters put it; none where it is in none of these folders."""
+    folders = (source.parent, source.with_suffix(".fbm"), source.parent / "textures")
+    return next((path.read_bytes() for folder in folders if name and (path := folder / name).is_file()), b"")

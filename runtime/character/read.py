@@ -12,7 +12,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from runtime.arrays import AnyArray
-from runtime.character.fbx_file import HEADS, fbx_as_glb
+from runtime.character.native import HEADS, fbx_as_glb
 from runtime.character.unpack import COMPONENTS, MESHOPT, unpack
 from runtime.errors import FileError
 from runtime.safe_read import parse_json, read_bounded, reason
@@ -165,7 +165,7 @@ def _load_buffers(path: Path, gltf: Entry, blob: memoryview) -> list[memoryview]
 
 
 def read_uri(path: Path, uri: Any, what: str) -> bytes:
-    """Bytes that `path` refers to: embedded as base64, or a file beside it; FileError otherwise."""
+    """Bytes that `path` refers to: embedded as base64, or a file next to it; FileError otherwise."""
     if not isinstance(uri, str):
         raise FileError(f"{path}: the address of a {what} is damaged.", REMEDY)
     if not uri.startswith("data:"):
@@ -188,7 +188,7 @@ def _read_sibling(path: Path, uri: str, what: str) -> bytes:
     if not there:
         raise FileError(
             f"{path}: its {what} file {uri[:80]!r} is missing.",
-            "Put it beside the .gltf file, or export as one .glb file.",
+            "Put it next to the .gltf file, or export as one .glb file.",
         )
     return _read(target)
 

@@ -144,7 +144,7 @@ def test_the_export_window_writes_what_the_command_writes(start: Start, tmp_path
     exports.choose(in_place=True)
     click_on(app, "##export now")
     run(app, 2)
-    assert "In place with a ground beside it" in app.exporting.state.report
+    assert "In place with a ground next to it" in app.exporting.state.report
     press(app, "escape")
     run(app, 2)
     assert "##export now" not in labels(app)

@@ -14,8 +14,7 @@ from runtime.formats.prepare import ExportOptions, prepare
 from runtime.generate import generate_clip
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
-from viewer.filming.film import FilmOptions, film_frames, make_film
-from viewer.filming.studio import studio
+from viewer.filming.film import FilmOptions, film_frames, make_film, studio
 
 PROMPTS = ("walk normally", "an old man", "march like a soldier")
 

@@ -30,8 +30,8 @@ from runtime.takes.pins import Pinned  # noqa: E402
 from runtime.terrain.files import write_height_png  # noqa: E402
 from viewer.app import App  # noqa: E402
 from viewer.input.bindings import Action  # noqa: E402
-from viewer.memory import resident_mb  # noqa: E402
 from viewer.options import ViewOptions  # noqa: E402
+from viewer.process import resident_mb  # noqa: E402
 from viewer.services import Services  # noqa: E402
 from viewer.window import KEY_CODES  # noqa: E402
 

@@ -22,8 +22,8 @@ from app_driver import (
 )
 
 from viewer.app import App
-from viewer.compare import labels
-from viewer.compare.lineup import SPACING_M, names, places
+from viewer.compare import panel
+from viewer.compare.compare_view import SPACING_M, names, places
 from viewer.edit.path import on_screen
 from viewer.gl_bindings import imgui
 from viewer.jobs import Slot
@@ -201,8 +201,8 @@ def test_names_that_are_cut_keep_the_seed(start: Start) -> None:
     press(app, "v")
     texts: list[str] = []
     with pytest.MonkeyPatch.context() as patch:
-        real = labels._label
-        patch.setattr(labels, "_label", lambda text, *rest: (texts.append(text), real(text, *rest)))
+        real = panel._label
+        patch.setattr(panel, "_label", lambda text, *rest: (texts.append(text), real(text, *rest)))
         run(app)
     assert [text.split("…")[1] for text in texts] == [f", seed {k}" for k in range(3)]
     assert all(text.startswith(f"{k + 1}  some") for k, text in enumerate(texts))

@@ -17,7 +17,7 @@ from runtime.takes.camera_keys import CameraKey
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
 from viewer.app import App
-from viewer.exports.state import ExportForm
+from viewer.exports.exporting import ExportForm
 from viewer.filming.shots import FilmOptions, camera_path
 
 

@@ -21,7 +21,7 @@ from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
 from runtime.terrain.height_map import Terrain
 from sport import cli
-from viewer.filming.captions import caption, draw_caption
+from viewer.filming.film import caption, draw_caption
 from viewer.filming.shots import SHOTS, FilmOptions, camera_path
 from viewer.filming.writers import open_writer
 

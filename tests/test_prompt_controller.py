@@ -27,8 +27,7 @@ from runtime.takes.recorder import LIVE_SECONDS
 from viewer.editor import Editor
 from viewer.jobs import Jobs
 from viewer.messages import Messages
-from viewer.prompt.answers import quoted
-from viewer.prompt.prompt_controller import FIRST_STYLE_SECONDS, PromptController
+from viewer.prompt.prompt_controller import FIRST_STYLE_SECONDS, PromptController, quoted
 from viewer.settings import Settings
 
 

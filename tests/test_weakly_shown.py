@@ -6,7 +6,7 @@ from runtime.prompts import shares
 from runtime.prompts.expander import DEFAULT_PROMPT
 from runtime.prompts.parts import PartDescriptions
 from runtime.session.prompt_blend import Answer, PromptBlend
-from viewer.prompt.parts_panel import weakly_shown
+from viewer.prompt.prompt_panel import weakly_shown
 
 WORDS = PartDescriptions(*["hanging"] * 6)
 

@@ -17,9 +17,9 @@ from viewer.gui.focus import Use
 from viewer.input.bindings import Intent, to_controls
 from viewer.input.devices import Devices, KeyScript
 from viewer.input.gamepad import GamepadSource, GlfwGamepads
-from viewer.memory import give_back_freed, give_back_large_blocks, resident_mb
 from viewer.messages import Messages
 from viewer.options import ViewOptions
+from viewer.process import Ending, give_back_freed, give_back_large_blocks, resident_mb
 from viewer.prompt.prompt_controller import CLOSE_SECONDS
 from viewer.render.offscreen import save_png
 from viewer.scene.simulation import STEP_SECONDS
@@ -32,7 +32,6 @@ from viewer.settings import (
     load_settings,
     state_directory,
 )
-from viewer.signals import Ending
 from viewer.window import KEY_CODES, Window, WindowEvents
 from viewer.workspace import Workspace
 

@@ -14,7 +14,7 @@ from viewer.gl_bindings import imgui
 from viewer.gui import help, status, theme, widgets
 from viewer.gui.focus import OVER, Focus, Use, is_drawn
 from viewer.gui.layout import Layout, Rect, arrange, framing
-from viewer.gui.panels import FIXED, Panel, PanelPlace, draw_tabs, draw_titled, draw_window
+from viewer.gui.panels import FIXED, Panel, PanelPlace, draw_centred, draw_tabs, draw_titled, draw_window
 from viewer.gui.system_fonts import SystemFonts
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
@@ -194,6 +194,8 @@ class Shell:
             if panel.place is place and panel.shown():
                 if place is PanelPlace.BELOW:
                     self._window(panel.name, rect, partial(panel.draw, rect))
+                elif panel.width:
+                    draw_centred(panel, rect, self.fonts)
                 else:
                     panel.draw(rect)
 

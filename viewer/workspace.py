@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from runtime.atomic import sweep
+from runtime.motion.controller import Controller
 from runtime.pose import Pose
 from runtime.takes.drive import DriveRecorder
-from viewer.compare import labels
 from viewer.compare import panel as compare_panel
 from viewer.compare.compare_view import CompareView
 from viewer.edit import pin_card, transport
@@ -26,29 +26,28 @@ from viewer.exports import panel as exports_panel
 from viewer.exports.exporting import Exporting
 from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.gui.panels import Panel
-from viewer.gui.theme import Fonts, load_fonts
+from viewer.gui.theme import load_fonts
 from viewer.input.bindings import Action
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.options import ViewOptions
-from viewer.panels import guide, joint_panel, scene_panel, take_prompt_panel, takes_panel
+from viewer.panels import guide, joint_panel, take_prompt_panel, takes_panel
 from viewer.panels.guide import Guide
+from viewer.panels.scene_panel import ScenePanel
 from viewer.panels.session_bar import SessionBar
 from viewer.panels.settings_panel import SettingsWindow
-from viewer.prompt import prompt_panel
 from viewer.prompt.language_model import LanguageModel
 from viewer.prompt.prompt_controller import PromptController
+from viewer.prompt.prompt_panel import PromptPanel
 from viewer.prompt.suggestions import Suggester
 from viewer.render.overlays import Overlays
 from viewer.scene.overlays import make_overlays
 from viewer.scene.scene import Scene
 from viewer.screenshots import Screenshots
-from viewer.services import ControllerLike, Services
+from viewer.services import Services
 from viewer.session.sessions import Sessions, first_file
 from viewer.session.takes import Takes
-from viewer.settings import (
-    Settings,
-)
+from viewer.settings import Settings
 from viewer.shell import Shell, ShellState
 from viewer.window import Window
 
@@ -94,7 +93,7 @@ class Workspace:
         self.camera_keys = CameraKeys(editor, takes, scene.camera)
         self.references = References(editor, takes)
         self.compare = CompareView(editor, settings, messages, scene, takes, self.path, prompting)
-        self.prompt = prompt_panel.PromptRoom(
+        self.prompt = PromptPanel(
             settings, prompting, self.language_model, Suggester(settings, jobs), self.compare.toggle
         )
         self.guide = Guide(settings, editor, takes)
@@ -109,7 +108,7 @@ class Workspace:
         self.trails = Trails()
         self.screenshots = Screenshots(settings, messages, jobs, options.frames_directory)
         fonts = load_fonts()
-        panels = self._panels(fonts, dialogs)
+        panels = self._panels(dialogs)
         self.shell = Shell(
             self.state, settings, messages, jobs, scene, editing, panels, lambda: prompting.texts, fonts
         )
@@ -117,7 +116,7 @@ class Workspace:
         rooms = [*(panel.actions for panel in panels), self.shell.actions, own]
         self.actions = {action: do for room in rooms for action, do in room.items()}
 
-    def _panels(self, fonts: Fonts, dialogs: Dialogs) -> list[Panel]:
+    def _panels(self, dialogs: Dialogs) -> list[Panel]:
         """Every panel, from the left to the right and from the back to the front."""
         compare, editing, pins, export = self.compare, self.editing, self.pins, self.exporting.open
         references = ReferenceCard(
@@ -125,24 +124,24 @@ class Workspace:
         )
         bar = SessionBar(self.sessions, self.exporting, self.guide, self.settings_window, self.window.ctx)
         return [
-            prompt_panel.panel(self.prompt, lambda: not compare.open and editing.playback is None),
+            self.prompt.panel(lambda: not compare.open and editing.playback is None),
             take_prompt_panel.panel(editing),
             compare_panel.panel(compare),
-            scene_panel.panel(
+            ScenePanel(
                 self.scene, self.takes, self.path, self.open_files, self._browse_all,
                 lambda width: pin_card.draw_live(pins, self.camera_keys.add, width),
-            ),
+            ).panel(),
             takes_panel.panel(self.takes, references, export, self.sessions),
             transport.panel(editing, pins, self.camera_keys, references),
-            labels.panel(compare),
+            compare_panel.names_panel(compare),
             takes_panel.sign(self.takes),
             bar.panel(),
             pin_card.panel(pins),
             references.panel(),
             guide.panel(self.guide, covered=lambda: compare.open),
-            self.settings_window.panel(fonts),
-            exports_panel.panel(self.exporting, fonts),
-            joint_panel.panel(self.scene.joints, fonts),
+            self.settings_window.panel(),
+            exports_panel.panel(self.exporting),
+            joint_panel.panel(self.scene.joints),
             dialogs.panel(),
         ]  # fmt: skip
 
@@ -234,7 +233,7 @@ class Workspace:
                     " Drop a session, a BVH clip, a GLB or VRM character, or a PNG, NPY or mesh ground."
                 )
 
-    def overlays(self, live: ControllerLike | None, others: list[Pose]) -> Overlays:
+    def overlays(self, live: Controller | None, others: list[Pose]) -> Overlays:
         """What is drawn around the pose; `others` are drawn with it."""
         settings, playback = self.settings, self.takes.playback
         frames: list[Pose] = []

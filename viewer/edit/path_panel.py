@@ -16,13 +16,13 @@ GAITS = [(gait, gait.label.capitalize()) for gait in (Gait.WALK, Gait.JOG, Gait.
 
 def draw(tool: PathTool, draw_pins: Callable[[float], None]) -> None:
     """Contents of this part; `draw_pins` fills the end of its first row, of a width."""
-    third = (imgui.get_content_region_avail().x - 2 * px(4)) / 3
+    third = widgets.column_width(3)
     hint = "A drag on the ground draws the path, a click adds a point. Drag a point to move it, Delete removes it."
     if tool.of_take:
         hint = "The path of the take: drag its points, choose speed and gait of each leg, delete the last ones to end there"
     text = "Edit its path" if tool.of_take else "Draw a path"
     tool.active = widgets.toggle(text, tool.active, third, hint)
-    imgui.same_line(0, px(4))
+    widgets.same_line()
     imgui.begin_disabled(not tool.points or (tool.of_take and not tool.active))
     if tool.of_take:
         if widgets.button("Resimulate###drive path", third, "Resimulate the take along these points"):
@@ -35,7 +35,7 @@ def draw(tool: PathTool, draw_pins: Callable[[float], None]) -> None:
     ):
         tool.start()
     imgui.end_disabled()
-    imgui.same_line(0, px(4))
+    widgets.same_line()
     draw_pins(third)
     if tool.active:
         _selected(tool)
@@ -55,9 +55,9 @@ def _selected(tool: PathTool) -> None:
     widgets.tooltip("How far the stick is pushed on the way to this point")
     if gait != point.gait or moved:
         tool.change(gait=gait, speed=speed / 100.0)
-    imgui.same_line(0, px(4))
+    widgets.same_line()
     if widgets.button("Delete", px(62), "Remove this point (Delete)"):
         tool.delete()
-    imgui.same_line(0, px(4))
+    widgets.same_line()
     if widgets.button("Clear", px(62), "Remove every point"):
         tool.clear()

@@ -8,7 +8,7 @@ from dataclasses import replace
 from runtime.takes.pins import Pin, Pinned
 from viewer.edit.pins import Pins, shown_end
 from viewer.gl_bindings import imgui
-from viewer.gui import card, widgets
+from viewer.gui import panels, widgets
 from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.widgets import px
@@ -49,9 +49,9 @@ def _card(pins: Pins, view: Rect) -> None:
     pin = pins.pin
     if pin is None or view.width < px(MIN_VIEW):
         return
-    with card.card("Pin", view, SMALL_WIDTH if view.width < px(SMALL_VIEW) else WIDTH, right=True):
+    with panels.card("Pin", view, SMALL_WIDTH if view.width < px(SMALL_VIEW) else WIDTH, right=True):
         remove = "Let go" if pins.live else "Remove the pin"
-        pressed = card.title(str(pin.what).capitalize(), "pin", remove)
+        pressed = panels.card_title(str(pin.what).capitalize(), "pin", remove)
         if pin.what is not Pinned.POSE:
             _points(pins, pin)
         if not pins.live:
@@ -67,11 +67,11 @@ def _points(pins: Pins, pin: Pin) -> None:
     """Where it is, by numbers; the handles in the view do the same."""
     x, y, z = _triple(pins, pin, "point", pin.point)
     pins.try_change(lambda: replace(pin, point=(x, y, z)))
-    half = card.share(2)
+    half = widgets.column_width(2)
     hint = "The point goes along with the character instead of staying in the world"
     if widgets.toggle("Along", pin.along, half, hint) != pin.along:
         pins.put_along(pin, not pin.along)
-    card.beside()
+    widgets.same_line()
     rails = pin.what not in (Pinned.LOOK, Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT)
     imgui.begin_disabled(not rails)
     hint = "It slides along a straight rail to a second point"
@@ -86,11 +86,11 @@ def _points(pins: Pins, pin: Pin) -> None:
 
 def _triple(pins: Pins, pin: Pin, name: str, value: tuple[float, float, float]) -> tuple[float, ...]:
     changed = []
-    third = card.share(3)
+    third = widgets.column_width(3)
     hints = ("To its left" if pin.along else "X", "Up", "Ahead" if pin.along else "Z")
     for number, (axis, hint) in enumerate(zip("xyz", hints, strict=True)):
         if number:
-            card.beside()
+            widgets.same_line()
         imgui.set_next_item_width(third)
         _, entry = imgui.drag_float(f"##pin {name} {axis}", value[number], 0.005, -1000.0, 1000.0, "%.2f")
         widgets.tooltip(f"{hint}, metres. Drag, or double-click to type.")
@@ -105,19 +105,19 @@ def _times(pins: Pins, pin: Pin) -> None:
         return
     clip = playback.clip
     fps, last = clip.fps, len(clip) - 1
-    half = card.share(2)
+    half = widgets.column_width(2)
     first, end = round(pin.start * fps), round(shown_end(pin, clip) * fps)
     imgui.set_next_item_width(half)
     _, new_first = imgui.drag_int("##pin from", first, 0.3, 0, end, "from %d")
     widgets.tooltip("The first frame in which it holds fully")
-    card.beside()
+    widgets.same_line()
     imgui.set_next_item_width(half)
     _, new_end = imgui.drag_int("##pin to", end, 0.3, first, last, "to %d")
     widgets.tooltip("The last frame in which it holds fully")
     imgui.set_next_item_width(half)
     _, ease_in = imgui.drag_float("##pin in", pin.ease_in, 0.005, 0.0, 5.0, "in %.2f s")
     widgets.tooltip("How long it comes before")
-    card.beside()
+    widgets.same_line()
     imgui.set_next_item_width(half)
     _, ease_out = imgui.drag_float("##pin out", pin.ease_out, 0.005, 0.0, 5.0, "out %.2f s")
     widgets.tooltip("How long it goes after")

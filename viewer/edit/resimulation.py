@@ -10,6 +10,7 @@ import numpy as np
 
 from runtime.controls import Gait
 from runtime.errors import SportError
+from runtime.motion.controller import Controller
 from runtime.motion.point_path import Waypoint
 from runtime.motion.snapshot import Snapshot, take_snapshot
 from runtime.motion.style_mix import StyleMix
@@ -29,7 +30,6 @@ from runtime.takes.plants import unfitted
 from viewer.edit.tracks import Tracks, tracks_of, words_of
 from viewer.jobs import Slot
 from viewer.prompt.prompt_controller import PromptController
-from viewer.services import ControllerLike
 from viewer.session.playback import Playback
 from viewer.session.takes import Takes
 
@@ -86,7 +86,7 @@ class Resimulation:
         return self.takes.jobs.busy(SLOT)
 
     @property
-    def model(self) -> ControllerLike | None:
+    def model(self) -> Controller | None:
         """The model that made the take that plays, when it is the one that is loaded."""
         take, controller = self.take, self.takes.scene.controller
         if take is None or controller is None:
@@ -267,7 +267,7 @@ class Resimulation:
             drive, twin = motion.drive, model.twin()
             assert drive is not None
             poses, _ = redrive(drive, twin, frame, frame)
-            return take_snapshot(twin), poses[-1]  # type: ignore[arg-type]
+            return take_snapshot(twin), poses[-1]
 
         self.takes.jobs.submit(SLOT, work, lambda made: self._go_on(take, frame, *made))
 

@@ -162,7 +162,7 @@ def _beside(references: ReferenceCard) -> None:
 
 
 def _go_on(editing: Resimulation, fixed: str, words: str) -> None:
-    imgui.same_line(0, px(4))
+    widgets.same_line()
     end = imgui.get_window_width() - imgui.get_style().window_padding.x
     padding, room = 2 * imgui.get_style().frame_padding.x, end - imgui.get_cursor_pos_x()
     texts = [

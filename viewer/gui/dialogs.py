@@ -143,7 +143,7 @@ class Dialogs:
         entered, question.typed = imgui.input_text("##dialog path", question.typed, flags)
         if question.replacing and question.replacing == question.typed.strip():
             widgets.muted("This file exists: the button again replaces it.")
-        half = (imgui.get_content_region_avail().x - px(4)) / 2
+        half = widgets.column_width(2)
         path = question.typed.strip().strip('"').replace("\0", "")
         if widgets.button(f"{question.kind.value}###dialog ok", half, primary=True) or entered:
             target = Path(path).expanduser()
@@ -153,6 +153,6 @@ class Dialogs:
                 question.replacing = path
                 return None
             return path or None
-        imgui.same_line(0, px(4))
+        widgets.same_line()
         escaped = imgui.is_window_focused() and imgui.is_key_pressed(imgui.Key.escape)
         return "" if widgets.button("Cancel###dialog cancel", half) or escaped else None

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from viewer.editor import Editor
 from viewer.gl_bindings import imgui
-from viewer.gui import card, theme, widgets
+from viewer.gui import panels, theme, widgets
 from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
@@ -93,11 +93,11 @@ def panel(guide: Guide, covered: Callable[[], bool]) -> Panel:
 
 def draw(guide: Guide, view: Rect) -> None:
     """The card under the session's bar; nothing where the view is too low for it."""
-    if not guide.shown or view.height < px(MIN_HEIGHT) or view.width < px(WIDTH + 4 * card.MARGIN):
+    if not guide.shown or view.height < px(MIN_HEIGHT) or view.width < px(WIDTH + 4 * panels.CARD_MARGIN):
         return
     small = min(view.height, view.width) < px(SMALL_VIEW)
     # in a small view beside the feet, where it covers no head
-    with card.card(
+    with panels.card(
         "First minute", view, SMALL_WIDTH if small else WIDTH, bottom=small, below=BELOW_BAR, behind=True
     ):
         _steps(guide, small)

@@ -97,7 +97,7 @@ class SessionBar:
             hint = f"{printable(sessions.path)}\nEvery edit is in it at once."
         if widgets.button(f"{ICON.folder} {name}{mark}###session", 0.0, file.problem or hint):
             imgui.open_popup(POPUP)
-        imgui.same_line(0, px(4))
+        widgets.same_line()
         if widgets.button(f"{ICON.gear}###settings", px(30), "Settings"):
             self.settings_window.toggle()
 

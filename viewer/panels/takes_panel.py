@@ -9,7 +9,7 @@ from runtime.safe_read import printable
 from runtime.session.session import LIVE, Take
 from viewer.edit.reference_card import ReferenceCard
 from viewer.gl_bindings import imgui
-from viewer.gui import setting_widgets, theme, widgets
+from viewer.gui import theme, widgets
 from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
@@ -83,7 +83,7 @@ def _cut_off(sessions: Sessions) -> None:
     imgui.begin_disabled(sessions.jobs.busy(OPENING))
     if widgets.button("Reopen", half, "Open it again with all that was recorded", True):
         sessions.open(left.path)
-    imgui.same_line(0, px(4))
+    widgets.same_line()
     if widgets.button("Discard", half, "Remove it for good"):
         sessions.discard(left)
     imgui.end_disabled()
@@ -92,7 +92,7 @@ def _cut_off(sessions: Sessions) -> None:
 
 def _record(takes: Takes) -> None:
     recording = takes.recording
-    half = (imgui.get_content_region_avail().x - px(4)) / 2
+    half = widgets.column_width(2)
     text = (
         f"{ICON.stop} {widgets.clock(takes.recorder.take_seconds)}" if recording else f"{ICON.record} Record"
     )
@@ -105,7 +105,7 @@ def _record(takes: Takes) -> None:
         if imgui.button(f"{text}###record", imgui.ImVec2(half, 0)):
             takes.toggle_recording()
     widgets.tooltip("Start or stop a take (R)")
-    imgui.same_line(0, px(4))
+    widgets.same_line()
     if widgets.button(
         f"{ICON.history} Last {takes.settings.keep_seconds:.0f} s###keep",
         half,
@@ -115,7 +115,7 @@ def _record(takes: Takes) -> None:
         takes.save_last()
     if imgui.begin_popup_context_item("keep seconds"):
         imgui.set_next_item_width(px(180))
-        setting_widgets.slider(takes.settings, "keep_seconds")
+        widgets.setting_slider(takes.settings, "keep_seconds")
         imgui.end_popup()
 
 
@@ -273,11 +273,11 @@ def _rate_and_unit(settings: Settings) -> None:
     imgui.begin_group()
     imgui.push_item_width(half)
     if imgui.begin_child("fps", imgui.ImVec2(half, imgui.get_frame_height())):
-        setting_widgets.choice(settings, "export_fps")
+        widgets.setting_choice(settings, "export_fps")
     imgui.end_child()
     imgui.same_line(0, px(10))
     if imgui.begin_child("unit", imgui.ImVec2(half, imgui.get_frame_height())):
-        setting_widgets.choice(settings, "export_unit")
+        widgets.setting_choice(settings, "export_unit")
     imgui.end_child()
     imgui.pop_item_width()
     imgui.end_group()
@@ -310,9 +310,9 @@ def _export(takes: Takes, take: Take, export_window: Callable[[], None], short: 
     if widgets.button(f"{ICON.save} {text}###export", width, hint, True) or entered:
         takes.export()
     imgui.end_disabled()
-    imgui.same_line(0, px(4))
+    widgets.same_line()
     if several:
         _export_all(takes, every)
-        imgui.same_line(0, px(4))
+        widgets.same_line()
     if widgets.button("More…###more formats", more, "GLB, FBX, film, loop, root and ground (Ctrl+E)"):
         export_window()

@@ -16,9 +16,10 @@ from viewer.render.character_pass import (
     ghost_draws,
 )
 from viewer.render.frame import SHADOW_MARGIN_M, SHADOW_REACH_M, UNIFORM_BYTES, RenderFrame, make_frame
-from viewer.render.gl import release, screen_triangle, shown_size
+from viewer.render.gl import FRAME_BINDING, release, screen_triangle, shown_size
 from viewer.render.marks import (
     REFERENCE_HEIGHT_PX,
+    OverlayPass,
     contact_dots,
     contact_strokes,
     feet_of,
@@ -28,10 +29,8 @@ from viewer.render.marks import (
     trail_strokes,
     trajectory_strokes,
 )
-from viewer.render.overlay_pass import OverlayPass
 from viewer.render.overlays import Figure, Overlays
 from viewer.render.quality import Quality, choose_quality
-from viewer.render.shaders import FRAME_BINDING
 from viewer.render.targets import SceneTarget, ShadowMap
 from viewer.render.terrain_pass import TerrainPass
 

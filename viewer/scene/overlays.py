@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from runtime.motion.controller import Controller
 from runtime.pose import Pose
 from viewer.render.overlays import Figure, Overlays, PathOverlay, PinOverlay, TrailOverlay, TrajectoryOverlay
-from viewer.services import ControllerLike
 from viewer.settings import Settings
 
 PAST_SAMPLES = 6  # of the 12 of the trajectory: one second back, then the present and one second ahead
@@ -16,7 +16,7 @@ PAST_SAMPLES = 6  # of the 12 of the trajectory: one second back, then the prese
 
 def make_overlays(
     settings: Settings,
-    controller: ControllerLike | None,
+    controller: Controller | None,
     path: PathOverlay | None = None,
     others: Sequence[Pose] = (),
     ghosts: Sequence[Pose] = (),

@@ -14,6 +14,7 @@ from runtime.character.joint_map import joint_map_path
 from runtime.character.read import SUFFIXES as GLTF_SUFFIXES
 from runtime.character.shape import BodyShape, shaped_file
 from runtime.controls import Controls
+from runtime.motion.controller import Controller
 from runtime.motion.snapshot import Snapshot
 from runtime.pose import FPS, Pose
 from runtime.prompts.gpt.settings import GptSettings
@@ -35,7 +36,7 @@ from viewer.scene.camera_control import CameraControl
 from viewer.scene.joint_mapping import JointMapping
 from viewer.scene.simulation import Simulation, make_pose
 from viewer.scene.views import VIEWS, start_yaw
-from viewer.services import ControllerLike, Loaded, Services
+from viewer.services import Loaded, Services
 from viewer.settings import Settings
 
 SIMULATION, WAY = "simulation", "way"  # topics of messages
@@ -88,7 +89,7 @@ class Scene:
         self.editor.followers.append(self.follow)
 
     @property
-    def controller(self) -> ControllerLike | None:
+    def controller(self) -> Controller | None:
         """What moves the character; None until a model is loaded."""
         return self.simulation.controller
 
@@ -282,7 +283,7 @@ class Scene:
         """Let the live character go on from a state of a take; the session has the take's ground already."""
         if self.controller is None:
             return
-        snapshot.restore(self.controller)  # type: ignore[arg-type]
+        snapshot.restore(self.controller)
         self.simulation.go_on_from(pose)
         self.drives.forget()
 

@@ -12,11 +12,11 @@ import numpy as np
 
 from runtime import rotations
 from runtime.controls import Controls
+from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
 from runtime.pose import Pose
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
-from viewer.services import ControllerLike
 
 STEP_SECONDS = 1.0 / FPS
 # per displayed frame: motion keeps its own time down to one frame a second, but where the model itself is slow the
@@ -82,7 +82,7 @@ class Simulation:
 
     previous: Pose
     current: Pose
-    controller: ControllerLike | None = None
+    controller: Controller | None = None
     model_ms: float = 0.0  # smoothed cost of one step
     problem: str = ""  # the failure of the last advance, "" when it went well
     _left_s: float = 0.0
@@ -109,7 +109,7 @@ class Simulation:
         """What the character does by keys in place of the network, as the status line says it; "" for nothing."""
         return "" if self.controller is None else CROSSINGS.get(self.controller.crossing, "")
 
-    def use(self, controller: ControllerLike) -> None:
+    def use(self, controller: Controller) -> None:
         """Take another controller; it starts where the character stands."""
         self.controller = controller
         self.reset(

@@ -51,6 +51,11 @@ class ViewOptions:
     vmc: str | None = None  # the same by the VMC protocol
     live_link: str | None = None  # where poses go, see `viewer.live.link`; None: nowhere
 
+    @property
+    def saves_pictures(self) -> bool:
+        """Whether frames go into files, which need no status line."""
+        return self.offscreen or self.screenshot is not None or self.frames_directory is not None
+
     def check(self) -> None:
         """UsageError naming the option when a value cannot be used, FileError when a file cannot be written."""
         for name in (entry.name for entry in fields(self)):

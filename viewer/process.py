@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +58,7 @@ _STATUS = Path("/proc/self/statm")
 _PAGE_MB = mmap.PAGESIZE / 2**20
 # of glibc's `mallopt`: heaps of threads, and the size from which on a block is mapped and unmapped by itself
 _ARENA_MAX, _MMAP_THRESHOLD = -8, -3
+GROWN_MB = 24.0  # after which what was freed is given back
 ARENAS, MAPPED_BYTES = 2, 1 << 20
 
 
@@ -88,3 +90,19 @@ def resident_mb() -> float:
         return int(_STATUS.read_text(encoding="ascii").split()[1]) * _PAGE_MB
     except (OSError, ValueError, IndexError):
         return 0.0
+
+
+@dataclass
+class MemoryWatch:
+    """Gives freed memory back whenever this process has grown."""
+
+    mb: float = 0.0  # that this process holds; 0 where the system does not tell
+    _trimmed_mb: float = 0.0  # held after freed memory was last given back
+
+    def look(self) -> None:
+        """Measure, and give back what was freed if that is much; call about once a second."""
+        self.mb = resident_mb()
+        if self.mb > self._trimmed_mb + GROWN_MB:
+            give_back_freed()
+            self.mb = self._trimmed_mb = resident_mb()
+        self._trimmed_mb = min(self._trimmed_mb, self.mb)  # what shrinks by itself may not grow back unseen

@@ -40,11 +40,11 @@ from viewer.prompt.language_model import LanguageModel
 from viewer.prompt.prompt_controller import PromptController
 from viewer.prompt.prompt_panel import PromptPanel
 from viewer.prompt.suggestions import Suggester
-from viewer.render.overlays import Overlays
-from viewer.scene.overlays import make_overlays
+from viewer.render.overlays import Figure, Overlays, trajectory_overlay
 from viewer.scene.scene import Scene
 from viewer.screenshots import Screenshots
 from viewer.services import Services
+from viewer.session.playback import Playback
 from viewer.session.sessions import Sessions, first_file
 from viewer.session.takes import Takes
 from viewer.settings import Settings
@@ -148,17 +148,11 @@ class Workspace:
     def load(self) -> None:
         """Begin to load what the options and the settings ask for."""
         options, settings, scene, prompting = self.options, self.settings, self.scene, self.prompting
-        scene.terrain_names = scene.services.terrain_names()
-        scene.quality = scene.renderer.quality.name
         self.prompt.suggester.load_library(scene.services.library_prompts)
         self.state.panels_open, self.state.clocked = options.panels, not options.offscreen
-        saved = options.offscreen or options.screenshot is not None or options.frames_directory is not None
-        self.state.bare = saved and not options.panels
-        scene.begin_camera(options.camera or settings.camera)
-        scene.renderer.set_terrain(scene.terrain)
-        scene.live.begin(options.live_link)
-        scene.vmc.begin(options.vmc)
+        self.state.bare = options.saves_pictures and not options.panels
         settings.fit_to_motion = settings.fit_to_motion or options.fit_to_motion
+        scene.begin(options.camera or settings.camera, options.live_link, options.vmc)
         scene.open_character(options.character, options.joint_map, step=False)
         scene.load_terrain(options.terrain or settings.terrain)
         self.load_model(options.model or self.settings_window.chosen_model(options.offscreen), options.seed)
@@ -234,26 +228,40 @@ class Workspace:
                 )
 
     def overlays(self, live: Controller | None, others: list[Pose]) -> Overlays:
-        """What is drawn around the pose; `others` are drawn with it."""
+        """What is drawn around the pose; `others` are drawn with it, the trajectory only of a `live` character."""
         settings, playback = self.settings, self.takes.playback
-        frames: list[Pose] = []
-        over: list[Pose] = []
-        trails = None
         around = playback
         if around is None and (settings.show_ghosts or settings.show_trails) and not others:
             around = self.takes.memory(MEMORY_S)
-        if around is not None and settings.show_ghosts:
-            frames = ghosts(around, round(settings.ghost_frames))
-        if around is not None and settings.show_trails:
-            trails = self.trails.around(around)
-        figure, references = None, self.references
-        compared = None if playback is None else references.pose(playback)
-        if playback is not None and compared is not None:
-            figure = references.figure(playback, compared)
-            if figure is None:
-                (over if references.reference.over else others).append(compared)
-        pins = None if others and playback is None else self.pins.overlay()
-        return make_overlays(settings, live, self.path.overlay(), others, over, trails, pins, figure, frames)
+        figure, over = self._reference(playback, others)
+        shows_ghosts, shows_trails = settings.show_ghosts, settings.show_trails
+        return Overlays(
+            trajectory=trajectory_overlay(live) if live is not None and settings.show_trajectory else None,
+            show_skeleton=settings.show_skeleton,
+            show_contacts=settings.show_contacts,
+            show_grid=settings.show_grid,
+            path=self.path.overlay(),
+            trails=self.trails.around(around) if around is not None and shows_trails else None,
+            pins=None if others and playback is None else self.pins.overlay(),
+            ghosts=over,
+            frames=ghosts(around, round(settings.ghost_frames))
+            if around is not None and shows_ghosts
+            else [],
+            extra_poses=others,
+            figure=figure,
+        )
+
+    def _reference(self, playback: Playback | None, others: list[Pose]) -> tuple[Figure | None, list[Pose]]:
+        """What the take that plays is compared with: a figure of its own, a ghost over it, or one of the `others`."""
+        references = self.references
+        pose = None if playback is None else references.pose(playback)
+        if playback is None or pose is None:
+            return None, []
+        figure = references.figure(playback, pose)
+        if figure is not None or references.reference.over:
+            return figure, [] if figure is not None else [pose]
+        others.append(pose)
+        return None, []
 
     def shown_pose(self) -> Pose:
         """The pose in view: that of the take that plays, or the live one."""

@@ -19,7 +19,7 @@ from runtime.errors import DisplayError, UsageError
 from tests.faults.faults import display
 from tests.helpers.app_driver import InjectedPads, Start, run
 from tests.helpers.viewer_fakes import fake_services
-from viewer import app as app_module
+from viewer import process
 from viewer.app import App
 from viewer.gl_bindings import imgui
 from viewer.options import ViewOptions
@@ -114,18 +114,17 @@ def test_without_a_display_every_picture_is_drawn_to_its_end(
 
 
 def test_memory_that_shrank_is_given_back_again_when_it_grows(
-    start: Start, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    app = start()
+    watch = process.MemoryWatch()
     held = iter((500.0, 500.0, 300.0, 330.0, 310.0))
     given: list[float] = []
-    monkeypatch.setattr(app_module, "resident_mb", lambda: next(held))
-    monkeypatch.setattr(app_module, "give_back_freed", partial(given.append, 1.0))
-    app._trimmed_mb = 0.0
+    monkeypatch.setattr(process, "resident_mb", lambda: next(held))
+    monkeypatch.setattr(process, "give_back_freed", partial(given.append, 1.0))
     for _ in range(3):
-        app._look_at_memory()
+        watch.look()
     assert len(given) == 2
-    assert app.state.stats.memory_mb == 310.0
+    assert watch.mb == 310.0
 
 
 def test_change_of_scale_does_not_add_up(start: Start) -> None:

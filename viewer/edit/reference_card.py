@@ -116,7 +116,7 @@ class ReferenceCard:
         Under the view where that place is taken or too narrow.
         """
         reference = self.reference
-        bar = imgui.internal.find_window_by_name("Desk")
+        bar = imgui.internal.find_window_by_name("Session")
         taken = 0.0 if bar is None or not bar.active else bar.size.x + px(panels.CARD_MARGIN)
         room = (view.width - 2 * px(panels.CARD_MARGIN) - taken) / px(1.0)
         at_top = room >= SMALL_LINE_WIDTH and not self.corner_taken()

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from enum import Enum, auto
 from typing import Any
 
 from viewer.gl_bindings import imgui
+from viewer.input.devices import Devices
 
 OVER = "##overlay"  # ends the names of windows over everything
 _IMPLICIT = "Debug##"  # ImGui's own window, which is never shown
@@ -49,14 +51,11 @@ class Focus:
         drawn = [window.name for window in context.windows if window.active]
         over = tuple(name for name in drawn if name.endswith(OVER))
         opened, self.windows = [name for name in over if name not in self.windows], over
-        pressed = context.active_id_window
-        background = pressed is not None and context.active_id == pressed.move_id
-        held = context.active_id != 0 and not background
-        moves = bool(context.nav_move_submitted or context.nav_next_activate_id)  # to a field, or by Tab
-        if held or moves or len(context.open_popup_stack):
+        popup, moves = len(context.open_popup_stack) > 0, _moves_to_field(context)
+        if popup or moves or _holds_item(context):
             if not any(map(imgui.is_mouse_clicked, range(3))):  # which ImGui acts on at the end of the frame
                 self.holder = _owner(context.nav_window) or self.holder
-            self.use = Use.UNSURE if moves and not len(context.open_popup_stack) else Use.OPEN
+            self.use = Use.UNSURE if moves and not popup else Use.OPEN
             return
         if opened:
             self.holder = opened[-1]
@@ -79,6 +78,77 @@ class Focus:
         if name:
             imgui.internal.nav_init_window(imgui.internal.find_window_by_name(name), True)
             imgui.set_nav_cursor_visible(True)
+
+
+@dataclass
+class KeyRouter:
+    """Gives keys to the view while it has them; keys that come before it is sure whose they are wait."""
+
+    focus: Focus
+    devices: Devices
+    asks_text: Callable[[], bool]  # a field waits for the keyboard
+    refuse: Callable[[], None]  # says that a panel has the keys
+    _waiting: list[tuple[str, bool]] = field(default_factory=list)  # name, whether it went down
+    _ctrl: bool = False  # is down
+    # Enter was pressed in the view: letters that follow within a slow frame are the field's
+    _field_entered: bool = False
+
+    @property
+    def typing(self) -> bool:
+        """Whether keys are text: also in the frames until ImGui says so, in which a slow machine gets several keys."""
+        entered = imgui.internal.get_input_text_state(imgui.internal.get_active_id()) is not None
+        return bool(imgui.get_io().want_text_input or entered or self.asks_text())
+
+    def key(self, name: str, down: bool) -> bool:
+        """Take a key; whether it acts in the view."""
+        if self._waiting or self.focus.use is Use.UNSURE:
+            self._waiting.append((name, down))
+            return False
+        return self._take(name, down)
+
+    def begin_frame(self) -> None:
+        """Take the keys that waited, once it is sure whose they are."""
+        if self.focus.use is not Use.UNSURE:
+            waiting, self._waiting = self._waiting, []
+            for name, down in waiting:
+                self._take(name, down)
+
+    def end_enter(self) -> None:
+        """The field that Enter opened has the keyboard, or none has."""
+        self._field_entered = False
+
+    def lose_window(self) -> None:
+        """The window lost the focus: no key is down any more."""
+        self.devices.keyboard.release_all()
+        self._ctrl = False
+        self._waiting.clear()
+
+    def _take(self, name: str, down: bool) -> bool:
+        """Function keys act always, all others while the view has the keys. Whether this one does."""
+        typing, in_view = self.typing or self._field_entered, self.focus.in_view
+        self.devices.keyboard.key(name, down, typing or not in_view)
+        if name == "ctrl":
+            self._ctrl = down
+        if typing or not down:
+            return False
+        if in_view:
+            self._field_entered = self._field_entered or name == "enter"
+            return True
+        if not self._ctrl and self.focus.use is Use.NONE and self.devices.acts_alone(name):
+            self.refuse()
+        return False
+
+
+def _holds_item(context: Any) -> bool:
+    """Whether the mouse or a key holds an item; a window that is moved by its background is none."""
+    pressed = context.active_id_window
+    background = pressed is not None and context.active_id == pressed.move_id
+    return context.active_id != 0 and not background
+
+
+def _moves_to_field(context: Any) -> bool:
+    """Whether the keyboard goes to another item, by Tab or because a field asked for it."""
+    return bool(context.nav_move_submitted or context.nav_next_activate_id)
 
 
 def window_at(x: float, y: float) -> str:

@@ -47,6 +47,10 @@ class SettingsWindow:
     use_scale: Callable[[float], None]  # of the interface
     shown: bool = False
 
+    def open(self) -> None:
+        """Show it."""
+        self.shown = True
+
     def toggle(self) -> None:
         """Open or close it."""
         self.shown = not self.shown

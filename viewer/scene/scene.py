@@ -154,10 +154,15 @@ class Scene:
         self.camera.use(mode)
         self.settings.camera = mode
 
-    def begin_camera(self, name: str) -> None:
-        """The camera of a start: follow, orbit, or a view."""
-        self._first_view = name if name in VIEWS else ""
-        self.camera.use("orbit" if self._first_view else name)
+    def begin(self, camera: str, live_link: str | None, vmc: str | None) -> None:
+        """Show the first ground by a camera (follow, orbit, or a view), and send poses to addresses; UsageError."""
+        self.terrain_names = self.services.terrain_names()
+        self.quality = self.renderer.quality.name
+        self._first_view = camera if camera in VIEWS else ""
+        self.camera.use("orbit" if self._first_view else camera)
+        self.renderer.set_terrain(self.terrain)
+        self.live.begin(live_link)
+        self.vmc.begin(vmc)
 
     def view(self, name: str) -> None:
         """Look at the character from a place of `VIEWS`."""

@@ -198,7 +198,7 @@ def test_the_card_hides_nobody(start: Start, tmp_path: Path, size: tuple[int, in
     assert app.takes.playback is not None
     app.takes.playback.playing = False
     run(app, 60)
-    desk = imgui.internal.find_window_by_name("Desk")
+    desk = imgui.internal.find_window_by_name("Session")
     bar = (desk.pos.x, desk.pos.y, desk.pos.x + desk.size.x, desk.pos.y + desk.size.y)
     assert apart(card_box(app), bar)
     assert apart(card_box(app), body_box(app))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from runtime.atomic import check_target
 from runtime.errors import UsageError
-from runtime.options import spec_of, specified
+from runtime.options import Spec, spec_of, specified
 from runtime.prompts.blend import ALL_A, Weights
 from viewer.settings import CAMERAS, QUALITIES, VIEWS
 
@@ -60,17 +60,18 @@ class ViewOptions:
         """UsageError naming the option when a value cannot be used, FileError when a file cannot be written."""
         for name in (entry.name for entry in fields(self)):
             value, spec = getattr(self, name), spec_of(self, name)
-            if not spec.flag or value is None or spec.allows(value):
-                continue
-            if spec.choices is not None:
-                expected = " or ".join(filter(None, spec.choices))
-            else:
-                upper = "or more" if spec.high == math.inf else f"to {spec.high:.7g}{spec.unit}"
-                expected = f"{spec.low:g} {upper}"
-            raise UsageError(f"{spec.flag} {value}: expected {expected}.", "Choose another value.")
+            if spec.flag and value is not None and not spec.allows(value):
+                raise UsageError(f"{spec.flag} {value}: expected {_expected(spec)}.", "Choose another value.")
         if self.frames_directory is not None:
             if not self.offscreen:
                 raise UsageError("--save-frames: works with --offscreen only.", "Add --offscreen.")
             check_target(self.frames_directory.expanduser() / "frame_00000.png")
         if self.screenshot is not None:
             check_target(self.screenshot.expanduser())
+
+
+def _expected(spec: Spec) -> str:
+    """The values that an option may have, in words."""
+    if spec.choices is not None:
+        return " or ".join(filter(None, spec.choices))
+    return f"{spec.low:g} " + ("or more" if spec.high == math.inf else f"to {spec.high:.7g}{spec.unit}")

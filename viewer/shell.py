@@ -70,9 +70,19 @@ class Shell:
             self.state.help_open = False
             return True
 
-        shown = lambda: self.state.help_open  # noqa: E731
-        controls = Panel("Controls", PanelPlace.WINDOW, lambda _: self._help(), shown=shown, close=close_help)
-        self.panels = [*self.panels, controls]
+        def draw_crouching(view: Rect) -> None:
+            widgets.sign(view, f"{ICON.person} Crouching (C stands up)", theme.TEXT)
+
+        state, takes = self.state, self.editing.takes
+        crouching = lambda: state.crouching and not takes.recording  # noqa: E731
+        self.panels = [
+            *self.panels,
+            Panel("Crouching", PanelPlace.SIGN, draw_crouching, shown=crouching),
+            Panel(
+                "Controls", PanelPlace.WINDOW, lambda _: self._help(), shown=lambda: state.help_open,
+                close=close_help,
+            ),
+        ]  # fmt: skip
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
@@ -175,8 +185,6 @@ class Shell:
             self._windows += [panel.name for panel in self._shown(PanelPlace.VIEW)]
             self._draw_over(PanelPlace.VIEW, replace(view, height=max(below - view.y, 0.0)))
         self._draw_over(PanelPlace.WINDOW, view)
-        if self.state.crouching and not self.editing.takes.recording:
-            widgets.sign(view, f"{ICON.person} Crouching (C stands up)", theme.TEXT)
         self.focus.update()
         if self.focus.in_view:
             self.messages.settle(_KEYS)

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from runtime.pose import Pose
 from runtime.session.prompt_blend import Side
 from runtime.session.session import Variant
 from runtime.skeleton import SPORT_SKELETON
@@ -19,7 +18,6 @@ from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.prompt.prompt_field import is_active, undo_keys
-from viewer.render.camera import Camera
 
 SEED_WIDTH = 112.0  # pixels at scale 1
 
@@ -131,8 +129,9 @@ def _buttons(compare: CompareView) -> None:
         compare.close()
 
 
+Place = tuple[float, float]  # on the screen
 HEAD = SPORT_SKELETON.index("Head")
-OVER_HEAD_M = 0.34
+OVER_HEAD = np.array([0.0, 0.34, 0.0])  # metres
 HALF_WIDTH_M = 0.4  # of a character, to be clicked
 WIDEST, NARROWEST = 190.0, 60.0  # pixels at scale 1
 PAD, LEAST_NAME = 6.0, 56.0
@@ -143,55 +142,48 @@ def names_panel(compare: CompareView) -> Panel:
     """The names; a click on a character keeps it."""
 
     def draw_names(view: Rect) -> None:
-        clicked = _draw_names(compare, compare.scene.camera.current, view)
-        if clicked >= 0:
-            compare.keep(clicked)
+        camera, size = compare.scene.camera.current, imgui.get_io().display_size
+        heads = [on_screen(camera, pose.positions[HEAD] + OVER_HEAD, size) for pose in compare.poses]
+        feet = [on_screen(camera, np.asarray(pose.root_position, float), size) for pose in compare.poses]
+        free = not imgui.get_io().want_capture_mouse
+        compare.hovered = _under_mouse(heads, feet) if free else -1
+        width = _name_width([head for head in heads if head is not None])
+        for index, head in enumerate(heads):
+            if head is not None and view.x <= head[0] <= view.x + view.width:
+                _draw_name(compare, index, head, feet[index], width, view)
+        if compare.hovered >= 0:
+            imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
+            if imgui.is_mouse_clicked(0):
+                compare.keep(compare.hovered)
 
     return Panel("Names", PanelPlace.SIGN, draw_names, shown=lambda: compare.open)
 
 
-def _draw_names(compare: CompareView, camera: Camera, view: Rect) -> int:
-    """Draw the names behind the panels; the index of the character that was clicked in this frame, -1 for none."""
-    io, poses = imgui.get_io(), compare.poses
-    heads = [on_screen(camera, _over(pose), io.display_size) for pose in poses]
-    feet = [on_screen(camera, np.asarray(pose.root_position, float), io.display_size) for pose in poses]
-    free = not io.want_capture_mouse
-    compare.hovered = _under_mouse(heads, feet) if free else -1
-    widths = _widths([head for head in heads if head is not None])
-    for i, ((name, seed), head) in enumerate(zip(names(compare.variants), heads, strict=False)):
-        if head is not None and view.x <= head[0] <= view.x + view.width:
-            texts = ("…", "") if compare.variants[i].number in compare.asked else (name, seed)
-            # of two rows the first has its names under the feet: over the heads they would cover the second
-            foot = feet[i] if i < (len(poses) + 1) // 2 and len(poses) > LONGEST_ROW else None
-            hovered = i == compare.hovered
-            if widths < px(NUMBERS_ALONE) and not hovered:  # the panel has the names
-                text = f"{i + 1}"
-            else:
-                room = px(WIDEST) if hovered else widths
-                text = _fitted(f"{i + 1}", *texts, room - 2 * px(PAD))
-            _label(text, _below(foot) or head, hovered, view)
-    if compare.hovered >= 0:
-        imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
-    return compare.hovered if free and imgui.is_mouse_clicked(0) else -1
+def _draw_name(
+    compare: CompareView, index: int, head: Place, foot: Place | None, width: float, view: Rect
+) -> None:
+    """The number and name of a character at a place on the screen, as wide as there is room."""
+    hovered, count = index == compare.hovered, len(compare.poses)
+    if width < px(NUMBERS_ALONE) and not hovered:  # the panel has the names
+        text = f"{index + 1}"
+    else:
+        asked = compare.variants[index].number in compare.asked
+        name, seed = ("…", "") if asked else names(compare.variants)[index]
+        text = _fitted(f"{index + 1}", name, seed, (px(WIDEST) if hovered else width) - 2 * px(PAD))
+    # of two rows the first has its names under the feet: over the heads they would cover the second
+    if foot is not None and index < (count + 1) // 2 and count > LONGEST_ROW:
+        head = foot[0], foot[1] + 2.0 * imgui.get_text_line_height()
+    _label(text, head, hovered, view)
 
 
-def _over(pose: Pose) -> np.ndarray:
-    return np.asarray(pose.positions[HEAD] + np.array([0.0, OVER_HEAD_M, 0.0]))
-
-
-def _below(foot: tuple[float, float] | None) -> tuple[float, float] | None:
-    """Where the name of a character stands under its feet."""
-    return None if foot is None else (foot[0], foot[1] + 2.0 * imgui.get_text_line_height())
-
-
-def _widths(heads: list[tuple[float, float]]) -> float:
+def _name_width(heads: list[Place]) -> float:
     """Pixels for one name, so that neighbours at about the same height do not overlap."""
     line = 1.5 * imgui.get_text_line_height()
     gaps = [abs(a[0] - b[0]) for k, a in enumerate(heads) for b in heads[:k] if abs(a[1] - b[1]) < line]
     return min(max(min(gaps, default=px(WIDEST)) - px(6), px(NARROWEST)), px(WIDEST))
 
 
-def _under_mouse(heads: list[tuple[float, float] | None], feet: list[tuple[float, float] | None]) -> int:
+def _under_mouse(heads: list[Place | None], feet: list[Place | None]) -> int:
     """The nearest character whose box or name is under the mouse; -1 for none."""
     mouse, best = imgui.get_io().mouse_pos, (math.inf, -1)
     for i, (head, foot) in enumerate(zip(heads, feet, strict=True)):
@@ -213,7 +205,7 @@ def _fitted(number: str, name: str, seed: str, width: float) -> str:
     return widgets.elided(f"{number}  {name}", room) + seed
 
 
-def _label(text: str, head: tuple[float, float], hovered: bool, view: Rect) -> None:
+def _label(text: str, head: Place, hovered: bool, view: Rect) -> None:
     drawing, pad = imgui.get_background_draw_list(), px(PAD)
     size = imgui.calc_text_size(text)
     left = min(max(head[0] - size.x / 2, view.x + pad), view.x + view.width - size.x - pad)

@@ -206,7 +206,6 @@ class Exporting:
             self._failed,
             writing=f"the export of {take.title}",
             cancel=self.cancel if form.format.film else None,
-            doing=f"Exporting {take.title}",
         )
 
     def cancel(self) -> None:
@@ -241,22 +240,21 @@ class Exporting:
 
     def _options(self, form: ExportForm, take: Take, path: Path) -> ExportOptions:
         """The options of the form that its format has, for a take that goes to a path."""
-        fps = take.made.header.fps
+        fps, bones = take.made.header.fps, form.engine and ENGINES[form.engine].bones
         chosen: dict[str, Any] = {name: getattr(form, name) for name in form.format.options} | {
             "fps": form.fps or fps,
             "strides": form.strides if form.loop else 1,
-            "humanoid_names": form.humanoid_names and bool(form.engine and ENGINES[form.engine].bones),
+            "humanoid_names": form.humanoid_names and bool(bones),
             "with_ground": form.ground == "inside",
             "character": self.scene.character_path if form.own_character else None,
             "fit_to_motion": self.scene.settings.fit_to_motion,
         }
-        chosen = {name: value for name, value in chosen.items() if form.has(name)}
+        options = ExportOptions(**{name: value for name, value in chosen.items() if form.has(name)})
         if form.trimmed and take.trimmed:
             first, last = take.range
-            chosen |= {"start_s": first / fps, "end_s": last / fps}
+            options = replace(options, start_s=first / fps, end_s=last / fps)
         if form.has("ground") and form.ground.startswith("."):
-            chosen["ground_out"] = path.with_name(f"{path.stem}-ground{form.ground}")
-        options = ExportOptions(**chosen)
+            options = replace(options, ground_out=path.with_name(f"{path.stem}-ground{form.ground}"))
         options.check()
         return options
 

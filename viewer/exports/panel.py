@@ -19,6 +19,7 @@ TOGGLES = (
     "in_place", "ground_root", "at_origin", "rest_frame", "animation_only", "humanoid_names", "captions", "quality",
     "loop", "trimmed", "own_character",
 )  # fmt: skip
+VALUES = {"quality": ("software", "high")}  # of toggles that are not False and True: off and on
 
 
 def panel(exporting: Exporting) -> Panel:
@@ -98,15 +99,16 @@ def _toggles(exporting: Exporting, trimmed: bool) -> None:
         "trimmed": trimmed,
         "own_character": own is not None,
     }
+    hints = {"own_character": f"{own.name if own else ''} in the place of the mannequin"}
+    names = [name for name in TOGGLES if form.has(name) and applies.get(name, True)]
     width = widgets.column_width(2)
-    for number, name in enumerate(name for name in TOGGLES if form.has(name) and applies.get(name, True)):
-        spec, on = spec_of(form, name), getattr(form, name) in (True, "high")
-        hint = f"{own.name} in the place of the mannequin" if own and name == "own_character" else spec.hint
+    for number, name in enumerate(names):
+        spec, values = spec_of(form, name), VALUES.get(name, (False, True))
+        on = getattr(form, name) == values[1]
         if number % 2:
             widgets.same_line()
-        now = widgets.toggle(spec.label, on, width, hint)
-        if now != on:
-            state.choose(**{name: ("high" if now else "software") if name == "quality" else now})
+        if widgets.toggle(spec.label, on, width, hints.get(name, spec.hint)) != on:
+            state.choose(**{name: values[not on]})
     if state.form.loop and state.form.has("loop"):
         spec = spec_of(form, "strides")
         widgets.row(spec.label, spec.hint)

@@ -51,18 +51,18 @@ class Focus:
         drawn = [window.name for window in context.windows if window.active]
         over = tuple(name for name in drawn if name.endswith(OVER))
         opened, self.windows = [name for name in over if name not in self.windows], over
-        popup, moves = len(context.open_popup_stack) > 0, _moves_to_field(context)
-        if popup or moves or _holds_item(context):
+        use = _use_of(context)
+        if use is not Use.NONE:
             if not any(map(imgui.is_mouse_clicked, range(3))):  # which ImGui acts on at the end of the frame
                 self.holder = _owner(context.nav_window) or self.holder
-            self.use = Use.UNSURE if moves and not popup else Use.OPEN
+            self.use = use
             return
         if opened:
             self.holder = opened[-1]
         elif self.use is Use.OPEN or (self.holder and self.holder not in drawn):
             self.release()
-        done = self.use is not Use.OPEN and not len(context.input_events_queue)
-        self.use = Use.NONE if done else Use.UNSURE
+        waits = self.use is Use.OPEN or len(context.input_events_queue)
+        self.use = Use.UNSURE if waits else Use.NONE
         if _owner(context.nav_window) != self.holder:
             imgui.set_window_focus(self.holder or None)
 
@@ -127,28 +127,25 @@ class KeyRouter:
         """Function keys act always, all others while the view has the keys. Whether this one does."""
         typing, in_view = self.typing or self._field_entered, self.focus.in_view
         self.devices.keyboard.key(name, down, typing or not in_view)
-        if name == "ctrl":
-            self._ctrl = down
+        self._ctrl = down if name == "ctrl" else self._ctrl
         if typing or not down:
             return False
         if in_view:
-            self._field_entered = self._field_entered or name == "enter"
-            return True
-        if not self._ctrl and self.focus.use is Use.NONE and self.devices.acts_alone(name):
+            self._field_entered |= name == "enter"
+        elif not self._ctrl and self.focus.use is Use.NONE and self.devices.acts_alone(name):
             self.refuse()
-        return False
+        return in_view
 
 
-def _holds_item(context: Any) -> bool:
-    """Whether the mouse or a key holds an item; a window that is moved by its background is none."""
+def _use_of(context: Any) -> Use:
+    """What is in use: a popup, an item that is held, or one that the keyboard goes to, by Tab or for a field."""
+    if len(context.open_popup_stack):
+        return Use.OPEN
+    if context.nav_move_submitted or context.nav_next_activate_id:
+        return Use.UNSURE
     pressed = context.active_id_window
-    background = pressed is not None and context.active_id == pressed.move_id
-    return context.active_id != 0 and not background
-
-
-def _moves_to_field(context: Any) -> bool:
-    """Whether the keyboard goes to another item, by Tab or because a field asked for it."""
-    return bool(context.nav_move_submitted or context.nav_next_activate_id)
+    background = pressed is not None and context.active_id == pressed.move_id  # a window that is moved
+    return Use.OPEN if context.active_id != 0 and not background else Use.NONE
 
 
 def window_at(x: float, y: float) -> str:

@@ -88,16 +88,16 @@ class Guide:
 
 def panel(guide: Guide, covered: Callable[[], bool]) -> Panel:
     """The card; not shown while it would be `covered`, or cover."""
-    return Panel(
-        "First minute", PanelPlace.VIEW, lambda view: draw(guide, view),
-        shown=lambda: guide.shown and not covered(),
-    )  # fmt: skip
+
+    def draw(view: Rect) -> None:
+        if view.height >= px(MIN_HEIGHT) and view.width >= px(WIDTH + 4 * panels.CARD_MARGIN):
+            _draw(guide, view)
+
+    return Panel("First minute", PanelPlace.VIEW, draw, shown=lambda: guide.shown and not covered())
 
 
-def draw(guide: Guide, view: Rect) -> None:
-    """The card under the session's bar; nothing where the view is too low for it."""
-    if view.height < px(MIN_HEIGHT) or view.width < px(WIDTH + 4 * panels.CARD_MARGIN):
-        return
+def _draw(guide: Guide, view: Rect) -> None:
+    """The card under the session's bar."""
     small = min(view.height, view.width) < px(SMALL_VIEW)
     # in a small view next to the feet, where it covers no head
     width = SMALL_WIDTH if small else WIDTH

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 from runtime.character.guess import JointGuess
 from runtime.character.joints import NEEDED
 from runtime.character.tree import JointTree
@@ -89,12 +91,9 @@ def _file_joints(state: JointsState, guess: JointGuess) -> None:
 def _mapped_joint(mapping: JointMapping, guess: JointGuess, joint: int) -> None:
     """One of the project's joints with the list of those that may play it."""
     state, name = mapping.state, SPORT_SKELETON.names[joint]
-    depth, k = 0, SPORT_SKELETON.parents[joint]
-    while k >= 0:
-        depth, k = depth + 1, SPORT_SKELETON.parents[k]
     x, plays, by_hand = imgui.get_cursor_pos_x(), state.plays(name), name in state.chosen
     lost = name in NEEDED and not plays
-    imgui.set_cursor_pos_x(x + px(INDENT) * 0.8 * depth)
+    imgui.set_cursor_pos_x(x + px(INDENT) * 0.8 * _depth(joint))
     imgui.align_text_to_frame_padding()
     with widgets.color(imgui.Col_.text, theme.ERROR if lost else theme.TEXT if plays else theme.MUTED):
         imgui.text_unformatted(name)
@@ -108,6 +107,13 @@ def _mapped_joint(mapping: JointMapping, guess: JointGuess, joint: int) -> None:
     if opened:
         _choices(mapping, guess, name, plays)
         imgui.end_combo()
+
+
+@cache
+def _depth(joint: int) -> int:
+    """How many joints are above one of the project's."""
+    parent = SPORT_SKELETON.parents[joint]
+    return 0 if parent < 0 else 1 + _depth(parent)
 
 
 def _choices(mapping: JointMapping, guess: JointGuess, name: str, plays: str) -> None:

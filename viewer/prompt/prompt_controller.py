@@ -316,12 +316,19 @@ class PromptController:
             if question and (opened or (question.answered and not question.held_by(prompt.answers[side]))):
                 self._give_up(side)
         self._fill(shown, prompt, every=opened)
-        same = same_answers(shown, prompt)
         if self._adopting:
             self._due_seconds = None
-        elif not same or (shown.weights, shown.shares) != (prompt.weights, prompt.shares):
-            live = same and (self.editor.dragging or shown.weights == prompt.weights)
-            self._hand_over_within(LIVE_SECONDS if live else self.settings.blend_seconds)
+        else:
+            self._change_style(shown, prompt)
+
+    def _change_style(self, old: PromptBlend, new: PromptBlend) -> None:
+        """Have the character change from one blend to another: at once while only weights are dragged or measured."""
+        same_weights = old.weights == new.weights
+        if not same_answers(old, new):
+            self._hand_over_within(self.settings.blend_seconds)
+        elif not same_weights or old.shares != new.shares:
+            at_once = self.editor.dragging or same_weights
+            self._hand_over_within(LIVE_SECONDS if at_once else self.settings.blend_seconds)
 
     def _hand_over_within(self, seconds: float) -> None:
         seconds = seconds if self._styled else min(seconds, FIRST_STYLE_SECONDS)

@@ -56,7 +56,9 @@ class PromptPanel:
     model: str = ""  # the loaded one's name
     search: str = ""
     tab_requested: str = ""  # "blend": shown from the next frame on
-    _weak: dict[str, float | None] = field(default_factory=dict)  # `weakly_shown` of each part
+    _weak: dict[str, float | None] = field(
+        default_factory=lambda: dict.fromkeys(PART_NAMES)
+    )  # `weakly_shown` of each part
     _weak_of: tuple[object, str] = (None, "")  # answer and model for which that holds
 
     def use_model(self, loaded: Loaded, given: GptSettings | None, again: bool = True) -> None:
@@ -182,19 +184,8 @@ class PromptPanel:
         weight = blend.weights[PART_NAMES.index(part)]
         if blend.b is not None and weight > 0.0:
             _mark(f"{weight:.0%} of B", theme.MUTED)
-        side, size = px(LABEL_HEIGHT + 3), LABEL_HEIGHT + 3
-        if answer is not None and edited:
-            imgui.set_cursor_pos(imgui.ImVec2(top.x + width - 2 * side - px(2), top.y - px(2)))
-            hint = f"Back to what was said: “{getattr(answer.said, part)}”"
-            if widgets.icon_button(ICON.original, "reset", hint, size=size):
-                self.controller.reset_part(part)
-        imgui.set_cursor_pos(imgui.ImVec2(top.x + width - side, top.y - px(2)))
-        keep, locks = (
-            "Keep these words when the prompt changes",
-            "Locked: the next prompt leaves these words alone",
-        )
-        if _lock_button("lock", locked, locks if locked else keep, size):
-            self.controller.toggle_lock(part)
+        said = getattr(answer.said, part) if answer is not None and edited else ""
+        _part_buttons(part, said, locked, imgui.ImVec2(top.x + width, top.y - px(2)), self.controller)
         imgui.set_cursor_pos(imgui.ImVec2(top.x, top.y + px(LABEL_HEIGHT + 2)))
 
     def _ready(self) -> None:
@@ -283,13 +274,13 @@ def _missing(controller: PromptController, answer: Answer | None, asked: bool) -
     """What is said in the place of an answer that is not there; "" for one to be shown."""
     if not controller.available:
         return f"{ICON.warning} Prompts need a motion model."
-    if answer is None and (asked or controller.loading):
-        return f"{ICON.clock} {'Loading' if controller.loading else 'Preparing the style'}…"
     if answer is None:
-        return f"{ICON.note} Type a prompt."
-    if answer.prompt and not asked and not any(box.text.strip() for box in controller.boxes):
-        return f"{ICON.note} Type a prompt; “{answer.prompt}” goes on until then."
-    return ""
+        if controller.loading:
+            return f"{ICON.clock} Loading…"
+        return f"{ICON.clock} Preparing the style…" if asked else f"{ICON.note} Type a prompt."
+    if asked or not answer.prompt or any(box.text.strip() for box in controller.boxes):
+        return ""
+    return f"{ICON.note} Type a prompt; “{answer.prompt}” goes on until then."
 
 
 def _who(answer: Answer, asked: bool, model: str, rows: int) -> None:
@@ -375,6 +366,24 @@ def weakly_shown(blend: PromptBlend, part: str, model: str) -> float | None:
         return None
     shown = phrase_share(getattr(blend.a.words, part), part, model)
     return shown if shown is not None and shown < HARDLY else None
+
+
+def _part_buttons(
+    part: str, said: str, locked: bool, right: imgui.ImVec2, controller: PromptController
+) -> None:
+    """Reset to what the expander `said` where that was edited, and lock; they end at `right`."""
+    size = LABEL_HEIGHT + 3
+    if said:
+        imgui.set_cursor_pos(imgui.ImVec2(right.x - 2 * px(size) - px(2), right.y))
+        if widgets.icon_button(ICON.original, "reset", f"Back to what was said: “{said}”", size=size):
+            controller.reset_part(part)
+    imgui.set_cursor_pos(imgui.ImVec2(right.x - px(size), right.y))
+    hint = (
+        "Locked: the next prompt leaves these words alone" if locked
+        else "Keep these words when the prompt changes"
+    )  # fmt: skip
+    if _lock_button("lock", locked, hint, size):
+        controller.toggle_lock(part)
 
 
 def _part_field(part: str, words: str, height: float, controller: PromptController) -> None:

@@ -177,7 +177,7 @@ def _recording_times(frames: int) -> dict[str, float]:
 
     from runtime.session.motion import MotionHeader
     from runtime.session.session_file import ROW, SessionFile
-    from runtime.takes.driven_frames import COLUMNS
+    from runtime.takes.input_recording import COLUMNS
 
     rows, sticks = np.zeros((RECORDED_FRAMES, ROW), np.float32), np.zeros((RECORDED_FRAMES, COLUMNS))
     rows[:, 3:-5:4] = 1.0  # unit rotations

@@ -281,16 +281,16 @@ def mirror(tour: Tour) -> None:
     tour.picture("mirrored")
 
 
-def plants(tour: Tour) -> None:
+def footplants(tour: Tour) -> None:
     """A plant longer, and another one taken away."""
     app = tour.app
-    (_, end), *_ = app.pins.plants(0)
+    (_, end), *_ = app.pins.footplants(0)
     last = len(app.editor.session.takes[0].clip) - 1
     x, y = place(app, "##foot 0", share=end / last)
     tour.drag((x - 1.0, y), (x + 14.0, y))
     tour.leave()
     tour.picture("a plant longer")
-    at = next((a + b) / 2 for a, b in app.pins.plants(1) if b - a > 20)
+    at = next((a + b) / 2 for a, b in app.pins.footplants(1) if b - a > 20)
     x, y = place(app, "##foot 1", share=at / last)
     tour.right_click_at(x, y)
     tour.picture("the menu of a plant")
@@ -457,7 +457,7 @@ def rest(tour: Tour) -> None:
 
 
 STEPS = (
-    walk, prompt, record, retime, pin, plants, keys, looks, path, mirror, compare, steady, export,
+    walk, prompt, record, retime, pin, footplants, keys, looks, path, mirror, compare, steady, export,
     looks_of_the_scene, pad, rest,
 )  # fmt: skip
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from runtime.atomic import sweep
 from runtime.motion.controller import Controller
 from runtime.pose import Pose
-from runtime.takes.drive import DriveRecorder
+from runtime.takes.input_recording import InputRecorder
 from viewer.compare import panel as compare_panel
 from viewer.compare.compare_view import CompareView
 from viewer.edit import pin_card, transport
@@ -76,13 +76,13 @@ class Workspace:
         if problem:
             messages.warn(problem)
         self.editor = editor = Editor(messages, file)
-        drives, dialogs = DriveRecorder(), Dialogs(messages)
+        inputs, dialogs = InputRecorder(), Dialogs(messages)
         renderer = services.make_renderer(self.window.ctx, options.quality or settings.quality)
         self.scene = scene = Scene(
-            editor, settings, messages, jobs, services, self.window.ctx, renderer, drives,
+            editor, settings, messages, jobs, services, self.window.ctx, renderer, inputs,
             self.shown_pose, state_folder,
         )  # fmt: skip
-        self.takes = takes = Takes(editor, settings, messages, scene, jobs, drives)
+        self.takes = takes = Takes(editor, settings, messages, scene, jobs, inputs)
         self.prompting = prompting = PromptController(
             editor, settings, messages, jobs, lambda: scene.controller, takes.mark_style, options.offscreen
         )

@@ -62,21 +62,21 @@ class DocumentWriter:
         blobs = BlobWriter(self.put)
         return json.dumps(_session(session, InputWriter(blobs, self._once)), ensure_ascii=True)
 
-    def inputs(self) -> InputWriter:
+    def packer(self) -> InputWriter:
         """What packs the input of a motion."""
         return InputWriter(BlobWriter(self.put), self._once)
 
 
-def _session(session: Session, inputs: InputWriter) -> Json:
-    once, blobs = inputs.once, inputs.blobs
+def _session(session: Session, packer: InputWriter) -> Json:
+    once, blobs = packer.once, packer.blobs
     reference = session.reference
     return {
         "takes": [
-            once.get("take", take, lambda t=take: blobs.text(json.dumps(_take(t, inputs))))  # type: ignore[misc]
+            once.get("take", take, lambda t=take: blobs.text(json.dumps(_take(t, packer))))  # type: ignore[misc]
             for take in session.takes
         ],
-        "live": _take(session.live, inputs),
-        "ground": _ground(session.ground, inputs),
+        "live": _take(session.live, packer),
+        "ground": _ground(session.ground, packer),
         "character": _character(session.character),
         "model": {name: _label(v) if isinstance(v, str) else v for name, v in vars(session.model).items()},
         "reference": None
@@ -86,13 +86,13 @@ def _session(session: Session, inputs: InputWriter) -> Json:
             "video": _label(reference.video),
             "character": None if reference.character is None else _character(reference.character),
         },
-        "variants": [[v.number, inputs.prompt(v.prompt), v.seed] for v in session.variants],
+        "variants": [[v.number, packer.prompt(v.prompt), v.seed] for v in session.variants],
         "counter": session.counter,
         "selected": session.selected,
     }
 
 
-def _take(take: Take, inputs: InputWriter) -> Json:
+def _take(take: Take, packer: InputWriter) -> Json:
     return {
         "number": take.number,
         "motion": None if take.motion is None else take.motion.key,
@@ -101,32 +101,32 @@ def _take(take: Take, inputs: InputWriter) -> Json:
         "poses": take.poses.to_json() if take.poses else None,
         "cameras": [list(astuple(key)) for key in take.cameras],
         "path": [[p.x, p.z, p.speed, int(p.gait)] for p in take.path],
-        "prompt": inputs.prompt(take.prompt) if take.prompt.a is not None else None,
+        "prompt": packer.prompt(take.prompt) if take.prompt.a is not None else None,
         "mirrored": take.mirrored,
         "color": take.color,
         "recorded": take.recorded,
-        "ground": _ground(take.ground, inputs),
-        "own": _own(take.own, inputs),
+        "ground": _ground(take.ground, packer),
+        "own": _own(take.own, packer),
     }
 
 
-def _ground(ground: Ground | None, inputs: InputWriter) -> Json:
-    return None if ground is None else [_label(ground.spec), inputs.ground(ground.terrain)]
+def _ground(ground: Ground | None, packer: InputWriter) -> Json:
+    return None if ground is None else [_label(ground.spec), packer.ground(ground.terrain)]
 
 
 def _character(choice: CharacterChoice) -> Json:
     return {"shape": vars(choice.shape), "path": _label(choice.path), "key": choice.key}
 
 
-def _own(own: OwnSkeleton | None, inputs: InputWriter) -> Json:
+def _own(own: OwnSkeleton | None, packer: InputWriter) -> Json:
     if own is None:
         return None
 
     def packed() -> Json:
         middle, steps = own.packed()
-        return [list(own.parents), inputs.blobs.array(middle), inputs.blobs.data(steps)]
+        return [list(own.parents), packer.blobs.array(middle), packer.blobs.data(steps)]
 
-    return inputs.once.get("own skeleton", own, packed)
+    return packer.once.get("own skeleton", own, packed)
 
 
 def header_text(header: MotionHeader, recording: bool = False) -> str:
@@ -142,7 +142,7 @@ def header_text(header: MotionHeader, recording: bool = False) -> str:
         "placed": None if header.placed is None else list(header.placed),
         "size": header.size,
         "has_gaits": header.has_gaits,
-        "drivable": header.drivable,
+        "resimulable": header.resimulable,
         "recording": recording,
     }
     return json.dumps(value, ensure_ascii=True)
@@ -180,7 +180,7 @@ class DocumentReader:
     def _session(self, value: Json) -> Session:
         if len(value["takes"]) > MAX_TAKES or len(value["variants"]) > MAX_VARIANTS:
             raise ValueError(f"{len(value['takes'])} takes")
-        inputs = InputReader(self.blobs)
+        packer = InputReader(self.blobs)
         takes = tuple(map(self._take_of, value["takes"]))
         numbers = [take.number for take in takes]
         if len(set(numbers)) < len(numbers) or any(take.motion is None for take in takes) or 0 in numbers:
@@ -200,7 +200,7 @@ class DocumentReader:
             ),
             reference=None if value["reference"] is None else _read_reference(value["reference"]),
             variants=tuple(
-                Variant(read_whole(number), inputs.prompt(prompt), read_whole(seed))
+                Variant(read_whole(number), packer.prompt(prompt), read_whole(seed))
                 for number, prompt, seed in value["variants"]
             ),
             counter=max(counter, *numbers, 0),
@@ -291,7 +291,7 @@ def _read_header(value: Json) -> tuple[MotionHeader, bool]:
         placed=placed,
         size=size,
         has_gaits=value["has_gaits"] is True,
-        drivable=value["drivable"] is True,
+        resimulable=value["resimulable"] is True,
     )
     return header, value["recording"] is True
 

@@ -1,4 +1,4 @@
-"""What a take was driven by, as JSON and arrays: sticks, prompts, grounds, restarts and keyframes."""
+"""The input that made a take, as JSON and arrays: sticks, prompts, grounds, restarts and keyframes."""
 
 from __future__ import annotations
 
@@ -20,10 +20,19 @@ from runtime.session.frames import packed_table, unpacked_table
 from runtime.session.prompt_blend import Answer, PromptBlend
 from runtime.skeleton import PART_NAMES
 from runtime.takes.clip import MAX_DISTANCE_M, MAX_SIZE, MIN_SIZE
-from runtime.takes.drive import Change, Drive, GroundChange, Keyframe, Restart, StyleChange
-from runtime.takes.driven_frames import COLUMNS, DrivenFrames, are_asked
+from runtime.takes.footplants import MAX_FRAME
+from runtime.takes.input_recording import (
+    COLUMNS,
+    Change,
+    GroundChange,
+    InputFrames,
+    InputRecording,
+    Keyframe,
+    Restart,
+    StyleChange,
+    are_asked,
+)
 from runtime.takes.metadata import PromptEvent, event_from
-from runtime.takes.plants import MAX_FRAME
 from runtime.terrain.files import MAX_HEIGHT_M
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.mesh import MAX_SIDE
@@ -67,11 +76,11 @@ class InputWriter:
         return {"name": terrain.name, "cell_m": float(terrain.cell_m), "x": float(x), "z": float(z),
                 "note": terrain.note, "unit_m": terrain.unit_m, "heights": heights}  # fmt: skip
 
-    def drive(self, drive: Drive) -> Json:
+    def inputs(self, inputs: InputRecording) -> Json:
         """JSON of what drove a take, but for its sticks: see `pack_sticks`."""
         return {
-            "changes": [[c.frame, self._change(c)] for c in drive.changes],
-            "keyframes": [[key.frame, self._snapshot(key.snapshot)] for key in drive.keyframes],
+            "changes": [[c.frame, self._change(c)] for c in inputs.changes],
+            "keyframes": [[key.frame, self._snapshot(key.snapshot)] for key in inputs.keyframes],
         }
 
     def _snapshot(self, snapshot: Snapshot) -> str:
@@ -122,7 +131,7 @@ class InputReader:
 
     blobs: BlobReader
 
-    def drive(self, value: Json, frames: DrivenFrames) -> Drive:
+    def inputs(self, value: Json, frames: InputFrames) -> InputRecording:
         """What drove a take, of JSON and its sticks."""
         keyframes = tuple(self._keyframe(key) for key in value["keyframes"])
         changes = tuple(self._change(change) for change in value["changes"])
@@ -131,7 +140,7 @@ class InputReader:
             raise FileError(f"{self.blobs.path}: keyframes that do not fit the take.", REMEDY)
         if starts[-1] >= len(frames) + starts[0]:
             raise FileError(f"{self.blobs.path}: a keyframe after the take's end.", REMEDY)
-        return Drive(frames, changes, keyframes)
+        return InputRecording(frames, changes, keyframes)
 
     def _keyframe(self, value: Json) -> Keyframe:
         frame, number = value

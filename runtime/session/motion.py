@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 from runtime.errors import FileError
 from runtime.takes.clip import Clip
-from runtime.takes.drive import Drive
+from runtime.takes.input_recording import InputRecording
 from runtime.takes.metadata import UNKNOWN, UNMOVED, Origin, PromptEvent, describe
 
 
@@ -36,14 +36,14 @@ class MotionHeader:
     placed: tuple[float, ...] | None = UNMOVED
     size: float = 1.0
     has_gaits: bool = False
-    drivable: bool = False  # its input is known: it can be resimulated
+    resimulable: bool = False  # its input is known: it can be resimulated
 
     @staticmethod
-    def of(clip: Clip, drive: Drive | None) -> MotionHeader:
+    def of(clip: Clip, inputs: InputRecording | None) -> MotionHeader:
         """The header of a clip."""
         return MotionHeader(
             clip.name, clip.fps, len(clip), clip.terrain, clip.prompts, clip.origin, clip.gait_seconds,
-            clip.placed, clip.size, clip.gaits is not None, drive is not None,
+            clip.placed, clip.size, clip.gaits is not None, inputs is not None,
         )  # fmt: skip
 
     @property
@@ -69,7 +69,7 @@ class MotionSource(Protocol):
     def load_clip(self, key: str, header: MotionHeader) -> Clip:
         """The frames of a motion; FileError where the file does not give them back."""
 
-    def load_drive(self, key: str) -> Drive | None:
+    def load_inputs(self, key: str) -> InputRecording | None:
         """The input of a motion."""
 
 
@@ -81,19 +81,19 @@ class Motion:
         key: str,
         header: MotionHeader,
         clip: Clip | None = None,
-        drive: Drive | None = None,
+        inputs: InputRecording | None = None,
         source: MotionSource | None = None,
     ) -> None:
         self.key, self.header = key, header
-        self._clip, self._drive, self._source = clip, drive, source
+        self._clip, self._inputs, self._source = clip, inputs, source
         self._known_clip: weakref.ref[Clip] | None = None
-        self._known_drive: weakref.ref[Drive] | None = None
+        self._known_inputs: weakref.ref[InputRecording] | None = None
         self._lock = threading.Lock()
 
     @staticmethod
-    def of(clip: Clip, drive: Drive | None = None) -> Motion:
+    def of(clip: Clip, inputs: InputRecording | None = None) -> Motion:
         """A new motion."""
-        return Motion(uuid.uuid4().hex, MotionHeader.of(clip, drive), clip, drive)
+        return Motion(uuid.uuid4().hex, MotionHeader.of(clip, inputs), clip, inputs)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Motion) and self.key == other.key
@@ -115,19 +115,19 @@ class Motion:
             return known
 
     @property
-    def drive(self) -> Drive | None:
+    def inputs(self) -> InputRecording | None:
         """The input that made it; None where that is not known. FileError once where it cannot be read: then it is not."""
         with self._lock:
-            if not self.header.drivable:
+            if not self.header.resimulable:
                 return None
-            known = self._drive or (None if self._known_drive is None else self._known_drive())
+            known = self._inputs or (None if self._known_inputs is None else self._known_inputs())
             if known is None:
                 try:
-                    known = self._loaded_from().load_drive(self.key)
+                    known = self._loaded_from().load_inputs(self.key)
                 except FileError:
-                    self.header = replace(self.header, drivable=False)
+                    self.header = replace(self.header, resimulable=False)
                     raise
-                self._known_drive = None if known is None else weakref.ref(known)
+                self._known_inputs = None if known is None else weakref.ref(known)
             return known
 
     def stored(self, source: MotionSource) -> None:
@@ -135,8 +135,8 @@ class Motion:
         with self._lock:
             self._source = source
             self._known_clip = self._known_clip if self._clip is None else weakref.ref(self._clip)
-            self._known_drive = self._known_drive if self._drive is None else weakref.ref(self._drive)
-            self._clip = self._drive = None
+            self._known_inputs = self._known_inputs if self._inputs is None else weakref.ref(self._inputs)
+            self._clip = self._inputs = None
 
     @property
     def is_stored(self) -> bool:

@@ -95,7 +95,7 @@ class Take:
     motion: Motion | None = None
     name: str = ""  # given by the user; "": the motion's
     trim: tuple[int, int] | None = None  # first and last frame that are kept
-    poses: PoseEdits = NO_EDITS  # pins and foot plants
+    poses: PoseEdits = NO_EDITS  # pins and footplants
     cameras: tuple[CameraKey, ...] = ()
     path: tuple[Waypoint, ...] = ()  # drawn; () of a take with a motion: as the motion goes
     prompt: PromptBlend = NO_PROMPT  # of the live character; a motion has its own in its input
@@ -138,7 +138,7 @@ class Take:
         return self.range != (0, self.frames - 1)
 
     @property
-    def driven(self) -> Clip:
+    def base_clip(self) -> Clip:
         """Its frames before pins and plants; FileError where its file does not give them back."""
         clip = self.made.clip
         return _mirrored(self.made) if self.mirrored else clip
@@ -146,7 +146,7 @@ class Take:
     @property
     def clip(self) -> Clip:
         """All of its frames as they are shown."""
-        return _posed(self.made, self.mirrored, self.poses) if self.poses else self.driven
+        return _posed(self.made, self.mirrored, self.poses) if self.poses else self.base_clip
 
     @property
     def exported(self) -> Clip:

@@ -39,8 +39,7 @@ from runtime.session.session import CharacterChoice, Session, Take
 from runtime.session.sqlite_file import file_errors
 from runtime.skeleton import J
 from runtime.takes.clip import Clip, are_poses
-from runtime.takes.drive import Drive
-from runtime.takes.driven_frames import COLUMNS, DrivenFrames
+from runtime.takes.input_recording import COLUMNS, InputFrames, InputRecording
 from runtime.takes.metadata import PromptEvent, gait_seconds
 
 LOADED_CLIPS = 4  # whose frames stay in memory when nothing shows them
@@ -211,37 +210,40 @@ class SessionFile:
                 self._put_character(writer, choice)
 
     def _put_motion(self, writer: Writer, motion: Motion) -> None:
-        clip, drive = motion.clip, motion.drive
+        clip, inputs = motion.clip, motion.inputs
         check_motion(clip, self.path)
-        rows = None if drive is None else drive.frames.rows[-drive.start :]
+        rows = None if inputs is None else inputs.frames.rows[-inputs.start :]
         for part in pieces(len(clip)):
             content = _piece(clip, part) + (b"" if rows is None else pack_sticks(rows[part]))
             writer.put_frames(motion.key, part.start, part.stop - part.start, content)
-        if drive is not None:
-            writer.put_motion(motion.key + INPUT, self._input(drive))
+        if inputs is not None:
+            writer.put_motion(motion.key + INPUT, self._input(inputs))
         writer.put_motion(motion.key, header_text(motion.header))
 
-    def _input(self, drive: Drive) -> str:
+    def _input(self, inputs: InputRecording) -> str:
         """What drove a take, but for the sticks of its own frames."""
-        inputs = self._documents.inputs()
-        lead = drive.frames.rows[: -drive.start] if drive.start else drive.frames.rows[:0]
-        value = inputs.drive(drive) | {"lead": inputs.blobs.data(pack_sticks(lead)), "lead_frames": len(lead)}
+        packer = self._documents.packer()
+        lead = inputs.frames.rows[: -inputs.start] if inputs.start else inputs.frames.rows[:0]
+        value = packer.inputs(inputs) | {
+            "lead": packer.blobs.data(pack_sticks(lead)),
+            "lead_frames": len(lead),
+        }
         return json.dumps(value, ensure_ascii=True)
 
     def _put_character(self, writer: Writer, choice: CharacterChoice) -> None:
-        blobs = self._documents.inputs().blobs
+        blobs = self._documents.packer().blobs
         files = read_character_files(self.cache / choice.key)
         names = {name: blobs.data(content) for name, content in files.items()}
         writer.put_blob(f"character {choice.key}", json.dumps(names).encode("ascii"))
 
     # --- recording
 
-    def put_recorded(self, writer: Writer, key: str, header: str, drive: Drive | None) -> None:
+    def put_recorded(self, writer: Writer, key: str, header: str, inputs: InputRecording | None) -> None:
         """Put the header of a motion whose frames are in the file, and what drove it but for the sticks of these."""
         self._begin(writer)
         self._is_new(key)
-        if drive is not None:
-            writer.put_motion(key + INPUT, self._input(drive))
+        if inputs is not None:
+            writer.put_motion(key + INPUT, self._input(inputs))
         writer.put_motion(key, header)
 
     def begin_recording(self, header: MotionHeader) -> Recording:
@@ -284,18 +286,18 @@ class SessionFile:
         check_motion(clip, self.path)
         return clip
 
-    def load_drive(self, key: str) -> Drive | None:
+    def load_inputs(self, key: str) -> InputRecording | None:
         """The input of a motion; on any thread, FileError."""
         reader = self._reader()
 
-        def read() -> Drive:
+        def read() -> InputRecording:
             value = parse_json(self.database.motion(key + INPUT), 400_000)
             rows = [unpack_sticks(reader.blobs.data(value["lead"]), value["lead_frames"])]
             for size, content in self._pieces(key):
                 rows.append(unpack_sticks(content[BYTES * size :], size))
             table = np.concatenate(rows)
             reader.blobs.budget.spend(8 * table.size)
-            return InputReader(reader.blobs).drive(value, DrivenFrames(table))
+            return InputReader(reader.blobs).inputs(value, InputFrames(table))
 
         return reader.checked(read)
 
@@ -373,11 +375,11 @@ class Recording:
         rows: Float32Array,
         sticks: NDArray[np.float64] | None,
         prompts: tuple[PromptEvent, ...] = (),
-        drive: Drive | None = None,
+        inputs: InputRecording | None = None,
     ) -> None:
         """More frames `(T, 132)` as a `ClipRecorder` keeps them, with their sticks and settings `(T, 8)`.
 
-        `prompts` and `drive` are those of all frames so far where they are others than before.
+        `prompts` and `inputs` are those of all frames so far where they are others than before.
         """
         about = replace(
             self.header, frames=self.header.frames + len(rows), prompts=prompts or self.header.prompts
@@ -400,20 +402,22 @@ class Recording:
                 writer.drop_frames(self.key + TAIL)
             else:
                 writer.put_frames(self.key + TAIL, part, len(rows), _row_piece(rows, sticks))
-            self.file.put_recorded(writer, self.key, header_text(about, recording=True), drive)
+            self.file.put_recorded(writer, self.key, header_text(about, recording=True), inputs)
 
         self.file.database.submit(work)
 
-    def finish(self, clip: Clip, drive: Drive | None) -> Motion:
+    def finish(self, clip: Clip, inputs: InputRecording | None) -> Motion:
         """The motion that was recorded. Its frames are in the file already, unless they are more than the clip's."""
         whole = len(clip) == self.header.frames
         motion = (
-            Motion(self.key, MotionHeader.of(clip, drive), clip, drive) if whole else Motion.of(clip, drive)
+            Motion(self.key, MotionHeader.of(clip, inputs), clip, inputs)
+            if whole
+            else Motion.of(clip, inputs)
         )
         if whole:
             self.file.hold(self.key, motion)
         text = header_text(motion.header)
-        self.file.database.submit(partial(self.file.put_recorded, key=self.key, header=text, drive=drive))
+        self.file.database.submit(partial(self.file.put_recorded, key=self.key, header=text, inputs=inputs))
         return motion
 
 
@@ -471,13 +475,13 @@ def _recover(file: SessionFile, history: History, key: str, header: MotionHeader
         return
     header = replace(header, frames=frames)
     try:
-        drive = file.load_drive(key) if header.drivable else None
-        whole = drive is not None and len(drive) == frames
+        inputs = file.load_inputs(key) if header.resimulable else None
+        whole = inputs is not None and len(inputs) == frames
     except FileError:
         whole = False
     clip = file.load_clip(key, header)
     seconds = () if clip.gaits is None else tuple(gait_seconds(clip.gaits, clip.fps).items())
-    header = replace(header, gait_seconds=seconds, drivable=whole)
+    header = replace(header, gait_seconds=seconds, resimulable=whole)
     motion = Motion(key, header, source=file)
     session = with_new_take(
         history.present.session, Take(motion=motion, ground=history.present.session.ground)

@@ -105,10 +105,10 @@ def takes_in(folder: Path, problems: list[str]) -> list[list[Take]]:
             takes = list(history.present.session.takes)
             for take in takes:
                 if len(take.made.clip) != take.frames or (
-                    take.made.header.drivable and take.made.drive is None
+                    take.made.header.resimulable and take.made.inputs is None
                 ):
                     problems.append(f"{path.name}: {take.title} is not whole")
-                if not take.made.header.drivable:
+                if not take.made.header.resimulable:
                     problems.append(f"{path.name}: {take.title} cannot be resimulated")
             file.close()
         except SportError as error:

@@ -23,7 +23,7 @@ from runtime.session.motion import Motion
 from runtime.session.session import Session, Take
 from runtime.session.session_file import SessionFile
 from runtime.takes.clip import Clip
-from runtime.takes.drive import Drive, played_again
+from runtime.takes.input_recording import InputRecording, resimulated_take
 from runtime.terrain.height_map import Terrain
 from tests.helpers.full_session import driven_take, full_session, history_of, snapshot_bytes, text_of, written
 from tests.helpers.walker import WalkerModel
@@ -189,8 +189,8 @@ def _read_session(folder: Path, data: bytes) -> None:
             take.made.header.describe().encode()
             assert np.isfinite(take.made.clip.pose(0).positions).all()
             assert np.isfinite(take.clip.pose(take.range[0]).positions).all()
-            drive = take.made.drive
-            assert drive is None or len(drive.prompts()) >= 0
+            inputs = take.made.inputs
+            assert inputs is None or len(inputs.prompts()) >= 0
         path = file.character_path(session.character)
         assert path is None or path.is_relative_to(folder / "cache")
         json.dumps(file.view)
@@ -209,10 +209,10 @@ def _resimulate(folder: Path, data: bytes) -> None:
     file, history = _opened(folder, data)
     try:
         for take in history.present.session.takes[:1]:
-            drive = take.made.drive
-            if drive is None:
+            inputs = take.made.inputs
+            if inputs is None:
                 continue
-            (first, made), (second, _) = (_driven(take.made.clip, drive) for _ in range(2))
+            (first, made), (second, _) = (_driven(take.made.clip, inputs) for _ in range(2))
             assert first.local_rotations.tobytes() == second.local_rotations.tobytes()
             assert np.isfinite(first.pose(len(first) - 1).positions).all()
             kept = _kept(folder, first, made)
@@ -223,23 +223,23 @@ def _resimulate(folder: Path, data: bytes) -> None:
         file.close()
 
 
-def _kept(folder: Path, clip: Clip, drive: Drive) -> Drive:
+def _kept(folder: Path, clip: Clip, inputs: InputRecording) -> InputRecording:
     """What drove a take, once it was in a file."""
     path = folder / "again.sport"
     path.unlink(missing_ok=True)
-    session = edits.with_new_take(Session(), Take(motion=Motion.of(clip, drive)))
+    session = edits.with_new_take(Session(), Take(motion=Motion.of(clip, inputs)))
     written(path, history_of(session), folder / "cache")
     file, history = SessionFile.open(path, folder / "cache")
     try:
-        found = history.present.session.takes[0].made.drive
+        found = history.present.session.takes[0].made.inputs
         assert found is not None
         return found
     finally:
         file.close()
 
 
-def _driven(clip: Clip, drive: Drive) -> tuple[Clip, Drive]:
-    return played_again(clip, drive, Controller(WalkerModel(), Terrain.flat(), seed=7), 0)
+def _driven(clip: Clip, inputs: InputRecording) -> tuple[Clip, InputRecording]:
+    return resimulated_take(clip, inputs, Controller(WalkerModel(), Terrain.flat(), seed=7), 0)
 
 
 TARGETS = (

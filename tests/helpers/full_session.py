@@ -35,11 +35,11 @@ from runtime.session.session import (
 from runtime.session.session_file import SessionFile
 from runtime.takes.camera_keys import CameraKey
 from runtime.takes.clip import Clip
-from runtime.takes.drive import Drive, DriveRecorder
+from runtime.takes.footplants import FootplantEdit
+from runtime.takes.input_recording import InputRecorder, InputRecording
 from runtime.takes.metadata import Origin, gait_of
 from runtime.takes.own_skeleton import OwnSkeleton
 from runtime.takes.pins import Pin, Pinned
-from runtime.takes.plants import PlantEdit
 from runtime.takes.pose_edits import PoseEdits
 from runtime.takes.recorder import ClipRecorder
 from runtime.terrain.height_map import Terrain
@@ -61,32 +61,32 @@ def controller() -> Controller:
 
 
 @cache
-def driven_take(frames: int = 90) -> tuple[Clip, Drive]:
+def driven_take(frames: int = 90) -> tuple[Clip, InputRecording]:
     """A walk with styles, a ground, a restart, two gaits, and what drove it, from before its first frame on."""
-    walker, clips, drives = controller(), ClipRecorder(), DriveRecorder()
+    walker, clips, recorder = controller(), ClipRecorder(), InputRecorder()
     ground = Terrain("dunes", np.linspace(0, 1, 12, dtype=np.float32).reshape(3, 4), 20.0, (-30.0, -30.0))
     walker.set_terrain(ground)
-    drives.mark_ground("dunes.png", ground)
+    recorder.mark_ground("dunes.png", ground)
     blend = PromptBlend((answer("a proud king"), answer("drunk", 0.25)), (0.5,) * 6, frozenset({"head"}))
     for z, note in (
         (answer("a king").z, None),
         (StyleMix((0.4, 0.6), (np.ones((6, 64), np.float32),) * 2), blend),
     ):
         walker.set_style(z, 0.2)
-        drives.mark_style(z, 0.2, "style", "", note, typed="typed")
+        recorder.mark_style(z, 0.2, "style", "", note, typed="typed")
         clips.mark_prompt("style", 0.2, typed="typed")
         for number in range(frames // 2 + 10):
             controls = Controls((0.2, 1.0), None, Gait.JOG if number > 20 else Gait.WALK)
-            drives.before_steps(walker)
+            recorder.before_steps(walker)
             clips.add(walker.step(controls), gait_of(controls))
-            drives.add(controls, walker)
+            recorder.add(controls, walker)
         walker.reset(1.0, 0.0, 0.5)
         walker.step(Controls())
-        drives.mark_restart(1.0, 0.0, 0.5)
+        recorder.mark_restart(1.0, 0.0, 0.5)
     clip = clips.last(frames / 60, "Take 1", "dunes.png", Origin("walker", "ab" * 32, "fp32", 7, 0.7, 1.0))
-    drive = drives.cut(clips.next_frame - len(clip))
-    assert drive is not None
-    return clip, drive
+    inputs = recorder.cut(clips.next_frame - len(clip))
+    assert inputs is not None
+    return clip, inputs
 
 
 def still(frames: int, name: str = "still", seed: int = 0, fps: float = 60.0) -> Clip:
@@ -115,7 +115,12 @@ def full_session(cache: Path, source: Path) -> Session:
         Pin(Pinned.POSE, start=0.25, end=0.5, of=0.75),
     )
     poses = PoseEdits(
-        pins, (PlantEdit(0, (3, 9), (3, 12)), PlantEdit(1, None, (20, 25)), PlantEdit(1, (40, 44), None))
+        pins,
+        (
+            FootplantEdit(0, (3, 9), (3, 12)),
+            FootplantEdit(1, None, (20, 25)),
+            FootplantEdit(1, (40, 44), None),
+        ),
     )
     path = (Waypoint(0.0, 0.0), Waypoint(1.0, 2.5, 0.5, Gait.JOG))
     blend = PromptBlend(
@@ -124,9 +129,9 @@ def full_session(cache: Path, source: Path) -> Session:
         frozenset({"torso"}),
     )
     cameras = (CameraKey(0.0, 0.5, 0.25, 4.0), CameraKey(1.0, 1.5, 0.25, 3.0, 0.5, 0.0, 0.25))
-    clip, drive = driven_take()
+    clip, inputs = driven_take()
     takes = [
-        Take(motion=Motion.of(clip, drive), name="my take ü", trim=(3, 70), poses=poses, cameras=cameras, path=path,
+        Take(motion=Motion.of(clip, inputs), name="my take ü", trim=(3, 70), poses=poses, cameras=cameras, path=path,
              color=3, ground=ground),
         Take(motion=Motion.of(replace(still(20, "of a file"), placed=None, size=0.5)), recorded=False,
              own=OwnSkeleton((-1, 0, 1, 1), points)),

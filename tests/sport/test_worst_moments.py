@@ -18,8 +18,7 @@ from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
 from runtime.pose import Pose
 from runtime.prompts.gpt.client import ChatClient, EndpointError
 from runtime.prompts.gpt.settings import GptSettings
-from runtime.takes.drive import Drive, Keyframe, played_again
-from runtime.takes.driven_frames import DrivenFrame, DrivenFrames
+from runtime.takes.input_recording import InputFrame, InputFrames, InputRecording, Keyframe, resimulated_take
 from runtime.terrain.height_map import Terrain
 from sport.batch import plan
 from tests.fuzz.files import clip
@@ -79,11 +78,11 @@ class Lost:
 @pytest.mark.parametrize("x", [np.nan, np.inf, 4e11])
 def test_a_take_that_is_driven_to_nowhere_is_refused(x: float, monkeypatch: pytest.MonkeyPatch) -> None:
     state: Any = SimpleNamespace(restore=lambda _: None)
-    frames = DrivenFrames.of(DrivenFrame(Controls(), 1.0, 1.0) for _ in range(len(clip())))
-    monkeypatch.setattr("runtime.takes.drive.take_snapshot", lambda _: state)
+    frames = InputFrames.of(InputFrame(Controls(), 1.0, 1.0) for _ in range(len(clip())))
+    monkeypatch.setattr("runtime.takes.input_recording.take_snapshot", lambda _: state)
     controller: Any = Lost(x)
     with pytest.raises(FileError, match="poses that are none"):
-        played_again(clip(), Drive(frames, (), (Keyframe(0, state),)), controller, 0)
+        resimulated_take(clip(), InputRecording(frames, (), (Keyframe(0, state),)), controller, 0)
 
 
 def test_an_answer_with_half_a_character_is_an_error_in_words() -> None:

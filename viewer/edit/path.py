@@ -72,10 +72,10 @@ class PathTool:
         return self._of_motion[1]
 
     def _way(self, motion: Motion) -> tuple[Waypoint, ...]:
-        from runtime.takes.way import way_of
+        from runtime.takes.take_path import path_of
 
         try:
-            return () if motion.drive is None else way_of(motion.clip, motion.drive)
+            return () if motion.inputs is None else path_of(motion.clip, motion.inputs)
         except SportError as error:
             self.editor.messages.error(error)
             return ()

@@ -1,4 +1,4 @@
-"""Pins and foot plants: of the take that plays, or pins of the live character; fields, tracks and handles."""
+"""Pins and footplants: of the take that plays, or pins of the live character; fields, tracks and handles."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from runtime.pose import Pose
 from runtime.session import live_pins
 from runtime.session.session import LIVE, Session, Take
 from runtime.takes.clip import Clip
+from runtime.takes.footplants import FootplantEdit, Frames, fitted_footplant, footplants, replanted
 from runtime.takes.pinned import along_with, farthest, in_world, point_of
 from runtime.takes.pins import MAX_TIME_S, Pin, Pinned
-from runtime.takes.plants import Frames, PlantEdit, fitted_plant, plants, replanted
 from viewer.edit.path import on_screen
 from viewer.edit.resimulation import Resimulation
 from viewer.editor import Editor
@@ -42,7 +42,7 @@ class _Grab:
 
 @dataclass
 class Pins:
-    """Actions on the pins and foot plants of the take that plays, or on the pins of the live character."""
+    """Actions on the pins and footplants of the take that plays, or on the pins of the live character."""
 
     editor: Editor
     editing: Resimulation
@@ -222,38 +222,40 @@ class Pins:
         take = self.playback.shown
         if self._planted is None or self._planted[0] is not take:
             known = self._planted
-            same = known is not None and (known[0].motion, known[0].mirrored, known[0].poses.plants) == (
-                take.motion, take.mirrored, take.poses.plants,
+            same = known is not None and (known[0].motion, known[0].mirrored, known[0].poses.footplants) == (
+                take.motion, take.mirrored, take.poses.footplants,
             )  # fmt: skip
-            clip = known[1] if same and known is not None else replanted(take.driven, take.poses.plants)
+            clip = (
+                known[1] if same and known is not None else replanted(take.base_clip, take.poses.footplants)
+            )
             self._planted = take, clip
         return self._planted[1]
 
-    def plants(self, foot: int) -> list[Frames]:
+    def footplants(self, foot: int) -> list[Frames]:
         """When a foot of the take that plays bears; while one is dragged, as it would."""
         clip, playback = self.planted, self.playback
         if clip is None or playback is None:
             return []
-        known = plants(clip.contacts[:, 2 * foot : 2 * foot + 2])
-        for edit in playback.take.poses.plants[len(playback.shown.poses.plants) :]:
+        known = footplants(clip.contacts[:, 2 * foot : 2 * foot + 2])
+        for edit in playback.take.poses.footplants[len(playback.shown.poses.footplants) :]:
             if edit.foot == foot:
                 known = [p for p in known if p != edit.old] + ([edit.new] if edit.new else [])
         return known
 
-    def plant(self, foot: int, old: Frames | None, new: Frames | None) -> None:
+    def set_footplant(self, foot: int, old: Frames | None, new: Frames | None) -> None:
         """Move, add or remove a plant of a foot, while the mouse holds it."""
         clip, playback = self.planted, self.playback
         if clip is None or playback is None or self.fixed:
             return
         try:
-            fitted = None if new is None else fitted_plant(clip, foot, old, *new)
+            fitted = None if new is None else fitted_footplant(clip, foot, old, *new)
         except SportError as error:
             self.editor.messages.error(error)
             return
-        edit, take = PlantEdit(foot, old, fitted), playback.take
+        edit, take = FootplantEdit(foot, old, fitted), playback.take
         what = "removal" if new is None else "addition" if old is None else "change"
-        name = f"{what} of a {('left', 'right')[foot]} foot plant"
-        made = replace(take.poses, plants=(*playback.shown.poses.plants, edit))
+        name = f"{what} of a {('left', 'right')[foot]} footplant"
+        made = replace(take.poses, footplants=(*playback.shown.poses.footplants, edit))
         self.editor.drag(
             f"{name} in {take.title}", lambda session: session.with_take(take.number, poses=made)
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from runtime.takes.drive_edits import Span
+from runtime.takes.input_edits import Span
 from runtime.takes.pins import Pin
 from viewer.edit.pins import Pins, shown_end
 from viewer.edit.track_drawing import GRIP, TrackRow, draw_bar, draw_rect, new_row, take_mouse
@@ -17,7 +17,7 @@ from viewer.session.playback import Playback
 
 PIN_TINT: Color = (0.86, 0.48, 0.62, 0.45)
 NEW_PLANT_FRAMES = 8
-_FEET_HINT = "When a foot bears: the left one above, the right one below.\nDrag a foot plant or its ends; right-click adds or removes one"
+_FEET_HINT = "When a foot bears: the left one above, the right one below.\nDrag a footplant or its ends; right-click adds or removes one"
 
 
 def draw_pins(pins: Pins, rows: list[list[int]], height: float, playback: Playback) -> None:
@@ -74,7 +74,7 @@ def draw_feet(pins: Pins, height: float, playback: Playback) -> None:
         row = new_row(name, height, playback.frames)
         take_mouse(f"foot {foot}", row)
         draw_rect(row.left, row.top, row.left + row.width, row.top + row.height, theme.FIELD, px(1))
-        known = pins.plants(foot)
+        known = pins.footplants(foot)
         for first, end in known:
             right = min(row.x(end), row.left + row.width)
             draw_rect(row.x(first), row.top, right, row.top + row.height, theme.ACCENT, px(1))
@@ -99,7 +99,7 @@ def _drag_plant(
         by = frame - grabbed
         if by or pins.editor.dragging:
             new = first + (by if part != 2 else 0), end + (by if part != 1 else 0)
-            pins.plant(foot, (first, end), new if new[0] < new[1] else (first, end))
+            pins.set_footplant(foot, (first, end), new if new[0] < new[1] else (first, end))
     elif imgui.is_item_hovered():
         if over is not None and _part(row, Span(*over), mouse.x):
             imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
@@ -117,10 +117,10 @@ def _plant_menu(pins: Pins, foot: int, over: tuple[int, int] | None, frame: int)
     if imgui.begin_popup(f"plant menu {foot}"):
         at, first, end = (storage.get_int(key, -1) for key in keys)
         if first >= 0 and imgui.menu_item("Lift the foot here", "", False)[0]:
-            pins.plant(foot, (first, end), None)
+            pins.set_footplant(foot, (first, end), None)
         if first < 0 and imgui.menu_item("Plant the foot here", "", False)[0]:
             half = NEW_PLANT_FRAMES // 2
-            pins.plant(foot, None, (at - half, at + half))
+            pins.set_footplant(foot, None, (at - half, at + half))
         imgui.end_popup()
 
 

@@ -21,12 +21,12 @@ from runtime.session import edits
 from runtime.session.motion import Motion
 from runtime.session.prompt_blend import Answer, PromptBlend
 from runtime.session.session import LIVE, Ground, Session, Take
-from runtime.takes import drive_edits
+from runtime.takes import input_edits
 from runtime.takes.clip import Clip
-from runtime.takes.drive import Drivable, Drive, StyleChange, played_again, redrive
-from runtime.takes.drive_edits import Edit
+from runtime.takes.footplants import unfitted
+from runtime.takes.input_edits import Edit
+from runtime.takes.input_recording import InputRecording, Steppable, StyleChange, resimulate, resimulated_take
 from runtime.takes.metadata import PromptEvent, origin_of, title
-from runtime.takes.plants import unfitted
 from viewer.edit.tracks import Tracks, tracks_of, words_of
 from viewer.jobs import Slot
 from viewer.prompt.prompt_controller import PromptController
@@ -36,7 +36,7 @@ from viewer.session.takes import Takes
 SLOT = Slot("resimulation of a take")
 MAX_LABEL = 32  # characters of a prompt in the name of an edit
 # the driven clip, its input, a controller of its model and what hears the progress; another clip with its input
-Work = Callable[[Clip, Drive, Drivable, Callable[[float], None]], tuple[Clip, Drive]]
+Work = Callable[[Clip, InputRecording, Steppable, Callable[[float], None]], tuple[Clip, InputRecording]]
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class Resimulation:
             return "No take plays."
         if not take.recorded:
             return "This motion comes from a file: it can be trimmed, pinned and exported."
-        if take.mirrored or not take.made.header.drivable:
+        if take.mirrored or not take.made.header.resimulable:
             return (
                 "A mirror image cannot be resimulated, nor a take in which a model was loaded or which goes on from"
                 " another one. It can be trimmed, pinned and exported."
@@ -119,7 +119,7 @@ class Resimulation:
             return None
         clip = playback.clip
         if self._tracks is None or self._tracks.clip is not clip:
-            self._tracks = tracks_of(clip, playback.drive)
+            self._tracks = tracks_of(clip, playback.inputs)
         return self._tracks
 
     # --- prompts
@@ -132,9 +132,9 @@ class Resimulation:
         known = _answer_of(bar.span.changes[-1])  # type: ignore[attr-defined]
         label = f"words of {_short(title(bar.span.event))}"  # type: ignore[attr-defined]
 
-        def edit(drive: Drive) -> Edit:
+        def edit(inputs: InputRecording) -> Edit:
             style = self._style(bar.span.start, request, known)
-            return drive_edits.reworded(drive, drive_edits.prompt_spans(drive)[index], style)
+            return input_edits.reworded(inputs, input_edits.prompt_spans(inputs)[index], style)
 
         self._again(label, edit)
 
@@ -158,7 +158,7 @@ class Resimulation:
             frame = self.playback.frame
             self._again(
                 f"prompt {_short(text)}",
-                lambda drive: drive_edits.with_prompt(drive, self._style(frame, text, None)),
+                lambda inputs: input_edits.with_prompt(inputs, self._style(frame, text, None)),
             )
 
     def _style(self, frame: int, request: Request, known: Answer | None) -> StyleChange:
@@ -180,24 +180,24 @@ class Resimulation:
             return
         frame = playback.frame
         end = next((b.span.end for b in tracks.gaits if b.span.start <= frame < b.span.end), playback.frames)
-        self._again(f"gait {gait.label}", lambda drive: drive_edits.with_gait(drive, frame, end - 1, gait))
+        self._again(f"gait {gait.label}", lambda inputs: input_edits.with_gait(inputs, frame, end - 1, gait))
 
     def move(self, track: str, index: int, start: int, end: int) -> None:
         """A span of the track "prompts" or "gaits" goes to other frames, at the cost of its neighbours."""
-        change = drive_edits.move_prompt if track == "prompts" else drive_edits.move_gait
+        change = input_edits.move_prompt if track == "prompts" else input_edits.move_gait
         label = "move of a prompt" if track == "prompts" else "move of a gait"
-        self._again(label, lambda drive: change(drive, index, start, end))
+        self._again(label, lambda inputs: change(inputs, index, start, end))
 
     # --- resimulating
 
-    def _again(self, label: str, edit: Callable[[Drive], Edit]) -> None:
+    def _again(self, label: str, edit: Callable[[InputRecording], Edit]) -> None:
         """Resimulate the take that plays by the recorded stick after an edit of its input."""
 
         def work(
-            driven: Clip, drive: Drive, model: Drivable, progress: Callable[[float], None]
-        ) -> tuple[Clip, Drive]:
-            made = edit(drive)
-            return played_again(driven, made.drive, model, made.first, progress)
+            driven: Clip, inputs: InputRecording, model: Steppable, progress: Callable[[float], None]
+        ) -> tuple[Clip, InputRecording]:
+            made = edit(inputs)
+            return resimulated_take(driven, made.inputs, model, made.first, progress)
 
         self.run(label, work)
 
@@ -205,11 +205,11 @@ class Resimulation:
         """Resimulate the take that plays along another path."""
 
         def work(
-            driven: Clip, drive: Drive, model: Drivable, progress: Callable[[float], None]
-        ) -> tuple[Clip, Drive]:
-            from runtime.takes.way import walked_again
+            driven: Clip, inputs: InputRecording, model: Steppable, progress: Callable[[float], None]
+        ) -> tuple[Clip, InputRecording]:
+            from runtime.takes.take_path import resimulated_along
 
-            return walked_again(driven, drive, model, points, 0, progress)
+            return resimulated_along(driven, inputs, model, points, 0, progress)
 
         if points:
             self.run("path", work, points)
@@ -223,10 +223,10 @@ class Resimulation:
         motion, self.progress = take.made, 0.0
 
         def made() -> Motion:
-            drive = motion.drive
-            assert drive is not None
-            clip, again = work(motion.clip, drive, model.twin(), self._note_progress)
-            self._left_out = unfitted(clip, take.poses.plants)
+            inputs = motion.inputs
+            assert inputs is not None
+            clip, again = work(motion.clip, inputs, model.twin(), self._note_progress)
+            self._left_out = unfitted(clip, take.poses.footplants)
             return Motion.of(clip, again)
 
         self.takes.jobs.submit(SLOT, made, lambda result: self._take(take, result, label, path))
@@ -246,9 +246,7 @@ class Resimulation:
         self.takes.editor.do(f"{label} of {before.title}", change)
         text = f"{before.title}: {label}. Ctrl+Z undoes it."
         if self._left_out:
-            count = (
-                "One changed foot plant" if self._left_out == 1 else f"{self._left_out} changed foot plants"
-            )
+            count = "One changed footplant" if self._left_out == 1 else f"{self._left_out} changed footplants"
             self.takes.messages.warn(f"{count} of {before.title} left out: the steps are others now. {text}")
         else:
             self.takes.messages.note(text)
@@ -264,18 +262,18 @@ class Resimulation:
         motion, frame = take.made, playback.frame
 
         def work() -> tuple[Snapshot, Pose]:
-            drive, twin = motion.drive, model.twin()
-            assert drive is not None
-            poses, _ = redrive(drive, twin, frame, frame)
+            inputs, twin = motion.inputs, model.twin()
+            assert inputs is not None
+            poses, _ = resimulate(inputs, twin, frame, frame)
             return take_snapshot(twin), poses[-1]
 
         self.takes.jobs.submit(SLOT, work, lambda made: self._go_on(take, frame, *made))
 
     def _go_on(self, take: Take, frame: int, snapshot: Snapshot, pose: Pose) -> None:
-        drive = take.made.drive
-        if drive is None:
+        inputs = take.made.inputs
+        if inputs is None:
             return
-        style, ground = _style_at(drive, frame), drive.ground(frame)
+        style, ground = _style_at(inputs, frame), inputs.ground(frame)
         blend = None if style is None else style.note or PromptBlend((_answer_of(style), None))
 
         def change(session: Session) -> Session:
@@ -291,8 +289,8 @@ class Resimulation:
         self.takes.messages.note(f"Live from frame {frame} of {take.title}.")
 
 
-def _style_at(drive: Drive, frame: int) -> StyleChange | None:
-    spans = [s for s in drive_edits.prompt_spans(drive) if s.start <= frame]
+def _style_at(inputs: InputRecording, frame: int) -> StyleChange | None:
+    spans = [s for s in input_edits.prompt_spans(inputs) if s.start <= frame]
     changes = [c for c in spans[-1].changes if c.frame <= frame] if spans else []
     return changes[-1] if changes else None
 

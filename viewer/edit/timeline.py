@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 
 from runtime.skeleton import PART_NAMES
-from runtime.takes.drive_edits import Span, fitted
+from runtime.takes.input_edits import Span, fitted
 from viewer.edit import pose_tracks
 from viewer.edit.camera_keys import CameraKeys
 from viewer.edit.pins import Pins
@@ -185,7 +185,7 @@ def _press(
     editing: Resimulation,
     playback: Playback,
 ) -> None:
-    """The mouse was pressed on a part of a span: begin to drag it; while a take is driven again, go to the frame."""
+    """The mouse was pressed on a part of a span: begin to drag it; while a take is resimulated, go to the frame."""
     if editing.drag is not None and editing.drag.dropped:
         playback.seek(frame)
     else:
@@ -230,7 +230,7 @@ def _dragged(drag: Drag, frame: int, spans: Sequence[Span], fixed: bool) -> Drag
 def _drop(
     drag: Drag, frame: int, bars: Sequence[LabelledSpan], editing: Resimulation, playback: Playback
 ) -> Drag | None:
-    """Let go of a span; what is shown of the drag while the take is driven again."""
+    """Let go of a span; what is shown of the drag while the take is resimulated."""
     span = bars[drag.index].span
     if not drag.moved:
         playback.seek(frame)

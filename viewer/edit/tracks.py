@@ -14,8 +14,8 @@ from runtime.prompts.blend import BlendedPrompt, Words, read_words
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
 from runtime.takes.clip import Clip
-from runtime.takes.drive import Drive, GroundChange, StyleChange
-from runtime.takes.drive_edits import GaitSpan, PromptSpan, Span, gait_spans, prompt_spans
+from runtime.takes.input_edits import GaitSpan, PromptSpan, Span, gait_spans, prompt_spans
+from runtime.takes.input_recording import GroundChange, InputRecording, StyleChange
 from runtime.takes.metadata import PromptEvent, title
 from runtime.takes.pins import Pin
 
@@ -44,15 +44,15 @@ class Tracks:
         return next((i for i, b in enumerate(self.prompts) if b.span.start <= frame < b.span.end), -1)
 
 
-def tracks_of(clip: Clip, drive: Drive | None) -> Tracks:
-    """The tracks of a clip; without a drive, what its file tells."""
-    spans = _read_spans(clip) if drive is None else prompt_spans(drive)
+def tracks_of(clip: Clip, inputs: InputRecording | None) -> Tracks:
+    """The tracks of a clip; without inputs, what its file says."""
+    spans = _read_spans(clip) if inputs is None else prompt_spans(inputs)
     return Tracks(
         clip,
         tuple(LabelledSpan(s, title(s.event), _hint(s.event)) for s in spans),
         {part: _part(spans, part) for part in PART_NAMES},
         tuple(LabelledSpan(s, _gait(s)) for s in _gaits(clip)),
-        _grounds(clip, drive),
+        _grounds(clip, inputs),
     )
 
 
@@ -110,8 +110,8 @@ def _gait(span: GaitSpan) -> str:
     return Gait(span.gait).label.capitalize()
 
 
-def _grounds(clip: Clip, drive: Drive | None) -> tuple[LabelledSpan, ...]:
-    changes = [c for c in drive.changes if isinstance(c, GroundChange)] if drive is not None else []
+def _grounds(clip: Clip, inputs: InputRecording | None) -> tuple[LabelledSpan, ...]:
+    changes = [c for c in inputs.changes if isinstance(c, GroundChange)] if inputs is not None else []
     if not changes:
         return (LabelledSpan(Span(0, len(clip)), _short(clip.terrain), clip.terrain),)
     starts = [max(change.frame, 0) for change in changes]

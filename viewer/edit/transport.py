@@ -84,7 +84,7 @@ def _playing(playback: Playback, editing: Resimulation, wide: bool, tiny: bool) 
 
 
 def _time(playback: Playback, editing: Resimulation, space: float) -> None:
-    """The frame, then as much more as there is space for; while the take is driven again, how far that is."""
+    """The frame, then as much more as there is space for; while the take is resimulated, how far that is."""
     if editing.busy and space > px(60):
         imgui.progress_bar(editing.progress, imgui.ImVec2(space, 0), f"Resimulating {editing.progress:.0%}")
         return

@@ -283,8 +283,8 @@ class Exporting:
         is_shown = spec == scene.terrain_spec or not take.recorded
 
         def found() -> Terrain:
-            drive = None if take.mirrored else take.made.drive
-            driven = None if drive is None else drive.ground(0)
+            inputs = None if take.mirrored else take.made.inputs
+            driven = None if inputs is None else inputs.ground(0)
             if driven is not None:
                 return driven.terrain
             if take.ground is not None:

@@ -21,7 +21,7 @@ from runtime.prompts.gpt.settings import GptSettings
 from runtime.session import live_pins
 from runtime.session.character_files import read_character_files, write_character_files
 from runtime.session.session import CharacterChoice, Ground, ModelName, Session
-from runtime.takes.drive import DriveRecorder
+from runtime.takes.input_recording import InputRecorder
 from runtime.takes.metadata import origin_of
 from runtime.takes.pinned import bent_pose
 from runtime.terrain.files import SUFFIXES as GROUNDS
@@ -55,7 +55,7 @@ class Scene:
     services: Services
     ctx: Any  # OpenGL context
     renderer: Any
-    drives: DriveRecorder  # hears what changes the controller
+    inputs: InputRecorder  # hears what changes the controller
     shown: Callable[[], Pose]  # the pose in view: the live one, or that of a take
     folder: Path  # the state folder: files of characters and of the mannequin in other shapes
     camera: CameraControl = field(default_factory=CameraControl)
@@ -109,7 +109,7 @@ class Scene:
     @property
     def now(self) -> float:
         """Seconds on the clock of live pins."""
-        return self.drives.next_frame / FPS
+        return self.inputs.next_frame / FPS
 
     def bend(self, pose: Pose, now: float) -> Pose:
         """The live pose with the pins that hold at a time; the same object where none does."""
@@ -182,12 +182,12 @@ class Scene:
             simulation.controller.strength = self.settings.strength
             simulation.controller.response = self.settings.response
         poses = simulation.advance(seconds, controls)
-        first = self.drives.next_frame
+        first = self.inputs.next_frame
         shown = [self.bend(pose, (first + i) / FPS) for i, pose in enumerate(poses)]
         self.live.publish(shown, size=self.terrain.unit_m)
         self.vmc.publish(shown)
         if simulation.problem:
-            self.drives.forget()
+            self.inputs.forget()
             self.messages.error(simulation.problem, SIMULATION)
         elif poses:
             self.messages.settle(SIMULATION)
@@ -208,7 +208,7 @@ class Scene:
     def put_character(self, x: float, z: float, yaw: float) -> None:
         """Let the character stand at a place (metres, radians); the camera stays where it is put."""
         if self.controller is not None:
-            self.drives.mark_restart(x, z, yaw)
+            self.inputs.mark_restart(x, z, yaw)
             self.simulation.reset(x, z, yaw)
         else:
             self.simulation = Simulation.standing(self.terrain, yaw)
@@ -263,7 +263,7 @@ class Scene:
         terrain = ground.terrain.seen_by(self.size)
         self.draw_ground(terrain)
         self.terrain = terrain
-        self.drives.mark_ground(ground.spec, terrain)
+        self.inputs.mark_ground(ground.spec, terrain)
         if self.controller is not None:
             self.controller.set_terrain(terrain)
 
@@ -290,7 +290,7 @@ class Scene:
             return
         snapshot.restore(self.controller)
         self.simulation.go_on_from(pose)
-        self.drives.forget()
+        self.inputs.forget()
 
     def _stop_loading(self) -> None:
         self.loading = ""
@@ -425,7 +425,7 @@ class Scene:
         self.simulation.use(loaded.controller)
         if first:
             self.reset_character()
-        self.drives.forget()
+        self.inputs.forget()
         self.model_name, self.provider = loaded.name, loaded.provider
         origin, folder = origin_of(loaded.controller, ""), self.model_folder
         named = "" if folder is None else model_name(folder) or str(folder)

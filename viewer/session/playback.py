@@ -11,7 +11,7 @@ import numpy as np
 from runtime.pose import Pose
 from runtime.session.session import Take
 from runtime.takes.clip import Clip
-from runtime.takes.drive import Drive
+from runtime.takes.input_recording import InputRecording
 from runtime.takes.pinned import pinned
 from runtime.takes.pose_edits import PoseEdits
 from runtime.terrain.height_map import Terrain
@@ -25,7 +25,7 @@ class Playback:
     clip: Clip  # its frames, of which a pin that is dragged may be newer
     terrain: Terrain  # its own, or the live one
     live: Terrain  # the one under the live character when it began to play
-    drive: Drive | None = None  # what drove it; None where that is not known, and of a mirror image
+    inputs: InputRecording | None = None  # what drove it; None where that is not known, and of a mirror image
     time_s: float = 0.0
     playing: bool = True
     loop: bool = True
@@ -103,10 +103,10 @@ class Playback:
             wanted %= self.frames
         self.seek(wanted)
 
-    def show(self, take: Take, clip: Clip, drive: Drive | None) -> None:
+    def show(self, take: Take, clip: Clip, inputs: InputRecording | None) -> None:
         """The frames of the take after an edit, at the same time."""
         self.take = self.shown = take
-        self.clip, self.drive = clip, drive
+        self.clip, self.inputs = clip, inputs
         self.time_s = min(self.time_s, (self.frames - 1) / clip.fps)
 
     def pose(self) -> Pose:
@@ -117,7 +117,7 @@ class Playback:
         """The pose of a frame, standing on the terrain shown."""
         if not self._newer:
             return self.standing(self.clip.pose(frame))
-        planted = PoseEdits((), self.take.poses.plants).apply(self.take.driven)
+        planted = PoseEdits((), self.take.poses.footplants).apply(self.take.base_clip)
         return self.standing(pinned(planted, self.take.poses.pins, only=frame).pose(frame))
 
     @property
@@ -125,7 +125,7 @@ class Playback:
         """Whether pins were changed whose frames are not made yet; plants are looked at when they are made."""
         return (
             self.take.poses.pins != self.shown.poses.pins
-            and self.take.poses.plants == self.shown.poses.plants
+            and self.take.poses.footplants == self.shown.poses.footplants
             and self.take.motion == self.shown.motion
         )
 

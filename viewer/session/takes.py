@@ -19,7 +19,7 @@ from runtime.session.prompt_blend import PromptBlend
 from runtime.session.session import LIVE, MIN_FRAMES, Ground, Session, Take
 from runtime.session.session_file import Recording
 from runtime.takes.clip import Clip
-from runtime.takes.drive import Drive, DriveRecorder, StyleChange
+from runtime.takes.input_recording import InputRecorder, InputRecording, StyleChange
 from runtime.takes.metadata import Origin, gait_of, origin_of
 from runtime.takes.pose_edits import PoseEdits
 from runtime.takes.recorder import ClipRecorder
@@ -49,7 +49,7 @@ class Takes:
     messages: Messages
     scene: Scene
     jobs: Jobs
-    drives: DriveRecorder
+    inputs: InputRecorder
     recorder: ClipRecorder = field(default_factory=ClipRecorder)
     playback: Playback | None = None
     export_path: str = ""  # the field
@@ -116,33 +116,33 @@ class Takes:
             self.jobs.submit(SHOWING, partial(_loaded, take), partial(self._show, playback, take))
 
     def _show(
-        self, playback: Playback, take: Take, loaded: tuple[Clip, Drive | None, SportError | None]
+        self, playback: Playback, take: Take, loaded: tuple[Clip, InputRecording | None, SportError | None]
     ) -> None:
-        clip, drive, problem = loaded
+        clip, inputs, problem = loaded
         if problem is not None:
             self.messages.error(problem)
         if self.playback is playback and playback.take == take:
-            playback.show(take, clip, drive)
+            playback.show(take, clip, inputs)
 
     # --- recording
 
     def before_steps(self) -> None:
         """Keep the controller's state when it is time; call once a frame before it is simulated."""
         if self.scene.controller is not None:
-            self.drives.before_steps(self.scene.controller)
+            self.inputs.before_steps(self.scene.controller)
 
     def mark_style(self, blend: PromptBlend, seconds: float, holds: bool = False) -> None:
         """A prompt came into force for the next frame, or it `holds` already in the controller's state."""
         z, prompt, words, typed = blend.style(), blend.prompt_text, blend.spelled_out(), blend.typed()
         self.recorder.mark_prompt(prompt, seconds, words, typed)
         if z is not None:
-            self.drives.mark_style(z, seconds, prompt, words, blend, holds, typed)
+            self.inputs.mark_style(z, seconds, prompt, words, blend, holds, typed)
 
     def mark_style_in_force(self, style: StyleChange) -> None:
         """A style of a take holds in the live controller already."""
         event = style.event
         self.recorder.mark_prompt(event.prompt, 0.0, event.words, event.typed)
-        self.drives.mark_style(
+        self.inputs.mark_style(
             style.z, style.seconds, event.prompt, event.words, style.note, holds=True, typed=event.typed
         )
 
@@ -151,8 +151,8 @@ class Takes:
         for pose in poses:
             self.recorder.add(pose, gait_of(controls))
             if self.scene.controller is not None:
-                self.drives.add(controls, self.scene.controller)
-        self.drives.drop_before(self.recorder.first_frame)
+                self.inputs.add(controls, self.scene.controller)
+        self.inputs.drop_before(self.recorder.first_frame)
         if self._recording is not None and self.recorder.next_frame - self._written >= RECORDED_FRAMES:
             self._write_down(self._recording)
 
@@ -162,11 +162,11 @@ class Takes:
         rows = self.recorder.rows(first)
         if begin is None or not len(rows):
             return
-        sticks, known = self.drives.sticks(first), self.drives.known
+        sticks, known = self.inputs.sticks(first), self.inputs.known
         if known == self._known:
             recording.add(rows, sticks)
         else:
-            recording.add(rows, sticks, self.recorder.events(begin), self.drives.cut(begin))
+            recording.add(rows, sticks, self.recorder.events(begin), self.inputs.cut(begin))
         self._known = known
         self._written = self.recorder.next_frame
 
@@ -196,7 +196,7 @@ class Takes:
             self._written, self._known = self.recorder.next_frame, None
             header = MotionHeader(
                 name, self.recorder.fps, 0, self.scene.terrain_spec, origin=self._origin,
-                size=self.scene.terrain.unit_m, has_gaits=True, drivable=self.scene.controller is not None,
+                size=self.scene.terrain.unit_m, has_gaits=True, resimulable=self.scene.controller is not None,
             )  # fmt: skip
             self._recording = self.editor.file.begin_recording(header)
             self.messages.note(f"{name} is being recorded. R ends it.")
@@ -230,8 +230,8 @@ class Takes:
             return
         clip = replace(clip, size=self.scene.terrain.unit_m)
         first = self.recorder.next_frame - len(clip)
-        drive = self.drives.cut(first)
-        motion = Motion.of(clip, drive) if recording is None else recording.finish(clip, drive)
+        inputs = self.inputs.cut(first)
+        motion = Motion.of(clip, inputs) if recording is None else recording.finish(clip, inputs)
         pins = live_pins.of_take(self.session.live.poses.pins, first, len(clip))
         begin = first / clip.fps
         cameras = tuple(
@@ -362,15 +362,15 @@ class Takes:
         if take is None or take.motion is None:
             return
 
-        def begin(loaded: tuple[Clip, Drive | None, SportError | None]) -> None:
-            now, (clip, drive, problem) = self.session.take(number), loaded
+        def begin(loaded: tuple[Clip, InputRecording | None, SportError | None]) -> None:
+            now, (clip, inputs, problem) = self.session.take(number), loaded
             if problem is not None:
                 self.messages.error(problem)
             if now is None:
                 return
             live = self.scene.terrain
             ground = live if now.ground is None else now.ground.terrain
-            self.playback = Playback(now, clip, ground, live, drive)
+            self.playback = Playback(now, clip, ground, live, inputs)
             self.select(number)
             if now != take:
                 self.playback.shown = take
@@ -383,12 +383,12 @@ class Takes:
         playback = self.playback
         if playback is None:
             return self.scene.ground
-        take, drive = playback.take, playback.drive
+        take, inputs = playback.take, playback.inputs
         spec = take.made.header.terrain if take.ground is None else take.ground.spec
         if playback.live is not self.scene.terrain:  # another one was chosen meanwhile: it is shown on that
             playback.terrain, spec = self.scene.terrain, self.scene.terrain_spec
-        elif drive is not None:
-            change = drive.ground(playback.frame)
+        elif inputs is not None:
+            change = inputs.ground(playback.frame)
             if change is not None:
                 playback.terrain, spec = change.terrain, change.name
         terrain, size = playback.terrain, playback.clip.size
@@ -517,11 +517,11 @@ class Takes:
         self.jobs.submit(EXPORT_ALL, work, done, writing="the export of all takes")
 
 
-def _loaded(take: Take) -> tuple[Clip, Drive | None, SportError | None]:
+def _loaded(take: Take) -> tuple[Clip, InputRecording | None, SportError | None]:
     """The frames of a take as they are shown, what drove it, and why that cannot be read; on any thread, FileError."""
     clip = take.clip
     try:
-        return clip, None if take.mirrored else take.made.drive, None
+        return clip, None if take.mirrored else take.made.inputs, None
     except SportError as error:
         return clip, None, error
 

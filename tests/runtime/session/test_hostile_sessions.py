@@ -157,7 +157,7 @@ DOCUMENTS: dict[str, Callable[[Any], Any]] = {
     "a path far away": setting("live", "path", to=[[1e300, 0, 1, 1]]),
     "a surrogate in a name": setting("live", "name", to="\ud800"),
     "a long name": setting("live", "name", to="x" * 100_000),
-    "a pin of nothing": setting("live", "poses", to={"pins": [{}], "plants": []}),
+    "a pin of nothing": setting("live", "poses", to={"pins": [{}], "footplants": []}),
     "pins without end": lambda d: setting("live", "poses", "pins", to=d["live"]["poses"]["pins"] * 5000)(d),
 }
 TAKES: dict[str, Callable[[Any], None]] = {
@@ -169,8 +169,8 @@ TAKES: dict[str, Callable[[Any], None]] = {
     "a trim backwards": setting("trim", to=[9, 3]),
     "a trim below zero": setting("trim", to=[-1, 9]),
     "a color below zero": setting("color", to=-3),
-    "a plant of no foot": setting("poses", "plants", to=[{"foot": 2, "old": None, "new": None}]),
-    "a plant of no frames": setting("poses", "plants", to=[{"foot": 0, "old": [9, 3], "new": None}]),
+    "a plant of no foot": setting("poses", "footplants", to=[{"foot": 2, "old": None, "new": None}]),
+    "a plant of no frames": setting("poses", "footplants", to=[{"foot": 0, "old": [9, 3], "new": None}]),
     "a skeleton of strings": setting("own", to=[["a"], "x", "y"]),
     "a skeleton of other bytes": setting("own", to=[[-1, 0], "<f4 3x3 " + "0" * 32, "|u1 7 " + "0" * 32]),
     "a name with a null": setting("name", to="a\0"),
@@ -305,7 +305,7 @@ def looked_at(path: Path) -> list[str]:
     said = []
     file, history = SessionFile.open(path, path.parent / "cache")
     for found in history.present.session.takes:
-        for load in (lambda t=found: t.made.clip, lambda t=found: t.made.drive):  # type: ignore[misc]
+        for load in (lambda t=found: t.made.clip, lambda t=found: t.made.inputs):  # type: ignore[misc]
             try:
                 load()
             except FileError as error:
@@ -386,9 +386,9 @@ def test_what_is_named_a_hundred_times_is_made_once(path: Path) -> None:
     text["keyframes"] *= 100
     change(path, f"UPDATE motions SET header = ? WHERE key LIKE '%{INPUT}'", json.dumps(text))
     file, history = SessionFile.open(path, path.parent / "cache")
-    drive = history.present.session.takes[0].made.drive
-    assert drive is not None
-    assert len({id(key.snapshot) for key in drive.keyframes}) == 1
+    inputs = history.present.session.takes[0].made.inputs
+    assert inputs is not None
+    assert len({id(key.snapshot) for key in inputs.keyframes}) == 1
     file.close()
 
 

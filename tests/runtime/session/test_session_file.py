@@ -25,9 +25,9 @@ from runtime.session.motion import Motion, MotionHeader
 from runtime.session.prompt_blend import PromptBlend
 from runtime.session.session import Session, Take
 from runtime.session.session_file import DROPPED_STEPS, INPUT, LOADED_CLIPS, RECORDED_PIECE, SessionFile
-from runtime.takes import drive_edits
+from runtime.takes import input_edits
 from runtime.takes.clip import Clip
-from runtime.takes.drive import Drive, StyleChange, played_again
+from runtime.takes.input_recording import InputRecording, StyleChange, resimulated_take
 from runtime.takes.metadata import PromptEvent
 from tests.helpers.full_session import (
     answer,
@@ -120,19 +120,19 @@ def test_thirty_steps_come_back_with_those_that_were_undone(tmp_path: Path) -> N
 
 
 def test_a_take_is_resimulated_after_opening_as_before_bit_by_bit(tmp_path: Path) -> None:
-    clip, drive = driven_take()
-    session = edits.with_new_take(Session(), Take(motion=Motion.of(clip, drive)))
+    clip, inputs = driven_take()
+    session = edits.with_new_take(Session(), Take(motion=Motion.of(clip, inputs)))
     written(tmp_path / "a.sport", history_of(session), tmp_path)
     file, found = reopened(tmp_path / "a.sport", tmp_path)
     motion = found.present.session.takes[0].made
-    kept = motion.drive
+    kept = motion.inputs
     assert kept is not None
     change = StyleChange(
         45, np.zeros((6, 64), np.float32), 0.2, PromptEvent(0.0, "other", 0.2, typed="typed")
     )
-    edit, again = (drive_edits.with_prompt(d, change) for d in (drive, kept))
-    wanted, _ = played_again(clip, edit.drive, controller(), edit.first)
-    made, _ = played_again(motion.clip, again.drive, controller(), again.first)
+    edit, again = (input_edits.with_prompt(d, change) for d in (inputs, kept))
+    wanted, _ = resimulated_take(clip, edit.inputs, controller(), edit.first)
+    made, _ = resimulated_take(motion.clip, again.inputs, controller(), again.first)
     assert close(made, wanted)
     for name in ("hips_positions", "local_rotations", "contacts"):
         assert getattr(made, name)[edit.first :].tobytes() == getattr(wanted, name)[edit.first :].tobytes()
@@ -179,7 +179,9 @@ def test_names_and_words_of_any_kind_are_kept_or_made_so_that_they_can_be(tmp_pa
 # --- recordings
 
 
-def record(file: SessionFile, clip: Clip, drive: Drive | None, parts: int = 15) -> tuple[object, np.ndarray]:
+def record(
+    file: SessionFile, clip: Clip, inputs: InputRecording | None, parts: int = 15
+) -> tuple[object, np.ndarray]:
     """A recording of a clip that is not finished."""
     assert clip.gaits is not None
     table = np.concatenate(
@@ -191,11 +193,11 @@ def record(file: SessionFile, clip: Clip, drive: Drive | None, parts: int = 15) 
         ],
         axis=1,
     ).astype(np.float32)
-    header = replace(MotionHeader.of(clip, drive), frames=0, prompts=())
+    header = replace(MotionHeader.of(clip, inputs), frames=0, prompts=())
     recording = file.begin_recording(header)
     for at in range(0, len(clip), parts):
-        sticks = None if drive is None else drive.frames.rows[-drive.start :][at : at + parts]
-        recording.add(table[at : at + parts], sticks, clip.prompts, drive if at == 0 else None)
+        sticks = None if inputs is None else inputs.frames.rows[-inputs.start :][at : at + parts]
+        recording.add(table[at : at + parts], sticks, clip.prompts, inputs if at == 0 else None)
     return recording, table
 
 
@@ -207,10 +209,10 @@ def abandoned(file: SessionFile, to: Path) -> Path:
 
 
 def test_a_recording_that_was_cut_off_is_a_take_that_can_be_resimulated(tmp_path: Path) -> None:
-    clip, drive = driven_take()
+    clip, inputs = driven_take()
     file = SessionFile.create(tmp_path / "a.sport", tmp_path)
     file.write(history_of(Session()))
-    record(file, clip, drive)
+    record(file, clip, inputs)
     path = abandoned(file, tmp_path / "b.sport")
     other, found = reopened(path, tmp_path)
     assert found.undo_label == "recovery of Take 1"
@@ -218,10 +220,10 @@ def test_a_recording_that_was_cut_off_is_a_take_that_can_be_resimulated(tmp_path
     assert take.title == "Take 1"
     assert close(take.made.clip, clip)
     assert take.made.clip.prompts == clip.prompts
-    assert take.made.header.drivable
-    assert take.made.drive is not None
-    made, _ = played_again(take.made.clip, take.made.drive, controller(), 0)
-    wanted, _ = played_again(clip, drive, controller(), 0)
+    assert take.made.header.resimulable
+    assert take.made.inputs is not None
+    made, _ = resimulated_take(take.made.clip, take.made.inputs, controller(), 0)
+    wanted, _ = resimulated_take(clip, inputs, controller(), 0)
     assert made.local_rotations.tobytes() == wanted.local_rotations.tobytes()
     other.close()
     third, found = reopened(path, tmp_path)  # it is recovered once
@@ -233,9 +235,9 @@ def test_a_recording_that_was_cut_off_is_a_take_that_can_be_resimulated(tmp_path
 
 @pytest.mark.parametrize("kind", ["sticks that are missing", "input that is missing", "no input"])
 def test_a_recording_whose_input_is_not_whole_is_still_a_take(tmp_path: Path, kind: str) -> None:
-    clip, drive = driven_take()
+    clip, inputs = driven_take()
     file = SessionFile.create(tmp_path / "a.sport", tmp_path)
-    record(file, clip, None if kind == "no input" else drive)
+    record(file, clip, None if kind == "no input" else inputs)
     path = abandoned(file, tmp_path / "b.sport")
     file.close()
     if kind == "input that is missing":
@@ -243,23 +245,23 @@ def test_a_recording_whose_input_is_not_whole_is_still_a_take(tmp_path: Path, ki
             connection.execute("DELETE FROM motions WHERE key LIKE '%.input'")
     if kind == "sticks that are missing":
         file = SessionFile.create(tmp_path / "c.sport", tmp_path)
-        recording, table = record(file, clip, drive)
+        recording, table = record(file, clip, inputs)
         recording.add(table[:15], None)  # type: ignore[attr-defined]  # a model was loaded
         path = abandoned(file, tmp_path / "d.sport")
         file.close()
     other, found = reopened(path, tmp_path)
     (take,) = found.present.session.takes
     assert len(take.made.clip) == len(clip) + 15 * (kind == "sticks that are missing")
-    assert not take.made.header.drivable
-    assert take.made.drive is None
+    assert not take.made.header.resimulable
+    assert take.made.inputs is None
     other.close()
 
 
 def test_a_recording_that_ends_is_the_same_motion_and_packed_in_large_pieces(tmp_path: Path) -> None:
-    clip, drive = driven_take(RECORDED_PIECE + 30)
+    clip, inputs = driven_take(RECORDED_PIECE + 30)
     file = SessionFile.create(tmp_path / "a.sport", tmp_path)
-    recording, _ = record(file, clip, drive)
-    motion = recording.finish(clip, drive)  # type: ignore[attr-defined]
+    recording, _ = record(file, clip, inputs)
+    motion = recording.finish(clip, inputs)  # type: ignore[attr-defined]
     file.write(history_of(edits.with_new_take(Session(), Take(motion=motion))))
     assert file.close()
     assert rows(tmp_path / "a.sport", "frames") == 1 + 2
@@ -267,15 +269,15 @@ def test_a_recording_that_ends_is_the_same_motion_and_packed_in_large_pieces(tmp
     (take,) = found.present.session.takes
     assert take.made.key == motion.key
     assert close(take.made.clip, clip)
-    assert take.made.drive is not None
-    assert np.array_equal(take.made.drive.frames.rows, drive.frames.rows, equal_nan=True)
+    assert take.made.inputs is not None
+    assert np.array_equal(take.made.inputs.frames.rows, inputs.frames.rows, equal_nan=True)
     again.close()
 
 
 def test_a_recording_of_which_memory_kept_the_last_part_only_is_stored_as_that(tmp_path: Path) -> None:
-    clip, drive = driven_take()
+    clip, inputs = driven_take()
     file = SessionFile.create(tmp_path / "a.sport", tmp_path)
-    recording, _ = record(file, clip, drive)
+    recording, _ = record(file, clip, inputs)
     motion = recording.finish(clip.trim(30, 89), None)  # type: ignore[attr-defined]
     file.write(history_of(edits.with_new_take(Session(), Take(motion=motion))))
     assert file.close()
@@ -295,9 +297,9 @@ def resimulated(session: Session, number: int) -> Session:
 
 def test_three_hundred_resimulations_do_not_grow_for_ever(tmp_path: Path) -> None:
     file = SessionFile.create(tmp_path / "a.sport", tmp_path)
-    clip, drive = driven_take()
+    clip, inputs = driven_take()
     history = History()
-    history.push("first", edits.with_new_take(Session(), Take(motion=Motion.of(clip, drive))))
+    history.push("first", edits.with_new_take(Session(), Take(motion=Motion.of(clip, inputs))))
     for number in range(300):
         history.push(f"edit {number}", resimulated(history.present.session, number))
         file.write(history)
@@ -351,25 +353,25 @@ def test_what_a_session_that_was_reverted_to_refers_to_is_still_there(tmp_path: 
     assert again.character_path(opened.character) is not None
     for take in found.present.session.takes:
         assert len(take.made.clip) == take.frames
-        assert (take.made.drive is not None) == take.made.header.drivable
+        assert (take.made.inputs is not None) == take.made.header.resimulable
     again.close()
 
 
 def test_a_recording_under_way_is_no_rubbish(tmp_path: Path) -> None:
-    clip, drive = driven_take()
+    clip, inputs = driven_take()
     file = SessionFile.create(tmp_path / "a.sport", tmp_path)
-    recording, _ = record(file, clip, drive)
+    recording, _ = record(file, clip, inputs)
     history = History()
     for number in range(MAX_STEPS + DROPPED_STEPS + 1):
         history.push("edit", replace(Session(), counter=number))
         file.write(history)
-    motion = recording.finish(clip, drive)  # type: ignore[attr-defined]
+    motion = recording.finish(clip, inputs)  # type: ignore[attr-defined]
     history.push("recording", edits.with_new_take(Session(), Take(motion=motion)))
     file.write(history)
     assert file.close()
     again, found = reopened(tmp_path / "a.sport", tmp_path)
     assert close(found.present.session.takes[0].made.clip, clip)
-    assert found.present.session.takes[0].made.drive is not None
+    assert found.present.session.takes[0].made.inputs is not None
     again.close()
 
 
@@ -396,11 +398,11 @@ def test_save_as_and_copies_have_all_of_it_also_what_is_not_written_yet(tmp_path
 
 
 def test_a_file_that_is_open_is_opened_by_nobody_else_but_can_be_copied(tmp_path: Path) -> None:
-    clip, drive = driven_take()
-    session = edits.with_new_take(Session(), Take(motion=Motion.of(clip, drive)))
+    clip, inputs = driven_take()
+    session = edits.with_new_take(Session(), Take(motion=Motion.of(clip, inputs)))
     file = SessionFile.create(tmp_path / "a.sport", tmp_path)
     file.write(history_of(session))
-    recording, _ = record(file, clip, drive)  # it goes on meanwhile
+    recording, _ = record(file, clip, inputs)  # it goes on meanwhile
     assert file.flush(20.0)
     with pytest.raises(FileInUse, match="another window"):
         SessionFile.open(tmp_path / "a.sport", tmp_path)
@@ -409,7 +411,7 @@ def test_a_file_that_is_open_is_opened_by_nobody_else_but_can_be_copied(tmp_path
     assert [take.title for take in found.present.session.takes] == ["Take 1", "Take 1"]
     assert close(found.present.session.takes[0].made.clip, clip)
     other.close()
-    motion = recording.finish(clip, drive)  # type: ignore[attr-defined]
+    motion = recording.finish(clip, inputs)  # type: ignore[attr-defined]
     file.write(history_of(session, edits.with_new_take(session, Take(motion=motion))))
     assert file.close()
     file, found = reopened(tmp_path / "a.sport", tmp_path)
@@ -484,7 +486,7 @@ def test_a_transaction_that_is_rolled_back_is_written_again_whole(
     assert text_of(found.present.session) == text_of(other)
     assert again.character_path(other.character) is not None
     for take in found.present.session.takes:
-        assert (take.made.drive is not None) == take.made.header.drivable
+        assert (take.made.inputs is not None) == take.made.header.resimulable
     again.close()
 
 
@@ -526,8 +528,8 @@ def test_an_edit_of_five_hundred_takes_costs_the_frame_little_and_opening_them_a
 
 
 def test_damaged_frames_are_one_sentence_when_a_take_is_looked_at(tmp_path: Path) -> None:
-    clip, drive = driven_take()
-    session = edits.with_new_take(Session(), Take(motion=Motion.of(clip, drive)))
+    clip, inputs = driven_take()
+    session = edits.with_new_take(Session(), Take(motion=Motion.of(clip, inputs)))
     path = written(tmp_path / "a.sport", history_of(session), tmp_path)
     with closing(sqlite3.connect(path)) as connection, connection:
         connection.execute("UPDATE frames SET content = zeroblob(30)")
@@ -537,5 +539,5 @@ def test_damaged_frames_are_one_sentence_when_a_take_is_looked_at(tmp_path: Path
     with pytest.raises(FileError, match=r"a\.sport: "):
         _ = take.made.clip
     with pytest.raises(FileError, match=r"a\.sport: "):
-        _ = take.made.drive
+        _ = take.made.inputs
     file.close()

@@ -17,9 +17,9 @@ from runtime.session.session import Session, Take
 from runtime.session.session_file import SessionFile
 from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, J
 from runtime.takes.clip import Clip
+from runtime.takes.footplants import FootplantEdit, fitted_footplant, footplants, replanted, unfitted
 from runtime.takes.pinned import along_with, farthest, pinned
 from runtime.takes.pins import Pin, Pinned, parse_pins, read_pin
-from runtime.takes.plants import PlantEdit, fitted_plant, plants, replanted, unfitted
 from runtime.takes.pose_edits import PoseEdits
 
 FRAMES, SPEED = 180, 0.6
@@ -139,36 +139,36 @@ def test_what_is_no_pin_is_refused(text: str) -> None:
 
 
 def test_a_plant_is_longer_moved_removed_and_added(walk: Clip) -> None:
-    bearing = plants(walk.contacts[:, :2])
+    bearing = footplants(walk.contacts[:, :2])
     old = bearing[1]
     toe = SPORT_SKELETON.index("LeftToeBase")
-    longer = fitted_plant(walk, 0, old, old[0] - 4, old[1] + 4)
-    made = replanted(walk, [PlantEdit(0, old, longer)])
-    assert plants(made.contacts[:, :2]) == [bearing[0], longer, *bearing[2:]]
-    moved = fitted_plant(walk, 0, old, old[0] + 6, old[1] + 6)
-    made = replanted(walk, [PlantEdit(0, old, moved)])
+    longer = fitted_footplant(walk, 0, old, old[0] - 4, old[1] + 4)
+    made = replanted(walk, [FootplantEdit(0, old, longer)])
+    assert footplants(made.contacts[:, :2]) == [bearing[0], longer, *bearing[2:]]
+    moved = fitted_footplant(walk, 0, old, old[0] + 6, old[1] + 6)
+    made = replanted(walk, [FootplantEdit(0, old, moved)])
     place, before = made.world()[0][:, toe], walk.world()[0][:, toe]
     assert np.allclose(place[moved[0] : moved[1]], before[old[0] : old[1]], atol=0.01)  # where it was, later
-    made = replanted(walk, [PlantEdit(0, old, None)])
-    assert unfitted(walk, [PlantEdit(0, old, None)]) == 0
-    assert unfitted(made, [PlantEdit(0, old, None)]) == 1
+    made = replanted(walk, [FootplantEdit(0, old, None)])
+    assert unfitted(walk, [FootplantEdit(0, old, None)]) == 0
+    assert unfitted(made, [FootplantEdit(0, old, None)]) == 1
     middle = sum(old) // 2
     assert made.world()[0][middle, toe, 1] > before[middle, 1] + 0.05
     assert not (made.contacts[old[0] : old[1], :2]).any()
     swing = (old[1] + bearing[2][0]) // 2
-    added = fitted_plant(walk, 0, None, swing - 4, swing + 4)
-    made = replanted(walk, [PlantEdit(0, None, added)])
+    added = fitted_footplant(walk, 0, None, swing - 4, swing + 4)
+    made = replanted(walk, [FootplantEdit(0, None, added)])
     stands = made.world()[0][added[0] : added[1], toe]
     assert np.abs(np.diff(stands, axis=0)).max() < 0.001
-    assert added in plants(made.contacts[:, :2])
+    assert added in footplants(made.contacts[:, :2])
 
 
 def test_a_plant_does_not_run_into_its_neighbours(walk: Clip) -> None:
-    bearing = plants(walk.contacts[:, :2])
-    first, end = fitted_plant(walk, 0, bearing[1], -100, 1000)
+    bearing = footplants(walk.contacts[:, :2])
+    first, end = fitted_footplant(walk, 0, bearing[1], -100, 1000)
     assert bearing[0][1] < first < end < bearing[2][0]
     with pytest.raises(UsageError, match="bears already"):
-        fitted_plant(walk, 0, None, bearing[1][0] + 1, bearing[1][0] + 3)
+        fitted_footplant(walk, 0, None, bearing[1][0] + 1, bearing[1][0] + 3)
 
 
 @settings(max_examples=15)
@@ -176,11 +176,11 @@ def test_a_plant_does_not_run_into_its_neighbours(walk: Clip) -> None:
 def test_any_plant_leaves_poses_of_rigid_bones(
     walk: Clip, foot: int, which: int, by: int, longer: int
 ) -> None:
-    bearing = plants(walk.contacts[:, 2 * foot : 2 * foot + 2])
+    bearing = footplants(walk.contacts[:, 2 * foot : 2 * foot + 2])
     old = bearing[min(which, len(bearing) - 1)]
-    new = fitted_plant(walk, foot, old, old[0] + by, max(old[1] + by + longer, old[0] + by + 1))
-    made = replanted(walk, [PlantEdit(foot, old, new)])
-    assert new in plants(made.contacts[:, 2 * foot : 2 * foot + 2])
+    new = fitted_footplant(walk, foot, old, old[0] + by, max(old[1] + by + longer, old[0] + by + 1))
+    made = replanted(walk, [FootplantEdit(foot, old, new)])
+    assert new in footplants(made.contacts[:, 2 * foot : 2 * foot + 2])
     assert np.allclose(np.linalg.norm(made.local_rotations, axis=-1), 1.0, atol=1e-4)
     other = 7 - 5 * foot
     hips = np.abs(made.hips_positions - walk.hips_positions).max(axis=1)
@@ -190,7 +190,8 @@ def test_any_plant_leaves_poses_of_rigid_bones(
 
 def test_a_session_keeps_the_motion_under_its_edits(walk: Clip, tmp_path: Path) -> None:
     edits = PoseEdits(
-        parse_pins("left hand 0.3 1.2 1 from 1 to 2"), (PlantEdit(1, plants(walk.contacts[:, 2:])[0], None),)
+        parse_pins("left hand 0.3 1.2 1 from 1 to 2"),
+        (FootplantEdit(1, footplants(walk.contacts[:, 2:])[0], None),),
     )
     made, history = Take(1, Motion.of(walk), poses=edits), History()
     history.push("take", Session((made,), counter=1))
@@ -200,6 +201,6 @@ def test_a_session_keeps_the_motion_under_its_edits(walk: Clip, tmp_path: Path) 
     file, history = SessionFile.open(tmp_path / "a.sport", tmp_path)
     (found,) = history.present.session.takes
     assert found.poses == edits
-    assert np.allclose(found.driven.local_rotations, walk.local_rotations, atol=1e-4)
+    assert np.allclose(found.base_clip.local_rotations, walk.local_rotations, atol=1e-4)
     assert np.allclose(found.clip.local_rotations, edits.apply(walk).local_rotations, atol=1e-3)
     file.close(1.0)

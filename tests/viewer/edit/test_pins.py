@@ -14,9 +14,9 @@ from runtime.session.motion import Motion
 from runtime.session.session import Take
 from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
+from runtime.takes.footplants import FootplantEdit
 from runtime.takes.pinned import farthest
 from runtime.takes.pins import Pinned
-from runtime.takes.plants import PlantEdit
 from tests.helpers.app_driver import click_on, message, place, press, run, texts
 from viewer.app import App
 from viewer.edit.path import on_screen
@@ -157,12 +157,12 @@ def test_words_of_a_take_change_under_its_pins(app: App) -> None:
 
 def test_a_plant_without_its_step_is_said_after_a_redrive(app: App) -> None:
     recorded(app)
-    lifted = replace(item(app).poses, plants=(PlantEdit(0, (2, 5), None),))
+    lifted = replace(item(app).poses, footplants=(FootplantEdit(0, (2, 5), None),))
     app.editor.do("plant", lambda session: session.with_take(session.counter, poses=lifted))
     app.editing.insert_prompt("an old king")
     run(app, 3)
-    assert "One changed foot plant" in message(app)
-    assert item(app).poses.plants  # it comes back with the version before
+    assert "One changed footplant" in message(app)
+    assert item(app).poses.footplants  # it comes back with the version before
 
 
 def test_a_hand_of_someone_who_walks_goes_along(app: App) -> None:
@@ -190,7 +190,7 @@ def test_the_live_hand_holds_is_dragged_recorded_and_let_go(app: App) -> None:
     assert not np.allclose(app.scene.simulation.current.positions[HAND], shown, atol=0.1)
     recorded(app)
     assert np.allclose(item(app).clip.world()[0][10, HAND], shown, atol=0.01)
-    assert not np.allclose(item(app).driven.world()[0][10, HAND], shown, atol=0.1)
+    assert not np.allclose(item(app).base_clip.world()[0][10, HAND], shown, atol=0.1)
     press(app, "escape")
     press(app, "escape")
     assert app.takes.playback is None
@@ -201,20 +201,20 @@ def test_the_live_hand_holds_is_dragged_recorded_and_let_go(app: App) -> None:
 
 def test_a_plant_is_dragged_lifted_and_planted(app: App) -> None:
     glide(app)
-    assert app.pins.plants(0) == [(0, 60)]
+    assert app.pins.footplants(0) == [(0, 60)]
     (end, y), (to, _) = (place(app, "##foot 0", share=share) for share in (0.99, 40 / 59))
     drag(app, (end, y), (to, y))
-    (bears,) = app.pins.plants(0)
-    assert bears == item(app).poses.plants[0].new == (0, pytest.approx(40, abs=1))
+    (bears,) = app.pins.footplants(0)
+    assert bears == item(app).poses.footplants[0].new == (0, pytest.approx(40, abs=1))
     x, y = place(app, "##foot 0", share=50 / 59)
     for down in (None, True, False):
         app.window.inject_mouse(x, y, None if down is None else 1, bool(down))
         run(app, 2)
     click_on(app, "Plant the foot here")
     run(app, 3)
-    added = app.pins.plants(0)[1]
+    added = app.pins.footplants(0)[1]
     assert sum(added) / 2 == pytest.approx(50, abs=2)
-    app.pins.plant(0, bears, None)
+    app.pins.set_footplant(0, bears, None)
     run(app, 3)
-    assert app.pins.plants(0) == [added]
-    assert app.editor.undo_label == "removal of a left foot plant in Take"
+    assert app.pins.footplants(0) == [added]
+    assert app.editor.undo_label == "removal of a left footplant in Take"

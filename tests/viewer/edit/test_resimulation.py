@@ -1,4 +1,4 @@
-"""The real application without a display: the way of a take edited and driven again, a reference beside a take, keys of its camera."""
+"""The real application without a display: the way of a take edited and resimulated, a reference beside a take, keys of its camera."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from runtime.controls import Gait
 from runtime.session.frames import HIPS_STEP_M
 from runtime.session.session import Take
 from runtime.takes.clip import Clip
-from runtime.takes.drive import played_again
+from runtime.takes.input_recording import resimulated_take
 from tests.helpers.app_driver import (
     Start,
     click_on,
@@ -277,7 +277,7 @@ def test_driving_goes_on_from_a_frame_of_a_take(start: Start) -> None:
     app.takes.toggle_recording()
     again = app.editor.session.takes[-1]
     assert [event.prompt for event in again.clip.prompts] == ["a proud king"]
-    assert again.made.drive is not None
+    assert again.made.inputs is not None
 
 
 def test_a_take_from_a_file_says_why_it_cannot_be_edited(start: Start, tmp_path: Path) -> None:
@@ -342,14 +342,14 @@ def test_a_span_stays_where_it_was_dropped_while_the_take_is_driven(
 ) -> None:
     app = start()
     record(app)
-    go, real = threading.Event(), played_again
+    go, real = threading.Event(), resimulated_take
 
     def slow(*given: Any) -> Any:
         given[-1](0.25)  # the progress
         go.wait(10)
         return real(*given)
 
-    monkeypatch.setattr(resimulation, "played_again", slow)
+    monkeypatch.setattr(resimulation, "resimulated_take", slow)
     app.jobs.blocking = False
     drag(app, "##prompts", 0.5, 0.25)
     assert app.editing.busy

@@ -330,7 +330,7 @@ def test_a_session_that_was_cut_off_while_recording_is_one_offer(
         assert "Recovery of Take 2" in said(app)
         assert app.editor.undo_label == "recovery of Take 2"
         assert 30 <= app.editor.session.takes[1].frames <= 41
-        assert app.editor.session.takes[1].made.header.drivable
+        assert app.editor.session.takes[1].made.header.resimulable
         app.takes.play(2)
         app.editing.insert_prompt("an old king")
         run(app, 2)

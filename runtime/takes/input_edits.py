@@ -1,6 +1,6 @@
 """Edits of what a take was driven by: prompts and gaits as spans that are reworded, moved and inserted.
 
-Each edit answers another `Drive` and the first frame that it changes; `drive.played_again` makes the frames.
+Each edit answers another `InputRecording` and the first frame that it changes; `inputs.resimulated_take` makes the frames.
 """
 
 from __future__ import annotations
@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from runtime.controls import Controls, Gait
 from runtime.errors import UsageError
-from runtime.takes.drive import Drive, StyleChange, follows_live
-from runtime.takes.driven_frames import DrivenFrame, DrivenFrames
+from runtime.takes.input_recording import InputFrame, InputFrames, InputRecording, StyleChange, follows_live
 from runtime.takes.metadata import PromptEvent, gait_of
 
 SETTLE_STEPS = 60  # before the clip, in which hands reach the place that new words give them
@@ -26,9 +25,9 @@ JUMP_FRAMES = 3  # as long as a key's press; the controller jumps on by itself
 
 @dataclass(frozen=True)
 class Edit:
-    """A changed drive, and the first frame that may differ."""
+    """Changed inputs, and the first frame that may differ."""
 
-    drive: Drive
+    inputs: InputRecording
     first: int
 
 
@@ -59,18 +58,18 @@ class GaitSpan(Span):
     gait: int  # a `Gait`; -1 where it is not known
 
 
-def prompt_spans(drive: Drive) -> list[PromptSpan]:
+def prompt_spans(inputs: InputRecording) -> list[PromptSpan]:
     """The prompts of the clip from its first frame to its last."""
     groups: list[list[StyleChange]] = []
-    for change in drive.changes:
-        if isinstance(change, StyleChange) and change.frame < len(drive):
+    for change in inputs.changes:
+        if isinstance(change, StyleChange) and change.frame < len(inputs):
             begun = groups and (groups[-1][0].frame, groups[-1][-1].event)
             if begun and follows_live(begun, change):
                 groups[-1].append(change)
             else:
                 groups.append([change])
     starts = [max(group[0].frame, 0) for group in groups]
-    ends = [*starts[1:], len(drive)]
+    ends = [*starts[1:], len(inputs)]
     spans = zip(starts, ends, groups, strict=True)
     return [PromptSpan(start, end, tuple(group)) for start, end, group in spans if end > start]
 
@@ -81,46 +80,46 @@ def gait_spans(gaits: NDArray[np.integer]) -> list[GaitSpan]:
     return [GaitSpan(a, b, int(gaits[a])) for a, b in pairwise(cuts) if b > a]
 
 
-def reworded(drive: Drive, span: PromptSpan, style: StyleChange) -> Edit:
+def reworded(inputs: InputRecording, span: PromptSpan, style: StyleChange) -> Edit:
     """Another style in the place of a span's, from its first frame.
 
     At the clip's start it is there at once: it comes into force before, in frames that the take does not show.
     """
     if span.start > 0:
-        return _with_styles(drive, span.changes, [replace(style, frame=span.start)], span.start)
+        return _with_styles(inputs, span.changes, [replace(style, frame=span.start)], span.start)
     at = (
-        max(-SETTLE_STEPS, drive.start + 1) if drive.start < 0 else 0
+        max(-SETTLE_STEPS, inputs.start + 1) if inputs.start < 0 else 0
     )  # a keyframe's own frame is made already
-    styles = [change for change in drive.changes if isinstance(change, StyleChange)]
+    styles = [change for change in inputs.changes if isinstance(change, StyleChange)]
     old = [c for c in styles if at <= c.frame and (c.frame <= 0 or any(c is own for own in span.changes))]
-    return _with_styles(drive, old, [replace(style, frame=at, seconds=0.0)], 0)
+    return _with_styles(inputs, old, [replace(style, frame=at, seconds=0.0)], 0)
 
 
-def with_prompt(drive: Drive, style: StyleChange) -> Edit:
+def with_prompt(inputs: InputRecording, style: StyleChange) -> Edit:
     """A style that holds from its frame to the next prompt's."""
-    _check_frame(drive, style.frame)
-    for span in prompt_spans(drive):
+    _check_frame(inputs, style.frame)
+    for span in prompt_spans(inputs):
         if span.start == style.frame:
-            return reworded(drive, span, style)
-    return _with_styles(drive, (), [style], style.frame)
+            return reworded(inputs, span, style)
+    return _with_styles(inputs, (), [style], style.frame)
 
 
-def move_prompt(drive: Drive, index: int, start: int, end: int) -> Edit:
+def move_prompt(inputs: InputRecording, index: int, start: int, end: int) -> Edit:
     """Prompt `index` holds from `start` to `end`; its neighbours keep at least `MIN_SPAN` frames.
 
     The first prompt always begins with the clip, the last one ends with it.
     """
-    spans = prompt_spans(drive)
+    spans = prompt_spans(inputs)
     start, end = fitted(spans, index, start, end)
     span, moved = spans[index], []
     if start != span.start:
         moved.append((span, start - span.start))
     if end != span.end:
         moved.append((spans[index + 1], end - span.end))
-    first = min([s.start + min(by, 0) for s, by in moved], default=len(drive))
+    first = min([s.start + min(by, 0) for s, by in moved], default=len(inputs))
     old = [change for s, _ in moved for change in s.changes]
     new = [replace(change, frame=change.frame + by) for s, by in moved for change in s.changes]
-    return _with_styles(drive, old, new, first)
+    return _with_styles(inputs, old, new, first)
 
 
 def fitted(spans: Sequence[Span], index: int, start: int, end: int) -> tuple[int, int]:
@@ -132,28 +131,28 @@ def fitted(spans: Sequence[Span], index: int, start: int, end: int) -> tuple[int
     return start, high if last else max(min(end, high), start + MIN_SPAN)
 
 
-def with_gait(drive: Drive, first: int, last: int, gait: Gait) -> Edit:
+def with_gait(inputs: InputRecording, first: int, last: int, gait: Gait) -> Edit:
     """Another gait in the frames `first` to `last`; a jump is pressed for `JUMP_FRAMES`.
 
     Where the stick rests, a gait to move in pushes it fully the way it pointed last; standing lets it go.
     """
-    _check_frame(drive, first)
-    last = min(last, len(drive) - 1)
+    _check_frame(inputs, first)
+    last = min(last, len(inputs) - 1)
     if gait is Gait.JUMP:
         last = min(last, first + JUMP_FRAMES - 1)
     if last < first:
         raise UsageError(f"gait from frame {first} to {last}: no frame.", "Choose a later end.")
-    start, end = first - drive.start, last + 1 - drive.start
-    before, changed = drive.frames[:start], list[DrivenFrame]()
-    for frame in drive.frames[start:end]:
+    start, end = first - inputs.start, last + 1 - inputs.start
+    before, changed = inputs.frames[:start], list[InputFrame]()
+    for frame in inputs.frames[start:end]:
         changed.append(_requested(frame, gait, chain(reversed(changed), reversed(before))))
-    frames = before + DrivenFrames.of(changed) + drive.frames[end:]
-    return Edit(replace(drive, frames=frames), first)
+    frames = before + InputFrames.of(changed) + inputs.frames[end:]
+    return Edit(replace(inputs, frames=frames), first)
 
 
-def move_gait(drive: Drive, index: int, start: int, end: int) -> Edit:
+def move_gait(inputs: InputRecording, index: int, start: int, end: int) -> Edit:
     """Gait span `index` lasts from `start` to `end`; the frames it leaves get the neighbour's gait."""
-    now = drive.gaits()
+    now = inputs.gaits()
     spans = gait_spans(now)
     start, end = fitted(spans, index, start, end)
     wanted = now.copy()
@@ -162,15 +161,15 @@ def move_gait(drive: Drive, index: int, start: int, end: int) -> Edit:
     wanted[start:end] = spans[index].gait
     if index < len(spans) - 1:
         wanted[end : spans[index + 1].end] = spans[index + 1].gait
-    edit = Edit(drive, len(drive))
+    edit = Edit(inputs, len(inputs))
     for span in gait_spans(np.where(wanted == now, -1, wanted)):
         if span.gait >= 0:
-            changed = with_gait(edit.drive, span.start, span.end - 1, Gait(span.gait))
-            edit = Edit(changed.drive, min(edit.first, span.start))
+            changed = with_gait(edit.inputs, span.start, span.end - 1, Gait(span.gait))
+            edit = Edit(changed.inputs, min(edit.first, span.start))
     return edit
 
 
-def _requested(frame: DrivenFrame, gait: Gait, before: Iterable[DrivenFrame]) -> DrivenFrame:
+def _requested(frame: InputFrame, gait: Gait, before: Iterable[InputFrame]) -> InputFrame:
     """A frame with another gait; `before` are the frames before it, the last one first."""
     old = frame.controls
     if gait is Gait.STAND:
@@ -182,7 +181,7 @@ def _requested(frame: DrivenFrame, gait: Gait, before: Iterable[DrivenFrame]) ->
     return replace(frame, controls=asked)
 
 
-def _pointed(before: Iterable[DrivenFrame]) -> tuple[float, float]:
+def _pointed(before: Iterable[InputFrame]) -> tuple[float, float]:
     """Where the stick pointed last, at full length; +Z when it never did."""
     for frame in before:
         x, z = frame.controls.move
@@ -192,14 +191,16 @@ def _pointed(before: Iterable[DrivenFrame]) -> tuple[float, float]:
     return 0.0, 1.0
 
 
-def _with_styles(drive: Drive, old: Sequence[StyleChange], new: Sequence[StyleChange], first: int) -> Edit:
-    kept = [change for change in drive.changes if all(change is not gone for gone in old)]
+def _with_styles(
+    inputs: InputRecording, old: Sequence[StyleChange], new: Sequence[StyleChange], first: int
+) -> Edit:
+    kept = [change for change in inputs.changes if all(change is not gone for gone in old)]
     changes = tuple(
         sorted([*kept, *new], key=lambda change: change.frame)
     )  # stable: the rest keeps its order
-    return Edit(replace(drive, changes=changes), max(first, 0))
+    return Edit(replace(inputs, changes=changes), max(first, 0))
 
 
-def _check_frame(drive: Drive, frame: int) -> None:
-    if not 0 <= frame < len(drive):
-        raise UsageError(f"frame {frame}: the take has frames 0 to {len(drive) - 1}.", "Choose one of them.")
+def _check_frame(inputs: InputRecording, frame: int) -> None:
+    if not 0 <= frame < len(inputs):
+        raise UsageError(f"frame {frame}: the take has frames 0 to {len(inputs) - 1}.", "Choose one of them.")

@@ -1,4 +1,4 @@
-"""The way of a take as points with speeds, and the take driven again along a changed one.
+"""The way of a take as points with speeds, and the take resimulated along a changed one.
 
 A take was driven by a stick; along another way the stick follows from where the character comes to, so that the network
 walks it as it would live. Prompts stay at their frames; the take ends where the way does.
@@ -20,8 +20,7 @@ from runtime.motion.paths import PlanarPose
 from runtime.motion.point_path import PointPath, Waypoint
 from runtime.pose import FPS, Pose
 from runtime.takes.clip import Clip
-from runtime.takes.drive import Drivable, Drive, played_poses, started
-from runtime.takes.driven_frames import DrivenFrames
+from runtime.takes.input_recording import InputFrames, InputRecording, Steppable, started, with_poses
 from runtime.takes.metadata import gait_of
 
 APART_M = 1.5  # between two points of a straight way
@@ -32,7 +31,7 @@ MAX_SECONDS = 600.0
 MOVED_M = 0.05  # less is standing
 
 
-def way_of(clip: Clip, drive: Drive, first: int = 0) -> tuple[Waypoint, ...]:
+def path_of(clip: Clip, inputs: InputRecording, first: int = 0) -> tuple[Waypoint, ...]:
     """The way of a clip from a frame on as few points, each with the speed and gait of the leg that leads to it.
 
     UsageError where it goes nowhere.
@@ -41,7 +40,7 @@ def way_of(clip: Clip, drive: Drive, first: int = 0) -> tuple[Waypoint, ...]:
     corners = _corners(path)
     points = []
     for a, b in itertools.pairwise(corners):
-        frames = [drive.frame(first + i).controls for i in range(a, b + 1)]
+        frames = [inputs.frame(first + i).controls for i in range(a, b + 1)]
         moving = [c for c in frames if gait_of(c) != Gait.STAND] or frames
         stick = float(np.median([hypot(*c.move) for c in moving]))
         gaits = [c.gait for c in moving if c.gait is not Gait.JUMP] or [Gait.WALK]
@@ -52,14 +51,14 @@ def way_of(clip: Clip, drive: Drive, first: int = 0) -> tuple[Waypoint, ...]:
     return tuple(points)
 
 
-def walked_again(
+def resimulated_along(
     clip: Clip,
-    drive: Drive,
-    controller: Drivable,
+    inputs: InputRecording,
+    controller: Steppable,
     points: Sequence[Waypoint],
     first: int = 0,
     progress: Callable[[float], None] = lambda _: None,
-) -> tuple[Clip, Drive]:
+) -> tuple[Clip, InputRecording]:
     """The take along other points from frame `first` on; before, it is bit by bit as it was. It may be longer or shorter."""
     place = _place(clip.pose(max(first - 1, 0)))
     walk = PointPath(tuple(points)).walk_from(place)
@@ -78,13 +77,13 @@ def walked_again(
         progress(min(walk.progress / max(float(walk.ends[-1]), 1e-6), 0.99))
         return asked[-1]
 
-    poses, keyframes = started(drive, controller, first, stick)
-    settings = [drive.frame(min(first + i, len(drive) - 1)) for i in range(len(asked))]
+    poses, keyframes = started(inputs, controller, first, stick)
+    settings = [inputs.frame(min(first + i, len(inputs) - 1)) for i in range(len(asked))]
     made = (replace(frame, controls=stick) for stick, frame in zip(asked, settings, strict=True))
-    frames = drive.frames[: first - drive.start] + DrivenFrames.of(made)
-    changes = tuple(change for change in drive.changes if change.frame < len(frames) + drive.start)
-    again = replace(drive, frames=frames, changes=changes, keyframes=keyframes)
-    return played_poses(clip, again, poses, first), again
+    frames = inputs.frames[: first - inputs.start] + InputFrames.of(made)
+    changes = tuple(change for change in inputs.changes if change.frame < len(frames) + inputs.start)
+    again = replace(inputs, frames=frames, changes=changes, keyframes=keyframes)
+    return with_poses(clip, again, poses, first), again
 
 
 def _place(pose: Pose) -> PlanarPose:

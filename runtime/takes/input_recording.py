@@ -1,38 +1,137 @@
-"""What a take was driven by: the stick of every frame and what changed, from which its frames can be made again.
+"""The input that made a take: the stick of every frame and what changed, from which its frames can be made again.
 
-A take is driven again by the recorded stick after an edit (`drive_edits`): what lies before the edit stays as it is, bit
+A take is resimulated by the recorded stick after an edit (`input_edits`): what lies before the edit stays as it is, bit
 by bit, and so does what follows when nothing was changed. Keyframes hold the controller's state every few seconds, so that
 no take has to be made again from its start.
 """
 
 from __future__ import annotations
 
+import math
+from array import array
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
-from typing import Any, Protocol
+from typing import Any, Protocol, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.arrays import Array
-from runtime.controls import Controls
+from runtime.controls import MAX_STICK, Controls, Gait
 from runtime.errors import FileError
 from runtime.motion.features import FPS
 from runtime.motion.snapshot import Snapshot, take_snapshot
 from runtime.motion.style_mix import StyleMix
 from runtime.pose import Pose
 from runtime.takes.clip import Clip, are_poses, shift_prompts
-from runtime.takes.driven_frames import DrivenFrame, DrivenFrames, KeptFrames
 from runtime.takes.metadata import PromptEvent, gait_seconds
 from runtime.takes.recorder import LIVE_SECONDS
 from runtime.terrain.height_map import Terrain
 
 KEYFRAME_STEPS = 300  # between two keyframes: 5 s are made again in about half a second
 
+COLUMNS = 8  # of a frame: stick x and z, facing x and z (NaN without), gait, temperature, strength, response
+LARGEST_SETTING = 10.0
+_NOWHERE = (math.nan, math.nan)
 
-class Drivable(Protocol):
+
+@dataclass(frozen=True)
+class InputFrame:
+    """What one simulated step was asked for, and the settings that may change while it runs."""
+
+    controls: Controls
+    temperature: float
+    strength: float
+    response: float = 0.0
+
+    @property
+    def row(self) -> tuple[float, ...]:
+        """The frame as `COLUMNS` numbers."""
+        asked = self.controls
+        facing = asked.facing or _NOWHERE
+        return (*asked.move, *facing, int(asked.gait), self.temperature, self.strength, self.response)
+
+
+class InputFrames(Sequence[InputFrame]):
+    """The frames of a take; they do not change, and a part of them shares their memory."""
+
+    def __init__(self, rows: NDArray[np.float64]) -> None:
+        """Rows `(T, COLUMNS)` as `InputFrame.row` has them; they must not be changed later."""
+        self.rows = rows.view()
+        self.rows.flags.writeable = False
+
+    @staticmethod
+    def of(frames: Iterable[InputFrame]) -> InputFrames:
+        """Frames one by one."""
+        return InputFrames(np.array([frame.row for frame in frames], np.float64).reshape(-1, COLUMNS))
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @overload
+    def __getitem__(self, at: int) -> InputFrame: ...
+    @overload
+    def __getitem__(self, at: slice) -> InputFrames: ...
+    def __getitem__(self, at: int | slice) -> InputFrame | InputFrames:
+        if isinstance(at, slice):
+            return InputFrames(self.rows[at])
+        x, z, facing_x, facing_z, gait, *settings = self.rows[at].tolist()
+        facing = None if math.isnan(facing_x) else (facing_x, facing_z)
+        return InputFrame(Controls((x, z), facing, Gait(int(gait))), *settings)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, InputFrames) and np.array_equal(self.rows, other.rows, equal_nan=True)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __add__(self, later: InputFrames) -> InputFrames:
+        """These frames and then others."""
+        return InputFrames(np.concatenate([self.rows, later.rows]))
+
+    def gaits(self) -> NDArray[np.int8]:
+        """What each frame asked for `(T,)`, as `metadata.gait_of` counts gaits."""
+        asked = self.rows[:, 4].astype(np.int8)
+        moves = (self.rows[:, :2] != 0.0).any(axis=1)
+        return np.where(moves | (asked == Gait.JUMP), asked, np.int8(Gait.STAND))
+
+
+def are_asked(rows: NDArray[np.float64]) -> bool:
+    """Whether rows `(T, COLUMNS)` of a file are what a step can be asked for."""
+    move, facing, gait, settings = rows[:, :2], rows[:, 2:4], rows[:, 4], rows[:, 5:]
+    turned = (np.abs(facing) <= MAX_STICK).all(axis=1) | np.isnan(facing).all(axis=1)
+    return bool(
+        (np.abs(move) <= MAX_STICK).all()  # nor NaN
+        and turned.all()
+        and np.isin(gait, [float(each) for each in Gait]).all()
+        and (np.abs(settings) <= LARGEST_SETTING).all()
+    )
+
+
+class KeptFrames:
+    """The newest frames while they are made."""
+
+    def __init__(self) -> None:
+        self._numbers = array("d")
+
+    def __len__(self) -> int:
+        return len(self._numbers) // COLUMNS
+
+    def add(self, frame: InputFrame) -> None:
+        """One frame more."""
+        self._numbers.extend(frame.row)
+
+    def drop(self, count: int) -> None:
+        """Forget the oldest frames."""
+        del self._numbers[: count * COLUMNS]
+
+    def since(self, first: int) -> InputFrames:
+        """The frames from one on, counted from the oldest that is kept."""
+        return InputFrames(np.array(self._numbers[first * COLUMNS :]).reshape(-1, COLUMNS))
+
+
+class Steppable(Protocol):
     """What is driven: `runtime.motion.controller.Controller`, or a stand-in whose state a snapshot takes."""
 
     temperature: float
@@ -65,7 +164,7 @@ class StyleChange:
     event: PromptEvent
     note: Any = None
 
-    def apply(self, controller: Drivable) -> None:
+    def apply(self, controller: Steppable) -> None:
         """Hand the style over."""
         controller.set_style(self.z, self.seconds)
 
@@ -78,7 +177,7 @@ class GroundChange:
     name: str  # or the path of its file
     terrain: Terrain
 
-    def apply(self, controller: Drivable) -> None:
+    def apply(self, controller: Steppable) -> None:
         """Put the ground under the character."""
         controller.set_terrain(self.terrain)
 
@@ -92,7 +191,7 @@ class Restart:
     z: float
     yaw: float
 
-    def apply(self, controller: Drivable) -> None:
+    def apply(self, controller: Steppable) -> None:
         """Put the character there."""
         controller.reset(self.x, self.z, self.yaw)
         controller.step(Controls())
@@ -110,13 +209,13 @@ class Keyframe:
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
+class InputRecording:
     """Frames count from the clip's first one; what led to it has negative numbers.
 
     `frames` begin with that of the first keyframe, at or before the clip's first one, and end with the clip's last.
     """
 
-    frames: DrivenFrames
+    frames: InputFrames
     changes: tuple[Change, ...]  # in the order in which they happened
     keyframes: tuple[Keyframe, ...]
 
@@ -129,7 +228,7 @@ class Drive:
         """Frames of the clip."""
         return len(self.frames) + self.start
 
-    def frame(self, number: int) -> DrivenFrame:
+    def frame(self, number: int) -> InputFrame:
         """What frame `number` was asked for."""
         return self.frames[number - self.start]
 
@@ -162,54 +261,54 @@ def follows_live(before: tuple[int, PromptEvent], change: StyleChange) -> bool:
     return live and change.frame - frame < round(LIVE_SECONDS * FPS)
 
 
-def redrive(
-    drive: Drive,
-    controller: Drivable,
+def resimulate(
+    inputs: InputRecording,
+    controller: Steppable,
     first_frame: int,
     last_frame: int | None = None,
     progress: Callable[[float], None] = lambda _: None,
 ) -> tuple[list[Pose], tuple[Keyframe, ...]]:
-    """Poses of the frames `first_frame` to `last_frame` (the end by default), and the drive's keyframes with new ones.
+    """Poses of the frames `first_frame` to `last_frame` (the end by default), and its keyframes with new ones.
 
-    Nothing of `drive` may have been changed before `first_frame`. `controller` has the model of the take and is left
+    Nothing of `inputs` may have been changed before `first_frame`. `controller` has the model of the take and is left
     after the last frame. `progress` hears the share that is done. About 1 ms a frame, and up to `KEYFRAME_STEPS` frames before the first.
     """
-    end = len(drive) if last_frame is None else last_frame + 1
-    key = keyframe_for(drive, first_frame).frame
+    end = len(inputs) if last_frame is None else last_frame + 1
+    key = keyframe_for(inputs, first_frame).frame
 
     def recorded(number: int, _: Pose | None) -> Controls | None:
         progress((number - key) / max(end - key, 1))
-        return drive.frame(number).controls if number < end else None
+        return inputs.frame(number).controls if number < end else None
 
-    return started(drive, controller, first_frame, recorded)
+    return started(inputs, controller, first_frame, recorded)
 
 
 def started(
-    drive: Drive,
-    controller: Drivable,
+    inputs: InputRecording,
+    controller: Steppable,
     first_frame: int,
     stick: Callable[[int, Pose | None], Controls | None],
 ) -> tuple[list[Pose], tuple[Keyframe, ...]]:
     """Poses from `first_frame` on under a `stick`, until that gives None, and the keyframes.
 
     `stick` gets the number of each frame and the pose before it, if that is of `first_frame` or later; before, the recorded
-    stick leads to `first_frame`. Settings and changes are those of the drive, whose last settings hold on.
+    stick leads to `first_frame`. Settings and changes are those of the inputs, whose last settings hold on.
     """
-    key = keyframe_for(drive, first_frame)
-    ground = drive.ground(key.frame)
+    key = keyframe_for(inputs, first_frame)
+    ground = inputs.ground(key.frame)
     if ground is not None:
         controller.set_terrain(ground.terrain)
     key.snapshot.restore(controller)  # type: ignore[arg-type]
-    keyframes = [k for k in drive.keyframes if k.frame < first_frame]
+    keyframes = [k for k in inputs.keyframes if k.frame < first_frame]
     later: dict[int, list[Change]] = {}
-    for change in drive.changes:
+    for change in inputs.changes:
         # a keyframe holds the changes of its own frame, unless one of them is what was edited
         again = key.frame == first_frame == change.frame and isinstance(change, StyleChange)
         if change.frame > key.frame or again:
             later.setdefault(change.frame, []).append(change)
     poses: list[Pose] = []
     for number in count(key.frame):
-        frame = drive.frame(min(number, len(drive) - 1))
+        frame = inputs.frame(min(number, len(inputs) - 1))
         controls = frame.controls if number < first_frame else stick(number, poses[-1] if poses else None)
         if controls is None:
             break
@@ -223,13 +322,13 @@ def started(
     return poses, tuple(keyframes)
 
 
-def keyframe_for(drive: Drive, frame: int) -> Keyframe:
+def keyframe_for(inputs: InputRecording, frame: int) -> Keyframe:
     """The last keyframe before a frame, or the first one of all."""
-    before = [k for k in drive.keyframes if k.frame < frame]
-    return before[-1] if before else drive.keyframes[0]
+    before = [k for k in inputs.keyframes if k.frame < frame]
+    return before[-1] if before else inputs.keyframes[0]
 
 
-def _step(controller: Drivable, frame: DrivenFrame) -> Pose:
+def _step(controller: Steppable, frame: InputFrame) -> Pose:
     if controller.temperature != frame.temperature:
         controller.temperature = frame.temperature
     if controller.response != frame.response:
@@ -239,35 +338,35 @@ def _step(controller: Drivable, frame: DrivenFrame) -> Pose:
     return controller.step(frame.controls)
 
 
-def played_again(
+def resimulated_take(
     clip: Clip,
-    drive: Drive,
-    controller: Drivable,
+    inputs: InputRecording,
+    controller: Steppable,
     first_frame: int,
     progress: Callable[[float], None] = lambda _: None,
-) -> tuple[Clip, Drive]:
-    """The take of an edited drive: frames before `first_frame` from `clip`, the rest by the recorded stick."""
-    poses, keyframes = redrive(drive, controller, first_frame, progress=progress)
-    made = replace(drive, keyframes=keyframes)
-    return played_poses(clip, made, poses, first_frame), made
+) -> tuple[Clip, InputRecording]:
+    """The take of edited inputs: frames before `first_frame` from `clip`, the rest by the recorded stick."""
+    poses, keyframes = resimulate(inputs, controller, first_frame, progress=progress)
+    made = replace(inputs, keyframes=keyframes)
+    return with_poses(clip, made, poses, first_frame), made
 
 
-def played_poses(clip: Clip, drive: Drive, poses: Sequence[Pose], first_frame: int) -> Clip:
-    """The clip with other poses from `first_frame` on, and the prompts and gaits of the drive that made them; FileError."""
-    _check_driven(poses)
-    gaits = drive.gaits()
+def with_poses(clip: Clip, inputs: InputRecording, poses: Sequence[Pose], first_frame: int) -> Clip:
+    """The clip with other poses from `first_frame` on, and the prompts and gaits of the inputs that made them; FileError."""
+    _check_poses(poses)
+    gaits = inputs.gaits()
     return replace(
         clip,
         hips_positions=_joined(clip.hips_positions, first_frame, [p.hips_position for p in poses]),
         local_rotations=_joined(clip.local_rotations, first_frame, [p.local_rotations for p in poses]),
         contacts=_joined(clip.contacts, first_frame, [p.contacts for p in poses]),
-        prompts=drive.prompts(),
+        prompts=inputs.prompts(),
         gaits=gaits,
         gait_seconds=tuple(gait_seconds(gaits, clip.fps).items()),
     )
 
 
-def _check_driven(poses: Sequence[Pose]) -> None:
+def _check_poses(poses: Sequence[Pose]) -> None:
     """FileError unless every pose can be shown: a damaged state of a controller may lead anywhere."""
     if not poses:
         return
@@ -277,7 +376,7 @@ def _check_driven(poses: Sequence[Pose]) -> None:
     )
     if not are_poses(hips, rotations, contacts):
         raise FileError(
-            "The take cannot be driven again: what it was driven by leads to poses that are none.",
+            "The take cannot be resimulated: what it was driven by leads to poses that are none.",
             "Edit it at another place, or record it again.",
         )
 
@@ -286,7 +385,7 @@ def _joined(old: Array, first: int, new: Sequence[Array]) -> Array:
     return np.concatenate([old[:first], np.stack(new).astype(np.float32)]) if new else old.copy()
 
 
-class DriveRecorder:
+class InputRecorder:
     """Beside a `ClipRecorder`, whose frame numbers it shares: keeps what the kept frames were driven by.
 
     Per frame call `before_steps`, step, then `add` for each step; the marks in between, as things happen.
@@ -303,15 +402,15 @@ class DriveRecorder:
         """Number of the frame that comes next, counted since the program's start."""
         return self._first + len(self._frames)
 
-    def before_steps(self, controller: Drivable) -> None:
+    def before_steps(self, controller: Steppable) -> None:
         """Keep the state of `controller` when it is time."""
         number = self.next_frame
         if not self._keyframes or number - self._keyframes[-1].frame >= KEYFRAME_STEPS:
             self._keyframes.append(Keyframe(number, take_snapshot(controller)))  # type: ignore[arg-type]
 
-    def add(self, controls: Controls, controller: Drivable) -> None:
+    def add(self, controls: Controls, controller: Steppable) -> None:
         """Remember what one simulated step of `controller` was asked for."""
-        frame = DrivenFrame(controls, controller.temperature, controller.strength, controller.response)
+        frame = InputFrame(controls, controller.temperature, controller.strength, controller.response)
         self._frames.add(frame)
 
     def mark_style(
@@ -340,7 +439,7 @@ class DriveRecorder:
         self._changes.append(Restart(self.next_frame, x, z, yaw))
 
     def forget(self) -> None:
-        """Something happened that cannot be made again: takes that began before it cannot be driven again."""
+        """Something happened that cannot be made again: takes that began before it cannot be resimulated."""
         self._first = self.next_frame
         self._frames = KeptFrames()
         self._keyframes.clear()
@@ -373,13 +472,13 @@ class DriveRecorder:
         """Sticks and settings `(T, 8)` from `first_frame` to the newest; None where they are not known."""
         return None if first_frame < self._first else self._frames.since(first_frame - self._first).rows
 
-    def cut(self, first_frame: int) -> Drive | None:
-        """The drive of a clip from `first_frame` to the newest frame; None when its state there is not known."""
+    def cut(self, first_frame: int) -> InputRecording | None:
+        """The inputs of a clip from `first_frame` to the newest frame; None when its state there is not known."""
         keys = [k for k in self._keyframes if k.frame <= first_frame]
         if not keys or first_frame >= self.next_frame:
             return None
         start = keys[-1].frame
-        return Drive(
+        return InputRecording(
             self._frames.since(start - self._first),
             tuple(replace(c, frame=c.frame - first_frame) for c in self._changes),
             tuple(

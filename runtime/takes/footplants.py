@@ -29,7 +29,7 @@ Frames = tuple[int, int]  # first, and the one after the last
 
 
 @dataclass(frozen=True)
-class PlantEdit:
+class FootplantEdit:
     """A plant of foot 0 (left) or 1: `old` frames become `new`; without `old` it is added, without `new` removed."""
 
     foot: int
@@ -37,12 +37,12 @@ class PlantEdit:
     new: Frames | None
 
     def to_json(self) -> dict[str, Any]:
-        """Plain values, see `read_plant`."""
+        """Plain values, see `read_footplant`."""
         return {"foot": self.foot, "old": self.old and list(self.old), "new": self.new and list(self.new)}
 
 
-def read_plant(value: Mapping[str, Any]) -> PlantEdit:
-    """An edit of `PlantEdit.to_json`; KeyError, TypeError or ValueError for what is none."""
+def read_footplant(value: Mapping[str, Any]) -> FootplantEdit:
+    """An edit of `FootplantEdit.to_json`; KeyError, TypeError or ValueError for what is none."""
 
     def frames(entry: Any) -> Frames | None:
         if entry is None:
@@ -54,19 +54,19 @@ def read_plant(value: Mapping[str, Any]) -> PlantEdit:
 
     if value["foot"] not in (0, 1) or isinstance(value["foot"], bool):
         raise ValueError("a plant of no foot")
-    return PlantEdit(value["foot"], frames(value["old"]), frames(value["new"]))
+    return FootplantEdit(value["foot"], frames(value["old"]), frames(value["new"]))
 
 
-def plants(contacts: Array) -> list[Frames]:
+def footplants(contacts: Array) -> list[Frames]:
     """Frames in which a heel or a toe of one foot bears: `contacts` `(T, 2)`."""
     down = np.concatenate([[False], (np.asarray(contacts) > CONTACT).any(axis=1), [False]])
     edges = np.flatnonzero(np.diff(down.astype(np.int8)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def fitted_plant(clip: Clip, foot: int, old: Frames | None, start: int, end: int) -> Frames:
+def fitted_footplant(clip: Clip, foot: int, old: Frames | None, start: int, end: int) -> Frames:
     """Where a plant may go that is to last from `start` to `end`; UsageError where there is no room."""
-    others = [p for p in plants(clip.contacts[:, 2 * foot : 2 * foot + 2]) if p != old]
+    others = [p for p in footplants(clip.contacts[:, 2 * foot : 2 * foot + 2]) if p != old]
     middle = (start + end) / 2 if old is None else (old[0] + old[1]) / 2
     low = max((b + MIN_FRAMES for a, b in others if (a + b) / 2 <= middle), default=0)
     high = min((a - MIN_FRAMES for a, b in others if (a + b) / 2 > middle), default=len(clip))
@@ -78,20 +78,20 @@ def fitted_plant(clip: Clip, foot: int, old: Frames | None, start: int, end: int
     return start, end
 
 
-def replanted(clip: Clip, edits: Sequence[PlantEdit]) -> Clip:
+def replanted(clip: Clip, edits: Sequence[FootplantEdit]) -> Clip:
     """The clip with the plants changed, one edit after the other; edits that no longer fit the clip are left out."""
     return _each(clip, edits)[0]
 
 
-def unfitted(clip: Clip, edits: Sequence[PlantEdit]) -> int:
+def unfitted(clip: Clip, edits: Sequence[FootplantEdit]) -> int:
     """How many edits `replanted` leaves out: the take has other steps by now."""
     return _each(clip, edits)[1]
 
 
-def _each(clip: Clip, edits: Sequence[PlantEdit]) -> tuple[Clip, int]:
+def _each(clip: Clip, edits: Sequence[FootplantEdit]) -> tuple[Clip, int]:
     left_out = 0
     for edit in edits:
-        known = plants(clip.contacts[:, 2 * edit.foot : 2 * edit.foot + 2])
+        known = footplants(clip.contacts[:, 2 * edit.foot : 2 * edit.foot + 2])
         if (edit.old is None or edit.old in known) and max(edit.new or (0, 0)) <= len(clip):
             clip = _replanted(clip, edit, known)
         else:
@@ -99,7 +99,7 @@ def _each(clip: Clip, edits: Sequence[PlantEdit]) -> tuple[Clip, int]:
     return clip, left_out
 
 
-def _replanted(clip: Clip, edit: PlantEdit, known: list[Frames]) -> Clip:
+def _replanted(clip: Clip, edit: FootplantEdit, known: list[Frames]) -> Clip:
     positions, world = clip.world()
     ankle, toe = LEG_FEET[edit.foot], LEG_TOES[edit.foot]
     path, turns = positions[:, ankle].astype(float), world[:, ankle].astype(float)

@@ -48,7 +48,7 @@ END_S = 1.0  # what is written when the program ends may take so long; what is k
 
 
 def run(options: ViewOptions, services: Services | None = None, config: Path | None = None) -> int:
-    """Open the viewer and stay until it is closed, or for the frames asked for; the exit code.
+    """Open the viewer and stay until it is closed, or for the frames of the options; the exit code.
 
     `services` replaces the project's own loaders, `config` the directory of the settings. SportError when an option
     cannot be used or no window can be opened.

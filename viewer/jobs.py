@@ -185,15 +185,14 @@ class Jobs:
         What is not done at the time `until` (of `time.monotonic`) is given up.
         """
         waiting = [job for job in self._jobs if job.writing and job.slot.what == kind]
-        names = ", ".join(job.writing for job in waiting if not job.future.done())
-        if names:
-            self.messages.note(f"Waiting for {names}.")
+        if not all(job.future.done() for job in waiting):
+            self.messages.note(f"Waiting for {', '.join(job.writing for job in waiting)}.")
         wait([job.future for job in waiting], None if until is None else max(until - time.monotonic(), 0.0))
         late = [job for job in waiting if not job.future.done()]
-        failed = any(job.future.exception() for job in waiting if job not in late)
+        done = [job for job in waiting if job not in late]
         self._give_up(late)
         self.deliver()
-        return not failed and not late
+        return not late and not any(job.future.exception() for job in done)
 
     def _give_up(self, late: list[_Job]) -> None:
         """The program ends without these."""

@@ -1,4 +1,4 @@
-"""What `sport view` is asked for: one immutable set of options, checked before a window opens."""
+"""The options of `sport view`: one immutable set, checked before a window opens."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ class ViewOptions:
     terrain: str | None = None  # a name of the library or a file
     prompt: str | None = None
     blend: str | None = None  # a second prompt
-    blend_weights: Weights = (0.5,) * len(ALL_A)  # its share in each body part
+    blend_weights: Weights = (0.5,) * len(ALL_A)  # its weight in each body part
     model: Path | None = None  # directory of an exported model
     character: Path | None = None  # GLB
     fit_to_motion: bool = False  # the character gets the size of the motion
-    joint_map: Path | None = None  # JSON of its joints, in place of the one beside it
+    joint_map: Path | None = None  # JSON of its joints, in place of the one in its folder
     clip: Path | None = None  # BVH to open
     session: str | None = None  # file of a session, or "last"
     seed: int = specified(0, 0, flag="--seed")

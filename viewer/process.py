@@ -28,7 +28,7 @@ class Ending:
     def __init__(self, end: Callable[[], None]) -> None:
         self.saving = False
         self._end = end
-        self._asked_s: float | None = None
+        self._first_s: float | None = None
 
     @contextlib.contextmanager
     def handled(self) -> Iterator[None]:
@@ -47,8 +47,8 @@ class Ending:
 
     def _signalled(self, number: int, _frame: object) -> None:
         now = time.monotonic()
-        late = self._asked_s is not None and now - self._asked_s > PATIENCE_S
-        self._asked_s = now if self._asked_s is None else self._asked_s
+        late = self._first_s is not None and now - self._first_s > PATIENCE_S
+        self._first_s = now if self._first_s is None else self._first_s
         self._end()
         if late and number == signal.SIGINT and not self.saving:
             raise KeyboardInterrupt

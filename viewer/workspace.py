@@ -1,4 +1,4 @@
-"""The session with every tool on it: what is assembled once, loads what is asked for, and opens files."""
+"""The session with every tool on it: assembled once; loads what the options say, and opens files."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from viewer.prompt.language_model import LanguageModel
 from viewer.prompt.prompt_controller import PromptController
 from viewer.prompt.prompt_panel import PromptPanel
 from viewer.prompt.suggestions import Suggester
-from viewer.render.overlays import Figure, Overlays, trajectory_overlay
+from viewer.render.overlays import Figure, Overlays, TrailOverlay, trajectory_overlay
 from viewer.scene.scene import Scene
 from viewer.screenshots import Screenshots
 from viewer.services import Services
@@ -157,8 +157,7 @@ class Workspace:
         scene.load_terrain(options.terrain or settings.terrain)
         self.load_model(options.model or self.settings_window.chosen_model(options.offscreen), options.seed)
         prompting.begin(options.prompt, options.blend, options.blend_weights)
-        if options.blend is not None:
-            self.prompt.tab_requested = "blend"
+        self.prompt.tab_requested = "" if options.blend is None else "blend"
         if options.clip is not None:
             self.takes.open(options.clip, keep_ground=options.terrain is not None)
         if not options.offscreen:
@@ -230,26 +229,33 @@ class Workspace:
     def overlays(self, live: Controller | None, others: list[Pose]) -> Overlays:
         """What is drawn around the pose; `others` are drawn with it, the trajectory only of a `live` character."""
         settings, playback = self.settings, self.takes.playback
-        around = playback
-        if around is None and (settings.show_ghosts or settings.show_trails) and not others:
-            around = self.takes.memory(MEMORY_S)
+        frames, trails = self._other_times(playback, others)
         figure, over = self._reference(playback, others)
-        shows_ghosts, shows_trails = settings.show_ghosts, settings.show_trails
         return Overlays(
             trajectory=trajectory_overlay(live) if live is not None and settings.show_trajectory else None,
             show_skeleton=settings.show_skeleton,
             show_contacts=settings.show_contacts,
             show_grid=settings.show_grid,
             path=self.path.overlay(),
-            trails=self.trails.around(around) if around is not None and shows_trails else None,
+            trails=trails,
             pins=None if others and playback is None else self.pins.overlay(),
             ghosts=over,
-            frames=ghosts(around, round(settings.ghost_frames))
-            if around is not None and shows_ghosts
-            else [],
+            frames=frames,
             extra_poses=others,
             figure=figure,
         )
+
+    def _other_times(
+        self, playback: Playback | None, others: list[Pose]
+    ) -> tuple[list[Pose], TrailOverlay | None]:
+        """Ghosts and trails of the take that plays, or of the last seconds of the live character alone."""
+        settings, around = self.settings, playback
+        if around is None and (settings.show_ghosts or settings.show_trails) and not others:
+            around = self.takes.memory(MEMORY_S)
+        if around is None:
+            return [], None
+        frames = ghosts(around, round(settings.ghost_frames)) if settings.show_ghosts else []
+        return frames, self.trails.around(around) if settings.show_trails else None
 
     def _reference(self, playback: Playback | None, others: list[Pose]) -> tuple[Figure | None, list[Pose]]:
         """What the take that plays is compared with: a figure of its own, a ghost over it, or one of the `others`."""

@@ -120,7 +120,7 @@ def _into(state: str, app: Any, folder: Path) -> Any:
 
         for k in range(10):
             app.prompting.submit_prompt(f"a drunk man number {k}", Side.B)
-            while app.prompting.asked:
+            while app.prompting.pending:
                 yield
             yield
         while not app.jobs.busy("blend"):

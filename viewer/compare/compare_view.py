@@ -114,7 +114,7 @@ class CompareView:
     hovered: int = -1  # index of the variant under the mouse
     focus_requested: bool = False
     texts: dict[int, str] = field(default_factory=dict)  # typed into the fields, by the variants' numbers
-    asked: set[int] = field(default_factory=set)  # variants whose text has no answer yet
+    pending: set[int] = field(default_factory=set)  # variants whose text has no answer yet
     members: list[Controller] = field(default_factory=list)
     steps: int = 0  # of the last frame
     poses: list[Pose] = field(default_factory=list)  # after the last step, one for each variant
@@ -185,9 +185,9 @@ class CompareView:
     def blends(self) -> None:
         """Steps from prompt A to prompt B."""
         blend, last = self.prompting.prompt, self._count - 1
-        shares = [(k / last,) * len(blend.weights) for k in range(self._count)]
+        weights = [(k / last,) * len(blend.weights) for k in range(self._count)]
         label = f"steps from {quoted(blend.prompt(Side.A))} to {quoted(blend.prompt(Side.B))}"
-        self._compare(label, [(replace(blend, weights=share), self._seed) for share in shares])
+        self._compare(label, [(replace(blend, weights=weight), self._seed) for weight in weights])
 
     def last_prompts(self) -> None:
         """The live prompt and the ones typed before it, which answer one after the other."""
@@ -244,10 +244,10 @@ class CompareView:
 
     def _ask(self, number: int, text: str, put: Callable[[Change], object]) -> None:
         self.texts[number] = text
-        self.asked.add(number)
+        self.pending.add(number)
 
         def answered(answer: Answer) -> None:
-            if number in self.asked:
+            if number in self.pending:
                 self._forget(number)
                 put(_with_variant(number, lambda v: replace(v, prompt=PromptBlend((answer, None)))))
 
@@ -259,16 +259,16 @@ class CompareView:
         )
 
     def _forget(self, number: int) -> None:
-        self.asked.discard(number)
+        self.pending.discard(number)
         self.texts.pop(number, None)
 
     def _withdraw(self) -> bool:
         """Take back the prompts of variants that have no answer yet, and say so; whether there were any."""
-        asked = tuple(self.asked)
-        for number in asked:
+        pending = tuple(self.pending)
+        for number in pending:
             self.messages.note(f"Withdrawn: prompt {quoted(self.texts[number])}.")
             self._forget(number)
-        return bool(asked)
+        return bool(pending)
 
     # --- opening and closing
 
@@ -445,8 +445,8 @@ class CompareView:
         """The poses to draw; `between` the last two steps where the display has its own rate."""
         if not between or len(self._before) != len(self.poses):
             return self.poses
-        share = self._left_s / STEP_SECONDS
-        return [interpolate(a, b, share) for a, b in zip(self._before, self.poses, strict=True)]
+        fraction = self._left_s / STEP_SECONDS
+        return [interpolate(a, b, fraction) for a, b in zip(self._before, self.poses, strict=True)]
 
     def frame_all(self, camera: CameraControl, aspect: float, dt: float) -> None:
         """Glide to where a free view of `aspect` times the window's height holds all of them, nearer or farther by zoom."""
@@ -454,13 +454,13 @@ class CompareView:
             return
         orbit, poses = camera.orbit, self.poses
         wanted = distance_to(poses, orbit, aspect)
-        share = 1.0 - 0.5 ** (dt / GLIDE_HALF_LIFE)
+        fraction = 1.0 - 0.5 ** (dt / GLIDE_HALF_LIFE)
         if self._distance:
             self._zoom *= orbit.distance / self._distance
         else:  # just opened
-            orbit.distance, share = wanted, 1.0
-        orbit.target = orbit.target + share * (centre_of(poses) - orbit.target)
-        orbit.distance += share * (wanted * self._zoom - orbit.distance)
+            orbit.distance, fraction = wanted, 1.0
+        orbit.target = orbit.target + fraction * (centre_of(poses) - orbit.target)
+        orbit.distance += fraction * (wanted * self._zoom - orbit.distance)
         orbit.distance = float(np.clip(orbit.distance, orbit.MIN_DISTANCE, orbit.MAX_DISTANCE))
         self._distance = orbit.distance
 

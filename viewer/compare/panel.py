@@ -97,7 +97,7 @@ def _row(compare: CompareView, index: int, variant: Variant) -> tuple[bool, bool
 
 
 def _prompt(compare: CompareView, index: int, variant: Variant) -> None:
-    """The field; what is typed stays in it until it is asked."""
+    """The field; what is typed stays in it until Enter."""
     name, prompt = "##variant prompt", variant.prompt.prompt(Side.A)
     field_id = imgui.get_id(name)
     if is_active(field_id):
@@ -110,7 +110,7 @@ def _prompt(compare: CompareView, index: int, variant: Variant) -> None:
         imgui.InputTextFlags_.enter_returns_true,
     )
     compare.texts[variant.number] = text
-    if text == prompt and variant.number not in compare.asked:
+    if text == prompt and variant.number not in compare.pending:
         del compare.texts[variant.number]
     if entered and text.strip():
         compare.ask(index, text)
@@ -167,8 +167,8 @@ def _draw_name(
     if width < px(NUMBERS_ALONE) and not hovered:  # the panel has the names
         text = f"{index + 1}"
     else:
-        asked = compare.variants[index].number in compare.asked
-        name, seed = ("…", "") if asked else names(compare.variants)[index]
+        pending = compare.variants[index].number in compare.pending
+        name, seed = ("…", "") if pending else names(compare.variants)[index]
         text = _fitted(f"{index + 1}", name, seed, (px(WIDEST) if hovered else width) - 2 * px(PAD))
     # of two rows the first has its names under the feet: over the heads they would cover the second
     if foot is not None and index < (count + 1) // 2 and count > LONGEST_ROW:

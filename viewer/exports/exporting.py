@@ -23,7 +23,7 @@ from viewer.messages import Messages
 from viewer.scene.scene import Scene
 from viewer.session.takes import Takes, file_stem, free_path
 
-GROUNDS = {"": "No ground", "inside": "Ground inside", ".obj": "OBJ beside", ".glb": "GLB beside"}
+GROUNDS = {"": "No ground", "inside": "Ground inside", ".obj": "OBJ file", ".glb": "GLB file"}
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class ExportForm(ExportOptions):
     suffix: str = option(".glb", ALL, label="Format", choices={f.suffix: f.name for f in FORMATS.values()})
     ground: str = option(
         "", SCENES | {".bvh"}, label="Ground", choices=GROUNDS,
-        hint="As a second node of the file, or as a file beside it, in the same coordinates",
+        hint="As a second node of the file, or as a file of its own, in the same coordinates",
     )  # fmt: skip
     trimmed: bool = option(
         True, ALL, label="Trimmed range", hint="Only what lies between the trim marks of the timeline"

@@ -113,8 +113,8 @@ class Dialogs:
 
     def close(self) -> bool:
         """Ask no more; whether there was a question."""
-        asked, self.question = self.question, None
-        return asked is not None
+        question, self.question = self.question, None
+        return question is not None
 
     def panel(self) -> Panel:
         """The line to type into, as a window of the shell."""

@@ -48,7 +48,7 @@ class Panel:
     icon: str = ""
     shown: Callable[[], bool] = lambda: True
     width: float = 0.0  # of a window in the middle, pixels at scale 1; 0: it draws its own window
-    tools: Callable[[], None] | None = None  # buttons beside the title
+    tools: Callable[[], None] | None = None  # buttons in the line of the title
     tools_width: float = 0.0  # pixels at scale 1
     actions: Mapping[Action, Callable[[], None]] = field(default_factory=dict)
     begin_typing: Callable[[], None] | None = None  # Enter in the view goes to its field

@@ -34,10 +34,10 @@ class Stats:
         """Take one frame: its work, the time since the frame before (both in seconds), and its simulation steps."""
         if interval_s <= 0.0:
             return
-        share = 1.0 if self.fps == 0.0 else 1.0 - 0.5 ** (interval_s / FPS_HALF_LIFE_S)
-        self.frame_ms += (work_s * 1e3 - self.frame_ms) * share
-        self.fps += (1.0 / interval_s - self.fps) * share
-        self.steps_per_s += (steps / interval_s - self.steps_per_s) * share
+        fraction = 1.0 if self.fps == 0.0 else 1.0 - 0.5 ** (interval_s / FPS_HALF_LIFE_S)
+        self.frame_ms += (work_s * 1e3 - self.frame_ms) * fraction
+        self.fps += (1.0 / interval_s - self.fps) * fraction
+        self.steps_per_s += (steps / interval_s - self.steps_per_s) * fraction
 
 
 def draw(
@@ -54,9 +54,9 @@ def draw(
     widths = [imgui.calc_text_size(text).x + gap for text, _ in facts]
     while len(widths) > 1 and sum(widths) - gap > width - wanted:
         widths.pop(0)
-    begin, room = imgui.get_cursor_pos_x(), width - sum(widths)
-    cancelled = bool(doing) and _doing(doing, room / 2 if message else room, can_end)
-    if doing and message:
+    begin, room, cancelled = imgui.get_cursor_pos_x(), width - sum(widths), False
+    if doing:
+        cancelled = _doing(doing, room / 2 if message else room, can_end)
         imgui.same_line(0, gap)
         room -= imgui.get_cursor_pos_x() - begin
     if message or not doing:

@@ -89,7 +89,7 @@ def tooltip(text: str) -> None:
         imgui.HoveredFlags_.delay_normal | imgui.HoveredFlags_.allow_when_disabled
     ):
         text = text if len(text) <= TOOLTIP_LENGTH else text[: TOOLTIP_LENGTH - 1].rstrip() + "…"
-        width = _place_beside()
+        width = _place_in_view()
         imgui.begin_tooltip()
         imgui.push_text_wrap_pos(width)
         imgui.text_unformatted(text)
@@ -97,7 +97,7 @@ def tooltip(text: str) -> None:
         imgui.end_tooltip()
 
 
-def _place_beside() -> float:
+def _place_in_view() -> float:
     """Put the next window into the view next to the item's column; the width of its text.
 
     That of a bar along the bottom, as the timeline, stands over the bar. Of what lies in no column at the left or right
@@ -184,14 +184,14 @@ def slider(
 ) -> tuple[bool, float]:
     """A bar that fills with the value and shows `text` (a format); Ctrl+click types a number."""
     flags = imgui.SliderFlags_.always_clamp
-    share = (value - low) / (high - low)
+    fraction = (value - low) / (high - low)
     if logarithmic:
         flags |= imgui.SliderFlags_.logarithmic
-        share = math.log(max(value, low) / low) / math.log(high / low)
+        fraction = math.log(max(value, low) / low) / math.log(high / low)
     corner, width = imgui.get_cursor_screen_pos(), imgui.calc_item_width()
     height, rounding = imgui.get_frame_height(), imgui.get_style().frame_rounding
     drawing = imgui.get_window_draw_list()
-    right = corner.x + width * min(max(share, 0.0), 1.0)
+    right = corner.x + width * min(max(fraction, 0.0), 1.0)
     for end, fill in ((corner.x + width, theme.FIELD), (right, theme.ACCENT_FILL)):
         if end > corner.x + 1:
             drawing.add_rect_filled(corner, imgui.ImVec2(end, corner.y + height), packed(fill), rounding)

@@ -93,12 +93,12 @@ class GlfwGamepads:
             return None  # a wheel, a sensor or a keyboard that calls itself a joystick
         triggers, right = ((2, 5), 3) if count >= 6 else ((), 2)
         live = self._live_axes.setdefault(pad, set())
-        axes = []
-        for i in range(count):
-            value, rest = float(pointer[i]), -1.0 if i in triggers else 0.0
+        axes = [float(pointer[i]) for i in range(count)]
+        for i, value in enumerate(axes):
             if value < _RELEASED if i in triggers else abs(value) < _REST:
                 live.add(i)
-            axes.append(value if i in live else rest)
+            elif i not in live:
+                axes[i] = -1.0 if i in triggers else 0.0
         pulled = ((axes[2] + 1) / 2, (axes[5] + 1) / 2) if triggers else (0.0, 0.0)
         return GamepadState(
             _text(self.glfw.get_joystick_name(pad)) + " (unmapped)",

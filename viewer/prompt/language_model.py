@@ -35,7 +35,7 @@ class LanguageModel:
     controller: PromptController
     library: LibraryExpander | None = None  # the loaded model's library expander
     key: str = field(default="", repr=False)  # typed here: in memory only, never written
-    problem: str = ""  # why no language model can be asked though one was chosen
+    problem: str = ""  # why the chosen language model cannot be used
     testing: bool = False
     report: str = ""  # what the last test said
     report_good: bool = False
@@ -43,7 +43,7 @@ class LanguageModel:
 
     @property
     def name(self) -> str:
-        """ "model at host" while one is asked, "" when the library answers alone."""
+        """ "model at host" of the one in use, "" when the library answers alone."""
         return self.controller.language_model
 
     @property

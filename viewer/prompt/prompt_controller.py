@@ -39,7 +39,7 @@ Codes = Mapping[PartDescriptions, NDArray[np.float32]]  # (6, 64) of six descrip
 
 @dataclass
 class Question:
-    """What was asked on one side, until its final answer."""
+    """What was requested on one side, until its final answer."""
 
     request: Request
     label: str  # of the step of undo
@@ -130,7 +130,7 @@ def answer_message(
 
 def _of_answer(answer: Answer, prompt: str, model: str, followed: bool) -> tuple[str, Level]:
     if not answer.final:
-        return f"The library answered at once; {model} is being asked.", Level.NOTE
+        return f"The library answered at once; waiting for {model}.", Level.NOTE
     if answer.source == "gpt":
         return f"{model} answered: {prompt}.", Level.NOTE
     if answer.note:
@@ -163,7 +163,7 @@ class PromptController:
     workers: tuple[PromptWorker, PromptWorker] | None = None  # of the model in use
     available: bool = True  # False when the model could not be loaded
     loading: bool = True
-    language_model: str = ""  # "model at host" while one is asked, "" when the library answers alone
+    language_model: str = ""  # "model at host" of the one in use, "" when the library answers alone
     first_error: SportError | None = None
     measure: Measure | None = None  # of the model in use; None: blends stay linear
     _measured: tuple[Any, Any] | None = None  # codes of the pair of prompts that was measured last
@@ -186,7 +186,7 @@ class PromptController:
         return self.editor.session.live.prompt
 
     @property
-    def asked(self) -> set[Side]:
+    def pending(self) -> set[Side]:
         """Sides whose answer is on its way."""
         return {side for side in Side if self.questions[side] is not None}
 
@@ -253,17 +253,17 @@ class PromptController:
 
     def swap(self) -> None:
         """Exchange prompts A and B; the character moves on as it did, and B's words become editable."""
-        if self.prompt.b is not None and not self.asked:
+        if self.prompt.b is not None and not self.pending:
             self._do("swap of A and B", PromptBlend.turned_round)
 
     def drop_blend(self) -> None:
-        """Back to prompt A alone; parts that are locked with a share of prompt B keep it."""
+        """Back to prompt A alone; parts that are locked with a weight of prompt B keep it."""
         self._withdraw(Side.B)
         held = self.prompt.locked_on(Side.B)
         if held and self.prompt.b is not None:
             self._do("end of the blend", lambda b: b.with_all_weights(0.0))
             names = ", ".join(map(_named, sorted(held)))
-            self.messages.note(f"Locked with a share of prompt B, which they keep: {names}.")
+            self.messages.note(f"Locked with a weight of prompt B, which they keep: {names}.")
         elif self.prompt.b is not None:
             self._do("end of the blend", lambda b: dataclasses.replace(b, answers=(b.a, None), weights=ALL_A))
         self.boxes[Side.B].text = self.prompt.prompt(Side.B)
@@ -358,7 +358,7 @@ class PromptController:
         return bool(sides)
 
     def _withdraw(self, side: Side) -> None:
-        """Give up a question in hand; without an answer yet it is as if it had never been asked."""
+        """Give up a question in hand; without an answer yet it is as if it had never been submitted."""
         question = self.questions[side]
         self._give_up(side)
         if question is None or question.answered:

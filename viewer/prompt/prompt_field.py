@@ -40,7 +40,7 @@ def draw(
     lines: int = 2,
     below: float = 0.0,
 ) -> None:
-    """A side's field; a prompt that is entered or chosen is asked. An emptied prompt B ends the blend.
+    """A side's field; a prompt that is entered or chosen is submitted. An emptied prompt B ends the blend.
 
     `below` is what the list leaves free under the field, in screen units.
     """
@@ -209,9 +209,9 @@ def _row(suggestion: Suggestion, i: int, box: PromptText, width: float, height: 
         left += px(24)
     right = corner.x + width - px(6)
     if suggestion.similarity is not None:
-        share = f"{max(suggestion.similarity, 0.0):.0%}"
-        right -= imgui.calc_text_size(share).x
-        drawing.add_text(imgui.ImVec2(right, middle), widgets.packed(theme.MUTED), share)
+        fraction = f"{max(suggestion.similarity, 0.0):.0%}"
+        right -= imgui.calc_text_size(fraction).x
+        drawing.add_text(imgui.ImVec2(right, middle), widgets.packed(theme.MUTED), fraction)
         right -= px(8)
     text = widgets.elided(suggestion.text, right - left)
     drawing.add_text(imgui.ImVec2(left, middle), widgets.packed(theme.TEXT), text)

@@ -85,7 +85,7 @@ class PromptPanel:
         """Undo, redo and who answers, in the line of the panel's title."""
         editor, model = self.controller.editor, self.language_model
         undoing, redoing = editor.undo_label, editor.redo_label
-        active = bool(undoing or self.controller.asked)
+        active = bool(undoing or self.controller.pending)
         if widgets.icon_button(ICON.undo, "undo", f"Undo {undoing} (Ctrl+Z)", theme.TEXT, active, 26.0):
             editor.undo()
         widgets.same_line()
@@ -254,12 +254,12 @@ def _lock_button(name: str, locked: bool, hint: str, size: float = 0.0) -> bool:
 
 def _answer(controller: PromptController, blend: PromptBlend, side: Side, rows: int, lines: int = 2) -> str:
     """A side's answer with at most `rows` of the nearest prompts and `lines` of remarks; a prompt that was clicked, or ""."""
-    answer, asked = blend.answers[side], side in controller.asked
-    missing = _missing(controller, answer, asked)
+    answer, pending = blend.answers[side], side in controller.pending
+    missing = _missing(controller, answer, pending)
     if missing or answer is None:
         widgets.muted(missing)
         return ""
-    _who(answer, asked, controller.language_model, rows)
+    _who(answer, pending, controller.language_model, rows)
     chosen = ""
     if answer.source != "gpt":
         for text, similarity in answer.nearest[: min(rows, 1) if answer.note else rows]:
@@ -270,20 +270,20 @@ def _answer(controller: PromptController, blend: PromptBlend, side: Side, rows: 
     return chosen
 
 
-def _missing(controller: PromptController, answer: Answer | None, asked: bool) -> str:
+def _missing(controller: PromptController, answer: Answer | None, pending: bool) -> str:
     """What is said in the place of an answer that is not there; "" for one to be shown."""
     if not controller.available:
         return f"{ICON.warning} Prompts need a motion model."
     if answer is None:
         if controller.loading:
             return f"{ICON.clock} Loading…"
-        return f"{ICON.clock} Preparing the style…" if asked else f"{ICON.note} Type a prompt."
-    if asked or not answer.prompt or any(box.text.strip() for box in controller.boxes):
+        return f"{ICON.clock} Preparing the style…" if pending else f"{ICON.note} Type a prompt."
+    if pending or not answer.prompt or any(box.text.strip() for box in controller.boxes):
         return ""
     return f"{ICON.note} Type a prompt; “{answer.prompt}” goes on until then."
 
 
-def _who(answer: Answer, asked: bool, model: str, rows: int) -> None:
+def _who(answer: Answer, pending: bool, model: str, rows: int) -> None:
     name, hint = _ANSWERED.get(answer.source, (answer.source, ""))
     widgets.tag(name)
     widgets.tooltip(f"{hint}, in {answer.milliseconds:.0f} ms")
@@ -291,7 +291,7 @@ def _who(answer: Answer, asked: bool, model: str, rows: int) -> None:
         widgets.same_line()
         widgets.tag("edited", theme.MUTED)
         widgets.tooltip(f"Words of {', '.join(map(_named, answer.edited))} are yours")
-    text = _summary(answer, asked, model, rows)
+    text = _summary(answer, pending, model, rows)
     imgui.same_line(0, px(7))
     shown = widgets.elided(text, imgui.get_content_region_avail().x)
     widgets.muted(shown)
@@ -299,8 +299,8 @@ def _who(answer: Answer, asked: bool, model: str, rows: int) -> None:
         widgets.tooltip(text)
 
 
-def _summary(answer: Answer, asked: bool, model: str, rows: int) -> str:
-    if asked:
+def _summary(answer: Answer, pending: bool, model: str, rows: int) -> str:
+    if pending:
         return f"{ICON.clock} asking {model or 'for the next'}…"
     if answer.source == "gpt":
         return model or "language model"
@@ -417,7 +417,7 @@ def _blend(controller: PromptController, suggester: Suggester) -> None:
     widgets.label("Prompt B")
     prompt_field.draw(controller, suggester, Side.B, HINT_B, lines=1)
     blend = controller.prompt
-    if blend.b is None and Side.B not in controller.asked:
+    if blend.b is None and Side.B not in controller.pending:
         widgets.muted("Type a second prompt: each body part is blended by its own slider.", wrap=True)
         return
     _answer(controller, blend, Side.B, rows=0, lines=1)
@@ -472,7 +472,7 @@ def _weight_slider(text: str, name: str, weight: float, spare: float = 0.0) -> t
 
 def _blend_buttons(controller: PromptController) -> None:
     half = widgets.column_width(2)
-    imgui.begin_disabled(bool(controller.asked))
+    imgui.begin_disabled(bool(controller.pending))
     hint = "Prompt B becomes prompt A, whose words can be edited; the character moves on as it does"
     if widgets.button(f"{ICON.exchange} Swap A and B", half, hint):
         controller.swap()

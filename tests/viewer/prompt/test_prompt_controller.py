@@ -260,7 +260,7 @@ def test_the_first_prompt_is_not_withdrawn() -> None:
 def test_undo_of_a_prompt_gives_up_its_better_answer(room: Room) -> None:
     room.submit("a duck", final=False)
     room.editor.undo()
-    assert not room.controller.asked
+    assert not room.controller.pending
     assert room.workers[Side.A].request is None
 
 
@@ -279,7 +279,7 @@ def test_the_end_of_a_blend_keeps_locked_parts(room: Room) -> None:
     room.controller.drop_blend()
     assert room.prompt.weights == (*ALL_A[:5], 0.5)
     assert room.controller.boxes[Side.B].text == "a duck"
-    assert "Locked with a share of prompt B, which they keep: head." in room.message
+    assert "Locked with a weight of prompt B, which they keep: head." in room.message
     room.controller.toggle_lock("head")
     room.controller.drop_blend()
     assert (room.prompt.b, room.controller.boxes[Side.B].text) == (None, "")
@@ -296,7 +296,7 @@ def test_another_session_brings_its_prompt_and_drops_questions(room: Room) -> No
     opened = Session().with_take(LIVE, prompt=other)
     room.editor.use(FakeFile(), History([Step(0, "", opened)]))  # type: ignore[arg-type]
     room.controller.poll()
-    assert not room.controller.asked
+    assert not room.controller.pending
     assert room.controller.boxes[Side.A].text == "a king"
     assert np.array_equal(room.styles[-1][0], other.style())
     room.editor.undo()
@@ -603,7 +603,7 @@ class Prompts(RuleBasedStateMachine):
                 assert (answer.prompt, answer.words.as_tuple()) == (known.prompt, known.words)
                 assert np.array_equal(answer.z, self.room.workers[0].code(answer.words))
         assert (blend.weights, blend.locked) == (self.now.weights, self.now.locked)
-        assert self.room.controller.asked == {side for side in Side if self.asked[side]}
+        assert self.room.controller.pending == {side for side in Side if self.asked[side]}
 
     @invariant()
     def the_character_moves_by_the_session(self) -> None:

@@ -97,7 +97,7 @@ def test_enter_changes_the_shipped_models_style_at_the_next_frame_after_the_answ
     type_prompt(app, "a drunk person stumbling home")
     app.window.inject_key("enter", True)
     run(app)
-    assert app.prompting.asked == {Side.A}
+    assert app.prompting.pending == {Side.A}
     assert np.array_equal(walker.style.z, before)
     while worker.busy:
         time.sleep(0.001)
@@ -281,13 +281,13 @@ def test_undo_withdraws_a_prompt_without_an_answer(start: Start) -> None:
     worker.held = True
     app.prompting.submit_prompt("a duck")
     run(app, 2)
-    assert app.prompting.asked == {Side.A}
+    assert app.prompting.pending == {Side.A}
     press(app, "ctrl", "z")
     assert "Withdrawn" in message(app)
     worker.held = False
     run(app, 3)
     assert prompt(app) == app.prompting.boxes[Side.A].text == "a proud king"
-    assert not app.prompting.asked
+    assert not app.prompting.pending
 
 
 def test_words_typed_since_survive_an_undo(start: Start) -> None:
@@ -340,4 +340,4 @@ def test_a_prompt_that_waits_for_another_model_leaves_locked_words(start: Start)
     assert words(app) == {**duck(), "head": "head of a proud king"}
     assert np.array_equal(style(app), OtherEncoder().encode(PartDescriptions.from_mapping(words(app))))
     assert "duck" in app.editor.undo_label
-    assert not app.prompting.asked
+    assert not app.prompting.pending

@@ -33,7 +33,7 @@ def test_a_blend_can_be_moved_while_the_language_model_thinks(
 ) -> None:
     app = blending(asking, model)
     model.released.set()
-    run_until(app, lambda: not app.prompting.asked)
+    run_until(app, lambda: not app.prompting.pending)
     edit = app.editor.session.live.prompt
     assert edit.b is not None
     assert (edit.b.source, edit.weights, source(app)[1]) == ("gpt", (0.8,) * 6, "library")
@@ -50,7 +50,7 @@ def test_a_blend_moved_while_the_language_model_thinks_is_a_step_of_its_own(
     app.prompting.set_all_weights(0.0)
     assert app.editor.dragging
     model.released.set()
-    run_until(app, lambda: not app.prompting.asked)
+    run_until(app, lambda: not app.prompting.pending)
 
     def check(weight: float) -> None:
         edit = app.editor.session.live.prompt
@@ -86,7 +86,7 @@ def thinking(asking: Callable[[], App], model: Model, locked: str = "") -> App:
 
 def finish(app: App, model: Model) -> None:
     model.released.set()
-    run_until(app, lambda: not app.prompting.asked)
+    run_until(app, lambda: not app.prompting.pending)
 
 
 def check_words(app: App, expected: PartDescriptions, *locked: str) -> None:
@@ -108,7 +108,7 @@ def test_a_part_locked_while_the_language_model_thinks_keeps_its_words(
     check_words(app, kept, "left_arm")
     assert source(app) == ("a duck", "gpt")
     app.prompting.reset_part("left_arm")  # what the language model said is known
-    run_until(app, lambda: not app.prompting.asked)
+    run_until(app, lambda: not app.prompting.pending)
     check_words(app, ANSWER)
     app.editor.undo()
     check_words(app, kept, "left_arm")
@@ -155,7 +155,7 @@ def test_undo_of_a_prompt_gives_up_the_language_model(asking: Callable[[], App],
     app.editor.undo()
     app.editor.undo()
     check_words(app, KING)
-    assert not app.prompting.asked
+    assert not app.prompting.pending
     model.released.set()
     run(app, 20)
     check_words(app, KING)

@@ -37,7 +37,6 @@ from viewer.workspace import Workspace
 
 __all__ = ["App", "ViewOptions", "run"]
 
-TITLE = "SPORT viewer"
 # A pause (a dragged window, a suspended laptop) is not simulated, but frames that are always long are: pictures are
 # dropped and the motion keeps its time.
 LONGEST_PAUSE_S, LONGEST_FRAME_S = 0.25, 1.0
@@ -132,9 +131,9 @@ class App(Workspace):
             drop=self.open_files,
         )
         scale = options.ui_scale or (0.0 if options.offscreen else settings.ui_scale)
-        width, height = options.width or default[0], options.height or default[1]
+        size = options.width or default[0], options.height or default[1]
         kept = options.screenshot is not None
-        return Window(TITLE, width, height, events, options.offscreen, settings.vsync, scale, kept)
+        return Window(size, events, options.offscreen, settings.vsync, scale, kept)
 
     # --- one frame
 

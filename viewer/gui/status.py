@@ -23,7 +23,7 @@ FPS_HALF_LIFE_S = 0.5
 
 @dataclass
 class Stats:
-    """Smoothed times of frames, all by the clock on the wall."""
+    """Smoothed times of frames by the clock."""
 
     frame_ms: float = 0.0  # work of one frame, without waiting
     fps: float = 0.0  # frames shown a second

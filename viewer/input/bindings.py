@@ -103,7 +103,7 @@ class Action(Enum):
     NEXT_PANEL = "f6 tab"
 
 
-# Views of the character, in the order of `viewer.stage.views.VIEWS`.
+# Views of the character, in the order of `viewer.scene.views.VIEWS`.
 VIEW_ACTIONS = (Action.FRONT, Action.SIDE, Action.THREE_QUARTERS, Action.FEET)
 _TAKE_KEYS = frozenset(action.take_key for action in Action) - {""}
 

@@ -12,10 +12,9 @@ from runtime.assets import asset_path
 from runtime.character.character import DEFAULT_CHARACTER
 from runtime.character.character import load_character as read_character
 from runtime.character.joint_map import read_joint_map
-from runtime.motion.controller import Controller
-from runtime.motion.crowd import Crowd
-from runtime.motion.even_blend import even_shares
+from runtime.motion.controller import Controller, Crowd
 from runtime.motion.model import load_model as read_model
+from runtime.motion.perceptual_weights import perceptual_weights
 from runtime.prompts.english.library import LibraryExpander
 from runtime.prompts.english.library_data import load_library, load_styles
 from runtime.prompts.expander import Expander
@@ -46,7 +45,7 @@ class Loaded:
     name: str
     provider: str
     notice: str = ""
-    even_shares: Callable[[Any, Any], tuple[float, ...]] | None = None  # makes a blend's change even
+    perceptual_weights: Callable[[Any, Any], tuple[float, ...]] | None = None  # makes a blend's change even
 
 
 def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSettings | None = None) -> Loaded:
@@ -61,7 +60,7 @@ def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSett
     workers = PromptWorker(expander, prompter.encoder), PromptWorker(expander, prompter.encoder)
     return Loaded(
         Controller(model, terrain, seed), workers, library, model.name, model.provider, model.notice,
-        lambda a, b: even_shares(model, a, b, pause=BETWEEN_FRAMES_S),
+        lambda a, b: perceptual_weights(model, a, b, pause=BETWEEN_FRAMES_S),
     )  # fmt: skip
 
 

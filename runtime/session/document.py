@@ -13,7 +13,7 @@ from runtime.character.shape import BodyShape
 from runtime.checked import read_number, read_text, read_whole
 from runtime.controls import Gait
 from runtime.errors import FileError, SportError
-from runtime.motion.point_path import MAX_POINTS, Waypoint
+from runtime.motion.control_scripts import MAX_POINTS, Waypoint
 from runtime.safe_read import is_text, parse_json, printable, reason
 from runtime.session.blobs import REMEDY, BlobReader, BlobWriter, Once
 from runtime.session.character_files import safe_name

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from runtime.checked import read_number, read_text, read_whole
 from runtime.errors import FileError
 from runtime.motion.snapshot import Snapshot
-from runtime.motion.style_mix import StyleMix
+from runtime.motion.style import StyleMix
 from runtime.prompts.parts import PartDescriptions
 from runtime.safe_read import parse_json, printable
 from runtime.session.blobs import REMEDY, BlobReader, BlobWriter, Once
@@ -105,7 +105,7 @@ class InputWriter:
     def code(self, z: Any) -> Json:
         """JSON of a style code or a mix of codes."""
         if isinstance(z, StyleMix):
-            return [self.blobs.array(np.stack(z.codes)), [float(share) for share in z.shares]]
+            return [self.blobs.array(np.stack(z.codes)), [float(share) for share in z.weights]]
         return self.blobs.array(z)
 
     def prompt(self, blend: PromptBlend) -> Json:

@@ -14,8 +14,7 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.controls import Controls
-from runtime.motion.controller import Controller
-from runtime.motion.crowd import Crowd
+from runtime.motion.controller import Controller, Crowd
 from runtime.motion.snapshot import take_snapshot
 from runtime.pose import Pose
 from runtime.session.prompt_blend import Answer, PromptBlend, Side

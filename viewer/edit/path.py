@@ -10,7 +10,7 @@ import numpy as np
 
 from runtime.controls import Controls, Gait
 from runtime.errors import SportError
-from runtime.motion.paths import PlanarPose
+from runtime.motion.control_scripts import PlanarPose
 from runtime.session.motion import Motion
 from runtime.session.session import LIVE, Session, Take
 from runtime.terrain.height_map import Terrain
@@ -22,7 +22,7 @@ from viewer.render.overlays import PathOverlay
 from viewer.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from runtime.motion.point_path import PathWalk, Waypoint
+    from runtime.motion.control_scripts import PathWalk, Waypoint
 
 GRAB_PX = 16.0  # at scale 1: a click nearer to a point takes it
 DRAWN_M = 0.7  # between two points of a path that is drawn by a drag
@@ -109,7 +109,7 @@ class PathTool:
 
     def add(self, x: float, z: float, held: bool = False) -> None:
         """Another last point, with the speed and gait of the one before."""
-        from runtime.motion.point_path import MAX_POINTS, Waypoint
+        from runtime.motion.control_scripts import MAX_POINTS, Waypoint
 
         points = self.points
         if len(points) < MAX_POINTS:
@@ -191,7 +191,7 @@ class PathTool:
 
     def start(self) -> None:
         """Lead the character along the path from where it stands."""
-        from runtime.motion.point_path import PointPath
+        from runtime.motion.control_scripts import PointPath
 
         if self.points:
             self.walk = PointPath(self.points).walk_from(self._place)

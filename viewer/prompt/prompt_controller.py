@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from runtime.errors import PromptError, SportError
 from runtime.motion.controller import Controller
-from runtime.motion.style_mix import LINEAR, Shares, mixes
+from runtime.motion.style import LINEAR, Shares, mixes
 from runtime.prompts.answer import Request
 from runtime.prompts.blend import ALL_A, Weights
 from runtime.prompts.expander import DEFAULT_PROMPT, Expander

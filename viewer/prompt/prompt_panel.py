@@ -67,7 +67,7 @@ class PromptPanel:
         `again`: what the session moves by was encoded by another model.
         """
         self.model = loaded.name
-        self.controller.measure_blends(loaded.even_shares)
+        self.controller.measure_blends(loaded.perceptual_weights)
         self.suggester.nearest = loaded.library.nearest
         self.language_model.use(loaded, given, again)
 

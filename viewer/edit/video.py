@@ -18,7 +18,8 @@ from runtime.safe_read import reason
 SUFFIXES = (".mp4", ".mov", ".m4v", ".webm", ".mkv", ".avi", ".gif", ".webp")
 MAX_SIDE = 640  # pixels: a larger picture is made smaller
 MAX_PICTURES, MAX_SECONDS = 7200, 240.0  # what is read
-MAX_SOURCE_PIXELS = 1 << 26
+MAX_KEPT_BYTES = 200 * 1024 * 1024  # of all pictures
+MAX_SOURCE_PIXELS = 1 << 24  # of one: its decoder holds several
 JPEG_QUALITY = 85
 REMEDY = "Write it again as MP4 (H.264) or GIF."
 
@@ -55,15 +56,16 @@ def read_video(path: Path) -> Video:
     """Read a film; FileError where it is none, in a sentence for who made it."""
     made: list[tuple[bytes, tuple[int, int]]] = []
     times: list[float] = []
-    size, cut = (0, 0), False
+    size, cut, kept = (0, 0), False, 0
     try:
         for time_s, picture in _webp(path) if path.suffix.lower() == ".webp" else _decoded(path):
-            if len(made) == MAX_PICTURES or time_s > MAX_SECONDS:
+            if len(made) == MAX_PICTURES or time_s > MAX_SECONDS or kept > MAX_KEPT_BYTES:
                 cut = True
                 break
             if times and time_s <= times[-1]:
                 continue  # of damaged or doubled stamps
             made.append(_small(picture))
+            kept += len(made[-1][0])
             times.append(time_s)
             size = made[0][1]
     except FileError:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from runtime.prompts.answer import Answer
 from runtime.prompts.expander import DEFAULT_PROMPT
 from runtime.prompts.gpt.settings import GptSettings
-from runtime.prompts.shares import HARDLY, phrase_share
+from runtime.prompts.phrasing import HARDLY, adherence_of
 from runtime.session.prompt_blend import PromptBlend, Side
 from runtime.skeleton import PART_NAMES
 from viewer.gl_bindings import imgui
@@ -364,7 +364,7 @@ def weakly_shown(blend: PromptBlend, part: str, model: str) -> float | None:
     """
     if blend.a is None or (blend.a.prompt == DEFAULT_PROMPT and part not in blend.a.edited):
         return None
-    shown = phrase_share(getattr(blend.a.words, part), part, model)
+    shown = adherence_of(model).of(getattr(blend.a.words, part), part)
     return shown if shown is not None and shown < HARDLY else None
 
 

@@ -103,7 +103,8 @@ class Jobs:
                     ) as error:  # whatever it is, it is raised where the result is requested
                         future.set_exception(error)
 
-        threading.Thread(target=run, daemon=True, name=f"sport {slot.what}").start()
+        kind = "reading" if reading else "writing" if writing else "work"
+        threading.Thread(target=run, daemon=True, name=f"sport {kind}").start()
         if self.blocking:
             wait([future])
             self.deliver()

@@ -98,7 +98,7 @@ def text_metrics(text: dict[str, Any]) -> list[str]:
     """Lines from the JSON of `sport evaluate --text`."""
     from training.evaluation.text.command import bars
 
-    return [f"- {asked}: {measured}" for asked, measured, _ in bars(text)]
+    return [f"- {bar}: {measured}" for bar, measured, _ in bars(text)]
 
 
 def motion_metrics(motion: dict[str, Any]) -> list[str]:

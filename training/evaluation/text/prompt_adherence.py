@@ -37,7 +37,7 @@ from training.augmentation.measured_edits import Summary, summarise, targets, va
 from training.augmentation.motion import EditedMotion
 from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker, straight_walk
 from training.frames import PLAIN
-from training.text.claims import clause_share, clauses
+from training.text.claims import clause_fraction, clauses
 from training.text.measure import BodyMeasures
 
 log = logging.getLogger("sport.evaluate")
@@ -61,7 +61,7 @@ class Found:
         """What a walk shows of a sentence by the claims of its clauses."""
         fractions: list[tuple[float, bool]] = []
         for clause in clauses(as_left_limb(sentence, part)[1] if "_" in part else sentence.lower()):
-            fraction = clause_share(part, clause, neutral, walked)
+            fraction = clause_fraction(part, clause, neutral, walked)
             if fraction is not None:
                 fractions.append(fraction)
                 self.clauses[as_left_limb(part, part)[0], clause].append(fraction[0])

@@ -34,7 +34,7 @@ from runtime.prompts.phrasing import PHRASINGS, ModelPhrasing, adherence_of, as_
 from runtime.prompts.prompter import Prompter
 from training.evaluation.motion.driving import flat_ground
 from training.evaluation.text.walks import PLAIN_PROMPT, body_of
-from training.text.claims import claims, sentence_share, unclaimed_change
+from training.text.claims import claims, sentence_fraction, unclaimed_change
 from training.text.measure import BodyMeasures
 
 log = logging.getLogger("sport.evaluate")
@@ -102,7 +102,7 @@ def better_wordings(
     table: dict[str, dict[str, str]] = {}
     for group, part in PARTS.items():
         bodies = {words: body for (own, words), body in walks.items() if own == group}
-        shown = {words: sentence_share(part, words, neutral, body) for words, body in bodies.items()}
+        shown = {words: sentence_fraction(part, words, neutral, body) for words, body in bodies.items()}
         strong = [words for words in bodies if not _weak(shown[words])]
         weak = [w for w in bodies if _weak(shown[w]) and (as_left_limb("", part)[0], w) not in captured]
         vectors = dict(zip(bodies, likeness(list(bodies)), strict=True)) if weak else {}
@@ -128,7 +128,7 @@ def _best(
     """The sentence whose walk shows at least so much of another one; others' changes and unlike words count against it."""
     worth = {}
     for other, (body, alike) in others.items():
-        fraction = sentence_share(part, words, neutral, body)
+        fraction = sentence_fraction(part, words, neutral, body)
         if fraction is not None and fraction >= least:
             worth[other] = fraction - CHANGE * unclaimed_change(part, words, neutral, body) + ALIKE * alike
     return max(worth, key=worth.__getitem__, default=None)

@@ -6,13 +6,14 @@ import io
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from runtime.atomic import sweep
 from runtime.pose import Pose
 from runtime.takes.input_recording import InputRecorder
 from viewer.compare import labels
 from viewer.compare import panel as compare_panel
 from viewer.compare.compare_view import CompareView
-from viewer.edit import pin_card, transport
 from viewer.edit.camera_keys import CameraKeys
 from viewer.edit.ghosts import Trails, ghosts
 from viewer.edit.path import PathTool
@@ -20,6 +21,7 @@ from viewer.edit.pins import Pins
 from viewer.edit.reference import References
 from viewer.edit.reference_card import ReferenceCard
 from viewer.edit.resimulation import Resimulation
+from viewer.edit.transport import Transport
 from viewer.edit.video import SUFFIXES as VIDEOS
 from viewer.editor import Editor
 from viewer.exports import panel as exports_panel
@@ -39,8 +41,7 @@ from viewer.prompt import prompt_panel
 from viewer.prompt.language_model import LanguageModel
 from viewer.prompt.prompt_controller import PromptController
 from viewer.prompt.suggestions import Suggester
-from viewer.render.overlays import Overlays
-from viewer.scene.overlays import make_overlays
+from viewer.render.overlays import Overlays, TrajectoryOverlay
 from viewer.scene.scene import Scene
 from viewer.screenshots import Screenshots
 from viewer.services import ControllerLike, Services
@@ -53,6 +54,7 @@ from viewer.shell import Shell, ShellState
 from viewer.window import Window
 
 PICTURE_WIDTH = 256  # pixels
+PAST_SAMPLES = 6  # of the 12 of the trajectory: one second back, then the present and one second ahead
 MEMORY_S = 3.0  # of the live character, for ghosts and trails
 
 
@@ -92,6 +94,7 @@ class Workspace:
         self.pins = Pins(editor, editing, scene)
         self.path = PathTool(editor, editing, scene)
         self.camera_keys = CameraKeys(editor, takes, scene.camera)
+        self.transport = Transport(editing, self.pins, self.camera_keys)
         self.references = References(editor, takes)
         self.compare = CompareView(editor, settings, messages, scene, takes, self.path, prompting)
         self.prompt = prompt_panel.PromptRoom(
@@ -130,14 +133,14 @@ class Workspace:
             compare_panel.panel(compare),
             scene_panel.panel(
                 self.scene, self.takes, self.path, self.open_files, self._browse_all,
-                lambda width: pin_card.draw_live(pins, self.camera_keys.add, width),
+                lambda width: pins.draw_live(self.camera_keys.add, width),
             ),
             takes_panel.panel(self.takes, references, export, self.sessions),
-            transport.panel(editing, pins, self.camera_keys, references),
+            self.transport.panel(references),
             labels.panel(compare),
             takes_panel.sign(self.takes),
             bar.panel(),
-            pin_card.panel(pins),
+            pins.panel(),
             references.panel(),
             guide.panel(self.guide, covered=lambda: compare.open),
             self.settings_window.panel(fonts),
@@ -254,7 +257,24 @@ class Workspace:
             if figure is None:
                 (over if references.reference.over else others).append(compared)
         pins = None if others and playback is None else self.pins.overlay()
-        return make_overlays(settings, live, self.path.overlay(), others, over, trails, pins, figure, frames)
+        trajectory = None
+        if settings.show_trajectory and live is not None:
+            now = live.trajectory
+            past = np.arange(len(now.positions)) < PAST_SAMPLES
+            trajectory = TrajectoryOverlay(now.positions, now.directions, past)
+        return Overlays(
+            trajectory=trajectory,
+            show_skeleton=settings.show_skeleton,
+            show_contacts=settings.show_contacts,
+            show_grid=settings.show_grid,
+            path=self.path.overlay(),
+            trails=trails,
+            pins=pins,
+            ghosts=over,
+            frames=frames,
+            extra_poses=others,
+            figure=figure,
+        )
 
     def shown_pose(self) -> Pose:
         """The pose in view: that of the take that plays, or the live one."""

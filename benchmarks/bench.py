@@ -151,8 +151,7 @@ def _model_times(frames: int, model: Path | None) -> dict[str, Any]:
 def _crowd_times(frames: int, model: Path | None) -> dict[str, float]:
     """A step of characters that walk side by side on one stick, on two threads: ms for all of them."""
     from runtime.controls import Controls
-    from runtime.motion.controller import Controller
-    from runtime.motion.crowd import Crowd
+    from runtime.motion.controller import Controller, Crowd
     from runtime.motion.model import load_model
     from runtime.terrain.height_map import Terrain
 

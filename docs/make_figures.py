@@ -17,7 +17,7 @@ from runtime.controls import Controls
 from runtime.motion import features
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
-from runtime.motion.motion_encoder import ExportedMotionEncoder
+from runtime.motion.model import ExportedMotionEncoder
 from runtime.motion.trajectory import PRESENT
 from runtime.skeleton import SPORT_SKELETON
 from training.data.contact_sheet import draw_figure

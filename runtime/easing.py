@@ -1,6 +1,8 @@
-"""Curves from 0 to 1 with no speed at both ends."""
+"""Curves on arrays: from 0 to 1 with no speed at both ends, and a critically damped spring to a goal."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -19,7 +21,12 @@ def smootherstep(t: Array) -> Array:
     return np.asarray(t * t * t * (t * (6.0 * t - 15.0) + 10.0))
 
 
-def smooth(value: float) -> float:
-    """`smoothstep` of one number."""
-    u = min(1.0, max(0.0, value))
-    return u * u * (3.0 - 2.0 * u)
+def spring(
+    value: Array, velocity: Array, goal: Array, half_life: float | Array, dt: float | Array
+) -> tuple[Array, Array]:
+    """Value and velocity of a spring after `dt` seconds (any shape)."""
+    y = 2.0 * math.log(2.0) / np.maximum(half_life, 1e-6)
+    offset = value - goal
+    slope = velocity + offset * y
+    fade = np.exp(-y * dt)
+    return goal + fade * (offset + slope * dt), fade * (velocity - slope * y * dt)

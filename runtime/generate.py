@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.arrays import Array
 from runtime.errors import FileError, PromptError, SportError, UsageError
+from runtime.motion.control_scripts import (
+    GAITS,
+    ControlScript,
+    PlanarPose,
+    StickScript,
+    control_script,
+    parse_stick,
+)
 from runtime.motion.features import FPS
-from runtime.motion.paths import GAITS, ControlScript, PlanarPose, control_script
-from runtime.motion.stick_script import StickScript, parse_stick
 from runtime.pose import Pose
 from runtime.prompts.blend import BlendedPrompt, Words, read_words, write_words
 from runtime.prompts.expander import DEFAULT_PROMPT, check_prompt
@@ -33,7 +40,7 @@ if TYPE_CHECKING:
     from runtime.controls import Controls, Gait
     from runtime.motion.controller import Controller
     from runtime.motion.model import MotionModel
-    from runtime.motion.style_mix import StyleMix
+    from runtime.motion.style import StyleMix
 
 
 MAX_SECONDS = 3600.0
@@ -86,6 +93,31 @@ def parse_prompts(script: str) -> tuple[PromptEvent, ...]:
     return tuple(sorted(events, key=lambda event: event.seconds))
 
 
+def _silent(_: str) -> None:
+    """A report that nothing reads."""
+
+
+@dataclass(frozen=True)
+class ClipOptions:
+    """What else `generate_clip` takes, by name."""
+
+    controls: str | StickScript | None = None  # the stick, as text too, in place of path, gait and speed
+    speed: float = 1.0  # fraction of the full stick
+    transition_seconds: float = 1.0  # from one prompt to the next
+    model: Path | MotionModel | None = None  # a model folder (default: the shipped one), or a loaded model
+    name: str = "clip"
+    expander: str = "library"  # this, `report` and `text_encoder` are those of `Prompter`
+    report: Callable[[str], None] = _silent
+    text_encoder: Path | None = None
+    prompter: Prompter | None = None  # one of that model, in place of them
+    strength: float = 1.0  # of the style: see `Controller`
+    size: float = 1.0  # of `Character`: a smaller body takes smaller steps on the same ground
+    pins: str | Sequence[Pin] = ()  # that bend the poses, as text of `runtime.takes.pins` too
+    response: float = (
+        0.0  # how quickly starts, stops and turns follow the stick: 0 as in capture, 1 as in a game
+    )
+
+
 def generate_clip(
     prompt: str | PartDescriptions | BlendedPrompt | Sequence[PromptEvent] = DEFAULT_PROMPT,
     terrain: str | Path | Terrain = "flat",
@@ -93,102 +125,75 @@ def generate_clip(
     gait: str = "walk",
     seconds: float | None = None,
     seed: int = 0,
-    *,
-    controls: str | StickScript | None = None,
-    speed: float = 1.0,
-    transition_seconds: float = 1.0,
-    model: Path | MotionModel | None = None,
-    name: str = "clip",
-    expander: str = "library",
-    report: Callable[[str], None] = lambda _: None,
-    text_encoder: Path | None = None,
-    strength: float = 1.0,
-    prompter: Prompter | None = None,
-    size: float = 1.0,
-    pins: str | Sequence[Pin] = (),
-    response: float = 0.0,
+    **options: Any,
 ) -> Clip:
     """Generate a clip of `seconds` (10, or the length of `controls`) at 60 frames a second; equal arguments give equal bytes.
 
-    It begins at rest at the origin, in its first style and in the gait. `controls` is the stick as text, see
-    `runtime.motion.stick_script`, in place of path, gait and speed.
-    `prompt` is one prompt, six descriptions, a blend of two, or several prompts with times (also those of a take),
-    `terrain` a name, file or terrain, `path` and `gait` are those of `runtime.motion.paths`. `model` is a model folder, by default the shipped one, or a loaded model; `expander`, `report` and
-    `text_encoder` are those of `Prompter`, or `prompter` is one of that model; `strength` is that of `Controller`; `size` is that of `Character`: a smaller body takes smaller steps on the same ground.
-    `pins` bend the poses: text of `runtime.takes.pins`, or pins. `response` is how quickly starts, stops and turns follow
-    the stick: 0 as in capture, 1 as in a game. SportError names what cannot be used.
+    It begins at rest at the origin, in its first style and in the gait. `prompt` is one prompt, six descriptions, a blend
+    of two, or several prompts with times (also those of a take), `terrain` a name, file or terrain, `path` and `gait` are
+    those of `runtime.motion.control_scripts`, `options` the fields of `ClipOptions`. SportError names what cannot be used.
     """
-    script, first_gait, seconds = _script(controls, path, gait, seconds, speed, seed)
-    _check(seconds, transition_seconds, strength, seed, response)
-    held = parse_pins(pins) if isinstance(pins, str) else tuple(pins)
-    events, asked = _events(prompt)
-    controller = _controller(terrain, model, seed, strength, size, response)
+    o = ClipOptions(**options)
+    script, first_gait, seconds = _script(o, path, gait, seconds, seed)
+    _check(o, seconds, seed)
+    held = parse_pins(o.pins) if isinstance(o.pins, str) else tuple(o.pins)
+    events, requested = _events(prompt)
+    controller = _controller(o, terrain, seed)
     meant: dict[str, PartDescriptions] = {}
-    if prompter is None:
-        prompter = Prompter(controller.model, expander, report, text_encoder, meant.__setitem__)
+    if o.prompter is None:
+        prompter = Prompter(controller.model, o.expander, o.report, o.text_encoder, meant.__setitem__)
     else:
-        prompter = prompter.listening(report, meant.__setitem__)
-    styles = [(event.seconds, prompter(words)) for event, words in zip(events, asked, strict=True)]
-    poses, gaits = _walk(controller, script, styles, first_gait, round(seconds * FPS), transition_seconds)
-    events = _described(events, asked, meant, transition_seconds)
+        prompter = o.prompter.listening(o.report, meant.__setitem__)
+    styles = [(event.seconds, prompter(words)) for event, words in zip(events, requested, strict=True)]
+    poses, gaits = _walk(controller, script, styles, first_gait, round(seconds * FPS), o.transition_seconds)
+    events = _described(events, requested, meant, o.transition_seconds)
     spec = str(terrain) if not isinstance(terrain, Terrain) else terrain.name
     origin, durations = origin_of(controller, spec), tuple(gait_seconds(gaits, FPS).items())
-    clip = clip_of(poses, name, events, spec)
-    clip = replace(clip, origin=origin, gaits=gaits, gait_seconds=durations, size=size)
+    clip = clip_of(poses, o.name, events, spec)
+    clip = replace(clip, origin=origin, gaits=gaits, gait_seconds=durations, size=o.size)
     return pinned(clip, held) if held else clip
 
 
 def _script(
-    controls: str | StickScript | None, path: str, gait: str, seconds: float | None, speed: float, seed: int
+    options: ClipOptions, path: str, gait: str, seconds: float | None, seed: int
 ) -> tuple[ControlScript, Gait, float]:
     """The stick of `generate_clip`, the gait to rest in before it begins, and the clip's seconds."""
+    controls = options.controls
     if controls is None:
-        return control_script(path, gait, speed, seed), GAITS[gait], 10.0 if seconds is None else seconds
-    script = parse_stick(controls) if isinstance(controls, str) else controls
-    return script, script(0.0).gait, script.seconds if seconds is None else seconds
+        script = control_script(path, gait, options.speed, seed)
+        return script, GAITS[gait], 10.0 if seconds is None else seconds
+    stick = parse_stick(controls) if isinstance(controls, str) else controls
+    return stick, stick(0.0).gait, stick.seconds if seconds is None else seconds
 
 
-def _check(seconds: float, transition_seconds: float, strength: float, seed: int, response: float) -> None:
+def _check(options: ClipOptions, seconds: float, seed: int) -> None:
     """UsageError names the number of `generate_clip` that is out of its range."""
     from runtime.motion.model import MAX_STRENGTH, MIN_STRENGTH
-    from runtime.motion.momentum import MAX_RESPONSE, MIN_RESPONSE
+    from runtime.motion.trajectory import MAX_RESPONSE, MIN_RESPONSE
 
-    if not 1.0 / FPS <= seconds <= MAX_SECONDS:
-        raise UsageError(
-            f" {seconds:g}: expected {1.0 / FPS:.3f} (one frame) to {MAX_SECONDS:.0f}.", "Try 10.", "seconds"
-        )
-    if not 0.0 <= transition_seconds <= 60.0:
-        raise UsageError(f" {transition_seconds}: expected 0 to 60 seconds.", "Try 1.", "transition_seconds")
-    if not MIN_STRENGTH <= strength <= MAX_STRENGTH:
-        raise UsageError(
-            f" {strength}: expected {MIN_STRENGTH:g} to {MAX_STRENGTH:g}.",
-            "1 is as the model shows it.",
-            "strength",
-        )
-    if not MIN_RESPONSE <= response <= MAX_RESPONSE:
-        raise UsageError(
-            f" {response}: expected 0 (as in capture) to 1 (as in a game).", "Try 0.", "response"
-        )
-    if seed < 0:
-        raise UsageError(f" {seed}: expected 0 or more.", "Choose another seed.", "seed")
+    frame = 1.0 / FPS
+    for name, value, low, high, expected, remedy in (
+        ("seconds", seconds, frame, MAX_SECONDS, f"{frame:.3f} (one frame) to {MAX_SECONDS:.0f}", "Try 10."),
+        ("transition_seconds", options.transition_seconds, 0.0, 60.0, "0 to 60 seconds", "Try 1."),
+        ("strength", options.strength, MIN_STRENGTH, MAX_STRENGTH, "0 to 2", "1 is as the model shows it."),
+        ("response", options.response, MIN_RESPONSE, MAX_RESPONSE, "0 (as in capture) to 1 (as in a game)", "Try 0."),
+        ("seed", seed, 0, inf, "0 or more", "Choose another seed."),
+    ):  # fmt: skip
+        if not low <= value <= high:
+            raise UsageError(f" {value:g}: expected {expected}.", remedy, name)
 
 
-def _controller(
-    terrain: str | Path | Terrain,
-    model: Path | MotionModel | None,
-    seed: int,
-    strength: float,
-    size: float,
-    response: float,
-) -> Controller:
-    """A character of a size at the origin of the ground."""
+def _controller(options: ClipOptions, terrain: str | Path | Terrain, seed: int) -> Controller:
+    """A character at the origin of the ground, which is seen by its size."""
     from runtime.motion.controller import Controller
     from runtime.motion.model import load_model
     from runtime.terrain.library import load_terrain
 
     ground = terrain if isinstance(terrain, Terrain) else load_terrain(terrain)
+    model = options.model
     loaded = load_model(model) if model is None or isinstance(model, Path) else model
-    return Controller(loaded, ground.seen_by(size), seed, strength=strength, response=response)
+    seen = ground.seen_by(options.size)
+    return Controller(loaded, seen, seed, strength=options.strength, response=options.response)
 
 
 def _walk(
@@ -199,7 +204,7 @@ def _walk(
     frames: int,
     transition_seconds: float,
 ) -> tuple[list[Pose], NDArray[np.int8]]:
-    """Poses from rest in the first style on, and the gait asked for in each of them."""
+    """Poses from rest in the first style on, and the gait requested in each of them."""
     controller.set_style(styles[0][1], 0.0)
     controller.settle(gait)
     gaits: list[int] = []
@@ -222,15 +227,15 @@ def _events(
     if isinstance(prompt, PartDescriptions | BlendedPrompt):
         return (PromptEvent(0.0, write_words(prompt)),), [prompt]
     events = tuple(prompt)
-    if events and events[0].seconds > 0.0:  # somebody walks before the first prompt, too
+    if events and events[0].seconds > 0.0:  # the character walks before the first prompt, too
         events = (PromptEvent(0.0, DEFAULT_PROMPT), *events)
-    asked = [read_words(event.prompt) for event in events]
-    return events, [check_prompt(words) if isinstance(words, str) else words for words in asked]
+    requested = [read_words(event.prompt) for event in events]
+    return events, [check_prompt(words) if isinstance(words, str) else words for words in requested]
 
 
 def _described(
     events: tuple[PromptEvent, ...],
-    asked: Sequence[Words | BlendedPrompt],
+    requested: Sequence[Words | BlendedPrompt],
     meant: dict[str, PartDescriptions],
     transition_seconds: float,
 ) -> tuple[PromptEvent, ...]:
@@ -241,7 +246,7 @@ def _described(
             transition_seconds=transition_seconds if event.seconds > 0.0 else 0.0,
             words=_spelled_out(words, meant),
         )
-        for event, words in zip(events, asked, strict=True)
+        for event, words in zip(events, requested, strict=True)
     )
 
 

@@ -17,10 +17,6 @@ _AXES = {
 _EPSILON = 1e-8
 
 
-def _components(q: Array) -> tuple[Array, Array, Array, Array]:
-    return q[..., 0], q[..., 1], q[..., 2], q[..., 3]
-
-
 def normalize(v: Array) -> Array:
     """Scale vectors `(..., n)` to unit length; a zero vector stays zero."""
     v = np.asarray(v)
@@ -37,8 +33,8 @@ def identity(shape: tuple[int, ...] = ()) -> Array:
 def multiply(a: Array, b: Array) -> Array:
     """Hamilton product `a b` of quaternions `(..., 4)`: rotate by b, then by a."""
     a, b = np.asarray(a), np.asarray(b)
-    aw, ax, ay, az = _components(a)
-    bw, bx, by, bz = _components(b)
+    aw, ax, ay, az = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
+    bw, bx, by, bz = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
     # written into one array: stacking four costs as much as their arithmetic
     result = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
     result[..., 0] = aw * bw - ax * bx - ay * by - az * bz
@@ -65,7 +61,7 @@ def inverse(q: Array) -> Array:
 def rotate(q: Array, v: Array) -> Array:
     """Rotate vectors `(..., 3)` by quaternions `(..., 4)`; leading shapes broadcast."""
     q, v = np.asarray(q), np.asarray(v)
-    w, x, y, z = _components(q)
+    w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
     vx, vy, vz = v[..., 0], v[..., 1], v[..., 2]
     # v + 2 w (u x v) + 2 u x (u x v), written out: np.cross costs more than the arithmetic
     tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
@@ -127,7 +123,8 @@ def to_euler(q: Array, order: str = "ZYX") -> Array:
 
 def to_matrix(q: Array) -> Array:
     """Rotation matrices `(..., 3, 3)` of unit quaternions `(..., 4)`."""
-    w, x, y, z = _components(np.asarray(q))
+    q = np.asarray(q)
+    w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
     rows = [
         np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], axis=-1),
         np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], axis=-1),

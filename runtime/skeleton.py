@@ -52,16 +52,13 @@ class Skeleton:
             turned = rotations.left_matrix(world[..., parents, :]) @ local[..., joints, :, None]
             world[..., joints, :] = turned[..., 0]
         bones = rotations.rotate(world[..., self._parents, :], self.offsets)
-        return self.joint_positions(root_position, bones).astype(local.dtype, copy=False), world
-
-    def joint_positions(self, root_position: Array, bones: Array) -> Array:
-        """World positions `(..., J, 3)`: the root's `(..., 3)` and the bones `(..., J, 3)`, offsets in world space, above each joint."""
-        return np.asarray(root_position)[..., None, :] + self._above @ bones
+        positions = np.asarray(root_position)[..., None, :] + self._above @ bones
+        return positions.astype(local.dtype, copy=False), world
 
     def oriented(self, root_position: Array, world: Array) -> Array:
         """World positions `(..., J, 3)` of world rotation matrices `(..., J, 3, 3)`."""
         bones = (world[..., self._parents, :, :] @ self.offsets.astype(world.dtype)[:, :, None])[..., 0]
-        return self.joint_positions(root_position, bones)
+        return np.asarray(root_position)[..., None, :] + self._above @ bones
 
     @cached_property
     def _parents(self) -> NDArray[np.int64]:

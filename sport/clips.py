@@ -12,7 +12,7 @@ from sport.commands.arguments import blend_weights
 
 if TYPE_CHECKING:
     from runtime.formats.options import ExportOptions
-    from runtime.motion.stick_script import StickScript
+    from runtime.motion.control_scripts import StickScript
 
 MAX_VARIANTS = 1000
 Tools = Callable[[argparse.Namespace], tuple[Any, Any]]  # the loaded model and its prompter
@@ -89,7 +89,7 @@ def _outputs(options: argparse.Namespace) -> list[Path]:
 
 def _controls(options: argparse.Namespace) -> tuple[StickScript | None, float]:
     """The stick as text, where it is given, and the seconds of the clip; UsageError."""
-    from runtime.motion.stick_script import parse_stick
+    from runtime.motion.control_scripts import parse_stick
 
     if options.controls is None:
         return None, 10.0 if options.seconds is None else options.seconds

@@ -134,7 +134,7 @@ def walk(controller: Controller, minutes: float, seed: int, grounds: tuple = GRO
                     count.first.append(
                         f"frame {frame} ({frame % (GROUND_SECONDS * FPS)}), {terrain.name}, root {where}, "
                         f"joints {np.flatnonzero(bad).tolist()}: {depth.max():.2f} m under, {speed.max():.0f} m/s, "
-                        f"{controls.gait.name} {controller.crossing}"
+                        f"{controls.gait.name} {controller.traversal}"
                     )
     return count
 

@@ -16,7 +16,7 @@ from runtime.assets import asset_path
 from runtime.atomic import write_atomic
 from runtime.errors import FileError, UsageError
 from runtime.motion.features import OUTPUT_SIZE
-from runtime.motion.processor import exact_8_bit_products
+from runtime.motion.model_files import exact_8_bit_products
 from runtime.prompts.text_encoder import SHIPPED, TextEncoder
 from training import parallel
 from training.arguments import STAGES, build_parser

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 from runtime.controls import Controls
-from runtime.motion.stick_script import parse_stick
+from runtime.motion.control_scripts import parse_stick
 from runtime.pose import Pose
 from runtime.session.prompt_blend import Side
 from viewer.gl_bindings import glfw, imgui

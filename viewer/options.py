@@ -19,7 +19,7 @@ SIDES = (64, 8192)  # pixels
 class ViewOptions:
     """Options of one run of the viewer; None means "as last time" or the built-in default.
 
-    `controls` is the stick as text (see `runtime.motion.stick_script`), `keys` a script of keys for tests and film
+    `controls` is the stick as text (see `runtime.motion.control_scripts`), `keys` a script of keys for tests and film
     making, e.g. "w 2; w+shift 1.5; idle 1" (see `viewer.input.devices`). With `offscreen` no display is needed, every frame is one simulation step of 1/60 s
     and the run is deterministic; it ends after `frames` frames.
     """

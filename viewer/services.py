@@ -38,8 +38,8 @@ class ControllerLike(Protocol):
         """Why the character does not go on; None where it does."""
 
     @property
-    def crossing(self) -> str:
-        """What it is over by keyed motion, as in `runtime.crossing`; "" where the motion is the network's."""
+    def traversal(self) -> str:
+        """What it is over by keyframed motion, as in `runtime.traversal`; "" where the motion is the network's."""
 
     @property
     def trajectory(self) -> Any:
@@ -62,7 +62,7 @@ class ControllerLike(Protocol):
 
 
 class CrowdLike(Protocol):
-    """What the viewer needs of `runtime.motion.crowd.Crowd`."""
+    """What the viewer needs of `runtime.motion.controller.Crowd`."""
 
     def step(self, controls: Controls) -> list[Pose]:
         """Advance all by 1/60 s."""
@@ -116,7 +116,7 @@ class Loaded:
     name: str
     provider: str
     notice: str = ""
-    even_shares: Callable[[Any, Any], tuple[float, ...]] | None = None  # makes a blend's change even
+    perceptual_weights: Callable[[Any, Any], tuple[float, ...]] | None = None  # makes a blend's change even
 
 
 def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSettings | None = None) -> Loaded:
@@ -125,8 +125,8 @@ def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSett
     Prompts are expanded by the library, or by the language model `gpt` with the library behind it.
     """
     from runtime.motion.controller import Controller
-    from runtime.motion.even_blend import even_shares
     from runtime.motion.model import load_model as load
+    from runtime.motion.perceptual_weights import perceptual_weights
     from runtime.prompts.prompter import Prompter
     from runtime.prompts.service import PromptWorker
 
@@ -138,7 +138,7 @@ def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSett
     controller = Controller(model, terrain, seed)
     return Loaded(
         controller, workers, library, model.name, model.provider, model.notice,
-        lambda a, b: even_shares(model, a, b, pause=BETWEEN_FRAMES_S),
+        lambda a, b: perceptual_weights(model, a, b, pause=BETWEEN_FRAMES_S),
     )  # fmt: skip
 
 
@@ -158,7 +158,7 @@ def check_endpoint(gpt: GptSettings, stop: threading.Event) -> str:
 
 def make_crowd(members: list[ControllerLike]) -> CrowdLike:
     """Characters of one model that are stepped together."""
-    from runtime.motion.crowd import Crowd
+    from runtime.motion.controller import Crowd
 
     return Crowd(members)  # type: ignore[arg-type]
 

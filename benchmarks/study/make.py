@@ -239,8 +239,8 @@ def _in_style(
 ) -> tuple[Clip, Terrain]:
     """A walk in a style along a captured path, or straight ahead."""
     from runtime.generate import simulate
+    from runtime.motion.control_scripts import control_script
     from runtime.motion.controller import Controller
-    from runtime.motion.paths import control_script
     from training.evaluation.motion.driving import flat_ground, follow
 
     if path is not None:

@@ -1,27 +1,80 @@
 """Feet that stand: holds toes and heels on the terrain while they are in contact, and lifts them over it in swing.
 
 Per foot: contact with hysteresis → the held point (toe in preference to heel) → rotation → position → clearance;
-then the hips sink as far as a held foot needs, closed-form IK brings the legs there as fast as knees can follow, and
-the toes bend on the ground. The difference between
-incoming and outgoing foot is one offset, held constant by nothing and damped to zero when the foot is free, so
-that nothing jumps.
+then the pelvis sinks as far as a held foot needs, closed-form IK brings the legs there as fast as knees can follow, and
+the toes bend on the ground. The difference between incoming and outgoing foot is one offset, held constant by nothing and
+damped to zero when the foot is free, so that nothing jumps.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import sqrt
 
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.feet.carried_hips import CarriedHips
-from runtime.feet.knee import Knee
-from runtime.feet.leg_scalar import leg_forward, leg_inverse
-from runtime.feet.narrow_support import Balance, SidewaysLead, pull_of_beam, side_of_beam
-from runtime.feet.planted_foot import PlantedFoot
-from runtime.feet.settings import SETTINGS
-from runtime.feet.toes import bent
+from runtime.feet.ik import EASE_REACH, MAX_REACH
+from runtime.feet.leg import Knee, LegPose, bent, leg_forward, leg_inverse
+from runtime.feet.narrow_support import Balance, SidewaysLead, may_be_narrow, pull_of_beam, side_of_beam
+from runtime.feet.planted_foot import SETTINGS, PlantedFoot, span
+from runtime.scalar_math import Vector, damp, smoothstep
 from runtime.terrain.height_map import PointHeights, Terrain
+
+
+@dataclass
+class PelvisOffset:
+    """The height of the hips over the incoming pose's, from frame to frame.
+
+    A foot that stands is some millimetres higher, lower, behind or ahead of the incoming one. A bent knee takes that
+    up unseen; a straight one would have to bend by ten degrees for three millimetres. So the hips keep the straight
+    standing leg's span, each leg with a weight that grows smoothly as it takes over. A leg that
+    is too short for its held foot draws them down further.
+    """
+
+    offset: float = 0.0  # m, upwards
+    carried: float = 0.0  # the same before a short leg draws the hips down
+    speed: float = 0.0
+    short: float = 0.0  # m that a leg is too short
+    short_velocity: float = 0.0
+    room: float = 0.0  # m that a knee still needs which cannot bend so fast
+
+    def carry(
+        self, legs: Sequence[LegPose], feet: Sequence[PlantedFoot], dt: float, airborne: bool = False
+    ) -> None:
+        """Set `offset` for this frame, from the incoming legs and the outgoing feet; nothing carries a body in the air."""
+        s = SETTINGS
+        total, carried, least = s.free_weight, 0.0, s.max_rise
+        for leg, foot in zip(legs, feet, strict=True):
+            spans = span(leg)
+            bent = (spans / foot.bones.length - s.bent_span) / (s.straight_span - s.bent_span)
+            weight = 0.0 if airborne else smoothstep(bent)
+            up, down = (s.max_rise, s.max_drop) if foot.anchor else (s.max_free_rise, s.max_free_rise)
+            carried += weight * min(max(rise_for(leg.hip, foot.ankle, spans), -down), up)
+            total += weight
+            if foot.anchor:
+                # what needs no easing, or what the incoming leg spans
+                reach = foot.bones.length * max(MAX_REACH - EASE_REACH, spans / foot.bones.length)
+                least = min(least, rise_for(leg.hip, foot.ankle, reach))
+        self.carried, self.speed = damp(self.carried, self.speed, carried / total, s.carry_half_life, dt)
+        carried = self.carried
+        short = max(0.0, carried - max(least, -s.max_drop))
+        self.short, self.short_velocity = damp(self.short, self.short_velocity, short, s.hips_half_life, dt)
+        self.offset = carried - self.short
+
+    def make_room(self, depths: Sequence[float], dt: float) -> float:
+        """Metres that the hips rise over `offset` so that legs which bend no faster do not press their feet `depths` into the ground."""
+        s = SETTINGS
+        needed = min(max(depths), s.max_room, self.room + s.room_speed * dt)
+        self.room = max(self.room * 0.5 ** (dt / s.room_half_life), needed)
+        return self.room
+
+
+def rise_for(hip: Vector, ankle: Vector, spans: float) -> float:
+    """Metres that `hip` must rise to be `spans` away from `ankle`, over it; as near as possible when it never is."""
+    across = (ankle[0] - hip[0]) ** 2 + (ankle[2] - hip[2]) ** 2
+    return ankle[1] + sqrt(max(spans * spans - across, 0.0)) - hip[1]
 
 
 @dataclass(frozen=True)
@@ -38,7 +91,7 @@ class FootLock:
 
     feet: tuple[PlantedFoot, PlantedFoot] = field(default_factory=lambda: (PlantedFoot(0), PlantedFoot(1)))
     knees: tuple[Knee, Knee] = field(default_factory=lambda: (Knee(), Knee()))
-    hips: CarriedHips = field(default_factory=CarriedHips)
+    pelvis: PelvisOffset = field(default_factory=PelvisOffset)
     leads: tuple[SidewaysLead, SidewaysLead] = field(
         default_factory=lambda: (SidewaysLead(1.0), SidewaysLead(-1.0))
     )
@@ -72,44 +125,57 @@ class FootLock:
         chances = np.asarray(contacts, np.float64).tolist()
         s = SETTINGS
         ground = PointHeights(terrain, y - s.ground_under_hips, y + s.ground_over_hips)
-        drop = -self.hips.offset
+        drop = -self.pelvis.offset
         left, right = (leg_forward(foot.bones, (x, y, z), local) for foot in self.feet)
         incoming = (left, right)
-        side_way = side_of_beam((x, y, z), incoming, ground)
-        self.on_beam, self.pull = side_way is not None, pull_of_beam((x, y, z), side_way, ground)
-        legs = [
-            lead.apply(leg, other, side_way, bool(foot.anchor), ground, dt)
-            for lead, leg, other, foot in zip(self.leads, incoming, incoming[::-1], self.feet, strict=True)
-        ]
+        legs, shown = [left, right], local_rotations
+        if may_be_narrow(ground):
+            legs, shown = self._on_beam((x, y, z), incoming, local_rotations, ground, dt)
         for side, (foot, leg) in enumerate(zip(self.feet, legs, strict=True)):
             foot.observe(leg, chances[2 * side], chances[2 * side + 1], ground, dt)
             foot.choose_anchor(leg, drop, self.feet[1 - side].refractory > 0.0, patience)
             foot.plant(leg, drop, ground, dt)
-        self.hips.carry(legs, self.feet, dt, airborne)
-        drop = -self.hips.offset
-        result = np.array(self.balance.apply(local_rotations, self.on_beam, dt), copy=True)
+        self.pelvis.carry(legs, self.feet, dt, airborne)
+        drop = -self.pelvis.offset
+        result = np.array(shown, copy=True)
         targets = [foot.within_reach(leg, drop, ground) for foot, leg in zip(self.feet, legs, strict=True)]
+        hips = [(leg.hip[0], leg.hip[1] - drop, leg.hip[2]) for leg in incoming]
         reaches = [
-            knee.follow(leg, leg.raised(-drop), target, foot.bones, dt)
-            for knee, leg, target, foot in zip(self.knees, incoming, targets, self.feet, strict=True)
+            knee.follow(leg, hip, target, foot.bones, dt)
+            for knee, leg, hip, target, foot in zip(
+                self.knees, incoming, hips, targets, self.feet, strict=True
+            )
         ]
-        drop -= self.hips.make_room(
-            [
-                foot.depth_at(leg.raised(-drop), target, reach, ground)
-                for foot, leg, target, reach in zip(self.feet, incoming, targets, reaches, strict=True)
-            ],
-            dt,
-        )
+        spans = zip(self.feet, hips, targets, reaches, strict=True)
+        depths = [foot.spanned(hip, target, reach, ground)[3] for foot, hip, target, reach in spans]
+        drop -= self.pelvis.make_room(depths, dt)
         for foot, knee, leg, target, reach in zip(
             self.feet, self.knees, incoming, targets, reaches, strict=True
         ):
-            first, toe, hip = foot.bones.joints[1], foot.bones.joints[4], leg.raised(-drop)
-            joint, ankle, rotation = foot.on_ground(foot.spanned(hip, target, reach), ground)
+            first, toe, hip = (
+                foot.bones.joints[1],
+                foot.bones.joints[4],
+                (leg.hip[0], leg.hip[1] - drop, leg.hip[2]),
+            )
+            joint, ankle, rotation, up = foot.spanned(hip, target, reach, ground)
+            ankle = (ankle[0], ankle[1] + up, ankle[2])
             knee.bend_to(leg, hip, ankle, foot.bones, dt)
             result[first : first + 3] = leg_inverse(leg, ankle, rotation, drop)
-            result[toe] = bent(local[toe], rotation, joint, ground, s.sink)
-        hips = np.array([x, y - drop, z], np.asarray(hips_position).dtype)
-        return FootLockResult(hips, result)
+            result[toe] = bent(local[toe], rotation, (joint[0], joint[1] + up, joint[2]), ground, s.sink)
+        position = np.array([x, y - drop, z], np.asarray(hips_position).dtype)
+        return FootLockResult(position, result)
+
+    def _on_beam(
+        self, hips: Vector, incoming: tuple[LegPose, LegPose], local: Array, ground: PointHeights, dt: float
+    ) -> tuple[list[LegPose], Array]:
+        """Legs moved onto the middle of a beam, and local rotations with the arms held out; as they came elsewhere."""
+        side_way = side_of_beam(hips, incoming, ground)
+        self.on_beam, self.pull = side_way is not None, pull_of_beam(hips, side_way, ground)
+        legs = [
+            lead.apply(leg, other, side_way, bool(foot.anchor), ground, dt)
+            for lead, leg, other, foot in zip(self.leads, incoming, incoming[::-1], self.feet, strict=True)
+        ]
+        return legs, self.balance.apply(local, self.on_beam, dt)
 
     def take_over(self, shown: tuple[Array, Array], incoming: tuple[Array, Array]) -> None:
         """Go on from a pose that was shown in place of the incoming one: what they differ by fades like any offset.
@@ -123,4 +189,4 @@ class FootLock:
                 for (x, y, z), local in (shown, incoming)
             )
             foot.adopt(now, leg)
-        self.hips.offset = self.hips.carried = float(shown[0][1] - incoming[0][1])
+        self.pelvis.offset = self.pelvis.carried = float(shown[0][1] - incoming[0][1])

@@ -27,9 +27,9 @@ _FORWARD = np.array([0.0, 0.0, 1.0])
 
 
 def soft_reach(distance: Array, length: Array, span: Array | float = 0.0) -> Array:
-    """Distance that a leg of `length` may span when `distance` is asked and the incoming pose spans `span`.
+    """Distance that a leg of `length` may span when `distance` is requested and the incoming pose spans `span`.
 
-    Equal to the asked distance up to `MAX_REACH - EASE_REACH` of the length, and always up to `span`: a leg that the pose
+    Equal to the requested distance up to `MAX_REACH - EASE_REACH` of the length, and always up to `span`: a leg that the pose
     itself shows so straight needs no easing. Beyond, eased quadratically towards `MAX_REACH` of the length. The knee
     angle grows with the square root of the missing length, so that without easing it moves at any speed.
     """
@@ -54,10 +54,10 @@ def two_bone(
     hip, knee, ankle, target = (np.asarray(a, np.float64) for a in (hip, knee, ankle, target))
     upper, lower = np.maximum(_length(knee - hip), 1e-6), np.maximum(_length(ankle - knee), 1e-6)
     to_target = target - hip
-    asked = _length(to_target)
+    wanted = _length(to_target)
     axis = rotations.normalize(ankle - hip)
-    aim = rotations.normalize(np.where(asked[..., None] > 1e-6, to_target, axis))
-    distance = soft_reach(asked, upper + lower, _length(ankle - hip))
+    aim = rotations.normalize(np.where(wanted[..., None] > 1e-6, to_target, axis))
+    distance = soft_reach(wanted, upper + lower, _length(ankle - hip))
     distance = np.maximum(distance, np.abs(upper - lower) + 1e-4)
 
     bend = _bend_direction(axis, knee - hip, pole)

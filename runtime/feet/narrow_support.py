@@ -9,12 +9,12 @@ import numpy as np
 
 from runtime import rotations
 from runtime.arrays import Array
-from runtime.feet.leg_scalar import LegPose, Vector, add, dot, scale, subtract
+from runtime.feet.leg import LegPose
+from runtime.scalar_math import Vector, add, damp, dot, scale, subtract
 from runtime.skeleton import SPORT_SKELETON
-from runtime.spring import damp
 from runtime.terrain.height_map import PointHeights
 
-DROP_M = 0.12  # that the ground beside must be lower than a beam: less is a step, which a foot takes
+DROP_M = 0.12  # that the ground on both sides must be lower than a beam: less is a step, which a foot takes
 LEVEL_M = 0.06  # that the ground of a beam may differ across it
 BESIDE_M = 0.35  # on both sides of the hips the ground is low,
 ALONG_M = 0.2  # and before and behind them it is high: no hurdle, no step, no wall
@@ -25,19 +25,22 @@ INLINE_M = 0.02  # from the middle, to its own side, a foot is put down
 AROUND_M = 0.08  # farther out it passes the other foot,
 PASSES_M = 0.25  # while it is so near to it along the way
 LIFTED_M = 0.06  # and so high
-HALFLIFE_S = 0.06
+HALF_LIFE_S = 0.06
 PULL_PER_S, FASTEST_PULL = 1.5, 0.3  # of the root's way to the middle; m/s
 NOTHING: Vector = (0.0, 0.0, 0.0)
 
 ARMS = (SPORT_SKELETON.index("LeftArm"), SPORT_SKELETON.index("RightArm"))
 OUT = 0.5  # radians that the arms are held out,
-OUT_HALFLIFE_S = 0.25  # in about twice so long
+OUT_HALF_LIFE_S = 0.25  # in about twice so long
+
+
+def may_be_narrow(ground: PointHeights) -> bool:
+    """Whether any slope of this ground falls as far as next to a beam."""
+    return ground.steepest * BESIDE_M >= DROP_M
 
 
 def side_of_beam(hips: Vector, legs: tuple[LegPose, LegPose], ground: PointHeights) -> Vector | None:
     """Unit vector to the left where the character is on ground as narrow as a beam; None elsewhere."""
-    if ground.steepest * BESIDE_M < DROP_M:
-        return None  # no slope of this ground falls so far
     across = subtract(legs[0].hip, legs[1].hip)
     size = sqrt(across[0] * across[0] + across[2] * across[2])
     if size < 1e-3:
@@ -96,8 +99,8 @@ class SidewaysLead:
             goal = NOTHING if side is None else self._lead(leg, other, side, ground)
             if goal == NOTHING == self.offset:
                 return leg
-            x, vx = damp(self.offset[0], self.velocity[0], goal[0], HALFLIFE_S, dt)
-            z, vz = damp(self.offset[2], self.velocity[2], goal[2], HALFLIFE_S, dt)
+            x, vx = damp(self.offset[0], self.velocity[0], goal[0], HALF_LIFE_S, dt)
+            z, vz = damp(self.offset[2], self.velocity[2], goal[2], HALF_LIFE_S, dt)
             self.offset, self.velocity = (x, 0.0, z), (vx, 0.0, vz)
             if goal == NOTHING and x * x + z * z < 1e-8:
                 self.offset = self.velocity = NOTHING
@@ -122,16 +125,16 @@ class SidewaysLead:
 class Balance:
     """Arms that are held out on a beam, from frame to frame."""
 
-    share: float = 0.0
+    fraction: float = 0.0
 
     def apply(self, local: Array, on_beam: bool, dt: float) -> Array:
         """Local rotations `(31, 4)` with the upper arms turned out by what is reached of `OUT`."""
-        self.share += (float(on_beam) - self.share) * (1.0 - exp(-0.693 * dt / OUT_HALFLIFE_S))
-        if self.share < 1e-3:
-            self.share = 0.0
+        self.fraction += (float(on_beam) - self.fraction) * (1.0 - exp(-0.693 * dt / OUT_HALF_LIFE_S))
+        if self.fraction < 1e-3:
+            self.fraction = 0.0
             return local
         result = np.array(local, np.float64)
-        angle = OUT * self.share * np.array([1.0, -1.0])  # about the way ahead, as the chest faces
+        angle = OUT * self.fraction * np.array([1.0, -1.0])  # about the way ahead, as the chest faces
         turn = rotations.from_axis_angle(np.tile([0.0, 0.0, 1.0], (2, 1)), angle)
         result[list(ARMS)] = rotations.multiply(turn, result[list(ARMS)])
         return result.astype(local.dtype)

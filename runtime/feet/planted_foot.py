@@ -1,4 +1,4 @@
-"""One foot of the foot lock: what holds it, where it stands, and how it clears the ground on its way."""
+"""One foot of the foot lock: what holds it, where it stands, and how it clears the ground on its way; and the settings of all."""
 
 from __future__ import annotations
 
@@ -6,30 +6,98 @@ from dataclasses import dataclass, field
 from math import atan2, cos, pi, sin, sqrt
 
 from runtime.feet.ik import EASE_REACH, MAX_REACH
-from runtime.feet.leg_scalar import (
-    LegBones,
-    LegPose,
+from runtime.feet.leg import LegBones, LegPose, leg_bones, roll_cosine, rolled, soft_reach
+from runtime.scalar_math import (
     Quaternion,
     Vector,
     add,
     between,
-    dot,
+    damp,
+    damp_vector,
     from_vector,
     inverse,
-    leg_bones,
     length,
     multiply,
     rotate,
     scale,
-    soft_reach,
     subtract,
     to_vector,
     unit,
 )
-from runtime.feet.settings import SETTINGS
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
-from runtime.spring import damp, damp_vector
 from runtime.terrain.height_map import PointHeights
+
+
+@dataclass(frozen=True)
+class FootLockSettings:
+    """Thresholds and half-lives; metres, seconds, radians, contact probabilities."""
+
+    contact_on: float = 0.5
+    contact_off: float = 0.3
+    lock_speed: float = 1.2  # m/s: a faster point is not held, whatever the network says
+    lock_height: float = 0.2  # m: nor one that is higher over its resting height
+    still_speed: float = 0.3  # m/s: a point slower than this and near the ground is in contact
+    still_height: float = 0.025  # m over its resting height
+    release_rise: float = 0.035  # m that the incoming point may rise over its lowest while held
+    release_rise_sure: float = 0.12  # the same while the network is sure of the contact
+    release_offset: float = 0.2  # m between the held and the incoming point
+    release_stretch: float = 0.04  # m that the leg would have to grow
+    release_under: float = (
+        0.12  # m that the ankle must stay under its hip: a body that goes down a steep slope leaves it behind
+    )
+    trailing: float = (
+        0.08  # m behind the hips from which a foot begins to roll over its toe, wholly at twice that
+    )
+    rolls_away: float = 0.05  # m that it rolls its ankle farther from the hip at most
+    refractory: float = 0.15  # s without a new hold after a forced release
+    refractory_lift: float = 0.04  # m: a forced release becomes a small step
+    release_half_life: float = 0.07
+    rise_half_life: float = 0.03  # of a free foot's height over the incoming one, upwards
+    fall_half_life: float = 0.03  # the same downwards
+    settle_half_life: float = 0.02  # of a held point's height
+    unseen: float = (
+        0.0015  # m over or under the ground that a standing foot may keep: a straight knee shows them
+    )
+    settle_slower: float = 0.5  # s/m: added to it for every metre that is missing
+    flat_half_life: float = 0.06  # of the sole's alignment to the ground
+    yaw_half_life: float = 0.10
+    hips_half_life: float = 0.08
+    max_yaw: float = 0.6
+    max_drop: float = 0.35  # m that the hips may sink
+    max_rise: float = 0.02  # m that they may be carried up
+    carry_half_life: float = 0.02  # in which the hips follow
+    max_room: float = 0.012  # m that they make room for a knee that bends no faster
+    room_speed: float = 0.3  # m/s in which they do
+    room_half_life: float = 0.05
+    max_free_rise: float = 0.01  # m that a foot in the air may carry them, up or down
+    straight_span: float = (
+        0.99  # fraction of its length that a straight leg spans (16 degrees): it carries the hips
+    )
+    bent_span: float = 0.94  # and a bent one (40 degrees), which does not
+    free_weight: float = 0.02  # of no leg at all: the hips stay where they are
+    sink: float = 0.002  # m that a sole may press into the ground; more, and a moving toe counts as skating
+    look_ahead: float = 0.12  # s of swing in which edges are seen
+    soft_floor: float = 0.015  # m over the ground in which a landing foot slows down
+    swing_clearance: float = 0.02  # m between the ground and a sole that moves at `swing_speed` or faster
+    swing_speed: float = 2.0  # m/s
+    travel_clearance: float = 0.025  # m that a free toe keeps from the ground at `travel_speed` or faster
+    travel_speed: float = 0.8  # m/s
+    travel_height: float = 0.015  # m, and lower it may not travel freely,
+    travel_near: float = 0.15  # m/s on the ground
+    travel_rise: float = 1.0  # m/s more on the way up, beyond all bounds at `travel_height`
+    max_behind: float = 0.2  # m that it may so stay behind the incoming one; what is more is taken up
+    behind_seconds: float = 0.05  # in so many
+    catch_up_seconds: float = 0.1  # in which one that was held comes back to the incoming one
+    shallow: float = 0.17  # rise over run of a toe's way: at twice that it needs no clearance
+    clearance: float = 0.02  # m between the sole and an edge
+    folded: float = 0.25  # m that an ankle stays under its hip where it clears the ground ahead
+    edge_slope: float = 0.7  # rise over run from which the ground is an edge, not a slope
+    ground_under_hips: float = 3.0  # m: no foot is put on ground that is farther below the hips
+    ground_over_hips: float = 0.3  # m: nor over them; higher ground is a wall
+
+
+SETTINGS = FootLockSettings()
+
 
 ANCHORS = ("", "heel", "toe")
 NOWHERE: Vector = (0.0, 0.0, 0.0)
@@ -144,14 +212,20 @@ class PlantedFoot:
         turned = self.rotation
         sole = rotate(self.rotation, self.bones.offsets[4])
         if self.anchor == "toe":
-            rest = self._rest(self._support(ground) + TOE_HEIGHT, leg.toe[1] - drop)
-            y = self._settle(self.toe[1], self.rise[0], rest, dt)
+            y = self._settle(
+                self.toe[1], self.rise[0], self._support(ground) + TOE_HEIGHT, leg.toe[1] - drop, dt
+            )
             self.toe = (self.point[0], y, self.point[1])
             self.ankle = subtract(self.toe, sole)
             self._roll(leg)
         elif self.anchor == "heel":
-            rest = self._rest(ground.height(*self.point) + ANKLE_HEIGHT, leg.ankle[1] - drop)
-            y = self._settle(self.ankle[1], self.rise[1], rest, dt)
+            y = self._settle(
+                self.ankle[1],
+                self.rise[1],
+                ground.height(*self.point) + ANKLE_HEIGHT,
+                leg.ankle[1] - drop,
+                dt,
+            )
             self.ankle = (self.point[0], y, self.point[1])
             self.toe = add(self.ankle, sole)
         else:
@@ -177,12 +251,12 @@ class PlantedFoot:
         """Where a free toe goes on its way to `target`: it lifts before it travels, and rests before it is down."""
         s = SETTINGS
         height = min(joint[1] - ground.height(joint[0], joint[2]) for joint in (self.toe, target))
-        share = max(0.0, height - TOE_HEIGHT) / s.travel_height
-        if share >= 1.0:
+        fraction = max(0.0, height - TOE_HEIGHT) / s.travel_height
+        if fraction >= 1.0:
             return target
         x, z = target[0] - self.toe[0], target[2] - self.toe[2]
         behind = sqrt((leg.toe[0] - self.toe[0]) ** 2 + (leg.toe[2] - self.toe[2]) ** 2)
-        fastest = s.travel_near + s.travel_rise * share * share / (1.0 - share)
+        fastest = s.travel_near + s.travel_rise * fraction * fraction / (1.0 - fraction)
         fastest = max(fastest, (behind - s.max_behind) / s.behind_seconds)
         part = fastest * dt / max(sqrt(x * x + z * z), 1e-9)
         if part >= 1.0:
@@ -192,31 +266,25 @@ class PlantedFoot:
     def _roll(self, leg: LegPose) -> None:
         """Roll a trailing foot over its held toe until the leg spans what the incoming one does, as a walker does."""
         to_hip, to_ankle = subtract(leg.hip, self.toe), subtract(self.ankle, self.toe)
-        distance, foot = length(to_hip), self.bones.foot_length
+        foot = self.bones.foot_length
         lack = length(subtract(self.ankle, leg.hip)) - span(leg)
         ahead = (to_hip[0] * -to_ankle[0] + to_hip[2] * -to_ankle[2]) / foot + foot
-        share = min(max((ahead - SETTINGS.trailing) / SETTINGS.trailing, 0.0), 1.0)
-        if lack == 0.0 or share == 0.0:
+        fraction = min(max((ahead - SETTINGS.trailing) / SETTINGS.trailing, 0.0), 1.0)
+        if lack == 0.0 or fraction == 0.0:
             return
         # an incoming leg that goes deep into the ground would roll the ankle over the hip
         beyond = max(-lack - SETTINGS.rolls_away, 0.0)
-        wanted = span(leg) + (1.0 - share) * lack - share * beyond
-        cosine = (distance * distance + foot * foot - wanted * wanted) / (2.0 * distance * foot)
-        up, along = scale(to_hip, 1.0 / distance), unit(to_ankle)
-        side = unit(subtract(along, scale(up, dot(along, up))))
-        cosine = min(max(cosine, -1.0), 1.0)
-        turned = add(scale(up, cosine), scale(side, sqrt(1.0 - cosine * cosine)))
+        wanted = span(leg) + (1.0 - fraction) * lack - fraction * beyond
+        along = unit(to_ankle)
+        turned = rolled(to_hip, along, roll_cosine(to_hip, foot, wanted))
         self.rotation = multiply(between(along, turned), self.rotation)
         self.ankle = add(self.toe, scale(turned, foot))
 
-    def _rest(self, ground: float, incoming: float) -> float:
-        """Height that a held point settles at: the ground's, or within what nobody sees of it the incoming one."""
-        unseen = SETTINGS.unseen
-        return min(max(incoming, ground - unseen), ground + unseen)
-
-    def _settle(self, y: float, velocity: float, rest: float, dt: float) -> float:
+    def _settle(self, y: float, velocity: float, ground: float, incoming: float, dt: float) -> float:
+        """Height of a held point on its way to the ground's, or within what is unseen of it the incoming one."""
         s = SETTINGS
-        return damp(y, velocity, rest, s.settle_halflife + s.settle_slower * abs(y - rest), dt)[0]
+        rest = min(max(incoming, ground - s.unseen), ground + s.unseen)
+        return damp(y, velocity, rest, s.settle_half_life + s.settle_slower * abs(y - rest), dt)[0]
 
     def _turn(self, leg: LegPose, ground: PointHeights, dt: float) -> None:
         """Rotation of the foot: incoming, with its heading held and its sole laid flat while all of it is down."""
@@ -237,20 +305,15 @@ class PlantedFoot:
             self.yaw, self.yaw_velocity = turn, (turn - self.yaw) / dt
         else:
             self.held_yaw, self.twisted = None, False
-            self.yaw, self.yaw_velocity = damp(self.yaw, self.yaw_velocity, 0.0, s.yaw_halflife, dt)
+            self.yaw, self.yaw_velocity = damp(self.yaw, self.yaw_velocity, 0.0, s.yaw_half_life, dt)
         rotation = multiply(_from_yaw(self.yaw), leg.foot)
         goal: Vector = (0.0, 0.0, 0.0)
         if whole:
             slope = between((0.0, 1.0, 0.0), self._normal(ground))
             lying = multiply(slope, _from_yaw(heading + self.yaw))
             goal = to_vector(multiply(lying, inverse(rotation)))
-        self._fade_tilt(goal, dt)
+        self.tilt, self.tilt_velocity = damp_vector(self.tilt, self.tilt_velocity, goal, s.flat_half_life, dt)
         self.rotation = multiply(from_vector(self.tilt), rotation)
-
-    def _fade_tilt(self, goal: Vector, dt: float) -> None:
-        self.tilt, self.tilt_velocity = damp_vector(
-            self.tilt, self.tilt_velocity, goal, SETTINGS.flat_halflife, dt
-        )
 
     def _normal(self, ground: PointHeights) -> Vector:
         """Upward normal of the ground under the sole; straight up where the sole lies over an edge."""
@@ -283,8 +346,8 @@ class PlantedFoot:
         room, under = max(leg.hip[1] - s.folded - leg.ankle[1], 0.0), 0.0
         for joint, rest, chance in zip((self.toe, self.ankle), incoming, self.chances, strict=True):
             below = ahead = ground.height(joint[0], joint[2])
-            for share in (1.0, 0.75, 0.5, 0.25):
-                time = share * s.look_ahead
+            for fraction in (1.0, 0.75, 0.5, 0.25):
+                time = fraction * s.look_ahead
                 ahead = ground.height(joint[0] + time * vx, joint[2] + time * vz)
                 if ahead - below > 0.03 + s.edge_slope * time * speed:
                     lift = max(lift, ahead + s.clearance - rest)
@@ -314,10 +377,10 @@ class PlantedFoot:
 
     def _fade_offset(self, goal: Vector, dt: float) -> None:
         s = SETTINGS
-        vertical = s.rise_halflife if goal[1] > self.offset[1] else s.fall_halflife
+        vertical = s.rise_half_life if goal[1] > self.offset[1] else s.fall_half_life
         y, velocity_y = damp(self.offset[1], self.offset_velocity[1], goal[1], vertical, dt)
         (x, _, z), (velocity_x, _, velocity_z) = damp_vector(
-            self.offset, self.offset_velocity, goal, s.release_halflife, dt
+            self.offset, self.offset_velocity, goal, s.release_half_life, dt
         )
         self.offset, self.offset_velocity = (x, y, z), (velocity_x, velocity_y, velocity_z)
 
@@ -350,62 +413,42 @@ class PlantedFoot:
             ground.height(ankle[0], ankle[2]) + ANKLE_HEIGHT - SETTINGS.sink - ankle[1],
         )
 
-    def spanned(self, hip: Vector, target: Vector, reach: float) -> tuple[Vector, Vector, Quaternion]:
-        """Toe, ankle and world rotation with the ankle at `reach` from `hip` in place of at `target`: rolled over the toe, or slid on the heel."""
+    def spanned(
+        self, hip: Vector, target: Vector, reach: float, ground: PointHeights
+    ) -> tuple[Vector, Vector, Quaternion, float]:
+        """The foot with its ankle at `reach` from `hip` in place of at `target`: rolled over the toe, or slid on the heel.
+
+        Toe, ankle, world rotation, and the metres by which it so lies too deep in the ground.
+        """
         sole, rotation = rotate(self.rotation, self.bones.offsets[4]), self.rotation
-        toe, to_target = add(target, sole), subtract(target, hip)
-        turned = self._rolled(subtract(hip, toe), scale(sole, -1.0), reach)
-        if turned is None:
+        toe = add(target, sole)
+        to_hip, along = subtract(hip, toe), unit(scale(sole, -1.0))
+        cosine = roll_cosine(to_hip, self.bones.foot_length, reach)
+        if abs(cosine) > 1.0:
+            to_target = subtract(target, hip)
             ankle = add(hip, scale(to_target, reach / max(length(to_target), 1e-6)))
             toe = add(ankle, sole)
         else:
+            turned = rolled(to_hip, along, cosine)
             ankle = add(toe, scale(turned, self.bones.foot_length))
-            rotation = multiply(between(unit(scale(sole, -1.0)), turned), rotation)
-        return toe, ankle, rotation
-
-    def depth_at(self, hip: Vector, target: Vector, reach: float, ground: PointHeights) -> float:
-        """Metres by which a foot that is `spanned` so lies too deep in the ground."""
-        toe, ankle, _ = self.spanned(hip, target, reach)
-        return max(0.0, self._depth(toe, ankle, ground))
-
-    def on_ground(
-        self, foot: tuple[Vector, Vector, Quaternion], ground: PointHeights
-    ) -> tuple[Vector, Vector, Quaternion]:
-        """Toe, ankle and rotation, raised where they lie too deep in the ground."""
-        toe, ankle, rotation = foot
-        up = max(0.0, self._depth(toe, ankle, ground))
-        return (toe[0], toe[1] + up, toe[2]), (ankle[0], ankle[1] + up, ankle[2]), rotation
-
-    def _rolled(self, to_hip: Vector, to_ankle: Vector, reach: float) -> Vector | None:
-        """Direction from the toe to the ankle that is `reach` from the hip, on the present one's side; None where there is none."""
-        distance, foot = length(to_hip), self.bones.foot_length
-        cosine = (distance * distance + foot * foot - reach * reach) / (2.0 * distance * foot)
-        if abs(cosine) > 1.0:
-            return None
-        up, along = scale(to_hip, 1.0 / distance), unit(to_ankle)
-        side = unit(subtract(along, scale(up, dot(along, up))))
-        return add(scale(up, cosine), scale(side, sqrt(1.0 - cosine * cosine)))
+            rotation = multiply(between(along, turned), rotation)
+        return toe, ankle, rotation, max(0.0, self._depth(toe, ankle, ground))
 
     def within_reach(self, leg: LegPose, drop: float, ground: PointHeights) -> Vector:
         """Target of the ankle for the IK: raised where the leg is too short and what it reaches instead lies in a step."""
         hip, target = (leg.hip[0], leg.hip[1] - drop, leg.hip[2]), self.ankle
         for _ in range(REACH_TRIALS):
             to_target = subtract(target, hip)
-            asked = length(to_target)
-            if asked <= (MAX_REACH - EASE_REACH) * self.bones.length:
+            wanted = length(to_target)
+            if wanted <= (MAX_REACH - EASE_REACH) * self.bones.length:
                 break
-            reached = add(hip, scale(to_target, soft_reach(asked, self.bones.length, span(leg)) / asked))
+            reached = add(hip, scale(to_target, soft_reach(wanted, self.bones.length, span(leg)) / wanted))
             toe = add(reached, rotate(self.rotation, self.bones.offsets[4]))
             missing = self._depth(toe, reached, ground)
             if missing <= 0.0:
                 break
             target = (target[0], target[1] + 2.0 * missing, target[2])  # twice: the reach takes a part of it
         return target
-
-
-def straightness(leg: LegPose, bones: LegBones) -> float:
-    """Share of its length that a leg may span: that of the incoming pose, and at least what needs no easing."""
-    return max(MAX_REACH - EASE_REACH, span(leg) / bones.length)
 
 
 def span(leg: LegPose) -> float:

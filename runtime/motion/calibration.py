@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from runtime.arrays import Float32Array
 from runtime.motion.mirror import LIMBS, TWINS, Ways, mirrored_code
 
-BETTER = 0.3  # share by which the mirror image of a code must be shown better than the code
+BETTER = 0.3  # fraction by which the mirror image of a code must be shown better than the code
 # the same of one limb, for which the network runs twice
 LIMB_BETTER = 0.4
 MAX_GAIN = 2.0
@@ -21,16 +21,16 @@ SAME_SIDE = 0.6  # and has nothing of its lead
 FADE = 0.2  # beyond its own sentences, within which its gain fades
 # of the usual distance of a part's measured codes from neutral: nearer than the first it is plain, from the second on unusual
 PLAIN, UNUSUAL = 0.3, 0.8
-OTHERS = 2.0  # other parts of the body (both arms, both legs, torso, head) that are unusual: a gain is that beside others
+OTHERS = 2.0  # other parts of the body (both arms, both legs, torso, head) that are unusual: a gain is that among others
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """Measured codes of the left sides; the mirror image of each has the opposite lead and the same gain.
 
-    `codes` `(n, 64)` belong to the parts `PART_NAMES[parts[i]]`. A model shows them by a share of `leads` `(n,)` better than
-    their mirror image, and wholly when they are drawn out from `neutral` `(6, 64)` by `gains` `(n, 2)`: alone, and beside
-    other unusual parts. `spreads` `(n,)` say how far from a code its own sentences lie, as shares of its distance from neutral.
+    `codes` `(n, 64)` belong to the parts `PART_NAMES[parts[i]]`. A model shows them by a fraction of `leads` `(n,)` better than
+    their mirror image, and wholly when they are drawn out from `neutral` `(6, 64)` by `gains` `(n, 2)`: alone, and among
+    other unusual parts. `spreads` `(n,)` say how far from a code its own sentences lie, as fractions of its distance from neutral.
     """
 
     parts: NDArray[np.int64]
@@ -41,7 +41,7 @@ class Calibration:
     neutral: Float32Array
 
     def side_leads(self, z: Float32Array) -> Float32Array:
-        """By how much of a share each part of Z^t `(6, 64)` is shown better than in the mirror, `(6,)`: as a measured code near it."""
+        """By how much of a fraction each part of Z^t `(6, 64)` is shown better than in the mirror, `(6,)`: as a measured code near it."""
         found = np.zeros(len(z), np.float32)
         for near in self._nearest(z):
             if near.off < SAME_SIDE:
@@ -61,13 +61,13 @@ class Calibration:
     def drawn_out(self, z: Float32Array) -> Float32Array:
         """Z^t `(6, 64)` with the parts near a measured code drawn out from neutral by its gain, less so the farther they are.
 
-        What training saw alone is shown less beside others: the gain is that beside others, as far as these are unusual.
+        What training saw alone is shown less among others: the gain is that among others, as far as these are unusual.
         """
         gains, others = np.ones((len(z), 1), np.float32), self._others(z)
         for near in self._nearest(z):
             like = float(np.clip(1.0 - (near.off - self.spreads[near.code]) / FADE, 0.0, 1.0))
-            alone, beside = self.gains[near.code]
-            gain = alone + others[near.part] * (beside - alone)
+            alone, among = self.gains[near.code]
+            gain = alone + others[near.part] * (among - alone)
             gains[near.part] = max(gains[near.part], 1.0 + like * (gain - 1.0))
         return np.asarray(self.neutral + gains * (z - self.neutral), np.float32)
 
@@ -102,7 +102,7 @@ class Calibration:
 class _Near:
     """A part of a Z^t and the measured code nearest to it (`sign` -1: to its mirror image).
 
-    `off` is their distance as a share of the code's distance from neutral.
+    `off` is their distance as a fraction of the code's distance from neutral.
     """
 
     part: int

@@ -1,27 +1,28 @@
-"""The handle of one character: a state, and what it is driven by. `runtime.motion.frame` has what a frame does."""
+"""The handle of one character, a state and what it is driven by, and crowds of them. `runtime.motion.frame` has what a frame does."""
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from runtime.arrays import Array
 from runtime.controls import Controls, Gait
-from runtime.crossing.crossing import Crossing
 from runtime.errors import UsageError
 from runtime.feet.foot_lock import FootLock
 from runtime.motion.features import FPS
 from runtime.motion.frame import Frame, full_speed, step
 from runtime.motion.model import MotionModel
 from runtime.motion.state import CharacterState, standing
-from runtime.motion.style_blend import StyleBlend, StyleCodes
-from runtime.motion.style_mix import Style, StyleFolder, StyleMix
+from runtime.motion.style import Style, StyleBlend, StyleCodes, StyleFolder, StyleMix
 from runtime.motion.trajectory import Trajectory, TrajectoryView
 from runtime.pose import Pose
-from runtime.records import copied
+from runtime.records import copied, joined, part
 from runtime.terrain.height_map import Terrain
-from runtime.terrain.room import nearest_place
+from runtime.terrain.obstacle_detection import nearest_place
+from runtime.traversal.traversal import Traversal
 
 log = logging.getLogger("sport.controller")
 
@@ -58,6 +59,7 @@ class Controller:
         self.model = model
         self.terrain = terrain
         self.temperature = temperature
+        self._frame: Frame | None = None
         self.response = response  # 0: starts, stops and turns as in capture, 1: as in a game
         self.seed = seed
         self.message = ""  # the network's fault in this frame, for the status line
@@ -71,7 +73,8 @@ class Controller:
         return self.pose
 
     def _stand(self, style: StyleBlend, x: float, z: float, yaw: float) -> None:
-        self._set(standing(self.model, self.terrain, style, self.seed, x, z, yaw), None)
+        self._state = standing(self.model, self.terrain, style, self.seed, x, z, yaw)
+        self._frame, self._pose = None, self._state.poses.pose()
 
     @property
     def state(self) -> CharacterState:
@@ -83,11 +86,8 @@ class Controller:
         folder = StyleFolder(self.model.fold_style, codes.strength, self.model.calibration)
         style = StyleBlend.of(codes, folder.fold)
         self._folder, self.seed = folder, int(state.seed[0])
-        self._set(state, None)
+        self._state, self._frame, self._pose = state, None, state.poses.pose()
         self._restyle(style)
-
-    def _set(self, state: CharacterState, frame: Frame | None) -> None:
-        self._state, self._frame, self._pose = state, frame, state.poses.pose()
 
     def _restyle(self, style: StyleBlend) -> None:
         self._state = copied(self._state)
@@ -102,7 +102,7 @@ class Controller:
         self._restyle(self._state.styles[0].towards(style, float(transition_seconds), self._folder.fold))
 
     def twin(self) -> Controller:
-        """Another character of the same model, at the start of the same ground: to make a take again beside this one."""
+        """Another character of the same model, at the start of the same ground: to make a take again next to this one."""
         return Controller(self.model, self.terrain, self.seed, self.temperature, self.strength, self.response)
 
     @property
@@ -119,7 +119,7 @@ class Controller:
         self._restyle(self._state.styles[0].at_strength(value, self._folder.fold))
 
     def settle(self, gait: Gait = Gait.WALK, seconds: float = SETTLE_SECONDS) -> Pose:
-        """Come to rest in the present style, in place, in frames that nobody sees; returns the pose to begin from.
+        """Come to rest in the present style, in place, in frames that are not shown; returns the pose to begin from.
 
         A character begins in neutral standing, and the network is in a style some frames later, with hands that fly
         there. In `Gait.CROUCH` it comes to rest crouched.
@@ -149,7 +149,7 @@ class Controller:
             return
         state = copied(self._state)
         state.ground = np.array([float(terrain.height(x, z))])
-        state.crossings, state.feet = (Crossing(),), (FootLock(),)
+        state.traversals, state.feet = (Traversal(),), (FootLock(),)
         self._state, self._frame = state, None
 
     @property
@@ -164,16 +164,16 @@ class Controller:
 
     @property
     def requested_speed(self) -> float:
-        """m/s that the last frame's stick asked for."""
+        """m/s that the last frame's stick requested."""
         return float(self._state.requested_speed[0])
 
     def full_speed(self, gait: Gait) -> float:
-        """What a full stick asks for in the present style, m/s."""
+        """What a full stick requests in the present style, m/s."""
         return full_speed(self.style, gait)
 
     @property
     def unlocked(self) -> tuple[Array, Array]:
-        """Hips `(3,)` and local rotations `(31, 4)` before foot lock: the network's, arms inertialised in a blend, or keyed."""
+        """Hips `(3,)` and local rotations `(31, 4)` before foot lock: the network's, arms inertialised in a blend, or keyframed."""
         if self._frame is None:
             return self.pose.hips_position, self.pose.local_rotations
         return self._frame.hips[0], self._frame.local[0]
@@ -184,9 +184,9 @@ class Controller:
         return None if self._frame is None else self._frame.reasons[0]
 
     @property
-    def crossing(self) -> str:
-        """What is being crossed by keyed motion: "bar", "gap", "up", "down", "climb", "descend"; else ""."""
-        return self._state.crossings[0].kind
+    def traversal(self) -> str:
+        """What is being crossed by keyframed motion: "bar", "gap", "up", "down", "climb", "descend"; else ""."""
+        return self._state.traversals[0].kind
 
     @property
     def trajectory(self) -> TrajectoryView:
@@ -201,8 +201,54 @@ class Controller:
 
     def take(self, state: CharacterState, frame: Frame) -> Pose:
         """Go on from a frame of this character."""
-        self._set(state, frame)
+        self._state, self._frame, self._pose = state, frame, state.poses.pose()
         self.message = FAULT if frame.faults[0] else ""
         if self.message:
             log.error(self.message)
         return self._pose
+
+
+MOST = 64  # characters
+
+
+class Crowd:
+    """Steps controllers of one model on one ground together; each keeps its own style, seed, strength and place.
+
+    UsageError for none, for more than MOST, and for controllers of several models or grounds.
+    """
+
+    def __init__(self, members: Sequence[Controller]) -> None:
+        if not 1 <= len(members) <= MOST:
+            raise UsageError(f"Crowd: {len(members)} characters; expected 1 to {MOST}.", "Take fewer.")
+        if any(m.model is not members[0].model or m.terrain is not members[0].terrain for m in members):
+            raise UsageError("Crowd: characters of several models or grounds.", "Give all the same.")
+        self.members = tuple(members)
+        self._helper = ThreadPoolExecutor(1, "crowd")
+
+    def close(self) -> None:
+        """End the second thread."""
+        self._helper.shutdown()
+
+    @property
+    def terrain(self) -> Terrain:
+        """The ground of all."""
+        return self.members[0].terrain
+
+    def set_terrain(self, terrain: Terrain) -> None:
+        """Let all stand on another ground, where they are."""
+        for member in self.members:
+            member.set_terrain(terrain)
+
+    def step(self, controls: Controls) -> list[Pose]:
+        """Simulate 1/60 s of every character; see `Controller.step`."""
+        members = self.members
+        state, frame = step(
+            members[0].model,
+            joined([member.state for member in members]),
+            [controls] * len(members),
+            self.terrain,
+            [member.temperature for member in members],
+            [member.response for member in members],
+            self._helper,
+        )
+        return [member.take(part(state, i), frame.part(i)) for i, member in enumerate(members)]

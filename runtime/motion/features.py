@@ -1,4 +1,4 @@
-"""The layout of the networks' input x and output y: the one place that training and runtime share (Sec. III-A).
+"""The layout of the networks' input x and output y: the one place that training and runtime use (Sec. III-A).
 
 Symbols of the paper: t^p, t^d trajectory positions and directions; h terrain heights; j^p, j^v joint positions and
 velocities; g gait; p phase; d root displacement; c contacts. Everything is relative to the root: the hips projected
@@ -17,7 +17,7 @@ from runtime.pose import DT as DT
 from runtime.pose import FPS as FPS
 from runtime.skeleton import SPORT_SKELETON, J
 from runtime.terrain.height_map import Terrain
-from runtime.terrain.way_ahead import EDGE_M, RUN_M
+from runtime.terrain.obstacle_detection import EDGE_M, RUN_M
 
 LAYOUT_VERSION = 1
 SAMPLE_STEP = 10  # frames between two samples of the ±1 s window
@@ -69,22 +69,18 @@ _SHOULDER_ACROSS = (SPORT_SKELETON.index("LeftArm"), SPORT_SKELETON.index("Right
 
 def to_root(vectors: Array, yaw: Array) -> Array:
     """Turn world XZ `(..., 2)` or XYZ `(..., 3)` vectors into the frame of a root that faces `yaw` `(...)`."""
-    return _turn(vectors, -np.asarray(yaw))
+    return to_world(vectors, -np.asarray(yaw))
 
 
 def to_world(vectors: Array, yaw: Array) -> Array:
     """Inverse of `to_root`."""
-    return _turn(vectors, np.asarray(yaw))
-
-
-def _turn(v: Array, yaw: Array) -> Array:
     cosine, sine = np.cos(yaw), np.sin(yaw)
-    x, z = v[..., 0], v[..., -1]
+    x, z = vectors[..., 0], vectors[..., -1]
     turned_x = cosine * x + sine * z
-    result = np.empty((*turned_x.shape, v.shape[-1]), turned_x.dtype)
+    result = np.empty((*turned_x.shape, vectors.shape[-1]), turned_x.dtype)
     result[..., 0], result[..., -1] = turned_x, cosine * z - sine * x
-    if v.shape[-1] == 3:
-        result[..., 1] = v[..., 1]
+    if vectors.shape[-1] == 3:
+        result[..., 1] = vectors[..., 1]
     return result
 
 
@@ -112,7 +108,7 @@ def height_points(positions: Array, directions: Array) -> Array:
 def sampled_heights(terrain: Terrain, positions: Array, directions: Array) -> tuple[Array, Array]:
     """XZ points `(..., 12, 3, 2)` of trajectory samples and their heights `(..., 12, 3)`, right, centre and left.
 
-    Samples lie up to half a metre apart: what stands higher between two of them, as a hurdle does, is told by the nearer.
+    Samples lie up to half a metre apart: what stands higher between two of them, as a hurdle does, counts in the nearer.
     """
     points = height_points(positions, directions)
     heights = terrain.height(points[..., 0], points[..., 1])

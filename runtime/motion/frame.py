@@ -14,37 +14,34 @@ from numpy.typing import NDArray
 
 from runtime.arrays import Array, Flags
 from runtime.controls import STAND_SPEED, Controls, Gait
-from runtime.crossing.decide import decide
-from runtime.crossing.look import CLEAR, LOOK_M, STOP_SECONDS, Look, look_ahead, seen_heights, way_of
-from runtime.crossing.play import crossing_pose, end_when_over
-from runtime.motion import calm, features, momentum
-from runtime.motion.coming_to_rest import calmed_pose, rest_share
+from runtime.motion import features
 from runtime.motion.features import DT, OUTPUT_SIZE, InputParts, OutputParts, split_output
-from runtime.motion.limbs import LEGS, off_walls
-from runtime.motion.model import MotionModel
-from runtime.motion.noise import drifting_noise
+from runtime.motion.limbs import LEGS, resolve_penetration
+from runtime.motion.model import MotionModel, drifting_noise
+from runtime.motion.pace import CYCLES_PER_SECOND, STANDING_SECONDS, advance_by_cycles
 from runtime.motion.phase import advance_phase, at_rate
-from runtime.motion.poses import network_pose, shown_poses
-from runtime.motion.root_motion import SPEED_HALF_LIFE, root_velocity
-from runtime.motion.speed_regulator import STANDING_SECONDS
-from runtime.motion.stall import CYCLES_PER_SECOND, advance_by_cycles
-from runtime.motion.state import CharacterState, standing
-from runtime.motion.style_mix import Style
-from runtime.motion.trajectory import PRESENT, SAMPLES
+from runtime.motion.pose_smoothing import PATIENCE
+from runtime.motion.root_motion import SPEED_HALF_LIFE, rest_share, root_velocity, settled_pose
+from runtime.motion.state import CharacterState, network_pose, shown_poses, standing
+from runtime.motion.style import Style
+from runtime.motion.trajectory import JOG_SHARE, PRESENT, SAMPLES
 from runtime.records import copied, joined, part
+from runtime.scalar_math import decay
 from runtime.skeleton import SPORT_SKELETON
-from runtime.spring import decay
 from runtime.terrain.height_map import Terrain
-from runtime.terrain.obstacles import level_ahead, within_steps
-from runtime.terrain.room import has_walls
-from runtime.terrain.way_ahead import EDGE_M, RUN_M
+from runtime.terrain.obstacle_detection import EDGE_M, RUN_M, has_walls, level_ahead, within_steps
+from runtime.traversal.obstacle_probe import CLEAR, PROBE_M, STOP_SECONDS, ObstacleProbe
+from runtime.traversal.traversal import decide, end_when_over, seen_heights, traversal_pose
 
 MAX_OUTPUT = 1e4  # metres, m/s, rad/s: no body has more, and bones would be lost in rounding
 REST_TEMPERATURE = 0.35  # of the temperature, while standing: breathing and shifts of weight stay
 TAKE_OFF_FRAMES = 6  # whose mean velocity a body keeps in the air
 MIN_GAIT_SPEED = 0.3  # m/s; slower, feet may well rest for a while
 CROUCH_SPEED = 0.8  # m/s at full stick
-GATHERED, JOG_START_GAIN = 0.8, 1.0  # share of the plan's speed, and the regulator's gain at most until then
+GATHERED, JOG_START_GAIN = (
+    0.8,
+    1.0,
+)  # fraction of the plan's speed, and the regulator's gain at most until then
 SLOWEST_PLAN = 0.05  # m/s: a body that stops is regulated until then
 FASTEST_LIFT = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
 _PHASES = features.PHASE_OFFSETS + PRESENT
@@ -52,9 +49,9 @@ _PHASES = features.PHASE_OFFSETS + PRESENT
 
 @dataclass(frozen=True)
 class Frame:
-    """What a frame tells beside the state that it leads to."""
+    """What a frame returns besides the state that it leads to."""
 
-    hips: Array  # (N, 3) before foot lock: the network's, arms inertialised in a blend, or keyed
+    hips: Array  # (N, 3) before foot lock: the network's, arms inertialised in a blend, or keyframed
     local: Array  # (N, 31, 4)
     reasons: tuple[str | None, ...]  # why a character does not go on
     faults: Flags  # (N,) the network's output was no motion (`MAX_OUTPUT`): the character stands again
@@ -92,17 +89,17 @@ def step(
     state.styles = tuple(style.advanced(DT) for style in state.styles)
     styles = [blend.style for blend in state.styles]
 
-    looks = _look(model, state, controls, terrain)
-    request = _request(state, controls, looks, styles)
+    probes = _probe(model, state, controls, terrain)
+    request = _request(state, controls, probes, styles)
     # before an obstacle, and while one is crossed, a body does at once what it has to
     at_once = [
-        look.stops or look.ahead is not None or crossing.kind != ""
-        for look, crossing in zip(looks, state.crossings, strict=True)
+        probe.stops or probe.ahead is not None or traversal.kind != ""
+        for probe, traversal in zip(probes, state.traversals, strict=True)
     ]
     haste = np.where(at_once, 1.0, response)
     _steer(state, request, styles, haste)
 
-    x = _input(state, looks, terrain)
+    x = _input(state, probes, terrain)
     stands = state.trajectory.gait[:, PRESENT, Gait.STAND]
     temperatures = np.asarray(temperature) * (1.0 - (1.0 - REST_TEMPERATURE) * stands)
     noise = [
@@ -116,18 +113,20 @@ def step(
     y = split_output(flat.astype(np.float64))
 
     hips, local, joints = network_pose(y, state.trajectory, state.ground)
-    hips, local, joints = calmed_pose(state, hips, local, joints, y.contacts)
+    hips, local, joints = settled_pose(state, hips, local, joints, y.contacts)
     blending = np.array([blend.blending for blend in state.styles])
     inertialised = state.arms.apply(local, blending, rest_share(state))
     if inertialised.any():
         joints[inertialised] = SPORT_SKELETON.forward_kinematics(hips[inertialised], local[inertialised])[0]
     # the feet of a calm body stay where they are
-    contacts = np.maximum(np.minimum(np.maximum(y.contacts, 0.0), 1.0), 1.0 - state.calm.share[:, None])
+    contacts = np.maximum(
+        np.minimum(np.maximum(y.contacts, 0.0), 1.0), 1.0 - state.settling.fraction[:, None]
+    )
     unlocked = _plant(state, hips, local, contacts, terrain)
-    _cross(state, unlocked, (hips, local), looks, styles)
-    _feed_back(state, y, joints, looks, styles, terrain, haste)
+    _cross(state, unlocked, (hips, local), probes, styles)
+    _feed_back(state, y, joints, probes, styles, terrain, haste)
 
-    reasons = tuple(look.reason for look in looks)
+    reasons = tuple(probe.reason for probe in probes)
     if not sound.all():
         state = _set_back(model, before, state, sound, terrain)
     return state, Frame(*unlocked, reasons, ~sound)
@@ -145,58 +144,60 @@ def _stick(controls: Controls) -> tuple[float, float, float]:
     return (x / amount, z / amount, 1.0) if amount > 1.0 else (x, z, amount)
 
 
-def _look(
+def _probe(
     model: MotionModel, state: CharacterState, controls: Sequence[Controls], terrain: Terrain
-) -> list[Look]:
-    """What lies on the ways of the sticks and is not the network's own; every crossing remembers whether it stops."""
+) -> list[ObstacleProbe]:
+    """What lies on the ways of the sticks and is not the network's own; every traversal remembers whether it stops."""
     nothing = terrain.steepest * RUN_M < EDGE_M  # no slope of this ground is an edge
     sticks = np.array([_stick(each)[:2] for each in controls])
     size = np.sqrt((sticks * sticks).sum(-1, keepdims=True))
     headings, here = sticks / np.maximum(size, 1e-9), state.trajectory.here
     clear = np.full(len(state), nothing)
     if not nothing:
-        ways = np.array([way_of(c, h) for c, h in zip(state.crossings, headings, strict=True)])
-        clear = level_ahead(terrain, here, ways, LOOK_M + STOP_SECONDS * state.measured_speed, EDGE_M)
-    looks = []
-    for i, crossing in enumerate(state.crossings):
+        ways = np.array([c.path(h) for c, h in zip(state.traversals, headings, strict=True)])
+        clear = level_ahead(terrain, here, ways, PROBE_M + STOP_SECONDS * state.measured_speed, EDGE_M)
+    probes = []
+    for i, traversal in enumerate(state.traversals):
         stick, style = controls[i], state.styles[i].style
-        velocity = sticks[i] * full_speed(style, state.jumps[i].asked(stick.gait))
-        # a glance beside a beam would see a drop
+        velocity = sticks[i] * full_speed(style, state.jumps[i].requested_gait(stick.gait))
+        # a probe next to a beam would find a drop
         ground = None if clear[i] or state.feet[i].on_beam else terrain
-        look = look_ahead(crossing, ground, here[i], velocity, float(state.measured_speed[i]))
-        own = look.ahead is not None and model.crosses(look.ahead.obstacle)
-        looks.append(CLEAR if own else look)
-    return looks
+        probe = traversal.probe(ground, here[i], velocity, float(state.measured_speed[i]))
+        own = probe.ahead is not None and model.crosses(probe.ahead.obstacle)
+        probes.append(CLEAR if own else probe)
+    return probes
 
 
 def _request(
-    state: CharacterState, controls: Sequence[Controls], looks: Sequence[Look], styles: Sequence[Style]
+    state: CharacterState,
+    controls: Sequence[Controls],
+    probes: Sequence[ObstacleProbe],
+    styles: Sequence[Style],
 ) -> Request:
     """What is requested of every root; writes `wished_speed`, and begins jumps."""
     count = len(state)
     velocity, facing, gaits = np.zeros((count, 2)), np.full(count, np.nan), np.zeros(count, np.int64)
     speeds = np.zeros(count)
-    for i, (stick, look, style) in enumerate(zip(controls, looks, styles, strict=True)):
+    for i, (stick, probe, style) in enumerate(zip(controls, probes, styles, strict=True)):
         x, z, amount = _stick(stick)
-        jump, crossing = state.jumps[i], state.crossings[i]
-        if jump.press(stick.gait, crossing.kind == ""):
-            jump.start(state.poses.pose(i), crossing.steps, _velocity(state, i))
-        gait = jump.asked(stick.gait)
+        jump, traversal = state.jumps[i], state.traversals[i]
+        if jump.press(stick.gait, traversal.kind == ""):
+            jump.start(state.poses.pose(i), traversal.steps, _velocity(state, i))
+        gait = jump.requested_gait(stick.gait)
         full = full_speed(style, gait)
-        if not look.stops:
+        if not probe.stops:
             speeds[i] = amount * full
         moving = bool(speeds[i] > STAND_SPEED)
         if moving:
             velocity[i] = x * full, z * full
-        if jump.airborne:  # nobody steers in the air
+        if jump.airborne:  # no steering in the air
             velocity[i] = state.trajectory.velocity[i]
             speeds[i] = float(np.hypot(*velocity[i]))
         elif not moving and gait != Gait.CROUCH:
             gait = Gait.STAND
         gaits[i] = gait
-        climbs = state.crossings[i].facing
-        if climbs is not None:
-            facing[i] = climbs
+        if traversal.climbing:
+            facing[i] = traversal.yaw
         elif stick.facing is not None:
             facing[i] = np.arctan2(*stick.facing)
         elif moving:
@@ -215,7 +216,7 @@ def _velocity(state: CharacterState, index: int) -> tuple[float, float]:
 def _steer(state: CharacterState, request: Request, styles: Sequence[Style], response: Array) -> None:
     """Plan the coming second towards the request and let the network see it, with what its regulator adds."""
     walk, jog = (np.array([getattr(s, name) for s in styles]) for name in ("walk_speed", "jog_speed"))
-    slow_jog = np.where(request.gait == Gait.JOG, momentum.JOG_SHARE * state.wished_speed, np.inf)
+    slow_jog = np.where(request.gait == Gait.JOG, JOG_SHARE * state.wished_speed, np.inf)
     plan = state.trajectory.plan(
         request.velocity,
         request.facing,
@@ -230,23 +231,23 @@ def _steer(state: CharacterState, request: Request, styles: Sequence[Style], res
     )
     state.requested_speed = speeds
     moving = (state.wished_speed > 0.0) | (speeds > SLOWEST_PLAN)
-    gain = state.regulator.update(speeds, state.root_speed * state.stride.share, moving)
-    # asked for more while it gathers speed, the network dives into a jog
+    gain = state.regulator.update(speeds, state.root_speed * state.stride.fraction, moving)
+    # requested more while it gathers speed, the network dives into a jog
     begins = (request.gait == Gait.JOG) & (state.regulator.measured < GATHERED * speeds)
     begins &= state.regulator.stood < STANDING_SECONDS
     gain = np.where(begins, np.minimum(gain, JOG_START_GAIN), gain)
     state.trajectory.steer(replace(plan, velocities=plan.velocities * gain[:, None, None]))
 
 
-def _input(state: CharacterState, looks: Sequence[Look], terrain: Terrain) -> Array:
+def _input(state: CharacterState, probes: Sequence[ObstacleProbe], terrain: Terrain) -> Array:
     """x `(N, 472)`; writes the ground that the bodies are placed over."""
     path, present = state.trajectory, features.L // 2
     positions, yaw = path.xz[:, SAMPLES], path.yaw[:, SAMPLES]
     directions = np.stack([np.sin(yaw), np.cos(yaw)], axis=-1)
     points, heights = features.sampled_heights(terrain, positions, directions)
     heights = within_steps(heights, present)
-    for i, (crossing, look) in enumerate(zip(state.crossings, looks, strict=True)):
-        heights[i] = seen_heights(crossing, points[i], heights[i], present, look.ahead)
+    for i, (traversal, probe) in enumerate(zip(state.traversals, probes, strict=True)):
+        heights[i] = seen_heights(traversal, points[i], heights[i], present, probe.ahead)
     ground = features.ground_height(heights)
     parts = InputParts(
         root_position=path.here,
@@ -286,28 +287,30 @@ def _network(
         run(0, len(x))
     else:
         middle = len(x) // 2
-        beside = helper.submit(run, 0, middle)
+        first_half = helper.submit(run, 0, middle)
         run(middle, len(x))
-        beside.result()
+        first_half.result()
     return y
 
 
 def _plant(
     state: CharacterState, hips: Array, local: Array, contacts: Array, terrain: Terrain
 ) -> tuple[Array, Array]:
-    """Write the poses to show for the network's, crossing an obstacle or with planted feet; hips and rotations before foot lock."""
+    """Write the poses to show for the network's, traversal an obstacle or with planted feet; hips and rotations before foot lock."""
     unlocked_hips, unlocked_local = hips.copy(), local.copy()
     shown_hips, shown_local, walls = np.empty_like(hips), np.empty_like(local), has_walls(terrain)
-    for i, (crossing, feet) in enumerate(zip(state.crossings, state.feet, strict=True)):
-        if crossing.kind:
-            keyed = crossing_pose(
-                crossing, hips[i], local[i], float(state.ground[i]), state.poses.pose(i), terrain
+    for i, (traversal, feet) in enumerate(zip(state.traversals, state.feet, strict=True)):
+        if traversal.kind:
+            keyframed = traversal_pose(
+                traversal, hips[i], local[i], float(state.ground[i]), state.poses.pose(i), terrain
             )
-            unlocked_hips[i], unlocked_local[i], contacts[i] = keyed
-            shown_hips[i], shown_local[i] = keyed[:2]
+            unlocked_hips[i], unlocked_local[i], contacts[i] = keyframed
+            shown_hips[i], shown_local[i] = keyframed[:2]
             state.jumps[i].cancel(float(hips[i, 1]))
             if walls:
-                shown_local[i] = off_walls(shown_hips[i], shown_local[i], state.poses.local[i], terrain, LEGS)
+                shown_local[i] = resolve_penetration(
+                    shown_hips[i], shown_local[i], state.poses.local[i], terrain, LEGS
+                )
         else:
             jump = state.jumps[i]
             jump.advance(float(hips[i, 1]), float(state.ground[i]), _velocity(state, i))
@@ -315,14 +318,14 @@ def _plant(
                 posed = jump.pose(hips[i], local[i], contacts[i], terrain)
                 unlocked_hips[i], unlocked_local[i], contacts[i] = posed
             stood = feet.feet[0].incoming is not None  # else on ground that has just come under the body
-            patience = 1.0 + calm.PATIENCE * (1.0 - float(state.calm.share[i]))
+            patience = 1.0 + PATIENCE * (1.0 - float(state.settling.fraction[i]))
             locked = feet.apply(
                 unlocked_hips[i], unlocked_local[i], contacts[i], terrain, DT, jump.airborne, patience
             )
             shown_hips[i], shown_local[i] = locked.hips_position, locked.local_rotations
             if walls:
                 before = state.poses.local[i] if stood else shown_local[i]
-                shown_local[i] = off_walls(shown_hips[i], shown_local[i], before, terrain)
+                shown_local[i] = resolve_penetration(shown_hips[i], shown_local[i], before, terrain)
     state.poses = shown_poses(shown_hips, shown_local, contacts, state.trajectory, terrain)
     return unlocked_hips, unlocked_local
 
@@ -331,25 +334,25 @@ def _cross(
     state: CharacterState,
     unlocked: tuple[Array, Array],
     network: tuple[Array, Array],
-    looks: Sequence[Look],
+    probes: Sequence[ObstacleProbe],
     styles: Sequence[Style],
 ) -> None:
-    """End a crossing, or begin one from the pose to show."""
-    for i, (crossing, feet) in enumerate(zip(state.crossings, state.feet, strict=True)):
-        if crossing.kind:
-            if end_when_over(crossing):
+    """End a traversal, or begin one from the pose to show."""
+    for i, (traversal, feet) in enumerate(zip(state.traversals, state.feet, strict=True)):
+        if traversal.kind:
+            if end_when_over(traversal):
                 feet.take_over((unlocked[0][i], unlocked[1][i]), (network[0][i], network[1][i]))
         else:
             speed = float(state.measured_speed[i])
-            ahead = None if state.jumps[i].active else looks[i].ahead
-            decide(crossing, state.poses.pose(i), feet.held, speed, styles[i].walk_speed, ahead)
+            ahead = None if state.jumps[i].active else probes[i].ahead
+            decide(traversal, state.poses.pose(i), feet.held, speed, styles[i].walk_speed, ahead)
 
 
 def _feed_back(
     state: CharacterState,
     y: OutputParts,
     joints: Array,
-    looks: Sequence[Look],
+    probes: Sequence[ObstacleProbe],
     styles: Sequence[Style],
     terrain: Terrain,
     response: Array,
@@ -366,7 +369,7 @@ def _feed_back(
     state.joints = features.relative_joints(joints, path.here, state.ground, yaw)
     if (rates != 1.0).any():  # a rhythm that is held back: the body has come a part of its way
         state.joints = before + rates[:, None, None] * (state.joints - before)
-    slowed = state.calm.rate
+    slowed = state.settling.rate
     state.velocities = y.joint_velocities * slowed[:, None, None]
     state.phase = at_rate(state.phase, advance_phase(state.phase, y.phase), rates * slowed)
     resting = path.gait[:, PRESENT, Gait.STAND]
@@ -381,7 +384,7 @@ def _feed_back(
     state.phase = state.rest.apply(state.phase, np.stack([style.rest for style in styles]), resting)
 
     velocity = features.to_world(y.root[:, :2] * slowed[:, None], yaw)
-    velocity = root_velocity(state, velocity, y.contacts, looks, terrain, response)
+    velocity = root_velocity(state, velocity, y.contacts, probes, terrain, response)
     turn = y.root[:, 2] * slowed * DT
     ahead = (yaw + turn)[:, None]
     path.advance(

@@ -1,4 +1,4 @@
-"""Limbs of the shown pose beside walls: what would be in the ground hangs down, and none turns faster than joints do.
+"""Limbs of the shown pose near walls: what would be in the ground hangs down, and none turns faster than joints do.
 
 Only what is shown: the network goes on with its own pose. On ground without walls nothing is done here.
 """
@@ -52,7 +52,7 @@ LIMBS = (
 LEGS = LIMBS[2:]
 
 
-def off_walls(
+def resolve_penetration(
     hips: Array, local: Array, before: Array, terrain: Terrain, limbs: tuple[Limb, ...] = LIMBS
 ) -> Array:
     """Local rotations `(31, 4)` whose `limbs` hang down as far as they must to be out of the ground.
@@ -61,7 +61,7 @@ def off_walls(
     faster than `TURN_MOST`.
     """
     result = no_faster(local, before)
-    if limbs is LIMBS:  # arms that are keyed are as fast as they must be
+    if limbs is LIMBS:  # arms that are keyframed are as fast as they must be
         result = _slowed(result, before, _ARMS, ARM_TURN)
     positions, world = SPORT_SKELETON.forward_kinematics(hips, result)
     for limb in limbs:
@@ -77,8 +77,8 @@ def off_walls(
         if limb.steps:
             goal = result.copy()  # whose foot has come as far as it can
             goal[moved] = local[moved]
-            asked, _ = SPORT_SKELETON.forward_kinematics(hips, goal)
-            there, least = _depths(terrain, limb, asked[None], positions[0])[-1, 0], depths[-1].min()
+            wanted, _ = SPORT_SKELETON.forward_kinematics(hips, goal)
+            there, least = _depths(terrain, limb, wanted[None], positions[0])[-1, 0], depths[-1].min()
             if there < max(least, limb.sunk_m):
                 round_it, deepest = _way_round(terrain, hips, before, goal, limb, TURN_MOST)
                 if least > limb.sunk_m or deepest <= SHALLOW_M:
@@ -125,30 +125,30 @@ def _tries(local: Array, before: Array, world: Array, limb: Limb, most: float) -
     ways = [(local, bend, SHARES) for bend in limb.bends]
     ways += [(before, bend, SHARES[::-1]) for bend in limb.bends[::-1]]
     tries = np.tile(np.asarray(local, np.float64), (len(ways) * len(SHARES), 1, 1))
-    for k, (start, bend, shares) in enumerate(ways):
-        part = slice(k * len(shares), (k + 1) * len(shares))
+    for k, (start, bend, fractions) in enumerate(ways):
+        part = slice(k * len(fractions), (k + 1) * len(fractions))
         bent = start[limb.lower] if bend is None else rotations.from_yaw(bend)
         for joint, goal in ((limb.upper, hangs), (limb.lower, bent)):
-            tries[part, joint] = _turned(before[joint], rotations.slerp(start[joint], goal, shares), most)
+            tries[part, joint] = _turned(before[joint], rotations.slerp(start[joint], goal, fractions), most)
     return tries
 
 
 def _way_round(
-    terrain: Terrain, hips: Array, before: Array, asked: Array, limb: Limb, most: float
+    terrain: Terrain, hips: Array, before: Array, wanted: Array, limb: Limb, most: float
 ) -> tuple[Array, float]:
-    """The limb's two rotations `(2, 4)` of this frame on the least deep way from where it was `before` to where it is `asked` to be, and how deep that way leads (m).
+    """The limb's two rotations `(2, 4)` of this frame on the least deep way from where it was `before` to to its goal, and how deep that way leads (m).
 
     Either joint may go ahead of the other: a knee is folded before the thigh is raised, or after.
     """
     moved, count = [limb.upper, limb.lower], len(PARTS)
-    grid = np.tile(np.asarray(asked, np.float64), (count * count, 1, 1))
-    upper, lower = (rotations.slerp(before[j], asked[j], PARTS) for j in moved)
+    grid = np.tile(np.asarray(wanted, np.float64), (count * count, 1, 1))
+    upper, lower = (rotations.slerp(before[j], wanted[j], PARTS) for j in moved)
     grid[:, limb.upper], grid[:, limb.lower] = np.repeat(upper, count, axis=0), np.tile(lower, (count, 1))
     placed, _ = SPORT_SKELETON.forward_kinematics(np.broadcast_to(hips, (len(grid), 3)), grid)
     depths = _depths(terrain, limb, placed, placed[0, 0])[-1].reshape(count, count)
     deepest = _deepest_on(depths)
-    turns = np.maximum(rotations.angle_between(before[moved], asked[moved]), 1e-9)
-    at, share = (0, 0), np.zeros(2)
+    turns = np.maximum(rotations.angle_between(before[moved], wanted[moved]), 1e-9)
+    at, fraction = (0, 0), np.zeros(2)
     while at != (count - 1, count - 1):
         steps = [
             (i, j)
@@ -157,13 +157,13 @@ def _way_round(
         ]
         goal = min(steps, key=lambda cell: deepest[cell])
         there = PARTS[list(goal)]
-        room = (most / turns - share) / np.maximum(there - share, 1e-9)
-        part = float(np.where(there > share, room, 1.0).min())
-        share = share + min(max(part, 0.0), 1.0) * (there - share)
+        room = (most / turns - fraction) / np.maximum(there - fraction, 1e-9)
+        part = float(np.where(there > fraction, room, 1.0).min())
+        fraction = fraction + min(max(part, 0.0), 1.0) * (there - fraction)
         if part < 1.0:
             break
         at = goal
-    return rotations.slerp(before[moved], asked[moved], share), float(deepest[0, 0])
+    return rotations.slerp(before[moved], wanted[moved], fraction), float(deepest[0, 0])
 
 
 def _deepest_on(depths: Array) -> Array:

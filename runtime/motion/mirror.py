@@ -102,11 +102,11 @@ class Mirror:
         )
         return result
 
-    def with_limbs(self, y: Float32Array, beside: Float32Array, shares: Float32Array) -> Float32Array:
-        """Outputs `(B, 473)` with `shares` `(B, 4)` of the limbs' movement in the others of the same frame."""
+    def with_limbs(self, y: Float32Array, opposite: Float32Array, fractions: Float32Array) -> Float32Array:
+        """Outputs `(B, 473)` with `fractions` `(B, 4)` of the limbs' movement in the others of the same frame."""
         result = y.copy()
         for limb, columns in enumerate(_LIMB_COLUMNS):
-            result[:, columns] += shares[:, limb : limb + 1] * (beside[:, columns] - y[:, columns])
+            result[:, columns] += fractions[:, limb : limb + 1] * (opposite[:, columns] - y[:, columns])
         return result
 
     def _mirrored_phase(self, phase: Float32Array) -> Float32Array:

@@ -1,14 +1,16 @@
-"""The trained networks behind three ONNX graphs and a metadata file, checked when loaded."""
+"""The trained networks behind their ONNX graphs and a metadata file, checked when loaded, and the sampler's noise."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
+from functools import lru_cache
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime.arrays import Float32Array
 from runtime.assets import model_folder
@@ -22,14 +24,34 @@ from runtime.motion.model_files import (
     check_graphs,
     choose_precision,
     open_graph,
-    read_crossings,
+    read_crosses,
     read_graph,
     read_metadata,
     run_graph,
 )
-from runtime.motion.style_mix import Style
+from runtime.motion.style import Style
 from runtime.skeleton import PART_NAMES
-from runtime.terrain.way_ahead import ObstacleAhead
+from runtime.terrain.obstacle_detection import ObstacleAhead
+
+# Seconds of the waves that each number is a sum of. Noise that is fresh in every frame, or a random walk, makes the
+# character tremble: a sampled pose follows its noise. These never come together again, and are slower than a step.
+PERIODS_S = (1.7, 2.9, 5.3)
+
+
+@lru_cache(maxsize=64)
+def _waves(shape: tuple[int, ...], seed: int) -> NDArray[np.float32]:
+    """Amplitudes `(6, numbers)` of the cosines and sines."""
+    count = 2 * len(PERIODS_S)
+    waves = np.random.default_rng(seed).standard_normal((count, int(np.prod(shape))), np.float32)
+    return waves / np.float32(np.sqrt(len(PERIODS_S)))
+
+
+def drifting_noise(shape: tuple[int, ...], seed: int, seconds: float) -> NDArray[np.float32]:
+    """Numbers of `shape` at a time, each a sum of slow waves with random amplitudes: N(0, 1), the same for a seed."""
+    angles = 2.0 * np.pi * seconds / np.array(PERIODS_S)
+    weights = np.concatenate([np.cos(angles), np.sin(angles)]).astype(np.float32)
+    return (weights @ _waves(shape, seed)).reshape(shape)
+
 
 KINDS = "sport.models"  # entry points of other kinds of model: a class with the interface of `MotionModel`
 ARM_PARTS = 2  # of the six come first
@@ -42,7 +64,7 @@ class MotionModel:
 
     Deterministic for equal inputs and noise. `precision` is that of the loaded step graph, fp32 or int8, and
     `notice` says so where it is not the one that the model prefers. With int8 a
-    character's output depends a little on the others of its batch: they share the scale of the activations.
+    character's output depends a little on the others of its batch: the scale of the activations is common to all.
     `noise_shape` is `(steps, experts, output size)`,
     `style_shape` that of Z^t: (6, 64), or of six sentence embeddings for a network without a content encoder.
     """
@@ -75,12 +97,12 @@ class MotionModel:
         self._stacked: dict[
             tuple[int, bool], tuple[tuple[Style, ...], dict[str, Float32Array]]
         ] = {}  # by the thread that asks, and which of its calls
-        self._crosses = read_crossings(folder, metadata)
+        self._crosses = read_crosses(folder, metadata)
         self.provider = self._step.get_providers()[0].removesuffix("ExecutionProvider")
 
     @property
     def batches(self) -> bool:
-        """Whether characters with styles of their own share a call without a bearing on each other."""
+        """Whether characters with styles of their own can be in one call, independent of each other."""
         return self._styles_apart and self.precision == "fp32"
 
     def crosses(self, obstacle: ObstacleAhead) -> bool:
@@ -120,7 +142,7 @@ class MotionModel:
         walk, jog = float(np.clip(speeds[0], 0.4, 2.2)), float(np.clip(speeds[1], 1.2, 5.0))
         rest = np.zeros((C, 2), np.float32)
         if len(speeds) > 2:
-            if self._neutral_code is not None:  # legs and trunk of a giant or an angry body look like waving
+            if self._neutral_code is not None:  # legs and trunk of a giant or an angry body probe like waving
                 arms = drawn.copy()
                 arms[ARM_PARTS:] = self._neutral_code[ARM_PARTS:]
                 speeds = run_graph(self._style, path, None, {"z": arms})[3]
@@ -137,19 +159,21 @@ class MotionModel:
         """
         y, alpha = self._one_way(x, noise, style)
         styles = [style] * len(x) if isinstance(style, Style) else style
-        twice = {i: one.beside for i, one in enumerate(styles) if one.beside is not None and any(one.limbs)}
+        twice = {
+            i: one.opposite for i, one in enumerate(styles) if one.opposite is not None and any(one.limbs)
+        }
         if self._mirror is not None and twice:
-            rows, besides = list(twice), list(twice.values())
-            other = besides[0] if isinstance(style, Style) else besides
-            beside, _ = self._one_way(x[rows], noise[rows], other, second=True)
-            shares = np.array([styles[i].limbs for i in rows], np.float32)
-            y[rows] = self._mirror.with_limbs(y[rows], beside, shares)
+            rows, opposites = list(twice), list(twice.values())
+            other = opposites[0] if isinstance(style, Style) else opposites
+            opposite, _ = self._one_way(x[rows], noise[rows], other, second=True)
+            fractions = np.array([styles[i].limbs for i in rows], np.float32)
+            y[rows] = self._mirror.with_limbs(y[rows], opposite, fractions)
         return y, alpha
 
     def _one_way(
         self, x: Float32Array, noise: Float32Array, style: Style | Sequence[Style], second: bool = False
     ) -> tuple[Float32Array, Float32Array]:
-        """y and alpha by the styles alone, without those beside them; `second` is the call with these."""
+        """y and alpha by the styles alone, without their opposites; `second` is the call with these."""
         folded = self._folded(style, len(x), second)
         turned = np.array([s.mirrored for s in ([style] * len(x) if isinstance(style, Style) else style)])
         if self._mirror is not None and turned.any():
@@ -210,11 +234,11 @@ def _calibration(
     try:
         phase = np.array(section["phase"], np.float32)
         parts = np.array([PART_NAMES.index(code["part"]) for code in section["codes"]], np.int64)
-        codes, leads, alone, beside, spreads = (
+        codes, leads, alone, opposite, spreads = (
             np.array([code[name] for code in section["codes"]], np.float32)
             for name in ("code", "lead", "gain", "gain_beside", "spread")
         )
-        gains = np.stack([alone, beside], axis=-1)
+        gains = np.stack([alone, opposite], axis=-1)
         fits = phase.shape == (C,) and bool((np.abs(phase) == 1.0).all())
         fits = fits and codes.shape == (len(parts), neutral.shape[1]) and bool(np.isfinite(codes).all())
         fits = fits and leads.shape == spreads.shape == parts.shape
@@ -245,3 +269,29 @@ def load_model(folder: Path | str | None = None, threads: int = 1, precision: st
     raise ModelError(
         f"{folder}: nothing installed plays a model of the kind '{kind}'.", "Install the program again."
     )
+
+
+_JOINTS, _ROOT = (40, 31, 9), (40, 3)
+
+
+class ExportedMotionEncoder:
+    """`motion.onnx` of a model folder; ModelError when it is missing, damaged or from another export."""
+
+    def __init__(self, folder: Path, threads: int = 1) -> None:
+        data = read_graph(folder, "motion", read_metadata(folder))
+        self._session = open_graph(folder / "motion.onnx", data, threads)
+
+    def encode(self, joints: Float32Array, root: Float32Array) -> tuple[Float32Array, Float32Array]:
+        """Mean and log-variance `(B, 6, 64)` of sequences of 40 samples, every second frame at 60 Hz.
+
+        `joints` `(B, 40, 31, 9)`: position (metres, relative to the root and to the ground's height) and 6D rotation;
+        `root` `(B, 40, 3)`: its velocity (m/s, m/s, rad/s). All as in the network's output, not normalised.
+        """
+        if joints.shape[1:] != _JOINTS or root.shape != (len(joints), *_ROOT):
+            raise ModelError(
+                f"Motion encoder: joints {joints.shape} and root {root.shape}; expected (B, 40, 31, 9), (B, 40, 3).",
+                "Cut the motion into windows of 40 samples.",
+            )
+        feed = {"joints": np.asarray(joints, np.float32), "root": np.asarray(root, np.float32)}
+        mean, log_variance = self._session.run(["mean", "log_variance"], feed)
+        return mean, log_variance

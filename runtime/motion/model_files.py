@@ -1,4 +1,4 @@
-"""A model folder read with doubt: metadata and graphs are checked in full before anything relies on them."""
+"""A model folder is untrusted: metadata and graphs are checked in full before anything relies on them."""
 
 from __future__ import annotations
 
@@ -11,13 +11,34 @@ import numpy as np
 
 from runtime.errors import ModelError
 from runtime.motion.features import INPUT, INPUT_SIZE, LAYOUT_VERSION, OUTPUT_SIZE, C
-from runtime.motion.processor import exact_8_bit_products
 from runtime.safe_read import is_text, parse_json, read_bounded, reason
 from runtime.skeleton import SPORT_SKELETON
-from runtime.terrain.way_ahead import ObstacleKind
+from runtime.terrain.obstacle_detection import ObstacleKind
 
 if TYPE_CHECKING:
     import onnxruntime
+
+# An ONNX graph of one MatMulInteger, y = a b with a unsigned and b signed, as `step_int8.onnx` has them. Bytes, because
+# the runtime does without the package that would build it.
+PRODUCT = (
+    b'\x08\x08:b\n\x18\n\x01a\n\x01b\x12\x01y"\rMatMulInteger\x12\x01p'
+    b"Z\x15\n\x01a\x12\x10\n\x0e\x08\x02\x12\n\n\x03\x12\x01m\n\x03\x12\x01k"
+    b"Z\x15\n\x01b\x12\x10\n\x0e\x08\x03\x12\n\n\x03\x12\x01k\n\x03\x12\x01n"
+    b"b\x15\n\x01y\x12\x10\n\x0e\x08\x06\x12\n\n\x03\x12\x01m\n\x03\x12\x01nB\x04\n\x00\x10\x12"
+)
+
+
+def exact_8_bit_products() -> bool:
+    """Whether onnxruntime multiplies 8-bit matrices without overflow here: tried with the largest numbers there are."""
+    import onnxruntime
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    session = onnxruntime.InferenceSession(PRODUCT, options, providers=["CPUExecutionProvider"])
+    a, b = np.full((2, 64), 255, np.uint8), np.full((64, 16), 127, np.int8)
+    (y,) = session.run(None, {"a": a, "b": b})
+    return bool(np.array_equal(y, a.astype(np.int32) @ b.astype(np.int32)))
+
 
 MAX_METADATA_BYTES = 16 * 1024 * 1024
 MAX_GRAPH_BYTES = 1024 * 1024 * 1024
@@ -47,7 +68,7 @@ def read_metadata(folder: Path) -> dict[str, Any]:
     return metadata
 
 
-def read_crossings(folder: Path, metadata: dict[str, Any]) -> dict[str, float]:
+def read_crosses(folder: Path, metadata: dict[str, Any]) -> dict[str, float]:
     """Metres up to which the network crosses obstacles by itself, by their kind; none where a model does not say."""
     crosses = metadata.get("crosses", {})
     kinds = {kind.value for kind in ObstacleKind}
@@ -100,20 +121,20 @@ def _check_numbers(path: Path, field: str, values: Any, count: int) -> None:
         raise ModelError(f"{path}: field '{field}' is not a list of {count} finite numbers.", REMEDY)
 
 
-def choose_precision(folder: Path, metadata: dict[str, Any], asked: str) -> tuple[str, str]:
+def choose_precision(folder: Path, metadata: dict[str, Any], wanted: str) -> tuple[str, str]:
     """fp32 or int8 for one of PRECISIONS, and a notice for the user or "".
 
     `auto` is fp32, with a notice and a warning in the log, where the model's default is int8 and 8-bit products overflow.
 
-    ModelError when int8 is asked for and not there, or not exact here, and when the metadata name another default.
+    ModelError when int8 is requested and not there, or not exact here, and when the metadata name another default.
     """
     path = folder / "metadata.json"
     quantised = metadata.get("quantised", {})
     if not isinstance(quantised, dict) or quantised.get("default", "fp32") not in PRECISIONS[1:]:
         raise ModelError(f"{path}: field 'quantised.default' is neither fp32 nor int8.", REMEDY)
-    if asked not in PRECISIONS:
-        raise ModelError(f"precision {asked[:40]}: unknown.", f"Use one of {', '.join(PRECISIONS)}.")
-    precision = str(quantised.get("default", "fp32")) if asked == "auto" else asked
+    if wanted not in PRECISIONS:
+        raise ModelError(f"precision {wanted[:40]}: unknown.", f"Use one of {', '.join(PRECISIONS)}.")
+    precision = str(quantised.get("default", "fp32")) if wanted == "auto" else wanted
     if precision == "int8" and INT8_GRAPH not in metadata["sha256"]:
         raise ModelError(
             f"{path}: the model has no 8-bit graph ({INT8_GRAPH}.onnx).",
@@ -121,7 +142,7 @@ def choose_precision(folder: Path, metadata: dict[str, Any], asked: str) -> tupl
         )
     if precision == "int8" and not exact_8_bit_products():
         problem = "8-bit products overflow on this processor, which has no VNNI"
-        if asked == "auto":
+        if wanted == "auto":
             notice = f"{problem}; the slower fp32 graph is used."
             _LOG.warning("%s: %s", folder, notice)
             return "fp32", notice
@@ -152,7 +173,7 @@ def open_graph(path: Path, data: bytes, threads: int) -> onnxruntime.InferenceSe
     options.add_session_config_entry("session.force_spinning_stop", "1")
     try:
         session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
-        # kept to change the provider later, which nobody does: the file once more
+        # kept to change the provider later, which is never done: the file once more
         session._model_bytes = None
         check_names(session)
         return session
@@ -173,7 +194,7 @@ def run_graph(
     """The outputs of a graph read from `path`; ModelError where it cannot be computed."""
     try:
         return list(session.run(names, feed))
-    except Exception as error:  # onnxruntime's exceptions share no base class but Exception
+    except Exception as error:  # onnxruntime's exceptions have no common base class but Exception
         raise ModelError(f"{path}: the graph fails ({reason(error)}).", REMEDY) from error
 
 

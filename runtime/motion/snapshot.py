@@ -18,21 +18,23 @@ from zipfile import BadZipFile, ZipFile
 import numpy as np
 
 from runtime.checked import read_number
-from runtime.crossing.crossing import is_possible
-from runtime.crossing.jump import Jump
 from runtime.errors import FileError, ModelError
-from runtime.motion.calm import Calm
 from runtime.motion.controller import Controller
 from runtime.motion.mirror import LIMBS
 from runtime.motion.state import CharacterState
-from runtime.motion.style_blend import StyleCodes
-from runtime.motion.style_mix import Style, StyleMix
+from runtime.motion.style import Style, StyleCodes, StyleMix
 from runtime.records import REMEDY, copied, read_record, write_record
+from runtime.traversal.traversal import is_possible
 
-VERSION = 7
+VERSION = 8
 MAX_BYTES = 16 * 1024 * 1024  # a folded style has 2 MB
 MOST_CODES, LARGEST_SHARE, LARGEST_CODE = 64, 64.0, 1e4
 LONGEST_BLEND_S, LARGEST_STRENGTH, FASTEST = 1e6, 16.0, 100.0
+# what zipfile, json and numpy raise on damaged bytes
+DAMAGES = (
+    ValueError, KeyError, TypeError, OSError, EOFError, IndexError, AttributeError, RecursionError, NotImplementedError,
+    RuntimeError, OverflowError, MemoryError, BadZipFile, zlib.error,
+)  # fmt: skip
 FOLDED_FIELDS = ("z", "front_bias", "content_weight", "content_bias", "rest")
 
 
@@ -84,23 +86,15 @@ class Snapshot:
             named = _arrays(data)
             tree = json.loads(named.pop("head").tobytes())
             version = tree["version"]
-            if version == 3:
-                _plan_as_velocity(tree["state"])
-            if version in (3, 4):
-                _no_jump(tree["state"])
-            if version in (3, 4, 5, 6):
-                _in_sight(tree["state"])
-            if version in (3, 4, 5, 6, VERSION):
+            if version == VERSION:
                 arrays = [named[f"a{k}"] for k in range(len(named))]
-                if version in (3, 4, 5):
-                    _awake(tree["state"], arrays)
                 codes = _codes(tree["style"], arrays)
                 state = read_record(CharacterState, tree["state"], arrays, name)
-                if state.styles or not all(is_possible(crossing) for crossing in state.crossings):
-                    raise ValueError("a crossing of no obstacle")
+                if state.styles or not all(is_possible(traversal) for traversal in state.traversals):
+                    raise ValueError("a traversal of no obstacle")
                 if (
                     len(state.feet) != 1
-                    or len(state.crossings) != 1
+                    or len(state.traversals) != 1
                     or len(state.jumps) != 1
                     or not state.jumps[0].is_possible
                     or state.seed[0] < 0
@@ -108,49 +102,9 @@ class Snapshot:
                 ):
                     raise ValueError("not one character")
                 return Snapshot(state, codes)
-        except (
-            ValueError,
-            KeyError,
-            TypeError,
-            OSError,
-            EOFError,
-            IndexError,
-            AttributeError,
-            RecursionError,
-            NotImplementedError,
-            RuntimeError,
-            OverflowError,
-            MemoryError,
-            BadZipFile,
-            zlib.error,
-        ) as error:
+        except DAMAGES as error:
             raise FileError(f"{name}: not the state of a controller.", REMEDY) from error
         raise FileError(f"{name}: of version {str(version)[:20]}, expected {VERSION}.", REMEDY)
-
-
-def _plan_as_velocity(state: Any) -> None:
-    """Version 3 had no plan on the way to the stick's velocity: the velocity was the stick's."""
-    state["wished_speed"] = state["smooth_request"] = state["requested_speed"]
-    state["trajectory"]["wish"] = state["trajectory"]["velocity"]
-
-
-def _no_jump(state: Any) -> None:
-    """Version 4 had jumps of the network, of which nothing but their time was remembered."""
-    del state["jump_left"]
-    state["jumps"] = [write_record(Jump(), [])]
-
-
-def _awake(state: Any, arrays: list[np.ndarray]) -> None:
-    """Version 5 knew no time that runs slower at rest."""
-    poses = state["poses"]
-    local, yaw = arrays[poses["local"]].astype(np.float64), arrays[poses["yaw"]]
-    state["calm"] = write_record(Calm.awake(local, yaw), arrays)
-
-
-def _in_sight(state: Any) -> None:
-    """Until version 6 the ground was out of sight during a crossing, and in sight at once after it."""
-    for crossing in state["crossings"]:
-        crossing |= {"sight": 0.0 if crossing["kind"] else 1.0, "sight_velocity": 0.0}
 
 
 def take_snapshot(controller: Controller) -> Snapshot:
@@ -166,7 +120,7 @@ def _written(style: StyleMix | Style, arrays: list[np.ndarray]) -> dict[str, Any
         return write_record(style, arrays)
     mix = style
     arrays.append(np.stack(mix.codes))
-    return {"codes": len(arrays) - 1, "shares": list(mix.shares)}
+    return {"codes": len(arrays) - 1, "weights": list(mix.weights)}
 
 
 def _codes(tree: Any, arrays: list[np.ndarray]) -> StyleCodes:
@@ -187,24 +141,24 @@ def _folded(tree: Any, arrays: list[np.ndarray]) -> Style:
     z, front_bias, content_weight, content_bias, rest = folded
     walk, jog = (read_number(tree[name], FASTEST) for name in ("walk_speed", "jog_speed"))
     made = Style(z, front_bias, content_weight, content_bias, walk, jog, rest)
-    if tree.get("beside") is None:  # so are all of older states, which know no mirror
+    if tree.get("opposite") is None:  # so are all of older states, which know no mirror
         return replace(made, mirrored=tree.get("mirrored") is True)
-    beside = _folded(tree["beside"] | {"beside": None}, arrays)
-    limbs = tuple(read_number(share, LARGEST_SHARE) for share in tree["limbs"])
+    opposite = _folded(tree["opposite"] | {"opposite": None}, arrays)
+    limbs = tuple(read_number(fraction, LARGEST_SHARE) for fraction in tree["limbs"])
     if len(limbs) != LIMBS:
         raise ValueError("limbs that no body has")
-    return replace(made, mirrored=tree["mirrored"] is True, beside=beside, limbs=limbs)
+    return replace(made, mirrored=tree["mirrored"] is True, opposite=opposite, limbs=limbs)
 
 
 def _mix(tree: Any, arrays: list[np.ndarray]) -> StyleMix:
-    codes, shares = (
+    codes, fractions = (
         arrays[int(tree["codes"])],
-        [read_number(share, LARGEST_SHARE) for share in tree["shares"]],
+        [read_number(fraction, LARGEST_SHARE) for fraction in tree["weights"]],
     )
-    fits = codes.dtype == np.float32 and codes.ndim == 3 and len(codes) == len(shares)
+    fits = codes.dtype == np.float32 and codes.ndim == 3 and len(codes) == len(fractions)
     if not fits or not 1 <= len(codes) <= MOST_CODES or not (np.abs(codes) <= LARGEST_CODE).all():
         raise ValueError("codes that no style has")
-    return StyleMix(tuple(shares), tuple(codes))
+    return StyleMix(tuple(fractions), tuple(codes))
 
 
 def _arrays(data: bytes) -> dict[str, np.ndarray]:

@@ -7,30 +7,82 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime import rotations
 from runtime.arrays import Array
-from runtime.crossing.crossing import Crossing
-from runtime.crossing.jump import Jump
 from runtime.feet.foot_lock import FootLock
-from runtime.motion.calm import Calm
-from runtime.motion.features import DT, PHASE_OFFSETS, C, split_output
-from runtime.motion.inertialization import Inertialization
+from runtime.motion import features
+from runtime.motion.features import DT, PHASE_OFFSETS, C, OutputParts, split_output
 from runtime.motion.model import MotionModel
-from runtime.motion.poses import Poses, network_pose, shown_poses
-from runtime.motion.rest_rhythm import RestRhythm
-from runtime.motion.speed_regulator import SpeedRegulator
-from runtime.motion.stall import Stall
-from runtime.motion.stride import StrideState
-from runtime.motion.style_blend import StyleBlend
-from runtime.motion.trajectory import LENGTH, Trajectory
-from runtime.skeleton import J
-from runtime.terrain.height_map import Terrain
+from runtime.motion.pace import SpeedRegulator, Stall, StrideState
+from runtime.motion.phase import RestRhythm
+from runtime.motion.pose_smoothing import Inertialization, Settling
+from runtime.motion.style import StyleBlend
+from runtime.motion.trajectory import LENGTH, PRESENT, Trajectory
+from runtime.pose import Pose
+from runtime.skeleton import SPORT_SKELETON, J
+from runtime.terrain.height_map import PointHeights, Terrain
+from runtime.traversal.jump import Jump
+from runtime.traversal.traversal import Traversal
+
+_FLOAT32 = {"dtype": np.float32}
+
+
+@dataclass
+class Poses:
+    """What is shown of N characters, float32: see `runtime.pose.Pose`."""
+
+    hips: Array = field(metadata={"shape": (3,), **_FLOAT32})
+    local: Array = field(metadata={"shape": (J, 4), **_FLOAT32})
+    positions: Array = field(metadata={"shape": (J, 3), **_FLOAT32})
+    world: Array = field(metadata={"shape": (J, 4), **_FLOAT32})
+    contacts: Array = field(metadata={"shape": (4,), **_FLOAT32})
+    root: Array = field(metadata={"shape": (3,), **_FLOAT32})
+    yaw: Array = field(metadata={"shape": ()})
+
+    def pose(self, index: int = 0) -> Pose:
+        """That of one character."""
+        return Pose(
+            self.hips[index],
+            self.local[index],
+            self.positions[index],
+            self.world[index],
+            self.contacts[index],
+            self.root[index],
+            float(self.yaw[index]),
+        )
+
+
+def network_pose(y: OutputParts, trajectory: Trajectory, ground: Array) -> tuple[Array, Array, Array]:
+    """Hips `(N, 3)`, local rotations `(N, 31, 4)` and joints `(N, 31, 3)` in world space, on the fixed skeleton; `ground` `(N,)` in metres."""
+    yaw, root = trajectory.yaw[:, PRESENT], trajectory.here
+    hips = features.to_world(y.joint_positions[:, 0], yaw)
+    hips[:, 0] += root[:, 0]
+    hips[:, 1] += ground
+    hips[:, 2] += root[:, 1]
+    world = rotations.yaw_matrix(yaw)[:, None] @ rotations.matrix_from_6d(y.joint_rotations)
+    local = SPORT_SKELETON.local_rotations(rotations.from_matrix(world))
+    return hips, local, SPORT_SKELETON.oriented(hips, world)
+
+
+def shown_poses(
+    hips: Array, local: Array, contacts: Array, trajectory: Trajectory, terrain: Terrain
+) -> Poses:
+    """Forward kinematics of hips `(N, 3)` and local rotations `(N, 31, 4)`, with the roots on the ground."""
+    positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
+    xz, yaw = trajectory.here, trajectory.yaw[:, PRESENT]
+    point = PointHeights(terrain).height
+    root = np.array([(x, point(x, z), z) for x, z in xz.tolist()])
+    arrays = (hips, local, positions, world, contacts, root)
+    hips, local, positions, world, contacts, root = (array.astype(np.float32) for array in arrays)
+    return Poses(hips, local, positions, world, contacts, root, yaw.copy())
+
 
 _ONE = {"shape": ()}
 
 
 @dataclass
 class CharacterState:
-    """Named arrays whose first axis is the character; the scalar paths of feet and crossings have a record for each.
+    """Named arrays whose first axis is the character; the scalar paths of feet and traversals have a record for each.
 
     A state is a value: `runtime.motion.frame.step` makes the next one of it and leaves it as it is.
     """
@@ -56,9 +108,9 @@ class CharacterState:
     stall: Stall
     rest: RestRhythm
     arms: Inertialization
-    calm: Calm
+    settling: Settling
     feet: tuple[FootLock, ...]
-    crossings: tuple[Crossing, ...]
+    traversals: tuple[Traversal, ...]
     jumps: tuple[Jump, ...]
     styles: tuple[StyleBlend, ...]
     poses: Poses
@@ -102,9 +154,9 @@ def standing(
         stall=Stall.at_rest(y.joint_positions),
         rest=RestRhythm.silent(),
         arms=Inertialization.at_rest(local),
-        calm=Calm.awake(local, np.array([yaw])),
+        settling=Settling.awake(local, np.array([yaw])),
         feet=(feet,),
-        crossings=(Crossing(),),
+        traversals=(Traversal(),),
         jumps=(Jump.standing(float(hips[0, 1]), float(ground[0])),),
         styles=(style,),
         poses=shown_poses(

@@ -1,4 +1,4 @@
-"""Two prompts mixed part by part: the words of a blend and the weights of its parts (`runtime.motion.style_mix` mixes)."""
+"""Two prompts mixed part by part: the words of a blend and the weights of its parts (`runtime.motion.style` mixes)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from runtime.arrays import Float32Array
 from runtime.errors import PromptError
-from runtime.motion.style_mix import StyleMix
+from runtime.motion.style import StyleMix
 from runtime.prompts.parts import PartDescriptions
 from runtime.safe_read import parse_json
 from runtime.skeleton import PART_NAMES

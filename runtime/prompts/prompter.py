@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import UsageError
-from runtime.motion.even_blend import even_shares
-from runtime.motion.style_mix import Shares, StyleMix, even_weights, mixes
+from runtime.motion.perceptual_weights import perceptual_weights
+from runtime.motion.style import Shares, StyleMix, even_weights, mixes
 from runtime.prompts.blend import BlendedPrompt, Weights, Words, mix_of_parts
 from runtime.prompts.content import PromptEncoder
 from runtime.prompts.english.library import LibraryExpander
@@ -99,7 +99,7 @@ class Prompter:
         if mixes(weights):
             pair = a.tobytes(), b.tobytes()
             if pair not in self._shares_of_pairs:
-                self._shares_of_pairs[pair] = even_shares(self._model, a, b)
+                self._shares_of_pairs[pair] = perceptual_weights(self._model, a, b)
             weights = even_weights(self._shares_of_pairs[pair], weights)
         return mix_of_parts(a, b, weights)
 

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from runtime.checked import read_number, read_text, read_whole
 from runtime.errors import FileError, SportError
-from runtime.motion.point_path import MAX_POINTS
+from runtime.motion.control_scripts import MAX_POINTS
 from runtime.motion.snapshot import Snapshot
-from runtime.motion.style_mix import StyleMix
+from runtime.motion.style import StyleMix
 from runtime.prompts.parts import PartDescriptions
 from runtime.safe_read import is_text, parse_json, printable, reason
 from runtime.session.blobs import REMEDY, BlobReader, BlobWriter, Once
@@ -172,7 +172,7 @@ class DocumentWriter:
             return {"name": printable(change.name), "ground": self._terrain(change.terrain)}
         z, note = change.z, change.note
         style = (
-            [self.blobs.array(np.stack(z.codes)), list(map(float, z.shares))]
+            [self.blobs.array(np.stack(z.codes)), list(map(float, z.weights))]
             if isinstance(z, StyleMix)
             else self.blobs.array(z)
         )

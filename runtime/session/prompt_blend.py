@@ -9,7 +9,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.motion.style_mix import LINEAR, Shares, StyleMix, even_weights, turned_round
+from runtime.motion.style import LINEAR, Shares, StyleMix, even_weights, turned_round
 from runtime.prompts.answer import Answer as Answer
 from runtime.prompts.blend import ALL_A, BlendedPrompt, Weights, Words, mix_of_parts, write_words
 from runtime.skeleton import PART_NAMES

@@ -13,7 +13,7 @@ from typing import Any
 
 from runtime.character.shape import BodyShape
 from runtime.errors import UsageError
-from runtime.motion.point_path import Waypoint
+from runtime.motion.control_scripts import Waypoint
 from runtime.session.motion import Motion
 from runtime.session.prompt_blend import PromptBlend
 from runtime.takes.camera_keys import CameraKey

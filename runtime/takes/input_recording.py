@@ -23,7 +23,7 @@ from runtime.controls import MAX_STICK, Controls, Gait
 from runtime.errors import FileError
 from runtime.motion.features import FPS
 from runtime.motion.snapshot import Snapshot, take_snapshot
-from runtime.motion.style_mix import StyleMix
+from runtime.motion.style import StyleMix
 from runtime.pose import Pose
 from runtime.takes.clip import Clip, are_poses, shift_prompts
 from runtime.takes.metadata import PromptEvent, gait_seconds

@@ -16,8 +16,7 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.controls import Controls, Gait
 from runtime.errors import UsageError
-from runtime.motion.paths import PlanarPose
-from runtime.motion.point_path import PointPath, Waypoint
+from runtime.motion.control_scripts import PlanarPose, PointPath, Waypoint
 from runtime.pose import FPS, Pose
 from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputFrames, InputRecording, Steppable, started, with_poses

@@ -28,28 +28,15 @@ STEP_RISE_M = 0.16
 STEP_RUN_M = 0.32
 KEPT = 9  # generated grounds: one of each
 
-TERRAIN_NAMES = ("flat", "hills", "rough", "stairs", "platforms", "gaps", "hurdles", "beam", "wall")
-
 
 def make_terrain(name: str, seed: int = 0) -> Terrain:
     """The generated terrain `name`; the same name and seed give the same heights. TerrainError lists the names."""
-    makers: dict[str, Callable[[int], Terrain]] = {
-        "flat": lambda _: Terrain.flat(size_m=SIZE_M),
-        "hills": _hills,
-        "rough": _rough,
-        "stairs": _stairs,
-        "platforms": _platforms,
-        "gaps": _gaps,
-        "hurdles": _hurdles,
-        "beam": _beam,
-        "wall": _wall,
-    }
-    if name not in makers:
+    if name not in TERRAIN_NAMES:
         raise TerrainError(
             f"terrain '{name[:80]}': there is no such terrain.",
             f"Choose one of {', '.join(TERRAIN_NAMES)}, or give a PNG, NPY or mesh file.",
         )
-    return _made(makers[name], name, seed)
+    return _made(_MAKERS[name], name, seed)
 
 
 def load_terrain(spec: str | Path, cell_m: float = 0.1, height_m: float = 2.0) -> Terrain:
@@ -83,9 +70,6 @@ def _made(maker: Callable[[int], Terrain], name: str, seed: int) -> Terrain:
     return found
 
 
-# --- makers ----------------------------------------------------------------------------------------------------------
-
-
 def _hills(seed: int) -> Terrain:
     cell = 0.1
     x, z = _grid(cell)
@@ -98,14 +82,13 @@ def _rough(seed: int) -> Terrain:
     cell = 0.1
     x, z = _grid(cell)
     bumps = _noise(len(x), cell, 0.9, seed)
-    strength = 0.05 + 0.10 * _smoothstep(-1.0, 1.0, _noise(len(x), cell, 6.0, seed + 1))  # 5 to 15 cm
+    strength = 0.05 + 0.10 * smoothstep((_noise(len(x), cell, 6.0, seed + 1) + 1.0) / 2.0)  # 5 to 15 cm
     heights = _level_start(0.4 * strength * bumps + 0.1 * _noise(len(x), cell, 5.0, seed + 2), x, z)
     return _terrain("rough", _scale_to_slope(heights, cell, np.tan(np.deg2rad(20.0))), cell)
 
 
-def _stairs(seed: int) -> Terrain:
+def _stairs(_seed: int) -> Terrain:
     """Square rings around the start: up a flight, over a landing, down a flight, along a floor."""
-    del seed  # stairs are built, not grown
     cell = 0.04  # the run is a whole number of cells, a riser is one cell wide
     x, z = _grid(cell)
     distance = np.maximum(np.abs(x), np.abs(z)) - 3.0
@@ -139,31 +122,22 @@ def _platforms(seed: int) -> Terrain:
     return _terrain("platforms", heights, cell)
 
 
-def _hurdles(seed: int) -> Terrain:
-    del seed
-    return _course("hurdles", HURDLES)
-
-
-def _gaps(seed: int) -> Terrain:
-    del seed
-    return _course("gaps", GAPS)
-
-
-def _wall(seed: int) -> Terrain:
-    del seed
-    return _course("wall", WALLS)
-
-
-def _beam(seed: int) -> Terrain:
-    del seed
-    return _terrain("beam", raise_beam(*_grid(CELL_M)), CELL_M)
-
-
 def _course(name: str, obstacles: tuple[Obstacle, ...]) -> Terrain:
     return _terrain(name, raise_obstacles(*_grid(CELL_M), obstacles), CELL_M)
 
 
-# --- shared ----------------------------------------------------------------------------------------------------------
+_MAKERS: dict[str, Callable[[int], Terrain]] = {
+    "flat": lambda _: Terrain.flat(size_m=SIZE_M),
+    "hills": _hills,
+    "rough": _rough,
+    "stairs": _stairs,
+    "platforms": _platforms,
+    "gaps": lambda _: _course("gaps", GAPS),
+    "hurdles": lambda _: _course("hurdles", HURDLES),
+    "beam": lambda _: _terrain("beam", raise_beam(*_grid(CELL_M)), CELL_M),
+    "wall": lambda _: _course("wall", WALLS),
+}
+TERRAIN_NAMES = tuple(_MAKERS)
 
 
 def _grid(cell: float) -> tuple[Array, Array]:
@@ -177,14 +151,10 @@ def _terrain(name: str, heights: Array, cell: float) -> Terrain:
     return Terrain(name, np.ascontiguousarray(heights, np.float32), cell, (start, start))
 
 
-def _smoothstep(low: float, high: float, v: Array) -> Array:
-    return smoothstep((v - low) / (high - low))
-
-
 def _level_start(heights: Array, x: Array, z: Array) -> Array:
     centre = len(heights) // 2
-    share = _smoothstep(START_RADIUS_M, START_RADIUS_M + 3.5, np.hypot(x, z))
-    return (heights - heights[centre, centre]) * share
+    fraction = smoothstep((np.hypot(x, z) - START_RADIUS_M) / 3.5)
+    return (heights - heights[centre, centre]) * fraction
 
 
 def _noise(n: int, cell: float, wavelength_m: float, seed: int) -> Array:

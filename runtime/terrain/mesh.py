@@ -223,7 +223,7 @@ def rasterise(triangles: Array, shape: tuple[int, int]) -> Array:
 
 
 def _surface(triangles: Array, area: Array, k: Any, i: Array, j: Array) -> Array:
-    """Height of triangle(s) `k` over the grid points i, j; minus infinity beside them."""
+    """Height of triangle(s) `k` over the grid points i, j; minus infinity outside them."""
     a, edge1, edge2 = triangles[k, 0], triangles[k, 1] - triangles[k, 0], triangles[k, 2] - triangles[k, 0]
     dx, dz = i - a[..., 0], j - a[..., 2]
     u = (dx * edge2[..., 2] - dz * edge2[..., 0]) / area[k]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from runtime.motion.style_mix import StyleMix
+from runtime.motion.style import StyleMix
 from tests.helpers.viewer_fakes import FakeController
 from viewer.app import App
 from viewer.gl_bindings import imgui
@@ -171,5 +171,5 @@ def style(app: App) -> np.ndarray:
     """Z^t that the controller has; of a mix the mean of its codes."""
     last = controller(app).styles[-1][0]
     if isinstance(last, StyleMix):
-        return np.sum([share * code for share, code in zip(last.shares, last.codes, strict=True)], axis=0)
+        return np.sum([share * code for share, code in zip(last.weights, last.codes, strict=True)], axis=0)
     return last

@@ -11,10 +11,10 @@ import numpy as np
 from runtime.character.shape import BodyShape
 from runtime.character.writer import write_character
 from runtime.controls import Controls, Gait
+from runtime.motion.control_scripts import Waypoint
 from runtime.motion.controller import Controller
-from runtime.motion.point_path import Waypoint
 from runtime.motion.snapshot import take_snapshot
-from runtime.motion.style_mix import StyleMix
+from runtime.motion.style import StyleMix
 from runtime.prompts.answer import Answer
 from runtime.prompts.parts import PartDescriptions
 from runtime.session import edits

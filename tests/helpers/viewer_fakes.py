@@ -13,7 +13,7 @@ import numpy as np
 from runtime.controls import Controls, Gait
 from runtime.errors import SportError
 from runtime.motion.state import CharacterState, standing
-from runtime.motion.style_blend import StyleBlend, StyleCodes
+from runtime.motion.style import StyleBlend, StyleCodes
 from runtime.pose import Pose
 from runtime.prompts.answer import Answer
 from runtime.prompts.expander import Expansion, check_prompt
@@ -41,7 +41,7 @@ class FakeController:
         self.answer_nan = False
         self.message = ""
         self.blocked: str | None = None
-        self.crossing = ""
+        self.traversal = ""
         self.seed = 0
 
     def step(self, controls: Controls) -> Pose:

@@ -9,7 +9,7 @@ from runtime import rotations
 from runtime.feet import ik
 from runtime.motion import features
 from runtime.motion.features import OutputParts, build_output
-from runtime.motion.style_mix import Style
+from runtime.motion.style import Style
 from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, J
 
 CYCLE_FRAMES = 64

@@ -44,8 +44,8 @@ ARROWS = {
 # the rooms of a package from the ground up: each may use itself and those before it
 ROOMS = {
     "runtime": (
-        "errors", "arrays", "safe_read", "checked", "options", "easing", "assets", "atomic", "file_lock", "records", "rotations", "skeleton", "pose", "spring", "controls",
-        "character", "terrain", "feet", "crossing", "motion", "prompts", "prompts.english", "prompts.gpt", "prompts.prompter", "takes", "session", "formats",
+        "errors", "arrays", "safe_read", "checked", "options", "easing", "assets", "atomic", "file_lock", "records", "rotations", "skeleton", "pose", "scalar_math", "controls",
+        "character", "terrain", "feet", "traversal", "motion", "prompts", "prompts.english", "prompts.gpt", "prompts.prompter", "takes", "session", "formats",
         "generate",
     ),
     "viewer": (

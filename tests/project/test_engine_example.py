@@ -16,10 +16,10 @@ import pytest
 
 from runtime.assets import model_folder
 from runtime.controls import Gait
+from runtime.motion.control_scripts import parse_stick
 from runtime.motion.controller import Controller
 from runtime.motion.features import INPUT, OUTPUT
 from runtime.motion.model import MotionModel, load_model
-from runtime.motion.stick_script import parse_stick
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.library import load_terrain
 from tests.helpers.browser import Browser, needs_browser

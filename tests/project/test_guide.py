@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from runtime.motion.control_scripts import GAITS, PATH_NAMES
 from runtime.motion.controller import TEMPERATURE
-from runtime.motion.noise import PERIODS_S
-from runtime.motion.paths import GAITS, PATH_NAMES
+from runtime.motion.model import PERIODS_S
 from runtime.terrain.library import TERRAIN_NAMES
 from tests.helpers.documents import (
     DOCUMENTS,

@@ -8,8 +8,8 @@ import runtime.motion.model
 from runtime.controls import Gait
 from runtime.errors import PromptError, SportError, TerrainError, UsageError
 from runtime.generate import DEFAULT_PROMPT, generate_clip, parse_prompts, simulate
+from runtime.motion.control_scripts import GAITS, PATH_NAMES, PlanarPose, control_script
 from runtime.motion.controller import Controller
-from runtime.motion.paths import GAITS, PATH_NAMES, PlanarPose, control_script
 from runtime.prompts.parts import PartDescriptions
 from runtime.takes.metadata import PromptEvent
 from runtime.terrain.height_map import Terrain

@@ -21,8 +21,7 @@ from runtime.assets import PROJECT_ROOT, asset_path
 from runtime.errors import ModelError
 from runtime.formats.bvh import format_bvh, read_bvh
 from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
-from runtime.motion.model_files import INT8_GRAPH, read_metadata
-from runtime.motion.processor import exact_8_bit_products
+from runtime.motion.model_files import INT8_GRAPH, exact_8_bit_products, read_metadata
 from runtime.skeleton import REST_HIPS_HEIGHT, Skeleton
 from runtime.takes.clip import Clip
 from sport import cli

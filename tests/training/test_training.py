@@ -15,7 +15,7 @@ from runtime.motion import features  # noqa: E402
 from runtime.motion.controller import Controller  # noqa: E402
 from runtime.motion.features import INPUT, OUTPUT  # noqa: E402
 from runtime.motion.model import load_model  # noqa: E402
-from runtime.motion.processor import exact_8_bit_products  # noqa: E402
+from runtime.motion.model_files import exact_8_bit_products  # noqa: E402
 from runtime.skeleton import PART_NAMES, REST_HIPS_HEIGHT  # noqa: E402
 from runtime.terrain.height_map import Terrain  # noqa: E402
 from tests.helpers.synthetic_clips import LENGTH, SPEED, write_clip  # noqa: E402

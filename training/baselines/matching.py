@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.arrays import Array
+from runtime.easing import spring
 from runtime.errors import ModelError
 from runtime.motion import features
 from runtime.motion.features import FPS, INPUT, OutputParts, build_output
-from runtime.motion.style_mix import Style
+from runtime.motion.style import Style
 from runtime.skeleton import SPORT_SKELETON, J
-from runtime.spring import spring
-from runtime.terrain.way_ahead import ObstacleAhead
+from runtime.terrain.obstacle_detection import ObstacleAhead
 
 Indices = NDArray[np.integer]
 

@@ -25,11 +25,11 @@ from runtime import rotations
 from runtime.arrays import Array, Float32Array
 from runtime.controls import Controls, Gait
 from runtime.errors import FileError, run_command
+from runtime.motion.control_scripts import LOOK_AHEAD_M
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS, INPUT
 from runtime.motion.model import MotionModel
-from runtime.motion.paths import LOOK_AHEAD_M
-from runtime.motion.style_mix import Style
+from runtime.motion.style import Style
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from training.data.clip_files import TrainingClip

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from runtime.errors import UsageError
-from runtime.motion.motion_encoder import ExportedMotionEncoder
+from runtime.motion.model import ExportedMotionEncoder
 from training.evaluation.experiment import (
     FEATURES,
     QUICK,

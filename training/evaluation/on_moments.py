@@ -17,10 +17,9 @@ import numpy as np
 from runtime.errors import SportError, UsageError
 from runtime.formats.bvh_clip import save_bvh
 from runtime.generate import clip_of
-from runtime.motion.controller import Controller
-from runtime.motion.crowd import Crowd
+from runtime.motion.control_scripts import StickScript, parse_stick
+from runtime.motion.controller import Controller, Crowd
 from runtime.motion.features import FPS
-from runtime.motion.stick_script import StickScript, parse_stick
 from runtime.takes.clip import Clip
 from runtime.terrain.library import load_terrain
 from training.evaluation.experiment import Arguments, Experiment, Setting, option

@@ -14,9 +14,9 @@ from runtime.arrays import Array
 from runtime.errors import UsageError
 from runtime.formats.bvh_clip import save_bvh
 from runtime.generate import clip_of, simulate
+from runtime.motion.control_scripts import control_script
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
-from runtime.motion.paths import control_script
 from training.data import gait
 from training.evaluation.experiment import Arguments, Experiment, Setting, option
 from training.evaluation.motion.driving import flat_ground

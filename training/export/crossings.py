@@ -25,7 +25,7 @@ from runtime.motion.model import MotionModel
 from runtime.motion.model_files import read_metadata
 from runtime.terrain.courses import CELL_M
 from runtime.terrain.height_map import Terrain
-from runtime.terrain.way_ahead import ObstacleAhead, ObstacleKind
+from runtime.terrain.obstacle_detection import ObstacleAhead, ObstacleKind
 from training.evaluation.metrics.crossing import first_problem
 from training.evaluation.motion.driving import Recorder
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts

@@ -17,7 +17,7 @@ from runtime.atomic import atomic_path
 from runtime.controls import Controls, Gait
 from runtime.motion.controller import Controller
 from runtime.motion.model import MotionModel, load_model
-from runtime.motion.style_mix import Style
+from runtime.motion.style import Style
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.library import load_terrain
 

@@ -20,12 +20,12 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.atomic import write_atomic
 from runtime.errors import FileError, run_command
+from runtime.motion.control_scripts import PlanarPose, control_script
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS, OUTPUT
 from runtime.motion.model import MotionModel, load_model
 from runtime.motion.model_files import INT8_GRAPH, PRECISIONS, read_metadata
-from runtime.motion.paths import PlanarPose, control_script
-from runtime.motion.style_mix import Style
+from runtime.motion.style import Style
 from runtime.prompts.prompter import Prompter
 from runtime.terrain.library import load_terrain
 
@@ -69,7 +69,7 @@ def quantize_step(source: Path, target: Path, kept: Sequence[str] = ()) -> None:
 
     `kept` names weights that stay in full precision beside those in KEPT.
 
-    Weights are signed, which is 1.4 times as fast as unsigned. That needs `runtime.motion.processor.exact_8_bit_products`:
+    Weights are signed, which is 1.4 times as fast as unsigned. That needs `runtime.motion.model_files.exact_8_bit_products`:
     elsewhere the runtime does not load the graph, as onnxruntime's own remedy (session.x64quantprecision) fails on
     weights that several products share, as the denoising steps do. FileError when `source` is of an older export.
     """

@@ -10,8 +10,7 @@ import numpy as np
 
 from runtime.controls import Controls, Gait
 from runtime.errors import SportError
-from runtime.motion.paths import PlanarPose
-from runtime.motion.point_path import MAX_POINTS, PathWalk, PointPath, Waypoint
+from runtime.motion.control_scripts import MAX_POINTS, PathWalk, PlanarPose, PointPath, Waypoint
 from runtime.session.motion import Motion
 from runtime.session.session import LIVE, Session, Take
 from runtime.takes.take_path import path_of

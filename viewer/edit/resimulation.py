@@ -10,9 +10,9 @@ import numpy as np
 
 from runtime.controls import Gait
 from runtime.errors import SportError
-from runtime.motion.point_path import Waypoint
+from runtime.motion.control_scripts import Waypoint
 from runtime.motion.snapshot import Snapshot, take_snapshot
-from runtime.motion.style_mix import StyleMix
+from runtime.motion.style import StyleMix
 from runtime.pose import Pose
 from runtime.prompts.answer import Request
 from runtime.prompts.parts import PartDescriptions

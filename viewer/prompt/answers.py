@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.motion.style_mix import LINEAR
+from runtime.motion.style import LINEAR
 from runtime.prompts.answer import Request
 from runtime.prompts.parts import PartDescriptions
 from runtime.session.prompt_blend import Answer, PromptBlend, Side

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from runtime.motion.style_mix import LINEAR, Shares, mixes
+from runtime.motion.style import LINEAR, Shares, mixes
 from runtime.session.prompt_blend import PromptBlend
 from viewer.jobs import Jobs, Slot
 

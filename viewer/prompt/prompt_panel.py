@@ -46,7 +46,7 @@ class PromptRoom:
         `again`: what the session moves by was encoded by another model.
         """
         self.model = loaded.name
-        self.controller.even_blends.use(loaded.even_shares)
+        self.controller.even_blends.use(loaded.perceptual_weights)
         self.suggester.nearest = loaded.library.nearest
         self.language_model.use(loaded, given, again)
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.spring import spring
+from runtime.easing import spring
 from runtime.terrain.height_map import Terrain
 
 FOV_Y = math.radians(38.0)

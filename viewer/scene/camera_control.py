@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.easing import spring
 from runtime.pose import Pose
-from runtime.spring import spring
 from runtime.terrain.height_map import Terrain
 from viewer.gl_bindings import imgui
 from viewer.render.camera import (

@@ -23,7 +23,7 @@ STEP_SECONDS = 1.0 / FPS
 # character slows down instead of falling behind for ever
 MIN_STEPS, MAX_STEPS = 6, 60
 MODEL_SHARE = 0.5  # of a frame's time that its steps may take
-CROSSINGS = {  # by the kinds of `runtime.crossing`
+TRAVERSALS = {  # by the kinds of `runtime.traversal`
     "bar": "leap over a bar",
     "gap": "leap over a gap",
     "up": "step up",
@@ -107,7 +107,7 @@ class Simulation:
     @property
     def keyed(self) -> str:
         """What the character does by keys in place of the network, as the status line says it; "" for nothing."""
-        return "" if self.controller is None else CROSSINGS.get(self.controller.crossing, "")
+        return "" if self.controller is None else TRAVERSALS.get(self.controller.traversal, "")
 
     def use(self, controller: ControllerLike) -> None:
         """Take another controller; it starts where the character stands."""

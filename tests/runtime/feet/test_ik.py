@@ -5,10 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from runtime import rotations
-from runtime.feet import ik, leg_scalar
+from runtime import rotations, scalar_math
+from runtime.easing import spring
+from runtime.feet import ik
+from runtime.feet.leg import leg_bones, leg_forward, leg_inverse
+from runtime.scalar_math import damp, damp_vector
 from runtime.skeleton import SPORT_SKELETON, J
-from runtime.spring import damp, damp_vector, spring
 
 LEG = 0.4118 + 0.4233
 ANKLES, KNEES, HIPS, TOES = [4, 9], [3, 8], [2, 7], [5, 10]
@@ -60,9 +62,9 @@ def test_a_straight_leg_whose_target_is_its_own_ankle_stays_as_straight(seed, be
 
 
 def test_legs_without_length_divide_nothing():
-    leg = leg_scalar.leg_forward(leg_scalar.leg_bones(0), (1e17, 1e17, 1e17), [(1.0, 0.0, 0.0, 0.0)] * J)
+    leg = leg_forward(leg_bones(0), (1e17, 1e17, 1e17), [(1.0, 0.0, 0.0, 0.0)] * J)
     assert leg.hip == leg.knee  # a float is too coarse out there
-    solved = leg_scalar.leg_inverse(leg, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    solved = leg_inverse(leg, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
     assert np.isfinite(solved).all()
     point = np.full(3, 1e17)
     assert np.isfinite(ik.two_bone(point, point, point, np.zeros(3), np.array([0.0, 0, 1]))).all()
@@ -163,11 +165,11 @@ def test_scalar_legs_agree_with_the_arrays(seed):
     feet = rotations.normalize(rng.normal(size=(2, 4)))
     expected = ik.solve_legs(hips, local, targets, feet)
     for side in (0, 1):
-        bones = leg_scalar.leg_bones(side)
-        leg = leg_scalar.leg_forward(bones, tuple(hips.tolist()), local.tolist())
+        bones = leg_bones(side)
+        leg = leg_forward(bones, tuple(hips.tolist()), local.tolist())
         np.testing.assert_allclose(leg.toe, positions[TOES[side]], atol=1e-7)
         np.testing.assert_allclose(leg.foot, world[ANKLES[side]], atol=1e-7)
-        solved = leg_scalar.leg_inverse(leg, tuple(targets[side].tolist()), tuple(feet[side].tolist()))
+        solved = leg_inverse(leg, tuple(targets[side].tolist()), tuple(feet[side].tolist()))
         first = bones.joints[1]
         assert rotations.angle_between(np.array(solved), expected[first : first + 3]).max() < 1e-5
 
@@ -175,9 +177,9 @@ def test_scalar_legs_agree_with_the_arrays(seed):
 @given(seeds)
 def test_rotation_vectors_round_trip(seed):
     q = rotations.normalize(np.random.default_rng(seed).normal(size=4))
-    back = leg_scalar.from_vector(leg_scalar.to_vector(tuple(q.tolist())))
+    back = scalar_math.from_vector(scalar_math.to_vector(tuple(q.tolist())))
     assert rotations.angle_between(np.array(back), q) < 1e-6
-    assert leg_scalar.from_vector((0.0, 0.0, 0.0)) == (1.0, 0.0, 0.0, 0.0)
+    assert scalar_math.from_vector((0.0, 0.0, 0.0)) == (1.0, 0.0, 0.0, 0.0)
 
 
 @given(st.floats(-2.0, 2.0), st.floats(-10.0, 10.0), st.floats(0.05, 0.5))
@@ -197,13 +199,13 @@ def test_the_spring_is_critically_damped(offset, velocity, half_life):
 
 
 @given(st.floats(-2, 2), st.floats(-3, 3), st.floats(0.02, 0.3))
-def test_the_spring_is_exact_over_any_step(value, velocity, halflife):
-    once = damp(value, velocity, 0.5, halflife, 0.1)
+def test_the_spring_is_exact_over_any_step(value, velocity, half_life):
+    once = damp(value, velocity, 0.5, half_life, 0.1)
     many = (value, velocity)
     for _ in range(10):
-        many = damp(*many, 0.5, halflife, 0.01)
+        many = damp(*many, 0.5, half_life, 0.01)
     np.testing.assert_allclose(once, many, atol=1e-9)
-    rest, speed = damp(value, velocity, 0.5, halflife, 40 * halflife)
+    rest, speed = damp(value, velocity, 0.5, half_life, 40 * half_life)
     assert abs(rest - 0.5) < 1e-6
     assert abs(speed) < 1e-4
 

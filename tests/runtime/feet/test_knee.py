@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from runtime.feet.knee import Knee
-from runtime.feet.leg_scalar import leg_bones, leg_forward, rotate
-from runtime.feet.toes import TOE_LENGTH, bent
+from runtime.feet.leg import TOE_LENGTH, Knee, bent, leg_bones, leg_forward
+from runtime.scalar_math import rotate
 from runtime.skeleton import TOE_HEIGHT
 from runtime.terrain.height_map import PointHeights, Terrain
 

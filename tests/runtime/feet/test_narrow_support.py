@@ -5,7 +5,7 @@ import pytest
 
 from runtime import rotations
 from runtime.feet.foot_lock import FootLock
-from runtime.feet.leg_scalar import leg_bones, leg_forward
+from runtime.feet.leg import leg_bones, leg_forward
 from runtime.feet.narrow_support import (
     ARMS,
     AROUND_M,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from runtime import rotations
-from runtime.feet.leg_scalar import rotate
-from runtime.feet.toes import TOE_LENGTH, bent
+from runtime.feet.leg import TOE_LENGTH, bent
+from runtime.scalar_math import rotate
 from runtime.skeleton import TOE_HEIGHT
 from runtime.terrain.height_map import PointHeights
 from runtime.terrain.library import load_terrain

@@ -5,7 +5,7 @@ import pytest
 
 from runtime import rotations
 from runtime.motion.features import FPS
-from runtime.motion.inertialization import FASTEST, FASTEST_EVER, JOINTS, Inertialization
+from runtime.motion.pose_smoothing import FASTEST, FASTEST_EVER, JOINTS, Inertialization
 from runtime.skeleton import SPORT_SKELETON
 
 ARM = SPORT_SKELETON.index("LeftArm")

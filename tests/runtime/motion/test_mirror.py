@@ -13,7 +13,7 @@ from runtime.motion.features import INPUT_SIZE, OUTPUT_SIZE, C, InputParts, buil
 from runtime.motion.mirror import Mirror, Ways, mirrored_code
 from runtime.motion.model import MotionModel
 from runtime.motion.snapshot import Snapshot, take_snapshot
-from runtime.motion.style_mix import StyleFolder, StyleMix
+from runtime.motion.style import StyleFolder, StyleMix
 from runtime.prompts.content import PromptEncoder
 from runtime.prompts.prompter import Prompter
 from runtime.skeleton import MIRROR_JOINTS, PART_JOINTS, SPORT_SKELETON, J
@@ -128,7 +128,7 @@ def test_a_style_of_both_ways_has_limbs_of_the_other(model: MotionModel) -> None
     folder = StyleFolder(model.fold_style, 1.0, model.calibration)
     ways = [folder.fold(z, Ways(mirrored, False)) for mirrored in (False, True)]
     plain, other = (model.step(x, noise, style)[0] for style in ways)
-    both = replace(ways[0], beside=ways[1], limbs=(0.0, 1.0, 0.0, 0.0))
+    both = replace(ways[0], opposite=ways[1], limbs=(0.0, 1.0, 0.0, 0.0))
     for styles in (both, [both]):  # alone, and in a list of styles
         got = split_output(model.step(x, noise, styles)[0])
         arm = list(PART_JOINTS["right_arm"])

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.controls import Gait
-from runtime.motion import momentum
+from runtime.motion import trajectory
 
 SPEEDS = st.floats(-3.0, 3.0)
 
@@ -18,8 +18,8 @@ def test_a_velocity_comes_nearer_to_the_wish_and_no_faster_than_a_body(
     x: float, z: float, to_x: float, to_z: float, walk: float, response: float
 ) -> None:
     now, wish, reach = np.array([[x, z]]), np.array([[to_x, to_z]]), np.array([walk])
-    seconds = momentum.change_seconds(reach, np.array([response]))
-    path = momentum.velocities(now, wish, reach, seconds)
+    seconds = trajectory.change_seconds(reach, np.array([response]))
+    path = trajectory.planned_velocities(now, wish, reach, seconds)
     assert path[:, 0] == pytest.approx(now)
     missing = np.linalg.norm(path - wish[:, None], axis=-1)
     assert (np.diff(missing) <= 1e-9).all()
@@ -29,34 +29,34 @@ def test_a_velocity_comes_nearer_to_the_wish_and_no_faster_than_a_body(
 
 @given(st.floats(-10.0, 10.0), st.floats(-10.0, 10.0))
 def test_a_body_turns_the_shorter_way(now: float, wish: float) -> None:
-    yaws = momentum.facings(np.array([now]), np.array([wish]), np.array([momentum.TO_TURN[0]]))[0]
+    yaws = trajectory.facings(np.array([now]), np.array([wish]), np.array([trajectory.TO_TURN[0]]))[0]
     assert yaws[0] == pytest.approx(now)
     assert abs(yaws[-1] - now) <= np.pi + 1e-9
 
 
 def test_a_walk_starts_and_stops_in_the_time_of_captures_and_a_game_at_once() -> None:
     walk = np.array([1.3])
-    capture, game = (float(momentum.change_seconds(walk, np.array([r]))[0]) for r in (0.0, 1.0))
+    capture, game = (float(trajectory.change_seconds(walk, np.array([r]))[0]) for r in (0.0, 1.0))
     assert 0.7 < capture < 1.6
     assert game < 0.15
 
 
 def test_a_turn_takes_the_time_of_captures_and_runners_turn_faster() -> None:
     speeds, walk = np.array([0.0, 1.3, 2.6, 9.0]), np.full(4, 1.3)
-    stands, walks, runs, races = momentum.turn_seconds(speeds, walk, np.zeros(4))
+    stands, walks, runs, races = trajectory.turn_seconds(speeds, walk, np.zeros(4))
     assert walks > stands > runs == races
     assert 0.85 < walks < 2.4  # seconds of captured turns of 90 degrees in a walk
-    assert momentum.turn_seconds(speeds, walk, np.ones(4)).max() < 0.2
+    assert trajectory.turn_seconds(speeds, walk, np.ones(4)).max() < 0.2
 
 
 def test_labels_follow_the_planned_speed() -> None:
     speeds = np.linspace(0.0, 3.0, 61)[None]
-    now = np.eye(momentum.GAITS)[[Gait.STAND]]
-    weights = momentum.labels(speeds, now, np.array([Gait.JOG]), np.array([1.8]), np.zeros(1))
+    now = np.eye(trajectory.GAITS)[[Gait.STAND]]
+    weights = trajectory.labels(speeds, now, np.array([Gait.JOG]), np.array([1.8]), np.zeros(1))
     assert weights.sum(-1) == pytest.approx(1.0)
     assert np.argmax(weights[0, [0, 20, 60]], -1).tolist() == [Gait.STAND, Gait.WALK, Gait.JOG]
     slow, game = (
-        momentum.labels(speeds, now, np.array([Gait.CROUCH]), np.array([1.8]), np.array([response]))
+        trajectory.labels(speeds, now, np.array([Gait.CROUCH]), np.array([1.8]), np.array([response]))
         for response in (0.0, 1.0)
     )
     assert game[0, -1, Gait.CROUCH] == pytest.approx(1.0, abs=1e-3)
@@ -65,6 +65,6 @@ def test_labels_follow_the_planned_speed() -> None:
 
 
 def test_labels_of_a_jump_without_a_stick_are_finite() -> None:
-    now = np.eye(momentum.GAITS)[[Gait.STAND]]
-    weights = momentum.labels(np.zeros((1, 61)), now, np.array([Gait.JOG]), np.array([0.0]), np.zeros(1))
+    now = np.eye(trajectory.GAITS)[[Gait.STAND]]
+    weights = trajectory.labels(np.zeros((1, 61)), now, np.array([Gait.JOG]), np.array([0.0]), np.zeros(1))
     assert weights.sum(-1) == pytest.approx(1.0)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from runtime.motion.noise import drifting_noise
+from runtime.motion.model import drifting_noise
 
 DT = 1.0 / 60.0
 

@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 
 from runtime.controls import Gait
 from runtime.errors import UsageError
+from runtime.motion.control_scripts import PathWalk, PlanarPose, PointPath, Waypoint
 from runtime.motion.controller import Controller
-from runtime.motion.paths import PlanarPose
-from runtime.motion.point_path import PathWalk, PointPath, Waypoint
 from runtime.terrain.height_map import Terrain
 from tests.helpers.shipped import shipped_model
 

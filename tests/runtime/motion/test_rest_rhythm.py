@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from runtime.motion.features import FPS, PHASE_OFFSETS, C
-from runtime.motion.rest_rhythm import RestRhythm
+from runtime.motion.phase import RestRhythm
 from tests.helpers.shipped import shipped_model, shipped_prompter
 
 PRESENT = int(-PHASE_OFFSETS[0])
@@ -86,4 +86,4 @@ def test_who_was_asked_to_wave_waves_and_nobody_else(prompt: str, swings: bool) 
     model = shipped_model()
     clock = RestRhythm.silent()
     clock.apply(STILL[None], model.fold_style(shipped_prompter()(prompt)).rest[None], np.ones(1))
-    assert bool(clock.share.any()) == swings
+    assert bool(clock.fraction.any()) == swings

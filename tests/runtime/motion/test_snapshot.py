@@ -103,29 +103,6 @@ def written(snapshot: Snapshot, change: Callable[[dict[str, Any], dict[str, np.n
     return buffer.getvalue()
 
 
-def test_a_state_from_before_momentum_is_read(walked: Controller) -> None:
-    with np.load(io.BytesIO(take_snapshot(walked).to_bytes())) as file:
-        arrays = dict(file)
-    tree = json.loads(arrays.pop("head").tobytes())
-    tree["version"] = 3
-    tree["state"]["jump_left"] = tree["state"].pop("jumps") and tree["state"]["ground"]
-    del (
-        tree["state"]["calm"],
-        tree["state"]["wished_speed"],
-        tree["state"]["smooth_request"],
-        tree["state"]["trajectory"]["wish"],
-        tree["state"]["crossings"][0]["sight"],
-        tree["state"]["crossings"][0]["sight_velocity"],
-    )
-    buffer = io.BytesIO()
-    np.savez(buffer, head=np.frombuffer(json.dumps(tree).encode(), np.uint8), **arrays)  # type: ignore[arg-type]
-    state = Snapshot.from_bytes(buffer.getvalue()).state
-    assert np.array_equal(state.trajectory.wish, walked.state.trajectory.velocity)
-    assert np.array_equal(state.wished_speed, walked.state.requested_speed)
-    assert state.calm.local[0, 5] == pytest.approx(walked.state.poses.local[0, 5])
-    assert state.crossings[0].sight == (0.0 if state.crossings[0].kind else 1.0)
-
-
 def another_shape(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
     arrays[f"a{state['joints']}"] = np.zeros((1, 30, 3))
 
@@ -147,11 +124,11 @@ def no_such_hold(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
 
 
 def text_for_a_number(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
-    state["feet"][0]["hips"]["offset"] = "high"
+    state["feet"][0]["pelvis"]["offset"] = "high"
 
 
 def no_obstacle(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
-    state["crossings"][0]["kind"] = "climb"
+    state["traversals"][0]["kind"] = "climb"
 
 
 def two_characters(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
@@ -166,7 +143,7 @@ def two_characters(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None
         (far_away, r"\.trajectory\.xz: numbers that no character reaches"),
         (another_name, "not the fields of a CharacterState"),
         (no_such_hold, r"\.feet\[0\]\.feet\[1\]\.anchor: expected one of '', 'heel', 'toe'"),
-        (text_for_a_number, r"\.feet\[0\]\.hips\.offset: expected a number"),
+        (text_for_a_number, r"\.feet\[0\]\.pelvis\.offset: expected a number"),
         (no_obstacle, "not the state"),
         (two_characters, "not the state"),
     ],
@@ -188,7 +165,7 @@ def test_a_blend_that_began_within_another_goes_on_alike(walked: Controller, mod
 
 def test_a_share_of_the_ground_that_no_eye_sees_is_refused(walked: Controller) -> None:
     def out_of_sight(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
-        state["crossings"][0]["sight"] = 3.0
+        state["traversals"][0]["sight"] = 3.0
 
     with pytest.raises(FileError, match="not the state"):
         Snapshot.from_bytes(written(take_snapshot(walked), out_of_sight))

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from runtime.motion.features import FPS
-from runtime.motion.speed_regulator import RANGE, STANDING_GAIN, SpeedRegulator
+from runtime.motion.pace import GAIN_RANGE, STANDING_GAIN, SpeedRegulator
 
 LATE, SLUGGISH = (
     round(0.25 * FPS),
@@ -38,7 +38,7 @@ def test_the_asked_speed_is_reached_and_kept(pace: float, asked: float):
     assert np.ptp(settled) < 0.1
 
 
-@pytest.mark.parametrize(("pace", "most"), [(0.0, STANDING_GAIN), (0.45, RANGE[1])])
+@pytest.mark.parametrize(("pace", "most"), [(0.0, STANDING_GAIN), (0.45, GAIN_RANGE[1])])
 def test_only_what_stands_is_asked_for_more_than_twice_its_speed(pace: float, most: float):
     regulator = SpeedRegulator.at_rest()
     gains = [gain(regulator, 0.5, pace * 0.5) for _ in range(4 * FPS)]
@@ -49,7 +49,7 @@ def test_only_what_stands_is_asked_for_more_than_twice_its_speed(pace: float, mo
 def test_the_gain_keeps_its_bounds(speeds: list[float], asked: float):
     regulator = SpeedRegulator.at_rest()
     for speed in speeds:
-        assert RANGE[0] <= gain(regulator, asked, speed) <= STANDING_GAIN
+        assert GAIN_RANGE[0] <= gain(regulator, asked, speed) <= STANDING_GAIN
 
 
 def test_a_stop_forgets_the_walk_before():

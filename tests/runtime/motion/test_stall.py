@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.motion.features import FPS
-from runtime.motion.stall import FEET, STALLED_SECONDS, Stall, advance_by_cycles
+from runtime.motion.pace import POINTS, STALLED_SECONDS, Stall, advance_by_cycles
 
 WANTED = 1.4  # m/s
 
@@ -17,7 +17,7 @@ def _stalls(feet_speed: float, wanted: float, seconds: float = 1.0) -> int:
     count = 0
     for frame in range(round(seconds * FPS)):
         forth = (frame // 15) % 2 == 0
-        joints[:, FEET, 2] += (1.0 if forth else -1.0) * feet_speed / FPS
+        joints[:, POINTS, 2] += (1.0 if forth else -1.0) * feet_speed / FPS
         count += int(stall.update(joints.copy(), speed)[0])
     return count
 
@@ -43,7 +43,7 @@ def test_it_ends_when_the_feet_move_again():
         stalled = stall.update(joints.copy(), speed)[0]
     assert stalled
     for _ in range(12):
-        joints[:, FEET, 2] += 1.5 * WANTED / FPS
+        joints[:, POINTS, 2] += 1.5 * WANTED / FPS
         stalled = stall.update(joints.copy(), speed)[0]
     assert not stalled
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from runtime.controls import Gait
 from runtime.errors import UsageError
-from runtime.motion.stick_script import PRESS_SECONDS, StickScript, StickSegment, parse_stick
+from runtime.motion.control_scripts import PRESS_SECONDS, StickScript, StickSegment, parse_stick
 
 STICKS = st.builds(
     StickSegment,

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import runtime.generate as generate_module
 import runtime.motion.model
 from runtime.errors import PromptError
-from runtime.motion.style_mix import Style, StyleFolder
+from runtime.motion.style import Style, StyleFolder
 from runtime.prompts.blend import (
     ALL_A,
     ALL_B,
@@ -40,23 +40,23 @@ PARTS = PartDescriptions(*(f"{part} moves" for part in PART_NAMES))
 
 def code_of(mix):
     """Mean code of a mix: what it stands for, part by part."""
-    return sum(np.float32(share) * z for share, z in zip(mix.shares, mix.codes, strict=True))
+    return sum(np.float32(share) * z for share, z in zip(mix.weights, mix.codes, strict=True))
 
 
 @given(codes, codes)
 def test_the_ends_are_the_prompts_themselves(a, b):
     for weights, z in ((ALL_A, a), (ALL_B, b)):
         mix = mix_of_parts(a, b, weights)
-        assert mix.shares == (1.0,)
+        assert mix.weights == (1.0,)
         assert mix.codes[0].tobytes() == z.tobytes()
 
 
 @given(codes, codes, weights)
 def test_each_part_has_its_own_share_of_b(a, b, share):
     mix = mix_of_parts(a, b, share)
-    assert sum(mix.shares) == pytest.approx(1.0)
-    assert min(mix.shares) > 0.0
-    assert len(mix.shares) <= 7
+    assert sum(mix.weights) == pytest.approx(1.0)
+    assert min(mix.weights) > 0.0
+    assert len(mix.weights) <= 7
     w = np.array(share, np.float32)[:, None]
     assert np.allclose(code_of(mix), (1 - w) * a + w * b, atol=1e-4)
     for z in mix.codes:  # whole parts only
@@ -187,7 +187,7 @@ def test_the_events_of_a_take_make_its_style_again(walker):
     events, asked = generate_module._events(kept)
     assert events == kept
     made = StandIn()(asked[0])
-    assert made.shares == mix.shares
+    assert made.weights == mix.weights
     assert np.array_equal(made.codes, mix.codes)
     clip = generate_module.generate_clip(blended, seconds=0.1)
     assert clip.prompts == kept

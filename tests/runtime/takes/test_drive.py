@@ -14,7 +14,7 @@ from runtime.errors import UsageError
 from runtime.motion.controller import Controller
 from runtime.motion.model import MotionModel
 from runtime.motion.snapshot import take_snapshot
-from runtime.motion.style_mix import StyleMix
+from runtime.motion.style import StyleMix
 from runtime.takes import input_edits
 from runtime.takes.clip import Clip
 from runtime.takes.input_recording import (

@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 
 from runtime import rotations
 from runtime.motion.controller import Controller
-from runtime.motion.limbs import off_walls
+from runtime.motion.limbs import resolve_penetration
 from runtime.motion.state import standing
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
-from runtime.terrain.room import (
+from runtime.terrain.obstacle_detection import (
     HAND_M,
     can_climb,
     can_land,
@@ -93,11 +93,11 @@ def test_an_arm_in_a_wall_hangs_and_one_beside_level_ground_stays() -> None:
     stretched = before.copy()
     stretched[[18, 25]] = (1.0, 0.0, 0.0, 0.0)  # arms to both sides
     for _ in range(4):
-        before = off_walls(hips, stretched, before, CLIFF)
+        before = resolve_penetration(hips, stretched, before, CLIFF)
     places = SPORT_SKELETON.forward_kinematics(hips, before)[0]
     depth = CLIFF.height(places[:, 0], places[:, 2]) - places[:, 1]
     assert depth.max() < 0.2
-    flat = off_walls(hips, stretched, stretched, Terrain.flat())
+    flat = resolve_penetration(hips, stretched, stretched, Terrain.flat())
     assert (flat == stretched).all()
 
 
@@ -109,7 +109,7 @@ def test_an_arm_that_leaves_a_wall_comes_back_without_a_jerk() -> None:
     turns = []
     for frame in range(120):
         hips[0] = -0.45 - 0.6 * max(frame - 20, 0) / 100
-        shown = off_walls(hips, stretched, before, CLIFF)
+        shown = resolve_penetration(hips, stretched, before, CLIFF)
         turns.append(rotations.angle_between(before[[18, 25]], shown[[18, 25]]).max())
         before = shown
     assert max(turns[20:]) < 0.16

@@ -11,7 +11,7 @@ from runtime.terrain.courses import Obstacle as Block
 from runtime.terrain.courses import raise_obstacles
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
-from runtime.terrain.way_ahead import ObstacleKind, obstacle_ahead
+from runtime.terrain.obstacle_detection import ObstacleKind, obstacle_ahead
 
 AHEAD = np.array([0.0, 1.0])
 

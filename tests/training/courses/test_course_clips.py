@@ -14,7 +14,7 @@ from runtime.motion.features import INPUT, INPUT_SIZE
 from runtime.motion.model import MotionModel
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
-from runtime.terrain.way_ahead import ObstacleKind, obstacle_ahead
+from runtime.terrain.obstacle_detection import ObstacleKind, obstacle_ahead
 from tests.helpers.shipped import shipped_model
 from training.courses import clips
 from training.courses.clips import Course, LevelSight, Walked, kept, random_course, smoothed, walk

@@ -9,7 +9,7 @@ import pytest
 
 from runtime.formats.bvh_clip import save_bvh
 from runtime.generate import clip_of
-from runtime.motion.stick_script import parse_stick
+from runtime.motion.control_scripts import parse_stick
 from runtime.pose import Pose
 from runtime.rotations import identity
 from runtime.skeleton import SPORT_SKELETON

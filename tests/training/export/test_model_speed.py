@@ -16,7 +16,7 @@ pytest.importorskip("onnxscript")
 from runtime.errors import FileError, ModelError  # noqa: E402
 from runtime.motion.features import OUTPUT  # noqa: E402
 from runtime.motion.model import load_model  # noqa: E402
-from runtime.motion.processor import exact_8_bit_products  # noqa: E402
+from runtime.motion.model_files import exact_8_bit_products  # noqa: E402
 from training.export.quantize import (  # noqa: E402
     KEPT,
     CalibrationFrames,

@@ -167,8 +167,7 @@ def test_a_paper_content_encoder_reads_no_statistics():
 
 def test_exported_graphs_agree_with_torch(exported_tiny):
     from runtime.errors import ModelError
-    from runtime.motion.model import MotionModel, load_model
-    from runtime.motion.motion_encoder import ExportedMotionEncoder
+    from runtime.motion.model import ExportedMotionEncoder, MotionModel, load_model
     from tests.helpers.tiny_model import tiny_trained
 
     trained = tiny_trained()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from runtime.controls import Gait
-from runtime.motion.point_path import Waypoint
+from runtime.motion.control_scripts import Waypoint
 from runtime.session import edits
 from runtime.session.session import LIVE
 from runtime.session.session_file import SessionFile

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from runtime.motion.style_mix import StyleMix
+from runtime.motion.style import StyleMix
 from runtime.prompts.blend import ALL_A
 from runtime.prompts.parts import PartDescriptions
 from runtime.session.prompt_blend import Answer, PromptBlend

@@ -13,7 +13,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from runtime.motion.style_mix import StyleMix
+from runtime.motion.style import StyleMix
 from runtime.prompts.answer import Answer
 from runtime.prompts.blend import ALL_A
 from runtime.prompts.expander import DEFAULT_PROMPT

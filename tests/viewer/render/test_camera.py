@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from runtime.spring import spring
+from runtime.easing import spring
 from tests.helpers.render_scene import hills
 from viewer.render.camera import Camera, FollowCamera, OrbitCamera
 from viewer.render.frame import make_frame

@@ -7,12 +7,12 @@ import math
 
 import pytest
 
-from runtime.crossing.crossing import KINDS
 from runtime.session.prompt_blend import Side
+from runtime.traversal.traversal import KINDS
 from tests.helpers.app_driver import Start, click_prompt_box, controller, message, run
 from viewer.gl_bindings import imgui
 from viewer.input.gamepad import GamepadState
-from viewer.scene.simulation import CROSSINGS
+from viewer.scene.simulation import TRAVERSALS
 
 
 def test_key_w_moves_the_character_at_once(start: Start) -> None:
@@ -145,18 +145,18 @@ def test_no_key_of_ctrl_z_makes_the_character_duck(start: Start) -> None:
 
 
 def test_the_status_line_says_what_is_keyed_over_an_obstacle(start: Start) -> None:
-    assert set(CROSSINGS) == set(KINDS) - {""}
+    assert set(TRAVERSALS) == set(KINDS) - {""}
     app = start()
     run(app, 2)
     shown: list[str] = []
     with pytest.MonkeyPatch.context() as patch:
         real = imgui.text_unformatted
         patch.setattr(imgui, "text_unformatted", lambda text: (shown.append(text), real(text)))
-        controller(app).crossing = "gap"
+        controller(app).traversal = "gap"
         run(app)
         assert any("keyed: leap over a gap" in text for text in shown)
         shown.clear()
-        controller(app).crossing = ""
+        controller(app).traversal = ""
         run(app)
     assert not any("keyed" in text for text in shown)
 

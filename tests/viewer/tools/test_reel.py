@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from runtime.controls import Gait
-from runtime.motion.stick_script import parse_stick
+from runtime.motion.control_scripts import parse_stick
 from viewer.tools import reel
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 from runtime.feet import skating as feet
 from runtime.motion.features import FPS
-from runtime.motion.motion_encoder import ExportedMotionEncoder
+from runtime.motion.model import ExportedMotionEncoder
 from runtime.skeleton import SPORT_SKELETON
 from training.evaluation.metrics.motion import (
     WINDOW_FRAMES,

@@ -18,7 +18,7 @@ from scipy.signal import find_peaks
 from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.formats.bvh import read_bvh
-from runtime.motion.stick_script import StickScript, StickSegment
+from runtime.motion.control_scripts import StickScript, StickSegment
 from training.data.gait import GaitJoints
 
 FPS = 60

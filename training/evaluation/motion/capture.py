@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from runtime.controls import Gait
 from runtime.errors import FileError
 from runtime.motion.features import FPS
-from runtime.motion.motion_encoder import ExportedMotionEncoder
+from runtime.motion.model import ExportedMotionEncoder
 from runtime.prompts.parts import PartDescriptions
 from training.evaluation.metrics.classifiers import (
     MIN_HELD_OUT_WINDOWS,

@@ -11,12 +11,11 @@ from runtime.arrays import Array
 from runtime.controls import Controls, Gait
 from runtime.errors import SportError
 from runtime.motion import features
+from runtime.motion.control_scripts import LOOK_AHEAD_M
 from runtime.motion.controller import TEMPERATURE, Controller
 from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel
-from runtime.motion.momentum import MAX_RESPONSE, Plan
-from runtime.motion.paths import LOOK_AHEAD_M
-from runtime.motion.trajectory import LENGTH, PRESENT, Trajectory
+from runtime.motion.trajectory import LENGTH, MAX_RESPONSE, PRESENT, Plan, Trajectory
 from runtime.pose import Pose
 from runtime.records import copied
 from runtime.skeleton import SPORT_SKELETON

@@ -11,10 +11,10 @@ import numpy as np
 
 from runtime.arrays import Array, Flags
 from runtime.controls import Controls, Gait
+from runtime.motion.control_scripts import LOOK_AHEAD_M
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel
-from runtime.motion.paths import LOOK_AHEAD_M
 from runtime.terrain.courses import BEAM, BEAM_RAMP_M, GAPS, HURDLES, WALLS, Obstacle
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
@@ -87,7 +87,7 @@ def run_obstacles(
         pose = recorder.step(Controls((float(ahead[0]), float(ahead[1])), gait=gait))
         roots.append(pose.root_position[[0, 2]])
         speeds.append(controller.requested_speed)
-        keyed.append(bool(controller.crossing))
+        keyed.append(bool(controller.traversal))
         if controller.blocked:
             blocked.add(controller.blocked)
         if pose.root_position[2] > end:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from runtime.arrays import Array
 from runtime.errors import FileError, ModelError
+from runtime.motion.model import ExportedMotionEncoder
 from runtime.motion.model_files import open_graph, read_graph, read_metadata
-from runtime.motion.motion_encoder import ExportedMotionEncoder
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.sentence_inputs import sentence_inputs
 from runtime.prompts.text_encoder import TextEncoderLike

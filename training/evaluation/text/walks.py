@@ -13,10 +13,10 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.generate import simulate
+from runtime.motion.control_scripts import control_script
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel, load_model
-from runtime.motion.paths import control_script
 from training.evaluation.motion.driving import flat_ground
 from training.layering.measured_edits import Summary, summarise
 

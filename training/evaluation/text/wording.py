@@ -25,8 +25,7 @@ from runtime.assets import asset_path, model_folder
 from runtime.atomic import check_target, write_atomic
 from runtime.controls import Controls
 from runtime.errors import run_command
-from runtime.motion.controller import Controller
-from runtime.motion.crowd import MOST, Crowd
+from runtime.motion.controller import MOST, Controller, Crowd
 from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel, load_model
 from runtime.pose import Pose

@@ -1,1 +1,0 @@
-"""Obstacles that are crossed by keyed motion: bars, gaps, walls, drops."""

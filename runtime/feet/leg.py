@@ -1,0 +1,212 @@
+"""One leg in plain floats: forward kinematics and two-bone IK, knees that do not snap, toes that bend.
+
+`runtime.feet.ik` is the same mathematics on arrays, and the tests hold the two together.
+
+Near straight, a millimetre of distance between hip and ankle is ten degrees of the knee, so that a foot that is put down,
+held or let go would throw it. What a knee cannot follow for some frames, the foot takes up: it rolls over its toe.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import acos, atan2, copysign, cos, hypot, radians, sin, sqrt
+from typing import NamedTuple
+
+from runtime.feet.ik import EASE_REACH, MAX_REACH, MIN_REACH, POLE_WEIGHT_M
+from runtime.scalar_math import (
+    Quaternion,
+    Vector,
+    add,
+    between,
+    dot,
+    length,
+    multiply,
+    perpendicular,
+    relative,
+    rotate,
+    scale,
+    subtract,
+    unit,
+)
+from runtime.skeleton import SPORT_SKELETON, TOE_HEIGHT, Skeleton
+from runtime.terrain.height_map import PointHeights
+
+
+class LegBones(NamedTuple):
+    """Joint indices and offsets (metres) of one leg."""
+
+    joints: tuple[int, int, int, int, int]  # hip joint, thigh, shin, foot, toe
+    offsets: tuple[Vector, Vector, Vector, Vector, Vector]
+    length: float  # thigh and shin
+    foot_length: float  # ankle to toe joint
+
+
+class LegPose(NamedTuple):
+    """World rotations and positions of one leg."""
+
+    base: Quaternion  # of the hip joint
+    thigh: Quaternion
+    shin: Quaternion
+    foot: Quaternion
+    hip: Vector
+    knee: Vector
+    ankle: Vector
+    toe: Vector
+
+    def raised(self, metres: float) -> Vector:
+        """Where the hip is with the body raised."""
+        return self.hip[0], self.hip[1] + metres, self.hip[2]
+
+
+def leg_bones(side: int, skeleton: Skeleton = SPORT_SKELETON) -> LegBones:
+    """The left (0) or right (1) leg of a SPORT skeleton."""
+    first = 1 + 5 * side
+    joints = (first, first + 1, first + 2, first + 3, first + 4)
+    offsets = tuple((float(x), float(y), float(z)) for x, y, z in skeleton.offsets[list(joints)])
+    reach = length(offsets[2]) + length(offsets[3])
+    return LegBones(joints, offsets, reach, length(offsets[4]))  # type: ignore[arg-type]
+
+
+def leg_forward(bones: LegBones, hips: Vector, local: list[Quaternion]) -> LegPose:
+    """Forward kinematics; `local` holds the pose's 31 local rotations."""
+    j, o = bones.joints, bones.offsets
+    root = local[0]
+    base = multiply(root, local[j[0]])
+    thigh = multiply(base, local[j[1]])
+    shin = multiply(thigh, local[j[2]])
+    foot = multiply(shin, local[j[3]])
+    hip = add(add(hips, rotate(root, o[0])), rotate(base, o[1]))
+    knee = add(hip, rotate(thigh, o[2]))
+    ankle = add(knee, rotate(shin, o[3]))
+    return LegPose(base, thigh, shin, foot, hip, knee, ankle, add(ankle, rotate(foot, o[4])))
+
+
+def leg_inverse(
+    leg: LegPose, target: Vector, foot: Quaternion, drop: float = 0.0
+) -> tuple[Quaternion, Quaternion, Quaternion]:
+    """Local rotations of thigh, shin and foot that bring the ankle to `target` with the hips lowered by `drop` metres.
+
+    `foot` is the foot's new world rotation. See `runtime.feet.ik.two_bone`.
+    """
+    upper = subtract(leg.knee, leg.hip)
+    lower = subtract(leg.ankle, leg.knee)
+    hip = (leg.hip[0], leg.hip[1] - drop, leg.hip[2])
+    # far from the origin a float no longer tells hip from knee: a bone without length must not divide
+    a, b = max(length(upper), 1e-6), max(length(lower), 1e-6)
+    axis = unit(subtract(leg.ankle, leg.hip))
+    to_target = subtract(target, hip)
+    wanted = length(to_target)
+    aim = unit(to_target) if wanted > 1e-6 else axis
+    d = max(soft_reach(wanted, a + b, length(subtract(leg.ankle, leg.hip))), abs(a - b) + 1e-4)
+    swing = between(axis, aim)
+    bend = rotate(swing, _bend(axis, upper, rotate(leg.thigh, (0.0, 0.0, 1.0))))
+    c = min(1.0, max(-1.0, (a * a + d * d - b * b) / (2.0 * a * d)))
+    s = sqrt(1.0 - c * c)
+    thigh_to = add(scale(aim, c), scale(bend, s))
+    shin_to = unit(subtract(scale(aim, d), scale(thigh_to, a)))
+    thigh_turn = multiply(between(rotate(swing, unit(upper)), thigh_to), swing)
+    shin_turn = multiply(between(rotate(swing, unit(lower)), shin_to), swing)
+    thigh, shin = multiply(thigh_turn, leg.thigh), multiply(shin_turn, leg.shin)
+    return relative(leg.base, thigh), relative(thigh, shin), relative(shin, foot)
+
+
+def roll_cosine(to_hip: Vector, foot: float, reach: float) -> float:
+    """Cosine of the angle at a toe, between hip and ankle, where the ankle, `foot` metres away, is `reach` from the hip.
+
+    Beyond -1 to 1 there is no such angle.
+    """
+    distance = length(to_hip)
+    return (distance * distance + foot * foot - reach * reach) / (2.0 * distance * foot)
+
+
+def rolled(to_hip: Vector, along: Vector, cosine: float) -> Vector:
+    """Direction from a toe to its ankle at this cosine from the hip (see `roll_cosine`), on the side of `along`."""
+    cosine = min(max(cosine, -1.0), 1.0)
+    up = scale(to_hip, 1.0 / length(to_hip))
+    side = unit(subtract(along, scale(up, dot(along, up))))
+    return add(scale(up, cosine), scale(side, sqrt(1.0 - cosine * cosine)))
+
+
+def soft_reach(distance: float, leg_length: float, span: float = 0.0) -> float:
+    """Scalar twin of `runtime.feet.ik.soft_reach`."""
+    start = max((MAX_REACH - EASE_REACH) * leg_length, min(span, leg_length))
+    room = max(MAX_REACH * leg_length - start, 1e-9 * leg_length)
+    over = min(max(distance - start, 0.0), 2.0 * room)
+    return max(min(distance, start) + over - over * over / (4.0 * room), MIN_REACH * leg_length)
+
+
+def _bend(axis: Vector, knee: Vector, pole: Vector) -> Vector:
+    forward = unit(perpendicular(pole, axis))
+    bend = add(perpendicular(knee, axis), scale(forward, POLE_WEIGHT_M))
+    lack = 0.5 * POLE_WEIGHT_M - dot(bend, forward)
+    return unit(add(bend, scale(forward, lack)) if lack > 0.0 else bend)
+
+
+FASTEST_BEND = (
+    radians(4.5) * 3600
+)  # rad/s2, of the flexion; 6 degrees a frame squared are seen as a snap, captures stay below
+STRAIGHT = radians(2.3)  # a straight knee: as far as it goes
+BRAKING = radians(2.5) * 3600  # rad/s2, with which it comes to what is requested
+
+
+@dataclass
+class Knee:
+    """What one knee remembers: its flexion as it was shown, radians, its speed, and the incoming pose's flexion."""
+
+    flexion: float | None = None
+    speed: float = 0.0
+    incoming: float = 0.0
+
+    def follow(self, leg: LegPose, hip: Vector, target: Vector, bones: LegBones, dt: float) -> float:
+        """Metres from `hip` to the ankle in this frame, where `target` is requested; `leg` is the incoming leg."""
+        thigh, shin = length(subtract(leg.knee, leg.hip)), length(subtract(leg.ankle, leg.knee))
+        far, spans = length(subtract(target, hip)), length(subtract(leg.ankle, leg.hip))
+        wanted = _flexion(soft_reach(far, bones.length, spans), thigh, shin)
+        incoming = _flexion(spans, thigh, shin)
+        if self.flexion is None:
+            self.flexion, self.speed, self.incoming = wanted, 0.0, incoming
+            return far
+        natural = (incoming - self.incoming) / dt
+        missing = wanted - (self.flexion + natural * dt)
+        speed = natural + copysign(min(abs(missing) / dt, sqrt(2.0 * BRAKING * abs(missing))), missing)
+        speed = max(speed, -sqrt(2.0 * BRAKING * max(self.flexion - STRAIGHT, 0.0)))
+        change = min(max(speed - self.speed, -FASTEST_BEND * dt), FASTEST_BEND * dt)
+        self.incoming, self.speed = incoming, self.speed + change
+        self.flexion = max(self.flexion + self.speed * dt, 0.0)
+        return sqrt(max(thigh * thigh + shin * shin + 2.0 * thigh * shin * cos(self.flexion), 1e-9))
+
+    def bend_to(self, leg: LegPose, hip: Vector, ankle: Vector, bones: LegBones, dt: float) -> None:
+        """Go on from a leg that the ground made shorter than it was to be."""
+        thigh, shin = length(subtract(leg.knee, leg.hip)), length(subtract(leg.ankle, leg.knee))
+        flexion = _flexion(min(length(subtract(ankle, hip)), bones.length), thigh, shin)
+        if flexion > (self.flexion or 0.0):
+            self.speed += (flexion - (self.flexion or 0.0)) / dt
+            self.flexion = flexion
+
+
+def _flexion(reach: float, thigh: float, shin: float) -> float:
+    """Angle between the bones (0 straight) that spans `reach`."""
+    cosine = (reach * reach - thigh * thigh - shin * shin) / (2.0 * thigh * shin)
+    return acos(min(max(cosine, -1.0), 1.0))
+
+
+TOE_LENGTH = 0.06  # m, from the toe joint to the tip
+HIGHEST_TIP_M = 0.055  # m that the tip may be raised over the joint: about 65 degrees
+
+
+def bent(toe: Quaternion, foot: Quaternion, joint: Vector, ground: PointHeights, sink: float) -> Quaternion:
+    """Local rotation of the toes for the network's `toe`; `foot` is the foot's world rotation, `joint` where the toe joint is.
+
+    They turn about their own cross axis, as toes do: where they point straight down, a heading taken from the way they
+    point would flip from one frame to the next.
+    """
+    world = multiply(foot, toe)
+    ahead, up = rotate(world, (0.0, 0.0, 1.0)), rotate(world, (0.0, 1.0, 0.0))
+    tip = add(joint, scale(ahead, TOE_LENGTH))
+    rise = min(ground.height(tip[0], tip[2]) + TOE_HEIGHT - sink - joint[1], HIGHEST_TIP_M) / TOE_LENGTH
+    if ahead[1] >= rise:
+        return toe
+    # after a bend b the tip is raised by ahead_y cos b + up_y sin b
+    most = hypot(ahead[1], up[1])
+    bend = atan2(up[1], ahead[1]) - acos(max(min(rise / max(most, 1e-6), 1.0), -1.0))
+    return multiply(toe, (cos(0.5 * bend), -sin(0.5 * bend), 0.0, 0.0))

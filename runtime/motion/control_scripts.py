@@ -1,0 +1,332 @@
+"""Scripted sticks: paths by name, paths of points on the ground, and the stick of a clip as text.
+
+Text: "stand 2; walk 3; walk@90 3; jog@0*0.5 2; walk@90>0 2; jump 1". Segments `GAIT[@HEADING][*AMOUNT][>FACING] SECONDS`
+are separated by semicolons:
+
+- GAIT: stand, walk, jog, crouch or jump. `jump` presses the button at its beginning and leaves the stick where it was.
+- HEADING: degrees in the world; 0 is +Z, 90 is +X (the left of a character that faces +Z). Default 0.
+- AMOUNT: fraction of the full stick, 0 to 1. Default 1; `crouch*0` rests crouched.
+- FACING: degrees that the body faces whatever way it goes (strafing); without it, it faces where it goes.
+- SECONDS: how long the segment lasts.
+
+After the last segment the stick is at rest.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import accumulate
+from math import atan2, cos, hypot, pi, radians, remainder, sin, tau
+
+import numpy as np
+
+from runtime.arrays import Array
+from runtime.controls import REQUESTS, Controls, Gait
+from runtime.errors import UsageError
+
+PATH_NAMES = ("forward", "circle", "figure8", "random")
+GAITS = {gait.label: gait for gait in (Gait.WALK, Gait.JOG, Gait.CROUCH, Gait.STAND)}
+
+CIRCLE_RADIUS_M = 3.0
+FIGURE_HALF_LENGTH_M = 4.0
+LOOK_AHEAD_M = 0.9  # the stick points at the place of the path that lies so far ahead
+AREA_M = 14.0  # random paths turn back at this distance from the origin
+
+
+@dataclass(frozen=True)
+class PlanarPose:
+    """Where the character is: metres and radians."""
+
+    x: float
+    z: float
+    yaw: float
+
+
+ControlScript = Callable[[float, PlanarPose], Controls]  # seconds since the start, current place
+
+
+def control_script(path: str, gait: str, speed: float = 1.0, seed: int = 0) -> ControlScript:
+    """Script of one of `PATH_NAMES` in one of `GAITS`; `speed` 0..1 is the fraction of the full stick.
+
+    The same arguments, time and place give the same controls. UsageError names what is unknown.
+    """
+    if gait not in GAITS:
+        raise UsageError(f" {gait}: expected {', '.join(GAITS)}.", "Choose one of them.", "gait")
+    if not 0.0 < speed <= 1.0:
+        raise UsageError(f" {speed}: expected more than 0 and at most 1 (full stick).", "Try 1.", "speed")
+    if path not in PATH_NAMES:
+        raise UsageError(f" {path}: expected {', '.join(PATH_NAMES)}.", "Choose one of them.", "path")
+    if gait == "stand":
+        return lambda _time, _place: Controls(gait=Gait.WALK)
+    wanted = GAITS[gait]
+    if path == "forward":
+        return lambda _time, place: Controls(_towards(place, 0.0, place.z + 2.0, speed), gait=wanted)
+    if path == "random":
+        return _random_script(wanted, speed, seed)
+    curve = _circle() if path == "circle" else _figure8()
+    return lambda _time, place: Controls(_along(curve, place, speed), gait=wanted)
+
+
+def _towards(place: PlanarPose, x: float, z: float, speed: float) -> tuple[float, float]:
+    dx, dz = x - place.x, z - place.z
+    distance = max(hypot(dx, dz), 1e-6)
+    return speed * dx / distance, speed * dz / distance
+
+
+def _along(curve: Array, place: PlanarPose, speed: float) -> tuple[float, float]:
+    """Stick towards the point of the closed curve `(N, 3)` (x, z, heading) ahead of the nearest one.
+
+    Where the curve crosses itself the branch that the character faces is the near one.
+    """
+    turn = np.abs(np.remainder(curve[:, 2] - place.yaw + pi, tau) - pi)
+    away = (curve[:, 0] - place.x) ** 2 + (curve[:, 1] - place.z) ** 2
+    nearest = int(np.argmin(away + np.minimum(turn, 2.0) ** 2))
+    spacing = float(np.hypot(*(curve[1, :2] - curve[0, :2])))
+    ahead = curve[(nearest + max(1, round(LOOK_AHEAD_M / spacing))) % len(curve)]
+    return _towards(place, float(ahead[0]), float(ahead[1]), speed)
+
+
+def _circle() -> Array:
+    """Clockwise (seen from above, towards +X) circle through the origin, which it leaves along +Z."""
+    t = np.linspace(0.0, tau, 240, endpoint=False)
+    x, z = CIRCLE_RADIUS_M * (1.0 - np.cos(t)), CIRCLE_RADIUS_M * np.sin(t)
+    return np.stack([x, z, t], axis=-1)
+
+
+def _figure8() -> Array:
+    """Lemniscate of Gerono along X through the origin, resampled to equal steps."""
+    t = np.linspace(0.0, tau, 2001)
+    x, z = FIGURE_HALF_LENGTH_M * np.sin(t), FIGURE_HALF_LENGTH_M * np.sin(t) * np.cos(t)
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(z)))])
+    even = np.interp(np.linspace(0.0, length[-1], 400, endpoint=False), length, t)
+    dx, dz = np.cos(even), np.cos(2.0 * even)
+    x, z = FIGURE_HALF_LENGTH_M * np.sin(even), FIGURE_HALF_LENGTH_M * np.sin(even) * np.cos(even)
+    return np.stack([x, z, np.arctan2(dx, dz)], axis=-1)
+
+
+def _random_script(gait: Gait, speed: float, seed: int) -> ControlScript:
+    """A new direction and stick length every 1.5 to 4 s, sometimes none; back to the middle from outside."""
+    rng = np.random.default_rng(seed)
+    count = 4096  # at least 100 minutes; then it begins again
+    ends = np.cumsum(rng.uniform(1.5, 4.0, count))
+    headings = np.cumsum(rng.normal(0.0, 1.2, count))
+    lengths = rng.choice([0.0, 0.6, 1.0, 1.0, 1.0], count)
+    lengths[0] = 1.0
+
+    def script(time: float, place: PlanarPose) -> Controls:
+        k = int(np.searchsorted(ends, time % ends[-1], side="right"))
+        heading, length = float(headings[k]), speed * float(lengths[k])
+        home = atan2(-place.x, -place.z)
+        if hypot(place.x, place.z) > AREA_M and abs(remainder(heading - home, tau)) > 0.5 * pi:
+            heading = home + 0.4 * (1.0 if k % 2 else -1.0)
+        return Controls((length * sin(heading), length * cos(heading)), gait=gait)
+
+    return script
+
+
+MAX_POINTS = 500
+ARRIVED_M = 0.3  # of the way left
+SLOWING_M = 1.2  # over the last of the way the stick goes back,
+SLOWEST = 0.4  # not further than this
+SEARCH_M = 2.0  # ahead of the progress so far: where a path crosses itself, the other branch is not taken
+STUCK_SECONDS, STUCK_M = 4.0, 0.15  # with less progress than this in so long, the walk ends
+
+
+@dataclass(frozen=True)
+class Waypoint:
+    """A point in metres; `speed` (fraction of the full stick) and `gait` belong to the leg that leads to it."""
+
+    x: float
+    z: float
+    speed: float = 1.0
+    gait: Gait = Gait.WALK
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.speed <= 1.0 or not np.isfinite([self.x, self.z]).all():
+            raise UsageError(
+                f"point at {self.x:g}, {self.z:g} with speed {self.speed:g}: expected finite metres, "
+                "more than 0 and at most 1 (full stick).",
+                "Choose another point or speed.",
+            )
+
+
+@dataclass(frozen=True)
+class PointPath:
+    """Legs from point to point; the first one begins where the character stands."""
+
+    points: tuple[Waypoint, ...]
+
+    def __post_init__(self) -> None:
+        if not 1 <= len(self.points) <= MAX_POINTS:
+            raise UsageError(
+                f"path of {len(self.points)} points: expected 1 to {MAX_POINTS}.", "Add or remove points."
+            )
+
+    def walk_from(self, place: PlanarPose) -> PathWalk:
+        """A stick that leads a character from `place` along the path."""
+        corners = np.array([(place.x, place.z), *((p.x, p.z) for p in self.points)])
+        lengths = np.hypot(*np.diff(corners, axis=0).T)
+        return PathWalk(self, corners, np.concatenate([[0.0], np.cumsum(lengths)]))
+
+
+@dataclass
+class PathWalk:
+    """A `ControlScript` with a memory: how far along the path the character has come."""
+
+    path: PointPath
+    corners: Array  # (n + 1, 2) x and z, metres
+    ends: Array  # (n + 1,) metres along the path
+    progress: float = 0.0  # metres along the path
+    arrived: bool = False
+    stuck: bool = False
+    _mark: tuple[float, float] = field(default=(0.0, 0.0))  # seconds and progress when it last went on
+
+    @property
+    def ended(self) -> bool:
+        """Whether the stick rests for good: at the end, or where there is no way on."""
+        return self.arrived or self.stuck
+
+    def __call__(self, time: float, place: PlanarPose) -> Controls:
+        """The stick at a time (seconds since the start) and place."""
+        self.progress = max(self.progress, self._nearest(place))
+        left = float(self.ends[-1]) - self.progress
+        away = hypot(self.corners[-1][0] - place.x, self.corners[-1][1] - place.z)
+        self.arrived = self.arrived or (left < ARRIVED_M and away < 2 * ARRIVED_M)
+        if self.progress - self._mark[1] > STUCK_M:
+            self._mark = time, self.progress
+        self.stuck = self.stuck or (not self.arrived and time - self._mark[0] > STUCK_SECONDS)
+        if self.ended:
+            return Controls()
+        leg = self._leg(self.progress)
+        x, z = self._at(min(self.progress + LOOK_AHEAD_M, float(self.ends[-1])))
+        dx, dz = x - place.x, z - place.z
+        length = max(hypot(dx, dz), 1e-6)
+        amount = min(leg.speed, max(left / SLOWING_M, SLOWEST))
+        return Controls((amount * dx / length, amount * dz / length), gait=leg.gait)
+
+    def _leg(self, along: float) -> Waypoint:
+        k = int(np.searchsorted(self.ends[1:], along, side="right"))
+        return self.path.points[min(k, len(self.path.points) - 1)]
+
+    def _at(self, along: float) -> tuple[float, float]:
+        x, z = (float(np.interp(along, self.ends, self.corners[:, k])) for k in (0, 1))
+        return x, z
+
+    def _nearest(self, place: PlanarPose) -> float:
+        """Metres along the path of its nearest point within reach of the progress so far."""
+        along = np.linspace(self.progress, min(self.progress + SEARCH_M, float(self.ends[-1])), 41)
+        x, z = (np.interp(along, self.ends, self.corners[:, k]) for k in (0, 1))
+        return float(along[int(np.argmin((x - place.x) ** 2 + (z - place.z) ** 2))])
+
+
+STICK_GAITS = {gait.label: gait for gait in REQUESTS}
+EXAMPLE = "stand 2; walk 3; walk@90 3; jog@0*0.5 2; jump 1"
+MAX_SECONDS = 24 * 3600.0
+MAX_CHARACTERS = 100_000
+PRESS_SECONDS = 0.1  # how long the jump button is down
+
+_NUMBER = r"[-+]?\d{1,9}(?:\.\d{0,9})?"
+_FORM = re.compile(
+    rf"(?P<gait>[a-z]+)(?:@(?P<heading>{_NUMBER}))?(?:\*(?P<amount>{_NUMBER}))?(?:>(?P<facing>{_NUMBER}))?"
+    rf"\s+(?P<seconds>{_NUMBER})",
+    re.IGNORECASE,
+)
+
+
+@dataclass(frozen=True)
+class StickSegment:
+    """A position of the stick: degrees, fraction of the full stick, degrees or None, seconds."""
+
+    gait: Gait
+    seconds: float
+    heading: float = 0.0
+    amount: float = 1.0
+    facing: float | None = None
+
+    def __str__(self) -> str:
+        text = self.gait.label
+        text += f"@{_plain(self.heading)}" if self.heading else ""
+        text += f"*{_plain(self.amount)}" if self.amount != 1.0 else ""
+        text += "" if self.facing is None else f">{_plain(self.facing)}"
+        return f"{text} {_plain(self.seconds)}"
+
+    @property
+    def controls(self) -> Controls:
+        """What the stick requests."""
+        if self.gait in (Gait.STAND, Gait.JUMP):
+            return Controls()
+        facing = None if self.facing is None else _direction(self.facing)
+        x, z = _direction(self.heading)
+        return Controls((self.amount * x, self.amount * z), facing, self.gait)
+
+
+@dataclass(frozen=True)
+class StickScript:
+    """Segments in order; called with seconds since the start (and the place, which it ignores) it is a `ControlScript`."""
+
+    segments: tuple[StickSegment, ...]
+
+    def __str__(self) -> str:
+        return "; ".join(map(str, self.segments))
+
+    @property
+    def seconds(self) -> float:
+        """The length of all segments."""
+        return sum(segment.seconds for segment in self.segments)
+
+    def __call__(self, time: float, _place: PlanarPose | None = None) -> Controls:
+        """The stick at `time`; at rest after the end."""
+        ends = accumulate(segment.seconds for segment in self.segments)
+        controls, start = Controls(), 0.0
+        for segment, end in zip(self.segments, ends, strict=True):
+            if segment.gait != Gait.JUMP:
+                controls = segment.controls
+            if time < end - 1e-9:
+                pressed = segment.gait == Gait.JUMP and time - start < PRESS_SECONDS - 1e-9
+                return Controls(controls.move, controls.facing, Gait.JUMP) if pressed else controls
+            start = end
+        return Controls()
+
+
+def parse_stick(text: str) -> StickScript:
+    """Read a script of the form above; UsageError names the segment that cannot be read and why."""
+    if len(text) > MAX_CHARACTERS:
+        raise _error(f"{len(text)} characters; expected at most {MAX_CHARACTERS}")
+    segments = tuple(_segment(part.strip()) for part in text.split(";") if part.strip())
+    if not segments:
+        raise _error("no segment")
+    return StickScript(segments)
+
+
+def _segment(text: str) -> StickSegment:
+    found = _FORM.fullmatch(text)
+    if found is None:
+        raise _error(f"'{text[:60]}' is not GAIT[@HEADING][*AMOUNT][>FACING] SECONDS")
+    name = found["gait"].lower()
+    if name not in STICK_GAITS:
+        raise _error(f"'{text[:60]}': no gait '{name[:20]}'; expected {', '.join(STICK_GAITS)}")
+    seconds, amount = float(found["seconds"]), float(found["amount"] or 1.0)
+    if not 0.0 < seconds <= MAX_SECONDS:
+        raise _error(f"'{text[:60]}': {seconds:g} seconds; expected more than 0 and at most {MAX_SECONDS:g}")
+    if not 0.0 <= amount <= 1.0:
+        raise _error(f"'{text[:60]}': amount {amount:g}; expected 0 to 1")
+    if STICK_GAITS[name] in (Gait.STAND, Gait.JUMP) and (
+        found["heading"] or found["amount"] or found["facing"]
+    ):
+        raise _error(f"'{text[:60]}': {name} takes seconds only, its stick is at rest or as before")
+    facing = None if found["facing"] is None else float(found["facing"])
+    return StickSegment(STICK_GAITS[name], seconds, float(found["heading"] or 0.0), amount, facing)
+
+
+def _error(problem: str) -> UsageError:
+    return UsageError(f": {problem}.", f'Write "{EXAMPLE}".', "controls")
+
+
+def _direction(degrees: float) -> tuple[float, float]:
+    return sin(radians(degrees)), cos(radians(degrees))
+
+
+def _plain(number: float) -> str:
+    return f"{number:.9f}".rstrip("0").rstrip(".")

@@ -1,0 +1,176 @@
+"""The network's pose from frame to frame: turns that are too fast are shown later, and a body at rest moves slowly.
+
+Inertialization (Bollo, GDC 2018): between two styles the network changes its mind at one moment, however slowly Z^t moves:
+an arm commanded overhead is there within 0.15 s. The part of a frame's turn that is too fast goes into an offset on the
+shown rotation, which a critically damped spring takes back to zero. The arms of a body that comes to rest, which would
+swing on for one to three seconds, are damped in the same way.
+
+Settling: left alone, the network's legs step on for two seconds after a stop and its trunk fidgets for ever; its feet then
+slide under feet that are held. Slowing all of it alike, pose, phases and root, keeps every pose one of its own: nothing
+slides, breathing (slower than the limit) is as it was, and the network goes on from there when the stick moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime import rotations
+from runtime.arrays import Array
+from runtime.easing import spring
+from runtime.motion.features import FPS
+from runtime.scalar_math import decay
+from runtime.skeleton import SPORT_SKELETON, J
+
+ARMS = [
+    SPORT_SKELETON.index(side + name) for side in ("Left", "Right") for name in ("Shoulder", "Arm", "ForeArm")
+]
+TRUNK = [SPORT_SKELETON.index(name) for name in ("LowerBack", "Spine", "Spine1", "Neck", "Neck1", "Head")]
+JOINTS = ARMS + TRUNK
+FASTEST = 6.0  # rad/s; arms that swing in walking and jogging turn by up to that
+HALF_LIFE = 0.2  # seconds in which about half of an offset is gone
+AFTERWARDS = 0.5  # seconds after a blend in which the network may still change its mind
+FASTEST_EVER = 20.0  # rad/s at any other time: arms of a captured dash reach 16 in 99 of 100 frames, a network that jumps 50
+FASTEST_AT_REST = 0.15  # rad/s: breathing is slower, an arm that swings on is faster
+HALF_LIFE_AT_REST = 0.35  # seconds
+_DONE = 1e-3  # rad
+
+
+@dataclass
+class Inertialization:
+    """The offsets of N characters, from frame to frame."""
+
+    last: Array = field(
+        metadata={"shape": (len(JOINTS), 4)}
+    )  # (N, 12, 4) the network's rotations of the last frame
+    offset: Array = field(
+        metadata={"shape": (len(JOINTS), 3)}
+    )  # (N, 12, 3) rotation vectors, rad, on the parent's side
+    speed: Array = field(metadata={"shape": (len(JOINTS), 3)})  # (N, 12, 3) rad/s
+    left: Array = field(metadata={"shape": ()})  # (N,) seconds in which the network may still change its mind
+
+    @staticmethod
+    def at_rest(local: Array) -> Inertialization:
+        """Of characters whose local rotations `(N, 31, 4)` do not change."""
+        still = np.zeros((len(local), len(JOINTS), 3))
+        return Inertialization(local[:, JOINTS], still, still, np.zeros(len(local)))
+
+    def apply(self, local: Array, blending: NDArray[np.bool_], rest: Array) -> NDArray[np.bool_]:
+        """Turn arms and trunk of the network's local rotations `(N, 31, 4)` into those to show; which characters' are others `(N,)`.
+
+        `rest` `(N,)` is 0 for a body that moves as it likes, to 1 for one that is to be calm.
+        """
+        self.left = np.where(blending, AFTERWARDS, np.maximum(0.0, self.left - 1.0 / FPS))
+        arms = local[:, JOINTS]
+        last, self.last = self.last, arms
+        moving = (np.abs(self.offset) > _DONE).any((1, 2))
+        fastest = np.where(self.left > 0.0, FASTEST, FASTEST_EVER)
+        limit = (fastest * (FASTEST_AT_REST / fastest) ** rest)[:, None, None] / FPS
+        jumps = (np.abs((arms * last).sum(-1)) < np.cos(0.5 * limit[..., 0])).any(-1)
+        active = (self.left > 0.0) | moving | jumps | (rest > 0.0)
+        if not active.any():
+            if self.offset.any():
+                self.offset = self.speed = np.zeros_like(self.offset)
+            return active
+        turn = rotations.to_rotation_vector(rotations.multiply(arms, rotations.inverse(last)))
+        angle = np.sqrt((turn * turn).sum(-1, keepdims=True))
+        excess = turn * np.maximum(0.0, 1.0 - limit / np.maximum(angle, 1e-9))
+        offset = rotations.from_rotation_vector(self.offset)
+        offset = rotations.multiply(offset, rotations.from_rotation_vector(-excess))
+        vector = rotations.to_rotation_vector(offset)
+        half_life = (HALF_LIFE * (HALF_LIFE_AT_REST / HALF_LIFE) ** rest)[:, None, None]
+        offset, speed = spring(vector, self.speed, np.zeros(3), half_life, 1.0 / FPS)
+        self.offset = np.where(active[:, None, None], offset, 0.0)
+        self.speed = np.where(active[:, None, None], speed, 0.0)
+        shown = rotations.multiply(rotations.from_rotation_vector(self.offset), arms)
+        local[:, JOINTS] = np.where(active[:, None, None], shown, arms)
+        return active
+
+
+WATCHED = [
+    SPORT_SKELETON.index(name)
+    for name in ("LeftHand", "RightHand", "Head", "LeftLeg", "RightLeg", "LeftFoot", "RightFoot")
+]
+# m/s of the limbs of a body at rest: hands and head (0.02 to 0.1 in captured idles), knees, and feet, which stand
+AT_REST = np.array([0.07, 0.07, 0.07, 0.05, 0.05, 0.02, 0.02])
+NEARLY = 0.3  # of the usual speed: a body that is nearly at rest comes over its feet
+PATIENCE = 0.6  # more of its usual distance a foot may be held away at rest, where a body steps for no reason
+UNSEEN_M = 0.05  # m away from its feet it may stay,
+OVER_FEET_S = 0.4  # from farther away it comes in about this time,
+SWAYS = 0.05  # m/s at most
+FORGETS = 2.0  # seconds, half-life, in which a body forgets how fast its limbs were
+LEAST_USUAL = 1.0  # m/s: as fast a body may come to rest that moved slower
+RESTS_BELOW = 0.25  # m/s of the plan: slower, a body comes to rest
+WAITS = 0.2  # seconds after the last change of the request
+EVEN = 0.05  # seconds, half-life, in which the rate changes while a body stops; at rest at once
+SETTLES = 0.12  # seconds, half-life, in which the limit goes down,
+WAKES = 0.05  # and up again
+STEPS_ON = 0.6  # of its usual speed a body keeps until both feet stand
+
+
+@dataclass
+class Settling:
+    """How slow the time of N characters runs, and the poses that they were in."""
+
+    local: Array = field(
+        metadata={"shape": (J, 4)}
+    )  # (N, 31, 4) of the last frame, the hips seen from the root
+    usual: Array = field(metadata={"shape": (len(WATCHED),), "most": 1000.0})  # (N, 7) m/s
+    fraction: Array = field(metadata={"shape": ()})  # (N,) of it that is the limit, 1 while a body moves
+    waited: Array = field(metadata={"shape": ()})  # (N,) seconds since something else was requested
+    rate: Array = field(metadata={"shape": ()})  # (N,) of this frame's time
+
+    @staticmethod
+    def awake(local: Array, yaw: Array) -> Settling:
+        """Of characters that do not move: local rotations `(N, 31, 4)`, and the roots' yaw `(N,)`."""
+        one = np.ones(len(local))
+        usual = np.full((len(local), len(WATCHED)), LEAST_USUAL)
+        return Settling(_turned(local, -yaw), usual, one, 0.0 * one, one)
+
+    def slow(
+        self,
+        joints: Array,
+        before: Array,
+        free: NDArray[np.bool_],
+        still: NDArray[np.bool_],
+        grounded: NDArray[np.bool_],
+    ) -> Array:
+        """The rates `(N,)` of this frame, for joints `(N, 31, 3)` relative to the root and those of the last frame.
+
+        `free` `(N,)`: nothing is requested of the body, which may be coming to rest; `still` `(N,)`: it is where it was
+        requested to be; `grounded` `(N,)`: both feet stand where they may stay.
+        """
+        moved = (joints - before)[:, WATCHED]
+        speed = np.sqrt((moved * moved).sum(-1)) * FPS
+        usual = np.maximum(np.maximum(self.usual * decay(FORGETS), speed), LEAST_USUAL)
+        self.usual = np.where(free[:, None], self.usual, usual)
+        self.waited = np.where(free & still, self.waited + 1.0 / FPS, 0.0)
+        settled = self.fraction * decay(SETTLES)
+        settled = np.where(grounded, settled, np.maximum(settled, np.minimum(self.fraction, STEPS_ON)))
+        awake = 1.0 + (self.fraction - 1.0) * decay(WAKES)
+        self.fraction = np.where(self.waited > WAITS, settled, awake)
+        limit = np.maximum(self.fraction[:, None] * self.usual, AT_REST)
+        rate = np.minimum((limit / np.maximum(speed, 1e-9)).min(-1), 1.0)
+        even = 0.5 ** (1.0 / (FPS * EVEN * np.maximum(self.fraction, 1e-3)))
+        self.rate = rate + (self.rate - rate) * even
+        return self.rate
+
+    def between(self, local: Array, yaw: Array) -> Array:
+        """Local rotations `(N, 31, 4)` on the way from the last frame's to these, by the rates; remembers them."""
+        here = _turned(local, -yaw)
+        turn = rotations.to_rotation_vector(rotations.multiply(here, rotations.inverse(self.local)))
+        part = rotations.from_rotation_vector(turn * self.rate[:, None, None])
+        slow = (self.rate < 1.0)[:, None, None]
+        self.local = np.where(slow, rotations.multiply(part, self.local), here)
+        return np.where(slow, _turned(self.local, yaw), local)
+
+
+def _turned(local: Array, yaw: Array) -> Array:
+    """Local rotations with the hips turned about the vertical by `yaw` `(N,)`."""
+    result = local.copy()
+    half = 0.5 * yaw
+    about = np.stack([np.cos(half), 0.0 * half, np.sin(half), 0.0 * half], -1)
+    result[:, 0] = rotations.multiply(about, local[:, 0])
+    return result

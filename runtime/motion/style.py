@@ -1,0 +1,230 @@
+"""Styles, mixed where the network uses them: in the modulator's folded weights; and blends from one to another over time.
+
+Between two codes Z^t the gating of the content experts is a switch: most of the change comes within a sixth of the way.
+What the experts' weights are folded into is linear in the gating's result, so that a mix of folded weights changes evenly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+
+from runtime.arrays import Float32Array
+from runtime.motion.calibration import Calibration
+from runtime.motion.features import C
+from runtime.motion.mirror import LIMBS, Ways, mirrored_code
+from runtime.scalar_math import smoothstep
+
+Shares = tuple[float, ...]  # of the second of two styles, at even parts of the change from the first
+
+LINEAR: Shares = (0.0, 1.0)
+CACHED = 16  # folded codes that are kept: a blend of six parts has seven
+
+
+@dataclass(frozen=True)
+class Style:
+    """What a prompt contributes to every frame: the modulator's folded weights and the natural speeds."""
+
+    z: Float32Array  # (6, 64), as it came from the prompt, whatever the strength
+    front_bias: Float32Array
+    content_weight: Float32Array
+    content_bias: Float32Array
+    walk_speed: float  # m/s
+    jog_speed: float
+    # amplitude and turns a second (C, 2) of the phases at rest, by what the arms are to do; zeros of a model that does not tell
+    rest: Float32Array = field(default_factory=lambda: np.zeros((C, 2), np.float32))
+    mirrored: bool = False  # folded from the mirror image of z: the network walks it in the mirror
+    opposite: Style | None = (
+        None  # the same code folded the other way round, where some limbs move as it moves them
+    )
+    limbs: tuple[float, ...] = (0.0,) * LIMBS  # how far each of the four does
+
+    @property
+    def ways(self) -> Ways:
+        """The ways round that it is folded."""
+        return Ways(self.mirrored, self.opposite is not None)
+
+
+@dataclass(frozen=True, eq=False)
+class StyleMix:
+    """Codes Z^t `(6, 64)` with their weights, which sum to one."""
+
+    weights: tuple[float, ...]
+    codes: tuple[Float32Array, ...]
+
+
+def even_weights(fractions: Shares, weights: Sequence[float]) -> Shares:
+    """The fractions of the second style at which these parts (0 to 1) of the change are done; 0 and 1 stay what they are."""
+    return tuple(np.interp(weights, np.linspace(0.0, 1.0, len(fractions)), fractions).tolist())
+
+
+def turned_round(fractions: Shares) -> Shares:
+    """The fractions of the same pair, the other style first."""
+    return tuple(1.0 - fraction for fraction in reversed(fractions))
+
+
+def mixes(weights: Sequence[float]) -> bool:
+    """Whether any part is of both styles; else there is nothing to measure."""
+    return any(0.0 < weight < 1.0 for weight in weights)
+
+
+def mixed(styles: Sequence[Style], weights: Sequence[float]) -> Style:
+    """The weighted mean of folded styles, all of them folded the same ways; one style alone is handed back as it is."""
+    if len(styles) == 1:
+        return styles[0]
+
+    def mean(name: str) -> Float32Array:
+        total = np.float32(weights[0]) * getattr(styles[0], name)
+        for fraction, style in zip(weights[1:], styles[1:], strict=True):
+            total += np.float32(fraction) * getattr(style, name)
+        return total
+
+    walk, jog = (
+        sum(fraction * getattr(style, name) for fraction, style in zip(weights, styles, strict=True))
+        for name in ("walk_speed", "jog_speed")
+    )
+    z, front_bias, weight, bias = (mean(n) for n in ("z", "front_bias", "content_weight", "content_bias"))
+    made = Style(z, front_bias, weight, bias, walk, jog, mean("rest"), styles[0].mirrored)
+    opposites = [style.opposite for style in styles if style.opposite is not None]
+    if len(opposites) < len(styles):
+        return made
+    limbs = np.array(weights) @ np.array([style.limbs for style in styles])
+    return replace(made, opposite=mixed(opposites, weights), limbs=tuple(limbs.tolist()))
+
+
+class StyleFolder:
+    """Folds codes and mixes at one strength, each code once; the ways round are those that a model's `calibration` says."""
+
+    def __init__(
+        self,
+        fold: Callable[[Float32Array, float], Style],
+        strength: float,
+        calibration: Calibration | None = None,
+    ) -> None:
+        self._fold = fold
+        self._calibration = calibration
+        self.strength = strength
+        self._known: dict[tuple[bytes, bool], Style] = {}
+
+    def fold(self, style: Float32Array | StyleMix, like: Ways | None = None) -> Style:
+        """The style folded the ways round that it is walked best, or at least the requested ones.
+
+        ModelError where a code does not fit the model.
+        """
+        mix = style if isinstance(style, StyleMix) else StyleMix((1.0,), (style,))
+        measured = self._calibration
+        if measured is None:
+            return mixed([self._folded(z, False) for z in mix.codes], mix.weights)
+        leads = np.array(mix.weights, np.float32) @ np.stack([measured.side_leads(z) for z in mix.codes])
+        ways = measured.ways(leads) if like is None else like
+        limbs = measured.other_limbs(leads, ways.mirrored)
+        made = mixed([self._folded(z, ways.mirrored) for z in mix.codes], mix.weights)
+        if not ways.both:
+            return made
+        opposite = mixed([self._folded(z, not ways.mirrored) for z in mix.codes], mix.weights)
+        return replace(made, opposite=opposite, limbs=limbs)
+
+    def _folded(self, z: Float32Array, mirrored: bool) -> Style:
+        key = np.ascontiguousarray(z, np.float32).tobytes(), mirrored
+        found = self._known.pop(key, None)
+        if found is None:
+            found = self._fold(mirrored_code(z) if mirrored else z, self.strength)
+            found = replace(found, z=z, mirrored=True) if mirrored else found
+        self._known[key] = found  # the latest last
+        if len(self._known) > CACHED:
+            del self._known[next(iter(self._known))]
+        return found
+
+
+class Fold(Protocol):
+    """Folds a code or a mix the ways round that it is walked best, or the requested ones."""
+
+    def __call__(self, style: Float32Array | StyleMix, like: Ways | None = None) -> Style: ...
+
+
+@dataclass(frozen=True, eq=False)
+class StyleCodes:
+    """What a style was, what it becomes, and how far it is."""
+
+    start: StyleMix | Style  # a blend that began in the middle of another begins with what was shown, folded
+    goal: StyleMix
+    seconds: float = 0.0
+    progress: float = 1.0  # 0 to 1
+    strength: float = 1.0
+
+    @property
+    def fraction(self) -> float:
+        """Of the goal, eased at both ends."""
+        return smoothstep(self.progress)
+
+
+@dataclass(frozen=True, eq=False)
+class StyleBlend:
+    """Codes with what follows from them: the folded weights of start and goal, and those of this frame."""
+
+    codes: StyleCodes
+    ends: tuple[Style, Style]
+    style: Style
+
+    @staticmethod
+    def of(codes: StyleCodes, fold: Fold) -> StyleBlend:
+        """Folded by a model at the codes' strength; ModelError where a code does not fit the model.
+
+        A blend to a style that is walked in the mirror is in it from the beginning, and the reverse.
+        """
+        goal, start = fold(codes.goal), codes.start
+        if codes.progress < 1.0 and not isinstance(start, Style):
+            start = fold(start)
+        if not isinstance(start, Style):
+            return StyleBlend(codes, (goal, goal), goal)
+        ways = Ways(goal.mirrored, goal.opposite is not None or start.opposite is not None)
+        if ways != start.ways:
+            start = fold(start.z if isinstance(codes.start, Style) else codes.start, ways)
+        if ways != goal.ways:
+            goal = fold(codes.goal, ways)
+        ends = start, goal
+        return StyleBlend(codes, ends, _between(ends, codes))
+
+    @staticmethod
+    def constant(style: Float32Array | StyleMix, strength: float, fold: Fold) -> StyleBlend:
+        """One style that holds; ModelError where a code does not fit the model."""
+        return StyleBlend.of(StyleCodes(_mix(style), _mix(style), strength=strength), fold)
+
+    def towards(self, style: Float32Array | StyleMix, seconds: float, fold: Fold) -> StyleBlend:
+        """From what is shown now to another style; ModelError where a code does not fit the model."""
+        if seconds <= 0.0:
+            return StyleBlend.constant(style, self.codes.strength, fold)
+        start = self.style if self.blending else self.codes.goal
+        return StyleBlend.of(StyleCodes(start, _mix(style), seconds, 0.0, self.codes.strength), fold)
+
+    def at_strength(self, strength: float, fold: Fold) -> StyleBlend:
+        """The same blend at another strength, by which `fold` folds."""
+        start = self.codes.start
+        start = _mix(start.z) if isinstance(start, Style) else start
+        return StyleBlend.of(replace(self.codes, start=start, strength=strength), fold)
+
+    def advanced(self, dt: float) -> StyleBlend:
+        """The blend `dt` seconds on."""
+        if not self.blending:
+            return self
+        codes = replace(self.codes, progress=min(1.0, self.codes.progress + dt / self.codes.seconds))
+        return StyleBlend(codes, self.ends, _between(self.ends, codes))
+
+    @property
+    def blending(self) -> bool:
+        """Whether it still changes."""
+        return self.codes.progress < 1.0
+
+
+def _mix(style: Float32Array | StyleMix) -> StyleMix:
+    """A code `(6, 64)` as a mix of one."""
+    return style if isinstance(style, StyleMix) else StyleMix((1.0,), (np.array(style, np.float32),))
+
+
+def _between(ends: tuple[Style, Style], codes: StyleCodes) -> Style:
+    if codes.fraction <= 0.0 or codes.fraction >= 1.0:
+        return ends[codes.fraction >= 1.0]
+    return mixed(ends, (1.0 - codes.fraction, codes.fraction))

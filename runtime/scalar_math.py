@@ -1,0 +1,149 @@
+"""Math of plain floats for what runs in every frame: vectors, quaternions, springs, smoothstep.
+
+A NumPy call on three numbers costs as much as fifty multiplications in Python, and a foot lock needs hundreds of them a
+frame. Vectors are (x, y, z), quaternions (w, x, y, z). `runtime.rotations` and `runtime.easing` are the same on arrays.
+"""
+
+from __future__ import annotations
+
+import math
+from math import atan2, cos, sin, sqrt
+
+from runtime.pose import FPS
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+RATE = 1.3862943611  # 2 ln 2, of a critically damped spring with a half-life of one second
+
+
+def smoothstep(value: float) -> float:
+    """0 below 0, 1 above 1, smooth between."""
+    u = min(1.0, max(0.0, value))
+    return u * u * (3.0 - 2.0 * u)
+
+
+def damp(value: float, velocity: float, goal: float, half_life: float, dt: float) -> tuple[float, float]:
+    """`spring` of one number, ten times as fast as by arrays."""
+    rate = RATE / max(half_life, 1e-5)
+    offset = value - goal
+    slope = velocity + offset * rate
+    fade = math.exp(-rate * dt)
+    return fade * (offset + slope * dt) + goal, fade * (velocity - slope * rate * dt)
+
+
+def damp_vector(
+    value: Vector, velocity: Vector, goal: Vector, half_life: float, dt: float
+) -> tuple[Vector, Vector]:
+    """`damp` of three numbers with one half-life."""
+    rate = RATE / max(half_life, 1e-5)
+    fade = math.exp(-rate * dt)
+    x, y, z = value[0] - goal[0], value[1] - goal[1], value[2] - goal[2]
+    vx, vy, vz = velocity
+    ax, ay, az = vx + x * rate, vy + y * rate, vz + z * rate
+    moved = (fade * (x + ax * dt) + goal[0], fade * (y + ay * dt) + goal[1], fade * (z + az * dt) + goal[2])
+    rate *= dt
+    return moved, (fade * (vx - ax * rate), fade * (vy - ay * rate), fade * (vz - az * rate))
+
+
+def decay(half_life: float, dt: float = 1.0 / FPS) -> float:
+    """Fraction of a difference that is left after `dt` seconds."""
+    return float(0.5 ** (dt / half_life))
+
+
+def add(a: Vector, b: Vector) -> Vector:
+    """a + b."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def subtract(a: Vector, b: Vector) -> Vector:
+    """a - b."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def scale(v: Vector, s: float) -> Vector:
+    """v times s."""
+    return v[0] * s, v[1] * s, v[2] * s
+
+
+def perpendicular(v: Vector, axis: Vector) -> Vector:
+    """v without its part along the unit vector `axis`."""
+    d = dot(v, axis)
+    return v[0] - d * axis[0], v[1] - d * axis[1], v[2] - d * axis[2]
+
+
+def dot(a: Vector, b: Vector) -> float:
+    """Inner product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def length(v: Vector) -> float:
+    """Euclidean length."""
+    return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+
+
+def unit(v: Vector) -> Vector:
+    """v at length one; a zero vector stays zero."""
+    s = 1.0 / max(length(v), 1e-8)
+    return v[0] * s, v[1] * s, v[2] * s
+
+
+def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
+    """Hamilton product: rotate by b, then by a."""
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+def relative(parent: Quaternion, world: Quaternion) -> Quaternion:
+    """Rotation of `world` seen from `parent`, at unit length."""
+    w, x, y, z = multiply(inverse(parent), world)
+    s = 1.0 / sqrt(w * w + x * x + y * y + z * z)
+    return w * s, x * s, y * s, z * s
+
+
+def rotate(q: Quaternion, v: Vector) -> Vector:
+    """Rotate v by q."""
+    w, x, y, z = q
+    vx, vy, vz = v
+    tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
+    return (
+        vx + w * tx + y * tz - z * ty,
+        vy + w * ty + z * tx - x * tz,
+        vz + w * tz + x * ty - y * tx,
+    )
+
+
+def between(a: Vector, b: Vector) -> Quaternion:
+    """Shortest rotation that turns unit vector a into unit vector b."""
+    w = 1.0 + dot(a, b)
+    x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    if w < 1e-6:  # opposite: half a turn about any perpendicular axis
+        w = 0.0
+        x, y, z = (0.0, a[2], -a[1]) if abs(a[0]) < 0.9 else (-a[2], 0.0, a[0])
+    s = 1.0 / sqrt(w * w + x * x + y * y + z * z)
+    return w * s, x * s, y * s, z * s
+
+
+def inverse(q: Quaternion) -> Quaternion:
+    """The opposite rotation."""
+    return q[0], -q[1], -q[2], -q[3]
+
+
+def to_vector(q: Quaternion) -> Vector:
+    """Axis times angle (radians, at most pi) of a rotation."""
+    w, x, y, z = q if q[0] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
+    sine = sqrt(x * x + y * y + z * z)
+    factor = 2.0 * atan2(sine, w) / sine if sine > 1e-9 else 2.0
+    return x * factor, y * factor, z * factor
+
+
+def from_vector(v: Vector) -> Quaternion:
+    """Rotation of axis times angle; inverse of `to_vector`."""
+    angle = length(v)
+    factor = sin(0.5 * angle) / angle if angle > 1e-9 else 0.5
+    return cos(0.5 * angle), v[0] * factor, v[1] * factor, v[2] * factor

@@ -1,0 +1,1 @@
+"""Obstacles that are crossed by keyframed motion: bars, gaps, walls, drops."""

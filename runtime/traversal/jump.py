@@ -1,0 +1,423 @@
+"""A jump: the body is thrown up at once, in whatever gait and style it is; everything else is the network's.
+
+The network goes on in its gait with its rhythm held back, so that the foot that comes down is the next one. The hips are
+pushed up from the foot that stands (from both at rest), fly as a thrown body does, and give way where they come down. It
+works on the pose before foot lock, which holds the feet that stand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import exp, hypot, sqrt
+
+import numpy as np
+
+from runtime.arrays import Array
+from runtime.controls import Gait
+from runtime.feet.leg import LegPose, leg_bones, leg_forward, leg_inverse, roll_cosine, rolled
+from runtime.feet.planted_foot import SETTINGS
+from runtime.pose import DT, Pose
+from runtime.scalar_math import (
+    Quaternion,
+    Vector,
+    add,
+    between,
+    damp,
+    dot,
+    from_vector,
+    length,
+    multiply,
+    rotate,
+    scale,
+    smoothstep,
+    subtract,
+    unit,
+)
+from runtime.skeleton import SPORT_SKELETON, TOE_HEIGHT
+from runtime.terrain.height_map import PointHeights, Terrain
+from runtime.traversal.keyframes import ARMS, bend_trunk, quaternions
+from runtime.traversal.traversal import PlannedSteps
+
+GRAVITY = 9.81
+STAGES = ("", "push", "flight", "land")
+BOTH = 2  # feet that push
+PUSH_S = 0.25  # from the button to the take-off
+RISE_M = 0.30  # of the hips over their mean height, at the top
+OFF_M = 0.09  # of that at the take-off, on tiptoe
+LAND_M = 0.06  # over the incoming pose they come down
+GIVE_RATES = (6.5, 7.0, 7.5)  # 1/s of the spring that gives way: at rest, in a walk, in a jog
+LAND_S = 1.0  # until nothing of it is left
+TIPTOE_M = 0.02  # that the hips are raised: the heel leaves the ground
+EXTENDED_S = 0.14  # after the take-off and before the landing, in which legs are stretched
+FOLD_S = 0.2  # in which they fold
+HIGHEST_M = 0.25  # over the ground, a foot is put down wholly
+SET_S = 0.1  # in which a foot that pushes is put down
+HANG_M, HANG_S = 0.05, 0.3  # that the foot which pushed hangs at the landing, and until it comes down
+CARRIED_S = 0.3  # in which the network's own speed and height take over
+GOES = 0.3  # m/s: slower, both feet push
+HOLD_S = 0.1  # for which a foot that comes down stays
+FARTHEST_M = 0.25  # behind the hip; from there it goes with the body, wholly at twice that
+FARTHEST_PUSH_M = 0.38  # behind the hip a foot pushes
+STANDS_M = 0.02  # over the ground: a foot stands
+AHEAD_M = 0.12  # a foot is to be, before the rhythm waits for it
+UPPER_HALF_LIFE = 0.06
+REST_HALF_LIFE = 0.3  # seconds, of the mean height
+OFF_SHARE = (
+    (0.36, 0.47),
+    (0.25, 0.34),
+)  # of a stride since the foot that pushes came down, at the take-off; jogging
+RUNS = 1.7  # m/s
+FAST = 0.6  # m/s ahead from which feet are wholly that far apart; at half of it they are not
+WAKE_S = 0.1  # before the landing it goes on
+FASTEST_RATE = 2.0  # of the network's rhythm, before the take-off
+SWINGING_RATE = 0.7  # of it in flight, until the foot that comes down is ahead,
+FLYING_RATE = 0.12  # and from then on
+RATE_STEP = 0.18  # it changes by in a frame at most: elbows would bend their course by 8 degrees
+EASE_S = 0.1  # in which a push comes to its rate
+LEG_SHARE = 0.985  # of its length that a pushing leg spans,
+BENT_SHARE = 0.955  # and one that is to give way,
+YIELDING, YIELD_S, YIELDED_SHARE = 24.0, 0.12, 0.88  # by so much, 1/s2, for so long, so far
+TUCK_M = 0.10  # that feet are drawn up in flight
+POINTED = 0.5  # radians, toes down in flight
+APART_M = (0.3, 0.42)  # that the feet are before and behind the hips in the flight of a walk, of a jog
+LEAN = 0.22  # radians, of the trunk before and after
+SWING = (
+    0.45,
+    0.9,
+)  # radians that hanging arms are swung back before and up in the flight, at rest; half of it going
+LEGS = (leg_bones(0), leg_bones(1))
+
+
+@dataclass
+class Jump:
+    """State of one character's jump, from frame to frame."""
+
+    stage: str = field(default="", metadata={"choices": STAGES})
+    time: float = 0.0  # s in this stage
+    pressed: bool = False  # the button was down in the last frame
+    gait: int = field(
+        default=int(Gait.WALK), metadata={"most": max(Gait)}
+    )  # requested when the button was not
+    foot: int = field(default=BOTH, metadata={"most": BOTH})  # that pushes: 0 left, 1 right, or both
+    rate: float = 1.0  # of the network's rhythm
+    rest: float = 0.95  # mean height of the hips over the ground, m
+    hips: float = 0.0  # height of the hips as shown, m,
+    speed: float = 0.0  # and their speed, m/s
+    begin: tuple[float, float] = (0.0, 0.0)  # height and speed of the hips where the stage began
+    aim: tuple[float, float] = (0.0, 0.0)  # height and speed at the end of the push
+    ripe: bool = False  # the foot that is to come down is as far ahead as it goes
+    lead: float = 0.0  # m of the foot that does not push before the hips, in the network's pose
+    spot: tuple[float, float] | None = None  # XZ of the toe that stands
+    shift: tuple[float, float] = (0.0, 0.0)  # m that it is therefore moved
+    give: float = GIVE_RATES[0]
+    over: float = 0.0  # m of the hips over the incoming pose,
+    high: float = 0.0  # and over their mean height
+    velocity: tuple[float, float] = (0.0, 0.0)  # of the root in flight, XZ, m/s
+    swing: float = 0.0  # radians of the arms,
+    swing_speed: float = 0.0
+    lean: float = 0.0  # and of the trunk
+    lean_speed: float = 0.0
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether numbers that were read from a file are those of a jump."""
+        numbers = (
+            self.time,
+            self.hips,
+            self.speed,
+            self.rest,
+            self.over,
+            self.high,
+            *self.begin,
+            *self.aim,
+            *self.velocity,
+        )
+        whole = self.gait in list(Gait) and self.foot in (0, 1, BOTH) and 0.0 <= self.rate <= FASTEST_RATE
+        return whole and max(map(abs, numbers)) < 1e4 and (self.stage != "flight" or self.begin[1] > 0.0)
+
+    @property
+    def airborne(self) -> bool:
+        """Whether nothing but gravity moves the body."""
+        return self.stage == "flight"
+
+    @property
+    def active(self) -> bool:
+        """Whether the jump has begun and the body is not yet caught."""
+        return self.stage in ("push", "flight")
+
+    @property
+    def pace(self) -> float:
+        """Of the network's rhythm in this frame: a push takes a moment until it has its rate."""
+        if self.stage != "push":
+            return self.rate
+        return 1.0 + (self.rate - 1.0) * min(self.time / EASE_S, 1.0)
+
+    def requested_gait(self, gait: Gait) -> Gait:
+        """The gait that the stick requests: while the button is down the one before."""
+        return Gait(self.gait) if gait is Gait.JUMP else gait
+
+    def press(self, gait: Gait, free: bool) -> bool:
+        """Read the button; whether a jump is to begin. `free`: nothing is being crossed."""
+        down = gait is Gait.JUMP
+        begins = down and not self.pressed and free and self.stage in ("", "land")
+        self.pressed = down
+        if not down:
+            self.gait = int(gait)
+        return begins
+
+    @staticmethod
+    def standing(hips: float, ground: float) -> Jump:
+        """Of a body that stands."""
+        return Jump(rest=hips - ground, hips=hips)
+
+    def cancel(self, hips: float) -> None:
+        """Something else moves the body, whose hips are at `hips`."""
+        self.stage, self.rate, self.hips, self.speed, self.over = "", 1.0, hips, 0.0, 0.0
+        self.swing = self.swing_speed = self.lean = self.lean_speed = 0.0
+
+    def carried(self, velocity: Array) -> Array:
+        """The root's velocity (m/s, XZ) for the network's: as it took off, and from there to the network's own."""
+        if self.stage == "flight":
+            return np.array(self.velocity)
+        if self.stage == "land":
+            fraction = smoothstep(self.time / CARRIED_S)
+            return np.array(self.velocity) * (1.0 - fraction) + velocity * fraction
+        return velocity
+
+    def start(self, pose: Pose, steps: PlannedSteps, velocity: tuple[float, float]) -> None:
+        """Push off from where the body is in its stride, from its last `pose`; `velocity` of the root (XZ), m/s."""
+        self.stage, self.time = "push", 0.0
+        self.begin = (self.hips, self.speed)
+        self.foot, self.rate, self.ripe, self.spot, self.shift = BOTH, 1.0, False, None, (0.0, 0.0)
+        speed = hypot(*velocity)
+        if speed > GOES and steps.stance is not None:
+            self.foot = steps.stance
+            done = steps.elapsed / steps.seconds
+            least, most = OFF_SHARE[speed > RUNS]
+            toe, hip = (pose.positions[LEGS[self.foot].joints[k]].astype(np.float64) for k in (4, 1))
+            ahead = ((toe - hip)[[0, 2]] @ np.array(velocity)) / speed
+            if speed * PUSH_S - ahead > FARTHEST_PUSH_M:  # the other foot is nearer to where it is needed
+                self.foot, done = 1 - self.foot, done - 0.5
+            goal = min(max(done + PUSH_S / steps.seconds, least), most)
+            self.rate = min(max((goal - done) * steps.seconds / PUSH_S, 0.0), FASTEST_RATE)
+
+    def advance(self, incoming: float, ground: float, root: tuple[float, float]) -> None:
+        """Move on by a frame over an incoming pose with hips at `incoming` (m); `ground` is what it stands on, `root` its velocity."""
+        before, mean = self.hips, self.rest + ground
+        self.time += DT
+        if self.stage == "push":
+            fraction = min(self.time / PUSH_S, 1.0)
+            if self.time <= 1.5 * DT:
+                self.aim = (mean + OFF_M, sqrt(2.0 * GRAVITY * (RISE_M - OFF_M)))
+            self.hips = _hermite(fraction, self.begin, self.aim, PUSH_S)
+            if fraction >= 1.0 - 1e-6:
+                self.stage, self.time, self.velocity = "flight", 0.0, root
+                self.begin = self.aim
+        elif self.stage == "flight":
+            t = self.time
+            self.hips = self.begin[0] + self.begin[1] * t - 0.5 * GRAVITY * t * t
+            falls = self.begin[1] - GRAVITY * t
+            going = FLYING_RATE if self.ripe else SWINGING_RATE
+            goal = 1.0 if self.foot == BOTH or self._wakes() else going
+            self.rate += min(max(goal - self.rate, -RATE_STEP), RATE_STEP)
+            if falls < 0.0 and self.hips < mean + LAND_M:
+                self.stage, self.time, self.spot = "land", 0.0, None
+                self.begin = (self.hips - mean, falls)
+                fast = hypot(*self.velocity) > RUNS
+                self.give = GIVE_RATES[0 if self.foot == BOTH else 1 + fast]
+                self.rate = 1.0
+        elif self.stage == "land":
+            back = smoothstep((self.time - HOLD_S) / CARRIED_S)
+            self.hips = mean + back * (incoming - mean) + _giving(self.time, self.give, *self.begin)
+            if self.time > LAND_S:
+                self.stage = ""
+        if self.stage == "":
+            self.hips = incoming
+            self.rest += (incoming - ground - self.rest) * (1.0 - 0.5 ** (DT / REST_HALF_LIFE))
+        self.speed = (self.hips - before) / DT
+        self.over, self.high = self.hips - incoming, self.hips - mean
+        self._move_upper()
+
+    def pose(
+        self, hips: Array, local: Array, contacts: Array, terrain: Terrain
+    ) -> tuple[Array, Array, Array]:
+        """Hips `(3,)`, rotations `(31, 4)` and contacts `(4,)` of the jump for the incoming ones."""
+        ground = PointHeights(terrain, float(hips[1]) - SETTINGS.ground_under_hips, float(hips[1]))
+        x, y, z = (float(c) for c in hips)
+        incoming = quaternions(local)
+        mine = list(incoming)
+        self._trunk_and_arms(mine)
+        place, shown = (x, y + self.over, z), np.array(contacts)
+        for side in (0, 1):
+            leg, bones = leg_forward(LEGS[side], (x, y, z), incoming), LEGS[side]
+            high = leg.toe[1] - TOE_HEIGHT - ground.height(leg.toe[0], leg.toe[2])
+            high = min(max(high, 0.0), HIGHEST_M)
+            up, contact = self._foot(side, high)
+            if contact is not None:
+                shown[2 * side : 2 * side + 2] = contact
+            if self.active and side == 1 - self.foot:
+                self._wait_for(leg)
+            ankle, foot = self._placed(side, leg, up, high)
+            solved = leg_inverse(leg, ankle, foot, -self.over)
+            for joint, rotation in zip(bones.joints[1:4], solved, strict=True):
+                mine[joint] = rotation
+        return np.array(place), np.array(mine), shown
+
+    def _foot(self, side: int, high: float) -> tuple[float, tuple[float, float] | None]:
+        """Metres of a foot over the incoming one, which is `high`, and its contacts (heel, toe) where they are others."""
+        pushes = self.foot in (BOTH, side)
+        lands = self.foot in (BOTH, 1 - side)
+        if self.stage == "push":
+            if pushes:
+                down = smoothstep(self.time / SET_S) * high
+                return -down, (float(self.over < TIPTOE_M), 1.0)
+            return max(self.over, 0.0), (0.0, 0.0)
+        if self.stage == "flight":
+            extended = (OFF_M + high) * (1.0 - smoothstep(self.time / EXTENDED_S)) if pushes else 0.0
+            extended -= TUCK_M * self.flies
+            extended += smoothstep(1.0 - self._left() / EXTENDED_S) * (
+                self.over - self.high + LAND_M + high if lands else -HANG_M
+            )
+            return self.over - extended, (0.0, 0.0)
+        if lands:
+            soon = self.time < HOLD_S
+            down = (1.0 - smoothstep((self.time - HOLD_S) / HOLD_S)) * high
+            return -down, (float(self.over < TIPTOE_M), 1.0) if soon else None
+        hangs = 1.0 - smoothstep(self.time / HANG_S)
+        return (LAND_M + HANG_M) * hangs, (0.0, 0.0) if hangs > 0.0 else None
+
+    def _wait_for(self, leg: LegPose) -> None:
+        """Hold the rhythm back once the foot that is to come down is as far ahead as it goes."""
+        lead = dot(_ahead(leg), subtract(leg.toe, leg.hip))
+        self.ripe = self.ripe or AHEAD_M < lead < self.lead
+        self.lead = lead
+        if self.ripe and self.stage == "push":
+            self.rate = max(self.rate - RATE_STEP, FLYING_RATE)
+
+    def _wakes(self) -> bool:
+        """Whether the landing is near."""
+        return self.stage == "flight" and self.high > LAND_M and self._left() < WAKE_S
+
+    def _left(self) -> float:
+        """Seconds of a flight that are left, over ground as it is now."""
+        high, falls = self.high - LAND_M, self.begin[1] - GRAVITY * self.time
+        return (falls + sqrt(max(falls * falls + 2.0 * GRAVITY * high, 0.0))) / GRAVITY
+
+    @property
+    def flies(self) -> float:
+        """0 on the ground to 1 in the middle of the flight."""
+        if self.stage != "flight":
+            return 0.0
+        return smoothstep(self.time / FOLD_S) * smoothstep(self._left() / FOLD_S)
+
+    def _spans(self) -> float:
+        """Share of its length that a leg spans at most: bent before it comes down, and then as fast as a knee can."""
+        if self.stage == "flight":
+            return LEG_SHARE + (BENT_SHARE - LEG_SHARE) * smoothstep(self.time / FOLD_S)
+        if self.stage == "land":
+            soon = max(BENT_SHARE - YIELDING * self.time**2, YIELDED_SHARE)
+            return soon + (LEG_SHARE - soon) * smoothstep((self.time - YIELD_S) / YIELD_S)
+        return LEG_SHARE
+
+    def _placed(self, side: int, leg: LegPose, up: float, high: float) -> tuple[Vector, Quaternion]:
+        """Ankle and world rotation of a foot `up` metres over the incoming one, rolled over its toe where the leg is too short."""
+        bones, flies = LEGS[side], self.flies
+        hip = leg.raised(self.over)
+        toe = (leg.toe[0], leg.toe[1] + up, leg.toe[2])
+        if flies > 0.0 and self.foot != BOTH:
+            toe = add(toe, scale(self._apart(side, leg), flies))
+        if self.foot != BOTH:
+            x, z = self._shifted(side, toe, hip, _ahead(leg), high)
+            toe = (toe[0] + x, toe[1], toe[2] + z)
+        sole = rotate(leg.foot, bones.offsets[4])
+        ankle, foot = subtract(toe, sole), leg.foot
+        spans = min(length(subtract(leg.ankle, leg.hip)), bones.length)
+        own = spans if self.stage == "push" else 0.0
+        reach = max(self._spans() * bones.length, own)
+        far = length(subtract(ankle, hip))
+        if far > reach:
+            along = unit(scale(sole, -1.0))
+            to_hip = subtract(hip, toe)
+            turned = rolled(to_hip, along, roll_cosine(to_hip, bones.foot_length, reach))
+            foot = multiply(between(along, turned), foot)
+            ankle = add(toe, scale(turned, bones.foot_length))
+            away = subtract(ankle, hip)
+            ankle = add(hip, scale(away, min(reach / length(away), 1.0)))
+        if flies > 0.0:
+            right = rotate(leg.base, (1.0, 0.0, 0.0))
+            foot = multiply(from_vector(scale(right, POINTED * flies)), foot)
+        return ankle, foot
+
+    def _shifted(self, side: int, toe: Vector, hip: Vector, way: Vector, high: float) -> tuple[float, float]:
+        """Metres (XZ) by which a foot is moved so that it stays where it stands, before and after the flight."""
+        x, z = self.shift
+        if self.stage == "flight":
+            left = 1.0 - smoothstep(self.time / FOLD_S)
+            return (x * left, z * left) if side == self.foot else (0.0, 0.0)
+        if side != (self.foot if self.stage == "push" else 1 - self.foot):
+            return 0.0, 0.0
+        if self.stage == "push":
+            if self.spot is None and (self.time > SET_S or high < STANDS_M):
+                self.spot = (toe[0], toe[2])
+            held = 1.0
+        elif self.spot is None:
+            self.spot = (toe[0], toe[2])
+        if self.spot is None:
+            return 0.0, 0.0
+        if self.stage == "land":
+            behind = -dot(way, (self.spot[0] - hip[0], 0.0, self.spot[1] - hip[2]))
+            held = 1.0 - smoothstep((self.time - HOLD_S) / HOLD_S)
+            held *= 1.0 - smoothstep((behind - FARTHEST_M) / FARTHEST_M)
+        self.shift = (held * (self.spot[0] - toe[0]), held * (self.spot[1] - toe[2]))
+        return self.shift
+
+    def _apart(self, side: int, leg: LegPose) -> Vector:
+        """The way of a foot to where it is in a leap: before or behind the hips, as far as the body goes where it faces."""
+        way = _ahead(leg)
+        speed = self.velocity[0] * way[0] + self.velocity[1] * way[2]
+        fraction = min(max(2.0 * speed / FAST - 1.0, 0.0), 1.0)
+        goal = APART_M[speed > RUNS] * (-1.0 if side == self.foot else 1.0)
+        return scale(way, fraction * (goal - dot(way, subtract(leg.toe, leg.hip))))
+
+    def _trunk_and_arms(self, mine: list[Quaternion]) -> None:
+        """Bend the trunk and swing the arms, as far as they hang, in place."""
+        bend_trunk(mine, self.lean, 0.0, -0.5 * self.lean)
+        for _, upper, fore, _ in ARMS:
+            bone = SPORT_SKELETON.offsets[fore]
+            down = -rotate(mine[upper], (float(bone[0]), float(bone[1]), float(bone[2])))[1] / length(bone)
+            hangs = smoothstep((down - 0.2) / 0.6)
+            mine[upper] = multiply(from_vector((self.swing * hangs, 0.0, 0.0)), mine[upper])
+
+    def _move_upper(self) -> None:
+        """Let trunk and arms follow: back and down, up in the flight, and forward as the landing gives way."""
+        fraction = 1.0 if self.foot == BOTH else 0.5
+        back, up = fraction * SWING[0], -fraction * SWING[1]
+        if self.stage == "push":
+            swing, lean = (back, LEAN) if self.time < 0.4 * PUSH_S else (up, 0.0)
+        elif self.stage == "flight":
+            swing, lean = (up, 0.0) if self._left() > 0.15 else (0.4 * up, LEAN)
+        elif self.stage == "land" and self.time < 0.15:
+            swing, lean = 0.3 * back, LEAN
+        else:
+            swing, lean = 0.0, 0.0
+        self.swing, self.swing_speed = damp(self.swing, self.swing_speed, swing, UPPER_HALF_LIFE, DT)
+        self.lean, self.lean_speed = damp(self.lean, self.lean_speed, lean, UPPER_HALF_LIFE, DT)
+
+
+def _ahead(leg: LegPose) -> Vector:
+    """The level direction in which a leg's hip faces."""
+    x, _, z = rotate(leg.base, (0.0, 0.0, 1.0))
+    size = max(sqrt(x * x + z * z), 1e-6)
+    return x / size, 0.0, z / size
+
+
+def _hermite(fraction: float, begin: tuple[float, float], end: tuple[float, float], seconds: float) -> float:
+    """Height at `fraction` of `seconds` between heights and speeds at both ends."""
+    s, v = fraction, 1.0 - fraction
+    a, b = (1.0 + 2.0 * s) * v * v, s * s * (3.0 - 2.0 * s)
+    return a * begin[0] + b * end[0] + seconds * (s * v * v * begin[1] - s * s * v * end[1])
+
+
+def _giving(t: float, rate: float, over: float, speed: float) -> float:
+    """Height over the incoming pose `t` seconds after a landing `over` it at `speed`: a damped spring of that rate (1/s)."""
+    return (over + (speed + rate * over) * t) * exp(-rate * t)

@@ -1,0 +1,283 @@
+"""One stride over a bar, a gap or a step: both feet and the height of the hips are planned, all else is the network's.
+
+It begins when a foot has come down before the obstacle (the stance foot). The other foot (the lead foot) swings over and
+comes down behind it, then the stance foot follows and comes down a step farther: the same moment of the gait, a stride on.
+All is in the frame of the traversal: x to the left, y over the ground before the obstacle, z along the way from its near edge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from runtime import rotations
+from runtime.arrays import Array
+from runtime.easing import smoothstep
+from runtime.feet.ik import LEG_FEET, LEG_SHINS, LEG_THIGHS, solve_legs
+from runtime.pose import FPS
+from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
+from runtime.terrain.obstacle_detection import ObstacleKind
+from runtime.traversal.keyframes import TraversalPose
+
+Mask = NDArray[np.bool_]
+
+TOE = np.asarray(SPORT_SKELETON.offsets[LEG_FEET[0] + 1], np.float64)  # from the ankle, on a flat foot
+HIP_DROP = float(-SPORT_SKELETON.offsets[LEG_THIGHS[0], 1])  # of the thighs' joints under the hips
+LEG = float(-SPORT_SKELETON.offsets[LEG_SHINS[0], 1] - SPORT_SKELETON.offsets[LEG_FEET[0], 1])
+REACH = 0.995  # of its length that a standing leg spans
+BEHIND_M = 0.42  # the stance foot leaves the ground when the hips are so far before it,
+AHEAD_M = 0.30  # and the lead foot comes down when they are so far behind it
+CLEARANCE_M = 0.05  # of soles over edges
+EDGE_M = 0.07  # before and behind an edge in which soles are that high
+ROLL_M = 0.1  # the lead foot rolls over its toe when the hips are so far before it
+TOE_OFF, LANDING = 0.75, -0.2  # pitch of a foot, radians, toes down
+FLATTEN_S = 0.09  # in which the sole comes down after the heel
+LONGEST_FLIGHT_S = 0.35
+LATEST_LANDING, LONGER = 0.68, 1.6  # of the stride; it takes so many times as long at most
+FLIGHT_S = 0.22  # over a gap at least
+LOW_M = 0.2  # to deeper ground the hips fall
+STEEPEST = 0.15  # of a swing in which a foot goes all the way up or down
+LIFT_M = 0.05  # of a swing on level ground
+DEEPEST_M = 0.12  # that the hips sink for a foot that the leg does not reach
+GRAVITY = 9.81
+
+
+@dataclass(frozen=True)
+class LeapStart:
+    """What a leap begins with, in the frame of the traversal."""
+
+    start_z: float  # of the root
+    speed: float  # m/s
+    seconds: float  # of a stride of two steps
+    elapsed: float  # of it, since the stance foot came down
+    stance: int  # the foot that has come down: 0 left, 1 right
+    ankles: Array  # (2, 3) left, right
+    feet: Array  # (2, 4) world rotations
+    hips: float  # height
+
+
+def takeoff_m(kind: ObstacleKind, top: float, speed: float) -> float:
+    """How far before an obstacle's edge the stance foot's ankle stands at best; `speed` of the root in m/s."""
+    return (
+        0.22 + 0.45 * top + 0.12 * max(speed - 1.0, 0.0)
+        if kind is ObstacleKind.BAR
+        else 0.16
+        if kind in (ObstacleKind.GAP, ObstacleKind.DOWN)
+        else 0.3
+    )
+
+
+class Leap:
+    """The plan of one traversal, as tables of a row for each frame."""
+
+    def __init__(
+        self, kind: ObstacleKind, length: float, top: float, beyond: float, stride: LeapStart
+    ) -> None:
+        """`length` from the near edge to the far one (0 of a step), `top` of a bar, `beyond` of the ground behind."""
+        self.kind, self.length, self.top, self.beyond, self.stride = kind, length, top, beyond, stride
+        lead = 1 - stride.stance
+        first, last = stride.ankles[stride.stance], stride.ankles[lead]
+        step = max(0.5 * stride.speed * stride.seconds, 0.3)
+        behind = (
+            0.13 + 0.35 * top if kind is ObstacleKind.BAR else 0.16 if kind is ObstacleKind.DOWN else 0.13
+        )
+        fall = float(np.sqrt(max(-2.0 * beyond, 0.0) / GRAVITY)) if beyond < -LOW_M else 0.0
+        self._fall = fall
+        flown = stride.speed * fall + BEHIND_M + AHEAD_M if fall else 0.0
+        self._lead_z = max(length + behind, first[2] + step, first[2] + flown)
+        self._stance_z = self._lead_z + step
+        self.end_z = self._stance_z - max(first[2] - stride.start_z + stride.elapsed * stride.speed, 0.05)
+        off, land = self._timed(float(first[2]))
+        stride = self.stride
+        rolls = float(np.interp(self._lead_z + ROLL_M, self._root, self._t, right=np.inf))
+        goals = ((last[0], beyond, self._lead_z), (first[0], beyond, self._stance_z))
+        plans = [
+            _foot_plan(
+                self._t, stride, lead, (max(0.1 * stride.seconds, stride.elapsed), land, rolls), goals[0]
+            ),
+            _foot_plan(self._t, stride, stride.stance, (off, stride.seconds, np.inf), goals[1]),
+        ]
+        for plan in plans:
+            plan.clear(self._profile)
+        self._plans = plans if lead == 0 else plans[::-1]
+        self._rise = self._hips_rise(off, land)
+
+    def _timed(self, stance_z: float) -> tuple[float, float]:
+        """Sets the time of every row, and the root's place in it; when the stance foot leaves and the lead foot comes down.
+
+        A stride that is too short for the hips to come near enough to where the lead foot lands takes longer.
+        """
+        wanted = self.stride.seconds
+        for _ in range(4):
+            self.seconds = self.stride.seconds - self.stride.elapsed
+            self._count = max(round(self.seconds * FPS), 2)
+            self._t = self.stride.elapsed + np.arange(self._count + 1) / self._count * self.seconds
+            self._root = self._root_path()
+            whole = float(np.interp(self._lead_z - AHEAD_M, self._root, self._t)) / LATEST_LANDING
+            if whole <= self.stride.seconds + 0.5 / FPS or self.stride.seconds >= LONGER * wanted:
+                break
+            self.stride = replace(self.stride, seconds=min(whole, LONGER * wanted))
+        return self._times(stance_z)
+
+    def _root_path(self) -> Array:
+        """Places of the root: the stride's speed at both ends, what is missing in between."""
+        s, way = (self._t - self._t[0]) / self.seconds, self.end_z - self.stride.start_z
+        slope = min(self.stride.speed * self.seconds, 2.0 * way)
+        h00, h10, h11 = 2 * s**3 - 3 * s**2 + 1, s**3 - 2 * s**2 + s, s**3 - s**2
+        return self.stride.start_z + (1 - h00) * way + (h10 + h11) * slope
+
+    def _times(self, stance_z: float) -> tuple[float, float]:
+        """When the stance foot leaves the ground and the lead foot comes down."""
+        off = float(np.interp(stance_z + BEHIND_M, self._root, self._t))
+        land = float(np.interp(self._lead_z - AHEAD_M, self._root, self._t))
+        whole, begin = self.stride.seconds, self.stride.elapsed
+        land = min(max(land, 0.42 * whole, begin + 0.15 * whole), LATEST_LANDING * whole)
+        off = min(max(off, 0.3 * whole, begin + 0.05), 0.62 * whole)
+        if self.kind is ObstacleKind.GAP:
+            off = max(min(off, land - FLIGHT_S), begin + 0.05)
+        return off, max(land, min(off + self._fall, 0.85 * whole))
+
+    def _profile(self, z: Array) -> Array:
+        """Height that a sole keeps at z `(N,)`: over the obstacle, its edges a little wider; the ground's elsewhere."""
+        ground = np.where(z < 0.5 * self.length, 0.0, self.beyond)
+        if self.kind is ObstacleKind.BAR:
+            return np.where((z > -EDGE_M) & (z < self.length + EDGE_M), self.top + CLEARANCE_M, ground)
+        near = (np.abs(z) < EDGE_M) | (np.abs(z - self.length) < EDGE_M)
+        edges = np.where(
+            (np.abs(z) < EDGE_M) & (np.abs(z - self.length) < EDGE_M), max(0.0, self.beyond), ground
+        )
+        return np.where(near, edges + CLEARANCE_M, ground)
+
+    def _hips_rise(self, off: float, land: float) -> Array:
+        """Height of the hips over those of the incoming pose: the new ground, a flight's arc, and legs that reach."""
+        t, end = self._t, self.stride.seconds
+        up = (
+            smoothstep((t - land) / (0.4 * end))
+            if self.beyond > 0.0
+            else smoothstep((t - 0.8 * off) / (land - 0.7 * off))
+        )
+        if self._fall:
+            up = np.clip((t - off) / max(land - off, 1e-3), 0.0, 1.0) ** 2
+        flight = min(max(land - off, 0.0), LONGEST_FLIGHT_S)
+        high = max(GRAVITY * flight**2 / 8.0, 1.1 * (self.top - 0.33))
+        middle = 0.5 * (off + land)
+        width = min(
+            max(np.pi * (0.5 * max(high, 0.0) / GRAVITY) ** 0.5, 0.34 * end), 0.48 * end
+        )  # no faster than a fall
+        arc = np.where(np.abs(t - middle) < width, np.cos(0.5 * np.pi * (t - middle) / width) ** 2, 0.0)
+        rise = self.beyond * up + max(high, 0.0) * arc
+        limit = np.full(len(t), np.inf)
+        for plan in self._plans:
+            dz = plan.ankle[:, 2] - self._root
+            reach = plan.ankle[:, 1] + np.sqrt(np.maximum((REACH * LEG) ** 2 - dz**2, 0.01)) + HIP_DROP
+            limit = np.where(plan.stands, np.minimum(limit, reach - self.stride.hips), limit)
+        lower = np.minimum(np.maximum(rise - limit, 0.0), DEEPEST_M)
+        # the most of seven frames around, then their smooth mean: hardly less anywhere, and without a step where a foot comes down
+        most = sliding_window_view(np.pad(lower, 3, mode="edge"), 7).max(-1)
+        kernel = np.hanning(15)
+        spread = np.convolve(np.pad(most, 7, mode="edge"), kernel / kernel.sum(), mode="valid")
+        fade = smoothstep(np.minimum(t - t[0], end - t) / 0.15)
+        return rise - spread * fade
+
+    def root_z(self, t: float) -> float:
+        """The root's place along the way at `t` seconds."""
+        return float(np.interp(self.stride.elapsed + t, self._t, self._root))
+
+    def pose(self, t: float, hips: Array, local: Array) -> TraversalPose:
+        """The traversal's pose at `t` seconds in place of the network's: `hips` `(3,)` over ground 0, `local` `(31, 4)`."""
+        row = min(max(round(t * FPS), 0), self._count)
+        raised = hips + np.array([0.0, self._rise[row], 0.0])
+        targets = np.array([plan.ankle[row] for plan in self._plans])
+        feet = np.array([plan.rotation[row] for plan in self._plans])
+        contacts = np.array([[plan.heel[row], plan.toe[row]] for plan in self._plans], np.float64).ravel()
+        return TraversalPose(raised, solve_legs(raised, local, targets, feet), contacts)
+
+
+class _FootPlan:
+    """Ankle `(T, 3)`, rotation `(T, 4)` and contacts of one foot over the stride."""
+
+    def __init__(self, ankle: Array, pitch: Array, yaw: float, swing: Array, heel: Mask, toe: Mask) -> None:
+        self.ankle, self._pitch, self._yaw = ankle, pitch, yaw
+        self._swing = swing  # 0..1 in the swing
+        self.heel, self.toe = heel, toe
+        self.stands: Mask = heel | toe
+        self.rotation = rotations.multiply(rotations.from_yaw(np.full(len(pitch), yaw)), _pitched(pitch))
+
+    def clear(self, profile: Callable[[Array], Array]) -> None:
+        """Raise the swing until the sole is over the obstacle."""
+        u = self._swing
+        points = [
+            (self.ankle, ANKLE_HEIGHT),
+            (self.ankle + rotations.rotate(self.rotation, np.tile(TOE, (len(u), 1))), TOE_HEIGHT),
+        ]
+        lack = np.max([profile(p[:, 2]) - (p[:, 1] - rest) for p, rest in points], axis=0)
+        lack = np.where((u > 0.0) & (u < 1.0), lack, 0.0)
+        inner = (u > 0.04) & (u < 0.96) & (lack > 0.0)
+        if not inner.any():
+            return
+        first, last = float(u[inner][0]), float(u[inner][-1])
+        up = smoothstep(u / max(first, STEEPEST))
+        down = smoothstep((1.0 - u) / max(1.0 - last, STEEPEST))
+        self.ankle = self.ankle + np.outer(float(lack[inner].max()) * np.minimum(up, down), [0.0, 1.0, 0.0])
+
+
+def _foot_plan(
+    t: Array,
+    stride: LeapStart,
+    side: int,
+    times: tuple[float, float, float],
+    goal: tuple[float, float, float],
+) -> _FootPlan:
+    """Stands until `off`, swings, comes down at `land` with its ankle over `goal` (x, ground, z), rolls from `rolls` on."""
+    off, land, rolls = times
+    start = np.asarray(stride.ankles[side], np.float64)
+    ahead = rotations.rotate(stride.feet[side], TOE)
+    yaw = float(np.arctan2(ahead[0], ahead[2]))
+    level = float(np.arctan2(TOE[1], TOE[2]))
+    pitch0 = float(level - np.arctan2(ahead[1], np.hypot(ahead[0], ahead[2])))
+    u = np.clip((t - off) / max(land - off, 1e-3), 0.0, 1.0)
+    flat = smoothstep((t - t[0]) / FLATTEN_S)
+    heel_off = smoothstep((t - 0.35 * off) / (0.65 * off)) if pitch0 < 0.3 else np.ones(len(t))
+    standing = pitch0 * (1.0 - flat) if pitch0 < 0.3 else np.full(len(t), pitch0)
+    standing = standing + (TOE_OFF - standing) * heel_off * smoothstep((t - t[0]) / max(off - t[0], 1e-3))
+    swung = TOE_OFF + (LANDING - TOE_OFF) * smoothstep(u / 0.8)
+    rolled = (
+        TOE_OFF * smoothstep((t - rolls) / (1.6 * (t[-1] - rolls))) if rolls < t[-1] else np.zeros(len(t))
+    )
+    landed = LANDING * (1.0 - smoothstep((t - land) / FLATTEN_S)) + rolled
+    pitch = np.where(t < off, standing, np.where(t < land, swung, landed))
+    ankle = _planned_ankle(
+        t, off, land, u, pitch, yaw, start, np.array([goal[0], goal[1] + ANKLE_HEIGHT, goal[2]])
+    )
+    ahead = rotations.rotate(rotations.from_yaw(yaw), TOE)
+    turned = rotations.multiply(rotations.from_yaw(np.full(len(t), yaw)), _pitched(rolled))
+    ankle = ankle + (ahead - rotations.rotate(turned, np.tile(TOE, (len(t), 1))))  # over its toe
+    heel = ((t < 0.35 * off) & (pitch0 < 0.3)) | ((t >= land) & (t < rolls))
+    toe = (t < off) | (t >= land + FLATTEN_S)
+    return _FootPlan(ankle, pitch, yaw, u, heel, toe)
+
+
+def _planned_ankle(
+    t: Array, off: float, land: float, u: Array, pitch: Array, yaw: float, start: Array, goal: Array
+) -> Array:
+    """The ankle `(T, 3)`: over its toe while it stands, on a smooth way while it swings, over `goal` afterwards."""
+    turned = rotations.multiply(rotations.from_yaw(np.full(len(t), yaw)), _pitched(pitch))
+    toe = rotations.rotate(turned, np.tile(TOE, (len(t), 1)))
+    down = np.minimum(start[1], ANKLE_HEIGHT) if pitch[0] < 0.3 else start[1]
+    held = np.array([start[0], down, start[2]]) + toe[0]
+    held[1] = max(held[1], TOE_HEIGHT) if pitch[0] >= 0.3 else TOE_HEIGHT
+    over = held - toe  # the toe stays where it is
+    settle = (start - over[0]) * (1.0 - smoothstep((t - t[0]) / FLATTEN_S))[:, None]
+    standing = over + settle
+    leaves = standing[min(int(np.searchsorted(t, off)), len(t) - 1)]
+    eased = (u**3 * (10.0 - 15.0 * u + 6.0 * u**2))[:, None]
+    swung = leaves + (goal - leaves) * eased + LIFT_M * np.outer(np.sin(np.pi * u) ** 2, [0.0, 1.0, 0.0])
+    return np.where((t < off)[:, None], standing, np.where((t < land)[:, None], swung, goal))
+
+
+def _pitched(pitch: Array) -> Array:
+    return rotations.from_axis_angle(np.tile([1.0, 0.0, 0.0], (len(pitch), 1)), pitch)

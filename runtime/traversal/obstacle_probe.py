@@ -1,0 +1,156 @@
+"""What lies ahead on a character's path: obstacles that are leapt or climbed, and ground that ends it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from runtime.arrays import Array
+from runtime.pose import DT
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.obstacle_detection import (
+    LANDING_RISE_M,
+    ObstacleAhead,
+    ObstacleKind,
+    blocked_message,
+    can_climb,
+    can_land,
+    obstacle_ahead,
+    step_ahead,
+)
+
+PROBE_M = 3.0  # ahead for obstacles, and what is covered while a character stops
+HIGHEST_CLIMB_M = 1.5
+HIGHEST_LEAP_M = 0.75  # of a bar
+HIGHEST_STEP_M = 0.55  # a higher one is climbed
+STEEPEST_GAP_M = 0.35  # that the ground behind a gap may be higher
+STOP_M = 0.5  # from unwalkable ground the root stops,
+STOP_SECONDS = 0.45  # and as much farther as it covers in this time
+HOLD_M = 0.5  # it sets off again where the path is free this much farther: else it stops and starts in turn
+HALF_BODY_M = 0.25  # no root comes nearer
+CLIMB_M = 0.46  # from the edge the root stops,
+CLIMB_SECONDS = 0.4  # and as much farther as it covers in this time
+NEAREST_M = 0.38  # it comes to a wall
+CLIMB_FROM_M = 0.8  # a climb begins nearer
+WIDEST_SKEW = 0.9  # radians from the right angle
+BESIDE_BAR_M, BAR_SLACK_M = 0.3, 0.1  # before a bar, and higher than it, nothing stands next to the path
+NO_LANDING = "The way ahead is blocked: no room to come down behind the edge."
+NO_CLIMB = "The way ahead is blocked: no room to climb over the edge."
+
+
+@dataclass(frozen=True)
+class Ahead:
+    """An obstacle and the path (XZ, a unit vector) on which it lies ahead."""
+
+    obstacle: ObstacleAhead
+    path: Array
+
+    @property
+    def blocked(self) -> str | None:
+        """What the status line says where it is neither leapt nor climbed; None where it is."""
+        return _blocked(self.obstacle)
+
+    @property
+    def stands(self) -> bool:
+        """Whether one has to stand before it: to climb, or because the way ends."""
+        return is_climb(self.obstacle) or self.blocked is not None
+
+    def too_near(self, direction: Array) -> bool:
+        """Whether a root that goes in `direction` would come into a wall that is to be climbed, or over a drop."""
+        return self.stands and self.obstacle.near < NEAREST_M and float(direction @ self.path) > 0.0
+
+
+class ObstacleProbe(NamedTuple):
+    """What lies ahead of a character in one frame."""
+
+    stops: bool  # the root does not follow the stick
+    ahead: Ahead | None  # what the stick leads to
+    reason: str | None  # why the character does not go on, for the status line
+
+
+CLEAR = ObstacleProbe(False, None, None)
+CLIMBING = ObstacleProbe(True, None, None)
+
+
+def probe_obstacles(
+    terrain: Terrain, place: Array, path: Array, speed: float, stopped: bool
+) -> ObstacleProbe:
+    """What lies ahead of a root at `place` (XZ) that goes at `speed` (m/s) along `path` (XZ, a unit vector).
+
+    A character that has `stopped` sets off only where the path is free farther.
+    """
+    x, z = float(place[0]), float(place[1])
+    reach = STOP_M + STOP_SECONDS * speed + HOLD_M * stopped
+    distance, rise = step_ahead(terrain, x, z, path, reach)
+    if distance <= reach:
+        return ObstacleProbe(True, None, blocked_message(rise))
+    found = obstacle_ahead(terrain, x, z, path, PROBE_M + CLIMB_SECONDS * min(speed, 5.0))
+    if found is None:
+        return CLEAR
+    ahead = Ahead(found, path)
+    stops = found.near <= CLIMB_M + CLIMB_SECONDS * speed + HOLD_M * stopped
+    if is_leap(found) and not _has_landing(terrain, ahead, place):
+        return ObstacleProbe(True, None, NO_LANDING) if stops else CLEAR
+    climbs = is_climb(found) and (stops or found.near <= CLIMB_FROM_M) and ahead.blocked is None
+    if climbs and not _has_room(terrain, ahead, place):
+        return ObstacleProbe(True, None, NO_CLIMB) if stops else CLEAR
+    if not ahead.stands or not stops:
+        return ObstacleProbe(False, ahead, None)
+    return ObstacleProbe(True, ahead, ahead.blocked)
+
+
+def held_back(terrain: Terrain, place: Array, velocity: Array, ahead: Ahead | None) -> Array:
+    """The root's velocity (m/s), zero where it leads to a step too high for anyone, or into a wall."""
+    speed = float(np.linalg.norm(velocity))
+    if speed < 1e-6:
+        return velocity
+    if ahead is not None and ahead.too_near(velocity / speed):
+        return np.zeros(2)
+    reach = speed * DT + HALF_BODY_M
+    distance, _ = step_ahead(terrain, float(place[0]), float(place[1]), velocity / speed, reach)
+    return velocity if distance > reach else np.zeros(2)
+
+
+def is_leap(obstacle: ObstacleAhead) -> bool:
+    """Whether it is crossed in one stride."""
+    if obstacle.kind is ObstacleKind.BAR:
+        return obstacle.top <= HIGHEST_LEAP_M
+    if obstacle.kind is ObstacleKind.GAP:
+        return obstacle.beyond <= STEEPEST_GAP_M
+    return abs(obstacle.top) <= HIGHEST_STEP_M
+
+
+def is_climb(obstacle: ObstacleAhead) -> bool:
+    """Whether it is climbed up or down."""
+    steps = obstacle.kind in (ObstacleKind.UP, ObstacleKind.DOWN)
+    return steps and HIGHEST_STEP_M < abs(obstacle.top) <= HIGHEST_CLIMB_M
+
+
+def _has_landing(terrain: Terrain, ahead: Ahead, place: Array) -> bool:
+    """Whether a leap from `place` (XZ) over the obstacle ahead has room to fly and to come down."""
+    found = ahead.obstacle
+    edge = found.near if found.kind in (ObstacleKind.UP, ObstacleKind.DOWN) else found.far
+    length, rise = found.far - found.near, max(found.beyond, 0.0)
+    flight, over = {
+        ObstacleKind.GAP: (length, rise + LANDING_RISE_M),
+        ObstacleKind.BAR: (length + BESIDE_BAR_M, found.top + BAR_SLACK_M),
+    }.get(found.kind, (0.0, 0.0))
+    return can_land(terrain, place, ahead.path, edge, rise, flight, over)
+
+
+def _has_room(terrain: Terrain, ahead: Ahead, place: Array) -> bool:
+    """Whether a climb from `place` (XZ) over the edge ahead, at a right angle to it, has room."""
+    skew, (x, z) = ahead.obstacle.skew, ahead.path
+    path = np.array([x * np.cos(skew) + z * np.sin(skew), z * np.cos(skew) - x * np.sin(skew)])
+    return can_climb(terrain, place, path, ahead.obstacle.near * float(np.cos(skew)), ahead.obstacle.top)
+
+
+def _blocked(obstacle: ObstacleAhead) -> str | None:
+    """What the status line says where an obstacle is neither leapt nor climbed; None where it is."""
+    if obstacle.kind is ObstacleKind.BAR and obstacle.top > HIGHEST_LEAP_M:
+        return f"The way ahead is blocked: a bar of {obstacle.top:.1f} m, too high to leap over and too narrow to stand on."
+    if abs(obstacle.skew) > WIDEST_SKEW and is_climb(obstacle):
+        return "The way ahead is blocked: walk straight at the wall to climb it."
+    return None

@@ -1,0 +1,192 @@
+"""Keyed climbing: it begins and ends in the network's pose, the hands hold the edge, and nothing is inside the wall."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from runtime import rotations
+from runtime.arrays import Array
+from runtime.feet.ik import solve_legs
+from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
+from runtime.terrain.courses import Obstacle
+from runtime.traversal.climb import Climb, Descend
+from runtime.traversal.keyframes import Track, slerp
+from training.evaluation.metrics.crossing import CAPSULES, capsule_points, hands_on_edge, on_top_after
+
+FPS = 60
+RISES = st.floats(0.55, 1.5)
+STARTS = st.floats(-0.45, -0.3)
+STYLES = st.sampled_from(("upright", "slumped", "wide", "aeroplane"))
+FASTEST = 9.0  # m/s of a joint
+
+
+def depth_of(points: Array, rise: float, depth: float) -> Array:
+    """Depth in metres of `(..., 3)` points in the wall, or in the upper ground behind the edge of a drop."""
+    z = points[..., 2]
+    if rise > 0.0:
+        return np.maximum(np.minimum(np.minimum(z, depth - z), rise - points[..., 1]), -points[..., 1])
+    return np.maximum(np.minimum(-z, -points[..., 1]), rise - points[..., 1])
+
+
+@cache
+def standing(style: str) -> tuple[Array, Array]:
+    """Hips over the root and local rotations of somebody who stands: knees hardly bent, arms down or out."""
+    local = rotations.identity((31,)).astype(np.float64)
+    turn = {"upright": 0.0, "slumped": 0.25, "wide": -0.05, "aeroplane": 0.1}[style]
+    hang = 0.1 if style == "aeroplane" else 1.3
+    for joint in (11, 12, 13):
+        local[joint] = rotations.from_rotation_vector(np.array([turn, 0.0, 0.0]))
+    for arm, fore, side in ((18, 19, 1.0), (25, 26, -1.0)):
+        local[arm] = rotations.from_rotation_vector(np.array([0.0, 0.1 * side, -hang * side]))
+        local[fore] = rotations.from_rotation_vector(np.array([0.0, -0.3 * side, 0.0]))
+    half, ahead = (0.17, 0.05) if style == "wide" else (0.09, 0.0)
+    hips = np.array([0.0, 0.96 if style == "slumped" else 0.975, 0.0])
+    ankles = np.array([[half, ANKLE_HEIGHT, 0.01 + ahead], [-half, ANKLE_HEIGHT, 0.01 - ahead]])
+    return hips, solve_legs(hips, local, ankles, rotations.identity((2,)).astype(np.float64))
+
+
+def moved(hips: Array, z: float, y: float = 0.0) -> Array:
+    """Hips `(3,)` at another root."""
+    return hips + np.array([0.0, y, z])
+
+
+def played(crossing: Climb | Descend, style: str = "upright") -> tuple[Array, Array]:
+    """World positions `(T, 31, 3)` and contacts `(T, 4)` of a crossing at 60 frames a second."""
+    hips, local = standing(style)
+    times = np.arange(0.0, crossing.seconds, 1.0 / FPS)
+    poses = [crossing.pose(t, moved(hips, crossing.root_z(t)), local) for t in times]
+    positions, _ = SPORT_SKELETON.forward_kinematics(
+        np.array([p.hips for p in poses]), np.array([p.local for p in poses])
+    )
+    return positions, np.array([p.contacts for p in poses])
+
+
+def check_ends(crossing: Climb | Descend, rise: float, start: float, style: str) -> None:
+    """Both ends show the incoming pose, lifted by the rise, and the root rests there."""
+    hips, local = standing(style)
+    for t, z, y in ((0.0, start, 0.0), (crossing.seconds, crossing.end_z, rise)):
+        assert crossing.root_z(t) == pytest.approx(z, abs=1e-9)
+        pose = crossing.pose(t, moved(hips, crossing.root_z(t)), local)
+        np.testing.assert_allclose(pose.hips, moved(hips, z, y), atol=1e-6)
+        assert rotations.angle_between(pose.local, local).max() < 1e-4
+        assert pose.contacts.tolist() == [1.0] * 4
+    for t in (0.0, crossing.seconds - 1e-3):
+        assert abs(crossing.root_z(t + 1e-3) - crossing.root_z(t)) < 1e-4
+
+
+def check_body(positions: Array, rise: float, depth: float = 1.0) -> None:
+    """Finite, no faster than a person, and not inside the ground."""
+    assert np.isfinite(positions).all()
+    assert np.linalg.norm(np.diff(positions, axis=0), axis=-1).max() * FPS < FASTEST
+    assert (depth_of(positions, rise, depth) > 0.03).mean(0).max() <= 0.01
+    for name, pairs in CAPSULES.items():
+        surface = np.concatenate([capsule_points(positions, *ends) for ends in pairs], 1)
+        depths = depth_of(surface, rise, depth).max(1)
+        assert (depths > 0.03).mean() <= 0.02, name
+        assert depths.max() < 0.06, name
+
+
+def check_stance(positions: Array, contacts: Array) -> None:
+    """A toe or a heel in contact moves no farther than a sole rolls."""
+    feet = positions[:, [4, 5, 9, 10]]
+    way = np.linalg.norm(np.diff(feet, axis=0), axis=-1) * FPS
+    both = (contacts[1:] > 0.99) & (contacts[:-1] > 0.99)
+    assert way[both].size > 0
+    assert np.percentile(way[both], 95) < 0.5
+    assert np.percentile(way[:, [1, 3]][both[:, [1, 3]]], 95) < 0.15
+
+
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(rise=RISES, start=STARTS, style=STYLES)
+def test_climbing_begins_and_ends_in_the_incoming_pose(rise: float, start: float, style: str) -> None:
+    check_ends(Climb(rise, start, 1.0), rise, start, style)
+
+
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(drop=RISES, start=STARTS, style=STYLES)
+def test_getting_down_begins_and_ends_in_the_incoming_pose(drop: float, start: float, style: str) -> None:
+    check_ends(Descend(-drop, start, 1.0), -drop, start, style)
+
+
+@settings(max_examples=10, deadline=None, derandomize=True)
+@given(rise=RISES, start=STARTS, style=STYLES)
+def test_a_climber_holds_the_edge_and_stays_out_of_the_wall(rise: float, start: float, style: str) -> None:
+    positions, contacts = played(Climb(rise, start, 1.0), style)
+    check_body(positions, rise)
+    check_stance(positions, contacts)
+    wall = Obstacle(0.0, 1.0, rise, 3.0)
+    assert hands_on_edge(positions, [wall])[0] >= 0.35
+    assert on_top_after(np.concatenate([positions[:1] - [0.0, 0.0, 1.0], positions]), wall) is not None
+
+
+@settings(max_examples=10, deadline=None, derandomize=True)
+@given(drop=RISES, start=STARTS, style=STYLES)
+def test_getting_down_lands_softly_and_clears_the_edge(drop: float, start: float, style: str) -> None:
+    positions, contacts = played(Descend(-drop, start, 1.0), style)
+    check_body(positions, -drop)
+    check_stance(positions, contacts)
+    height = positions[:, 0, 1]
+    acceleration = np.diff(height, 2) * FPS**2
+    assert acceleration.min() > -40.0  # falling, at most pulled down by the legs
+    assert height.min() < height[-1] - 0.15  # the knees take the landing
+
+
+@pytest.mark.parametrize("rise", [0.6, 1.0, 1.3, 1.5])
+def test_spread_arms_do_not_turn_over_on_their_way_to_the_edge(rise: float) -> None:
+    for start in (-0.45, -0.38, -0.3):
+        positions, _ = played(Climb(rise, start, 1.0), "aeroplane")
+        assert np.linalg.norm(np.diff(positions, axis=0), axis=-1).max() * FPS < FASTEST
+
+
+@pytest.mark.parametrize("rise", [0.6, 1.0, 1.4, -0.6, -1.0, -1.4])
+def test_soles_stand_on_the_ground(rise: float) -> None:
+    """Feet that are in contact with heel and toe are as high over the ground as a flat sole."""
+    crossing = Climb(rise, -0.38, 1.0) if rise > 0 else Descend(rise, -0.38, 1.0)
+    positions, contacts = played(crossing)
+    for heel, toe, side in ((4, 5, 0), (9, 10, 2)):
+        flat = (contacts[:, side : side + 2] > 0.99).all(1)
+        ground = np.where(positions[flat, toe, 2] > 0.0, rise, 0.0)
+        soles = positions[flat][:, [heel, toe], 1] - ground[:, None] - [ANKLE_HEIGHT, TOE_HEIGHT]
+        assert np.percentile(np.abs(soles), 90) < 0.02
+
+
+def test_a_higher_wall_takes_longer_and_a_tempo_shortens_it() -> None:
+    low, high = Climb(0.6, -0.4, 1.0), Climb(1.4, -0.4, 1.0)
+    assert low.seconds == pytest.approx(1.5)
+    assert high.seconds == pytest.approx(2.7)
+    assert Climb(1.4, -0.4, 1.0, tempo=1.5).seconds == pytest.approx(1.8)
+    assert Descend(-1.4, -0.4, 1.0).seconds > Descend(-0.6, -0.4, 1.0).seconds
+
+
+def test_on_a_thin_wall_the_root_ends_in_its_middle() -> None:
+    assert Climb(1.0, -0.4, 0.3).end_z == pytest.approx(0.15)
+    assert Climb(1.0, -0.4, np.inf).end_z <= 0.35
+
+
+def test_knees_bend_forward_and_never_lock_backwards() -> None:
+    for crossing in (Climb(0.6, -0.4, 1.0), Climb(1.4, -0.4, 1.0), Descend(-1.0, -0.4, 1.0)):
+        hips, local = standing("upright")
+        for t in np.linspace(0.0, crossing.seconds, 60):
+            pose = crossing.pose(float(t), moved(hips, crossing.root_z(float(t))), local)
+            for joint in (3, 8):  # the shin turns back about +X of the thigh
+                shin = rotations.rotate(pose.local[joint], np.array([0.0, -1.0, 0.0]))
+                assert shin[2] < 0.05
+
+
+def test_a_track_passes_its_keys_without_overshoot() -> None:
+    track = Track([(0.0, 0.0), (1.0, 2.0), (1.5, 2.0), (2.0, 0.5)])
+    assert [track.at(t)[0] for t in (-1.0, 0.0, 1.0, 1.5, 2.0, 9.0)] == [0.0, 0.0, 2.0, 2.0, 0.5, 0.5]
+    values = [track.at(t)[0] for t in np.linspace(0.0, 2.0, 201)]
+    assert max(values) <= 2.0
+    assert min(values) >= 0.0
+    assert track.at(1.25)[0] == 2.0
+
+
+def test_slerp_is_that_of_the_arrays() -> None:
+    a, b = rotations.normalize(np.array([[1.0, 0.2, -0.3, 0.4], [-0.5, 0.1, 0.7, 0.2]]))
+    np.testing.assert_allclose(slerp(tuple(a), tuple(b), 0.3), rotations.slerp(a, b, 0.3), atol=1e-6)

@@ -1,0 +1,135 @@
+"""Jumps: off the ground at once at any speed, thrown as a body is, given way to, over the ground that is there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from runtime.controls import Controls, Gait
+from runtime.motion.controller import Controller
+from runtime.motion.model import MotionModel
+from runtime.motion.snapshot import Snapshot, take_snapshot
+from runtime.pose import FPS, Pose
+from runtime.skeleton import TOE_HEIGHT
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.library import load_terrain
+from runtime.traversal.jump import Jump
+from tests.helpers.shipped import shipped_model
+
+TOES = (5, 10)
+STAND, WALK, JOG = Controls(), Controls((0.0, 1.0)), Controls((0.0, 1.0), gait=Gait.JOG)
+PRESSED = 4  # frames
+
+
+@pytest.fixture(scope="module")
+def model() -> MotionModel:
+    return shipped_model()
+
+
+def ready(model: MotionModel, stick: Controls, frames: int, terrain: Terrain | None = None) -> Controller:
+    """A character that has gone on for so long."""
+    controller = Controller(model, terrain or load_terrain("flat"), seed=1)
+    for _ in range(frames):
+        controller.step(stick)
+    return controller
+
+
+def jump(controller: Controller, stick: Controls, frames: int = 80) -> list[Pose]:
+    """Poses from the button on."""
+    pressed = Controls(stick.move, stick.facing, Gait.JUMP)
+    return [controller.step(pressed if k < PRESSED else stick) for k in range(frames)]
+
+
+def soles(poses: list[Pose], terrain: Terrain | None = None) -> np.ndarray:
+    """Heights `(T, 2)` of the toes over their resting ones."""
+    toes = np.array([pose.positions[list(TOES)] for pose in poses], np.float64)
+    ground = 0.0 if terrain is None else terrain.height(toes[..., 0], toes[..., 2])
+    return toes[..., 1] - ground - TOE_HEIGHT
+
+
+@pytest.mark.parametrize(("stick", "frames"), [(STAND, 20), (WALK, 110), (WALK, 125), (JOG, 150), (JOG, 160)])
+def test_a_jump_leaves_the_ground_at_once_flies_as_a_body_and_gives_way(
+    stick: Controls, frames: int, model: MotionModel
+) -> None:
+    controller = ready(model, stick, frames)
+    before = [controller.step(stick) for _ in range(40)]
+    poses = jump(controller, stick)
+    height = np.array([pose.hips_position[1] for pose in poses], np.float64)
+    usual = float(np.median([pose.hips_position[1] for pose in before]))
+    top = int(height.argmax())
+    off = (soles(poses) > 0.04).all(-1)
+    first = top - int(np.argmin(off[top::-1])) + 1
+    last = top + int(np.argmin(off[top:]))
+    assert first / FPS <= 0.3
+    assert height[top] - usual > 0.25
+    fall = np.polyfit(np.arange(first, last) / FPS, height[first:last], 2)[0] * 2.0
+    assert -10.6 < fall < -9.0
+    assert 0.04 < usual - height[last : last + 30].min() < 0.2
+    assert abs(height[-1] - usual) < 0.08  # and comes back
+    way = np.array([pose.root_position[[0, 2]] for pose in (*before, *poses)], np.float64)
+    speed = np.linalg.norm(np.diff(way, axis=0), axis=-1) * FPS
+    flown, gone = speed[40 + first : 40 + last].mean(), speed[:40].mean()
+    assert flown > 0.85 * gone - 0.05
+    knees = np.array([_flexions(pose) for pose in (*before[-2:], *poses)])
+    assert np.abs(np.diff(knees, n=2, axis=0)).max() < 8.0
+
+
+def _flexions(pose: Pose) -> list[float]:
+    points = pose.positions.astype(np.float64)
+    angles = []
+    for hip, knee, ankle in ((2, 3, 4), (7, 8, 9)):
+        a, b = points[knee] - points[hip], points[ankle] - points[knee]
+        angles.append(float(np.degrees(np.arccos(a @ b / np.linalg.norm(a) / np.linalg.norm(b)))))
+    return angles
+
+
+def test_the_feet_of_a_leap_are_apart(model: MotionModel) -> None:
+    poses = jump(ready(model, JOG, 150), JOG)
+    top = int(np.argmax([pose.hips_position[1] for pose in poses]))
+    left, right = poses[top].positions[list(TOES)][:, 2]
+    assert abs(left - right) > 0.6
+
+
+def test_one_press_is_one_jump_and_a_jog_stays_a_jog(model: MotionModel) -> None:
+    controller = ready(model, STAND, 10)
+    pressed = Controls(gait=Gait.JUMP)
+    height = [float(controller.step(pressed).hips_position[1]) for _ in range(110)]
+    assert max(height[75:]) - height[0] < 0.1, "held down it does not jump again"
+    controller = ready(model, JOG, 60)
+    jump(controller, JOG, PRESSED)
+    assert controller.state.wished_speed[0] == pytest.approx(controller.full_speed(Gait.JOG))
+
+
+def test_a_jump_comes_down_on_the_ground_that_is_there(model: MotionModel) -> None:
+    hills = load_terrain("hills")
+    controller = ready(model, WALK, 110, hills)
+    heights = soles(jump(controller, WALK), hills)
+    assert heights.min() > -0.03
+    assert np.abs(heights[55:]).min() < 0.02
+
+
+def test_a_jump_goes_on_from_a_snapshot(model: MotionModel) -> None:
+    controller = ready(model, WALK, 100)
+    jump(controller, WALK, 30)
+    again = Controller(model, load_terrain("flat"), seed=1)
+    Snapshot.from_bytes(take_snapshot(controller).to_bytes()).restore(again)
+    for _ in range(20):
+        one, other = controller.step(WALK), again.step(WALK)
+        assert (one.local_rotations == other.local_rotations).all()
+        assert (one.hips_position == other.hips_position).all()
+
+
+def test_the_rhythm_changes_by_little_from_frame_to_frame() -> None:
+    """A rhythm that is held back or let go at once bends an elbow's course by 8 degrees in a frame."""
+    jump = Jump.standing(0.95, 0.0)
+    jump.stage, jump.foot, jump.rate, jump.ripe = "push", 0, 2.0, True
+    paces = [1.0]
+    for _ in range(120):
+        jump.advance(0.95, 0.0, (0.0, 3.0))
+        paces.append(jump.pace)
+        if jump.stage == "land":
+            break
+    assert jump.stage == "land"
+    assert min(paces) < 0.2  # held back in flight
+    assert paces[-2] > 0.9  # and let go before it comes down
+    assert np.abs(np.diff(paces)).max() < 0.25

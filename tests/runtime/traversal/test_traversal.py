@@ -1,0 +1,194 @@
+"""A character that walks at obstacles crosses them: leaps, climbs, stops where nothing helps, and goes on."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime.assets import model_folder
+from runtime.controls import Controls, Gait
+from runtime.errors import ModelError
+from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
+from runtime.motion.controller import Controller, Crowd
+from runtime.motion.model import MotionModel, load_model
+from runtime.motion.snapshot import Snapshot, take_snapshot
+from runtime.terrain.courses import Obstacle, raise_obstacles
+from runtime.terrain.height_map import Terrain
+from runtime.traversal.traversal import Traversal, seen_heights
+from training.evaluation.metrics import crossing
+
+FORWARD = Controls((0.0, 1.0))
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> MotionModel:
+    """The shipped networks, of which it is not known what they cross by themselves: every obstacle is keyed."""
+    folder = shutil.copytree(model_folder(), tmp_path_factory.mktemp("model") / "compact")
+    metadata = json.loads((folder / "metadata.json").read_text("utf-8"))
+    (folder / "metadata.json").write_text(json.dumps(metadata | {"crosses": {}}))
+    return load_model(folder)
+
+
+def ground(*obstacles: Obstacle) -> Terrain:
+    x, z = np.meshgrid(np.arange(-4.0, 4.01, 0.05), np.arange(-2.0, 14.01, 0.05), indexing="ij")
+    return Terrain("test", raise_obstacles(x, z, obstacles).astype(np.float32), 0.05, (-4.0, -2.0))
+
+
+def walked(
+    controller: Controller, until_z: float, seconds: float, controls: Controls = FORWARD
+) -> tuple[np.ndarray, list[str]]:
+    """Positions `(T, 31, 3)` until the root has come so far, and the kinds of crossings on the way."""
+    positions, kinds = [], []
+    for _ in range(round(seconds * 60)):
+        pose = controller.step(controls)
+        positions.append(pose.positions)
+        if controller.traversal and (not kinds or kinds[-1] != controller.traversal):
+            kinds.append(controller.traversal)
+        if pose.root_position[2] > until_z:
+            break
+    return np.array(positions), kinds
+
+
+@pytest.mark.parametrize(("top", "gait"), [(0.3, Gait.WALK), (0.5, Gait.JOG)])
+def test_a_bar_is_leapt_over_without_touching_it(model: MotionModel, top: float, gait: Gait) -> None:
+    bar = Obstacle(3.0, 3.1, top, 4.0)
+    controller = Controller(model, ground(bar))
+    positions, kinds = walked(controller, 4.5, 8.0, Controls((0.0, 1.0), gait=gait))
+    assert kinds == ["bar"]
+    assert positions[-1, 0, 2] > 4.3
+    soles = positions[:, SOLE_POINTS] - np.array(SOLE_HEIGHTS)[:, None] * np.array([0.0, 1.0, 0.0])
+    over = (soles[..., 2] > 2.95) & (soles[..., 2] < 3.15)
+    assert over.any()
+    assert soles[..., 1][over].min() > top
+    assert (
+        np.linalg.norm(np.diff(positions, axis=0), axis=-1).max() < 0.35
+    )  # nothing jumps where it begins and ends
+
+
+def test_a_wall_is_climbed_and_left_again(model: MotionModel) -> None:
+    wall = Obstacle(2.5, 3.7, 1.0, 4.0)
+    controller = Controller(model, ground(wall))
+    positions, kinds = walked(controller, 4.6, 14.0)
+    assert kinds == ["climb", "descend"]
+    on_top = positions[:, 0, 1].max()
+    assert on_top == pytest.approx(1.93, abs=0.15)
+    assert positions[-1, 0, 1] == pytest.approx(0.93, abs=0.1)
+    depths = crossing.depths(positions, controller.terrain, np.ones(len(positions), bool))
+    assert depths["sole_p99"] < 0.5
+    assert depths["joint_deep"] <= 0.01
+    assert crossing.hands_on_edge(positions, [wall])[0] > 0.5
+    assert np.linalg.norm(np.diff(positions, axis=0), axis=-1).max() < 0.25
+
+
+def test_the_network_sees_no_obstacle_that_is_crossed() -> None:
+    """Before a bar and while it leaps: level ground; a hill stays what it is."""
+    state = Traversal()
+    points = np.zeros((12, 3, 2))
+    points[..., 1] = np.arange(12)[:, None] * 0.25
+    heights = np.where(points[..., 1] > 2.0, 0.4, 0.0)
+    terrain = ground(Obstacle(2.0, 2.1, 0.4, 4.0))
+    probe = state.probe(terrain, np.zeros(2), np.array([0.0, 1.2]), 1.2)
+    assert not probe.stops
+    assert seen_heights(state, points, heights, 0, probe.ahead).max() == 0.0
+    slope = points[..., 1] * 0.2
+    probe = state.probe(Terrain.flat(), np.zeros(2), np.array([0.0, 1.2]), 1.2)
+    assert probe.ahead is None
+    assert seen_heights(state, points, slope, 0, None) is slope
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "words"),
+    [(Obstacle(2.5, 2.6, 1.0, 4.0), "bar of 1.0 m"), (Obstacle(2.5, 5.0, 2.0, 4.0), "step up of 2.0 m")],
+)
+def test_what_nobody_crosses_stops_the_walker_who_says_so(
+    model: MotionModel, obstacle: Obstacle, words: str
+) -> None:
+    controller = Controller(model, ground(obstacle))
+    positions, kinds = walked(controller, 4.0, 5.0)
+    assert kinds == []
+    assert positions[-1, 0, 2] < 2.5
+    assert controller.blocked is not None
+    assert words in controller.blocked
+
+
+def test_a_snapshot_in_a_leap_goes_on_alike(model: MotionModel) -> None:
+    terrain = ground(Obstacle(2.0, 2.1, 0.4, 4.0))
+    controller = Controller(model, terrain)
+    for _ in range(600):
+        controller.step(FORWARD)
+        if controller.traversal:
+            break
+    assert controller.traversal == "bar"
+    for _ in range(12):
+        controller.step(FORWARD)
+    data = take_snapshot(controller).to_bytes()
+    other = Controller(model, terrain, seed=4)
+    Snapshot.from_bytes(data).restore(other)
+    for _ in range(90):
+        assert np.array_equal(controller.step(FORWARD).positions, other.step(FORWARD).positions)
+    assert controller.traversal == ""
+
+
+def test_a_crowd_crosses_as_each_would_alone(model: MotionModel) -> None:
+    terrain = ground(Obstacle(2.0, 2.1, 0.3, 4.0), Obstacle(3.8, 5.0, 0.8, 4.0))
+
+    def members() -> list[Controller]:
+        made = [Controller(model, terrain, seed) for seed in range(2)]
+        for k, member in enumerate(made):
+            member.reset(0.8 * k, 0.3 * k)
+        return made
+
+    alone, crowd = members(), Crowd(members())
+    seen = set()
+    for _ in range(330):
+        together = crowd.step(FORWARD)
+        for one, pose in zip(alone, together, strict=True):
+            assert np.array_equal(one.step(FORWARD).positions, pose.positions)
+            seen.add(one.traversal)
+        if {"bar", "climb"} <= seen:
+            break
+    crowd.close()
+    assert {"bar", "climb"} <= seen
+
+
+def test_another_ground_ends_a_crossing(model: MotionModel) -> None:
+    controller = Controller(model, ground(Obstacle(1.5, 2.5, 1.0, 4.0)))
+    for _ in range(400):
+        controller.step(FORWARD)
+        if controller.traversal:
+            break
+    assert controller.traversal == "climb"
+    controller.set_terrain(Terrain.flat())
+    assert controller.traversal == ""
+
+
+def test_what_the_network_crosses_itself_is_not_keyed(model: MotionModel, tmp_path: Path) -> None:
+    """A model says up to which size it crosses obstacles of a kind; what is higher is keyed."""
+    folder = shutil.copytree(model.folder, tmp_path / "model")
+    metadata = json.loads((folder / "metadata.json").read_text("utf-8"))
+    for size, expected in ((0.25, []), (0.15, ["bar"])):
+        (folder / "metadata.json").write_text(json.dumps(metadata | {"crosses": {"bar": size}}))
+        controller = Controller(load_model(folder), ground(Obstacle(2.0, 2.1, 0.2, 4.0)))
+        positions, kinds = walked(controller, 3.5, 8.0)
+        assert kinds == expected
+        assert positions[-1, 0, 2] > 3.3
+    (folder / "metadata.json").write_text(json.dumps(metadata | {"crosses": {"bar": 0.5}}))
+    controller = Controller(load_model(folder), ground(Obstacle(2.0, 2.1, 0.45, 4.0)))
+    _, kinds = walked(controller, 3.5, 8.0)
+    assert kinds == []  # on its top, the way down is not a drop to be keyed
+    (folder / "metadata.json").write_text(json.dumps(metadata | {"crosses": {"moat": 0.3}}))
+    with pytest.raises(ModelError, match="crosses"):
+        load_model(folder)
+
+
+def test_the_hips_do_not_drop_where_a_leap_begins_or_ends(model: MotionModel) -> None:
+    """The ground that the network sees comes and goes smoothly, and the body is placed over it."""
+    controller = Controller(model, ground(Obstacle(3.0, 3.1, 0.3, 4.0), Obstacle(6.0, 6.1, 0.4, 4.0)))
+    positions, kinds = walked(controller, 8.0, 12.0)
+    assert kinds == ["bar"]  # twice running
+    hips = positions[:, 0, 1].astype(np.float64)
+    assert np.abs(np.diff(hips, 2)).max() * 3600.0 < 130.0  # m/s^2: 3.6 cm from one frame to the next

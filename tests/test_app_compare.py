@@ -24,7 +24,7 @@ from app_driver import (
 from viewer.app import App
 from viewer.compare import labels
 from viewer.compare.lineup import SPACING_M, names, places
-from viewer.edit.path import on_screen
+from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
 from viewer.jobs import Slot
 

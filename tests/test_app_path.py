@@ -8,7 +8,7 @@ from app_driver import Start, click, click_on, controller, message, press, run, 
 
 from runtime.controls import Gait
 from viewer.app import App
-from viewer.edit.path import on_screen
+from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
 
 

@@ -19,7 +19,7 @@ from runtime.takes.footplants import FootplantEdit
 from runtime.takes.pinned import farthest
 from runtime.takes.pins import Pinned
 from viewer.app import App
-from viewer.edit.path import on_screen
+from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
 
 HAND = SPORT_SKELETON.index("LeftHand")

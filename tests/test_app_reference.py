@@ -17,7 +17,7 @@ from runtime.session.session import Reference
 from runtime.takes.own_skeleton import STEP_M, OwnSkeleton
 from runtime.takes.pins import Pinned
 from viewer.app import App
-from viewer.edit.path import on_screen
+from viewer.edit.handles import on_screen
 from viewer.edit.reference import Look
 from viewer.edit.video import MAX_SIDE, read_video
 from viewer.filming.writers import open_writer

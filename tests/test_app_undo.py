@@ -14,7 +14,7 @@ from runtime.session.session import Session
 from runtime.takes.pins import Pinned
 from viewer import services
 from viewer.app import App
-from viewer.edit.path import on_screen
+from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
 
 

@@ -18,7 +18,7 @@ from test_reference import TURNS, foreign
 from runtime.character.shape import BodyShape, shaped_file
 from sport.commands.arguments import size
 from viewer.app import App
-from viewer.edit.path import on_screen
+from viewer.edit.handles import on_screen
 from viewer.filming.writers import open_writer
 from viewer.input.gamepad import GamepadState
 from viewer.options import ViewOptions

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -21,6 +21,7 @@ from runtime.errors import UsageError
 DEFAULT_EASE_S = 0.3
 MAX_TIME_S, MAX_COORDINATE_M, MAX_EASE_S = 36_000.0, 100_000.0, 60.0
 MAX_PINS = 1000
+KEPT_S = 3600.0  # that the rolling memory may hold
 FORM = 'Write "left hand 0.3 1.1 0.4 from 2 to 4", "look 0 1.6 5 from 0 to 3" or "pose 1.5 from 2 to 3".'
 
 
@@ -74,6 +75,10 @@ class Pin:
         fall = smootherstep(((self.end + self.ease_out) - seconds) / max(self.ease_out, 1e-6))
         held = (seconds >= self.start - 1e-9) & (seconds <= self.end + 1e-9)
         return np.where(held, 1.0, np.where(seconds < self.start, rise, fall))
+
+    def end_in(self, seconds: float) -> float:
+        """When it ends in a clip of a length."""
+        return min(self.end, seconds)
 
     def to_text(self) -> str:
         """The pin as `parse_pins` reads it."""
@@ -156,3 +161,44 @@ def _parse(entry: str) -> Pin:
 
 def _triple(point: Sequence[float]) -> str:
     return " ".join(f"{value:g}" for value in point)
+
+
+# --- pins of the live character: in seconds of the program's own count of frames, a held one ends at `MAX_TIME_S`
+
+
+def held_pins(pins: Sequence[Pin]) -> tuple[Pin, ...]:
+    """Those that hold now."""
+    return tuple(pin for pin in pins if pin.end >= MAX_TIME_S)
+
+
+def released(pins: Sequence[Pin], what: Pinned, now: float) -> tuple[Pin, ...]:
+    """Let go of what a part holds; pins that ended before all that is in memory are forgotten."""
+    return tuple(
+        replace(pin, start=min(pin.start, now), end=now)
+        if pin.what is what and pin.end >= MAX_TIME_S
+        else pin
+        for pin in pins
+        if pin.end > now - KEPT_S
+    )
+
+
+def weights_at(pins: Sequence[Pin], now: float) -> list[tuple[Pin, float]]:
+    """The pins that bend the pose of a time, with their weights; one held since an earlier run of the program holds fully."""
+    found = []
+    for pin in pins:
+        earlier = pin.end >= MAX_TIME_S and pin.start > now + DEFAULT_EASE_S
+        weight = 1.0 if earlier else float(pin.weights(np.array(now)))
+        if weight > 0.0:
+            found.append((pin, weight))
+    return found
+
+
+def pins_of_take(pins: Sequence[Pin], first: float, length: float) -> tuple[Pin, ...]:
+    """The pins of a take that began at a time (seconds) and has a length, in its own time."""
+    last, found = first + length, []
+    for pin in pins:
+        start = first if pin.end >= MAX_TIME_S and pin.start > last + DEFAULT_EASE_S else pin.start
+        if pin.end > first and start - pin.ease_in < last:
+            begin, end = max(start - first, 0.0), min(pin.end, last) - first
+            found.append(replace(pin, start=min(begin, end), end=end))
+    return tuple(found)

@@ -10,7 +10,7 @@ from runtime.pose import Pose
 from runtime.skeleton import SPORT_SKELETON
 from viewer.compare.compare_view import CompareView
 from viewer.compare.lineup import LONGEST_ROW, names
-from viewer.edit.path import on_screen
+from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.layout import Rect

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from runtime.character.shape import BodyShape
 from runtime.safe_read import printable
-from viewer.edit import path_panel
 from viewer.edit.path import PathTool
 from viewer.gl_bindings import imgui
 from viewer.gui import setting_widgets, theme, widgets
@@ -58,7 +57,7 @@ def draw(
     if mode != scene.camera.mode:
         scene.use_camera(mode)
     _views(scene)
-    path_panel.draw(path, draw_pins)
+    path.draw(draw_pins)
     _toggles(scene.settings)
     _drawing(scene)
     live_panel.draw(scene.live, scene.vmc)

@@ -17,12 +17,12 @@ from runtime.controls import Controls
 from runtime.motion.snapshot import Snapshot
 from runtime.pose import FPS, Pose
 from runtime.prompts.gpt.settings import GptSettings
-from runtime.session import live_pins
 from runtime.session.character_files import read_character_files, write_character_files
 from runtime.session.session import CharacterChoice, Ground, ModelName, Session
 from runtime.takes.input_recording import InputRecorder
 from runtime.takes.metadata import origin_of
 from runtime.takes.pinned import bent_pose
+from runtime.takes.pins import weights_at
 from runtime.terrain.files import SUFFIXES as GROUNDS
 from runtime.terrain.height_map import Terrain
 from viewer.editor import Editor
@@ -112,7 +112,7 @@ class Scene:
 
     def bend(self, pose: Pose, now: float) -> Pose:
         """The live pose with the pins that hold at a time; the same object where none does."""
-        pins = live_pins.weights(self.editor.session.live.poses.pins, now)
+        pins = weights_at(self.editor.session.live.poses.pins, now)
         if not pins:
             return pose
         hips, local, contacts = bent_pose(pose.hips_position, pose.local_rotations, pose.contacts, pins)

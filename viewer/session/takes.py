@@ -13,7 +13,7 @@ from runtime.controls import Controls
 from runtime.errors import SportError, UsageError
 from runtime.pose import Pose
 from runtime.safe_read import printable
-from runtime.session import edits, live_pins
+from runtime.session import edits
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.prompt_blend import PromptBlend
 from runtime.session.session import LIVE, MIN_FRAMES, Ground, Session, Take
@@ -21,6 +21,7 @@ from runtime.session.session_file import Recording
 from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputRecorder, InputRecording, StyleChange
 from runtime.takes.metadata import Origin, gait_of, origin_of
+from runtime.takes.pins import pins_of_take
 from runtime.takes.pose_edits import PoseEdits
 from runtime.takes.recorder import ClipRecorder
 from runtime.terrain.height_map import Terrain
@@ -175,9 +176,8 @@ class Takes:
         if not self.recorder.seconds:
             return None
         clip = self.recorder.last(seconds)
-        pins = live_pins.of_take(
-            self.session.live.poses.pins, self.recorder.next_frame - len(clip), len(clip)
-        )
+        begin = (self.recorder.next_frame - len(clip)) / clip.fps
+        pins = pins_of_take(self.session.live.poses.pins, begin, len(clip) / clip.fps)
         take = Take(motion=Motion.of(clip), poses=PoseEdits(pins))
         ground = self.scene.terrain
         return Playback(take, take.clip, ground, ground, time_s=clip.seconds, playing=False)
@@ -232,8 +232,8 @@ class Takes:
         first = self.recorder.next_frame - len(clip)
         inputs = self.inputs.cut(first)
         motion = Motion.of(clip, inputs) if recording is None else recording.finish(clip, inputs)
-        pins = live_pins.of_take(self.session.live.poses.pins, first, len(clip))
         begin = first / clip.fps
+        pins = pins_of_take(self.session.live.poses.pins, begin, len(clip) / clip.fps)
         cameras = tuple(
             replace(key, seconds=key.seconds - begin)
             for key in self.session.live.cameras

@@ -15,7 +15,7 @@ def setup(session: nox.Session) -> None:
 
 @nox.session
 def test(session: nox.Session) -> None:
-    """The tests, or those that are named: `nox -s test -- tests/test_session.py`."""
+    """The tests, or those that are named: `nox -s test -- tests/viewer/session`."""
     session.run("python", "-m", "pytest", "-n", "auto", "--dist", "worksteal", *session.posargs)
 
 

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from browser import browser  # noqa: F401  (fixture)
-from gpt_endpoint import endpoint, expander_of, settings_of  # noqa: F401  (fixtures)
-from slow_model import asking, model  # noqa: F401  (fixtures)
+
+from tests.helpers.browser import browser  # noqa: F401  (fixture)
+from tests.helpers.gpt_endpoint import endpoint, expander_of, settings_of  # noqa: F401  (fixtures)
+from tests.helpers.slow_model import asking, model  # noqa: F401  (fixtures)
 
 
 @pytest.fixture
@@ -21,9 +22,8 @@ def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[
     """
     import dataclasses
 
-    from app_driver import InjectedPads
-    from viewer_fakes import fake_services
-
+    from tests.helpers.app_driver import InjectedPads
+    from tests.helpers.viewer_fakes import fake_services
     from viewer.app import App
     from viewer.options import ViewOptions
 
@@ -46,9 +46,8 @@ def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """One viewer offscreen on flat ground with a fake model for every test of a file; each test clears what it needs."""
-    from app_driver import InjectedPads
-    from viewer_fakes import fake_services
-
+    from tests.helpers.app_driver import InjectedPads
+    from tests.helpers.viewer_fakes import fake_services
     from viewer.app import App
     from viewer.options import ViewOptions
 
@@ -65,9 +64,8 @@ def exported_tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
     It is exported once, also where several processes run the tests: the first does it, the others wait.
     """
     pytest.importorskip("onnxscript")
-    from tiny_model import tiny_trained
-
     from runtime.file_lock import open_locked
+    from tests.helpers.tiny_model import tiny_trained
     from training.export.model import export_model
 
     base = tmp_path_factory.getbasetemp()

@@ -11,7 +11,6 @@ import argparse
 import gc
 import logging
 import random
-import sys
 import tempfile
 import time
 from collections import deque
@@ -20,20 +19,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-TESTS = Path(__file__).resolve().parent
-if str(TESTS) not in sys.path:
-    sys.path.insert(0, str(TESTS))
-
-from viewer_fakes import FakeRenderer, fake_services  # noqa: E402
-
-from runtime.takes.pins import Pinned  # noqa: E402
-from runtime.terrain.files import write_height_png  # noqa: E402
-from viewer.app import App  # noqa: E402
-from viewer.input.bindings import Action  # noqa: E402
-from viewer.memory import resident_mb  # noqa: E402
-from viewer.options import ViewOptions  # noqa: E402
-from viewer.services import Services  # noqa: E402
-from viewer.window import KEY_CODES  # noqa: E402
+from runtime.takes.pins import Pinned
+from runtime.terrain.files import write_height_png
+from tests.helpers.viewer_fakes import FakeRenderer, fake_services
+from viewer.app import App
+from viewer.input.bindings import Action
+from viewer.memory import resident_mb
+from viewer.options import ViewOptions
+from viewer.services import Services
+from viewer.window import KEY_CODES
 
 WORDS = ("a proud king", "an old king", "limping", "", "x" * 300, "zombie, arms out", "\u2603 snow")
 NOT_PRESSED = {Action.FULLSCREEN}

@@ -1,33 +1,31 @@
 """Anything that a user does to a session, in any order, against a simple model of it.
 
-`python -m tests.session_machine --steps 5000 --seed 1` runs long (from the project's folder); `tests/test_session_machine.py` a little of it.
+`python -m tests.session_machine --steps 5000 --seed 1` runs long (from the project's folder);
+`tests/viewer/session/test_session_machine.py` a little of it.
 """
 
 from __future__ import annotations
 
 import argparse
 import shutil
-import sys
 import tempfile
 import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parent))  # helpers of tests, where this runs as a module
-
-from app_driver import InjectedPads, run
-from full_session import text_of
 from hypothesis import HealthCheck, Phase, seed, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, precondition, rule, run_state_machine_as_test
-from viewer_fakes import fake_services
 
 from runtime.takes.pins import held_pins
 from runtime.session.prompt_blend import Side
 from runtime.session.session import Session
 from runtime.skeleton import PART_NAMES
 from runtime.takes.pins import Pinned
+from tests.helpers.app_driver import InjectedPads, run
+from tests.helpers.full_session import text_of
+from tests.helpers.viewer_fakes import fake_services
 from viewer.app import App
 from viewer.messages import Level
 from viewer.options import ViewOptions

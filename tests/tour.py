@@ -1,6 +1,6 @@
 """An hour at the desk in a minute: the real application by mouse and keys alone, with a picture of every step.
 
-`python tests/tour.py --size 1280x720 --out DIR` writes DIR/01-start.png and so on; a step that finds no button ends it.
+`python -m tests.tour --size 1280x720 --out DIR` writes DIR/01-start.png and so on; a step that finds no button ends it.
 """
 
 from __future__ import annotations
@@ -12,11 +12,21 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from app_driver import InjectedPads, click, click_on, click_prompt_box, drawn, message, place, press, run
-from test_reference import TURNS, foreign
 
 from runtime.character.shape import BodyShape, shaped_file
 from sport.commands.arguments import size
+from tests.helpers.app_driver import (
+    InjectedPads,
+    click,
+    click_on,
+    click_prompt_box,
+    drawn,
+    message,
+    place,
+    press,
+    run,
+)
+from tests.runtime.formats.test_reference import TURNS, foreign
 from viewer.app import App
 from viewer.edit.handles import on_screen
 from viewer.filming.writers import open_writer

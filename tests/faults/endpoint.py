@@ -51,7 +51,7 @@ def main() -> int:
     parser.add_argument("--rounds", type=int, default=4)
     parser.add_argument("--seconds", type=float, default=5.0, help="of each row of a round")
     options = parser.parse_args()
-    sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+    sys.path.insert(0, str(ROOT))
     with tempfile.TemporaryDirectory() as folder:
         os.environ.update(SPORT_CACHE_DIR=f"{folder}/cache", NO_PROXY="127.0.0.1")
         server = ThreadingHTTPServer(("127.0.0.1", 0), _Endless)
@@ -69,9 +69,8 @@ def main() -> int:
 
 
 def _measure(folder: Path, url: str, options: argparse.Namespace) -> dict[str, list[float]]:
-    from slow_model import load_model
-    from viewer_fakes import fake_services
-
+    from tests.helpers.slow_model import load_model
+    from tests.helpers.viewer_fakes import fake_services
     from viewer.app import App
     from viewer.options import ViewOptions
 

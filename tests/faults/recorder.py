@@ -33,9 +33,8 @@ def main() -> int:
     )  # both are ignored in a background job of a shell
     signal.signal(signal.SIGQUIT, signal.SIG_DFL)
     logging.basicConfig(stream=sys.stderr, level=logging.WARNING, format="%(message)s")
-    sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
-    from viewer_fakes import fake_services
-
+    sys.path.insert(0, str(ROOT))
+    from tests.helpers.viewer_fakes import fake_services
     from viewer import app as app_module
     from viewer.options import ViewOptions
 

@@ -17,8 +17,6 @@ import tempfile
 import time
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # helpers of the tests
-
 from training.markdown import check_section, write_section
 
 from . import files, lists, models, sessions, words

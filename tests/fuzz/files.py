@@ -109,7 +109,7 @@ def _read_metadata(folder: Path, data: bytes) -> None:
 
 
 def _character(folder: Path) -> bytes:
-    from gltf_characters import user_character
+    from tests.helpers.gltf_characters import user_character
 
     write_character(folder / "seed.glb", user_character())
     return (folder / "seed.glb").read_bytes()
@@ -117,7 +117,7 @@ def _character(folder: Path) -> bytes:
 
 def _textured(folder: Path) -> tuple[dict, bytes]:
     """A character with texture coordinates, and a texture that is still to be set."""
-    from gltf_characters import split_glb
+    from tests.helpers.gltf_characters import split_glb
 
     document, blob = split_glb(_character(folder))
     count = document["accessors"][0]["count"]
@@ -139,7 +139,7 @@ def _textured(folder: Path) -> tuple[dict, bytes]:
 
 
 def _glb_seeds(folder: Path) -> list[bytes]:
-    from gltf_characters import join_glb
+    from tests.helpers.gltf_characters import join_glb
 
     document, blob = _textured(folder)
     image = base64.b64encode(_image("PNG")).decode()
@@ -150,7 +150,7 @@ def _glb_seeds(folder: Path) -> list[bytes]:
 
 
 def _gltf_seeds(folder: Path) -> list[bytes]:
-    from gltf_characters import split_glb
+    from tests.helpers.gltf_characters import split_glb
 
     document, blob = split_glb(_character(folder))
     document["buffers"][0]["uri"] = "data:;base64," + base64.b64encode(blob).decode()
@@ -158,7 +158,7 @@ def _gltf_seeds(folder: Path) -> list[bytes]:
 
 
 def _load(path: Path) -> None:
-    from gltf_characters import make_pose
+    from tests.helpers.gltf_characters import make_pose
 
     character = load_character(path)
     pose: Pose = make_pose(1)
@@ -185,7 +185,7 @@ def _texture_seeds(folder: Path) -> list[bytes]:
 
 
 def _read_texture(folder: Path, data: bytes) -> None:
-    from gltf_characters import join_glb
+    from tests.helpers.gltf_characters import join_glb
 
     document = json.loads((folder / "document.json").read_text(encoding="utf-8"))
     blob = (folder / "blob.bin").read_bytes()

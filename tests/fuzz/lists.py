@@ -8,11 +8,10 @@ from functools import cache
 from pathlib import Path
 from types import ModuleType
 
-from blender_addon import load_addon
-
 from runtime.errors import FileError
 from runtime.formats.bvh_clip import save_bvh
 from sport.batch.rows import read_rows
+from tests.helpers.blender_addon import load_addon
 
 from .files import clip
 from .mutate import damaged_glb, damaged_json, damaged_text

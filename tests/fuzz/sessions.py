@@ -13,8 +13,6 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from full_session import driven_take, full_session, history_of, snapshot_bytes, text_of, written
-from walker import WalkerModel
 
 from runtime.motion.controller import Controller
 from runtime.motion.snapshot import Snapshot
@@ -27,6 +25,8 @@ from runtime.session.session_file import SessionFile
 from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputRecording, resimulated_take
 from runtime.terrain.height_map import Terrain
+from tests.helpers.full_session import driven_take, full_session, history_of, snapshot_bytes, text_of, written
+from tests.helpers.walker import WalkerModel
 
 from .mutate import damaged_bytes, damaged_json
 from .target import Target, put

@@ -1,0 +1,175 @@
+"""What tests of the application do to it: run frames, press, type and click, and look at its state."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from runtime.motion.style_mix import StyleMix
+from tests.helpers.viewer_fakes import FakeController
+from viewer.app import App
+from viewer.gl_bindings import imgui
+from viewer.input.gamepad import GamepadState
+
+Start = Callable[..., App]
+WIDGETS = (
+    "button",
+    "invisible_button",
+    "input_text_multiline",
+    "input_text_with_hint",
+    "slider_float",
+    "drag_float",
+    "selectable",
+    "begin_combo",
+    "begin_tab_item",
+    "drag_int",
+    "input_int",
+    "menu_item",
+    "begin_menu",
+    "tree_node_ex",
+)
+
+
+class InjectedPads:
+    """A source whose pad the test sets."""
+
+    def __init__(self) -> None:
+        self.state: GamepadState | None = None
+
+    def poll(self) -> GamepadState | None:
+        return self.state
+
+
+def run(app: App, frames: int = 1) -> None:
+    for _ in range(frames):
+        app.frame()
+
+
+def run_until(app: App, condition: Callable[[], bool], seconds: float = 20.0) -> None:
+    """Frames at the pace of a display until something holds."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it never came"
+        run(app)
+        time.sleep(0.002)
+
+
+def controller(app: App) -> FakeController:
+    found = app.scene.simulation.controller
+    assert isinstance(found, FakeController)
+    return found
+
+
+def drawn(app: App) -> list[tuple[str, tuple[float, float, float, float]]]:
+    """Every widget of one frame in its order: its label as ImGui gets it, and left, top, right, bottom on the screen."""
+    found = []
+
+    def watched(draw: Callable[..., Any]) -> Callable[..., Any]:
+        def draw_and_note(label: str, *rest: Any) -> Any:
+            result = draw(label, *rest)
+            low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+            found.append((label, (low.x, low.y, high.x, high.y)))
+            return result
+
+        return draw_and_note
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name in WIDGETS:
+            patch.setattr(imgui, name, watched(getattr(imgui, name)))
+        run(app)
+    return found
+
+
+def texts(app: App) -> list[str]:
+    """Every text of one frame that no widget carries."""
+    found = []
+
+    def watched(draw: Callable[..., Any]) -> Callable[..., Any]:
+        return lambda text: (found.append(text), draw(text))
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("text_unformatted", "text_wrapped"):
+            patch.setattr(imgui, name, watched(getattr(imgui, name)))
+        run(app)
+    return found
+
+
+def place(app: App, label: str, index: int = 0, share: float = 0.5) -> tuple[float, float]:
+    """Where to click on a widget, at this share of its width; found by the words or the ##id of its label."""
+
+    def names(full: str) -> tuple[str, ...]:
+        words, _, key = full.partition("##")
+        return words, re.sub(r"[^\x00-\x7f]", "", words).strip(), f"##{key.lstrip('#')}"
+
+    widgets = drawn(app)
+    rects = [rect for full, rect in widgets if label in names(full)]
+    assert rects, f"no widget {label!r} among {sorted({full for full, _ in widgets})}"
+    left, top, right, bottom = rects[index]
+    return left + (right - left) * share, (top + bottom) / 2
+
+
+def click_on(app: App, label: str, index: int = 0) -> None:
+    click(app, *place(app, label, index))
+
+
+def click(app: App, x: float, y: float) -> None:
+    for down in (False, True, False):
+        app.window.inject_mouse(x, y, 0 if down or app.frames_shown else None, down)
+        run(app, 2)
+
+
+def click_prompt_box(app: App) -> None:
+    click_on(app, "##prompt A")
+
+
+def press(app: App, *names: str) -> None:
+    """Press keys together, the last ones last, and let them go."""
+    for name in names:
+        app.window.inject_key(name, True)
+        run(app)
+    for name in reversed(names):
+        app.window.inject_key(name, False)
+        run(app)
+
+
+def type_prompt(app: App, text: str) -> None:
+    """Go to the prompt's field, where everything is selected, and type."""
+    app.shell.focus_prompt()
+    run(app, 3)
+    app.window.inject_text(text)
+    run(app, 3)
+
+
+def typing(app: App) -> bool:
+    """Whether a text field has the keyboard."""
+    return bool(imgui.get_io().want_text_input)
+
+
+def message(app: App) -> str:
+    current = app.messages.current
+    return "" if current is None else current.text
+
+
+def words(app: App) -> dict[str, str]:
+    """The descriptions the character moves by."""
+    answer = app.editor.session.live.prompt.a
+    assert answer is not None
+    return answer.words.to_mapping()
+
+
+def prompt(app: App) -> str:
+    answer = app.editor.session.live.prompt.a
+    return "" if answer is None else answer.prompt
+
+
+def style(app: App) -> np.ndarray:
+    """Z^t that the controller has; of a mix the mean of its codes."""
+    last = controller(app).styles[-1][0]
+    if isinstance(last, StyleMix):
+        return np.sum([share * code for share, code in zip(last.shares, last.codes, strict=True)], axis=0)
+    return last

@@ -1,0 +1,180 @@
+"""A session that has one of everything, and the pieces that it is made of."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from runtime.character.shape import BodyShape
+from runtime.character.writer import write_character
+from runtime.controls import Controls, Gait
+from runtime.motion.controller import Controller
+from runtime.motion.point_path import Waypoint
+from runtime.motion.snapshot import take_snapshot
+from runtime.motion.style_mix import StyleMix
+from runtime.prompts.answer import Answer
+from runtime.prompts.parts import PartDescriptions
+from runtime.session import edits
+from runtime.session.character_files import read_character_files, write_character_files
+from runtime.session.document import DocumentWriter
+from runtime.session.history import History
+from runtime.session.motion import Motion
+from runtime.session.prompt_blend import PromptBlend
+from runtime.session.session import (
+    CharacterChoice,
+    Ground,
+    ModelName,
+    Reference,
+    Session,
+    Take,
+    Variant,
+)
+from runtime.session.session_file import SessionFile
+from runtime.takes.camera_keys import CameraKey
+from runtime.takes.clip import Clip
+from runtime.takes.footplants import FootplantEdit
+from runtime.takes.input_recording import InputRecorder, InputRecording
+from runtime.takes.metadata import Origin, gait_of
+from runtime.takes.own_skeleton import OwnSkeleton
+from runtime.takes.pins import Pin, Pinned
+from runtime.takes.pose_edits import PoseEdits
+from runtime.takes.recorder import ClipRecorder
+from runtime.terrain.height_map import Terrain
+from tests.helpers.gltf_characters import user_character
+from tests.helpers.walker import WalkerModel
+
+MISSING_FILM = "/nowhere/walk.mp4"
+
+
+def answer(prompt: str, fill: float = 0.5, **values: object) -> Answer:
+    """An answered prompt whose code is `fill` everywhere."""
+    words = PartDescriptions(*(f"{prompt}, part {k}" for k in range(6)))
+    return replace(Answer(prompt, words, words, np.full((6, 64), fill, np.float32)), **values)  # type: ignore[arg-type]
+
+
+def controller() -> Controller:
+    """A character of the walking stand-in."""
+    return Controller(WalkerModel(), Terrain.flat(), seed=7)
+
+
+@cache
+def driven_take(frames: int = 90) -> tuple[Clip, InputRecording]:
+    """A walk with styles, a ground, a restart, two gaits, and what drove it, from before its first frame on."""
+    walker, clips, recorder = controller(), ClipRecorder(), InputRecorder()
+    ground = Terrain("dunes", np.linspace(0, 1, 12, dtype=np.float32).reshape(3, 4), 20.0, (-30.0, -30.0))
+    walker.set_terrain(ground)
+    recorder.mark_ground("dunes.png", ground)
+    blend = PromptBlend((answer("a proud king"), answer("drunk", 0.25)), (0.5,) * 6, frozenset({"head"}))
+    for z, note in (
+        (answer("a king").z, None),
+        (StyleMix((0.4, 0.6), (np.ones((6, 64), np.float32),) * 2), blend),
+    ):
+        walker.set_style(z, 0.2)
+        recorder.mark_style(z, 0.2, "style", "", note, typed="typed")
+        clips.mark_prompt("style", 0.2, typed="typed")
+        for number in range(frames // 2 + 10):
+            controls = Controls((0.2, 1.0), None, Gait.JOG if number > 20 else Gait.WALK)
+            recorder.before_steps(walker)
+            clips.add(walker.step(controls), gait_of(controls))
+            recorder.add(controls, walker)
+        walker.reset(1.0, 0.0, 0.5)
+        walker.step(Controls())
+        recorder.mark_restart(1.0, 0.0, 0.5)
+    clip = clips.last(frames / 60, "Take 1", "dunes.png", Origin("walker", "ab" * 32, "fp32", 7, 0.7, 1.0))
+    inputs = recorder.cut(clips.next_frame - len(clip))
+    assert inputs is not None
+    return clip, inputs
+
+
+def still(frames: int, name: str = "still", seed: int = 0, fps: float = 60.0) -> Clip:
+    """Frames of no driven motion: they tremble about a pose."""
+    rng = np.random.default_rng(seed)
+    turns = np.cumsum(rng.normal(0.0, 0.01, (frames, 31, 4)), axis=0) + np.array([1.0, 0.0, 0.0, 0.0])
+    turns /= np.linalg.norm(turns, axis=-1, keepdims=True)
+    hips = np.cumsum(rng.normal(0.0, 0.01, (frames, 3)), axis=0) + np.array([0.0, 1.0, 0.0])
+    contacts = rng.integers(0, 2, (frames, 4))
+    return Clip(name, fps, *(part.astype(np.float32) for part in (hips, turns, contacts)))
+
+
+def full_session(cache: Path, source: Path) -> Session:
+    """One of everything; the files of its characters are in `cache`, the one it came from in `source`."""
+    write_character(source / "me.glb", user_character())
+    kept = write_character_files(read_character_files(source / "me.glb"), cache)
+    own_body = CharacterChoice(
+        BodyShape(height=1.1), str(source / "me.glb"), kept.relative_to(cache).as_posix()
+    )
+    heights = np.random.default_rng(2).random((9, 7)).astype(np.float32)
+    ground = Ground.of("hills.png", Terrain("hills", heights, 0.5, (-1.0, -1.5), "a note", 1.0))
+    points = np.random.default_rng(3).random((20, 4, 3)).astype(np.float32)
+    pins = (
+        Pin(Pinned.LEFT_HAND, (0.25, 1.0, 0.5), 0.5, 1.0, rail=(1.0, 1.0, 1.0)),
+        Pin(Pinned.LOOK, (0.0, 1.5, 5.0), 0.0, 0.25, along=True),
+        Pin(Pinned.POSE, start=0.25, end=0.5, of=0.75),
+    )
+    poses = PoseEdits(
+        pins,
+        (
+            FootplantEdit(0, (3, 9), (3, 12)),
+            FootplantEdit(1, None, (20, 25)),
+            FootplantEdit(1, (40, 44), None),
+        ),
+    )
+    path = (Waypoint(0.0, 0.0), Waypoint(1.0, 2.5, 0.5, Gait.JOG))
+    blend = PromptBlend(
+        (answer("a king", source="gpt", nearest=(("queen", 0.5),), note="n"), answer("drunk")),
+        (0.0, 0.25, 0.5, 1.0, 0.5, 0.5),
+        frozenset({"torso"}),
+    )
+    cameras = (CameraKey(0.0, 0.5, 0.25, 4.0), CameraKey(1.0, 1.5, 0.25, 3.0, 0.5, 0.0, 0.25))
+    clip, inputs = driven_take()
+    takes = [
+        Take(motion=Motion.of(clip, inputs), name="my take ü", trim=(3, 70), poses=poses, cameras=cameras, path=path,
+             color=3, ground=ground),
+        Take(motion=Motion.of(replace(still(20, "of a file"), placed=None, size=0.5)), recorded=False,
+             own=OwnSkeleton((-1, 0, 1, 1), points)),
+    ]  # fmt: skip
+    session = edits.with_takes(Session(), takes)
+    session = edits.mirrored_copy(session, 1)
+    return replace(
+        session,
+        live=Take(poses=PoseEdits(pins[:1]), path=path, cameras=cameras[:1], prompt=blend),
+        ground=ground,
+        character=own_body,
+        model=ModelName("models/full", "full", "ab" * 32, 5),
+        reference=Reference(video=MISSING_FILM, character=own_body, offset_s=0.25, over=True),
+        variants=(Variant(1, blend), Variant(2, PromptBlend((answer("an old man"), None)), 4)),
+    )
+
+
+def text_of(session: Session) -> str:
+    """All of a session as text, with what its text refers to."""
+    contents: dict[str, bytes] = {}
+    text = DocumentWriter(lambda key, content: contents.update({key: content})).session(session)
+    return "\n".join([text, *(f"{key} {contents[key]!r}" for key in sorted(contents))])
+
+
+def history_of(*sessions: Session) -> History:
+    """A history with these as its steps, after an empty first one."""
+    history = History()
+    for number, session in enumerate(sessions):
+        history.push(f"edit {number}", session)
+    return history
+
+
+def written(path: Path, history: History, cache: Path) -> Path:
+    """A closed file that holds a history."""
+    file = SessionFile.create(path, cache)
+    file.write(history)
+    assert file.close(), file.problem
+    return path
+
+
+def snapshot_bytes() -> bytes:
+    """The state of a character that has walked a little."""
+    walker = controller()
+    for _ in range(5):
+        walker.step(Controls((0.0, 1.0)))
+    return take_snapshot(walker).to_bytes()

@@ -1,0 +1,44 @@
+"""Reference images of tests: compared with a tolerance; what differs is left in tests/failures.
+
+After a wanted change of the look: SPORT_UPDATE_GOLDEN=1 pytest tests/viewer/render/test_render.py tests/viewer/render/test_golden.py, and look at
+tests/golden.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from viewer.render.offscreen import save_png
+
+GOLDEN = Path(__file__).parents[1] / "golden"
+FAILURES = Path(__file__).parents[1] / "failures"
+UPDATE = " After a wanted change: SPORT_UPDATE_GOLDEN=1, and look at the new reference."
+
+
+def check_golden(name: str, picture: np.ndarray, mean: float = 1.5, far: float = 0.01) -> None:
+    """Compare with tests/golden; on a mismatch leave picture, golden and difference in tests/failures.
+
+    `mean` is the difference allowed on average, `far` the share of pixels that may be far off: drivers differ by single
+    pixels on edges.
+    """
+    path = GOLDEN / f"{name}.png"
+    if os.environ.get("SPORT_UPDATE_GOLDEN"):
+        GOLDEN.mkdir(exist_ok=True)
+        save_png(picture, path)
+    golden = np.asarray(Image.open(path).convert("RGB")).astype(int)
+    assert golden.shape == picture.shape, f"{name}: {picture.shape}, the reference is {golden.shape}"
+    difference = np.abs(picture.astype(int) - golden)
+    far_off = float(np.mean(difference.max(-1) > 32))
+    if difference.mean() > mean or far_off > far:
+        FAILURES.mkdir(exist_ok=True)
+        shown = np.clip(4 * difference, 0, 255).astype(np.uint8)
+        side_by_side = np.hstack([picture, golden.astype(np.uint8), shown])
+        save_png(side_by_side, FAILURES / f"{name}.png")
+        pytest.fail(
+            f"{name}: mean difference {difference.mean():.2f}, {far_off:.1%} far off; see {FAILURES}.{UPDATE}"
+        )

@@ -1,0 +1,144 @@
+"""The controller elsewhere: golden vectors, the plain reference loop, and the network's step in JavaScript."""
+
+from __future__ import annotations
+
+import functools
+import http.server
+import importlib.util
+import json
+import shutil
+import subprocess
+import threading
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from runtime.assets import model_folder
+from runtime.controls import Gait
+from runtime.motion.controller import Controller
+from runtime.motion.features import INPUT, OUTPUT
+from runtime.motion.model import MotionModel, load_model
+from runtime.motion.stick_script import parse_stick
+from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.library import load_terrain
+from tests.helpers.browser import Browser, needs_browser
+from tests.helpers.documents import ROOT, text_of
+
+FOLDER = ROOT / "examples" / "engine"
+NODE = shutil.which("node")
+PACKAGE = FOLDER / "node_modules" / "onnxruntime-web"
+needs_package = pytest.mark.skipif(
+    NODE is None or not PACKAGE.is_dir(), reason="needs Node, and npm install in examples/engine"
+)
+
+
+@pytest.fixture(scope="module")
+def reference() -> ModuleType:
+    """The loop of the example."""
+    spec = importlib.util.spec_from_file_location("engine_controller", FOLDER / "controller.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def model() -> MotionModel:
+    return load_model(precision="fp32")
+
+
+@pytest.fixture(scope="module")
+def golden() -> dict[str, np.ndarray]:
+    with np.load(ROOT / "assets" / "golden_step.npz") as file:
+        return {name: file[name] for name in file.files}
+
+
+def test_golden_steps_are_those_of_the_shipped_network(
+    golden: dict[str, np.ndarray], model: MotionModel
+) -> None:
+    style = model.fold_style(golden["z"])
+    for x, noise, y in zip(golden["x"], golden["noise"], golden["y"], strict=True):
+        np.testing.assert_allclose(model.step(x[None], np.float32(noise[None]), style)[0][0], y, atol=1e-4)
+
+
+def test_8_bit_weights_stay_within_what_the_model_says_of_them(golden: dict[str, np.ndarray]) -> None:
+    model = load_model()
+    if model.precision != "int8":
+        pytest.skip(model.notice)
+    style, most = model.fold_style(golden["z"]), model.metadata["quantised"]["joint_error_max_mm"] / 1000
+    joints = OUTPUT["joint_positions"]
+    for x, noise, y in zip(golden["x"], golden["noise"], golden["y"], strict=True):
+        got = model.step(x[None], np.float32(noise[None]), style)[0][0]
+        assert np.abs(got - y)[joints].max() < 2 * most
+
+
+@pytest.mark.parametrize("script", ["walk 0.2; jog@60 0.4", "crouch*0.5>90 0.3"])
+def test_the_plain_loop_is_the_controller_before_foot_lock(
+    script: str, reference: ModuleType, golden: dict[str, np.ndarray], model: MotionModel
+) -> None:
+    stick, folder = parse_stick(script), model_folder()
+    ours = Controller(model, load_terrain("flat"), seed=3)
+    ours.set_style(model.neutral, 0.0)
+    plain = reference.Controller(folder, model.neutral, golden["offsets"], golden["parents"], seed=3)
+    for frame in range(round(60 * stick.seconds)):
+        controls = stick(frame / 60)
+        ours.step(controls)
+        hips, local = ours.unlocked
+        joints = SPORT_SKELETON.forward_kinematics(hips, local)[0]
+        facing = None if controls.facing is None else float(np.arctan2(*controls.facing))
+        shown = plain.step(*controls.move, int(controls.gait), facing)[2]
+        assert np.abs(shown - joints).max() < 1e-4, f"frame {frame}"
+
+
+def test_the_golden_motion_is_the_controllers(reference: ModuleType, golden: dict[str, np.ndarray]) -> None:
+    plain = reference.Controller(
+        model_folder(), golden["z"], golden["offsets"], golden["parents"], temperature=0.0
+    )
+    for frame, (x, z, gait) in enumerate(golden["stick"][:45]):
+        assert np.abs(plain.step(x, z, int(gait))[2] - golden["motion"][frame]).max() < 1e-4, frame
+
+
+def test_the_page_on_engines_gives_every_entry(reference: ModuleType) -> None:
+    text = text_of(ROOT / "docs" / "engine.md")
+    for slices in (INPUT, OUTPUT):
+        for name, entries in slices.items():
+            assert f"| {entries.start} - {entries.stop - 1} |" in text, (name, entries)
+    assert [int(np.prod(shape)) for shape in reference.OUTPUT.values()] == [
+        entries.stop - entries.start for entries in OUTPUT.values()
+    ]
+    assert list(reference.INPUT.values()) == [entries.stop - entries.start for entries in INPUT.values()]
+    assert [reference.STAND, reference.JUMP] == [Gait.STAND, Gait.JUMP]
+
+
+@needs_package
+def test_the_step_runs_in_node() -> None:
+    done = subprocess.run(
+        [str(NODE), "check.mjs"], cwd=FOLDER, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stderr + done.stdout
+    assert json.loads(done.stdout)["worst"] < 1e-4
+
+
+@needs_package
+@needs_browser
+def test_the_step_runs_in_a_browser(browser: Browser) -> None:
+    handler = functools.partial(_Quiet, directory=str(ROOT))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        browser.send("/url", {"url": f"http://127.0.0.1:{server.server_port}/examples/engine/index.html"})
+        browser.until("window.found", 90.0)
+        server.shutdown()
+    assert browser.script("return found.error") is None
+    assert browser.script("return found.worst") < 1e-4
+    assert "ms a step" in browser.script("return document.getElementById('result').textContent")
+    assert browser.script("return document.querySelectorAll('svg line').length") == 90
+    assert browser.script("return document.documentElement.scrollWidth <= innerWidth")
+
+
+class _Quiet(http.server.SimpleHTTPRequestHandler):
+    extensions_map = {**http.server.SimpleHTTPRequestHandler.extensions_map, ".mjs": "text/javascript"}  # noqa: RUF012
+
+    def log_message(self, format: str, *args: object) -> None:
+        pass

@@ -1,0 +1,130 @@
+"""USD: read back by OpenUSD's own skinning, validated by its validators, and a clear sentence where it is not there."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime.errors import UsageError
+from runtime.formats import fbx, usd
+from runtime.formats.prepare import ExportOptions
+from runtime.formats.table import check_export, save_motion
+from runtime.takes.clip import Clip
+from runtime.takes.metadata import PromptEvent
+from runtime.terrain.height_map import Terrain
+from tests.helpers.foreign_rigs import RIGS
+from tests.helpers.glb_playback import play, skinned
+from tests.helpers.walker import walk
+
+CLIP = Clip("a walk", 60.0, *walk(21), prompts=(PromptEvent(0.0, "proud"),))
+needs_usd = pytest.mark.skipif(importlib.util.find_spec("pxr") is None, reason="needs the extra [usd]")
+MM = 1e-3
+
+
+def test_without_the_library_the_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(usd.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(UsageError, match=r"pip install usd-core"):
+        check_export(Path("take.usdz"), ExportOptions())
+
+
+@needs_usd
+@pytest.mark.parametrize(
+    ("name", "suffix"),
+    [("mannequin", ".usd"), ("mixamo", ".usd"), ("vrm", ".usdz"), ("centimetres", ".usdz")],
+)
+def test_openusd_shows_the_same_skin_as_the_glb(name: str, suffix: str, tmp_path: Path) -> None:
+    from pxr import Usd, UsdGeom, UsdSkel
+
+    source = None if name == "mannequin" else RIGS[name](tmp_path / "rig.glb")
+    options = ExportOptions(fps=30.0, character=source)
+    save_motion(CLIP, tmp_path / f"take{suffix}", options, Terrain.flat())
+    save_motion(CLIP, tmp_path / "take.glb", replace(options, engine="blender"), Terrain.flat())
+    played, stage = play(tmp_path / "take.glb"), Usd.Stage.Open(str(tmp_path / f"take{suffix}"))
+    assert stage.GetTimeCodesPerSecond() == 30.0
+    assert stage.GetEndTimeCode() == len(played.times) - 1
+    assert UsdGeom.GetStageMetersPerUnit(stage) == 1.0
+    cache, root = UsdSkel.Cache(), UsdSkel.Root(stage.GetDefaultPrim())
+    cache.Populate(root, Usd.PrimDefaultPredicate)
+    (binding, *_) = cache.ComputeSkelBindings(root, Usd.PrimDefaultPredicate)
+    query, (target, *_) = cache.GetSkelQuery(binding.GetSkeleton()), binding.GetSkinningTargets()
+    joints = [str(joint).rpartition("/")[2] for joint in query.GetJointOrder()]
+    for frame in (0, 5, len(played.times) - 1):
+        found = query.ComputeJointWorldTransforms(UsdGeom.XformCache(frame))
+        for joint, world in played.joints().items():
+            place = found[joints.index(joint.replace(":", "_").replace(" ", "_"))].ExtractTranslation()
+            assert np.abs(np.array(place) - world[frame, :3, 3]).max() < 0.1 * MM, joint
+        points = UsdGeom.Mesh(target.GetPrim()).GetPointsAttr().Get()
+        target.ComputeSkinnedPoints(query.ComputeSkinningTransforms(frame), points, frame)
+        assert np.abs(np.array(points) - skinned(played, frame)).max() < 0.1 * MM
+
+
+@needs_usd
+@pytest.mark.parametrize("suffix", [".usd", ".usdz"])
+def test_the_validators_find_nothing(suffix: str, tmp_path: Path) -> None:
+    from pxr import Usd, UsdShade, UsdValidation
+
+    path = tmp_path / f"take{suffix}"
+    options = ExportOptions(character=RIGS["vrm"](tmp_path / "rig.glb"), with_ground=True, ground_root=True)
+    save_motion(CLIP, path, options, Terrain.flat())
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    assert len(validators) > 20
+    stage = Usd.Stage.Open(str(path))
+    errors = UsdValidation.ValidationContext(validators).Validate(stage)
+    assert [(error.GetName(), error.GetMessage()) for error in errors] == []
+    textures = [
+        prim for prim in stage.Traverse() if UsdShade.Shader(prim).GetIdAttr().Get() == "UsdUVTexture"
+    ]
+    assert bool(textures) == (suffix == ".usdz")
+    assert all(prim.GetAttribute("inputs:file").Get().resolvedPath for prim in textures)
+    (marker,) = json.loads(stage.GetDefaultPrim().GetCustomDataByKey("sport")["markers"])
+    assert marker["name"] == "proud"
+
+
+@needs_usd
+def test_the_motion_alone_has_a_skeleton_and_no_mesh(tmp_path: Path) -> None:
+    from pxr import Usd
+
+    save_motion(CLIP, tmp_path / "take.usd", ExportOptions(animation_only=True), Terrain.flat())
+    stage = Usd.Stage.Open(str(tmp_path / "take.usd"))
+    kinds = [str(prim.GetTypeName()) for prim in stage.Traverse()]
+    assert sorted(kinds) == ["SkelAnimation", "SkelRoot", "Skeleton"]
+
+
+READER = """
+import json, sys
+import bpy
+bpy.ops.wm.read_factory_settings(use_empty=True)
+bpy.context.scene.render.fps = 30
+bpy.ops.wm.usd_import(filepath=sys.argv[-2])
+rig = next(thing for thing in bpy.data.objects if thing.type == "ARMATURE")
+found = []
+for frame in (0, 5, 10):
+    bpy.context.scene.frame_set(frame)
+    found.append({b.name: list((rig.matrix_world @ b.matrix).translation) for b in rig.pose.bones})
+json.dump(found, open(sys.argv[-1], "w"))
+"""
+
+
+@needs_usd
+@pytest.mark.skipif(fbx.find_blender() is None, reason="neither bpy nor a command blender")
+def test_blender_reads_the_same_joints(tmp_path: Path) -> None:
+    command = fbx.find_blender()
+    assert command is not None
+    for ending, engine in ((".usd", None), (".glb", "blender")):
+        save_motion(CLIP, tmp_path / f"take{ending}", ExportOptions(fps=30.0, engine=engine), Terrain.flat())
+    script, target = tmp_path / "read.py", tmp_path / "read.json"
+    script.write_text(READER)
+    separator = ["--"] if len(command) > 1 else []
+    subprocess.run([*command, str(script), *separator, str(tmp_path / "take.usd"), str(target)], check=True,
+                   capture_output=True, timeout=300)  # fmt: skip
+    played = play(tmp_path / "take.glb").joints()
+    for frame, found in zip((0, 5, 10), json.loads(target.read_text()), strict=True):
+        for joint, world in played.items():
+            x, y, z = world[frame, :3, 3]
+            assert np.abs(np.array(found[joint]) - (x, -z, y)).max() < 0.1 * MM, joint

@@ -1,0 +1,163 @@
+"""The shipped character is driven: speed, turning, stopping, response, determinism, style change, faults."""
+
+import numpy as np
+import pytest
+
+from runtime.controls import Controls, Gait
+from runtime.motion.controller import Controller
+from runtime.motion.model import load_model
+from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.library import make_terrain
+from tests.helpers.walker import WalkerModel
+
+FORWARD = Controls((0.0, 1.0))
+
+
+@pytest.fixture(scope="module")
+def model():
+    return load_model()
+
+
+def drive(controller, controls, frames):
+    return [controller.step(controls) for _ in range(frames)]
+
+
+def speed(poses):
+    path = np.array([p.root_position for p in poses])[:, [0, 2]]
+    return np.linalg.norm(np.diff(path, axis=0), axis=1).mean() * 60
+
+
+@pytest.mark.parametrize("gait", [Gait.WALK, Gait.JOG, Gait.CROUCH])
+def test_root_keeps_the_asked_speed_and_direction(model, gait):
+    controller = Controller(model, Terrain.flat(size_m=200.0))
+    drive(controller, Controls((0.0, 1.0), gait=gait), 180)
+    poses = drive(controller, Controls((0.0, 1.0), gait=gait), 180)
+    assert speed(poses) == pytest.approx(controller.requested_speed, rel=0.15)
+    assert abs(poses[-1].root_yaw) < 0.3
+
+
+def test_feet_step_while_walking(model):
+    controller = Controller(model, Terrain.flat())
+    drive(controller, FORWARD, 120)
+    feet = np.array([p.positions[[4, 9], 1] for p in drive(controller, FORWARD, 120)])
+    assert (np.ptp(feet, axis=0) > 0.03).all()
+    contacts = np.array([p.contacts for p in drive(controller, FORWARD, 120)]) > 0.5
+    assert 0.15 < contacts.mean() < 0.9
+
+
+def test_it_stops_and_stays(model):
+    controller = Controller(model, Terrain.flat())
+    drive(controller, FORWARD, 150)
+    drive(controller, Controls(), 120)
+    assert speed(drive(controller, Controls(), 60)) < 0.05
+
+
+def test_it_turns_towards_the_stick(model):
+    controller = Controller(model, Terrain.flat())
+    drive(controller, FORWARD, 90)
+    poses = drive(controller, Controls((1.0, 0.0)), 120)
+    assert poses[-1].root_yaw == pytest.approx(np.pi / 2, abs=0.4)
+
+
+def test_the_stick_is_felt_within_two_frames(model):
+    still, moved = (Controller(model, Terrain.flat(), seed=1) for _ in range(2))
+    drive(still, Controls(), 60), drive(moved, Controls(), 60)
+    a, b = drive(still, Controls(), 2)[-1], drive(moved, FORWARD, 2)[-1]
+    assert np.abs(a.positions - b.positions).max() > 1e-4
+
+
+def test_same_seed_same_bytes_and_bones_never_stretch(model):
+    runs = []
+    for _ in range(2):
+        controller = Controller(model, make_terrain("hills"), seed=5)
+        runs.append(drive(controller, FORWARD, 120))
+    for a, b in zip(*runs, strict=True):
+        assert a.positions.tobytes() == b.positions.tobytes()
+    parents = np.array(SPORT_SKELETON.parents[1:])
+    for pose in runs[0]:
+        bones = np.linalg.norm(pose.positions[1:] - pose.positions[parents], axis=-1)
+        assert np.allclose(bones, np.linalg.norm(SPORT_SKELETON.offsets[1:], axis=-1), atol=1e-4)
+
+
+def test_toes_stay_above_the_ground_on_stairs_and_hills(model):
+    for name in ("stairs", "hills"):
+        terrain = make_terrain(name)
+        controller = Controller(model, terrain)
+        toes = np.array([p.positions[[5, 10]] for p in drive(controller, FORWARD, 400)])
+        sunk = terrain.height(toes[..., 0], toes[..., 2]) - toes[..., 1]
+        assert np.percentile(sunk, 99) < 0.02
+
+
+def test_a_style_blends_over_its_transition_and_changes_the_pose(model):
+    rng = np.random.default_rng(0)
+    z = 2.0 * rng.normal(size=(6, 64)).astype(np.float32)
+    plain, styled = Controller(model, Terrain.flat()), Controller(model, Terrain.flat())
+    drive(plain, FORWARD, 60), drive(styled, FORWARD, 60)
+    styled.set_style(z, 0.5)
+    first, other = styled.step(FORWARD), plain.step(FORWARD)
+    assert np.abs(first.positions - other.positions).max() < 0.05  # no jump in the first frame
+    drive(styled, FORWARD, 30), drive(plain, FORWARD, 30)
+    assert np.allclose(styled.style.z, z)
+    assert np.abs(styled.pose.local_rotations - plain.pose.local_rotations).max() > 0.02
+
+
+def test_temperature_zero_ignores_the_seed(model):
+    poses = [drive(Controller(model, Terrain.flat(), seed, 0.0), FORWARD, 60)[-1] for seed in (1, 2)]
+    assert np.array_equal(poses[0].positions, poses[1].positions)
+    warm = [drive(Controller(model, Terrain.flat(), seed, 1.0), FORWARD, 60)[-1] for seed in (1, 2)]
+    assert not np.array_equal(warm[0].positions, warm[1].positions)
+
+
+def test_a_network_that_gives_nan_is_reported_and_the_character_goes_on():
+    controller = Controller(WalkerModel(broken_at=30), Terrain.flat())
+    poses, said = [], []
+    for _ in range(60):
+        poses += drive(controller, FORWARD, 1)
+        said.append(controller.message)
+    assert [k for k, message in enumerate(said) if "not finite" in message] == [29]  # and not for ever
+    assert all(np.isfinite(p.positions).all() for p in poses)
+
+
+def test_a_character_begins_in_the_models_neutral_style():
+    model = WalkerModel()
+    model.neutral = np.full((6, 64), 0.3, np.float32)
+    assert np.array_equal(Controller(model, Terrain.flat()).style.z, model.neutral)
+
+
+def test_strength_changes_the_style_that_holds_and_those_that_come():
+    model = WalkerModel()
+    strengths = []
+    fold = model.fold_style
+    model.fold_style = lambda z, strength: strengths.append(strength) or fold(z, strength)
+    controller = Controller(model, Terrain.flat(), strength=1.3)
+    z = np.full((6, 64), 0.2, np.float32)
+    controller.set_style(z, 0.0)
+    controller.strength = 0.5
+    assert np.array_equal(controller.style.z, z)
+    controller.set_style(2 * z, 0.1)
+    controller.step(Controls())
+    assert strengths == [1.3, 1.3, 0.5, 0.5]
+    assert controller.strength == 0.5
+    assert Controller(model, Terrain.flat()).strength == 1.0
+
+
+def test_settled_it_stands_in_its_style_and_sets_off_without_flying_hands(model):
+    hands = [SPORT_SKELETON.index(side + "Hand") for side in ("Left", "Right")]
+    z = model.neutral + 1.5 * np.random.default_rng(3).normal(size=(6, 64)).astype(np.float32)
+
+    def fastest(settled):
+        controller = Controller(model, Terrain.flat(size_m=200.0))
+        controller.reset(1.0, 2.0, 0.5)
+        controller.set_style(z, 0.0)
+        if settled:
+            pose = controller.settle()
+            assert np.allclose(pose.root_position[[0, 2]], [1.0, 2.0])
+        poses = drive(controller, FORWARD, 240)
+        moved = np.linalg.norm(np.diff([p.positions[hands] for p in poses], axis=0), axis=-1) * 60
+        assert np.allclose(poses[0].root_position[[0, 2]], [1.0, 2.0], atol=0.05)
+        return moved[:10].max(), moved[120:].max()
+
+    for settled in (True, False):
+        begins, own = fastest(settled)
+        assert begins < own

@@ -1,0 +1,131 @@
+"""What says nothing about a body is answered with neutral walking and says so; what is only odd is not."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from runtime.assets import asset_path
+from runtime.prompts.english import other_languages
+from runtime.prompts.english.library import LibraryExpander
+from runtime.prompts.english.library_data import load_prompt_library, load_styles
+from runtime.prompts.text_encoder import TextEncoder
+from tests.helpers.prompt_lists import BODILY, NOTHING, UNSEEN_BODILY, UNSEEN_NOTHING
+
+
+@cache
+def expander() -> LibraryExpander:
+    return LibraryExpander(TextEncoder())
+
+
+def is_neutral(prompt: str) -> bool:
+    expansion = expander().expand(prompt)
+    return expansion.descriptions == expander().expand("a person walking normally").descriptions
+
+
+def is_far_from_all(prompt: str) -> bool:
+    """Whether the library leaves it at neutral walking because its nearest prompt would be a guess."""
+    return "like the nearest prompt, “" in expander().expand(prompt).note
+
+
+@pytest.mark.parametrize(("prompts", "most"), [(BODILY, 0), (UNSEEN_BODILY, 4)])
+def test_few_bodily_prompts_are_taken_for_nothing(prompts: tuple[str, ...], most: int) -> None:
+    missed = [prompt for prompt in prompts if is_neutral(prompt) and not is_far_from_all(prompt)]
+    assert len(missed) <= most, missed
+
+
+@pytest.mark.parametrize(("prompts", "most"), [(BODILY, 3), (UNSEEN_BODILY, 7)])
+def test_few_bodily_prompts_are_too_far_to_guess(prompts: tuple[str, ...], most: int) -> None:
+    far = [prompt for prompt in prompts if is_far_from_all(prompt)]
+    assert 0 < len(far) <= most, far
+
+
+@pytest.mark.parametrize(("prompts", "most"), [(NOTHING, 4), (UNSEEN_NOTHING, 4)])
+def test_few_prompts_about_nothing_are_taken_for_a_walk(prompts: tuple[str, ...], most: int) -> None:
+    missed = [prompt for prompt in prompts if not is_neutral(prompt)]
+    assert len(missed) <= most, missed
+
+
+@pytest.mark.parametrize(
+    "prompt",
+    [
+        "the stock market fell",
+        "blue",
+        "42",
+        "asdf qwer",
+        "quarterly report",
+        "invoice number 4711",
+        "🙂",
+        "SELECT * FROM users",
+        "what time is it?",
+    ],
+)
+def test_nothing_bodily_is_neutral_and_says_so(prompt: str) -> None:
+    assert is_neutral(prompt)
+    assert "neutral" in expander().expand(prompt).note
+
+
+@pytest.mark.parametrize(
+    "prompt",
+    [
+        "疲れた兵士",
+        "пьяный матрос",
+        "راقصة باليه",
+        "un soldat épuisé",
+        "ein müder alter Mann",
+        "un hombre cansado",
+        "una donna molto stanca",
+        "een oude man met een stok",
+        "gammal trött man",
+        "bardzo stary człowiek",
+        "orang tua yang lelah",
+    ],
+)
+def test_other_languages_are_neutral_and_named(prompt: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(other_languages, "open_e5", lambda: None)
+    alone = LibraryExpander(TextEncoder()).expand(prompt)
+    assert alone.descriptions == expander().expand("a person walking normally").descriptions
+    assert "not English" in alone.note
+    assert "sport-viewer[languages]" in alone.note
+    assert alone.nearest == ()
+
+
+def test_with_a_multilingual_encoder_the_nearest_entry_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = asset_path("prompts/library.json").parent
+    content = load_prompt_library(folder / "library.json", load_styles(folder / "styles.json"))
+    clown = next(i for i, entry in enumerate(content.entries) if entry.prompt == "clown")
+    with np.load(folder / other_languages.FILE) as data:
+        row = list(data["entry_of"]).index(clown)
+        vector = data["prompts"][row].astype(np.float32) + 0.0
+        mean = data["mean"]
+        query = mean + 0.2 * vector / np.linalg.norm(vector)
+    encoder = SimpleNamespace(query=lambda prompt: query if "Narr" in prompt else 2 * mean - query)
+    monkeypatch.setattr(other_languages, "open_e5", lambda: encoder)
+    library = LibraryExpander(TextEncoder())
+    found = library.expand("ein lustiger Narr und sein Hut")
+    assert found.nearest[0] == ("clown", pytest.approx(1.0, abs=0.01))
+    assert "is not English: nearest by meaning is “clown”" in found.note
+    assert "is not English: neutral" in library.expand("die Steuer und der Preis").note
+
+
+def test_nonsense_is_said_to_be_and_shows_no_match() -> None:
+    answer = expander().expand("asdf qwer")
+    assert "Nothing was understood" in answer.note
+    assert (answer.nearest, is_neutral("asdf qwer")) == ((), True)
+
+
+@pytest.mark.parametrize(
+    "prompt", ["a café waiter", "la la land dancer", "a den mother", "en garde", "a man from El Paso"]
+)
+def test_foreign_words_in_english_do_not_matter(prompt: str) -> None:
+    assert "not English" not in expander().expand(prompt).note
+
+
+def test_whoever_is_named_is_somebody_whatever_else_is_said() -> None:
+    report = expander().expand("a soldier reading the quarterly report")
+    assert "soldier" in report.nearest[0][0]
+    assert not is_neutral("a soldier reading the quarterly report")
+    assert is_neutral("reading of the quarterly report")

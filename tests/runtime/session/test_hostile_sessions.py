@@ -1,0 +1,447 @@
+"""Session files that nobody vouches for: documents that lie, bombs, other tables. One sentence each, in little time and memory."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import time
+import tracemalloc
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from runtime.errors import FileError, SportError
+from runtime.session.session import Take
+from runtime.session.session_file import INPUT, SessionFile
+from runtime.session.sqlite_file import SEAL
+from tests.helpers.full_session import full_session, history_of, text_of, written
+
+DEEP = "[" * 100_000
+HUGE = "1" * 5000
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a session that has one of everything, and its cache."""
+    folder = tmp_path_factory.mktemp("whole")
+    session = full_session(folder / "cache", folder)
+    return written(folder / "a.sport", history_of(session, session), folder / "cache")
+
+
+@pytest.fixture
+def path(whole: Path, tmp_path: Path) -> Path:
+    """A copy of it, as from another installation."""
+    (tmp_path / "a.sport").write_bytes(whole.read_bytes())
+    return tmp_path / "a.sport"
+
+
+def change(path: Path, sql: str, *values: Any) -> None:
+    with closing(sqlite3.connect(path)) as connection, connection:
+        assert connection.execute(sql, values).rowcount != 0
+
+
+def value_of(path: Path, sql: str) -> Any:
+    with closing(sqlite3.connect(path)) as connection:
+        return connection.execute(sql).fetchone()[0]
+
+
+def document(path: Path, edit: Callable[[Any], Any]) -> None:
+    """Another text for the last step."""
+    old = json.loads(value_of(path, "SELECT document FROM steps ORDER BY number DESC"))
+    new = edit(old) or old
+    text = new if isinstance(new, str) else json.dumps(new)
+    change(path, "UPDATE steps SET document = ? WHERE number = (SELECT max(number) FROM steps)", text)
+
+
+def blob(path: Path, reference: str, edit: Callable[[bytes], bytes]) -> str:
+    """Another content under the key of a reference, and the reference with its length."""
+    kind, _, key = reference.split(" ")
+    with closing(sqlite3.connect(path)) as connection:
+        (content,) = connection.execute("SELECT content FROM blobs WHERE key = ?", (key,)).fetchone()
+    made = edit(zlib.decompress(content))
+    change(path, "UPDATE blobs SET size = ?, content = ? WHERE key = ?", len(made), zlib.compress(made), key)
+    return f"{kind} {len(made)} {key}"
+
+
+def take(path: Path, edit: Callable[[Any], None]) -> None:
+    """Another text for the first take."""
+
+    def changed(document: Any) -> None:
+        def text(content: bytes) -> bytes:
+            value = json.loads(content)
+            edit(value)
+            return json.dumps(value).encode()
+
+        document["takes"][0] = blob(path, document["takes"][0], text)
+
+    document(path, changed)
+
+
+def header(path: Path, edit: Callable[[Any], Any]) -> None:
+    """Another header for the first motion."""
+    key, text = value_of(
+        path, f"SELECT key || ' ' || header FROM motions WHERE key NOT LIKE '%{INPUT}'"
+    ).split(" ", 1)
+    new = edit(json.loads(text))
+    change(
+        path,
+        "UPDATE motions SET header = ? WHERE key = ?",
+        new if isinstance(new, str) else json.dumps(new),
+        key,
+    )
+
+
+def setting(*keys: Any, to: Any) -> Callable[[Any], None]:
+    """An edit that puts a value to a place in a JSON value."""
+
+    def edit(value: Any) -> None:
+        for key in keys[:-1]:
+            value = value[key]
+        value[keys[-1]] = to
+
+    return edit
+
+
+# --- documents that lie
+
+DOCUMENTS: dict[str, Callable[[Any], Any]] = {
+    "no JSON": lambda _: "{",
+    "no object": lambda _: [1],
+    "deep": lambda _: DEEP,
+    "a long number": lambda _: f'{{"takes": {HUGE}}}',
+    "no takes": lambda d: d.pop("takes") and d,
+    "takes that are none": setting("takes", to=5),
+    "takes as text": setting("takes", to="abc"),
+    "a take that is not there": setting("takes", to=["|u1 5 " + "0" * 32]),
+    "a take that is no text": lambda d: setting("takes", to=[d["ground"][1]["heights"]])(d),
+    "one take twice": lambda d: setting("takes", to=d["takes"] * 2)(d),
+    "a million takes": lambda d: setting("takes", to=d["takes"][:1] * 300_000)(d),
+    "a counter that is none": setting("counter", to="7"),
+    "a counter below zero": setting("counter", to=-1),
+    "a selected that is huge": setting("selected", to=1 << 70),
+    "a ground of two numbers": setting("ground", to=["x", 5]),
+    "a ground with NaN": setting("ground", 1, "cell_m", to=float("nan")),
+    "a ground of no size": setting("ground", 1, "cell_m", to=0.0),
+    "a ground elsewhere": setting("ground", 1, "x", to=1e300),
+    "a ground of huge heights": setting("ground", 1, "heights", to="<f4 23170x23170 " + "0" * 32),
+    "heights of another kind": lambda d: setting("ground", 1, "heights", to="|u1 9x7 " + "0" * 32)(d),
+    "a reference that is none": setting("ground", 1, "heights", to="<f4 9x7"),
+    "a reference of negative sides": setting("ground", 1, "heights", to="<f4 -9x-7 " + "0" * 32),
+    "a character outside its folder": setting("character", "key", to="../../evil.glb"),
+    "a character with an absolute path": setting("character", "key", to="/etc/passwd"),
+    "a character with a device": setting("character", "key", to="a/con\0.glb"),
+    "a body of no shape": setting("character", "shape", "height", to=1e9),
+    "a body with another share": setting("character", "shape", "wings", to=1.0),
+    "a model with no seed": setting("model", "seed", to=None),
+    "a film that is a list": setting("reference", "video", to=["a"]),
+    "a film with a null in its name": setting("reference", "video", to="a\0b"),
+    "ten variants": lambda d: setting("variants", to=d["variants"] * 6)(d),
+    "a variant of no prompt": setting("variants", to=[[1, None, 0]]),
+    "weights of a blend": setting("live", "prompt", "weights", to=[2.0] * 6),
+    "two weights": setting("live", "prompt", "weights", to=[0.0, 0.0]),
+    "an answer of nobody": setting("live", "prompt", "answers", 0, "source", to="oracle"),
+    "an answer without words": setting("live", "prompt", "answers", 0, "words", to={}),
+    "a long description": setting("live", "prompt", "answers", 0, "words", "head", to="x" * 10_000),
+    "a style of another shape": setting("live", "prompt", "answers", 0, "z", to="<f4 1x1 " + "0" * 32),
+    "a camera that is none": setting("live", "cameras", to=[[0, 0, 0]]),
+    "cameras without end": setting("live", "cameras", to=[[0.0, 0.0, 0.0, 4.0, 0.0, 0.0, 0.0]] * 2000),
+    "a camera at infinity": setting("live", "cameras", to=[[0.0, 0.0, 0.0, float("inf"), 0.0, 0.0, 0.0]]),
+    "a path of one number": setting("live", "path", to=[[1]]),
+    "a path of no gait": setting("live", "path", to=[[0, 0, 1, 99]]),
+    "a path without speed": setting("live", "path", to=[[0, 0, 0, 1]]),
+    "a path far away": setting("live", "path", to=[[1e300, 0, 1, 1]]),
+    "a surrogate in a name": setting("live", "name", to="\ud800"),
+    "a long name": setting("live", "name", to="x" * 100_000),
+    "a pin of nothing": setting("live", "poses", to={"pins": [{}], "footplants": []}),
+    "pins without end": lambda d: setting("live", "poses", "pins", to=d["live"]["poses"]["pins"] * 5000)(d),
+}
+TAKES: dict[str, Callable[[Any], None]] = {
+    "no motion": setting("motion", to=None),
+    "a motion that is not there": setting("motion", to="../../x"),
+    "a motion that is a number": setting("motion", to=5),
+    "number zero": setting("number", to=0),
+    "a trim of one number": setting("trim", to=[1]),
+    "a trim backwards": setting("trim", to=[9, 3]),
+    "a trim below zero": setting("trim", to=[-1, 9]),
+    "a color below zero": setting("color", to=-3),
+    "a plant of no foot": setting("poses", "footplants", to=[{"foot": 2, "old": None, "new": None}]),
+    "a plant of no frames": setting("poses", "footplants", to=[{"foot": 0, "old": [9, 3], "new": None}]),
+    "a skeleton of strings": setting("own", to=[["a"], "x", "y"]),
+    "a skeleton of other bytes": setting("own", to=[[-1, 0], "<f4 3x3 " + "0" * 32, "|u1 7 " + "0" * 32]),
+    "a name with a null": setting("name", to="a\0"),
+}
+HEADERS: dict[str, Callable[[Any], Any]] = {
+    "no JSON": lambda _: "}",
+    "deep": lambda _: DEEP,
+    "no header": lambda _: [],
+    "2^40 frames": lambda h: h | {"frames": 1 << 40},
+    "frames below zero": lambda h: h | {"frames": -5},
+    "frames as text": lambda h: h | {"frames": "90"},
+    "no rate": lambda h: h | {"fps": 0},
+    "a rate that is none": lambda h: h | {"fps": float("nan")},
+    "a giant": lambda h: h | {"size": 1e6},
+    "a prompt that is none": lambda h: h | {"prompts": [{}] * 3 + [{"words": 5}]},
+    "words that are none": lambda h: h | {"prompts": [{**h["prompts"][0], "words": "[1]"}]},
+    "placed at infinity": lambda h: h | {"placed": [0, 0, float("inf"), 0]},
+    "seconds of no gait": lambda h: h | {"gait_seconds": [["walk"]]},
+}
+
+
+def refused(path: Path, problem: str = "") -> None:
+    """That a file is refused with one sentence that names it, within a second and 300 MB."""
+    tracemalloc.start()
+    begun = time.process_time()
+    try:
+        with pytest.raises(FileError) as caught:
+            SessionFile.open(path, path.parent / "cache")
+        assert time.process_time() - begun < 2.0
+        assert tracemalloc.get_traced_memory()[1] < 300 << 20
+    finally:
+        tracemalloc.stop()
+    text = str(caught.value)
+    assert problem in text
+    assert path.name in text
+    assert "\n" not in text
+    assert len(text) < 1000
+    assert caught.value.remedy
+    text.encode()
+
+
+@pytest.mark.parametrize("case", DOCUMENTS)
+def test_a_document_that_lies_is_one_sentence(case: str, path: Path) -> None:
+    document(path, DOCUMENTS[case])
+    refused(path, "a.sport")
+
+
+@pytest.mark.parametrize("case", TAKES)
+def test_a_take_that_lies_is_one_sentence(case: str, path: Path) -> None:
+    take(path, TAKES[case])
+    refused(path, "a.sport")
+
+
+@pytest.mark.parametrize("case", HEADERS)
+def test_a_header_that_lies_is_one_sentence(case: str, path: Path) -> None:
+    header(path, HEADERS[case])
+    refused(path, "a.sport")
+
+
+def test_a_step_that_is_at_none_is_the_last_one(path: Path) -> None:
+    for value in ("99", "-1", "x", "9" * 5000):
+        change(path, "UPDATE meta SET value = ? WHERE name = 'at'", value)
+        file, history = SessionFile.open(path, path.parent / "cache")
+        assert history.at == len(history.steps) - 1
+        file.close()
+
+
+def test_a_view_that_is_none_is_ignored(path: Path) -> None:
+    for value in (DEEP, "[1]", '{"yaw": NaN, "name": [], "x": 5, "camera": "\\ud800"}', HUGE):
+        change(path, "INSERT OR REPLACE INTO meta VALUES ('view', ?)", value)
+        file, _ = SessionFile.open(path, path.parent / "cache")
+        assert set(file.view) <= {"x"}
+        file.close()
+
+
+# --- bombs
+
+
+def put_blob(path: Path, key: str, size: int, content: bytes) -> None:
+    change(path, "INSERT OR REPLACE INTO blobs VALUES (?, ?, ?)", key, size, content)
+
+
+def bombs(path: Path) -> Iterator[str]:
+    """Each of these would be gigabytes; what is wrong with it."""
+    key, zeros = "0" * 32, zlib.compress(bytes(4096 * 4096 * 4), 1)
+    ground = {"name": "x", "cell_m": 1.0, "x": 0.0, "z": 0.0, "note": "", "unit_m": 1.0}
+
+    def grounds(count: int) -> Callable[[Any], None]:
+        def edit(value: Any) -> None:
+            for k in range(count):
+                put_blob(path, f"{k:032}", 1 << 26, zeros)
+            value["live"]["ground"] = ["x", {**ground, "heights": f"<f4 4096x4096 {0:032}"}]
+            value["ground"] = ["x", {**ground, "heights": f"<f4 4096x4096 {1:032}"}]
+
+        return edit
+
+    document(path, grounds(2))
+    yield "unfolds to more than"
+    put_blob(path, key, 100, zlib.compress(bytes(1 << 28), 1))
+    document(path, setting("takes", to=[f"|u1 100 {key}"]))
+    yield "expected 100 bytes"
+    put_blob(path, key, 1 << 28, b"x")
+    document(path, setting("takes", to=[f"|u1 {1 << 28} {key}"]))
+    yield "unfolds to more than"
+    document(path, lambda _: "[" + "[]," * 4_000_000 + "0]")
+    yield "a.sport"
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_a_bomb_is_refused_before_it_unfolds(number: int, path: Path) -> None:
+    refused(path, next(islice(bombs(path), number, None)))
+
+
+def test_a_motion_of_too_many_frames_is_refused_when_it_is_looked_at(path: Path) -> None:
+    """The header alone is small: its frames are made when somebody plays them."""
+    header(path, lambda h: h | {"frames": 1_999_999})
+    file, history = SessionFile.open(path, path.parent / "cache")
+    tracemalloc.start()
+    try:
+        for found in history.present.session.takes:
+            if found.frames > 1000:
+                with pytest.raises(FileError, match=r"a\.sport"):
+                    _ = found.made.clip
+        assert tracemalloc.get_traced_memory()[1] < 300 << 20
+    finally:
+        tracemalloc.stop()
+    file.close()
+
+
+def looked_at(path: Path) -> list[str]:
+    """What is said when every motion of a file is loaded with its input; it is opened before."""
+    said = []
+    file, history = SessionFile.open(path, path.parent / "cache")
+    for found in history.present.session.takes:
+        for load in (lambda t=found: t.made.clip, lambda t=found: t.made.inputs):  # type: ignore[misc]
+            try:
+                load()
+            except FileError as error:
+                said.append(str(error))
+    assert file.close()
+    return said
+
+
+PIECES: dict[str, str] = {
+    "a piece is missing": "DELETE FROM frames WHERE number = 0",
+    "other bytes": "UPDATE frames SET content = zeroblob(40)",
+    "a count that is too small": "UPDATE frames SET count = 1",
+    "a count that is too large": "UPDATE frames SET count = 1000000",
+    "a size that lies": "UPDATE frames SET size = 536870912",
+    "no size": "UPDATE frames SET size = 0",
+    "a piece twice": "INSERT INTO frames SELECT motion, number + 1, count, size, content FROM frames",
+    "the pieces of a tail": "INSERT INTO frames SELECT motion || '.tail', number, count, size, content FROM frames",
+    "a piece of another motion": "UPDATE frames SET content = (SELECT content FROM frames ORDER BY count LIMIT 1)",
+}
+
+
+@pytest.mark.parametrize("case", PIECES)
+def test_frames_that_lie_are_one_sentence_when_they_are_looked_at(case: str, path: Path) -> None:
+    change(path, PIECES[case])
+    said = looked_at(path)
+    assert said
+    assert all("a.sport: " in text and "\n" not in text for text in said)
+
+
+INPUTS: dict[str, Callable[[Any], Any]] = {
+    "no JSON": lambda _: "[",
+    "deep": lambda _: DEEP,
+    "no keyframes": setting("keyframes", to=[]),
+    "a keyframe after the end": lambda v: setting(
+        "keyframes", to=[*v["keyframes"], [5000, v["keyframes"][0][1]]]
+    )(v),
+    "keyframes backwards": lambda v: setting(
+        "keyframes", to=[*v["keyframes"], [-1000, v["keyframes"][0][1]]]
+    )(v),
+    "a keyframe at 2^70": lambda v: setting("keyframes", 0, 0, to=1 << 70)(v),
+    "a keyframe after the first frame": setting("keyframes", 0, 0, to=5),
+    "a state that is none": lambda v: setting("keyframes", 0, 1, to=v["lead"])(v),
+    "a lead of another length": setting("lead_frames", to=7),
+    "a lead below zero": setting("lead_frames", to=-1),
+    "a lead that is text": setting("lead_frames", to="3"),
+    "a change of nothing": setting("changes", 0, 1, to={}),
+    "a change at no frame": setting("changes", 0, 0, to=None),
+    "a restart far away": setting("changes", to=[[0, {"restart": [1e300, 0, 0]}]]),
+    "a style that is none": setting("changes", to=[[0, {"seconds": 1, "style": 5}]]),
+    "changes without end": lambda v: setting("changes", to=v["changes"] * 5_000)(v),
+}
+
+
+@pytest.mark.parametrize("case", INPUTS)
+def test_an_input_that_lies_is_one_sentence_and_its_take_still_plays(case: str, path: Path) -> None:
+    text = json.loads(value_of(path, f"SELECT header FROM motions WHERE key LIKE '%{INPUT}'"))
+    made = INPUTS[case](text)
+    made = text if made is None else made
+    change(
+        path,
+        f"UPDATE motions SET header = ? WHERE key LIKE '%{INPUT}'",
+        made if isinstance(made, str) else json.dumps(made),
+    )
+    tracemalloc.start()
+    try:
+        said = looked_at(path)
+        assert tracemalloc.get_traced_memory()[1] < 300 << 20
+    finally:
+        tracemalloc.stop()
+    assert len(said) == 1  # of the two takes of this motion the second has no input any more
+    assert "a.sport: " in said[0]
+    assert "\n" not in said[0]
+
+
+def test_what_is_named_a_hundred_times_is_made_once(path: Path) -> None:
+    input_of = f"SELECT header FROM motions WHERE key LIKE '%{INPUT}'"
+    text = json.loads(value_of(path, input_of))
+    text["keyframes"] *= 100
+    change(path, f"UPDATE motions SET header = ? WHERE key LIKE '%{INPUT}'", json.dumps(text))
+    file, history = SessionFile.open(path, path.parent / "cache")
+    inputs = history.present.session.takes[0].made.inputs
+    assert inputs is not None
+    assert len({id(key.snapshot) for key in inputs.keyframes}) == 1
+    file.close()
+
+
+def test_a_character_that_lies_is_one_sentence_and_nothing_is_written_outside(
+    path: Path, tmp_path: Path
+) -> None:
+    name = value_of(path, "SELECT key FROM blobs WHERE key LIKE 'character %'")
+    for files in (
+        {"../../evil.glb": f"|u1 1 {'0' * 32}"},
+        {"a.glb": f"|u1 1 {'0' * 32}", "/etc/x": f"|u1 1 {'0' * 32}"},
+        {"a.txt": f"|u1 1 {'0' * 32}"},
+        {"a.glb": "nothing"},
+        ["a.glb"],
+        5,
+    ):
+        content = json.dumps(files).encode()
+        put_blob(path, name, len(content), zlib.compress(content))
+        put_blob(path, "0" * 32, 1, zlib.compress(b"x"))
+        file, history = SessionFile.open(path, tmp_path / "cache")
+        with pytest.raises(SportError):
+            file.character_path(history.present.session.character)
+        file.close()
+    assert not list(tmp_path.rglob("evil*"))
+    assert not list((tmp_path / "cache").rglob("*.glb"))
+
+
+def test_a_file_that_claims_to_be_ours_is_checked_all_the_same(whole: Path, tmp_path: Path) -> None:
+    """The seal of a real one, on other rows."""
+    path = tmp_path / "a.sport"
+    path.write_bytes(whole.read_bytes())
+    assert value_of(path, f"SELECT count(*) FROM meta WHERE name = '{SEAL}'") == 1
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute("CREATE TRIGGER evil AFTER INSERT ON meta BEGIN DELETE FROM steps; END")
+    with pytest.raises(FileError, match="its tables are others"):
+        SessionFile.open(path, whole.parent / "cache")
+
+
+def test_what_is_refused_stays_as_it_was(path: Path) -> None:
+    document(path, setting("counter", to=-1))
+    before = path.read_bytes()
+    rows = value_of(path, "SELECT group_concat(document) FROM steps")
+    with pytest.raises(FileError):
+        SessionFile.open(path, path.parent)
+    assert value_of(path, "SELECT group_concat(document) FROM steps") == rows
+    assert len(before) > 0
+    assert not path.with_name(f".{path.name}.lock").exists()
+
+
+def test_the_whole_one_is_opened(path: Path, whole: Path) -> None:
+    """What the others are damaged copies of."""
+    file, history = SessionFile.open(path, path.parent / "cache")
+    other, same = SessionFile.open(whole, whole.parent / "cache")
+    assert text_of(history.present.session) == text_of(same.present.session)
+    assert looked_at(path) == [] if file.close() else False
+    assert isinstance(history.present.session.live, Take)
+    other.close()

@@ -1,0 +1,163 @@
+"""Untitled sessions: which ones the next start finds, and which ones go."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from runtime.assets import PROJECT_ROOT
+from runtime.session import library
+from runtime.session.database import Database, Writer
+from runtime.session.library import find, keep_newest, new_path, remove
+
+
+def untitled(folder: Path, work: Callable[[Writer], None] | None = None, close: bool = True) -> Database:
+    """A session of two takes in `folder`."""
+    session = Database.create(new_path(folder))
+
+    def filled(writer: Writer) -> None:
+        writer.put_step(0, "Record", "{}")
+        for name, value in (
+            ("name", "stairs"),
+            ("takes", "2"),
+            ("seconds", "3.5"),
+            ("ended", "1"),
+            ("picture", b"PNG"),
+        ):
+            writer.set_meta(name, value)
+
+    session.submit(work or filled)
+    assert session.flush()
+    if close:
+        assert session.close()
+    return session
+
+
+def test_what_is_shown_of_a_session(tmp_path: Path) -> None:
+    session = untitled(tmp_path)
+    (found,) = find(tmp_path)
+    assert (found.path, found.name, found.ended, found.takes, found.seconds) == (
+        session.path,
+        "stairs",
+        True,
+        2,
+        3.5,
+    )
+    assert found.picture == b"PNG"
+    assert abs(found.saved_s - time.time()) < 60
+    remove(found.path)
+    bare = untitled(tmp_path, lambda writer: writer.put_step(0, "", "{}"))
+    (found,) = find(tmp_path)
+    assert (found.path, found.name, found.ended, found.takes, found.picture) == (
+        bare.path,
+        "Untitled",
+        False,
+        0,
+        b"",
+    )
+    assert find(tmp_path / "none") == []
+
+
+def test_names_sort_by_time_also_where_the_clock_was_set_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    paths = []
+    for stamp in ("20300101-000000", "20300101-000000", "20200101-000000", "20300101-000001"):
+        monkeypatch.setattr(library.time, "strftime", lambda _format, stamp=stamp: stamp)
+        paths.append(untitled(tmp_path).path)
+    assert paths == sorted(paths)
+    assert [summary.path for summary in find(tmp_path)] == paths[::-1]
+
+
+def test_a_session_that_is_open_is_not_found_nor_removed(tmp_path: Path) -> None:
+    held = untitled(tmp_path, close=False)
+    closed = untitled(tmp_path)
+    assert [summary.path for summary in find(tmp_path)] == [closed.path]
+    keep_newest(tmp_path, 0)
+    remove(held.path)
+    assert [path.name for path in tmp_path.glob("*.sport")] == [held.path.name]
+    assert held.flush()
+    assert held.steps() == [(0, "Record")]
+    held.close()
+    assert len(find(tmp_path)) == 1
+
+
+KILLED = """
+import os, sys
+from pathlib import Path
+from tests.runtime.session.test_session_library import untitled
+untitled(Path(sys.argv[1]), close=False)
+os.kill(os.getpid(), 9)
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX")
+def test_a_session_that_was_cut_off_is_found_with_what_its_log_holds(tmp_path: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)], cwd=PROJECT_ROOT, check=False)
+    assert done.returncode == -9
+    (found,) = find(tmp_path)
+    assert found.takes == 2
+    keep_newest(tmp_path, 0)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_newest_stay_and_nothing_of_the_others(tmp_path: Path) -> None:
+    paths = [untitled(tmp_path).path for _ in range(4)]
+    keep_newest(tmp_path, 2)
+    assert sorted(tmp_path.iterdir()) == paths[2:]
+
+
+def many(writer: Writer) -> None:
+    writer.put_step(0, "", "")
+    writer.set_meta("takes", "many")
+
+
+def large(writer: Writer) -> None:
+    writer.put_step(0, "", "x" * 9999)
+    writer.put_blob("b", os.urandom(300_000))
+
+
+def heavy(writer: Writer) -> None:
+    writer.put_step(0, "", "")
+    writer.set_meta("picture", bytes(9 << 20))
+
+
+def endless(writer: Writer) -> None:
+    writer.put_step(0, "", "")
+    writer.set_meta("seconds", "inf")
+
+
+def test_a_summary_costs_little_and_its_numbers_can_be_shown(tmp_path: Path) -> None:
+    untitled(tmp_path, heavy)
+    assert find(tmp_path) == []
+    untitled(tmp_path, endless)
+    assert find(tmp_path)[0].seconds == 1e9
+
+
+def test_empty_sessions_go_and_what_cannot_be_read_stays_unseen(tmp_path: Path) -> None:
+    untitled(tmp_path, lambda writer: writer.set_meta("name", "empty"))
+    (tmp_path / "20200101-000000-0000-x.sport").write_bytes(b"of another program")
+    wrong = untitled(tmp_path, many)
+    (tmp_path / "folder.sport").mkdir()
+    assert find(tmp_path) == []
+    keep_newest(tmp_path, 0)
+    assert len(list(tmp_path.iterdir())) == 3
+    assert wrong.path.exists()
+    remove(tmp_path / "none.sport")
+
+
+def test_ten_sessions_are_found_soon(tmp_path: Path) -> None:
+    for _ in range(10):
+        untitled(
+            tmp_path,
+            large,
+        )
+    started = time.monotonic()
+    assert len(find(tmp_path)) == 10
+    assert time.monotonic() - started < 0.5

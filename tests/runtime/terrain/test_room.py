@@ -1,0 +1,132 @@
+"""Room for a body: nobody is led into a spike or wall, from no side, nor stands in ground that came in place of another."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from runtime import rotations
+from runtime.motion.controller import Controller
+from runtime.motion.limbs import off_walls
+from runtime.motion.state import standing
+from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.room import (
+    HAND_M,
+    can_climb,
+    can_land,
+    can_stand,
+    has_walls,
+    kept_off,
+    led_clear,
+    nearest_place,
+)
+from tests.helpers.walker import WalkerModel
+from tests.steep import spikes, walk
+
+RISE = np.where(np.arange(201) < 100, 0.0, 3.0).astype(np.float32)  # a cliff at x = 0
+CLIFF = Terrain("cliff", RISE[:, None].repeat(201, 1), 0.1, (-10.0, -10.0))
+angles = st.floats(-np.pi, np.pi)
+
+
+@settings(max_examples=40, deadline=None)
+@given(angle=angles, away=st.floats(0.12, 2.0), z=st.floats(-5, 5))
+def test_a_root_leaves_a_cliff_and_never_goes_into_it(angle: float, away: float, z: float) -> None:
+    velocity = np.array([np.cos(angle), np.sin(angle)])
+    kept = kept_off(CLIFF, np.array([-away, z]), velocity)
+    assert (kept == velocity).all() or (kept == 0.0).all()
+    if velocity[0] < -0.87 or away > HAND_M + 0.1:
+        assert (kept == velocity).all()
+    if velocity[0] > 0.5 and away < 0.4:
+        assert (kept == 0.0).all()
+
+
+@settings(max_examples=30, deadline=None)
+@given(x=st.floats(-3, 3), z=st.floats(-3, 3))
+def test_the_nearest_place_has_room(x: float, z: float) -> None:
+    place = nearest_place(CLIFF, x, z)
+    assert can_stand(CLIFF, np.array(place))
+    assert np.hypot(place[0] - x, place[1] - z) < 1.0
+
+
+def test_level_ground_has_no_walls_and_slopes_no_landing() -> None:
+    assert not has_walls(Terrain.flat())
+    assert nearest_place(Terrain.flat(), 1.0, 2.0) == (1.0, 2.0)
+    slope = Terrain("slope", np.arange(201, dtype=np.float32)[:, None].repeat(2, 1) * 0.2, 0.1, (-10, -10))
+    ahead = np.array([1.0, 0.0])
+    assert not can_land(slope, np.zeros(2), ahead, 0.5, 0.3, 0.0, 0.0)
+    assert can_land(CLIFF, np.array([-1.0, 0.0]), ahead, 1.0, 3.0, 0.0, 0.0)
+
+
+def test_no_gap_is_leapt_beside_what_stands_in_it() -> None:
+    heights = np.zeros((41, 41), np.float32)
+    heights[22, 20] = 4.0  # 0.4 m beside the way and 1 m ahead
+    terrain = Terrain("spike", heights, 0.2, (-4.0, -4.0))
+    place, ahead = np.array([0.0, -1.0]), np.array([0.0, 1.0])
+    assert can_land(terrain, place, ahead, 1.4, 0.0, 0.0, 0.3)
+    assert not can_land(terrain, place, ahead, 1.4, 0.0, 0.6, 0.3)
+    assert can_land(terrain, place, ahead, 1.4, 0.0, 0.1, 0.3)
+
+
+def test_a_root_in_a_wall_drifts_out_of_it_and_up_no_step() -> None:
+    for away in (0.05, 0.2, 0.3):
+        kept = led_clear(CLIFF, np.array([-away, 0.0]), np.array([0.3, 1.0]))
+        assert kept[0] < -0.3
+    assert (led_clear(CLIFF, np.array([-0.8, 0.0]), np.array([0.0, 1.0])) == [0.0, 1.0]).all()
+
+
+def test_a_wall_is_climbed_only_where_a_body_has_room() -> None:
+    heights = np.zeros((81, 81), np.float32)
+    heights[:, 40:60] = 1.0  # a wall from z = 0 on
+    heights[60:, :] = 3.0  # and a higher one beside it, from x = 2 on
+    terrain = Terrain("corner", heights, 0.1, (-4.0, -4.0))
+    ahead = np.array([0.0, 1.0])
+    assert can_climb(terrain, np.array([0.0, -0.5]), ahead, 0.45, 1.0)
+    assert not can_climb(terrain, np.array([1.7, -0.5]), ahead, 0.45, 1.0)
+    assert not can_climb(terrain, np.array([0.0, -0.5]), ahead, 0.45, 1.5)
+
+
+def test_an_arm_in_a_wall_hangs_and_one_beside_level_ground_stays() -> None:
+    state = standing(WalkerModel(), CLIFF, None, 0, -0.45, 0.0, 0.0)  # type: ignore[arg-type]
+    hips, before = state.poses.hips[0], state.poses.local[0]
+    stretched = before.copy()
+    stretched[[18, 25]] = (1.0, 0.0, 0.0, 0.0)  # arms to both sides
+    for _ in range(4):
+        before = off_walls(hips, stretched, before, CLIFF)
+    places = SPORT_SKELETON.forward_kinematics(hips, before)[0]
+    depth = CLIFF.height(places[:, 0], places[:, 2]) - places[:, 1]
+    assert depth.max() < 0.2
+    flat = off_walls(hips, stretched, stretched, Terrain.flat())
+    assert (flat == stretched).all()
+
+
+def test_an_arm_that_leaves_a_wall_comes_back_without_a_jerk() -> None:
+    state = standing(WalkerModel(), CLIFF, None, 0, -0.45, 0.0, 0.0)  # type: ignore[arg-type]
+    hips, before = state.poses.hips[0].copy(), state.poses.local[0]
+    stretched = before.copy()
+    stretched[[18, 25]] = (1.0, 0.0, 0.0, 0.0)  # arms to both sides
+    turns = []
+    for frame in range(120):
+        hips[0] = -0.45 - 0.6 * max(frame - 20, 0) / 100
+        shown = off_walls(hips, stretched, before, CLIFF)
+        turns.append(rotations.angle_between(before[[18, 25]], shown[[18, 25]]).max())
+        before = shown
+    assert max(turns[20:]) < 0.16
+    assert rotations.angle_between(before[[18, 25]], stretched[[18, 25]]).max() < 0.01
+
+
+def test_a_character_stands_beside_a_spike_that_rises_under_it() -> None:
+    controller = Controller(WalkerModel(), Terrain.flat())
+    heights = np.zeros((41, 41), np.float32)
+    heights[20, 20] = 4.0
+    spike = Terrain("spike", heights, 0.2, (-4.0, -4.0))
+    controller.set_terrain(spike)
+    x, y, z = controller.pose.root_position.tolist()
+    assert 0.2 < np.hypot(x, z) < 1.5
+    assert abs(y) < 0.3
+
+
+def test_a_while_among_spikes_is_never_under_the_ground() -> None:
+    count = walk(Controller(WalkerModel(), Terrain.flat()), 0.05, seed=3, grounds=(spikes,))
+    assert count.failures == 0, count.first[:3]

@@ -1,0 +1,169 @@
+"""Clocks that jump and times that no clock gives: nothing is lost, swept away under another program, or not finite."""
+
+from __future__ import annotations
+
+import random
+import subprocess
+import sys
+import time
+from itertools import cycle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime.assets import PROJECT_ROOT
+from runtime.atomic import atomic_path, sweep
+from runtime.formats.bvh_clip import load_clip_bvh
+from runtime.session import library
+from runtime.session.library import SessionSummary
+from runtime.session.session_file import SessionFile
+from tests.helpers.app_driver import Start, run
+from viewer.session.sessions import describe
+
+YEAR_S = 365 * 86400.0
+JUMPS = (0.0, -5.0, 1.0, 4e9, 1e12, 1.5e9, -1e9)
+
+
+BESIDE = """
+import sys
+import time
+sys.path.insert(0, sys.argv[1])
+from pathlib import Path
+from tests.helpers.viewer_fakes import fake_services
+from viewer.app import App
+from viewer.options import ViewOptions
+folder = Path(sys.argv[2])
+app = App(ViewOptions(offscreen=True, terrain="flat"), fake_services(), config=folder / "config")
+app.settings.export_folder = str(folder / "clips")
+app.takes.toggle_recording()
+for _ in range(int(sys.argv[3])):
+    app.frame()
+app.takes.toggle_recording()
+for _ in range(10):
+    app.sessions.save_as(folder / "both.sport")
+    app.takes.export()
+    app.frame()
+(folder / f"saved {sys.argv[3]}").touch()
+end = time.monotonic() + 200.0
+while len(list(folder.glob("saved *"))) < 2 and time.monotonic() < end:  # neither closes the file before the other asks
+    app.frame()
+app.interrupt()
+code = app.end()
+app.close()
+sys.exit(code)
+"""
+
+
+@pytest.fixture
+def jumping(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every look at the clock on the wall gives another year."""
+    times, stamps = random.Random(3), cycle(("19700101-000000", "20991231-235959", "20260301-120000"))
+    monkeypatch.setattr(time, "time", lambda: times.choice(JUMPS))
+    real = time.strftime
+    monkeypatch.setattr(
+        time, "strftime", lambda form, *t: next(stamps) if form == "%Y%m%d-%H%M%S" else real(form, *t)
+    )
+
+
+@pytest.mark.usefixtures("jumping")
+def test_takes_are_recorded_played_and_kept_while_the_clock_jumps(start: Start, tmp_path: Path) -> None:
+    app = start()
+    app.settings.export_folder = str(tmp_path / "clips")
+    for _ in range(3):
+        app.takes.toggle_recording()
+        run(app, 30)
+        app.takes.toggle_recording()
+        app.takes.play(app.editor.session.counter)
+        run(app, 5)
+        app.takes.close_playback()
+    assert [len(item.clip) for item in app.editor.session.takes] == [30, 30, 30]
+    app.takes.export()
+    assert len(load_clip_bvh(next((tmp_path / "clips").glob("*.bvh")))) == 30
+    app.interrupt()
+    app.end()
+    (left,) = library.find(tmp_path / "config" / "sessions")
+    assert (left.takes, left.ended) == (3, True)
+    assert describe(left).startswith("Untitled, 3 takes")
+
+
+@pytest.mark.usefixtures("jumping")
+def test_the_newest_session_is_that_of_the_last_run(start: Start, tmp_path: Path) -> None:
+    folder = tmp_path / "config" / "sessions"
+    for frames in (3, 6, 9, 12):
+        app = start()
+        app.takes.toggle_recording()
+        run(app, frames)
+        app.takes.toggle_recording()
+        for _ in range(frames // 3 - 1):
+            app.takes.mirror(1)
+        app.interrupt()
+        app.end()
+        app.close()
+        assert library.find(folder)[0].takes == frames // 3
+
+
+@pytest.mark.parametrize("seconds", [-1e18, -1.0, 0.0, 4e9, 1e18])
+def test_a_session_of_any_time_can_be_described(tmp_path: Path, seconds: float) -> None:
+    assert describe(SessionSummary(tmp_path, "Untitled", True, seconds, 1, 2.0, b"")).startswith(
+        "Untitled, 1 take"
+    )
+
+
+def test_what_a_running_program_writes_is_not_swept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with atomic_path(tmp_path / "film.mp4") as temporary:
+        temporary.write_bytes(b"half")
+        now = time.time()
+        monkeypatch.setattr(time, "time", lambda: now + YEAR_S)
+        assert sweep(tmp_path) == []
+    assert (tmp_path / "film.mp4").read_bytes() == b"half"
+
+
+def test_names_of_sessions_sort_after_those_that_are_there(tmp_path: Path) -> None:
+    (tmp_path / "29991231-235959-0007-00000000.sport").touch()
+    (tmp_path / "29991231-235959-notours.sport").touch()
+    assert library.new_path(tmp_path).name.startswith("29991231-235959-0008-")
+    assert library.new_path(tmp_path / "none").name[15:20] == "-0000"
+
+
+def test_steps_of_no_time_and_of_ten_seconds(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    app = start()
+    steps = cycle((0.0, 1e-9, 10.0, 1e-300, 1 / 60, 1.0))
+    monkeypatch.setattr(app, "_tick", lambda: next(steps))
+    app.takes.toggle_recording()
+    app.window.inject_key("w", True)
+    run(app, 40)
+    app.window.inject_key("w", False)
+    app.takes.toggle_recording()
+    (take,) = app.editor.session.takes
+    assert np.isfinite(take.clip.hips_positions).all()
+    app.takes.play(1)
+    for _ in range(30):
+        run(app)
+        assert np.isfinite(np.array(app.scene.camera.current.heading)).all()
+        assert np.isfinite(app.takes.playback.pose().positions).all()  # type: ignore[union-attr]
+
+
+def frames(path: Path) -> int:
+    """Of the one take of a session."""
+    file, history = SessionFile.open(path, path.parent)
+    (take,) = history.present.session.takes
+    assert len(take.clip) == take.frames
+    file.close(1.0)
+    return take.frames
+
+
+def test_two_programs_share_a_folder(tmp_path: Path) -> None:
+    """Settings, sessions and one named file of both: each keeps its own, and the file is that of one of the two, whole."""
+    command = [sys.executable, "-c", BESIDE, str(PROJECT_ROOT), str(tmp_path)]
+    both = [subprocess.Popen([*command, str(20 + k)], stderr=subprocess.PIPE, text=True) for k in range(2)]
+    for process in both:
+        _, said = process.communicate(timeout=300)
+        assert process.returncode == 0, said
+        assert "Traceback" not in said, said
+    found = [tmp_path / "both.sport", *(tmp_path / "config" / "sessions").glob("*.sport")]
+    assert sorted(frames(path) for path in found) == [20, 21]
+    lengths = [len(load_clip_bvh(path)) for path in (tmp_path / "clips").glob("*.bvh")]
+    assert sorted(set(lengths)) == [20, 21]
+    left = [path for path in tmp_path.rglob("*") if "-sport-" in path.name]
+    assert left == []

@@ -1,0 +1,165 @@
+"""The `sport` command: help, exit codes, and one sentence for every mistake."""
+
+import subprocess
+import sys
+import types
+
+import pytest
+
+import runtime.generate as generate_module
+import runtime.motion.model
+from runtime.assets import PROJECT_ROOT
+from runtime.formats.bvh import read_bvh
+from runtime.formats.bvh_clip import load_clip_bvh
+from sport import cli
+from tests.helpers.walker import WalkerModel
+from tests.runtime import test_generate
+
+
+@pytest.fixture
+def walker(monkeypatch):
+    monkeypatch.setattr(runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel())
+    monkeypatch.setattr(generate_module, "Prompter", lambda model, *_: test_generate.style_of)
+
+
+@pytest.fixture
+def viewed(monkeypatch):
+    """Options that reach the viewer, in place of a window."""
+    seen = []
+    app = types.ModuleType("viewer.app")
+    app.run = lambda options: seen.append(options) or 0
+    monkeypatch.setitem(sys.modules, "viewer.app", app)
+    return seen
+
+
+def test_help_names_every_command(capsys):
+    with pytest.raises(SystemExit) as end:
+        cli.main(["--help"])
+    assert end.value.code == 0
+    text = capsys.readouterr().out
+    for word in ("view", "generate", "bench", "train", "examples", "--offscreen", "--out"):
+        assert word in text
+
+
+def test_plain_sport_opens_the_viewer(viewed):
+    assert cli.main([]) == 0
+    assert viewed[0].offscreen is False
+    assert viewed[0].terrain is None
+
+
+def test_view_options_arrive(viewed, tmp_path):
+    shot = tmp_path / "shot.png"
+    cli.main(["view", "--offscreen", "--frames", "9", "--screenshot", str(shot), "--size", "640x360",
+                "--terrain", "stairs", "--prompt", "proud", "--seed", "4", "--no-panels"])  # fmt: skip
+    options = viewed[0]
+    assert (options.offscreen, options.frames, options.screenshot) == (True, 9, shot)
+    assert (options.width, options.height, options.terrain, options.prompt) == (640, 360, "stairs", "proud")
+    assert (options.seed, options.panels) == (4, False)
+
+
+@pytest.mark.parametrize("options", [["--screenshot"], ["--offscreen", "--save-frames"]])
+def test_pictures_that_cannot_be_written_are_told_before_anything_runs(viewed, options, tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert cli.main(["view", *options, str(tmp_path / "file" / "out.png")]) == 2
+    error = capsys.readouterr().err
+    assert str(tmp_path / "file") in error
+    assert error.count("\n") == 1
+    assert viewed == []
+
+
+def test_generate_writes_a_clip_that_is_the_same_each_time(walker, tmp_path, capsys):
+    arguments = ["generate", "--prompt", "proud", "--path", "circle", "--seconds", "1.5", "--seed", "3"]
+    one, two = tmp_path / "one.bvh", tmp_path / "two.bvh"
+    assert cli.main([*arguments, "--out", str(one)]) == 0
+    assert cli.main([*arguments, "--out", str(two)]) == 0
+    assert one.read_bytes() == two.read_bytes()
+    assert "90 frames" in capsys.readouterr().out
+    assert len(load_clip_bvh(one)) == 90
+    assert cli.main([*arguments, "--fps", "30", "--unit", "m", "--out", str(two)]) == 0
+    motion = read_bvh(two)
+    assert (round(motion.fps), len(motion.positions)) == (30, 45)
+    assert 0.5 < motion.positions[0, 0, 1] < 1.5
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["generate", "--terrain", "lava", "--out", "OUT"], "lava"),
+        (["generate", "--terrain", "none.png", "--out", "OUT"], "none.png"),
+        (["generate", "--prompt", "", "--out", "OUT"], "prompt"),
+        (["generate", "--prompt", "x" * 10_000, "--out", "OUT"], "prompt"),
+        (["generate", "--prompts", "drunk", "--out", "OUT"], "SECONDS:PROMPT"),
+        (["generate", "--gait", "fly", "--out", "OUT"], "--gait"),
+        (["generate", "--path", "up", "--out", "OUT"], "--path"),
+        (["generate", "--seconds", "-1", "--out", "OUT"], "--seconds"),
+        (["generate", "--seconds", "nan", "--out", "OUT"], "--seconds"),
+        (["generate", "--seed", "-1", "--out", "OUT"], "--seed"),
+        (["generate", "--fps", "0", "--out", "OUT"], "frames per second"),
+        (["generate", "--unit", "inch", "--out", "OUT"], "inch"),
+        (["view", "--size", "big"], "--size big"),
+        (["view", "--frames", "0"], "--frames 0"),
+        (["bench", "--frames", "1"], "--frames 1"),
+    ],
+)
+def test_mistakes_are_one_sentence_and_exit_code_2(walker, viewed, arguments, expected, tmp_path, capsys):
+    out = tmp_path / "out.bvh"
+    assert cli.main([str(out) if a == "OUT" else a for a in arguments]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("sport: ")
+    assert expected in error
+    assert error.count("\n") == 1
+    assert not out.exists()
+
+
+def test_a_missing_model_is_named(tmp_path, capsys):
+    folder = tmp_path / "nowhere"
+    assert cli.main(["generate", "--model", str(folder), "--out", str(tmp_path / "x.bvh")]) == 2
+    assert "nowhere" in capsys.readouterr().err
+
+
+def test_unknown_commands_and_missing_options_exit_with_2(capsys):
+    for arguments in (["dance"], ["generate"]):
+        with pytest.raises(SystemExit) as end:
+            cli.main(arguments)
+        assert end.value.code == 2
+    assert "--out" in capsys.readouterr().err
+
+
+def test_training_without_torch_says_what_to_install():
+    code = (
+        "import sys\nsys.modules['torch'] = None  # as if it were not installed\n"
+        "from sport.cli import main\nsys.exit(main(['train', 'all', '--out', 'x']))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=PROJECT_ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert "'torch'" in done.stderr
+    assert "[train]" in done.stderr
+
+
+def test_training_commands_hand_on_their_arguments(monkeypatch):
+    stub = types.ModuleType("training.pipeline")
+    stub.main = lambda argv: len(argv)
+    monkeypatch.setitem(sys.modules, "training.pipeline", stub)
+    assert cli.main(["train", "all", "--out", "x"]) == 3
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "import sys\nfrom sport import cli\n"
+        "try:\n    cli.main(['--help'])\nexcept SystemExit:\n    pass\n"
+        "print([m for m in ('numpy', 'onnxruntime', 'torch', 'imgui_bundle', 'trimesh', 'PIL') if m in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=PROJECT_ROOT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip().endswith("[]")
+
+
+def test_a_folder_whose_name_is_too_long_is_one_sentence(walker, tmp_path, capsys):
+    out = tmp_path / ("long" * 100) / "walk.bvh"
+    assert cli.main(["generate", "--prompt", "a walk", "--seconds", "0.1", "--out", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert "walk.bvh" in said
+    assert "new" not in said

@@ -1,0 +1,91 @@
+"""What goes wrong outside the program: names that are too long, leftovers, numbers that are none."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from runtime.atomic import sweep, write_atomic
+from runtime.controls import Controls
+from runtime.errors import FileError
+from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
+from runtime.pose import Pose
+from runtime.prompts.gpt.client import ChatClient, EndpointError
+from runtime.prompts.gpt.settings import GptSettings
+from runtime.takes.input_recording import InputFrame, InputFrames, InputRecording, Keyframe, resimulated_take
+from runtime.terrain.height_map import Terrain
+from sport.batch import plan
+from tests.fuzz.files import clip
+from viewer.scene.simulation import Simulation
+
+
+def standing(x: float = 0.0) -> Pose:
+    pose = Simulation.standing(Terrain.flat()).current
+    pose.hips_position[0] = x
+    return pose
+
+
+def test_a_bvh_with_a_name_of_250_characters_keeps_what_is_known_of_it(tmp_path: Path) -> None:
+    path = tmp_path / ("n" * 246 + ".bvh")
+    save_bvh(clip(), path)
+    assert load_clip_bvh(path).prompts == clip().prompts
+
+
+def test_a_large_file_that_a_row_names_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    huge = tmp_path / "huge.glb"
+    huge.touch()
+    os.truncate(huge, 4 << 30)
+    begun = time.process_time()
+    assert plan._print(huge, {}) == f"{4 << 30} bytes"
+    assert time.process_time() - begun < 0.5
+
+
+def test_what_a_killed_program_left_is_swept(tmp_path: Path) -> None:
+    for name in (
+        ".x-sport-ffffff6789ab.mp4",
+        ".x-sport-ffffff6789ac.mp4",
+        ".hidden.mp4",
+        "x-sport-ffffff6789ab.mp4",
+    ):
+        (tmp_path / name).touch()
+    old = time.time() - 3600
+    for name in (".x-sport-ffffff6789ab.mp4", ".hidden.mp4", "x-sport-ffffff6789ab.mp4"):
+        os.utime(tmp_path / name, (old, old))
+    assert [path.name for path in sweep(tmp_path)] == [".x-sport-ffffff6789ab.mp4"]
+    assert sweep(tmp_path / "none") == []
+    write_atomic(tmp_path / ("ü" * 100 + ".json"), "{}")  # the temporary name is no longer than the name
+
+
+class Lost:
+    """Driven again, it is nowhere."""
+
+    temperature = strength = 1.0
+    response = 0.0
+
+    def __init__(self, x: float) -> None:
+        self.x = x
+
+    def step(self, _: Controls) -> Pose:
+        return standing(self.x)
+
+
+@pytest.mark.parametrize("x", [np.nan, np.inf, 4e11])
+def test_a_take_that_is_driven_to_nowhere_is_refused(x: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    state: Any = SimpleNamespace(restore=lambda _: None)
+    frames = InputFrames.of(InputFrame(Controls(), 1.0, 1.0) for _ in range(len(clip())))
+    monkeypatch.setattr("runtime.takes.input_recording.take_snapshot", lambda _: state)
+    controller: Any = Lost(x)
+    with pytest.raises(FileError, match="poses that are none"):
+        resimulated_take(clip(), InputRecording(frames, (), (Keyframe(0, state),)), controller, 0)
+
+
+def test_an_answer_with_half_a_character_is_an_error_in_words() -> None:
+    client = ChatClient(GptSettings(base_url="http://127.0.0.1:9"))
+    with pytest.raises(EndpointError, match="characters that are none"):
+        client._text(b'{"choices": [{"message": {"content": "\\ud800"}}]}')

@@ -1,0 +1,238 @@
+"""The evaluation from clip files to tables, with a synthetic walker in the place of captured people and of a model."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.helpers.walker import WalkerModel, walk
+
+pytest.importorskip("sklearn")
+
+from runtime.controls import Gait
+from runtime.errors import FileError, SportError, UsageError
+from runtime.motion.features import OUTPUT
+from runtime.terrain.height_map import Terrain
+from training.data.clip_files import TrainingClip
+from training.data.height_patches import Patches
+from training.data.sets import DATA_SETS
+from training.evaluation.command import MOTION, main
+from training.evaluation.metrics.motion import load_motion
+from training.evaluation.motion.capture import (
+    TERRAIN_GROUP,
+    Options,
+    driving_segments,
+    make_plan,
+    read_capture,
+)
+from training.evaluation.motion.driving import follow, replay, requests_of, run_course, transition
+from training.evaluation.motion.evaluated_model import style_texts
+from training.evaluation.motion.scores import score_held_out, score_model
+from training.evaluation.report.tables import check, markdown
+from training.frames import clip_frames
+
+Z = np.zeros((6, 64), np.float32)
+
+
+def write_clip(folder, name, style, frames=300, held_out=False, source="100style", share=1.0, **changes):
+    hips, local, contacts = walk(frames, speed_share=share)
+    flat = Patches(np.zeros((1, 3, 3), np.float16), (-200.0, -200.0), 200.0)
+    gait = np.eye(6)[np.full(frames, Gait.WALK)]
+    clip = TrainingClip(
+        name, hips, local, contacts, gait, style, "walk", source, "held_out" if held_out else "train", "exact", flat
+    )  # fmt: skip
+    replace(clip, **changes).save(folder)
+
+
+@pytest.fixture(scope="module")
+def clips(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("clips")
+    for number in range(6):
+        held_out = number == 0
+        write_clip(folder, f"a_{number}", "neutral", held_out=held_out, share=0.95 + 0.02 * number)
+        write_clip(folder, f"b_{number}", "old", held_out=held_out, share=0.5 + 0.02 * number)
+    write_clip(folder, "rollout_0", "neutral", held_out=True, source="pfnn_rollouts")
+    write_clip(folder, "rollout_1", "neutral", source="pfnn_rollouts")
+    write_clip(folder, "a_0_m", "neutral", mirrored=True)
+    write_clip(folder, "a_0_t", "neutral")
+    write_clip(folder, "layer_00000", "neutral", tier="layered")
+    return folder
+
+
+class NoisyWalker(WalkerModel):
+    """Its hips rise and sink with the diffusion noise."""
+
+    def step(self, x, noise, style):
+        y, alpha = super().step(x, noise, style)
+        y[0, OUTPUT["joint_positions"].start + 1] += float(noise.mean())
+        return y, alpha
+
+
+class RestartingWalker(WalkerModel):
+    """Begins its cycle anew with every controller, whose first style is zero: equal runs are equal."""
+
+    def fold_style(self, z, strength=1.0):
+        self.frame = self.frame if np.any(z) else 0
+        return super().fold_style(z, strength)
+
+
+class FakeModel:
+    """A model that walks whatever is asked of it."""
+
+    name, decoder = "walker", "diffusion"
+
+    def __init__(self):
+        self.model = RestartingWalker()
+        config = {"experts": 2, "hidden": 4, "embedding": 4, "front": [4, 2], "output_size": 473}
+        self.model.metadata["config"] = config
+
+    def style(self, style, number):
+        return Z + 0.01
+
+
+@pytest.fixture(scope="module")
+def results(clips):
+    options = Options(5.0, 1.0, 1.0, 1, 1, 1)
+    plan = make_plan(clips, None, options, None, lambda _: None)
+    held_out = score_held_out(plan, lambda _: None)
+    return {
+        "command": "sport evaluate",
+        "feature_sets": plan.feature_sets,
+        "held_out": held_out,
+        "models": [score_model(plan, FakeModel(), lambda _: None)],
+    }
+
+
+def test_catalogue_knows_captured_clips_only(clips):
+    capture = read_capture(clips)
+    assert len(capture.clips) == 14
+    assert capture.groups == ["neutral", "old"]
+    assert [c.path.stem for c in capture.of(TERRAIN_GROUP, True)] == ["rollout_0"]
+    assert capture.seconds("neutral", Gait.WALK, held_out=True) == pytest.approx(5.0)
+    with pytest.raises(FileError, match="sleepy"):
+        read_capture(clips, ["sleepy"])
+
+
+def test_segments_begin_with_held_out_clips_and_keep_to_the_time(clips):
+    segments = driving_segments(read_capture(clips), "neutral", 12.0)
+    assert segments[0].clip.held_out
+    assert not any(s.clip.held_out for s in segments[1:])
+    assert sum(s.seconds for s in segments) == pytest.approx(12.0, abs=0.1)
+    assert segments == driving_segments(read_capture(clips), "neutral", 12.0)
+
+
+def test_root_features_are_those_that_training_sees(clips):
+    frames, root = clip_frames(clips / "a_1.npz"), load_motion(clips / "a_1.npz").root_features()
+    y = frames.y.astype(np.float32)
+    assert np.abs(y[:, OUTPUT["joint_positions"]].reshape(-1, 31, 3) - root.joints).max() < 1e-3
+    assert np.abs(y[:, OUTPUT["joint_rotations"]].reshape(-1, 31, 6) - root.rotations).max() < 1e-3
+    assert np.abs(y[:, OUTPUT["root"]] - root.velocity).max() < 2e-3
+
+
+def test_following_goes_where_the_clip_goes_at_its_time(clips):
+    clip = load_motion(clips / "a_1.npz")
+    requests = requests_of(clip, lead_in=60)
+    assert len(requests.xz) == len(clip) + 60
+    assert np.diff(requests.xz[:61, 1]) == pytest.approx(np.full(60, requests.velocity[0, 1] / 60))
+    made = follow(WalkerModel(), clip, Z)
+    assert (len(made), made.style, made.source) == (len(clip), "neutral", "generated")
+    assert np.linalg.norm(made.positions[:, 0] - clip.positions[:, 0], axis=-1).max() < 0.35
+    assert made.unlocked.shape == made.positions.shape
+
+
+def test_a_network_that_fails_stops_the_evaluation(clips):
+    with pytest.raises(SportError, match="not finite"):
+        follow(WalkerModel(broken_at=150), load_motion(clips / "a_1.npz"), Z)
+
+
+def test_courses_stay_on_the_ring_and_transitions_tell_their_frame():
+    run = run_course(WalkerModel(), Terrain.flat(), "neutral", Z, Gait.WALK, 3.0, seed=3)
+    assert len(run.motion) == len(run.path_error) == 180
+    assert run.path_error.mean() < 0.3
+    positions, change = transition(WalkerModel(), Z, Z + 0.1, 0)
+    assert (len(positions), change) == (360, 180)
+
+
+def test_replay_takes_the_clips_controls_and_seeds_matter_only_with_temperature(clips):
+    clip = load_motion(clips / "a_1.npz").cut(0, 90)
+    runs = {(t, s): replay(NoisyWalker(), clip, Z, s, t, 20)[0] for t in (0.0, 1.0) for s in (1, 2)}
+    assert runs[0.0, 1].shape == (70, 31, 3)
+    assert np.array_equal(runs[0.0, 1], runs[0.0, 2])
+    assert not np.array_equal(runs[1.0, 1], runs[1.0, 2])
+    seen = []
+    model = WalkerModel()
+    step = model.step
+    model.step = lambda x, noise, style: (seen.append(x[0]), step(x, noise, style))[1]
+    replay(model, clip, Z, 1, 0.0, 20)
+    frames = clip_frames(clips / "a_1.npz")
+    assert (
+        np.abs(seen[70][:48] - frames.x[70][:48].astype(np.float32)).max() < 0.02
+    )  # t^p and t^d of the clip
+
+
+def test_scores_of_a_walker_are_those_of_a_walker(results):
+    model = results["models"][0]
+    own = model["following"]["styles"]["neutral"]
+    assert own["path_error_m"] < 0.3
+    assert own["speed_ratio"] == pytest.approx(1.0, abs=0.1)
+    assert model["following"]["fmd"]["kinematic"]["distance"] > 0
+    assert model["diversity"]["temperature_0"]["pose"] == 0.0
+    assert model["transitions"]["ratio"] == pytest.approx(1.0, abs=0.3)
+    assert set(model["courses"]) == {"neutral", "old"}
+    assert set(model["courses"]["neutral"]["walk"]) == {"captured", "flat", "rough"}
+    assert results["held_out"]["recognition"]["score"] == {"neutral": 1.0, "old": 1.0}
+
+
+def test_bars_count_and_name_what_misses(results):
+    bars = check(results["models"][0], results["held_out"])
+    assert all(0 <= b.met <= b.cases and len(b.missed) == b.cases - b.met for b in bars)
+    worse = json.loads(json.dumps(results["models"][0]))
+    worse["courses"]["neutral"]["walk"]["flat"]["after"]["soles"] = 9.0
+    worse["following"]["recognition"]["score"]["old"] = 0.1
+    missed = [text for b in check(worse, results["held_out"]) for text in b.missed]
+    assert any(t.startswith("neutral walk 9 > ") for t in missed)
+    assert "old 0.1 < 0.8" in missed
+
+
+def test_tables_hold_the_capture_and_every_model(results):
+    text = markdown(json.loads(json.dumps(results)))
+    assert "| held-out capture |" in text
+    assert "| walker (diffusion) |" in text
+
+
+def test_every_style_that_a_data_set_names_has_texts():
+    styles = {style for record in DATA_SETS for style in record.descriptions}
+    assert styles
+    assert all(style_texts(styles).values())
+
+
+def test_style_texts_take_written_and_measured_descriptions_in_turn():
+    library = json.loads((style_path()).read_text(encoding="utf-8"))["drunk"]
+    written = len(library["descriptions"]) - library["measured"]
+    texts = style_texts({"drunk"})["drunk"]
+    assert len(texts) == len(library["descriptions"])
+    assert texts[0].head == library["descriptions"][0]["head"]
+    assert texts[1].head == library["descriptions"][written]["head"]
+    with pytest.raises(FileError, match="sleepy"):
+        style_texts({"sleepy"})
+
+
+def style_path():
+    from runtime.assets import asset_path
+
+    return asset_path("prompts/styles.json")
+
+
+def test_options_that_cannot_be_met_are_named(tmp_path):
+    with pytest.raises(UsageError, match="--seconds 1"):
+        main(["--clips", str(tmp_path), "--model", "./m", "--seconds", "1"])
+    with pytest.raises(FileError, match="no clips"):
+        main(["--clips", str(tmp_path), "--model", "./m", "--quick"])
+    assert (
+        MOTION.parser("sport evaluate")
+        .parse_args(["--clips", "c", "--model", "./a", "--model", "./b"])
+        .model[1]
+        .name
+        == "b"
+    )

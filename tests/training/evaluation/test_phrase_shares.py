@@ -1,0 +1,269 @@
+"""What a model shows of a sentence: claims in measures, the table of shares, and the words about it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime.errors import FileError
+from runtime.prompts import prompter, shares
+from runtime.prompts.english import library_data
+from runtime.prompts.english.compose import compose_neighbours
+from runtime.prompts.english.library_data import LibraryEmbeddings, LibraryEntry
+from runtime.prompts.expander import Expansion
+from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.sentence_tables import as_left_limb
+from runtime.prompts.shares import PhraseShares, load_shares
+from runtime.skeleton import PART_NAMES
+from tests.helpers.walker import WalkerModel
+from tests.training.layering.test_layering import walker
+from training.evaluation.text import prompt_adherence
+from training.evaluation.text import walks as text_walks
+from training.layering.apply import apply
+from training.layering.catalog import EDITS
+from training.text.claims import RULES, clause_share, clauses
+from training.text.measure import BodyMeasures, measure
+
+PLAIN = PartDescriptions(**{part: f"{part.replace('_', ' ')} as it is" for part in PART_NAMES})
+TABLE = PhraseShares(
+    {("arm", "left hand on the hip, held still"): 0.2, ("torso", "torso upright"): 0.9},
+    {("arm", "elbow bent"): 0.8, ("arm", "left arm raised"): 0.4},
+)
+
+
+def measured(name: str = "") -> BodyMeasures:
+    motion = walker(420)
+    if name:
+        motion = apply(motion, EDITS[name], np.random.default_rng(1))
+    return measure(motion.hips, motion.local, motion.contacts)
+
+
+# --- the table --------------------------------------------------------------------------------------------------------
+
+
+def test_a_sentence_of_the_right_limb_is_looked_up_as_one_of_the_left() -> None:
+    assert as_left_limb("Right hand on the  hip", "right_arm") == ("arm", "left hand on the hip")
+    assert as_left_limb("head turned to the right", "head") == ("head", "head turned to the right")
+    assert TABLE.of("right hand on the hip, held still", "right_arm") == 0.2
+    assert TABLE.of("right hand on the hip, held still", "left_arm") is None
+
+
+def test_a_limb_that_differs_from_the_other_has_a_share_of_its_own() -> None:
+    found = prompt_adherence.Found()
+    for part, share in (("left_arm", 0.0), ("right_arm", 0.9)):
+        side = part.split("_")[0]
+        found.add_edit(part, f"{side} hand behind the back", share)
+        found.add_edit(part, f"{side} arm raised", 0.8)
+    tables = found.table()
+    assert tables["sentences"] == {
+        "arm": {"left arm raised": 0.8, "left hand behind the back": 0.45},
+        "left_arm": {"left hand behind the back": 0.0},
+        "right_arm": {"left hand behind the back": 0.9},
+    }
+    assert tables["clauses"] == tables["sentences"]
+    table = PhraseShares({(g, w): v for g, own in tables["sentences"].items() for w, v in own.items()})
+    assert table.of("left hand behind the back", "left_arm") == 0.0
+    assert table.of("right hand behind the back", "right_arm") == 0.9
+    assert table.of("right arm raised", "right_arm") == 0.8
+
+
+def test_what_was_not_measured_has_the_mean_of_its_clauses_or_nothing() -> None:
+    assert TABLE.of("left arm raised, elbow bent, fingers spread", "left_arm") == pytest.approx(0.6)
+    assert TABLE.of("left arm juggling", "left_arm") is None
+    with pytest.raises(ValueError, match="tail"):
+        TABLE.of("wagging", "tail")
+
+
+def test_the_note_names_what_is_hardly_shown() -> None:
+    said = PLAIN.replace("right_arm", "right hand on the hip, held still").replace("torso", "torso upright")
+    assert TABLE.weakly_shown(said) == {"right_arm": 0.2}
+    assert "right arm “right hand on the hip, held still” (20%)" in TABLE.note(said)
+    assert TABLE.note(PLAIN) == ""
+
+
+def test_tables_are_read_and_damage_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "shares.json"
+    assert load_shares(path) == {}
+    tables = {"compact": {"sentences": {"head": {"head down": 0.5}}, "clauses": {}}}
+    path.write_text(json.dumps(tables), "utf-8")
+    assert load_shares(path)["compact"].of("head down", "head") == 0.5
+    for damage in (
+        '{"compact": {"sentences": {}}}',
+        "[1]",
+        '{"a": {"sentences": {"head": {"x": 7}}, "clauses": {}}}',
+    ):
+        path.write_text(damage, "utf-8")
+        with pytest.raises(FileError, match=r"shares\.json"):
+            load_shares(path)
+
+
+def test_the_shipped_table_can_be_asked() -> None:
+    assert shares.phrase_share("no such words at all", "head") is None
+    assert shares.phrase_share("head down", "head", model="no such model") is None
+    for table in load_shares(Path(shares.asset_path(shares.FILE))).values():
+        assert {group for group, _ in table.sentences} <= {"arm", "leg", *PART_NAMES}
+
+
+def test_the_library_prefers_the_sentence_that_is_shown() -> None:
+    entries = tuple(
+        LibraryEntry(name, (), PartDescriptions(**{p: f"{name} {p}" for p in PART_NAMES}))
+        for name in ("a", "b")
+    )
+    parts = np.tile(np.array([[1.0, 0.0], [0.98, 0.2]], np.float32)[:, None], (1, 6, 1))
+    embeddings = LibraryEmbeddings(parts[:, 0], np.arange(2), parts, np.zeros(3, np.float32))
+    ranked = [(0, 0.6), (1, 0.6)]
+
+    def worth(entry: int, part: str) -> float:
+        return 0.8 if entry == chosen and part == "head" else 1.0
+
+    plain = compose_neighbours(ranked, entries, embeddings)
+    chosen = plain.sources["head"]
+    made = compose_neighbours(ranked, entries, embeddings, worth)
+    assert made.sources["head"] != chosen
+    assert all(made.sources[p] == plain.sources[p] for p in PART_NAMES if p != "head")
+
+    def of_one_leg(entry: int, part: str) -> float:
+        return 0.0 if (entry, part) in ((chosen, "left_leg"), (1 - chosen, "right_leg")) else 1.0
+
+    legs = compose_neighbours(ranked, entries, embeddings, of_one_leg).sources
+    assert legs["left_leg"] == legs["right_leg"], "nobody walks on the legs of two"
+
+
+# --- claims -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("part", "clause", "edit"),
+    [
+        ("left_arm", "left arm stretched straight out in front at shoulder height", "left_arm.forward"),
+        ("left_arm", "left arm raised straight up above the head", "left_arm.overhead"),
+        ("left_arm", "not swinging", "left_arm.hanging"),
+        ("left_arm", "swinging widely", "left_arm.swing_far"),
+        ("left_leg", "left knee bent deeply", "legs.crouch_deep"),
+        ("left_leg", "knee lifted high", "left_leg.high_knee"),
+        ("left_leg", "feet wide apart", "legs.far_apart"),
+        ("left_leg", "left leg taking very long slow strides", "legs.giant"),
+        ("left_leg", "left leg taking tiny hurried steps", "legs.hurried"),
+        ("left_leg", "limping on the left leg", "left_leg.limping"),
+        ("left_leg", "left leg stomping", "legs.stomping_hard"),
+        ("torso", "torso leaning far forward", "torso.lean_forward_far"),
+        ("torso", "leaning to the right", "torso.lean_right"),
+        ("torso", "hips swaying widely from side to side", "torso.hips_sway_far"),
+        ("torso", "rocking from side to side", "torso.rock_far"),
+        ("head", "head lowered", "head.down"),
+        ("head", "turned to the right", "head.turned_right"),
+        ("head", "nodding", "head.nodding"),
+    ],
+)
+def test_a_clause_is_shown_by_the_motion_that_does_it_and_not_by_neutral(
+    part: str, clause: str, edit: str
+) -> None:
+    neutral = measured()
+    shown, still = (
+        clause_share(part, clause, neutral, measured(edit)),
+        clause_share(part, clause, neutral, neutral),
+    )
+    assert shown is not None
+    assert still is not None
+    assert shown[0] > 0.8
+    assert shown[1], "the clause asks for a change"
+    assert still[0] == 0.0
+
+
+def test_words_that_nothing_measures_claim_nothing() -> None:
+    neutral = measured()
+    assert clause_share("left_arm", "fist clenched", neutral, neutral) is None
+    assert clauses("head down, looking at the ground, ") == ["head down", "looking at the ground"]
+
+
+def test_rules_name_fields_that_are_measured() -> None:
+    neutral = measured()
+    for part, rules in RULES.items():
+        for rule in rules:
+            owner = neutral.torso if rule.field == "wander" else getattr(neutral, part)
+            assert hasattr(owner, rule.field), (part, rule)
+            low, high = rule.range(1.0)
+            assert low <= high
+
+
+# --- the command ------------------------------------------------------------------------------------------------------
+
+
+class Prompter:
+    """In place of a model's way from words to Z^t: a tilted head is all that the synthetic walker shows."""
+
+    def __init__(self, model: WalkerModel) -> None:
+        pass
+
+    def expand(self, prompt: str) -> Expansion:
+        return Expansion(PLAIN, "library")
+
+    def __call__(self, descriptions: PartDescriptions) -> np.ndarray:
+        return np.full((6, 64), 0.4 if "tilted" in descriptions.head else 0.0, np.float32)
+
+
+@pytest.fixture
+def synthetic(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few phrases, short walks of the synthetic walker."""
+    kept = {
+        name: EDITS[name]
+        for name in ("head.tilted_right", "head.turned_left", "left_arm.overhead", "legs.long")
+    }
+    monkeypatch.setattr(prompt_adherence, "Prompter", Prompter)
+    monkeypatch.setattr(prompt_adherence, "load_model", lambda folder: WalkerModel())
+    monkeypatch.setattr(prompt_adherence, "EDITS", kept)
+    monkeypatch.setattr(prompt_adherence, "SECONDS", 2.0)
+    monkeypatch.setattr(text_walks, "_model", lambda folder: WalkerModel())
+    said = PLAIN.replace("head", "head tilted to the right").replace(
+        "left_arm", "left arm overhead, elbow bent"
+    )
+    monkeypatch.setattr(library_data, "load_library", lambda *_: (LibraryEntry("one", (), said),))
+
+
+def test_phrases_are_walked_once_and_what_is_not_done_is_said(synthetic: None, tmp_path: Path) -> None:
+    out = tmp_path / "shares.json"
+    out.write_text('{"other": {"sentences": {}, "clauses": {}}}', "utf-8")
+    prompt_adherence.main(["--model", "./none", "--out", str(out), "--workers", "1"])
+    tables = load_shares(out)
+    assert set(tables) == {"other", "walker"}
+    found = tables["walker"]
+    tilt = EDITS["head.tilted_right"].phrases["head"][0]
+    assert found.of(tilt, "head") > 0.5
+    assert found.of("head tilted to the right", "head") > 0.5
+    assert found.of(EDITS["head.turned_left"].phrases["head"][0], "head") < 0.1
+    for part in ("left_arm", "right_arm"):
+        phrase = EDITS[f"{part}.overhead"].phrases[part][0]
+        assert found.of(phrase, part) < 0.3, "the walker's arms do not rise"
+    assert found.of("left leg taking long strides", "left_leg") < 0.3
+
+
+def test_generate_says_what_the_model_hardly_shows(monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    monkeypatch.setattr(prompter, "shares_of", lambda model: TABLE)
+    monkeypatch.setattr(prompter, "text_encoder_of", lambda *_: None)
+    monkeypatch.setattr(prompter, "library_encoder", lambda words: None)
+    monkeypatch.setattr(prompter, "PromptEncoder", lambda *_: Encoding())
+    to_style = prompter.Prompter(WalkerModel(), report=said.append)
+    to_style(PLAIN)
+    assert said == []
+    to_style(PLAIN.replace("left_arm", "left hand on the hip, held still"))
+    assert said == ["Hardly shown by this model: left arm “left hand on the hip, held still” (20%)."]
+
+
+class Encoding:
+    def encode(self, descriptions: PartDescriptions) -> np.ndarray:
+        return np.zeros((6, 64), np.float32)
+
+
+def test_the_sentences_of_a_plain_walk_ask_for_nothing() -> None:
+    found = prompt_adherence.Found()
+    found.sentences["leg", "left leg taking brisk steps"] = [0.0]
+    words = PLAIN.replace("left_leg", "left leg taking brisk steps").replace("head", "head level")
+    plain = library_data.LibraryStyle("walking", (words,))
+    found.add_plain(
+        {"neutral_bn": plain, "neutral_rough": library_data.LibraryStyle("x", (PLAIN,)), "proud": plain}
+    )
+    table = found.table()["sentences"]
+    assert table["leg"]["left leg taking brisk steps"] == 1.0
+    assert table["head"] == {"head level": 1.0}

@@ -1,0 +1,179 @@
+"""Calibration of a model: signs of the phases in the mirror, and leads and gains measured on walks."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from runtime.motion.features import C
+from runtime.motion.model import load_model
+from runtime.prompts.parts import PartDescriptions, mirror_text
+from runtime.prompts.wording import Wording
+from runtime.skeleton import PART_NAMES
+from tests.training.layering.test_layering import walker
+from training.export import calibrate
+from training.layering.catalog import EDITS, HELD_OUT
+from training.layering.measured_edits import summarise
+from training.text.measure import BodyMeasures
+
+PLAIN = PartDescriptions(**{part: f"{part} as it is" for part in PART_NAMES})
+PAIRS = ("arm.on_hip", "arm.behind_back", "leg.dragging")
+
+
+def test_the_signs_of_the_phases_are_those_of_clips_and_their_mirror_images() -> None:
+    random, signs = np.random.default_rng(0), np.array([1, -1, -1, 1, -1])
+    clips = [random.standard_normal((90, C, 2)) for _ in range(3)]
+    phase = np.concatenate([*clips, *(clip * signs[:, None] + 0.3 for clip in clips)])
+    table = SimpleNamespace(names=["a", "b", "c", "a_m", "b_m", "c_m"], start=np.arange(0, 541 + 90, 90))
+    assert calibrate.phase_signs(table, phase) == signs.tolist()  # type: ignore[arg-type]
+    alone = SimpleNamespace(names=["a", "b"], start=[0, 90, 180])
+    assert calibrate.phase_signs(alone, phase) is None  # type: ignore[arg-type]
+
+
+class Told:
+    """A prompter whose codes say which edits are asked for."""
+
+    def expand(self, _prompt: str) -> SimpleNamespace:
+        return SimpleNamespace(descriptions=PLAIN)
+
+    def __call__(self, said: PartDescriptions) -> np.ndarray:
+        code = np.zeros((6, 64), np.float32)
+        for k, part in enumerate(PART_NAMES):
+            words = getattr(said, part)
+            numbers = [n for n, name in enumerate(EDITS) if words in EDITS[name].phrases.get(part, ())]
+            code[k, :2] = (1 + numbers[0], 1) if numbers else 0
+        return code
+
+
+class Gains:
+    """In place of walks: by how much their codes are drawn out, and whether more is asked of them than one edit asks."""
+
+    def make(self, walks: list) -> list:
+        codes = [np.frombuffer(walk.z, np.float32).reshape(6, 64) for walk in walks]
+        return [(float(z[:, 1].max()), (z[:, 1] > 0).sum() > 3) for z in codes]
+
+
+def test_sides_and_gains_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    names = [f"{side}_{name}" for name in PAIRS for side in ("left", "right")] + [
+        "torso.sway",
+        "legs.long",
+        "head.nodding",
+        "head.up_far",
+        *(name for group in calibrate.COMPANIONS for name in group),
+    ]
+    shown = {
+        "left_arm.on_hip": 0.62,
+        "right_arm.on_hip": 0.22,
+        "left_arm.behind_back": 1.0,
+        "torso.sway": 0.44,
+        "head.nodding": 0.3,
+    }
+    beside = {"legs.long": 0.7, "torso.sway": 0.4, "torso.slump": 0.1}
+    asked: list[tuple[str, float, bool]] = []
+
+    def share(name: str, _example: object, _plain: object, walked: tuple[float, bool]) -> float:
+        gain, others = walked
+        asked.append((name, gain, others))
+        return min(1.0, (beside if others else shown).get(name, 0.95) * gain)
+
+    monkeypatch.setattr(calibrate, "EDITS", {name: EDITS[name] for name in names})
+    monkeypatch.setattr(calibrate, "neutral_motion", lambda *_: walker(420))
+    monkeypatch.setattr(calibrate, "edit_fraction", share)
+    monkeypatch.setattr(calibrate, "_rule_sentences", lambda _told: [])
+    found = calibrate.calibrated(None, Told(), Gains(), Wording())  # type: ignore[arg-type]
+    number = {1.0 + k: name for k, name in enumerate(EDITS)}
+    rows = {(number[row["code"][0]], row["part"]): row for row in found}
+
+    def gains(name: str) -> tuple[float, float]:
+        row = rows[name, EDITS[name].slot.replace("legs", "left_leg")]
+        return row["gain"], row["gain_beside"]
+
+    assert len(rows) == len(found)
+    assert rows["left_arm.on_hip", "left_arm"]["lead"] == 0.4
+    assert gains("left_arm.on_hip") == (1.5, 1.5)
+    # training never saw the left one: whatever a walk shows, the right one is the better
+    assert rows["left_arm.behind_back", "left_arm"]["lead"] == -calibrate.UNTRAINED
+    assert rows["left_leg.dragging", "left_leg"]["lead"] == calibrate.UNTRAINED
+    assert gains("left_arm.behind_back") == gains("left_leg.dragging") == gains("head.up_far") == (1.0, 1.0)
+    assert gains("head.nodding") == (1.0, 1.0)  # not shown wholly by any gain
+    assert gains("legs.long") == (1.0, 1.25)  # shown less beside others
+    assert gains("torso.sway") == (2.0, 2.0)
+    assert gains("torso.slump") == (1.0, 1.0)
+    assert ("legs.long", "right_leg") not in rows  # once for both legs
+    assert not {name for name, _, others in asked if others} & {"left_arm.on_hip", "left_arm.folded"}
+
+
+def test_the_words_of_others_leave_an_edit_its_own_parts() -> None:
+    first = calibrate.COMPANIONS[0]
+    said = calibrate._beside(PLAIN, ["left_leg"], first)
+    assert (said.left_leg, said.right_leg) == (PLAIN.left_leg, PLAIN.right_leg)
+    assert said.torso == EDITS["torso.chest_out"].phrases["torso"][0]
+    said = calibrate._beside(PLAIN, ["left_arm"], first)
+    assert said.left_arm == PLAIN.left_arm
+    assert said.right_arm == EDITS["right_arm.on_hip"].phrases["right_arm"][0]
+    assert said.right_leg == EDITS["legs.short"].phrases["right_leg"][0]
+
+
+def test_sentences_of_rules_are_asked_as_a_model_is_told_them() -> None:
+    told = Wording({("head", "head raised, chin up"): "head held high, chin raised", ("torso", "x"): "y"})
+    asked = {each.name: each for each in calibrate._rule_sentences(told)}
+    assert "head raised, chin up" not in asked
+    assert asked["head held high, chin raised"].words == {"head": ("head held high, chin raised",)}
+    legs = [each.words for each in asked.values() if "left_leg" in each.words]
+    assert legs
+    assert all(mirror_text(words["left_leg"][0]) == words["right_leg"][0] for words in legs)
+    assert not set(asked) & {t for edit in EDITS.values() for texts in edit.phrases.values() for t in texts}
+    raised = asked["head held high, chin raised"]
+    level, up = (SimpleNamespace(body=measures(pitch)) for pitch in (0.0, -20.0))
+    assert raised.share(level, up) == 1.0  # type: ignore[arg-type]
+    assert raised.share(level, level) == 0.0  # type: ignore[arg-type]
+
+
+def measures(pitch: float) -> BodyMeasures:
+    """Of a walk, with the head's pitch."""
+    motion = walker(420)
+    body = summarise(motion.hips, motion.local, motion.contacts).body
+    return replace(body, head=replace(body.head, pitch=pitch))
+
+
+def test_what_is_held_out_is_not_looked_at() -> None:
+    names = {name for pair in calibrate._trained() for name in pair}
+    alone = {
+        name for name in HELD_OUT if name.replace("left", "right") == name.replace("right", "left") == name
+    }
+    assert alone
+    assert not names & alone
+
+
+def test_the_shipped_models_are_calibrated() -> None:
+    for name in ("compact", "open"):
+        measured = load_model(name).calibration
+        assert measured is not None, name
+        assert len(measured.leads) > len(calibrate._trained()), name
+        assert measured.gains.max() > 1.0, name
+
+
+def test_a_model_is_measured_as_it_is_without_calibration(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = []
+    (tmp_path / "metadata.json").write_text("{}", "utf-8")
+    monkeypatch.setattr(
+        calibrate, "read_metadata", lambda _folder: {"name": "m", "calibration": {"phase": [1] * C}}
+    )
+    monkeypatch.setattr(calibrate, "Prompter", lambda *_args, **_options: None)
+
+    def load(folder: Path) -> SimpleNamespace:
+        seen.append("calibration" in json.loads((folder / "metadata.json").read_text("utf-8")))
+        return SimpleNamespace(name="m")
+
+    monkeypatch.setattr(calibrate, "load_model", load)
+    monkeypatch.setattr(calibrate, "wording_of", lambda name: name)
+    monkeypatch.setattr(calibrate, "calibrated", lambda *_: [])
+    calibrate.calibrate(tmp_path, [1, -1, 1, 1, 1])
+    assert seen == [False]
+    written = json.loads((tmp_path / "metadata.json").read_text("utf-8"))
+    assert written["calibration"] == {"phase": [1, -1, 1, 1, 1], "codes": []}

@@ -1,0 +1,311 @@
+"""The exported step: a style for each character, its 8-bit twin, and no processor time while it waits.
+
+What is said of the twin's numbers holds where 8-bit products are exact; elsewhere the runtime refuses it.
+"""
+
+import json
+import shutil
+import time
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("onnxscript")
+
+from benchmarks import networks  # noqa: E402
+from runtime.errors import FileError, ModelError  # noqa: E402
+from runtime.motion import processor  # noqa: E402
+from runtime.motion.features import OUTPUT  # noqa: E402
+from runtime.motion.model import load_model  # noqa: E402
+from runtime.motion.processor import exact_8_bit_products  # noqa: E402
+from training.export.quantize import (  # noqa: E402
+    KEPT,
+    CalibrationFrames,
+    main,
+    quantize_model,
+    quantize_step,
+    relative_error,
+)
+
+needs_exact_products = pytest.mark.skipif(
+    not exact_8_bit_products(),
+    reason="8-bit products overflow on this processor, and the runtime refuses them",
+)
+
+
+@pytest.fixture(scope="module")
+def folder(exported_tiny):
+    return exported_tiny
+
+
+@pytest.fixture(scope="module")
+def frames(folder):
+    random = np.random.default_rng(1)
+    model = load_model(folder)
+    return CalibrationFrames(
+        random.standard_normal((40, 472), np.float32),
+        random.standard_normal((40, *model.noise_shape), np.float32),
+        [model.fold_style(random.standard_normal((6, 64), np.float32)) for _ in range(40)],
+    )
+
+
+@pytest.fixture(scope="module")
+def quantised(folder, frames, tmp_path_factory):
+    if not exact_8_bit_products():
+        pytest.skip("8-bit products overflow on this processor, and the runtime refuses them")
+    path = tmp_path_factory.mktemp("quantised") / "model"
+    shutil.copytree(folder, path)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("training.export.quantize.LIMIT", 1.0)
+        return path, quantize_model(path, frames=frames)
+
+
+def single_steps(model, frames, count):
+    return np.concatenate(
+        [model.step(frames.x[i : i + 1], frames.noise[i : i + 1], frames.styles[i])[0] for i in range(count)]
+    )
+
+
+def test_a_style_for_each_character_is_as_if_each_were_alone(folder, frames):
+    model = load_model(folder)
+    alone = single_steps(model, frames, 8)
+    together, alpha = model.step(frames.x[:8], frames.noise[:8], frames.styles[:8])
+    assert np.abs(together - alone).max() < 1e-4
+    assert alpha.shape == (8, 8)
+    assert np.abs(alone - model.step(frames.x[:8], frames.noise[:8], frames.styles[0])[0])[1:].max() > 1e-3
+
+
+def test_one_style_serves_all_characters(folder, frames):
+    model = load_model(folder)
+    shared, _ = model.step(frames.x[:8], frames.noise[:8], frames.styles[3])
+    listed, _ = model.step(frames.x[:8], frames.noise[:8], [frames.styles[3]] * 8)
+    assert np.abs(shared - listed).max() < 1e-4
+
+
+def test_styles_are_stacked_anew_when_one_changes(folder, frames):
+    model = load_model(folder)
+    styles = list(frames.styles[:4])
+    first, _ = model.step(frames.x[:4], frames.noise[:4], styles)
+    styles[2] = frames.styles[9]
+    second, _ = model.step(frames.x[:4], frames.noise[:4], styles)
+    assert np.array_equal(first[[0, 1, 3]], second[[0, 1, 3]])
+    assert not np.allclose(first[2], second[2])
+
+
+def test_styles_must_be_as_many_as_characters(folder, frames):
+    with pytest.raises(ModelError, match="3 styles for 4 characters"):
+        load_model(folder).step(frames.x[:4], frames.noise[:4], frames.styles[:3])
+
+
+def test_the_unrolled_frame_is_the_plain_one(frames):
+    """Folding, hoisting and laying out the weights anew changes nothing but the speed."""
+    from tests.helpers.tiny_model import tiny_trained
+    from training.export.step import PlainGraph, StepGraph
+
+    trained = tiny_trained()
+    z = torch.randn(2, 384)
+    x, noise = torch.tensor(frames.x[:2]), torch.tensor(frames.noise[:2])
+    with torch.no_grad():
+        plain = PlainGraph(trained.generator, trained.normal, trained.steps)(x, z, noise)
+        folds = [trained.generator.modulator.fold(one[None]) for one in z]
+        folded = [torch.stack(tensors) for tensors in zip(*folds, strict=True)]
+        fast, _ = StepGraph(trained.generator, trained.normal, trained.steps)(x, noise, *folded)
+    assert torch.allclose(plain, fast, atol=1e-4)
+
+
+def test_the_8_bit_twin_is_near_and_says_how_near(quantised, frames):
+    path, section = quantised
+    full, small = load_model(path, precision="fp32"), load_model(path, precision="int8")
+    assert (full.precision, small.precision) == ("fp32", "int8")
+    expected, got = single_steps(full, frames, 40), single_steps(small, frames, 40)
+    assert not np.array_equal(expected, got)
+    assert 0.0 < section["relative_error"] < 0.03
+    apart = (got - expected)[:, OUTPUT["joint_positions"]].reshape(40, 31, 3)
+    apart = np.linalg.norm(apart, axis=-1)
+    assert 1e3 * apart.max() == pytest.approx(section["joint_error_max_mm"], abs=0.01)
+    assert json.loads((path / "metadata.json").read_text())["quantised"] == section
+
+
+def test_what_is_sensitive_stays_in_full_precision(quantised):
+    import onnx
+
+    model = onnx.load(quantised[0] / "step_int8.onnx")
+    floats = {t.name for t in model.graph.initializer if t.data_type == onnx.TensorProto.FLOAT}
+    eight = {t.name for t in model.graph.initializer if t.data_type == onnx.TensorProto.INT8}
+    present = {t.name for t in onnx.load(quantised[0] / "step.onnx").graph.initializer}
+    assert {"condition_weight", "head_weight"} <= set(KEPT) & present <= floats
+    assert {"encoder_first_quantized", "convolution_0_quantized", "linear_0_quantized"} <= eight
+    products = [n for n in model.graph.node if n.op_type == "MatMulInteger"]
+    assert len(products) == 3 + 5 * 3  # encoder and front; code, convolution and linear in each of five steps
+
+
+@needs_exact_products
+@pytest.mark.parametrize(("limit", "kept"), [(1.0, []), (0.0, ["linear_0"])])
+def test_where_8_bits_cost_too_much_the_last_product_stays_in_full_precision(
+    folder, frames, tmp_path, monkeypatch, limit, kept
+):
+    import onnx
+
+    monkeypatch.setattr("training.export.quantize.LIMIT", limit)
+    copy = tmp_path / "model"
+    shutil.copytree(folder, copy)
+    assert quantize_model(copy, frames=frames)["kept"] == kept
+    floats = {t.name for t in onnx.load(copy / "step_int8.onnx").graph.initializer}
+    assert ("linear_0" in floats) == bool(kept)
+
+
+@needs_exact_products
+def test_the_second_row_takes_the_rounding_of_activations_away(folder, frames, tmp_path, monkeypatch):
+    model = load_model(folder)
+    errors = {}
+    for name, refined in (("with", ("encoder_first", "encoder_second")), ("without", ("front_wide",))):
+        monkeypatch.setattr("training.export.quantize.REFINED", refined)
+        copy = tmp_path / name
+        shutil.copytree(folder, copy)
+        quantize_model(copy, frames=frames)
+        got = single_steps(load_model(copy, precision="int8"), frames, 40)
+        errors[name] = relative_error(single_steps(model, frames, 40), got, got.std(0))
+    assert errors["with"] < 0.9 * errors["without"]
+
+
+def test_the_metadata_say_what_auto_means(quantised, frames, tmp_path):
+    path, section = quantised
+    assert section["default"] == "int8"
+    assert load_model(path).precision == "int8"
+    assert load_model(path, precision="fp32").precision == "fp32"
+    copy = tmp_path / "model"
+    shutil.copytree(path, copy)
+    assert quantize_model(copy, "fp32", frames)["default"] == "fp32"
+    assert load_model(copy).precision == "fp32"
+    assert load_model(copy, precision="int8").precision == "int8"
+
+
+def test_a_missing_or_damaged_8_bit_graph_is_named_with_its_remedy(folder, quantised, tmp_path):
+    with pytest.raises(ModelError, match="no 8-bit graph") as error:
+        load_model(folder, precision="int8")
+    assert "training.export.quantize" in str(error.value)
+    with pytest.raises(ModelError, match="precision int3"):
+        load_model(folder, precision="int3")
+    shutil.copytree(quantised[0], tmp_path / "model")
+    graph = tmp_path / "model" / "step_int8.onnx"
+    data = bytearray(graph.read_bytes())
+    data[len(data) // 2] ^= 1
+    graph.write_bytes(bytes(data))
+    load_model(tmp_path / "model", precision="fp32")  # which needs none of it
+    with pytest.raises(ModelError, match="damaged"):
+        load_model(tmp_path / "model", precision="int8")
+    graph.unlink()
+    with pytest.raises(ModelError, match="No such file"):
+        load_model(tmp_path / "model", precision="int8")
+
+
+def test_an_unknown_default_in_the_metadata_is_refused(quantised, tmp_path):
+    shutil.copytree(quantised[0], tmp_path / "model")
+    path = tmp_path / "model" / "metadata.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"quantised": {"default": "int2"}}))
+    with pytest.raises(ModelError, match="neither fp32 nor int8"):
+        load_model(tmp_path / "model")
+
+
+def test_a_graph_of_an_older_export_cannot_be_quantised(folder, tmp_path):
+    with pytest.raises(FileError, match="Export the model again"):
+        quantize_step(folder / "style.onnx", tmp_path / "out.onnx")
+
+
+@needs_exact_products
+def test_the_command_measures_the_models_own_walks(folder, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("training.export.quantize.COURSES", (("a proud queen", "circle", "walk", "flat"),))
+    shutil.copytree(folder, tmp_path / "model")
+    assert main([str(tmp_path / "model")]) == 0
+    assert "relative_error" in capsys.readouterr().out
+    assert json.loads((tmp_path / "model" / "metadata.json").read_text())["quantised"]["frames"] == 80
+
+
+def test_a_second_thread_stops_spinning_with_the_frame(folder, frames):
+    def entries(threads):
+        model = load_model(folder, threads=threads)
+        options = [session.get_session_options() for session in (model._step, model._style)]
+        names = ("session.intra_op.allow_spinning", "session.force_spinning_stop")
+        return [[one.get_session_config_entry(name) for name in names] for one in options]
+
+    assert entries(1) == [["0", "1"]] * 2
+    assert entries(2) == [["1", "1"]] * 2
+
+
+def least_idle_time(work=lambda: None) -> float:
+    """Processor seconds of this process in a tenth of a second after some work; the least of three."""
+    used = []
+    for _ in range(3):
+        work()
+        before = time.process_time()
+        time.sleep(0.1)
+        used.append(time.process_time() - before)
+    return min(used)
+
+
+def test_an_idle_model_takes_no_processor_time(folder, frames):
+    model = load_model(folder, threads=2)
+    others = least_idle_time()  # threads that earlier tests have left
+    idle = least_idle_time(lambda: model.step(frames.x[:8], frames.noise[:8], frames.styles[:8]))
+    assert idle < others + 0.001  # a thread that spins on takes some milliseconds before it gives up
+
+
+def test_8_bits_are_left_alone_where_they_overflow(quantised, frames, tmp_path, monkeypatch, caplog):
+    shutil.copytree(quantised[0], tmp_path / "model")
+    monkeypatch.setattr("runtime.motion.model_files.exact_8_bit_products", lambda: False)
+    with caplog.at_level("WARNING", "sport.model"):
+        model = load_model(tmp_path / "model")
+    assert model.precision == "fp32"
+    assert "overflow" in model.notice
+    assert "overflow" in caplog.text
+    assert "fp32" in caplog.text
+    with pytest.raises(ModelError, match="overflow on this processor") as error:
+        load_model(tmp_path / "model", precision="int8")
+    assert "precision fp32" in error.value.remedy
+
+
+def test_the_probe_of_8_bit_products_is_the_graph_it_says():
+    import onnx
+
+    model = onnx.load_from_string(processor.PRODUCT)
+    onnx.checker.check_model(model, full_check=True)
+    assert [node.op_type for node in model.graph.node] == ["MatMulInteger"]
+    kinds = [value.type.tensor_type.elem_type for value in model.graph.input]
+    assert kinds == [onnx.TensorProto.UINT8, onnx.TensorProto.INT8]
+
+
+def test_products_added_in_16_bits_are_found_out(monkeypatch):
+    saturated = np.full((2, 16), 32 * 32767, np.int32)  # the largest that pairs of 255 x 127 give in 16 bits
+    exact = np.full((2, 16), 64 * 255 * 127, np.int32)
+
+    def answer(y):
+        session = type("Session", (), {"__init__": lambda *_, **__: None, "run": lambda *_: (y,)})
+        monkeypatch.setattr("onnxruntime.InferenceSession", session)
+        return exact_8_bit_products()
+
+    assert answer(exact)
+    assert not answer(saturated)
+
+
+def test_the_table_of_speeds_names_graph_batch_and_times():
+    row = networks.TimingRow("folded int8", "shared", 1, 2, 4.5, 4.0, 9.0, 8.0, 1.5, 45.0, 0.0083)
+    figures = {
+        "network": "paper", "cpu": "a processor", "cores": 2, "cores_busy": 0.04,
+        "read_bandwidth_gb_s": {"1": 20.0}, "rows": [networks.asdict(row)],
+    }  # fmt: skip
+    text = networks.table(figures)
+    assert (
+        text.count("| folded int8 | shared | 1 | 2 | 4.50 | 4.00 | 9.00 | 8.00 | 1.50 | 45.0 | 0.83 % |") == 1
+    )
+
+
+def test_the_load_of_a_machine_is_a_number_of_its_cores(monkeypatch):
+    load = networks.others_load(0.05)
+    assert load is None or 0.0 <= load <= (networks.os.cpu_count() or 1) + 0.1
+    ticks = iter(["cpu 100 0 100 800 0 0 0 0 0 0\n", "cpu 200 0 150 850 0 0 0 0 0 0\n"])
+    monkeypatch.setattr(networks.Path, "read_text", lambda *_, **__: next(ticks))
+    monkeypatch.setattr(networks.os, "cpu_count", lambda: 2)
+    assert networks.others_load(0.0) == pytest.approx(2 * 150 / 200)
+    monkeypatch.setattr(networks.Path, "read_text", lambda *_, **__: "not the numbers of a processor")
+    assert networks.others_load(0.0) is None

@@ -1,0 +1,198 @@
+"""Layered styles: every edit does what its words say, and what is held out stays out."""
+
+import json
+
+import numpy as np
+import pytest
+
+from runtime import rotations
+from runtime.feet.ik import LEG_FEET
+from runtime.prompts.parts import PartDescriptions
+from runtime.skeleton import ANKLE_HEIGHT, PART_NAMES, SPORT_SKELETON, TOE_HEIGHT
+from runtime.terrain.height_map import Terrain
+from tests.helpers.synthetic_clips import flat_patch
+from tests.helpers.walker import CYCLE_FRAMES, walk
+from training.data.clip_files import TrainingClip
+from training.layering import recipes
+from training.layering.apply import apply
+from training.layering.build import LAYERS, build_layers
+from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
+from training.layering.pose_edits import EditedMotion, keep_feet
+from training.layering.steps import left_landings, step_phase
+from training.text.measure import measure
+
+
+def walker(frames: int = 300) -> EditedMotion:
+    hips, local, contacts = walk(frames)
+    arms = [SPORT_SKELETON.index(n) for n in ("LeftArm", "RightArm")]
+    swing = 0.35 * np.sin(2 * np.pi * np.arange(frames) / CYCLE_FRAMES)
+    for joint, sign in zip(arms, (1.0, -1.0), strict=True):
+        down = rotations.from_axis_angle(np.array([0.0, 0.0, 1.0]), np.full(frames, -1.4 * sign))
+        forward = rotations.from_axis_angle(np.array([1.0, 0.0, 0.0]), sign * swing)
+        local[:, joint] = rotations.multiply(forward, down)
+    hips = hips.astype(float)
+    step = 2 * np.pi * np.arange(frames) / CYCLE_FRAMES
+    before = EditedMotion(hips, local, contacts.astype(np.uint8), Terrain.flat(size_m=80.0))
+    hips = hips + np.stack([0.02 * np.sin(step), 0.015 * np.cos(2 * step) - 0.03, 0 * step], -1)
+    local[:, 0] = rotations.from_yaw(0.1 * np.cos(step))
+    local[:, SPORT_SKELETON.index("Spine1")] = rotations.from_yaw(-0.15 * np.cos(step))
+    local = keep_feet(EditedMotion(hips, local, before.contacts, before.ground), before)
+    return EditedMotion(
+        hips.astype(float), local.astype(float), contacts.astype(np.uint8), Terrain.flat(size_m=80.0)
+    )
+
+
+def value(motion: EditedMotion, name: str) -> float:
+    part, field = EDITS[name].measure
+    return getattr(getattr(measure(motion.hips, motion.local, motion.contacts), part), field)
+
+
+@pytest.mark.parametrize("name", sorted(EDITS))
+def test_an_edit_moves_its_measure_and_keeps_the_body_whole(name: str) -> None:
+    before = walker()
+    after = apply(before, EDITS[name], np.random.default_rng(3))
+    change = value(after, name) - value(before, name)
+    assert np.isfinite(after.local).all()
+    assert np.allclose(np.linalg.norm(after.local, axis=-1), 1.0, atol=1e-4)
+    assert abs(change) > 0.008, f"{name}: the measure {EDITS[name].measure} moved by {change:.4f}"
+
+
+@pytest.mark.parametrize(
+    ("name", "sign"),
+    [
+        ("left_arm.overhead", 1),
+        ("right_arm.on_head", 1),
+        ("left_arm.hanging", -1),
+        ("torso.lean_back_far", -1),
+        ("torso.lean_forward", 1),
+        ("torso.lean_left", 1),
+        ("torso.lean_right", -1),
+        ("head.down", 1),
+        ("head.up", -1),
+        ("head.turned_left", 1),
+        ("head.turned_right", -1),
+        ("left_leg.high_knee", 1),
+        ("left_leg.dragging", -1),
+        ("left_leg.narrow", -1),
+        ("left_leg.toes_in", -1),
+        ("legs.crouch", 1),
+        ("legs.tiptoe", 1),
+    ],
+)
+def test_an_edit_moves_the_way_its_words_say(name: str, sign: int) -> None:
+    before = walker()
+    after = apply(before, EDITS[name], np.random.default_rng(3))
+    assert sign * (value(after, name) - value(before, name)) > 0.008
+
+
+@pytest.mark.parametrize("name", [n for n, e in EDITS.items() if e.slot in ("torso", "head")])
+def test_the_upper_body_leaves_the_feet_where_they_are(name: str) -> None:
+    before = walker(200)
+    after = apply(before, EDITS[name], np.random.default_rng(5))
+    feet = [SPORT_SKELETON.forward_kinematics(m.hips, m.local)[0][:, LEG_FEET] for m in (before, after)]
+    assert np.abs(feet[0] - feet[1]).max() < 0.02  # the reach of a leg may give way a little
+
+
+def test_a_dragged_foot_slides_flat_over_the_ground_and_not_through_it() -> None:
+    before = walker()
+    after = apply(before, EDITS["left_leg.dragging"], np.random.default_rng(3))
+    ankle, toe = (SPORT_SKELETON.index(f"Left{name}") for name in ("Foot", "ToeBase"))
+    high, _ = SPORT_SKELETON.forward_kinematics(before.hips, before.local)
+    low, _ = SPORT_SKELETON.forward_kinematics(after.hips, after.local)
+    swing = ~before.contacts[:, :2].any(1)
+    for joint, rest in ((ankle, ANKLE_HEIGHT), (toe, TOE_HEIGHT)):
+        over_ground, as_before = low[swing, joint, 1] - rest, high[swing, joint, 1] - rest
+        assert np.median(over_ground) < 0.35 * np.median(as_before)
+        assert over_ground.min() > min(as_before.min(), 0.0) - 0.01
+    assert np.allclose(low[~swing][:, [ankle, toe]], high[~swing][:, [ankle, toe]], atol=0.01)
+
+
+def test_nobody_limps_on_both_legs() -> None:
+    random = np.random.default_rng(1)
+    drawn = [recipes.draw(random, standing=False).edits for _ in range(3000)]
+    limping = [edits for edits in drawn if any(e.endswith("limping") for e in edits)]
+    assert limping
+    assert all(sum(e.endswith("limping") for e in edits) == 1 for edits in limping)
+
+
+def test_an_arm_edit_touches_that_arm_alone() -> None:
+    before = walker(120)
+    after = apply(before, EDITS["left_arm.on_hip"], np.random.default_rng(0))
+    others = [j for j in range(31) if j not in range(17, 24)]
+    assert np.array_equal(before.local[:, others], after.local[:, others])
+    assert not np.allclose(before.local[:, 18], after.local[:, 18])
+
+
+def test_step_phase_is_whole_where_the_left_foot_lands() -> None:
+    contacts = walk(400)[2].astype(np.uint8)
+    phase = step_phase(contacts)
+    at = phase[left_landings(contacts)]
+    assert len(at) >= 4
+    assert np.allclose(at, np.round(at), atol=1e-9)
+    assert (np.diff(phase) > 0).all()
+
+
+def test_recipes_never_show_what_is_held_out() -> None:
+    random = np.random.default_rng(1)
+    drawn = [recipes.draw(random, standing=k % 4 == 0).edits for k in range(4000)]
+    assert all(recipes.allowed(edits) for edits in drawn)
+    assert not {name for edits in drawn for name in edits} & HELD_OUT
+    for a, b in HELD_OUT_PAIRS.values():
+        assert not any(a in edits and b in edits for edits in drawn)
+    shown = {name for edits in drawn for name in edits}
+    assert shown == {e.name for e in recipes.trained_edits()}, "an edit is never drawn"
+    slots = [[EDITS[name].slot for name in edits] for edits in drawn]
+    assert all(len(set(s)) == len(s) for s in slots)
+
+
+def test_phrases_are_usable_descriptions() -> None:
+    for edit in EDITS.values():
+        for part, phrases in edit.phrases.items():
+            assert part in PART_NAMES
+            assert len(phrases) >= 2
+            for phrase in phrases:
+                assert "{" not in phrase
+                PartDescriptions(**dict.fromkeys(PART_NAMES, phrase))
+
+
+def test_layered_clips_are_written_with_their_words(tmp_path) -> None:
+    for k, style in enumerate(("neutral", "angry", "proud")):
+        motion = walker(420)
+        TrainingClip(
+            name=f"c{k}",
+            hips=motion.hips,
+            local=motion.local,
+            contacts=motion.contacts,
+            gait=np.eye(6)[np.ones(420, int)],
+            style=style,
+            content="walk forward",
+            source="cmu",
+            split="train",
+            tier="exact",
+            patches=flat_patch(SPORT_SKELETON.forward_kinematics(motion.hips, motion.local)[0]),
+        ).save(tmp_path)
+    build_layers(tmp_path, tmp_path, 12, seed=2)
+    entries = json.loads((tmp_path / LAYERS).read_text())
+    assert len(entries) == 12
+    for name, entry in entries.items():
+        with np.load(tmp_path / f"{name}.npz") as clip:
+            assert str(clip["content"]) == "layered"
+            assert np.isfinite(clip["local_rotations"]).all()
+        for edit in entry["edits"]:
+            for part, phrases in EDITS[edit].phrases.items():
+                assert all(d[part] in phrases for d in entry["descriptions"])
+    again = tmp_path / "again"
+    build_layers(tmp_path, again, 5, seed=2)
+    (again / LAYERS).unlink()  # a build that was killed: five lines, and a sixth cut off
+    lines = [json.dumps([name, entries[name]]) for name in sorted(entries)[:5]]
+    (again / "layers.jsonl").write_text("\n".join([*lines, '["layer_00']))
+    assert build_layers(tmp_path, again, 12, seed=2) == entries
+
+
+def test_edits_of_a_movement_are_drawn_more_often_than_those_of_a_posture() -> None:
+    random = np.random.default_rng(0)
+    drawn = [name for _ in range(3000) for name in recipes.draw(random, standing=False).edits]
+    arms = [n for n in drawn if n.startswith("left_arm.")]
+    movement = [n for n in arms if EDITS[n].measure[1] == "swing"]
+    postures = [n for n in arms if EDITS[n].measure[1] != "swing"]
+    assert len(movement) / len(set(movement)) > 2.4 * len(postures) / len(set(postures))

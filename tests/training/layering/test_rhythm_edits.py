@@ -1,0 +1,189 @@
+"""Edits of rhythm and weight: each changes its measure by its factor and not the others, and feet stay planted."""
+
+import numpy as np
+import pytest
+
+from runtime.skeleton import SPORT_SKELETON
+from tests.training.layering.test_layering import walker
+from training.data.labels import FOOT_JOINTS
+from training.layering.apply import apply
+from training.layering.catalog import EDITS, HELD_OUT, PartEdit
+from training.layering.cycle import cycle_frames, cycle_mean
+from training.layering.pose_edits import EditedMotion
+from training.text.measure import BodyMeasures, measure
+
+RHYTHM = sorted(name for name, edit in EDITS.items() if edit.of_steps)
+
+
+class Plain:
+    """A generator without variation: an edit is exactly what its numbers say."""
+
+    def normal(self, mean: float = 0.0, deviation: float = 1.0, size: int | None = None):
+        return mean if size is None else np.full(size, mean)
+
+    def uniform(self, low: float, high: float) -> float:
+        return 0.5 * (low + high)
+
+    def random(self, size: int | None = None):
+        return 0.5 if size is None else np.full(size, 0.5)
+
+
+def measured(motion: EditedMotion) -> BodyMeasures:
+    """Without the ends, where averages over a cycle know half of it."""
+    own = slice(40, -40)
+    return measure(motion.hips[own], motion.local[own], motion.contacts[own])
+
+
+def edited(name: str, frames: int = 600) -> tuple[EditedMotion, EditedMotion]:
+    before = walker(frames)
+    return before, apply(before, EDITS[name], Plain())  # type: ignore[arg-type]
+
+
+def feet(motion: EditedMotion) -> np.ndarray:
+    positions, _ = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local.astype(float))
+    return positions[:, FOOT_JOINTS]
+
+
+@pytest.mark.parametrize("name", RHYTHM)
+def test_planted_feet_stay_planted_and_on_the_ground(name: str) -> None:
+    before, after = edited(name, 400)
+    assert slide(after) < 1.6 * slide(before) + 0.005
+    lowest = feet(before)[..., 1].min()
+    assert feet(after)[..., 1].min() > lowest - 0.012
+
+
+def slide(motion: EditedMotion) -> float:
+    """Metres per second, 95th percentile, of heels and toes in contact."""
+    down = motion.contacts[1:].astype(bool) & motion.contacts[:-1].astype(bool)
+    speed = np.linalg.norm(np.diff(feet(motion)[..., [0, 2]], axis=0), axis=-1) * 60
+    return float(np.percentile(speed[down], 95))
+
+
+@pytest.mark.parametrize("name", RHYTHM)
+def test_frames_contacts_and_gait_go_together(name: str) -> None:
+    before = walker(400)
+    labelled = EditedMotion(
+        before.hips, before.local, before.contacts, before.ground, np.eye(6)[np.ones(400, int)]
+    )
+    after = apply(labelled, EDITS[name], np.random.default_rng(2))
+    assert len(after.hips) == len(after.local) == len(after.contacts) == len(after.gait)
+    assert np.isfinite(after.hips).all()
+    turns = np.linalg.norm(np.diff(after.local, axis=0), axis=-1)
+    assert turns.max() < 0.25, "a joint jumps"
+
+
+@pytest.mark.parametrize("name", [n for n in RHYTHM if EDITS[n].kind == "steps"])
+def test_steps_are_as_long_and_as_quick_as_the_edit_says(name: str) -> None:
+    before, after = edited(name)
+    length = EDITS[name].parameters.get("length", 1.0)
+    cadence = EDITS[name].parameters.get("cadence", 1.0)
+    a, b = measured(before).left_leg, measured(after).left_leg
+    assert b.step_length / a.step_length == pytest.approx(length, rel=0.04)
+    assert b.cadence / a.cadence == pytest.approx(cadence, rel=0.04)
+    assert b.speed / a.speed == pytest.approx(length * cadence, rel=0.05)
+    assert b.width == pytest.approx(a.width, abs=0.015)
+    assert b.stance_lead == pytest.approx(a.stance_lead, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("name", "field", "parameter"),
+    [
+        *((n, "bounce", "scale") for n in ("torso.level", "torso.bob_little", "torso.bob")),
+        *(
+            (n, "sway", "sideways")
+            for n in ("torso.hips_sway_little", "torso.hips_sway", "torso.hips_sway_far")
+        ),
+        *(
+            (n, "pelvis_yaw_range", "yaw")
+            for n in ("torso.hips_still", "torso.hips_swing", "torso.hips_swing_far")
+        ),
+        *(
+            (n, "shoulder_yaw_range", "yaw")
+            for n in ("torso.shoulders_still", "torso.shoulders_turn_little", "torso.shoulders_turn")
+        ),
+    ],
+)
+def test_what_moves_in_a_cycle_is_scaled_by_the_factor(name: str, field: str, parameter: str) -> None:
+    before, after = edited(name)
+    a, b = measured(before), measured(after)
+    factor = EDITS[name].parameters[parameter]
+    assert getattr(b.torso, field) / getattr(a.torso, field) == pytest.approx(factor, rel=0.1, abs=0.1)
+    for other in ("cadence", "step_length", "speed", "stance_lead"):
+        assert getattr(b.left_leg, other) == pytest.approx(getattr(a.left_leg, other), rel=0.03, abs=0.03)
+
+
+@pytest.mark.parametrize("name", [n for n in RHYTHM if EDITS[n].kind == "stance"])
+def test_a_limp_is_unequal_time_on_either_foot(name: str) -> None:
+    before, after = edited(name)
+    side = EDITS[name].slot
+    wanted = EDITS[name].parameters["uneven"]
+    alone = [
+        (m.contacts[:, :2].any(1) & ~m.contacts[:, 2:].any(1)).sum()
+        / (m.contacts[:, 2:].any(1) & ~m.contacts[:, :2].any(1)).sum()
+        for m in (before, after)
+    ]
+    ratio = alone[1] / alone[0]
+    ratio = ratio if side == "left_leg" else 1.0 / ratio
+    assert np.log(ratio) / np.log(wanted) == pytest.approx(1.0, abs=0.25)
+    steps = [abs(getattr(measured(m), side).speed) for m in (before, after)]
+    assert steps[1] > 0.7 * steps[0]
+
+
+@pytest.mark.parametrize("name", ["legs.pausing", "legs.pausing_little"])
+def test_every_step_is_followed_by_a_pause(name: str) -> None:
+    before, after = edited(name)
+    steps = 2 * len(before.hips) / cycle_frames(before.contacts)
+    longer = (len(after.hips) - len(before.hips)) / 60.0
+    assert longer / steps == pytest.approx(EDITS[name].parameters["pause"], rel=0.12)
+    assert feet(after)[-1, 0, 2] == pytest.approx(feet(before)[-1, 0, 2], abs=0.05)
+
+
+@pytest.mark.parametrize("name", [n for n in RHYTHM if EDITS[n].kind == "line"])
+def test_feet_are_set_down_where_the_edit_says(name: str) -> None:
+    _, after = edited(name)
+    path = cycle_mean(after.hips, cycle_frames(after.contacts))
+    for column, sign in ((0, 1.0), (2, -1.0)):
+        standing = after.contacts[:, column].astype(bool)
+        out = sign * (feet(after)[:, column, 0] - path[:, 0])[standing]
+        assert np.median(out) == pytest.approx(EDITS[name].parameters["outward"], abs=0.012)
+
+
+def test_a_stomp_lands_hard_and_a_soft_step_does_not() -> None:
+    speeds = {
+        name: measured(edited(name)[1]).left_leg.landing
+        for name in ("legs.soft", "legs.stomping", "legs.stomping_hard")
+    }
+    plain = measured(walker(600)).left_leg.landing
+    assert speeds["legs.soft"] < plain < speeds["legs.stomping"] < speeds["legs.stomping_hard"]
+    assert speeds["legs.stomping"] > plain + 0.2
+
+
+@pytest.mark.parametrize("name", ["legs.short", "legs.short_little", "legs.hurried"])
+def test_short_steps_do_not_bend_the_knees(name: str) -> None:
+    before, after = edited(name)
+    assert measured(after).left_leg.knee_bend < measured(before).left_leg.knee_bend + 3.0
+    assert np.median(after.hips[:, 1]) > np.median(before.hips[:, 1])
+
+
+def test_who_staggers_leaves_the_line_by_as_much_as_is_said() -> None:
+    before, after = edited("legs.staggering")
+    sideways = after.hips[:, 0] - np.interp(after.hips[:, 2], before.hips[:, 2], before.hips[:, 0])
+    assert 0.7 * 0.24 < np.abs(sideways).max() < 1.3 * 0.24
+
+
+def test_one_side_or_strength_of_every_kind_is_held_out_and_another_trained() -> None:
+    for kind in {EDITS[n].kind for n in RHYTHM}:
+        names = {n for n in RHYTHM if EDITS[n].kind == kind}
+        assert names & HELD_OUT, kind
+        assert names - HELD_OUT, kind
+
+
+def test_sentences_of_different_edits_differ() -> None:
+    told: dict[tuple[str, str], str] = {}
+    for name in RHYTHM:
+        edit: PartEdit = EDITS[name]
+        for part, phrases in edit.phrases.items():
+            if part != edit.slot and edit.kind == "stance":
+                continue  # the other leg's
+            for phrase in phrases:
+                assert told.setdefault((part, phrase), name) == name

@@ -1,0 +1,234 @@
+"""Every preset and every ablation takes a step of each stage, is exported, and the runtime walks what came out."""
+
+from __future__ import annotations
+
+import functools
+import json
+import logging
+import shutil
+import warnings
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("onnxscript")
+
+from runtime.controls import Controls  # noqa: E402
+from runtime.errors import FileError, ModelError, UsageError  # noqa: E402
+from runtime.motion.controller import Controller  # noqa: E402
+from runtime.motion.features import PAPER_OUTPUT_SIZE  # noqa: E402
+from runtime.motion.model import load_model  # noqa: E402
+from runtime.prompts.content import PromptEncoder  # noqa: E402
+from runtime.prompts.parts import PartDescriptions  # noqa: E402
+from runtime.skeleton import PART_NAMES  # noqa: E402
+from runtime.terrain.height_map import Terrain  # noqa: E402
+from tests.helpers.synthetic_clips import write_clip  # noqa: E402
+from tests.training.stages.test_stage_words import BagOfWords  # noqa: E402
+from training import ablations, parallel, pipeline  # noqa: E402
+from training.export import model as export_module  # noqa: E402
+from training.layering.longer_phrases import longer_sentences  # noqa: E402
+from training.networks.content import StatisticsReader  # noqa: E402
+from training.presets import ABLATIONS, PRESETS  # noqa: E402
+from training.stages import motion as stage_motion  # noqa: E402
+
+NARROW = {  # of the tiny preset; everything else stays as the preset has it
+    name: getattr(PRESETS["tiny"], name)
+    for name in ("hidden", "embedding", "front", "denoiser_width", "content_feedforward", "phase_kernel")
+} | {"denoiser_blocks": 2, "content_layers": 1}
+STAGES = ("phase", "content", "words", "stage2", "stage3")
+NEUTRAL = PartDescriptions.from_mapping({part: f"{part} relaxed, walking" for part in PART_NAMES})
+
+
+class Words(BagOfWords):
+    """Sentences without the encoder's network."""
+
+    def __init__(self, _folder: Path | None = None) -> None:
+        self.name = "all-MiniLM-L6-v2"
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A folder of clips, and what makes a step of everything short: few sentences, few windows, a quick exporter.
+
+    torch's exporter takes seconds for a graph and has tests of its own (`test_networks.py`, `test_training.py`); its
+    forerunner writes the same graphs at once.
+    """
+    folder = tmp_path_factory.mktemp("clips")
+    write_clip(folder / "a.npz", "neutral", 0.0)
+    write_clip(folder / "b.npz", "angry", 1.1)
+    few = [s for part in PART_NAMES for s in [s for s in longer_sentences() if s.part == part][::400][:3]]
+    measure, export, motion = StatisticsReader.measure, torch.onnx.export, export_module._export_motion
+    kept: list[bytes] = []
+
+    def quickly(module: Any, example: tuple, path: str, **options: Any) -> Any:
+        names, shapes = options["input_names"], options.pop("dynamic_shapes")
+        axes = {name: {0: "batch"} for name, shape in zip(names, shapes, strict=True) if shape}
+        del options["external_data"]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # it says that it is the forerunner
+            return export(module, example, path, **options | {"dynamo": False, "dynamic_axes": axes})
+
+    def motion_once(content: Any, scales: Any, to: Path) -> float:
+        """The graph that no walk reads: exported for the first model, copied for the others."""
+        if kept:
+            (to / "motion.onnx").write_bytes(kept[0])
+            return 0.0
+        error = motion(content, scales, to)
+        kept.append((to / "motion.onnx").read_bytes())
+        return error
+
+    logging.disable(logging.WARNING)
+    fast = torch.backends.mha.get_fastpath_enabled()
+    torch.backends.mha.set_fastpath_enabled(False)  # has no symbol in ONNX
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("training.stages.words.longer_sentences", lambda: few)
+        patch.setattr(pipeline, "TextEncoder", Words)
+        patch.setattr(StatisticsReader, "measure", lambda self, joints: measure(self, joints[:256]))
+        patch.setattr("training.stages.words._error", lambda *_: 0.0)  # of thousands of sentences, four times
+        patch.setattr(pipeline, "quantize_model", lambda *_args, **_options: None)
+        patch.setattr(pipeline, "measure_crossings", lambda _folder: None)
+        for name in ("estimate_variance", "measure_codes"):
+            patch.setattr(stage_motion, name, functools.partial(getattr(stage_motion, name), batches=1))
+        patch.setattr(stage_motion, "measure", functools.partial(stage_motion.measure, count=2000))
+        patch.setattr(pipeline, "PHASE_BATCH", 16)
+        content = pipeline.stage_content
+        patch.setattr(content, "STATISTICS_WINDOWS", 128)
+        patch.setattr(content, "run", functools.partial(content.run, batch=16))
+        rows = stage_motion.RandomRows
+        patch.setattr(
+            stage_motion, "RandomRows", lambda weights, batch, *more: rows(weights, min(batch, 64), *more)
+        )
+        patch.setattr(torch.onnx, "export", quickly)
+        patch.setattr(export_module, "_export_motion", motion_once)
+        for name, config in list(PRESETS.items()):
+            patch.setitem(PRESETS, name, replace(config, **NARROW))
+        yield folder
+    torch.backends.mha.set_fastpath_enabled(fast)
+    logging.disable(logging.NOTSET)
+
+
+def train(clips: Path, out: Path, preset: str, *more: str) -> None:
+    """One step of each stage and an export."""
+    options = [
+        "--preset",
+        preset,
+        "--clips",
+        str(clips),
+        "--out",
+        str(out),
+        "--batch",
+        "16",
+        "--device",
+        "cpu",
+    ]
+    steps = [f"--{stage}-steps=1" for stage in STAGES]
+    pipeline.main(["all", *options, *steps, "--layers", "0", *more])
+
+
+@pytest.fixture(scope="module")
+def full(short: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The run of the full model, whose phases and content encoder ablations share."""
+    out = tmp_path_factory.mktemp("full")
+    train(short, out, "compact", "--ablation", "full")
+    return out
+
+
+def walks(folder: Path) -> None:
+    """The runtime loads a model, encodes a prompt and walks it."""
+    model = load_model(folder)
+    z = PromptEncoder(Words(), model.prompt_path).encode(NEUTRAL)
+    controller = Controller(model, Terrain.flat(), seed=3)
+    controller.set_style(z, 0.1)
+    poses = [controller.step(Controls((0.0, 1.0))) for _ in range(6)]
+    assert all(np.isfinite(pose.positions).all() for pose in poses)
+    assert not np.array_equal(poses[0].positions, poses[-1].positions)
+
+
+@pytest.mark.parametrize("name", [name for name in ABLATIONS if name != "full"])
+def test_an_ablation_is_trained_exported_and_walked(
+    name: str, short: Path, full: Path, tmp_path: Path
+) -> None:
+    ablations.prepare(full, tmp_path / "run", name, short)
+    train(short, tmp_path / "run", "compact", "--ablation", name)
+    walks(tmp_path / "run" / "model")
+
+
+def test_the_full_model_is_walked(full: Path) -> None:
+    walks(full / "model")
+
+
+def test_several_processes_train_what_can_be_shared(
+    short: Path, full: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What they do together is in `test_parallel.py`."""
+    stages: list[tuple[int, str]] = []
+    monkeypatch.setattr(pipeline.Run, "train", lambda run, stage: stages.append((1, stage)))
+    monkeypatch.setattr(
+        parallel, "run_together", lambda count, work, args, stage: stages.append((count, stage))
+    )
+    train(short, full, "compact", "--processes", "2")
+    together, alone = ("stage2", "stage3", "ground"), ("phase", "content", "words")
+    assert stages == [*((1, name) for name in alone), *((2, name) for name in together), (1, "export")]
+
+
+def test_stage_2_alone_is_exported(short: Path, full: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its graph has a test of its own (`test_export_ablation.py`); this is the command of "w/o diffusion"."""
+    exported = []
+    monkeypatch.setattr(pipeline, "_write_model", lambda trained, _args, to: exported.append((trained, to)))
+    options = ["--preset", "compact", "--clips", str(short), "--out", str(full), "--device", "cpu"]
+    assert pipeline.main(["export", *options, "--decoder", "mixture"]) == 0
+    ((trained, to),) = exported
+    assert (trained.decoder, to) == ("mixture", full / "model-mixture")
+    saved = torch.load(full / "stage2_final.pt", map_location="cpu", weights_only=True)["module"]
+    assert all(
+        torch.equal(value, saved[name])
+        for name, value in trained.generator.state_dict().items()
+        if name in saved
+    )
+    assert not trained.sigma_bar_squared.any()
+
+
+def test_paper_rotations_is_trained_exported_and_walked(short: Path, tmp_path: Path) -> None:
+    train(short, tmp_path, "paper-rotations")
+    walks(tmp_path / "model")
+
+
+def test_the_other_presets_differ_from_these_in_width_alone() -> None:
+    widths = dict.fromkeys(("name", "hidden", "embedding", "front", "denoiser_width", "denoiser_blocks"))
+    for name in ("small", "tiny"):
+        assert replace(PRESETS[name], **widths) == replace(PRESETS["compact"], **widths)
+    paper = replace(PRESETS["paper-rotations"], name="paper", output_size=PAPER_OUTPUT_SIZE)
+    assert paper == PRESETS["paper"]  # for parameter counts and speed only: docs/model.md
+
+
+@pytest.mark.parametrize("stage", ["all", "phase", "stage2", "export"])
+def test_training_refuses_the_preset_without_rotations_before_it_begins(stage: str, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"^--preset paper: has 287 outputs.*473.*Train paper-rotations"):
+        pipeline.main([stage, "--preset", "paper", "--out", str(tmp_path / "run")])
+    assert not (tmp_path / "run").exists()
+
+
+def test_the_preset_without_rotations_is_refused_with_a_sentence(
+    short: Path, full: Path, tmp_path: Path
+) -> None:
+    folder = shutil.copytree(full / "model", tmp_path / "model")
+    metadata = json.loads((folder / "metadata.json").read_text(encoding="utf-8"))
+    metadata["config"]["output_size"] = PAPER_OUTPUT_SIZE
+    (folder / "metadata.json").write_text(json.dumps(metadata), encoding="utf-8")
+    with pytest.raises(ModelError, match="with joint rotations"):
+        load_model(folder)
+
+
+def test_the_open_model_refuses_clips_that_bind_it(tmp_path: Path) -> None:
+    clips = tmp_path / "clips"
+    clips.mkdir()
+    write_clip(clips / "a.npz", "neutral", 0.0)
+    with np.load(clips / "a.npz") as clip:
+        np.savez(clips / "b.npz", **{**clip, "source": "bandai_namco"})
+    with pytest.raises(FileError, match=r"bandai_namco.*non-commercial"):
+        pipeline.main(["phase", "--preset", "open", "--clips", str(clips), "--out", str(tmp_path / "out")])

@@ -1,0 +1,138 @@
+"""A run that is killed in the middle and goes on from its checkpoint gives the same bytes as one without a break."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from tests.training.composition.test_composition import frames, table, texts  # noqa: E402, F401
+from training import session as training_session  # noqa: E402
+from training.presets import preset  # noqa: E402
+from training.sampling import sampling_weights  # noqa: E402
+from training.session import Session, load_checkpoint  # noqa: E402
+from training.stages import content, ground, motion, phase  # noqa: E402
+from training.styles import StyleTable  # noqa: E402
+
+STEPS = 5
+CONFIG = replace(preset("tiny"), measures=False, text_size=4, direction_words=False, one_sided_words=False)
+
+
+class Killed(Exception):
+    """In place of the signal that ends a process."""
+
+
+def data(frames, table) -> motion.MotionData:  # noqa: F811
+    generator = torch.Generator().manual_seed(1)
+    style = [torch.randn(3, 64, generator=generator) for _ in range(6)]
+    index = torch.randint(3, (len(table.styles), 8, 6), generator=generator)
+    weights = sampling_weights(table)
+    session = Session(Path("unused"), torch.device("cpu"))
+    normal = motion.measure(frames, weights, session, 500)
+    return motion.MotionData(frames, normal, StyleTable(style, index), weights)
+
+
+def with_words(texts):  # noqa: F811
+    """Two sentences of every part."""
+    words = np.random.default_rng(0).normal(size=(2, 4)).astype(np.float32)
+    index = np.arange(texts.index.size).reshape(texts.index.shape) % 2
+    return replace(texts, sentences=[["a", "b"]] * 6, embeddings=[words] * 6, index=index)
+
+
+def run(stage: str, out: Path, frames, table, texts) -> bytes:  # noqa: F811
+    """What the stage leaves, as bytes."""
+    session = Session(out, torch.device("cpu"), checkpoint_seconds=0.0)
+    weights = sampling_weights(table)
+    if stage == "phase":
+        phase.run(session, CONFIG, table, weights, STEPS, 8)
+    elif stage == "content":
+        content.run(session, CONFIG, table, frames, weights, with_words(texts), STEPS, 4)
+    elif stage == "stage2":
+        motion.run_stage2(session, CONFIG, data(frames, table), STEPS, 16)
+    elif stage == "ground":
+        torch.manual_seed(4)
+        neutral = np.zeros((6, CONFIG.style_size // 6), np.float32)
+        known, courses = data(frames, table), data(frames, table)
+        ground.run_ground(session, known, courses, motion.Generator(CONFIG), neutral, STEPS, 16)
+    else:
+        torch.manual_seed(4)
+        generator = motion.Generator(CONFIG)
+        motion.run_stage3(session, CONFIG, data(frames, table), generator, STEPS, 16)
+    saved = load_checkpoint(out / f"{stage}.pt")
+    assert saved["step"] == STEPS
+    return b"".join(saved["average"][name].numpy().tobytes() for name in sorted(saved["average"]))
+
+
+@pytest.mark.parametrize("stage", ["phase", "content", "stage2", "stage3", "ground"])
+def test_a_killed_stage_goes_on_to_the_same_bytes(stage, frames, table, texts, tmp_path, monkeypatch):  # noqa: F811
+    monkeypatch.setattr(motion, "measure_codes", lambda *_, **__: None)
+    monkeypatch.setattr(phase, "encode_table", lambda *_: None)
+    whole = run(stage, tmp_path / "whole", frames, table, texts)
+    optimise = training_session._optimise
+    done = []
+
+    def killed_at_the_fourth(state, total) -> None:
+        if len(done) == 3:
+            raise Killed
+        done.append(state.step)
+        optimise(state, total)
+
+    monkeypatch.setattr(training_session, "_optimise", killed_at_the_fourth)
+    with pytest.raises(Killed):
+        run(stage, tmp_path / "broken", frames, table, texts)
+    monkeypatch.setattr(training_session, "_optimise", optimise)
+    assert done == [0, 1, 2]
+    torch.manual_seed(99)  # a new process has other random numbers
+    assert run(stage, tmp_path / "broken", frames, table, texts) == whole
+
+
+def test_encoding_goes_on_where_it_was_stopped(frames, table, tmp_path, monkeypatch):  # noqa: F811
+    torch.manual_seed(1)
+    module = phase.PeriodicAutoencoder(CONFIG)
+    velocities, clip = torch.as_tensor(table.velocities), torch.as_tensor(table.clip.astype(np.int64))
+    ends = torch.as_tensor(table.start)
+    given = (velocities, 1.0, ends[clip], ends[clip + 1] - 1)
+    vectors, rows = module.phase_vectors, []
+
+    def encode(out: Path, most: int) -> np.ndarray:
+        def stopped(windows):
+            if len(rows) == most:
+                raise Killed
+            rows.append(len(windows))
+            return vectors(windows)
+
+        rows.clear()
+        monkeypatch.setattr(module, "phase_vectors", stopped)
+        out.mkdir(exist_ok=True)
+        if not (out / "phase_final.pt").exists():
+            (out / "phase_final.pt").touch()
+        return phase.encode_all(Session(out, torch.device("cpu")), module, *given, batch=16)
+
+    whole = encode(tmp_path / "whole", 10**6)
+    chunks = len(rows)
+    with pytest.raises(Killed):
+        encode(tmp_path / "half", 2)
+    assert encode(tmp_path / "half", 10**6).tobytes() == whole.tobytes()
+    assert len(rows) == chunks - 2 > 0
+
+
+def test_stage_2_is_without_dropout_after_its_first_cycle(frames, table, tmp_path, monkeypatch):  # noqa: F811
+    seen = []
+    mixed_batch = motion.mixed_batch
+    modules = []
+    generator = motion.Generator
+
+    def kept(config):
+        modules.append(generator(config))
+        return modules[-1]
+
+    def looked_at(*args):
+        seen.append(max(p.p for p in modules[0].modules() if isinstance(p, torch.nn.Dropout)))
+        return mixed_batch(*args)
+
+    monkeypatch.setattr(motion, "Generator", kept)
+    monkeypatch.setattr(motion, "mixed_batch", looked_at)
+    motion.run_stage2(Session(tmp_path, torch.device("cpu")), CONFIG, data(frames, table), 7, 16)
+    assert seen == [CONFIG.dropout] + [0.0] * 6

@@ -1,0 +1,309 @@
+"""The real application without a display: variants of the prompt on one stick, one of which is kept."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+
+from tests.helpers.app_driver import (
+    Start,
+    click,
+    click_on,
+    controller,
+    drawn,
+    message,
+    place,
+    press,
+    prompt,
+    run,
+    run_until,
+    type_prompt,
+)
+from viewer.app import App
+from viewer.compare import labels
+from viewer.compare.lineup import SPACING_M, names, places
+from viewer.edit.handles import on_screen
+from viewer.gl_bindings import imgui
+from viewer.jobs import Slot
+
+
+def over(app: App, index: int) -> tuple[float, float]:
+    """Where a variant is clicked: its hips."""
+    hips = np.asarray(app.compare.poses[index].hips_position, float)
+    found = on_screen(app.scene.camera.current, hips, imgui.get_io().display_size)
+    assert found is not None
+    return found
+
+
+def apply(app: App, text: str) -> None:
+    type_prompt(app, text)
+    press(app, "enter")
+    run(app, 2)
+
+
+def test_variants_by_seed_walk_on_one_stick_and_one_is_kept(start: Start) -> None:
+    app = start()
+    apply(app, "a proud king")
+    walker, mode = controller(app), app.scene.camera.mode
+    click_on(app, "Compare")
+    assert app.compare.titles == [f"a proud king, seed {k}" for k in range(3)]
+    begun = [pose.root_position.copy() for pose in app.compare.poses]
+    steps = walker.steps
+    app.window.inject_key("w", True)
+    run(app, 45)
+    app.window.inject_key("w", False)
+    moved = [pose.root_position - old for pose, old in zip(app.compare.poses, begun, strict=True)]
+    assert all(np.linalg.norm(way) > 0.8 for way in moved)
+    assert walker.steps == steps  # who waits
+    for index in range(3):  # all are in view, beside the panels
+        x, y = over(app, index)
+        assert 330 < x < 970
+        assert 0 < y < 690
+    place_of = app.compare.poses[2].root_position
+    click(app, *over(app, 2))
+    assert not app.compare.open
+    assert controller(app) is walker
+    assert (walker.seed, app.scene.camera.mode) == (2, mode)
+    assert np.allclose(app.scene.simulation.current.root_position, place_of, atol=0.05)
+    assert message(app) == "Kept: a proud king, seed 2."
+
+
+def test_a_kept_prompt_is_the_current_one_until_undo(start: Start) -> None:
+    app = start()
+    apply(app, "a proud king")
+    press(app, "v")
+    assert app.compare.open
+    click_on(app, "##variant prompt", 1)
+    press(app, "ctrl", "a")
+    app.window.inject_text("someone limping")
+    run(app, 3)
+    press(app, "enter")
+    run(app, 3)
+    assert app.compare.titles[1] == "someone limping"
+    assert prompt(app) == "a proud king"
+    click_on(app, "Keep", 1)
+    assert prompt(app) == "someone limping"
+    assert app.prompting.boxes[0].text == "someone limping"
+    press(app, "ctrl", "z")
+    run(app, 2)
+    assert prompt(app) == "a proud king"
+
+
+def test_escape_leaves_the_live_character_as_it_was(start: Start) -> None:
+    app = start()
+    run(app, 5)
+    before = app.scene.simulation.current
+    press(app, "v")
+    app.window.inject_key("w", True)
+    run(app, 10)
+    app.window.inject_key("w", False)
+    press(app, "f1")
+    press(app, "escape")  # the help first
+    assert app.compare.open
+    press(app, "escape")
+    assert not app.compare.open
+    assert np.allclose(app.scene.simulation.current.root_position, before.root_position, atol=1e-3)
+
+
+def test_blends_steps_more_and_fewer(start: Start) -> None:
+    app = start(prompt="a proud king", blend="someone limping", blend_weights=(0.5,) * 6)
+    run(app, 3)
+    press(app, "v")
+    found = [name for name, _ in names(app.compare.variants)]
+    assert found == [
+        "a proud king",
+        "50% someone limping, else a proud king",
+        "100% someone limping, else a proud king",
+    ]
+    click_on(app, "+ Add")
+    for _ in range(6):  # the tenth is none
+        app.compare.add()
+    assert len(app.compare.poses) == 9
+    click_on(app, "Blend")
+    weights = [variant.prompt.weights[0] for variant in app.compare.variants]
+    assert weights == pytest.approx([k / 8 for k in range(9)])
+    click_on(app, "##remove")
+    assert len(app.compare.poses) == 8
+    for _ in range(8):  # two stay
+        app.compare.remove(0)
+    assert len(app.compare.poses) == 2
+
+
+def test_a_recording_ends_before_the_view_opens_and_the_view_before_a_recording(start: Start) -> None:
+    app = start()
+    press(app, "r")
+    run(app, 20)
+    press(app, "v")
+    assert (app.takes.recording, len(app.editor.session.takes)) == (False, 1)
+    press(app, "r")
+    assert app.takes.recording
+    assert not app.compare.open
+    assert message(app) == "Compare view closed: recording started."
+
+
+def test_the_variants_stand_on_the_ground_that_is_chosen(start: Start) -> None:
+    app = start()
+    run(app, 3)
+    press(app, "v")
+    app.scene.load_terrain("hills")
+    run(app, 3)
+    heights = [
+        float(app.scene.terrain.height(p.root_position[0], p.root_position[2])) for p in app.compare.poses
+    ]
+    assert app.scene.terrain.name == "hills"
+    assert all(member.terrain is app.scene.terrain for member in app.compare.members)
+    assert [float(p.root_position[1]) for p in app.compare.poses] == pytest.approx(heights, abs=1e-3)
+
+
+@pytest.mark.parametrize("count", range(2, 10))
+def test_nobody_stands_in_another(count: int) -> None:
+    spots = np.array(places(count, (3.0, -2.0), 0.7))
+    apart = np.linalg.norm(spots[:, None] - spots[None], axis=-1) + 9.0 * np.eye(count)
+    assert apart.min() > 0.99 * SPACING_M
+    assert np.allclose(spots.mean(0), (3.0, -2.0), atol=0.5)
+
+
+@pytest.mark.parametrize("mode", ["follow", "orbit"])
+def test_closing_brings_the_view_of_the_live_character_back(start: Start, mode: str) -> None:
+    app = start()
+    apply(app, "a proud king")
+    app.scene.camera.use(mode)
+    run(app, 30)
+    camera = app.scene.camera
+    before = camera.current.distance, camera.current.pitch
+    press(app, "v")
+    app.window.inject_key("w", True)
+    run(app, 120)  # away from the walker
+    app.window.inject_key("w", False)
+    assert camera.current.distance != pytest.approx(before[0])
+    press(app, "escape")
+    run(app, 3)
+    assert (camera.current.distance, camera.current.pitch) == pytest.approx(before, abs=0.02)
+    walker = np.asarray(app.scene.simulation.current.hips_position, float)
+    assert on_screen(camera.current, walker, imgui.get_io().display_size) is not None
+    assert np.linalg.norm(camera.current.target - walker) < 1.0
+
+
+def test_steps_of_the_variants_are_counted(start: Start) -> None:
+    app = start()
+    apply(app, "a proud king")
+    press(app, "v")
+    app.state.stats.steps_per_s = 0.0
+    run(app, 5)
+    assert app.state.stats.steps_per_s > 0.0
+
+
+def test_names_that_are_cut_keep_the_seed(start: Start) -> None:
+    app = start(width=800, height=500)
+    apply(app, "somebody who is walking in a relaxed, everyday way")
+    press(app, "v")
+    texts: list[str] = []
+    with pytest.MonkeyPatch.context() as patch:
+        real = labels._label
+        patch.setattr(labels, "_label", lambda text, *rest: (texts.append(text), real(text, *rest)))
+        run(app)
+    assert [text.split("…")[1] for text in texts] == [f", seed {k}" for k in range(3)]
+    assert all(text.startswith(f"{k + 1}  some") for k, text in enumerate(texts))
+
+
+def test_the_first_minute_covers_no_variant(start: Start) -> None:
+    app = start()
+    apply(app, "a proud king")
+    app.guide.begin()
+    run(app, 2)
+    assert "Skip##guide" in [label for label, _ in drawn(app)]
+    press(app, "v")
+    assert "Skip##guide" not in [label for label, _ in drawn(app)]
+
+
+# as edits of the session
+
+
+def test_variants_come_change_and_go_as_steps(start: Start) -> None:
+    app = start()
+    apply(app, "a proud king")
+    press(app, "v")
+    assert app.editor.undo_label == "variants of “a proud king”"
+    click_on(app, "+ Add")
+    assert app.editor.undo_label == "variant 4 added"
+    x, y = place(app, "##seed", 1, share=0.9)  # the button for one more
+    click(app, x, y)
+    assert app.editor.undo_label == "seed of variant 2"
+    assert [member.seed for member in app.compare.members] == [0, 2, 2, 3]
+    click_on(app, "##remove")
+    assert app.editor.undo_label == "variant 1 removed"
+    assert len(app.compare.poses) == 3
+    for seeds in ([0, 2, 2, 3], [0, 1, 2, 3], [0, 1, 2]):
+        press(app, "ctrl", "z")
+        assert [member.seed for member in app.compare.members] == seeds
+    press(app, "ctrl", "z")  # there were none
+    assert not app.compare.open
+    press(app, "ctrl", "y")
+    assert [variant.seed for variant in app.compare.variants] == [0, 1, 2]
+
+
+def test_a_prompt_of_a_variant_is_a_step_and_its_field_follows(start: Start) -> None:
+    app = start()
+    apply(app, "a proud king")
+    press(app, "v")
+    app.compare.ask(1, "a duck")
+    assert app.editor.undo_label == "prompt “a duck” of variant 2"
+    before = app.compare.poses[1].root_position.copy()
+    run(app, 2)
+    duck = app.compare.members[1].styles[-1]
+    assert duck[1] == app.settings.blend_seconds
+    assert not np.array_equal(duck[0], app.compare.members[0].styles[-1][0])
+    assert np.allclose(app.compare.poses[1].root_position, before)  # it moves on where it is
+    click_on(app, "##variant prompt", 1)
+    press(app, "ctrl", "z")  # nothing was typed
+    assert app.compare.titles[1] == "a proud king, seed 1"
+    assert app.compare.texts == {}
+
+
+def test_variants_are_kept_for_their_prompt_and_replaced_for_another(start: Start) -> None:
+    app = start()
+    apply(app, "a proud king")
+    press(app, "v")
+    app.compare.add()
+    press(app, "escape")
+    assert len(app.compare.variants) == 4
+    press(app, "v")
+    assert len(app.compare.poses) == 4
+    assert app.editor.undo_label == "variant 4 added"  # to look at them again is no edit
+    press(app, "escape")
+    apply(app, "a duck")
+    press(app, "v")
+    assert app.compare.titles == [f"a duck, seed {k}" for k in range(3)]
+    press(app, "ctrl", "z")  # the former ones
+    assert app.compare.titles == [f"a proud king, seed {k}" for k in range(4)]
+
+
+def test_the_last_prompts_are_one_step(start: Start) -> None:
+    app = start()
+    for text in ("a duck", "someone limping", "a proud king"):
+        apply(app, text)
+    press(app, "v")
+    click_on(app, "Prompts")
+    run(app, 2)
+    assert app.compare.titles == ["a proud king", "someone limping", "a duck"]
+    assert app.editor.undo_label == "comparison of the last prompts"
+    press(app, "ctrl", "z")
+    assert app.compare.titles == [f"a proud king, seed {k}" for k in range(3)]
+
+
+def test_undo_withdraws_a_prompt_of_a_variant_without_an_answer(start: Start) -> None:
+    app = start()
+    apply(app, "a proud king")
+    press(app, "v")
+    app.jobs.blocking = False
+    released, real = threading.Event(), app.prompting.answer
+    app.prompting.answer = lambda text: (released.wait(10.0), real(text))[1]  # type: ignore[method-assign]
+    app.compare.ask(0, "a duck")
+    press(app, "ctrl", "z")
+    assert message(app) == "Withdrawn: prompt “a duck”."
+    released.set()
+    run_until(app, lambda: not app.jobs.busy(Slot("variant", app.compare.variants[0].number)))
+    assert app.compare.open
+    assert app.compare.titles[0] == "a proud king, seed 0"

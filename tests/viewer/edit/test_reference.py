@@ -1,0 +1,265 @@
+"""The real application without a display: what stands beside a take as its own skeleton, its own character, or a film."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from runtime.character.shape import BodyShape, shaped_file
+from runtime.errors import FileError
+from runtime.formats.reference import load_reference_bvh
+from runtime.session.session import Reference
+from runtime.takes.own_skeleton import STEP_M, OwnSkeleton
+from runtime.takes.pins import Pinned
+from tests.helpers.app_driver import Start, click_on, drawn, message, place, press, run
+from tests.runtime.formats.test_reference import TURNS, foreign
+from viewer.app import App
+from viewer.edit.handles import on_screen
+from viewer.edit.reference import Look
+from viewer.edit.video import MAX_SIDE, read_video
+from viewer.filming.writers import open_writer
+from viewer.gl_bindings import imgui
+
+
+def with_take(app: App) -> App:
+    """A take of about a second that plays, paused at its first frame."""
+    app.takes.toggle_recording()
+    app.window.inject_key("w", True)
+    run(app, 70)
+    app.window.inject_key("w", False)
+    app.takes.toggle_recording()
+    app.takes.play(1)
+    run(app, 3)
+    assert app.takes.playback is not None
+    app.takes.playback.seek(0)
+    return app
+
+
+def choose_file(app: App, entry: str, path: Path) -> None:
+    """An entry of the menu that is open, and a path typed into its dialog."""
+    click_on(app, entry)
+    run(app, 3)
+    press(app, "ctrl", "a")
+    app.window.inject_text(str(path))
+    run(app, 3)
+    press(app, "enter")
+    run(app, 5)
+
+
+def choose_beside(app: App, path: Path) -> None:
+    """By the menu of the timeline and the dialog, as a person would."""
+    click_on(app, "Compare…")
+    choose_file(app, "A take or film from a file…", path)
+
+
+def film(path: Path, size: tuple[int, int] = (64, 48), count: int = 30) -> Path:
+    """Pictures whose brightness says which they are, 30 a second."""
+    with open_writer(path, size, 30.0) as write:
+        for number in range(count):
+            write(np.full((size[1], size[0], 3), 8 * number, np.uint8))
+    return path
+
+
+def brightness(app: App) -> float:
+    """Of the middle of the film's picture on the screen."""
+    show, middle = imgui.image, []
+
+    def watched(*given: Any) -> None:
+        show(*given)
+        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        middle[:] = round((low.x + high.x) / 2), round((low.y + high.y) / 2)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(imgui, "image", watched)
+        run(app)
+    x, y = middle
+    return float(app.window.read_pixels()[y - 8 : y + 8, x - 8 : x + 8, :3].mean())
+
+
+def test_another_skeleton_keeps_its_own_points(tmp_path: Path) -> None:
+    reference = load_reference_bvh(foreign(tmp_path / "other.bvh", TURNS["Z up"]))
+    own, ours = reference.own, reference.clip.world()[0]
+    assert own.points.shape[:2] == (len(reference.clip), len(own.parents))
+    gap = own.points[:, :31] - ours  # it has our proportions, at another size and with other axes
+    assert np.abs(gap - gap[:1].mean(axis=1, keepdims=True)).max() < 0.03
+    middle, steps = own.packed()
+    back = OwnSkeleton.unpacked(own.parents, middle, steps)
+    assert np.abs(back.points - own.points).max() < STEP_M
+    with pytest.raises(ValueError, match="points"):
+        OwnSkeleton.unpacked(own.parents, middle, steps[:-2])
+    with pytest.raises(ValueError, match="points"):
+        OwnSkeleton.unpacked((99, *own.parents[1:]), middle, steps)
+
+
+def test_a_reference_is_drawn_as_its_own_skeleton_and_comes_back_with_the_project(
+    start: Start, tmp_path: Path
+) -> None:
+    app = with_take(start(real_renderer=True, width=1280, height=720))
+    choose_beside(app, foreign(tmp_path / "other.bvh", TURNS["as ours"]))
+    reference, playback = app.references, app.takes.playback
+    assert playback is not None
+    assert playback.number == 1, "the take goes on playing"
+    assert reference.name == "other"
+    assert reference.look is Look.SKELETON
+    beside = reference.pose(playback)
+    assert beside is not None
+    figure = reference.figure(playback, beside)
+    assert figure is not None
+    starts = figure.matrices[:, :3, 3]  # where the bones begin
+    assert np.abs(starts[:, 1] - playback.terrain.height(0.0, 0.0)).min() < 0.2
+    assert starts.mean(axis=0) == pytest.approx(beside.positions.mean(axis=0), abs=0.25)
+    assert figure.on_top is False
+    plain = app.window.read_pixels()
+    reference.close()
+    run(app, 2)
+    assert np.abs(plain.astype(int) - app.window.read_pixels()).max() > 60, "it is seen"
+
+    reference.show(2)
+    reference.set(aside_m=1.5, offset_s=0.25)
+    click_on(app, "Over it")
+    path = tmp_path / "a.sport"
+    app.sessions.save_as(path)
+    run(app, 2)
+    assert path.stat().st_size < 400_000
+    app.sessions.new()
+    run(app, 2)
+    assert app.editor.session.reference is None
+    app.sessions.open(path)
+    run(app, 2)
+    assert app.editor.session.reference == Reference(2, offset_s=0.25, aside_m=1.5, over=True)
+    assert reference.look is Look.SKELETON
+    app.takes.play(1)
+    run(app, 2)
+    overlays = app.overlays(None, [])
+    assert overlays.figure is not None
+    assert overlays.figure.on_top
+    assert not overlays.extra_poses
+    assert not overlays.ghosts
+
+
+def test_a_reference_is_shown_by_a_character_of_its_own(start: Start, tmp_path: Path) -> None:
+    app = with_take(start(real_renderer=True, width=1280, height=720))
+    app.takes.mirror(1)
+    app.takes.play(1)
+    click_on(app, "Compare…")
+    click_on(app, app.editor.session.takes[1].title)
+    path = shaped_file(BodyShape(1.0, 1.2, 1.2), tmp_path)
+    click_on(app, "##reference look")
+    choose_file(app, "Another character…", path)
+    figure = app.overlays(None, []).figure
+    assert figure is not None
+    assert figure.mesh is app.references.character
+    assert figure.mesh is not app.scene._character
+    app.sessions.save_as(tmp_path / "a.sport")
+    run(app, 2)
+    app.sessions.new()
+    run(app, 2)
+    assert app.references.character is None
+    path.unlink()
+    app.sessions.open(tmp_path / "a.sport")
+    run(app, 3)
+    app.takes.play(1)
+    run(app, 2)
+    assert app.references.look is Look.CHARACTER
+    assert app.overlays(None, []).figure is not None
+
+
+def card_box(app: App) -> tuple[float, float, float, float]:
+    """Left, top, right, bottom of the reference's card."""
+    window = imgui.internal.find_window_by_name("Reference")
+    return window.pos.x, window.pos.y, window.pos.x + window.size.x, window.pos.y + window.size.y
+
+
+def body_box(app: App) -> tuple[float, float, float, float]:
+    """The same of the joints of the character in the window."""
+    playback, size = app.takes.playback, imgui.get_io().display_size
+    assert playback is not None
+    seen = [on_screen(app.scene.camera.current, point, size) for point in playback.pose().positions]
+    xs, ys = zip(*[point for point in seen if point is not None], strict=True)
+    return min(xs), min(ys), max(xs), max(ys)
+
+
+def apart(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> bool:
+    return a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1]
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (800, 500), (1920, 1080)])
+@pytest.mark.parametrize("pinned", [False, True])
+def test_the_card_hides_nobody(start: Start, tmp_path: Path, size: tuple[int, int], pinned: bool) -> None:
+    app = with_take(start(width=size[0], height=size[1]))
+    app.takes.mirror(1)
+    app.takes.play(1)
+    app.references.show(2)
+    if pinned:
+        app.pins.add(Pinned.LEFT_HAND)
+    assert app.takes.playback is not None
+    app.takes.playback.playing = False
+    run(app, 60)
+    desk = imgui.internal.find_window_by_name("Desk")
+    bar = (desk.pos.x, desk.pos.y, desk.pos.x + desk.size.x, desk.pos.y + desk.size.y)
+    assert apart(card_box(app), bar)
+    assert apart(card_box(app), body_box(app))
+    labels = {label for label, _ in drawn(app)}
+    assert {"##reference offset", "##reference aside"} <= labels
+    assert labels & {"Over it", "Over"}
+    app.references.open_video(film(tmp_path / "film.mp4"))
+    run(app, 60)
+    assert app.references.video is not None
+    assert apart(card_box(app), body_box(app)), "a film stands beside the character"
+    app.references.set(size=1.0)  # hardly anything is left beside it
+    run(app, 30)
+    assert body_box(app)[2] < size[0]
+
+
+@pytest.mark.parametrize("ending", ["mp4", "gif", "webp"])
+def test_a_film_runs_in_sync_with_the_take_and_comes_back(start: Start, tmp_path: Path, ending: str) -> None:
+    app = with_take(start())
+    app.open_files([film(tmp_path / f"film.{ending}")])  # as by dropping it
+    run(app, 3)
+    assert "30 pictures, 1.0 s" in message(app)
+    reference, playback = app.references, app.takes.playback
+    assert playback is not None
+    for frame in (0, 30, 50):
+        playback.seek(frame)
+        run(app, 2)
+        assert brightness(app) == pytest.approx(8 * (frame // 2), abs=5), f"frame {frame}"
+    reference.set(offset_s=-0.5)
+    run(app, 2)
+    assert brightness(app) == pytest.approx(8 * 10, abs=5)
+    click_on(app, "Over it")
+    run(app, 2)
+    low, high = (place(app, "##reference opacity", share=share) for share in (0.0, 0.9))
+    assert low[0] < high[0]
+    assert app.window.read_pixels()[300, 640].astype(int).sum() != 0
+    app.sessions.save_as(tmp_path / "a.sport")
+    run(app, 2)
+    app.sessions.new()
+    run(app, 2)
+    assert reference.video is None
+    app.sessions.open(tmp_path / "a.sport")
+    run(app, 3)
+    assert reference.video is not None
+    assert (reference.reference.offset_s, reference.reference.over) == (-0.5, True)
+    app.takes.play(1)
+    run(app, 2)
+    click_on(app, "##close reference")
+    assert not reference.shown
+
+
+def test_films_are_made_small_and_what_is_none_is_said(start: Start, tmp_path: Path) -> None:
+    video = read_video(film(tmp_path / "wide.mp4", (1280, 320), 3))
+    assert video.size == (MAX_SIDE, MAX_SIDE // 4)
+    assert video.picture(0).shape == (MAX_SIDE // 4, MAX_SIDE, 3)
+    assert [video.index(t) for t in (-1.0, 0.0, 0.034, 9.0)] == [0, 0, 1, 2]
+    for name in ("text.mp4", "text.gif", "text.webp"):
+        (tmp_path / name).write_text("no film")
+        with pytest.raises(FileError, match=name):
+            read_video(tmp_path / name)
+    app = with_take(start())
+    app.open_files([tmp_path / "text.mp4"])
+    run(app, 3)
+    assert "text.mp4: no film that can be read" in message(app)
+    assert not app.references.shown

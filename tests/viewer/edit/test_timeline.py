@@ -1,0 +1,366 @@
+"""The real application without a display: the timeline of a take, its edits, and going on from a frame of it."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from runtime.controls import Gait
+from runtime.session.frames import HIPS_STEP_M
+from runtime.session.session import Take
+from runtime.takes.clip import Clip
+from runtime.takes.input_recording import resimulated_take
+from tests.helpers.app_driver import (
+    Start,
+    click_on,
+    controller,
+    drawn,
+    message,
+    place,
+    press,
+    prompt,
+    run,
+    run_until,
+    type_prompt,
+)
+from viewer.app import App
+from viewer.edit import resimulation
+from viewer.gl_bindings import imgui
+from viewer.services import Services
+
+
+def record(app: App, frames: int = 40) -> Take:
+    """Two prompts, each for so many frames of walking; then the take plays, paused at its start."""
+    run(app, 2)
+    app.prompting.submit_prompt("a proud king")
+    run(app, 2)
+    app.takes.toggle_recording()
+    app.window.inject_key("w", True)
+    run(app, frames)
+    app.prompting.submit_prompt("an old king")
+    run(app, frames)
+    app.window.inject_key("w", False)
+    app.takes.toggle_recording()
+    app.takes.play(1)
+    seek(app, 0)
+    return take(app)
+
+
+def take(app: App) -> Take:
+    return app.editor.session.takes[0]
+
+
+def seek(app: App, frame: int) -> None:
+    assert app.takes.playback is not None
+    app.takes.playback.seek(frame)
+    run(app, 2)
+
+
+def frame(app: App) -> int:
+    assert app.takes.playback is not None
+    return app.takes.playback.frame
+
+
+def drag(app: App, label: str, first: float, last: float, down: float = 0.5) -> None:
+    """Drag on a track from one share of its width to another, at a share of its height."""
+    left, y = place(app, label, share=first)
+    right, _ = place(app, label, share=last)
+    top = place(app, label)[1]
+    y = top + (down - 0.5) * 26.0
+    app.window.inject_mouse(left, y)
+    run(app, 2)
+    app.window.inject_mouse(left, y, 0, True)
+    run(app, 2)
+    for share in (0.5, 1.0):
+        app.window.inject_mouse(left + (right - left) * share, y)
+        run(app, 2)
+    app.window.inject_mouse(right, y, 0, False)
+    run(app, 3)
+
+
+def same(a: Clip, b: Clip, first: int = 0, last: int | None = None) -> bool:
+    """Whether frames are those of another clip, as finely as a file keeps them."""
+    hips, turns = a.hips_positions - b.hips_positions, a.local_rotations - b.local_rotations
+    return bool(np.abs(hips[first:last]).max() < HIPS_STEP_M and np.abs(turns[first:last]).max() < 1e-4)
+
+
+def prompts(app: App) -> list[tuple[str, int]]:
+    return [(event.prompt, round(event.seconds * 60)) for event in take(app).clip.prompts]
+
+
+def test_single_steps_speed_and_loop(start: Start) -> None:
+    app = start()
+    record(app)
+    click_on(app, "##frame on")
+    assert frame(app) == 1
+    press(app, "period")
+    press(app, "comma")
+    press(app, "comma")
+    assert frame(app) == 0
+    click_on(app, "##frame back")
+    assert frame(app) == len(app.editor.session.takes[0].clip) - 1  # it loops
+    playback = app.takes.playback
+    assert playback is not None
+    playback.speed = 0.1
+    seek(app, 0)
+    press(app, "p")
+    run(app, 18)
+    assert frame(app) == 2
+
+
+def test_the_keys_of_a_take(start: Start) -> None:
+    app = start()
+    record(app)
+    playback = app.takes.playback
+    assert playback is not None
+    look = app.scene.camera.current.yaw
+    for key, shown in (("right", 1), ("right", 2), ("left", 1), ("end", 79), ("home", 0)):
+        press(app, key)
+        assert frame(app) == shown, key
+    assert app.scene.camera.current.yaw == look  # the arrows are the take's
+    press(app, "space")
+    assert playback.playing
+    press(app, "space")
+    assert not playback.playing
+    press(app, "escape")
+    press(app, "space")
+    assert controller(app).steps > 0
+    assert app.takes.playback is None
+
+
+def test_trims_are_undone_and_done_again(start: Start) -> None:
+    app = start()
+    record(app)
+    playback = app.takes.playback
+    assert playback is not None
+    seek(app, 20)
+    click_on(app, "[ In")
+    seek(app, 60)
+    click_on(app, "Out ]")
+    assert (playback.first, playback.last) == (20, 60)
+    press(app, "ctrl", "z")
+    assert (playback.first, playback.last) == (20, 79)
+    app.editing.reword(1, "a goose")  # an edit comes between
+    run(app, 2)
+    press(app, "ctrl", "z")
+    assert "words" in message(app)
+    press(app, "ctrl", "z")
+    assert (playback.first, playback.last) == (0, 79)
+    press(app, "ctrl", "y")
+    assert (playback.first, playback.last) == (20, 79)
+
+
+@pytest.mark.parametrize(("size", "least"), [((1280, 720), 15.0), ((1920, 1080), 22.0)])
+def test_tracks_are_taller_where_there_is_room(start: Start, size: tuple[int, int], least: float) -> None:
+    app = start(width=size[0], height=size[1])
+    record(app, 20)
+    for parts in (False, True):
+        app.editing.part_tracks = parts
+        run(app, 2)
+        rows = {label: box for label, box in drawn(app) if label in ("##gaits", "##foot 1")}
+        _, top, _, bottom = rows["##gaits"]
+        assert bottom - top >= least
+        assert rows["##foot 1"][3] <= app.shell._layout.transport.y + app.shell._layout.transport.height  # type: ignore[union-attr]
+
+
+def test_the_words_shown_are_those_of_the_take_that_plays(start: Start) -> None:
+    app = start()
+    record(app)
+    app.prompting.submit_prompt("proud peacock")
+    seek(app, 5)
+    assert app.editing.prompt == "a proud king"
+    seek(app, 60)
+    assert app.editing.prompt == "an old king"
+    assert app.editing.parts["torso"] == "torso of an old king"
+    press(app, "escape")
+    run(app, 2)
+    assert prompt(app) == "proud peacock"  # live again
+
+
+def test_trim_handles_are_dragged(start: Start) -> None:
+    app = start()
+    record(app)
+    drag(app, "##timeline", 0.0, 0.25, down=0.8)
+    playback = app.takes.playback
+    assert playback is not None
+    assert 18 <= playback.first <= 22
+    drag(app, "##timeline", 0.995, 0.5, down=0.8)
+    assert 37 <= playback.last <= 42
+    drag(app, "##timeline", 0.6, 0.3, down=0.2)  # the upper half scrubs
+    assert 21 <= playback.frame <= 26
+
+
+def test_another_prompt_is_inserted_by_mouse_and_keys_and_undone(start: Start) -> None:
+    app = start()
+    before = record(app)
+    seek(app, 20)
+    click_on(app, "+ Prompt")
+    run(app, 2)
+    app.window.inject_text("a zombie")
+    run(app, 2)
+    press(app, "enter")
+    run(app, 3)
+    assert prompts(app) == [("a proud king", 0), ("a zombie", 20), ("an old king", 40)]
+    assert "a zombie" in message(app)
+    assert app.editing.prompt == "a zombie"
+    press(app, "ctrl", "z")
+    run(app, 2)
+    assert take(app) == before
+    press(app, "ctrl", "y")
+    assert len(take(app).clip.prompts) == 3
+
+
+def test_a_prompt_is_moved_reworded_and_one_part_of_it_changed(start: Start) -> None:
+    app = start()
+    record(app)
+    drag(app, "##prompts", 0.505, 0.25)  # by its beginning
+    assert [p for p, _ in prompts(app)] == ["a proud king", "an old king"]
+    assert 17 <= prompts(app)[1][1] <= 22
+    seek(app, 60)
+    press(app, "enter")
+    run(app, 3)
+    assert imgui.get_io().want_text_input
+    press(app, "ctrl", "a")
+    app.window.inject_text("a goose")
+    run(app, 2)
+    press(app, "enter")
+    run(app, 3)
+    assert [p for p, _ in prompts(app)] == ["a proud king", "a goose"]
+    app.editing.reword_part(1, "head", "looking up")
+    run(app, 2)
+    assert app.editing.parts["head"] == "looking up"
+    assert app.editing.parts["torso"] == "torso of a goose"
+    for _ in range(3):
+        press(app, "ctrl", "z")
+    assert prompts(app) == [("a proud king", 0), ("an old king", 40)]
+
+
+def test_a_gait_is_inserted_and_the_stick_goes_on(start: Start) -> None:
+    app = start()
+    before = record(app)
+    seek(app, 30)
+    click_on(app, "+ Gait")
+    run(app, 2)
+    click_on(app, "Jog")
+    run(app, 3)
+    assert same(take(app).clip, before.clip, 0, 30)
+    assert take(app).clip.gaits is not None
+    assert set(take(app).clip.gaits[30:]) == {Gait.JOG}
+    ends = [
+        float(np.linalg.norm(c.hips_positions[-1] - c.hips_positions[30]))
+        for c in (before.clip, take(app).clip)
+    ]
+    assert ends[1] > 1.8 * ends[0]  # it jogs as far as the stick says
+    assert take(app).frames == before.frames
+
+
+def test_driving_goes_on_from_a_frame_of_a_take(start: Start) -> None:
+    app = start()
+    record(app)
+    app.prompting.submit_prompt("proud peacock")
+    app.scene.load_terrain("stairs")
+    run(app, 3)
+    seek(app, 25)
+    click_on(app, "##go on")
+    run(app, 1)
+    assert app.takes.playback is None
+    assert prompt(app) == "a proud king"
+    assert app.scene.terrain.name == "flat"  # the take's ground
+    at = app.scene.simulation.current.hips_position
+    assert np.linalg.norm(at - take(app).clip.hips_positions[25]) < 0.1
+    app.takes.toggle_recording()
+    run(app, 10)
+    app.takes.toggle_recording()
+    again = app.editor.session.takes[-1]
+    assert [event.prompt for event in again.clip.prompts] == ["a proud king"]
+    assert again.made.inputs is not None
+
+
+def test_a_take_from_a_file_says_why_it_cannot_be_edited(start: Start, tmp_path: Path) -> None:
+    app = start()
+    record(app)
+    app.takes.export_path = f"{tmp_path}/walk.bvh"
+    app.takes.export()
+    run(app)
+    app.takes.open(tmp_path / "walk.bvh")
+    seek(app, 10)
+    assert [bar.text for bar in app.editing.tracks.prompts] == ["a proud king", "an old king"]  # type: ignore[union-attr]
+    assert "comes from a file" in app.editing.fixed
+    app.editing.insert_prompt("a zombie")
+    assert "comes from a file" in message(app)
+    assert app.editor.undo_label == "opening of walk.bvh"
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (800, 500)])
+def test_the_feet_stand_above_the_bar(start: Start, size: tuple[int, int]) -> None:
+    app = start(width=size[0], height=size[1])
+    record(app, 20)
+    app.editing.part_tracks = True
+    run(app, 60)  # the camera glides
+    camera = app.scene.camera.current
+    matrix = camera.projection_matrix(size[0] / size[1]) @ camera.view_matrix()
+    points = take(app).clip.pose(frame(app)).positions
+    clip = np.concatenate([points, np.ones((len(points), 1))], axis=1) @ matrix.T
+    bottom = size[1] * (0.5 - 0.5 * float((clip[:, 1] / clip[:, 3]).min()))
+    assert bottom < place(app, "##timeline")[1] - 90.0  # buttons stand between
+
+
+def test_a_new_prompt_leaves_the_frames_before_it_as_they_were(start: Start) -> None:
+    """With the shipped model."""
+    app = start(services={"load_model": Services().load_model})
+    before = record(app)
+    seek(app, 50)
+    app.editing.insert_prompt("a zombie")
+    run(app, 2)
+    assert same(take(app).clip, before.clip, 0, 50)
+    assert not same(take(app).clip, before.clip, 52)
+    press(app, "ctrl", "z")
+    assert take(app) == before
+    app.editing.reword(1, "an old king")  # the same words again
+    run(app, 2)
+    assert take(app).motion != before.motion
+    assert same(take(app).clip, before.clip)
+    type_prompt(app, "x")
+    assert imgui.get_io().want_text_input
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (800, 500), (1280, 300)])  # the last one scrolls
+def test_the_ruler_lies_over_the_tracks(start: Start, size: tuple[int, int]) -> None:
+    app = start(width=size[0], height=size[1])
+    record(app)
+    rows = {label: box for label, box in drawn(app) if label in ("##timeline", "##prompts", "##gaits")}
+    assert len(rows) == 3
+    assert len({(left, right) for left, _, right, _ in rows.values()}) == 1
+
+
+def test_a_span_stays_where_it_was_dropped_while_the_take_is_driven(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = start()
+    record(app)
+    go, real = threading.Event(), resimulated_take
+
+    def slow(*given: Any) -> Any:
+        given[-1](0.25)  # the progress
+        go.wait(10)
+        return real(*given)
+
+    monkeypatch.setattr(resimulation, "resimulated_take", slow)
+    app.jobs.blocking = False
+    drag(app, "##prompts", 0.5, 0.25)
+    assert app.editing.busy
+    run_until(app, lambda: app.editing.progress == 0.25)
+    held = app.editing.drag
+    assert held is not None
+    assert held.dropped
+    assert 18 <= held.end <= 22
+    place_before = prompts(app)
+    go.set()
+    run_until(app, lambda: not app.editing.busy)
+    run(app, 2)
+    assert app.editing.drag is None
+    assert prompts(app) != place_before

@@ -1,0 +1,125 @@
+"""The export window of the real application, driven without a display: the files are there and hold the take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+import trimesh
+
+from runtime.character.writer import write_character
+from runtime.formats import fbx
+from runtime.formats.table import FORMATS
+from runtime.skeleton import SPORT_SKELETON
+from tests.helpers.app_driver import Start, click_on, run
+from tests.helpers.glb_playback import play
+from tests.helpers.gltf_characters import user_character
+from viewer.app import App
+from viewer.services import Services
+
+FRAMES = 24
+REAL = {"load_character": Services().load_character}
+
+
+def export(app: App, folder: Path, suffix: str, **form: object) -> Path:
+    """Record a walk, choose a format in the window as a person would, and press Export."""
+    app.settings.export_folder = str(folder)
+    app.takes.toggle_recording()
+    app.window.inject_key("w", True)
+    run(app, FRAMES)
+    app.window.inject_key("w", False)
+    app.takes.toggle_recording()
+    run(app, 2)
+    click_on(app, "##more formats")
+    if app.exporting.state.form.suffix != suffix:
+        click_on(app, "##export format")
+        click_on(app, FORMATS[suffix].name)
+    app.exporting.state.choose(**form)
+    run(app, 2)
+    click_on(app, "##export now")
+    run(app, 2)
+    report = app.exporting.state
+    assert report.report_good, report.report
+    return folder / f"take-1{suffix}"
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_a_glb_has_mesh_skin_motion_and_ground(start: Start, tmp_path: Path, own: bool) -> None:
+    app = start(services=REAL, terrain="hills")
+    if own:
+        write_character(tmp_path / "me.glb", user_character())
+        app.open_files([tmp_path / "me.glb"])
+    path = export(app, tmp_path, ".glb", ground="inside")
+    scene = trimesh.load(str(path))
+    triangles = sorted(len(mesh.faces) for mesh in scene.geometry.values())
+    assert len(triangles) >= 2, "the character and the ground"
+    played = play(path)
+    assert len(played.times) == FRAMES
+    assert np.allclose(np.diff(played.times), 1 / 60, atol=1e-5)
+    clip = app.editor.session.takes[0].clip
+    moved = next(at for name, at in played.joints().items() if name.endswith("Hips"))[:, :3, 3]
+    wanted = clip.size * (clip.hips_positions - clip.hips_positions[0])  # steps of its own legs
+    assert np.allclose((moved - moved[0])[:, [0, 2]], wanted[:, [0, 2]], atol=1e-3)
+    if not own:
+        joints = np.stack([played.joints()[name][:, :3, 3] for name in SPORT_SKELETON.names], 1)
+        assert np.abs(joints - clip.world()[0]).max() < 1e-3
+
+
+def test_an_mp4_has_a_frame_for_each_thirtieth_second(start: Start, tmp_path: Path) -> None:
+    app = start(services=REAL)
+    path = export(app, tmp_path, ".mp4", size="640x360", quality="software", camera="side")
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        pictures = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
+        assert (stream.width, stream.height, stream.codec_context.name) == (640, 360, "h264")
+        assert stream.average_rate == 30
+    assert len(pictures) == FRAMES // 2
+    assert app.exporting.state.progress == (FRAMES // 2, FRAMES // 2)
+    assert np.std(pictures[0]) > 10.0, "something is drawn"
+    assert np.abs(pictures[0].astype(int) - pictures[-1]).max() > 30, "it moves"
+
+
+@pytest.mark.skipif(fbx.find_blender() is None, reason="neither bpy nor a command blender")
+def test_an_fbx_is_written_where_blender_is(start: Start, tmp_path: Path) -> None:
+    path = export(start(services=REAL), tmp_path, ".fbx")
+    assert path.read_bytes().startswith(b"Kaydara FBX Binary")
+
+
+def test_a_format_that_lacks_its_program_says_so_in_the_window(
+    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fbx, "find_blender", lambda: None)
+    app = start()
+    run(app, 2)
+    app.takes.save_last()
+    app.exporting.open()
+    app.exporting.choose_format(".fbx")
+    run(app, 2)
+    assert "SPORT_BLENDER" in app.exporting.state.missing
+    app.exporting.choose_format(".glb")
+    assert app.exporting.state.missing == ""
+
+
+def test_any_export_can_be_cancelled_while_it_is_written(start: Start, tmp_path: Path) -> None:
+    app = start(services=REAL)
+    exporting = app.exporting
+    app.settings.export_folder = str(tmp_path)
+    run(app, FRAMES)
+    app.takes.save_last()
+    load = exporting._ground_of(app.editor.session.takes[0])
+
+    def cancelled_meanwhile() -> object:
+        exporting.cancel()
+        return load()
+
+    for suffix in (".glb", ".bvh"):
+        exporting.choose_format(suffix)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(type(exporting), "_ground_of", lambda self, item: cancelled_meanwhile)
+            exporting.export()
+        assert app.exporting.state.writing == f"last-seconds-1{suffix}"
+        assert app.exporting.state.report == "Cancelled: nothing was written."
+        assert not list(tmp_path.glob("last-seconds*"))
+    assert not exporting.busy

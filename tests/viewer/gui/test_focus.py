@@ -1,0 +1,299 @@
+"""The real application without a display: who has the keys, the view or a panel, and panels that keep still."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.helpers.app_driver import (
+    Start,
+    click,
+    click_on,
+    controller,
+    drawn,
+    message,
+    place,
+    press,
+    run,
+    typing,
+)
+from viewer.app import App
+from viewer.gl_bindings import imgui
+from viewer.gui.layout import Layout, Rect, arrange
+
+LETTERS = "abcdefghijklmnopqrstuvwxyz0123456789"
+
+
+def panels_of(layout: Layout) -> set[str]:
+    return {name for name, rect in vars(layout).items() if rect is not None}
+
+
+@given(
+    st.floats(320, 3840),
+    st.floats(240, 2160),
+    st.floats(0.75, 3.0),
+    st.booleans(),
+    st.lists(st.floats(1, 3000), min_size=2, max_size=5),
+)
+def test_which_panels_there_are_does_not_depend_on_what_they_hold(
+    width: float, height: float, scale: float, playing: bool, heights: list[float]
+) -> None:
+    layouts = [arrange(width, height, scale, True, playing, needed) for needed in (0.0, *heights)]
+    assert len({frozenset(panels_of(layout)) for layout in layouts}) == 1
+    assert len({(layout.view, layout.prompt, layout.transport) for layout in layouts}) == 1
+    for layout in layouts:
+        if layout.clips is not None:
+            assert layout.clips.height >= 210.0 * scale - 1e-3
+
+
+@pytest.mark.parametrize("scale", [0.75, 1.0, 1.25])
+@pytest.mark.parametrize("size", [(1280, 720), (1920, 1080), (800, 500)])
+def test_panels_keep_still_when_sections_are_unfolded(
+    start: Start, size: tuple[int, int], scale: float
+) -> None:
+    app = start(width=size[0], height=size[1], ui_scale=scale)
+    run(app, 3)
+    if "Scene" in {label for label, _ in drawn(app)}:  # tabs
+        click_on(app, "Scene")
+    ground = place(app, "##terrain")
+    click(app, ground[0] - 40.0 * scale, ground[1] + 28.0 * scale)  # "Open a file"
+    run(app, 2)
+    assert "##path" in {label for label, _ in drawn(app)}
+    app.path.active = True
+    run(app, 3)
+    seen = []
+    for _ in range(6):
+        layout = app.shell._layout
+        seen.append((panels_of(layout), [r for r in vars(layout).values() if isinstance(r, Rect)]))
+        run(app)
+    assert all(now == seen[0] for now in seen)
+
+
+def type_everything(app: App) -> None:
+    """Every letter and digit as a keyboard sends them, key and character, in one frame each."""
+    for letter in LETTERS:
+        app.window.inject_key(letter, True)
+        app.window.inject_text(letter)
+        app.window.inject_key(letter, False)
+
+
+def test_words_that_miss_a_field_do_nothing(start: Start) -> None:
+    app = start()
+    run(app, 30)
+    x, y = place(app, "##terrain")
+    click(app, x, y - 56.0)  # the title of the panel
+    before = app.scene.camera.mode
+    type_everything(app)
+    run(app, 3)
+    assert not app.takes.recording
+    assert not app.editor.session.takes
+    assert not app.compare.open
+    assert app.scene.camera.mode == before
+    assert "has the keys" in message(app)
+    press(app, "escape")
+    app.window.inject_key("w", True)
+    run(app, 3)
+    assert controller(app).z > 0.0  # the view has them again
+
+
+@pytest.mark.parametrize("label", ["##path", "##prompt A", "##search"])
+def test_a_field_that_was_clicked_has_the_keys_within_the_frame(start: Start, label: str) -> None:
+    app = start()
+    run(app, 3)
+    if label == "##path":
+        ground = place(app, "##terrain")
+        click(app, ground[0] - 40.0, ground[1] + 28.0)
+        run(app, 2)
+    elif label == "##search":
+        click_on(app, "Ready prompts")
+        run(app, 2)
+    x, y = place(app, label)
+    app.window.inject_mouse(x, y)
+    run(app)
+    app.window.inject_mouse(x, y, 0, True)  # all of it in one slow frame
+    app.window.inject_mouse(x, y, 0, False)
+    type_everything(app)
+    run(app, 3)
+    assert typing(app)
+    typed = {
+        "##path": app.scene.file_path,
+        "##prompt A": app.prompting.boxes[0].text,
+        "##search": app.prompt.search,
+    }[label]
+    assert LETTERS in typed
+    assert not app.takes.recording
+    assert not app.editor.session.takes
+
+
+@pytest.mark.parametrize("frames", [0, 1])  # in one slow frame, and in two
+def test_what_a_held_key_repeats_is_no_text_of_the_prompt(start: Start, frames: int) -> None:
+    app = start()
+    run(app, 3)
+    app.window.inject_key("w", True)
+    app.window.inject_text("w")
+    run(app, frames)
+    for _ in range(20):  # the keyboard repeats it
+        app.window.inject_repeat("w")
+        app.window.inject_text("w")
+    run(app, frames)
+    app.window.inject_key("w", False)
+    app.window.inject_key("enter", True)
+    app.window.inject_key("enter", False)
+    for letter in "tired waiter":
+        name = "space" if letter == " " else letter
+        app.window.inject_key(name, True)
+        app.window.inject_text(letter)
+        app.window.inject_key(name, False)
+    run(app, 6)
+    assert app.prompting.boxes[0].text == "tired waiter"
+    assert not app.takes.recording, "R is a letter after Enter"
+    assert not app.editor.session.takes
+
+
+def test_typing_at_a_new_prompt_of_the_timeline_is_typed(start: Start) -> None:
+    app = start()
+    run(app, 40)
+    app.takes.save_last()
+    app.takes.play(1)
+    run(app, 3)
+    x, y = place(app, "+ Prompt")
+    app.window.inject_mouse(x, y)
+    run(app)
+    app.window.inject_mouse(x, y, 0, True)
+    app.window.inject_mouse(x, y, 0, False)
+    app.window.inject_key("t", True)
+    app.window.inject_text("turtle")
+    app.window.inject_key("t", False)
+    run(app, 4)
+    assert len(app.editor.session.takes) == 1
+    assert app.takes.playback is not None
+    assert app.editing.new_prompt == "turtle"
+
+
+def test_a_button_gives_the_keys_back_and_a_held_key_goes_on(start: Start) -> None:
+    app = start()
+    run(app, 3)
+    app.window.inject_key("w", True)
+    run(app, 2)
+    click_on(app, "Grid")
+    at = controller(app).z
+    run(app, 3)
+    assert controller(app).z > at
+    app.window.inject_key("w", False)
+    press(app, "r")
+    assert app.takes.recording
+
+
+def test_a_take_kept_by_a_slip_is_taken_back(start: Start) -> None:
+    app = start()
+    run(app, 30)
+    app.prompting.submit_prompt("an old king")
+    run(app, 2)
+    press(app, "t")
+    assert len(app.editor.session.takes) == 1
+    press(app, "ctrl", "z")
+    assert not app.editor.session.takes
+    press(app, "ctrl", "y")
+    assert len(app.editor.session.takes) == 1
+    app.prompting.submit_prompt("a zombie")
+    run(app, 2)
+    press(app, "ctrl", "z")  # the newest change comes first
+    assert len(app.editor.session.takes) == 1
+    assert "a zombie" in app.editor.redo_label
+
+
+def test_every_panel_is_reached_and_used_by_keys(start: Start) -> None:
+    app = start()
+    run(app, 3)
+    seen = []
+    for _ in range(5):
+        press(app, "f6")
+        window = imgui.get_current_context().nav_window
+        seen.append(None if window is None else window.root_window.name)
+    assert seen == ["Prompt", "Scene", "Takes", "Desk", None]
+    press(app, "f6")
+    press(app, "f6")  # Scene: its list of grounds comes first
+    run(app, 2)
+    press(app, "space")
+    run(app, 2)
+    assert len(imgui.get_current_context().open_popup_stack) == 1
+    press(app, "down")
+    press(app, "space")
+    run(app, 3)
+    assert app.scene.terrain.name != "flat"
+    assert controller(app).z == 0.0  # no key reached the character
+
+
+def test_the_view_has_the_keys_again_when_a_window_closes_that_was_opened_there(start: Start) -> None:
+    app = start()
+    app.takes.toggle_recording()
+    run(app, 40)
+    app.takes.toggle_recording()
+    press(app, "ctrl", "e")
+    run(app, 3)
+    for _ in range(2):
+        press(app, "tab")
+    press(app, "escape")
+    run(app, 4)
+    assert not app.exporting.state.open
+    press(app, "p")
+    run(app, 2)
+    assert app.takes.playback is not None
+    assert "has the keys" not in message(app)
+    press(app, "escape")
+    press(app, "f6")
+    press(app, "f6")  # from a panel
+    press(app, "ctrl", "e")
+    run(app, 3)
+    assert "has the keys" not in message(app), "Ctrl+E is no letter"
+    press(app, "tab")
+    press(app, "escape")
+    run(app, 4)
+    assert not app.exporting.state.open
+    assert app.shell.focus.in_view
+
+
+def test_tab_goes_through_a_panel_and_its_fields(start: Start) -> None:
+    app = start()
+    app.takes.toggle_recording()
+    run(app, 40)
+    app.takes.toggle_recording()
+    app.takes.play(1)
+    run(app, 3)
+    for _ in range(4):
+        press(app, "f6")
+    reached = set()
+    for _ in range(24):  # past the field of the speed
+        press(app, "tab")
+        run(app, 3)
+        context = imgui.get_current_context()
+        assert context.nav_window is not None
+        assert context.nav_window.root_window.name == "Transport"
+        reached.add(context.nav_id)
+    assert len(reached) >= 12, "every button"
+    assert app.takes.playback is not None
+
+
+def test_windows_keep_keys_from_what_is_behind(start: Start) -> None:
+    app = start()
+    run(app, 30)
+    for open_window in ("settings", "help"):
+        if open_window == "settings":
+            app.settings_window.shown = True
+        else:
+            press(app, "f1")
+        run(app, 3)
+        type_everything(app)
+        press(app, "w")
+        run(app, 2)
+        assert not app.editor.session.takes
+        assert not app.takes.recording
+        assert controller(app).z == 0.0
+        press(app, "escape")
+        run(app, 2)
+    assert not app.settings_window.shown
+    assert not app.state.help_open
+    app.window.inject_key("w", True)
+    run(app, 3)
+    assert controller(app).z > 0.0

@@ -1,0 +1,394 @@
+"""One rule for keys: what was clicked last has them, what closes gives them back, Esc closes the innermost thing only."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule, run_state_machine_as_test
+
+from tests.helpers.app_driver import click, click_on, controller, drawn, message, place, press, run, run_until
+from viewer import jobs
+from viewer.app import App
+from viewer.gl_bindings import imgui
+from viewer.gui.focus import Use, window_at
+from viewer.gui.theme import ICON
+
+PATH = "Path##overlay"  # the dialog is its field
+
+
+def things(app: App) -> list[str]:
+    """What is open, and what has taken the keys from the view: each is one press of Esc."""
+    context, focus = imgui.get_current_context(), app.shell.focus
+    found = [f"popup {depth}" for depth in range(len(context.open_popup_stack))]
+    found += focus.windows
+    typed = imgui.internal.get_input_text_state(context.active_id) is not None
+    if typed and context.active_id_window.root_window.name != PATH:
+        found.append("field")
+    found += [w.name for w in context.windows if w.name.startswith("suggestions") and w.active]
+    if focus.holder and focus.holder not in focus.windows and focus.use is Use.NONE:
+        found.append(f"panel {focus.holder}")
+    return found + ["take"] * (app.takes.playback is not None) + ["compare"] * app.compare.open
+
+
+def walks(app: App) -> bool:
+    """Whether W moves the character, and nothing says that it does not."""
+    before = controller(app).x, controller(app).z
+    app.window.inject_key("w", True)
+    run(app, 4)
+    held = "w" in app.devices.keyboard.held
+    app.window.inject_key("w", False)
+    run(app, 2)
+    moved = (controller(app).x, controller(app).z) != before
+    return held and (moved or app.compare.open) and "has the keys" not in message(app)
+
+
+def view_spot() -> tuple[float, float] | None:
+    """A place where nothing lies over the view."""
+    places = ((float(x), float(y)) for x in range(400, 900, 40) for y in range(60, 680, 40))
+    return next((p for p in places if window_at(*p) == ""), None)
+
+
+def escape(app: App) -> None:
+    """Press Esc: it closes exactly one thing."""
+    before = things(app)
+    press(app, "escape")
+    run(app, 3)
+    after = things(app)
+    assert len(after) == max(len(before) - 1, 0), (before, after)
+    assert after or app.shell.focus.in_view
+
+
+@pytest.fixture
+def app(desk: App, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[App]:
+    """The application with one take and nothing open; its picture is of no use here, and takes time."""
+    monkeypatch.setattr(desk.window, "draw_interface", lambda: None)
+    desk.settings.export_folder = str(tmp_path)
+    desk.sessions.dialogs.available = lambda: False
+    if not desk.editor.session.takes:
+        run(desk, 30)
+        desk.takes.save_last()
+    yield desk
+    if desk.takes.recording:
+        desk.takes.toggle_recording()
+    while things(desk):
+        escape(desk)
+
+
+def double_click(app: App, label: str) -> None:
+    x, y = place(app, label)
+    for down in (False, True, False, True, False):
+        app.window.inject_mouse(x, y, 0 if down or app.frames_shown else None, down)
+        run(app)
+    run(app, 2)
+
+
+def ctrl_click(app: App, label: str) -> None:
+    """As the window does it; its backend would look for Ctrl on a real keyboard."""
+    x, y = place(app, label)
+    app.window.inject_mouse(x, y)
+    run(app, 2)
+    app.shell.focus.press(x, y)
+    for down in (True, False):
+        imgui.get_io().add_key_event(imgui.Key.mod_ctrl, True)
+        imgui.get_io().add_mouse_button_event(0, down)
+        run(app, 2)
+    imgui.get_io().add_key_event(imgui.Key.mod_ctrl, False)
+    assert "field" in things(app)
+
+
+def do(app: App, steps: str) -> None:
+    """Steps such as "click ##terrain; key down; type abc"."""
+    for step in steps.split("; "):
+        verb, _, what = step.partition(" ")
+        if verb == "click":
+            click_on(app, what)
+        elif verb == "double":
+            double_click(app, what)
+        elif verb == "ctrl-click":
+            ctrl_click(app, what)
+        elif verb == "type":
+            app.window.inject_text(what)
+        elif verb == "play":
+            app.takes.play(1)
+        else:
+            press(app, *what.split("+"))
+        run(app, 3)
+
+
+USED = {
+    "settings, cross": "click ##settings; click ##close Settings",
+    "settings, button": "click ##settings; click ##settings",
+    "settings, Esc": "click ##settings; key escape",
+    "settings, list chosen": "click ##settings; click ##text size; click Normal; key escape",
+    "ground chosen": "click ##terrain; click Stairs",
+    "ground chosen by keys": "click ##terrain; key down; key enter",
+    "ground left": "click ##terrain; key escape",
+    "ground opened by keys": "key f6; key f6; key space; key down; key space",
+    "quality": "click ##quality; click Fast",
+    "record by Enter": "key f6; key f6; key f6; key enter",
+    "toggle by Space": "key f6; key f6; key tab; key space",
+    "menu left": "click ##session; key escape",
+    "menu of a menu left": "click ##session; click Settings…; key escape",
+    "export": "key ctrl+e; click ##export format; click GIF: animation; key escape",
+    "rename": "click ##take menu; click Rename; type walk; key enter",
+    "rename left": "click ##take menu; click Rename; type walk; key escape",
+    "slider typed": "ctrl-click ##temperature; type 0.4; key enter",
+    "slider left": "ctrl-click ##temperature; type 0.4; key escape",
+    "slider by mouse": "click ##response",
+    "prompt": "click ##prompt A; type a king; key enter",
+    "prompt left": "click ##prompt A; key escape; key escape",
+    "dialog left": "key ctrl+o; key escape",
+    "help": "key f1; key f1",
+    "help left": "key f1; key escape",
+    "language model": "click ##who; key escape",
+    "new prompt left": "play; click + Prompt; type a king; key escape; key escape",
+    "new gait": "play; click + Gait; click Jog",
+    "new pin left": "play; click + Pin; key escape",
+    "beside": "play; click Compare…; key escape",
+    "play": "play; click ##play",
+}
+
+
+@pytest.mark.parametrize("name", USED)
+def test_what_was_used_or_closed_gives_the_keys_to_the_view(name: str, app: App) -> None:
+    do(app, USED[name])
+    assert set(things(app)) <= {"take"}
+    assert app.shell.focus.in_view
+    assert walks(app)
+
+
+OPENED = {
+    "click ##settings; click ##text size": 2,
+    "click ##settings; click Gamepad buttons; click ##button jump": 2,
+    "key ctrl+e; click ##export format": 2,
+    "click ##take menu; click Color": 2,
+    "click ##settings; key f1": 2,
+    "click ##settings; click ##browse folder": 2,
+    "click ##settings; ctrl-click ##dead_zone": 2,
+    "click ##settings; key ctrl+e; click ##export format": 3,
+    "play; click + Prompt": 3,
+    "play; click + Pin": 2,
+    "click ##prompt A; type w": 2,
+    "key f6; key f6; key space": 1,
+    "key f6; key f6": 1,
+    "play; key f6; key f6": 2,
+    "click ##session; click Open…": 1,
+}
+
+
+@pytest.mark.parametrize("steps", OPENED)
+def test_escape_closes_the_innermost_thing_and_ends_in_the_view(steps: str, app: App) -> None:
+    do(app, steps)
+    assert len(things(app)) == OPENED[steps], things(app)
+    for left in reversed(range(OPENED[steps])):
+        escape(app)
+        assert len(things(app)) == left
+    assert walks(app)
+
+
+def test_two_presses_of_escape_in_one_slow_frame_close_two_things(app: App) -> None:
+    do(app, "click ##settings; click ##text size")
+    for down in (True, False, True, False):
+        app.window.inject_key("escape", down)
+    run(app, 4)
+    assert things(app) == []
+
+
+def test_a_window_keeps_the_keys_while_the_view_can_be_clicked_to_have_them(app: App) -> None:
+    do(app, "click ##settings; click ##text size; click Normal")
+    assert app.shell.focus.holder == "Settings##overlay"
+    press(app, "r")
+    assert "Settings has the keys" in message(app)
+    assert not app.takes.recording
+    spot = view_spot()
+    assert spot is not None
+    click(app, *spot)
+    assert walks(app)
+    assert things(app) == ["Settings##overlay"]
+    escape(app)
+    assert walks(app)
+
+
+def test_what_is_said_of_the_keys_goes_when_it_is_so_no_longer(app: App) -> None:
+    x, y = place(app, "##terrain")
+    click(app, x, y - 56.0)  # the title of the panel
+    press(app, "r")
+    assert "A panel has the keys" in message(app)
+    escape(app)
+    assert "has the keys" not in message(app)
+
+
+@pytest.mark.parametrize("label", ["Grid", "##temperature"])
+def test_a_key_pressed_in_the_slow_frame_of_a_click_acts(label: str, app: App) -> None:
+    x, y = place(app, label)
+    app.window.inject_mouse(x, y)
+    run(app)
+    before = controller(app).z
+    app.window.inject_mouse(x, y, 0, True)
+    app.window.inject_mouse(x, y, 0, False)
+    app.window.inject_key("w", True)
+    run(app, 6)
+    assert controller(app).z > before
+    assert "has the keys" not in message(app)
+    app.window.inject_key("w", False)
+    run(app, 2)
+
+
+@pytest.mark.parametrize(
+    "steps",
+    ["click ##terrain", "click ##settings; click ##text size", "click ##settings; ctrl-click ##dead_zone"],
+)
+def test_a_click_on_the_view_leaves_a_list_or_field_and_has_the_keys(steps: str, app: App) -> None:
+    do(app, steps)
+    spot = view_spot()
+    assert spot is not None
+    click(app, *spot)
+    run(app, 2)
+    assert things(app) in ([], ["Settings##overlay"])
+    assert app.shell.focus.in_view
+    assert walks(app)
+
+
+class Keys(RuleBasedStateMachine):
+    """Anything is opened, used and left in any order, by mouse and keys."""
+
+    app: App
+
+    def click(self, data: st.DataObject, button: int, twice: bool) -> None:
+        rects = [rect for label, rect in drawn(self.app) if "Discard" not in label]
+        left, top, right, bottom = data.draw(st.sampled_from(rects))
+        x, y = (left + right) / 2, (top + bottom) / 2
+        for down in (False, True, False, True, False)[: 5 if twice else 3]:
+            self.app.window.inject_mouse(x, y, button, down)
+            run(self.app, 2)
+
+    @rule(data=st.data(), button=st.sampled_from((0, 0, 0, 1)), twice=st.booleans())
+    def use(self, data: st.DataObject, button: int, twice: bool) -> None:
+        self.click(data, button, twice)
+
+    @rule(label=st.sampled_from(("##session", "##settings", "##take menu", "##terrain", "##prompt A")))
+    def use_what_opens(self, label: str) -> None:
+        if any(label in full.replace("###", "##") for full, _ in drawn(self.app)):
+            click_on(self.app, label)
+
+    @rule(
+        keys=st.sampled_from(
+            [
+                "f6",
+                "f6",
+                "tab",
+                "tab",
+                "down",
+                "up",
+                "right",
+                "enter",
+                "space",
+                "f1",
+                "p",
+                "v",
+                "delete",
+                "ctrl+e",
+                "ctrl+o",
+                "ctrl+s",
+                "ctrl+z",
+            ]
+        )
+    )
+    def key(self, keys: str) -> None:
+        press(self.app, *keys.split("+"))
+
+    @rule()
+    def escape(self) -> None:
+        escape(self.app)
+
+    @rule()
+    def click_the_view(self) -> None:
+        spot = view_spot()
+        if spot is not None:
+            click(self.app, *spot)
+            run(self.app, 2)
+            assert self.app.shell.focus.in_view
+            assert walks(self.app)
+
+    @invariant()
+    def the_view_has_the_keys_when_nothing_is_open(self) -> None:
+        run(self.app, 3)
+        self.app.settings.ui_scale = self.app.window.wanted_scale = 0.0  # places stay within the window
+        if "has the keys" in message(self.app):
+            assert not self.app.shell.focus.in_view
+        if not things(self.app):
+            assert self.app.shell.focus.in_view
+            assert walks(self.app)
+
+    def teardown(self) -> None:
+        for _ in range(len(things(self.app))):
+            escape(self.app)
+        assert things(self.app) == []
+        assert walks(self.app)
+
+
+def test_whatever_is_opened_and_left_the_keys_come_back(app: App) -> None:
+    Keys.app = app
+    quick = settings(
+        max_examples=2,
+        stateful_step_count=10,
+        deadline=None,
+        derandomize=True,
+        database=None,
+        suppress_health_check=list(HealthCheck),
+    )
+    run_state_machine_as_test(Keys, settings=quick)
+
+
+# --- exports under way
+
+
+def test_an_export_goes_on_in_the_status_line_when_its_window_is_closed(
+    app: App, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(jobs, "PATIENCE_S", 0.0)
+    monkeypatch.setattr(app.jobs, "blocking", False)
+    cancelled = app.exporting._cancel
+
+    def film(*_: Any) -> Callable[[], str]:
+        return lambda: "" if cancelled.wait(60) else "never"
+
+    monkeypatch.setattr(app.exporting, "_work", film)
+    do(app, "key ctrl+e")
+    app.exporting.choose_format(".mp4")
+    run(app, 3)
+    do(app, "click ##export now; key escape")
+    assert things(app) == []
+    assert app.exporting.busy
+    labels: list[str] = []
+    small, text = imgui.small_button, imgui.text_unformatted
+    monkeypatch.setattr(imgui, "text_unformatted", lambda t: labels.append(t) or text(t))
+    run(app, 60)
+    assert sum(label.startswith(f"{ICON.clock} Exporting ") for label in labels) >= 60, "in every frame"
+    assert walks(app)
+    monkeypatch.setattr(imgui, "small_button", lambda label: small(label) or label.startswith("Cancel"))
+    run_until(app, lambda: not app.exporting.busy)
+    assert "cancelled" in message(app)
+    labels.clear()
+    run(app, 2)
+    assert not any(f"{ICON.clock} Exporting" in label for label in labels)
+
+
+def test_an_export_that_cannot_be_cancelled_is_shown_without_a_button(
+    app: App, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(jobs, "PATIENCE_S", 0.0)
+    monkeypatch.setattr(app.jobs, "blocking", False)
+    done = threading.Event()
+    monkeypatch.setattr(app.exporting, "_work", lambda *_: lambda: "walk.bvh" if done.wait(60) else "")
+    do(app, "key ctrl+e; click ##export format; click BVH: motion; click ##export now; key escape")
+    assert app.jobs.shown() == (f"Exporting {app.editor.session.takes[0].title}", None)
+    done.set()
+    run_until(app, lambda: not app.exporting.busy)
+    assert "walk.bvh" in message(app)

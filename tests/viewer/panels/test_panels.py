@@ -1,0 +1,283 @@
+"""The real application without a display: names of takes, removing and undo, exports, settings, the first minute."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from runtime.formats.bvh_clip import load_clip_bvh
+from tests.helpers.app_driver import Start, click, click_on, drawn, place, press, run
+from viewer.app import App
+from viewer.filming import film
+from viewer.gl_bindings import imgui
+from viewer.gui.layout import STATUS_HEIGHT
+from viewer.gui.theme import ICON
+from viewer.messages import SETTLED_SECONDS, WARNING_SECONDS, Messages
+from viewer.panels.guide import STEPS
+
+
+def said(app: App) -> str:
+    """The last message, also when a slow machine has let it fade."""
+    return app.messages.recent[-1].text
+
+
+def record(app: App, frames: int = 20) -> None:
+    app.takes.toggle_recording()
+    run(app, frames)
+    app.takes.toggle_recording()
+    run(app)
+
+
+def names(app: App) -> list[str]:
+    return [take.title for take in app.editor.session.takes]
+
+
+def labels(app: App) -> str:
+    return " ".join(label for label, _ in drawn(app))
+
+
+def test_a_take_is_renamed_in_its_row_and_exported_under_its_name(start: Start, tmp_path: Path) -> None:
+    app = start()
+    app.settings.export_folder = str(tmp_path)
+    run(app, 3)
+    record(app)
+    x, y = place(app, "row")
+    click(app, x, y)
+    click(app, x, y)  # twice within the time of a double click
+    run(app, 3)
+    app.window.inject_text("A proud walk")
+    run(app, 2)
+    press(app, "enter")
+    run(app, 2)
+    assert names(app) == ["A proud walk"]
+    app.takes.export()
+    run(app, 2)
+    assert (tmp_path / "a-proud-walk.bvh").is_file()
+
+
+def test_a_removed_take_comes_back_by_key_and_by_the_menu(start: Start) -> None:
+    app = start()
+    for _ in range(3):
+        record(app)
+    click_on(app, ICON.trash, index=1)
+    run(app, 2)
+    assert names(app) == ["Take 1", "Take 3"]
+    assert "Ctrl+Z brings it back" in said(app)
+    press(app, "ctrl", "z")
+    assert names(app) == ["Take 1", "Take 2", "Take 3"]
+    click_on(app, ICON.trash)
+    assert names(app) == ["Take 2", "Take 3"]
+    click_on(app, "##session")
+    click_on(app, "##undo", index=-1)  # the prompt panel has one too
+    assert names(app) == ["Take 1", "Take 2", "Take 3"]
+
+
+@pytest.mark.parametrize("height", [720, 560])  # the lower one has tabs
+def test_the_newest_take_is_in_view(start: Start, height: int) -> None:
+    app = start(width=1280, height=height)
+    for _ in range(14):
+        record(app, 4)
+    if "Takes" in {label.partition("##")[0] for label, _ in drawn(app)}:
+        click_on(app, "Takes")
+    run(app, 3)
+    rows = [box for label, box in drawn(app) if label == "row"]
+    window = next(w for w in imgui.get_current_context().windows if "take list" in w.name)
+    assert window.pos.y <= rows[-1][1]
+    assert rows[-1][3] <= window.pos.y + window.size.y
+    app.takes.select(1)
+    run(app, 3)
+    rows = [box for label, box in drawn(app) if label == "row"]
+    assert window.pos.y <= rows[0][1]
+
+
+def test_every_take_is_exported_at_once_and_no_file_is_replaced(start: Start, tmp_path: Path) -> None:
+    app = start()
+    app.settings.export_folder = str(tmp_path)
+    (tmp_path / "take-1.bvh").write_text("of somebody else", encoding="utf-8")
+    record(app)
+    record(app)
+    run(app, 2)
+    click_on(app, "##export all")
+    run(app, 2)
+    assert sorted(path.name for path in tmp_path.glob("*.bvh")) == [
+        "take-1-2.bvh",
+        "take-1.bvh",
+        "take-2.bvh",
+    ]
+    assert "Saved 2 takes" in said(app)
+    assert all(app.takes.saved(take) for take in app.editor.session.takes)
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (800, 500)])
+def test_what_became_of_an_export_is_in_view(start: Start, tmp_path: Path, size: tuple[int, int]) -> None:
+    app = start(width=size[0], height=size[1])
+    app.settings.export_folder = str(tmp_path)
+    record(app, 40)
+    press(app, "ctrl", "e")
+    run(app, 3)
+    click_on(app, "##export now")
+    run(app, 5)
+    exports = app.exporting.state
+    assert exports.report_good, exports.report
+    window, size_y = imgui.internal.find_window_by_name("Export##overlay"), imgui.get_io().display_size.y
+    assert window.pos.y + window.size.y <= size_y - STATUS_HEIGHT, "the status line can be read"
+    assert window.scroll.y == pytest.approx(window.scroll_max.y)
+
+
+def test_the_export_window_writes_what_the_command_writes(start: Start, tmp_path: Path) -> None:
+    app = start()
+    app.settings.export_folder = str(tmp_path)
+    record(app, 40)
+    click_on(app, "##more formats")
+    exports = app.exporting.state
+    app.exporting.choose_format(".bvh")
+    exports.choose(fps=30.0, rest_frame=True, ground=".obj")
+    run(app, 3)
+    click_on(app, "##export now")
+    run(app, 2)
+    assert len(load_clip_bvh(tmp_path / "take-1.bvh")) == 21  # 40 frames at half the rate, and the rest pose
+    assert (tmp_path / "take-1-ground.obj").is_file()
+    assert "21 frames at 30 fps" in app.exporting.state.report
+    (take,) = app.editor.session.takes
+    assert app.takes.exported(take) == tmp_path / "take-1.bvh"
+    assert app.takes.saved(take) is None  # half the frames
+    exports.choose(in_place=True)
+    click_on(app, "##export now")
+    run(app, 2)
+    assert "In place with a ground beside it" in app.exporting.state.report
+    press(app, "escape")
+    run(app, 2)
+    assert "##export now" not in labels(app)
+
+
+def test_a_film_shows_its_progress_and_can_be_given_up(
+    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Any] = []
+
+    def make_film(clip: Any, terrain: Any, path: Path, options: Any, **more: Any) -> Any:
+        more["progress"](3, 20)
+        asked.append((path, options, len(clip)))
+        gone = more["cancel"].is_set()
+        return SimpleNamespace(cancelled=gone, frames=20, seconds=0.7)
+
+    monkeypatch.setattr(film, "make_film", make_film)
+    app = start()
+    app.settings.export_folder = str(tmp_path)
+    record(app, 40)
+    app.takes.play(1)
+    app.takes.trim(last=19)
+    app.exporting.open()
+    app.exporting.choose_format(".mp4")
+    app.exporting.state.choose(camera="side")
+    app.exporting.export()
+    ((path, options, count),) = asked
+    assert (path, options.camera, options.size, count) == (tmp_path / "take-1.mp4", "side", (1280, 720), 20)
+    assert app.exporting.state.progress == (3, 20)
+    assert "20 frames" in app.exporting.state.report
+    assert app.takes.saved(app.editor.session.takes[0]) is None  # a film is no copy of the take
+    cancelled = threading.Event()
+    cancelled.set()
+    monkeypatch.setattr(app.exporting, "_cancel", SimpleNamespace(clear=lambda: None, is_set=lambda: True))
+    app.exporting.export()
+    assert "Cancelled" in app.exporting.state.report
+
+
+def test_settings_are_chosen_in_a_window(start: Start, tmp_path: Path) -> None:
+    app = start()
+    run(app, 2)
+    click_on(app, "##settings")
+    run(app, 2)
+    settings = app.settings
+    click_on(app, "Invert look")
+    assert settings.invert_look
+    click_on(app, "##ui scale")
+    click_on(app, "150 %")
+    run(app, 2)
+    assert settings.ui_scale == app.window.ui_scale == 1.5
+    click_on(app, "##text size")
+    click_on(app, "Large")
+    run(app, 2)
+    assert imgui.get_style().font_scale_main == pytest.approx(1.15)
+    click_on(app, "Back to the defaults")
+    run(app, 2)
+    assert (settings.ui_scale, settings.text_size, settings.invert_look) == (0.0, 1.0, False)
+    press(app, "escape")
+    assert not app.settings_window.shown
+
+
+def test_another_model_is_loaded_by_a_dialog_and_remembered(start: Start, tmp_path: Path) -> None:
+    app = start()
+    before = app.scene.controller
+    app.settings_window.choose_model(tmp_path)
+    run(app, 2)
+    assert app.settings.model_folder == str(tmp_path)
+    assert app.scene.controller is not before
+    app.settings.model_folder = str(tmp_path / "gone")
+    assert app.settings_window.chosen_model(offscreen=False) is None
+    assert "is not there any more" in said(app)
+
+
+def test_the_first_minute_ticks_itself_off_and_does_not_come_back(start: Start, tmp_path: Path) -> None:
+    app = start()
+    app.settings.export_folder = str(tmp_path)
+    run(app, 3)
+    guide = app.guide
+    guide.begin()
+    app.window.inject_key("w", True)
+    run(app, 70)
+    app.window.inject_key("w", False)
+    assert guide.is_done(0)
+    app.prompting.submit_prompt("a proud king")
+    run(app, 2)
+    app.prompting.parts["left_arm"] = "the left arm hangs"
+    app.prompting.submit_part("left_arm")
+    run(app, 2)
+    record(app)
+    assert [guide.is_done(step) for step in range(len(STEPS))] == [True, True, True, True, False]
+    app.takes.export()
+    run(app, 2)
+    assert guide.is_done(4)
+    guide._left_s = 0.05
+    run(app, 5)
+    assert not guide.shown
+    assert app.settings.first_minute_seen
+    guide.begin()
+    run(app, 2)
+    click_on(app, "##guide")
+    assert not guide.shown
+
+
+def test_a_message_leaves_when_it_holds_no_longer() -> None:
+    now = [0.0]
+    messages = Messages(clock=lambda: now[0])
+    messages.error("no such ground", "terrain")
+    now[0] = 1000.0
+    assert messages.current is not None  # an error stays
+    messages.settle("model")
+    assert messages.current is not None
+    messages.settle("terrain")
+    assert messages.current is None
+    messages.error("no such ground", "terrain")
+    messages.settle("terrain")
+    assert messages.current is not None  # there to be read
+    now[0] += SETTLED_SECONDS + 0.1
+    assert messages.current is None
+    messages.warn("something")
+    now[0] += WARNING_SECONDS + 0.1
+    assert messages.current is None
+
+
+def test_keys_are_joined_as_plain_numbers(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python 3.11.2 raises where members of the enumeration of keys are joined, and newer ones hide it."""
+    seen: list[Any] = []
+    pressed = imgui.is_key_chord_pressed
+    monkeypatch.setattr(imgui, "is_key_chord_pressed", lambda chord: seen.append(chord) or pressed(chord))
+    app = start()
+    run(app, 3)
+    assert len(seen) >= 4
+    assert {type(chord) for chord in seen} == {int}

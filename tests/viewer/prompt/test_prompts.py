@@ -1,0 +1,343 @@
+"""The real application without a display: prompts typed, answered, edited, locked and undone."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from runtime.prompts.blend import read_words
+from runtime.prompts.parts import PartDescriptions
+from runtime.session.prompt_blend import Side
+from runtime.skeleton import PART_NAMES
+from tests.helpers.app_driver import (
+    Start,
+    click,
+    click_on,
+    click_prompt_box,
+    controller,
+    message,
+    press,
+    prompt,
+    run,
+    run_until,
+    style,
+    type_prompt,
+    typing,
+    words,
+)
+from tests.helpers.viewer_fakes import FakeEncoder, FakeLibrary
+
+# typing
+
+
+def test_typing_fills_the_prompt_and_never_drives(start: Start) -> None:
+    app = start()
+    run(app, 2)
+    click_prompt_box(app)
+    app.window.inject_key("w", True)
+    app.window.inject_text("w")
+    app.window.inject_key("w", False)
+    app.window.inject_text("addling duck ")
+    run(app, 3)
+    assert controller(app).z == 0.0
+    assert "waddling duck" in app.prompting.boxes[Side.A].text
+    press(app, "enter")
+    run(app, 2)
+    assert "waddling duck" in prompt(app)
+    assert "waddling duck" in app.prompting.parts["head"]
+    assert app.editor.session.live.prompt.a.source == "library"
+    assert controller(app).styles[-1][1] == app.settings.blend_seconds
+    assert "waddling duck" in message(app)  # the status line says who answered
+    assert "90%" in message(app)
+    app.window.inject_key("w", True)  # Enter left the field
+    run(app, 2)
+    assert controller(app).z > 0.0
+
+
+def test_a_prompt_that_cannot_be_used_keeps_the_style(start: Start) -> None:
+    app = start(prompt="a proud king")
+    run(app)
+    styles = len(controller(app).styles)
+    app.prompting.submit_prompt("   ")
+    run(app)
+    assert "empty" in message(app)
+    assert prompt(app) == "a proud king"
+    assert len(controller(app).styles) == styles
+
+
+def test_enter_changes_the_style_at_the_next_simulated_frame(start: Start) -> None:
+    app = start()
+    app.prompting.blocking = False  # as on a screen
+    run(app, 3)
+    type_prompt(app, "proud")
+    steps, styles = controller(app).steps, len(controller(app).styles)
+    app.window.inject_key("enter", True)
+    run(app)  # Enter is seen when the panels of this frame are drawn, after its step
+    assert (controller(app).steps, len(controller(app).styles)) == (steps + 1, styles)
+    run(app)  # the answer is there: this frame takes it before its step
+    assert (controller(app).steps, len(controller(app).styles)) == (steps + 2, styles + 1)
+    assert controller(app).styled_at_step == steps + 1
+    assert prompt(app) == "proud"
+
+
+def test_enter_changes_the_shipped_models_style_at_the_next_frame_after_the_answer(start: Start) -> None:
+    """The real networks and the real worker thread: the frame that finds the answer steps in the new style."""
+    from runtime.motion.controller import Controller
+    from viewer.services import load_model
+
+    app = start(services={"load_model": load_model}, prompt="a person walking normally")
+    app.prompting.blocking = app.jobs.blocking = False
+    run_until(app, lambda: app.editor.session.live.prompt.a is not None)
+    run(app, 90)  # the first style has come in
+    walker, worker = app.scene.simulation.controller, app.prompting.workers[Side.A]
+    assert isinstance(walker, Controller)
+    before = walker.style.z.copy()
+    type_prompt(app, "a drunk person stumbling home")
+    app.window.inject_key("enter", True)
+    run(app)
+    assert app.prompting.asked == {Side.A}
+    assert np.array_equal(walker.style.z, before)
+    while worker.busy:
+        time.sleep(0.001)
+    run(app)
+    assert not np.array_equal(walker.style.z, before)
+    answer = app.editor.session.live.prompt.a
+    assert answer.prompt == "a drunk person stumbling home"
+    assert 0.0 < answer.milliseconds < 10_000.0
+
+
+# the six fields
+
+
+def test_an_edited_part_is_encoded_again(start: Start) -> None:
+    app = start()
+    run(app)
+    styles = len(controller(app).styles)
+    app.prompting.parts["left_arm"] = "left arm raised"
+    app.prompting.submit_part("left_arm")
+    run(app)
+    assert len(controller(app).styles) == styles + 1
+    assert style(app)[0] == pytest.approx(FakeEncoder.code("left arm raised"))
+    assert app.editor.session.live.prompt.a.edited == ("left_arm",)
+    assert app.editor.session.live.prompt.a.source == "library"  # the other five are still its
+    app.prompting.parts["left_arm"] = "x" * 400
+    app.prompting.submit_part("left_arm")
+    assert "left_arm" in message(app)
+    assert len(controller(app).styles) == styles + 1
+
+
+def test_a_field_goes_back_to_what_was_said_when_it_is_reset_or_emptied(start: Start) -> None:
+    app = start()
+    run(app)
+    said = words(app)["torso"]
+    for empty in (False, True):
+        app.prompting.parts["torso"] = "torso twisting"
+        app.prompting.submit_part("torso")
+        assert words(app)["torso"] == "torso twisting"
+        if empty:
+            app.prompting.parts["torso"] = "  "
+            app.prompting.submit_part("torso")
+        else:
+            app.prompting.reset_part("torso")
+        assert words(app)["torso"] == app.prompting.parts["torso"] == said
+        assert app.editor.session.live.prompt.a.edited == ()
+
+
+def test_a_field_is_applied_when_it_is_left(start: Start) -> None:
+    app = start()
+    run(app, 3)
+    click_on(app, "##words", len(PART_NAMES) - 1)
+    app.window.inject_text(" slowly")
+    run(app, 3)
+    assert words(app)["head"] != app.prompting.parts["head"]
+    click(app, app.window.size[0] / 2, app.window.size[1] / 2)  # the scene
+    run(app)
+    assert "slowly" in words(app)["head"]
+
+
+def test_an_edited_field_is_locked_and_survives_the_next_prompt(start: Start) -> None:
+    app = start()
+    run(app)
+    app.prompting.parts["head"] = "head shaking"
+    app.prompting.submit_part("head")
+    assert app.editor.session.live.prompt.locked == {"head"}
+    app.prompting.submit_prompt("a proud king")
+    assert "Locked, so kept: head." in message(app)
+    app.editor.undo()
+    app.editor.undo()  # of the edit, and of its lock with it
+    assert app.editor.session.live.prompt.locked == frozenset()
+    app.editor.redo()
+    app.editor.redo()
+    assert words(app)["head"] == app.prompting.parts["head"] == "head shaking"
+    assert words(app)["torso"] == "torso of a proud king"
+    assert style(app)[5] == pytest.approx(FakeEncoder.code("head shaking"))
+    app.prompting.reset_part("head")
+    assert words(app)["head"] == "head of a proud king"
+    app.prompting.submit_prompt("a duck")  # a reset gives the field back to the prompts
+    assert words(app)["head"] == "head of a duck"
+
+
+def test_locks_hold_as_they_are_when_the_answer_comes(start: Start) -> None:
+    app = start(prompt="a proud king")
+    app.prompting.blocking = False
+    run(app, 2)
+    worker = app.prompting.workers[Side.A]
+    app.prompting.toggle_lock("head")
+    worker.held = True
+    app.prompting.submit_prompt("a duck")
+    app.prompting.toggle_lock("torso")
+    app.prompting.toggle_lock("head")
+    worker.held = False
+    run(app)
+    assert words(app) == {**duck(), "torso": "torso of a proud king"}
+    assert style(app)[4] == pytest.approx(FakeEncoder.code("torso of a proud king"))
+    assert style(app)[5] == pytest.approx(FakeEncoder.code(duck()["head"]))
+
+
+def duck() -> dict[str, str]:
+    return FakeLibrary().expand("a duck").descriptions.to_mapping()
+
+
+def test_a_take_keeps_what_replays_it(start: Start) -> None:
+    app = start(prompt="a proud king")
+    run(app, 2)
+    app.takes.toggle_recording()
+    run(app, 2)
+    app.prompting.parts["head"] = "head shaking"
+    app.prompting.submit_part("head")
+    run(app, 2)
+    app.prompting.submit_prompt("a duck")
+    run(app, 2)
+    app.takes.toggle_recording()
+    run(app)
+    events = app.editor.session.takes[0].clip.prompts
+    king = FakeLibrary().expand("a proud king").descriptions
+    kept = [read_words(event.prompt) for event in events]
+    duck_with_king_head = FakeLibrary().expand("a duck").descriptions.replace("head", "head shaking")
+    assert kept == ["a proud king", king.replace("head", "head shaking"), duck_with_king_head]
+    assert [round(event.seconds * 60) for event in events] == [0, 2, 4]
+
+
+# undo
+
+
+def test_undo_and_redo_of_prompts_edits_and_locks(start: Start) -> None:
+    app = start(prompt="a proud king")
+    run(app)
+    states = [(words(app), frozenset(), style(app))]
+    app.prompting.submit_prompt("a duck")
+    states.append((words(app), frozenset(), style(app)))
+    app.prompting.parts["torso"] = "torso twisting"
+    app.prompting.submit_part("torso")
+    states.append((words(app), frozenset({"torso"}), style(app)))
+    app.prompting.toggle_lock("head")
+    states.append((words(app), frozenset({"head", "torso"}), style(app)))
+
+    def check(index: int) -> None:
+        run(app)
+        expected, locked, z = states[index]
+        assert words(app) == app.prompting.parts == expected
+        assert app.editor.session.live.prompt.locked == locked
+        assert np.array_equal(style(app), z)
+        assert app.prompting.boxes[Side.A].text == ("a proud king" if index == 0 else "a duck")
+
+    check(3)
+    for index in (2, 1, 0, 0):
+        press(app, "ctrl", "z")
+        check(index)
+    for keys, index in ((("ctrl", "y"), 1), (("ctrl", "shift", "z"), 2), (("ctrl", "y"), 3)):
+        press(app, *keys)
+        check(index)
+    press(app, "ctrl", "z")
+    app.prompting.submit_prompt("a goose")
+    press(app, "ctrl", "y")  # a new step forgets what was undone
+    assert prompt(app) == "a goose"
+
+
+def test_undo_in_a_field_takes_typing_back_first(start: Start) -> None:
+    app = start(prompt="a proud king")
+    run(app)
+    app.prompting.submit_prompt("a duck")
+    type_prompt(app, "goose")
+    press(app, "ctrl", "z")
+    assert prompt(app) == "a duck"  # the field's own undo
+    assert typing(app)
+    press(app, "escape")
+    press(app, "escape")
+    run(app)
+    click_prompt_box(app)
+    press(app, "ctrl", "z")  # nothing was typed
+    run(app)
+    assert prompt(app) == app.prompting.boxes[Side.A].text == "a proud king"
+
+
+def test_undo_withdraws_a_prompt_without_an_answer(start: Start) -> None:
+    app = start(prompt="a proud king")
+    app.prompting.blocking = False
+    run(app, 2)
+    worker = app.prompting.workers[Side.A]
+    worker.held = True
+    app.prompting.submit_prompt("a duck")
+    run(app, 2)
+    assert app.prompting.asked == {Side.A}
+    press(app, "ctrl", "z")
+    assert "Withdrawn" in message(app)
+    worker.held = False
+    run(app, 3)
+    assert prompt(app) == app.prompting.boxes[Side.A].text == "a proud king"
+    assert not app.prompting.asked
+
+
+def test_words_typed_since_survive_an_undo(start: Start) -> None:
+    app = start(prompt="a proud king")
+    run(app)
+    app.prompting.submit_prompt("a duck")
+    app.prompting.boxes[Side.A].text = "a duck that"
+    app.editor.undo()
+    assert (prompt(app), app.prompting.boxes[Side.A].text) == ("a proud king", "a duck that")
+
+
+def test_the_words_in_force_survive_another_model(start: Start) -> None:
+    from tests.helpers.viewer_fakes import fake_services
+
+    app = start(prompt="a proud king")
+    run(app)
+    app.prompting.parts["head"] = "head shaking"
+    app.prompting.submit_part("head")
+    loaded = fake_services().load_model(None, app.scene.terrain, 0, None)
+    app.scene.use_model(loaded)
+    app.prompt.use_model(loaded, None)
+    run(app)
+    assert words(app)["head"] == "head shaking"
+    assert prompt(app) == "a proud king"
+    assert style(app)[PART_NAMES.index("head")] == pytest.approx(FakeEncoder.code("head shaking"))
+    assert words(app) == app.prompting.parts
+
+
+def test_a_prompt_that_waits_for_another_model_leaves_locked_words(start: Start) -> None:
+    """The words in force are encoded first: codes of the model before must not be mixed in."""
+    from tests.helpers.viewer_fakes import fake_services
+
+    class OtherEncoder(FakeEncoder):
+        def encode(self, descriptions: PartDescriptions) -> np.ndarray:
+            return -super().encode(descriptions)
+
+    app = start(prompt="a proud king")
+    app.prompting.blocking = False
+    run(app)
+    app.prompting.toggle_lock("head")
+    app.prompting.workers[Side.A].held = True
+    app.prompting.submit_prompt("a duck")
+    loaded = fake_services().load_model(None, app.scene.terrain, 0, None)
+    for worker in loaded.prompts:
+        worker.encoder = OtherEncoder()  # type: ignore[attr-defined]
+    app.scene.use_model(loaded)
+    app.prompt.use_model(loaded, None)
+    run(app, 2)
+    assert loaded.prompts[0].asked == ["a duck"]  # type: ignore[attr-defined]
+    assert words(app) == {**duck(), "head": "head of a proud king"}
+    assert np.array_equal(style(app), OtherEncoder().encode(PartDescriptions.from_mapping(words(app))))
+    assert "duck" in app.editor.undo_label
+    assert not app.prompting.asked

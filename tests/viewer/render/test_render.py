@@ -1,0 +1,389 @@
+"""The renderer through EGL: golden pictures, and what each pass must and must not change.
+
+After a wanted change of the look: SPORT_UPDATE_GOLDEN=1 pytest tests/viewer/render/test_render.py, and look at tests/golden.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import moderngl
+import numpy as np
+import pytest
+
+from runtime.errors import DisplayError, FileError
+from runtime.pose import Pose
+from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
+from runtime.terrain.height_map import Terrain
+from tests.helpers.golden_images import check_golden
+from tests.helpers.render_scene import CapsuleBody, capsule_body, hills, stairs, walking_pose
+from viewer.render.camera import OrbitCamera
+from viewer.render.marks import contact_strokes, feet_of, skeleton_strokes, trajectory_strokes
+from viewer.render.offscreen import OffscreenTarget, create_offscreen_context, save_png
+from viewer.render.overlays import Overlays, TrajectoryOverlay
+from viewer.render.quality import HIGH, SOFTWARE, Quality, choose_quality
+from viewer.render.renderer import Renderer
+from viewer.render.targets import scene_size
+
+WIDTH, HEIGHT = 160, 120
+SMALL_HIGH = replace(HIGH, shadow_map_size=512)
+
+Picture = np.ndarray
+Render = Callable[..., Picture]
+
+
+@pytest.fixture(scope="module")
+def target() -> Iterator[OffscreenTarget]:
+    offscreen = OffscreenTarget(WIDTH, HEIGHT)
+    yield offscreen
+    offscreen.release()
+
+
+@pytest.fixture(scope="module")
+def body() -> CapsuleBody:
+    return capsule_body()
+
+
+@pytest.fixture
+def render(target: OffscreenTarget, body: CapsuleBody) -> Iterator[Render]:
+    """Draw one picture of a terrain and a pose, by default a step on level ground."""
+    renderers: list[Renderer] = []
+
+    def draw(
+        terrain: Terrain | None = None,
+        overlays: Overlays | None = None,
+        quality: Quality = SOFTWARE,
+        pose: Pose | bool | None = True,
+        yaw: float = 3.8,
+        pitch: float = 0.3,
+        distance: float = 3.6,
+    ) -> Picture:
+        ground = terrain or Terrain.flat()
+        renderer = Renderer(target.ctx, quality)
+        renderers.append(renderer)
+        renderer.set_terrain(ground)
+        renderer.set_character(body)
+        shown = walking_pose(ground) if pose is True else pose or None
+        camera = OrbitCamera((0.0, float(ground.height(0, 0)) + 0.85, 0.0), yaw, pitch, distance)
+        renderer.render(target.framebuffer, camera, shown, overlays or Overlays())
+        assert target.ctx.error == "GL_NO_ERROR"
+        return target.read()
+
+    yield draw
+    for renderer in renderers:
+        renderer.release()
+
+
+def trajectory(terrain: Terrain) -> TrajectoryOverlay:
+    z = 0.25 * (np.arange(12) - 6.0)
+    x = 0.02 * z**2
+    positions = np.stack([x, terrain.height(x, z), z], -1)
+    return TrajectoryOverlay(positions, np.tile([0.0, 1.0], (12, 1)), np.arange(12) < 6)
+
+
+def everything(terrain: Terrain) -> Overlays:
+    return Overlays(trajectory(terrain), show_trajectory=True, show_skeleton=True, show_contacts=True)
+
+
+def test_golden_flat(render: Render) -> None:
+    check_golden("flat_software", render())
+
+
+def test_golden_stairs_with_overlays(render: Render) -> None:
+    check_golden("stairs_overlays_software", render(stairs(), everything(stairs()), yaw=0.5))
+
+
+def test_golden_hills_high_with_others(render: Render) -> None:
+    terrain = hills()
+    overlays = Overlays(
+        ghosts=[walking_pose(terrain, 0.7, 0.3, -0.5)], extra_poses=[walking_pose(terrain, -0.8, -0.2)]
+    )
+    check_golden("hills_others_high", render(terrain, overlays, SMALL_HIGH))
+
+
+def test_the_picture_is_the_same_each_time(render: Render) -> None:
+    np.testing.assert_array_equal(render(hills()), render(hills()))
+
+
+def test_horizon_has_its_exact_srgb_colour(render: Render) -> None:
+    picture = render(pose=None, overlays=Overlays(show_grid=False), pitch=0.0)
+    linear = np.array([0.430, 0.490, 0.550])  # HORIZON in common.glsl
+    expected = 255 * (1.055 * linear ** (1 / 2.4) - 0.055)
+    np.testing.assert_allclose(picture[HEIGHT // 2 + 1, WIDTH // 2], expected, atol=2.5)
+
+
+@pytest.mark.parametrize("terrain", [Terrain.flat(size_m=12.0), hills(size_m=12.0)], ids=["flat", "hills"])
+def test_ground_melts_into_the_background(render: Render, terrain: Terrain) -> None:
+    picture = render(terrain, Overlays(show_grid=False), pose=None, pitch=0.25, distance=4.0)
+    column = picture[:, 10].astype(int)
+    assert np.abs(np.diff(column, axis=0)).max() < 16, "a hard edge"
+    assert column[-1].mean() < column.mean() - 5, "ground is darker than sky"
+
+
+def test_grid_can_be_hidden(render: Render) -> None:
+    shown, hidden = render(pose=None), render(pose=None, overlays=Overlays(show_grid=False))
+    assert shown[80:].std() > 2 * hidden[80:].std()
+
+
+def brightness(picture: Picture) -> np.ndarray:
+    return picture.astype(float).mean(-1)
+
+
+@pytest.mark.parametrize("quality", [SOFTWARE, SMALL_HIGH], ids=["software", "high"])
+def test_a_body_throws_a_shadow_away_from_the_sun(render: Render, quality: Quality) -> None:
+    options = {
+        "yaw": np.pi,
+        "pitch": 1.4,
+        "distance": 7.0,
+        "quality": quality,
+    }  # from above, looking along -Z
+    bare, stood = (brightness(render(pose=pose, **options)) for pose in (None, True))
+    darker = bare - stood > 25
+    rows, columns = np.nonzero(darker)
+    # the sun stands at +X, +Z; in this picture +X is right, +Z is down
+    assert darker.sum() > 80
+    assert columns.mean() < WIDTH / 2
+    assert rows.mean() < HEIGHT / 2
+
+
+def test_high_quality_ground_does_not_shade_itself(render: Render) -> None:
+    far_pose = walking_pose(Terrain.flat(), 3.0, -3.0)
+    options = {"overlays": Overlays(show_grid=False), "pose": far_pose, "yaw": -2.2, "pitch": 0.7}
+    for terrain in (Terrain.flat(), Terrain("level", np.zeros((401, 401), np.float32), 0.05, (-10.0, -10.0))):
+        picture = brightness(render(terrain, quality=SMALL_HIGH, **options))
+        middle = picture[50:90, 60:100]
+        assert np.ptp(middle) < 8, "stripes"
+
+
+def raised(pose: Pose, height: float) -> Pose:
+    up = np.array([0.0, height, 0.0], np.float32)
+    return replace(pose, positions=pose.positions + up, hips_position=pose.hips_position + up)
+
+
+def test_feet_darken_the_ground_only_when_near(render: Render) -> None:
+    pose = walking_pose(Terrain.flat(), stride=0.0)
+    pose = raised(pose, REST_HIPS_HEIGHT - pose.hips_position[1])
+    lifted = raised(pose, 0.6)
+    toe = pose.positions[SPORT_SKELETON.index("LeftToeBase")]
+    camera = OrbitCamera((0.0, 0.85, 0.0), 3.8, 0.8, 3.0)
+    spot = np.array([toe[0] + 0.02, 0.0, toe[2] + 0.085, 1.0])  # towards the sun, before the toe
+    clip = camera.projection_matrix(WIDTH / HEIGHT) @ camera.view_matrix() @ spot
+    column, row = (
+        round((0.5 + 0.5 * clip[0] / clip[3]) * WIDTH),
+        round((0.5 - 0.5 * clip[1] / clip[3]) * HEIGHT),
+    )
+    options = {"yaw": 3.8, "pitch": 0.8, "overlays": Overlays(show_grid=False), "distance": 3.0}
+    bare, stood, jumped = (brightness(render(pose=p, **options))[row, column] for p in (None, pose, lifted))
+    assert bare - stood > 20
+    assert bare - jumped < 0.6 * (bare - stood)
+
+
+def test_ghosts_are_fainter_where_they_would_hide_the_character(render: Render) -> None:
+    pose, behind = walking_pose(Terrain.flat()), walking_pose(Terrain.flat(), 0.0, 2.5)
+    bare = render(pose=None, overlays=Overlays()).astype(int)
+    alone = np.abs(render(pose=None, overlays=Overlays(ghosts=[pose])).astype(int) - bare).max(-1)
+    solid = np.abs(render(pose=pose).astype(int) - bare).max(-1)
+    assert alone.max() < 0.8 * solid.max()  # the ground shows through
+    far = render(pose=behind, yaw=0.0).astype(int)
+    covering = np.abs(render(pose=behind, yaw=0.0, overlays=Overlays(ghosts=[pose])).astype(int) - far).max(
+        -1
+    )
+    assert 0 < covering.max() < 0.7 * alone.max()
+
+
+def test_frames_of_a_take_hide_nothing_of_the_character(render: Render) -> None:
+    flat = Terrain.flat()
+    pose = walking_pose(flat)
+    bare, alone = (render(pose=p).astype(int) for p in (None, pose))
+    frames = [walking_pose(flat, x, z) for x, z in ((0.1, -0.1), (-0.1, 0.1), (0.0, -0.4), (0.0, 0.4))]
+    among = render(pose=pose, overlays=Overlays(frames=frames)).astype(int)
+    body = np.abs(alone - bare).max(-1) > 60  # its shadow is fainter
+    inner = body[2:-2, 2:-2] & body[:-4, 2:-2] & body[4:, 2:-2] & body[2:-2, :-4] & body[2:-2, 4:]
+    assert np.abs(among - alone).max(-1)[2:-2, 2:-2][inner].mean() < 3.0
+    assert (np.abs(among - alone).max(-1) > 20).sum() > 0.5 * body.sum(), "they are seen around it"
+
+
+def test_ghosts_throw_no_shadow_and_let_the_ground_through(render: Render) -> None:
+    terrain = Terrain.flat()
+    pose = walking_pose(terrain)
+    bare = render(pose=None).astype(int)
+    ghost = render(pose=None, overlays=Overlays(ghosts=[pose])).astype(int)
+    solid = render(pose=pose).astype(int)
+    ghost_pixels = np.abs(ghost - bare).max(-1) > 6
+    solid_pixels = np.abs(solid - bare).max(-1) > 6
+    assert 0 < ghost_pixels.sum() < solid_pixels.sum()
+    assert ghost[ghost_pixels][:, 2].mean() > ghost[ghost_pixels][:, 0].mean() + 10, "ghosts are blue"
+
+
+def test_extra_poses_are_drawn_like_the_main_one(render: Render) -> None:
+    terrain = Terrain.flat()
+    pose, other = walking_pose(terrain), walking_pose(terrain, 1.0, 0.0)
+    both = render(pose=pose, overlays=Overlays(extra_poses=[other]))
+    swapped = render(pose=other, overlays=Overlays(extra_poses=[pose]))
+    assert np.abs(both.astype(int) - swapped).mean() < 0.2
+
+
+@pytest.mark.parametrize("name", ["show_trajectory", "show_skeleton", "show_contacts"])
+def test_each_overlay_has_a_toggle(render: Render, name: str) -> None:
+    terrain = hills()
+    hidden = Overlays(trajectory(terrain))
+    changed = np.abs(
+        render(terrain, replace(hidden, **{name: True})).astype(int) - render(terrain, hidden)
+    ).max(-1)
+    assert (changed > 40).sum() > 30
+
+
+def test_overlays_leave_the_next_frame_alone(target: OffscreenTarget, body: CapsuleBody) -> None:
+    terrain = hills()
+    renderer = Renderer(target.ctx, SOFTWARE)
+    renderer.set_terrain(terrain)
+    renderer.set_character(body)
+    pose, camera = walking_pose(terrain), OrbitCamera()
+    pictures = []
+    busy = replace(everything(terrain), ghosts=[pose], extra_poses=[pose])
+    for overlays in (Overlays(), busy, Overlays()):
+        renderer.render(target.framebuffer, camera, pose, overlays)
+        pictures.append(target.read())
+    renderer.release()
+    np.testing.assert_array_equal(pictures[0], pictures[2])
+
+
+def test_scale_and_samples_change_edges_only(render: Render) -> None:
+    plain = replace(SOFTWARE, smooth_edges=False)
+    reference = render(quality=plain).astype(int)
+    for quality in (
+        replace(plain, render_scale=0.5),
+        replace(plain, msaa=4),
+        replace(plain, msaa=4, render_scale=1.5),
+        SOFTWARE,
+    ):
+        difference = np.abs(render(quality=quality).astype(int) - reference).max(-1)
+        assert 0 < (difference > 3).mean() < 0.35
+        assert difference.mean() < 6
+
+
+def test_a_target_with_depth_and_another_size_each_frame(target: OffscreenTarget, body: CapsuleBody) -> None:
+    renderer = Renderer(target.ctx, SMALL_HIGH)
+    renderer.set_terrain(Terrain.flat())
+    renderer.set_character(body)
+    for size in ((64, 48), (101, 37), (1, 1)):
+        color, depth = target.ctx.texture(size, 4), target.ctx.depth_renderbuffer(size)
+        framebuffer = target.ctx.framebuffer([color], depth)
+        renderer.render(framebuffer, OrbitCamera(), walking_pose(Terrain.flat()), Overlays())
+        assert target.ctx.error == "GL_NO_ERROR"
+        assert max(framebuffer.read(components=3, alignment=1)) > 100
+        target.framebuffer.use()
+        for part in (framebuffer, color, depth):
+            part.release()
+    renderer.release()
+
+
+def test_without_terrain_and_character_there_is_sky(target: OffscreenTarget) -> None:
+    renderer = Renderer(target.ctx)
+    renderer.render(target.framebuffer, OrbitCamera(), walking_pose(Terrain.flat()), Overlays())
+    assert target.read().min() > 90
+    renderer.release()
+
+
+def test_a_large_terrain_is_drawn_wherever_the_focus_is(target: OffscreenTarget) -> None:
+    n = 1400
+    terrain = Terrain("large", np.zeros((n + 1, n + 1), np.float32), 0.05, (0.0, 0.0))
+    renderer = Renderer(target.ctx, SOFTWARE)
+    renderer.set_terrain(terrain)
+    pictures = []
+    for x, z in ((20.0, 20.0), (55.0, 45.0)):  # the same place of the grid
+        camera = OrbitCamera((x, 0.9, z), 0.4, 0.4, 5.0)
+        renderer.render(target.framebuffer, camera, None, Overlays())
+        pictures.append(target.read().astype(int))
+    renderer.release()
+    assert np.abs(pictures[0] - pictures[1]).mean() < 1.0
+
+
+def test_too_many_joints_are_refused_with_a_remedy(target: OffscreenTarget, body: CapsuleBody) -> None:
+    renderer = Renderer(target.ctx, SOFTWARE)
+    with pytest.raises(FileError, match="300 joints, expected at most 256"):
+        renderer.set_character(replace(body, joint_indices=np.full_like(body.joint_indices, 299)))
+    renderer.release()
+
+
+def test_large_windows_are_rendered_smaller_in_software() -> None:
+    assert scene_size((1280, 720), SOFTWARE) == (1280, 720)
+    width, height = scene_size((2880, 1800), SOFTWARE)
+    assert width * height <= 1.01 * SOFTWARE.max_pixels
+    assert width / height == pytest.approx(1.6, abs=0.01)
+    assert scene_size((2880, 1800), HIGH) == (2880, 1800)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("llvmpipe (LLVM 15.0.6, 256 bits)", SOFTWARE),
+        ("softpipe", SOFTWARE),
+        ("NVIDIA GeForce RTX 3060/PCIe/SSE2", HIGH),
+        ("Mesa Intel(R) UHD Graphics 620", HIGH),
+    ],
+)
+def test_quality_follows_the_renderer(name: str, expected: Quality) -> None:
+    assert choose_quality(SimpleNamespace(info={"GL_RENDERER": name})) is expected  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("message", "library"), [("libEGL.so.1 not loaded", "libEGL "), ("libGL.so.1 not loaded", "libGL ")]
+)
+def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch, message: str, library: str) -> None:
+    def fail(**_: object) -> None:
+        raise Exception(message)
+
+    monkeypatch.setattr(moderngl, "create_context", fail)
+    with pytest.raises(DisplayError, match=library + r"was not found.*apt-get install libegl1 libgl1"):
+        create_offscreen_context()
+
+
+def test_a_picture_that_cannot_be_saved_names_its_path(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(FileError, match=r"file.*picture\.png"):
+        save_png(np.zeros((2, 2, 3), np.uint8), tmp_path / "file" / "picture.png")
+
+
+def test_first_row_of_a_read_picture_is_the_top(render: Render) -> None:
+    picture = render(pose=None, overlays=Overlays(show_grid=False))
+    assert picture.shape == (HEIGHT, WIDTH, 3)
+    assert picture[0].mean() > picture[-1].mean(), "sky above ground"
+
+
+def test_trajectory_lies_on_the_terrain() -> None:
+    terrain = hills()
+    strokes = trajectory_strokes(trajectory(terrain), terrain)
+    for end in (strokes["start"], strokes["end"]):
+        np.testing.assert_allclose(end[:, 1], terrain.height(end[:, 0], end[:, 2]), atol=1e-5)
+    past, future = strokes["color"][0], strokes["color"][11]
+    assert np.ptp(past[:3]) < 0.15, "the past is grey"
+    assert future[2] - future[0] > 0.4, "the future is coloured"
+
+
+def test_contacts_light_up() -> None:
+    pose = walking_pose(Terrain.flat())
+    ring = contact_strokes(pose, Terrain.flat())[-4:]
+    heel, _, free, _ = ring["color"]
+    assert heel[1] > heel[0] + 0.3
+    assert abs(free[1] - free[0]) < 0.1
+    assert heel[3] > free[3]
+
+
+def test_skeleton_connects_joints_and_tells_sides_apart() -> None:
+    pose = walking_pose(Terrain.flat())
+    strokes = skeleton_strokes(pose, 1.0)
+    lengths = np.linalg.norm(strokes["end"] - strokes["start"], axis=1)
+    assert lengths.max() == pytest.approx(0.4233, abs=1e-3)
+    assert len(np.unique(strokes["color"], axis=0)) == 4  # outline, left, right, middle
+
+
+def test_each_pose_has_two_feet_and_a_body() -> None:
+    poses = [walking_pose(Terrain.flat()), walking_pose(Terrain.flat(), 1.0)]
+    feet = feet_of(poses)
+    assert feet.shape == (6, 2, 4)
+    assert feet[0, 0, 0] > 0 > feet[1, 0, 0], "left is +X"
+    assert feet_of([]).shape == (0, 2, 4)

@@ -1,0 +1,173 @@
+"""The real application without a display, driven by keys, pads and scripts."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import pytest
+
+from runtime.crossing.crossing import KINDS
+from runtime.session.prompt_blend import Side
+from tests.helpers.app_driver import Start, click_prompt_box, controller, message, run
+from viewer.gl_bindings import imgui
+from viewer.input.gamepad import GamepadState
+from viewer.scene.simulation import CROSSINGS
+
+
+def test_key_w_moves_the_character_at_once(start: Start) -> None:
+    app = start()
+    run(app)
+    app.window.inject_key("w", True)
+    run(app, 1)
+    assert controller(app).z > 0.0
+    run(app, 29)
+    app.window.inject_key("w", False)
+    run(app, 1)
+    distance = math.hypot(controller(app).x, controller(app).z)
+    assert distance == pytest.approx(1.4 * 0.5, rel=0.05)
+    run(app, 10)
+    assert math.hypot(controller(app).x, controller(app).z) == pytest.approx(distance)
+
+
+def test_scripted_controls_walk_then_jog(start: Start) -> None:
+    app = start(keys="w 0.5; w+shift 0.5; idle 1", camera="orbit")
+    run(app, 90)
+    assert controller(app).z == pytest.approx(1.4 * 0.5 + 3.0 * 0.5, rel=0.05)
+
+
+def test_the_stick_of_a_script_is_in_the_world_and_then_left_to_the_devices(start: Start) -> None:
+    app = start(controls="stand 0.1; walk@90 0.5; jog 0.5", camera="orbit")
+    run(app, 66)
+    assert controller(app).x == pytest.approx(1.4 * 0.5, rel=0.05)
+    assert controller(app).z == pytest.approx(3.0 * 0.5, rel=0.05)
+    app.window.inject_key("w", True)
+    run(app, 20)
+    assert controller(app).z > 3.0 * 0.5 + 0.1
+
+
+def test_scripted_controls_last_as_long_whatever_the_display_shows(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = start(keys="w 1; idle 9")
+    app.options = dataclasses.replace(app.options, offscreen=False)  # frames as long as the clock says
+    lengths = [0.025] * 20 + [0.1] * 5 + [0.025] * 40
+    monkeypatch.setattr(app, "_tick", iter(lengths).__next__)
+    held = []
+    for dt in lengths:
+        run(app)
+        held += [dt] * ("w" in app.devices.keyboard.held)
+    assert sum(held) == pytest.approx(1.0)
+
+
+def test_stick_moves_relative_to_the_camera(start: Start) -> None:
+    app = start(camera="orbit")
+    run(app)
+    app.scene.camera.orbit.yaw = math.pi / 2  # looks along +X
+    app.devices.pads.state = GamepadState("pad", left=(0.0, 1.0))
+    run(app, 10)
+    assert controller(app).x > 0.1
+    assert abs(controller(app).z) < 1e-6
+    assert app.state.device == "pad"
+    assert "pad connected" in message(app)
+    app.devices.pads.state = None
+    run(app)
+    assert app.state.device == "keyboard"
+
+
+def test_escape_leaves_the_text_field(start: Start) -> None:
+    app = start()
+    run(app, 2)
+    click_prompt_box(app)
+    app.window.inject_key("escape", True)
+    app.window.inject_key("escape", False)
+    run(app, 2)
+    app.window.inject_key("w", True)
+    run(app, 2)
+    assert controller(app).z > 0.0
+
+
+def test_keys_that_follow_enter_at_once_are_words(start: Start) -> None:
+    """On a slow machine a whole word arrives within two frames."""
+    app = start()
+    run(app, 3)
+    press_down = app.window.inject_key
+    press_down("enter", True)
+    press_down("enter", False)
+    run(app, 2)
+    for letter in "drunk":
+        press_down(letter, True)
+        app.window.inject_text(letter)
+        press_down(letter, False)
+        run(app)
+    run(app, 3)
+    assert not app.takes.recording
+    assert controller(app).x == 0.0
+    assert app.prompting.boxes[Side.A].text == "drunk"
+
+
+def test_focus_loss_releases_keys(start: Start) -> None:
+    app = start()
+    run(app, 2)
+    app.window.inject_key("w", True)
+    run(app, 2)
+    app.window.inject_focus(False)
+    before = controller(app).z
+    run(app, 5)
+    assert controller(app).z == before > 0.0
+
+
+def test_function_keys_toggle_what_is_shown(start: Start) -> None:
+    app = start()
+    run(app)
+    assert not app.settings.show_skeleton
+    for key in ("f3", "f1", "f10"):
+        app.window.inject_key(key, True)
+    run(app, 2)
+    assert app.settings.show_skeleton
+    assert app.scene.renderer.overlays.show_skeleton
+    assert app.state.help_open
+    assert not app.state.panels_open
+    app.window.inject_key("escape", True)
+    run(app)
+    assert not app.state.help_open
+
+
+def test_no_key_of_ctrl_z_makes_the_character_duck(start: Start) -> None:
+    from runtime.controls import Gait
+
+    app = start()
+    run(app, 2)
+    for key in ("ctrl", "z"):
+        app.window.inject_key(key, True)
+        run(app)
+        assert app.devices.mapper.read(app.devices.keyboard, None, 1 / 60).gait is Gait.WALK
+
+
+def test_the_status_line_says_what_is_keyed_over_an_obstacle(start: Start) -> None:
+    assert set(CROSSINGS) == set(KINDS) - {""}
+    app = start()
+    run(app, 2)
+    shown: list[str] = []
+    with pytest.MonkeyPatch.context() as patch:
+        real = imgui.text_unformatted
+        patch.setattr(imgui, "text_unformatted", lambda text: (shown.append(text), real(text)))
+        controller(app).crossing = "gap"
+        run(app)
+        assert any("keyed: leap over a gap" in text for text in shown)
+        shown.clear()
+        controller(app).crossing = ""
+        run(app)
+    assert not any("keyed" in text for text in shown)
+
+
+def test_the_status_line_says_why_the_character_does_not_go_on(start: Start) -> None:
+    app = start()
+    run(app, 2)
+    controller(app).blocked = "The way ahead is blocked: a step up of 2.0 m."
+    run(app, 3)
+    assert message(app) == "The way ahead is blocked: a step up of 2.0 m."
+    controller(app).blocked = None
+    run(app, 3)
+    current = app.messages.current
+    assert current is None or current.settled

@@ -1,0 +1,212 @@
+"""The real application without a display: grounds, characters, dropped files, and models that fail."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from runtime.assets import asset_path
+from runtime.character.character import load_character
+from runtime.character.shape import BodyShape
+from runtime.controls import Controls
+from runtime.errors import SportError
+from tests.helpers.app_driver import InjectedPads, Start, controller, message, run
+from tests.helpers.viewer_fakes import FakeRenderer, fake_services
+from viewer import services
+from viewer.app import App
+from viewer.messages import Level
+from viewer.options import ViewOptions
+from viewer.scene.simulation import MAX_FAILURES
+
+
+def test_a_missing_terrain_shows_a_message_and_keeps_the_old_one(start: Start) -> None:
+    app = start()
+    run(app)
+    before = app.scene.terrain
+    for spec in ("moon", "/nowhere/map.png"):
+        app.scene.load_terrain(spec)
+        run(app)
+        assert Path(spec).name in message(app)
+        assert app.messages.current.level is Level.ERROR  # type: ignore[union-attr]
+        assert app.scene.terrain is before
+        assert app.scene.loading == ""
+
+
+def test_offscreen_a_wrong_option_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(SportError, match="moon"):
+        App(ViewOptions(offscreen=True, terrain="moon"), fake_services(), InjectedPads(), tmp_path)
+
+
+def test_offscreen_a_prompt_that_cannot_be_used_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(SportError, match="empty"):
+        App(
+            ViewOptions(offscreen=True, terrain="flat", prompt=" "), fake_services(), InjectedPads(), tmp_path
+        )
+
+
+def test_what_a_model_does_without_is_said_when_it_is_loaded(start: Start) -> None:
+    load = fake_services(notice="8-bit products overflow here.").load_model
+    app = start(services={"load_model": load})
+    run(app)
+    assert message(app) == "8-bit products overflow here."
+
+
+def test_terrain_reaches_model_and_renderer(start: Start) -> None:
+    app = start()
+    run(app)
+    app.scene.load_terrain("stairs")
+    run(app)
+    renderer = app.scene.renderer
+    assert isinstance(renderer, FakeRenderer)
+    assert controller(app).terrain is app.scene.terrain is renderer.terrain
+    assert app.scene.terrain.name == "stairs"
+
+
+def test_strength_reaches_the_model_and_stays_in_the_settings(start: Start) -> None:
+    app = start()
+    run(app)
+    app.settings.strength = 1.2
+    run(app)
+    assert controller(app).strength == 1.2
+    app.load_model(None, 0)
+    run(app)
+    assert controller(app).strength == 1.2
+
+
+def test_response_reaches_the_model_from_the_command_and_the_scene(start: Start) -> None:
+    app = start(response=0.5)
+    run(app)
+    assert controller(app).response == 0.5
+    app.settings.response = 1.0
+    run(app)
+    assert controller(app).response == 1.0
+
+
+def test_dropped_files_go_where_they_belong(start: Start, tmp_path: Path) -> None:
+    app = start()
+    run(app)
+    shutil.copy(asset_path("character/mannequin.glb"), tmp_path / "hero.glb")
+    app.open_files([tmp_path / "hero.glb", tmp_path / "notes.txt"])
+    run(app)
+    assert app.scene.renderer.character.path == tmp_path / "hero.glb"
+    assert app.scene.terrain_spec == "flat"
+    assert ".txt" in message(app)
+    damaged = tmp_path / "walk.bvh"
+    damaged.write_text("HIERARCHY\n", encoding="utf-8")
+    app.open_files([damaged])
+    run(app)
+    assert "walk.bvh" in message(app)
+    assert app.editor.session.takes == ()
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".gltf", ".off", ".obj"])
+def test_a_dropped_mesh_without_a_skin_is_a_ground(start: Start, tmp_path: Path, suffix: str) -> None:
+    import trimesh
+
+    ground = tmp_path / f"block{suffix}"
+    trimesh.creation.box((6.0, 0.5, 4.0)).export(str(ground))
+    app = start()
+    run(app)
+    character = app.scene.renderer.character
+    app.open_files([ground])
+    run(app)
+    assert app.scene.terrain_spec == str(ground)
+    assert app.scene.terrain.height(0.0, 0.0) == pytest.approx(0.25)
+    assert app.scene.renderer.character is character
+
+
+def test_a_fault_that_the_character_recovers_from_is_told_once_and_halts_if_it_comes_in_every_step(
+    start: Start,
+) -> None:
+    app = start()
+    run(app, 3)
+    fake = controller(app)
+    fake.message = "The network gave rubbish."
+    run(app, 1)
+    fake.message = ""
+    app.messages.note("Something else.")
+    run(app, MAX_FAILURES + 2)
+    assert "Something else." in message(app)
+    assert not app.scene.simulation.halted
+    fake.message = "The network gave rubbish."
+    run(app, MAX_FAILURES + 2)
+    assert app.scene.simulation.halted
+    assert "until you reset it" in message(app)
+
+
+@pytest.mark.parametrize("broken", ["nan", "exception"])
+def test_a_failing_model_leaves_the_last_good_pose(start: Start, broken: str) -> None:
+    app = start()
+    run(app, 3)
+    good = app.scene.simulation.current
+    fake = controller(app)
+    if broken == "nan":
+        fake.answer_nan = True
+    else:
+        fake.fail_with = RuntimeError("bad weights")
+    run(app, MAX_FAILURES + 2)
+    assert app.scene.simulation.current is good
+    assert app.scene.simulation.halted
+    assert "model failed" in message(app)
+    fake.answer_nan, fake.fail_with = False, None
+    app.scene.reset_character()
+    app.window.inject_key("w", True)
+    run(app, 3)
+    assert fake.z > 0.0
+
+
+@pytest.mark.parametrize("panels", [True, False])
+def test_without_panels_saved_frames_hold_the_scene_alone(start: Start, tmp_path: Path, panels: bool) -> None:
+    app = start(
+        real_renderer=True, width=640, height=360, panels=panels, frames_directory=tmp_path / "frames"
+    )
+    run(app, 3)
+    frame = np.asarray(Image.open(tmp_path / "frames" / "frame_00002.png")).astype(int)
+    status, above = frame[-26:], frame[-80:-40]
+    dark = above[:, 330:].mean() - status.mean()
+    assert (dark > 60) if panels else (abs(dark) < 25), dark
+
+
+def test_a_slow_machine_goes_to_the_fast_preset_where_nobody_chose_one(start: Start) -> None:
+    app = start()
+    run(app, 2)
+    for _ in range(7):
+        app.scene.lower_quality(12.0, 1.0)
+    assert (app.scene.quality, app.settings.quality) == ("fast", "")
+    assert "Fast" in message(app)
+    app.scene.set_quality("software")
+    for _ in range(7):
+        app.scene.lower_quality(12.0, 1.0)
+    assert app.scene.quality == "software"
+
+
+def test_the_motion_keeps_its_own_time_at_five_frames_a_second(start: Start) -> None:
+    app = start()
+    run(app, 2)
+    simulation, steps = app.scene.simulation, controller(app).steps
+    for _ in range(10):
+        simulation.model_ms = 2.0
+        app.scene.advance(0.2, Controls())
+    assert controller(app).steps - steps == pytest.approx(120, abs=1)
+    simulation.model_ms = 100.0  # a model that is slow itself must not hold the display up for ever
+    assert len(app.scene.advance(0.2, Controls())) == 6
+
+
+def test_the_mannequin_takes_another_shape_and_its_own_again(start: Start) -> None:
+    app = start(services={"load_character": services.load_character})
+    run(app)
+    assert app.scene.size == 1.0
+    app.scene.set_shape(BodyShape(height=0.8, shoulders=1.2))
+    run(app)
+    assert app.scene.is_mannequin
+    assert app.scene.size == pytest.approx(0.8, abs=0.01)  # the motion has its size
+    assert app.scene.character_path is not None  # what exports and projects take along
+    assert load_character(app.scene.character_path).size == app.scene.size
+    app.scene.set_shape(BodyShape())
+    run(app)
+    assert app.scene.character_path is None
+    assert app.scene.size == 1.0

@@ -1,0 +1,115 @@
+"""The end of the program: in time, whatever runs, and with every take kept."""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from runtime.session import library
+from runtime.session.database import Database
+from tests.helpers.app_driver import Start, run
+from viewer.jobs import Jobs, Slot
+from viewer.messages import Messages
+from viewer.session import sessions
+
+
+@pytest.mark.parametrize(
+    "what", ["measurements", "an export", "a film that ends when told", "a disk that hangs"]
+)
+def test_the_program_ends_within_two_seconds_and_keeps_the_take(
+    what: str, start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr(sessions, "ELSEWHERE_S", 0.5)
+    app, never, given_up = start(), threading.Event(), threading.Event()
+    path = app.editor.file.path
+    if what == "a disk that hangs":
+        app.editor.file.flush(10.0)
+        monkeypatch.setattr(Database, "_keep_there", lambda _: never.wait(60))
+    app.takes.toggle_recording()
+    run(app, 20)
+    app.interrupt()
+    app.jobs.blocking = False
+    if what == "measurements":
+        for _ in range(11):
+            app.jobs.submit(Slot("blend"), lambda: never.wait(60), lambda _: None)
+    elif what == "an export":
+        app.jobs.submit(
+            Slot("export", "x"), lambda: never.wait(60), lambda _: None, writing="the export of x"
+        )
+    elif what == "a film that ends when told":
+        film = lambda: given_up.wait(60)  # noqa: E731
+        app.jobs.submit(Slot("export"), film, lambda _: None, writing="the film", cancel=given_up.set)
+    begun = time.monotonic()
+    code = app.end()
+    seconds = time.monotonic() - begun
+    said = [message.text for message in app.messages.recent]
+    never.set()
+    assert seconds < 4.0  # 2 s, and room for a busy machine
+    assert code == (what in ("an export", "a disk that hangs"))
+    assert what != "an export" or any("Waiting for the" in text for text in said)
+    assert given_up.is_set() == (what == "a film that ends when told")
+    if what == "a disk that hangs":
+        assert any("too slow" in text or "given up" in text for text in said)
+        return
+    (left,) = library.find(path.parent)
+    assert (left.path, left.takes, left.ended) == (path, 1, True)
+
+
+def test_of_stale_jobs_only_the_newest_is_begun_and_what_is_written_keeps_its_order() -> None:
+    jobs, gate, begun, written = Jobs(Messages()), threading.Event(), [], []
+    for number in range(2):
+        jobs.submit(Slot("slow", number), lambda: gate.wait(20), lambda _: None)
+    for number in range(10):
+        jobs.submit(Slot("blend"), lambda n=number: begun.append(n), lambda _: None)  # type: ignore[misc]
+        jobs.submit(Slot("save"), lambda n=number: written.append(n), lambda _: None, writing="x")  # type: ignore[misc]
+    assert jobs.finish("save")
+    gate.set()
+    end = time.monotonic() + 20
+    while jobs.busy(Slot("blend")) and time.monotonic() < end:
+        jobs.deliver()
+        time.sleep(0.005)
+    assert begun == [9]
+    assert written == list(range(10))
+
+
+def test_jobs_about_two_things_of_one_name_do_not_meet_and_are_named_in_words() -> None:
+    messages, first, second = Messages(), object(), object()
+    jobs = Jobs(messages)
+
+    def fail() -> None:
+        raise MemoryError
+
+    done: list[object] = []
+    jobs.submit(Slot("ground of a take", first), fail, done.append, reading="alps.png")
+    jobs.submit(Slot("ground of a take", second), lambda: second, done.append)
+    assert jobs.busy(Slot("ground of a take", first))
+    assert not jobs.busy(Slot("ground of a take"))
+    end = time.monotonic() + 20
+    while jobs.busy(Slot("ground of a take", first)) or jobs.busy(Slot("ground of a take", second)):
+        assert time.monotonic() < end
+        jobs.deliver()
+    assert done == [second]
+    assert messages.current is not None
+    assert messages.current.text.startswith("alps.png: not enough memory.")
+    assert not messages.current.settled  # what went well was about the other one
+    jobs.submit(Slot("ground of a take", first), lambda: first, done.append)
+    while jobs.busy(Slot("ground of a take", first)):
+        jobs.deliver()
+    assert messages.current is not None
+    assert messages.current.settled
+
+
+def test_a_result_that_a_newer_job_has_replaced_is_not_handed_over() -> None:
+    jobs, gate, done = Jobs(Messages()), threading.Event(), []
+    jobs.submit(Slot("open", "a"), lambda: gate.wait(20), lambda _: done.append("old"), reading="old.glb")
+    jobs.submit(Slot("open", "a"), lambda: None, lambda _: done.append("new"), reading="new.glb")
+    end = time.monotonic() + 20
+    while jobs.busy(Slot("open", "a")) and time.monotonic() < end:
+        jobs.deliver()
+        gate.set()
+    assert done == ["new"]

@@ -1,0 +1,686 @@
+"""The real application without a display: a session is new, opened, saved, copied, reverted, and outlives every bad moment."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sqlite3
+import tempfile
+import time
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime.character.writer import write_character
+from runtime.formats.bvh_clip import save_bvh
+from runtime.session import edits, library, sqlite_file
+from runtime.session.database import Database
+from runtime.session.library import find
+from runtime.session.motion import Motion
+from runtime.session.session import Session, Take
+from runtime.session.session_file import SessionFile
+from runtime.takes.pins import Pinned
+from runtime.takes.pose_edits import NO_EDITS
+from runtime.terrain.files import write_height_png
+from tests.helpers.app_driver import Start, click_on, drawn, press, prompt, run, run_until
+from tests.helpers.full_session import history_of, still, text_of, written
+from tests.helpers.gltf_characters import user_character
+from viewer.app import App
+from viewer.jobs import Jobs
+
+
+def said(app: App) -> str:
+    """The last message, also when a slow machine has let it fade."""
+    return app.messages.recent[-1].text
+
+
+def record(app: App, frames: int = 20, stop: bool = True) -> None:
+    app.takes.toggle_recording()
+    app.window.inject_key("w", True)
+    run(app, frames)
+    app.window.inject_key("w", False)
+    if stop:
+        app.takes.toggle_recording()
+    run(app)
+
+
+def titles(app: App) -> list[str]:
+    return [take.title for take in app.editor.session.takes]
+
+
+def in_file(path: Path, cache: Path) -> Session:
+    """The session of a file that nobody has open."""
+    file, history = SessionFile.open(path, cache)
+    file.close()
+    return history.present.session
+
+
+def untitled(tmp_path: Path) -> Path:
+    return tmp_path / "config" / "sessions"
+
+
+def labels(app: App) -> list[str]:
+    return [label.partition("##")[0] for label, _ in drawn(app)]
+
+
+def make_named(path: Path) -> Path:
+    """A session of one take in a file."""
+    session = edits.with_new_take(Session(), Take(motion=Motion.of(still(30, "named"))))
+    return written(path, history_of(session), path.parent)
+
+
+# --- everything is there again
+
+
+def test_everything_is_there_again_and_takes_can_still_be_edited(start: Start, tmp_path: Path) -> None:
+    write_height_png(tmp_path / "dunes.png", np.random.default_rng(1).random((40, 40)))
+    write_character(tmp_path / "me.glb", user_character())
+    app = start()
+    app.open_files([tmp_path / "dunes.png", tmp_path / "me.glb"])
+    app.prompting.submit_prompt("a proud king")
+    run(app, 2)
+    record(app)
+    record(app, 40)
+    app.takes.rename(2, "long walk")
+    app.takes.play(2)
+    app.takes.playback.seek(20)  # type: ignore[union-attr]
+    app.editing.insert_prompt("an old king")
+    app.takes.trim(5, 30)
+    app.camera_keys.add()
+    app.takes.close_playback()
+    app.takes.mirror(1)
+    app.takes.close_playback()
+    app.editor.undo()
+    app.sessions.save_as(tmp_path / "walks")
+    assert said(app) == f"Saved {tmp_path / 'walks.sport'}."
+    assert app.sessions.name == "walks"
+    clip, before = app.editor.session.takes[1].made.clip, text_of(app.editor.session)
+    undo, redo = app.editor.undo_label, app.editor.redo_label
+    app.close()
+    shutil.rmtree(tmp_path / "config" / "characters")
+    for name in ("dunes.png", "me.glb"):
+        (tmp_path / name).unlink()  # the session needs neither
+
+    again = start(session=str(tmp_path / "walks.sport"))
+    run(again, 5)
+    assert text_of(again.editor.session) == before
+    assert (again.editor.undo_label, again.editor.redo_label) == (undo, redo)
+    assert titles(again) == ["Take 1", "long walk"]
+    assert np.allclose(
+        again.editor.session.takes[1].made.clip.local_rotations, clip.local_rotations, atol=4e-5
+    )
+    assert Path(again.scene.terrain_spec).name == "dunes.png"
+    assert again.scene.character_path is not None
+    assert again.scene.character_path.name == "me.glb"
+    assert prompt(again) == "a proud king"
+    again.editor.redo()
+    assert titles(again) == ["Take 1", "long walk", "Take 1, mirrored"]
+    for _ in range(6):
+        again.editor.undo()  # camera, trim, words, name: every step came along
+    assert titles(again) == ["Take 1"] or titles(again) == ["Take 1", "Take 2"]
+    again.takes.play(1)
+    again.editing.reword(0, "proud peacock")
+    run(again, 2)
+    assert again.editor.session.takes[0].made.clip.prompts[0].prompt == "proud peacock"
+
+
+def test_an_empty_list_of_takes_is_a_session_too(start: Start, tmp_path: Path) -> None:
+    app = start()
+    app.prompting.submit_prompt("a proud king")
+    app.sessions.save_as(tmp_path / "words.sport")
+    app.close()
+    again = start(session=str(tmp_path / "words.sport"))
+    assert prompt(again) == "a proud king"
+
+
+def test_what_was_kept_and_undone_of_a_named_session_does_not_become_an_untitled_one(
+    start: Start, tmp_path: Path
+) -> None:
+    app = start()
+    app.interrupt()
+    app.end()
+    app.close()
+    assert list(untitled(tmp_path).glob("*")) == []  # nothing was done in it
+
+
+# --- from one session to the other
+
+
+def test_each_take_is_in_the_session_in_which_it_was_recorded(start: Start, tmp_path: Path) -> None:
+    cache, paths = tmp_path / "cache", [tmp_path / "a.sport", tmp_path / "b.sport"]
+    for path in paths:
+        SessionFile.create(path, cache).close()
+    app = start()
+    app.sessions.open(paths[0])
+    record(app)
+    app.takes.rename(1, "of a")
+    app.sessions.open(paths[1])
+    assert titles(app) == []
+    record(app, stop=False)  # it is being recorded when another one begins
+    app.sessions.new()
+    assert titles(app) == []
+    record(app)
+    assert [[take.title for take in in_file(path, cache).takes] for path in paths] == [["of a"], ["Take 1"]]
+    app.sessions.open(paths[0])
+    assert titles(app) == ["of a"]
+    (left,) = app.sessions.earlier  # the untitled one
+    assert (left.name, left.takes, left.ended) == ("Untitled", 1, True)
+    assert left.picture.startswith(b"\x89PNG")
+    app.sessions.open(left.path)
+    assert titles(app) == ["Take 1"]
+    assert app.sessions.path is None
+    assert app.sessions.earlier == []
+
+
+def test_the_last_ten_untitled_sessions_are_kept(start: Start, tmp_path: Path) -> None:
+    app = start()
+    for number in range(13):
+        record(app, 5)
+        app.takes.rename(1, f"of {number}")
+        app.sessions.new()
+    assert len(app.sessions.earlier) == 10
+    titles = [in_file(left.path, tmp_path).takes[0].title for left in app.sessions.earlier]
+    assert titles == [f"of {number}" for number in range(12, 2, -1)]
+
+
+def test_a_new_session_is_on_the_same_ground_and_can_be_left_by_undo_of_nothing(start: Start) -> None:
+    app = start()
+    app.scene.load_terrain("stairs")
+    record(app)
+    app.sessions.new()
+    run(app, 3)
+    assert app.scene.terrain_spec == "stairs"
+    assert app.editor.session.ground is not None
+    app.editor.undo()
+    assert said(app) == "There is nothing to undo."
+    assert app.editor.session.takes == ()
+
+
+def test_a_new_session_holds_no_hand_and_has_no_path(start: Start) -> None:
+    app = start()
+    app.pins.toggle_live(Pinned.LEFT_HAND)
+    app.path.add(1.0, 2.0)
+    app.sessions.new()
+    run(app, 3)
+    assert app.pins.pins == ()
+    assert app.editor.session.live.poses == NO_EDITS
+    assert app.path.points == ()
+
+
+def test_a_camera_key_is_dragged_past_another_one_and_never_onto_it(start: Start) -> None:
+    app = start()
+    record(app, 60)
+    app.takes.play(1)
+    playback = app.takes.playback
+    assert playback is not None
+    for frame in (10, 20, 30):
+        playback.seek(frame)
+        app.camera_keys.add()
+    dragged = 0
+    for frame in (12, 20, 24, 30, 40):
+        app.camera_keys.move(dragged, frame)
+        dragged = len([at for at in (20, 30) if at < frame]) if frame not in (20, 30) else dragged
+    assert [round(key.seconds * 60) for key in app.camera_keys.keys] == [20, 30, 40]
+
+
+def test_save_as_of_an_untitled_session_removes_the_untitled_file(start: Start, tmp_path: Path) -> None:
+    app = start()
+    record(app)
+    assert app.editor.file.flush(20.0)
+    assert len(list(untitled(tmp_path).glob("*.sport"))) == 1
+    app.sessions.save_as(tmp_path / "named.sport")
+    assert list(untitled(tmp_path).glob("*")) == []
+    record(app)
+    app.sessions.save_as(tmp_path / "other.sport")  # of a named one: it stays
+    record(app)
+    app.close()
+    assert [len(in_file(tmp_path / f"{name}.sport", tmp_path).takes) for name in ("named", "other")] == [2, 3]
+
+
+def test_a_copy_stays_as_it_is_while_the_session_goes_on(start: Start, tmp_path: Path) -> None:
+    app = start()
+    record(app)
+    app.sessions.save_copy(tmp_path / "copy")
+    assert said(app) == f"Saved a copy as {tmp_path / 'copy.sport'}."
+    assert app.sessions.path is None
+    record(app)
+    assert len(in_file(tmp_path / "copy.sport", tmp_path).takes) == 1
+    app.sessions.save_copy(tmp_path / "copy")  # once more, over it
+    assert len(in_file(tmp_path / "copy.sport", tmp_path).takes) == 2
+
+
+def test_a_session_is_reverted_to_when_it_was_opened_and_that_is_undone(start: Start, tmp_path: Path) -> None:
+    app = start()
+    record(app)
+    app.sessions.save_as(tmp_path / "a.sport")
+    app.sessions.new()
+    app.sessions.open(tmp_path / "a.sport")
+    before = text_of(app.editor.session)
+    app.sessions.revert()
+    assert said(app) == "Nothing was changed since it was opened."
+    app.takes.rename(1, "other")
+    record(app)
+    after = text_of(app.editor.session)
+    app.sessions.revert()
+    assert text_of(app.editor.session) == before
+    app.editor.undo()
+    assert text_of(app.editor.session) == after
+    app.editor.redo()
+    assert text_of(app.editor.session) == before
+    app.close()
+    assert text_of(in_file(tmp_path / "a.sport", tmp_path / "config" / "characters")) == before
+
+
+def test_two_windows_on_one_session_the_second_has_a_copy(start: Start, tmp_path: Path) -> None:
+    other, history = SessionFile.open(make_named(tmp_path / "a.sport"), tmp_path)
+    app = start()
+    app.sessions.open(tmp_path / "a.sport")
+    assert said(app) == "a.sport is open in another window: this is an untitled copy of it."
+    assert app.sessions.path is None
+    assert titles(app) == ["named"]
+    app.takes.rename(1, "of the second")
+    record(app)
+    first = edits.renamed(history.present.session, 1, "of the first")
+    history.push("name", first)
+    other.write(history)
+    copy = app.editor.file.path
+    app.interrupt()
+    assert app.end() == 0
+    assert other.close()
+    assert [t.title for t in in_file(tmp_path / "a.sport", tmp_path).takes] == ["of the first"]
+    assert [t.title for t in in_file(copy, tmp_path).takes] == ["of the second", "Take 2"]
+
+
+def test_the_session_that_is_open_is_not_opened_again(start: Start, tmp_path: Path) -> None:
+    app = start()
+    record(app)
+    app.sessions.save_as(tmp_path / "a.sport")
+    (tmp_path / "link.sport").symlink_to(tmp_path / "a.sport")
+    for name in ("a.sport", "link.sport"):
+        app.sessions.open(tmp_path / name)
+        assert said(app) == f"{name} is open already."
+    assert titles(app) == ["Take 1"]
+
+
+# --- cut off
+
+
+@pytest.mark.parametrize("button", ["Reopen", "Discard"])
+def test_a_session_that_was_cut_off_while_recording_is_one_offer(
+    start: Start, tmp_path: Path, button: str
+) -> None:
+    killed = start()
+    record(killed)
+    record(killed, 40, stop=False)
+    killed.close()  # without its end
+    app = start()
+    app.sessions.begin(None, looking=True)
+    assert "Cut off: Untitled, 1 take, " in said(app)
+    run(app, 2)
+    assert labels(app).count("Reopen") == 1
+    click_on(app, button)
+    run(app, 3)
+    if button == "Discard":
+        assert titles(app) == []
+        assert len(list(untitled(tmp_path).glob("*.sport"))) == 1  # its own
+    else:
+        assert titles(app) == ["Take 1", "Take 2"]
+        assert "Recovery of Take 2" in said(app)
+        assert app.editor.undo_label == "recovery of Take 2"
+        assert 30 <= app.editor.session.takes[1].frames <= 41
+        assert app.editor.session.takes[1].made.header.resimulable
+        app.takes.play(2)
+        app.editing.insert_prompt("an old king")
+        run(app, 2)
+        assert app.editor.session.takes[1].made.clip.prompts[-1].prompt == "an old king"
+        app.editor.undo()
+        app.editor.undo()
+        assert titles(app) == ["Take 1"]
+    assert not {"Reopen", "Discard"} & set(labels(app))
+
+
+def test_a_named_session_that_was_cut_off_has_it_all_when_it_is_opened(start: Start, tmp_path: Path) -> None:
+    killed = start()
+    record(killed)
+    killed.sessions.save_as(tmp_path / "a.sport")
+    killed.takes.rename(1, "after it was saved")
+    record(killed, 40, stop=False)
+    killed.close()
+    app = start()
+    app.sessions.begin(None, looking=True)
+    assert app.sessions.cut_off is None  # no file but its own
+    app.sessions.open_last()
+    app.settings.recent_sessions = [str(tmp_path / "a.sport")]
+    app.sessions.open_last()
+    assert titles(app) == ["after it was saved", "Take 2"]
+    assert "Recovery of Take 2: it was cut off." in said(app)
+
+
+def test_an_older_session_that_was_cut_off_never_overwrites_the_named_file(
+    start: Start, tmp_path: Path
+) -> None:
+    killed = start()
+    record(killed)
+    killed.close()
+    app = start()
+    app.sessions.open(make_named(tmp_path / "a.sport"))
+    app.sessions.look()
+    assert app.sessions.cut_off is not None
+    app.sessions.open(app.sessions.cut_off.path)
+    app.takes.rename(1, "of the cut off one")
+    assert app.sessions.path is None
+    app.close()
+    assert in_file(tmp_path / "a.sport", tmp_path).takes[0].title == "named"
+
+
+def test_sessions_that_another_window_has_open_are_not_offered(start: Start, tmp_path: Path) -> None:
+    make_named(untitled(tmp_path) / "20260101-000000-0000-abc.sport")
+    other, _ = SessionFile.open(next(untitled(tmp_path).glob("*.sport")), tmp_path)
+    app = start()
+    app.sessions.begin(None, looking=True)
+    assert app.sessions.earlier == []
+    other.close()
+    app.sessions.look()
+    assert len(app.sessions.earlier) == 1
+
+
+# --- the disk
+
+
+def full(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
+    """Whether the disk has no room, to be changed."""
+    is_full, real = [True], Database._keep_there
+
+    def keep_there(self: Database) -> None:
+        if is_full[0]:
+            raise OSError(28, "No space left on device")
+        real(self)
+
+    monkeypatch.setattr(Database, "_keep_there", keep_there)
+    return is_full
+
+
+def test_a_full_disk_is_said_with_a_remedy_and_nothing_is_lost_once_there_is_room(
+    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = start()
+    record(app)
+    assert app.editor.file.flush(10.0)
+    is_full = full(monkeypatch)
+    record(app)
+    run_until(app, lambda: app.editor.file.problem != "")
+    app.messages.clock = lambda: time.monotonic() + 60.0  # what was said since has faded
+    run(app, 2)
+    assert "No space left" in said(app)
+    assert sqlite_file.ROOM in said(app)
+    assert "in memory only" in said(app)
+    app.takes.play(2)  # it still plays and is edited
+    run(app, 2)
+    app.takes.rename(2, "meanwhile")
+    is_full[0] = False
+    run_until(app, lambda: app.editor.file.problem == "")
+    run(app, 2)
+    app.interrupt()
+    assert app.end() == 0
+    (left,) = find(untitled(tmp_path))
+    assert [t.title for t in in_file(left.path, tmp_path).takes] == ["Take 1", "meanwhile"]
+
+
+def test_what_cannot_be_written_at_the_end_goes_to_the_temporary_folder_and_the_code_says_so(
+    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path / "temporary"))
+    app = start()
+    record(app)
+    assert app.editor.file.flush(10.0)
+    full(monkeypatch)
+    record(app)
+    record(app, stop=False)
+    app.interrupt()
+    assert app.end() == 1
+    (path,) = (tmp_path / "temporary" / "sport-sessions").glob("*.sport")
+    assert str(path) in said(app)
+    app.close()
+    monkeypatch.undo()
+    file, history = SessionFile.open(path, tmp_path)
+    takes = history.present.session.takes
+    assert [take.title for take in takes] == ["Take 1", "Take 2", "Take 3"]
+    assert [len(take.made.clip) for take in takes] == [take.frames for take in takes]
+    file.close()
+
+
+def test_a_folder_that_cannot_be_made_puts_the_session_into_the_temporary_folder(
+    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    (tmp_path / "config").mkdir()
+    (tmp_path / "config" / "sessions").write_text("in the way", encoding="utf-8")
+    app = start()
+    path = app.editor.file.path
+    assert path.is_relative_to(tmp_path / "temporary")
+    assert any(str(path) in message.text for message in app.messages.recent)
+    record(app)
+    app.interrupt()
+    assert app.end() == 1
+    app.close()
+    assert len(in_file(path, tmp_path).takes) == 1
+
+
+@pytest.mark.parametrize("what", ["file", "folder"])
+def test_a_file_that_is_removed_while_it_is_open_is_written_again(
+    start: Start, tmp_path: Path, what: str
+) -> None:
+    app = start()
+    record(app)
+    folder = tmp_path / "mine"
+    app.sessions.save_as(folder / "a.sport")
+    if what == "file":
+        (folder / "a.sport").unlink()
+    else:
+        shutil.rmtree(folder)
+    record(app)
+    assert app.editor.file.flush(10.0)
+    app.close()
+    assert len(in_file(folder / "a.sport", tmp_path).takes) == 2
+
+
+def test_a_name_that_cannot_be_written_leaves_the_session_where_it_is(start: Start, tmp_path: Path) -> None:
+    app = start()
+    record(app)
+    path = app.editor.file.path
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    for target in (tmp_path / "file" / "a.sport", tmp_path / ("n" * 300 + ".sport")):
+        app.sessions.save_as(target)
+        assert target.name[:20] in said(app)
+        app.sessions.save_copy(target)
+        assert target.name[:20] in said(app)
+    record(app)
+    assert app.editor.file.path == path
+    app.close()
+    assert len(in_file(path, tmp_path).takes) == 2
+
+
+def test_a_name_that_another_window_has_open_is_refused(start: Start, tmp_path: Path) -> None:
+    other, _ = SessionFile.open(make_named(tmp_path / "a.sport"), tmp_path)
+    app = start()
+    record(app)
+    for save in (app.sessions.save_as, app.sessions.save_copy):
+        save(tmp_path / "a.sport")
+        assert "another window has it open" in said(app)
+    other.close()
+    assert [take.title for take in in_file(tmp_path / "a.sport", tmp_path).takes] == ["named"]
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"SQLite format 3\0" + bytes(100), b"no session", b"PK\x05\x06" + bytes(18)]
+)
+def test_a_damaged_session_is_one_sentence_and_costs_nothing(
+    content: bytes, start: Start, tmp_path: Path
+) -> None:
+    app = start()
+    record(app)
+    (tmp_path / "bad.sport").write_bytes(content)
+    app.open_files([tmp_path / "bad.sport"])
+    run(app, 2)
+    assert "bad.sport: " in said(app)
+    assert titles(app) == ["Take 1"]
+    assert app.sessions.path is None
+
+
+def test_damaged_frames_are_said_when_the_take_is_played_and_the_rest_goes_on(
+    start: Start, tmp_path: Path
+) -> None:
+    path = tmp_path / "a.sport"
+    app = start()
+    record(app)
+    record(app)
+    app.sessions.save_as(path)
+    app.close()
+    with closing(sqlite3.connect(path)) as connection, connection:
+        key = connection.execute(
+            "SELECT key FROM motions WHERE key NOT LIKE '%.input' ORDER BY number"
+        ).fetchone()[0]
+        connection.execute("UPDATE frames SET content = zeroblob(9) WHERE motion LIKE ?", (f"{key}%",))
+    app = start(session=str(path))
+    run(app, 2)
+    for use in (
+        lambda: app.takes.play(1),
+        lambda: app.takes.mirror(1),
+        lambda: app.references.show(1),
+        lambda: app.takes.export(),
+        lambda: app.takes.export_all(),
+        lambda: app.exporting.open(),
+    ):
+        app.takes.select(1)
+        use()
+        run(app, 3)
+    assert any("a.sport: " in message.text for message in app.messages.recent)
+    app.takes.play(2)
+    run(app, 3)
+    assert app.takes.playback is not None
+    assert app.takes.playback.number == 2
+    app.references.show(1)
+    run(app, 3)
+    app.editing.go_on()
+    app.takes.rename(1, "damaged")
+    run(app, 2)
+    assert app.editor.file.flush(10.0)
+
+
+# --- dialogs
+
+
+def test_without_a_dialog_program_the_path_is_typed(start: Start, tmp_path: Path) -> None:
+    app = start()
+    app.sessions.dialogs.available = lambda: False
+    record(app)
+    press(app, "ctrl", "s")
+    run(app, 3)
+    app.window.inject_text(str(tmp_path / "typed"))
+    run(app, 2)
+    click_on(app, "##dialog ok")
+    run(app, 2)
+    assert (tmp_path / "typed.sport").is_file()
+    assert app.sessions.name == "typed"
+
+
+def test_a_systems_dialog_hands_over_its_answer(start: Start, tmp_path: Path) -> None:
+    class Native:
+        def ready(self, _: int) -> bool:
+            return True
+
+        def result(self) -> str:
+            return str(tmp_path / "native.sport")
+
+    app = start()
+    app.sessions.dialogs.available, app.sessions.dialogs.native = lambda: True, lambda _: Native()
+    app.sessions.ask_save()
+    run(app, 2)
+    assert (tmp_path / "native.sport").is_file()
+    assert not any("dialog ok" in label for label, _ in drawn(app))
+
+
+# --- other things of a session
+
+
+def test_a_take_plays_on_the_ground_that_it_was_made_on(start: Start) -> None:
+    app = start()
+    record(app)
+    flat = app.scene.terrain
+    app.scene.load_terrain("stairs")
+    record(app)
+    run(app, 2)
+    app.takes.play(1)
+    run(app)
+    assert np.array_equal(app.scene.renderer.terrain.heights, flat.heights)
+    app.takes.play(2)
+    run(app)
+    assert app.scene.renderer.terrain.name == "stairs"
+    app.takes.play(1)
+    app.takes.close_playback()
+    run(app)
+    assert app.scene.renderer.terrain is app.scene.terrain
+
+
+@pytest.mark.skipif(os.name != "posix", reason="names of POSIX are bytes")
+def test_a_name_that_is_no_text_kills_nothing(start: Start, tmp_path: Path) -> None:
+    app = start()
+    record(app)
+    folder = tmp_path / os.fsdecode(b"clips-\xff")
+    try:
+        folder.mkdir()
+    except OSError:
+        pytest.skip("this file system takes UTF-8 only")
+    strange = save_bvh(still(30), folder / os.fsdecode(b"walk-\xfe.bvh"))
+    app.open_files([strange, folder / os.fsdecode(b"\xfe.png"), folder / os.fsdecode(b"\xfe.xyz")])
+    run(app, 3)
+    assert titles(app)[-1] in ("walk-\ufffd", "still")
+    app.scene.load_terrain(str(folder / os.fsdecode(b"\xfe.npy")))
+    run(app, 2)
+    app.sessions.save_as(folder / os.fsdecode(b"\xfd.sport"))
+    run(app, 2)
+    record(app)
+    wanted = titles(app)
+    path = app.editor.file.path
+    assert path.parent == folder
+    app.interrupt()
+    assert app.end() == 0
+    app.close()
+    assert [take.title for take in in_file(path, tmp_path).takes] == wanted
+
+
+def test_the_list_of_earlier_sessions_does_not_read_what_is_no_session(start: Start, tmp_path: Path) -> None:
+    untitled(tmp_path).mkdir(parents=True)
+    for name in ("20260101-000000-0000-a.sport", "notes.sport", "x.txt"):
+        (untitled(tmp_path) / name).write_bytes(b"no session")
+    app = start()
+    app.sessions.look()
+    assert app.sessions.earlier == []
+    assert (untitled(tmp_path) / "notes.sport").exists()
+    app.sessions.discard(
+        library.SessionSummary(untitled(tmp_path) / "notes.sport", "x", False, 0.0, 1, 1.0, b"")
+    )
+    assert not (untitled(tmp_path) / "notes.sport").exists()
+
+
+def test_a_session_is_opened_while_frames_are_shown_and_the_one_before_is_kept(
+    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With threads, as in a window: what is done while another session is read belongs to the one before."""
+    monkeypatch.setattr("viewer.workspace.Jobs", lambda messages, blocking: Jobs(messages))
+    app = start()
+    run_until(app, lambda: app.scene.controller is not None and app.editor.session.ground is not None)
+    record(app)
+    mine = app.editor.file.path
+    app.sessions.open(make_named(tmp_path / "a.sport"))
+    app.takes.rename(1, "while it is read")
+    run_until(app, lambda: app.sessions.name == "a")
+    app.takes.rename(1, "renamed")
+    run_until(app, lambda: any(left.path == mine for left in app.sessions.earlier))
+    app.close()
+    assert in_file(mine, tmp_path).takes[0].title == "while it is read"
+    assert in_file(tmp_path / "a.sport", tmp_path).takes[0].title == "renamed"

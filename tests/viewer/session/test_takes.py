@@ -1,0 +1,321 @@
+"""The real application without a display: takes, playback, export and pictures."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime.errors import FileError
+from runtime.formats.bvh import read_bvh
+from runtime.formats.bvh_clip import load_clip_bvh
+from runtime.motion.controller import TEMPERATURE
+from runtime.session.frames import HIPS_STEP_M
+from runtime.session.session_file import SessionFile
+from tests.helpers.app_driver import Start, click_on, message, run
+from tests.helpers.viewer_fakes import fake_services
+from viewer import app as app_module
+from viewer.app import App
+from viewer.input.bindings import Action
+from viewer.options import ViewOptions
+from viewer.session.sessions import Sessions
+
+
+def record(app: App, frames: int = 30) -> None:
+    app.window.inject_key("w", True)
+    app.window.inject_key("r", True)
+    app.window.inject_key("r", False)
+    run(app, frames)
+    app.window.inject_key("r", True)
+    app.window.inject_key("r", False)
+    run(app)
+    app.window.inject_key("w", False)
+    run(app)
+
+
+def test_record_play_trim_export(start: Start, tmp_path: Path) -> None:
+    app = start()
+    run(app, 2)
+    record(app)
+    assert [take.title for take in app.editor.session.takes] == ["Take 1"]
+    take = app.editor.session.takes[0].clip
+    shown = [pose.hips_position for pose in app.scene.renderer.poses]
+    there = [np.allclose(place, take.hips_positions[0], atol=HIPS_STEP_M) for place in shown]
+    begin = there.index(True)  # what the screen showed is what the take holds, as finely as a file keeps it
+    assert np.allclose(shown[begin : begin + len(take)], take.hips_positions, atol=HIPS_STEP_M)
+
+    app.takes.play(1)
+    app.takes.playback.seek(5)
+    click_on(app, "[ In")
+    app.takes.playback.seek(20)
+    click_on(app, "Out ]")
+    app.takes.export_path = str(tmp_path / "new folder" / "walk")
+    app.takes.export()
+    run(app)
+    assert app.takes.saved(app.editor.session.takes[0]) == tmp_path / "new folder" / "walk.bvh"
+    motion = read_bvh(tmp_path / "new folder" / "walk.bvh")
+    assert len(motion.positions) == 16
+    assert motion.fps == pytest.approx(60.0, abs=1e-3)
+    assert motion.positions[0, 0] == pytest.approx(100 * take.hips_positions[5], abs=0.01)
+
+
+def test_an_exported_take_tells_its_styles_with_their_transitions_and_what_was_asked_for(
+    start: Start, tmp_path: Path
+) -> None:
+    app = start(terrain="hills")
+    app.settings.blend_seconds = 0.4
+    run(app, 2)
+    app.prompting.submit_prompt("a proud king")
+    run(app, 2)
+    app.takes.toggle_recording()
+    app.window.inject_key("w", True)
+    run(app, 12)
+    app.prompting.submit_prompt("an old king")
+    run(app, 20)
+    app.takes.toggle_recording()
+    app.window.inject_key("w", False)
+    app.takes.export_path = str(tmp_path / "walk.bvh")
+    app.takes.export()
+    run(app, 2)
+    back = load_clip_bvh(tmp_path / "walk.bvh")
+    assert [event.prompt for event in back.prompts] == ["a proud king", "an old king"]
+    changed = back.prompts[1]
+    assert changed.transition_seconds == pytest.approx(0.4)
+    assert json.loads(changed.words)["torso"] == "torso of an old king"
+    assert changed.seconds == pytest.approx(12 / 60, abs=2 / 60)
+    assert dict(back.gait_seconds)["walk"] > 0.4
+    assert (back.terrain, back.origin.terrain_seed, back.origin.temperature) == ("hills", 0, TEMPERATURE)
+    app.takes.open(tmp_path / "walk.bvh")
+    run(app, 2)
+    assert "an old king" in app.editor.session.takes[-1].clip.describe()
+
+
+def test_a_failing_export_keeps_the_clip(start: Start, tmp_path: Path) -> None:
+    app = start()
+    run(app, 2)
+    record(app)
+    blocked = tmp_path / "file"
+    blocked.write_text("", encoding="utf-8")
+    app.takes.export_path = str(blocked / "walk.bvh")
+    app.takes.export()
+    run(app)
+    assert str(blocked) in message(app)
+    assert len(app.editor.session.takes) == 1
+    assert app.takes.saved(app.editor.session.takes[0]) is None
+    app.takes.export_path = ""
+    app.takes.export()
+    assert "path is empty" in message(app)
+
+
+def test_an_earlier_file_is_overwritten_only_when_its_path_was_typed(start: Start, tmp_path: Path) -> None:
+    earlier = tmp_path / "take-1.bvh"  # of another session
+    earlier.write_text("earlier", encoding="utf-8")
+    app = start()
+    clips = app.takes
+    app.settings.export_folder = str(tmp_path)
+    run(app, 2)
+    record(app)
+    own = tmp_path / "take-1-2.bvh"
+    assert clips.export_path == str(own)
+    own.write_text("of a viewer beside this one", encoding="utf-8")  # the name is no longer free
+    app.takes.export()
+    run(app)
+    assert (earlier.read_text("utf-8"), own.read_text("utf-8")) == ("earlier", "of a viewer beside this one")
+    own = tmp_path / "take-1-3.bvh"
+    assert clips.saved(app.editor.session.takes[0]) == own
+    record(app)  # selects the new take
+    app.takes.select(1)
+    assert clips.export_path == str(own)  # its own file of this session: written again without a new name
+    app.takes.export()
+    run(app)
+    assert sorted(tmp_path.glob("*.bvh")) == [tmp_path / "take-1-2.bvh", own, earlier]
+    clips.export_path = str(earlier)
+    app.takes.export()
+    run(app)
+    assert earlier.read_text("utf-8").startswith("HIERARCHY")
+    clips.export_path = str(own)  # typed: once proposed, but not what is proposed now
+    app.takes.export()
+    run(app)
+    assert clips.saved(app.editor.session.takes[0]) == own
+
+
+def test_a_trimmed_file_is_not_written_over_the_one_it_was_opened_from(start: Start, tmp_path: Path) -> None:
+    app = start()
+    run(app, 2)
+    record(app)
+    original = tmp_path / "take-1.bvh"
+    app.takes.export_path = str(original)
+    app.takes.export()
+    app.takes.remove(1)
+    before = original.read_bytes()
+    app.takes.open(original)
+    run(app)
+    app.takes.playback.seek(10)
+    click_on(app, "Out ]")
+    app.takes.export()
+    run(app)
+    assert original.read_bytes() == before
+    assert len(load_clip_bvh(tmp_path / "take-1-2.bvh")) == 11
+
+
+def test_the_last_seconds_are_always_in_memory(start: Start) -> None:
+    app = start()
+    app.settings.keep_seconds = 0.25
+    run(app, 40)
+    app.window.inject_key("t", True)
+    run(app)
+    assert len(app.editor.session.takes[0].clip) == 15
+    assert not app.takes.recording
+
+
+def test_moving_leaves_the_playback_and_nothing_else_does(start: Start) -> None:
+    app = start()
+    run(app, 2)
+    record(app)
+    app.takes.play(1)
+    run(app, 3)
+    assert app.takes.playback is not None
+    app.window.inject_key("w", True)
+    run(app)
+    assert app.takes.playback is None
+    app.takes.play(1)  # with the key still held the clip plays on
+    run(app, 3)
+    assert app.takes.playback is not None
+
+
+def kept(folder: Path) -> list[str]:
+    """Titles of the takes in the one untitled session of a folder."""
+    (path,) = (folder / "sessions").glob("*.sport")
+    file, history = SessionFile.open(path, folder / "characters")
+    file.close()
+    return [take.title for take in history.present.session.takes]
+
+
+def test_the_file_has_every_take_and_the_one_still_recorded_when_the_program_ends(
+    start: Start, tmp_path: Path
+) -> None:
+    app = start()
+    run(app, 2)
+    record(app)
+    app.takes.toggle_recording()
+    run(app, 5)
+    app.interrupt()
+    assert app.end() == 0
+    assert kept(tmp_path / "config") == ["Take 1", "Take 2"]
+    assert not list(tmp_path.rglob("*.bvh"))
+
+
+def test_a_defect_does_not_cost_the_take(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def frame(app: App) -> None:
+        if app.frames_shown == 0:
+            app.takes.toggle_recording()
+        if app.frames_shown == 10:
+            raise ZeroDivisionError
+        original(app)
+
+    original = App.frame
+    monkeypatch.setattr(App, "frame", frame)
+    with pytest.raises(ZeroDivisionError):
+        app_module.run(ViewOptions(offscreen=True, frames=20, terrain="flat"), fake_services(), tmp_path)
+    assert kept(tmp_path) == ["Take 1"]
+
+
+@pytest.fixture(params=["SIGTERM", "SIGHUP", "SIGINT"])
+def ending_signal(request: pytest.FixtureRequest) -> Iterator[signal.Signals]:
+    """A signal that ends programs, with a handler that must be there again afterwards."""
+    number = getattr(signal, request.param, None)
+    if number is None:
+        pytest.skip(f"this platform has no {request.param}")
+    found = signal.signal(number, signal.default_int_handler if number == signal.SIGINT else unexpected)
+    before = signal.getsignal(number)
+    yield number
+    assert signal.signal(number, found) is before
+
+
+def unexpected(*_: object) -> None:
+    raise AssertionError("the viewer did not take the signal")
+
+
+def test_a_signal_ends_the_run_and_does_not_cost_the_take(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending_signal: signal.Signals
+) -> None:
+    frames = 0
+
+    def frame(app: App) -> None:
+        nonlocal frames
+        frames = app.frames_shown
+        if frames == 0:
+            app.takes.toggle_recording()
+        if frames == 10:
+            os.kill(os.getpid(), ending_signal)
+        draw(app)
+
+    def finish(sessions: Sessions, keep: bool, seconds: float) -> None:
+        if ending_signal != signal.SIGINT:  # closing a terminal sends it more than once
+            os.kill(os.getpid(), ending_signal)
+        write(sessions, keep, seconds)
+
+    draw, write = App.frame, Sessions.finish
+    monkeypatch.setattr(App, "frame", frame)
+    monkeypatch.setattr(Sessions, "finish", finish)
+    options = ViewOptions(offscreen=True, frames=200, terrain="flat")
+    assert app_module.run(options, fake_services(), tmp_path) == 0
+    assert frames == 10
+    assert kept(tmp_path) == ["Take 1"]
+
+
+def test_a_screenshot_that_fails_costs_neither_takes_nor_settings(start: Start, tmp_path: Path) -> None:
+    app = start()
+    blocked = tmp_path / "file"
+    blocked.write_text("", encoding="utf-8")
+    app.options = dataclasses.replace(app.options, offscreen=False, screenshot=blocked / "shot.png")
+    app.kept.active = True
+    run(app, 2)
+    record(app)
+    with pytest.raises(FileError, match=r"shot\.png"):
+        app.end()
+    assert kept(tmp_path / "config") == ["Take 1"]
+    assert (tmp_path / "config" / "settings.json").is_file()
+
+
+def test_every_clip_panel_state_can_be_drawn(start: Start) -> None:
+    app = start()
+    run(app, 2)
+    record(app)
+    app.takes.play(1)
+    app.actions[Action.HELP]()
+    app.takes.toggle_recording()
+    run(app, 2)
+    app.takes.toggle_recording()
+    app.takes.play(2)
+    run(app, 2)
+    assert len(app.editor.session.takes) == 2
+    for number in (1, 2):
+        app.takes.remove(number)
+        run(app, 2)
+    assert app.editor.session.takes == ()
+    assert app.takes.playback is None
+
+
+def test_screenshot_and_frames_are_written(start: Start, tmp_path: Path) -> None:
+    from PIL import Image
+
+    app = start(
+        width=128,
+        height=96,
+        screenshot=tmp_path / "a" / "out.png",
+        frames=2,
+        frames_directory=tmp_path / "film",
+    )
+    while not app.finished:
+        app.frame()
+    assert app.end() == 0
+    with Image.open(tmp_path / "a" / "out.png") as image:
+        assert image.size == (128, 96)
+    assert sorted(p.name for p in (tmp_path / "film").iterdir()) == ["frame_00000.png", "frame_00001.png"]

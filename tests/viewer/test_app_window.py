@@ -1,0 +1,232 @@
+"""The real application without a display (PLATFORM_NULL and EGL): its window, size, scale and options."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks import frames
+from runtime.errors import DisplayError, UsageError
+from tests.faults.faults import display
+from tests.helpers.app_driver import InjectedPads, Start, run
+from tests.helpers.viewer_fakes import fake_services
+from viewer import app as app_module
+from viewer.app import App
+from viewer.gl_bindings import imgui
+from viewer.options import ViewOptions
+from viewer.window import KEY_CODES
+
+
+def test_first_frame_shows_scene_and_panels(start: Start) -> None:
+    app = start(real_renderer=True, width=640, height=400, panels=True)
+    run(app, 2)
+    picture = app.window.read_pixels()
+    assert picture.shape == (400, 640, 3)
+    assert picture[:30].mean() > 90  # the bright sky
+    assert picture[-15:, 300:].mean() < 60  # the dark status line
+    assert app.scene.model_name == "fake"
+    assert app.prompting.parts["torso"] != ""
+
+
+IN_A_WINDOW = """
+import sys
+from functools import partial
+from pathlib import Path
+from tests.helpers.app_driver import InjectedPads, run
+from tests.helpers.viewer_fakes import fake_services
+from viewer import app as app_module
+from viewer.app import App
+from viewer.options import ViewOptions
+
+options = ViewOptions(width=480, height=320, terrain="flat", quality="software")
+app = App(options, fake_services(True), InjectedPads(), Path(sys.argv[1]))
+for size in ((480, 320), (610, 390)):
+    app.window.resize(*size)
+    for _ in range(400):
+        run(app)
+        if app.frames_shown > 5 and app.window.pixels == size:
+            break
+    run(app, 2)
+    picture = app.window.read_pixels()
+    assert picture.shape == (size[1], size[0], 3), (picture.shape, size)
+    assert picture[:6].mean() > 60, "the sky"
+    assert picture[-12:, 200:].mean() < 60, "the status line"
+    assert picture.std() > 20
+app.close()
+"""
+
+
+@pytest.mark.skipif(shutil.which("Xvfb") is None, reason="no Xvfb here")
+def test_a_shown_window_has_scene_and_panels_at_every_size(tmp_path: Path) -> None:
+    with display() as (_, name):
+        done = subprocess.run(
+            [sys.executable, "-c", IN_A_WINDOW, str(tmp_path)],
+            env={**os.environ, "DISPLAY": name, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+    assert done.returncode == 0, done.stderr
+
+
+def test_two_runs_show_the_same_picture(start: Start) -> None:
+    pictures = []
+    for _ in range(2):
+        app = start(real_renderer=True, width=320, height=240, panels=False, keys="w 1")
+        run(app, 8)
+        pictures.append(app.window.read_pixels()[: 240 - 32])  # without the status line: it shows times
+        app.close()
+    assert np.array_equal(*pictures)
+
+
+@pytest.mark.parametrize("size", [(333, 217), (1921, 1081), (64, 64), (2000, 200)])
+def test_resize_to_odd_sizes(start: Start, size: tuple[int, int]) -> None:
+    app = start()
+    run(app)
+    app.window.resize(*size)
+    run(app, 3)
+    assert app.window.framebuffer.size == size
+    assert app.window.read_pixels().shape == (size[1], size[0], 3)
+
+
+def test_without_a_display_every_picture_is_drawn_to_its_end(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else the graphics library keeps the buffers of all of them: 200 MB in some minutes."""
+    app = start(panels=True)
+    run(app, 1)
+    drawn: list[int] = []
+    context = app.window.ctx
+    monkeypatch.setattr(app.window, "ctx", SimpleNamespace(finish=lambda: drawn.append(1)))
+    app.window.present()
+    monkeypatch.setattr(app.window, "ctx", context)
+    assert drawn == [1]
+
+
+def test_memory_that_shrank_is_given_back_again_when_it_grows(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = start()
+    held = iter((500.0, 500.0, 300.0, 330.0, 310.0))
+    given: list[float] = []
+    monkeypatch.setattr(app_module, "resident_mb", lambda: next(held))
+    monkeypatch.setattr(app_module, "give_back_freed", partial(given.append, 1.0))
+    app._trimmed_mb = 0.0
+    for _ in range(3):
+        app._look_at_memory()
+    assert len(given) == 2
+    assert app.state.stats.memory_mb == 310.0
+
+
+def test_change_of_scale_does_not_add_up(start: Start) -> None:
+    from viewer.gl_bindings import imgui
+
+    app = start()
+    run(app)
+    before = imgui.get_style().window_padding.x
+    for scale in (2.0, 1.0):
+        app.window.wanted_scale = scale
+        run(app)
+    assert imgui.get_style().window_padding.x == before
+
+
+def test_the_status_line_tells_the_true_rates(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    app = start()
+    run(app, 3)
+    clock = SimpleNamespace(now=100.0)
+    monkeypatch.setattr("viewer.app.time", SimpleNamespace(perf_counter=lambda: clock.now))
+    for frame in range(400):
+        clock.now += 0.01 if frame % 2 else 0.04  # an uneven machine: 40 pictures a second
+        run(app)
+    assert app.state.stats.fps == pytest.approx(40.0, rel=0.1)  # not the 60 steps that they simulate
+    assert app.state.stats.steps_per_s == pytest.approx(app.state.stats.fps)  # offscreen: one in each picture
+
+
+@pytest.mark.parametrize("panels", [True, False])
+def test_saved_frames_without_panels_have_no_status_line_either(
+    start: Start, panels: bool, tmp_path: Path
+) -> None:
+    app = start(panels=panels, screenshot=tmp_path / "shot.png")
+    names = []
+    begin = imgui.begin
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(imgui, "begin", lambda name, *rest: names.append(name) or begin(name, *rest))
+        run(app, 2)
+    assert bool(names) == panels
+    assert ("Status" in names) == panels
+
+
+def test_minimised_window_draws_nothing_and_comes_back(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    app = start()
+    run(app)
+    drawn = app.frames_shown
+    monkeypatch.setattr(type(app.window), "pixels", property(lambda self: (0, 0)))
+    run(app, 2)
+    assert app.frames_shown == drawn
+    monkeypatch.undo()
+    run(app)
+    assert app.frames_shown == drawn + 1
+
+
+def test_without_a_display_the_error_names_the_remedy(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(DisplayError, match="--offscreen"):
+        App(ViewOptions(), fake_services(), InjectedPads(), tmp_path)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"width": 5},
+        {"frames": 0},
+        {"ui_scale": 9.0},
+        {"camera": "behind"},
+        {"controls": "jump"},
+        {"frames_directory": Path("x")},
+    ],
+)
+def test_options_are_checked_before_a_window_opens(options: dict[str, Any]) -> None:
+    with pytest.raises(UsageError, match=r"--|^controls: "):
+        App(ViewOptions(**options), fake_services())
+
+
+def test_random_use_never_breaks_the_interface(start: Start) -> None:
+    """A monkey presses, clicks, types and resizes; the loop must go on and the state stay drawable."""
+    app = start(width=900, height=600)
+    random = np.random.default_rng(1)
+    keys = [name for name in KEY_CODES if name != "f11"]
+    app.settings.export_folder = str(app.config)  # whatever it saves stays in the test's folder
+    for _ in range(150):
+        width, height = app.window.size
+        x, y = random.uniform(0, width), random.uniform(0, height)
+        app.window.inject_mouse(x, y, int(random.integers(3)), bool(random.integers(2)))
+        app.window.inject_key(str(random.choice(keys)), bool(random.integers(2)))
+        app.window.inject_text(str(random.choice(["a", "é", "日", "\U0001f600", " "])))
+        if random.random() < 0.03:
+            app.window.resize(int(random.integers(64, 1400)), int(random.integers(64, 900)))
+        if random.random() < 0.05:
+            app.takes.save_last()
+        run(app)
+    assert np.isfinite(app.scene.simulation.current.positions).all()
+
+
+def test_frames_are_timed_by_part_and_left_as_they_were(start: Start) -> None:
+    app = start()
+    times = frames.measure(app, 3, frames.parts(app))
+    assert set(times) == {"frame", "all else", *frames.parts(app)}
+    assert all(len(ms) == 3 for ms in times.values())
+    assert "advance" not in vars(app.scene)
+    assert set(frames.measure(app, 2, {})) == {"frame", "all else"}

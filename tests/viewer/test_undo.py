@@ -1,0 +1,381 @@
+"""The real application by mouse and keys: whatever a user made is undone by Ctrl+Z, one thing at a time, and is in the file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime.character.shape import BodyShape
+from runtime.formats.bvh_clip import load_clip_bvh
+from runtime.session.session import Session
+from runtime.takes.pins import Pinned
+from tests.helpers.app_driver import Start, click, click_on, drawn, message, place, press, run
+from viewer import services
+from viewer.app import App
+from viewer.edit.handles import on_screen
+from viewer.gl_bindings import imgui
+
+
+def record(app: App, frames: int = 40) -> None:
+    """A walk straight ahead by keys."""
+    app.window.inject_key("w", True)
+    for count in (frames, 1):
+        app.window.inject_key("r", True)
+        app.window.inject_key("r", False)
+        run(app, count)
+    app.window.inject_key("w", False)
+    run(app, 2)
+
+
+def drag(app: App, start: tuple[float, float], end: tuple[float, float]) -> None:
+    for at, down in ((start, None), (start, True), (end, True), (end, False)):
+        app.window.inject_mouse(*at, None if down is None else 0, bool(down))
+        run(app, 2)
+    run(app, 2)
+
+
+def trim_start(app: App, share: float) -> None:
+    """Drag the left handle of the ruler to a part of its width."""
+    (left, y), (to, _) = (place(app, "##timeline", share=at) for at in (0.01, share))
+    drag(app, (left, y + 7.0), (to, y + 7.0))
+
+
+def play_row(app: App, row: int) -> None:
+    """The button of a row that plays its take, and again to pause it."""
+    for _ in range(2):
+        click(app, *place(app, "row", index=row, share=0.04))
+    assert app.takes.playback is not None
+    assert app.takes.playback.number == app.editor.session.takes[row].number
+    assert not app.takes.playback.playing
+
+
+def menu(app: App, row: int, *entries: str) -> None:
+    """Entries of the menu of a take's row, each in the one before."""
+    click_on(app, "##take menu", index=row)
+    for entry in entries:
+        click_on(app, entry)
+    run(app, 2)
+
+
+def undo(app: App) -> None:
+    press(app, "ctrl", "z")
+    run(app, 2)
+
+
+def titles(app: App) -> list[str]:
+    return [take.title for take in app.editor.session.takes]
+
+
+def trims(app: App) -> list[tuple[int, int]]:
+    return [take.range for take in app.editor.session.takes]
+
+
+def saved_and_opened(app: App, path: Path) -> Session:
+    """Saved, left, and opened again."""
+    app.sessions.save_as(path)
+    run(app, 2)
+    app.sessions.new()
+    run(app, 2)
+    assert not app.editor.session.takes
+    app.sessions.open(path)
+    run(app, 3)
+    return app.editor.session
+
+
+# --- trims
+
+
+def test_a_trim_stays_whatever_plays_and_over_save_and_open(start: Start, tmp_path: Path) -> None:
+    app = start()
+    record(app)
+    record(app)
+    play_row(app, 0)
+    trim_start(app, 0.5)
+    kept = trims(app)
+    assert 17 <= kept[0][0] <= 22
+    assert kept[1] == (0, 39)
+    play_row(app, 1)
+    assert trims(app) == kept
+    press(app, "escape")
+    run(app, 5)
+    assert app.takes.playback is None
+    assert trims(app) == kept
+    play_row(app, 0)
+    assert app.takes.playback is not None
+    assert app.takes.playback.first == kept[0][0] <= app.takes.playback.frame
+    saved_and_opened(app, tmp_path / "a.sport")
+    assert trims(app) == kept
+
+
+@pytest.mark.parametrize("then", ["another plays", "live", "opened"])
+def test_undo_takes_the_trim_back_whatever_was_looked_at_since(
+    start: Start, tmp_path: Path, then: str
+) -> None:
+    app = start()
+    record(app)
+    record(app)
+    play_row(app, 0)
+    trim_start(app, 0.5)
+    if then == "another plays":
+        play_row(app, 1)
+    elif then == "live":
+        press(app, "escape")
+        run(app, 5)
+    else:
+        saved_and_opened(app, tmp_path / "a.sport")
+    undo(app)
+    assert trims(app) == [(0, 39), (0, 39)]
+    assert message(app).startswith("Undone: trim of Take 1.")
+    press(app, "ctrl", "y")
+    assert trims(app)[0][0] >= 17
+
+
+def test_one_drag_of_a_handle_is_one_step(start: Start) -> None:
+    app = start()
+    record(app)
+    play_row(app, 0)
+    steps = app.editor.history.present.number
+    y, xs = place(app, "##timeline")[1] + 7.0, [place(app, "##timeline", share=k / 20)[0] for k in range(11)]
+    app.window.inject_mouse(xs[0] + 2.0, y)
+    run(app, 2)
+    for x in xs:
+        app.window.inject_mouse(x + 2.0, y, 0, True)
+        run(app)
+    assert app.editor.history.present.number == steps, "it is no step while the mouse holds it"
+    app.window.inject_mouse(xs[-1] + 2.0, y, 0, False)
+    run(app, 2)
+    assert app.editor.history.present.number == steps + 1
+
+
+def test_export_all_writes_what_the_trims_keep(start: Start, tmp_path: Path) -> None:
+    app = start()
+    app.settings.export_folder = str(tmp_path)
+    record(app)
+    record(app)
+    play_row(app, 0)
+    trim_start(app, 0.5)
+    play_row(app, 1)
+    click_on(app, "##export all")
+    run(app, 2)
+    first, last = trims(app)[0]
+    assert len(load_clip_bvh(tmp_path / "take-1.bvh")) == last - first + 1 < 25
+    assert len(load_clip_bvh(tmp_path / "take-2.bvh")) == 40
+
+
+# --- the list
+
+
+def test_a_removed_take_comes_back_as_it_was(start: Start) -> None:
+    app = start()
+    record(app)
+    record(app)
+    play_row(app, 0)
+    trim_start(app, 0.5)
+    before = app.editor.session
+    menu(app, 0, "Remove")
+    assert titles(app) == ["Take 2"]
+    assert "Ctrl+Z brings it back" in app.messages.recent[-1].text
+    undo(app)
+    assert app.editor.session.takes == before.takes
+    assert message(app).startswith("Undone: removal of Take 1.")
+
+
+def test_a_removal_leaves_what_plays_alone(start: Start) -> None:
+    app = start()
+    for _ in range(3):
+        record(app, 10)
+    play_row(app, 2)
+    menu(app, 0, "Remove")
+    assert app.takes.playback is not None
+    assert app.takes.playback.take.title == "Take 3"
+    assert app.editor.session.selected == 3
+
+
+def test_undo_takes_back_exactly_a_mirror_image(start: Start) -> None:
+    app = start()
+    record(app)
+    play_row(app, 0)
+    trim_start(app, 0.5)
+    menu(app, 0, "Mirror")
+    assert titles(app) == ["Take 1", "Take 1, mirrored"]
+    assert app.takes.playback.take.mirrored  # type: ignore[union-attr]
+    undo(app)
+    assert titles(app) == ["Take 1"]
+    assert trims(app)[0][0] >= 17
+
+
+def test_undo_takes_back_exactly_a_name(start: Start) -> None:
+    app = start()
+    record(app)
+    record(app)
+    x, y = place(app, "row")
+    click(app, x, y)
+    click(app, x, y)
+    run(app, 3)
+    app.window.inject_text("A proud walk")
+    run(app, 2)
+    press(app, "enter")
+    run(app, 2)
+    assert titles(app) == ["A proud walk", "Take 2"]
+    undo(app)
+    assert titles(app) == ["Take 1", "Take 2"]
+    assert message(app).startswith("Undone: name of Take 1.")
+
+
+def test_undo_takes_back_exactly_an_opened_bvh(start: Start, tmp_path: Path) -> None:
+    app = start()
+    app.settings.export_folder = str(tmp_path)
+    record(app)
+    click_on(app, "##export")
+    run(app, 2)
+    app.open_files([tmp_path / "take-1.bvh"])  # as by dropping it
+    run(app, 2)
+    assert len(app.editor.session.takes) == 2
+    undo(app)
+    assert titles(app) == ["Take 1"]
+    assert "opening of take-1.bvh" in message(app)
+
+
+def test_color_and_order_are_chosen_in_the_menu_undone_and_kept(start: Start, tmp_path: Path) -> None:
+    app = start()
+    for _ in range(3):
+        record(app, 10)
+    menu(app, 0, "Color", "Green")
+    assert [take.color for take in app.editor.session.takes] == [3, 0, 0]
+    menu(app, 2, "Move up")
+    assert titles(app) == ["Take 1", "Take 3", "Take 2"]
+    menu(app, 0, "Move down")
+    assert titles(app) == ["Take 3", "Take 1", "Take 2"]
+    opened = saved_and_opened(app, tmp_path / "a.sport")
+    assert [take.number for take in opened.takes] == [3, 1, 2]
+    assert [take.color for take in opened.takes] == [0, 3, 0]
+    undo(app)
+    assert titles(app) == ["Take 1", "Take 3", "Take 2"]
+    undo(app)
+    undo(app)
+    assert [take.color for take in app.editor.session.takes] == [0, 0, 0]
+    assert titles(app) == ["Take 1", "Take 2", "Take 3"]
+
+
+def test_the_ends_of_the_list_do_not_move_on(start: Start) -> None:
+    app = start()
+    record(app, 10)
+    record(app, 10)
+    steps = app.editor.history.present.number
+    menu(app, 0, "Move up")
+    assert titles(app) == ["Take 1", "Take 2"]
+    assert app.editor.history.present.number == steps
+
+
+# --- pins, keys, path
+
+
+def test_undo_removes_the_camera_key_and_not_the_pin_before_it(start: Start) -> None:
+    app = start()
+    record(app)
+    play_row(app, 0)
+    for entry in ("Left hand", "Camera view"):
+        click_on(app, "+ Pin")
+        click_on(app, entry)
+        run(app, 2)
+    take = app.editor.session.takes[0]
+    assert (len(take.poses.pins), len(take.cameras)) == (1, 1)
+    undo(app)
+    take = app.editor.session.takes[0]
+    assert (len(take.poses.pins), len(take.cameras)) == (1, 0)
+    undo(app)
+    assert not app.editor.session.takes[0].poses
+
+
+def ground_at(app: App, x: float, z: float) -> tuple[float, float]:
+    found = on_screen(app.scene.camera.current, np.array([x, 0.0, z]), imgui.get_io().display_size)
+    assert found is not None
+    return found
+
+
+def test_a_drawn_path_is_undone_point_by_point_and_kept(start: Start, tmp_path: Path) -> None:
+    app = start()
+    app.scene.camera.current.yaw = 0.0
+    run(app, 5)
+    click_on(app, "Draw a path")
+    for place_ in ((0.0, 2.0), (0.6, 3.0), (-0.5, 3.5)):
+        click(app, *ground_at(app, *place_))
+    path = app.editor.session.live.path
+    assert len(path) == 3
+    assert saved_and_opened(app, tmp_path / "a.sport").live.path == path
+    undo(app)
+    assert app.editor.session.live.path == path[:2]
+    press(app, "ctrl", "y")
+    assert app.editor.session.live.path == path
+
+
+def test_live_pins_are_undone_and_kept(start: Start, tmp_path: Path) -> None:
+    app = start()
+    run(app, 5)
+    for entry in ("Left hand", "Look"):
+        click_on(app, next(label for label, _ in drawn(app) if label.startswith("Hold")))
+        click_on(app, entry)
+        press(app, "escape")
+        run(app, 2)
+    assert [pin.what for pin in app.pins.pins] == [Pinned.LEFT_HAND, Pinned.LOOK]
+    undo(app)
+    assert [pin.what for pin in app.pins.pins] == [Pinned.LEFT_HAND]
+    kept = app.pins.pins[0].point
+    saved_and_opened(app, tmp_path / "a.sport")
+    assert [(pin.what, pin.point) for pin in app.pins.pins] == [(Pinned.LEFT_HAND, kept)]
+    undo(app)
+    assert app.pins.pins == ()
+
+
+# --- body and ground
+
+
+def test_a_shape_of_the_mannequin_is_one_step_and_comes_back_as_sliders(start: Start, tmp_path: Path) -> None:
+    app = start(services={"load_character": services.load_character})
+    run(app, 2)
+    click_on(app, "Open a file, shape the body")
+    begin, end = (place(app, "##shape height", share=share) for share in (0.5, 0.2))
+    steps = app.editor.history.present.number
+    drag(app, begin, end)
+    shape = app.scene.shape
+    assert shape.height < 0.95
+    assert app.editor.history.present.number == steps + 1
+    saved_and_opened(app, tmp_path / "a.sport")
+    assert app.scene.shape == shape
+    assert app.scene.is_mannequin
+    assert "##shape height" in [label for label, _ in drawn(app)], "a slider, and no file"
+    undo(app)
+    assert app.scene.shape == BodyShape()
+    assert app.scene.size == 1.0
+
+
+def shown_ground(app: App) -> str:
+    """What the list of grounds shows."""
+    begin, shown = imgui.begin_combo, {}
+
+    def watched(label: str, preview: str, *rest: int) -> bool:
+        shown[label] = preview
+        return bool(begin(label, preview, *rest))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(imgui, "begin_combo", watched)
+        run(app)
+    return shown["##terrain"]
+
+
+def test_the_scene_panel_names_the_ground_of_the_take_that_plays(start: Start) -> None:
+    app = start()
+    record(app)
+    app.scene.load_terrain("hills")
+    run(app, 2)
+    assert shown_ground(app).lower() == "hills"
+    play_row(app, 0)
+    assert shown_ground(app).lower() == "flat"
+    assert app.scene.renderer.terrain.name == "flat"
+    press(app, "escape")
+    run(app, 2)
+    assert shown_ground(app).lower() == "hills"
+    undo(app)
+    assert shown_ground(app).lower() == "flat"

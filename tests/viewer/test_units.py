@@ -1,0 +1,261 @@
+"""Parts of the viewer that need no window: settings, messages, layout, simulation, playback, file names."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from runtime.controls import Controls
+from runtime.errors import UsageError
+from runtime.options import spec_of
+from runtime.terrain.height_map import Terrain
+from tests.helpers.app_driver import Start, run
+from tests.helpers.viewer_fakes import FakeController
+from viewer.app import simulated_seconds
+from viewer.gui.layout import Rect, arrange, framing
+from viewer.gui.status import Stats
+from viewer.gui.widgets import clock
+from viewer.input.bindings import Action
+from viewer.messages import Messages
+from viewer.scene.simulation import MAX_STEPS, Simulation, interpolate
+from viewer.session.playback import Playback
+from viewer.session.takes import export_target, file_stem, free_path
+from viewer.settings import Settings, config_directory, load_settings, save_settings
+
+
+def test_settings_survive_and_damage_is_named(tmp_path: Path) -> None:
+    settings = Settings(blend_seconds=2.5, terrain="stairs", export_unit="m")
+    save_settings(settings, tmp_path / "deep")
+    assert load_settings(tmp_path / "deep") == (settings, [])
+    file = tmp_path / "deep" / "settings.json"
+    for damage in ("{", "[]", "\0", '{"a":' * 100_000):
+        file.write_text(damage, encoding="utf-8")
+        loaded, complaints = load_settings(tmp_path / "deep")
+        assert loaded == Settings()
+        assert str(file) in complaints[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("blend_seconds", "long"),
+        ("blend_seconds", 99),
+        ("export_fps", 25),
+        ("vsync", 1),
+        ("terrain", 5),
+        ("camera", "side"),
+        ("width", math.inf),
+    ],
+)
+def test_one_bad_setting_keeps_the_others(tmp_path: Path, name: str, value: Any) -> None:
+    (tmp_path / "settings.json").write_text(json.dumps({name: value, "dead_zone": 0.3}), encoding="utf-8")
+    settings, complaints = load_settings(tmp_path)
+    assert settings.dead_zone == 0.3
+    assert getattr(settings, name) == getattr(Settings(), name)
+    assert len(complaints) == 1
+    assert name in complaints[0]
+
+
+def test_damaged_settings_are_a_message(start: Start, tmp_path: Path) -> None:
+    (tmp_path / "config").mkdir()
+    (tmp_path / "config" / "settings.json").write_text("{", encoding="utf-8")
+    app = start()
+    run(app)
+    assert any("settings.json" in m.text for m in app.messages.recent)
+
+
+def test_config_directory_obeys_the_environment() -> None:
+    assert config_directory({"SPORT_CONFIG_DIR": "/a"}) == Path("/a")
+    assert config_directory({"XDG_CONFIG_HOME": "/b"}) == Path("/b/sport-viewer")
+    assert config_directory({}) == Path(os.path.expanduser("~/.config/sport-viewer"))
+
+
+def test_errors_stay_and_notes_fade() -> None:
+    now = [0.0]
+    messages = Messages(clock=lambda: now[0])
+    messages.error("a\nb")
+    now[0] = 1000.0
+    assert messages.current is not None
+    assert messages.current.text == "a b"
+    messages.note("fine")
+    assert messages.current.text == "fine"
+    now[0] = 2000.0
+    assert messages.current is None
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.25, 2.0])
+@pytest.mark.parametrize(
+    "size", [(1280, 720), (1920, 1080), (960, 540), (640, 360), (2560, 1440), (200, 2000)]
+)
+def test_panels_never_overlap(size: tuple[int, int], scale: float) -> None:
+    for scene_height in (0.0, 250.0 * scale, 480.0 * scale):
+        layout = arrange(*size, scale, True, True, scene_height)
+        rects = [r for r in vars(layout).values() if isinstance(r, Rect) and r is not layout.view]
+        for i, a in enumerate(rects):
+            assert a.x >= 0
+            assert a.y >= 0
+            assert a.x + a.width <= size[0] + 1e-6
+            assert a.y + a.height <= size[1] + 1e-6
+            for b in rects[i + 1 :]:
+                beside = a.x + a.width <= b.x or b.x + b.width <= a.x
+                assert beside or a.y + a.height <= b.y or b.y + b.height <= a.y
+
+
+def test_the_picture_is_centred_in_what_the_panels_leave() -> None:
+    wide, narrow = arrange(1280, 720, 1.0), arrange(800, 600, 1.0)
+    assert framing(arrange(1280, 720, 1.0, panels=False))[0] == 0.0
+    assert framing(wide)[0] == pytest.approx(2 * (wide.view.x + wide.view.width / 2) / 1280 - 1)
+    assert narrow.tabs is not None
+    assert (1 + framing(narrow)[0]) / 2 * 800 > narrow.tabs.x + narrow.tabs.width + 100
+    assert framing(arrange(360, 600, 1.0))[0] == 0.0  # hardly anything is left
+
+
+def test_the_timeline_takes_its_height_from_the_view() -> None:
+    for size in ((1280, 720), (800, 500)):
+        layout = arrange(*size, 1.0, transport=True)
+        assert layout.transport is not None
+        _, up, share = framing(layout)
+        assert up - share == pytest.approx(
+            1.0 - 2.0 * layout.transport.y / size[1]
+        )  # its lower edge is the bar
+        assert up + share == pytest.approx(1.0)
+    assert framing(arrange(1280, 720, 1.0))[1:] == (0.0, 1.0)
+
+
+def test_rates_are_those_of_the_clock() -> None:
+    stats = Stats()
+    for _ in range(100):
+        stats.add(
+            work_s=0.08, interval_s=0.1, steps=1
+        )  # offscreen: one step a picture, however long it takes
+    assert stats.fps == pytest.approx(10.0)
+    assert stats.steps_per_s == pytest.approx(10.0)
+    assert stats.frame_ms == pytest.approx(80.0)
+    for i in range(1000):
+        stats.add(0.001, 1 / 144, steps=[1, 0, 1, 0, 0][i % 5] + (i % 60 == 0))
+    assert stats.fps == pytest.approx(144.0, rel=0.01)
+    assert stats.steps_per_s == pytest.approx(60.0, rel=0.05)
+    uneven = Stats()
+    for i in range(400):
+        uneven.add(0.001, [0.005, 0.095][i % 2], steps=1)
+    assert uneven.fps == pytest.approx(20.0, rel=0.1)
+    assert uneven.steps_per_s == pytest.approx(uneven.fps)
+
+
+def test_simulation_steps_at_60_hz_whatever_the_display() -> None:
+    ground = Terrain.flat()
+    for rate in (24.0, 60.0, 144.0):
+        simulation = Simulation.standing(ground)
+        simulation.use(FakeController(ground))
+        fake = simulation.controller
+        assert isinstance(fake, FakeController)
+        begin = fake.steps
+        from runtime.controls import Controls
+
+        for _ in range(round(rate * 2)):
+            simulation.advance(1.0 / rate, Controls(move=(0.0, 1.0)))
+        assert fake.steps - begin == pytest.approx(120, abs=1)
+        assert len(simulation.advance(10.0, Controls())) == MAX_STEPS
+
+
+def test_interpolated_poses_keep_bone_lengths() -> None:
+    ground = Terrain.flat()
+    fake = FakeController(ground)
+    from runtime.controls import Controls
+
+    a = fake.step(Controls())
+    b = fake.step(Controls(move=(1.0, 0.0)))
+    middle = interpolate(a, b, 0.5)
+    assert middle.root_yaw == pytest.approx(math.pi / 4)
+    assert middle.hips_position == pytest.approx((a.hips_position + b.hips_position) / 2)
+    length = np.linalg.norm(middle.positions[3] - middle.positions[4])
+    assert length == pytest.approx(np.linalg.norm(a.positions[3] - a.positions[4]), rel=1e-5)
+
+
+def test_playback_loops_between_its_marks() -> None:
+    from runtime.controls import Controls
+    from runtime.session.motion import Motion
+    from runtime.session.session import Take
+    from runtime.takes.recorder import ClipRecorder
+
+    fake, recorder = FakeController(Terrain.flat()), ClipRecorder()
+    for _ in range(61):
+        recorder.add(fake.step(Controls(move=(0.0, 1.0))))
+    clip = recorder.last(10.0)
+    take = Take(1, Motion.of(clip), trim=(15, 45))
+    playback = Playback(take, clip, Terrain.flat(), Terrain.flat())
+    assert playback.frame == 15
+    playback.advance(0.25)
+    assert playback.start_s <= playback.time_s <= playback.end_s
+    playback.loop = False
+    playback.advance(5.0)
+    assert not playback.playing
+    assert playback.frame == 45
+    assert playback.pose().hips_position == pytest.approx(playback.clip.hips_positions[45], abs=1e-5)
+    playback.toggle()
+    assert playback.frame == 15
+
+
+def test_export_names(tmp_path: Path) -> None:
+    assert export_target(" ~/a/walk ") == Path("~/a/walk.bvh").expanduser()
+    assert export_target('"/a/b.BVH"') == Path("/a/b.BVH")
+    with pytest.raises(UsageError, match="folder"):
+        export_target(str(tmp_path))
+    assert file_stem("Take 3: Löwe/../x") == "take-3-l-we-x"
+    assert file_stem("***") == "clip"
+    (tmp_path / "a.bvh").write_text("", encoding="utf-8")
+    assert free_path(tmp_path / "a.bvh") == tmp_path / "a-2.bvh"
+    too_long = tmp_path / f"{'long' * 100}.bvh"  # to look for it is an error
+    assert free_path(too_long) == too_long
+
+
+def test_every_action_that_is_no_held_one_is_done_by_exactly_one_room(start: Start) -> None:
+    app = start()
+    rooms = [app.shell.actions, *(panel.actions for panel in app.shell.panels)]
+    shared = {Action.RESET}  # the compare view lines its characters up
+    once = [action for room in rooms for action in room if action not in shared]
+    assert len(once) == len(set(once))
+    assert len(once) + len(shared) + 2 == len(app.actions)  # and two of the window
+    assert set(Action) - set(app.actions) == {
+        Action.FORWARD, Action.BACK, Action.LEFT, Action.RIGHT, Action.JOG, Action.STRAFE,
+        Action.LOOK_LEFT, Action.LOOK_RIGHT, Action.LOOK_UP, Action.LOOK_DOWN, Action.ZOOM_IN, Action.ZOOM_OUT,
+        Action.JUMP, Action.CROUCH,
+    }  # fmt: skip
+
+
+def test_a_setting_carries_its_range_and_what_its_widget_shows() -> None:
+    for name in ("strength", "temperature", "response", "blend_seconds", "keep_seconds", "gpt_timeout_s"):
+        spec = spec_of(Settings, name)
+        assert spec.allows(getattr(Settings(), name))
+        assert spec.label % (spec.low * spec.factor) != spec.label % (spec.high * spec.factor)
+        assert not spec.allows(spec.high * 1.01)
+
+
+def test_a_length_in_the_list_is_the_one_that_messages_say() -> None:
+    for frames in range(1, 2000):
+        seconds = frames / 60
+        minutes, rest = divmod(float(f"{seconds:.1f}"), 60)
+        assert clock(seconds) == f"{minutes:.0f}:{rest:04.1f}"
+
+
+def test_long_frames_drop_pictures_and_keep_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = SimpleNamespace(perf_counter=lambda: 0.0)  # a step on a busy machine may be slow
+    monkeypatch.setattr("viewer.scene.simulation.time", clock)
+    assert simulated_seconds(0.02, 0.02) == 0.02
+    assert simulated_seconds(5.0, 0.02) == 0.25  # a pause
+    assert simulated_seconds(0.35, 0.33) == 0.35  # three frames a second, always
+    assert simulated_seconds(5.0, 5.0) == 1.0
+    controller = FakeController(Terrain.flat())
+    simulation = Simulation.standing(Terrain.flat())
+    simulation.use(controller)
+    begun = controller.steps
+    for _ in range(10):
+        simulation.advance(0.4, Controls())
+    assert controller.steps - begun == 240  # 4 s

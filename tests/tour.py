@@ -202,7 +202,7 @@ def retime(tour: Tour) -> None:
     app = tour.app
     prompts = app.editing.tracks.prompts  # type: ignore[union-attr]
     last = len(app.editor.session.takes[0].clip) - 1
-    at = prompts[1].span.start
+    at = prompts[1].start
     x, y = place(app, "##prompts", share=at / last)
     to, _ = place(app, "##prompts", share=(at - 30) / last)
     tour.drag((x + 2, y), (to, y))

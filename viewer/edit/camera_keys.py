@@ -15,7 +15,6 @@ from viewer.editor import Editor
 from viewer.gl_bindings import imgui
 from viewer.render.camera import looked_at
 from viewer.scene.camera_control import CameraControl
-from viewer.session.playback import Playback
 from viewer.session.takes import Takes
 
 

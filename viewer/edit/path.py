@@ -90,7 +90,9 @@ class PathTool:
             self._subject, self.active, self.selected = number, False, -1
         if self.active or self.selected >= 0:
             last = len(self.points) - 1
-            self.selected = last if self.selected > last or (self.active and self.selected < 0) else self.selected
+            self.selected = (
+                last if self.selected > last or (self.active and self.selected < 0) else self.selected
+            )
 
     def overlay(self) -> PathOverlay | None:
         """What is drawn on the ground."""
@@ -216,7 +218,11 @@ class PathTool:
         self.active = widgets.toggle(text, self.active, third, hint)
         imgui.same_line(0, px(4))
         if of_take:
-            text, hint, act = "Resimulate###drive path", "Resimulate the take along these points", self.resimulate
+            text, hint, act = (
+                "Resimulate###drive path",
+                "Resimulate the take along these points",
+                self.resimulate,
+            )
         elif self.walk is not None:
             text, hint, act = f"{ICON.stop} Stop###walk path", "Give the stick back", self.stop
         else:

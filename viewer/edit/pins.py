@@ -136,7 +136,11 @@ class Pins:
         """Remove the selected pin; a live one is let go, and stays in what was recorded of it."""
         pin, pins = self.pin, self.take.poses.pins
         if pin is not None:
-            kept = released(pins, pin.what, self.scene.now) if self.live else tuple(p for p in pins if p is not pin)
+            kept = (
+                released(pins, pin.what, self.scene.now)
+                if self.live
+                else tuple(p for p in pins if p is not pin)
+            )
             self._put(f"removal of the {pin.what}'s pin", kept)
             self.selected = -1
 
@@ -192,7 +196,9 @@ class Pins:
         poses = replace(take.poses, pins=pins)
         if held:
             self.editor.drag(label, lambda session: session.with_take(take.number, poses=poses))
-        elif self.editor.do(f"{label} of {take.title}", lambda session: session.with_take(take.number, poses=poses)):
+        elif self.editor.do(
+            f"{label} of {take.title}", lambda session: session.with_take(take.number, poses=poses)
+        ):
             self.editor.messages.note(f"{take.title}: {label}. Ctrl+Z undoes it.")
 
     def reach(self) -> float:
@@ -215,7 +221,9 @@ class Pins:
             same = known is not None and (known[0].motion, known[0].mirrored, known[0].poses.footplants) == (
                 take.motion, take.mirrored, take.poses.footplants,
             )  # fmt: skip
-            clip = known[1] if same and known is not None else replanted(take.base_clip, take.poses.footplants)
+            clip = (
+                known[1] if same and known is not None else replanted(take.base_clip, take.poses.footplants)
+            )
             self._planted = take, clip
             return clip
         return known[1]

@@ -25,7 +25,7 @@ from runtime.takes.clip import Clip
 from runtime.takes.footplants import unfitted
 from runtime.takes.input_edits import Edit
 from runtime.takes.input_recording import InputRecording, Steppable, StyleChange, resimulate, resimulated_take
-from runtime.takes.metadata import PromptEvent, origin_of, title
+from runtime.takes.metadata import Origin, PromptEvent, origin_of, title
 from viewer.edit.tracks import Tracks, mark_at, tracks_of, words_of
 from viewer.jobs import Slot
 from viewer.prompt.prompt_controller import PromptController
@@ -53,6 +53,7 @@ class Resimulation:
     prompt: str = ""
     parts: dict[str, str] = field(default_factory=dict)
     _tracks: Tracks | None = None
+    _model: tuple[Origin, ControllerLike, bool] | None = None  # whether a controller made what has an origin
     _left_out: int = 0  # changed plants that the take has no steps for; written by the worker
 
     @property
@@ -63,7 +64,8 @@ class Resimulation:
     @property
     def take(self) -> Take | None:
         """The take that plays."""
-        return self.takes.played
+        playback = self.takes.playback
+        return None if playback is None else playback.take
 
     @property
     def busy(self) -> bool:
@@ -73,21 +75,25 @@ class Resimulation:
     @property
     def model(self) -> ControllerLike | None:
         """The model that made the take that plays, when it is the one that is loaded."""
-        take, controller = self.take, self.takes.scene.controller
-        if take is None or controller is None:
+        playback, controller = self.takes.playback, self.takes.scene.simulation.controller
+        if playback is None or controller is None or playback.take.motion is None:
             return None
-        made = take.made.header.origin.model_sha256
-        return controller if origin_of(controller, "").model_sha256 == made else None
+        made, known = playback.take.motion.header.origin, self._model
+        if known is None or known[0] is not made or known[1] is not controller:
+            same = origin_of(controller, "").model_sha256 == made.model_sha256
+            known = self._model = made, controller, same
+        return controller if known[2] else None
 
     @property
     def fixed(self) -> str:
         """Why the take that plays cannot be resimulated; "" when it can."""
-        take = self.take
-        if take is None:
+        playback = self.takes.playback
+        if playback is None or playback.take.motion is None:
             return "No take plays."
+        take = playback.take
         if not take.recorded:
             return "This motion comes from a file: it can be trimmed, pinned and exported."
-        if take.mirrored or not take.made.header.resimulable:
+        if take.mirrored or not playback.take.motion.header.resimulable:
             return (
                 "A mirror image cannot be resimulated, nor a take in which a model was loaded or which goes on from"
                 " another one. It can be trimmed, pinned and exported."
@@ -99,8 +105,8 @@ class Resimulation:
     @property
     def tracks(self) -> Tracks | None:
         """What lies on the tracks of the take that plays."""
-        take, playback = self.take, self.playback
-        if take is None or playback is None:
+        playback = self.takes.playback
+        if playback is None:
             return None
         clip = playback.clip
         if self._tracks is None or self._tracks.clip is not clip:
@@ -115,7 +121,7 @@ class Resimulation:
         if not mark or (isinstance(request, str) and not request.strip()):
             return
         known = _answer_of(mark.of.changes[-1])
-        label = f"words of {_short(title(mark.of.event))}"  # type: ignore[attr-defined]
+        label = f"words of {_short(title(mark.of.event))}"
 
         def edit(inputs: InputRecording) -> Edit:
             style = self._style(mark.start, request, known)

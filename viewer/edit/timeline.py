@@ -115,9 +115,13 @@ class Shapes:
     rows: list[Row] = field(default_factory=list)
     rects: list[tuple[imgui.ImVec2, imgui.ImVec2, int, float]] = field(default_factory=list)
     points: list[tuple[imgui.ImVec2, float, int, int]] = field(default_factory=list)
-    texts: list[tuple[float, imgui.ImVec2, int, str]] = field(default_factory=list)  # by the size of their letters
+    texts: list[tuple[float, imgui.ImVec2, int, str]] = field(
+        default_factory=list
+    )  # by the size of their letters
 
-    def rect(self, left: float, top: float, right: float, bottom: float, tint: Color, rounding: float) -> None:
+    def rect(
+        self, left: float, top: float, right: float, bottom: float, tint: Color, rounding: float
+    ) -> None:
         """A filled rectangle in screen units."""
         low, high = imgui.ImVec2(left, top), imgui.ImVec2(right, bottom)
         self.rects.append((low, high, widgets.packed(tint), rounding))
@@ -211,7 +215,12 @@ class Timeline:
         edge, shapes = unit * EDGE, Shapes()
         for track in tracks:
             row = Row(
-                track, x + names + edge, top, width - names - 2 * edge, unit * track.height * tall, int(frames)
+                track,
+                x + names + edge,
+                top,
+                width - names - 2 * edge,
+                unit * track.height * tall,
+                int(frames),
             )
             shapes.rows.append(row)
             if names:
@@ -299,7 +308,11 @@ class Timeline:
         self.held = None
         if not held.moved and track.press is None:
             playback.seek(frame)
-        elif held.moved and track.drop is not None and (held.start, held.end) != (held.mark.start, held.mark.end):
+        elif (
+            held.moved
+            and track.drop is not None
+            and (held.start, held.end) != (held.mark.start, held.mark.end)
+        ):
             self.held = replace(held, dropped=True)
             track.drop(held.index, held.start, held.end)
 
@@ -353,10 +366,13 @@ def _hit(row: Row, mouse: imgui.ImVec2) -> tuple[int, Part] | None:
         slack = 0.0 if track.adjacent else px(GRIP) if left == right else px(GRIP) / 2
         if not left - slack <= x <= right + slack:
             continue
-        grip = -1.0 if left == right else min(px(GRIP), (right - left) / 4)
-        if x - left <= grip and not (track.adjacent and i == 0):
+        first, last = track.adjacent and i == 0, track.adjacent and i == len(marks) - 1
+        grip = min(px(GRIP), (right - left) / 4)
+        if left == right:
+            return i, Part.BODY
+        if x - left <= grip and not first:
             return i, Part.START
-        return i, Part.END if right - x <= grip and not (track.adjacent and i == len(marks) - 1) else Part.BODY
+        return i, Part.END if right - x <= grip and not last else Part.BODY
     return None
 
 

@@ -43,7 +43,7 @@ FEET_HINT = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tracks:
     """What lies on the tracks of one version of a take's motion; a prompt's mark is `of` its `PromptSpan`."""
 
@@ -157,14 +157,16 @@ class TakeTracks:
     def rows(self, tracks: Tracks, playback: Playback) -> list[Track]:
         """The tracks from top to bottom."""
         editing, pins, frame = self.editing, self.pins, playback.frame
-        lit = mark_at(tracks.prompts, frame), mark_at(tracks.gaits, frame)
-        state = tracks, playback.take, playback.shown, pins.selected, editing.part_tracks, editing.fixed, lit
-        if len(state) != len(self._state) or any(a is not b and a != b for a, b in zip(state, self._state, strict=True)):
-            self._state, self._rows = state, [*self._of_motion(tracks, lit), *self._of_edits(playback)]
+        fixed, lit = bool(editing.fixed), (mark_at(tracks.prompts, frame), mark_at(tracks.gaits, frame))
+        state = tracks, playback.take, playback.shown, pins.selected, editing.part_tracks, fixed, lit
+        if len(state) != len(self._state) or any(
+            a is not b and a != b for a, b in zip(state, self._state, strict=True)
+        ):
+            self._state, self._rows = state, [*self._of_motion(tracks, lit, fixed), *self._of_edits(playback)]
         return self._rows
 
-    def _of_motion(self, tracks: Tracks, lit: tuple[int, int]) -> list[Track]:
-        editing, fixed = self.editing, bool(self.editing.fixed)
+    def _of_motion(self, tracks: Tracks, lit: tuple[int, int], fixed: bool) -> list[Track]:
+        editing = self.editing
         parts = [
             Track(f"track {part}", part.replace("_", " ").capitalize(), ROW, tracks.parts[part], (PART_TINT,))
             for part in (PART_NAMES if editing.part_tracks else ())

@@ -43,12 +43,12 @@ def draw(editing: Resimulation) -> None:
     frames = f", frames {mark.start} to {mark.end - 1}"
     room = imgui.get_content_region_avail().x - imgui.calc_text_size(frames).x
     widgets.muted("" if take is None else widgets.elided(take.title, room) + frames)
-    imgui.begin_disabled(bool(editing.fixed))
+    fixed = editing.fixed
+    imgui.begin_disabled(bool(fixed))
     _prompt(editing, index)
     imgui.end_disabled()
-    fixed = editing.fixed
     widgets.muted(fixed or "Enter resimulates it with the same stick.", wrap=True)
-    _parts(editing, index, mark)
+    _parts(editing, index, mark, bool(fixed))
 
 
 def _fill(editing: Resimulation, mark: Mark) -> None:
@@ -73,7 +73,7 @@ def _prompt(editing: Resimulation, index: int) -> None:
         editing.reword(index, editing.prompt)
 
 
-def _parts(editing: Resimulation, index: int, mark: Mark) -> None:
+def _parts(editing: Resimulation, index: int, mark: Mark, fixed: bool) -> None:
     """The six descriptions; each can be changed on its own where they are known."""
     if words_of(mark.of.event) is None:
         widgets.muted(
@@ -81,7 +81,7 @@ def _parts(editing: Resimulation, index: int, mark: Mark) -> None:
         )
         return
     if imgui.begin_child("take parts", imgui.ImVec2(0, 0)):
-        imgui.begin_disabled(bool(editing.fixed))
+        imgui.begin_disabled(fixed)
         height = 2 * imgui.get_text_line_height() + 2 * imgui.get_style().frame_padding.y
         for part in PART_NAMES:
             widgets.label(part.replace("_", " ").capitalize(), theme.MUTED)

@@ -109,7 +109,7 @@ class Takes:
                 self.play(now.selected)
 
     def _refresh(self, playback: Playback, take: Take) -> None:
-        playback.take = take
+        playback.use(take)
         shown = playback.shown
         if (take.motion, take.mirrored, take.poses) == (shown.motion, shown.mirrored, shown.poses):
             playback.shown = take

@@ -30,10 +30,16 @@ from runtime.session.character_files import (
     write_character_files,
 )
 from runtime.session.database import Budget, Database, Writer
-from runtime.session.document import DocumentReader, DocumentWriter, header_text, read_view
+from runtime.session.document import (
+    DocumentReader,
+    DocumentWriter,
+    header_text,
+    pack_sticks,
+    read_view,
+    unpack_sticks,
+)
 from runtime.session.frames import BYTES, CLIP_BYTES, packed_frames, pieces, unpacked_frames
 from runtime.session.history import History, Step
-from runtime.session.inputs import InputReader, pack_sticks, unpack_sticks
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.session import CharacterChoice, Session, Take
 from runtime.session.sqlite_file import file_errors
@@ -222,16 +228,13 @@ class SessionFile:
 
     def _input(self, inputs: InputRecording) -> str:
         """What drove a take, but for the sticks of its own frames."""
-        packer = self._documents.packer()
         lead = inputs.frames.rows[: -inputs.start] if inputs.start else inputs.frames.rows[:0]
-        value = packer.inputs(inputs) | {
-            "lead": packer.blobs.data(pack_sticks(lead)),
-            "lead_frames": len(lead),
-        }
+        sticks = self._documents.blobs.data(pack_sticks(lead))
+        value = self._documents.inputs(inputs) | {"lead": sticks, "lead_frames": len(lead)}
         return json.dumps(value, ensure_ascii=True)
 
     def _put_character(self, writer: Writer, choice: CharacterChoice) -> None:
-        blobs = self._documents.packer().blobs
+        blobs = self._documents.blobs
         files = read_character_files(self.cache / choice.key)
         names = {name: blobs.data(content) for name, content in files.items()}
         writer.put_blob(f"character {choice.key}", json.dumps(names).encode("ascii"))
@@ -297,7 +300,7 @@ class SessionFile:
                 rows.append(unpack_sticks(content[BYTES * size :], size))
             table = np.concatenate(rows)
             reader.blobs.budget.spend(8 * table.size)
-            return InputReader(reader.blobs).inputs(value, InputFrames(table))
+            return reader.inputs(value, InputFrames(table))
 
         return reader.checked(read)
 

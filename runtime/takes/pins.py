@@ -6,15 +6,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Any
 
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.checked import read_number
 from runtime.easing import smootherstep
 from runtime.errors import UsageError
 
@@ -87,31 +85,6 @@ class Pin:
         along = " along" if self.along else ""
         ease = f" ease {self.ease_in:g} {self.ease_out:g}"
         return f"{self.what} {place}{rail}{along} from {self.start:g} to {self.end:g}{ease}"
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain values, see `read_pin`."""
-        return {
-            **vars(self),
-            "what": str(self.what),
-            "point": list(self.point),
-            "rail": self.rail and list(self.rail),
-        }
-
-
-def read_pin(value: Mapping[str, Any]) -> Pin:
-    """A pin of `Pin.to_json`; KeyError, TypeError, ValueError or UsageError for what is none."""
-
-    def triple(entry: Sequence[Any]) -> tuple[float, float, float]:
-        x, y, z = (read_number(part) for part in entry)
-        return x, y, z
-
-    rail = value["rail"]
-    start, end, ease_in, ease_out, of = (
-        read_number(value[name]) for name in ("start", "end", "ease_in", "ease_out", "of")
-    )
-    what, along = Pinned(value["what"]), value["along"] is True
-    held = None if rail is None else triple(rail)
-    return Pin(what, triple(value["point"]), start, end, ease_in, ease_out, held, along, of)
 
 
 _NUMBER = r"-?\d{1,6}(?:\.\d{1,9})?"

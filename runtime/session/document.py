@@ -105,9 +105,21 @@ class DocumentWriter:
     put: Callable[[str, bytes], None]
     _once: Once = field(default_factory=Once)
     blobs: BlobWriter = field(init=False)
+    _forms: list[tuple[type, Callable[[Any], Json]]] = field(init=False)  # of what is no record
 
     def __post_init__(self) -> None:
         self.blobs = BlobWriter(self.put)
+        self._forms = [
+            (Enum, lambda value: value.value),
+            (str, _text),
+            (tuple, self._list),
+            (frozenset, sorted),
+            (np.ndarray, self.blobs.array),
+            (Motion, lambda motion: motion.key),
+            (Ground, lambda ground: [_text(ground.spec)[:MAX_TEXT], self._terrain(ground.terrain)]),
+            (OwnSkeleton, lambda own: self._once.get("own skeleton", own, lambda: self._own(own))),
+            (PartDescriptions, PartDescriptions.to_mapping),
+        ]
 
     def session(self, session: Session) -> str:
         """The text of a session."""
@@ -121,29 +133,20 @@ class DocumentWriter:
         }
 
     def _record(self, value: Any) -> Json:
-        longest = None if isinstance(value, _LONG_TEXTS) else MAX_TEXT
-        return {name: self._value(getattr(value, name), longest) for name, _ in _schema(type(value))}
+        kind: Any = type(value)
+        packed = {name: self._value(getattr(value, name)) for name, _ in _schema(kind)}
+        if kind in _LONG_TEXTS:
+            return packed
+        return {name: v[:MAX_TEXT] if isinstance(v, str) else v for name, v in packed.items()}
 
-    def _value(self, value: Any, longest: int | None) -> Json:
-        if isinstance(value, Enum):
-            return value.value
-        if isinstance(value, str):
-            return printable(value).replace("\0", "\ufffd")[:longest]
-        if isinstance(value, tuple):
-            return [self._text_of(v) if isinstance(v, Take) else self._value(v, longest) for v in value]
-        if isinstance(value, frozenset):
-            return sorted(value)
-        if isinstance(value, np.ndarray):
-            return self.blobs.array(value)
-        if isinstance(value, Motion):
-            return value.key
-        if isinstance(value, Ground):
-            return [self._value(value.spec, MAX_TEXT), self._terrain(value.terrain)]
-        if isinstance(value, OwnSkeleton):
-            return self._once.get("own skeleton", value, lambda: self._own(value))
-        if isinstance(value, PartDescriptions):
-            return value.to_mapping()
+    def _value(self, value: Any) -> Json:
+        for kind, pack in self._forms:
+            if isinstance(value, kind):
+                return pack(value)
         return self._record(value) if is_dataclass(value) else value
+
+    def _list(self, values: Any) -> Json:
+        return [self._text_of(value) if isinstance(value, Take) else self._value(value) for value in values]
 
     def _text_of(self, take: Take) -> str:
         """The reference of a take's text."""
@@ -179,6 +182,11 @@ class DocumentWriter:
         }  # fmt: skip
 
 
+def _text(text: str) -> str:
+    """Text as it can be read again."""
+    return printable(text).replace("\0", "\ufffd")
+
+
 def header_text(header: MotionHeader, recording: bool = False) -> str:
     """A motion's header as JSON; `recording`: it is not finished."""
     value = DocumentWriter(lambda key, content: None)._record(header)
@@ -202,6 +210,7 @@ class DocumentReader:
             Ground: self._ground,
             OwnSkeleton: self._own,
             PartDescriptions: PartDescriptions.from_mapping,
+            NDArray[np.float32]: self._code,
         }
 
     def session(self, text: str) -> Session:
@@ -249,29 +258,23 @@ class DocumentReader:
         return _CHECKS.get(kind, lambda _: None)(made) or made
 
     def _value(self, hint: Any, value: Json, longest: float) -> Any:
-        own = self._forms.get(hint)
-        if own is not None:
-            return own(value)
+        if hint in self._forms:
+            return self._forms[hint](value)
         origin, inside = typing.get_origin(hint), typing.get_args(hint)
         if origin in (typing.Union, types.UnionType):
-            (hint,) = (each for each in inside if each is not type(None))
-            return None if value is None else self._value(hint, value, longest)
-        if origin is np.ndarray:
-            return self._code(value)
+            known = next(each for each in inside if each is not type(None))
+            return None if value is None else self._value(known, value, longest)
         if origin in (tuple, frozenset):
-            if not isinstance(value, list):
-                raise TypeError(f"{str(value)[:20]}: expected a list")
-            if origin is tuple and inside[-1] is not Ellipsis:
-                return tuple(self._value(h, v, longest) for h, v in zip(inside, value, strict=True))
-            if len(value) > MAX_TAKES:
-                raise ValueError(f"{len(value)} values")
-            read = self._take if inside[0] is Take else lambda v: self._value(inside[0], v, longest)
-            return origin(map(read, value))
-        if isinstance(hint, type) and issubclass(hint, Enum):
-            return hint(value)
-        if is_dataclass(hint):
-            return self._record(hint, value)
-        return _plain(hint, value, longest)
+            return origin(self._values(inside, value, longest))
+        return self._record(hint, value) if is_dataclass(hint) else _plain(hint, value, longest)
+
+    def _values(self, inside: Any, value: Json, longest: float) -> list[Any]:
+        if not isinstance(value, list) or len(value) > MAX_TAKES:
+            raise ValueError("expected a list of some values")
+        if inside[0] is Take:
+            return [self._take(reference) for reference in value]
+        hints = inside if len(inside) > 1 and inside[-1] is not Ellipsis else inside[:1] * len(value)
+        return [self._value(h, v, longest) for h, v in zip(hints, value, strict=True)]
 
     def _take(self, reference: Json) -> Take:
         def made() -> Take:
@@ -360,7 +363,7 @@ def _plain(hint: Any, value: Json, longest: float) -> Any:
         return read_whole(value)
     if hint is float:
         return read_number(value)
-    return read_text(value, longest)
+    return read_text(value, longest) if hint is str else hint(value)
 
 
 def _is_ground(heights: Any) -> bool:

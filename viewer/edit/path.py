@@ -155,19 +155,28 @@ class PathTool:
             return True
         place = ground_under(camera, terrain, io.mouse_pos, io.display_size)
         if handles.pressed:
-            self._drawing = handles.held < 0 and place is not None
-            if handles.held >= 0:
-                self.selected = handles.held
-            elif place is not None:
-                self.add(*place, held=True)
-                handles.held = self.selected
-        elif place is not None and not self._drawing:
-            self.change(x=place[0], z=place[1])
+            self._press(place)
         elif place is not None:
-            last = self.points[-1]
-            if math.hypot(place[0] - last.x, place[1] - last.z) >= DRAWN_M:
-                self.add(*place, held=True)
+            self._drag_to(*place)
         return True
+
+    def _press(self, place: tuple[float, float] | None) -> None:
+        """Take the point under the mouse, or begin to draw with another one."""
+        handles = self._handles
+        self._drawing = handles.held < 0 and place is not None
+        if handles.held >= 0:
+            self.selected = handles.held
+        elif place is not None:
+            self.add(*place, held=True)
+            handles.held = self.selected
+
+    def _drag_to(self, x: float, z: float) -> None:
+        if not self._drawing:
+            self.change(x=x, z=z)
+            return
+        last = self.points[-1]
+        if math.hypot(x - last.x, z - last.z) >= DRAWN_M:
+            self.add(x, z, held=True)
 
     # --- walking
 

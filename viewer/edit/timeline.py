@@ -96,7 +96,12 @@ class Row:
     top: float
     width: float
     height: float
+    outer: float  # its width with what takes the mouse outside both ends
     frames: int
+
+    def ends(self, mark: Mark) -> tuple[float, float]:
+        """Screen positions of a mark's ends."""
+        return self.x(mark.start), min(self.x(mark.end), self.left + self.width)
 
     def x(self, frame: float) -> float:
         """Screen position of a frame."""
@@ -155,7 +160,7 @@ class Timeline:
 
     trim: Callable[[int | None, int | None], None]  # first and last frame, while the mouse holds a handle
     held: Held | None = None
-    _menu: tuple[str, Mark | None, int] = ("", None, 0)
+    _menu: tuple[str, Mark | None, int] = ("", None, 0)  # what a right click was on
     _kept: dict[str, tuple[Any, Shapes]] = field(default_factory=dict)
 
     def draw(self, tracks: Sequence[Track], playback: Playback, busy: bool) -> None:
@@ -183,29 +188,32 @@ class Timeline:
     def _rows(self, name: str, tracks: Sequence[Track], playback: Playback, tall: float, bar: float) -> None:
         """Some tracks with the line of the frame shown across them."""
         corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x - bar
-        held, frames = self.held, playback.frames
-        place = corner.x, corner.y, width, bar, tall, px(1.0), frames
+        held, place = self.held, (corner.x, corner.y, width, bar, tall, px(1.0), playback.frames)
         state = tracks, place, held if held is not None and held.moved else None
         known = self._kept.get(name)
         if known is None or known[0] != state:
             known = self._kept[name] = state, self._shapes(tracks, place)
-        shapes = known[1]
-        edge = px(EDGE)
-        for row in shapes.rows:
-            imgui.set_cursor_screen_pos(imgui.ImVec2(row.left - edge, row.top))
-            size = imgui.ImVec2(max(row.width, 1.0) + 2 * edge, max(row.height, 1.0))
-            imgui.invisible_button(f"##{row.track.key}", size)
-            mine = self.held is not None and self.held.key == row.track.key and not self.held.dropped
-            if mine or imgui.is_item_active() or imgui.is_item_hovered():
-                self._use_mouse(row, playback)
-            if self._menu[0] == row.track.key:
-                self._draw_menu(row.track)
-        shapes.draw()
-        first, last = shapes.rows[0], shapes.rows[-1]
-        at = first.x(min(max(playback.time_s * playback.clip.fps, 0.0), frames - 1.0))
+        rows = known[1].rows
+        for row in rows:
+            self._row(row, playback)
+        known[1].draw()
+        at = rows[0].x(min(max(playback.time_s * playback.clip.fps, 0.0), playback.frames - 1.0))
         half = px(1.5) if name == "ruler" else px(0.5)
-        low, high = imgui.ImVec2(at - half, first.top), imgui.ImVec2(at + half, last.top + last.height)
+        low = imgui.ImVec2(at - half, rows[0].top)
+        high = imgui.ImVec2(at + half, rows[-1].top + rows[-1].height)
         imgui.get_window_draw_list().add_rect_filled(low, high, widgets.packed(theme.TEXT), 0.0)
+
+    def _row(self, row: Row, playback: Playback) -> None:
+        """Let a row take the mouse, and a little outside its ends."""
+        edge, key = (row.outer - row.width) / 2, row.track.key
+        imgui.set_cursor_screen_pos(imgui.ImVec2(row.left - edge, row.top))
+        imgui.invisible_button(f"##{key}", imgui.ImVec2(max(row.outer, 1.0), max(row.height, 1.0)))
+        mine = self.held is not None and self.held.key == key and not self.held.dropped
+        if mine or imgui.is_item_active() or imgui.is_item_hovered():
+            self._use_mouse(row, playback)
+        if self._menu[0] == key and row.track.menu is not None and imgui.begin_popup(f"menu of {key}"):
+            row.track.menu(*self._menu[1:])
+            imgui.end_popup()
 
     # --- what it looks like
 
@@ -214,14 +222,8 @@ class Timeline:
         names = unit * NAMES_WIDTH if width + bar >= unit * NAMES_FROM else 0.0
         edge, shapes = unit * EDGE, Shapes()
         for track in tracks:
-            row = Row(
-                track,
-                x + names + edge,
-                top,
-                width - names - 2 * edge,
-                unit * track.height * tall,
-                int(frames),
-            )
+            inner, height = width - names - 2 * edge, unit * track.height * tall
+            row = Row(track, x + names + edge, top, inner, height, inner + 2 * edge, int(frames))
             shapes.rows.append(row)
             if names:
                 shapes.text(x, row, track.name, theme.MUTED, names - 4 * unit, NAME_SIZE)
@@ -279,61 +281,62 @@ class Timeline:
 
     def _use_mouse(self, row: Row, playback: Playback) -> None:
         """What the mouse does on a row whose item was just made. Where no mark is, the frame shown follows it."""
-        track, mouse, held = row.track, imgui.get_io().mouse_pos, self.held
+        track, mouse = row.track, imgui.get_io().mouse_pos
         frame, hit = row.frame_at(mouse.x), _hit(row, mouse)
-        if imgui.is_item_activated() and hit is not None and (held is None or not held.dropped):
-            mark = track.marks[hit[0]]
-            held = self.held = Held(track.key, hit[0], mark, hit[1], frame, mark.start, mark.end)
-            if track.press is not None:
-                track.press(mark)
+        waits = self.held is not None and self.held.dropped
+        if imgui.is_item_activated() and hit is not None and not waits:
+            self._press(track, *hit, frame)
+        held = self.held
         if held is not None and held.key == track.key and not held.dropped:
-            self._carry(held, row, frame, playback)
+            self._carry(held, row, frame)
+            if imgui.is_item_deactivated():
+                self._let_go(track, frame, playback)
         elif imgui.is_item_active():
             playback.seek(frame)
         elif imgui.is_item_hovered():
             self._hover(track, hit, frame)
 
-    def _carry(self, held: Held, row: Row, frame: int, playback: Playback) -> None:
-        """Move what is held with the mouse, and let go of it when the button is."""
+    def _press(self, track: Track, index: int, part: Part, frame: int) -> None:
+        mark = track.marks[index]
+        self.held = Held(track.key, index, mark, part, frame, mark.start, mark.end)
+        if track.press is not None:
+            track.press(mark)
+
+    def _carry(self, held: Held, row: Row, frame: int) -> None:
+        """Move what is held with the mouse."""
         track, by = row.track, frame - held.grabbed
-        movable = not track.fixed and (track.move is not None or track.drop is not None)
-        if movable and (by or held.moved):
-            start, end = _where(held, by, track, row.frames)
-            held = self.held = replace(held, start=start, end=end, moved=True)
-            imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
-            if track.move is not None:
-                track.move(held.mark, start, end)
-        if not imgui.is_item_deactivated():
+        if track.fixed or not (track.move or track.drop) or not (by or held.moved):
             return
-        self.held = None
+        start, end = _where(held, by, track, row.frames)
+        self.held = replace(held, start=start, end=end, moved=True)
+        imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
+        if track.move is not None:
+            track.move(held.mark, start, end)
+
+    def _let_go(self, track: Track, frame: int, playback: Playback) -> None:
+        held, self.held = self.held, None
+        if held is None:
+            return
         if not held.moved and track.press is None:
             playback.seek(frame)
-        elif (
-            held.moved
-            and track.drop is not None
-            and (held.start, held.end) != (held.mark.start, held.mark.end)
-        ):
+        elif track.drop is not None and (held.start, held.end) != (held.mark.start, held.mark.end):
             self.held = replace(held, dropped=True)
             track.drop(held.index, held.start, held.end)
 
     def _hover(self, track: Track, hit: tuple[int, Part] | None, frame: int) -> None:
-        mark = None if hit is None else track.marks[hit[0]]
-        point = mark is not None and mark.start == mark.end
-        if hit is not None and not track.fixed and (point or hit[1] is not Part.BODY):
+        mark, part = (None, Part.BODY) if hit is None else (track.marks[hit[0]], hit[1])
+        if mark is not None and not track.fixed and (part is not Part.BODY or mark.start == mark.end):
             imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
         widgets.tooltip(track.hint or ("" if mark is None else mark.hint or mark.text))
-        if not imgui.is_mouse_clicked(1):
-            return
+        if imgui.is_mouse_clicked(1):
+            self._right_click(track, mark, frame)
+
+    def _right_click(self, track: Track, mark: Mark | None, frame: int) -> None:
         if track.remove is not None and mark is not None:
             track.remove(mark)
         elif track.menu is not None:
             self._menu = track.key, mark, frame
             imgui.open_popup(f"menu of {track.key}")
-
-    def _draw_menu(self, track: Track) -> None:
-        if track.menu is not None and imgui.begin_popup(f"menu of {track.key}"):
-            track.menu(*self._menu[1:])
-            imgui.end_popup()
 
 
 def _draw_ruler(shapes: Shapes, row: Row) -> None:
@@ -355,25 +358,34 @@ def _draw_ruler(shapes: Shapes, row: Row) -> None:
 
 
 def _hit(row: Row, mouse: imgui.ImVec2) -> tuple[int, Part] | None:
-    """Which mark is under the mouse, and which part of it; the first and the last of adjacent ones end with the take."""
+    """Which mark is under the mouse, and which part of it."""
     track, marks, x = row.track, row.track.marks, mouse.x
-    if track.key == "timeline" and mouse.y < row.top + 0.5 * row.height:
+    if not marks or (track.key == "timeline" and mouse.y < row.top + 0.5 * row.height):
         return None
-    if track.adjacent and marks:
-        x = min(max(x, row.x(marks[0].start)), row.x(marks[-1].end))
-    for i, mark in enumerate(marks):
-        left, right = row.x(mark.start), row.x(mark.end)
-        slack = 0.0 if track.adjacent else px(GRIP) if left == right else px(GRIP) / 2
-        if not left - slack <= x <= right + slack:
-            continue
-        first, last = track.adjacent and i == 0, track.adjacent and i == len(marks) - 1
-        grip = min(px(GRIP), (right - left) / 4)
-        if left == right:
-            return i, Part.BODY
-        if x - left <= grip and not first:
-            return i, Part.START
-        return i, Part.END if right - x <= grip and not last else Part.BODY
-    return None
+    if track.adjacent:
+        x = min(max(x, row.ends(marks[0])[0]), row.ends(marks[-1])[1])
+    at = next((i for i, mark in enumerate(marks) if _covers(row, mark, x)), -1)
+    return None if at < 0 else (at, _part(row, at, x))
+
+
+def _covers(row: Row, mark: Mark, x: float) -> bool:
+    """Whether the mouse takes a mark there: a point from some way off, a span at a little outside its ends."""
+    left, right = row.ends(mark)
+    slack = 0.0 if row.track.adjacent else px(GRIP) if mark.start == mark.end else px(GRIP) / 2
+    return left - slack <= x <= right + slack
+
+
+def _part(row: Row, index: int, x: float) -> Part:
+    """Which part of a mark; the first and the last of adjacent ones end with the take."""
+    track, mark = row.track, row.track.marks[index]
+    left, right = row.ends(mark)
+    if mark.start == mark.end:
+        return Part.BODY
+    grip = min(px(GRIP), (right - left) / 4)
+    if x - left <= grip and not (track.adjacent and index == 0):
+        return Part.START
+    last = track.adjacent and index == len(track.marks) - 1
+    return Part.END if right - x <= grip and not last else Part.BODY
 
 
 def _where(held: Held, by: int, track: Track, frames: int) -> tuple[int, int]:

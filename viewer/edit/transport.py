@@ -138,18 +138,23 @@ class Transport:
         if widgets.icon_button(ICON.redo, "take redo", f"Redo {redo} (Ctrl+Y)", theme.TEXT, bool(redo)):
             editor.redo()
         if self._wide:
-            imgui.same_line(0, gap)
-            hint = "A track for what each body part does"
-            editing.part_tracks = widgets.toggle("Parts", editing.part_tracks, px(48), hint)
-            imgui.same_line(0, gap)
-            hint = "Compare with another take, a BVH or a film: next to it or over it"
-            shown = references.reference.shown
-            if widgets.toggle("Compare…", shown, px(78), hint) != shown:
-                imgui.open_popup(COMPARE_POPUP)
-            if imgui.begin_popup(COMPARE_POPUP):
-                references.menu()
-                imgui.end_popup()
+            self._more(references)
         self._go_on(fixed)
+
+    def _more(self, references: ReferenceCard) -> None:
+        """Tracks of body parts, and what the take is compared with."""
+        editing, gap = self.editing, px(4)
+        imgui.same_line(0, gap)
+        hint = "A track for what each body part does"
+        editing.part_tracks = widgets.toggle("Parts", editing.part_tracks, px(48), hint)
+        imgui.same_line(0, gap)
+        hint = "Compare with another take, a BVH or a film: next to it or over it"
+        shown = references.reference.shown
+        if widgets.toggle("Compare…", shown, px(78), hint) != shown:
+            imgui.open_popup(COMPARE_POPUP)
+        if imgui.begin_popup(COMPARE_POPUP):
+            references.menu()
+            imgui.end_popup()
 
     def _go_on(self, fixed: str) -> None:
         """The button at the end of the line, with as many words as there is room for."""

@@ -6,6 +6,8 @@ import io
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from runtime.atomic import sweep
 from runtime.pose import Pose
 from runtime.takes.input_recording import InputRecorder
@@ -39,8 +41,7 @@ from viewer.prompt import prompt_panel
 from viewer.prompt.language_model import LanguageModel
 from viewer.prompt.prompt_controller import PromptController
 from viewer.prompt.suggestions import Suggester
-from viewer.render.overlays import Overlays
-from viewer.scene.overlays import make_overlays
+from viewer.render.overlays import Overlays, TrajectoryOverlay
 from viewer.scene.scene import Scene
 from viewer.screenshots import Screenshots
 from viewer.services import ControllerLike, Services
@@ -53,6 +54,7 @@ from viewer.shell import Shell, ShellState
 from viewer.window import Window
 
 PICTURE_WIDTH = 256  # pixels
+PAST_SAMPLES = 6  # of the 12 of the trajectory: one second back, then the present and one second ahead
 MEMORY_S = 3.0  # of the live character, for ghosts and trails
 
 
@@ -255,7 +257,24 @@ class Workspace:
             if figure is None:
                 (over if references.reference.over else others).append(compared)
         pins = None if others and playback is None else self.pins.overlay()
-        return make_overlays(settings, live, self.path.overlay(), others, over, trails, pins, figure, frames)
+        trajectory = None
+        if settings.show_trajectory and live is not None:
+            now = live.trajectory
+            past = np.arange(len(now.positions)) < PAST_SAMPLES
+            trajectory = TrajectoryOverlay(now.positions, now.directions, past)
+        return Overlays(
+            trajectory=trajectory,
+            show_skeleton=settings.show_skeleton,
+            show_contacts=settings.show_contacts,
+            show_grid=settings.show_grid,
+            path=self.path.overlay(),
+            trails=trails,
+            pins=pins,
+            ghosts=over,
+            frames=frames,
+            extra_poses=others,
+            figure=figure,
+        )
 
     def shown_pose(self) -> Pose:
         """The pose in view: that of the take that plays, or the live one."""

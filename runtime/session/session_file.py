@@ -210,9 +210,8 @@ class SessionFile:
                 self._held[motion.key] = motion
             if not motion.is_stored:
                 writer.committed.append(partial(motion.stored, self))
-        reference = session.reference
-        for choice in (session.character, None if reference is None else reference.character):
-            if choice is not None and choice.key and self._is_new(f"character {choice.key}"):
+        for choice in _characters(session):
+            if self._is_new(f"character {choice.key}"):
                 self._put_character(writer, choice)
 
     def _put_motion(self, writer: Writer, motion: Motion) -> None:
@@ -424,6 +423,12 @@ class Recording:
         return motion
 
 
+def _characters(session: Session) -> list[CharacterChoice]:
+    """The characters of a session that have files."""
+    choices = (session.character, session.reference and session.reference.character)
+    return [choice for choice in choices if choice is not None and choice.key]
+
+
 def _used(writer: Writer, held: Iterable[str]) -> tuple[set[str], set[str]]:
     """Keys of the motions and blobs that steps, or motions that are `held`, refer to."""
     takes, blobs, motions = set[str](), set[str](), set(held)
@@ -459,9 +464,7 @@ def _opened(database: Database, cache: Path) -> tuple[SessionFile, History]:
     file._known = set(motions)
     file._held.update(known)
     for step in steps:
-        reference = step.session.reference
-        for choice in (step.session.character, None if reference is None else reference.character):
-            file._known |= {f"character {choice.key}"} if choice is not None and choice.key else set()
+        file._known |= {f"character {choice.key}" for choice in _characters(step.session)}
     for key in sorted(motions - set(known)):
         header, cut_off = reader.header(database.motion(key))
         if cut_off:

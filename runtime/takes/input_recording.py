@@ -300,12 +300,7 @@ def started(
         controller.set_terrain(ground.terrain)
     key.snapshot.restore(controller)  # type: ignore[arg-type]
     keyframes = [k for k in inputs.keyframes if k.frame < first_frame]
-    later: dict[int, list[Change]] = {}
-    for change in inputs.changes:
-        # a keyframe holds the changes of its own frame, unless one of them is what was edited
-        again = key.frame == first_frame == change.frame and isinstance(change, StyleChange)
-        if change.frame > key.frame or again:
-            later.setdefault(change.frame, []).append(change)
+    later = _changes_after(inputs, key.frame, first_frame)
     poses: list[Pose] = []
     for number in count(key.frame):
         frame = inputs.frame(min(number, len(inputs) - 1))
@@ -320,6 +315,16 @@ def started(
         if number >= first_frame:
             poses.append(pose)
     return poses, tuple(keyframes)
+
+
+def _changes_after(inputs: InputRecording, key: int, first_frame: int) -> dict[int, list[Change]]:
+    """The changes by frame that a keyframe's state does not hold: one of its own frame only where that is what was edited."""
+    later: dict[int, list[Change]] = {}
+    for change in inputs.changes:
+        again = key == first_frame == change.frame and isinstance(change, StyleChange)
+        if change.frame > key or again:
+            later.setdefault(change.frame, []).append(change)
+    return later
 
 
 def keyframe_for(inputs: InputRecording, frame: int) -> Keyframe:

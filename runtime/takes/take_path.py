@@ -40,15 +40,19 @@ def path_of(clip: Clip, inputs: InputRecording, first: int = 0) -> tuple[Waypoin
     corners = _corners(path)
     points = []
     for a, b in itertools.pairwise(corners):
-        frames = [inputs.frame(first + i).controls for i in range(a, b + 1)]
-        moving = [c for c in frames if gait_of(c) != Gait.STAND] or frames
-        stick = float(np.median([hypot(*c.move) for c in moving]))
-        gaits = [c.gait for c in moving if c.gait is not Gait.JUMP] or [Gait.WALK]
-        gait = max(set(gaits), key=gaits.count)
-        points.append(Waypoint(float(path[b, 0]), float(path[b, 1]), min(max(stick, SLOWEST), 1.0), gait))
+        stick, gait = _leg([inputs.frame(first + i).controls for i in range(a, b + 1)])
+        points.append(Waypoint(float(path[b, 0]), float(path[b, 1]), stick, gait))
     if not points:
         raise UsageError("The way of this take: it stands.", "Choose a take that goes somewhere.")
     return tuple(points)
+
+
+def _leg(frames: Sequence[Controls]) -> tuple[float, Gait]:
+    """How far the stick was pushed on a leg, and the gait of most of it."""
+    moving = [c for c in frames if gait_of(c) != Gait.STAND] or frames
+    gaits = [c.gait for c in moving if c.gait is not Gait.JUMP] or [Gait.WALK]
+    stick = float(np.median([hypot(*c.move) for c in moving]))
+    return min(max(stick, SLOWEST), 1.0), max(set(gaits), key=gaits.count)
 
 
 def resimulated_along(

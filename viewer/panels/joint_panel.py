@@ -12,7 +12,7 @@ from viewer.gui import overlay, theme, widgets
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
-from viewer.scene.joint_mapping import JointMapping, JointsState
+from viewer.scene.joint_mapping import JointMapping
 
 WIDTH, HEIGHT = 720.0, 560.0  # pixels at scale 1
 AROUND = 224.0  # of the window's height: title, counts, buttons, margins
@@ -24,7 +24,7 @@ def panel(mapping: JointMapping, fonts: Fonts) -> Panel:
     """The joints window."""
 
     def close() -> bool:
-        was_open = mapping.state.open
+        was_open = mapping.open
         mapping.close()
         return was_open
 
@@ -33,7 +33,7 @@ def panel(mapping: JointMapping, fonts: Fonts) -> Panel:
 
 def draw(mapping: JointMapping, fonts: Fonts) -> None:
     """The window, when it is open."""
-    state = mapping.state
+    state = mapping
     if not state.open or state.guess is None or state.path is None:
         return
     with overlay.window(fonts, "Joints", ICON.person, WIDTH) as closed:
@@ -57,7 +57,7 @@ def draw(mapping: JointMapping, fonts: Fonts) -> None:
         mapping.close()
 
 
-def _found(state: JointsState, room: float) -> None:
+def _found(state: JointMapping, room: float) -> None:
     guess, missing = state.guess, state.missing
     if guess is None or state.path is None:
         return
@@ -75,7 +75,7 @@ def _found(state: JointsState, room: float) -> None:
         widgets.muted("Nothing is missing. Joints without a partner follow their neighbours.")
 
 
-def _file_joints(state: JointsState, guess: JointGuess) -> None:
+def _file_joints(state: JointMapping, guess: JointGuess) -> None:
     """The tree of the file; what a joint plays stands beside it."""
     played = {state.plays(joint): joint for joint in SPORT_SKELETON.names if state.plays(joint)}
     for k, depth in _ordered(guess):
@@ -93,7 +93,7 @@ def _file_joints(state: JointsState, guess: JointGuess) -> None:
 
 def _our_joint(mapping: JointMapping, guess: JointGuess, joint: int) -> None:
     """One of our joints with the list of those that may play it."""
-    state, name = mapping.state, SPORT_SKELETON.names[joint]
+    state, name = mapping, SPORT_SKELETON.names[joint]
     depth, k = 0, SPORT_SKELETON.parents[joint]
     while k >= 0:
         depth, k = depth + 1, SPORT_SKELETON.parents[k]
@@ -117,7 +117,7 @@ def _our_joint(mapping: JointMapping, guess: JointGuess, joint: int) -> None:
 
 
 def _choices(mapping: JointMapping, guess: JointGuess, name: str, plays: str) -> None:
-    state = mapping.state
+    state = mapping
     guessed = state.guessed(name)
     text = f"As guessed: {printable(guessed)}" if guessed else "As guessed: none"
     if imgui.selectable(f"{text}##as guessed", name not in state.chosen)[0]:
@@ -135,7 +135,7 @@ def _choices(mapping: JointMapping, guess: JointGuess, name: str, plays: str) ->
 
 
 def _end(mapping: JointMapping) -> None:
-    state = mapping.state
+    state = mapping
     if state.problem:
         with widgets.color(imgui.Col_.text, theme.ERROR):
             imgui.text_wrapped(printable(state.problem))

@@ -66,7 +66,6 @@ class Overlays:
     """Toggles and extra figures of one frame; `Overlays()` shows the grid and nothing else."""
 
     trajectory: TrajectoryOverlay | None = None
-    show_trajectory: bool = False
     show_skeleton: bool = False
     show_contacts: bool = False
     show_grid: bool = True

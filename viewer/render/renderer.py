@@ -140,7 +140,7 @@ class Renderer:
     ) -> None:
         scene.depth_mask = False
         scene.use()  # a mask comes into force when its framebuffer is bound
-        if overlays.show_trajectory and overlays.trajectory is not None:
+        if overlays.trajectory is not None:
             self._overlays.draw_on_ground(trajectory_strokes(overlays.trajectory, self._ground))
         if overlays.path is not None:
             self._overlays.draw_on_ground(path_strokes(overlays.path, self._ground))

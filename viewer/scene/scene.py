@@ -383,7 +383,7 @@ class Scene:
         self._choice, self._character, self.character_path = choice, character, path
         if choice.path:
             self.messages.note(f"Character {Path(choice.path).name} loaded.")
-        if self.joints.state.path == path:
+        if self.joints.path == path:
             self.joints.close()
 
     # --- model and quality

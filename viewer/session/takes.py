@@ -94,19 +94,21 @@ class Takes:
 
     def follow(self, before: Session, now: Session) -> None:
         """Show what became of the take that plays; leave it when it is gone."""
-        playback = self.playback
-        if playback is not None:
-            take = now.take(playback.number)
-            if take is None or take.number == LIVE:
-                self.close_playback()
-            elif take != playback.take or take != playback.shown:
-                self._refresh(playback, take)
+        if self.playback is not None:
+            self._follow_played(self.playback, now)
         if self.renaming != LIVE and now.take(self.renaming) is None:
             self.renaming = LIVE
         if now.selected != before.selected or now.current != before.current:
             self._propose()
             if self.playback is not None and now.selected not in (LIVE, self.playback.number):
                 self.play(now.selected)
+
+    def _follow_played(self, playback: Playback, now: Session) -> None:
+        take = now.take(playback.number)
+        if take is None or take.number == LIVE:
+            self.close_playback()
+        elif take != playback.take or take != playback.shown:
+            self._refresh(playback, take)
 
     def _refresh(self, playback: Playback, take: Take) -> None:
         playback.use(take)

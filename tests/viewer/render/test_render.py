@@ -85,7 +85,7 @@ def trajectory(terrain: Terrain) -> TrajectoryOverlay:
 
 
 def everything(terrain: Terrain) -> Overlays:
-    return Overlays(trajectory(terrain), show_trajectory=True, show_skeleton=True, show_contacts=True)
+    return Overlays(trajectory(terrain), show_skeleton=True, show_contacts=True)
 
 
 def test_golden_flat(render: Render) -> None:

@@ -64,9 +64,7 @@ class SessionFile:
     """The file of the session that is open."""
 
     database: Database
-    cache: (
-        Path  # folder for the files of characters; beside it is what this installation knows its own files by
-    )
+    cache: Path  # folder for the files of characters; in its parent is what this installation knows its own files by
     _documents: DocumentWriter = field(init=False)
     _written: dict[int, Session] = field(default_factory=dict)  # steps of the file, by their numbers
     _known: set[str] = field(default_factory=set)  # blobs, motions and characters that the file has
@@ -425,7 +423,7 @@ class Recording:
 
 def _characters(session: Session) -> list[CharacterChoice]:
     """The characters of a session that have files."""
-    choices = (session.character, session.reference and session.reference.character)
+    choices = (session.character, None if session.reference is None else session.reference.character)
     return [choice for choice in choices if choice is not None and choice.key]
 
 

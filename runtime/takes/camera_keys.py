@@ -16,7 +16,7 @@ MAX_BESIDE_M, MAX_DISTANCE_M, MAX_PITCH = 1000.0, 100.0, math.radians(89.0)
 
 @dataclass(frozen=True)
 class CameraKey:
-    """The view at a time of the take: direction (radians), distance (metres), and what it looks at beside the character.
+    """The view at a time of the take: direction (radians), distance (metres), and what it looks at next to the character.
 
     `x`, `y` and `z` are metres from a point over the ground under the hips, which the camera goes along with.
     """

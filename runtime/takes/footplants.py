@@ -1,6 +1,6 @@
 """Edits of when a foot bears: a plant that lasts longer or shorter, comes at another time, is added or taken away.
 
-The path of the foot is told again in another time: what it does between two plants takes the time that is left between
+The path of the foot is retimed: what it does between two plants takes the time that is left between
 them, and the leg follows by IK.
 """
 

@@ -141,7 +141,7 @@ def lanes(pins: Sequence[Pin]) -> list[list[int]]:
 
 
 def extra_rows(take: Take | None, parts: bool) -> int:
-    """How many tracks a take has beside those that every one has."""
+    """How many tracks a take has besides those that every one has."""
     own = 0 if take is None else len(lanes(take.poses.pins)) + bool(take.cameras)
     return own + (len(PART_NAMES) if parts else 0)
 

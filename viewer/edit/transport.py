@@ -20,7 +20,7 @@ from viewer.gui.widgets import px
 from viewer.session.playback import Playback
 
 SPEEDS = (0.1, 2.0)
-WIDE = 520.0  # pixels at scale 1: words beside the icons
+WIDE = 520.0  # pixels at scale 1: words next to the icons
 TINY = 400.0  # in less only what has no other way stays
 PROMPT_POPUP, GAIT_POPUP, PIN_POPUP, COMPARE_POPUP = "new prompt", "new gait", "new pin", "compare"
 PIN_HINT = "Hold a hand, a foot, the look or the pose from this frame on, or key the camera"

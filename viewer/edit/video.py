@@ -1,4 +1,4 @@
-"""A film to look at beside a take: its pictures in memory, small and compressed, so that any of them is there at once."""
+"""A film to look at with a take: its pictures in memory, small and compressed, so that any of them is there at once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Joints of a character that its user names by hand: what is guessed, what is chosen, and keeping it beside the file."""
+"""Joints of a character that its user names by hand: what is guessed, what is chosen, and keeping it in the file's folder."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from viewer.messages import Messages
 
 @dataclass(frozen=True)
 class FileJoints:
-    """The joints of a character file: what is guessed without a map, and the map that lies beside it."""
+    """The joints of a character file: what is guessed without a map, and the map in its folder."""
 
     guess: JointGuess
     saved: dict[str, str]
@@ -95,7 +95,7 @@ class JointMapping:
         self.chosen, self.problem = {}, ""
 
     def apply(self) -> None:
-        """Keep the map beside the file and show the character by it."""
+        """Keep the map in the file's folder and show the character by it."""
         if self.path is None or self.missing:
             return
         path, chosen = self.path, dict(self.chosen)
@@ -124,5 +124,5 @@ class JointMapping:
 
 
 def read_joints(path: Path) -> FileJoints:
-    """What is found in a character file by itself, and what is kept beside it; FileError."""
+    """What is found in a character file by itself, and what is kept in its folder; FileError."""
     return FileJoints(joints_of(path, {}), saved_joint_map(path))

@@ -68,7 +68,7 @@ class Scene:
     quality: str = ""  # name of the renderer's preset
     model_name: str = ""  # "" while loading
     provider: str = ""
-    model_folder: Path | None = None  # asked for last; None: the default
+    model_folder: Path | None = None  # requested last; None: the default
     character_path: Path | None = None  # the file of the character in use; None: the mannequin as it is
     _character: Any = None
     _choice: CharacterChoice = field(default_factory=CharacterChoice)  # in use, or being loaded
@@ -434,7 +434,7 @@ class Scene:
         self.settings.quality = name
 
     def lower_quality(self, fps: float, dt: float) -> None:
-        """Go to the fast preset where nobody chose one and the processor shows too few frames a second for some time."""
+        """Go to the fast preset where none was chosen and the processor shows too few frames a second for some time."""
         slow = not self.settings.quality and self.quality == "software" and 0.0 < fps < SLOW_FPS
         self._slow_s = self._slow_s + dt if slow else 0.0
         if self._slow_s > SLOW_SECONDS:

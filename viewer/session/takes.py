@@ -150,7 +150,7 @@ class Takes:
         )
 
     def add_poses(self, poses: list[Pose], controls: Controls) -> None:
-        """Remember simulated poses, without their pins, and what was asked for; call once a frame."""
+        """Remember simulated poses, without their pins, and what was requested; call once a frame."""
         for pose in poses:
             self.recorder.add(pose, gait_of(controls))
             if self.scene.controller is not None:

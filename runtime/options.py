@@ -38,13 +38,13 @@ class Spec:
 
     def read(self, value: Any, default: Any) -> Any:
         """An untrusted value of JSON as the type of `default`, where it may be used; else the default."""
-        if self.choices is None and isinstance(default, bool):
-            return value if isinstance(value, bool) else default
         text = is_text(value) and len(value) < MAX_TEXT and "\0" not in value
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if self.choices is not None:
-            known = (text or number or value is None) and value in self.choices
-            return next(choice for choice in self.choices if choice == value) if known else default
+            known = text or number or value is None
+            return next((choice for choice in self.choices if known and choice == value), default)
+        if isinstance(default, bool):
+            return value if isinstance(value, bool) else default
         fits = text if isinstance(default, str) else number
         return type(default)(value) if fits and self.allows(value) else default
 

@@ -8,7 +8,6 @@ A file holds one character.
 
 from __future__ import annotations
 
-import math
 import types
 import typing
 from dataclasses import fields, is_dataclass
@@ -110,43 +109,39 @@ def _error(path: str, problem: str) -> FileError:
 def _read(hint: Any, value: Tree, arrays: typing.Sequence[np.ndarray], path: str, metadata: Any) -> Any:
     origin, inside = typing.get_origin(hint), typing.get_args(hint)
     if origin in (typing.Union, types.UnionType):
-        if value is None and type(None) in inside:
-            return None
         (hint,) = (each for each in inside if each is not type(None))
-        return _read(hint, value, arrays, path, metadata)
+        optional = value is None and type(None) in inside
+        return None if optional else _read(hint, value, arrays, path, metadata)
     if origin is tuple:
         if not isinstance(value, list) or len(value) > LONGEST_TUPLE:
             raise _error(path, "expected a list")
         kinds = [inside[0]] * len(value) if inside[-1] is Ellipsis else inside
         if len(kinds) != len(value):
             raise _error(path, f"expected {len(kinds)} values")
-        pairs = zip(kinds, value, strict=True)
-        return tuple(
-            _read(each, item, arrays, f"{path}[{k}]", metadata) for k, (each, item) in enumerate(pairs)
-        )
+        pairs = enumerate(zip(kinds, value, strict=True))
+        return tuple(_read(kind, item, arrays, f"{path}[{k}]", metadata) for k, (kind, item) in pairs)
     if origin is np.ndarray:
         return _array(value, arrays, path, metadata)
-    if isinstance(hint, type) and is_dataclass(hint):
-        return read_record(hint, value, arrays, path)
-    return _single(hint, value, path, metadata)
+    if is_dataclass(hint):
+        return read_record(typing.cast(Any, hint), value, arrays, path)
+    return (_chosen if hint in (bool, str) else _number)(hint, value, path, metadata)
 
 
-def _single(hint: Any, value: Tree, path: str, metadata: Any) -> Any:
-    if hint is bool:
-        if isinstance(value, bool):
-            return value
+def _chosen(hint: Any, value: Tree, path: str, metadata: Any) -> Any:
+    """A flag, or one of the texts that a field may have."""
+    if hint is bool and not isinstance(value, bool):
         raise _error(path, "expected true or false")
-    if hint is str:
-        choices = metadata["choices"]
-        if isinstance(value, str) and value in choices:
-            return value
-        raise _error(path, f"expected one of {', '.join(repr(c) for c in choices)}")
-    whole = hint is int
-    if isinstance(value, bool) or not isinstance(value, int if whole else int | float):
-        raise _error(path, "expected a whole number" if whole else "expected a number")
-    if not math.isfinite(value) or abs(value) > metadata.get("most", LARGEST):
+    if hint is str and not (isinstance(value, str) and value in metadata["choices"]):
+        raise _error(path, f"expected one of {', '.join(map(repr, metadata['choices']))}")
+    return value
+
+
+def _number(hint: Any, value: Tree, path: str, metadata: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int if hint is int else int | float):
+        raise _error(path, "expected a whole number" if hint is int else "expected a number")
+    if not abs(value) <= metadata.get("most", LARGEST):
         raise _error(path, "a number that no character reaches")
-    return value if whole else float(value)
+    return value if hint is int else float(value)
 
 
 def _array(value: Tree, arrays: typing.Sequence[np.ndarray], path: str, metadata: Any) -> np.ndarray:

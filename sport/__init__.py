@@ -8,25 +8,36 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    from runtime.assets import asset_path
-    from runtime.character.character import load_character
-    from runtime.character.joint_map import read_joint_map
-    from runtime.character.skinned_mesh import skin_vertices
-    from runtime.controls import Controls, Gait
-    from runtime.errors import SportError
-    from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
-    from runtime.generate import generate_clip
-    from runtime.motion.controller import Controller
-    from runtime.motion.model import MotionModel, load_model
-    from runtime.pose import Pose
-    from runtime.prompts.blend import BlendedPrompt, mix_of_parts, parse_weights
-    from runtime.prompts.prompter import Prompter
-    from runtime.skeleton import SPORT_SKELETON
-    from runtime.takes.clip import Clip
-    from runtime.takes.recorder import ClipRecorder
-    from runtime.terrain.height_map import Terrain
-    from runtime.terrain.library import load_terrain
+if TYPE_CHECKING:  # "as": names that this package gives on
+    from runtime.assets import asset_path as asset_path
+    from runtime.character.character import load_character as load_character
+    from runtime.character.joint_map import read_joint_map as read_joint_map
+    from runtime.character.skinned_mesh import skin_vertices as skin_vertices
+    from runtime.controls import Controls as Controls
+    from runtime.controls import Gait as Gait
+    from runtime.errors import SportError as SportError
+    from runtime.formats.bvh_clip import load_clip_bvh as load_clip_bvh
+    from runtime.formats.bvh_clip import save_bvh as save_bvh
+    from runtime.generate import generate_clip as generate_clip
+    from runtime.motion.controller import Controller as Controller
+    from runtime.motion.model import MotionModel as MotionModel
+    from runtime.motion.model import load_model as load_model
+    from runtime.pose import Pose as Pose
+    from runtime.prompts.blend import (
+        BlendedPrompt as BlendedPrompt,
+    )
+    from runtime.prompts.blend import (
+        mix_of_parts as mix_of_parts,
+    )
+    from runtime.prompts.blend import (
+        parse_weights as parse_weights,
+    )
+    from runtime.prompts.prompter import Prompter as Prompter
+    from runtime.skeleton import SPORT_SKELETON as SPORT_SKELETON
+    from runtime.takes.clip import Clip as Clip
+    from runtime.takes.recorder import ClipRecorder as ClipRecorder
+    from runtime.terrain.height_map import Terrain as Terrain
+    from runtime.terrain.library import load_terrain as load_terrain
 
 _MODULES = {
     "BlendedPrompt": "runtime.prompts.blend",
@@ -53,31 +64,7 @@ _MODULES = {
     "save_bvh": "runtime.formats.bvh_clip",
     "skin_vertices": "runtime.character.skinned_mesh",
 }
-__all__ = [
-    "BlendedPrompt",
-    "Clip",
-    "ClipRecorder",
-    "Controller",
-    "Controls",
-    "Gait",
-    "MotionModel",
-    "Pose",
-    "Prompter",
-    "SPORT_SKELETON",
-    "SportError",
-    "Terrain",
-    "asset_path",
-    "generate_clip",
-    "load_character",
-    "load_clip_bvh",
-    "load_model",
-    "load_terrain",
-    "mix_of_parts",
-    "parse_weights",
-    "read_joint_map",
-    "save_bvh",
-    "skin_vertices",
-]
+__all__ = [*_MODULES]
 
 
 def __getattr__(name: str) -> Any:

@@ -29,8 +29,14 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
 
     export = export_options(options)
     outputs = _outputs(options)
-    prompt = _prompt(options)
     controls, seconds = _controls(options)
+    arguments: dict[str, Any] = {
+        "prompt": _prompt(options), "terrain": options.terrain, "path": options.path or "forward",
+        "gait": options.gait or "walk", "controls": controls, "transition_seconds": options.transition,
+        "speed": 1.0 if options.speed is None else options.speed, "strength": options.strength,
+        "response": options.response, "expander": options.expander, "text_encoder": options.text_encoder,
+        "report": note, "pins": "; ".join(options.pin),
+    }  # fmt: skip
     if any(out.suffix.lower() == ".bvh" for out in outputs):
         check_bvh_length(seconds, export.fps)
     check_outputs(outputs, export)
@@ -44,26 +50,9 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
     model, prompter = (options.model, None) if tools is None else tools(options)
     for k, out in enumerate(outputs):
         clip = generate_clip(
-            prompt,
-            options.terrain,
-            options.path or "forward",
-            options.gait or "walk",
-            rendered,
-            options.seed + k,
-            controls=controls,
-            speed=1.0 if options.speed is None else options.speed,
-            transition_seconds=options.transition,
-            strength=options.strength,
-            response=options.response,
-            model=model,
-            name=out.stem,
-            expander=options.expander,
-            text_encoder=options.text_encoder,
-            report=note,
-            prompter=prompter,
-            size=size,
-            pins="; ".join(options.pin),
-        )
+            **arguments, seconds=rendered, seed=options.seed + k, model=model, name=out.stem,
+            prompter=prompter, size=size,
+        )  # fmt: skip
         if not format_of(out).film:
             clip = clip.resampled(export.fps)
             clip = clip.trim(0, min(max(round(seconds * export.fps), 1), len(clip)) - 1)

@@ -14,11 +14,30 @@ from tests.helpers.gpt_endpoint import endpoint, expander_of, settings_of  # noq
 from tests.helpers.slow_model import asking, model  # noqa: F401  (fixtures)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A home folder for every test and the processes that it starts, so that none writes into the user's own."""
+    folder = tmp_path_factory.mktemp("home")
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("HOME", "USERPROFILE"):
+            patch.setenv(name, str(folder))
+        for name in (
+            "XDG_CONFIG_HOME",
+            "XDG_CACHE_HOME",
+            "XDG_STATE_HOME",
+            "SPORT_CONFIG_DIR",
+            "SPORT_CACHE_DIR",
+        ):
+            patch.delenv(name, raising=False)
+        yield folder
+
+
 @pytest.fixture
 def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Any]]:
     """Opens the viewer offscreen on flat ground with a fake model; closes what the test leaves open.
 
-    `start(real_renderer=False, services={}, **options)`: `services` are loaders in place of the fakes, by name.
+    `start(real_renderer=False, drawn=real_renderer, services={}, **options)`: `services` are loaders in place of the
+    fakes, by name; panels are laid out in every frame, but put into the picture, which takes time, only where `drawn`.
     """
     import dataclasses
 
@@ -31,10 +50,18 @@ def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[
         monkeypatch.delenv(name, raising=False)
     apps: list[App] = []
 
-    def open_app(real_renderer: bool = False, services: dict[str, Any] | None = None, **options: Any) -> App:
+    def open_app(
+        real_renderer: bool = False,
+        services: dict[str, Any] | None = None,
+        drawn: bool | None = None,
+        **options: Any,
+    ) -> App:
         chosen = {"offscreen": True, "terrain": "flat", **options}
-        loaders = dataclasses.replace(fake_services(real_renderer), **(services or {}))
+        drawn = real_renderer if drawn is None else drawn
+        loaders = dataclasses.replace(fake_services(real_renderer, drawn=drawn), **(services or {}))
         app = App(ViewOptions(**chosen), loaders, InjectedPads(), tmp_path / "config")
+        if not drawn:
+            app.window.draw_interface = lambda: None  # type: ignore[method-assign]
         apps.append(app)
         return app
 
@@ -52,7 +79,8 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     from viewer.options import ViewOptions
 
     options = ViewOptions(offscreen=True, terrain="flat")
-    app = App(options, fake_services(False), InjectedPads(), tmp_path_factory.mktemp("config"))
+    app = App(options, fake_services(drawn=False), InjectedPads(), tmp_path_factory.mktemp("config"))
+    app.window.draw_interface = lambda: None  # type: ignore[method-assign]
     yield app
     app.close()
 

@@ -251,17 +251,22 @@ def _read_bvh(path):
         raise NotATakeError(f"{path.name}: not a BVH")
     fps = round(1.0 / float(step[1]), 3)
     offsets = re.findall(r"OFFSET\s+(\S+)\s+(\S+)\s+(\S+)", text)
-    longest = max((math.dist((0, 0, 0), map(float, offset)) for offset in offsets[1:]), default=0.0)
+    longest = max((math.hypot(*map(float, offset)) for offset in offsets[1:]), default=0.0)
     described = {}
     with contextlib.suppress(OSError, ValueError):  # a BVH of another program has no JSON beside it
         described = json.loads(path.with_name(path.name + ".json").read_text(encoding="utf-8"))
     described = described if isinstance(described, dict) and described.get("format") == "sport-take" else {}
-    marks = [(_title(e), max(float(e.get("seconds", 0.0)), 0.0)) for e in described.get("prompts", [])]
-    marks += [(str(name), float(seconds)) for seconds, name in described.get("gaits", [])]
-    found = tuple(sorted(((name, round(s * fps)) for name, s in marks), key=lambda mark: mark[1]))
+    found = tuple(sorted(_marks(described, fps), key=lambda mark: mark[1]))
     scale = 0.01 if longest > 3.0 else 1.0  # no bone is three metres long
     placed = described.get("placed", True) is not None
     return TakeFacts(fps, int(frames[1]), found, scale, str(described.get("terrain", "")), placed)
+
+
+def _marks(described, fps):
+    """Name and frame of each prompt and gait in the JSON beside a BVH."""
+    marks = [(_title(e), max(float(e.get("seconds", 0.0)), 0.0)) for e in described.get("prompts", [])]
+    marks += [(str(name), float(seconds)) for seconds, name in described.get("gaits", [])]
+    return [(name, round(seconds * fps)) for name, seconds in marks]
 
 
 def _title(event):
@@ -337,15 +342,19 @@ def import_take(context, path, ground="", first_frame=1):
     if armature is None:
         raise ValueError(f"{path.name}: no skeleton in it")
     scene.frame_start, scene.frame_end = first_frame, first_frame + facts.frames - 1
-    known = {(mark.name, mark.frame) for mark in scene.timeline_markers}
-    for name, frame in facts.markers:
-        if (name[:63], frame + first_frame) not in known:
-            scene.timeline_markers.new(name[:63], frame=frame + first_frame)
+    _add_markers(scene, [(name[:63], frame + first_frame) for name, frame in facts.markers])
     if not any(thing.name.startswith("Ground") for thing in made):
         _import_ground(path, facts, ground)
     context.view_layer.objects.active = armature
     scene.frame_set(first_frame)
     return armature
+
+
+def _add_markers(scene, marks):
+    known = {(mark.name, mark.frame) for mark in scene.timeline_markers}
+    for name, frame in marks:
+        if (name, frame) not in known:
+            scene.timeline_markers.new(name, frame=frame)
 
 
 def _import_ground(path, facts, chosen):
@@ -390,6 +399,14 @@ def _shift(action, first_frame):
 # --- Blender: the live link
 
 
+def rest_heads(skeleton):
+    """Where the announced joints are in their rest pose, the uppermost one at the origin."""
+    heads = []
+    for joint, parent in enumerate(skeleton.parents):
+        heads.append(heads[parent] + to_blender(skeleton.offsets[joint]) if parent >= 0 else Vector())
+    return heads
+
+
 def build_armature(context, skeleton, name="SPORT live"):
     """An armature with the announced joints in their rest pose."""
     data = bpy.data.armatures.new(name)
@@ -397,19 +414,14 @@ def build_armature(context, skeleton, name="SPORT live"):
     context.scene.collection.objects.link(thing)
     context.view_layer.objects.active = thing
     bpy.ops.object.mode_set(mode="EDIT")
-    heads, bones = [], []
+    heads, bones = rest_heads(skeleton), []
     for joint, parent in enumerate(skeleton.parents):
-        offset = to_blender(skeleton.offsets[joint])
-        heads.append(heads[parent] + offset if parent >= 0 else Vector((0.0, 0.0, 0.0)))
         bone = data.edit_bones.new(skeleton.names[joint])
         bone.head, bone.parent = heads[joint], bones[parent] if parent >= 0 else None
         bones.append(bone)
     for joint, bone in enumerate(bones):  # towards the child; Blender removes bones without a length
-        ends = [
-            heads[c]
-            for c, p in enumerate(skeleton.parents)
-            if p == joint and (heads[c] - heads[joint]).length > 0.01
-        ]
+        below = [heads[c] for c, p in enumerate(skeleton.parents) if p == joint]
+        ends = [head for head in below if (head - heads[joint]).length > 0.01]
         bone.tail = ends[0] if ends else heads[joint] + Vector((0.0, 0.0, 0.05))
     bpy.ops.object.mode_set(mode="OBJECT")
     return thing
@@ -417,22 +429,9 @@ def build_armature(context, skeleton, name="SPORT live"):
 
 # The viewer's joints, and what they are called in other rigs, lower case letters and digits only: {s} is left, {i} is l.
 JOINTS = [
-    "Hips",
-    "LowerBack",
-    "Spine",
-    "Spine1",
-    "Neck1",
-    "Head",
-    "{S}Shoulder",
-    "{S}Arm",
-    "{S}ForeArm",
-    "{S}Hand",
-    "{S}HandIndex1",
-    "{S}UpLeg",
-    "{S}Leg",
-    "{S}Foot",
-    "{S}ToeBase",
-]
+    "Hips", "LowerBack", "Spine", "Spine1", "Neck1", "Head", "{S}Shoulder", "{S}Arm", "{S}ForeArm", "{S}Hand",
+    "{S}HandIndex1", "{S}UpLeg", "{S}Leg", "{S}Foot", "{S}ToeBase",
+]  # fmt: skip
 _HUMANOID = (
     "hips spine chest upperchest neck head {s}shoulder {s}upperarm {s}lowerarm {s}hand {s}middleproximal "
     "{s}upperleg {s}lowerleg {s}foot {s}toes"
@@ -454,17 +453,9 @@ CONVENTIONS = (
     " ".join(name.replace("{s}", "") + "{i}" * ("{s}" in name) for name in _HUMANOID.split()),
     "hip abdomen - chest neck head {i}collar {i}shldr {i}forearm {i}hand {i}mid1 {i}thigh {i}shin {i}foot {i}toe",
 )
-NEEDED = [
-    "Hips", "Head", *(s + b for s in ("Left", "Right") for b in ("UpLeg", "Leg", "Foot", "Arm", "ForeArm"))
-]  # fmt: skip
-AIMS = {
-    "Arm": "ForeArm",
-    "ForeArm": "Hand",
-    "Hand": "HandIndex1",
-    "UpLeg": "Leg",
-    "Leg": "Foot",
-    "Foot": "ToeBase",
-}
+SIDES = ("Left", "Right")
+NEEDED = ["Hips", "Head", *(s + b for s in SIDES for b in ("UpLeg", "Leg", "Foot", "Arm", "ForeArm"))]
+AIMS = dict(Arm="ForeArm", ForeArm="Hand", Hand="HandIndex1", UpLeg="Leg", Leg="Foot", Foot="ToeBase")
 ANKLE_M = 0.066  # of a standing foot of the viewer's skeleton
 
 
@@ -476,18 +467,28 @@ def guess_joints(names):
     for strip in ("", prefix):
         index = {}
         for name in names:
-            bare = re.sub(r"^(DEF|ORG)[-_]", "", re.split(r"[:|]", name.removeprefix(strip))[-1])
-            index.setdefault(re.sub(r"^mixamorig\d*|[^a-z0-9]", "", bare.lower()), name)
+            index.setdefault(_simple_name(name.removeprefix(strip)), name)
         for convention in CONVENTIONS:
-            found = {}
-            for joint, called in zip(JOINTS, convention.split(), strict=True):
-                for side in ("Left", "Right") if "{S}" in joint else ("",):
-                    bone = index.get(called.format(s=side.lower(), i=side[:1].lower()))
-                    if bone is not None:
-                        found[joint.format(S=side)] = bone
+            found = _named_joints(convention, index)
             if sum(j in found for j in NEEDED) > sum(j in best for j in NEEDED):
                 best = found
     return best
+
+
+def _simple_name(name):
+    """A bone's name without namespace, case and punctuation."""
+    bare = re.sub(r"^(DEF|ORG)[-_]", "", re.split(r"[:|]", name)[-1])
+    return re.sub(r"^mixamorig\d*|[^a-z0-9]", "", bare.lower())
+
+
+def _named_joints(convention, index):
+    """The bones of `index`, by simple names, that a convention has."""
+    called = {
+        joint.format(S=side): name.format(s=side.lower(), i=side[:1].lower())
+        for joint, name in zip(JOINTS, convention.split(), strict=True)
+        for side in (SIDES if "{S}" in joint else ("",))
+    }
+    return {joint: index[name] for joint, name in called.items() if name in index}
 
 
 class Retarget:
@@ -510,28 +511,26 @@ class Retarget:
         place = {name: rest[found[name]].to_translation() for name in self.joint}
         self.facing = _axes(place)
         place = {name: self.facing @ at for name, at in place.items()}
-        ours = [Vector() for _ in skeleton.names]
-        for joint, parent in enumerate(skeleton.parents):
-            if parent >= 0:
-                ours[joint] = ours[parent] + to_blender(skeleton.offsets[joint])
-        self.ours = {name: ours[joint] for name, joint in self.joint.items()}
+        heads = rest_heads(skeleton)
+        self.ours = {name: heads[joint] for name, joint in self.joint.items()}
         self.scale = _leg(place) / _leg(self.ours)
         self.turns = {name: self._turn(name, place) for name in self.joint}
-        middle = 0.5 * (place["LeftUpLeg"] + place["RightUpLeg"])
-        self.hips = place["Hips"] - middle
+        self.hips = place["Hips"] - 0.5 * (place["LeftUpLeg"] + place["RightUpLeg"])
         ankle = min(place["LeftFoot"].z, place["RightFoot"].z)
         self.lift = ankle - ANKLE_M * self.scale if abs(ankle) < 0.3 * _leg(place) else 0.0
         self.order = [(bone, rest[bone.name], bone.parent and rest[bone.parent.name]) for bone in bones]
 
     def _turn(self, name, place):
         """What turns a bone of the rig from its rest direction onto that of the viewer's skeleton."""
-        side = next((s for s in ("Left", "Right") if name.startswith(s)), "")
+        side = next((s for s in SIDES if name.startswith(s)), "")
         bone = name[len(side) :]
         if bone == "ToeBase":
             bone, name = "Foot", f"{side}Foot"
         aim = side + AIMS.get(bone, "")
+        if side and bone == "Hand" and aim not in place:
+            return self._turn(side + "ForeArm", place)
         if not side or name not in place or aim not in place:
-            return self._turn(side + "ForeArm", place) if side and bone == "Hand" else Quaternion()
+            return Quaternion()
         theirs, wanted = place[aim] - place[name], self.ours[aim] - self.ours[name]
         if bone == "Foot":
             theirs.z = wanted.z = 0.0
@@ -575,7 +574,7 @@ class Retarget:
 def _leg(place):
     return sum(
         (place[a] - place[b]).length
-        for side in ("Left", "Right")
+        for side in SIDES
         for a, b in ((f"{side}UpLeg", f"{side}Leg"), (f"{side}Leg", f"{side}Foot"))
     )
 
@@ -663,8 +662,8 @@ class LiveLink:
         keys = {}
         for frame, pose in sorted(by_frame.items()):
             for bone, turn, place in self._channels(pose):
-                paths = [("rotation_quaternion", turn)] + ([("location", place)] if place is not None else [])
-                for path, values in paths:
+                location = () if place is None else place
+                for path, values in (("rotation_quaternion", turn), ("location", location)):
                     for index, value in enumerate(values):
                         keys.setdefault((bone.name, path, index), []).extend((float(frame), value))
         action = bpy.data.actions.new(f"{thing.name} take")

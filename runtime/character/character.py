@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
@@ -17,9 +18,8 @@ from runtime.character.joint_map import saved_joint_map
 from runtime.character.joints import Alignment, align
 from runtime.character.mesh import MeshData, read_meshes
 from runtime.character.planted_feet import Soles, find_soles, plant_feet
-from runtime.character.read import MAX_VALUE, REMEDY, STRUCTURE_ERRORS, GltfFile, open_gltf
-from runtime.character.skinned_mesh import SkinnedMesh
-from runtime.errors import FileError
+from runtime.character.read import MAX_VALUE, STRUCTURE_ERRORS, GltfFile, open_gltf
+from runtime.character.skinned_mesh import SkinnedMesh, Surface
 from runtime.pose import Pose
 from runtime.safe_read import is_text, reason
 
@@ -73,27 +73,31 @@ def load_character(path: str | Path, joint_map: Mapping[str, str] | None = None)
     Joints are found by known names or by the tree and the rest pose (`guess_joints`). `joint_map` (SPORT joint name ->
     joint name in the file, "" for none) overrides them one by one; by default it is the one beside the file.
     """
-    file = open_gltf(Path(path))
-    chosen = saved_joint_map(path) if joint_map is None else joint_map
-    try:
-        with np.errstate(all="ignore"):  # what comes of it is checked
-            character = _assemble(file, read_meshes(file), chosen)
-    except STRUCTURE_ERRORS as error:
-        raise FileError(f"{file.name}: damaged glTF structure ({reason(error)}).", REMEDY) from error
-    _check_finite(file, character)
-    return character
+    with _reading(path) as file:
+        return _assemble(file, *_guessed(file, joint_map))
 
 
 def joints_of(path: str | Path, joint_map: Mapping[str, str] | None = None) -> JointGuess:
     """What the joints of a character file play, also where some are missing; FileError as `load_character`."""
+    with _reading(path) as file:
+        return _guessed(file, joint_map)[0]
+
+
+@contextmanager
+def _reading(path: str | Path) -> Iterator[GltfFile]:
+    """A file whose damage becomes a FileError."""
     file = open_gltf(Path(path))
-    chosen = saved_joint_map(path) if joint_map is None else joint_map
     try:
-        with np.errstate(all="ignore"):
-            data = read_meshes(file)
-            return guess_joints(file.path, data, _names(file, data), chosen)[0]
+        with np.errstate(all="ignore"):  # what comes of it is checked
+            yield file
     except STRUCTURE_ERRORS as error:
-        raise FileError(f"{file.name}: damaged glTF structure ({reason(error)}).", REMEDY) from error
+        raise file.error(f"damaged glTF structure ({reason(error)}).") from error
+
+
+def _guessed(file: GltfFile, joint_map: Mapping[str, str] | None) -> tuple[JointGuess, MeshData]:
+    data = read_meshes(file)
+    chosen = saved_joint_map(file.path) if joint_map is None else joint_map
+    return guess_joints(file.path, data, _names(file, data), chosen)
 
 
 def _names(file: GltfFile, data: MeshData) -> tuple[str, ...]:
@@ -108,25 +112,16 @@ def _check_finite(file: GltfFile, character: Character) -> None:
             value = getattr(holder, field.name)
             real = isinstance(value, float) or (isinstance(value, np.ndarray) and value.dtype.kind == "f")
             if real and not np.all(np.abs(value) < MAX_VALUE):
-                raise FileError(
-                    f"{file.name}: the {field.name.replace('_', ' ')} of its skeleton are not finite.", REMEDY
-                )
+                raise file.error(f"the {field.name.replace('_', ' ')} of its skeleton are not finite.")
 
 
-def _assemble(file: GltfFile, data: MeshData, joint_map: Mapping[str, str]) -> Character:
-    names = _names(file, data)
-    guess, data = guess_joints(file.path, data, names, joint_map)
+def _assemble(file: GltfFile, guess: JointGuess, data: MeshData) -> Character:
     require(file.path, guess)
     vertices = data.rest_positions()
     alignment = align(guess.found, data.joint_parents, data.rest_world, vertices)
-    return Character(
-        positions=data.positions,
-        normals=data.normals,
-        colors=data.colors,
-        joint_indices=data.joint_indices,
-        joint_weights=data.joint_weights,
-        triangles=data.triangles,
-        joint_names=names,
+    character = Character(
+        **{field.name: getattr(data, field.name) for field in fields(Surface)},
+        joint_names=guess.names,
         joint_parents=data.joint_parents,
         inverse_bind=data.inverse_bind,
         rest_world=data.rest_world.astype(np.float32),
@@ -134,6 +129,8 @@ def _assemble(file: GltfFile, data: MeshData, joint_map: Mapping[str, str]) -> C
         alignment=alignment,
         size=1.0 if alignment.native else own_size(alignment, vertices),
     )
+    _check_finite(file, character)
+    return character
 
 
 def own_size(alignment: Alignment, vertices: AnyArray) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 
 import numpy as np
@@ -34,69 +35,72 @@ def doubts(found: Mapping[str, int], tree: JointTree) -> dict[str, str]:
         spans = {}
         for side in SIDES:
             joints = [found.get(side + bone, -1) for bone in bones]
-            if min(joints[:2]) < 0:
-                continue
-            if joints[1] in tree.ancestors(joints[0]):
+            if min(joints[:2]) >= 0 and joints[1] in tree.ancestors(joints[0]):
                 wrong[side + bones[1]] = f"it lies above the {limb}'s first joint"
-                continue
-            if joints[2] < 0:
-                continue
-            upper, lower = tree.distance(joints[0], joints[1]), tree.distance(joints[1], joints[2])
-            spans[side] = upper + lower
-            if min(upper, lower) < least * max(upper, lower):
-                short = side + (bones[0] if upper < lower else bones[1])
-                share = min(upper, lower) / max(upper, lower, 1e-9)
-                wrong[short] = (
-                    f"its bone has {100 * share:.0f} % of the length of the other one of this {limb}"
-                )
+            elif min(joints) >= 0:
+                upper, lower = tree.distance(joints[0], joints[1]), tree.distance(joints[1], joints[2])
+                spans[side] = upper + lower
+                if min(upper, lower) < least * max(upper, lower):
+                    percent = 100 * min(upper, lower) / max(upper, lower, 1e-9)
+                    short = side + (bones[0] if upper < lower else bones[1])
+                    wrong[short] = (
+                        f"its bone has {percent:.0f} % of the length of the other one of this {limb}"
+                    )
         if len(spans) == 2 and min(spans.values()) < (1.0 - UNEVEN) * max(spans.values()):
             shorter = min(spans, key=lambda side: spans[side])
             wrong[shorter + bones[0]] = f"this {limb} is much shorter than the other one"
-    for bone in _swapped(found, tree):
-        for side in SIDES:
-            wrong[side + bone] = "it is on the other side, as the feet point"
-    return wrong
+    swapped = [side + bone for bone in _swapped(found, tree) for side in SIDES]
+    return wrong | dict.fromkeys(swapped, "it is on the other side, as the feet point")
+
+
+def _on_both_sides(found: Mapping[str, int], *bones: str) -> bool:
+    return all(side + bone in found for side in SIDES for bone in bones)
+
+
+def _apart(found: Mapping[str, int], tree: JointTree, bone: str) -> AnyArray:
+    """From the right joint of a bone to the left one."""
+    return np.asarray(tree.positions[found["Left" + bone]] - tree.positions[found["Right" + bone]])
 
 
 def _swapped(found: Mapping[str, int], tree: JointTree) -> list[str]:
     """Limbs whose left joint is on the right: of the legs by where the toes point, of the arms by the legs."""
-    legs, toes = ("UpLeg", "Foot"), [side + bone for side in SIDES for bone in ("Foot", "ToeBase")]
-    if any(side + bone not in found for side in SIDES for bone in legs):
+    if not _on_both_sides(found, "UpLeg", "Foot"):
         return []
     down = _middle(found, tree, "Foot") - _middle(found, tree, "UpLeg")
-    across = tree.positions[found["LeftUpLeg"]] - tree.positions[found["RightUpLeg"]]
+    across = _apart(found, tree, "UpLeg")
     wrong = []
-    if all(joint in found for joint in toes):
+    if _on_both_sides(found, "ToeBase"):
         ahead = _middle(found, tree, "ToeBase") - _middle(found, tree, "Foot")
         seen = float(np.cross(ahead, down) @ across)  # down, left and ahead are right-handed
         width = float(np.linalg.norm(across))
         if seen < -SIDE_SEEN * width * float(np.linalg.norm(down)) * width:
             wrong.append("UpLeg")
-    if all(side + "Arm" in found for side in SIDES):
-        arms = tree.positions[found["LeftArm"]] - tree.positions[found["RightArm"]]
-        if arms @ across < 0.0:
-            wrong.append("Arm")
+    if _on_both_sides(found, "Arm") and _apart(found, tree, "Arm") @ across < 0.0:
+        wrong.append("Arm")
     return wrong
 
 
 def on_four_legs(found: Mapping[str, int], tree: JointTree) -> bool:
     """Whether the arms are legs that go down across the trunk, or two other limbs stand far from the feet."""
-    if any(side + bone not in found for side in SIDES for bone in ("UpLeg", "Foot")):
+    if not _on_both_sides(found, "UpLeg", "Foot"):
         return False
     hips = _middle(found, tree, "UpLeg")
-    down = np.mean([tree.positions[_end(tree, found[side + "Foot"])] for side in SIDES], axis=0) - hips
+    ends = [_end(tree, found[side + "Foot"]) for side in SIDES]
+    down = tree.positions[ends].mean(axis=0) - hips
     length = max(float(np.linalg.norm(down)), 1e-9)
     along = down / length
-    if all(side + "Arm" in found for side in SIDES):
+    if _on_both_sides(found, "Arm"):
         shoulders = _middle(found, tree, "Arm")
         ends = [_deepest(tree, found[side + "Arm"], along) for side in SIDES]
-        front = np.mean([tree.positions[end] for end in ends], axis=0)
-        trunk, fore = shoulders - hips, front - shoulders
-        leaning = float(along @ trunk) / max(float(np.linalg.norm(trunk)), 1e-9)
-        pointing = float(along @ fore) / max(float(np.linalg.norm(fore)), 1e-9)
+        front = tree.positions[ends].mean(axis=0)
+        leaning, pointing = _cosine(along, shoulders - hips), _cosine(along, front - shoulders)
         if leaning > LEANING and pointing > ALIKE and float((front - hips) @ along) / length > DEEP:
             return True
     return _other_feet(found, tree, hips, along, length)
+
+
+def _cosine(unit: AnyArray, vector: AnyArray) -> float:
+    return float(unit @ vector) / max(float(np.linalg.norm(vector)), 1e-9)
 
 
 def _other_feet(
@@ -104,27 +108,19 @@ def _other_feet(
 ) -> bool:
     """Whether two ends of limbs that mirror each other stand on the ground before or behind the feet."""
     own = {joint for side in SIDES for joint in tree.under(found[side + "UpLeg"])}
-    across = tree.positions[found["LeftUpLeg"]] - tree.positions[found["RightUpLeg"]]
+    across = _apart(found, tree, "UpLeg")
     across = across / max(float(np.linalg.norm(across)), 1e-9)
     feet = _middle(found, tree, "Foot") - hips
-    ends = [
-        joint
-        for joint in range(len(tree.parents))
-        if joint not in own and not tree.children[joint] and tree.parents[joint] >= 0
-        and float((tree.positions[joint] - hips) @ along) > LOW * length
-    ]  # fmt: skip
-    for i, a in enumerate(ends):
-        for b in ends[:i]:
-            gap = tree.positions[a] - tree.positions[b]
-            wide = float(np.linalg.norm(gap))
-            between = 0.5 * (tree.positions[a] + tree.positions[b]) - hips - feet
-            between = between - (between @ along) * along
-            if (
-                wide > 0.1 * length
-                and abs(gap @ across) > 0.9 * wide
-                and float(np.linalg.norm(between)) > APART * length
-            ):
-                return True
+    ends = [joint for joint in tree.ends if joint not in own and tree.parents[joint] >= 0]
+    ends = [joint for joint in ends if float((tree.positions[joint] - hips) @ along) > LOW * length]
+    for a, b in itertools.combinations(ends, 2):
+        gap = tree.positions[a] - tree.positions[b]
+        wide = float(np.linalg.norm(gap))
+        away = 0.5 * (tree.positions[a] + tree.positions[b]) - hips - feet
+        away = away - (away @ along) * along
+        mirrored = wide > 0.1 * length and abs(gap @ across) > 0.9 * wide
+        if mirrored and float(np.linalg.norm(away)) > APART * length:
+            return True
     return False
 
 
@@ -134,7 +130,7 @@ def lopsided(found: Mapping[str, int], tree: JointTree, axes: AnyArray) -> float
     middle = 0.5 * (position[found["LeftUpLeg"], 0] + position[found["RightUpLeg"], 0])
     gaps = []
     for bone in ("Leg", "Foot", "ForeArm", "Hand"):
-        if f"Left{bone}" in found and f"Right{bone}" in found:
+        if _on_both_sides(found, bone):
             left, right = position[found[f"Left{bone}"]], position[found[f"Right{bone}"]]
             mirrored = np.array([2.0 * middle - left[0], left[1], left[2]])
             gaps.append(float(np.linalg.norm(mirrored - right)))

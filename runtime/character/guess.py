@@ -119,18 +119,18 @@ def _believed(
     if not _complete(found) and not joint_map and leg_count(tree) > 2:
         raise _not_upright(path)
     refused = doubts(found, tree)
-    told = {joint: k for joint, k in found.items() if joint not in refused}
-    told = {joint: k for joint, k in (told | _chosen(path, names, joint_map)).items() if k >= 0}
-    if on_four_legs(dict(found) | told, tree):
+    chosen = _chosen(path, names, joint_map)
+    used = {joint: k for joint, k in ({**found, **dict.fromkeys(refused, -1)} | chosen).items() if k >= 0}
+    if on_four_legs(dict(found) | used, tree):
         raise _not_upright(path)
     reasons = {
         joint: f"{names[found[joint]]!r} is not believed to be {joint}: {reason}"
         for joint, reason in refused.items()
-        if joint not in told
+        if joint not in used
     }
-    missing = tuple(name for name in NEEDED if name not in told)
+    missing = tuple(name for name in NEEDED if name not in used)
     return JointGuess(
-        names, tree.parents, tree.positions, told, origin, frozenset(joint_map), missing, reasons
+        names, tree.parents, tree.positions, used, origin, frozenset(joint_map), missing, reasons
     )
 
 
@@ -157,10 +157,11 @@ def _guessed_joints(
     by_name, convention = match_names(names)
     by_name = {**by_name, **humanoid}
     named = all(name in by_name for name in REQUIRED)
-    if named and not doubts(by_name, tree):
+    believed = named and not doubts(by_name, tree)
+    if believed:
         return by_name, "VRM" if humanoid else convention
     by_tree = guess_by_structure(tree, points)
-    if _complete(by_tree) and not (named and doubts(by_tree, tree)):
+    if _complete(by_tree) and (not named or not doubts(by_tree, tree)):
         return by_tree, BY_TREE
     by_name |= match_centre(names, by_name)
     if not _complete(by_name) and len(by_tree) > len(by_name):

@@ -14,80 +14,52 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, J
 
-# SPORT joint -> name in that convention, lower case letters and digits only; {s} stands for the side.
 _SIDED = ("Left", "Right")
-_SPORT = {name: re.sub(r"[^a-z0-9]", "", name.lower()) for name in SPORT_SKELETON.names}
-_MIXAMO = {
-    "Hips": "hips", "LowerBack": "spine", "Spine": "spine1", "Spine1": "spine2", "Neck1": "neck", "Head": "head",
-    "{S}Shoulder": "{s}shoulder", "{S}Arm": "{s}arm", "{S}ForeArm": "{s}forearm", "{S}Hand": "{s}hand",
-    "{S}HandIndex1": "{s}handmiddle1", "{S}UpLeg": "{s}upleg", "{S}Leg": "{s}leg", "{S}Foot": "{s}foot",
-    "{S}ToeBase": "{s}toebase",
+# SPORT joints with names in other conventions, and these names, lower case letters and digits only: {s} is left, {i} is l
+_JOINTS = [
+    "Hips", "LowerBack", "Spine", "Spine1", "Neck1", "Head", "{S}Shoulder", "{S}Arm", "{S}ForeArm", "{S}Hand",
+    "{S}HandIndex1", "{S}UpLeg", "{S}Leg", "{S}Foot", "{S}ToeBase",
+]  # fmt: skip
+_VRM = (
+    "hips spine chest upperchest neck head {s}shoulder {s}upperarm {s}lowerarm {s}hand {s}middleproximal "
+    "{s}upperleg {s}lowerleg {s}foot {s}toes"
+)
+_SMPL = (
+    "pelvis spine1 spine2 spine3 neck head {s}collar {s}shoulder {s}elbow {s}wrist {s}middle1 {s}hip {s}knee "
+    "{s}ankle {s}foot"
+)
+_NAMES = {
+    "Mixamo": "hips spine spine1 spine2 neck head {s}shoulder {s}arm {s}forearm {s}hand {s}handmiddle1 {s}upleg {s}leg {s}foot {s}toebase",
+    "VRM": _VRM,
+    "VRoid": " ".join(f"jbip{'' if '{' in name else 'c'}{name.replace('{s}', '{i}')}" for name in _VRM.split()),
+    "Unreal": "pelvis spine01 spine02 spine03 neck01 head clavicle{i} upperarm{i} lowerarm{i} hand{i} middle01{i} thigh{i} calf{i} foot{i} ball{i}",
+    "SMPL": _SMPL,
+    "SMPL short": _SMPL.replace("{s}", "{i}"),
+    "Rigify": "spine spine001 spine002 spine003 spine004 spine006 shoulder{i} upperarm{i} forearm{i} hand{i} fmiddle01{i} thigh{i} shin{i} foot{i} toe{i}",
+    "CMU": "root lowerback upperback thorax upperneck head {i}clavicle {i}humerus {i}radius {i}hand {i}fingers {i}femur {i}tibia {i}foot {i}toes",
+    # UpperArm_L, of Unity and of Bandai Namco's motions
+    "Unity": " ".join(name.replace("{s}", "") + "{i}" * ("{s}" in name) for name in _VRM.split()),
+    "DAZ": "hip abdomen - chest neck head {i}collar {i}shldr {i}forearm {i}hand {i}mid1 {i}thigh {i}shin {i}foot {i}toe",
 }  # fmt: skip
-_VRM = {
-    "Hips": "hips", "LowerBack": "spine", "Spine": "chest", "Spine1": "upperchest", "Neck1": "neck", "Head": "head",
-    "{S}Shoulder": "{s}shoulder", "{S}Arm": "{s}upperarm", "{S}ForeArm": "{s}lowerarm", "{S}Hand": "{s}hand",
-    "{S}HandIndex1": "{s}middleproximal", "{S}UpLeg": "{s}upperleg", "{S}Leg": "{s}lowerleg", "{S}Foot": "{s}foot",
-    "{S}ToeBase": "{s}toes",
-}  # fmt: skip
-_UNREAL = {
-    "Hips": "pelvis", "LowerBack": "spine01", "Spine": "spine02", "Spine1": "spine03", "Neck1": "neck01",
-    "Head": "head", "{S}Shoulder": "clavicle{i}", "{S}Arm": "upperarm{i}", "{S}ForeArm": "lowerarm{i}",
-    "{S}Hand": "hand{i}", "{S}HandIndex1": "middle01{i}", "{S}UpLeg": "thigh{i}", "{S}Leg": "calf{i}",
-    "{S}Foot": "foot{i}", "{S}ToeBase": "ball{i}",
-}  # fmt: skip
-_SMPL = {
-    "Hips": "pelvis", "LowerBack": "spine1", "Spine": "spine2", "Spine1": "spine3", "Neck1": "neck", "Head": "head",
-    "{S}Shoulder": "{s}collar", "{S}Arm": "{s}shoulder", "{S}ForeArm": "{s}elbow", "{S}Hand": "{s}wrist",
-    "{S}HandIndex1": "{s}middle1", "{S}UpLeg": "{s}hip", "{S}Leg": "{s}knee", "{S}Foot": "{s}ankle",
-    "{S}ToeBase": "{s}foot",
-}  # fmt: skip
-_VROID = {
-    key: "jbip" + re.sub(r"^c(?=\{)", "", ("c" if "{" not in value else "") + value.replace("{s}", "{i}"))
-    for key, value in _VRM.items()
+
+
+def _both_sides(names: str) -> dict[str, str]:
+    """SPORT joint -> name in a convention."""
+    return {
+        joint.format(S=side): name.format(s=side.lower(), i=side[:1].lower())
+        for joint, name in zip(_JOINTS, names.split(), strict=True)
+        for side in (_SIDED if "{S}" in joint else ("",))
+        if name != "-"
+    }
+
+
+CONVENTIONS = {
+    "SPORT": {name: re.sub(r"[^a-z0-9]", "", name.lower()) for name in SPORT_SKELETON.names},
+    **{convention: _both_sides(names) for convention, names in _NAMES.items()},
 }
-
-
-_SMPL_SHORT = {key: value.replace("{s}", "{i}") for key, value in _SMPL.items()}
-_RIGIFY = {
-    "Hips": "spine", "LowerBack": "spine001", "Spine": "spine002", "Spine1": "spine003", "Neck1": "spine004",
-    "Head": "spine006", "{S}Shoulder": "shoulder{i}", "{S}Arm": "upperarm{i}", "{S}ForeArm": "forearm{i}",
-    "{S}Hand": "hand{i}", "{S}HandIndex1": "fmiddle01{i}", "{S}UpLeg": "thigh{i}", "{S}Leg": "shin{i}",
-    "{S}Foot": "foot{i}", "{S}ToeBase": "toe{i}",
-}  # fmt: skip
-_ASF = {
-    "Hips": "root", "LowerBack": "lowerback", "Spine": "upperback", "Spine1": "thorax", "Neck1": "upperneck",
-    "Head": "head", "{S}Shoulder": "{i}clavicle", "{S}Arm": "{i}humerus", "{S}ForeArm": "{i}radius",
-    "{S}Hand": "{i}hand", "{S}HandIndex1": "{i}fingers", "{S}UpLeg": "{i}femur", "{S}Leg": "{i}tibia",
-    "{S}Foot": "{i}foot", "{S}ToeBase": "{i}toes",
-}  # fmt: skip
-_DAZ = {
-    "Hips": "hip", "LowerBack": "abdomen", "Spine1": "chest", "Neck1": "neck", "Head": "head",
-    "{S}Shoulder": "{i}collar", "{S}Arm": "{i}shldr", "{S}ForeArm": "{i}forearm", "{S}Hand": "{i}hand",
-    "{S}HandIndex1": "{i}mid1", "{S}UpLeg": "{i}thigh", "{S}Leg": "{i}shin", "{S}Foot": "{i}foot", "{S}ToeBase": "{i}toe",
-}  # fmt: skip
-_SUFFIXED = {  # UpperArm_L, of Unity and of Bandai Namco's motions
-    key: value.replace("{s}", "") + ("{i}" if "{s}" in value else "") for key, value in _VRM.items()
-}
-
-
-def _both_sides(table: Mapping[str, str]) -> dict[str, str]:
-    result = {}
-    for key, value in table.items():
-        for side in _SIDED if "{S}" in key else ("",):
-            result[key.format(S=side)] = value.format(s=side.lower(), i=side[:1].lower())
-    return result
-
-
-CONVENTIONS: dict[str, dict[str, str]] = {
-    "SPORT": _SPORT, "Mixamo": _both_sides(_MIXAMO), "VRM": _both_sides(_VRM), "VRoid": _both_sides(_VROID),
-    "Unreal": _both_sides(_UNREAL), "SMPL": _both_sides(_SMPL),
-    "SMPL short": _both_sides(_SMPL_SHORT), "Rigify": _both_sides(_RIGIFY), "CMU": _both_sides(_ASF),
-    "Unity": _both_sides(_SUFFIXED), "DAZ": _both_sides(_DAZ),
-}  # fmt: skip
-HANDS = ("Hand",)
 NEEDED = ("Hips", "Head", *(s + bone for s in _SIDED for bone in ("UpLeg", "Leg", "Foot", "Arm", "ForeArm")))
 MOST_LIFT_M = 0.6  # soles may be so far under the ankles
-REQUIRED = (*NEEDED, *(s + bone for s in _SIDED for bone in HANDS))  # of names that are to be believed
+REQUIRED = (*NEEDED, *(side + "Hand" for side in _SIDED))  # of names that are to be believed
 
 
 def simple_name(name: str) -> str:
@@ -114,12 +86,12 @@ def match_names(names: Sequence[str]) -> tuple[dict[str, int], str]:
 def match_centre(names: Sequence[str], found: Mapping[str, int]) -> dict[str, int]:
     """Hips and head as another convention calls them, where a file mixes two: "Pelvis" above "LeftUpLeg"."""
     free = {simple_name(name): k for k, name in enumerate(names) if k not in found.values()}
-    known = {joint: [table[joint] for table in CONVENTIONS.values()] for joint in ("Hips", "Head")}
-    return {
-        joint: next(free[name] for name in calls if name in free)
-        for joint, calls in known.items()
-        if joint not in found and any(name in free for name in calls)
-    }
+    matched = {}
+    for joint in ("Hips", "Head"):
+        known = [table[joint] for table in CONVENTIONS.values() if table[joint] in free]
+        if joint not in found and known:
+            matched[joint] = free[known[0]]
+    return matched
 
 
 def _without_prefix(names: Sequence[str]) -> list[str]:
@@ -262,7 +234,14 @@ def _carriers_first(joints: list[int], anchor: NDArray[np.int64], hips: int) -> 
     return (hips, *sorted((k for k in joints if k != hips), key=lambda k: depths[k]))
 
 
-_AIM = {"Arm": "ForeArm", "ForeArm": "Hand", "Hand": "HandIndex1", "UpLeg": "Leg", "Leg": "Foot"}
+_AIM = {
+    "Arm": "ForeArm",
+    "ForeArm": "Hand",
+    "Hand": "HandIndex1",
+    "UpLeg": "Leg",
+    "Leg": "Foot",
+    "Foot": "ToeBase",
+}
 
 
 def _turns(
@@ -274,25 +253,26 @@ def _turns(
 ) -> Array:
     """Rest alignment `(K, 4)`: limb bones turn onto the SPORT rest directions, feet only about the vertical."""
     turns = rotations.identity((len(source),)).astype(np.float64)
-    ours = SPORT_SKELETON.rest_positions
+    rest = SPORT_SKELETON.rest_positions
     for k in order:
         name = SPORT_SKELETON.names[source[k]]
         side = next((s for s in _SIDED if name.startswith(s)), "")
         bone = name[len(side) :]
-        if not side or bone in ("Shoulder", "HipJoint"):
+        if not side or bone in ("Shoulder", "HipJoint", "ToeBase"):
             continue
-        inherited = turns[anchor[k]]
-        target_name = side + _AIM.get(bone, "ToeBase" if bone == "Foot" else "")
-        if target_name not in found:
-            turns[k] = rotations.identity() if bone in ("Foot", "ToeBase") else inherited
-            continue
-        theirs = position[found[target_name]] - position[k]
-        wanted = ours[SPORT_SKELETON.index(target_name)] - ours[source[k]]
-        if bone == "Foot":
-            inherited, theirs, wanted = rotations.identity(), theirs * (1, 0, 1), wanted * (1, 0, 1)
-        theirs = rotations.rotate(inherited, rotations.normalize(theirs))
-        turns[k] = rotations.multiply(rotations.between(theirs, rotations.normalize(wanted)), inherited)
+        aim = side + _AIM.get(bone, "")
+        turns[k] = rotations.identity() if bone == "Foot" else turns[anchor[k]]
+        if aim in found:
+            level = np.array((1, 0, 1) if bone == "Foot" else (1, 1, 1))
+            wanted = (rest[SPORT_SKELETON.index(aim)] - rest[source[k]]) * level
+            turns[k] = _aimed(turns[k], (position[found[aim]] - position[k]) * level, wanted)
     for side in _SIDED:  # toes keep the foot's alignment
         if side + "ToeBase" in found:
             turns[found[side + "ToeBase"]] = turns[found[side + "Foot"]]
     return turns
+
+
+def _aimed(inherited: Array, theirs: Array, wanted: Array) -> Array:
+    """The turn that brings a bone `theirs` to the direction `wanted`, from an inherited one on."""
+    theirs = rotations.rotate(inherited, rotations.normalize(theirs))
+    return rotations.multiply(rotations.between(theirs, rotations.normalize(wanted)), inherited)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.arrays import AnyArray
-from runtime.character.color import Textures, primitive_colors
 from runtime.character.joints import CONVENTIONS
 from runtime.character.nodes import ancestors, nearest_of, node_world_matrices
 from runtime.character.read import (
@@ -22,7 +21,8 @@ from runtime.character.read import (
     accessor_count,
     read_accessor,
 )
-from runtime.errors import FileError
+from runtime.character.skinned_mesh import Surface
+from runtime.character.textures import Textures, primitive_colors
 
 MAX_BIND = 1e6  # of an inverse bind matrix: rounding would be seen in its vertices
 MAX_VERTICES = 1_000_000  # of all primitives; characters in games have 100,000
@@ -33,20 +33,14 @@ _SKINNED_AT_ONCE = 1 << 15  # vertices, whose blended matrices take 400 bytes ea
 
 
 @dataclass(frozen=True)
-class MeshData:
-    """All skinned primitives of a file over one list of joints; shapes as in `Character`."""
+class MeshData(Surface):
+    """All skinned primitives of a file over one list of joints; `humanoid` has the joints that a VRM names."""
 
-    positions: AnyArray
-    normals: AnyArray
-    colors: AnyArray
-    joint_indices: AnyArray
-    joint_weights: AnyArray
-    triangles: AnyArray
-    joint_nodes: tuple[int, ...] = ()
-    joint_parents: tuple[int, ...] = ()
-    inverse_bind: AnyArray = field(default_factory=lambda: np.zeros((0, 4, 4), np.float32))
-    rest_world: AnyArray = field(default_factory=lambda: np.zeros((0, 4, 4)))
-    humanoid: dict[str, int] = field(default_factory=dict)
+    joint_nodes: tuple[int, ...]
+    joint_parents: tuple[int, ...]  # -1 at roots
+    inverse_bind: AnyArray  # (K, 4, 4) float32
+    rest_world: AnyArray  # (K, 4, 4)
+    humanoid: dict[str, int]
 
     def rest_positions(self) -> AnyArray:
         """Vertices `(V, 3)` as the file shows them, skinned by the joints' rest transforms."""
@@ -77,9 +71,7 @@ class _Palette:
             joints, inverse = skin_joints(self._file, skin)
             self._read += len(joints)
             if self._read > MAX_SKIN_JOINTS:
-                raise FileError(
-                    f"{self._file.name}: its skins have more than {MAX_SKIN_JOINTS} joints.", REMEDY
-                )
+                raise self._file.error(f"its skins have more than {MAX_SKIN_JOINTS} joints.")
             self._slots[skin] = np.array([self._add(j, m) for j, m in zip(joints, inverse, strict=False)])
         return self._slots[skin]
 
@@ -87,9 +79,7 @@ class _Palette:
         key = (node, np.round(inverse_bind, 5).astype(np.float32).tobytes())
         if key not in self._index:
             if len(self.nodes) == MAX_JOINTS:
-                raise FileError(
-                    f"{self._file.name}: more than {MAX_JOINTS} joints are not supported.", REMEDY
-                )
+                raise self._file.error(f"more than {MAX_JOINTS} joints are not supported.")
             self._index[key] = len(self.nodes)
             self.first.setdefault(node, len(self.nodes))
             self.nodes.append(node)
@@ -101,24 +91,25 @@ def skin_joints(file: GltfFile, index: int) -> tuple[list[int], AnyArray]:
     """The nodes of skin `index` and their inverse bind matrices `(joints or more, 4, 4)`."""
     skins, nodes = file.gltf.skins, file.gltf.nodes
     if not 0 <= index < len(skins):
-        raise FileError(f"{file.name}: skin {index} is missing.", REMEDY)
+        raise file.error(f"skin {index} is missing.")
     joints = list(skins[index].joints or [])
     if not joints or not all(isinstance(j, int) and 0 <= j < len(nodes) for j in joints):
-        raise FileError(f"{file.name}: skin {index} names joints that are not there.", REMEDY)
+        raise file.error(f"skin {index} names joints that are not there.")
     matrices = skins[index].inverseBindMatrices
     if matrices is None:
         return joints, np.broadcast_to(np.eye(4), (len(joints), 4, 4))
-    if accessor_count(file, matrices) > 2 * MAX_JOINTS:
-        raise FileError(f"{file.name}: skin {index} has more than {2 * MAX_JOINTS} bind matrices.", REMEDY)
-    values = read_accessor(file, matrices, f"inverse bind matrices of skin {index}")
-    if values.shape[1] != 16 or len(values) < len(joints):
-        raise FileError(
-            f"{file.name}: skin {index} has {len(joints)} joints but {len(values)} bind matrices.", REMEDY
-        )
+    return joints, _bind_matrices(file, matrices, index, len(joints))
+
+
+def _bind_matrices(file: GltfFile, accessor: int, skin: int, joints: int) -> AnyArray:
+    if accessor_count(file, accessor) > 2 * MAX_JOINTS:
+        raise file.error(f"skin {skin} has more than {2 * MAX_JOINTS} bind matrices.")
+    values = read_accessor(file, accessor, f"inverse bind matrices of skin {skin}")
+    if values.shape[1] != 16 or len(values) < joints:
+        raise file.error(f"skin {skin} has {joints} joints but {len(values)} bind matrices.")
     if np.abs(values).max(initial=0.0) > MAX_BIND:
-        problem = f"{file.name}: skin {index} has bind matrices with values over {MAX_BIND:,.0f}."
-        raise FileError(problem, REMEDY)
-    return joints, values.reshape(-1, 4, 4).transpose(0, 2, 1)
+        raise file.error(f"skin {skin} has bind matrices with values over {MAX_BIND:,.0f}.")
+    return values.reshape(-1, 4, 4).transpose(0, 2, 1)
 
 
 class _Reader:
@@ -129,11 +120,11 @@ class _Reader:
         self._textures = Textures(file)
         self._primitives = self._vertices = self._triangles = 0
 
-    def read(self, mesh: int, slots: NDArray[np.int64], rigid: AnyArray | None) -> list[MeshData]:
+    def read(self, mesh: int, slots: NDArray[np.int64], rigid: AnyArray | None) -> list[Surface]:
         """The triangles of a mesh whose joints are `slots`; for `rigid` see `_read_primitive`."""
         meshes = self._file.gltf.meshes or []
         if not 0 <= mesh < len(meshes):
-            raise FileError(f"{self._file.name}: mesh {mesh} is missing.", REMEDY)
+            raise self._file.error(f"mesh {mesh} is missing.")
         parts = []
         for p, primitive in enumerate(meshes[mesh].primitives):
             if primitive.mode in (None, 4):
@@ -153,8 +144,8 @@ class _Reader:
             ("triangles", self._triangles, MAX_TRIANGLES),
         ):
             if count > most:
-                raise FileError(
-                    f"{self._file.name}: more than {most} {name} up to the POSITION of {what}.",
+                raise self._file.error(
+                    f"more than {most} {name} up to the POSITION of {what}.",
                     "Reduce the mesh.",
                 )
 
@@ -163,39 +154,31 @@ def read_meshes(file: GltfFile) -> MeshData:
     """Merge every skinned primitive of the file; FileError when there is none or it is damaged."""
     nodes = file.gltf.nodes or []
     if not file.gltf.skins:
-        raise FileError(
-            f"{file.name}: it has no skin.", "Export the character with its skeleton and skin weights."
-        )
+        raise file.error("it has no skin.", "Export the character with its skeleton and skin weights.")
     order, parents = ancestors(file)
     world = node_world_matrices(file, order, parents)
     palette, reader = _Palette(file), _Reader(file)
-    parts: list[MeshData] = []
-    for node in nodes:
-        if node.mesh is not None and node.skin is not None:
+    parts: list[Surface] = []
+    meshes = [(i, node) for i, node in enumerate(nodes) if node.mesh is not None]
+    for _, node in meshes:
+        if node.skin is not None:
             parts += reader.read(node.mesh, palette.slots(node.skin), None)
     if not parts:
-        raise FileError(f"{file.name}: no mesh of triangles uses its skin.", REMEDY)
+        raise file.error("no mesh of triangles uses its skin.")
     carriers = nearest_of(order, parents, palette.first)
-    for i, node in enumerate(nodes):
-        if node.mesh is not None and node.skin is None and carriers[i] >= 0:
-            parts += _read_attachment(reader, i, node.mesh, carriers[i], world, palette)
-    return replace(
-        _merge(parts),
+    for i, node in meshes:
+        if node.skin is None and carriers[i] >= 0:  # glasses, a sword: it moves rigidly with that joint
+            slot = palette.first[carriers[i]]
+            to_bind = np.linalg.inv(world[carriers[i]] @ palette.inverse_bind[slot]) @ world[i]
+            parts += reader.read(node.mesh, np.array([slot]), to_bind)
+    return MeshData(
+        **vars(_merged(parts)),
         joint_nodes=tuple(palette.nodes),
         joint_parents=_joint_parents(parents, carriers, palette),
         inverse_bind=np.stack(palette.inverse_bind).astype(np.float32),
         rest_world=world[palette.nodes],
         humanoid=_vrm_humanoid(file, palette.nodes),
     )
-
-
-def _read_attachment(
-    reader: _Reader, node: int, mesh: int, joint: int, world: AnyArray, palette: _Palette
-) -> list[MeshData]:
-    """A mesh without skin that hangs on a joint (glasses, a sword): it moves rigidly with that joint."""
-    slot = palette.first[joint]
-    to_bind = np.linalg.inv(world[joint] @ palette.inverse_bind[slot]) @ world[node]
-    return reader.read(mesh, np.array([slot]), to_bind)
 
 
 def _read_primitive(
@@ -205,7 +188,7 @@ def _read_primitive(
     what: str,
     rigid: AnyArray | None,
     textures: Textures,
-) -> MeshData:
+) -> Surface:
     """One primitive; `rigid` `(4, 4)` carries a mesh without weights to the bind space of its only joint."""
     attributes = primitive.attributes
     positions = _vectors(file, attributes.POSITION, f"POSITION of {what}", 3)
@@ -214,9 +197,7 @@ def _read_primitive(
     else:
         indices = read_accessor(file, primitive.indices, f"indices of {what}").ravel().astype(np.int64)
     if len(indices) % 3 or indices.min() < 0 or indices.max() >= len(positions):
-        raise FileError(
-            f"{file.name}: the indices of {what} do not fit its {len(positions)} vertices.", REMEDY
-        )
+        raise file.error(f"the indices of {what} do not fit its {len(positions)} vertices.")
     triangles = indices.reshape(-1, 3)
     if attributes.NORMAL is None:
         normals = vertex_normals(positions, triangles)
@@ -230,7 +211,7 @@ def _read_primitive(
         positions = (positions @ rigid[:3, :3].T + rigid[:3, 3]).astype(np.float32)
         normals = normals @ np.linalg.inv(rigid[:3, :3])
     unit = rotations.normalize(normals.astype(np.float64)).astype(np.float32)
-    return MeshData(
+    return Surface(
         positions,
         unit,
         primitive_colors(file, textures, primitive, what, len(positions)),
@@ -243,16 +224,14 @@ def _read_primitive(
 def _vectors(file: GltfFile, index: Any, what: str, width: int) -> AnyArray:
     values = read_accessor(file, index, what)
     if values.shape[1] != width:
-        raise FileError(f"{file.name}: {what} has {values.shape[1]} components; expected {width}.", REMEDY)
+        raise file.error(f"{what} has {values.shape[1]} components; expected {width}.")
     return values.astype(np.float32)
 
 
 def _matching(file: GltfFile, index: Any, what: str, widths: tuple[int, ...], count: int) -> AnyArray:
     values = read_accessor(file, index, what)
     if len(values) != count or values.shape[1] not in widths:
-        raise FileError(
-            f"{file.name}: {what} is {values.shape[0]} x {values.shape[1]}; expected {count} rows.", REMEDY
-        )
+        raise file.error(f"{what} is {values.shape[0]} x {values.shape[1]}; expected {count} rows.")
     return values
 
 
@@ -279,13 +258,13 @@ def _influences(
     all_joints, all_weights = np.concatenate(joints, axis=1), np.concatenate(weights, axis=1)
     used = all_weights > 0
     if all_joints.min() < 0 or np.any(all_joints[used] >= len(slots)):
-        raise FileError(
-            f"{file.name}: {what} uses joint {int(all_joints[used].max())}; its skin has {len(slots)} joints.",
+        raise file.error(
+            f"{what} uses joint {int(all_joints[used].max())}; its skin has {len(slots)} joints.",
             REMEDY,
         )
     if all_weights.min() < 0 or not np.all(used.any(axis=1)):
-        raise FileError(
-            f"{file.name}: {what} has negative weights or vertices without a joint.", "Normalise the weights."
+        raise file.error(
+            f"{what} has negative weights or vertices without a joint.", "Normalise the weights."
         )
     best = np.argsort(-all_weights, axis=1, kind="stable")[:, :4]
     kept = np.take_along_axis(all_weights, best, axis=1)
@@ -293,17 +272,10 @@ def _influences(
     return slots[index].astype(np.uint16), (kept / kept.sum(axis=1, keepdims=True)).astype(np.float32)
 
 
-def _merge(parts: list[MeshData]) -> MeshData:
+def _merged(parts: list[Surface]) -> Surface:
     base = np.cumsum([0] + [len(p.positions) for p in parts[:-1]])
-    triangles = [p.triangles + np.uint32(b) for p, b in zip(parts, base, strict=True)]
-
-    def join(name: str) -> AnyArray:
-        return np.concatenate([getattr(p, name) for p in parts])
-
-    return MeshData(
-        join("positions"), join("normals"), join("colors"), join("joint_indices"), join("joint_weights"),
-        np.concatenate(triangles),
-    )  # fmt: skip
+    moved = [replace(p, triangles=p.triangles + np.uint32(b)) for p, b in zip(parts, base, strict=True)]
+    return Surface(*(np.concatenate([getattr(p, f.name) for p in moved]) for f in fields(Surface)))
 
 
 def _joint_parents(parents: list[int], carriers: list[int], palette: _Palette) -> tuple[int, ...]:

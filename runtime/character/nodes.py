@@ -8,8 +8,7 @@ import numpy as np
 
 from runtime import rotations
 from runtime.arrays import AnyArray
-from runtime.character.read import MAX_VALUE, REMEDY, GltfFile
-from runtime.errors import FileError
+from runtime.character.read import MAX_VALUE, GltfFile
 
 
 def ancestors(file: GltfFile) -> tuple[list[int], list[int]]:
@@ -21,16 +20,17 @@ def ancestors(file: GltfFile) -> tuple[list[int], list[int]]:
     parents = [-1] * len(nodes)
     for i, node in enumerate(nodes):
         for child in node.children or []:
-            known = isinstance(child, int) and 0 <= child < len(nodes)
-            if not known or parents[child] >= 0 or child == i:
-                raise FileError(f"{file.name}: the children of node {i} do not form a tree.", REMEDY)
+            known = isinstance(child, int) and 0 <= child < len(nodes) and child != i
+            if not known or parents[child] >= 0:
+                raise file.error(f"the children of node {i} do not form a tree.")
             parents[child] = i
     order = [i for i, parent in enumerate(parents) if parent < 0]
     for i in order:  # which grows meanwhile
         order.extend(nodes[i].children or [])
     if len(order) < len(nodes):
-        lost = next(iter(set(range(len(nodes))) - set(order)))
-        raise FileError(f"{file.name}: the node hierarchy has a cycle at node {lost}.", REMEDY)
+        raise file.error(
+            f"the node hierarchy has a cycle at node {min(set(range(len(nodes))) - set(order))}."
+        )
     return order, parents
 
 
@@ -49,7 +49,7 @@ def node_world_matrices(file: GltfFile, order: list[int], parents: list[int]) ->
         local = _local_matrix(file, i)
         world[i] = local if parents[i] < 0 else world[parents[i]] @ local
     if not np.all(np.abs(world) < MAX_VALUE):
-        raise FileError(f"{file.name}: its nodes lie further than {MAX_VALUE:.0e} away.", REMEDY)
+        raise file.error(f"its nodes lie further than {MAX_VALUE:.0e} away.")
     return world
 
 
@@ -58,9 +58,7 @@ def _local_matrix(file: GltfFile, i: int) -> AnyArray:
         given = getattr(node, name)
         array = np.array(default if given is None else given, np.float64)
         if array.shape != (len(default),) or not np.all(np.abs(array) < MAX_VALUE):
-            raise FileError(
-                f"{file.name}: the {name} of node {i} is not {len(default)} finite numbers.", REMEDY
-            )
+            raise file.error(f"the {name} of node {i} is not {len(default)} finite numbers.")
         return array
 
     node = file.gltf.nodes[i]

@@ -65,16 +65,14 @@ def find_soles(mesh: SkinnedMesh, rest: AnyArray, pivots: AnyArray) -> Soles:
         own, tip = rest[owner == foot] - ankle, rest[owner == toe] - ankle
         if not len(own):
             own = np.array([(0.0, float(rest[:, 1].min() - ankle[1]), z) for z in (OUR_HEEL[2], OUR_BALL[2])])
-        both = np.concatenate([own, tip])
-        depth = -float(both[:, 1].min())
-        low = both[both[:, 1] <= -(1.0 - LOW) * depth] if depth > 0.0 else both  # else a foot above its ankle
-        joint = pivots[joint_of[toe]] - ankle if toe in joint_of else np.array([0.0, -depth, low[:, 2].max()])
-        ours = SPORT_SKELETON.rest_positions[upper] * (1, 0, 0)
+        depth, back, front = _sole(np.concatenate([own, tip]))
+        joint = pivots[joint_of[toe]] - ankle if toe in joint_of else np.array([0.0, -depth, front])
+        aside = (pivots[joint_of[upper]] - hips) * (1, 0, 0)
         sides.append(
             (
-                np.array([0.0, -depth, float(low[:, 2].min())]) - OUR_HEEL,
+                np.array([0.0, -depth, back]) - OUR_HEEL,
                 np.array([0.0, -depth, joint[2]]) - OUR_BALL,
-                (pivots[joint_of[upper]] - hips) * (1, 0, 0) - ours,
+                aside - SPORT_SKELETON.rest_positions[upper] * (1, 0, 0),
                 _outline(own),
                 _outline(tip if len(tip) else joint[None]) - joint,
                 joint,
@@ -82,6 +80,15 @@ def find_soles(mesh: SkinnedMesh, rest: AnyArray, pivots: AnyArray) -> Soles:
         )
     joints = np.array([[joint_of[j] for j in leg[:3]] for leg in LEGS])
     return Soles(joints, *(np.stack(each) for each in zip(*sides, strict=True)))
+
+
+def _sole(points: AnyArray) -> tuple[float, float, float]:
+    """How far below the ankle the lowest of the points about it is, and from where to where along Z the sole reaches."""
+    depth = -float(points[:, 1].min())
+    low = (
+        points[points[:, 1] <= -(1.0 - LOW) * depth] if depth > 0.0 else points
+    )  # else a foot above its ankle
+    return depth, float(low[:, 2].min()), float(low[:, 2].max())
 
 
 def _outline(points: AnyArray) -> AnyArray:

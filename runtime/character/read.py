@@ -73,6 +73,10 @@ class GltfFile:
         """What error messages call the file."""
         return str(self.path)
 
+    def error(self, problem: str, remedy: str = REMEDY) -> FileError:
+        """An error that names the file."""
+        return FileError(f"{self.name}: {problem}", remedy)
+
 
 def open_gltf(path: Path) -> GltfFile:
     """Read a .glb, .gltf or .fbx with its buffers, unpacked; FileError when it is missing, too large or damaged."""
@@ -146,13 +150,13 @@ def _check_document(gltf: Entry, path: Path) -> None:
 def _load_buffers(path: Path, gltf: Entry, blob: memoryview) -> list[memoryview]:
     buffers, total = list[memoryview](), 0
     for i, buffer in enumerate(gltf.buffers or []):
-        if any((buffer.extensions or {}).get(name) for name in MESHOPT) and not buffer.uri and i:
-            buffers.append(memoryview(b""))  # what readers without the extension would read
-            continue
+        packed = any((buffer.extensions or {}).get(name) for name in MESHOPT)
         data = blob if not buffer.uri else memoryview(read_uri(path, buffer.uri, "buffer"))
-        wanted = buffer.byteLength
-        if not isinstance(wanted, int) or not 0 <= wanted <= len(data):
-            raise FileError(f"{path}: buffer {i} has {len(data)} bytes; expected {str(wanted)[:40]}.", REMEDY)
+        if packed and not buffer.uri and i:
+            data = memoryview(b"")  # what readers without the extension would read
+        elif not isinstance(buffer.byteLength, int) or not 0 <= buffer.byteLength <= len(data):
+            wanted = str(buffer.byteLength)[:40]
+            raise FileError(f"{path}: buffer {i} has {len(data)} bytes; expected {wanted}.", REMEDY)
         total += len(data)
         if total > MAX_FILE_BYTES:
             raise FileError(f"{path}: its buffers are larger than {MAX_FILE_BYTES >> 20} MB.", REMEDY)
@@ -193,40 +197,41 @@ def buffer_view_bytes(file: GltfFile, index: Any, what: str) -> memoryview:
     """The bytes of a buffer view; `what` stands in error messages."""
     views = file.gltf.bufferViews or []
     if not isinstance(index, int) or not 0 <= index < len(views):
-        raise FileError(f"{file.name}: the buffer view of {what} is missing.", REMEDY)
+        raise file.error(f"the buffer view of {what} is missing.")
     view = views[index]
     start, length = view.byteOffset or 0, view.byteLength
     if not 0 <= view.buffer < len(file.buffers):
-        raise FileError(f"{file.name}: the buffer of {what} is missing.", REMEDY)
+        raise file.error(f"the buffer of {what} is missing.")
     data = file.buffers[view.buffer]
     if start < 0 or length < 0 or start + length > len(data):
-        raise FileError(f"{file.name}: {what} reaches beyond its buffer.", REMEDY)
+        raise file.error(f"{what} reaches beyond its buffer.")
     return data[start : start + length]
+
+
+def _accessor(file: GltfFile, index: Any) -> Entry | None:
+    accessors = file.gltf.accessors or []
+    return accessors[index] if isinstance(index, int) and 0 <= index < len(accessors) else None
 
 
 def accessor_count(file: GltfFile, index: Any) -> int:
     """How many elements an accessor has by what it says of itself; 0 where it is missing or damaged."""
-    accessors = file.gltf.accessors or []
-    known = isinstance(index, int) and 0 <= index < len(accessors)
-    count = accessors[index].count if known else 0
+    accessor = _accessor(file, index)
+    count = 0 if accessor is None else accessor.count
     return count if isinstance(count, int) and count > 0 else 0
 
 
 def read_accessor(file: GltfFile, index: Any, what: str) -> AnyArray:
     """Values `(count, width)` of an accessor, normalised integers as float32; `what` stands in error messages."""
-    accessors = file.gltf.accessors or []
-    if not isinstance(index, int) or not 0 <= index < len(accessors):
-        raise FileError(f"{file.name}: the accessor for {what} is missing.", REMEDY)
-    accessor = accessors[index]
+    accessor = _accessor(file, index)
+    if accessor is None:
+        raise file.error(f"the accessor for {what} is missing.")
     if accessor.componentType not in COMPONENTS or accessor.type not in _WIDTHS:
-        raise FileError(f"{file.name}: {what} has an unknown component or element type.", REMEDY)
+        raise file.error(f"{what} has an unknown component or element type.")
     if accessor.sparse is not None:
-        raise FileError(f"{file.name}: {what} is a sparse accessor.", "Export it without sparse accessors.")
+        raise file.error(f"{what} is a sparse accessor.", "Export it without sparse accessors.")
     values = _accessor_values(file, accessor, what)
-    if accessor.componentType == 5126 and not np.all(np.abs(values) < MAX_VALUE):
-        raise FileError(
-            f"{file.name}: {what} holds values that are not finite or above {MAX_VALUE:.0e}.", REMEDY
-        )
+    if values.dtype.kind == "f" and not np.all(np.abs(values) < MAX_VALUE):
+        raise file.error(f"{what} holds values that are not finite or above {MAX_VALUE:.0e}.")
     if accessor.normalized and values.dtype.kind in "iu":
         return np.maximum(values.astype(np.float32) / np.iinfo(values.dtype).max, -1.0)
     return values
@@ -236,14 +241,12 @@ def _accessor_values(file: GltfFile, accessor: Entry, what: str) -> AnyArray:
     dtype = np.dtype(COMPONENTS[accessor.componentType]).newbyteorder("<")
     width, count = _WIDTHS[accessor.type], accessor.count
     if not isinstance(count, int) or count < 1:
-        raise FileError(f"{file.name}: {what} has {str(count)[:40]} elements; expected at least 1.", REMEDY)
+        raise file.error(f"{what} has {str(count)[:40]} elements; expected at least 1.")
     data = buffer_view_bytes(file, accessor.bufferView, what)
     size = dtype.itemsize * width
     stride = file.gltf.bufferViews[accessor.bufferView].byteStride or size
     offset = accessor.byteOffset or 0
-    end = offset + stride * (count - 1) + size
-    if offset < 0 or stride < size or end > len(data):
-        raise FileError(f"{file.name}: {what} reaches beyond its buffer view.", REMEDY)
-    block = np.frombuffer(data, np.uint8, end - offset, offset)
-    rows = np.lib.stride_tricks.as_strided(block, (count, size), (stride, 1), writeable=False)
-    return np.ascontiguousarray(rows).view(dtype).reshape(count, width)
+    if offset < 0 or stride < size or offset + stride * (count - 1) + size > len(data):
+        raise file.error(f"{what} reaches beyond its buffer view.")
+    values: AnyArray = np.ndarray((count, width), dtype, data, offset, (stride, dtype.itemsize))
+    return np.ascontiguousarray(values)

@@ -49,21 +49,17 @@ def shaped(character: Character, shape: BodyShape) -> Character:
         raise UsageError("Only the mannequin has a shape to choose.", "Leave the character's file away.")
     grown = np.stack([_growth(name, shape) for name in SPORT_SKELETON.names])  # (31, 3) of each joint's flesh
     offsets = SPORT_SKELETON.offsets.astype(np.float64)
-    for j, (name, parent) in enumerate(zip(SPORT_SKELETON.names, SPORT_SKELETON.parents, strict=True)):
-        if parent >= 0:
-            offsets[j] *= grown[parent]
-        if name.endswith("Arm") and not name.endswith("ForeArm"):
-            offsets[j, 0] *= shape.shoulders
+    offsets[1:] *= grown[list(SPORT_SKELETON.parents[1:])]  # the hips come first
+    for side in ("Left", "Right"):
+        offsets[SPORT_SKELETON.index(f"{side}Arm"), 0] *= shape.shoulders
     old = character.rest_world[:, :3, 3].astype(np.float64)
     new = np.zeros_like(old)
     for j, parent in enumerate(SPORT_SKELETON.parents):
         new[j] = offsets[j] + new[parent] if parent >= 0 else old[0]
-    base = character.positions.astype(np.float64)[:, None] - old[character.joint_indices]  # (V, 4, 3)
-    flesh = base * grown[character.joint_indices] + new[character.joint_indices]
-    vertices = shape.height * (flesh * character.joint_weights[..., None]).sum(axis=1)
-    normals = character.normals / (grown[character.joint_indices] * character.joint_weights[..., None]).sum(
-        axis=1
-    )
+    joints, weights = character.joint_indices, character.joint_weights[..., None]
+    base = character.positions.astype(np.float64)[:, None] - old[joints]  # (V, 4, 3)
+    vertices = shape.height * ((base * grown[joints] + new[joints]) * weights).sum(axis=1)
+    normals = character.normals / (grown[joints] * weights).sum(axis=1)
     world = np.tile(np.eye(4), (len(new), 1, 1))
     world[:, :3, 3] = shape.height * new
     found = {name: j for j, name in enumerate(SPORT_SKELETON.names)}

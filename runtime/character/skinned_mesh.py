@@ -14,11 +14,8 @@ from runtime.skeleton import SPORT_SKELETON
 
 
 @dataclass(frozen=True)
-class SkinnedMesh:
-    """A skinned mesh in its bind pose and the joints that carry it; colours are linear RGB.
-
-    `sport_joints` `(K,)` is the SPORT joint that drives each joint, -1 where it follows its parent rigidly.
-    """
+class Surface:
+    """Triangles in their bind pose, with the joints that carry each vertex; colours are linear RGB."""
 
     positions: AnyArray  # (V, 3) float32
     normals: AnyArray  # (V, 3) float32, unit
@@ -26,15 +23,22 @@ class SkinnedMesh:
     joint_indices: AnyArray  # (V, 4) uint16
     joint_weights: AnyArray  # (V, 4) float32, rows sum to one
     triangles: AnyArray  # (F, 3) uint32, counter-clockwise from outside
+
+
+@dataclass(frozen=True)
+class SkinnedMesh(Surface):
+    """A surface and the joints that carry it, driven by the SPORT skeleton.
+
+    `sport_joints` `(K,)` is the SPORT joint that drives each joint, -1 where it follows its parent rigidly.
+    """
+
     joint_names: tuple[str, ...]
     joint_parents: tuple[int, ...]  # parents before children is not guaranteed; -1 at roots
     inverse_bind: AnyArray  # (K, 4, 4) float32
     rest_world: AnyArray  # (K, 4, 4) float32
     sport_joints: AnyArray  # (K,)
     alignment: Alignment
-    size: float = (
-        1.0  # metres of a metre of ours in its own size; drawn and moved in ours, see `Terrain.seen_by`
-    )
+    size: float = 1.0  # metres of a metre of ours in its own size; drawn in ours, see `Terrain.seen_by`
 
     def joint_transforms(self, positions: AnyArray, world_rotations: AnyArray) -> tuple[AnyArray, AnyArray]:
         """Pivots `(..., K, 3)` and turns from the rest pose `(..., K, 4)` of the character's joints in a SPORT pose.

@@ -199,25 +199,27 @@ def _arms(
 ) -> tuple[int, tuple[list[int], list[int]]]:
     """The joint where the arms fork, and the chain of each arm to its farthest end; -1 where there are none."""
     middle = 0.5 * (tree.positions[legs[0].top] + tree.positions[legs[1].top])
-    in_legs = {joint for leg in legs for joint in (*tree.under(leg.top), leg.foot)}
+    in_legs = _joints_in_legs(tree, legs)
     top = _trunk_root(tree, hips, in_legs)
-    ends = [
-        joint for joint in tree.under(top) if len(tree.chain(top, joint)) > 3 and not tree.children[joint]
-    ]
-    ends = [joint for joint in ends if joint not in in_legs]
-    out = {joint: float((tree.positions[joint] - middle) @ across) for joint in ends}
-    nothing: tuple[list[int], list[int]] = ([], [])
+    ends = [joint for joint in tree.under(top) if not tree.children[joint] and joint not in in_legs]
+    ends = [joint for joint in ends if len(tree.chain(top, joint)) > 3]
+    nothing: tuple[int, tuple[list[int], list[int]]] = (-1, ([], []))
     if not ends:
-        return -1, nothing
+        return nothing
+    out = {joint: float((tree.positions[joint] - middle) @ across) for joint in ends}
     first, second = max(out, key=lambda j: out[j]), min(out, key=lambda j: out[j])
     chest = tree.meeting(first, second)
     if chest < 0 or min(out[first], -out[second]) < 0.1 * tree.size:
-        return -1, nothing
-    chains = tuple(tree.chain(chest, tip)[1:] for tip in (first, second))
-    if min(map(len, chains)) < 2:
-        return -1, nothing
-    above = min(float(tree.positions[chain[0], 1]) for chain in chains) - middle[1] > 0.1 * tree.size
-    return (chest, (chains[0], chains[1])) if above else (-1, nothing)
+        return nothing
+    arms = tree.chain(chest, first)[1:], tree.chain(chest, second)[1:]
+    if min(map(len, arms)) < 2:
+        return nothing
+    above = min(float(tree.positions[chain[0], 1]) for chain in arms) - middle[1] > 0.1 * tree.size
+    return (chest, arms) if above else nothing
+
+
+def _joints_in_legs(tree: JointTree, legs: tuple[_Leg, ...]) -> set[int]:
+    return {joint for leg in legs for joint in (*tree.under(leg.top), leg.foot)}
 
 
 def _trunk_root(tree: JointTree, hips: int, in_legs: set[int]) -> int:
@@ -278,23 +280,27 @@ def _trunk(
     """Spine, neck and head."""
     found: dict[str, int] = {}
     if hips in tree.ancestors(chest):
-        spine = [joint for joint in tree.chain(hips, chest)[1:]]
+        spine = tree.chain(hips, chest)[1:]
         names = ("Spine1", "Spine", "LowerBack")  # from the chest down
         picks = spine[::-1] if len(spine) <= 3 else [spine[-1], spine[len(spine) // 2], spine[0]]
         found |= dict(zip(names, picks, strict=False))
     elif chest != hips:
         found["Spine1"] = chest
-    limbs = {joint for chain in arms for joint in tree.under(chain[0])}
-    limbs |= {joint for leg in legs for joint in (*tree.under(leg.top), leg.foot)}
+    limbs = {joint for chain in arms for joint in tree.under(chain[0])} | _joints_in_legs(tree, legs)
     above = [joint for joint in tree.under(chest) if joint not in limbs and joint != chest]
     if not above:
         return found
     top = max(above, key=lambda joint: float(tree.positions[joint, 1]))
     chain = tree.chain(chest, top)[1:]
-    crown = max(float(vertices[:, 1].max()) if len(vertices) else 0.0, float(tree.positions[top, 1]))
-    low = float(tree.positions[chest, 1])
-    below = [j for j in chain if tree.positions[j, 1] - low <= HEAD_JOINT * (crown - low)] or chain[:1]
-    head = next((j for j in below if sum(tree.heights[0][c] > 0 for c in tree.children[j]) > 1), below[-1])
+    head = _head(tree, chain, float(tree.positions[chest, 1]), vertices)
     found["Head"] = head
     between = chain[: chain.index(head)]
     return found | ({"Neck1": between[-1]} if between else {})
+
+
+def _head(tree: JointTree, chain: list[int], low: float, vertices: AnyArray) -> int:
+    """The joint of a chain up from the chest, at height `low`, that carries several others, else the last below the crown."""
+    crown = float(tree.positions[chain[-1], 1])
+    crown = max(float(vertices[:, 1].max()) if len(vertices) else 0.0, crown)
+    below = [j for j in chain if tree.positions[j, 1] - low <= HEAD_JOINT * (crown - low)] or chain[:1]
+    return next((j for j in below if sum(tree.heights[0][c] > 0 for c in tree.children[j]) > 1), below[-1])

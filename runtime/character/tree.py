@@ -30,6 +30,11 @@ class JointTree:
         return order
 
     @cached_property
+    def ends(self) -> list[int]:
+        """Joints that carry no other."""
+        return [joint for joint, children in enumerate(self.children) if not children]
+
+    @cached_property
     def heights(self) -> tuple[list[int], list[int]]:
         """For each joint how many joints lie on its longest way down, and how many above it."""
         below, above = [0] * len(self.parents), [0] * len(self.parents)

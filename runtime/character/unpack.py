@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from runtime.arrays import AnyArray
-from runtime.character.images import library
 from runtime.errors import FileError, SportError
 from runtime.safe_read import reason
 
@@ -25,6 +25,17 @@ COMPONENTS: dict[int, type] = {  # numpy types of accessors
     5126: np.float32,
 }
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+
+
+def library(name: str, package: str, path: Path, what: str) -> Any:
+    """A module that unpacks `what`; FileError says what to install where it is not there."""
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise FileError(
+            f"{path}: {what}, which needs the library {package}.",
+            f"Run pip install {package} (or '.[characters]'), or export the character without it.",
+        ) from error
 
 
 def unpack(path: Path, gltf: Any, buffers: list[memoryview]) -> list[memoryview]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import itertools
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -129,15 +130,17 @@ def save_parquet(take: PreparedTake, path: Path, options: object, terrain: objec
 def take_columns(take: PreparedTake) -> tuple[list[tuple[str, NDArray[Any]]], tuple[list[str], list[str]]]:
     """Named columns of numbers `(T,)`, and the gait and the prompt of each frame."""
     arrays = take_arrays(take)
-    columns: list[tuple[str, NDArray[Any]]] = [("seconds", arrays["seconds"])]
-    columns += [(f"root_{axis}", arrays["root_positions"][:, k]) for k, axis in enumerate("xyz")]
-    columns += [("root_yaw", arrays["root_yaw"])]
-    columns += [(name, arrays["contacts"][:, k]) for k, name in enumerate(CONTACTS)]
-    columns += [(f"phase_{side}", arrays["phase"][:, k]) for k, side in enumerate(("left", "right"))]
+
+    def columns(name: str, parts: Sequence[str], values: NDArray[Any]) -> list[tuple[str, NDArray[Any]]]:
+        return [(f"{name}{part}", values[:, k]) for k, part in enumerate(parts)]
+
+    found = [("seconds", arrays["seconds"])]
+    found += [*columns("root_", "xyz", arrays["root_positions"]), ("root_yaw", arrays["root_yaw"])]
+    found += columns("", CONTACTS, arrays["contacts"]) + columns("phase_", ("left", "right"), arrays["phase"])
     for j, name in enumerate(SPORT_SKELETON.names):
-        columns += [(f"{name}_{axis}", arrays["positions"][:, j, k]) for k, axis in enumerate("xyz")]
-        columns += [(f"{name}_q{axis}", arrays["rotations"][:, j, k]) for k, axis in enumerate("wxyz")]
+        found += columns(f"{name}_", "xyz", arrays["positions"][:, j])
+        found += columns(f"{name}_q", "wxyz", arrays["rotations"][:, j])
     begun = [(m["seconds"], m["name"]) for m in markers(take.clip) if m["kind"] == "prompt"]
     at = arrays["seconds"].tolist()
     prompts = [next((name for when, name in reversed(begun) if when <= s + 1e-6), "") for s in at]
-    return columns, (arrays["gaits"].tolist(), prompts)
+    return found, (arrays["gaits"].tolist(), prompts)

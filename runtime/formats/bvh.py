@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -62,15 +62,6 @@ class BvhMotion:
         return positions, world
 
 
-@dataclass
-class _Hierarchy:
-    names: list[str]
-    parents: list[int]
-    offsets: list[list[float]]
-    channels: list[list[str]]
-    end_offsets: dict[int, Array]
-
-
 def read_bvh(path: str | Path) -> BvhMotion:
     """Parse a BVH file; FileError names the file, the line and what was expected."""
     return parse_bvh(read_bounded(path, MAX_FILE_BYTES, "Split the clip."), str(path))
@@ -87,8 +78,7 @@ def parse_bvh(data: bytes | str, name: str = "BVH") -> BvhMotion:
         raise FileError(f"{name}: expected HIERARCHY and MOTION sections.", _REMEDY)
     if at > MAX_HEAD_BYTES:
         raise FileError(f"{name}: HIERARCHY is larger than {MAX_HEAD_BYTES >> 20} MB.", _REMEDY)
-    hierarchy = _parse_hierarchy(head, name)
-    return _read_motion(hierarchy, data, at + len(b"MOTION"), name)
+    return _read_motion(_Hierarchy(head, name), data, at + len(b"MOTION"), name)
 
 
 def check_size(joints: int, frames: int, name: str) -> None:
@@ -113,46 +103,64 @@ def _numbers(tokens: list[str], count: int, line: int, name: str) -> list[float]
     return values
 
 
-def _parse_hierarchy(head: str, name: str) -> _Hierarchy:
-    result = _Hierarchy([], [], [], [], {})
-    stack: list[int] = []
-    current, in_end_site = -1, False
-    for number, line in enumerate(head.splitlines(), 1):
-        tokens = line.split()
-        if not tokens or tokens[0] == "HIERARCHY":
-            continue
-        keyword = tokens[0]
-        if keyword in ("ROOT", "JOINT") and len(tokens) >= 2:
-            if len(result.names) >= MAX_JOINTS:
-                raise FileError(f"{name}: more than {MAX_JOINTS} joints.", _REMEDY)
-            result.names.append("_".join(tokens[1:]))
-            result.parents.append(stack[-1] if stack else -1)
-            result.offsets.append([0.0, 0.0, 0.0])
-            result.channels.append([])
-            current = len(result.names) - 1
-        elif keyword == "End":
-            in_end_site = True
-        elif keyword == "{":
-            stack.append(current)
-        elif keyword == "}":
-            if not stack:
-                raise FileError(f"{name}, line {number}: unexpected '}}'.", _REMEDY)
-            stack.pop()
-            in_end_site = False
-        elif keyword == "OFFSET" and current >= 0:
-            offset = _numbers(tokens[1:], 3, number, name)
-            if in_end_site:
-                result.end_offsets[current] = np.array(offset, np.float32)
-            else:
-                result.offsets[current] = offset
-        elif keyword == "CHANNELS" and current >= 0:
-            result.channels[current] = [c.lower() for c in tokens[2:]]
-            _check_channels(result.channels[current], tokens, number, name)
+class _Hierarchy:
+    """The joints of a HIERARCHY section, read line by line; FileError names the line."""
+
+    def __init__(self, head: str, name: str) -> None:
+        self.names: list[str] = []
+        self.parents: list[int] = []
+        self.offsets: list[list[float]] = []
+        self.channels: list[list[str]] = []
+        self.end_offsets: dict[int, Array] = {}
+        self._name, self._stack, self._in_end_site = name, list[int](), False
+        keywords = {
+            "ROOT": self._joint, "JOINT": self._joint, "End": self._end, "{": self._open, "}": self._close,
+            "OFFSET": self._offset, "CHANNELS": self._channels, "HIERARCHY": lambda tokens: True,
+        }  # fmt: skip
+        for self._line, line in enumerate(head.splitlines(), 1):
+            tokens = line.split()
+            if tokens and not (tokens[0] in keywords and keywords[tokens[0]](tokens)):
+                raise FileError(f"{name}, line {self._line}: unexpected '{tokens[0][:40]}'.", _REMEDY)
+        if self._stack or not self.names or sum(p < 0 for p in self.parents) != 1:
+            raise FileError(f"{name}: expected one closed hierarchy with one ROOT.", _REMEDY)
+
+    def _joint(self, tokens: list[str]) -> bool:
+        if len(self.names) >= MAX_JOINTS:
+            raise FileError(f"{self._name}: more than {MAX_JOINTS} joints.", _REMEDY)
+        self.names.append("_".join(tokens[1:]))
+        self.parents.append(self._stack[-1] if self._stack else -1)
+        self.offsets.append([0.0, 0.0, 0.0])
+        self.channels.append([])
+        return len(tokens) >= 2
+
+    def _end(self, tokens: list[str]) -> bool:
+        self._in_end_site = True
+        return True
+
+    def _open(self, tokens: list[str]) -> bool:
+        self._stack.append(len(self.names) - 1)
+        return True
+
+    def _close(self, tokens: list[str]) -> bool:
+        self._in_end_site = False
+        return bool(self._stack) and self._stack.pop() is not None
+
+    def _offset(self, tokens: list[str]) -> bool:
+        if not self.names:
+            return False
+        offset = _numbers(tokens[1:], 3, self._line, self._name)
+        if self._in_end_site:
+            self.end_offsets[len(self.names) - 1] = np.array(offset, np.float32)
         else:
-            raise FileError(f"{name}, line {number}: unexpected '{keyword[:40]}'.", _REMEDY)
-    if stack or not result.names or sum(p < 0 for p in result.parents) != 1:
-        raise FileError(f"{name}: expected one closed hierarchy with one ROOT.", _REMEDY)
-    return result
+            self.offsets[-1] = offset
+        return True
+
+    def _channels(self, tokens: list[str]) -> bool:
+        if not self.names:
+            return False
+        self.channels[-1] = [channel.lower() for channel in tokens[2:]]
+        _check_channels(self.channels[-1], tokens, self._line, self._name)
+        return True
 
 
 def _check_channels(channels: list[str], tokens: list[str], line: int, name: str) -> None:
@@ -286,16 +294,23 @@ def format_bvh(
         rows = slice(first, first + _WRITTEN_FRAMES)
         local: Array = np.asarray(local_rotations[rows], np.float64)
         angles: Array = np.stack([rotations.to_euler(local[:, j], orders[j]) for j in joints], axis=1)
-        angles = _steady(angles if before is None else np.concatenate([before, angles]))
+        angles = _steady(angles if before is None else np.concatenate([before, angles]))[-len(local) :]
         before = angles[-1:]
-        angles = np.rad2deg(angles[len(angles) - len(local) :])
-        columns: list[Array] = []
-        for k, j in enumerate(joints):
-            columns += [places[j][rows] * units_per_metre] if j in places else []
-            columns.append(angles[:, k])
-        values = np.concatenate(columns, axis=1)
-        blocks.append("".join(" ".join(f"{v:.5f}" for v in row) + "\n" for row in values.tolist()))
+        blocks.append(_motion_lines(joints, np.rad2deg(angles), places, rows, units_per_metre))
     return "".join(blocks)
+
+
+def _motion_lines(
+    joints: list[int], degrees: Array, places: Mapping[int, Array], rows: slice, scale: float
+) -> str:
+    """Lines of frames `rows`: the place of a joint that has one, then its angles `(n, joints, 3)`."""
+    columns: list[Array] = []
+    for k, j in enumerate(joints):
+        columns += [places[j][rows] * scale] if j in places else []
+        columns.append(degrees[:, k])
+    return "".join(
+        " ".join(f"{v:.5f}" for v in row) + "\n" for row in np.concatenate(columns, axis=1).tolist()
+    )
 
 
 def _steady(angles: Array) -> Array:
@@ -311,11 +326,7 @@ def _steady(angles: Array) -> Array:
 
     # a step between two of the other form is as long as one between two of this: only changes count
     changes = np.cumsum(away(other) < away(angles) - 1e-9, axis=0) % 2 == 1
-    chosen = (
-        np.concatenate([np.zeros_like(changes[:1]), changes])
-        if len(angles) > 1
-        else np.zeros(angles.shape[:2], bool)
-    )
+    chosen = np.concatenate([np.zeros((1, angles.shape[1]), bool), changes])
     return np.unwrap(np.where(chosen[..., None], other, angles), axis=0)
 
 

@@ -10,11 +10,11 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.assets import asset_path
 from runtime.character.character import Character, load_character
+from runtime.character.glb_buffer import GlbBuffer
 from runtime.character.joint_map import read_joint_map
 from runtime.character.mesh import read_meshes
 from runtime.character.read import open_gltf
 from runtime.formats.engines import engine_of
-from runtime.formats.glb_buffer import GlbBuffer
 from runtime.formats.glb_skeleton import (
     Rig,
     joint_worlds,
@@ -28,6 +28,7 @@ from runtime.formats.glb_skeleton import (
 from runtime.formats.ground import MARGIN_M, add_ground
 from runtime.formats.options import ExportOptions
 from runtime.formats.prepare import Check, PreparedTake, go_on, prepare
+from runtime.formats.reference import open_take
 from runtime.formats.sidecar import take_extras
 from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
@@ -61,19 +62,15 @@ def glb_document(
 ) -> tuple[GlbBuffer, int]:
     """The document of `save_glb`, and the number of its node of the hips. FileError."""
     source = asset_path(MANNEQUIN) if options.character is None else Path(options.character)
-    character = load_character(
-        source, None if options.joint_map is None else read_joint_map(options.joint_map)
-    )
-    file = open_gltf(source)
+    joint_map = None if options.joint_map is None else read_joint_map(options.joint_map)
+    character, file = load_character(source, joint_map), open_gltf(source)
     buffer = GlbBuffer.of_file(file)
     buffer.gltf.asset.generator = "SPORT viewer"
     plain = options.plain or options.engine is not None
     size = body_size(take.clip, options, character)
     rig = open_rig(buffer, file, character, read_meshes(file), options.rooted, plain, size)
-    takes = [take, *(_other(other, options, terrain) for other in options.with_takes)]
-    buffer.gltf.animations = []
-    for one, name in zip(takes, _names([one.clip.name for one in takes]), strict=True):
-        _animate(rig, buffer, one, name, check)
+    others = [prepare(open_take(path).clip, options, terrain) for path in options.with_takes]
+    _animate_all(rig, buffer, [take, *others], check)
     if options.engine is not None and options.humanoid_names:
         rename_bones(rig, engine_of(options.engine))
     if options.animation_only:
@@ -92,16 +89,12 @@ def body_size(clip: Clip, options: ExportOptions, character: Character) -> float
     return clip.size if options.character is None or options.fit_to_motion else character.size
 
 
-def _other(path: Path, options: ExportOptions, terrain: Terrain | None) -> PreparedTake:
-    """Another take of the same file, as its options ask for it."""
-    from runtime.formats.reference import open_take
-
-    return prepare(open_take(path).clip, options, terrain)
-
-
-def _names(names: list[str]) -> list[str]:
-    """The names of takes, each of them once."""
-    return [name if name not in names[:k] else f"{name}-{k + 1}" for k, name in enumerate(names)]
+def _animate_all(rig: Rig, buffer: GlbBuffer, takes: list[PreparedTake], check: Check) -> None:
+    """Add the takes as animations to the document, whose names are each there once."""
+    names = [take.clip.name for take in takes]
+    buffer.gltf.animations = []
+    for k, (take, name) in enumerate(zip(takes, names, strict=True)):
+        _animate(rig, buffer, take, name if name not in names[:k] else f"{name}-{k + 1}", check)
 
 
 def _drop_meshes(buffer: GlbBuffer) -> None:
@@ -133,11 +126,8 @@ def _animate(rig: Rig, buffer: GlbBuffer, take: PreparedTake, name: str, check: 
 
     for node, (translations, quaternions) in tracks.items():
         add(node, "rotation", quaternions[:, [1, 2, 3, 0]])
-        unit = (
-            float(np.abs(np.linalg.det(written(rig, rig.rest[rig.parents[node]])[:3, :3]))) ** (1 / 3)
-            if rig.parents[node] >= 0
-            else 1.0
-        )
+        above = written(rig, rig.rest[rig.parents[node]]) if rig.parents[node] >= 0 else np.eye(4)
+        unit = float(np.abs(np.linalg.det(above[:3, :3]))) ** (1 / 3)  # metres of a unit of the track
         if np.abs(translations - np.array(nodes[node].translation)).max() * unit > STILL:
             add(node, "translation", translations)
     buffer.gltf.animations.append(animation)

@@ -11,11 +11,11 @@ import numpy as np
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.character.character import Character
+from runtime.character.glb_buffer import GlbBuffer
 from runtime.character.mesh import MeshData, skin_joints
 from runtime.character.nodes import ancestors, node_world_matrices
 from runtime.character.read import GltfFile
 from runtime.formats.engines import Engine
-from runtime.formats.glb_buffer import GlbBuffer
 from runtime.formats.prepare import PreparedTake
 from runtime.skeleton import SPORT_SKELETON
 
@@ -95,37 +95,41 @@ def _set_plain_scene(rig: Rig) -> None:
     """One node, the joints without scales below it, and the meshes: skins are bound to what the joints are now."""
     import pygltflib as g
 
-    gltf, parents = rig.gltf, rig.parents
-    count, rest = len(parents), rig.rest
+    gltf, parents, count = rig.gltf, rig.parents, len(rig.parents)
     moving = {n for joint in rig.joints for n in _line(parents, joint) if _under_joint(rig, n)}
     rig.plain, rig.space = True, np.eye(4)
-    for index, skin in enumerate(gltf.skins):
-        joints = [rest[node] for node in skin.joints]
-        binds = [
-            np.linalg.inv(written(rig, at)) @ at @ b for at, b in zip(joints, rig.binds[index], strict=True)
-        ]
-        rig.binds[index] = np.stack(binds)
-        rig.binds[index][:, 3] = (0.0, 0.0, 0.0, 1.0)
-        skin.skeleton = None
+    _bind_to_scaleless_joints(rig)
     heads = [n for n in sorted(moving) if parents[n] not in moving]
-    top = _line(parents, heads[0])[-1]
-    loose = [n for n in range(count) if gltf.nodes[n].mesh is not None and not _under_joint(rig, n)]
-    loose = [n for n in loose if gltf.nodes[n].skin is not None or _line(parents, n)[-1] == top]
+    loose = _loose_meshes(rig, _line(parents, heads[0])[-1])
     for node in (*heads, *loose):
         if parents[node] >= 0:
             gltf.nodes[parents[node]].children.remove(node)
         parents[node] = count
-    parents.append(-1)
-    rig.rest = np.concatenate([rest, np.eye(4)[None]])
-    gltf.nodes.append(g.Node(name="Armature", children=[*heads, *loose]))
+    _append_node(rig, g.Node(name="Armature", children=[*heads, *loose]), -1, np.eye(4))
     for node in range(count):
         if node in moving:
             set_local(gltf.nodes[node], local_rest(rig, node))
         elif node in loose:
-            set_local(gltf.nodes[node], np.eye(4) if gltf.nodes[node].skin is not None else rest[node])
+            set_local(gltf.nodes[node], np.eye(4) if gltf.nodes[node].skin is not None else rig.rest[node])
         elif parents[node] in moving:
-            set_local(gltf.nodes[node], np.linalg.inv(written(rig, rest[parents[node]])) @ rest[node])
+            above = written(rig, rig.rest[parents[node]])
+            set_local(gltf.nodes[node], np.linalg.inv(above) @ rig.rest[node])
     gltf.scenes, gltf.scene = [g.Scene(name="take", nodes=[count])], 0
+
+
+def _bind_to_scaleless_joints(rig: Rig) -> None:
+    for index, skin in enumerate(rig.gltf.skins):
+        rest = rig.rest[skin.joints]
+        rig.binds[index] = np.linalg.inv(written(rig, rest)) @ rest @ rig.binds[index]
+        rig.binds[index][:, 3] = (0.0, 0.0, 0.0, 1.0)
+        skin.skeleton = None
+
+
+def _loose_meshes(rig: Rig, top: int) -> list[int]:
+    """Nodes with meshes that are under no joint: skinned ones, and those below the character's own `top`."""
+    nodes = rig.gltf.nodes
+    loose = [n for n in range(len(nodes)) if nodes[n].mesh is not None and not _under_joint(rig, n)]
+    return [n for n in loose if nodes[n].skin is not None or _line(rig.parents, n)[-1] == top]
 
 
 def _line(parents: Sequence[int], node: int) -> list[int]:
@@ -154,26 +158,30 @@ def _set_scene(rig: Rig) -> None:
     """Only what belongs to the character stays in the scene, in the take's space."""
     import pygltflib as g
 
-    gltf, tops = rig.gltf, [i for i, parent in enumerate(rig.parents) if parent < 0]
-    moved = [top for top in tops if any(top in _line(rig.parents, node) for node in rig.joints)]
-    skinned = [
-        top
-        for top in tops
-        if top not in moved and gltf.nodes[top].skin is not None and not gltf.nodes[top].children
-    ]
-    if not np.allclose(rig.space, np.eye(4), atol=SAME):
+    gltf = rig.gltf
+    carried = {_line(rig.parents, joint)[-1] for joint in rig.joints}
+    tops = [node for node, parent in enumerate(rig.parents) if parent < 0]
+    moved = [top for top in tops if top in carried]
+    alone = [top for top in tops if top not in carried and not gltf.nodes[top].children]
+    skinned = [top for top in alone if gltf.nodes[top].skin is not None]
+    if np.allclose(rig.space, np.eye(4), atol=SAME):
+        rig.space = np.eye(4)
+    else:
         turn, scale = _split(rig.space)
         node = g.Node(name="Character", children=moved, rotation=_xyzw(turn), scale=scale.tolist())
-        gltf.nodes.append(node)
+        number = _append_node(rig, node, -1, rig.space)
         for top in moved:
-            rig.parents[top] = len(gltf.nodes) - 1
-        rig.parents.append(-1)
-        rig.rest = np.concatenate([rig.rest, rig.space[None]])
-        moved = [len(gltf.nodes) - 1]
-    else:
-        rig.space = np.eye(4)
-    gltf.scenes = [g.Scene(name="take", nodes=[*moved, *skinned])]
-    gltf.scene = 0
+            rig.parents[top] = number
+        moved = [number]
+    gltf.scenes, gltf.scene = [g.Scene(name="take", nodes=[*moved, *skinned])], 0
+
+
+def _append_node(rig: Rig, node: Node, parent: int, rest: Array) -> int:
+    """The number of a new node that rests at `rest` `(4, 4)` in the take's space."""
+    rig.gltf.nodes.append(node)
+    rig.parents.append(parent)
+    rig.rest = np.concatenate([rig.rest, rest[None]])
+    return len(rig.parents) - 1
 
 
 def _add_root(rig: Rig, hips: int) -> None:
@@ -187,16 +195,12 @@ def _add_root(rig: Rig, hips: int) -> None:
     above, gltf = rig.parents[hips], rig.gltf
     frame = rig.rest[above].copy() if above >= 0 else np.eye(4)
     frame[:3, 3] = rig.ground_point
-    rig.root_node = len(gltf.nodes)
     taken = {node.name for node in gltf.nodes}
-    gltf.nodes.append(
-        g.Node(name=next((n for n in ROOT_NAMES if n not in taken), ROOT_NAMES[-1]), children=[hips])
-    )
+    name = next((n for n in ROOT_NAMES if n not in taken), ROOT_NAMES[-1])
+    rig.root_node = _append_node(rig, g.Node(name=name, children=[hips]), above, frame)
     siblings = gltf.nodes[above].children if above >= 0 else gltf.scenes[0].nodes
     siblings[siblings.index(hips)] = rig.root_node
-    rig.parents.append(above)
     rig.parents[hips] = rig.root_node
-    rig.rest = np.concatenate([rig.rest, frame[None]])
     for node in (rig.root_node, hips):
         set_local(gltf.nodes[node], local_rest(rig, node))
     inverse_bind = np.linalg.inv(np.linalg.inv(rig.space) @ written(rig, frame))
@@ -283,19 +287,17 @@ def _root_worlds(rig: Rig, take: PreparedTake, frames: slice) -> Array:
 
 def rename_bones(rig: Rig, engine: Engine) -> None:
     """Give the joints of a rig the names of an engine's humanoid, those that it has none for keep theirs."""
-    nodes = rig.gltf.nodes
+    node_of = {
+        SPORT_SKELETON.names[j]: n for n, k in rig.joints.items() if (j := rig.character.sport_joints[k]) >= 0
+    }
+    node_of["Root"] = rig.root_node
     wanted: dict[int, str] = {}
     for name, bone in engine.bones.items():
-        if name == "Root":
-            node = rig.root_node
-        else:
-            index = SPORT_SKELETON.index(name)
-            node = next((n for n, k in rig.joints.items() if rig.character.sport_joints[k] == index), -1)
-        if node >= 0 and node not in wanted:
-            wanted[node] = bone
+        if node_of.get(name, -1) >= 0:
+            wanted.setdefault(node_of[name], bone)
     taken = set(wanted.values())
-    for number, node in enumerate(nodes):
-        if number not in wanted and node.name in taken:
+    for number, node in enumerate(rig.gltf.nodes):
+        if number in wanted:
+            node.name = wanted[number]
+        elif node.name in taken:
             node.name = f"{node.name}_{number}"
-    for number, bone in wanted.items():
-        nodes[number].name = bone

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from runtime.arrays import Array
 from runtime.atomic import write_atomic
+from runtime.character.glb_buffer import ARRAY_BUFFER, ELEMENT_BUFFER, GlbBuffer
 from runtime.errors import FileError, UsageError
-from runtime.formats.glb_buffer import ARRAY_BUFFER, ELEMENT_BUFFER, GlbBuffer
 from runtime.formats.options import UNITS_PER_METRE, ExportOptions
 from runtime.formats.prepare import Check, PreparedTake, go_on
 from runtime.takes.clip import Clip

@@ -5,7 +5,7 @@ Nothing heavy is imported: `sport --help` reads this file.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -187,27 +187,33 @@ class ExportOptions:
 
     def check(self) -> None:
         """UsageError names the option that cannot be used."""
-        bones = engine_of(self.engine).bones if self.engine is not None else {}
-        order, end = str(self.euler_order or "XYZ"), "" if self.end_s is None else f"{self.end_s:g}"
-        ending = ".obj" if self.ground_out is None else self.ground_out.suffix.lower()
-        beside = " beside it" if self.ground_out is not None else ""
-        strides = 1 <= self.strides <= MAX_STRIDES and (self.strides == 1 or self.loop)
-        for usable, name, problem, remedy in (
-            (bones or not self.humanoid_names, "humanoid_names", ": these names are those of an engine.",
-             "Add --for unreal, unity, godot or maya."),
-            (1.0 <= self.fps <= MAX_FPS, "fps", f" {self.fps:g}: expected 1 to {MAX_FPS:.0f} frames per second.",
-             "Try 60 or 30."),
-            (self.unit in UNITS_PER_METRE, "unit", f" {self.unit}: expected cm or m.", "Choose one of the two."),
-            (order.upper() in ROTATION_ORDERS, "euler_order", f" {order[:20]}: unknown.",
-             f"Choose {', '.join(ROTATION_ORDERS)}."),
-            (self.start_s >= 0.0 and (self.end_s is None or self.end_s > self.start_s), "start_s",
-             f" {self.start_s:g}:{end}: expected 0 or more, and an end after the start.", "Write seconds, such as 2:6.5."),
-            (strides, "strides", f" {self.strides}: expected 1 to {MAX_STRIDES}, of a loop.",
-             "Add --loop, or leave it out."),
-            (ending in GROUND_SUFFIXES, "ground_out", f" {self.ground_out}: expected {' or '.join(GROUND_SUFFIXES)}.",
-             "Choose one of them."),
-            (not (self.in_place and (beside or self.with_ground)), "in_place",
-             f" with a ground{beside}: the character would not move over it.", "Leave one of the two out."),
-        ):  # fmt: skip
-            if not usable:
-                raise UsageError(problem, remedy, name)
+        for name, usable, problem, remedy in _RULES:
+            if not usable(self):
+                raise UsageError(problem(self), remedy, name)
+
+
+def _bones(options: ExportOptions) -> Mapping[str, str]:
+    return engine_of(options.engine).bones if options.engine is not None else {}
+
+
+_Rule = tuple[str, Callable[[ExportOptions], bool], Callable[[ExportOptions], str], str]
+_RULES: tuple[_Rule, ...] = (  # an option, whether it can be used, what is wrong, what to do
+    ("humanoid_names", lambda o: bool(_bones(o)) or not o.humanoid_names,
+     lambda o: ": these names are those of an engine.", "Add --for unreal, unity, godot or maya."),
+    ("fps", lambda o: 1.0 <= o.fps <= MAX_FPS,
+     lambda o: f" {o.fps:g}: expected 1 to {MAX_FPS:.0f} frames per second.", "Try 60 or 30."),
+    ("unit", lambda o: o.unit in UNITS_PER_METRE,
+     lambda o: f" {o.unit}: expected cm or m.", "Choose one of the two."),
+    ("euler_order", lambda o: str(o.euler_order or "XYZ").upper() in ROTATION_ORDERS,
+     lambda o: f" {str(o.euler_order)[:20]}: unknown.", f"Choose {', '.join(ROTATION_ORDERS)}."),
+    ("start_s", lambda o: o.start_s >= 0.0 and (o.end_s is None or o.end_s > o.start_s),
+     lambda o: f" {o.start_s:g}:{'' if o.end_s is None else f'{o.end_s:g}'}: expected 0 or more, and an end after the start.",
+     "Write seconds, such as 2:6.5."),
+    ("strides", lambda o: 1 <= o.strides <= MAX_STRIDES and (o.strides == 1 or o.loop),
+     lambda o: f" {o.strides}: expected 1 to {MAX_STRIDES}, of a loop.", "Add --loop, or leave it out."),
+    ("ground_out", lambda o: o.ground_out is None or o.ground_out.suffix.lower() in GROUND_SUFFIXES,
+     lambda o: f" {o.ground_out}: expected {' or '.join(GROUND_SUFFIXES)}.", "Choose one of them."),
+    ("in_place", lambda o: not (o.in_place and (o.ground_out is not None or o.with_ground)),
+     lambda o: f" with a ground{'' if o.ground_out is None else ' beside it'}: the character would not move over it.",
+     "Leave one of the two out."),
+)  # fmt: skip

@@ -42,9 +42,9 @@ class PreparedTake:
 def prepare(clip: Clip, options: ExportOptions, terrain: Terrain | None = None) -> PreparedTake:
     """`clip` as `options` ask for it, on its `terrain` (None: on the level of its lowest sole). UsageError as in `check`."""
     options.check()
-    terrain = None if terrain is None else terrain.seen_by(clip.size)
     at_rate, there = on_its_ground(clip).resampled(options.fps), placement_of(clip)
-    track = root_track(at_rate, terrain if clip.placed is not None else None)
+    terrain = None if terrain is None or clip.placed is None else terrain.seen_by(clip.size)
+    track = root_track(at_rate, terrain)
     first, last = _frames(at_rate, options)
     taken, report = at_rate, None
     if (first, last) != (0, len(at_rate) - 1):

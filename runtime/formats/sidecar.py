@@ -106,24 +106,23 @@ def read_metadata(bvh: Path) -> TakeMetadata:
         _LOG.warning("%s: not used (%s).", path, error)
         return TakeMetadata()
     gaits = value.get("gait_seconds")
-    events = value.get("prompts")
-    if isinstance(events, list) and len(events) > MAX_EVENTS:
-        _LOG.warning("%s: only the first %d of %d prompts are used.", path, MAX_EVENTS, len(events))
+    gaits = gaits if isinstance(gaits, dict) else {}
     return TakeMetadata(
         terrain=text_field(value, "terrain", "flat"),
-        prompts=tuple(event_from(e) for e in events[:MAX_EVENTS] if isinstance(e, dict))
-        if isinstance(events, list)
-        else (),
+        prompts=_prompts(value.get("prompts"), path),
         origin=origin_from(value),
-        gait_seconds=tuple(
-            (gait.label, number_field(gaits, gait.label, 0.0))
-            for gait in Gait
-            if isinstance(gaits, dict) and gait.label in gaits
-        ),
+        gait_seconds=tuple((g.label, number_field(gaits, g.label, 0.0)) for g in Gait if g.label in gaits),
         gait_changes=_gait_changes(value.get("gaits")),
         placed=_placed(value.get("placed", UNMOVED)),
         size=min(max(number_field(value, "size", 1.0), MIN_SIZE), MAX_SIZE),
     )
+
+
+def _prompts(value: Any, path: Path) -> tuple[PromptEvent, ...]:
+    events = value if isinstance(value, list) else []
+    if len(events) > MAX_EVENTS:
+        _LOG.warning("%s: only the first %d of %d prompts are used.", path, MAX_EVENTS, len(events))
+    return tuple(event_from(event) for event in events[:MAX_EVENTS] if isinstance(event, dict))
 
 
 def _gait_changes(value: Any) -> tuple[tuple[float, str], ...]:

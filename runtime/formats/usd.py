@@ -19,7 +19,7 @@ from runtime import rotations
 from runtime.arrays import AnyArray
 from runtime.atomic import atomic_path
 from runtime.character.mesh import skin_joints
-from runtime.character.nodes import ancestors, node_world_matrices
+from runtime.character.nodes import ancestors, nearest_of, node_world_matrices
 from runtime.character.read import Entry, GltfFile, buffer_view_bytes, open_gltf, read_accessor
 from runtime.errors import FileError, UsageError
 from runtime.formats.glb import glb_document
@@ -87,6 +87,7 @@ class _Stage:
         skins = file.gltf.skins or []
         self.joints = self._joint_nodes()
         self.slot = {node: k for k, node in enumerate(self.joints)}
+        self.carriers = nearest_of(self.order, self.parents, self.slot)
         self.stage = Usd.Stage.CreateNew(str(layer))
         UsdGeom.SetStageUpAxis(self.stage, UsdGeom.Tokens.y)
         UsdGeom.SetStageMetersPerUnit(self.stage, 1.0)
@@ -103,12 +104,10 @@ class _Stage:
         gltf = self.file.gltf
         wanted = {node for skin in gltf.skins or [] for node in skin.joints}
         wanted |= {channel.target.node for channel in gltf.animations[0].channels}
-        tops = {node for node in self.order if self.parents[node] < 0}
-        for node in list(wanted):
-            while self.parents[node] >= 0:
-                node = self.parents[node]
-                if node not in tops:
-                    wanted.add(node)
+        for node in reversed(self.order):
+            parent = self.parents[node]
+            if node in wanted and parent >= 0 and self.parents[parent] >= 0:
+                wanted.add(parent)
         return [node for node in self.order if node in wanted]
 
     def _names(self) -> list[str]:
@@ -256,32 +255,31 @@ class _Stage:
         """The skin of a mesh; a mesh on a joint follows it alone, any other stands still where it is."""
         from pxr import UsdGeom, UsdSkel
 
-        number, above = self.file.gltf.nodes[node].skin, node
-        while above >= 0 and above not in self.slot:
-            above = self.parents[above]
-        if number is None and above < 0:
+        number, carrier = self.file.gltf.nodes[node].skin, self.carriers[node]
+        skin = self.skins[number or 0]
+        place = np.eye(4)
+        if number is not None:
+            slots = skin.slots[self._influences(primitive, "JOINTS").astype(int)]
+            weights = self._influences(primitive, "WEIGHTS").astype(np.float64)
+            weights /= np.maximum(weights.sum(1, keepdims=True), 1e-9)
+        elif carrier >= 0:
+            slots, weights = np.full((count, 1), self.slot[carrier]), np.ones((count, 1))
+            bind = np.linalg.inv(skin.inverse_bind[self.slot[carrier]])
+            place = bind @ np.linalg.inv(self.world[carrier]) @ self.world[node]
+        else:
             if not np.allclose(self.world[node], np.eye(4)):
                 UsdGeom.Xformable(mesh).AddTransformOp().Set(self._matrices([self.world[node]])[0])
             return
-        binding = UsdSkel.BindingAPI.Apply(mesh.GetPrim())
-        skin = self.skins[number or 0]
-        place = np.eye(4)
-        if number is None:
-            slots, weights = np.full((count, 1), self.slot[above]), np.ones((count, 1))
-            bind = np.linalg.inv(skin.inverse_bind[self.slot[above]])
-            place = bind @ np.linalg.inv(self.world[above]) @ self.world[node]
-        else:
-            sets = [k for k in (0, 1) if f"JOINTS_{k}" in primitive.attributes]
-            read = [read_accessor(self.file, primitive.attributes[f"JOINTS_{k}"], "joints") for k in sets]
-            slots = skin.slots[np.concatenate(read, axis=1).astype(int)]
-            read = [read_accessor(self.file, primitive.attributes[f"WEIGHTS_{k}"], "weights") for k in sets]
-            weights = np.concatenate(read, axis=1).astype(np.float64)
-            weights /= np.maximum(weights.sum(1, keepdims=True), 1e-9)
-        width = slots.shape[1]
+        binding, width = UsdSkel.BindingAPI.Apply(mesh.GetPrim()), slots.shape[1]
         binding.CreateJointIndicesPrimvar(False, width).Set(np.ascontiguousarray(slots, np.int32).ravel())
         binding.CreateJointWeightsPrimvar(False, width).Set(np.ascontiguousarray(weights, np.float32).ravel())
         binding.CreateGeomBindTransformAttr(self._matrices([place])[0])
         binding.CreateSkeletonRel().SetTargets([skin.path])
+
+    def _influences(self, primitive: Entry, name: str) -> AnyArray:
+        """Joints or weights `(V, 4 or 8)` of a primitive."""
+        sets = [primitive.attributes.get(f"{name}_{k}") for k in (0, 1)]
+        return np.concatenate([read_accessor(self.file, k, name) for k in sets if k is not None], axis=1)
 
     def _shade(self, mesh: Any, index: int) -> None:
         from pxr import UsdShade
@@ -295,7 +293,7 @@ class _Stage:
         """A preview surface with base colour (a texture in a package, else the mesh's colours), roughness and metal."""
         from pxr import UsdShade
 
-        entry, types, connect = self.file.gltf.materials[index], self.Sdf.ValueTypeNames, "ConnectableAPI"
+        entry, types = self.file.gltf.materials[index], self.Sdf.ValueTypeNames
         surface = entry.pbrMetallicRoughness or Entry()
         path = f"{ROOT}/materials/{re.sub('[^A-Za-z0-9_]', '_', f'm{index}_' + (entry.name or ''))}"
         self.stage.DefinePrim(f"{ROOT}/materials", "Scope")
@@ -308,12 +306,8 @@ class _Stage:
         color = shader.CreateInput("diffuseColor", types.Color3f)
         color.Set(tuple(factor[:3]))
         file = None if surface.baseColorTexture is None else self._texture(surface.baseColorTexture.index)
-        reader = UsdShade.Shader.Define(self.stage, f"{path}/reader")
-        kind = "float2" if file else "float3"
-        reader.CreateIdAttr(f"UsdPrimvarReader_{kind}")
-        reader.CreateInput("varname", types.String).Set("st" if file else "displayColor")
-        output = reader.CreateOutput("result", types.Float2 if file else types.Float3)
         if file is not None:
+            st = self._primvar(f"{path}/reader", "float2", "st")
             texture = UsdShade.Shader.Define(self.stage, f"{path}/texture")
             texture.CreateIdAttr("UsdUVTexture")
             texture.CreateInput("file", types.Asset).Set(file)
@@ -321,15 +315,28 @@ class _Stage:
             texture.CreateInput("scale", types.Float4).Set(tuple(factor))
             for axis in ("wrapS", "wrapT"):
                 texture.CreateInput(axis, types.Token).Set("repeat")
-            texture.CreateInput("st", types.Float2).ConnectToSource(output)
+            texture.CreateInput("st", types.Float2).ConnectToSource(st)
             color.ConnectToSource(texture.CreateOutput("rgb", types.Float3))
         elif surface.baseColorTexture is None and self._colored(index):
-            reader.CreateInput("fallback", types.Float3).Set(tuple(factor[:3]))
-            color.ConnectToSource(output)
-        else:
-            self.stage.RemovePrim(reader.GetPath())
-        material.CreateSurfaceOutput().ConnectToSource(getattr(shader, connect)(), "surface")
+            color.ConnectToSource(
+                self._primvar(f"{path}/reader", "float3", "displayColor", tuple(factor[:3]))
+            )
+        material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
         return material
+
+    def _primvar(self, path: str, kind: str, name: str, fallback: tuple[float, ...] | None = None) -> Any:
+        """The output of a shader that reads a primvar of the mesh."""
+        from pxr import UsdShade
+
+        types = self.Sdf.ValueTypeNames
+        result = {"float2": types.Float2, "float3": types.Float3}[kind]
+        reader = UsdShade.Shader.Define(self.stage, path)
+        reader.CreateIdAttr(f"UsdPrimvarReader_{kind}")
+        reader.CreateInput("varname", types.String).Set(name)
+        output = reader.CreateOutput("result", result)
+        if fallback is not None:
+            reader.CreateInput("fallback", result).Set(fallback)
+        return output
 
     def _colored(self, material: int) -> bool:
         """Whether the vertices of all meshes with a material have colours."""
@@ -337,18 +344,17 @@ class _Stage:
         return all("COLOR_0" in p.attributes for p in used)
 
     def _texture(self, index: int) -> str | None:
-        """The name of a texture's file beside the layer; None where the form has none, or for other images."""
+        """The name of a texture's file next to the layer; None where the form has none, or for other images."""
         source = self.file.gltf.textures[index].source
         if self.textures is None or source is None:
             return None
         data = bytes(buffer_view_bytes(self.file, self.file.gltf.images[source].bufferView, "an image"))
-        ending = {b"\x89PNG": "png", b"\xff\xd8\xff\xe0": "jpg"}.get(
-            data[:4], "jpg" if data[:2] == b"\xff\xd8" else ""
-        )
+        ending = ".png" if data.startswith(b"\x89PNG") else ".jpg" if data.startswith(b"\xff\xd8") else ""
         if not ending:
             return None
-        (self.textures / f"texture_{source}.{ending}").write_bytes(data)
-        return f"./texture_{source}.{ending}"
+        name = f"texture_{source}{ending}"
+        (self.textures / name).write_bytes(data)
+        return f"./{name}"
 
     def _extent(self, root: Any) -> None:
         """The box of the whole take, so that a viewer finds it: the way of the joints and half a body more."""

@@ -1,36 +1,75 @@
-"""The list of a batch: one clip a row, from CSV with a header or from JSON lines."""
+"""The list of a batch, CSV with a header or JSON lines, and the task of each row: the arguments of `sport generate`."""
 
 from __future__ import annotations
 
+import argparse
 import csv
+import hashlib
 import io
+import json
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from functools import cache
+from pathlib import Path, PurePosixPath
+from typing import Any, NoReturn
 
+from runtime.assets import model_folder
 from runtime.errors import FileError, UsageError
 from runtime.safe_read import decode_text, parse_json, read_bounded, reason
 
 MAX_LIST_BYTES = 256 * 1024 * 1024
-SUFFIXES = (".csv", ".jsonl")
+MAX_HASHED_BYTES = 1 << 29  # of a file that a row names; no reader takes a larger one
+NOT_COLUMNS = ("batch", "ray", "workers", "help")
+STYLES = (
+    "prompt",
+    "prompts",
+    "parts",
+)  # a row that gives one of them has none of the others from the command
 _REMEDY = "Write a CSV with a header, or one JSON object a line."
+_FILES = ("terrain", "parts", "character", "joint_map")
+_SWITCH = {
+    **dict.fromkeys(("true", "yes", "on", "1", "x"), True),
+    **dict.fromkeys(("false", "no", "off", "0"), False),
+}
 
 
 @dataclass(frozen=True)
 class BatchRow:
-    """One clip: its number from 1 on, what its row gives by the name of the argument, and why it cannot be read."""
+    """One clip: its number from 1 on, what its row gives by the name of the argument, and why it cannot be made."""
 
     number: int
     values: dict[str, Any]
     error: str = ""
 
 
+@dataclass(frozen=True)
+class Task:
+    """One clip to make: `options` are the arguments of `sport generate`; `key` changes with them and what they name."""
+
+    number: int
+    values: dict[str, Any]
+    options: argparse.Namespace
+    key: str
+
+
+class RowParser(argparse.ArgumentParser):
+    """Raises UsageError for what is wrong with a row in place of ending the program."""
+
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(message)
+
+
 def read_rows(path: Path) -> list[BatchRow]:
     """The rows of a list; a row that cannot be read has an `error`. FileError or UsageError for the list as a whole."""
-    if path.suffix.lower() not in SUFFIXES:
-        raise UsageError(f" {path}: expected {' or '.join(SUFFIXES)}.", _REMEDY, "batch")
+    suffix = path.suffix.lower()
+    if suffix not in (".csv", ".jsonl"):
+        raise UsageError(f" {path}: expected .csv or .jsonl.", _REMEDY, "batch")
     text = decode_text(read_bounded(path, MAX_LIST_BYTES, "Use several lists."))
-    rows = _csv_rows(path, text) if path.suffix.lower() == ".csv" else _json_rows(text)
+    if suffix == ".csv":
+        rows = _csv_rows(path, text)
+    else:
+        lines = [line for line in text.splitlines() if line.strip()]
+        rows = [_json_row(number, line) for number, line in enumerate(lines, 1)]
     if not rows:
         raise FileError(f"{path}: no rows.", _REMEDY)
     return rows
@@ -54,11 +93,6 @@ def _csv_row(number: int, cells: dict[str, Any]) -> BatchRow:
     return BatchRow(number, values, error)
 
 
-def _json_rows(text: str) -> list[BatchRow]:
-    lines = [line for line in text.splitlines() if line.strip()]
-    return [_json_row(number, line) for number, line in enumerate(lines, 1)]
-
-
 def _json_row(number: int, line: str) -> BatchRow:
     try:
         value = parse_json(line.encode("utf-8"))
@@ -76,3 +110,87 @@ def _json_row(number: int, line: str) -> BatchRow:
 def _name(text: str | None) -> str:
     """The name of an argument as columns may spell it: "--ground-out", "Ground out" and "ground_out" are one."""
     return (text or "").strip().lstrip("-").replace("-", "_").replace(" ", "_").lower()
+
+
+def plan(
+    rows: Sequence[BatchRow], parser: RowParser, base: argparse.Namespace
+) -> tuple[list[Task], list[BatchRow]]:
+    """Tasks of the rows that can be made, and the others with their errors; UsageError for a column that is no argument.
+
+    `parser` knows the arguments of `sport generate`, `base` has those that stand for every row.
+    """
+    known = {a.dest: a for a in parser._actions if a.option_strings and a.dest not in NOT_COLUMNS}
+    unknown = sorted({name for row in rows for name in row.values} - set(known))
+    if unknown:
+        names = ", ".join(sorted(known))
+        raise UsageError(f" column {unknown[0][:60]}: no argument.", f"Columns are {names}.", "batch")
+    tasks: list[Task] = []
+    refused: list[BatchRow] = []
+    writers: dict[str, int] = {}
+    _fingerprint.cache_clear()
+    for row in rows:
+        try:
+            options = _options(row, parser, known, base)
+            _check_targets(options, row.number, writers)
+            tasks.append(Task(row.number, row.values, options, _key(options)))
+        except UsageError as error:
+            refused.append(BatchRow(row.number, row.values, str(error)))
+    return tasks, refused
+
+
+def _options(
+    row: BatchRow, parser: RowParser, known: dict[str, argparse.Action], base: argparse.Namespace
+) -> argparse.Namespace:
+    """The arguments of a row over those of the command."""
+    if row.error:
+        raise UsageError(row.error)
+    options = argparse.Namespace(**vars(base) | {"out": None})
+    if any(name in row.values for name in STYLES):
+        vars(options).update(dict.fromkeys(STYLES))
+    words = []
+    for name, value in {"out": f"{row.number:05d}.bvh", **row.values}.items():
+        if known[name].nargs != 0:
+            words.append(f"{known[name].option_strings[-1]}={value}")
+        elif (text := str(value).lower()) in _SWITCH:
+            setattr(options, name, _SWITCH[text])
+        else:
+            raise UsageError(f"{name} {text[:40]}: expected true or false.")
+    return parser.parse_args(words, options)
+
+
+def _check_targets(options: argparse.Namespace, number: int, writers: dict[str, int]) -> None:
+    """UsageError unless a row writes below the folder of the batch, and what no row before it writes."""
+    for path in filter(None, (options.out, options.ground_out)):
+        parts = PurePosixPath(path.as_posix()).parts
+        if path.is_absolute() or path.drive or ".." in parts or not path.name or parts[0].startswith("."):
+            raise UsageError(f"{path}: expected a name below the folder of --out.", "Leave its folder out.")
+        first = writers.setdefault(str(path).lower(), number)
+        if first != number:
+            raise UsageError(f"{path}: row {first} writes this file.", "Choose another name.")
+
+
+def _key(options: argparse.Namespace) -> str:
+    """Changes with every argument, and with the content of the files and the model that they name."""
+    values = {k: str(v) if isinstance(v, Path) else v for k, v in vars(options).items()}
+    model = model_folder(options.model)
+    paths = [model / "metadata.json", *(Path(p) for name in _FILES if (p := getattr(options, name)))]
+    found = [_fingerprint(path) for path in paths]
+    return hashlib.sha256(json.dumps([values, found], sort_keys=True).encode()).hexdigest()
+
+
+@cache  # of one plan: rows name the same files
+def _fingerprint(path: Path) -> str:
+    """The hash of a file; "" for a name of the library, or a file that the row will miss."""
+    try:
+        size = path.stat().st_size if path.is_file() else -1
+        if 0 <= size <= MAX_HASHED_BYTES:
+            return sha256(path)
+    except (OSError, ValueError):
+        return ""
+    return "" if size < 0 else f"{size} bytes"  # larger than any file that is read: refused by its row
+
+
+def sha256(path: Path) -> str:
+    """Hash of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -3,46 +3,49 @@
 from __future__ import annotations
 
 import argparse
+import itertools
+import json
 import os
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import IO, TextIO
 
+from runtime.atomic import write_atomic
 from runtime.errors import FileError, UsageError
 from runtime.file_lock import open_locked
-from runtime.safe_read import printable
-from sport.batch.executors import RayExecutor, cores, processes
-from sport.batch.manifest import Manifest, entry
-from sport.batch.plan import NOT_COLUMNS, RowParser, Task, plan
-from sport.batch.progress import BatchProgress
-from sport.batch.rows import read_rows
-from sport.batch.work import make_rows
+from runtime.safe_read import parse_json, printable, read_bounded
+from sport.batch.rows import NOT_COLUMNS, RowParser, Task, plan, read_rows, sha256
+from sport.batch.work import Line, RayExecutor, cores, entry, make_rows, processes
 
 LOCK = ".sport-batch.lock"
+MANIFEST = "manifest.jsonl"
+MAX_MANIFEST_BYTES = 1024 * 1024 * 1024
 MAX_WORKERS = 1024
+WIDTH = 24  # signs of the bar of progress
 
 
 def run_batch(options: argparse.Namespace, parser: RowParser) -> int:
     """Make the clips of `options.batch` in the folder `options.out`; 0, or 1 when rows failed. SportError."""
-    folder: Path = options.out
     if options.workers is not None and not 1 <= options.workers <= MAX_WORKERS:
         raise UsageError(f" {options.workers}: expected 1 to {MAX_WORKERS}.", "Try 2.", "workers")
     rows = read_rows(options.batch)
     base = {name: value for name, value in vars(options).items() if name not in (*NOT_COLUMNS, "command")}
     tasks, refused = plan(rows, parser, argparse.Namespace(**base))
-    with _held(folder):
-        manifest = Manifest(folder)
+    with _held(options.out):
+        manifest = Manifest(options.out)
         missing = [task for task in tasks if not manifest.done(task)]
         progress = BatchProgress(len(rows), len(tasks) - len(missing))
         if progress.kept:
             print(f"sport: {progress.kept} of {len(rows)} clips are there already", file=sys.stderr)
         try:
-            for row in refused:
-                _note(entry(row.number, row.values, error=row.error), manifest, progress)
-            for line in _lines(missing, folder, options):
-                _note(line, manifest, progress)
+            lines = itertools.chain((entry(row, row.error) for row in refused), _lines(missing, options))
+            for line in lines:
+                manifest.add(line)
+                progress.add(failed=bool(line["error"]))
             manifest.finish(row.number for row in rows)
         except KeyboardInterrupt:
             print("\nsport: stopped; the same command goes on from here", file=sys.stderr)
@@ -53,19 +56,15 @@ def run_batch(options: argparse.Namespace, parser: RowParser) -> int:
     return int(progress.failed > 0)
 
 
-def _lines(tasks: list[Task], folder: Path, options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+def _lines(tasks: list[Task], options: argparse.Namespace) -> Iterator[Line]:
+    """The lines of tasks as they are made."""
+    workers = options.workers or cores()
     if not tasks:
         return iter(())
-    workers = options.workers or cores()
     if options.ray is not None:
         cluster = RayExecutor(options.ray, workers)
-        return make_rows(tasks, folder, lambda: cluster, cluster.workers)
-    return make_rows(tasks, folder, lambda: processes(min(workers, len(tasks))), workers)
-
-
-def _note(line: dict[str, Any], manifest: Manifest, progress: BatchProgress) -> None:
-    manifest.add(line)
-    progress.add(failed=bool(line["error"]))
+        return make_rows(tasks, options.out, lambda: cluster, cluster.workers)
+    return make_rows(tasks, options.out, lambda: processes(min(workers, len(tasks))), workers)
 
 
 def _report(manifest: Manifest, numbers: list[int], progress: BatchProgress) -> None:
@@ -95,3 +94,112 @@ def _held(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.close(handle)
+
+
+class Manifest:
+    """What is known of the rows of `folder`; `add` appends a line that a crash cannot take back."""
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / MANIFEST
+        self.lines = read_lines(self.path)
+        self._file: IO[bytes] | None = None
+
+    def done(self, task: Task) -> bool:
+        """Whether a task was made, of these arguments, and all its files are still as they were."""
+        line = self.lines.get(task.number, {})
+        if line.get("error") or line.get("key") != task.key or not isinstance(line.get("files"), dict):
+            return False
+        files = [(self.path.parent / name, sha) for name, sha in line["files"].items()]
+        return bool(files) and all(path.is_file() and sha256(path) == sha for path, sha in files)
+
+    def add(self, line: Line) -> None:
+        """Append a line. FileError when it cannot be written."""
+        self.lines[line["row"]] = line
+        try:
+            if self._file is None:
+                self._file = self.path.open("ab")
+                if self._file.tell() and not self.path.read_bytes().endswith(b"\n"):
+                    self._file.write(b"\n")  # after a line that was cut off
+            self._file.write(_text(line).encode("utf-8"))
+            self._file.flush()
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            raise FileError(
+                f"{self.path}: {error.strerror or error}.", "Make room; the batch goes on from here."
+            ) from error
+
+    def finish(self, numbers: Iterable[int]) -> None:
+        """One line for each of these rows, in their order; older ones go."""
+        self.close()
+        write_atomic(self.path, "".join(_text(self.lines[n]) for n in sorted(numbers) if n in self.lines))
+
+    def close(self) -> None:
+        """Let go of the file."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+
+def read_lines(path: Path) -> dict[int, Line]:
+    """The last line of each row; lines that are damaged, as the last one of a run that was killed, are left out."""
+    if not path.exists():
+        return {}
+    found = {}
+    for text in read_bounded(path, MAX_MANIFEST_BYTES).splitlines():
+        try:
+            line = parse_json(text)
+        except ValueError:
+            continue
+        if isinstance(line, dict) and isinstance(line.get("row"), int):
+            found[line["row"]] = line
+    return found
+
+
+def _text(line: Line) -> str:
+    return json.dumps(line, ensure_ascii=False, default=str) + "\n"
+
+
+@dataclass
+class BatchProgress:
+    """A bar on a terminal, a line every tenth in a log; `kept` are those that were there already."""
+
+    total: int
+    kept: int = 0
+    stream: TextIO = field(default_factory=lambda: sys.stderr)
+    clock: Callable[[], float] = time.monotonic
+    made: int = 0
+    failed: int = 0
+    _begun_s: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._begun_s = self.clock()
+
+    @property
+    def per_minute(self) -> float:
+        """Rows a minute since the start."""
+        return 60.0 * (self.made + self.failed) / max(self.clock() - self._begun_s, 1e-6)
+
+    def add(self, failed: bool) -> None:
+        """One row is done."""
+        before = self._tenth()
+        self.failed, self.made = self.failed + failed, self.made + (not failed)
+        if self.stream.isatty():
+            end = "\n" if self._done() == self.total else ""
+            print(f"\r{self.text()}\x1b[K", end=end, file=self.stream, flush=True)
+        elif self._tenth() != before:
+            print(f"sport: {self.text()}", file=self.stream, flush=True)
+
+    def text(self) -> str:
+        """Bar, counts, rows a minute, and the time that is left."""
+        done, speed = self._done(), self.per_minute
+        full = WIDTH * done // self.total
+        left_s = (self.total - done) / max(speed, 1e-6) * 60.0
+        left = f"{left_s / 60.0:.0f} min" if left_s >= 90.0 else f"{left_s:.0f} s"
+        failed = f", {self.failed} failed" if self.failed else ""
+        return f"[{'#' * full}{'.' * (WIDTH - full)}] {done} of {self.total} clips{failed}, {speed:.1f} a minute, {left} left"
+
+    def _done(self) -> int:
+        return self.kept + self.made + self.failed
+
+    def _tenth(self) -> int:
+        return 10 * self._done() // self.total

@@ -1,4 +1,7 @@
-"""Rows made into files: one row, wherever it runs, and all of them by an executor."""
+"""Rows made into files: one row, wherever it runs, and all of them by a `concurrent.futures.Executor`.
+
+That is processes of this machine, or a Ray cluster behind the same interface.
+"""
 
 from __future__ import annotations
 
@@ -6,31 +9,111 @@ import argparse
 import contextlib
 import hashlib
 import io
+import multiprocessing
 import os
 import re
+import signal
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from runtime.atomic import write_atomic
-from runtime.errors import SportError
-from sport.batch.manifest import entry
-from sport.batch.plan import Task
+from runtime.errors import SportError, UsageError
+from sport.batch.rows import Task
 
 AHEAD = 2  # rows that wait for each core
-Files = dict[str, bytes]
+RETRIES = 2  # of a row whose machine is gone
+# one thread in each process: the rows are what runs side by side
+THREADS = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
+Line = dict[str, Any]  # of the manifest
+Made = tuple[Line, dict[str, bytes]]  # and the files by their names
+_T = TypeVar("_T")
 _PROGRESS = re.compile(r": (a film of|\d+ of \d+ frames|this folder is new)")
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def processes(workers: int) -> ProcessPoolExecutor:
+    """Processes of this machine, each with one thread."""
+    os.environ.update(THREADS)  # for the processes that begin here
+    return ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _begin)
+
+
+def _begin() -> None:
+    """A worker ends with the process that leads, however that went; Ctrl+C is for the latter."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    leader = multiprocessing.parent_process()
+    assert leader is not None
+
+    def follow() -> None:
+        leader.join()
+        os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()
+
+
+class RayExecutor(Executor):
+    """The cores of a Ray cluster; the address "local" starts one of `workers` here. UsageError without one."""
+
+    def __init__(self, address: str, workers: int) -> None:
+        try:
+            import ray
+        except ModuleNotFoundError as error:
+            raise UsageError(
+                ": the Python package 'ray' is not installed.", "Run pip install -e '.[ray]'.", "ray"
+            ) from error
+        own = {"num_cpus": workers, "include_dashboard": False} if address == "local" else {}
+        try:
+            ray.init(
+                address,
+                log_to_driver=False,
+                configure_logging=False,
+                runtime_env={"env_vars": THREADS},
+                **own,
+            )
+        except Exception as error:  # Ray raises that itself where a node does not start in time
+            said = (str(error) or type(error).__name__).splitlines()[0][:200]
+            raise UsageError(f" {address}: {said}.", "Name a cluster that runs, or local.", "ray") from error
+        self._ray = ray
+        self.workers = max(int(ray.cluster_resources().get("CPU", 1)), 1)
+
+    def submit(self, fn: Callable[..., _T], /, *args: Any, **kwargs: Any) -> Future[_T]:
+        """Call a function on a core of the cluster."""
+        future: Future[_T] = (
+            self._ray.remote(num_cpus=1, max_retries=RETRIES)(fn).remote(*args, **kwargs).future()
+        )
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Leave the cluster."""
+        self._ray.shutdown()
+
+
+def entry(row: Any, error: str = "", **made: Any) -> Line:
+    """A line of a row or task: its arguments, file, files with their hashes, seconds of work, error."""
+    fields: Line = {
+        "file": None,
+        "sha256": None,
+        "seconds": None,
+        "error": error or None,
+        "notes": [],
+        "files": {},
+    }
+    return {"row": row.number, "arguments": row.values, **fields, **made, "key": getattr(row, "key", "")}
 
 
 def make_rows(
     tasks: Sequence[Task], target: Path, executor: Callable[[], Executor], workers: int
-) -> Iterator[dict[str, Any]]:
+) -> Iterator[Line]:
     """The line of each task as it is finished, its files in place.
 
     A process that dies takes its executor with it: the rows under way are made once more, each by an executor of its
@@ -38,25 +121,28 @@ def make_rows(
     """
     waiting = list(reversed(tasks))
     while waiting:
-        again: list[Task] = []
+        died: list[Task] = []
         with _closed(executor()) as pool:
-            under_way: dict[Future[tuple[dict[str, Any], Files]], Task] = {}
-            while under_way or (waiting and not again):
-                while waiting and not again and len(under_way) < AHEAD * workers:
-                    task = waiting.pop()
-                    try:
-                        under_way[pool.submit(make_row, task)] = task
-                    except BrokenProcessPool:
-                        again.append(task)
+            under_way: dict[Future[Made], Task] = {}
+            while under_way or (waiting and not died):
+                while waiting and not died and len(under_way) < AHEAD * workers:
+                    _submit(pool, waiting.pop(), under_way, died)
                 for future in wait(under_way, return_when=FIRST_COMPLETED).done:
                     task = under_way.pop(future)
                     if isinstance(future.exception(), BrokenProcessPool):
-                        again.append(task)
+                        died.append(task)
                     else:
                         yield _placed(task, future, target)
-        for task in again:
+        for task in died:
             with _closed(executor()) as pool:
                 yield _placed(task, pool.submit(make_row, task), target)
+
+
+def _submit(pool: Executor, task: Task, under_way: dict[Future[Made], Task], died: list[Task]) -> None:
+    try:
+        under_way[pool.submit(make_row, task)] = task
+    except BrokenProcessPool:
+        died.append(task)
 
 
 @contextlib.contextmanager
@@ -68,94 +154,69 @@ def _closed(executor: Executor) -> Iterator[Executor]:
         executor.shutdown(cancel_futures=True)
 
 
-def _placed(task: Task, future: Future[tuple[dict[str, Any], Files]], target: Path) -> dict[str, Any]:
+def _placed(task: Task, future: Future[Made], target: Path) -> Line:
     """The line of a task; its files written, each whole, the one that was asked for last."""
     try:
         line, files = future.result()
         for name in sorted(files, key=lambda name: name == line["file"]):
-            (target / name).parent.mkdir(parents=True, exist_ok=True)
             write_atomic(target / name, files[name])
     except BrokenProcessPool:
-        return entry(task.number, task.values, task.key, "the process that made it ended")
-    except SportError as error:
-        return entry(task.number, task.values, task.key, str(error))
+        return entry(task, "the process that made it ended")
     except Exception as error:  # of the executor, or of the disk
-        return entry(task.number, task.values, task.key, f"{type(error).__name__}: {str(error)[:200]}")
+        return entry(task, _problem(error))
     return line
 
 
-def make_row(task: Task) -> tuple[dict[str, Any], Files]:
+def _problem(error: Exception) -> str:
+    return str(error) if isinstance(error, SportError) else f"{type(error).__name__}: {str(error)[:200]}"
+
+
+def make_row(task: Task) -> Made:
     """On a worker: a task's line of the manifest, whatever happens, and its files."""
     with tempfile.TemporaryDirectory(prefix="sport-batch-") as name:
-        return _maker().make(task, Path(name) / "row")
-
-
-@dataclass
-class Maker:
-    """Makes rows one after the other and keeps the model and the text encoder of the last one."""
-
-    _model: tuple[Any, Any] = (None, None)
-    _prompter: tuple[Any, Any] = (None, None)
-
-    def make(self, task: Task, folder: Path) -> tuple[dict[str, Any], Files]:
-        """Make the files of a task in the empty `folder`; its line and the files."""
-        begin = time.perf_counter()
-        said = io.StringIO()
+        begin, folder, printed = time.perf_counter(), Path(name) / "row", io.StringIO()
         try:
-            folder.mkdir(parents=True)
-            with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said):
-                self._run(task, folder)
-        except SportError as error:
-            problem = str(error).replace(f"{folder}{os.sep}", "")
-            return entry(task.number, task.values, task.key, problem), {}
+            folder.mkdir()
+            with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(printed):
+                _write_clips(task, folder)
         except Exception as error:  # one row must not end the others
-            return entry(task.number, task.values, task.key, f"{type(error).__name__}: {error}"), {}
-        files = {
-            path.relative_to(folder).as_posix(): path.read_bytes()
-            for path in sorted(folder.rglob("*"))
-            if path.is_file()
-        }
-        hashes = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
-        main = _main_file(task.options, hashes)
-        notes = [
-            line.removeprefix("sport: ")
-            for line in said.getvalue().splitlines()
-            if not _PROGRESS.search(line)
-        ]
-        line = entry(
-            task.number, task.values, task.key, file=main, sha256=hashes[main], files=hashes, notes=notes,
-            seconds=round(time.perf_counter() - begin, 3),
-        )  # fmt: skip
-        return line, files
+            return entry(task, _problem(error).replace(f"{folder}{os.sep}", "")), {}
+        paths = sorted(path for path in folder.rglob("*") if path.is_file())
+        files = {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
+    hashes = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
+    main = _main_file(task.options, hashes)
+    notes = [line for line in printed.getvalue().splitlines() if not _PROGRESS.search(line)]
+    line = entry(
+        task, file=main, sha256=hashes[main], files=hashes, seconds=round(time.perf_counter() - begin, 3),
+        notes=[note.removeprefix("sport: ") for note in notes],
+    )  # fmt: skip
+    return line, files
 
-    def _run(self, task: Task, folder: Path) -> None:
-        """As `sport generate` does; imported here, since a process that only leads needs none of it."""
-        from sport.clips import write_clips
 
-        options = argparse.Namespace(**vars(task.options))
-        options.out = folder / options.out
-        if options.ground_out is not None:
-            options.ground_out = folder / options.ground_out
-        write_clips(options, self._tools)
+def _write_clips(task: Task, folder: Path) -> None:
+    """As `sport generate` does; imported here, since a process that only leads needs none of it."""
+    from sport.clips import write_clips
 
-    def _tools(self, options: argparse.Namespace) -> Any:
-        """The model and the prompter for these arguments, those of the row before where they are the same."""
-        from runtime.motion.model import load_model
-        from runtime.prompts.prompter import Prompter
-
-        key = options.model
-        if self._model[1] is None or self._model[0] != key:
-            self._model, self._prompter = (key, load_model(options.model)), (None, None)
-        model, key = self._model[1], (options.expander, options.text_encoder)
-        if self._prompter[1] is None or self._prompter[0] != key:
-            self._prompter = key, Prompter(model, options.expander, text_encoder=options.text_encoder)
-        return model, self._prompter[1]
+    options = argparse.Namespace(**vars(task.options))
+    options.out = folder / options.out
+    if options.ground_out is not None:
+        options.ground_out = folder / options.ground_out
+    write_clips(options, lambda o: _model_and_prompter(o.model, o.expander, o.text_encoder))
 
 
 @lru_cache(maxsize=1)
-def _maker() -> Maker:
-    """One for each process, so that models are read once."""
-    return Maker()
+def _model(folder: Path | None) -> Any:
+    from runtime.motion.model import load_model
+
+    return load_model(folder)
+
+
+@lru_cache(maxsize=1)  # rows mostly have the model and the text encoder of the row before
+def _model_and_prompter(folder: Path | None, expander: str, text_encoder: Path | None) -> tuple[Any, Any]:
+    from runtime.prompts.prompter import Prompter
+
+    model = _model(folder)
+    return model, Prompter(model, expander, text_encoder=text_encoder)
 
 
 def _main_file(options: argparse.Namespace, files: dict[str, str]) -> str:

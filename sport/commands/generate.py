@@ -10,7 +10,7 @@ from runtime.errors import UsageError
 from sport.commands.arguments import OUT_HELP, Subparsers, add_blend, add_export_arguments, add_model
 
 if TYPE_CHECKING:
-    from sport.batch.plan import RowParser
+    from sport.batch.rows import RowParser
 
 
 def add(commands: Subparsers) -> None:
@@ -132,7 +132,7 @@ def run(options: argparse.Namespace) -> int:
 
 def row_parser() -> RowParser:
     """What parses a row of a batch: the arguments of this command without those of the batch itself."""
-    from sport.batch.plan import RowParser
+    from sport.batch.rows import RowParser
 
     parser = RowParser(prog="row", add_help=False, allow_abbrev=False)
     _add_style(parser)

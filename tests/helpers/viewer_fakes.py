@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -174,9 +175,10 @@ class FakePrompts:
 
 
 class FakeRenderer:
-    """Remembers what it was asked to draw and clears the picture."""
+    """Remembers what it was asked to draw and clears the picture, if it is `drawn`."""
 
-    def __init__(self, ctx: Any, quality: str = "") -> None:
+    def __init__(self, ctx: Any, quality: str = "", drawn: bool = True) -> None:
+        self.drawn = drawn
         self.quality = SimpleNamespace(name=quality or "software")
         self.ctx = ctx
         self.terrain: Terrain | None = None
@@ -191,8 +193,9 @@ class FakeRenderer:
     def render(self, framebuffer: Any, camera: Any, pose: Pose, overlays: Any) -> None:
         self.poses.append(pose)
         self.overlays = overlays
-        framebuffer.use()
-        framebuffer.clear(0.5, 0.6, 0.7, 1.0)
+        if self.drawn:
+            framebuffer.use()
+            framebuffer.clear(0.5, 0.6, 0.7, 1.0)
 
     def release(self) -> None:
         self.ctx = None
@@ -215,8 +218,8 @@ class FakeCrowd:
         pass
 
 
-def fake_services(real_renderer: bool = False, notice: str = "") -> Services:
-    """Services with a fake model; terrains are real, character and renderer fake unless asked."""
+def fake_services(real_renderer: bool = False, notice: str = "", drawn: bool = True) -> Services:
+    """Services with a fake model; terrains are real, character and renderer fake unless asked; see `FakeRenderer`."""
     real = Services()
 
     def load_model(directory: Any, terrain: Terrain, seed: int, gpt: Any) -> Loaded:
@@ -230,7 +233,7 @@ def fake_services(real_renderer: bool = False, notice: str = "") -> Services:
         load_character=real.load_character
         if real_renderer
         else lambda path, joints=None: SimpleNamespace(path=path, joint_map=joints),
-        make_renderer=real.make_renderer if real_renderer else FakeRenderer,
+        make_renderer=real.make_renderer if real_renderer else partial(FakeRenderer, drawn=drawn),
         terrain_names=real.terrain_names,
         make_crowd=FakeCrowd,
         library_prompts=lambda: (

@@ -81,16 +81,6 @@ def test_the_files_tell_rate_markers_unit_and_ground(addon: ModuleType, files: d
     assert addon.find_ground(files["m"]) == files["m"].with_name("ground.glb")
 
 
-def test_words_of_edited_and_blended_prompts_are_short(addon: ModuleType) -> None:
-    assert (
-        addon._title({"prompt": '{"a": "old man", "b": {"torso": "x"}, "weights": {}}'})
-        == "old man + own words"
-    )
-    assert addon._title({"prompt": '{"torso": "bent"}'}) == "own words"
-    assert addon._title({"prompt": '{"torso": "bent"}', "typed": "old man"}) == "old man (edited)"
-    assert addon._title({"prompt": "12"}) == "12"
-
-
 def test_a_take_without_its_json_and_files_of_others(
     addon: ModuleType, files: dict[str, Path], tmp_path: Path
 ) -> None:

@@ -24,6 +24,7 @@ from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.library import load_terrain
 from tests.helpers.browser import Browser, needs_browser
 from tests.helpers.documents import ROOT, text_of
+from tests.helpers.shipped import shipped_model
 
 FOLDER = ROOT / "examples" / "engine"
 NODE = shutil.which("node")
@@ -64,7 +65,7 @@ def test_golden_steps_are_those_of_the_shipped_network(
 
 
 def test_8_bit_weights_stay_within_what_the_model_says_of_them(golden: dict[str, np.ndarray]) -> None:
-    model = load_model()
+    model = shipped_model()
     if model.precision != "int8":
         pytest.skip(model.notice)
     style, most = model.fold_style(golden["z"]), model.metadata["quantised"]["joint_error_max_mm"] / 1000

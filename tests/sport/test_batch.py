@@ -21,10 +21,8 @@ import pytest
 from runtime.assets import PROJECT_ROOT
 from runtime.errors import FileError, UsageError
 from sport import cli, clips
-from sport.batch import executors, manifest, run, work
-from sport.batch.plan import Task, plan
-from sport.batch.progress import BatchProgress
-from sport.batch.rows import BatchRow, read_rows
+from sport.batch import run, work
+from sport.batch.rows import BatchRow, Task, plan, read_rows, sha256
 from sport.commands import generate
 
 
@@ -46,7 +44,7 @@ def planned(*values: dict[str, Any], words: Sequence[str] = ()) -> tuple[list[Ta
 
 
 def lines(folder: Path) -> list[dict[str, Any]]:
-    return [json.loads(line) for line in (folder / manifest.NAME).read_text(encoding="utf-8").splitlines()]
+    return [json.loads(line) for line in (folder / run.MANIFEST).read_text(encoding="utf-8").splitlines()]
 
 
 def test_csv_and_json_lines_say_the_same(tmp_path: Path) -> None:
@@ -181,7 +179,7 @@ def test_failures_are_listed_and_end_nothing(
         None, "00002.bvh: cannot. Try another.", "ZeroDivisionError: a defect", None]  # fmt: skip
     assert (folder / "00004.bvh").read_text() == "drunk 7"
     assert found[3]["file"] == "00004.bvh"
-    assert found[3]["sha256"] == manifest.sha256(folder / "00004.bvh")
+    assert found[3]["sha256"] == sha256(folder / "00004.bvh")
     assert set(found[3]["files"]) == {"00004.bvh", "00004.bvh.json"}
     assert found[3]["arguments"] == {"prompt": "drunk", "seed": "7"}
     assert found[3]["notes"] == ["“drunk”: hardly shown"]
@@ -213,7 +211,7 @@ def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(
     assert code == 130
     assert "goes on from here" in capsys.readouterr().err
     assert sorted(p.name for p in folder.glob("*.bvh")) == ["00001.bvh", "00002.bvh"]
-    with (folder / manifest.NAME).open("a") as file:
+    with (folder / run.MANIFEST).open("a") as file:
         file.write('{"row": 3, "err')  # as a crash cuts it off
     fake.clear()
     code, folder = batch(tmp_path, "old", "drunk", "tired", "proud")
@@ -250,12 +248,12 @@ def test_progress_tells_speed_and_time_left() -> None:
             return True
 
     times = iter([0.0, *[30.0] * 10])
-    progress = BatchProgress(8, 2, Terminal(), lambda: next(times))
+    progress = run.BatchProgress(8, 2, Terminal(), lambda: next(times))
     progress.add(failed=False)
     progress.add(failed=True)
     shown = progress.stream.getvalue()
     assert "[############............] 4 of 8 clips, 1 failed, 4.0 a minute, 60 s left" in shown
-    log = BatchProgress(30, 0, io.StringIO())
+    log = run.BatchProgress(30, 0, io.StringIO())
     for _ in range(30):
         log.add(failed=False)
     assert log.stream.getvalue().count("\n") == 10
@@ -272,7 +270,7 @@ def test_a_worker_that_dies_costs_its_row_alone(tmp_path: Path) -> None:
     good = planned({"seconds": "0.1"}, {"seconds": "-1"})[0]
     bad = Task(9, {"deadly": Deadly()}, good[0].options, "")
     target = tmp_path / "clips"
-    made = work.make_rows([bad, *good], target, lambda: executors.processes(1), 1)
+    made = work.make_rows([bad, *good], target, lambda: work.processes(1), 1)
     found = {line["row"]: line for line in made}
     assert found[9]["error"] == "the process that made it ended"
     assert found[1]["error"] is None
@@ -292,14 +290,14 @@ def test_a_batch_killed_half_way_goes_on_and_ends_complete(tmp_path: Path) -> No
     process = subprocess.Popen(command, cwd=PROJECT_ROOT, stderr=subprocess.DEVNULL)
     try:
         end = time.monotonic() + 300.0  # on a busy machine
-        while len(manifest.read_lines(folder / manifest.NAME)) < 3:
+        while len(run.read_lines(folder / run.MANIFEST)) < 3:
             assert process.poll() is None
             assert time.monotonic() < end
             time.sleep(0.01)
     finally:
         process.send_signal(signal.SIGKILL)
         process.wait()
-    before = manifest.read_lines(folder / manifest.NAME)
+    before = run.read_lines(folder / run.MANIFEST)
     assert 3 <= len(before) < 8
     done = subprocess.run(command, cwd=PROJECT_ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -307,10 +305,10 @@ def test_a_batch_killed_half_way_goes_on_and_ends_complete(tmp_path: Path) -> No
     found = lines(folder)
     assert [line["row"] for line in found] == list(range(1, 9))
     names = {name for line in found for name in line["files"]}
-    assert {p.name for p in folder.iterdir()} == names | {manifest.NAME, ".sport-batch.lock"}
+    assert {p.name for p in folder.iterdir()} == names | {run.MANIFEST, ".sport-batch.lock"}
     for line in found:
         assert line["error"] is None
-        assert manifest.sha256(folder / line["file"]) == line["sha256"]
+        assert sha256(folder / line["file"]) == line["sha256"]
     out = tmp_path / "clip-7.bvh"
     assert (
         cli.main(["generate", "--prompt", "drunk", "--seed", "7", "--seconds", "0.1", "--out", str(out)]) == 0

@@ -15,12 +15,11 @@ from runtime.formats.bvh import parse_bvh, read_bvh
 from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
 from runtime.generate import parse_prompts
 from runtime.motion.controller import Controller
-from runtime.motion.model import load_model
 from runtime.takes.clip import Clip
 from runtime.terrain.files import read_terrain
 from runtime.terrain.height_map import Terrain
 from sport import cli
-from viewer.settings import Settings, load_settings
+from tests.helpers.shipped import shipped_model
 
 MOTION = "MOTION\nFrames: {}\nFrame Time: 0.01\n"
 
@@ -80,16 +79,6 @@ def test_prompts_with_times_that_are_none() -> None:
             parse_prompts(script)
 
 
-def test_settings_fall_back_one_by_one(tmp_path: Path) -> None:
-    text = '{"width": 1%s, "height": 1%s, "terrain": "\\ud800", "max_fps": NaN, "seed": 1, "camera": "orbit"}'
-    (tmp_path / "settings.json").write_text(text % ("0" * 400, "0" * 5000), encoding="utf-8")
-    settings, complaints = load_settings(tmp_path)
-    assert settings == Settings(camera="orbit")
-    assert len(complaints) == 1  # one message for all of them
-    assert all(name in complaints[0] for name in ("width", "height", "terrain", "max_fps"))
-    complaints[0].encode()
-
-
 def test_the_command_refuses_what_its_own_reader_would_refuse(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -119,7 +108,7 @@ def test_the_library_refuses_what_has_no_sense() -> None:
             Terrain("t", heights, 0.1, (0.0, 0.0))
     with pytest.raises(TerrainError):
         Terrain("t", np.zeros((3, 3)), nan, (0.0, 0.0))
-    model = load_model()
+    model = shipped_model()
     for options in ({"seed": -1}, {"temperature": nan}, {"strength": inf}):
         with pytest.raises(UsageError, match="Controller"):
             Controller(model, Terrain.flat(), **options)

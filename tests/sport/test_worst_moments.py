@@ -16,11 +16,8 @@ from runtime.controls import Controls
 from runtime.errors import FileError
 from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
 from runtime.pose import Pose
-from runtime.prompts.gpt.client import ChatClient, EndpointError
-from runtime.prompts.gpt.settings import GptSettings
 from runtime.takes.input_recording import InputFrame, InputFrames, InputRecording, Keyframe, resimulated_take
 from runtime.terrain.height_map import Terrain
-from sport.batch import plan
 from tests.fuzz.files import clip
 from viewer.scene.simulation import Simulation
 
@@ -35,15 +32,6 @@ def test_a_bvh_with_a_name_of_250_characters_keeps_what_is_known_of_it(tmp_path:
     path = tmp_path / ("n" * 246 + ".bvh")
     save_bvh(clip(), path)
     assert load_clip_bvh(path).prompts == clip().prompts
-
-
-def test_a_large_file_that_a_row_names_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    huge = tmp_path / "huge.glb"
-    huge.touch()
-    os.truncate(huge, 4 << 30)
-    begun = time.process_time()
-    assert plan._print(huge, {}) == f"{4 << 30} bytes"
-    assert time.process_time() - begun < 0.5
 
 
 def test_what_a_killed_program_left_is_swept(tmp_path: Path) -> None:
@@ -83,9 +71,3 @@ def test_a_take_that_is_driven_to_nowhere_is_refused(x: float, monkeypatch: pyte
     controller: Any = Lost(x)
     with pytest.raises(FileError, match="poses that are none"):
         resimulated_take(clip(), InputRecording(frames, (), (Keyframe(0, state),)), controller, 0)
-
-
-def test_an_answer_with_half_a_character_is_an_error_in_words() -> None:
-    client = ChatClient(GptSettings(base_url="http://127.0.0.1:9"))
-    with pytest.raises(EndpointError, match="characters that are none"):
-        client._text(b'{"choices": [{"message": {"content": "\\ud800"}}]}')

@@ -5,7 +5,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from runtime.errors import FileError, UsageError  # noqa: E402
+from runtime.errors import FileError  # noqa: E402
 from runtime.motion.model_files import FOLDED  # noqa: E402
 from runtime.skeleton import SPORT_SKELETON  # noqa: E402
 from training.ablations import SHARED, prepare  # noqa: E402
@@ -40,11 +40,6 @@ def test_the_variants_change_what_they_are_named_for() -> None:
     assert torch.nonzero(joined).tolist() == [hips, hips[::-1]]
 
 
-def test_an_unknown_variant_lists_the_known_ones() -> None:
-    with pytest.raises(UsageError, match="4-content-experts"):
-        ablation(preset("tiny"), "nothing")
-
-
 def test_without_a_content_encoder_the_sentences_are_the_code() -> None:
     words = torch.randn(2, 6, 384)
     graph = EmbeddingGraph(torch.zeros(6 * 384), 2.0 * torch.ones(6 * 384))
@@ -76,10 +71,6 @@ def test_the_table_of_frames_is_shared_by_variants_of_the_same_clips_alone(tmp_p
     (clips / "jog.npz").write_bytes(b"jog")
     prepare(run, tmp_path / "other", "full", clips)
     assert not (tmp_path / "other" / "frames").exists()
-
-
-def test_of_every_variant_it_is_known_what_it_shares() -> None:
-    assert set(SHARED) == set(ABLATIONS)
 
 
 def test_without_a_content_encoder_the_style_graph_is_exported_and_loaded(tmp_path) -> None:

@@ -20,7 +20,7 @@ from training.networks.generator import Generator  # noqa: E402
 from training.presets import preset  # noqa: E402
 from training.rollouts import MOVEMENTS, RolloutLanes  # noqa: E402
 from training.session import Session  # noqa: E402
-from training.stages.motion import MotionData, decay_of, estimate_variance, from_other_poses  # noqa: E402
+from training.stages.motion import MotionData, estimate_variance, from_other_poses  # noqa: E402
 from training.styles import StyleTable  # noqa: E402
 
 
@@ -116,11 +116,6 @@ def test_the_variance_of_a_denoiser_that_knows_nothing_is_kept_within_its_bounds
         e, alpha = module.embed(data.input(rows, patch), data.styles(frames.clip[rows]))
         spread = module.target_codes(e, alpha, data.output(rows, patch)).var(0).mean()
     assert found.max() <= 1.5 * float(spread)
-
-
-def test_a_short_stage_averages_over_a_fifth_of_its_steps():
-    assert decay_of(20000) == 0.9995
-    assert decay_of(1000) == pytest.approx(0.995)
 
 
 def test_shown_joints_are_those_of_the_skeleton():

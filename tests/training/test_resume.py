@@ -116,23 +116,3 @@ def test_encoding_goes_on_where_it_was_stopped(frames, table, tmp_path, monkeypa
         encode(tmp_path / "half", 2)
     assert encode(tmp_path / "half", 10**6).tobytes() == whole.tobytes()
     assert len(rows) == chunks - 2 > 0
-
-
-def test_stage_2_is_without_dropout_after_its_first_cycle(frames, table, tmp_path, monkeypatch):  # noqa: F811
-    seen = []
-    mixed_batch = motion.mixed_batch
-    modules = []
-    generator = motion.Generator
-
-    def kept(config):
-        modules.append(generator(config))
-        return modules[-1]
-
-    def looked_at(*args):
-        seen.append(max(p.p for p in modules[0].modules() if isinstance(p, torch.nn.Dropout)))
-        return mixed_batch(*args)
-
-    monkeypatch.setattr(motion, "Generator", kept)
-    monkeypatch.setattr(motion, "mixed_batch", looked_at)
-    motion.run_stage2(Session(tmp_path, torch.device("cpu")), CONFIG, data(frames, table), 7, 16)
-    assert seen == [CONFIG.dropout] + [0.0] * 6

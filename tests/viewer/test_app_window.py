@@ -6,7 +6,6 @@ import os
 import shutil
 import subprocess
 import sys
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -19,7 +18,6 @@ from runtime.errors import DisplayError, UsageError
 from tests.faults.faults import display
 from tests.helpers.app_driver import InjectedPads, Start, run
 from tests.helpers.viewer_fakes import fake_services
-from viewer import app as app_module
 from viewer.app import App
 from viewer.gl_bindings import imgui
 from viewer.options import ViewOptions
@@ -111,21 +109,6 @@ def test_without_a_display_every_picture_is_drawn_to_its_end(
     app.window.present()
     monkeypatch.setattr(app.window, "ctx", context)
     assert drawn == [1]
-
-
-def test_memory_that_shrank_is_given_back_again_when_it_grows(
-    start: Start, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    app = start()
-    held = iter((500.0, 500.0, 300.0, 330.0, 310.0))
-    given: list[float] = []
-    monkeypatch.setattr(app_module, "resident_mb", lambda: next(held))
-    monkeypatch.setattr(app_module, "give_back_freed", partial(given.append, 1.0))
-    app._trimmed_mb = 0.0
-    for _ in range(3):
-        app._look_at_memory()
-    assert len(given) == 2
-    assert app.state.stats.memory_mb == 310.0
 
 
 def test_change_of_scale_does_not_add_up(start: Start) -> None:

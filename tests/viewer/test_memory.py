@@ -9,11 +9,8 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-from benchmarks.bench import peak_memory_mb
 from runtime.assets import PROJECT_ROOT, model_folder
-from runtime.errors import SportError
 from runtime.motion.model_files import open_graph, read_graph, read_metadata
 
 TRAINING_ONLY = {"torch", "onnx", "onnxscript", "scipy", "sklearn", "matplotlib", "pandas", "trimesh", "PIL"}
@@ -50,22 +47,3 @@ def test_a_session_keeps_no_second_copy_of_its_file() -> None:
     assert not [name for name, value in vars(session).items() if value is data]
     words = np.zeros((1, 6, session.get_inputs()[0].shape[2]), np.float32)
     assert session.run(["z"], {"embeddings": words})[0].shape == (1, 6, 64)
-
-
-def test_the_memory_of_a_program_is_its_own() -> None:
-    """Not that of the process that started it, which Linux would count too."""
-    pytest.importorskip("resource")
-    held = np.ones(20_000_000)  # 160 MB
-    small = peak_memory_mb([sys.executable, "-c", "pass"])
-    large = peak_memory_mb([sys.executable, "-c", "x = bytearray(120_000_000); x[::4096] = x[::4096]"])
-    assert held.nbytes / 1e6 > 150
-    assert small is not None
-    assert large is not None
-    assert 1 < small < 60
-    assert 110 < large < 180
-
-
-def test_a_program_that_fails_has_no_memory_to_tell_of() -> None:
-    pytest.importorskip("resource")
-    with pytest.raises(SportError, match="no such ground"):
-        peak_memory_mb([sys.executable, "-c", "import sys; sys.exit('no such ground')"])

@@ -193,19 +193,6 @@ def test_a_removal_leaves_what_plays_alone(start: Start) -> None:
     assert app.editor.session.selected == 3
 
 
-def test_undo_takes_back_exactly_a_mirror_image(start: Start) -> None:
-    app = start()
-    record(app)
-    play_row(app, 0)
-    trim_start(app, 0.5)
-    menu(app, 0, "Mirror")
-    assert titles(app) == ["Take 1", "Take 1, mirrored"]
-    assert app.takes.playback.take.mirrored  # type: ignore[union-attr]
-    undo(app)
-    assert titles(app) == ["Take 1"]
-    assert trims(app)[0][0] >= 17
-
-
 def test_undo_takes_back_exactly_a_name(start: Start) -> None:
     app = start()
     record(app)
@@ -222,20 +209,6 @@ def test_undo_takes_back_exactly_a_name(start: Start) -> None:
     undo(app)
     assert titles(app) == ["Take 1", "Take 2"]
     assert message(app).startswith("Undone: name of Take 1.")
-
-
-def test_undo_takes_back_exactly_an_opened_bvh(start: Start, tmp_path: Path) -> None:
-    app = start()
-    app.settings.export_folder = str(tmp_path)
-    record(app)
-    click_on(app, "##export")
-    run(app, 2)
-    app.open_files([tmp_path / "take-1.bvh"])  # as by dropping it
-    run(app, 2)
-    assert len(app.editor.session.takes) == 2
-    undo(app)
-    assert titles(app) == ["Take 1"]
-    assert "opening of take-1.bvh" in message(app)
 
 
 def test_color_and_order_are_chosen_in_the_menu_undone_and_kept(start: Start, tmp_path: Path) -> None:
@@ -257,16 +230,6 @@ def test_color_and_order_are_chosen_in_the_menu_undone_and_kept(start: Start, tm
     undo(app)
     assert [take.color for take in app.editor.session.takes] == [0, 0, 0]
     assert titles(app) == ["Take 1", "Take 2", "Take 3"]
-
-
-def test_the_ends_of_the_list_do_not_move_on(start: Start) -> None:
-    app = start()
-    record(app, 10)
-    record(app, 10)
-    steps = app.editor.history.present.number
-    menu(app, 0, "Move up")
-    assert titles(app) == ["Take 1", "Take 2"]
-    assert app.editor.history.present.number == steps
 
 
 # --- pins, keys, path

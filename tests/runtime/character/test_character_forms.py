@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from runtime.character import fbx_file, images
+from runtime.character import fbx_file, unpack
 from runtime.character.character import load_character
 from runtime.character.mesh import read_meshes
 from runtime.character.read import open_gltf
@@ -88,7 +88,7 @@ def test_without_its_library_the_sentence_names_it(name: str, monkeypatch: pytes
             raise ImportError(module)
         return importlib.import_module(module)
 
-    monkeypatch.setattr(images, "importlib", type("", (), {"import_module": staticmethod(load)}))
+    monkeypatch.setattr(unpack, "importlib", type("", (), {"import_module": staticmethod(load)}))
     monkeypatch.setattr(fbx_file.importlib.util, "find_spec", lambda module: None)
     with pytest.raises(FileError, match=rf"pip install {PACKAGES[missing]}"):
         load_character(FOLDER / name)

@@ -129,23 +129,6 @@ def test_values_out_of_range(tmp_path: Path, user_file: tuple[dict, bytes]) -> N
     expect_error(path, join_glb(document, broken), "indices")
 
 
-def test_random_damage_never_raises_anything_else(tmp_path: Path, user_file: tuple[dict, bytes]) -> None:
-    whole = bytearray(join_glb(*user_file))
-    rng = np.random.default_rng(3)
-    path = tmp_path / "bad.glb"
-    refused = 0
-    for _ in range(60):
-        data = bytearray(whole)
-        for at in rng.integers(12, len(data), 4):
-            data[at] = rng.integers(256)
-        path.write_bytes(data)
-        try:
-            load_character(path)
-        except FileError:
-            refused += 1
-    assert refused > 5
-
-
 def test_base_colour_texture_and_rigid_attachment(tmp_path: Path, user_file: tuple[dict, bytes]) -> None:
     document, blob = user_file
     from PIL import Image
@@ -189,5 +172,5 @@ def test_base_colour_texture_and_rigid_attachment(tmp_path: Path, user_file: tup
 
 def test_writing_into_an_impossible_folder_is_a_file_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(FileError, match="cannot be written"):
+    with pytest.raises(FileError, match="is not a folder"):
         write_character(tmp_path / "file" / "x.glb", user_character())

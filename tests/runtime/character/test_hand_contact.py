@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from runtime import rotations
-from runtime.assets import asset_path
 from runtime.character.character import Character, load_character
 from runtime.character.hand_contact import clear_hands, touching
 from runtime.character.skinned_mesh import skin_vertices
@@ -19,6 +18,7 @@ from runtime.formats.prepare import ExportOptions
 from runtime.formats.table import save_motion
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 from runtime.takes.clip import Clip
+from tests.helpers import shipped
 from tests.helpers.foreign_rigs import centimetre_rig, mixamo_rig, vrm_rig
 from tests.helpers.glb_playback import play
 from tests.helpers.gltf_characters import make_pose
@@ -31,7 +31,7 @@ REST = np.array([0.0, REST_HIPS_HEIGHT, 0.0])
 
 @pytest.fixture(scope="module")
 def mannequin() -> Character:
-    return load_character(asset_path("character/mannequin.glb"))
+    return shipped.mannequin()
 
 
 def stout(character: Character) -> Character:

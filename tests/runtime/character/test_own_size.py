@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from runtime import rotations
-from runtime.assets import asset_path
 from runtime.character.character import Character, load_character
 from runtime.character.shape import BodyShape, shaped
 from runtime.character.skinned_mesh import skin_vertices
@@ -27,6 +26,7 @@ from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import load_terrain
+from tests.helpers import shipped
 from tests.helpers.app_driver import run
 from tests.helpers.glb_playback import play
 from tests.helpers.walker import walk
@@ -42,7 +42,7 @@ REAL = {"load_character": Services().load_character}
 
 @pytest.fixture(scope="module")
 def mannequin() -> Character:
-    return load_character(asset_path("character/mannequin.glb"))
+    return shipped.mannequin()
 
 
 @pytest.fixture(scope="module", params=BODIES)

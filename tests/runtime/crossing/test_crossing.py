@@ -136,7 +136,7 @@ def test_a_snapshot_in_a_leap_goes_on_alike(model: MotionModel) -> None:
 
 
 def test_a_crowd_crosses_as_each_would_alone(model: MotionModel) -> None:
-    terrain = ground(Obstacle(2.0, 2.1, 0.3, 4.0), Obstacle(4.0, 5.0, 0.8, 4.0))
+    terrain = ground(Obstacle(2.0, 2.1, 0.3, 4.0), Obstacle(3.8, 5.0, 0.8, 4.0))
 
     def members() -> list[Controller]:
         made = [Controller(model, terrain, seed) for seed in range(2)]
@@ -151,6 +151,8 @@ def test_a_crowd_crosses_as_each_would_alone(model: MotionModel) -> None:
         for one, pose in zip(alone, together, strict=True):
             assert np.array_equal(one.step(FORWARD).positions, pose.positions)
             seen.add(one.crossing)
+        if {"bar", "climb"} <= seen:
+            break
     crowd.close()
     assert {"bar", "climb"} <= seen
 
@@ -172,13 +174,13 @@ def test_what_the_network_crosses_itself_is_not_keyed(model: MotionModel, tmp_pa
     metadata = json.loads((folder / "metadata.json").read_text("utf-8"))
     for size, expected in ((0.25, []), (0.15, ["bar"])):
         (folder / "metadata.json").write_text(json.dumps(metadata | {"crosses": {"bar": size}}))
-        controller = Controller(load_model(folder), ground(Obstacle(3.0, 3.1, 0.2, 4.0)))
-        positions, kinds = walked(controller, 4.5, 8.0)
+        controller = Controller(load_model(folder), ground(Obstacle(2.0, 2.1, 0.2, 4.0)))
+        positions, kinds = walked(controller, 3.5, 8.0)
         assert kinds == expected
-        assert positions[-1, 0, 2] > 4.3
+        assert positions[-1, 0, 2] > 3.3
     (folder / "metadata.json").write_text(json.dumps(metadata | {"crosses": {"bar": 0.5}}))
-    controller = Controller(load_model(folder), ground(Obstacle(3.0, 3.1, 0.45, 4.0)))
-    _, kinds = walked(controller, 4.5, 8.0)
+    controller = Controller(load_model(folder), ground(Obstacle(2.0, 2.1, 0.45, 4.0)))
+    _, kinds = walked(controller, 3.5, 8.0)
     assert kinds == []  # on its top, the way down is not a drop to be keyed
     (folder / "metadata.json").write_text(json.dumps(metadata | {"crosses": {"moat": 0.3}}))
     with pytest.raises(ModelError, match="crosses"):

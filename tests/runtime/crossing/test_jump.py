@@ -8,12 +8,13 @@ import pytest
 from runtime.controls import Controls, Gait
 from runtime.crossing.jump import Jump
 from runtime.motion.controller import Controller
-from runtime.motion.model import MotionModel, load_model
+from runtime.motion.model import MotionModel
 from runtime.motion.snapshot import Snapshot, take_snapshot
 from runtime.pose import FPS, Pose
 from runtime.skeleton import TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import load_terrain
+from tests.helpers.shipped import shipped_model
 
 TOES = (5, 10)
 STAND, WALK, JOG = Controls(), Controls((0.0, 1.0)), Controls((0.0, 1.0), gait=Gait.JOG)
@@ -22,7 +23,7 @@ PRESSED = 4  # frames
 
 @pytest.fixture(scope="module")
 def model() -> MotionModel:
-    return load_model()
+    return shipped_model()
 
 
 def ready(model: MotionModel, stick: Controls, frames: int, terrain: Terrain | None = None) -> Controller:

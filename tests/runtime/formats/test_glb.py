@@ -16,10 +16,10 @@ from pygltflib import GLTF2
 from runtime import rotations
 from runtime.assets import asset_path
 from runtime.character.character import load_character
+from runtime.character.glb_buffer import GlbBuffer
 from runtime.character.read import open_gltf
 from runtime.character.skinned_mesh import skin_vertices
 from runtime.formats.glb import MANNEQUIN, save_glb
-from runtime.formats.glb_buffer import GlbBuffer
 from runtime.formats.prepare import ExportOptions, prepare
 from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip

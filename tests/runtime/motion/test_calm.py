@@ -9,11 +9,10 @@ from runtime.controls import Controls
 from runtime.motion.calm import AT_REST, LIMBS, Calm
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
-from runtime.motion.model import load_model
-from runtime.prompts.prompter import Prompter
 from runtime.rotations import identity
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
+from tests.helpers.shipped import shipped_model, shipped_prompter
 
 ONE, NONE = np.array([True]), np.array([False])
 LOCAL = identity((1, len(SPORT_SKELETON))).astype(np.float64)
@@ -65,9 +64,9 @@ def test_it_turns_joints_as_far_as_the_time_goes() -> None:
 
 
 def test_an_exhausted_body_stands_still_after_a_walk() -> None:
-    model = load_model()
+    model = shipped_model()
     controller = Controller(model, Terrain.flat(), seed=1)
-    controller.set_style(Prompter(model)("an exhausted soldier, left arm hanging"), 0.0)
+    controller.set_style(shipped_prompter()("an exhausted soldier, left arm hanging"), 0.0)
     for _ in range(120):
         controller.step(Controls((0.0, 1.0)))
     poses = [controller.step(Controls()) for _ in range(240)][130:]

@@ -5,10 +5,10 @@ import pytest
 
 from runtime.controls import Controls, Gait
 from runtime.motion.controller import Controller
-from runtime.motion.model import load_model
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
+from tests.helpers.shipped import shipped_model
 from tests.helpers.walker import WalkerModel
 
 FORWARD = Controls((0.0, 1.0))
@@ -16,7 +16,7 @@ FORWARD = Controls((0.0, 1.0))
 
 @pytest.fixture(scope="module")
 def model():
-    return load_model()
+    return shipped_model()
 
 
 def drive(controller, controls, frames):
@@ -31,24 +31,18 @@ def speed(poses):
 @pytest.mark.parametrize("gait", [Gait.WALK, Gait.JOG, Gait.CROUCH])
 def test_root_keeps_the_asked_speed_and_direction(model, gait):
     controller = Controller(model, Terrain.flat(size_m=200.0))
-    drive(controller, Controls((0.0, 1.0), gait=gait), 180)
-    poses = drive(controller, Controls((0.0, 1.0), gait=gait), 180)
+    drive(controller, Controls((0.0, 1.0), gait=gait), 120)
+    poses = drive(controller, Controls((0.0, 1.0), gait=gait), 90)
     assert speed(poses) == pytest.approx(controller.requested_speed, rel=0.15)
     assert abs(poses[-1].root_yaw) < 0.3
 
 
-def test_feet_step_while_walking(model):
+def test_feet_step_while_it_walks_and_it_stops_and_stays(model):
     controller = Controller(model, Terrain.flat())
-    drive(controller, FORWARD, 120)
-    feet = np.array([p.positions[[4, 9], 1] for p in drive(controller, FORWARD, 120)])
-    assert (np.ptp(feet, axis=0) > 0.03).all()
-    contacts = np.array([p.contacts for p in drive(controller, FORWARD, 120)]) > 0.5
-    assert 0.15 < contacts.mean() < 0.9
-
-
-def test_it_stops_and_stays(model):
-    controller = Controller(model, Terrain.flat())
-    drive(controller, FORWARD, 150)
+    drive(controller, FORWARD, 60)
+    poses = drive(controller, FORWARD, 90)
+    assert (np.ptp([p.positions[[4, 9], 1] for p in poses], axis=0) > 0.03).all()
+    assert 0.15 < (np.array([p.contacts for p in poses]) > 0.5).mean() < 0.9
     drive(controller, Controls(), 120)
     assert speed(drive(controller, Controls(), 60)) < 0.05
 
@@ -71,7 +65,7 @@ def test_same_seed_same_bytes_and_bones_never_stretch(model):
     runs = []
     for _ in range(2):
         controller = Controller(model, make_terrain("hills"), seed=5)
-        runs.append(drive(controller, FORWARD, 120))
+        runs.append(drive(controller, FORWARD, 90))
     for a, b in zip(*runs, strict=True):
         assert a.positions.tobytes() == b.positions.tobytes()
     parents = np.array(SPORT_SKELETON.parents[1:])
@@ -84,7 +78,7 @@ def test_toes_stay_above_the_ground_on_stairs_and_hills(model):
     for name in ("stairs", "hills"):
         terrain = make_terrain(name)
         controller = Controller(model, terrain)
-        toes = np.array([p.positions[[5, 10]] for p in drive(controller, FORWARD, 400)])
+        toes = np.array([p.positions[[5, 10]] for p in drive(controller, FORWARD, 300)])
         sunk = terrain.height(toes[..., 0], toes[..., 2]) - toes[..., 1]
         assert np.percentile(sunk, 99) < 0.02
 

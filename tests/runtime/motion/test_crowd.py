@@ -15,20 +15,21 @@ from runtime.errors import UsageError
 from runtime.motion.controller import Controller
 from runtime.motion.crowd import MOST, Crowd
 from runtime.motion.features import INPUT_SIZE
-from runtime.motion.model import MotionModel, load_model
+from runtime.motion.model import MotionModel
 from runtime.motion.style_mix import Style
 from runtime.pose import Pose
 from runtime.rotations import angle_between
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
 from runtime.terrain.obstacles import level_ahead, step_ahead
+from tests.helpers.shipped import shipped_model
 
 FLAT = Terrain.flat()
 
 
 @pytest.fixture(scope="module")
 def model() -> MotionModel:
-    return load_model()
+    return shipped_model()
 
 
 def code(seed: int) -> np.ndarray:

@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.motion import even_blend
-from runtime.motion.model import load_model
 from runtime.motion.style_mix import LINEAR, StyleMix, even_weights, mixes, turned_round
 from runtime.prompts.blend import BlendedPrompt
 from runtime.prompts.prompter import Prompter
 from runtime.session.prompt_blend import Side
 from tests.helpers.app_driver import Start, run
+from tests.helpers.shipped import shipped_model
 
 ONE = st.floats(0.0, 1.0)
 RISING = st.lists(ONE, min_size=1, max_size=11).map(lambda inner: (0.0, *sorted(inner), 1.0))
@@ -46,7 +46,7 @@ def test_only_parts_of_both_styles_need_a_measurement() -> None:
 def test_six_steps_of_a_measured_blend_are_nearly_equal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(even_blend, "LEAD_IN", 30)
     monkeypatch.setattr(even_blend, "FRAMES", 60)
-    model = load_model()
+    model = shipped_model()
     to_style = Prompter(model)
     ends = to_style("a person walking normally"), to_style("an old man")
     shares = even_blend.even_shares(model, *ends)
@@ -71,7 +71,7 @@ def test_a_prompter_measures_a_pair_once(monkeypatch: pytest.MonkeyPatch) -> Non
         return (0.0, 0.9, 1.0)
 
     monkeypatch.setattr("runtime.prompts.prompter.even_shares", measured)
-    to_style = Prompter(load_model())
+    to_style = Prompter(shipped_model())
     blend = BlendedPrompt("a zombie", "an old man", (0.5,) * 6)
     assert to_style(blend).shares == pytest.approx((0.9, 0.1))
     to_style(dataclasses.replace(blend, weights=(0.25,) * 6))

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from runtime.controls import Gait
 from runtime.errors import UsageError
 from runtime.motion.controller import Controller
-from runtime.motion.model import load_model
 from runtime.motion.paths import PlanarPose
 from runtime.motion.point_path import PathWalk, PointPath, Waypoint
 from runtime.terrain.height_map import Terrain
+from tests.helpers.shipped import shipped_model
 
 HERE = PlanarPose(0.0, 0.0, 0.0)
 COORDINATES = st.floats(-8.0, 8.0)
@@ -69,7 +69,7 @@ def test_what_is_no_path_is_refused() -> None:
 
 
 def test_the_character_follows_it() -> None:
-    controller = Controller(load_model(), Terrain.flat())
+    controller = Controller(shipped_model(), Terrain.flat())
     points = (Waypoint(0.0, 3.0), Waypoint(2.5, 3.0))
     walk = PointPath(points).walk_from(HERE)
     pose, places = controller.pose, []

@@ -5,6 +5,7 @@ import pytest
 
 from runtime.motion.features import FPS, PHASE_OFFSETS, C
 from runtime.motion.rest_rhythm import RestRhythm
+from tests.helpers.shipped import shipped_model, shipped_prompter
 
 PRESENT = int(-PHASE_OFFSETS[0])
 STILL = np.tile(np.array([0.3, 0.4]), (PHASE_OFFSETS[-1] - PHASE_OFFSETS[0] + 1, C, 1))
@@ -81,10 +82,8 @@ def test_the_rhythm_of_standing_clips_is_read_off_their_words():
      ("walk like a giant", False), ("a proud queen", False), ("an angry man", False)],
 )  # fmt: skip
 def test_who_was_asked_to_wave_waves_and_nobody_else(prompt: str, swings: bool) -> None:
-    from runtime.motion.model import load_model
-    from runtime.prompts.prompter import Prompter
 
-    model = load_model()
+    model = shipped_model()
     clock = RestRhythm.silent()
-    clock.apply(STILL[None], model.fold_style(Prompter(model)(prompt)).rest[None], np.ones(1))
+    clock.apply(STILL[None], model.fold_style(shipped_prompter()(prompt)).rest[None], np.ones(1))
     assert bool(clock.share.any()) == swings

@@ -13,15 +13,16 @@ import pytest
 from runtime.controls import Controls, Gait
 from runtime.errors import FileError
 from runtime.motion.controller import Controller
-from runtime.motion.model import MotionModel, load_model
+from runtime.motion.model import MotionModel
 from runtime.motion.snapshot import Snapshot, take_snapshot
 from runtime.pose import Pose
 from runtime.terrain.library import make_terrain
+from tests.helpers.shipped import shipped_model
 
 
 @pytest.fixture(scope="module")
 def model() -> MotionModel:
-    return load_model()
+    return shipped_model()
 
 
 def controls(frame: int) -> Controls:
@@ -42,14 +43,22 @@ def same(one: list[Pose], two: list[Pose]) -> bool:
     )
 
 
-@pytest.fixture
-def walked(model: MotionModel) -> Controller:
-    """In the middle of a blend on hills."""
+@pytest.fixture(scope="module")
+def middle(model: MotionModel) -> tuple[Controller, Snapshot]:
+    """A controller in the middle of a blend on hills, and a snapshot of that moment."""
     controller = Controller(model, make_terrain("hills"), seed=3)
     style = np.random.default_rng(0).normal(size=(6, 64)).astype(np.float32) * 0.5
     play(controller, 0, 80)
     controller.set_style(style, 1.0)
     play(controller, 80, 110)
+    return controller, take_snapshot(controller)
+
+
+@pytest.fixture
+def walked(middle: tuple[Controller, Snapshot]) -> Controller:
+    """That controller at that moment again."""
+    controller, snapshot = middle
+    snapshot.restore(controller)
     return controller
 
 

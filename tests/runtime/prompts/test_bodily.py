@@ -12,13 +12,13 @@ from runtime.assets import asset_path
 from runtime.prompts.english import other_languages
 from runtime.prompts.english.library import LibraryExpander
 from runtime.prompts.english.library_data import load_prompt_library, load_styles
-from runtime.prompts.text_encoder import TextEncoder
 from tests.helpers.prompt_lists import BODILY, NOTHING, UNSEEN_BODILY, UNSEEN_NOTHING
+from tests.helpers.shipped import shipped_encoder, shipped_library
 
 
 @cache
 def expander() -> LibraryExpander:
-    return LibraryExpander(TextEncoder())
+    return shipped_library()
 
 
 def is_neutral(prompt: str) -> bool:
@@ -86,7 +86,7 @@ def test_nothing_bodily_is_neutral_and_says_so(prompt: str) -> None:
 )
 def test_other_languages_are_neutral_and_named(prompt: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(other_languages, "open_e5", lambda: None)
-    alone = LibraryExpander(TextEncoder()).expand(prompt)
+    alone = LibraryExpander(shipped_encoder()).expand(prompt)
     assert alone.descriptions == expander().expand("a person walking normally").descriptions
     assert "not English" in alone.note
     assert "sport-viewer[languages]" in alone.note
@@ -104,7 +104,7 @@ def test_with_a_multilingual_encoder_the_nearest_entry_is_taken(monkeypatch: pyt
         query = mean + 0.2 * vector / np.linalg.norm(vector)
     encoder = SimpleNamespace(query=lambda prompt: query if "Narr" in prompt else 2 * mean - query)
     monkeypatch.setattr(other_languages, "open_e5", lambda: encoder)
-    library = LibraryExpander(TextEncoder())
+    library = LibraryExpander(shipped_encoder())
     found = library.expand("ein lustiger Narr und sein Hut")
     assert found.nearest[0] == ("clown", pytest.approx(1.0, abs=0.01))
     assert "is not English: nearest by meaning is “clown”" in found.note

@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from runtime.prompts.english.library import LibraryExpander
-from runtime.prompts.text_encoder import TextEncoder
+from tests.helpers.shipped import shipped_library
 
 
 @pytest.fixture(scope="module")
 def library() -> LibraryExpander:
-    return LibraryExpander(TextEncoder())
+    return shipped_library()
 
 
 @pytest.mark.parametrize(

@@ -13,15 +13,15 @@ from runtime.prompts.english.library import LibraryExpander
 from runtime.prompts.english.spelling import Spelling
 from runtime.prompts.expander import Expansion
 from runtime.prompts.parts import PartDescriptions, mirror_text
-from runtime.prompts.text_encoder import TextEncoder
 from runtime.skeleton import PART_NAMES
+from tests.helpers.shipped import shipped_library
 
 ARMS, LEGS = ("left_arm", "right_arm"), ("left_leg", "right_leg")
 
 
 @cache
 def expander() -> LibraryExpander:
-    return LibraryExpander(TextEncoder())
+    return shipped_library()
 
 
 @cache

@@ -18,16 +18,16 @@ from runtime.prompts.english.library import LibraryExpander
 from runtime.prompts.expander import Expansion
 from runtime.prompts.parts import PartDescriptions, mirror_text
 from runtime.prompts.service import PromptWorker
-from runtime.prompts.text_encoder import TextEncoder
 from runtime.skeleton import PART_NAMES
+from tests.helpers.shipped import shipped_encoder, shipped_library
 
-_SHARED = TextEncoder()
+_SHARED = shipped_encoder()
 DESCRIPTIONS = PartDescriptions(*(f"the {part} moves left" for part in PART_NAMES))
 
 
 @pytest.fixture(scope="module")
 def expander() -> LibraryExpander:
-    return LibraryExpander(_SHARED)
+    return shipped_library()
 
 
 # parts

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from runtime.prompts.english.library import LibraryExpander
-from runtime.prompts.text_encoder import TextEncoder
+from tests.helpers.shipped import shipped_library
 
 FOLDER = Path(__file__).parent
 PARTS = {"la": "left_arm", "ra": "right_arm", "ll": "left_leg", "rl": "right_leg"}
@@ -107,7 +107,7 @@ def rows(name: str) -> list[str]:
 
 @pytest.fixture(scope="module")
 def library() -> LibraryExpander:
-    return LibraryExpander(TextEncoder())
+    return shipped_library()
 
 
 @pytest.mark.parametrize(

@@ -10,12 +10,11 @@ import pytest
 
 from runtime.assets import asset_path
 from runtime.errors import FileError
-from runtime.motion.model import load_model
 from runtime.prompts.content import PromptEncoder
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.sentence_tables import as_left_limb
-from runtime.prompts.text_encoder import TextEncoder
 from runtime.prompts.wording import FILE, Wording, load_wordings, wording_of
+from tests.helpers.shipped import shipped_encoder, shipped_model
 
 PLAIN = PartDescriptions(
     "left arm hanging",
@@ -56,8 +55,8 @@ def test_an_arm_has_wordings_of_its_own():
 
 
 def test_the_model_is_told_the_other_words():
-    model = load_model()
-    plain, worded = (PromptEncoder(TextEncoder(), model.prompt_path, each) for each in (None, WORDING))
+    model = shipped_model()
+    plain, worded = (PromptEncoder(shipped_encoder(), model.prompt_path, each) for each in (None, WORDING))
     leaning = replace(PLAIN, torso="torso leaning forward")
     np.testing.assert_array_equal(
         worded.encode(leaning), plain.encode(replace(PLAIN, torso="torso tilted forward"))

@@ -6,7 +6,6 @@ import contextlib
 import os
 import shutil
 import signal
-import sqlite3
 import subprocess
 import sys
 import threading
@@ -302,31 +301,6 @@ def test_a_defect_of_one_change_is_said_and_holds_up_no_other(session: Database)
     again.close()
 
 
-def test_what_waits_for_a_commit_is_called_after_it_and_not_for_a_copy(
-    session: Database, tmp_path: Path
-) -> None:
-    called: list[int] = []
-
-    def work(writer: Writer, number: int) -> None:
-        writer.put_step(number, "", "{}")
-        writer.committed.append(lambda: called.append(number))
-
-    session.submit(lambda writer: work(writer, 1))
-    assert session.flush()
-    assert called == [1]
-    session._connection().execute("PRAGMA query_only = ON")  # the disk takes nothing
-    for number in (2, 3):
-        session.submit(lambda writer, number=number: work(writer, number))
-    assert not session.flush()
-    session.save_copy(tmp_path / "copy.sport")
-    assert called == [1]
-    session.save_as(tmp_path / "new.sport")
-    assert called == [1, 2, 3]
-    session.submit(lambda writer: writer.committed.append(lambda: called[9]))
-    assert not session.flush()
-    assert "report this defect" in session.problem
-
-
 def test_what_waits_is_bounded(session: Database, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MAX_WAITING", 3)
     held = threading.Event()
@@ -396,25 +370,6 @@ def test_a_killed_process_loses_a_quarter_of_a_second_and_its_lock(tmp_path: Pat
         assert not missing or killed - missing[0] < 0.25
         assert database.close()
         path.unlink()
-
-
-def test_copies_at_any_moment_can_be_opened(tmp_path: Path) -> None:
-    counts = []
-    with recording(tmp_path / "a.sport", tmp_path / "home"):
-        for number in range(20):
-            folder = tmp_path / str(number)
-            folder.mkdir()
-            for name in ("a.sport", "a.sport-wal"):
-                shutil.copyfile(tmp_path / name, folder / name)
-            time.sleep(0.02 + 0.003 * number)
-    for number in range(20):
-        database = Database.open(
-            tmp_path / str(number) / "a.sport", tmp_path / "home" if number % 2 else None
-        )
-        counts.append(check_frames(database))
-        assert database.close()
-    assert counts == sorted(counts)
-    assert counts[-1] > counts[0]
 
 
 def test_two_windows(session: Database, tmp_path: Path, files: list[Database]) -> None:
@@ -566,23 +521,6 @@ def test_a_full_disk_is_said_and_what_waits_is_written_when_there_is_room(tmp_pa
         database.close()
 
 
-def test_a_session_on_a_full_disk_can_be_saved_elsewhere(session: Database, tmp_path: Path) -> None:
-    assert session.flush()
-    session._connection().execute("PRAGMA max_page_count = 1")  # it cannot grow
-    session.submit(lambda writer: writer.put_step(1, "", "x" * 200_000))
-    assert not session.flush()
-    assert "no room" in session.problem
-    session.save_copy(tmp_path / "copy.sport")
-    session.save_as(tmp_path / "new.sport")
-    assert session.problem == ""
-    assert session.flush()
-    assert session.close()
-    for name in ("copy.sport", "new.sport"):
-        database = Database.open(tmp_path / name)
-        assert database.step(1) == "x" * 200_000
-        database.close()
-
-
 DENIED = """
 import os, sys
 from pathlib import Path
@@ -661,10 +599,6 @@ def test_a_disk_that_hangs_is_left_alone(tmp_path: Path) -> None:
     assert not session.close(0.05)
     held.set()
     assert session.close()
-
-
-def test_sqlite_is_new_enough() -> None:
-    assert sqlite3.sqlite_version_info >= (3, 31)
 
 
 def test_reading_goes_on_while_the_file_becomes_another(session: Database, tmp_path: Path) -> None:

@@ -6,7 +6,6 @@ import os
 import random
 import shutil
 import sqlite3
-import struct
 import time
 import zlib
 from collections.abc import Callable
@@ -39,18 +38,6 @@ def path(tmp_path: Path) -> Path:
     session.submit(work)
     assert session.close()
     return session.path
-
-
-def read_all(database: Database) -> int:
-    """How many things a session has, each of them read."""
-    steps = [database.step(number) for number, _ in database.steps()]
-    frames = [piece for key in database.motions() for piece in [database.motion(key), *database.frames(key)]]
-    return (
-        len(steps)
-        + len(frames)
-        + len([database.blob(f"b{n}") for n in range(3)])
-        + len(database.meta("name"))
-    )
 
 
 def refused(path: Path, match: str = "") -> str:
@@ -136,11 +123,6 @@ def test_other_tables(kind: str, path: Path) -> None:
     except sqlite3.OperationalError as error:
         pytest.skip(f"this SQLite cannot: {error}")
     refused(path, "no session|damaged|malformed")
-
-
-def test_a_thousand_tables(path: Path) -> None:
-    change(path, "BEGIN", *(f"CREATE TABLE t{number} (x)" for number in range(1000)), "COMMIT")
-    refused(path, "its tables are others")
 
 
 # --- values
@@ -243,60 +225,6 @@ def test_rows_that_an_index_does_not_know(path: Path) -> None:
 
 
 # --- bytes
-
-
-def test_damage_ends_in_a_sentence(path: Path) -> None:
-    """Cut off, bits turned, blocks exchanged, of the file and of its log."""
-    whole, rng = path.read_bytes(), random.Random(5)
-    read, said = 0, []
-    for number in range(150):
-        data = bytearray(whole)
-        kind = number % 4
-        if kind == 0:
-            del data[rng.randrange(len(data)) :]
-        elif kind == 1:
-            for _ in range(rng.choice((1, 3, 30))):
-                data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
-        elif kind == 2:  # the heads of pages, where their structure is
-            at = rng.randrange(len(data) // 4096) * 4096 + (100 if number % 8 == 2 else 0)
-            for _ in range(3):
-                data[min(at + rng.randrange(40), len(data) - 1)] = rng.randrange(256)
-        else:
-            first, second = (rng.randrange(len(data) // 4096) * 4096 for _ in range(2))
-            data[first : first + 4096], data[second : second + 4096] = (
-                data[second : second + 4096], data[first : first + 4096],
-            )  # fmt: skip
-        path.write_bytes(data)
-        for use in (Database.read, Database.open):
-            started = time.monotonic()
-            try:
-                database = use(path)
-            except FileError as error:
-                said.append(str(error))
-                continue
-            try:
-                read += read_all(database) > 0
-            except FileError as error:
-                said.append(str(error))
-            finally:
-                database.close()
-                for file in side_files(path):
-                    file.unlink(missing_ok=True)
-            assert time.monotonic() - started < SECONDS
-    assert 5 < read < 200  # some damage is in free bytes
-    assert not any("\n" in sentence for sentence in said)
-
-
-def test_a_log_that_is_garbage_is_none(path: Path) -> None:
-    log = side_files(path)[0]
-    rng = random.Random(2)
-    head = struct.pack(">8I", 0x377F0682, 3007000, 4096, 0, 1, 2, 3, 4)
-    for data in (b"x" * 100, head + rng.randbytes(9000), rng.randbytes(32 + 4120)):
-        log.write_bytes(data)
-        database = Database.open(path)
-        assert read_all(database) > 20
-        assert database.close()
-        assert not log.exists()
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")

@@ -16,10 +16,9 @@ from typing import Any
 import pytest
 
 from runtime.errors import FileError, SportError
-from runtime.session.session import Take
 from runtime.session.session_file import INPUT, SessionFile
 from runtime.session.sqlite_file import SEAL
-from tests.helpers.full_session import full_session, history_of, text_of, written
+from tests.helpers.full_session import full_session, history_of, written
 
 DEEP = "[" * 100_000
 HUGE = "1" * 5000
@@ -437,13 +436,3 @@ def test_what_is_refused_stays_as_it_was(path: Path) -> None:
     assert value_of(path, "SELECT group_concat(document) FROM steps") == rows
     assert len(before) > 0
     assert not path.with_name(f".{path.name}.lock").exists()
-
-
-def test_the_whole_one_is_opened(path: Path, whole: Path) -> None:
-    """What the others are damaged copies of."""
-    file, history = SessionFile.open(path, path.parent / "cache")
-    other, same = SessionFile.open(whole, whole.parent / "cache")
-    assert text_of(history.present.session) == text_of(same.present.session)
-    assert looked_at(path) == [] if file.close() else False
-    assert isinstance(history.present.session.live, Take)
-    other.close()

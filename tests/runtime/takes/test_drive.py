@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from runtime.controls import Controls, Gait
 from runtime.errors import UsageError
 from runtime.motion.controller import Controller
-from runtime.motion.model import MotionModel, load_model
+from runtime.motion.model import MotionModel
 from runtime.motion.snapshot import take_snapshot
 from runtime.motion.style_mix import StyleMix
 from runtime.takes import input_edits
@@ -32,6 +32,7 @@ from runtime.takes.metadata import PromptEvent, gait_of
 from runtime.takes.recorder import ClipRecorder
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
+from tests.helpers.shipped import shipped_model
 from tests.helpers.walker import WalkerModel
 
 Take = tuple[Clip, InputRecording]
@@ -83,7 +84,7 @@ class Studio:
 
 @pytest.fixture(scope="module")
 def model() -> MotionModel:
-    return load_model()
+    return shipped_model()
 
 
 @pytest.fixture(scope="module")

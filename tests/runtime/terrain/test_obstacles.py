@@ -6,11 +6,11 @@ import pytest
 from runtime.controls import Controls, Gait
 from runtime.feet.foot_lock import FootLock
 from runtime.motion.controller import Controller
-from runtime.motion.model import load_model
 from runtime.rotations import identity
 from runtime.skeleton import J
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacles import step_ahead, within_steps
+from tests.helpers.shipped import shipped_model
 from tests.helpers.walker import WalkerModel
 
 NORTH = np.array([0.0, 1.0])
@@ -52,7 +52,7 @@ def test_heights_of_the_way_end_at_what_one_can_climb():
     ("height", "gait"), [(-8.0, Gait.WALK), (6.0, Gait.JOG), (8.0, Gait.WALK), (20.0, Gait.JOG)]
 )
 def test_a_cliff_stops_the_walker_who_says_so_and_goes_back(height, gait):
-    controller = Controller(load_model(), cliff(height, z=2.5))
+    controller = Controller(shipped_model(), cliff(height, z=2.5))
     hips, said = [], set()
     for frame in range(290):
         pose = controller.step(Controls((0.0, 1.0 if frame < 200 else -1.0), gait=gait))

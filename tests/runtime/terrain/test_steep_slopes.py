@@ -11,11 +11,11 @@ from runtime.feet.ik import solve_legs
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
 from runtime.motion.limbs import LEGS, LIMBS, TURN_MOST, Limb, off_walls
-from runtime.motion.model import load_model
 from runtime.motion.state import standing
 from runtime.rotations import angle_between
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
+from tests.helpers.shipped import shipped_model
 from tests.helpers.walker import WalkerModel
 
 LEG_JOINTS = [joint for limb in LEGS for joint in (limb.lower, *limb.rest)]
@@ -34,7 +34,7 @@ def test_no_knee_flips_where_a_jogger_meets_a_slope_of_45_degrees(
 ) -> None:
     ways = np.linspace(-20.0, 20.0, 401)
     heights = np.clip(ways - 3.0, 0.0, 4.0) * rise
-    controller = Controller(load_model(), Terrain.flat(), seed=seed)
+    controller = Controller(shipped_model(), Terrain.flat(), seed=seed)
     controller.set_terrain(
         Terrain("slope", np.tile(heights.astype(np.float32), (401, 1)), 0.1, (-20.0, -20.0))
     )

@@ -11,10 +11,11 @@ import pytest
 from runtime import rotations
 from runtime.controls import Gait
 from runtime.motion.features import INPUT, INPUT_SIZE
-from runtime.motion.model import MotionModel, load_model
+from runtime.motion.model import MotionModel
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.way_ahead import ObstacleKind, obstacle_ahead
+from tests.helpers.shipped import shipped_model
 from training.courses import clips
 from training.courses.clips import Course, LevelSight, Walked, kept, random_course, smoothed, walk
 from training.evaluation.metrics.crossing import first_problem
@@ -25,7 +26,7 @@ FRAMES = 700
 
 @pytest.fixture(scope="module")
 def model() -> MotionModel:
-    return load_model()
+    return shipped_model()
 
 
 def upright(height: float = 0.0) -> Walked:

@@ -166,15 +166,6 @@ def test_head_lift_belongs_to_the_capture(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
-def test_every_data_set_is_one_record_with_a_licence() -> None:
-    bound = {record.name for record in DATA_SETS if not record.free}
-    assert bound == {"bandai_namco", "pfnn", "pfnn_rollouts", "walking_stick"}
-    assert len(BY_NAME) == len(DATA_SETS) == 13
-    assert all(record.credit.endswith(")") or "mocap.cs.cmu.edu" in record.credit for record in DATA_SETS)
-    signatures = [s.signature for record in DATA_SETS for s in record.skeletons]
-    assert len(set(signatures)) == len(signatures)
-
-
 def test_a_data_set_is_added_by_one_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What CONTRIBUTING shows: its files are listed, credited, read by its reader, and left out where it is bound."""
     skeleton = SourceSkeleton("mine", frozenset({"MyRoot"}), {"Hips": SourceJoint("MyRoot")})

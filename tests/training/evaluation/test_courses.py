@@ -14,7 +14,6 @@ from runtime.controls import Gait
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.courses import BEAM, BEAM_RAMP_M, GAPS, HURDLES, WALLS, Obstacle
 from runtime.terrain.height_map import Terrain
-from runtime.terrain.library import make_terrain
 from training.evaluation.metrics import crossing
 from training.evaluation.metrics.crossing import capsule_points, depth_inside, limb_depths
 from training.evaluation.motion.obstacles import COURSES, run_obstacles, score_obstacles
@@ -149,12 +148,6 @@ def test_every_course_begins_on_level_ground_before_it(course):
         middle = 0.5 * (obstacle.begin + obstacle.end)
         if course.name in ("hurdles", "platforms", "wall", "beam"):
             assert float(ground.height(0.0, middle)) == pytest.approx(obstacle.top)
-
-
-def test_the_beam_is_twenty_centimetres_wide():
-    ground = make_terrain("beam")
-    assert ground.height(np.array([-0.1, 0.0, 0.1]), np.full(3, 9.0)) == pytest.approx([0.4] * 3)
-    assert ground.height(np.array([-0.16, 0.16]), np.full(2, 9.0)) == pytest.approx([0.0] * 2)
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime.errors import FileError, ModelError
+from runtime.errors import FileError
 from tests.training.evaluation.test_evaluation_text import clips, write_clip  # noqa: F401
 from training.evaluation.text import (
     retrieval,
@@ -86,18 +86,3 @@ def test_clips_of_styles_without_descriptions_are_left_out(clips: Path) -> None:
     found = encode_clips(Encoder(), paths, {"neutral", "old"})  # type: ignore[arg-type]
     assert found.names == ["cmu_01"]  # cmu_03 is too short, cmu_04 is angry
     assert len(encode_clips(Encoder(), paths, {"neutral", "angry"}).names) == 2  # type: ignore[arg-type]
-
-
-def test_a_model_without_the_text_distribution_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("onnx")
-    from onnx import TensorProto, helper
-
-    tensors = [helper.make_tensor_value_info(n, TensorProto.FLOAT, ["n", 6, 64]) for n in ("embeddings", "z")]
-    graph = helper.make_graph(
-        [helper.make_node("Identity", ["embeddings"], ["z"])], "g", tensors[:1], tensors[1:]
-    )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
-    monkeypatch.setattr(retrieval, "read_metadata", lambda folder: {})
-    monkeypatch.setattr(retrieval, "read_graph", lambda *_: model.SerializeToString())
-    with pytest.raises(ModelError, match="log_variance"):
-        retrieval.TextSide(Path("old"), None)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from runtime.errors import FileError
-from runtime.prompts import prompter, shares
 from runtime.prompts.english import library_data
 from runtime.prompts.english.compose import compose_neighbours
 from runtime.prompts.english.library_data import LibraryEmbeddings, LibraryEntry
@@ -22,7 +21,7 @@ from training.evaluation.text import prompt_adherence
 from training.evaluation.text import walks as text_walks
 from training.layering.apply import apply
 from training.layering.catalog import EDITS
-from training.text.claims import RULES, clause_share, clauses
+from training.text.claims import clause_share, clauses
 from training.text.measure import BodyMeasures, measure
 
 PLAIN = PartDescriptions(**{part: f"{part.replace('_', ' ')} as it is" for part in PART_NAMES})
@@ -98,13 +97,6 @@ def test_tables_are_read_and_damage_is_named(tmp_path: Path) -> None:
             load_shares(path)
 
 
-def test_the_shipped_table_can_be_asked() -> None:
-    assert shares.phrase_share("no such words at all", "head") is None
-    assert shares.phrase_share("head down", "head", model="no such model") is None
-    for table in load_shares(Path(shares.asset_path(shares.FILE))).values():
-        assert {group for group, _ in table.sentences} <= {"arm", "leg", *PART_NAMES}
-
-
 def test_the_library_prefers_the_sentence_that_is_shown() -> None:
     entries = tuple(
         LibraryEntry(name, (), PartDescriptions(**{p: f"{name} {p}" for p in PART_NAMES}))
@@ -177,16 +169,6 @@ def test_words_that_nothing_measures_claim_nothing() -> None:
     assert clauses("head down, looking at the ground, ") == ["head down", "looking at the ground"]
 
 
-def test_rules_name_fields_that_are_measured() -> None:
-    neutral = measured()
-    for part, rules in RULES.items():
-        for rule in rules:
-            owner = neutral.torso if rule.field == "wander" else getattr(neutral, part)
-            assert hasattr(owner, rule.field), (part, rule)
-            low, high = rule.range(1.0)
-            assert low <= high
-
-
 # --- the command ------------------------------------------------------------------------------------------------------
 
 
@@ -236,24 +218,6 @@ def test_phrases_are_walked_once_and_what_is_not_done_is_said(synthetic: None, t
         phrase = EDITS[f"{part}.overhead"].phrases[part][0]
         assert found.of(phrase, part) < 0.3, "the walker's arms do not rise"
     assert found.of("left leg taking long strides", "left_leg") < 0.3
-
-
-def test_generate_says_what_the_model_hardly_shows(monkeypatch: pytest.MonkeyPatch) -> None:
-    said: list[str] = []
-    monkeypatch.setattr(prompter, "shares_of", lambda model: TABLE)
-    monkeypatch.setattr(prompter, "text_encoder_of", lambda *_: None)
-    monkeypatch.setattr(prompter, "library_encoder", lambda words: None)
-    monkeypatch.setattr(prompter, "PromptEncoder", lambda *_: Encoding())
-    to_style = prompter.Prompter(WalkerModel(), report=said.append)
-    to_style(PLAIN)
-    assert said == []
-    to_style(PLAIN.replace("left_arm", "left hand on the hip, held still"))
-    assert said == ["Hardly shown by this model: left arm “left hand on the hip, held still” (20%)."]
-
-
-class Encoding:
-    def encode(self, descriptions: PartDescriptions) -> np.ndarray:
-        return np.zeros((6, 64), np.float32)
 
 
 def test_the_sentences_of_a_plain_walk_ask_for_nothing() -> None:

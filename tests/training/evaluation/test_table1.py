@@ -12,7 +12,7 @@ pytest.importorskip("sklearn")
 
 from runtime.errors import FileError
 from training.evaluation import compared_models as table1
-from training.evaluation.compared_models import CAPTURE, ROWS, SHIPPED, TABLE1, markdown, models_of
+from training.evaluation.compared_models import CAPTURE, ROWS, SHIPPED, TABLE1
 from training.evaluation.experiment import run
 
 CELLS = dict.fromkeys(table1.COLUMNS, 2.0)
@@ -86,12 +86,3 @@ def test_a_store_of_other_options_is_not_mixed_in(tmp_path: Path, measured: list
     store.write_text("[]", encoding="utf-8")
     with pytest.raises(FileError, match="of these options"):
         run(TABLE1, ["--clips", str(tmp_path), "--store", str(store)], "table1")
-
-
-def test_every_row_of_the_paper_that_we_can_train_is_there(tmp_path: Path) -> None:
-    assert {row.paper[0] for row in ROWS if row.paper} == {
-        "1.27", "1.18", "4.33", "0.99", "1.06", "0.96", "3.15", "1.76", "10.25", "1.94",
-    }  # fmt: skip
-    trained(tmp_path, "pae", 2)
-    assert list(models_of(next(r for r in ROWS if r.title == "PAE"), tmp_path)) == ["2"]
-    assert markdown({"cells": {}}).count("not run") == len(ROWS) + 2

@@ -7,14 +7,13 @@ from pathlib import Path
 import pytest
 
 from runtime.errors import FileError
-from runtime.motion.model import load_model
-from runtime.prompts.prompter import Prompter
+from tests.helpers.shipped import shipped_prompter
 from training.evaluation.text.untuned_prompts import LISTS, read, read_prompts
 
 
 @pytest.fixture(scope="module")
 def library() -> object:
-    return Prompter(load_model(None)).library
+    return shipped_prompter().library
 
 
 @pytest.mark.parametrize("path", LISTS, ids=lambda path: path.stem)

@@ -9,9 +9,9 @@ import pytest
 
 pytest.importorskip("torch")
 
-from runtime.motion.model import load_model
 from runtime.prompts.prompter import Prompter
 from runtime.prompts.wording import Wording
+from tests.helpers.shipped import shipped_model
 from training.evaluation.text import wording
 from training.evaluation.text.wording import NEUTRAL, better_wordings, walk_all
 from training.text.claims import sentence_share, unclaimed_change
@@ -69,8 +69,6 @@ def test_each_arm_is_told_what_says_the_same_or_less_and_is_done_by_it():
         walks[part, less] = dataclasses.replace(plain, **({part: there} if part == "right_arm" else {}))
     assert better_wordings(walks, frozenset(), alike) == {"right_arm": {whole: less}}
     assert better_wordings(walks, frozenset({("arm", whole)}), alike) == {}
-    said = wording._said(wording.Prompter(load_model()).expand("walk").descriptions, "right_arm", less)
-    assert said.right_arm == "right hand held behind the back"
 
 
 def test_captured_sentences_keep_their_words():
@@ -80,7 +78,7 @@ def test_captured_sentences_keep_their_words():
 def test_a_sentence_is_walked_with_the_rest_of_the_body_neutral(monkeypatch):
     monkeypatch.setattr(wording, "LEAD_SECONDS", 0.5)
     monkeypatch.setattr(wording, "SECONDS", 1.0)
-    model = load_model()
+    model = shipped_model()
     key = ("torso", "torso leaning far forward")
     walks = walk_all(model, Prompter(model, wording=Wording()), [key])
     assert walks[key].torso.pitch > walks[NEUTRAL].torso.pitch + 10.0

@@ -1,7 +1,6 @@
 """Calibration of a model: signs of the phases in the mirror, and leads and gains measured on walks."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,14 +9,12 @@ import pytest
 
 from runtime.motion.features import C
 from runtime.motion.model import load_model
-from runtime.prompts.parts import PartDescriptions, mirror_text
+from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.wording import Wording
 from runtime.skeleton import PART_NAMES
 from tests.training.layering.test_layering import walker
 from training.export import calibrate
-from training.layering.catalog import EDITS, HELD_OUT
-from training.layering.measured_edits import summarise
-from training.text.measure import BodyMeasures
+from training.layering.catalog import EDITS
 
 PLAIN = PartDescriptions(**{part: f"{part} as it is" for part in PART_NAMES})
 PAIRS = ("arm.on_hip", "arm.behind_back", "leg.dragging")
@@ -104,48 +101,6 @@ def test_sides_and_gains_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     assert gains("torso.slump") == (1.0, 1.0)
     assert ("legs.long", "right_leg") not in rows  # once for both legs
     assert not {name for name, _, others in asked if others} & {"left_arm.on_hip", "left_arm.folded"}
-
-
-def test_the_words_of_others_leave_an_edit_its_own_parts() -> None:
-    first = calibrate.COMPANIONS[0]
-    said = calibrate._beside(PLAIN, ["left_leg"], first)
-    assert (said.left_leg, said.right_leg) == (PLAIN.left_leg, PLAIN.right_leg)
-    assert said.torso == EDITS["torso.chest_out"].phrases["torso"][0]
-    said = calibrate._beside(PLAIN, ["left_arm"], first)
-    assert said.left_arm == PLAIN.left_arm
-    assert said.right_arm == EDITS["right_arm.on_hip"].phrases["right_arm"][0]
-    assert said.right_leg == EDITS["legs.short"].phrases["right_leg"][0]
-
-
-def test_sentences_of_rules_are_asked_as_a_model_is_told_them() -> None:
-    told = Wording({("head", "head raised, chin up"): "head held high, chin raised", ("torso", "x"): "y"})
-    asked = {each.name: each for each in calibrate._rule_sentences(told)}
-    assert "head raised, chin up" not in asked
-    assert asked["head held high, chin raised"].words == {"head": ("head held high, chin raised",)}
-    legs = [each.words for each in asked.values() if "left_leg" in each.words]
-    assert legs
-    assert all(mirror_text(words["left_leg"][0]) == words["right_leg"][0] for words in legs)
-    assert not set(asked) & {t for edit in EDITS.values() for texts in edit.phrases.values() for t in texts}
-    raised = asked["head held high, chin raised"]
-    level, up = (SimpleNamespace(body=measures(pitch)) for pitch in (0.0, -20.0))
-    assert raised.share(level, up) == 1.0  # type: ignore[arg-type]
-    assert raised.share(level, level) == 0.0  # type: ignore[arg-type]
-
-
-def measures(pitch: float) -> BodyMeasures:
-    """Of a walk, with the head's pitch."""
-    motion = walker(420)
-    body = summarise(motion.hips, motion.local, motion.contacts).body
-    return replace(body, head=replace(body.head, pitch=pitch))
-
-
-def test_what_is_held_out_is_not_looked_at() -> None:
-    names = {name for pair in calibrate._trained() for name in pair}
-    alone = {
-        name for name in HELD_OUT if name.replace("left", "right") == name.replace("right", "left") == name
-    }
-    assert alone
-    assert not names & alone
 
 
 def test_the_shipped_models_are_calibrated() -> None:

@@ -13,9 +13,7 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("onnxscript")
 
-from benchmarks import networks  # noqa: E402
 from runtime.errors import FileError, ModelError  # noqa: E402
-from runtime.motion import processor  # noqa: E402
 from runtime.motion.features import OUTPUT  # noqa: E402
 from runtime.motion.model import load_model  # noqa: E402
 from runtime.motion.processor import exact_8_bit_products  # noqa: E402
@@ -25,7 +23,6 @@ from training.export.quantize import (  # noqa: E402
     main,
     quantize_model,
     quantize_step,
-    relative_error,
 )
 
 needs_exact_products = pytest.mark.skipif(
@@ -81,16 +78,6 @@ def test_one_style_serves_all_characters(folder, frames):
     shared, _ = model.step(frames.x[:8], frames.noise[:8], frames.styles[3])
     listed, _ = model.step(frames.x[:8], frames.noise[:8], [frames.styles[3]] * 8)
     assert np.abs(shared - listed).max() < 1e-4
-
-
-def test_styles_are_stacked_anew_when_one_changes(folder, frames):
-    model = load_model(folder)
-    styles = list(frames.styles[:4])
-    first, _ = model.step(frames.x[:4], frames.noise[:4], styles)
-    styles[2] = frames.styles[9]
-    second, _ = model.step(frames.x[:4], frames.noise[:4], styles)
-    assert np.array_equal(first[[0, 1, 3]], second[[0, 1, 3]])
-    assert not np.allclose(first[2], second[2])
 
 
 def test_styles_must_be_as_many_as_characters(folder, frames):
@@ -155,20 +142,6 @@ def test_where_8_bits_cost_too_much_the_last_product_stays_in_full_precision(
     assert ("linear_0" in floats) == bool(kept)
 
 
-@needs_exact_products
-def test_the_second_row_takes_the_rounding_of_activations_away(folder, frames, tmp_path, monkeypatch):
-    model = load_model(folder)
-    errors = {}
-    for name, refined in (("with", ("encoder_first", "encoder_second")), ("without", ("front_wide",))):
-        monkeypatch.setattr("training.export.quantize.REFINED", refined)
-        copy = tmp_path / name
-        shutil.copytree(folder, copy)
-        quantize_model(copy, frames=frames)
-        got = single_steps(load_model(copy, precision="int8"), frames, 40)
-        errors[name] = relative_error(single_steps(model, frames, 40), got, got.std(0))
-    assert errors["with"] < 0.9 * errors["without"]
-
-
 def test_the_metadata_say_what_auto_means(quantised, frames, tmp_path):
     path, section = quantised
     assert section["default"] == "int8"
@@ -222,17 +195,6 @@ def test_the_command_measures_the_models_own_walks(folder, tmp_path, monkeypatch
     assert json.loads((tmp_path / "model" / "metadata.json").read_text())["quantised"]["frames"] == 80
 
 
-def test_a_second_thread_stops_spinning_with_the_frame(folder, frames):
-    def entries(threads):
-        model = load_model(folder, threads=threads)
-        options = [session.get_session_options() for session in (model._step, model._style)]
-        names = ("session.intra_op.allow_spinning", "session.force_spinning_stop")
-        return [[one.get_session_config_entry(name) for name in names] for one in options]
-
-    assert entries(1) == [["0", "1"]] * 2
-    assert entries(2) == [["1", "1"]] * 2
-
-
 def least_idle_time(work=lambda: None) -> float:
     """Processor seconds of this process in a tenth of a second after some work; the least of three."""
     used = []
@@ -265,16 +227,6 @@ def test_8_bits_are_left_alone_where_they_overflow(quantised, frames, tmp_path, 
     assert "precision fp32" in error.value.remedy
 
 
-def test_the_probe_of_8_bit_products_is_the_graph_it_says():
-    import onnx
-
-    model = onnx.load_from_string(processor.PRODUCT)
-    onnx.checker.check_model(model, full_check=True)
-    assert [node.op_type for node in model.graph.node] == ["MatMulInteger"]
-    kinds = [value.type.tensor_type.elem_type for value in model.graph.input]
-    assert kinds == [onnx.TensorProto.UINT8, onnx.TensorProto.INT8]
-
-
 def test_products_added_in_16_bits_are_found_out(monkeypatch):
     saturated = np.full((2, 16), 32 * 32767, np.int32)  # the largest that pairs of 255 x 127 give in 16 bits
     exact = np.full((2, 16), 64 * 255 * 127, np.int32)
@@ -286,26 +238,3 @@ def test_products_added_in_16_bits_are_found_out(monkeypatch):
 
     assert answer(exact)
     assert not answer(saturated)
-
-
-def test_the_table_of_speeds_names_graph_batch_and_times():
-    row = networks.TimingRow("folded int8", "shared", 1, 2, 4.5, 4.0, 9.0, 8.0, 1.5, 45.0, 0.0083)
-    figures = {
-        "network": "paper", "cpu": "a processor", "cores": 2, "cores_busy": 0.04,
-        "read_bandwidth_gb_s": {"1": 20.0}, "rows": [networks.asdict(row)],
-    }  # fmt: skip
-    text = networks.table(figures)
-    assert (
-        text.count("| folded int8 | shared | 1 | 2 | 4.50 | 4.00 | 9.00 | 8.00 | 1.50 | 45.0 | 0.83 % |") == 1
-    )
-
-
-def test_the_load_of_a_machine_is_a_number_of_its_cores(monkeypatch):
-    load = networks.others_load(0.05)
-    assert load is None or 0.0 <= load <= (networks.os.cpu_count() or 1) + 0.1
-    ticks = iter(["cpu 100 0 100 800 0 0 0 0 0 0\n", "cpu 200 0 150 850 0 0 0 0 0 0\n"])
-    monkeypatch.setattr(networks.Path, "read_text", lambda *_, **__: next(ticks))
-    monkeypatch.setattr(networks.os, "cpu_count", lambda: 2)
-    assert networks.others_load(0.0) == pytest.approx(2 * 150 / 200)
-    monkeypatch.setattr(networks.Path, "read_text", lambda *_, **__: "not the numbers of a processor")
-    assert networks.others_load(0.0) is None

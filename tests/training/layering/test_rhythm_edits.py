@@ -1,5 +1,7 @@
 """Edits of rhythm and weight: each changes its measure by its factor and not the others, and feet stay planted."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -34,6 +36,7 @@ def measured(motion: EditedMotion) -> BodyMeasures:
     return measure(motion.hips[own], motion.local[own], motion.contacts[own])
 
 
+@cache
 def edited(name: str, frames: int = 600) -> tuple[EditedMotion, EditedMotion]:
     before = walker(frames)
     return before, apply(before, EDITS[name], Plain())  # type: ignore[arg-type]

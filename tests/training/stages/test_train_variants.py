@@ -29,7 +29,7 @@ from runtime.skeleton import PART_NAMES  # noqa: E402
 from runtime.terrain.height_map import Terrain  # noqa: E402
 from tests.helpers.synthetic_clips import write_clip  # noqa: E402
 from tests.training.stages.test_stage_words import BagOfWords  # noqa: E402
-from training import ablations, parallel, pipeline  # noqa: E402
+from training import ablations, pipeline  # noqa: E402
 from training.export import model as export_module  # noqa: E402
 from training.layering.longer_phrases import longer_sentences  # noqa: E402
 from training.networks.content import StatisticsReader  # noqa: E402
@@ -162,20 +162,6 @@ def test_the_full_model_is_walked(full: Path) -> None:
     walks(full / "model")
 
 
-def test_several_processes_train_what_can_be_shared(
-    short: Path, full: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """What they do together is in `test_parallel.py`."""
-    stages: list[tuple[int, str]] = []
-    monkeypatch.setattr(pipeline.Run, "train", lambda run, stage: stages.append((1, stage)))
-    monkeypatch.setattr(
-        parallel, "run_together", lambda count, work, args, stage: stages.append((count, stage))
-    )
-    train(short, full, "compact", "--processes", "2")
-    together, alone = ("stage2", "stage3", "ground"), ("phase", "content", "words")
-    assert stages == [*((1, name) for name in alone), *((2, name) for name in together), (1, "export")]
-
-
 def test_stage_2_alone_is_exported(short: Path, full: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its graph has a test of its own (`test_export_ablation.py`); this is the command of "w/o diffusion"."""
     exported = []
@@ -196,14 +182,6 @@ def test_stage_2_alone_is_exported(short: Path, full: Path, monkeypatch: pytest.
 def test_paper_rotations_is_trained_exported_and_walked(short: Path, tmp_path: Path) -> None:
     train(short, tmp_path, "paper-rotations")
     walks(tmp_path / "model")
-
-
-def test_the_other_presets_differ_from_these_in_width_alone() -> None:
-    widths = dict.fromkeys(("name", "hidden", "embedding", "front", "denoiser_width", "denoiser_blocks"))
-    for name in ("small", "tiny"):
-        assert replace(PRESETS[name], **widths) == replace(PRESETS["compact"], **widths)
-    paper = replace(PRESETS["paper-rotations"], name="paper", output_size=PAPER_OUTPUT_SIZE)
-    assert paper == PRESETS["paper"]  # for parameter counts and speed only: docs/model.md
 
 
 @pytest.mark.parametrize("stage", ["all", "phase", "stage2", "export"])

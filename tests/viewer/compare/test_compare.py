@@ -12,7 +12,6 @@ from tests.helpers.app_driver import (
     click,
     click_on,
     controller,
-    drawn,
     message,
     place,
     press,
@@ -22,7 +21,6 @@ from tests.helpers.app_driver import (
     type_prompt,
 )
 from viewer.app import App
-from viewer.compare import labels
 from viewer.compare.lineup import SPACING_M, names, places
 from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
@@ -184,38 +182,6 @@ def test_closing_brings_the_view_of_the_live_character_back(start: Start, mode: 
     walker = np.asarray(app.scene.simulation.current.hips_position, float)
     assert on_screen(camera.current, walker, imgui.get_io().display_size) is not None
     assert np.linalg.norm(camera.current.target - walker) < 1.0
-
-
-def test_steps_of_the_variants_are_counted(start: Start) -> None:
-    app = start()
-    apply(app, "a proud king")
-    press(app, "v")
-    app.state.stats.steps_per_s = 0.0
-    run(app, 5)
-    assert app.state.stats.steps_per_s > 0.0
-
-
-def test_names_that_are_cut_keep_the_seed(start: Start) -> None:
-    app = start(width=800, height=500)
-    apply(app, "somebody who is walking in a relaxed, everyday way")
-    press(app, "v")
-    texts: list[str] = []
-    with pytest.MonkeyPatch.context() as patch:
-        real = labels._label
-        patch.setattr(labels, "_label", lambda text, *rest: (texts.append(text), real(text, *rest)))
-        run(app)
-    assert [text.split("…")[1] for text in texts] == [f", seed {k}" for k in range(3)]
-    assert all(text.startswith(f"{k + 1}  some") for k, text in enumerate(texts))
-
-
-def test_the_first_minute_covers_no_variant(start: Start) -> None:
-    app = start()
-    apply(app, "a proud king")
-    app.guide.begin()
-    run(app, 2)
-    assert "Skip##guide" in [label for label, _ in drawn(app)]
-    press(app, "v")
-    assert "Skip##guide" not in [label for label, _ in drawn(app)]
 
 
 # as edits of the session

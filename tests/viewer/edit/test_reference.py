@@ -216,7 +216,7 @@ def test_the_card_hides_nobody(start: Start, tmp_path: Path, size: tuple[int, in
 
 @pytest.mark.parametrize("ending", ["mp4", "gif", "webp"])
 def test_a_film_runs_in_sync_with_the_take_and_comes_back(start: Start, tmp_path: Path, ending: str) -> None:
-    app = with_take(start())
+    app = with_take(start(drawn=True))
     app.open_files([film(tmp_path / f"film.{ending}")])  # as by dropping it
     run(app, 3)
     assert "30 pictures, 1.0 s" in message(app)

@@ -132,41 +132,6 @@ def test_the_keys_of_a_take(start: Start) -> None:
     assert app.takes.playback is None
 
 
-def test_trims_are_undone_and_done_again(start: Start) -> None:
-    app = start()
-    record(app)
-    playback = app.takes.playback
-    assert playback is not None
-    seek(app, 20)
-    click_on(app, "[ In")
-    seek(app, 60)
-    click_on(app, "Out ]")
-    assert (playback.first, playback.last) == (20, 60)
-    press(app, "ctrl", "z")
-    assert (playback.first, playback.last) == (20, 79)
-    app.editing.reword(1, "a goose")  # an edit comes between
-    run(app, 2)
-    press(app, "ctrl", "z")
-    assert "words" in message(app)
-    press(app, "ctrl", "z")
-    assert (playback.first, playback.last) == (0, 79)
-    press(app, "ctrl", "y")
-    assert (playback.first, playback.last) == (20, 79)
-
-
-@pytest.mark.parametrize(("size", "least"), [((1280, 720), 15.0), ((1920, 1080), 22.0)])
-def test_tracks_are_taller_where_there_is_room(start: Start, size: tuple[int, int], least: float) -> None:
-    app = start(width=size[0], height=size[1])
-    record(app, 20)
-    for parts in (False, True):
-        app.editing.part_tracks = parts
-        run(app, 2)
-        rows = {label: box for label, box in drawn(app) if label in ("##gaits", "##foot 1")}
-        _, top, _, bottom = rows["##gaits"]
-        assert bottom - top >= least
-        assert rows["##foot 1"][3] <= app.shell._layout.transport.y + app.shell._layout.transport.height  # type: ignore[union-attr]
-
-
 def test_the_words_shown_are_those_of_the_take_that_plays(start: Start) -> None:
     app = start()
     record(app)

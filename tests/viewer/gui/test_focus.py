@@ -151,26 +151,6 @@ def test_what_a_held_key_repeats_is_no_text_of_the_prompt(start: Start, frames: 
     assert not app.editor.session.takes
 
 
-def test_typing_at_a_new_prompt_of_the_timeline_is_typed(start: Start) -> None:
-    app = start()
-    run(app, 40)
-    app.takes.save_last()
-    app.takes.play(1)
-    run(app, 3)
-    x, y = place(app, "+ Prompt")
-    app.window.inject_mouse(x, y)
-    run(app)
-    app.window.inject_mouse(x, y, 0, True)
-    app.window.inject_mouse(x, y, 0, False)
-    app.window.inject_key("t", True)
-    app.window.inject_text("turtle")
-    app.window.inject_key("t", False)
-    run(app, 4)
-    assert len(app.editor.session.takes) == 1
-    assert app.takes.playback is not None
-    assert app.editing.new_prompt == "turtle"
-
-
 def test_a_button_gives_the_keys_back_and_a_held_key_goes_on(start: Start) -> None:
     app = start()
     run(app, 3)
@@ -183,24 +163,6 @@ def test_a_button_gives_the_keys_back_and_a_held_key_goes_on(start: Start) -> No
     app.window.inject_key("w", False)
     press(app, "r")
     assert app.takes.recording
-
-
-def test_a_take_kept_by_a_slip_is_taken_back(start: Start) -> None:
-    app = start()
-    run(app, 30)
-    app.prompting.submit_prompt("an old king")
-    run(app, 2)
-    press(app, "t")
-    assert len(app.editor.session.takes) == 1
-    press(app, "ctrl", "z")
-    assert not app.editor.session.takes
-    press(app, "ctrl", "y")
-    assert len(app.editor.session.takes) == 1
-    app.prompting.submit_prompt("a zombie")
-    run(app, 2)
-    press(app, "ctrl", "z")  # the newest change comes first
-    assert len(app.editor.session.takes) == 1
-    assert "a zombie" in app.editor.redo_label
 
 
 def test_every_panel_is_reached_and_used_by_keys(start: Start) -> None:
@@ -225,35 +187,6 @@ def test_every_panel_is_reached_and_used_by_keys(start: Start) -> None:
     assert controller(app).z == 0.0  # no key reached the character
 
 
-def test_the_view_has_the_keys_again_when_a_window_closes_that_was_opened_there(start: Start) -> None:
-    app = start()
-    app.takes.toggle_recording()
-    run(app, 40)
-    app.takes.toggle_recording()
-    press(app, "ctrl", "e")
-    run(app, 3)
-    for _ in range(2):
-        press(app, "tab")
-    press(app, "escape")
-    run(app, 4)
-    assert not app.exporting.state.open
-    press(app, "p")
-    run(app, 2)
-    assert app.takes.playback is not None
-    assert "has the keys" not in message(app)
-    press(app, "escape")
-    press(app, "f6")
-    press(app, "f6")  # from a panel
-    press(app, "ctrl", "e")
-    run(app, 3)
-    assert "has the keys" not in message(app), "Ctrl+E is no letter"
-    press(app, "tab")
-    press(app, "escape")
-    run(app, 4)
-    assert not app.exporting.state.open
-    assert app.shell.focus.in_view
-
-
 def test_tab_goes_through_a_panel_and_its_fields(start: Start) -> None:
     app = start()
     app.takes.toggle_recording()
@@ -273,27 +206,3 @@ def test_tab_goes_through_a_panel_and_its_fields(start: Start) -> None:
         reached.add(context.nav_id)
     assert len(reached) >= 12, "every button"
     assert app.takes.playback is not None
-
-
-def test_windows_keep_keys_from_what_is_behind(start: Start) -> None:
-    app = start()
-    run(app, 30)
-    for open_window in ("settings", "help"):
-        if open_window == "settings":
-            app.settings_window.shown = True
-        else:
-            press(app, "f1")
-        run(app, 3)
-        type_everything(app)
-        press(app, "w")
-        run(app, 2)
-        assert not app.editor.session.takes
-        assert not app.takes.recording
-        assert controller(app).z == 0.0
-        press(app, "escape")
-        run(app, 2)
-    assert not app.settings_window.shown
-    assert not app.state.help_open
-    app.window.inject_key("w", True)
-    run(app, 3)
-    assert controller(app).z > 0.0

@@ -65,9 +65,8 @@ def escape(app: App) -> None:
 
 
 @pytest.fixture
-def app(desk: App, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[App]:
-    """The application with one take and nothing open; its picture is of no use here, and takes time."""
-    monkeypatch.setattr(desk.window, "draw_interface", lambda: None)
+def app(desk: App, tmp_path: Path) -> Iterator[App]:
+    """The application with one take and nothing open."""
     desk.settings.export_folder = str(tmp_path)
     desk.sessions.dialogs.available = lambda: False
     if not desk.editor.session.takes:

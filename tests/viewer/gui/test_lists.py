@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from runtime.session.prompt_blend import Side
-from tests.helpers.app_driver import Start, click, click_on, drawn, place, press, run, type_prompt
+from tests.helpers.app_driver import Start, click, click_on, drawn, place, press, run
 from viewer.app import App
 from viewer.gl_bindings import imgui
 
@@ -26,33 +26,6 @@ def test_escape_closes_a_list_and_the_next_click_takes_nothing_of_it(start: Star
     assert not [label for label, _ in drawn(app) if label == "Wall"]
     click(app, x, y)
     assert app.scene.terrain_spec == "flat"
-
-
-def test_escape_closes_who_answers_before_it_closes_a_take(start: Start) -> None:
-    app = start()
-    run(app, 2)
-    press(app, "r")
-    run(app, 20)
-    press(app, "r")
-    press(app, "p")
-    assert app.takes.playback is not None
-    click_on(app, "##quality")
-    assert open_lists() == 1
-    press(app, "escape")
-    assert (open_lists(), app.takes.playback is None) == (0, False)
-    press(app, "escape")
-    assert app.takes.playback is None
-
-
-def test_a_closed_list_of_suggestions_takes_no_click(start: Start) -> None:
-    app = start(prompt="someone limping")
-    run(app, 2)
-    type_prompt(app, "a pro")
-    left, top, right, bottom = next(rect for label, rect in drawn(app) if label == "##0")
-    press(app, "escape")
-    assert app.prompting.boxes[Side.A].text == "a pro"
-    click(app, (left + right) / 2, (top + bottom) / 2)
-    assert app.prompting.boxes[Side.A].text != "a proud king"
 
 
 def typed_key(app: App, letter: str) -> None:

@@ -262,17 +262,3 @@ def test_a_language_model_chosen_while_the_model_loads_is_asked(
     app.prompting.submit_prompt("a duck")
     run_until(app, lambda: not app.prompting.asked)
     assert source(app) == ("a duck", "gpt")
-
-
-def test_a_choice_that_holds_opens_no_second_expander(
-    loading: Callable[[], tuple[App, threading.Event]], model: Model, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("OPENAI_BASE_URL", model.url)
-    app, loaded = loading()
-    app.language_model.choose("library")
-    app.language_model.choose("gpt")  # back to what the model is opened with
-    loaded.set()
-    run_until(app, lambda: app.prompting.available and app.language_model.library is not None)
-    assert not app.jobs.busy(Slot("language model"))
-    run_until(app, lambda: not app.prompting.asked)
-    assert source(app) == ("a proud king", "gpt")

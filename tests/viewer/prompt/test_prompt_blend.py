@@ -10,11 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from runtime.motion.style_mix import StyleMix
-from runtime.prompts.blend import ALL_A, BlendedPrompt
+from runtime.prompts.blend import ALL_A
 from runtime.prompts.parts import PartDescriptions
-from runtime.session.history import MAX_STEPS, History
 from runtime.session.prompt_blend import Answer, PromptBlend
-from runtime.session.session import Session
 from runtime.skeleton import PART_NAMES
 from viewer.prompt.suggestions import MAX_HISTORY, MAX_SUGGESTIONS, matching, remember, suggest
 
@@ -93,18 +91,6 @@ def test_the_master_weight_moves_what_is_not_locked() -> None:
     assert everything.master_weight == 0.0
 
 
-def test_what_replays_an_edit() -> None:
-    other = SAID.replace("head", "head up")
-    a, b = answer(), answer("drunk", 2.0, words=other)
-    assert PromptBlend().replayable() == ""
-    assert PromptBlend((a, None)).replayable() == "a proud king"
-    assert PromptBlend((a, b)).replayable() == "a proud king"  # B has no share
-    half = PromptBlend((a, b), (0.5,) * 6)
-    assert half.replayable() == BlendedPrompt("a proud king", other, (0.5,) * 6)
-    assert answer(source="gpt").replayable == SAID  # another time it may say something else
-    assert answer("").replayable == SAID
-
-
 def test_kept_parts_go_on_with_their_words_and_codes() -> None:
     other = PartDescriptions(*(f"{part} hanging" for part in PART_NAMES))
     before, new = answer(), answer("drunk", 2.0, words=other, said=other)
@@ -114,14 +100,3 @@ def test_kept_parts_go_on_with_their_words_and_codes() -> None:
     assert kept.z.dtype == np.float32
     assert (kept.prompt, kept.said, kept.edited) == ("drunk", other, ("left_arm", "head"))
     assert new.keeping((), before) is new
-
-
-def test_the_history_has_an_end() -> None:
-    history = History()
-    for i in range(3 * MAX_STEPS):
-        history.push(str(i), Session(counter=i))
-    undone = 0
-    while history.go(-1):
-        undone += 1
-    assert undone == MAX_STEPS
-    assert (history.undo_label, history.redo_label) == ("", str(2 * MAX_STEPS))

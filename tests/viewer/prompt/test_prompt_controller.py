@@ -27,7 +27,6 @@ from tests.helpers.viewer_fakes import FakeEncoder
 from viewer.editor import Editor
 from viewer.jobs import Jobs
 from viewer.messages import Messages
-from viewer.prompt.answers import quoted
 from viewer.prompt.prompt_controller import FIRST_STYLE_SECONDS, PromptController
 from viewer.settings import Settings
 
@@ -224,53 +223,12 @@ def test_a_lock_is_no_new_style(room: Room) -> None:
     assert len(room.styles) == styles
 
 
-def test_a_better_answer_takes_the_place_of_the_first_in_every_step(room: Room) -> None:
-    room.submit("a duck", final=False)
-    room.controller.toggle_lock("head")
-    room.give(source="gpt")
-    library, gpt = words("a duck"), words("a duck", "gpt")
-    assert room.prompt.a is not None
-    assert room.prompt.a.words == gpt.replace("head", library.head)
-    room.editor.undo()
-    assert room.prompt.a.words == gpt
-    assert room.labels == ["prompt “a duck”", "|", "lock of the head"]
-
-
-def test_undo_withdraws_first_what_has_no_answer(room: Room) -> None:
-    room.submit("a duck")
-    room.controller.submit_prompt("a goose")
-    room.editor.undo()
-    assert (room.message, room.controller.boxes[Side.A].text) == ("Withdrawn: prompt “a goose”.", "a duck")
-    assert room.prompt.prompt(Side.A) == "a duck"
-    room.controller.parts["head"] = "shaking"
-    room.controller.submit_part("head")
-    room.editor.undo()
-    assert room.controller.parts == words("a duck").to_mapping()
-    room.editor.undo()
-    assert room.prompt.prompt(Side.A) == room.controller.boxes[Side.A].text == "a king"
-
-
 def test_the_first_prompt_is_not_withdrawn() -> None:
     room = Room()
     room.controller.begin("a king")
     room.editor.undo()
     room.give()
     assert room.prompt.prompt(Side.A) == "a king"
-
-
-def test_undo_of_a_prompt_gives_up_its_better_answer(room: Room) -> None:
-    room.submit("a duck", final=False)
-    room.editor.undo()
-    assert not room.controller.asked
-    assert room.workers[Side.A].request is None
-
-
-def test_what_is_typed_since_stays(room: Room) -> None:
-    room.submit("a duck")
-    room.controller.boxes[Side.A].text, room.controller.parts["head"] = "a duck that", "shaking"
-    room.editor.undo()
-    assert room.controller.boxes[Side.A].text == "a duck that"
-    assert room.controller.parts == {**words("a king").to_mapping(), "head": "shaking"}
 
 
 def test_the_end_of_a_blend_keeps_locked_parts(room: Room) -> None:
@@ -345,11 +303,6 @@ def test_what_the_character_does_already_is_not_handed_over(room: Room) -> None:
     room.editor.undo()
     room.controller.poll()
     assert np.array_equal(room.styles[-1][0], room.workers[0].code(words("a duck")))
-
-
-def test_long_prompts_are_cut_in_the_name_of_their_step() -> None:
-    assert quoted("a  proud\nking") == "“a proud king”"
-    assert len(quoted("king " * 30)) == 42
 
 
 # against a model

@@ -7,8 +7,6 @@ import time
 import numpy as np
 import pytest
 
-from runtime.prompts.blend import read_words
-from runtime.prompts.parts import PartDescriptions
 from runtime.session.prompt_blend import Side
 from runtime.skeleton import PART_NAMES
 from tests.helpers.app_driver import (
@@ -179,45 +177,8 @@ def test_an_edited_field_is_locked_and_survives_the_next_prompt(start: Start) ->
     assert words(app)["head"] == "head of a duck"
 
 
-def test_locks_hold_as_they_are_when_the_answer_comes(start: Start) -> None:
-    app = start(prompt="a proud king")
-    app.prompting.blocking = False
-    run(app, 2)
-    worker = app.prompting.workers[Side.A]
-    app.prompting.toggle_lock("head")
-    worker.held = True
-    app.prompting.submit_prompt("a duck")
-    app.prompting.toggle_lock("torso")
-    app.prompting.toggle_lock("head")
-    worker.held = False
-    run(app)
-    assert words(app) == {**duck(), "torso": "torso of a proud king"}
-    assert style(app)[4] == pytest.approx(FakeEncoder.code("torso of a proud king"))
-    assert style(app)[5] == pytest.approx(FakeEncoder.code(duck()["head"]))
-
-
 def duck() -> dict[str, str]:
     return FakeLibrary().expand("a duck").descriptions.to_mapping()
-
-
-def test_a_take_keeps_what_replays_it(start: Start) -> None:
-    app = start(prompt="a proud king")
-    run(app, 2)
-    app.takes.toggle_recording()
-    run(app, 2)
-    app.prompting.parts["head"] = "head shaking"
-    app.prompting.submit_part("head")
-    run(app, 2)
-    app.prompting.submit_prompt("a duck")
-    run(app, 2)
-    app.takes.toggle_recording()
-    run(app)
-    events = app.editor.session.takes[0].clip.prompts
-    king = FakeLibrary().expand("a proud king").descriptions
-    kept = [read_words(event.prompt) for event in events]
-    duck_with_king_head = FakeLibrary().expand("a duck").descriptions.replace("head", "head shaking")
-    assert kept == ["a proud king", king.replace("head", "head shaking"), duck_with_king_head]
-    assert [round(event.seconds * 60) for event in events] == [0, 2, 4]
 
 
 # undo
@@ -273,23 +234,6 @@ def test_undo_in_a_field_takes_typing_back_first(start: Start) -> None:
     assert prompt(app) == app.prompting.boxes[Side.A].text == "a proud king"
 
 
-def test_undo_withdraws_a_prompt_without_an_answer(start: Start) -> None:
-    app = start(prompt="a proud king")
-    app.prompting.blocking = False
-    run(app, 2)
-    worker = app.prompting.workers[Side.A]
-    worker.held = True
-    app.prompting.submit_prompt("a duck")
-    run(app, 2)
-    assert app.prompting.asked == {Side.A}
-    press(app, "ctrl", "z")
-    assert "Withdrawn" in message(app)
-    worker.held = False
-    run(app, 3)
-    assert prompt(app) == app.prompting.boxes[Side.A].text == "a proud king"
-    assert not app.prompting.asked
-
-
 def test_words_typed_since_survive_an_undo(start: Start) -> None:
     app = start(prompt="a proud king")
     run(app)
@@ -297,47 +241,3 @@ def test_words_typed_since_survive_an_undo(start: Start) -> None:
     app.prompting.boxes[Side.A].text = "a duck that"
     app.editor.undo()
     assert (prompt(app), app.prompting.boxes[Side.A].text) == ("a proud king", "a duck that")
-
-
-def test_the_words_in_force_survive_another_model(start: Start) -> None:
-    from tests.helpers.viewer_fakes import fake_services
-
-    app = start(prompt="a proud king")
-    run(app)
-    app.prompting.parts["head"] = "head shaking"
-    app.prompting.submit_part("head")
-    loaded = fake_services().load_model(None, app.scene.terrain, 0, None)
-    app.scene.use_model(loaded)
-    app.prompt.use_model(loaded, None)
-    run(app)
-    assert words(app)["head"] == "head shaking"
-    assert prompt(app) == "a proud king"
-    assert style(app)[PART_NAMES.index("head")] == pytest.approx(FakeEncoder.code("head shaking"))
-    assert words(app) == app.prompting.parts
-
-
-def test_a_prompt_that_waits_for_another_model_leaves_locked_words(start: Start) -> None:
-    """The words in force are encoded first: codes of the model before must not be mixed in."""
-    from tests.helpers.viewer_fakes import fake_services
-
-    class OtherEncoder(FakeEncoder):
-        def encode(self, descriptions: PartDescriptions) -> np.ndarray:
-            return -super().encode(descriptions)
-
-    app = start(prompt="a proud king")
-    app.prompting.blocking = False
-    run(app)
-    app.prompting.toggle_lock("head")
-    app.prompting.workers[Side.A].held = True
-    app.prompting.submit_prompt("a duck")
-    loaded = fake_services().load_model(None, app.scene.terrain, 0, None)
-    for worker in loaded.prompts:
-        worker.encoder = OtherEncoder()  # type: ignore[attr-defined]
-    app.scene.use_model(loaded)
-    app.prompt.use_model(loaded, None)
-    run(app, 2)
-    assert loaded.prompts[0].asked == ["a duck"]  # type: ignore[attr-defined]
-    assert words(app) == {**duck(), "head": "head of a proud king"}
-    assert np.array_equal(style(app), OtherEncoder().encode(PartDescriptions.from_mapping(words(app))))
-    assert "duck" in app.editor.undo_label
-    assert not app.prompting.asked

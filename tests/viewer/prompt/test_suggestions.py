@@ -16,6 +16,7 @@ from tests.helpers.app_driver import (
     type_prompt,
     typing,
 )
+from tests.helpers.shipped import shipped_library
 from tests.helpers.viewer_fakes import FakeLibrary
 from viewer.settings import load_settings, save_settings
 
@@ -134,15 +135,13 @@ def test_the_prompt_that_the_program_begins_with_is_no_history(start: Start) -> 
 
 
 def test_the_shipped_library_is_what_is_suggested() -> None:
-    from runtime.prompts.english.library import LibraryExpander
-    from runtime.prompts.text_encoder import TextEncoder
     from viewer.services import library_prompts
 
     ready, prompts = library_prompts()
     assert {text.casefold() for text in ready} <= {text.casefold() for text in prompts}
     assert len(prompts) > 200
     assert len({prompt.casefold() for prompt in prompts}) == len(prompts)
-    near = LibraryExpander(TextEncoder()).nearest("somebody tipsy")
+    near = shipped_library().nearest("somebody tipsy")
     assert len(near) >= 3
     assert {text for text, _ in near} <= set(prompts)
     assert [similarity for _, similarity in near] == sorted((s for _, s in near), reverse=True)

@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from runtime.prompts.blend import BlendedPrompt
 from runtime.prompts.parts import PartDescriptions
 from runtime.session.prompt_blend import Side
 from tests.helpers.app_driver import run, run_until, style, words
@@ -26,20 +25,6 @@ def blending(asking: Callable[[], App], model: Model) -> App:
     run_until(app, lambda: app.editor.session.live.prompt.b is not None and bool(model.asked))
     app.prompting.set_all_weights(0.8)
     return app
-
-
-def test_a_blend_can_be_moved_while_the_language_model_thinks(
-    asking: Callable[[], App], model: Model
-) -> None:
-    app = blending(asking, model)
-    model.released.set()
-    run_until(app, lambda: not app.prompting.asked)
-    edit = app.editor.session.live.prompt
-    assert edit.b is not None
-    assert (edit.b.source, edit.weights, source(app)[1]) == ("gpt", (0.8,) * 6, "library")
-    kept = edit.replayable()
-    assert isinstance(kept, BlendedPrompt)
-    assert (kept.a, kept.b) == ("a proud king", ANSWER)  # what a language model said is kept in full
 
 
 def test_a_blend_moved_while_the_language_model_thinks_is_a_step_of_its_own(
@@ -119,34 +104,6 @@ def test_a_part_locked_while_the_language_model_thinks_keeps_its_words(
     for expected, locked in ((ANSWER, ()), (kept, ("left_arm",))):
         app.editor.redo()
         check_words(app, expected, *locked)
-
-
-def test_a_part_released_while_the_language_model_thinks_takes_its_words(
-    asking: Callable[[], App], model: Model
-) -> None:
-    app = thinking(asking, model, locked="head")
-    check_words(app, DUCK.replace("head", KING.head), "head")
-    app.prompting.toggle_lock("head")
-    finish(app, model)
-    check_words(app, ANSWER)
-    app.editor.undo()
-    check_words(app, ANSWER.replace("head", KING.head), "head")
-    app.editor.undo()
-    check_words(app, KING, "head")
-
-
-def test_undo_of_a_lock_does_not_give_up_the_language_model(asking: Callable[[], App], model: Model) -> None:
-    app = thinking(asking, model)
-    app.prompting.toggle_lock("left_arm")
-    app.editor.undo()
-    check_words(app, DUCK)
-    app.editor.redo()
-    check_words(app, DUCK, "left_arm")
-    app.editor.undo()
-    finish(app, model)
-    check_words(app, ANSWER)
-    app.editor.redo()
-    check_words(app, ANSWER.replace("left_arm", DUCK.left_arm), "left_arm")
 
 
 def test_undo_of_a_prompt_gives_up_the_language_model(asking: Callable[[], App], model: Model) -> None:

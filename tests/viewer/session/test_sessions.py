@@ -15,7 +15,7 @@ import pytest
 
 from runtime.character.writer import write_character
 from runtime.formats.bvh_clip import save_bvh
-from runtime.session import edits, library, sqlite_file
+from runtime.session import edits, sqlite_file
 from runtime.session.database import Database
 from runtime.session.library import find
 from runtime.session.motion import Motion
@@ -124,25 +124,6 @@ def test_everything_is_there_again_and_takes_can_still_be_edited(start: Start, t
     again.editing.reword(0, "proud peacock")
     run(again, 2)
     assert again.editor.session.takes[0].made.clip.prompts[0].prompt == "proud peacock"
-
-
-def test_an_empty_list_of_takes_is_a_session_too(start: Start, tmp_path: Path) -> None:
-    app = start()
-    app.prompting.submit_prompt("a proud king")
-    app.sessions.save_as(tmp_path / "words.sport")
-    app.close()
-    again = start(session=str(tmp_path / "words.sport"))
-    assert prompt(again) == "a proud king"
-
-
-def test_what_was_kept_and_undone_of_a_named_session_does_not_become_an_untitled_one(
-    start: Start, tmp_path: Path
-) -> None:
-    app = start()
-    app.interrupt()
-    app.end()
-    app.close()
-    assert list(untitled(tmp_path).glob("*")) == []  # nothing was done in it
 
 
 # --- from one session to the other
@@ -374,17 +355,6 @@ def test_an_older_session_that_was_cut_off_never_overwrites_the_named_file(
     assert in_file(tmp_path / "a.sport", tmp_path).takes[0].title == "named"
 
 
-def test_sessions_that_another_window_has_open_are_not_offered(start: Start, tmp_path: Path) -> None:
-    make_named(untitled(tmp_path) / "20260101-000000-0000-abc.sport")
-    other, _ = SessionFile.open(next(untitled(tmp_path).glob("*.sport")), tmp_path)
-    app = start()
-    app.sessions.begin(None, looking=True)
-    assert app.sessions.earlier == []
-    other.close()
-    app.sessions.look()
-    assert len(app.sessions.earlier) == 1
-
-
 # --- the disk
 
 
@@ -501,33 +471,6 @@ def test_a_name_that_cannot_be_written_leaves_the_session_where_it_is(start: Sta
     assert app.editor.file.path == path
     app.close()
     assert len(in_file(path, tmp_path).takes) == 2
-
-
-def test_a_name_that_another_window_has_open_is_refused(start: Start, tmp_path: Path) -> None:
-    other, _ = SessionFile.open(make_named(tmp_path / "a.sport"), tmp_path)
-    app = start()
-    record(app)
-    for save in (app.sessions.save_as, app.sessions.save_copy):
-        save(tmp_path / "a.sport")
-        assert "another window has it open" in said(app)
-    other.close()
-    assert [take.title for take in in_file(tmp_path / "a.sport", tmp_path).takes] == ["named"]
-
-
-@pytest.mark.parametrize(
-    "content", [b"", b"SQLite format 3\0" + bytes(100), b"no session", b"PK\x05\x06" + bytes(18)]
-)
-def test_a_damaged_session_is_one_sentence_and_costs_nothing(
-    content: bytes, start: Start, tmp_path: Path
-) -> None:
-    app = start()
-    record(app)
-    (tmp_path / "bad.sport").write_bytes(content)
-    app.open_files([tmp_path / "bad.sport"])
-    run(app, 2)
-    assert "bad.sport: " in said(app)
-    assert titles(app) == ["Take 1"]
-    assert app.sessions.path is None
 
 
 def test_damaged_frames_are_said_when_the_take_is_played_and_the_rest_goes_on(
@@ -650,20 +593,6 @@ def test_a_name_that_is_no_text_kills_nothing(start: Start, tmp_path: Path) -> N
     assert app.end() == 0
     app.close()
     assert [take.title for take in in_file(path, tmp_path).takes] == wanted
-
-
-def test_the_list_of_earlier_sessions_does_not_read_what_is_no_session(start: Start, tmp_path: Path) -> None:
-    untitled(tmp_path).mkdir(parents=True)
-    for name in ("20260101-000000-0000-a.sport", "notes.sport", "x.txt"):
-        (untitled(tmp_path) / name).write_bytes(b"no session")
-    app = start()
-    app.sessions.look()
-    assert app.sessions.earlier == []
-    assert (untitled(tmp_path) / "notes.sport").exists()
-    app.sessions.discard(
-        library.SessionSummary(untitled(tmp_path) / "notes.sport", "x", False, 0.0, 1, 1.0, b"")
-    )
-    assert not (untitled(tmp_path) / "notes.sport").exists()
 
 
 def test_a_session_is_opened_while_frames_are_shown_and_the_one_before_is_kept(

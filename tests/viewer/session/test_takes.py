@@ -307,6 +307,7 @@ def test_screenshot_and_frames_are_written(start: Start, tmp_path: Path) -> None
     from PIL import Image
 
     app = start(
+        drawn=True,
         width=128,
         height=96,
         screenshot=tmp_path / "a" / "out.png",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,16 +12,8 @@ import numpy as np
 
 from runtime.arrays import AnyArray
 from runtime.atomic import write_atomic
-from runtime.character.images import EXTENSIONS, MAX_SIDE, open_image, texture_source
-from runtime.character.read import (
-    REMEDY,
-    STRUCTURE_ERRORS,
-    GltfFile,
-    buffer_view_bytes,
-    read_accessor,
-    read_uri,
-)
-from runtime.errors import FileError
+from runtime.character.read import STRUCTURE_ERRORS, GltfFile, buffer_view_bytes, read_accessor
+from runtime.character.textures import EXTENSIONS, image_bytes, open_image, texture_source
 from runtime.safe_read import reason
 
 if TYPE_CHECKING:
@@ -61,41 +54,32 @@ class GlbBuffer:
         """All images inside the buffer, as PNG or JPEG: other forms are extensions that many programs lack."""
         gltf = self.gltf
         for number, image in enumerate(gltf.images):
-            what = f"image {number}"
-            if image.uri is not None:
-                data = read_uri(file.path, image.uri, "image")
-            elif image.mimeType in _IMAGE_TYPES.values():
-                continue
-            else:
-                data = bytes(buffer_view_bytes(file, image.bufferView, what))
-            kind = next((t for head, t in _IMAGE_TYPES.items() if data.startswith(head)), None)
-            if kind is None:
-                data, kind = _as_png(data, file, what), "image/png"
-            image.mimeType, image.uri, image.bufferView = kind, None, self.add_view(data)
-        for number, texture in enumerate(gltf.textures or []):
-            texture.source = texture_source(file.gltf.textures[number])
+            if image.uri is not None or image.mimeType not in _IMAGE_TYPES.values():
+                self._embed_image(file, image, f"image {number}")
+        for texture, read in zip(gltf.textures, file.gltf.textures or [], strict=True):
+            texture.source = texture_source(read)
             for name in EXTENSIONS:
                 (texture.extensions or {}).pop(name, None)
         for names in (gltf.extensionsUsed, gltf.extensionsRequired):
             names[:] = [name for name in names or [] if name not in EXTENSIONS]
 
+    def _embed_image(self, file: GltfFile, image: Any, what: str) -> None:
+        data = image_bytes(file, image, what)
+        kind = next((t for head, t in _IMAGE_TYPES.items() if data.startswith(head)), None)
+        if kind is None:
+            data, kind = _as_png(data, file, what), "image/png"
+        image.mimeType, image.uri, image.bufferView = kind, None, self.add_view(data)
+
     def _normalise_weights(self, file: GltfFile) -> None:
         """Skin weights that do not add up to one are replaced: a valid file has none, and many exporters write them."""
         done: dict[tuple[int, ...], list[int]] = {}
-        for mesh in self.gltf.meshes or []:
-            for primitive in mesh.primitives:
-                names = [
-                    n
-                    for n in ("WEIGHTS_0", "WEIGHTS_1")
-                    if getattr(primitive.attributes, n, None) is not None
-                ]
-                old = tuple(getattr(primitive.attributes, n) for n in names)
-                if not old:
-                    continue
-                if old not in done:
-                    done[old] = self._normalised(file, old)
-                for name, index in zip(names, done[old], strict=True):
-                    setattr(primitive.attributes, name, index)
+        for primitive in _primitives(self.gltf):
+            fields = vars(primitive.attributes)
+            names = [name for name in ("WEIGHTS_0", "WEIGHTS_1") if fields.get(name) is not None]
+            old = tuple(fields[name] for name in names)
+            if old and old not in done:
+                done[old] = self._normalised(file, old)
+            fields.update(zip(names, done.get(old, old), strict=True))
 
     def _normalised(self, file: GltfFile, indices: tuple[int, ...]) -> list[int]:
         """Accessors of weights that add up to one: those at `indices` where they do already."""
@@ -123,7 +107,9 @@ class GlbBuffer:
         )
         return len(self.gltf.bufferViews) - 1
 
-    def add(self, values: AnyArray, target: int | None = None, *, bounds: bool = False) -> int:
+    def add(
+        self, values: AnyArray, target: int | None = None, *, bounds: bool = False, normalized: bool = False
+    ) -> int:
         """The index of a new accessor that holds `values` `(count, width)`; floats are written as float32."""
         import pygltflib as g
 
@@ -133,6 +119,7 @@ class GlbBuffer:
             componentType=_COMPONENT_TYPES[values.dtype.name],
             count=len(values),
             type=_ELEMENT_TYPES[values.shape[1]],
+            normalized=normalized,
         )
         if bounds:
             accessor.min, accessor.max = values.min(axis=0).tolist(), values.max(axis=0).tolist()
@@ -147,27 +134,11 @@ class GlbBuffer:
         gltf = self.gltf
         if set(gltf.extensionsUsed or []) & NAMES_ACCESSORS:
             return
-        holders: list[tuple[Any, str]] = [(skin, "inverseBindMatrices") for skin in gltf.skins or []]
-        for mesh in gltf.meshes or []:
-            for primitive in mesh.primitives:
-                holders += [
-                    (primitive, "indices"),
-                    *((primitive.attributes, n) for n in vars(primitive.attributes)),
-                ]
-                holders += [
-                    (t, n) for t in primitive.targets or [] for n in (t if isinstance(t, dict) else vars(t))
-                ]
-        for animation in gltf.animations or []:
-            holders += [(sampler, end) for sampler in animation.samplers for end in ("input", "output")]
-        self.gltf.accessors = _renumbered(gltf.accessors, holders)
-        parts = [
-            part
-            for a in gltf.accessors
-            if a.sparse is not None
-            for part in (a.sparse.indices, a.sparse.values)
-        ]
-        users = [(user, "bufferView") for user in (*gltf.accessors, *parts, *(gltf.images or []))]
-        gltf.bufferViews = _renumbered(gltf.bufferViews, users)
+        gltf.accessors = _renumbered(gltf.accessors, list(_accessor_references(gltf)))
+        sparse = [accessor.sparse for accessor in gltf.accessors if accessor.sparse is not None]
+        parts = [part for each in sparse for part in (each.indices, each.values)]
+        users = (*gltf.accessors, *parts, *(gltf.images or []))
+        gltf.bufferViews = _renumbered(gltf.bufferViews, [(vars(user), "bufferView") for user in users])
         old, self._blob = self._blob, bytearray()
         for view in gltf.bufferViews:
             first = view.byteOffset or 0
@@ -197,29 +168,40 @@ def _as_png(data: bytes, file: GltfFile, what: str) -> bytes:
 
     out = io.BytesIO()
     try:
-        with open_image(data, file.path, what) as image:
-            if max(image.size) > MAX_SIDE:
-                raise FileError(f"{file.name}: {what} is larger than {MAX_SIDE} pixels a side.", REMEDY)
+        with open_image(data, file, what) as image:
             image.save(out, "PNG")
     except (Image.DecompressionBombError, *STRUCTURE_ERRORS, OSError, SyntaxError, EOFError) as error:
-        raise FileError(f"{file.name}: {what} is damaged ({reason(error)}).", REMEDY) from error
+        raise file.error(f"{what} is damaged ({reason(error)}).") from error
     return out.getvalue()
 
 
-def _renumbered(entries: list[Any], holders: list[tuple[Any, str]]) -> list[Any]:
-    """The entries that `holders` (owner, field) name, which get their new numbers."""
+Reference = tuple[dict[str, Any], str]  # an object's fields, and the one that names an entry of a list
 
-    def named(owner: Any, field: str) -> Any:
-        return owner.get(field) if isinstance(owner, dict) else getattr(owner, field, None)
 
-    used = sorted({index for owner, field in holders if isinstance(index := named(owner, field), int)})
+def _primitives(gltf: GLTF2) -> Iterator[Any]:
+    return (primitive for mesh in gltf.meshes or [] for primitive in mesh.primitives)
+
+
+def _accessor_references(gltf: GLTF2) -> Iterator[Reference]:
+    for skin in gltf.skins or []:
+        yield vars(skin), "inverseBindMatrices"
+    for primitive in _primitives(gltf):
+        yield vars(primitive), "indices"
+        for attributes in (primitive.attributes, *(primitive.targets or [])):
+            named = attributes if isinstance(attributes, dict) else vars(attributes)
+            yield from ((named, name) for name in named)
+    for animation in gltf.animations or []:
+        for sampler in animation.samplers:
+            yield from ((vars(sampler), end) for end in ("input", "output"))
+
+
+def _renumbered(entries: list[Any], references: list[Reference]) -> list[Any]:
+    """The entries that are referred to; the references get their new numbers."""
+    references = [(fields, name) for fields, name in references if isinstance(fields.get(name), int)]
+    used = sorted({fields[name] for fields, name in references})
     place = {index: k for k, index in enumerate(used)}
-    for owner, field in holders:
-        index = named(owner, field)
-        if isinstance(index, int) and isinstance(owner, dict):
-            owner[field] = place[index]
-        elif isinstance(index, int):
-            setattr(owner, field, place[index])
+    for fields, name in references:
+        fields[name] = place[fields[name]]
     return [entries[index] for index in used]
 
 
@@ -232,4 +214,4 @@ def _document(file: GltfFile) -> GLTF2:
         gltf.animations = []
         return gltf
     except STRUCTURE_ERRORS as error:
-        raise FileError(f"{file.name}: damaged glTF document ({reason(error)}).", REMEDY) from error
+        raise file.error(f"damaged glTF document ({reason(error)}).") from error

@@ -418,22 +418,12 @@ class InputRecorder:
         frame = InputFrame(controls, controller.temperature, controller.strength, controller.response)
         self._frames.add(frame)
 
-    def mark_style(
-        self,
-        z: Array | StyleMix,
-        seconds: float,
-        prompt: str,
-        words: str,
-        note: Any = None,
-        holds: bool = False,
-        typed: str = "",
-    ) -> None:
-        """A style came into force, see `StyleChange`; or it `holds` already in the controller's state."""
-        event, frame = PromptEvent(0.0, prompt, seconds, words, typed), self.next_frame - holds
+    def mark_style(self, style: StyleChange, holds: bool = False) -> None:
+        """A style came into force now, whatever its frame is; or it `holds` already in the controller's state."""
         if holds:
             self._changes = [c for c in self._changes if not isinstance(c, StyleChange)]
-        kept = z if isinstance(z, StyleMix) else np.array(z, np.float32)
-        self._changes.append(StyleChange(frame, kept, seconds, event, note))
+        z = style.z if isinstance(style.z, StyleMix) else np.array(style.z, np.float32)
+        self._changes.append(replace(style, frame=self.next_frame - holds, z=z))
 
     def mark_ground(self, name: str, terrain: Terrain) -> None:
         """Another ground came under the character."""

@@ -16,11 +16,11 @@ from runtime.safe_read import printable
 from runtime.session import edits
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.prompt_blend import PromptBlend
-from runtime.session.session import LIVE, MIN_FRAMES, Ground, Session, Take
+from runtime.session.session import LIVE, MIN_FRAMES, Ground, Reference, Session, Take
 from runtime.session.session_file import Recording
 from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputRecorder, InputRecording, StyleChange
-from runtime.takes.metadata import Origin, gait_of, origin_of
+from runtime.takes.metadata import Origin, PromptEvent, gait_of, origin_of
 from runtime.takes.pins import pins_of_take
 from runtime.takes.pose_edits import PoseEdits
 from runtime.takes.recorder import ClipRecorder
@@ -139,15 +139,14 @@ class Takes:
         z, prompt, words, typed = blend.style(), blend.prompt_text, blend.spelled_out(), blend.typed()
         self.recorder.mark_prompt(prompt, seconds, words, typed)
         if z is not None:
-            self.inputs.mark_style(z, seconds, prompt, words, blend, holds, typed)
+            event = PromptEvent(0.0, prompt, seconds, words, typed)
+            self.inputs.mark_style(StyleChange(0, z, seconds, event, blend), holds)
 
     def mark_style_in_force(self, style: StyleChange) -> None:
         """A style of a take holds in the live controller already."""
         event = style.event
         self.recorder.mark_prompt(event.prompt, 0.0, event.words, event.typed)
-        self.inputs.mark_style(
-            style.z, style.seconds, event.prompt, event.words, style.note, holds=True, typed=event.typed
-        )
+        self.inputs.mark_style(style, holds=True)
 
     def add_poses(self, poses: list[Pose], controls: Controls) -> None:
         """Remember simulated poses, without their pins, and what was requested; call once a frame."""
@@ -326,8 +325,6 @@ class Takes:
             if self.playback is None:
                 self.play(number)
             else:
-                from runtime.session.session import Reference
-
                 self.editor.do(
                     f"reference {path.name}", lambda s: replace(s, reference=Reference(take=number))
                 )

@@ -14,6 +14,10 @@ from runtime.errors import FileError, SportError
 
 MAX_JSON_ITEMS = 1_000_000  # an empty list of two bytes takes 56 in memory
 MAX_DIGITS = 400
+MAX_NPZ_BYTES, NPZ_RATIO = (
+    64 * 1024 * 1024,
+    16,
+)  # that an archive unpacks to: so many, and for each of its bytes
 
 
 def read_bounded(
@@ -81,6 +85,31 @@ def _integer(digits: str) -> int | float:
         if len(digits) <= MAX_DIGITS
         else math.copysign(math.inf, -1.0 if digits[0] == "-" else 1.0)
     )
+
+
+def read_npz(path: str | Path) -> dict[str, Any]:
+    """Named arrays of an NPZ; ValueError where their headers say objects, or more bytes than such a file may unpack to.
+
+    OSError, ValueError and what zipfile and zlib raise are left to the caller.
+    """
+    import zipfile
+
+    import numpy as np
+
+    readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+    size, most = 0, MAX_NPZ_BYTES + NPZ_RATIO * os.stat(path).st_size
+    with zipfile.ZipFile(path) as archive:
+        for info in archive.infolist():
+            with archive.open(info) as member:
+                version = np.lib.format.read_magic(member)
+                if version not in readers:
+                    raise ValueError(f"{info.filename[:40]}: version {version} of NPY")
+                shape, _, dtype = readers[version](member)
+            size += math.prod(shape) * dtype.itemsize
+            if dtype.hasobject or size > most:
+                raise ValueError(f"{info.filename[:40]}: objects, or more than {_size(most)}")
+    with np.load(path, allow_pickle=False) as file:
+        return dict(file)
 
 
 def printable(text: object) -> str:

@@ -26,7 +26,7 @@ from runtime.terrain.height_map import Terrain
 PAD = 61  # frames of extrapolated root path at each end of a clip
 FACING_SIGMA = 12.0  # frames; the root faces the forward direction smoothed by this Gaussian
 MAX_PATCHES = 3
-LAYERED = "layered"  # content of clips made by training.layering
+LAYERED = "layered"  # content of clips made by training.augmentation
 FIRST_OF_UPPER = 11  # joints from LowerBack on are the upper body
 FIXED_POINT = 32767.0  # of rotations stored in 16 bits: 16 times finer than half floats near 1
 PLAIN = "neutral"  # of the neutral styles the one that "a person walking normally" describes
@@ -62,10 +62,10 @@ def smooth(values: Array, sigma: float) -> Array:
     return out.reshape(values.shape)
 
 
-def extrapolate(path: Array, frames: int = 12) -> Array:
-    """Pad a path `(T, n)` at both ends with its mean end velocity."""
-    n = min(frames, len(path) - 1)
-    steps = np.arange(1, PAD + 1)[:, None]
+def extrapolate(path: Array, pad: int = PAD) -> Array:
+    """Extend a path `(T, n)` by `pad` frames at both ends with the mean velocity of twelve frames there."""
+    n = min(12, len(path) - 1)
+    steps = np.arange(1, pad + 1)[:, None]
     before = path[0] - steps[::-1] * (path[n] - path[0]) / n
     after = path[-1] + steps * (path[-1] - path[-1 - n]) / n
     return np.concatenate([before, path, after])

@@ -20,6 +20,7 @@ from runtime.motion.model_files import exact_8_bit_products
 from runtime.prompts.text_encoder import SHIPPED, TextEncoder
 from training import parallel
 from training.arguments import STAGES, build_parser
+from training.augmentation.build import LAYERS, build_layers
 from training.batches import FrameTensors, Normalisation
 from training.composition.composer import Composer
 from training.courses import clips as course_clips
@@ -31,7 +32,6 @@ from training.export.model import Trained, export_model
 from training.export.quantize import quantize_model
 from training.frames import FrameTable, load_frames
 from training.history import History
-from training.layering.build import LAYERS, build_layers
 from training.natural_pace import neutral_style, start_state, style_speeds
 from training.networks.content import ContentEncoder
 from training.networks.diffusion import Schedule, reverse_steps
@@ -98,7 +98,7 @@ def _layer(args: argparse.Namespace) -> None:
 
 
 def _train(args: argparse.Namespace, wanted: set[str]) -> None:
-    """The stages after import and layering that are `wanted`, in their order."""
+    """The stages after import and augmentation that are `wanted`, in their order."""
     run = Run.of(args)
     for stage in STAGES:
         if stage not in wanted or stage in ("import", "layer"):
@@ -262,7 +262,7 @@ class Run:
     # --- stages -------------------------------------------------------------------------------------------------------
 
     def train(self, stage: str) -> None:
-        """A stage of `STAGES` after import and layering."""
+        """A stage of `STAGES` after import and augmentation."""
         getattr(self, f"train_{stage}" if stage != "export" else "export")()
 
     def train_phase(self) -> None:

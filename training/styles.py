@@ -17,9 +17,9 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.sentence_inputs import part_inputs
 from runtime.prompts.text_encoder import TextEncoderLike
 from runtime.skeleton import PART_NAMES
+from training.augmentation.catalogue import PartEdit, part_edits
 from training.data.style_library import style_library
 from training.frames import FrameTable
-from training.layering.catalog import EDITS, PartEdit
 
 LAYERS, CAPTIONS = (
     "layers.json",
@@ -55,7 +55,7 @@ class StyleTexts:
         return self._does(lambda edit: edit.kind in ("steps", "hesitation"))
 
     def _does(self, what: Callable[[PartEdit], bool]) -> np.ndarray:
-        edits = [EDITS.get(".".join(name.split(".")[:2])) for name in self.names]
+        edits = [part_edits().get(".".join(name.split(".")[:2])) for name in self.names]
         return np.array([edit is not None and what(edit) for edit in edits])[self.keys].any(1)
 
     def pick(self, clips: Tensor, generator: torch.Generator | None = None) -> Tensor:

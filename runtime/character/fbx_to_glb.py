@@ -1,22 +1,20 @@
-"""Run by a Python of its own: an FBX character becomes a GLB, by the library ufbx. Arguments: FBX, GLB.
+"""An FBX character becomes a GLB, by the library ufbx in a process of its own (`native_worker`).
 
-A process of its own, so that a damaged file that the library stumbles over ends this process and not the program. It
-imports nothing of the project. Meshes, skins, nodes, base colours and textures are kept; animations are not.
+Meshes, skins, nodes, base colours and textures are kept; animations are not.
 """
 
 from __future__ import annotations
 
 import io
 import json
-import os
 import struct
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+MAX_NODES, MAX_VERTICES = 20_000, 6_000_000  # of a file; the latter are corners of faces
 INFLUENCES = 8  # joints of a vertex, the strongest
 _TYPES = {"f": (5126, np.float32), "u": (5125, np.uint32), "i": (5123, np.uint16)}
 _WIDTHS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
@@ -30,6 +28,8 @@ class Kept:
 
     Whatever is read through it is kept until the process ends.
     """
+
+    __slots__ = ("value",)  # there is one for each vertex and weight
 
     def __init__(self, value: Any) -> None:
         _KEPT.append(value)
@@ -84,19 +84,19 @@ class Document:
                  "type": _WIDTHS[values.shape[1]], "min": values.min(0).tolist(), "max": values.max(0).tolist()}  # fmt: skip
         return self.append("accessors", entry)
 
-    def save(self, path: Path) -> None:
-        """Write the GLB."""
+    def to_bytes(self) -> bytes:
+        """The GLB."""
         self.blob.extend(b"\0" * (-len(self.blob) % 4))
         self.gltf["buffers"] = [{"byteLength": len(self.blob)}]
         text = json.dumps(self.gltf).encode()
         text += b" " * (-len(text) % 4)
         size = 28 + len(text) + len(self.blob)
         head = struct.pack("<4sIII4s", b"glTF", 2, size, len(text), b"JSON")
-        path.write_bytes(head + text + struct.pack("<I4s", len(self.blob), b"BIN\0") + self.blob)
+        return head + text + struct.pack("<I4s", len(self.blob), b"BIN\0") + self.blob
 
 
-def convert(source: Path, target: Path) -> None:
-    """Read an FBX in metres, Y up, and write what it shows at rest as GLB."""
+def convert(source: Path) -> bytes:
+    """What an FBX shows at rest as GLB, in metres, Y up."""
     import ufbx
 
     loaded = ufbx.load_file(
@@ -111,6 +111,9 @@ def convert(source: Path, target: Path) -> None:
         node_depth_limit=512,
     )
     scene = Kept(loaded)
+    vertices = sum(mesh.num_indices for mesh in scene.meshes)
+    if len(scene.nodes) > MAX_NODES or vertices > MAX_VERTICES:
+        raise ValueError(f"{len(scene.nodes)} nodes and {vertices} corners of faces")
     document = Document()
     nodes = {node.typed_id: k for k, node in enumerate(scene.nodes)}
     materials = {m.typed_id: _material(document, m, source) for m in scene.materials}
@@ -132,7 +135,7 @@ def convert(source: Path, target: Path) -> None:
                 entry["skin"] = skin
         document.append("nodes", entry)
     document.gltf["scenes"] = [{"nodes": [nodes[scene.root_node.typed_id]]}]
-    document.save(target)
+    return document.to_bytes()
 
 
 def _unit(q: list[float]) -> list[float]:
@@ -249,12 +252,3 @@ def _image(texture: Any, source: Path) -> bytes | None:
             return out.getvalue()
     except (OSError, ValueError, Image.DecompressionBombError):
         return None
-
-
-if __name__ == "__main__":
-    try:
-        convert(Path(sys.argv[1]), Path(sys.argv[2]))
-    except Exception as error:  # the library's errors share no base class with Python's
-        print(f"{type(error).__name__}: {error}", file=sys.stderr)
-        os._exit(1)
-    os._exit(0)  # the library's objects outlive their scene, which ends in a fault

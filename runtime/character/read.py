@@ -12,7 +12,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from runtime.arrays import AnyArray
-from runtime.character.fbx_file import HEADS, fbx_as_glb
+from runtime.character.native import HEADS, fbx_as_glb
 from runtime.character.unpack import COMPONENTS, MESHOPT, unpack
 from runtime.errors import FileError
 from runtime.safe_read import parse_json, read_bounded, reason

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.arrays import AnyArray
+from runtime.character.native import decode
 from runtime.character.read import (
     STRUCTURE_ERRORS,
     Entry,
@@ -18,7 +19,6 @@ from runtime.character.read import (
     read_accessor,
     read_uri,
 )
-from runtime.character.unpack import library
 from runtime.errors import FileError
 from runtime.safe_read import reason
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
 MAX_SIDE = 8192
+KTX2_PIXELS, KTX2_PIXELS_PER_BYTE = 4096 * 4096, 64  # of a texture in KTX2, by its header
 MAX_PIXELS = 8192 * 8192  # of all images of a file, and
 PIXELS_PER_BYTE = 16  # more for each of their bytes: images of something are hardly ever packed closer
 SAMPLED_PIXELS = 512  # textures are averaged down to this, since only one colour per vertex is taken
@@ -70,10 +71,16 @@ def open_image(data: bytes, file: GltfFile, what: str) -> Image:
 def _ktx2(data: bytes, file: GltfFile, what: str) -> Image:
     from PIL import Image
 
-    codec = library("opengl_basisu", "opengl-basisu", file.path, f"{what} is a KTX2")
-    if len(data) < 28 or not all(0 < side <= MAX_SIDE for side in struct.unpack("<2I", data[20:28])):
+    width, height = struct.unpack("<2I", data[20:28].ljust(8, b"\0"))
+    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE):
         raise file.error(f"{what} is damaged or larger than {MAX_SIDE} pixels a side.", REMEDY)
-    return Image.fromarray(codec.open(data).transcode(codec.Target.RGBA8).data)
+    if width * height > KTX2_PIXELS + KTX2_PIXELS_PER_BYTE * len(data):
+        raise file.error(f"{what} has {width} x {height} pixels in {len(data)} bytes.", REMEDY)
+    size = 4 * width * height
+    pixels = decode("ktx2", file.path, {"size": len(data) + size // 8}, data, REMEDY)
+    if len(pixels) != size:
+        raise file.error(f"{what} is damaged.", REMEDY)
+    return Image.frombytes("RGBA", (width, height), pixels)
 
 
 def primitive_colors(file: GltfFile, textures: Textures, primitive: Entry, what: str, count: int) -> AnyArray:

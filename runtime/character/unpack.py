@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
-import importlib
+import io
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from runtime.arrays import AnyArray
-from runtime.errors import FileError, SportError
+from runtime.character.native import decode
+from runtime.errors import FileError
 from runtime.safe_read import reason
 
 DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
-MAX_BYTES = 512 * 1024 * 1024  # of all that is unpacked
+MAX_BYTES = 256 * 1024 * 1024  # of all that is unpacked, counted before it is
+STRIDES = {  # bytes of an element by mode and filter, as the extension allows them: the decoder writes beyond others
+    ("ATTRIBUTES", "NONE"): range(4, 257, 4),
+    ("ATTRIBUTES", "EXPONENTIAL"): range(4, 257, 4),
+    ("ATTRIBUTES", "OCTAHEDRAL"): (4, 8),
+    ("ATTRIBUTES", "QUATERNION"): (8,),
+    ("TRIANGLES", "NONE"): (2, 4),
+    ("INDICES", "NONE"): (2, 4),
+}
 _REMEDY = "Export it without mesh compression."
 COMPONENTS: dict[int, type] = {  # numpy types of accessors
     5120: np.int8,
@@ -27,130 +36,115 @@ COMPONENTS: dict[int, type] = {  # numpy types of accessors
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
-def library(name: str, package: str, path: Path, what: str) -> Any:
-    """A module that unpacks `what`; FileError says what to install where it is not there."""
-    try:
-        return importlib.import_module(name)
-    except ImportError as error:
-        raise FileError(
-            f"{path}: {what}, which needs the library {package}.",
-            f"Run pip install {package} (or '.[characters]'), or export the character without it.",
-        ) from error
-
-
 def unpack(path: Path, gltf: Any, buffers: list[memoryview]) -> list[memoryview]:
     """Buffers with what was unpacked behind them; the document names plain accessors then. FileError."""
     named = {name for name in gltf.extensionsUsed or [] if isinstance(name, str)}
     if not named & {DRACO, *MESHOPT}:
         return buffers
+    made = list(buffers)
     try:
-        budget = _Budget(path)
         for name in MESHOPT:
-            buffers = _meshopt(path, gltf, buffers, name, budget)
+            _unpack_meshopt(path, gltf, made, name)
         if DRACO in named:
-            buffers = _draco(path, gltf, buffers, budget)
-    except SportError:
-        raise
-    except Exception as error:  # two libraries, whose errors share no base class
+            _unpack_draco(path, gltf, made)
+    except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
         raise FileError(f"{path}: its compressed meshes are damaged ({reason(error)}).", _REMEDY) from error
     for field in ("extensionsUsed", "extensionsRequired"):
         if gltf.get(field):
             gltf[field] = [name for name in gltf[field] if name not in (DRACO, *MESHOPT)]
-    return buffers
+    return made
 
 
-class _Budget:
-    """How many bytes may still be unpacked."""
-
-    def __init__(self, path: Path) -> None:
-        self._path, self._left = path, MAX_BYTES
-
-    def take(self, size: int) -> None:
-        """FileError where it is more than is left, or no size."""
-        self._left -= size
-        if size < 0 or self._left < 0:
-            raise FileError(
-                f"{self._path}: its meshes unpack to over {MAX_BYTES >> 20} MB.", "Reduce the mesh."
-            )
+def _check_size(path: Path, size: int) -> None:
+    if size > MAX_BYTES:
+        raise FileError(f"{path}: its meshes unpack to over {MAX_BYTES >> 20} MB.", "Reduce the mesh.")
 
 
-def _slice(buffers: list[memoryview], entry: Any) -> bytes:
-    start, length = entry.byteOffset or 0, entry.byteLength
-    data = buffers[entry.buffer or 0]
-    if start < 0 or length < 0 or start + length > len(data):
+def _part(buffers: list[memoryview], entry: Any) -> bytes:
+    """The bytes of a buffer view, or of the packed form of one; ValueError."""
+    start, length, buffer = entry.byteOffset or 0, entry.byteLength, entry.buffer or 0
+    if not all(type(number) is int and number >= 0 for number in (start, length, buffer)):
+        raise ValueError("a part is not where bytes can be")
+    if start + length > len(buffers[buffer]):
         raise ValueError("a part reaches beyond its buffer")
-    return bytes(data[start : start + length])
+    return bytes(buffers[buffer][start : start + length])
 
 
-def _meshopt(
-    path: Path, gltf: Any, buffers: list[memoryview], name: str, budget: _Budget
-) -> list[memoryview]:
-    """Every compressed buffer view decoded into a buffer of its own."""
-    made = list(buffers)
-    for view in gltf.bufferViews or []:
-        packed = (view.extensions or {}).get(name)
-        if packed is None:
-            continue
-        codec = library("meshoptimizer", "meshoptimizer", path, "compressed by meshopt")
-        count, stride = int(packed.count), int(packed.byteStride)
-        budget.take(count * stride if stride > 0 else -1)
-        data = np.frombuffer(_slice(buffers, packed), np.uint8)
-        values = _decoded(codec, packed.mode, packed.filter or "NONE", data, count, stride)
-        made.append(memoryview(values.tobytes()))
-        view["buffer"], view["byteOffset"], view["byteLength"] = len(made) - 1, 0, values.nbytes
+def _unpack_meshopt(path: Path, gltf: Any, buffers: list[memoryview], name: str) -> None:
+    """Every compressed buffer view becomes a part of one new buffer."""
+    views = [view for view in gltf.bufferViews or [] if (view.extensions or {}).get(name) is not None]
+    if not views:
+        return
+    facts, parts, size = [], [], 0
+    for view in views:
+        packed = view.extensions[name]
+        _check_meshopt(gltf, view, packed)
+        parts.append(_part(buffers, packed))
+        facts.append({"mode": packed.mode, "filter": packed.filter or "NONE", "count": packed.count,
+                      "stride": packed.byteStride, "length": len(parts[-1])})  # fmt: skip
+        view["buffer"], view["byteOffset"] = len(buffers), size
+        size += view.byteLength
         del view["extensions"]
-    return made
+        _check_size(path, size)
+    data = decode("meshopt", path, {"views": facts, "size": size}, b"".join(parts), _REMEDY)
+    if len(data) != size:
+        raise ValueError(f"{len(data)} bytes; expected {size}")
+    buffers.append(memoryview(data))
 
 
-def _decoded(codec: Any, mode: str, name: str, data: AnyArray, count: int, stride: int) -> AnyArray:
-    """The bytes of a buffer view: `mode` and filter are those of the extension."""
-    if mode in ("TRIANGLES", "INDICES"):
-        decode = codec.decode_index_buffer if mode == "TRIANGLES" else codec.decode_index_sequence
-        values: AnyArray = decode(count, 4, data).astype({2: np.uint16, 4: np.uint32}[stride])
-        return values
-    if mode != "ATTRIBUTES":
-        raise ValueError(f"unknown mode {mode[:20]}")
-    values = codec.decode_vertex_buffer(count, stride, data).view(np.uint8)
-    filters = {
-        "OCTAHEDRAL": "decode_filter_oct",
-        "QUATERNION": "decode_filter_quat",
-        "EXPONENTIAL": "decode_filter_exp",
-    }
-    return values if name == "NONE" else getattr(codec, filters[name])(values, count, stride)
+def _check_meshopt(gltf: Any, view: Any, packed: Any) -> None:
+    """ValueError for what the extension forbids: the decoder believes its arguments."""
+    mode, count, stride = packed.mode, packed.count, packed.byteStride
+    strides = STRIDES.get((mode, packed.filter or "NONE"))
+    if strides is None or type(stride) is not int or stride not in strides:
+        raise ValueError(
+            f"mode {str(mode)[:20]}, filter {str(packed.filter)[:20]}, byteStride {str(stride)[:20]}"
+        )
+    if type(count) is not int or count < 1 or (mode == "TRIANGLES" and count % 3):
+        raise ValueError(f"count {str(count)[:20]}")
+    start, whole = view.byteOffset or 0, gltf.buffers[view.buffer or 0].byteLength
+    if view.byteLength != count * stride or not 0 <= start <= start + view.byteLength <= whole:
+        raise ValueError("the size of a buffer view is not that of its elements")
 
 
-def _draco(path: Path, gltf: Any, buffers: list[memoryview], budget: _Budget) -> list[memoryview]:
-    """The attributes and indices of every compressed primitive as accessors with buffers of their own."""
-    made = list(buffers)
-    known: dict[int, Any] = {}
-    for mesh in gltf.meshes or []:
-        for primitive in mesh.primitives:
-            packed = (primitive.extensions or {}).get(DRACO)
-            if packed is None:
-                continue
-            if packed.bufferView not in known:
-                codec = library("DracoPy", "DracoPy", path, "compressed by Draco")
-                known[packed.bufferView] = codec.decode(_slice(buffers, gltf.bufferViews[packed.bufferView]))
-            decoded = known[packed.bufferView]
-            arrays = {primitive.indices: np.asarray(decoded.faces).reshape(-1, 1)}
+def _unpack_draco(path: Path, gltf: Any, buffers: list[memoryview]) -> None:
+    """The attributes and indices of every compressed primitive become accessors with buffers of their own."""
+    primitives = [primitive for mesh in gltf.meshes or [] for primitive in mesh.primitives]
+    primitives = [primitive for primitive in primitives if DRACO in (primitive.extensions or {})]
+    if not primitives:
+        return
+    wanted: dict[int, set[int]] = {}  # attributes of each buffer view
+    size = 0
+    for primitive in primitives:
+        packed = primitive.extensions[DRACO]
+        wanted.setdefault(packed.bufferView, set()).update(map(int, packed.attributes.values()))
+        accessors = (primitive.indices, *(primitive.attributes[name] for name in packed.attributes))
+        size += sum(4 * _WIDTHS[gltf.accessors[k].type] * gltf.accessors[k].count for k in accessors)
+        _check_size(path, size)
+    parts = [_part(buffers, gltf.bufferViews[view]) for view in wanted]
+    facts = [
+        {"length": len(part), "attributes": sorted(ids)}
+        for part, ids in zip(parts, wanted.values(), strict=True)
+    ]
+    data = decode("draco", path, {"parts": facts, "size": size}, b"".join(parts), _REMEDY)
+    _check_size(path, len(data) // 2)  # of 64-bit numbers at most
+    with np.load(io.BytesIO(data), allow_pickle=False) as decoded:
+        for primitive in primitives:
+            packed = primitive.extensions.pop(DRACO)
+            part = list(wanted).index(packed.bufferView)
+            _set_accessor(gltf, buffers, primitive.indices, decoded[f"{part}.indices"])
             for name, number in packed.attributes.items():
-                data = decoded.get_attribute_by_unique_id(int(number))["data"]
-                arrays[primitive.attributes[name]] = np.asarray(data)
-            for index, values in arrays.items():
-                accessor = gltf.accessors[index]
-                wanted = values.reshape(-1, _WIDTHS[accessor.type])
-                wanted = np.ascontiguousarray(wanted, COMPONENTS[accessor.componentType])
-                budget.take(wanted.nbytes)
-                made.append(memoryview(wanted.tobytes()))
-                gltf.bufferViews.append(
-                    type(gltf)(buffer=len(made) - 1, byteOffset=0, byteLength=wanted.nbytes)
-                )
-                accessor["bufferView"], accessor["byteOffset"] = len(gltf.bufferViews) - 1, 0
-                accessor["count"] = len(wanted)
-                if accessor.min is not None:
-                    accessor["min"], accessor["max"] = (
-                        wanted.min(axis=0).tolist(),
-                        wanted.max(axis=0).tolist(),
-                    )
-            del primitive["extensions"][DRACO]
-    return made
+                _set_accessor(gltf, buffers, primitive.attributes[name], decoded[f"{part}.{int(number)}"])
+
+
+def _set_accessor(gltf: Any, buffers: list[memoryview], index: int, values: AnyArray) -> None:
+    """Give an accessor its values, in a buffer of their own."""
+    accessor = gltf.accessors[index]
+    values = values.reshape(-1, _WIDTHS[accessor.type])
+    values = np.ascontiguousarray(values, COMPONENTS[accessor.componentType])
+    buffers.append(memoryview(values.tobytes()))
+    gltf.bufferViews.append(type(gltf)(buffer=len(buffers) - 1, byteOffset=0, byteLength=values.nbytes))
+    accessor["bufferView"], accessor["byteOffset"] = len(gltf.bufferViews) - 1, 0
+    accessor["count"] = len(values)
+    if accessor.min is not None:
+        accessor["min"], accessor["max"] = values.min(axis=0).tolist(), values.max(axis=0).tolist()

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from runtime.errors import ModelError
 from runtime.motion.model_files import run_graph
 from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.phrasing import ModelPhrasing
 from runtime.prompts.sentence_inputs import input_sizes, sentence_inputs
 from runtime.prompts.text_encoder import TextEncoderLike, open_session
-from runtime.prompts.wording import Wording
 from runtime.skeleton import PART_NAMES
 
 if TYPE_CHECKING:
@@ -27,20 +27,20 @@ class PromptEncoder:
     """Text encoder and body-part network in one: descriptions in, Z^t out.
 
     `onnx_path` is a network with input `embeddings` (N, 6, D) and output `z` (N, 6, 64), loaded at the first
-    `encode`; its D must be that of `text_encoder`, with or without direction words and side. `wording` puts sentences
-    into words that the model follows.
+    `encode`; its D must be that of `text_encoder`, with or without direction words and side. `phrasing` has the
+    sentences that the model reads in place of others.
     """
 
     def __init__(
-        self, text_encoder: TextEncoderLike, onnx_path: Path, wording: Wording | None = None
+        self, text_encoder: TextEncoderLike, onnx_path: Path, phrasing: ModelPhrasing | None = None
     ) -> None:
         self._text_encoder = text_encoder
         self._path = onnx_path
-        self._wording = Wording() if wording is None else wording
+        self._phrasing = ModelPhrasing() if phrasing is None else phrasing
 
     def encode(self, descriptions: PartDescriptions) -> NDArray[np.float32]:
         """Z^t `(6, 64)` of six descriptions; ModelError when the network is damaged or gives no finite numbers."""
-        texts = self._wording.followed(descriptions).as_tuple()
+        texts = self._phrasing.followed(descriptions).as_tuple()
         session = self._session
         embeddings = sentence_inputs(self._text_encoder, texts, session.get_inputs()[0].shape[2])
         (given,) = run_graph(session, self._path, ["z"], {"embeddings": embeddings[None]})

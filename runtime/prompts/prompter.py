@@ -19,9 +19,8 @@ from runtime.prompts.content import PromptEncoder
 from runtime.prompts.english.library import LibraryExpander
 from runtime.prompts.expander import Expander, Expansion
 from runtime.prompts.parts import PartDescriptions
-from runtime.prompts.shares import shares_of
+from runtime.prompts.phrasing import ModelPhrasing, adherence_of, phrasing_of
 from runtime.prompts.text_encoder import library_encoder, text_encoder_of
-from runtime.prompts.wording import Wording, wording_of
 
 if TYPE_CHECKING:
     from runtime.motion.model import MotionModel
@@ -34,8 +33,8 @@ class Prompter:
 
     `expander` is one of EXPANDERS, `text_encoder` the folder of the one that the model was trained with, where it is
     neither shipped nor in the model folder. `report` gets what expansions remark, such as how near the library came and
-    what the model hardly shows, `expanded` each prompt with its six descriptions. `wording` (default: that of the model) says
-    with which words the model is told of them. UsageError or ModelError names what cannot be used.
+    what the model hardly shows, `expanded` each prompt with its six descriptions. `phrasing` (default: that of the model) has the
+    sentences that the model reads in their place. UsageError or ModelError names what cannot be used.
     """
 
     def __init__(
@@ -45,16 +44,16 @@ class Prompter:
         report: Callable[[str], None] = lambda _: None,
         text_encoder: Path | None = None,
         expanded: Callable[[str, PartDescriptions], object] = lambda *_: None,
-        wording: Wording | None = None,
+        phrasing: ModelPhrasing | None = None,
     ) -> None:
-        self.wording = wording_of(model.name) if wording is None else wording
+        self.phrasing = phrasing_of(model.name) if phrasing is None else phrasing
         self.text_encoder = text_encoder_of(model.metadata, model.folder, text_encoder)
-        self.encoder = PromptEncoder(self.text_encoder, model.prompt_path, self.wording)
+        self.encoder = PromptEncoder(self.text_encoder, model.prompt_path, self.phrasing)
         self._expander = self._open(expander)
         self._report, self._expanded = report, expanded
-        self._shares = shares_of(model.name)
+        self._adherence = adherence_of(model.name)
         self._model = model
-        self._shares_of_pairs: dict[tuple[bytes, bytes], Shares] = {}
+        self._weights_of_pairs: dict[tuple[bytes, bytes], Shares] = {}
 
     def listening(
         self, report: Callable[[str], None], expanded: Callable[[str, PartDescriptions], object]
@@ -73,7 +72,9 @@ class Prompter:
         """Six descriptions of a prompt; PromptError when it cannot be used."""
         expansion = self._expander.expand(prompt)
         self._expanded(prompt, expansion.descriptions)
-        note = f"{expansion.note} {self._shares.note(self.wording.followed(expansion.descriptions))}".strip()
+        note = (
+            f"{expansion.note} {self._adherence.note(self.phrasing.followed(expansion.descriptions))}".strip()
+        )
         if note:
             self._report(f"“{prompt}”: {note}")
         return expansion
@@ -89,7 +90,7 @@ class Prompter:
         if isinstance(words, BlendedPrompt):
             return self._blend(self(words.a), self(words.b), words.weights)
         if isinstance(words, PartDescriptions):
-            if note := self._shares.note(self.wording.followed(words)):
+            if note := self._adherence.note(self.phrasing.followed(words)):
                 self._report(note)
             return self.encoder.encode(words)
         return self.encoder.encode(self.expand(words).descriptions)
@@ -98,9 +99,9 @@ class Prompter:
         """The mix in which `weights` of the change are done; a pair is measured once."""
         if mixes(weights):
             pair = a.tobytes(), b.tobytes()
-            if pair not in self._shares_of_pairs:
-                self._shares_of_pairs[pair] = perceptual_weights(self._model, a, b)
-            weights = even_weights(self._shares_of_pairs[pair], weights)
+            if pair not in self._weights_of_pairs:
+                self._weights_of_pairs[pair] = perceptual_weights(self._model, a, b)
+            weights = even_weights(self._weights_of_pairs[pair], weights)
         return mix_of_parts(a, b, weights)
 
     def _open(self, name: str) -> Expander:

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import textwrap
 import time
+import zipfile
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -30,6 +31,8 @@ from runtime.skeleton import REST_HIPS_HEIGHT
 from runtime.takes.clip import Clip
 from runtime.terrain.files import read_terrain
 from tests.helpers.gltf_characters import join_glb, split_glb, user_character
+from training.baselines.matching import Database
+from viewer.edit.video import read_video
 
 MOTION = "MOTION\nFrames: {}\nFrame Time: 0.01\n"
 
@@ -252,6 +255,33 @@ def bomb_npy_header(path: Path) -> Callable[[], object]:
     path = path.with_suffix(".npy")
     path.write_bytes(b"\x93NUMPY\x02\0" + struct.pack("<I", 4_000_000_000) + b"(" * 1_000_000)
     return lambda: read_terrain(path)
+
+
+def bomb_npz_of_a_motion_database(path: Path) -> Callable[[], object]:
+    with (
+        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive,
+        archive.open("world.npy", "w") as member,
+    ):
+        header = {"descr": "<f4", "fortran_order": False, "shape": (500, 1024, 1024)}
+        np.lib.format.write_array_header_1_0(member, header)
+        for _ in range(500):
+            member.write(bytes(4 << 20))
+    return lambda: Database.load(path)
+
+
+def bomb_npz_header(path: Path) -> Callable[[], object]:
+    with zipfile.ZipFile(path, "w") as archive, archive.open("world.npy", "w") as member:
+        header = {"descr": "<f4", "fortran_order": False, "shape": (1 << 40, 1 << 20)}
+        np.lib.format.write_array_header_1_0(member, header)
+    return lambda: Database.load(path)
+
+
+def bomb_gif_of_40_large_pictures(path: Path) -> Callable[[], object]:
+    path = path.with_suffix(".gif")
+    Image.new("P", (8000, 8000)).save(path, save_all=True, append_images=[])
+    data = path.read_bytes()
+    path.write_bytes(data[:-1] + data[data.index(b"\x2c") : -1] * 39 + b";")
+    return lambda: read_video(path)
 
 
 def bomb_prompts(_path: Path) -> Callable[[], object]:

@@ -19,9 +19,9 @@ from runtime.motion.model_files import exact_8_bit_products  # noqa: E402
 from runtime.skeleton import PART_NAMES, REST_HIPS_HEIGHT  # noqa: E402
 from runtime.terrain.height_map import Terrain  # noqa: E402
 from tests.helpers.synthetic_clips import LENGTH, SPEED, write_clip  # noqa: E402
+from training.augmentation.sentences import longer_sentences  # noqa: E402
 from training.batches import FrameTensors  # noqa: E402
 from training.frames import clip_frames, load_frames  # noqa: E402
-from training.layering.longer_phrases import longer_sentences  # noqa: E402
 from training.pipeline import main  # noqa: E402
 from training.rollouts import RolloutLanes  # noqa: E402
 from training.sampling import sampling_weights  # noqa: E402

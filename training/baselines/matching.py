@@ -27,6 +27,7 @@ from runtime.errors import ModelError
 from runtime.motion import features
 from runtime.motion.features import FPS, INPUT, OutputParts, build_output
 from runtime.motion.style import Style
+from runtime.safe_read import read_npz
 from runtime.skeleton import SPORT_SKELETON, J
 from runtime.terrain.obstacle_detection import ObstacleAhead
 
@@ -110,8 +111,7 @@ class Database:
     def load(path: Path) -> Database:
         """ModelError when the file is none."""
         try:
-            with np.load(path, allow_pickle=False) as file:
-                found = {name: file[name] for name in file.files}
+            found = read_npz(path)
             floats = {k: found[k].astype(np.float32) for k in ("features", "hips", "root", "codes", "speeds")}
             base = Database(
                 **floats,

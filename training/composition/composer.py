@@ -16,10 +16,10 @@ from torch import Tensor
 
 from runtime.motion.features import FPS, OUTPUT
 from runtime.skeleton import PART_NAMES, SPORT_SKELETON, J
+from training.augmentation.catalogue import PartEdit, catalogue, part_edits
 from training.composition.upper_body import CHEST, CLIP_SPAN, FIRST, JOINTS_OF, PARTS, TORSO, UPPER, UpperBody
 from training.frames import FIXED_POINT, LAYERED, FrameTable
 from training.kinematics import matrices
-from training.layering.catalog import EDITS, HELD_OUT_PAIRS, PartEdit
 from training.styles import StyleTexts
 
 COMPOSED = 0.5  # share of samples with at least one part of another clip
@@ -268,7 +268,7 @@ def _weighted(cumulative: Tensor, size: tuple[int, ...]) -> Tensor:
 
 def _edit(name: str) -> PartEdit | None:
     """The edit that a key names, with or without the part that its words describe."""
-    return EDITS.get(".".join(name.split(".")[:2]))
+    return part_edits().get(".".join(name.split(".")[:2]))
 
 
 def _fixed_torsos(texts: StyleTexts) -> np.ndarray:
@@ -283,7 +283,7 @@ def _forbidden(texts: StyleTexts) -> list[tuple[tuple[int, int], tuple[int, int]
     number = {name: k for k, name in enumerate(texts.names)}
     pairs = [
         [(PART_NAMES.index(e.split(".")[0]), number.get(e, -1)) for e in pair]
-        for pair in HELD_OUT_PAIRS.values()
+        for pair in catalogue().held_out_pairs.values()
     ]
     return [(a, b) for a, b in pairs if a[1] >= 0 and b[1] >= 0]
 

@@ -16,9 +16,9 @@ from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.motion.features import FPS, INPUT, OUTPUT, L
 from runtime.skeleton import PART_JOINTS, SPORT_SKELETON, J
+from training.augmentation.gait import left_landings, step_phase
 from training.frames import FIRST_OF_UPPER as FIRST
 from training.frames import FIXED_POINT, FrameTable, smooth
-from training.layering.steps import left_landings, step_phase
 
 PARTS = ("left_arm", "right_arm", "torso", "head")  # that can come from another clip
 UPPER = J - FIRST

@@ -28,16 +28,16 @@ from runtime.errors import FileError, run_command
 from runtime.motion.features import C
 from runtime.motion.model import MotionModel, load_model
 from runtime.motion.model_files import read_metadata
-from runtime.prompts.english.clause_rules import grammar
+from runtime.prompts.english.grammar import grammar
 from runtime.prompts.parts import PartDescriptions, mirror_text
+from runtime.prompts.phrasing import ModelPhrasing, phrasing_of
 from runtime.prompts.prompter import Prompter
-from runtime.prompts.wording import Wording, wording_of
 from runtime.skeleton import PART_NAMES
+from training.augmentation.catalogue import catalogue, part_edits
+from training.augmentation.measured_edits import Summary
 from training.evaluation.text.prompt_adherence import SECONDS, described_edits, edit_fraction, neutral_motion
 from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker
 from training.frames import FrameTable, load_frames
-from training.layering.catalog import EDITS, HELD_OUT
-from training.layering.measured_edits import Summary
 from training.text.claims import claims, sentence_share
 
 log = logging.getLogger("sport.train")
@@ -148,7 +148,9 @@ class _Walks:
         return code
 
 
-def calibrated(model: MotionModel, prompter: Prompter, walker: Walker, told: Wording) -> list[dict[str, Any]]:
+def calibrated(
+    model: MotionModel, prompter: Prompter, walker: Walker, told: ModelPhrasing
+) -> list[dict[str, Any]]:
     """The codes of what a model was asked for with leads and gains, as its metadata have them; `told` is its wording."""
     plain = prompter.expand(PLAIN_PROMPT).descriptions
     neutral = prompter(plain)
@@ -156,7 +158,7 @@ def calibrated(model: MotionModel, prompter: Prompter, walker: Walker, told: Wor
     examples = described_edits(neutral_motion(model, neutral))
     pairs = _trained()
     edits = {
-        name: _Asked(name, EDITS[name].phrases, partial(edit_fraction, name, examples[name]))
+        name: _Asked(name, part_edits()[name].phrases, partial(edit_fraction, name, examples[name]))
         for name in sorted({n for pair in pairs for n in pair})
     }
     first = dict(zip(edits, walks.shares(list(edits.values())), strict=True))
@@ -164,10 +166,14 @@ def calibrated(model: MotionModel, prompter: Prompter, walker: Walker, told: Wor
     for left, right in pairs:
         lead = _lead(left, right, first[left] - first[right])
         better = left if lead >= 0 else right
-        gains = walks.gains(edits[better], first[better], EDITS[left].kind == "hand")
+        gains = walks.gains(edits[better], first[better], part_edits()[left].kind == "hand")
         # of a pair that has one side only the catalogue has the words of the other
         rows += _rows(
-            _Asked(left, EDITS[left].phrases, edits[better].share), EDITS[left].slot, lead, gains, walks
+            _Asked(left, part_edits()[left].phrases, edits[better].share),
+            part_edits()[left].slot,
+            lead,
+            gains,
+            walks,
         )
     for asked in _rule_sentences(told):
         gains = walks.gains(asked, walks.alone(asked, 1.0), held=False)
@@ -175,9 +181,9 @@ def calibrated(model: MotionModel, prompter: Prompter, walker: Walker, told: Wor
     return rows
 
 
-def _rule_sentences(told: Wording) -> Iterable[_Asked]:
+def _rule_sentences(told: ModelPhrasing) -> Iterable[_Asked]:
     """What rules make of legs, torso and head beyond the catalogue, in the words that a model is told."""
-    edited = {text for edit in EDITS.values() for texts in edit.phrases.values() for text in texts}
+    edited = {text for edit in part_edits().values() for texts in edit.phrases.values() for text in texts}
     for part, group in (("left_leg", "leg"), ("torso", "torso"), ("head", "head")):
         rules = grammar().groups[group]
         said = [sentences for _, sentences in (*rules.actions, *rules.denied)]
@@ -202,7 +208,7 @@ def _beside(plain: PartDescriptions, parts: Iterable[str], companions: Iterable[
     if taken & LEGS:
         taken |= LEGS
     for other in companions:
-        phrases = EDITS[other].phrases
+        phrases = part_edits()[other].phrases
         if not taken & set(phrases):
             for part, texts in phrases.items():
                 plain = plain.replace(part, texts[0])
@@ -211,15 +217,15 @@ def _beside(plain: PartDescriptions, parts: Iterable[str], companions: Iterable[
 
 def _trained() -> list[tuple[str, str]]:
     """Left and right of every edit that training saw, on one side at least; twice the same name for one without sides."""
-    pairs = [(name, name.replace("left", "right")) for name in EDITS if "right" not in name]
-    pairs = [(left, right if right in EDITS else left) for left, right in pairs]
-    return [pair for pair in pairs if not set(pair) <= HELD_OUT]
+    pairs = [(name, name.replace("left", "right")) for name in part_edits() if "right" not in name]
+    pairs = [(left, right if right in part_edits() else left) for left, right in pairs]
+    return [pair for pair in pairs if not set(pair) <= catalogue().held_out]
 
 
 def _lead(left: str, right: str, measured: float) -> float:
     """The lead of a left side: the measured one, or that of the only side that training saw."""
-    if (left in HELD_OUT) != (right in HELD_OUT):
-        return -UNTRAINED if left in HELD_OUT else UNTRAINED
+    if (left in catalogue().held_out) != (right in catalogue().held_out):
+        return -UNTRAINED if left in catalogue().held_out else UNTRAINED
     return round(measured, 2) if abs(measured) >= ALIKE else 0.0
 
 
@@ -251,8 +257,8 @@ def calibrate(folder: Path, signs: Sequence[int], text_encoder: Path | None = No
     if metadata.pop("calibration", None) is not None:
         _write(folder, metadata)
     model = load_model(folder)
-    prompter = Prompter(model, text_encoder=text_encoder, wording=Wording())
-    codes = calibrated(model, prompter, Walker(folder, workers, SECONDS), wording_of(model.name))
+    prompter = Prompter(model, text_encoder=text_encoder, phrasing=ModelPhrasing())
+    codes = calibrated(model, prompter, Walker(folder, workers, SECONDS), phrasing_of(model.name))
     _write(folder, metadata | {"calibration": {"phase": list(signs), "codes": codes}})
 
 

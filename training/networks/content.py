@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from runtime.skeleton import PART_JOINTS, PART_NAMES, J
 from training.presets import ModelConfig
-from training.text.clip_values import signs_of
+from training.text.clip_measures import signs_of
 
 SEQUENCE_LENGTH = 40  # T
 PART_SIZE = 64
@@ -249,7 +249,7 @@ class StatisticsReader(nn.Module):
 
 
 class MeasuresReader(nn.Module):
-    """What a part does in a walk, standardised (`training.text.clip_values`), read off its code along one direction each.
+    """What a part does in a walk, standardised (`training.text.clip_measures`), read off its code along one direction each.
 
     Means and deviations of joints hardly tell hips that swing from hips that are still, and codes that lie as near as
     their sentences cannot be told apart by what follows. Directions have unit length, so that a deviation of a measure

@@ -32,7 +32,7 @@ from training.session import (
     train,
 )
 from training.styles import StyleTable, StyleTexts, pick_paraphrases
-from training.text.clip_values import clip_values
+from training.text.clip_measures import clip_values
 
 STRIDE = 2  # frames between two samples: 40 samples are 1.3 s, more than one step
 # Eq. 7. The paper's lambda_con is 1e-2 for 100 styles over a long training; the shorter one here needs more of it.

@@ -3,7 +3,7 @@
 python -m training.stages.words --clips DIR --run DIR
 
 The text network alone is trained, on the codes that it gives already: those of all training sentences stay, so the
-motion generator may have been trained before, and those of `training.layering.longer_phrases` follow their phrases.
+motion generator may have been trained before, and those of `training.augmentation.sentences` follow their phrases.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from runtime.prompts.sentence_inputs import part_inputs
 from runtime.prompts.text_encoder import TextEncoderLike
 from runtime.skeleton import PART_NAMES
 from training.arguments import WORD_STEPS
-from training.layering.longer_phrases import LongerSentence, longer_sentences, other_sentences
+from training.augmentation.sentences import LongerSentence, longer_sentences, other_sentences
 from training.networks.content import ContentEncoder, PartTextEncoder
 from training.presets import ModelConfig
 from training.styles import StyleTexts

@@ -15,7 +15,6 @@ from tokenizers import Tokenizer
 
 from runtime.assets import asset_path
 from runtime.errors import run_command
-from runtime.prompts.english.language import ENGLISH
 from runtime.prompts.english.library_data import (
     embed_library,
     library_hash,
@@ -25,7 +24,7 @@ from runtime.prompts.english.library_data import (
 )
 from runtime.prompts.english.other_languages import save_languages
 from runtime.prompts.english.phrases import PhraseIndex
-from runtime.prompts.english.spelling import Spelling
+from runtime.prompts.english.spelling import ENGLISH, Spelling
 from runtime.prompts.text_encoder import TextEncoder
 
 

@@ -17,8 +17,8 @@ from typing import Any
 from runtime.atomic import write_atomic
 from runtime.errors import UsageError, run_command
 from training.text.clip_measures import measure_clips, styles_of
+from training.text.descriptions import describe
 from training.text.measure import BodyMeasures
-from training.text.wording import describe
 
 PARAPHRASES = 4
 

@@ -1,19 +1,23 @@
-"""Measures of imported clips, made comparable between captures."""
+"""Measures of imported clips: made comparable between captures for captions, standardised part by part for training."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import astuple, dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from runtime.arrays import Array
+from runtime.controls import Gait
 from runtime.errors import FileError
-from training.text.measure import FPS, BodyMeasures, average, measure
+from runtime.skeleton import PART_NAMES
+from training.text.measure import FPS, BodyMeasures, average, measure, measure_names
 
 MIN_FRAMES = 90
-_WALK = 1
 # a gesture is described whole, standing; of locomotion, forward walking tells a style best
 _GESTURE = ("hand",)
 _NOT_FORWARD = (
@@ -30,6 +34,8 @@ _NOT_FORWARD = (
     "navigate",
 )
 MAX_TILT_CORRECTION = 10.0  # degrees; a neutral walk that looks down by more does look down
+MOST = 4.0  # deviations: what a clip that turns or jumps does beyond that says nothing more
+_ONE_SIDED = ("roll", "turn")  # of torso and head: these change their sign in the mirror image
 VARIANTS = 4  # up to so many forward clips, each is a performance of its own and gets its own words
 
 
@@ -99,7 +105,7 @@ def _read(path: Path, every_clip: bool) -> list[ClipMeasures]:
 
 def _walking(gait: np.ndarray) -> list[tuple[int, int]]:
     """Runs of at least `MIN_FRAMES` frames of walking."""
-    walking = np.concatenate([[False], np.argmax(gait, axis=1) == _WALK, [False]])
+    walking = np.concatenate([[False], np.argmax(gait, axis=1) == Gait.WALK, [False]])
     edges = np.flatnonzero(np.diff(walking.astype(int)))
     return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= MIN_FRAMES]
 
@@ -121,3 +127,34 @@ def _subtract(body: BodyMeasures, base: BodyMeasures) -> BodyMeasures:
     )
     head = replace(body.head, pitch=body.head.pitch - tilt, forward=body.head.forward - base.head.forward)
     return replace(body, torso=torso, head=head)
+
+
+# --- Standardised, for training ---------------------------------------------------------------------------------------
+
+
+def signs_of(part: str) -> tuple[float, ...]:
+    """Of each measure: -1 where it changes its sign in the mirror image, else 1."""
+    return tuple(-1.0 if name in _ONE_SIDED else 1.0 for name in measure_names(part))
+
+
+def clip_values(folder: Path, names: Sequence[str], workers: int = 2) -> list[Array]:
+    """Six arrays `(clips, n)` of the clips called `names`, standardised over them and at most `MOST` from their mean.
+
+    FileError of numpy's where a clip is missing. Signs survive: what changes its sign in the mirror image has mean 0.
+    """
+    with ProcessPoolExecutor(workers) as pool:
+        rows = list(pool.map(partial(_measured, folder), names, chunksize=64))
+    return [_standardised(np.array([row[k] for row in rows]), part) for k, part in enumerate(PART_NAMES)]
+
+
+def _standardised(values: Array, part: str) -> Array:
+    centre = np.median(values, axis=0) * (np.array(signs_of(part)) > 0)
+    # percentiles: a clip that spins has a thousand times the others' range
+    spread = np.percentile(np.abs(values - centre), 80, axis=0) + 1e-4
+    return np.clip((values - centre) / spread, -MOST, MOST).astype(np.float32)
+
+
+def _measured(folder: Path, name: str) -> list[tuple[float, ...]]:
+    with np.load(folder / f"{name}.npz", allow_pickle=False) as clip:
+        body = measure(clip["hips_positions"], clip["local_rotations"], clip["contacts"])
+    return [astuple(getattr(body, part)) for part in PART_NAMES]

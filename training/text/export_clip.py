@@ -10,20 +10,10 @@ tokenizer.json and text_encoder.json.
 from __future__ import annotations
 
 import argparse
-import hashlib
-import json
-import shutil
-import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-import numpy as np
 
 from runtime.errors import FileError, run_command
-from training.text.export_text_encoder import CHECK_TEXTS, quantise, write_tokenizer
-
-if TYPE_CHECKING:
-    from training.text.clip_tower import ClipTextTower
+from training.text.export_text_encoder import write_encoder
 
 GRAPH = "clip_text.onnx"
 PRECISIONS = ("int8", "float32")
@@ -34,72 +24,21 @@ def export_clip(weights: Path, out: Path, name: str = "CLIP ViT-B/32", precision
 
     FileError when `weights` is no CLIP folder. `name` is what models trained with it will ask for.
     """
-    from training.text.clip_tower import load_tower
+    from training.text.encoders import load_tower
 
-    if not (weights / "tokenizer.json").is_file():
-        raise FileError(
-            f"{weights / 'tokenizer.json'}: missing.", "Save the fast tokenizer with the weights."
-        )
+    tokenizer = weights / "tokenizer.json"
+    if not tokenizer.is_file():
+        raise FileError(f"{tokenizer}: missing.", "Save the fast tokenizer with the weights.")
     tower = load_tower(weights)
-    out.mkdir(parents=True, exist_ok=True)
-    _write_graph(tower, out / GRAPH, precision)
-    max_tokens = tower.position_embedding.num_embeddings
-    write_tokenizer(weights / "tokenizer.json", out / "tokenizer.json", max_tokens)
     metadata = {
         "name": name,
         "source": "a local CLIP folder",
         "dimensions": tower.text_projection.out_features,
-        "max_tokens": max_tokens,
+        "max_tokens": tower.position_embedding.num_embeddings,
         "graph": GRAPH,
         "precision": precision,
-        "sha256": hashlib.sha256((out / GRAPH).read_bytes()).hexdigest(),
     }
-    (out / "text_encoder.json").write_text(json.dumps(metadata, indent=2) + "\n", "utf-8")
-    return _check(tower, out)
-
-
-def _write_graph(tower: ClipTextTower, path: Path, precision: str) -> None:
-    import torch
-
-    with tempfile.TemporaryDirectory() as scratch:
-        plain = Path(scratch) / "fp32.onnx"
-        ids = torch.randint(0, tower.token_embedding.num_embeddings, (2, 7))
-        torch.onnx.export(
-            tower,
-            (ids, torch.ones_like(ids)),
-            str(plain),
-            input_names=["input_ids", "attention_mask"],
-            output_names=["embeddings"],
-            dynamic_axes={
-                "input_ids": {0: "n", 1: "length"},
-                "attention_mask": {0: "n", 1: "length"},
-                "embeddings": {0: "n"},
-            },
-            opset_version=17,
-            dynamo=False,
-        )
-        if precision == "int8":
-            quantise(plain, path)
-        else:
-            shutil.copyfile(plain, path)
-
-
-def _check(tower: ClipTextTower, out: Path) -> float:
-    """Lowest cosine of what was written against the tower itself."""
-    import torch
-    from tokenizers import Tokenizer
-
-    from runtime.prompts.text_encoder import TextEncoder
-
-    tokenizer = Tokenizer.from_file(str(out / "tokenizer.json"))
-    found = TextEncoder(out).encode(CHECK_TEXTS)
-    cosines = []
-    for text, vector in zip(CHECK_TEXTS, found, strict=True):
-        ids = torch.tensor([tokenizer.encode(text).ids])
-        with torch.no_grad():
-            expected = tower(ids, torch.ones_like(ids))[0].numpy()
-        cosines.append(float(np.dot(expected, vector)))
-    return min(cosines)
+    return write_encoder(tower, tokenizer, out, metadata, precision)
 
 
 def main(argv: list[str] | None = None) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +16,11 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.motion.features import FPS
 from runtime.skeleton import SPORT_SKELETON
-from training.text import measure_rhythm
-from training.text.measure_rhythm import closed, smoothed
 
 _FACING_SECONDS = 0.5
+_CYCLE_SECONDS = 1.1  # about a gait cycle, which facing and path are averaged over
+_LANDING = 8  # frames before a landing in which a foot comes down
+_FLICKER = 6
 
 
 @dataclass(frozen=True)
@@ -92,6 +94,9 @@ class HeadMeasures:
     turn: float = 0.0  # degrees that the face looks to the left of the facing direction
 
 
+_MEASURES = {"arm": ArmMeasures, "leg": LegMeasures, "torso": TorsoMeasures, "head": HeadMeasures}
+
+
 @dataclass(frozen=True)
 class BodyMeasures:
     """A whole motion, or the average of several."""
@@ -102,6 +107,11 @@ class BodyMeasures:
     right_leg: LegMeasures
     torso: TorsoMeasures
     head: HeadMeasures
+
+
+def measure_names(part: str) -> tuple[str, ...]:
+    """The measures of a part such as "left_arm", in their order."""
+    return tuple(field.name for field in fields(_MEASURES[part.split("_")[-1]]))
 
 
 def measure(hips: Array, local: Array, contacts: Array) -> BodyMeasures:
@@ -136,6 +146,29 @@ def average(measures: Iterable[tuple[BodyMeasures, float]]) -> BodyMeasures:
             **{f.name: _weighted_median([getattr(v, f.name) for v in values], weights) for f in fields(kind)}
         )
     return BodyMeasures(**parts)
+
+
+def landings(down: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Frames where contact `(T,)` begins; gaps of up to `_FLICKER` frames are none."""
+    return np.flatnonzero(np.diff(closed(down).astype(int)) == 1) + 1
+
+
+def closed(down: NDArray[np.bool_], frames: int = _FLICKER) -> NDArray[np.bool_]:
+    """Contact flags with gaps of up to `frames` frames filled."""
+    filled = down.copy()
+    edges = np.flatnonzero(np.diff(down.astype(int)))
+    for a, b in pairwise(edges):
+        if not down[a + 1] and b - a <= frames:
+            filled[a + 1 : b + 1] = True
+    return filled
+
+
+def smoothed(x: Array, seconds: float) -> Array:
+    """Moving average over `seconds`, the ends padded with their own values."""
+    half = int(seconds * FPS / 2)
+    padded = np.pad(x, [(half, half)] + [(0, 0)] * (x.ndim - 1), mode="edge")
+    total = np.cumsum(np.concatenate([np.zeros_like(padded[:1]), padded], dtype=np.float64), axis=0)
+    return (total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1)
 
 
 def smoothed_facing(positions: Array) -> Array:
@@ -188,13 +221,13 @@ def _leg(
     lift = np.degrees(np.arctan2((knee - hip)[:, 2], (hip - knee)[:, 1]))
     down, other = (np.asarray(contact.any(axis=1)) for contact in ground)
     stance = down if down.any() else np.ones(len(down), np.bool_)
-    landings = np.flatnonzero(np.diff(closed(down).astype(int)) == 1)
-    foot = positions[landings][:, at(f"{side}Foot")][:, [0, 2]]
-    strides = np.linalg.norm(np.diff(foot, axis=0), axis=1) if len(landings) > 1 else np.zeros(1)
-    seconds = (landings[-1] - landings[0]) / FPS if len(landings) > 1 else 0.0
+    before = landings(down) - 1  # the last frame in the air
+    foot = positions[before][:, at(f"{side}Foot")][:, [0, 2]]
+    strides = np.linalg.norm(np.diff(foot, axis=0), axis=1) if len(before) > 1 else np.zeros(1)
+    seconds = (before[-1] - before[0]) / FPS if len(before) > 1 else 0.0
     toe = rotations.rotate(turned[:, at(f"{side}Foot")], np.array([0.0, 0.0, 1.0]))
     height = positions[:, at(f"{side}Foot"), 1]
-    cadence = float(2 * (len(landings) - 1) / seconds) if seconds > 0 else 0.0
+    cadence = float(2 * (len(before) - 1) / seconds) if seconds > 0 else 0.0
     step_length = float(np.median(strides) / 2)
     return LegMeasures(
         knee_bend=float(np.median(bend[stance])),
@@ -208,10 +241,10 @@ def _leg(
         toe_out=float(np.degrees(np.median(np.arctan2(toe[stance, 0] * sign, toe[stance, 2])))),
         moving=float((speed > 0.2).mean()),
         foot_pitch=float(np.degrees(np.median(np.arcsin(np.clip(-toe[stance, 1], -1, 1))))),
-        walk_ratio=measure_rhythm.walk_ratio(step_length, cadence),
-        stance_lead=measure_rhythm.stance_lead(down, other),
-        landing=measure_rhythm.landing_speed(height, down),
-        halting=measure_rhythm.halting(positions[:, 0]),
+        walk_ratio=step_length / cadence if cadence > 0.2 else 0.0,
+        stance_lead=_stance_lead(down, other),
+        landing=_landing_speed(height, down),
+        halting=_halting(positions[:, 0]),
     )
 
 
@@ -238,7 +271,7 @@ def _torso(body: Array, positions: Array, hips: Array, facing: Array) -> TorsoMe
         arch=float(
             np.median(np.degrees(np.arctan2(upper[:, 2], upper[:, 1]) - np.arctan2(lower[:, 2], lower[:, 1])))
         ),
-        **measure_rhythm.torso_rhythm(positions, hips),
+        **_torso_rhythm(positions, hips),
     )
 
 
@@ -259,6 +292,53 @@ def _head(body: Array, turned: Array) -> HeadMeasures:
         bob=_range(ahead),
         turn=float(np.median(np.degrees(np.arctan2(face[:, 0], face[:, 2])))),
     )
+
+
+def _stance_lead(own: NDArray[np.bool_], other: NDArray[np.bool_]) -> float:
+    """By which share one foot carries alone longer than the other: 0 is even, -1 is never."""
+    mine, theirs = float((own & ~other).sum()), float((other & ~own).sum())
+    return 2.0 * (mine - theirs) / max(mine + theirs, 1.0)
+
+
+def _landing_speed(height: Array, down: NDArray[np.bool_]) -> float:
+    """Metres per second at which an ankle of `height` `(T,)` comes down last, median over the landings."""
+    fall = -np.diff(height, prepend=height[:1]) * FPS
+    found = [float(fall[max(t - _LANDING, 0) : t + 1].max()) for t in landings(down) if t > _LANDING]
+    return float(np.median(found)) if found else 0.0
+
+
+def _halting(hips: Array) -> float:
+    """Deviation of the root's speed over its mean: 0 goes evenly, pauses let it grow."""
+    path = smoothed(hips[:, [0, 2]], 0.15)
+    speed = np.linalg.norm(np.diff(path, axis=0), axis=1) * FPS
+    return float(speed.std() / max(float(speed.mean()), 0.1))
+
+
+def _torso_rhythm(positions: Array, hips: Array) -> dict[str, float]:
+    """Ranges of pelvis and shoulders about the facing of a cycle in degrees, and how far the course wanders, metres."""
+    at = SPORT_SKELETON.index
+    pelvis = positions[:, at("LeftUpLeg")] - positions[:, at("RightUpLeg")]
+    shoulders = positions[:, at("LeftArm")] - positions[:, at("RightArm")]
+    yaw = smoothed(np.unwrap(np.arctan2(-pelvis[:, 2], pelvis[:, 0]))[:, None], _CYCLE_SECONDS)[:, 0]
+    undo = rotations.inverse(rotations.from_yaw(yaw))
+    hip_line, shoulder_line = rotations.rotate(undo, pelvis), rotations.rotate(undo, shoulders)
+    path = smoothed(hips, _CYCLE_SECONDS)
+    away = path - smoothed(hips, 4.0 * _CYCLE_SECONDS)
+    return {
+        "pelvis_yaw_range": _range(_yaw(hip_line)),
+        "pelvis_roll_range": _range(_roll(hip_line)),
+        "shoulder_yaw_range": _range(_yaw(shoulder_line)),
+        "shoulder_roll_range": _range(_roll(shoulder_line)),
+        "wander": _range(away[:, 0] * np.cos(yaw) - away[:, 2] * np.sin(yaw)),
+    }
+
+
+def _yaw(across: Array) -> Array:
+    return np.degrees(np.arctan2(-across[:, 2], across[:, 0]))
+
+
+def _roll(across: Array) -> Array:
+    return np.degrees(np.arctan2(across[:, 1], np.linalg.norm(across[:, [0, 2]], axis=1)))
 
 
 def _range(x: Array) -> float:

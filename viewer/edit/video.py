@@ -18,7 +18,8 @@ from runtime.safe_read import reason
 SUFFIXES = (".mp4", ".mov", ".m4v", ".webm", ".mkv", ".avi", ".gif", ".webp")
 MAX_SIDE = 640  # pixels: a larger picture is made smaller
 MAX_PICTURES, MAX_SECONDS = 7200, 240.0  # what is read
-MAX_SOURCE_PIXELS = 1 << 26
+MAX_KEPT_BYTES = 200 * 1024 * 1024  # of all pictures
+MAX_SOURCE_PIXELS = 1 << 24  # of one: its decoder holds several
 JPEG_QUALITY = 85
 REMEDY = "Write it again as MP4 (H.264) or GIF."
 
@@ -72,11 +73,13 @@ def read_video(path: Path) -> Video:
 
 def _read_pictures(path: Path, made: list[tuple[float, bytes, tuple[int, int]]]) -> bool:
     """Add times, JPEG pictures and their sizes; whether there is more of the film."""
+    kept = 0
     for time_s, picture in _webp(path) if path.suffix.lower() == ".webp" else _decoded(path):
-        if len(made) == MAX_PICTURES or time_s > MAX_SECONDS:
+        if len(made) == MAX_PICTURES or time_s > MAX_SECONDS or kept > MAX_KEPT_BYTES:
             return True
         if not made or time_s > made[-1][0]:  # else of damaged or doubled stamps
             made.append((time_s, *_small(picture)))
+            kept += len(made[-1][1])
     return False
 
 

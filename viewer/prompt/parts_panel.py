@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from runtime.prompts.expander import DEFAULT_PROMPT
-from runtime.prompts.shares import HARDLY, phrase_share
+from runtime.prompts.phrasing import HARDLY, adherence_of
 from runtime.session.prompt_blend import PromptBlend
 from runtime.skeleton import PART_NAMES
 from viewer.gl_bindings import imgui
@@ -91,8 +91,8 @@ def weakly_shown(blend: PromptBlend, part: str, model: str) -> float | None:
     """
     if blend.a is None or (blend.a.prompt == DEFAULT_PROMPT and part not in blend.a.edited):
         return None
-    share = phrase_share(getattr(blend.a.words, part), part, model)
-    return share if share is not None and share < HARDLY else None
+    shown = adherence_of(model).of(getattr(blend.a.words, part), part)
+    return shown if shown is not None and shown < HARDLY else None
 
 
 def _mark_weak(share: float | None) -> None:

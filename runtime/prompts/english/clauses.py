@@ -5,61 +5,26 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from runtime.prompts.english.clause_rules import Rules, grammar
-from runtime.prompts.english.sides import OPPOSITE, hand_at, name_sides
+from runtime.prompts.english.grammar import Match, grammar, replaced
+from runtime.prompts.english.sides import OPPOSITE, name_sides, only_side
 from runtime.prompts.english.words import continuous
 from runtime.prompts.parts import MAX_CHARACTERS
 from runtime.skeleton import PART_NAMES
 
-
-def take_gestures(text: str) -> tuple[dict[str, str], str]:
-    """The arms that gestures in a lower-case prompt move, and the prompt without those gestures.
-
-    The hand is the one that is named, else that of the target's side (across from it on an arm), else the right one.
-    """
-    rules = grammar()
-    parts: dict[str, str] = {}
-
-    def take(match: re.Match[str]) -> str:
-        before = re.split(r"[,;.:!?]", text[: match.start()])[-1]
-        if rules["gesture_hand_spoken_of"].search(before) or rules["gesture_denied"].search(before):
-            return match.group(0)  # a clause about that hand, or a denial
-        target = match["target"]
-        if target == "head" and match["verb"].startswith("scratch"):
-            target = "hair"  # a head is scratched on its top and wiped at its front
-        template = str(next(said for names, said in rules.targets if names.fullmatch(target)))
-        for side in _matched_sides(match):
-            parts.setdefault(f"{side}_arm", template.replace("{s}", side))
-        return " , "
-
-    rest = rules["gesture"].sub(take, text)
-    return {part: parts[part] for part in PART_NAMES if part in parts}, rest
-
-
-def _matched_sides(match: re.Match[str]) -> tuple[str, ...]:
-    if match["side"] == "both":
-        return tuple(OPPOSITE)
-    if match["side"] in OPPOSITE:
-        return (match["side"],)
-    return (hand_at(match["target_side"], match["target"]) if match["target_side"] else "right",)
-
-
 _LIMBS = ("arm", "leg")
-_NAMED = (
-    "fist",
-    "elbow",
-    "nose",
-    "heel",
-    "toe",
-    "hip",
-    "chin",
-    "shoulder",
-    "eye",
-    "gaze",
-    "palm",
-    "forearm",
-    "chest",
-)  # whose actions are not those of the whole part
+_OF_SOMEBODY = {
+    "left",
+    "right",
+    "both",
+    "two",
+    "his",
+    "her",
+    "their",
+    "its",
+    "my",
+    "your",
+}  # owners of a limb
+_PAIRS = {"arms": "arm", "legs": "leg", "one_leg": "leg"}  # targets of phrases, and whose actions they are
 
 
 @dataclass(frozen=True)
@@ -77,100 +42,117 @@ class ParsedPrompt:
 def parse_clauses(prompt: str) -> ParsedPrompt:
     """Take the statements about body parts out of a prompt; several on one part are joined."""
     rules = grammar()
-    text = rules["both_sides"].sub("both", prompt.lower())
-    text = text.replace("left and right", "side to side").replace("’", "'")
-    text = continuous(text)
-    text = rules["timing"].sub(lambda match: match.group(0) if match["halts"] else "", text)
-    text = rules["two_nouns"].sub(r"\g<first> \g<rest>, \g<second> \g<rest>", text)
-    text = rules["trunk"].sub("torso", text)
-    text, hand = name_sides(text)
-    parts, text = take_gestures(text)
+    text, hand = name_sides(_plain(prompt))
     pieces = rules["separators"].split(text)
+    leg = only_side(match["side"] for match in rules["sided_leg"].finditer(text)) or "right"
+    parts: dict[str, str] = {}
     denied: set[str] = set()  # parts of which no more is known than what they do not do
     rest: list[str] = []
     for i in range(0, len(pieces), 2):
-        found, remainder = _parse_clause(pieces[i].strip())
-        denies = bool(rules["denies"].search(pieces[i]))
-        if i and rules["except"].search(pieces[i - 1]):
+        link = pieces[i - 1] if i else ""
+        found, remainder = _parse_clause(pieces[i].strip(), leg)
+        if rules["except"].search(link):
             _take_back(parts, found)
-        for part, description in found.items():
-            if part not in parts or (part in denied and not denies):
-                parts[part] = description
-                (denied.add if denies else denied.discard)(part)
-            elif not denies:  # "head down, never looks up": what is denied adds nothing to what is said
-                parts[part] = _joined(parts[part], description)
+        _add(parts, found, denied, denies=bool(rules["denies"].search(pieces[i])))
         if remainder:
-            if rest and i > 0:
-                rest.append(pieces[i - 1])
-            rest.append(remainder)
+            rest += [link, remainder] if rest else [remainder]
     return ParsedPrompt(parts, _tidy("".join(rest)), hand)
+
+
+def _plain(prompt: str) -> str:
+    rules = grammar()
+    text = rules["both_sides"].sub("both", prompt.lower())
+    text = text.replace("left and right", "side to side").replace("’", "'")
+    text = rules["timing"].sub(lambda match: match.group() if match["halts"] else "", continuous(text))
+    text = rules["two_nouns"].sub(r"\g<first> \g<rest>, \g<second> \g<rest>", text)
+    return rules["trunk"].sub("torso", text)
+
+
+def _add(parts: dict[str, str], found: dict[str, str], denied: set[str], denies: bool) -> None:
+    for part, description in found.items():
+        if part not in parts or (part in denied and not denies):
+            parts[part] = description
+            (denied.add if denies else denied.discard)(part)
+        elif not denies:  # "head down, never looks up": what is denied adds nothing to what is said
+            parts[part] = _joined(parts[part], description)
 
 
 def _take_back(parts: dict[str, str], found: dict[str, str]) -> None:
     """Forget what was said of two limbs together where an exception follows: "both arms swing but the right one barely"."""
     for limb in _LIMBS:
-        pair = [f"{side}_{limb}" for side in OPPOSITE]
-        if sum(part in found for part in pair) == 1 and all(part in parts for part in pair):
-            parts.pop(next(part for part in pair if part in found))
+        pair = {f"{side}_{limb}" for side in OPPOSITE}
+        if pair <= parts.keys() and len(pair & found.keys()) == 1:
+            del parts[(pair & found.keys()).pop()]
 
 
-def _parse_clause(clause: str) -> tuple[dict[str, str], str]:
-    """Parts that a clause describes, and what of it does not."""
-    rules = grammar()
-    parts: dict[str, str] = {}
-    noun = rules["noun_clause"].match(clause)
-    if noun:
-        stated = _noun_parts(noun, noun["rest"], verbatim=True)
-        if stated:
+def _parse_clause(clause: str, leg: str) -> tuple[dict[str, str], str]:
+    """Parts that a clause describes, and what of it does not; `leg` is the one that limps where none is named."""
+    for name in ("noun_clause", "loose_clause"):
+        noun = grammar()[name].match(clause)
+        if noun and (stated := _noun_parts(noun, noun["rest"], verbatim=name == "noun_clause")):
             return stated, ""
+    parts, clause = _verb_parts(clause)
+    found: list[tuple[int, dict[str, str]]] = []
+
+    def take(match: Match, rule: tuple[str, str]) -> str:
+        found.append((match.start(), _phrase_parts(match, *rule, leg)))
+        return ""
+
+    rest = replaced(clause, grammar().phrases, take)
+    for _, stated in sorted(found, key=lambda one: one[0]):
+        parts |= {part: _joined(parts.get(part), text) for part, text in stated.items()}
+    return parts, rest.strip()
+
+
+def _verb_parts(clause: str) -> tuple[dict[str, str], str]:
+    """What a verb before a part's name says of it, and the clause up to there: "a zombie with raised arms"."""
+    rules = grammar()
     verb = rules["verb_clause"].search(clause)
-    if verb:
-        before = rules["verb_at_end"].search(clause[: verb.start()])  # "dragging a stiff left leg"
-        action = (
-            f"{before['verb'] if before else ''} {verb['degree'] or ''}{verb['verb']} {verb['rest']}".strip()
-        )
-        stated = _noun_parts(verb, action, verbatim=False)
-        if stated:
-            parts.update(stated)
-            clause = _without_denial(clause[: before.start() if before else verb.start()].strip())
-    for pattern, target, looked_up in rules.phrases:
-        match = pattern.search(clause)
-        if match:
-            for part, description in _idiom_parts(target, looked_up or match.group(0), match).items():
-                parts[part] = _joined(parts.get(part), description)
-            clause = f"{clause[: match.start()]} {clause[match.end() :]}".strip()
-    return parts, clause
+    if not verb:
+        return {}, clause
+    before = rules["verb_at_end"].search(clause[: verb.start()])  # "dragging a stiff left leg"
+    words = (before["verb"] if before else "", verb["degree"], verb["verb"], verb["rest"])
+    stated = _noun_parts(verb, " ".join(word.strip() for word in words if word), verbatim=False)
+    if not stated:
+        return {}, clause
+    return stated, rules["denial_at_end"].sub("", clause[: (before or verb).start()].strip())
 
 
-def _noun_parts(match: re.Match[str], action: str, verbatim: bool) -> dict[str, str]:
+def _noun_parts(match: Match, action: str, verbatim: bool) -> dict[str, str]:
     """Descriptions of a clause with a part's name; the clause itself where no rule knows its action."""
     rules = grammar()
-    noun = match["noun"]
-    if rules["no_clause"].search(match["rest"].strip()):
-        return {}
-    group = next(name for name, group in rules.groups.items() if re.fullmatch(group.nouns, noun))
+    noun, owners = match["noun"], match["owners"].split()
+    impersonal = match.re is rules["loose_clause"] and not set(owners) & _OF_SOMEBODY
+    if impersonal or rules["no_clause"].search(match["rest"].strip()):
+        return {}  # "head teacher", "hand in hand"
+    group = next(name for name, group in rules.groups.items() if group.nouns.fullmatch(noun))
     # "hands", "feet" and "both" mean two sides; a single limb without a side is the right one
-    plural = noun == "feet" or match.string[match.end("noun") : match.end("noun") + 1] == "s"
-    owners = match["owners"].split()
-    before = match.string[: match.start(2) if match.re.groups > 1 else 0]
-    denial = rules["denies"].search(f"{' '.join(before.split()[-3:])} {match['owners']}")
-    words = f"{noun} {action}" if noun in _NAMED else action
-    stated = _described(group, _sides(owners, plural), f"{denial.group(0)} {words}" if denial else words)
+    plural = noun == "feet" or match.string[match.end("noun") :].startswith("s")
+    sides = _sides(owners, plural)
+    stated = _described(
+        group, sides, _denial(match) + (f"{noun} " if rules["own_actions"].fullmatch(noun) else "") + action
+    )
     if stated or not verbatim or not (owners or plural):
         return stated
-    singular = "foot" if noun == "feet" else noun
-    template = f"{'{s} ' if group in _LIMBS else ''}{singular} {action}"[: MAX_CHARACTERS - 3]
-    return _sided(group, _sides(owners, plural), template)
+    template = f"{'{s} ' if group in _LIMBS else ''}{'foot' if noun == 'feet' else noun} {action}"
+    return _sided(group, sides, template[: MAX_CHARACTERS - 3])
 
 
-def _idiom_parts(target: str, words: str, match: re.Match[str]) -> dict[str, str]:
-    group = {"arms": "arm", "legs": "leg", "one_leg": "leg"}.get(target, target)
+def _denial(match: Match) -> str:
+    """The denial among the owners of a part and the three words before them: "never" of "never moving the arms"."""
+    before = match.string[: match.start(2) if match.re.groups > 1 else 0].split()[-3:]
+    denial = grammar()["denies"].search(" ".join([*before, match["owners"]]))
+    return f"{denial.group()} " if denial else ""
+
+
+def _phrase_parts(match: Match, target: str, looked_up: str, leg: str) -> dict[str, str]:
+    words = looked_up or match.group()
     denied = match.groupdict().get("denied") and target != "arms"
     words = f"not {words}" if denied and not grammar()["denies"].search(words) else words
-    sides = ("left", "right") if target in ("arms", "legs") else ("right",)
-    if target in _LIMBS:
-        sides = (match["side"],)
-    return _described(group, sides, words)
+    side = match["side"] if target in _LIMBS else leg
+    return _described(
+        _PAIRS.get(target, target), tuple(OPPOSITE) if target in ("arms", "legs") else (side,), words
+    )
 
 
 def _described(group: str, sides: tuple[str, ...], words: str) -> dict[str, str]:
@@ -179,18 +161,17 @@ def _described(group: str, sides: tuple[str, ...], words: str) -> dict[str, str]
     found = rules.groups[group]
     if rules["denies"].search(words):
         rest = rules["denies"].sub(" ", words)
-        known = _lookup(found.actions, rest) or re.search("mov|leav", rest)
-        template = _lookup(found.denied, rest) if known else None
+        known = rules.sentence(found.actions, rest) or re.search("mov|leav", rest)
+        template = rules.sentence(found.denied, rest) if known else None
     else:
-        template = _lookup(found.actions, words)
+        template = rules.sentence(found.actions, words)
     return {} if template is None else _sided(group, sides, template)
 
 
 def _sides(owners: list[str], plural: bool) -> tuple[str, ...]:
-    if "left" in owners or "right" in owners:
-        return tuple(side for side in ("left", "right") if side in owners)
+    named = tuple(side for side in OPPOSITE if side in owners)
     both = plural or {"both", "two", "neither", "either", "no", "any"} & set(owners)
-    return ("left", "right") if both else ("right",)
+    return named or (tuple(OPPOSITE) if both else ("right",))
 
 
 def _sided(group: str, sides: tuple[str, ...], template: str) -> dict[str, str]:
@@ -204,22 +185,6 @@ def _sided(group: str, sides: tuple[str, ...], template: str) -> dict[str, str]:
 def _joined(old: str | None, new: str) -> str:
     joined = f"{old}, {new}" if old and old != new else new
     return joined if len(joined) <= MAX_CHARACTERS else new
-
-
-def _lookup(actions: Rules, words: str) -> str | None:
-    """The sentence of the first rule that matches, in the degree that the words give it."""
-    rules = grammar()
-    found = next((text for pattern, text in actions if pattern.search(words)), None)
-    if found is None or isinstance(found, str):
-        return found
-    slightly, plainly, far = found
-    if rules["slightly"].search(words):
-        return slightly
-    return far if rules["far"].search(words) else plainly
-
-
-def _without_denial(clause: str) -> str:
-    return grammar()["denial_at_end"].sub("", clause)
 
 
 _EVERY_STEP = re.compile(r"^(?:(?:he|she|they|it|and) )*(?:with|at|on) (?:every|each|all) steps?$")

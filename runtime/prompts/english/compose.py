@@ -1,15 +1,17 @@
-"""Several entries of the library made into one set of six descriptions, part by part."""
+"""Several entries of the library made into one set of six descriptions, part by part, on the side that is meant."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.prompts.english.library_data import LibraryEmbeddings, LibraryEntry
 from runtime.prompts.english.phrases import FIGURES, SLIGHTLY, Element
+from runtime.prompts.english.sides import OPPOSITE, SIDE, only_side
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
 
@@ -23,6 +25,13 @@ _ORDER = (
 _PRECEDENCE = {name: 1.0 + 0.03 * rank for rank, name in enumerate(_ORDER.split())}
 _PAIRS = {"arms": ("left_arm", "right_arm"), "legs": ("left_leg", "right_leg")}
 _GROUPS = {**_PAIRS, "torso": ("torso",), "head": ("head",)}
+
+_IDLE_ARM = re.compile(
+    r"\bbehind the back\b|\bhanging\b(?!.*\bpulled\b)|\bswinging (?:naturally|gently|little|lightly|evenly)"
+)
+_BUSY_LEG = re.compile(
+    r"limping|dragging|trailing|hopping|springing off|off the ground|stiff and straight|low kick|hanging"
+)
 
 Worth = Callable[[int, str], float]  # of an entry's sentence of a part, up to 1: how much of it a walk shows
 
@@ -57,18 +66,21 @@ def compose_elements(
     if figures:
         sources = _figure_parts(figures, entries, embeddings, neutral)
     else:
-        base = max(modifiers, key=lambda e: _strength(e, entries), default=None)
-        whole = base is not None and base.degree > SLIGHTLY
-        sources = dict.fromkeys(PART_NAMES, base.entry if base is not None and whole else neutral)
+        sources = dict.fromkeys(PART_NAMES, _base(modifiers, entries, neutral))
     for part in PART_NAMES:
         telling = [e for e in modifiers if part in entries[e.entry].defines]
         if telling:
-            strength = [_strength(e, entries) * worth(e.entry, part) for e in telling]
-            sources[part] = telling[int(np.argmax(strength))].entry
+            strongest = max(telling, key=lambda e: _strength(e, entries) * worth(e.entry, part))
+            sources[part] = strongest.entry
     _show_all(sources, modifiers, entries)
     for element in elements:
         sources.update(dict.fromkeys(element.only, element.entry))
     return Composition(_words(sources, entries), sources)
+
+
+def _base(modifiers: Sequence[Element], entries: tuple[LibraryEntry, ...], neutral: int) -> int:
+    strongest = max(modifiers, key=lambda e: _strength(e, entries), default=None)
+    return neutral if strongest is None or strongest.degree <= SLIGHTLY else strongest.entry
 
 
 def _show_all(
@@ -99,19 +111,25 @@ def _figure_parts(
     others = [e for e in ranked if e.entry != ranked[0].entry]
     if not others:
         return sources
+    second = others[0].entry
     unusual = 1.0 - np.einsum("npd,pd->np", embeddings.parts, embeddings.parts[neutral])
-    margins = {}
-    for name, parts in _GROUPS.items():
-        columns = [PART_NAMES.index(part) for part in parts]
-        first, second = (float(unusual[e.entry, columns].mean()) for e in (ranked[0], others[0]))
-        covers = set(parts) <= set(entries[others[0].entry].defines)
-        margins[name] = (second - first) if covers else -1.0
-    order = sorted(margins, key=lambda name: -margins[name])
+    gains = {
+        name: _gain(unusual, ranked[0].entry, second, parts)
+        for name, parts in _GROUPS.items()
+        if set(parts) <= set(entries[second].defines)
+    }
+    order = sorted(gains, key=lambda name: -gains[name])
     # each of the two is seen somewhere
-    given = [name for i, name in enumerate(order) if i == 0 or (margins[name] > 0 and i < len(order) - 1)]
+    given = order[:1] + [name for name in order[1 : len(_GROUPS) - 1] if gains[name] > 0]
     for name in given:
-        sources.update(dict.fromkeys(_GROUPS[name], others[0].entry))
+        sources.update(dict.fromkeys(_GROUPS[name], second))
     return sources
+
+
+def _gain(unusual: NDArray[np.float32], first: int, second: int, parts: tuple[str, ...]) -> float:
+    """By how much more unusual some parts of the second entry are than those of the first."""
+    columns = [PART_NAMES.index(part) for part in parts]
+    return float(unusual[second, columns].mean() - unusual[first, columns].mean())
 
 
 def compose_neighbours(
@@ -162,12 +180,12 @@ def softmax(x: NDArray[np.float32]) -> NDArray[np.float32]:
 def _without_mentioned(elements: Sequence[Element], entries: tuple[LibraryEntry, ...]) -> list[Element]:
     """The elements without figures that are only mentioned: a second one counts when compared or joined with."""
     chosen: list[Element] = []
+    figures = 0
     for element in elements:
-        somebody = [e for e in chosen if entries[e.entry].category in FIGURES]
         figure = entries[element.entry].category in FIGURES
-        if figure and somebody and not (element.after_like or element.joined):
-            continue
-        chosen.append(element)
+        if not (figure and figures) or element.after_like or element.joined:
+            chosen.append(element)
+            figures += figure
     return chosen
 
 
@@ -183,3 +201,48 @@ def _figure_strength(element: Element, entries: tuple[LibraryEntry, ...]) -> flo
 
 def _words(sources: dict[str, int], entries: tuple[LibraryEntry, ...]) -> PartDescriptions:
     return PartDescriptions(**{part: getattr(entries[i].descriptions, part) for part, i in sources.items()})
+
+
+def entry_side(entry: LibraryEntry) -> str:
+    """The side on which an entry does what makes it so, "" where both sides do the like.
+
+    Its name says it ("limping on the left leg"), else the one leg that it defines, else the limb that is not idle.
+    """
+    legs = [part.removesuffix("_leg") for part in entry.defines if part.endswith("_leg")]
+    spoken = SIDE.findall(entry.prompt) or (legs if len(legs) == 1 else [])
+    if spoken:
+        return only_side(spoken)
+    said = entry.descriptions.to_mapping()
+    return lame_leg(said) or only_side(side for side in OPPOSITE if not is_idle(said[f"{side}_arm"]))
+
+
+def is_idle(arm: str) -> bool:
+    """Whether an arm only hangs or swings by its sentence."""
+    return _IDLE_ARM.search(arm) is not None
+
+
+def lame_leg(said: Mapping[str, str]) -> str:
+    """The side of the one leg that limps, drags, hops or is stiff by the descriptions of some parts, "" for none and for both."""
+    return only_side(side for side in OPPOSITE if _BUSY_LEG.search(said.get(f"{side}_leg", "")))
+
+
+def lame_on(entry: LibraryEntry, side: str) -> LibraryEntry:
+    """The entry, mirrored if it is lame on the other side: a pirate who drags the left leg has no wooden right one."""
+    return on_side(entry, side) if lame_leg(entry.descriptions.to_mapping()) else entry
+
+
+def on_side(entry: LibraryEntry, side: str) -> LibraryEntry:
+    """The entry with its descriptions mirrored if it is one of the other side."""
+    own = entry_side(entry)
+    if not side or not own or own == side:
+        return entry
+    mirrored = {
+        part: text.replace("left angle", "right angle")
+        for part, text in entry.descriptions.mirrored().to_mapping().items()
+    }
+    return replace(entry, descriptions=PartDescriptions(**mirrored), defines=_mirrored(entry.defines))
+
+
+def _mirrored(parts: tuple[str, ...]) -> tuple[str, ...]:
+    swapped = {f"{OPPOSITE[p.split('_')[0]]}_{p.split('_')[1]}" if "_" in p else p for p in parts}
+    return tuple(part for part in PART_NAMES if part in swapped)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -11,15 +11,22 @@ from typing import Literal
 import numpy as np
 
 from runtime.assets import asset_path
+from runtime.errors import FileError
 from runtime.prompts.english import other_languages
 from runtime.prompts.english.clauses import ParsedPrompt, parse_clauses
-from runtime.prompts.english.compose import compose_elements, compose_neighbours, sources_note
-from runtime.prompts.english.language import ENGLISH, is_foreign, knows_no_word
+from runtime.prompts.english.compose import (
+    compose_elements,
+    compose_neighbours,
+    is_idle,
+    lame_leg,
+    lame_on,
+    on_side,
+    sources_note,
+)
 from runtime.prompts.english.library_data import (
     NEUTRAL_STYLE,
     LibraryEmbeddings,
     LibraryEntry,
-    LibraryStyle,
     PromptLibrary,
     embed_library,
     library_hash,
@@ -29,12 +36,12 @@ from runtime.prompts.english.library_data import (
 )
 from runtime.prompts.english.other_languages import OtherLanguages
 from runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, Reading, read_phrases
-from runtime.prompts.english.sides import lame_leg, lame_on, named_side, on_side
-from runtime.prompts.english.spelling import Spelling
+from runtime.prompts.english.sides import OPPOSITE, SIDE, named_side
+from runtime.prompts.english.spelling import ENGLISH, Spelling, is_foreign, knows_no_word
 from runtime.prompts.english.words import PERSONS, PLACES, Word, plain_denials, words_of
 from runtime.prompts.expander import Expansion, check_prompt
-from runtime.prompts.parts import PartDescriptions
-from runtime.prompts.shares import PhraseShares, shares_of
+from runtime.prompts.parts import PartDescriptions, mirror_text
+from runtime.prompts.phrasing import adherence_of
 from runtime.prompts.text_encoder import TextEncoderLike
 from runtime.skeleton import PART_NAMES
 
@@ -51,10 +58,12 @@ PLAIN = 0.2  # neutral walks are like everything that "walks": what is asked for
 ANIMAL = 0.25  # how far below 0 the bodily score may lie where an animal is named: "a dog that has just had a bath"
 UNSEEN = 0.15  # by which a sentence that no walk shows counts less than one that is shown whole
 NEIGHBOURS = 4  # entries that vote for each part between FAR and NEAR
+SAME_GESTURE = 0.66  # cosine from which two sentences of an arm are one gesture
 MAX_STRETCHES = 4  # embedded for one prompt
 LIMP = "limping on the {s} leg"  # an entry of the library
 _REMEDY = "Write English, choose a language model, or install sport-viewer[languages]."
 _NOTHING = "Nothing was understood of"
+Near = tuple[tuple[str, float], ...]  # prompts of the library with their cosine similarity, best first
 
 
 @dataclass(frozen=True)
@@ -74,19 +83,12 @@ class _Library:
 class LibraryExpander:
     """Expands prompts by the library at `library_path` (with styles.json and library.npz beside it).
 
-    Of sentences alike it takes those that a walk shows, by `shares` (default: those of the shipped model).
-    Files are read at the first `expand`; without fitting stored embeddings they are computed then.
+    Of sentences alike it takes those that a walk of the shipped model shows. Files are read at the first `expand`; without fitting stored embeddings they are computed then.
     """
 
-    def __init__(
-        self,
-        encoder: TextEncoderLike,
-        library_path: Path | None = None,
-        shares: PhraseShares | None = None,
-    ) -> None:
+    def __init__(self, encoder: TextEncoderLike, library_path: Path | None = None) -> None:
         self._encoder = encoder
-        self._path = library_path
-        self._measured = shares
+        self._path = asset_path("prompts/library.json") if library_path is None else library_path
 
     def expand(self, prompt: str) -> Expansion:
         """Six descriptions for any prompt; PromptError when it is empty, over-long or has control characters."""
@@ -94,9 +96,8 @@ class LibraryExpander:
         library = self._library
         whole = library.phrases.whole(prompt)
         if whole is not None:
-            return _expansion(
-                library.entries[whole].descriptions, self._near(self._rank(prompt), whole), {}, ""
-            )
+            others = [(i, s) for i, s in self._rank(prompt) if i != whole][:NEIGHBOURS]
+            return self._expansion(whole, self._near([(whole, 1.0), *others]), {}, "")
         if is_foreign(prompt, library.phrases.known):
             return self._in_another_language(prompt)
         text, read = library.spelling.corrected(prompt)
@@ -114,7 +115,7 @@ class LibraryExpander:
             note = (
                 f"“{_short(prompt)}” is not English: nearest by meaning is “{near[0][0]}” ({near[0][1]:.0%})."
             )
-            return _expansion(self._library.entries[ranked[0][0]].descriptions, near, {}, note)
+            return self._expansion(ranked[0][0], near, {}, note)
         remedy = "Write English or choose a language model." if ranked else _REMEDY
         return self._neutral(
             (), {}, f"{_NOTHING} “{_short(prompt)}”, which is not English: neutral. {remedy}"
@@ -129,15 +130,16 @@ class LibraryExpander:
         parsed = replace(parsed, rest=self._library.phrases.plainly(parsed.rest))
         words = words_of(parsed.rest)
         if any(word.says for word in words):
-            return self._expand_rest(parsed, words)
-        if parsed.parts:
-            return self._neutral((), parsed.parts, "", explicit=True)
-        return self._neutral((), {}, "The prompt names no style: neutral.")
+            expansion = self._expand_rest(parsed, words)
+            return self._with_one_gesture(expansion) if SIDE.search(prompt.lower()) else expansion
+        note = "" if parsed.parts else "The prompt names no style: neutral."
+        expansion = self._neutral((), parsed.parts, note)
+        return replace(expansion, source="explicit") if parsed.parts else expansion
 
     def _expand_rest(self, parsed: ParsedPrompt, words: list[Word]) -> Expansion:
-        """What a prompt says beside its clauses: by its phrases, by the nearest entries, or nothing."""
+        """What a prompt says beyond its clauses: by its phrases, by the nearest entries, or nothing."""
         reading = read_phrases(words, self._library.phrases)
-        side = named_side(words) or parsed.side
+        entries = self._entries_on(named_side(_text(words)) or parsed.side, parsed.parts)
         note, text = "", parsed.rest
         if reading.denied:
             note = f"Left out, as it is denied: “{_short(', '.join(reading.denied))}”."
@@ -152,72 +154,71 @@ class LibraryExpander:
         if elements:
             elements += self._stretches(words, reading.left, elements)
         if not elements or self._nearest_says_more(words, reading, elements, ranked[0]):
-            return self._by_neighbours(text, ranked, parsed.parts, note, side)
+            return self._by_neighbours(text, ranked, entries, parsed.parts, note)
         library = self._library
-        note = f"{note} {_unread_limbs(words, reading, elements)}".strip()
-        made = compose_elements(
-            elements, self._entries_on(side, parsed.parts), library.embeddings, library.neutral, self._worth
+        made = compose_elements(elements, entries, library.embeddings, library.neutral, self._worth)
+        # no similarity of single words: next to that of the whole prompt it is another figure for the same entry
+        sources = (
+            sources_note(made.sources, library.entries, {}) if len(set(made.sources.values())) > 1 else ""
         )
-        if len(set(made.sources.values())) > 1:
-            # no similarity of single words: beside that of the whole prompt it is another figure for the same entry
-            note = f"{sources_note(made.sources, library.entries, {})}. {note}".strip()
-        return _expansion(made.descriptions, self._near(ranked), parsed.parts, note)
+        notes = (sources and f"{sources}.", note, _unread_limbs(words, reading, elements))
+        return self._expansion(
+            made.descriptions, self._near(ranked), parsed.parts, " ".join(filter(None, notes))
+        )
 
     def _nothing_bodily(self, text: str, words: list[Word], reading: Reading, best: float) -> str:
-        """Why words beside a prompt's phrases name no way of moving, or "" where they do; `best` is the nearest's cosine."""
+        """Why words next to a prompt's phrases name no way of moving, or "" where they do; `best` is the nearest's cosine."""
         if not any(words[i].says for i in reading.left) or self._about_a_person(words, reading.elements):
             return ""
-        library = self._library
-        if knows_no_word(text, library.phrases.known) and best < NEAR:
+        if knows_no_word(text, self._library.phrases.known) and best < NEAR:
             return f"{_NOTHING} “{_short(text)}”, none of whose words is known: neutral. {_REMEDY}"
-        animal = any(library.entries[e.entry].category == "animals" for e in reading.elements)
-        if best < FAR or (best < CLOSE and self._bodily(text) < (-ANIMAL if animal else 0.0)):
-            return _far(text, best)
-        return ""
+        least = -ANIMAL if "animals" in self._categories(reading.elements) else 0.0
+        far = best < FAR or (best < CLOSE and self._bodily(text) < least)
+        return _far(text, best) if far else ""
 
     def _nearest_says_more(
         self, words: list[Word], reading: Reading, elements: list[Element], nearest: tuple[int, float]
     ) -> bool:
         """Whether the entry nearest to the whole prompt explains more of its words than its phrases do."""
         entry, similarity = nearest
-        if any(e.only for e in elements) or entry in reading.mentioned:
-            return False
-        # somebody named: "nurse" alone would lose the tiredness of "a tired nurse at the end of …"
-        if self._library.entries[entry].category in FIGURES and entry in {e.entry for e in elements}:
+        # a figure: "nurse" alone would lose the tiredness of "a tired nurse at the end of …"
+        figure = self._library.entries[entry].category in FIGURES and entry in {e.entry for e in elements}
+        if figure or any(e.only for e in elements) or entry in reading.mentioned:
             return False
         explained = sum(_saying(words, e) * e.similarity for e in elements)
         said = sum(words[i].says for i in reading.left) + sum(_saying(words, e) for e in reading.elements)
         return similarity >= NEAR and said * similarity >= explained + WHOLE
 
     def _by_neighbours(
-        self, text: str, ranked: list[tuple[int, float]], stated: dict[str, str], note: str, side: str
+        self,
+        text: str,
+        ranked: list[tuple[int, float]],
+        entries: tuple[LibraryEntry, ...],
+        stated: dict[str, str],
+        note: str,
     ) -> Expansion:
         """The nearest entry, or what the nearest ones agree on; neutral when they are far."""
-        library = self._library
         best, near = ranked[0][1], self._near(ranked)
         if best < FAR:
             return self._neutral(near, stated, f"{_far(text, best)} {note}".strip())
-        entries = self._entries_on(side, stated)
         if best < GUESS or self._only_a_part_in_common(text, ranked[0]):
             reason = f"“{_short(text)}” is only {best:.0%} like the nearest prompt, “{near[0][0]}”: neutral."
             return self._neutral(near, stated, f"{reason} {note}".strip())
         if best >= NEAR:
-            return _expansion(entries[ranked[0][0]].descriptions, near, stated, note)
-        made = compose_neighbours(ranked[:NEIGHBOURS], entries, library.embeddings, self._worth)
-        parts = sources_note(made.sources, library.entries, dict(ranked))
+            return self._expansion(entries[ranked[0][0]].descriptions, near, stated, note)
+        made = compose_neighbours(ranked[:NEIGHBOURS], entries, self._library.embeddings, self._worth)
+        parts = sources_note(made.sources, self._library.entries, dict(ranked))
         note = f"Composed from the nearest prompts, {best:.0%} like it at best: {parts}. {note}".strip()
-        return _expansion(made.descriptions, near, stated, note)
+        return self._expansion(made.descriptions, near, stated, note)
 
     def _denied(self, denials: tuple[int, ...], stated: dict[str, str], note: str) -> Expansion:
         """A prompt that only says what is not: the opposite where the library has one, else neutral."""
-        library = self._library
-        opposite = next((library.entries[i].opposite for i in denials if library.entries[i].opposite), "")
+        entries = self._library.entries
+        opposite = next((entries[i].opposite for i in denials if entries[i].opposite), "")
         if not opposite:
             return self._neutral((), stated, note)
-        entry = next(e for e in library.entries if e.prompt == opposite)
-        return _expansion(
-            entry.descriptions, ((opposite, 1.0),), stated, f"{note} In its place: “{opposite}”."
-        )
+        entry = next(i for i, e in enumerate(entries) if e.prompt == opposite)
+        return self._expansion(entry, ((opposite, 1.0),), stated, f"{note} In its place: “{opposite}”.")
 
     def _only_a_part_in_common(self, text: str, best: tuple[int, float]) -> bool:
         """Whether a text names a body part and shares no other word with an entry about parts: another instruction."""
@@ -231,13 +232,10 @@ class LibraryExpander:
         if entry.category not in ("arms", "steps", "posture"):
             return True
         own = {
-            word.stem.removesuffix("ing")
-            for prompt in (entry.prompt, *entry.also)
-            for word in words_of(prompt)
+            word.stem.removesuffix("ing") for text in (entry.prompt, *entry.also) for word in words_of(text)
         }
-        return any(
-            word.says and word.stem not in PLACES and word.stem.removesuffix("ing") in own for word in words
-        )
+        saying = [word for word in words if word.says and word.stem not in PLACES]
+        return any(word.stem.removesuffix("ing") in own for word in saying)
 
     def _entries_on(self, side: str, stated: dict[str, str]) -> tuple[LibraryEntry, ...]:
         """The library's entries for a prompt that names one side of the body, "" for none, or states that one leg is lame."""
@@ -248,61 +246,71 @@ class LibraryExpander:
         return tuple(lame_on(entry, lame) for entry in entries) if lame else entries
 
     def _stretches(self, words: list[Word], left: tuple[int, ...], named: list[Element]) -> list[Element]:
-        """Entries that stretches beside a prompt's phrases are like: "lethargic" in "a lethargic robot"."""
-        categories = [entry.category for entry in self._library.entries]
+        """Entries that stretches next to a prompt's phrases are like: "lethargic" in "a lethargic robot"."""
         elements = []
         for start, end in _runs(words, left)[:MAX_STRETCHES]:
-            text = " ".join(word.text for word in words[start:end])
-            entry, similarity = self._rank(text)[0]
-            one = sum(word.says for word in words[start:end]) == 1
-            if similarity < (ONE_WORD if one else STRETCH):
-                continue
-            if similarity < CERTAIN and not self._shares_a_word(words[start:end], entry):
-                continue
-            beside = {categories[e.entry] for e in named if start in (e.start, e.end) or end == e.start}
-            if categories[entry] in beside & {"dances", "sports"}:
-                continue  # "a basketball player dribbling" does one sport, which is named
-            if not self._library.phrases.only_alone(words[start:end]) and self._bodily(text) > 0.0:
+            entry, similarity = self._rank(_text(words[start:end]))[0]
+            beside = [e for e in named if start in (e.start, e.end) or end == e.start]
+            # "a basketball player dribbling" does one sport, which is named
+            other = self._library.entries[entry].category in self._categories(beside) & {"dances", "sports"}
+            if not other and self._names(words[start:end], entry, similarity):
                 elements.append(Element(entry, start, end, similarity))
         return elements
 
+    def _names(self, words: list[Word], entry: int, similarity: float) -> bool:
+        """Whether some words, as similar as that to an entry, name it."""
+        least = ONE_WORD if sum(word.says for word in words) == 1 else STRETCH
+        alike = similarity >= least and (similarity >= CERTAIN or self._shares_a_word(words, entry))
+        return alike and not self._library.phrases.only_alone(words) and self._bodily(_text(words)) > 0.0
+
+    def _categories(self, elements: Iterable[Element]) -> set[str]:
+        return {self._library.entries[e.entry].category for e in elements}
+
     def _about_a_person(self, words: list[Word], elements: Sequence[Element]) -> bool:
         """Whether a prompt names a person or asks for parts, so that it is about a body whatever else it says."""
-        people = ("characters", "occupations", "ages")
-        return any(word.text in PERSONS for word in words) or any(
-            e.only or self._library.entries[e.entry].category in people for e in elements
-        )
+        person = bool(self._categories(elements) & {"characters", "occupations", "ages"})
+        return person or any(word.text in PERSONS for word in words) or any(e.only for e in elements)
 
     def _worth(self, entry: int, part: str) -> float:
-        """How much a sentence of an entry counts beside others: all, or less where walks do not show it."""
-        share = self._shares.of(getattr(self._library.entries[entry].descriptions, part), part)
-        return 1.0 if share is None else 1.0 - UNSEEN * (1.0 - share)
-
-    @cached_property
-    def _shares(self) -> PhraseShares:
-        return shares_of() if self._measured is None else self._measured
+        """How much a sentence of an entry counts next to others: all, or less where walks do not show it."""
+        shown = adherence_of().of(getattr(self._library.entries[entry].descriptions, part), part)
+        return 1.0 if shown is None else 1.0 - UNSEEN * (1.0 - shown)
 
     def _bodily(self, text: str) -> float:
         """Above 0 where a text is rather about somebody's body than about nothing bodily."""
         weights = self._library.embeddings.bodily
         return float(self._encoder.encode([text])[0] @ weights[:-1] + weights[-1])
 
-    def _neutral(
-        self,
-        near: tuple[tuple[str, float], ...],
-        stated: dict[str, str],
-        note: str,
-        explicit: bool = False,
-    ) -> Expansion:
-        base = self._library.entries[self._beside(stated)].descriptions
-        return _expansion(base, near, stated, note, explicit)
+    def _neutral(self, near: Near, stated: dict[str, str], note: str) -> Expansion:
+        """What a prompt leaves open is neutral, but who limps does so with the whole body."""
+        sides = [side for side in OPPOSITE if "limping" in stated.get(f"{side}_leg", "")]
+        limp = self._library.phrases.whole(LIMP.format(s=sides[0])) if len(sides) == 1 else None
+        return self._expansion(self._library.neutral if limp is None else limp, near, stated, note)
 
-    def _beside(self, stated: dict[str, str]) -> int:
-        """The entry for what a prompt leaves open: neutral, but who limps does so with the whole body."""
-        library = self._library
-        sides = [side for side in ("left", "right") if "limping" in stated.get(f"{side}_leg", "")]
-        limp = library.phrases.whole(LIMP.format(s=sides[0])) if len(sides) == 1 else None
-        return library.neutral if limp is None else limp
+    def _expansion(
+        self, base: PartDescriptions | int, near: Near, stated: dict[str, str], note: str
+    ) -> Expansion:
+        """The descriptions `base`, or those of the entry of that number, with what a prompt states of parts."""
+        said = self._library.entries[base].descriptions if isinstance(base, int) else base
+        parts = tuple(part for part in PART_NAMES if part in stated)
+        source: Literal["library", "explicit"] = "explicit" if parts == PART_NAMES else "library"
+        return Expansion(PartDescriptions(**{**said.to_mapping(), **stated}), source, near, note, parts)
+
+    def _with_one_gesture(self, expansion: Expansion) -> Expansion:
+        """The arm that nothing is stated of swings, where the stated one does what it would do.
+
+        "Left palm on the forehead, as if having a headache": the right hand of the headache is not on the head too.
+        """
+        said = expansion.descriptions
+        arms = [part for part in expansion.explicit_parts if part.endswith("arm")]
+        other = {"left_arm": "right_arm", "right_arm": "left_arm"}.get(arms[0]) if len(arms) == 1 else None
+        if other is None or is_idle(getattr(said, other)):
+            return expansion
+        one, two = self._encoder.encode([getattr(said, arms[0]), mirror_text(getattr(said, other))])
+        if float(one @ two) < SAME_GESTURE:
+            return expansion
+        idle = getattr(self._library.entries[self._library.neutral].descriptions, other)
+        return replace(expansion, descriptions=said.replace(other, idle))
 
     def _rank(self, text: str) -> list[tuple[int, float]]:
         """(entry, cosine similarity) of the nearest entries, best first; an entry counts by its best prompt."""
@@ -314,61 +322,27 @@ class LibraryExpander:
         order = np.argsort(-by_entry, kind="stable")[: NEIGHBOURS + 1]
         return [(int(i), float(np.clip(by_entry[i], -1.0, 1.0))) for i in order]
 
-    def _near(
-        self, ranked: list[tuple[int, float]], first: int | None = None
-    ) -> tuple[tuple[str, float], ...]:
-        """Prompts and similarities; `first` is the entry that was asked for in so many words."""
-        if first is not None:
-            ranked = [(first, 1.0), *((i, s) for i, s in ranked if i != first)][: len(ranked)]
+    def _near(self, ranked: list[tuple[int, float]]) -> Near:
         return tuple((self._library.entries[i].prompt, similarity) for i, similarity in ranked)
 
     @cached_property
     def _library(self) -> _Library:
-        path = self._library_path
-        content = load_prompt_library(path, self._styles)
-        stored = load_embeddings(
-            path.with_suffix(".npz"), library_hash(content), self._encoder, len(content.entries)
-        )
-        styles = [entry.style for entry in content.entries]
-        if NEUTRAL_STYLE not in styles:  # a library of one's own
-            neutral = LibraryEntry(
-                "neutral", (), self._styles[NEUTRAL_STYLE].descriptions[0], style=NEUTRAL_STYLE
-            )
-            content = replace(content, entries=(*content.entries, neutral))
-            styles, stored = [*styles, NEUTRAL_STYLE], None
-        embeddings = stored or embed_library(content, self._encoder)
-        plain = [i for i, style in enumerate(styles) if style.startswith(NEUTRAL_STYLE)]
+        styles = load_styles(self._path.with_name("styles.json"))
+        content = load_prompt_library(self._path, styles)
+        path, digest = self._path.with_suffix(".npz"), library_hash(content)
+        embeddings = load_embeddings(path, digest, self._encoder, len(content.entries))
+        embeddings = embeddings or embed_library(content, self._encoder)
+        names = [entry.style for entry in content.entries]
+        if NEUTRAL_STYLE not in names:
+            raise FileError(f"{self._path}: has no entry of the style 'neutral'.", "Restore the file.")
+        plain = [i for i, style in enumerate(names) if style.startswith(NEUTRAL_STYLE)]
         phrases = PhraseIndex(content)
         spelling = Spelling(phrases.known | ENGLISH, embeddings.other_words)
-        return _Library(content, embeddings, phrases, spelling, styles.index(NEUTRAL_STYLE), plain)
+        return _Library(content, embeddings, phrases, spelling, names.index(NEUTRAL_STYLE), plain)
 
     @cached_property
     def _languages(self) -> OtherLanguages:
-        return OtherLanguages(self._library_path.parent, self._library.content)
-
-    @cached_property
-    def _styles(self) -> dict[str, LibraryStyle]:
-        return load_styles(self._library_path.with_name("styles.json"))
-
-    @property
-    def _library_path(self) -> Path:
-        return asset_path("prompts/library.json") if self._path is None else self._path
-
-
-def _expansion(
-    base: PartDescriptions,
-    near: tuple[tuple[str, float], ...],
-    stated: dict[str, str],
-    note: str,
-    explicit: bool = False,
-) -> Expansion:
-    words = {**base.to_mapping(), **stated}
-    source: Literal["library", "explicit"] = (
-        "explicit" if explicit or len(stated) == len(PART_NAMES) else "library"
-    )
-    return Expansion(
-        PartDescriptions(**words), source, near, note, tuple(p for p in PART_NAMES if p in stated)
-    )
+        return OtherLanguages(self._path.parent, self._library.content)
 
 
 def _runs(words: list[Word], left: tuple[int, ...]) -> list[tuple[int, int]]:
@@ -398,7 +372,7 @@ def _unread_limbs(words: list[Word], reading: Reading, elements: Sequence[Elemen
     """What is said of a body part that no rule and no phrase took, or ""."""
     taken = {i for e in elements for i in range(e.start, e.end)}
     unread = [
-        " ".join(words[i].text for i in range(start, end))
+        _text(words[start:end])
         for start, end in _runs(words, tuple(i for i in reading.left if i not in taken))
         if any(words[i].stem in PLACES for i in range(start, end))
     ]
@@ -407,3 +381,7 @@ def _unread_limbs(words: list[Word], reading: Reading, elements: Sequence[Elemen
 
 def _short(text: str, limit: int = 40) -> str:
     return text if len(text) <= limit else text[: limit - 1] + "…"
+
+
+def _text(words: Sequence[Word]) -> str:
+    return " ".join(word.text for word in words)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from runtime.prompts.english.library_data import NEUTRAL_STYLE, LibraryEntry, PromptLibrary
@@ -37,6 +37,7 @@ _OBJECT_STARTS = word_set(
 )
 _OF_STYLE = word_set("style manner way walk gait fashion kind sort steps moves")
 _AGAIN = word_set("like as imitating impersonating mimicking being playing half part acting")
+_HALVES = {"upper": ("left_arm", "right_arm", "torso", "head"), "lower": ("left_leg", "right_leg")}
 # -ing forms that have no object: what follows "pretending to be" is the one who walks
 _INTRANSITIVE = word_set(
     "acting playing imitating impersonating mimicking pretending feeling looking moving walking dancing turning "
@@ -70,21 +71,23 @@ class PhraseIndex:
         self._alone = library.alone
         self._whole: dict[str, int] = {}
         self._phrases: dict[tuple[str, ...], int] = {}
-        prompts: list[str] = []
-        for number, entry in enumerate(library.entries):
-            plain_walk = entry.style.startswith(NEUTRAL_STYLE)
-            for text in (entry.prompt, *entry.also):
-                prompts.append(text)
-                words = words_of(text)
-                self._whole.setdefault(key(words), number)
-                says = any(word.says for word in words) or (len(words) > 1 and not plain_walk)
-                if says and len(words) <= LONGEST:
-                    self._phrases.setdefault(tuple(word.stem for word in words), number)
+        named = [(text, i) for i, e in enumerate(library.entries) for text in (e.prompt, *e.also)]
+        for text, number in named:
+            words = words_of(text)
+            self._whole.setdefault(key(words), number)
+            if len(words) <= LONGEST and self._names_a_way(words, library.entries[number]):
+                self._phrases.setdefault(tuple(word.stem for word in words), number)
         for number, entry in enumerate(library.entries):  # what is named in so many words comes first
             self._whole.setdefault(key(without_somebody(words_of(entry.prompt))), number)
         described = [text for entry in library.entries for text in entry.descriptions.as_tuple()]
         # English words for sure
+        prompts = [text for text, _ in named]
         self.known = distinct_words([*prompts, *described, *library.nothing]) | finite_forms().keys()
+
+    @staticmethod
+    def _names_a_way(words: list[Word], entry: LibraryEntry) -> bool:
+        plain_walk = entry.style.startswith(NEUTRAL_STYLE)
+        return any(word.says for word in words) or (len(words) > 1 and not plain_walk)
 
     def only_alone(self, words: list[Word]) -> bool:
         """Whether the words are one that names an entry only as a whole prompt."""
@@ -122,35 +125,27 @@ class PhraseIndex:
             gain[start] = gain[start + 1]
             for end in range(start + 1, min(start + LONGEST, len(words)) + 1):
                 entry = self._entry_of(words[start:end], alone)
-                if entry is None:
-                    continue
                 found = max(sum(word.says for word in words[start:end]), 0.5) - 0.1 + gain[end]
-                if found > gain[start]:
+                if entry is not None and found > gain[start]:
                     gain[start], chosen[start] = found, Element(entry, start, end)
         elements, at = [], 0
         while at < len(words):
             element = chosen[at]
             if element is not None:
-                elements.append(element)
+                only = _named_parts(words, element.start, element.end)
+                elements.append(replace(element, degree=_degree(words, element.start), only=only))
             at = element.end if element is not None else at + 1
-        return [
-            replace(e, degree=_degree(words, e.start), only=_named_parts(words, e.start, e.end))
-            for e in elements
-        ]
+        return elements
 
     def _entry_of(self, words: list[Word], alone: bool) -> int | None:
-        if len(words) == 1:
-            word = words[0]
-            if word.stem in self._alone and not alone:
-                return None
-            found = self._phrases.get((word.stem,))
-            return found if found is not None else self._phrases.get((_adjective(word.text),))
         stems = tuple(word.stem for word in words)
-        found = self._phrases.get(stems)
-        if found is None and any(word.text in ("left", "right") for word in words[1:-1]):
-            # "a wooden left leg": which side it is comes later
-            return self._phrases.get(tuple(s for s in stems if s not in ("left", "right")))
-        return found
+        if len(words) == 1:
+            if stems[0] in self._alone and not alone:
+                return None
+            return self._phrases.get(stems, self._phrases.get((_adjective(words[0].text),)))
+        # "a wooden left leg": which side it is comes later
+        sideless = (stems[0], *(s for s in stems[1:-1] if s not in ("left", "right")), stems[-1])
+        return self._phrases.get(stems, self._phrases.get(sideless))
 
 
 @dataclass(frozen=True)
@@ -176,18 +171,29 @@ def read_phrases(words: list[Word], index: PhraseIndex) -> Reading:
     """The entries that a prompt names, without what it denies ("not angry") and whom it only mentions."""
     found = index.find(words)
     covered = {i for e in found for i in range(e.start, e.end)}
+    gone, denied, denials = _denials(words, found, covered)
+    kept = [e for e in found if gone.isdisjoint(range(e.start, e.end))]
+    left = tuple(i for i in range(len(words)) if i not in gone | covered)
+    subjects = _subjects(words, kept, index.entries)
+    named = {element.entry for element in subjects}
+    mentioned = tuple(e.entry for e in kept if e.entry not in named)
+    return Reading(subjects, left, tuple(denied), mentioned, tuple(denials))
+
+
+def _denials(
+    words: list[Word], found: list[Element], covered: set[int]
+) -> tuple[set[int], list[str], list[int]]:
+    """Numbers of the words that are denied or deny, what is denied, and the entries among it."""
     gone: set[int] = set()
     denied: list[str] = []
-    denials: list[int] = []
-    for at, word in enumerate(words):
-        if at in (covered | gone) or word.text not in NEGATIONS | ABSENCES:
+    entries: list[int] = []
+    for at in range(len(words)):
+        if at in covered | gone or not _denies(words, at):
             continue
-        if at + 1 < len(words) and words[at + 1].text == "to":
-            continue  # "trying not to fall" is a way to walk
-        named_after = list(_denied_elements(words, found, at))
-        denials += [e.entry for e in named_after]
-        reaches = [list(range(e.start, e.end)) for e in named_after]
-        if not reaches and word.text in NEGATIONS:
+        elements = _denied_elements(words, found, at)
+        entries += [e.entry for e in elements]
+        reaches = [list(range(e.start, e.end)) for e in elements]
+        if not reaches and words[at].text in NEGATIONS:
             reaches = [_clause_rest(words, at)]
         for reach in filter(None, reaches):  # without any, "no energy" says what is there by what is not
             if gone.isdisjoint(reach):
@@ -195,29 +201,26 @@ def read_phrases(words: list[Word], index: PhraseIndex) -> Reading:
             gone.update((at, *reach))
         if at in gone and words[at + 1].text == "longer":
             gone.add(at + 1)
-    kept = [e for e in found if gone.isdisjoint(range(e.start, e.end))]
-    left = tuple(i for i in range(len(words)) if i not in gone and i not in covered)
-    subjects = _subjects(words, kept, index.entries)
-    named = {element.entry for element in subjects}
-    mentioned = tuple(e.entry for e in kept if e.entry not in named)
-    return Reading(tuple(subjects), left, tuple(denied), mentioned, tuple(denials))
+    return gone, denied, entries
 
 
-def _denied_elements(words: list[Word], elements: list[Element], at: int) -> Iterable[Element]:
+def _denies(words: list[Word], at: int) -> bool:
+    trying = at + 1 < len(words) and words[at + 1].text == "to"  # "trying not to fall" is a way to walk
+    return words[at].text in NEGATIONS | ABSENCES and not trying
+
+
+def _denied_elements(words: list[Word], elements: list[Element], at: int) -> list[Element]:
     """The next element of the clause, and those joined to it by "or" and "nor"."""
-    previous = at
-    for element in elements:
-        if element.start <= at:
-            continue
-        between = {w.text for w in words[previous + 1 : element.start]}
-        if words[element.start].clause != words[at].clause or between & {"but", "while", "who"}:
-            return
-        if previous != at and not between & {"or", "nor"}:
-            return
-        if previous == at and len([w for w in words[at + 1 : element.start] if w.says]) > 1:
-            return
-        previous = element.end - 1
-        yield element
+    denied: list[Element] = []
+    for element in (e for e in elements if e.start > at):
+        between = words[(denied[-1].end if denied else at + 1) : element.start]
+        texts = {word.text for word in between}
+        other_clause = words[element.start].clause != words[at].clause or texts & {"but", "while", "who"}
+        joined = texts & {"or", "nor"} if denied else sum(word.says for word in between) <= 1
+        if other_clause or not joined:
+            break
+        denied.append(element)
+    return denied
 
 
 def _clause_rest(words: list[Word], at: int) -> list[int]:
@@ -230,33 +233,37 @@ def _clause_rest(words: list[Word], at: int) -> list[int]:
     return reach
 
 
-def _subjects(words: list[Word], elements: list[Element], entries: tuple[LibraryEntry, ...]) -> list[Element]:
+def _subjects(
+    words: list[Word], elements: list[Element], entries: tuple[LibraryEntry, ...]
+) -> tuple[Element, ...]:
     """Elements that say how the one who walks moves, without somebody else: "afraid of a bear" is no bear."""
-    objects, places = _zones(words, elements)
     covered = {i for e in elements for i in range(e.start, e.end)}
+    objects = _zone(words, covered, _opens_object)
+    places = _zone(words, covered, _opens_place)
     kept: list[Element] = []
     dropped_at = -1
     for element in reversed(elements):  # an adjective goes with the noun behind it
         category = entries[element.entry].category
-        follows = words[element.end] if element.end < len(words) else None
-        somebody = category in (*FIGURES, "ages") or element.end == dropped_at
+        follows = words[element.end : element.end + 1]
+        somebody = category in (*FIGURES, "ages") or element.end == dropped_at or _any_in(follows, PERSONS)
+        of_thing = element.end not in covered and any(word.says for word in follows)
         if element.only:
             kept.insert(0, element)
-            continue
-        if element.start in objects and (somebody or (follows is not None and follows.text in PERSONS)):
+        elif element.start in objects and somebody:
             dropped_at = element.start
-            continue
-        of_thing = follows is not None and follows.says and element.end not in covered
-        if element.start in places and category in _QUALITIES and of_thing:
-            continue  # "in an old house"
-        kept.insert(0, element)
+        elif not (element.start in places and category in _QUALITIES and of_thing):
+            kept.insert(0, element)  # all but "in an old house"
     # "dancing" says no more in "dancing samba"
     kept = [e for i, e in enumerate(kept) if not _same_doing(kept[i : i + 2], entries)]
-    for i, element in enumerate(kept):
-        before = {word.text for word in words[max(element.start - 2, 0) : element.start]}
-        joined = i > 0 and kept[i - 1].end == element.start
-        kept[i] = replace(element, after_like=bool(before & _AGAIN), joined=joined)
-    return kept
+    ends = {element.end for element in kept}
+    return tuple(
+        replace(e, after_like=_any_in(words[max(e.start - 2, 0) : e.start], _AGAIN), joined=e.start in ends)
+        for e in kept
+    )
+
+
+def _any_in(words: Sequence[Word], texts: frozenset[str]) -> bool:
+    return any(word.text in texts for word in words)
 
 
 def _same_doing(two: list[Element], entries: tuple[LibraryEntry, ...]) -> bool:
@@ -268,48 +275,49 @@ def _same_doing(two: list[Element], entries: tuple[LibraryEntry, ...]) -> bool:
     return shorter and len(categories) == 1 and categories <= {"dances", "sports"}
 
 
-def _zones(words: list[Word], elements: list[Element]) -> tuple[set[int], set[int]]:
-    """Numbers of the words that follow "from", "with", "hunting" and the like, and of those that follow any
-    preposition; up to a link or the clause's end.
-    """
-    covered = {i for e in elements for i in range(e.start, e.end)}
-    objects: set[int] = set()
-    places: set[int] = set()
-    of_object = of_place = False
+def _zone(words: list[Word], covered: set[int], opens: Callable[[list[Word], int], bool]) -> set[int]:
+    """Numbers of the words behind one that `opens` a zone, up to a link or the clause's end."""
+    zone: set[int] = set()
+    inside = False
     for i, word in enumerate(words):
         if (i and word.clause != words[i - 1].clause) or (word.text in LINKS and i not in covered):
-            of_object = of_place = False
-        if of_object:
-            objects.add(i)
-        if of_place:
-            places.add(i)
-        if i in covered:
-            continue
-        of_style = word.text == "of" and i > 0 and words[i - 1].text in _OF_STYLE
-        verb = word.text.endswith("ing") and len(word.text) > 4 and word.text not in _INTRANSITIVE
-        of_object = of_object or verb or (word.text in _OBJECT_STARTS and not of_style)
-        of_place = of_place or (word.text in PREPOSITIONS and not of_style)
-    return objects, places
+            inside = False
+        if inside:
+            zone.add(i)
+        inside = inside or (i not in covered and opens(words, i))
+    return zone
+
+
+def _opens_object(words: list[Word], i: int) -> bool:
+    """Whether somebody else may follow: after "from", "with", "hunting" and the like."""
+    text = words[i].text
+    verb = text.endswith("ing") and len(text) > 4 and text not in _INTRANSITIVE
+    return verb or (text in _OBJECT_STARTS and not _of_style(words, i))
+
+
+def _opens_place(words: list[Word], i: int) -> bool:
+    return words[i].text in PREPOSITIONS and not _of_style(words, i)
+
+
+def _of_style(words: list[Word], i: int) -> bool:
+    return words[i].text == "of" and i > 0 and words[i - 1].text in _OF_STYLE
 
 
 def _named_parts(words: list[Word], start: int, end: int) -> tuple[str, ...]:
     """The parts named right behind a phrase, or before it with "like" or "of": "robot arms", "the legs of a penguin"."""
-    clause = words[start].clause
-    if end < len(words) and words[end].clause == clause and words[end].stem in PART_WORDS:
-        at = end
-    elif start >= 2 and words[start - 1].text in ("like", "of", "as") and words[start - 2].clause == clause:
+    before = words[max(start - 2, 0) : start]
+    at = end
+    if len(before) == 2 and before[1].text in ("like", "of", "as") and not _is_part(words, end, start):
         at = start - 2
-        if words[at].stem not in PART_WORDS:
-            return ()
-    else:
+    if not _is_part(words, at, start):
         return ()
+    side = words[at - 1].text if at else ""
     parts = PART_WORDS[words[at].stem]
-    if words[at - 1].text == "upper":
-        return ("left_arm", "right_arm", "torso", "head")
-    if words[at - 1].text == "lower":
-        return ("left_leg", "right_leg")
-    sided = tuple(part for part in parts if at and part.startswith(words[at - 1].text + "_"))
-    return sided or parts
+    return _HALVES.get(side) or tuple(part for part in parts if part.startswith(f"{side}_")) or parts
+
+
+def _is_part(words: list[Word], at: int, start: int) -> bool:
+    return at < len(words) and words[at].clause == words[start].clause and words[at].stem in PART_WORDS
 
 
 def _degree(words: list[Word], start: int) -> float:

@@ -1,13 +1,48 @@
-"""Typing errors: an unknown word that is one letter off a known one is read as that."""
+"""Whether a prompt is English, the only language that the library knows, and its typing errors."""
 
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterable
 from functools import cached_property
 
+from runtime.prompts.english.words import word_set
+
 SHORTEST = 5  # letters of a word that is corrected: shorter ones are one letter off too many others
 SHORTEST_CHANGED = 8  # where a letter is changed for another: "lugging" is no "lagging"
+
+
+# The commonest little words of languages in Latin script that are no English words.
+_FOREIGN = word_set(
+    "ein eine einen einem einer eines der das dem den des und mit auf im ist wie ohne nicht sehr geht gehend "
+    "mann frau kind alter alte müde sich läuft von zum zur wird "
+    "un une le la les du et avec sans sur qui dans est très comme homme femme enfant marche fatigué vieux vieil "
+    "el los las una unos y con sin que del muy como hombre mujer niño camina viejo cansado cansada para por "
+    "il lo gli uno della dello che molto uomo donna stanco stanca vecchio cammina bambino nel sulla "
+    "o os um uma com sem muito homem mulher velho cansado criança anda "
+    "een het van niet zeer oude moe loopt vrouw "
+    "en ett och med utan inte mycket gammal trött går kvinna gubbe et ikke og meget gammel "
+    "jest się nie bardzo stary zmęczony idzie człowiek kobieta z na "
+    "bir ve ile çok yaşlı yorgun adam kadın yürüyen "
+    "seorang yang dan dengan tidak sangat orang lelah tua berjalan pria wanita "
+    "ja vanha väsynyt mies nainen kävelee erittäin egy öreg fáradt férfi nagyon starý unavený muž žena velmi"
+)
+ENGLISH = word_set(
+    "a an the and with while but of in to is are as who that whose his her their its this someone somebody person "
+    "man woman people he she they walking walks walk running standing very like on at for from by not no without "
+    "moving slowly quickly into through him them over under after before"
+)
+_SHARED = word_set("a an in on man y o z of do no me")  # English words, or too short to tell
+
+
+# "haed", "rigth": two letters of a body part exchanged
+_TURNED = {
+    word[:i] + word[i + 1] + word[i] + word[i + 2 :]: word
+    for word in ("left", "right", "hand", "head", "knee", "back", "neck", "shoulder", "elbow", "torso")
+    for i in range(1, len(word) - 1)
+    if word[i] != word[i + 1]
+}
 
 
 class Spelling:
@@ -26,7 +61,7 @@ class Spelling:
 
         def correct(match: re.Match[str]) -> str:
             word = match.group(0)
-            right = self.nearest(word.lower())
+            right = _TURNED.get(word.lower()) or self.nearest(word.lower())
             if right is None:
                 return word
             read[word] = right
@@ -36,13 +71,12 @@ class Spelling:
 
     def nearest(self, word: str) -> str | None:
         """The known word that a lower-case word is one letter off, or None for what is no typing error."""
-        if len(word) < SHORTEST or not word.isascii() or word in self._known or word in self._others:
+        right = word in self._known or word in self._others or self._inflected(word)
+        if right or len(word) < SHORTEST or not word.isascii():
             return None
-        if self._inflected(word):
-            return None
-        found = {right for form in (word, *_shortened(word)) for right in self._forms.get(form, ())}
-        found = {right for right in found if right[0] == word[0] and _one_off(word, right)}
-        return min(found, key=lambda right: (abs(len(right) - len(word)), right), default=None)
+        found = {known for form in (word, *_shortened(word)) for known in self._forms.get(form, ())}
+        near = [known for known in found if known[0] == word[0] and _one_off(word, known)]
+        return min(near, key=lambda known: (abs(len(known) - len(word)), known), default=None)
 
     def _inflected(self, word: str) -> bool:
         """Whether a word is a known one with another ending."""
@@ -74,3 +108,24 @@ def _one_off(one: str, other: str) -> bool:
         i, j = different
         return j == i + 1 and one[i] == other[j] and one[j] == other[i]
     return len(different) == 1 and len(one) >= SHORTEST_CHANGED
+
+
+def is_foreign(text: str, known: frozenset[str]) -> bool:
+    """Whether a prompt is in another script, or in another language for all that its words tell.
+
+    `known` are English words, the library's own.
+    """
+    letters = [c for c in text if c.isalpha()]
+    if sum(not unicodedata.name(c, "").startswith("LATIN") for c in letters) > len(letters) / 2:
+        return True
+    words = re.findall(r"[^\W\d_]+", text.lower())
+    native, other = ENGLISH | (known & set(words)) - _FOREIGN, _FOREIGN - _SHARED
+    english = sum(word in native for word in words)
+    foreign = sum(word in other or not (word.isascii() or word in known) for word in words)
+    return foreign > english
+
+
+def knows_no_word(text: str, known: frozenset[str]) -> bool:
+    """Whether no word of a prompt is a known English one."""
+    words = re.findall(r"[^\W\d_]+", text.lower())
+    return not any(word in known or word in ENGLISH for word in words)

@@ -7,7 +7,6 @@ the image of its KTX2.
 from __future__ import annotations
 
 import contextlib
-import importlib
 import json
 import shutil
 import struct
@@ -17,7 +16,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from runtime.character import fbx_file, unpack
+from runtime.character import native
 from runtime.character.character import load_character
 from runtime.character.mesh import read_meshes
 from runtime.character.read import open_gltf
@@ -82,14 +81,7 @@ def test_colours_of_an_image_in_basis_universal_are_its_own() -> None:
 @pytest.mark.parametrize("name", [name for name in MODULES if MODULES[name] in PACKAGES])
 def test_without_its_library_the_sentence_names_it(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     missing = MODULES[name]
-
-    def load(module: str) -> object:
-        if module == missing:
-            raise ImportError(module)
-        return importlib.import_module(module)
-
-    monkeypatch.setattr(unpack, "importlib", type("", (), {"import_module": staticmethod(load)}))
-    monkeypatch.setattr(fbx_file.importlib.util, "find_spec", lambda module: None)
+    monkeypatch.setattr(native.importlib.util, "find_spec", lambda module: None)
     with pytest.raises(FileError, match=rf"pip install {PACKAGES[missing]}"):
         load_character(FOLDER / name)
 

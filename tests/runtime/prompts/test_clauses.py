@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import time
+import tomllib
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from runtime.assets import asset_path
 from runtime.prompts.english.clauses import parse_clauses
+from runtime.prompts.english.grammar import Grammar
 from runtime.prompts.english.words import continuous
 from runtime.skeleton import PART_NAMES
-from training.layering.catalog import EDITS
+from training.augmentation.catalogue import part_edits
 
 SIDES = ("left", "right")
 
@@ -149,7 +153,7 @@ def test_clauses(prompt: str, rest: str, expected: dict[str, str]) -> None:
     ],
 )
 def test_clauses_are_said_as_the_networks_were_told(prompt: str, edits: str) -> None:
-    told = {part: phrases for edit in edits.split() for part, phrases in EDITS[edit].phrases.items()}
+    told = {part: phrases for edit in edits.split() for part, phrases in part_edits()[edit].phrases.items()}
     parsed = parse_clauses(prompt)
     assert parsed.rest == ""
     if "limping" in edits:  # the other leg is the library's
@@ -223,6 +227,22 @@ def test_what_is_denied_adds_nothing_to_what_is_said() -> None:
 )
 def test_orders_need_a_body_part(prompt: str) -> None:
     assert parse_clauses(prompt).parts == {}
+
+
+def test_the_order_of_rules_never_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tomllib.loads(asset_path("prompts/clauses.toml").read_text("utf-8"))
+    groups = [
+        file[group][kind] for group in ("arm", "leg", "torso", "head") for kind in ("actions", "denied")
+    ]
+    for rules in (*groups, file["phrases"]["rules"], *file["relations"].values()):
+        rules.reverse()
+    lines = Path(__file__).with_name("side_sentences.txt").read_text("utf-8").splitlines()
+    prompts = [line.partition(" | ")[0] for line in lines if line and not line.startswith("#")]
+    parsed = [parse_clauses(prompt) for prompt in prompts]
+    turned = Grammar(file)
+    for module in ("clauses", "sides"):
+        monkeypatch.setattr(f"runtime.prompts.english.{module}.grammar", lambda: turned)
+    assert [parse_clauses(prompt) for prompt in prompts] == parsed
 
 
 # gestures of a hand at a part

@@ -269,17 +269,18 @@ def _small_library(directory: Path, entries: list[object], **lists: object) -> P
     return path
 
 
+NEUTRAL = {"style": "neutral"}
 CRAB = {"prompt": "crab", "arms": "{s} hand like a claw", "legs": "@chicken", "torso": "low", "head": "up"}
 
 
 def test_a_library_without_embeddings_computes_them(tmp_path: Path) -> None:
-    expansion = LibraryExpander(ENCODER, _small_library(tmp_path, [CRAB])).expand("crab")
+    expansion = LibraryExpander(ENCODER, _small_library(tmp_path, [CRAB, NEUTRAL])).expand("crab")
     assert expansion.descriptions.right_arm == "right hand like a claw"
     assert expansion.descriptions.left_leg.startswith("left")
 
 
 def test_outdated_embeddings_are_not_used(tmp_path: Path) -> None:
-    path = _small_library(tmp_path, [{"style": "chicken"}])
+    path = _small_library(tmp_path, [{"style": "chicken"}, NEUTRAL])
     (tmp_path / "library.npz").write_bytes((PROMPTS / "library.npz").read_bytes())
     nearest = LibraryExpander(ENCODER, path).expand("a clucking hen").nearest
     assert nearest[0][0] == "someone strutting like a chicken"
@@ -315,6 +316,11 @@ def test_a_malformed_list_is_named(tmp_path: Path, lists: dict[str, object]) -> 
     path = _small_library(tmp_path, [CRAB], **lists)
     with pytest.raises(FileError, match=r"library\.json.*'alone'"):
         LibraryExpander(ENCODER, path).expand("crab")
+
+
+def test_a_library_has_a_neutral_entry(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="neutral"):
+        LibraryExpander(ENCODER, _small_library(tmp_path, [CRAB])).expand("crab")
 
 
 def test_damaged_files_are_named(tmp_path: Path) -> None:

@@ -93,7 +93,7 @@ def test_a_network_of_another_kind_is_refused(tmp_path: Path) -> None:
 
 def test_plain_torch_encoder_agrees_with_itself_under_padding() -> None:
     torch = pytest.importorskip("torch")
-    from training.text.minilm import BertConfig, SentenceEncoder
+    from training.text.encoders import BertConfig, SentenceEncoder
 
     torch.manual_seed(0)
     config = BertConfig(

@@ -143,7 +143,7 @@ def test_the_content_encoder_takes_embeddings_of_any_size() -> None:
 def write_clip_folder(folder: Path) -> Path:
     """A CLIP of two narrow layers with random weights, stored as Hugging Face does."""
     torch = pytest.importorskip("torch")
-    from training.text.clip_tower import ClipTextConfig, ClipTextTower
+    from training.text.encoders import ClipTextConfig, ClipTextTower
 
     text = {"vocab_size": len(WORDS), "hidden_size": 16, "intermediate_size": 32, "num_hidden_layers": 2}
     text |= {"num_attention_heads": 2, "max_position_embeddings": 12}
@@ -158,13 +158,17 @@ def write_clip_folder(folder: Path) -> Path:
         "final_layer_norm": "text_model.final_layer_norm",
         "text_projection": "text_projection",
     }
+    layer_names = {
+        "query": "self_attn.q_proj", "key": "self_attn.k_proj", "value": "self_attn.v_proj",
+        "attention_output": "self_attn.out_proj", "attention_norm": "layer_norm1", "output_norm": "layer_norm2",
+        "intermediate": "mlp.fc1", "output": "mlp.fc2",
+    }  # fmt: skip
     header, body = {}, b""
     for name, tensor in tower.state_dict().items():
         stem, _, kind = name.rpartition(".")
         if stem.startswith("layers."):
             _, number, inner = stem.split(".")
-            group = "self_attn." if inner.endswith("_proj") else "mlp." if inner.startswith("fc") else ""
-            stem = f"text_model.encoder.layers.{number}.{group}{inner}"
+            stem = f"text_model.encoder.layers.{number}.{layer_names[inner]}"
         data = tensor.numpy().tobytes()
         header[f"{names.get(stem, stem)}.{kind}"] = {
             "dtype": "F32", "shape": list(tensor.shape), "data_offsets": [len(body), len(body) + len(data)],
@@ -178,23 +182,23 @@ def write_clip_folder(folder: Path) -> Path:
 
 def test_the_tower_agrees_with_torch_layers(tmp_path: Path) -> None:
     torch = pytest.importorskip("torch")
-    from training.text.clip_tower import load_tower
+    from training.text.encoders import load_tower
 
     tower = load_tower(write_clip_folder(tmp_path))
     ids = torch.tensor([[0, 2, 4, 5, 1]])
     x = tower.token_embedding(ids) + tower.position_embedding.weight[:5]
     for layer in tower.layers:
         attention = torch.nn.MultiheadAttention(16, 2, batch_first=True)
-        rows = (layer.q_proj, layer.k_proj, layer.v_proj)
+        rows = (layer.query, layer.key, layer.value)
         with torch.no_grad():
             attention.in_proj_weight.copy_(torch.cat([r.weight for r in rows]))
             attention.in_proj_bias.copy_(torch.cat([r.bias for r in rows]))
-            attention.out_proj.load_state_dict(layer.out_proj.state_dict())
-        y = layer.layer_norm1(x)
+            attention.out_proj.load_state_dict(layer.attention_output.state_dict())
+        y = layer.attention_norm(x)
         causal = torch.triu(torch.ones(5, 5, dtype=torch.bool), 1)
         x = x + attention(y, y, y, attn_mask=causal)[0]
-        y = layer.fc1(layer.layer_norm2(x))
-        x = x + layer.fc2(y * torch.sigmoid(1.702 * y))
+        y = layer.intermediate(layer.output_norm(x))
+        x = x + layer.output(y * torch.sigmoid(1.702 * y))
     expected = torch.nn.functional.normalize(tower.text_projection(tower.final_layer_norm(x)[:, -1]), dim=-1)
     padded = torch.tensor([[0, 2, 4, 5, 1, 1, 1]])
     mask = torch.tensor([[1, 1, 1, 1, 1, 0, 0]])

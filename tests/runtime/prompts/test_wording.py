@@ -12,8 +12,7 @@ from runtime.assets import asset_path
 from runtime.errors import FileError
 from runtime.prompts.content import PromptEncoder
 from runtime.prompts.parts import PartDescriptions
-from runtime.prompts.sentence_tables import as_left_limb
-from runtime.prompts.wording import FILE, Wording, load_wordings, wording_of
+from runtime.prompts.phrasing import PHRASINGS, ModelPhrasing, as_left_limb, load_phrasings, phrasing_of
 from tests.helpers.shipped import shipped_encoder, shipped_model
 
 PLAIN = PartDescriptions(
@@ -24,7 +23,7 @@ PLAIN = PartDescriptions(
     "torso upright",
     "head upright",
 )
-WORDING = Wording(
+WORDING = ModelPhrasing(
     {
         ("torso", "torso leaning forward"): "torso tilted forward",
         ("leg", "left leg stiff"): "left foot hardly lifted",
@@ -46,10 +45,10 @@ def test_a_right_limb_is_said_as_the_left_one_is():
 
 def test_an_arm_has_wordings_of_its_own():
     behind = ("left hand held behind the back", "right hand held behind the back")
-    wording = Wording({("left_arm", behind[0]): "left arm stretched back"})
+    wording = ModelPhrasing({("left_arm", behind[0]): "left arm stretched back"})
     assert wording.of(behind[0], "left_arm") == "left arm stretched back"
     assert wording.of(behind[1], "right_arm") == behind[1]
-    right = Wording({("right_arm", behind[0]): "left arm stretched back"})
+    right = ModelPhrasing({("right_arm", behind[0]): "left arm stretched back"})
     assert right.of(behind[1], "right_arm") == "right arm stretched back"
     assert right.of(behind[0], "left_arm") == behind[0]
 
@@ -65,7 +64,7 @@ def test_the_model_is_told_the_other_words():
 
 
 def test_the_shipped_table_leaves_captured_styles_alone_and_ends_after_one_step():
-    table = wording_of("compact").table
+    table = phrasing_of("compact").table
     styles = json.loads(asset_path("prompts/styles.json").read_text("utf-8"))
     captured = {
         as_left_limb(words, part)
@@ -81,13 +80,13 @@ def test_the_shipped_table_leaves_captured_styles_alone_and_ends_after_one_step(
 
 def test_a_damaged_table_is_named(tmp_path):
     path = tmp_path / "wording.json"
-    assert load_wordings(path) == {}
+    assert load_phrasings(path) == {}
     for text in ("[", '{"compact": []}', '{"compact": {"torso": {"torso bent": 3}}}'):
         path.write_text(text)
         with pytest.raises(FileError, match=r"wording\.json.*Restore"):
-            load_wordings(path)
+            load_phrasings(path)
 
 
 def test_a_model_without_a_table_is_told_what_was_said():
-    assert wording_of("no such model").followed(PLAIN) == PLAIN
-    assert asset_path(FILE).is_file()
+    assert phrasing_of("no such model").followed(PLAIN) == PLAIN
+    assert asset_path(PHRASINGS).is_file()

@@ -17,12 +17,12 @@ from runtime.motion.features import FPS, OUTPUT  # noqa: E402
 from runtime.skeleton import PART_JOINTS, PART_NAMES, SPORT_SKELETON, J  # noqa: E402
 from tests.helpers.synthetic_clips import flat_patch  # noqa: E402
 from tests.helpers.walker import walk  # noqa: E402
+from training.augmentation.catalogue import catalogue, part_edits  # noqa: E402
 from training.batches import FrameTensors  # noqa: E402
 from training.composition.composer import PARTS, Composer, CompositionPlan, acts_on_base  # noqa: E402
 from training.data.clip_files import TrainingClip  # noqa: E402
 from training.frames import FIRST_OF_UPPER, LAYERED, FrameTable, load_frames  # noqa: E402
 from training.kinematics import shown_joints  # noqa: E402
-from training.layering.catalog import EDITS, HELD_OUT_PAIRS  # noqa: E402
 from training.sampling import moments, sampling_weights, sprint_starts  # noqa: E402
 from training.styles import StyleTexts  # noqa: E402
 
@@ -181,7 +181,7 @@ def test_nothing_that_is_held_out_is_drawn(frames, table, texts):
     words = plan.words(frames.clip[rows])
     name = np.array(texts.names)[texts.keys]
     shown = [[name[c, k] for k, c in enumerate(row)] for row in words.tolist()]
-    for one, other in HELD_OUT_PAIRS.values():
+    for one, other in catalogue().held_out_pairs.values():
         assert not any(one in row and other in row for row in shown)
     assert any("left_arm.on_hip" in row for row in shown)
     assert any("right_arm.on_hip" in row for row in shown)
@@ -193,8 +193,8 @@ def test_a_torso_whose_edit_moves_the_hips_stays_with_them(frames, table):
     assert plan.changed[:, torso].any()
     assert not (plan.clips[plan.changed[:, torso], torso] == bobbing).any()
     assert not plan.changed[frames.clip[rows] == bobbing, torso].any()
-    assert acts_on_base(EDITS["torso.bob"])
-    assert not acts_on_base(EDITS["torso.lean_left"])
+    assert acts_on_base(part_edits()["torso.bob"])
+    assert not acts_on_base(part_edits()["torso.lean_left"])
 
 
 def test_clips_whose_steps_do_not_match_give_nothing(frames, table):

@@ -17,6 +17,17 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.prompter import Prompter
 from runtime.skeleton import PART_NAMES, SPORT_SKELETON
 from tests.helpers.walker import WalkerModel, walk
+from training.augmentation.catalogue import catalogue, part_edits
+from training.augmentation.edits import apply
+from training.augmentation.measured_edits import (
+    CapturedReference,
+    Summary,
+    load_reference,
+    rotation_change,
+    summarise,
+    targets,
+)
+from training.augmentation.motion import EditedMotion
 from training.data.clip_files import TrainingClip
 from training.data.height_patches import Patches
 from training.evaluation.experiment import Setting, run
@@ -42,17 +53,6 @@ from training.evaluation.text.edits import (
     seed_changes,
 )
 from training.evaluation.text.walks import Walk, Walker
-from training.layering.apply import apply
-from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
-from training.layering.measured_edits import (
-    CapturedReference,
-    Summary,
-    load_reference,
-    rotation_change,
-    summarise,
-    targets,
-)
-from training.layering.pose_edits import EditedMotion
 
 NEUTRAL = PartDescriptions(**{part: f"{part} as always" for part in PART_NAMES})
 FRAMES = 300
@@ -95,13 +95,13 @@ def reference(clips: Path) -> CapturedReference:
 def test_every_held_out_edit_and_pair_is_asked_for_in_all_its_phrases() -> None:
     cases = {c.name: c for c in catalogue_cases(NEUTRAL)}
     zero_shot = [c for c in cases.values() if c.kind in ("held out", "pair", "held-out rhythm")]
-    assert {c.name for c in zero_shot} == HELD_OUT | set(HELD_OUT_PAIRS)
-    assert len(cases) == len(EDITS) + len(HELD_OUT_PAIRS)
+    assert {c.name for c in zero_shot} == catalogue().held_out | set(catalogue().held_out_pairs)
+    assert len(cases) == len(part_edits()) + len(catalogue().held_out_pairs)
     for case in zero_shot:
         assert len(case.variants) >= 3
         assert set(case.seeds) == {0, 1, 2}
         for name in case.edits:
-            for part, phrases in EDITS[name].phrases.items():
+            for part, phrases in part_edits()[name].phrases.items():
                 assert {getattr(v, part) for v in case.variants} == set(phrases)
         for part in set(PART_NAMES) - set(case.parts):
             assert {getattr(v, part) for v in case.variants} == {getattr(NEUTRAL, part)}
@@ -136,7 +136,7 @@ def edited(motion: EditedMotion, *names: str, share: float = 1.0) -> Summary:
     """A motion with edits, or in between."""
     changed = motion
     for name in names:
-        changed = apply(changed, EDITS[name], np.random.default_rng(0))
+        changed = apply(changed, part_edits()[name], np.random.default_rng(0))
     local = rotations.slerp(motion.local, changed.local, np.array(share)) if share != 1.0 else changed.local
     return summarise(changed.hips, local, changed.contacts)
 
@@ -161,7 +161,7 @@ def test_scores_follow_direction_and_amount(
 
 
 def test_a_pair_needs_both_of_its_parts(reference: CapturedReference) -> None:
-    pair = HELD_OUT_PAIRS["both arms stretched out in front"]
+    pair = catalogue().held_out_pairs["both arms stretched out in front"]
     _, motion, plain = reference.walks[0]
     described = reference.described(reference.edited(pair), pair)
     case = Case("both", "pair", pair, (NEUTRAL,), (0,))

@@ -12,20 +12,19 @@ from runtime.prompts.english.compose import compose_neighbours
 from runtime.prompts.english.library_data import LibraryEmbeddings, LibraryEntry
 from runtime.prompts.expander import Expansion
 from runtime.prompts.parts import PartDescriptions
-from runtime.prompts.sentence_tables import as_left_limb
-from runtime.prompts.shares import PhraseShares, load_shares
+from runtime.prompts.phrasing import PromptAdherence, as_left_limb, load_adherence
 from runtime.skeleton import PART_NAMES
 from tests.helpers.walker import WalkerModel
-from tests.training.layering.test_layering import walker
+from tests.training.augmentation.test_augmentation import walker
+from training.augmentation.catalogue import part_edits
+from training.augmentation.edits import apply
 from training.evaluation.text import prompt_adherence
 from training.evaluation.text import walks as text_walks
-from training.layering.apply import apply
-from training.layering.catalog import EDITS
 from training.text.claims import clause_share, clauses
 from training.text.measure import BodyMeasures, measure
 
 PLAIN = PartDescriptions(**{part: f"{part.replace('_', ' ')} as it is" for part in PART_NAMES})
-TABLE = PhraseShares(
+TABLE = PromptAdherence(
     {("arm", "left hand on the hip, held still"): 0.2, ("torso", "torso upright"): 0.9},
     {("arm", "elbow bent"): 0.8, ("arm", "left arm raised"): 0.4},
 )
@@ -34,7 +33,7 @@ TABLE = PhraseShares(
 def measured(name: str = "") -> BodyMeasures:
     motion = walker(420)
     if name:
-        motion = apply(motion, EDITS[name], np.random.default_rng(1))
+        motion = apply(motion, part_edits()[name], np.random.default_rng(1))
     return measure(motion.hips, motion.local, motion.contacts)
 
 
@@ -61,7 +60,7 @@ def test_a_limb_that_differs_from_the_other_has_a_share_of_its_own() -> None:
         "right_arm": {"left hand behind the back": 0.9},
     }
     assert tables["clauses"] == tables["sentences"]
-    table = PhraseShares({(g, w): v for g, own in tables["sentences"].items() for w, v in own.items()})
+    table = PromptAdherence({(g, w): v for g, own in tables["sentences"].items() for w, v in own.items()})
     assert table.of("left hand behind the back", "left_arm") == 0.0
     assert table.of("right hand behind the back", "right_arm") == 0.9
     assert table.of("right arm raised", "right_arm") == 0.8
@@ -83,10 +82,10 @@ def test_the_note_names_what_is_hardly_shown() -> None:
 
 def test_tables_are_read_and_damage_is_named(tmp_path: Path) -> None:
     path = tmp_path / "shares.json"
-    assert load_shares(path) == {}
+    assert load_adherence(path) == {}
     tables = {"compact": {"sentences": {"head": {"head down": 0.5}}, "clauses": {}}}
     path.write_text(json.dumps(tables), "utf-8")
-    assert load_shares(path)["compact"].of("head down", "head") == 0.5
+    assert load_adherence(path)["compact"].of("head down", "head") == 0.5
     for damage in (
         '{"compact": {"sentences": {}}}',
         "[1]",
@@ -94,7 +93,7 @@ def test_tables_are_read_and_damage_is_named(tmp_path: Path) -> None:
     ):
         path.write_text(damage, "utf-8")
         with pytest.raises(FileError, match=r"shares\.json"):
-            load_shares(path)
+            load_adherence(path)
 
 
 def test_the_library_prefers_the_sentence_that_is_shown() -> None:
@@ -189,12 +188,12 @@ class Prompter:
 def synthetic(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few phrases, short walks of the synthetic walker."""
     kept = {
-        name: EDITS[name]
+        name: part_edits()[name]
         for name in ("head.tilted_right", "head.turned_left", "left_arm.overhead", "legs.long")
     }
     monkeypatch.setattr(prompt_adherence, "Prompter", Prompter)
     monkeypatch.setattr(prompt_adherence, "load_model", lambda folder: WalkerModel())
-    monkeypatch.setattr(prompt_adherence, "EDITS", kept)
+    monkeypatch.setattr(prompt_adherence, "part_edits", lambda: kept)
     monkeypatch.setattr(prompt_adherence, "SECONDS", 2.0)
     monkeypatch.setattr(text_walks, "_model", lambda folder: WalkerModel())
     said = PLAIN.replace("head", "head tilted to the right").replace(
@@ -207,15 +206,15 @@ def test_phrases_are_walked_once_and_what_is_not_done_is_said(synthetic: None, t
     out = tmp_path / "shares.json"
     out.write_text('{"other": {"sentences": {}, "clauses": {}}}', "utf-8")
     prompt_adherence.main(["--model", "./none", "--out", str(out), "--workers", "1"])
-    tables = load_shares(out)
+    tables = load_adherence(out)
     assert set(tables) == {"other", "walker"}
     found = tables["walker"]
-    tilt = EDITS["head.tilted_right"].phrases["head"][0]
+    tilt = part_edits()["head.tilted_right"].phrases["head"][0]
     assert found.of(tilt, "head") > 0.5
     assert found.of("head tilted to the right", "head") > 0.5
-    assert found.of(EDITS["head.turned_left"].phrases["head"][0], "head") < 0.1
+    assert found.of(part_edits()["head.turned_left"].phrases["head"][0], "head") < 0.1
     for part in ("left_arm", "right_arm"):
-        phrase = EDITS[f"{part}.overhead"].phrases[part][0]
+        phrase = part_edits()[f"{part}.overhead"].phrases[part][0]
         assert found.of(phrase, part) < 0.3, "the walker's arms do not rise"
     assert found.of("left leg taking long strides", "left_leg") < 0.3
 

@@ -9,8 +9,8 @@ import pytest
 
 pytest.importorskip("torch")
 
+from runtime.prompts.phrasing import ModelPhrasing
 from runtime.prompts.prompter import Prompter
-from runtime.prompts.wording import Wording
 from tests.helpers.shipped import shipped_model
 from training.evaluation.text import wording
 from training.evaluation.text.wording import NEUTRAL, better_wordings, walk_all
@@ -80,5 +80,5 @@ def test_a_sentence_is_walked_with_the_rest_of_the_body_neutral(monkeypatch):
     monkeypatch.setattr(wording, "SECONDS", 1.0)
     model = shipped_model()
     key = ("torso", "torso leaning far forward")
-    walks = walk_all(model, Prompter(model, wording=Wording()), [key])
+    walks = walk_all(model, Prompter(model, phrasing=ModelPhrasing()), [key])
     assert walks[key].torso.pitch > walks[NEUTRAL].torso.pitch + 10.0

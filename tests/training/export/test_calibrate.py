@@ -10,11 +10,11 @@ import pytest
 from runtime.motion.features import C
 from runtime.motion.model import load_model
 from runtime.prompts.parts import PartDescriptions
-from runtime.prompts.wording import Wording
+from runtime.prompts.phrasing import ModelPhrasing
 from runtime.skeleton import PART_NAMES
-from tests.training.layering.test_layering import walker
+from tests.training.augmentation.test_augmentation import walker
+from training.augmentation.catalogue import part_edits
 from training.export import calibrate
-from training.layering.catalog import EDITS
 
 PLAIN = PartDescriptions(**{part: f"{part} as it is" for part in PART_NAMES})
 PAIRS = ("arm.on_hip", "arm.behind_back", "leg.dragging")
@@ -40,7 +40,9 @@ class Told:
         code = np.zeros((6, 64), np.float32)
         for k, part in enumerate(PART_NAMES):
             words = getattr(said, part)
-            numbers = [n for n, name in enumerate(EDITS) if words in EDITS[name].phrases.get(part, ())]
+            numbers = [
+                n for n, name in enumerate(part_edits()) if words in part_edits()[name].phrases.get(part, ())
+            ]
             code[k, :2] = (1 + numbers[0], 1) if numbers else 0
         return code
 
@@ -76,16 +78,16 @@ def test_sides_and_gains_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
         asked.append((name, gain, others))
         return min(1.0, (beside if others else shown).get(name, 0.95) * gain)
 
-    monkeypatch.setattr(calibrate, "EDITS", {name: EDITS[name] for name in names})
+    monkeypatch.setattr(calibrate, "part_edits", lambda: {name: part_edits()[name] for name in names})
     monkeypatch.setattr(calibrate, "neutral_motion", lambda *_: walker(420))
     monkeypatch.setattr(calibrate, "edit_fraction", share)
     monkeypatch.setattr(calibrate, "_rule_sentences", lambda _told: [])
-    found = calibrate.calibrated(None, Told(), Gains(), Wording())  # type: ignore[arg-type]
-    number = {1.0 + k: name for k, name in enumerate(EDITS)}
+    found = calibrate.calibrated(None, Told(), Gains(), ModelPhrasing())  # type: ignore[arg-type]
+    number = {1.0 + k: name for k, name in enumerate(part_edits())}
     rows = {(number[row["code"][0]], row["part"]): row for row in found}
 
     def gains(name: str) -> tuple[float, float]:
-        row = rows[name, EDITS[name].slot.replace("legs", "left_leg")]
+        row = rows[name, part_edits()[name].slot.replace("legs", "left_leg")]
         return row["gain"], row["gain_beside"]
 
     assert len(rows) == len(found)
@@ -126,7 +128,7 @@ def test_a_model_is_measured_as_it_is_without_calibration(
         return SimpleNamespace(name="m")
 
     monkeypatch.setattr(calibrate, "load_model", load)
-    monkeypatch.setattr(calibrate, "wording_of", lambda name: name)
+    monkeypatch.setattr(calibrate, "phrasing_of", lambda name: name)
     monkeypatch.setattr(calibrate, "calibrated", lambda *_: [])
     calibrate.calibrate(tmp_path, [1, -1, 1, 1, 1])
     assert seen == [False]

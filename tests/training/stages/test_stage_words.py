@@ -7,8 +7,8 @@ torch = pytest.importorskip("torch")
 
 from runtime.prompts.sentence_inputs import part_inputs  # noqa: E402
 from runtime.skeleton import PART_NAMES  # noqa: E402
-from training.layering.catalog import EDITS, HELD_OUT  # noqa: E402
-from training.layering.longer_phrases import LongerSentence, longer_sentences  # noqa: E402
+from training.augmentation.catalogue import catalogue, part_edits  # noqa: E402
+from training.augmentation.sentences import LongerSentence, longer_sentences  # noqa: E402
 from training.networks.content import ContentEncoder  # noqa: E402
 from training.presets import preset  # noqa: E402
 from training.stages.words import codes_of, disturbed, learn_longer_sentences  # noqa: E402
@@ -30,12 +30,18 @@ class BagOfWords:
 
 def test_longer_sentences_are_made_of_trained_phrases_alone():
     trained = {
-        p for name, e in EDITS.items() if name not in HELD_OUT for ps in e.phrases.values() for p in ps
+        p
+        for name, e in part_edits().items()
+        if name not in catalogue().held_out
+        for ps in e.phrases.values()
+        for p in ps
     }
     sentences = longer_sentences()
     assert {s.part for s in sentences} == set(PART_NAMES)
     assert all(set(s.of) <= trained for s in sentences)
-    only_held_out = {p for n in HELD_OUT for ps in EDITS[n].phrases.values() for p in ps} - trained
+    only_held_out = {
+        p for n in catalogue().held_out for ps in part_edits()[n].phrases.values() for p in ps
+    } - trained
     assert not any(s.text.startswith(p) for s in sentences for p in only_held_out)
 
 

@@ -30,8 +30,8 @@ from runtime.terrain.height_map import Terrain  # noqa: E402
 from tests.helpers.synthetic_clips import write_clip  # noqa: E402
 from tests.training.stages.test_stage_words import BagOfWords  # noqa: E402
 from training import ablations, pipeline  # noqa: E402
+from training.augmentation.sentences import longer_sentences  # noqa: E402
 from training.export import model as export_module  # noqa: E402
-from training.layering.longer_phrases import longer_sentences  # noqa: E402
 from training.networks.content import StatisticsReader  # noqa: E402
 from training.presets import ABLATIONS, PRESETS  # noqa: E402
 from training.stages import motion as stage_motion  # noqa: E402

@@ -14,8 +14,8 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import SPORT_SKELETON, mirror_motion
 from training.text.captions import main, measured_captions, merge_captions
 from training.text.clip_measures import measure_clips, styles_of
+from training.text.descriptions import describe
 from training.text.measure import average, measure, smoothed_facing
-from training.text.wording import describe
 
 FRAMES = 240
 Z = np.array([0.0, 0.0, 1.0])

@@ -1,21 +1,20 @@
-"""Words that a model was measured to show next to nothing of are marked beside their part."""
+"""Words that a model was measured to show next to nothing of are marked at their part."""
 
 import numpy as np
 
-from runtime.prompts import shares
 from runtime.prompts.expander import DEFAULT_PROMPT
 from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.phrasing import PromptAdherence
 from runtime.session.prompt_blend import Answer, PromptBlend
+from viewer.prompt import parts_panel
 from viewer.prompt.parts_panel import weakly_shown
 
 WORDS = PartDescriptions(*["hanging"] * 6)
 
 
 def _measured(monkeypatch, table: dict[tuple[str, str], float]) -> None:
-    known = shares.PhraseShares(table)
-    monkeypatch.setattr(
-        shares, "shares_of", lambda name: known if name == "compact" else shares.PhraseShares()
-    )
+    known = {"compact": PromptAdherence(table)}
+    monkeypatch.setattr(parts_panel, "adherence_of", lambda name: known.get(name, PromptAdherence()))
 
 
 def _blend(prompt: str, words: PartDescriptions = WORDS) -> PromptBlend:

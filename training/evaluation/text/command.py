@@ -12,12 +12,12 @@ from runtime.motion.model import load_model
 from runtime.prompts.english.library_data import load_styles
 from runtime.prompts.prompter import Prompter
 from runtime.prompts.text_encoder import TextEncoder
+from training.augmentation.measured_edits import CapturedReference, Summary, load_reference
 from training.evaluation.experiment import Arguments, Experiment, Setting, command_of, option
 from training.evaluation.report.text_tables import SECTION, markdown
 from training.evaluation.text import edits
 from training.evaluation.text.edits import FREE_PROMPTS, Case, by_slot, independence, seed_changes
 from training.evaluation.text.walks import PLAIN_PROMPT, SECONDS, Walk, Walker
-from training.layering.measured_edits import CapturedReference, Summary, load_reference
 
 PARTS = ("retrieval", "edits")
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES, SPORT_SKELETON
-from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
-from training.layering.measured_edits import Summary, Target, rotation_change, value
+from training.augmentation.catalogue import catalogue, part_edits
+from training.augmentation.measured_edits import Summary, Target, rotation_change, value
 
 RIGHT_WAY, ENOUGH = 0.1, 0.5  # fractions of the described change; under a tenth is no change
 RIGHT_BAR, ENOUGH_BAR = 0.8, 0.5  # fractions of the held-out edits and pairs
@@ -34,7 +34,7 @@ class Case:
     @property
     def parts(self) -> tuple[str, ...]:
         """The parts that the edits describe."""
-        described = {part for name in self.edits for part in EDITS[name].phrases}
+        described = {part for name in self.edits for part in part_edits()[name].phrases}
         return tuple(p for p in PART_NAMES if p in described)
 
 
@@ -43,23 +43,31 @@ class Case:
 
 def catalogue_cases(neutral: PartDescriptions, trained: bool = True) -> list[Case]:
     """Held-out edits and pairs with every phrase, at least three walks each; trained edits with their first phrase."""
-    cases = [_case(name, _kind(name), (name,), neutral, SEEDS) for name in EDITS if name in HELD_OUT]
-    cases += [_case(name, "pair", pair, neutral, SEEDS) for name, pair in HELD_OUT_PAIRS.items()]
+    cases = [
+        _case(name, _kind(name), (name,), neutral, SEEDS)
+        for name in part_edits()
+        if name in catalogue().held_out
+    ]
+    cases += [_case(name, "pair", pair, neutral, SEEDS) for name, pair in catalogue().held_out_pairs.items()]
     if trained:
-        cases += [_case(name, _kind(name), (name,), neutral, 1) for name in EDITS if name not in HELD_OUT]
+        cases += [
+            _case(name, _kind(name), (name,), neutral, 1)
+            for name in part_edits()
+            if name not in catalogue().held_out
+        ]
     return cases
 
 
 def _kind(name: str) -> str:
-    rhythm = EDITS[name].rhythm
-    if name in HELD_OUT:
+    rhythm = part_edits()[name].rhythm
+    if name in catalogue().held_out:
         return HELD_OUT_RHYTHM if rhythm else "held out"
     return TRAINED_RHYTHM if rhythm else "trained"
 
 
 def _case(name: str, kind: str, edits: tuple[str, ...], neutral: PartDescriptions, least: int) -> Case:
     """Variant k takes the k-th phrase of every part; phrases count round where an edit has fewer."""
-    phrases = {part: texts for e in edits for part, texts in EDITS[e].phrases.items()}
+    phrases = {part: texts for e in edits for part, texts in part_edits()[e].phrases.items()}
     count = 1 if kind in ("trained", TRAINED_RHYTHM) else max(least, *(len(t) for t in phrases.values()))
     variants = []
     for k in range(count):
@@ -232,7 +240,7 @@ def seed_changes(neutral: dict[int, Summary]) -> dict[str, float]:
     return {part: float(np.mean([f[part] for f in found])) if found else 0.0 for part in PART_NAMES}
 
 
-# prompt: edits of `training.layering.catalog` whose measures tell whether it was followed
+# prompt: edits of `training.augmentation.catalogue` whose measures tell whether it was followed
 FREE_PROMPTS: dict[str, tuple[str, ...]] = {
     "left arm up in the air": ("left_arm.overhead",),
     "arms akimbo": ("left_arm.on_hip", "right_arm.on_hip"),

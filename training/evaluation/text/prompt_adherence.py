@@ -2,7 +2,7 @@
 
     python -m training.evaluation.text.prompt_adherence --model FOLDER [--out FILE]
 
-Every entry of the prompt library and every phrase of the layering catalogue is walked straight ahead on flat ground for some
+Every entry of the prompt library and every phrase of the catalogue of edits is walked straight ahead on flat ground for some
 seconds. A sentence of the catalogue is compared with what its edit does to the model's own neutral walk, any other
 with the claims of `training.text.claims`.
 """
@@ -27,17 +27,16 @@ from runtime.errors import UsageError, run_command
 from runtime.motion.model import MotionModel, load_model
 from runtime.prompts.english.library_data import LibraryStyle
 from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.phrasing import ADHERENCE, as_left_limb
 from runtime.prompts.prompter import Prompter
-from runtime.prompts.sentence_tables import as_left_limb
-from runtime.prompts.shares import FILE
 from runtime.skeleton import PART_NAMES
 from runtime.terrain.height_map import Terrain
+from training.augmentation.catalogue import part_edits
+from training.augmentation.edits import apply
+from training.augmentation.measured_edits import Summary, summarise, targets, value
+from training.augmentation.motion import EditedMotion
 from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker, straight_walk
 from training.frames import PLAIN
-from training.layering.apply import apply
-from training.layering.catalog import EDITS
-from training.layering.measured_edits import Summary, summarise, targets, value
-from training.layering.pose_edits import EditedMotion
 from training.text.claims import clause_share, clauses
 from training.text.measure import BodyMeasures
 
@@ -126,7 +125,7 @@ def measure_adherence(
                 found.add(part, getattr(descriptions, part), plain.body, walked.body)
             continue
         fraction = edit_fraction(edit, described[edit], plain, walked)
-        for part in EDITS[edit].phrases:
+        for part in part_edits()[edit].phrases:
             found.add_edit(part, getattr(descriptions, part), fraction)
     return found
 
@@ -137,8 +136,8 @@ def edit_fraction(edit: str, example: tuple[Summary, Summary], plain: Summary, w
     Of a held hand it is the path of the hand to its place.
     """
     before, after = example
-    if EDITS[edit].kind == "hand" and "wave" not in EDITS[edit].parameters:
-        part = EDITS[edit].slot
+    if part_edits()[edit].kind == "hand" and "wave" not in part_edits()[edit].parameters:
+        part = part_edits()[edit].slot
         place = [hand_place(s, part) for s in (before, after, plain, walked)]
         wanted, moved = place[1] - place[0], place[3] - place[2]
         missed = float(np.linalg.norm(wanted - moved)) / max(float(np.linalg.norm(wanted)), 0.05)
@@ -160,7 +159,7 @@ def hand_place(summary: Summary, part: str) -> np.ndarray:
 
 def _phrases(neutral: PartDescriptions) -> Iterable[tuple[PartDescriptions, str]]:
     """Every phrase of the catalogue on a neutral walk, with its edit."""
-    for name, edit in EDITS.items():
+    for name, edit in part_edits().items():
         for k in range(max(len(texts) for texts in edit.phrases.values())):
             words = neutral
             for part, texts in edit.phrases.items():
@@ -172,7 +171,7 @@ def described_edits(motion: EditedMotion) -> dict[str, tuple[Summary, Summary]]:
     """Of every edit: the neutral walk before and after it."""
     before = summarise(motion.hips, motion.local, motion.contacts)
     found = {}
-    for name, edit in EDITS.items():
+    for name, edit in part_edits().items():
         changed = apply(motion, edit, np.random.default_rng(0))
         found[name] = before, summarise(changed.hips, changed.local, changed.contacts)
     return found
@@ -203,7 +202,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description="Measure on walks what every phrase of the library shows.")
     parser.add_argument("--model", type=model_folder, default=model_folder(), metavar="DIR")
-    parser.add_argument("--out", type=Path, default=Path("assets") / FILE, metavar="FILE")
+    parser.add_argument("--out", type=Path, default=Path("assets") / ADHERENCE, metavar="FILE")
     parser.add_argument("--workers", type=int, default=2, metavar="N")
     parser.add_argument("--every", type=int, default=1, metavar="N", help="walk one in N: a trial")
     args = parser.parse_args(argv)

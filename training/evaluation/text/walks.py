@@ -17,8 +17,8 @@ from runtime.motion.control_scripts import control_script
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel, load_model
+from training.augmentation.measured_edits import Summary, summarise
 from training.evaluation.motion.driving import flat_ground
-from training.layering.measured_edits import Summary, summarise
 
 PLAIN_PROMPT = "a person walking normally"  # what words about a part change
 LEAD_SECONDS = 2.0  # walked before measuring: standing still and the start pose are over

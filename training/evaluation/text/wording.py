@@ -30,10 +30,8 @@ from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel, load_model
 from runtime.pose import Pose
 from runtime.prompts.parts import PartDescriptions, mirror_text
+from runtime.prompts.phrasing import PHRASINGS, ModelPhrasing, adherence_of, as_left_limb
 from runtime.prompts.prompter import Prompter
-from runtime.prompts.sentence_tables import as_left_limb
-from runtime.prompts.shares import shares_of
-from runtime.prompts.wording import FILE, Wording
 from runtime.skeleton import SPORT_SKELETON
 from training.data.labels import foot_contacts
 from training.evaluation.motion.driving import flat_ground
@@ -163,13 +161,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description="Find the wording of every sentence that a model follows.")
     parser.add_argument("--model", type=model_folder, default=model_folder(), metavar="DIR")
-    parser.add_argument("--out", type=Path, default=Path("assets") / FILE, metavar="FILE")
+    parser.add_argument("--out", type=Path, default=Path("assets") / PHRASINGS, metavar="FILE")
     args = parser.parse_args(argv)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
     check_target(args.out)
     model = load_model(args.model)
-    prompter = Prompter(model, wording=Wording())
-    fractions = shares_of(model.name)
+    prompter = Prompter(model, phrasing=ModelPhrasing())
+    fractions = adherence_of(model.name)
     keys = sorted(
         {key for group, words in {*fractions.sentences, *fractions.clauses} for key in _walked(group, words)}
     )

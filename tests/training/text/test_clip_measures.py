@@ -11,7 +11,8 @@ from runtime.skeleton import PART_NAMES  # noqa: E402
 from training.networks.content import PARTS, ContentEncoder, MeasuresReader, odd_codes  # noqa: E402
 from training.presets import preset  # noqa: E402
 from training.stages.content import begin_with  # noqa: E402
-from training.text.clip_values import MOST, _standardised, signs_of, value_names  # noqa: E402
+from training.text.clip_measures import MOST, _standardised, signs_of  # noqa: E402
+from training.text.measure import measure_names  # noqa: E402
 
 LEFT, RIGHT, TORSO = (PART_NAMES.index(n) for n in ("left_leg", "right_leg", "torso"))
 
@@ -22,11 +23,11 @@ def reader() -> MeasuresReader:
 
 
 def test_values_are_of_unit_spread_and_what_has_a_side_keeps_its_sign():
-    values = np.random.default_rng(0).normal(3.0, 5.0, (400, len(value_names("torso"))))
+    values = np.random.default_rng(0).normal(3.0, 5.0, (400, len(measure_names("torso"))))
     values[0] = 1e6  # a clip that spins
     found = _standardised(values, "torso")
     assert np.abs(found).max() <= MOST
-    roll = value_names("torso").index("roll")
+    roll = measure_names("torso").index("roll")
     assert np.array_equal(np.sign(found[:, roll]), np.sign(values[:, roll]).astype(np.float32))
     assert np.median(np.delete(found, roll, axis=1), axis=0) == pytest.approx(0.0, abs=1e-5)
 

@@ -1,31 +1,30 @@
-"""Imported clips that layered ones are made of, drawn by style."""
+"""Imported clips that edited ones are made of, drawn by style."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from runtime.errors import FileError
-from runtime.terrain.height_map import Terrain
+from training.augmentation.motion import EditedMotion
 from training.data.height_patches import Patches
 from training.frames import PLAIN
-from training.layering.pose_edits import EditedMotion
 
-NEUTRAL = 0.45  # share of clips that are built on neutral motion, where an edit shows most clearly
-PLAIN_SHARE = 0.7  # of the neutral motion is plain: an edit's words stand beside these sentences most often
+NEUTRAL = 0.45  # fraction of clips that are made of neutral motion, where an edit shows most clearly
+PLAIN_FRACTION = 0.7  # of the neutral motion: an edit's words stand next to these sentences most often
 
 
 @dataclass(frozen=True)
 class Source:
-    """An imported clip that layers can be built on."""
+    """An imported clip to edit."""
 
     name: str
     style: str
     mirrored: bool
     source: str
-    gait: np.ndarray
     motion: EditedMotion
     patches: Patches
 
@@ -41,26 +40,17 @@ def load_source(path: Path) -> Source:
             clip = {k: file[k] for k in file.files}
     except (OSError, ValueError) as error:
         raise FileError(f"{path}: not a clip file.", "Run the importer again.") from error
-    origin = clip["patch_origin"]
-    cell = float(clip["patch_cell"])
-    patches = Patches(clip["patch_heights"], (float(origin[0]), float(origin[1])), cell)
-    ground = Terrain("patch", clip["patch_heights"][0].astype(np.float32), cell, patches.origin)
+    x, z = map(float, clip["patch_origin"])
+    patches = Patches(clip["patch_heights"], (x, z), float(clip["patch_cell"]))
     motion = EditedMotion(
         clip["hips_positions"].astype(np.float64),
         clip["local_rotations"].astype(np.float64),
         clip["contacts"],
-        ground,
+        patches.terrain(),
         clip["gait"],
     )
-    return Source(
-        path.stem,
-        str(clip["style"]),
-        bool(clip["mirrored"]),
-        str(clip["source"]),
-        clip["gait"],
-        motion,
-        patches,
-    )
+    style, source, mirrored = str(clip["style"]), str(clip["source"]), bool(clip["mirrored"])
+    return Source(path.stem, style, mirrored, source, motion, patches)
 
 
 class Pool:
@@ -76,21 +66,16 @@ class Pool:
                 self.by_style.setdefault(str(clip["style"]), []).append(path)
         if not self.by_style:
             raise FileError(f"{folder}: no training clips.", "Run `sport train import` first.")
-        self._open: dict[Path, Source] = {}
+        self._load = lru_cache(maxsize=400)(load_source)
 
     def draw(self, random: np.random.Generator, neutral: float = NEUTRAL) -> Source:
         """A clip; neutral ones with the given chance."""
         styles = sorted(self.by_style)
         normal = [s for s in styles if s.startswith("neutral")]
         if normal and random.random() < neutral:
-            plain = PLAIN in normal and random.random() < PLAIN_SHARE
+            plain = PLAIN in normal and random.random() < PLAIN_FRACTION
             style = PLAIN if plain else normal[int(random.integers(len(normal)))]
         else:
             style = styles[int(random.integers(len(styles)))]
         paths = self.by_style[style]
-        path = paths[int(random.integers(len(paths)))]
-        if path not in self._open:
-            if len(self._open) > 400:
-                self._open.clear()
-            self._open[path] = load_source(path)
-        return self._open[path]
+        return self._load(paths[int(random.integers(len(paths)))])

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from runtime.skeleton import SPORT_SKELETON
-from tests.training.layering.test_layering import walker
+from tests.training.augmentation.test_augmentation import walker
+from training.augmentation.catalogue import PartEdit, catalogue, part_edits
+from training.augmentation.edits import apply
+from training.augmentation.gait import cycle_frames, cycle_mean
+from training.augmentation.motion import EditedMotion
 from training.data.labels import FOOT_JOINTS
-from training.layering.apply import apply
-from training.layering.catalog import EDITS, HELD_OUT, PartEdit
-from training.layering.cycle import cycle_frames, cycle_mean
-from training.layering.pose_edits import EditedMotion
 from training.text.measure import BodyMeasures, measure
 
-RHYTHM = sorted(name for name, edit in EDITS.items() if edit.of_steps)
+RHYTHM = sorted(name for name, edit in part_edits().items() if edit.of_steps)
 
 
 class Plain:
@@ -39,7 +39,7 @@ def measured(motion: EditedMotion) -> BodyMeasures:
 @cache
 def edited(name: str, frames: int = 600) -> tuple[EditedMotion, EditedMotion]:
     before = walker(frames)
-    return before, apply(before, EDITS[name], Plain())  # type: ignore[arg-type]
+    return before, apply(before, part_edits()[name], Plain())  # type: ignore[arg-type]
 
 
 def feet(motion: EditedMotion) -> np.ndarray:
@@ -68,18 +68,18 @@ def test_frames_contacts_and_gait_go_together(name: str) -> None:
     labelled = EditedMotion(
         before.hips, before.local, before.contacts, before.ground, np.eye(6)[np.ones(400, int)]
     )
-    after = apply(labelled, EDITS[name], np.random.default_rng(2))
+    after = apply(labelled, part_edits()[name], np.random.default_rng(2))
     assert len(after.hips) == len(after.local) == len(after.contacts) == len(after.gait)
     assert np.isfinite(after.hips).all()
     turns = np.linalg.norm(np.diff(after.local, axis=0), axis=-1)
     assert turns.max() < 0.25, "a joint jumps"
 
 
-@pytest.mark.parametrize("name", [n for n in RHYTHM if EDITS[n].kind == "steps"])
+@pytest.mark.parametrize("name", [n for n in RHYTHM if part_edits()[n].kind == "steps"])
 def test_steps_are_as_long_and_as_quick_as_the_edit_says(name: str) -> None:
     before, after = edited(name)
-    length = EDITS[name].parameters.get("length", 1.0)
-    cadence = EDITS[name].parameters.get("cadence", 1.0)
+    length = part_edits()[name].parameters.get("length", 1.0)
+    cadence = part_edits()[name].parameters.get("cadence", 1.0)
     a, b = measured(before).left_leg, measured(after).left_leg
     assert b.step_length / a.step_length == pytest.approx(length, rel=0.04)
     assert b.cadence / a.cadence == pytest.approx(cadence, rel=0.04)
@@ -109,17 +109,17 @@ def test_steps_are_as_long_and_as_quick_as_the_edit_says(name: str) -> None:
 def test_what_moves_in_a_cycle_is_scaled_by_the_factor(name: str, field: str, parameter: str) -> None:
     before, after = edited(name)
     a, b = measured(before), measured(after)
-    factor = EDITS[name].parameters[parameter]
+    factor = part_edits()[name].parameters[parameter]
     assert getattr(b.torso, field) / getattr(a.torso, field) == pytest.approx(factor, rel=0.1, abs=0.1)
     for other in ("cadence", "step_length", "speed", "stance_lead"):
         assert getattr(b.left_leg, other) == pytest.approx(getattr(a.left_leg, other), rel=0.03, abs=0.03)
 
 
-@pytest.mark.parametrize("name", [n for n in RHYTHM if EDITS[n].kind == "stance"])
+@pytest.mark.parametrize("name", [n for n in RHYTHM if part_edits()[n].kind == "stance"])
 def test_a_limp_is_unequal_time_on_either_foot(name: str) -> None:
     before, after = edited(name)
-    side = EDITS[name].slot
-    wanted = EDITS[name].parameters["uneven"]
+    side = part_edits()[name].slot
+    wanted = part_edits()[name].parameters["uneven"]
     alone = [
         (m.contacts[:, :2].any(1) & ~m.contacts[:, 2:].any(1)).sum()
         / (m.contacts[:, 2:].any(1) & ~m.contacts[:, :2].any(1)).sum()
@@ -137,18 +137,18 @@ def test_every_step_is_followed_by_a_pause(name: str) -> None:
     before, after = edited(name)
     steps = 2 * len(before.hips) / cycle_frames(before.contacts)
     longer = (len(after.hips) - len(before.hips)) / 60.0
-    assert longer / steps == pytest.approx(EDITS[name].parameters["pause"], rel=0.12)
+    assert longer / steps == pytest.approx(part_edits()[name].parameters["pause"], rel=0.12)
     assert feet(after)[-1, 0, 2] == pytest.approx(feet(before)[-1, 0, 2], abs=0.05)
 
 
-@pytest.mark.parametrize("name", [n for n in RHYTHM if EDITS[n].kind == "line"])
+@pytest.mark.parametrize("name", [n for n in RHYTHM if part_edits()[n].kind == "line"])
 def test_feet_are_set_down_where_the_edit_says(name: str) -> None:
     _, after = edited(name)
     path = cycle_mean(after.hips, cycle_frames(after.contacts))
     for column, sign in ((0, 1.0), (2, -1.0)):
         standing = after.contacts[:, column].astype(bool)
         out = sign * (feet(after)[:, column, 0] - path[:, 0])[standing]
-        assert np.median(out) == pytest.approx(EDITS[name].parameters["outward"], abs=0.012)
+        assert np.median(out) == pytest.approx(part_edits()[name].parameters["outward"], abs=0.012)
 
 
 def test_a_stomp_lands_hard_and_a_soft_step_does_not() -> None:
@@ -175,16 +175,16 @@ def test_who_staggers_leaves_the_line_by_as_much_as_is_said() -> None:
 
 
 def test_one_side_or_strength_of_every_kind_is_held_out_and_another_trained() -> None:
-    for kind in {EDITS[n].kind for n in RHYTHM}:
-        names = {n for n in RHYTHM if EDITS[n].kind == kind}
-        assert names & HELD_OUT, kind
-        assert names - HELD_OUT, kind
+    for kind in {part_edits()[n].kind for n in RHYTHM}:
+        names = {n for n in RHYTHM if part_edits()[n].kind == kind}
+        assert names & catalogue().held_out, kind
+        assert names - catalogue().held_out, kind
 
 
 def test_sentences_of_different_edits_differ() -> None:
     told: dict[tuple[str, str], str] = {}
     for name in RHYTHM:
-        edit: PartEdit = EDITS[name]
+        edit: PartEdit = part_edits()[name]
         for part, phrases in edit.phrases.items():
             if part != edit.slot and edit.kind == "stance":
                 continue  # the other leg's

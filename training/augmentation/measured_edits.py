@@ -14,10 +14,11 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.errors import FileError
 from runtime.skeleton import SPORT_SKELETON
-from training.layering.apply import apply
-from training.layering.catalog import EDITS
-from training.layering.pool import load_source
-from training.layering.pose_edits import EditedMotion, cut
+from training.augmentation.catalogue import PartEdit, catalogue, part_edits
+from training.augmentation.edits import apply
+from training.augmentation.motion import EditedMotion, cut
+from training.augmentation.pool import load_source
+from training.markdown import table
 from training.text.measure import BodyMeasures, measure, smoothed_facing
 
 Target = tuple[str, str]  # part, field of its measures
@@ -28,7 +29,7 @@ _WALKING = ("walk", "walk forward")
 # forward and back as far as a swinging arm, but it does so high and in front of the chest.
 _SHOWN_BY = {"punching": ("hand_level", "hand_front")}
 _AGREEMENT = (
-    0.75  # share of the captured walks on which an edit moves its measure the same way; else it shows nothing
+    0.75  # of the captured walks, on which an edit must move its measure the same way to show anything
 )
 
 
@@ -76,7 +77,7 @@ def targets(edits: Iterable[str]) -> list[Target]:
     """The measures that show the edits; what both legs do is measured on both."""
     found = []
     for name in edits:
-        edit = EDITS[name]
+        edit = part_edits()[name]
         part, field = edit.measure
         found += [(part, f) for f in _SHOWN_BY.get(name.split(".")[1], (field,))]
         if edit.slot == "legs":
@@ -102,7 +103,7 @@ class CapturedReference:
             random = np.random.default_rng([number, *"+".join(edits).encode()])
             changed = motion
             for name in edits:
-                changed = apply(changed, EDITS[name], random)
+                changed = apply(changed, part_edits()[name], random)
             pairs.append((plain, summarise(changed.hips, changed.local, changed.contacts)))
         return pairs
 
@@ -130,7 +131,7 @@ def load_reference(clips: Path) -> CapturedReference:
         if taken.get(dataset, 0) >= REFERENCE_WALKS or not _is_neutral_walk(path):
             continue
         source = load_source(path)
-        length = len(source.gait)
+        length = len(source.motion.hips)
         if length < MIN_FRAMES:
             continue
         first = max(0, (length - MAX_FRAMES) // 2)
@@ -147,3 +148,37 @@ def load_reference(clips: Path) -> CapturedReference:
 def _is_neutral_walk(path: Path) -> bool:
     with np.load(path, allow_pickle=False) as clip:
         return str(clip["style"]).startswith("neutral") and str(clip["content"]) in _WALKING
+
+
+def rhythm_section(clips: Path) -> str:
+    """Markdown: of every edit of rhythm what it does to its measure on captured neutral walks, medians."""
+    reference = load_reference(clips)
+    rows = []
+    for name, edit in part_edits().items():
+        if not edit.rhythm or edit.slot.startswith("right"):
+            continue
+        target = targets((name,))[0]
+        pairs = reference.edited((name,))
+        before, after = (float(np.median([value(pair[k], target) for pair in pairs])) for k in (0, 1))
+        numbers = ", ".join(f"{key} {number:g}" for key, number in edit.parameters.items())
+        rows.append(
+            [
+                f"{name}{_held_out(edit)}",
+                f"{edit.kind}: {numbers}",
+                ".".join(target),
+                f"{before:.2f} → {after:.2f}",
+                next(iter(edit.phrases.values()))[0],
+            ]
+        )
+    lines = table(("edit", "numbers", "measure", "neutral walks, median", "in its words"), rows)
+    note = (
+        f"Measured on {len(reference.walks)} captured neutral walks. An asterisk: never trained, on one side or on "
+        "both; a right side is the mirror image. Measures are those of `training/text/measure.py`, numbers those of "
+        "`training/augmentation/edits.toml`.\n"
+    )
+    return "\n".join(["## Rhythm and weight", "", *lines, note])
+
+
+def _held_out(edit: PartEdit) -> str:
+    twin = edit.name.replace("left_", "right_", 1)
+    return " \\*" if {edit.name, twin} & catalogue().held_out else ""

@@ -1,8 +1,8 @@
 """`sport train layer`: edited clips from imported ones, each with six descriptions of its own.
 
-    python -m training.layering.build --clips DIR --out DIR
+    python -m training.augmentation.build --clips DIR --out DIR
 
-Writes `layer_*.npz` beside (or apart from) the imported clips, and `layers.json`: for every layered clip the
+Writes `layer_*.npz` next to (or apart from) the imported clips, and `layers.json`: for every edited clip the
 descriptions of its parts, a key that names what each part does, and what the clip was made of.
 """
 
@@ -12,7 +12,6 @@ import argparse
 import json
 import logging
 from collections import Counter
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -23,101 +22,56 @@ from runtime.controls import Gait
 from runtime.errors import run_command
 from runtime.motion import features
 from runtime.prompts.parts import PartDescriptions
-from runtime.skeleton import PART_NAMES, SPORT_SKELETON
+from runtime.skeleton import PART_NAMES
 from training.arguments import COUNT
+from training.augmentation import recipes
+from training.augmentation.catalogue import part_edits
+from training.augmentation.edits import apply
+from training.augmentation.measured_edits import rhythm_section
+from training.augmentation.motion import EditedMotion, cut
+from training.augmentation.pool import NEUTRAL, Pool, Source
 from training.data import relief
 from training.data.clip_files import TrainingClip
 from training.data.height_patches import Patches
 from training.data.labels import FOOT_JOINTS
 from training.data.style_library import style_library
-from training.layering import recipes
-from training.layering.apply import apply
-from training.layering.catalog import EDITS
-from training.layering.cycle import axes, cycle_frames, cycle_mean
-from training.layering.effects import rhythm_section
-from training.layering.pool import NEUTRAL, Pool, Source
-from training.layering.pose_edits import EditedMotion, cut
+from training.frames import LAYERED
+from training.markdown import table
 
 log = logging.getLogger("sport.train")
 
-SECONDS = (4.0, 7.0)
+SECONDS = (4.0, 7.0)  # of a clip
 PARAPHRASES = 4
 LAYERS = "layers.json"
+_MADE = "layers.jsonl"  # of a build that has not come to its end: a line for each clip
 LEVEL = 0.015  # m: ground under all contacts of a floor
-WALKED = 0.5  # share of a clip's frames that walk, for edits of steps
+WALKED = 0.5  # fraction of a clip's frames that walk, for edits of steps
 TRIES = 30  # clips drawn for edits that do not suit every one
-FORWARD = 0.8  # share of a path that goes where the body faces
-
-
-def _segment(source: Source, random: np.random.Generator) -> tuple[int, int]:
-    wanted = int(random.uniform(*SECONDS) * features.FPS)
-    length = len(source.gait)
-    start = int(random.integers(max(1, length - wanted)))
-    return start, min(start + wanted, length)
-
-
-@dataclass
-class _Draft:
-    """A layered clip in the making: motion, and of every part its sentences and what it does (its key)."""
-
-    source: Source
-    motion: EditedMotion
-    texts: dict[str, list[str]]
-    keys: dict[str, str]
-    edits: tuple[str, ...] = ()
-
-    @staticmethod
-    def of(
-        styles: dict[str, dict], source: Source, motion: EditedMotion, random: np.random.Generator
-    ) -> _Draft:
-        texts = {part: _style_texts(styles, source, part, random) for part in PART_NAMES}
-        return _Draft(source, motion, texts, dict.fromkeys(PART_NAMES, source.key))
+FORWARD = 0.8  # of a path that goes where the body faces
 
 
 def build_layer(
     pool: Pool, styles: dict[str, dict], name: str, random: np.random.Generator
 ) -> tuple[TrainingClip, dict[str, object]] | None:
-    """One layered clip and its entry of `layers.json`; None when the draw could not be realised."""
-    source = pool.draw(random)
-    start, end = _segment(source, random)
-    draft = _Draft.of(styles, source, cut(source.motion, start, end), random)
-    standing = bool(source.gait[start:end, Gait.STAND].mean() > 0.5)
-    edited = _with_edits(draft, pool, styles, standing, random)
-    if edited is None:
-        return None
-    draft = edited
-    for edit_name in draft.edits:
-        _apply_edit(draft, edit_name, random)
-    return _finished(draft, name, random)
-
-
-def _with_edits(
-    draft: _Draft, pool: Pool, styles: dict[str, dict], standing: bool, random: np.random.Generator
-) -> _Draft | None:
-    """The draft with edits drawn for it, of another clip where its own cannot show them; None where none can."""
-    edits = recipes.draw(random, standing).edits
-    if not _suits(draft.source, draft.motion, edits):
+    """One edited clip and its entry of `layers.json`; None when no clip was found that shows the drawn edits."""
+    source, motion = _piece(pool, NEUTRAL, random)
+    texts = {part: _style_texts(styles, source, part, random) for part in PART_NAMES}
+    standing = bool(np.asarray(motion.gait)[:, Gait.STAND].mean() > 0.5)
+    edits = recipes.draw(random, standing)
+    if not _suits(source, motion, edits):
         found = _suitable(pool, edits, random)
         if found is None:
             return None
-        draft = _Draft.of(styles, *found, random)
-    draft.edits = edits
-    return draft
-
-
-def _apply_edit(draft: _Draft, name: str, random: np.random.Generator) -> None:
-    edit = EDITS[name]
-    draft.motion = apply(draft.motion, edit, random)
-    for part, phrases in edit.phrases.items():
-        order = random.permutation(max(len(phrases), 4)) % len(phrases)
-        draft.texts[part] = [phrases[int(k)] for k in order]
-        draft.keys[part] = name if len(edit.phrases) == 1 else f"{name}.{part}"
-
-
-def _finished(
-    draft: _Draft, name: str, random: np.random.Generator
-) -> tuple[TrainingClip, dict[str, object]]:
-    source, motion, texts = draft.source, draft.motion, draft.texts
+        source, motion = found
+        texts = {part: _style_texts(styles, source, part, random) for part in PART_NAMES}
+    keys = dict.fromkeys(PART_NAMES, source.key)
+    for edit_name in edits:
+        edit = part_edits()[edit_name]
+        motion = apply(motion, edit, random)
+        for part, phrases in edit.phrases.items():
+            order = random.permutation(max(len(phrases), 4)) % len(phrases)
+            texts[part] = [phrases[int(k)] for k in order]
+            keys[part] = edit_name if len(edit.phrases) == 1 else f"{edit_name}.{part}"
     clip = TrainingClip(
         name=name,
         hips=motion.hips,
@@ -125,20 +79,29 @@ def _finished(
         contacts=motion.contacts,
         gait=np.asarray(motion.gait),
         style=source.style,
-        content="layered",
+        content=LAYERED,
         source=source.source,
         split="train",
-        tier="layered",
-        patches=_ground(source, motion, draft.edits, random),
+        tier=LAYERED,
+        patches=_ground(source, motion, edits, random),
         mirrored=source.mirrored,
     )
     entry = {
         "descriptions": [{p: texts[p][k % len(texts[p])] for p in PART_NAMES} for k in range(PARAPHRASES)],
-        "keys": [draft.keys[p] for p in PART_NAMES],
+        "keys": [keys[p] for p in PART_NAMES],
         "base": source.name,
-        "edits": list(draft.edits),
+        "edits": list(edits),
     }
     return clip, entry
+
+
+def _piece(pool: Pool, neutral: float, random: np.random.Generator) -> tuple[Source, EditedMotion]:
+    """A drawn clip, neutral with the given chance, and some seconds of it."""
+    source = pool.draw(random, neutral)
+    frames = int(random.uniform(*SECONDS) * features.FPS)
+    length = len(source.motion.hips)
+    start = int(random.integers(max(1, length - frames)))
+    return source, cut(source.motion, start, min(start + frames, length))
 
 
 def _style_texts(
@@ -153,22 +116,23 @@ def _style_texts(
 
 def _suits(source: Source, motion: EditedMotion, edits: tuple[str, ...]) -> bool:
     """Whether edits can show: an arm that does not swing in its style cannot swing more, feet move on a floor only."""
-    if any(EDITS[e].scales for e in edits) and not source.style.startswith("neutral"):
+    if any(part_edits()[e].scales for e in edits) and not source.style.startswith("neutral"):
         return False
-    if any(EDITS[e].of_steps for e in edits) and source.gait[:, Gait.WALK].mean() < WALKED:
+    if (
+        any(part_edits()[e].of_steps for e in edits)
+        and np.asarray(source.motion.gait)[:, Gait.WALK].mean() < WALKED
+    ):
         return False
-    return not any(EDITS[e].moves_feet for e in edits) or walks_on_a_floor(motion)
+    return not any(part_edits()[e].moves_feet for e in edits) or walks_on_a_floor(motion)
 
 
 def _suitable(
     pool: Pool, edits: tuple[str, ...], random: np.random.Generator
 ) -> tuple[Source, EditedMotion] | None:
     """Another clip and a piece of it that suit the edits; None after `TRIES` draws."""
-    neutral = 1.0 if any(EDITS[e].scales for e in edits) else NEUTRAL
+    neutral = 1.0 if any(part_edits()[e].scales for e in edits) else NEUTRAL
     for _ in range(TRIES):
-        source = pool.draw(random, neutral)
-        start, end = _segment(source, random)
-        motion = cut(source.motion, start, end)
+        source, motion = _piece(pool, neutral, random)
         if _suits(source, motion, edits):
             return source, motion
     return None
@@ -176,14 +140,13 @@ def _suitable(
 
 def walks_on_a_floor(motion: EditedMotion) -> bool:
     """Whether a motion goes forward on level ground, so that its feet may be put elsewhere."""
-    feet = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local)[0][:, FOOT_JOINTS]
+    feet = motion.joints[0][:, FOOT_JOINTS]
     ground = motion.ground.height(feet[..., 0], feet[..., 2])
     standing = motion.contacts.astype(bool)
     if not standing.any() or np.abs(ground[standing]).max() > LEVEL:
         return False
-    path = cycle_mean(motion.hips.astype(np.float64), cycle_frames(motion.contacts))
-    step = np.diff(path, axis=0)
-    along = np.sum(step * axes(motion).ahead[1:], axis=1)
+    step = np.diff(motion.path, axis=0)
+    along = np.sum(step * motion.axes.ahead[1:], axis=1)
     gone = np.linalg.norm(step[:, [0, 2]], axis=1)
     return bool(gone.sum() > 0.3 * len(gone) / features.FPS and along.sum() > FORWARD * gone.sum())
 
@@ -192,9 +155,8 @@ def _ground(
     source: Source, motion: EditedMotion, edits: tuple[str, ...], random: np.random.Generator
 ) -> Patches:
     """The source's ground near the path, or new relief around feet that stand elsewhere now."""
-    if any(EDITS[e].moves_feet for e in edits):
-        positions, _ = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local)
-        return relief.fit_around_steps(positions, motion.contacts, random)
+    if any(part_edits()[e].moves_feet for e in edits):
+        return relief.fit_around_steps(motion.joints[0], motion.contacts, random)
     return _near(source.patches, motion.hips)
 
 
@@ -235,9 +197,6 @@ def build_layers(clips: Path, out: Path, count: int, seed: int = 0) -> dict[str,
     return entries
 
 
-_MADE = "layers.jsonl"  # of a build that has not come to its end: a line for each clip
-
-
 def _made_so_far(path: Path) -> dict[str, dict]:
     """The entries of an interrupted build; a last line that was cut off does not count."""
     if not path.exists():
@@ -261,22 +220,22 @@ def report(entries: dict[str, dict], captured: int, rhythm: str = "") -> str:
     """How many styles are captured, which edits were made, and how often, as Markdown."""
     edits = Counter(e for entry in entries.values() for e in entry["edits"])
     combinations = {tuple(e["keys"]) for e in entries.values()}
+    catalogue = part_edits()
+    rows = ([k, str(v), next(iter(catalogue[k].phrases.values()))[0]] for k, v in sorted(edits.items()))
     lines = [
-        "# Layered styles",
+        "# Augmentation",
         "",
-        "Written by `python -m training.layering.build --clips DIR --report docs/results/layering.md`. Layered clips are imported"
-        " ones with edits whose descriptions are exact, the feet kept by inverse kinematics; while training their parts are"
-        " put on other clips, and those of other clips on them (`training/composition`). Every clip has six descriptions of its own. The edits"
-        " are defined in `training/layering/catalog*.py`; those marked there as held out never enter training.",
+        "Written by `python -m training.augmentation.build --clips DIR --report docs/results/augmentation.md`. Edited clips"
+        " are imported ones with edits whose descriptions are exact, the feet kept by inverse kinematics; while training"
+        " their parts are put on other clips, and those of other clips on them (`training/composition`). Every clip has six"
+        " descriptions of its own. The edits are defined in `training/augmentation/edits.toml`; those that are held out"
+        " never enter training.",
         "",
         f"- {captured} captured styles",
-        f"- {len(edits)} parametric part edits of {len(EDITS)} ({len(EDITS) - len(edits)} held out)",
+        f"- {len(edits)} parametric part edits of {len(catalogue)} ({len(catalogue) - len(edits)} held out)",
         f"- {len(combinations)} different combinations of part contents in {len(entries)} clips",
         "",
-        "| Parametric edit | clips | in its words |",
-        "| --- | --- | --- |",
-        *(f"| {k} | {v} | {next(iter(EDITS[k].phrases.values()))[0]} |" for k, v in sorted(edits.items())),
-        "",
+        *table(("Parametric edit", "clips", "in its words"), rows),
         rhythm,
         "",
     ]
@@ -307,4 +266,4 @@ def main(argv: list[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    raise SystemExit(run_command("layering", main))
+    raise SystemExit(run_command("augmentation", main))

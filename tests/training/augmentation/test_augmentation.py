@@ -1,25 +1,30 @@
-"""Layered styles: every edit does what its words say, and what is held out stays out."""
+"""Augmentation: every edit does what its words say, and what is held out stays out."""
 
 import json
+import tomllib
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from runtime import rotations
+from runtime.assets import asset_path
+from runtime.errors import FileError
 from runtime.feet.ik import LEG_FEET
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import ANKLE_HEIGHT, PART_NAMES, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
 from tests.helpers.synthetic_clips import flat_patch
 from tests.helpers.walker import CYCLE_FRAMES, walk
+from training import augmentation
+from training.augmentation import recipes
+from training.augmentation.build import LAYERS, build_layers
+from training.augmentation.catalogue import catalogue, load_catalogue, part_edits
+from training.augmentation.edits import apply
+from training.augmentation.gait import left_landings, step_phase
+from training.augmentation.motion import EditedMotion, keep_feet
 from training.data.clip_files import TrainingClip
-from training.layering import recipes
-from training.layering.apply import apply
-from training.layering.build import LAYERS, build_layers
-from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
-from training.layering.pose_edits import EditedMotion, keep_feet
-from training.layering.steps import left_landings, step_phase
 from training.text.measure import measure
 
 
@@ -46,7 +51,7 @@ def walker(frames: int = 300) -> EditedMotion:
 
 
 def value(motion: EditedMotion, name: str) -> float:
-    part, field = EDITS[name].measure
+    part, field = part_edits()[name].measure
     return getattr(getattr(measure(motion.hips, motion.local, motion.contacts), part), field)
 
 
@@ -58,28 +63,28 @@ SIGNS = {  # of the change of the measure, by the words of the edit
 }
 
 
-@pytest.mark.parametrize("name", sorted(EDITS))
+@pytest.mark.parametrize("name", sorted(part_edits()))
 def test_an_edit_moves_its_measure_by_its_words_and_keeps_the_body_whole(name: str) -> None:
     before = walker()
-    after = apply(before, EDITS[name], np.random.default_rng(3))
+    after = apply(before, part_edits()[name], np.random.default_rng(3))
     change = value(after, name) - value(before, name)
     assert np.isfinite(after.local).all()
     assert np.allclose(np.linalg.norm(after.local, axis=-1), 1.0, atol=1e-4)
-    assert abs(change) > 0.008, f"{name}: the measure {EDITS[name].measure} moved by {change:.4f}"
+    assert abs(change) > 0.008, f"{name}: the measure {part_edits()[name].measure} moved by {change:.4f}"
     assert all(sign * change > 0.0 for sign, names in SIGNS.items() if name in names.split())
 
 
-@pytest.mark.parametrize("name", [n for n, e in EDITS.items() if e.slot in ("torso", "head")])
+@pytest.mark.parametrize("name", [n for n, e in part_edits().items() if e.slot in ("torso", "head")])
 def test_the_upper_body_leaves_the_feet_where_they_are(name: str) -> None:
     before = walker(200)
-    after = apply(before, EDITS[name], np.random.default_rng(5))
+    after = apply(before, part_edits()[name], np.random.default_rng(5))
     feet = [SPORT_SKELETON.forward_kinematics(m.hips, m.local)[0][:, LEG_FEET] for m in (before, after)]
     assert np.abs(feet[0] - feet[1]).max() < 0.02  # the reach of a leg may give way a little
 
 
 def test_a_dragged_foot_slides_flat_over_the_ground_and_not_through_it() -> None:
     before = walker()
-    after = apply(before, EDITS["left_leg.dragging"], np.random.default_rng(3))
+    after = apply(before, part_edits()["left_leg.dragging"], np.random.default_rng(3))
     ankle, toe = (SPORT_SKELETON.index(f"Left{name}") for name in ("Foot", "ToeBase"))
     high, _ = SPORT_SKELETON.forward_kinematics(before.hips, before.local)
     low, _ = SPORT_SKELETON.forward_kinematics(after.hips, after.local)
@@ -93,7 +98,7 @@ def test_a_dragged_foot_slides_flat_over_the_ground_and_not_through_it() -> None
 
 def test_nobody_limps_on_both_legs() -> None:
     random = np.random.default_rng(1)
-    drawn = [recipes.draw(random, standing=False).edits for _ in range(3000)]
+    drawn = [recipes.draw(random, standing=False) for _ in range(3000)]
     limping = [edits for edits in drawn if any(e.endswith("limping") for e in edits)]
     assert limping
     assert all(sum(e.endswith("limping") for e in edits) == 1 for edits in limping)
@@ -101,7 +106,7 @@ def test_nobody_limps_on_both_legs() -> None:
 
 def test_an_arm_edit_touches_that_arm_alone() -> None:
     before = walker(120)
-    after = apply(before, EDITS["left_arm.on_hip"], np.random.default_rng(0))
+    after = apply(before, part_edits()["left_arm.on_hip"], np.random.default_rng(0))
     others = [j for j in range(31) if j not in range(17, 24)]
     assert np.array_equal(before.local[:, others], after.local[:, others])
     assert not np.allclose(before.local[:, 18], after.local[:, 18])
@@ -118,19 +123,19 @@ def test_step_phase_is_whole_where_the_left_foot_lands() -> None:
 
 def test_recipes_never_show_what_is_held_out() -> None:
     random = np.random.default_rng(1)
-    drawn = [recipes.draw(random, standing=k % 4 == 0).edits for k in range(4000)]
+    drawn = [recipes.draw(random, standing=k % 4 == 0) for k in range(4000)]
     assert all(recipes.allowed(edits) for edits in drawn)
-    assert not {name for edits in drawn for name in edits} & HELD_OUT
-    for a, b in HELD_OUT_PAIRS.values():
+    assert not {name for edits in drawn for name in edits} & catalogue().held_out
+    for a, b in catalogue().held_out_pairs.values():
         assert not any(a in edits and b in edits for edits in drawn)
     shown = {name for edits in drawn for name in edits}
-    assert shown == {e.name for e in recipes.trained_edits()}, "an edit is never drawn"
-    slots = [[EDITS[name].slot for name in edits] for edits in drawn]
+    assert shown == {e.name for e in catalogue().trained}, "an edit is never drawn"
+    slots = [[part_edits()[name].slot for name in edits] for edits in drawn]
     assert all(len(set(s)) == len(s) for s in slots)
 
 
 def test_phrases_are_usable_descriptions() -> None:
-    for edit in EDITS.values():
+    for edit in part_edits().values():
         for part, phrases in edit.phrases.items():
             assert part in PART_NAMES
             assert len(phrases) >= 2
@@ -163,7 +168,7 @@ def test_layered_clips_are_written_with_their_words(tmp_path) -> None:
             assert str(clip["content"]) == "layered"
             assert np.isfinite(clip["local_rotations"]).all()
         for edit in entry["edits"]:
-            for part, phrases in EDITS[edit].phrases.items():
+            for part, phrases in part_edits()[edit].phrases.items():
                 assert all(d[part] in phrases for d in entry["descriptions"])
     again = tmp_path / "again"
     build_layers(tmp_path, again, 5, seed=2)
@@ -175,8 +180,39 @@ def test_layered_clips_are_written_with_their_words(tmp_path) -> None:
 
 def test_edits_of_a_movement_are_drawn_more_often_than_those_of_a_posture() -> None:
     random = np.random.default_rng(0)
-    drawn = [name for _ in range(3000) for name in recipes.draw(random, standing=False).edits]
+    drawn = [name for _ in range(3000) for name in recipes.draw(random, standing=False)]
     arms = [n for n in drawn if n.startswith("left_arm.")]
-    movement = [n for n in arms if EDITS[n].measure[1] == "swing"]
-    postures = [n for n in arms if EDITS[n].measure[1] != "swing"]
+    movement = [n for n in arms if part_edits()[n].measure[1] == "swing"]
+    postures = [n for n in arms if part_edits()[n].measure[1] != "swing"]
     assert len(movement) / len(set(movement)) > 2.4 * len(postures) / len(set(postures))
+
+
+EDITS_FILE = Path(augmentation.__file__).with_name("edits.toml")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ('kind = "swing"', 'kind = "wing"', "wing is missing"),
+        ("parameters = { drag = 0.9 }", "parameters = { drop = 0.9 }", "left_leg.dragging: leg has no drop"),
+        ('measure = "knee_bend"', 'measure = "knee_band"', "legs.crouch_little: left_leg has no measure"),
+        ('"torso.lean_back_far", ', '"torso.lean_back_most", ', "torso.lean_back_most is no edit"),
+        ("[head.down]", "[head.down", "TOML|Expected"),
+    ],
+)
+def test_a_wrong_catalogue_is_refused_with_its_entry(tmp_path, old: str, new: str, problem: str) -> None:
+    text = EDITS_FILE.read_text("utf-8")
+    assert old in text
+    (tmp_path / "edits.toml").write_text(text.replace(old, new, 1), "utf-8")
+    with pytest.raises(FileError, match=problem):
+        load_catalogue(tmp_path / "edits.toml")
+
+
+def test_the_sentences_of_the_clause_rules_are_those_of_the_edits() -> None:
+    sentences = tomllib.loads(asset_path("prompts/clauses.toml").read_text("utf-8"))["sentences"]
+    for name, text in sentences.items():
+        edit = name.rstrip("_23456789")
+        edit = edit if edit in part_edits() else f"left_{edit}"
+        assert text.replace("{s}", "left") in {p for ps in part_edits()[edit].phrases.values() for p in ps}, (
+            name
+        )

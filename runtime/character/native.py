@@ -1,0 +1,75 @@
+"""What native libraries decode (meshopt, Draco, KTX2, ufbx) in a process of its own, with bounds on memory and time.
+
+A damaged file may end that process, or fill what it is allowed: here that is a FileError.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import subprocess
+import sys
+import tempfile
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from runtime.errors import FileError
+
+HEADS = (b"Kaydara FBX Binary", b"; FBX")  # of an FBX
+PACKAGES = {  # of each kind: the module, the package that has it, what needs it
+    "fbx": ("ufbx", "ufbx", "an FBX"),
+    "meshopt": ("meshoptimizer", "meshoptimizer", "compressed by meshopt"),
+    "draco": ("DracoPy", "DracoPy", "compressed by Draco"),
+    "ktx2": ("opengl_basisu", "opengl-basisu", "a texture in KTX2"),
+}
+WORKING_BYTES = 256 << 20  # of memory beyond what its libraries take
+BYTES_FOR_ONE = 16  # more for each byte of the file, or of what it is to become
+TIMEOUT_S = 120.0  # on a busy machine; of the processor at most
+CPU_S = 60
+_ROOT = Path(__file__).parents[2]
+_START = "import sys; sys.path.insert(0, sys.argv[1]); from runtime.character import native_worker as w; w.main(*sys.argv[2:])"
+
+
+def decode(kind: str, path: Path, facts: Any, data: bytes, remedy: str) -> bytes:
+    """What the worker of a kind (`native_worker`) makes of `data`; FileError names `path`."""
+    module, package, what = PACKAGES[kind]
+    if importlib.util.find_spec(module) is None:
+        raise FileError(
+            f"{path}: {what}, which needs the library {package}.",
+            f"Run pip install {package} (or '.[characters]'), or export the character without it.",
+        )
+    try:
+        return _decoded(kind, json.dumps(facts), data)
+    except ValueError as error:
+        raise FileError(f"{path}: damaged ({what}: {error}).", remedy) from error
+
+
+def fbx_as_glb(path: Path) -> bytes:
+    """The GLB of an FBX; FileError says how to get the library, or what is wrong with the file."""
+    known = path.stat()
+    facts = {"path": str(path.resolve()), "modified": known.st_mtime_ns, "size": known.st_size}
+    return decode("fbx", path, facts, b"", "Export it again as binary FBX, or as .glb.")
+
+
+@lru_cache(2)  # a character is opened several times: to look at its joints, to show and to write it
+def _decoded(kind: str, facts: str, data: bytes) -> bytes:
+    """What the worker wrote; ValueError says what is wrong."""
+    limit = WORKING_BYTES + BYTES_FOR_ONE * json.loads(facts).get("size", len(data))
+    with tempfile.TemporaryDirectory(prefix="sport-native-") as folder:
+        source, target = Path(folder) / "in", Path(folder) / "out"
+        source.write_bytes(data)
+        source.with_name("facts.json").write_text(facts, encoding="utf-8")
+        command = [sys.executable, "-P", "-c", _START, str(_ROOT), kind, folder, str(limit), str(CPU_S)]
+        try:
+            done = subprocess.run(
+                command, capture_output=True, text=True, errors="replace", timeout=TIMEOUT_S, check=False
+            )
+        except subprocess.TimeoutExpired as error:
+            raise ValueError(f"not read in {TIMEOUT_S:g} s") from error
+        except OSError as error:
+            raise ValueError(f"its reader did not start: {error}"[:200]) from error
+        if done.returncode or not target.is_file():
+            lines = done.stderr.strip().splitlines() or [f"its reader ended with {done.returncode}"]
+            raise ValueError(lines[-1][:200])
+        return target.read_bytes()

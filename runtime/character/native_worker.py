@@ -1,0 +1,119 @@
+"""Run by a Python of its own, see `native`: bytes in a file become bytes in another, by a native library.
+
+A process of its own, so that a damaged file that a library stumbles over ends this process and not the program.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+
+def main(kind: str, folder: str, memory: str, cpu_s: str) -> None:
+    """Decode the file "in" of a folder into "out", by "facts.json"; the process ends with 0, or with 1 and what is wrong."""
+    try:
+        decode = DECODERS[kind]()
+        facts = json.loads((Path(folder) / "facts.json").read_text(encoding="utf-8"))
+        _limit(int(memory), int(cpu_s))
+        Path(folder, "out").write_bytes(decode(facts, Path(folder, "in")))
+    except Exception as error:  # the errors of four libraries share no base class; all are of the file
+        print(f"{type(error).__name__}: {error}", file=sys.stderr, flush=True)
+        os._exit(1)
+    os._exit(0)  # ufbx's objects outlive their scene, which ends in a fault
+
+
+def _limit(memory: int, cpu_s: int) -> None:
+    """Bounds of this process from here on; Windows and macOS have the time limit of the caller only."""
+    if sys.platform == "linux":
+        import resource
+
+        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (used + memory, used + memory))
+        resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+Decoder = Callable[[Any, Path], bytes]
+
+
+def _meshopt() -> Decoder:
+    """Facts: `views`, each with mode, filter, count, stride and the length of its bytes. The decoded bytes of all."""
+    import meshoptimizer as codec
+
+    filters = {
+        "OCTAHEDRAL": codec.decode_filter_oct,
+        "QUATERNION": codec.decode_filter_quat,
+        "EXPONENTIAL": codec.decode_filter_exp,
+    }
+
+    def view(packed: dict[str, Any], data: np.ndarray) -> bytes:
+        count, stride = packed["count"], packed["stride"]
+        if packed["mode"] != "ATTRIBUTES":
+            triangles = packed["mode"] == "TRIANGLES"
+            decode = codec.decode_index_buffer if triangles else codec.decode_index_sequence
+            indices: np.ndarray = decode(count, 4, data)
+            return indices.astype({2: np.uint16, 4: np.uint32}[stride]).tobytes()
+        values = codec.decode_vertex_buffer(count, stride, data).view(np.uint8)
+        if packed["filter"] != "NONE":
+            values = filters[packed["filter"]](values, count, stride)
+        result: bytes = values.tobytes()
+        return result
+
+    def decode(facts: Any, source: Path) -> bytes:
+        data, made, at = np.frombuffer(source.read_bytes(), np.uint8), bytearray(), 0
+        for packed in facts["views"]:
+            made += view(packed, data[at : at + packed["length"]])
+            at += packed["length"]
+        return bytes(made)
+
+    return decode
+
+
+def _draco() -> Decoder:
+    """Facts: `parts`, each with the length of its bytes and the ids of attributes. An NPZ of "PART.indices" and "PART.ID"."""
+    import DracoPy as codec
+
+    def decode(facts: Any, source: Path) -> bytes:
+        data, arrays, at = source.read_bytes(), {}, 0
+        for k, part in enumerate(facts["parts"]):
+            mesh = codec.decode(data[at : at + part["length"]])
+            at += part["length"]
+            arrays[f"{k}.indices"] = np.asarray(mesh.faces).reshape(-1, 1)
+            for number in part["attributes"]:
+                arrays[f"{k}.{number}"] = np.asarray(mesh.get_attribute_by_unique_id(number)["data"])
+        out = io.BytesIO()
+        np.savez(out, **arrays)  # type: ignore[arg-type]
+        return out.getvalue()
+
+    return decode
+
+
+def _ktx2() -> Decoder:
+    """RGBA bytes of an image."""
+    import opengl_basisu as codec
+
+    def decode(facts: Any, source: Path) -> bytes:
+        return np.ascontiguousarray(
+            codec.open(source.read_bytes()).transcode(codec.Target.RGBA8).data
+        ).tobytes()
+
+    return decode
+
+
+def _fbx() -> Decoder:
+    """Facts: the `path` of an FBX. It as GLB."""
+    import ufbx  # noqa: F401 (before memory is bounded)
+
+    from runtime.character.fbx_to_glb import convert
+
+    return lambda facts, source: convert(Path(facts["path"]))
+
+
+DECODERS = {"meshopt": _meshopt, "draco": _draco, "ktx2": _ktx2, "fbx": _fbx}

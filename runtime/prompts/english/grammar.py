@@ -1,0 +1,132 @@
+"""The rules by which a prompt says outright what a body part does, read from assets/prompts/clauses.toml."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from runtime.assets import asset_path
+from runtime.errors import FileError
+
+Sentences = str | tuple[str, str, str]  # one, or slightly, plainly and far
+Rules = tuple[tuple[re.Pattern[str], Sentences], ...]  # in no order: the longest match counts
+Match = re.Match[str]
+
+
+@dataclass(frozen=True)
+class Group:
+    """A kind of body part: its nouns as a pattern, what it does and what it does when that is denied."""
+
+    nouns: re.Pattern[str]
+    actions: Rules
+    denied: Rules
+
+
+class Grammar:
+    """The rules of a file: `groups` by name, `phrases` (pattern, whose action, what is looked up), and relations.
+
+    Relations are patterns and the words in their place, with {side}, {other} and the pattern's groups. `before` are
+    those that are read before the limbs have their sides, `after` the others.
+    """
+
+    def __init__(self, file: dict[str, Any]) -> None:
+        self._sentences: dict[str, str] = file["sentences"]
+        self._patterns = {name.upper(): _joined(text) for name, text in file["patterns"].items()}
+        names = ("arm", "leg", "torso", "head")
+        self._patterns["NOUNS"] = "|".join(file[name]["nouns"] for name in names)
+        self.groups = {
+            name: Group(
+                self._compiled(file[name]["nouns"]),
+                self._rules(file[name]["actions"]),
+                self._rules(file[name]["denied"]),
+            )
+            for name in names
+        }
+        self.phrases = [(self._compiled(p), (target, words)) for p, target, words in file["phrases"]["rules"]]
+        self.before, self.after = (
+            [(self._compiled(pattern), words) for pattern, words in file["relations"][key]]
+            for key in ("before", "after")
+        )
+        self._found: dict[str, re.Pattern[str]] = {}
+
+    def __getitem__(self, name: str) -> re.Pattern[str]:
+        """A pattern by its name, compiled at first use."""
+        if name not in self._found:
+            self._found[name] = self._compiled(self._patterns[name.upper()])
+        return self._found[name]
+
+    def sentence(self, rules: Rules, words: str) -> str | None:
+        """The sentence of the rule with the longest match, in the degree that the words give it."""
+        found = [(*_rank(match), said) for pattern, said in rules for match in pattern.finditer(words)]
+        said = max(found, key=lambda one: one[:-1])[-1] if found else None
+        if said is None or isinstance(said, str):
+            return said
+        slightly, plainly, far = said
+        if self["slightly"].search(words):
+            return slightly
+        return far if self["far"].search(words) else plainly
+
+    def _rules(self, rules: list[list[Any]]) -> Rules:
+        return tuple((self._compiled(pattern), self._named(said)) for pattern, said in rules)
+
+    def _named(self, said: Any) -> Any:
+        """Sentences in place of their names; a sentence without a name is its own."""
+        return self._sentences.get(said, said) if isinstance(said, str) else tuple(map(self._named, said))
+
+    def _compiled(self, pattern: str) -> re.Pattern[str]:
+        text = _joined(pattern)
+        while re.search("%[A-Z_0-9]+%", text):
+            text = re.sub("%([A-Z_0-9]+)%", lambda match: self._patterns[match[1]], text)
+        return re.compile(text, re.IGNORECASE)
+
+
+@cache
+def grammar() -> Grammar:
+    """The shipped rules; FileError when their file is damaged."""
+    path = asset_path("prompts/clauses.toml")
+    try:
+        return Grammar(tomllib.loads(path.read_text("utf-8")))
+    except (OSError, ValueError, KeyError, TypeError, re.error) as error:
+        raise FileError(
+            f"{path}: not readable as the rules of clauses ({error}).", "Restore the file."
+        ) from error
+
+
+def replaced(
+    text: str, rules: Iterable[tuple[re.Pattern[str], Any]], words: Callable[[Match, Any], str | None]
+) -> str:
+    """A text with `words` in place of what the rules match, None for nothing; of matches that overlap the longest.
+
+    A group named "start" is context: it is matched and stays.
+    """
+    found = [(match, rule) for pattern, rule in rules for match in pattern.finditer(text) if match.group()]
+    found.sort(key=lambda one: _rank(one[0]), reverse=True)
+    taken: list[tuple[int, int, str]] = []
+    for match, rule in found:
+        start, end = _start(match), match.end()
+        if all(end <= s or start >= e for s, e, _ in taken):
+            new = words(match, rule)
+            if new is not None:
+                taken.append((start, end, new))
+    for start, end, new in sorted(taken, reverse=True):
+        text = text[:start] + new + text[end:]
+    return text
+
+
+def _start(match: Match) -> int:
+    return match.end("start") if "start" in match.re.groupindex else match.start()
+
+
+def _rank(match: Match) -> tuple[int, int, int, str]:
+    """Longer matches first, then earlier ones; then the longer pattern, so that the order of rules never counts."""
+    start = _start(match)
+    return match.end() - start, -start, len(match.re.pattern), match.re.pattern
+
+
+def _joined(pattern: str) -> str:
+    """A pattern without the line ends at which the file wraps it."""
+    return re.sub(r"\n *", "", f"\n{pattern}")

@@ -1,0 +1,173 @@
+"""The catalogue of part edits, read from `edits.toml`: what each does, in numbers, and the sentences that describe it."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from runtime.errors import FileError
+from training.text.measure import measure_names
+
+_PATH = Path(__file__).with_name("edits.toml")
+_PARAMETERS = {  # that the edits of a kind have
+    "hand": {"frame", "point", "pole", "wave"},
+    "swing": {"scale"},
+    "leg": {"lift", "drag", "outward", "toe_out"},
+    "legs": {"lower", "tiptoe", "outward"},
+    "stance": {"uneven", "drop"},
+    "lean": {"pitch", "roll"},
+    "slump": {"pitch"},
+    "sway": {"roll"},
+    "twist": {"yaw"},
+    "bounce": {"height"},
+    "head": {"pitch", "yaw", "roll", "wave"},
+    "bob": {"scale"},
+    "hips": {"sideways", "roll", "yaw"},
+    "shoulders": {"yaw", "roll"},
+    "rock": {"roll", "sideways"},
+    "steps": {"length", "cadence"},
+    "line": {"outward"},
+    "hesitation": {"pause"},
+    "stagger": {"wander", "roll"},
+    "landing": {"lift", "drop", "jolt", "soft", "bob"},
+}
+_OTHER_LEG = {"left_leg": "right_leg", "right_leg": "left_leg"}
+
+
+@dataclass(frozen=True)
+class PartEdit:
+    """One edit. `phrases` `{part: sentences}` describe every part it changes; `parameters` are those of `kind`.
+
+    Two edits of one clip never describe the same part.
+
+    `measure` (part, field of its measures in `training.text.measure`) is the quantity that shows the edit.
+    """
+
+    name: str
+    slot: str  # left_arm, right_arm, torso, head, left_leg, right_leg or legs
+    kind: str
+    parameters: dict[str, Any]
+    phrases: dict[str, tuple[str, ...]]
+    measure: tuple[str, str]
+
+    @property
+    def moves_feet(self) -> bool:
+        """Whether it puts feet elsewhere on the ground, or changes the length of the clip: rhythm."""
+        return self.kind in ("steps", "line", "stance", "hesitation", "stagger")
+
+    @property
+    def of_steps(self) -> bool:
+        """Whether it is of rhythm and weight, which show in walking only."""
+        return self.moves_feet or self.kind in ("landing", "bob", "hips", "shoulders", "rock")
+
+    @property
+    def rhythm(self) -> bool:
+        """Whether the evaluation counts it as rhythm and weight, and not as posture."""
+        return self.of_steps or self.kind == "swing"
+
+    @property
+    def scales(self) -> bool:
+        """Whether it scales what the captured motion does, so that a body which does not do it shows nothing."""
+        return self.kind in ("swing", "bob", "hips", "shoulders")
+
+
+@dataclass(frozen=True)
+class Catalogue:
+    """Edits by name, which of them never enter training, and words for the text network.
+
+    `held_out_pairs` are two edits by their common words, each trained alone and never both at once. `clauses`
+    `{when: {part kind: clauses}}` add nothing to a sentence; `other_words` `{(edit, part): sentences}`.
+    """
+
+    edits: dict[str, PartEdit]
+    held_out: frozenset[str]
+    held_out_pairs: dict[str, tuple[str, str]]
+    clauses: dict[str, dict[str, tuple[str, ...]]]
+    other_words: dict[tuple[str, str], tuple[str, ...]]
+
+    @property
+    def trained(self) -> list[PartEdit]:
+        """Every edit that training may show."""
+        return [edit for name, edit in self.edits.items() if name not in self.held_out]
+
+
+@cache
+def catalogue() -> Catalogue:
+    """The project's own."""
+    return load_catalogue(_PATH)
+
+
+def part_edits() -> dict[str, PartEdit]:
+    """The edits of the project's own catalogue, by name."""
+    return catalogue().edits
+
+
+def load_catalogue(path: Path) -> Catalogue:
+    """Read a catalogue; FileError names the entry that is wrong."""
+    try:
+        return _catalogue(tomllib.loads(path.read_text("utf-8")))
+    except KeyError as error:
+        raise FileError(f"{path}: {error.args[0]} is missing.", "Add it.") from error
+    except (OSError, ValueError, TypeError, AttributeError) as error:
+        raise FileError(f"{path}: {error}.", "Correct the file, or restore it.") from error
+
+
+def _catalogue(table: dict[str, Any]) -> Catalogue:
+    edits = {edit.name: edit for edit in _edits(table)}
+    held_out = frozenset(table["held_out"])
+    pairs = {words: (one, other) for words, (one, other) in table["held_out_pairs"].items()}
+    clauses = {when: {part: tuple(c) for part, c in by.items()} for when, by in table["clauses"].items()}
+    other_words = dict(_other_words(table["other_words"]))
+    named = held_out.union(*pairs.values(), (name for name, _ in other_words))
+    if unknown := named - edits.keys():
+        raise ValueError(f"{min(unknown)} is no edit")
+    other_words = {key: words for key, words in other_words.items() if key[0] not in held_out}
+    return Catalogue(edits, held_out, pairs, clauses, other_words)
+
+
+def _edits(table: dict[str, Any]) -> Iterator[PartEdit]:
+    for side in ("left", "right"):
+        for limb in ("arm", "leg"):
+            for name, entry in table[limb].items():
+                yield _edit(f"{side}_{limb}", name, entry)
+    for slot in ("torso", "head", "legs"):
+        for name, entry in table[slot].items():
+            yield _edit(slot, name, entry)
+
+
+def _edit(slot: str, name: str, entry: dict[str, Any]) -> PartEdit:
+    parts = {slot: "sentences", _OTHER_LEG.get(slot, ""): "other_leg"}
+    if slot == "legs":
+        parts = {"left_leg": "sentences", "right_leg": "sentences", "torso": "torso"}
+    kind, parameters = entry["kind"], entry["parameters"]
+    if unknown := parameters.keys() - _PARAMETERS[kind]:
+        raise ValueError(f"{slot}.{name}: {kind} has no {min(unknown)}")
+    if unknown := entry.keys() - {"kind", "parameters", "measure", *parts.values()}:
+        raise ValueError(f"{slot}.{name}: {min(unknown)} is unknown")
+    phrases = {part: _sided(entry[key], part) for part, key in parts.items() if key in entry}
+    part, _, field = entry["measure"].rpartition(".")
+    part = part or ("left_leg" if slot == "legs" else slot)
+    if field not in measure_names(part):
+        raise ValueError(f"{slot}.{name}: {part} has no measure {field}")
+    return PartEdit(f"{slot}.{name}", slot, kind, parameters, phrases, (part, field))
+
+
+def _other_words(table: dict[str, list[str]]) -> Iterator[tuple[tuple[str, str], tuple[str, ...]]]:
+    """Those of head and torso, then those of the legs for either side."""
+    for name, sentences in table.items():
+        slot = name.split(".")[0]
+        if slot in ("head", "torso"):
+            yield (name, slot), tuple(sentences)
+    for part in ("left_leg", "right_leg"):
+        for name, sentences in table.items():
+            slot, _, rest = name.partition(".")
+            if slot in ("leg", "legs"):
+                yield (f"{part}.{rest}" if slot == "leg" else name, part), _sided(sentences, part)
+
+
+def _sided(sentences: list[str], part: str) -> tuple[str, ...]:
+    return tuple(text.replace("{s}", part.split("_")[0]) for text in sentences)

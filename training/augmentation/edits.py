@@ -1,0 +1,505 @@
+"""Every kind of part edit: a motion, the edit's numbers and a random generator in, the edited motion out.
+
+Edits are varied a little by the generator in strength and place. The order of their draws is part of the data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime import rotations
+from runtime.arrays import Array
+from runtime.feet import ik
+from runtime.motion.features import FPS
+from runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
+from runtime.terrain.height_map import Terrain
+from training.augmentation.catalogue import PartEdit
+from training.augmentation.gait import (
+    early_rise,
+    height_in_swing,
+    held_in_stance,
+    hill,
+    late_hill,
+    left_landings,
+    over_swings,
+    plateau,
+    right_landings,
+)
+from training.augmentation.motion import (
+    AHEAD,
+    LEFT,
+    THIGHS,
+    UP,
+    EditedMotion,
+    at_rate,
+    keep_feet,
+    on_path,
+    raise_heel,
+    scaled_path,
+    turn_joints,
+    turns,
+    with_feet,
+)
+from training.frames import smooth
+
+_AT = SPORT_SKELETON.index
+_SIDES = {"left": (0, 1.0), "right": (1, -1.0)}  # column of contacts pairs and sign of X
+_FRAME_JOINT = {"hips": "Hips", "chest": "Spine1", "head": "Head"}
+_CHAIN = {0: 0.4, 11: 0.6, 12: 0.8, 13: 1.0}  # of a lean, taken by hips, lower back, spine, chest
+_ROCKING = {0: 0.35, 11: 0.6, 12: 0.8, 13: 1.0}
+_SPINE_ONLY = {11: 0.25, 12: 0.6, 13: 1.0}
+_ROUNDED = {11: -0.35, 12: 0.25, 13: 1.0}
+_NECK = {14: 0.35, 15: 0.7, 16: 1.0}
+_ARM_FOLLOWS, _HEAD_FOLLOWS = 0.35, 0.3  # arms keep hanging and eyes keep looking ahead when a torso leans
+_TIPTOE_RISE = 0.055  # m of the hips
+_PAUSE_SIGMA = 2.5  # frames of the capture over which a pause is spread
+_HIGHEST = 0.06  # m that hips rise for short steps
+_VARIATION_GONE = 0.7  # of the stance width, where an edit sets it
+_IN_STEP_LENGTH = 0.6  # of an unequal rate that becomes an unequal step length; the rest is an uneven speed
+_SPINE_M = 0.23  # from the hips to the chest
+_CHEST_STAYS = 0.6  # of what the hips sway more: the chest stays behind, level
+_DEEPEST = 6.0  # frames from a landing to the deepest of a knee that gives
+
+
+def apply(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+    """The motion with one edit, a little varied by `random` in strength and place; rhythm may change its length."""
+    return _KINDS[edit.kind](motion, edit, random)
+
+
+def _amount(edit: PartEdit, name: str, random: np.random.Generator, deviation: float) -> float:
+    """A size of the edit, 0 where it has none, a little varied."""
+    return float(edit.parameters.get(name, 0.0)) * random.normal(1.0, deviation)
+
+
+def _factor(edit: PartEdit, name: str, random: np.random.Generator, deviation: float = 0.04) -> float:
+    """A factor or size of the edit, 1 where it has none, a little varied; exactly 1 stays as it is."""
+    value = float(edit.parameters.get(name, 1.0))
+    return value if value == 1.0 else value * float(np.exp(deviation * random.normal()))
+
+
+def _beat(motion: EditedMotion, cycles: float, random: np.random.Generator) -> Array:
+    """Oscillation `(T,)` of so many `cycles` per stride, in step but for a little lag."""
+    size = random.normal(1.0, 0.06)
+    return size * np.sin(2 * np.pi * (cycles * motion.step_phase + 0.08 * random.random()))
+
+
+def _side_beat(motion: EditedMotion) -> Array:
+    """Oscillation `(T,)` once a stride, highest while the left foot carries."""
+    return np.sin(2 * np.pi * (motion.step_phase + 0.05))
+
+
+# --- Torso and head ---------------------------------------------------------------------------------------------------
+
+
+def _with_limbs(chain: dict[int, float], arms: float, head: float) -> dict[int, float]:
+    """Fractions of a turn for the joints of `chain`, all of both arms, and neck and head."""
+    fractions = chain | dict.fromkeys((*PART_JOINTS["left_arm"], *PART_JOINTS["right_arm"]), arms)
+    return fractions | dict.fromkeys(PART_JOINTS["head"], head)
+
+
+def _lean(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+    amount = random.normal(1.0, 0.06)
+    pitch, roll = (amount * float(edit.parameters.get(name, 0.0)) for name in ("pitch", "roll"))
+    vectors = turns(motion, pitch, 0.0, roll)
+    back = -0.13 * np.sin(np.radians(pitch))  # the hips balance the upper body
+    side = -0.12 * np.sin(np.radians(roll))
+    hips = motion.hips + rotations.rotate(motion.facing, np.array([side, 0.0, back]))
+    fractions = _with_limbs(_CHAIN, _ARM_FOLLOWS, _HEAD_FOLLOWS)
+    return turn_joints(replace(motion, hips=hips), vectors, fractions, motion.feet()[0])
+
+
+def _slump(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+    pitch = _amount(edit, "pitch", random, 0.06)
+    fractions = _with_limbs(_ROUNDED, _ARM_FOLLOWS, _HEAD_FOLLOWS)
+    return turn_joints(motion, turns(motion, pitch, 0.0, 0.0), fractions)
+
+
+def _sway(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+    roll = _amount(edit, "roll", random, 0.08) * _side_beat(motion)
+    return turn_joints(motion, turns(motion, 0.0, 0.0, roll), _with_limbs(_CHAIN, 0.6, 0.4))
+
+
+def _twist(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+    yaw = _amount(edit, "yaw", random, 0.08) * np.cos(2 * np.pi * motion.step_phase)
+    return turn_joints(motion, turns(motion, 0.0, -yaw, 0.0), _with_limbs(_SPINE_ONLY, 1.0, 0.15))
+
+
+def _bounce(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+    height = _amount(edit, "height", random, 0.08)
+    return _lowered(motion, 0.5 * height * (1.0 - np.cos(4 * np.pi * (motion.step_phase - 0.04))))
+
+
+def _head(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+    amount = random.normal(1.0, 0.07)
+    angles = [amount * float(edit.parameters.get(name, 0.0)) for name in ("pitch", "yaw", "roll")]
+    if "wave" in edit.parameters:
+        *sizes, cycles = edit.parameters["wave"]
+        beat = _beat(motion, cycles, random)
+        angles = [angle + amount * size * beat for angle, size in zip(angles, sizes, strict=True)]
+    return turn_joints(motion, turns(motion, *angles), _NECK)
+
+
+# --- Arms -------------------------------------------------------------------------------------------------------------
+
+
+def _hand(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+    p = edit.parameters
+    side = edit.slot.removesuffix("_arm")
+    mirror = np.array([_SIDES[side][1], 1.0, 1.0])  # points are given for the left arm
+    collar, shoulder, elbow, hand = (
+        _AT(side.capitalize() + name) for name in ("Shoulder", "Arm", "ForeArm", "Hand")
+    )
+    positions, world = motion.joints
+    length = len(motion.hips)
+    point = np.broadcast_to(np.array(p["point"]), (length, 3)) + random.normal(0.0, 0.015, 3)
+    point = point + 0.008 * _drift(length, random)
+    if "wave" in p:
+        *amplitude, cycles = p["wave"]
+        beat = _beat(motion, cycles, random)
+        point = point + beat[:, None] * np.array(amplitude) * random.normal(1.0, 0.08)
+    at_shoulder = p["frame"] == "shoulder"
+    joint = shoulder if at_shoulder else _AT(_FRAME_JOINT[p["frame"]])
+    axes = motion.facing if at_shoulder else world[:, joint]
+    target = positions[:, joint] + rotations.rotate(axes, point * mirror)
+    body = motion.facing if at_shoulder else world[:, _AT("Spine1")]
+    pole = rotations.rotate(body, np.broadcast_to(np.array(p["pole"]) * mirror, (length, 3)))
+    upper, lower = _reaching(motion, (shoulder, elbow, hand), target, pole, mirror * LEFT)
+    local = motion.local.copy()
+    local[:, shoulder] = rotations.multiply(rotations.inverse(world[:, collar]), upper)
+    local[:, elbow] = rotations.multiply(rotations.inverse(upper), lower)
+    local[:, hand] = rotations.slerp(local[:, hand], rotations.identity((length,)), 0.7)
+    return replace(motion, local=local)
+
+
+def _reaching(
+    motion: EditedMotion, arm: tuple[int, int, int], target: Array, pole: Array, along: Array
+) -> tuple[Array, Array]:
+    """World rotations `(T, 4)` of upper arm and forearm that bring the hand to `target`, the elbow towards `pole`.
+
+    `arm` are the joints shoulder, elbow and hand, `along` is the direction of its bones at rest. The elbow is first bent
+    by hand towards the pole: the solver then keeps that bending plane.
+    """
+    positions, world = motion.joints
+    shoulder = positions[:, arm[0]]
+    middle = shoulder + 0.5 * (target - shoulder)
+    upper, lower = (np.linalg.norm(SPORT_SKELETON.offsets[joint]) for joint in arm[1:])
+    elbow = shoulder + upper * rotations.normalize(middle + 0.3 * rotations.normalize(pole) - shoulder)
+    hand = elbow + lower * rotations.normalize(target - elbow)
+    arm_turn = rotations.between(
+        rotations.normalize(positions[:, arm[1]] - shoulder), rotations.normalize(elbow - shoulder)
+    )
+    first_upper = rotations.multiply(arm_turn, world[:, arm[0]])
+    fore_turn = rotations.between(rotations.rotate(first_upper, along), rotations.normalize(hand - elbow))
+    first_lower = rotations.multiply(fore_turn, first_upper)
+    upper_turn, lower_turn = ik.two_bone(shoulder, elbow, hand, target)
+    return rotations.multiply(upper_turn, first_upper), rotations.multiply(lower_turn, first_lower)
+
+
+def _swing(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+    scale = _amount(edit, "scale", random, 0.05)
+    name = edit.slot.removesuffix("_arm").capitalize()
+    local = motion.local.copy()
+    for joint in (_AT(f"{name}Arm"), _AT(f"{name}ForeArm")):
+        own = rotations.continuous(local[:, joint])
+        mean = rotations.normalize(smooth(own, 45.0))
+        away = rotations.multiply(rotations.inverse(mean), own)
+        away *= np.where(away[:, :1] < 0, -1.0, 1.0)
+        angle = 2.0 * np.arctan2(np.linalg.norm(away[:, 1:], axis=1), away[:, 0])
+        axis = rotations.normalize(away[:, 1:])
+        local[:, joint] = rotations.multiply(
+            mean, rotations.from_axis_angle(axis, np.clip(scale * angle, 0, 1.5))
+        )
+    return replace(motion, local=local)
+
+
+def _drift(length: int, random: np.random.Generator) -> Array:
+    """Slow unit noise `(T, 3)`: a held hand never stands perfectly still."""
+    time = np.arange(length)[:, None] / FPS
+    drift = np.zeros((length, 3))
+    for _ in range(2):
+        drift += np.sin(2 * np.pi * (random.uniform(0.1, 0.7, 3) * time + random.random(3)))
+    return drift
+
+
+# --- Posture of legs --------------------------------------------------------------------------------------------------
+
+
+def _lowered(motion: EditedMotion, drop: Array | float) -> EditedMotion:
+    hips = motion.hips.copy()
+    hips[:, 1] -= drop
+    moved = replace(motion, hips=hips)
+    return replace(moved, local=keep_feet(moved, motion))
+
+
+def _legs(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+    p = {name: value * random.normal(1.0, 0.07) for name, value in edit.parameters.items()}
+    if "lower" in p:
+        return _lowered(motion, p["lower"])
+    sides = list(_SIDES.values()) if edit.slot == "legs" else [_SIDES[edit.slot.removesuffix("_leg")]]
+    ankles, toes, feet = motion.feet()
+    hips, contacts = motion.hips.copy(), motion.contacts.copy()
+    for column, sign in sides:
+        ankles[:, column], feet[:, column] = _placed_foot(
+            motion, p, (ankles[:, column], toes[:, column], feet[:, column]), motion.stands(column), sign
+        )
+        if "tiptoe" in p:
+            contacts[:, 2 * column] = 0
+    if "tiptoe" in p:
+        hips[:, 1] += _TIPTOE_RISE
+    return replace(
+        motion, hips=hips, local=ik.solve_legs(hips, motion.local, ankles, feet), contacts=contacts
+    )
+
+
+def _placed_foot(
+    motion: EditedMotion,
+    p: dict[str, float],
+    leg: tuple[Array, Array, Array],
+    down: NDArray[np.bool_],
+    sign: float,
+) -> tuple[Array, Array]:
+    """Ankle `(T, 3)` and rotation `(T, 4)` of a foot by the numbers `p`; `leg` is ankle, toe and rotation."""
+    ankle, toe, foot = leg[0].copy(), leg[1], leg[2].copy()
+    if "lift" in p:
+        ankle[:, 1] += p["lift"] * over_swings(down, hill)
+    if "drag" in p:
+        _drag(ankle, foot, toe, p["drag"] * over_swings(down, plateau), motion.ground)
+    if "outward" in p:
+        offset = rotations.rotate(motion.facing, np.array([sign * p["outward"], 0.0, 0.0]))
+        before = motion.ground.height(ankle[:, 0], ankle[:, 2])
+        ankle += held_in_stance(offset, down)
+        ankle[:, 1] += motion.ground.height(ankle[:, 0], ankle[:, 2]) - before
+    if "toe_out" in p:
+        foot = rotations.multiply(rotations.from_yaw(np.radians(sign * p["toe_out"])), foot)
+    if "tiptoe" in p:
+        return raise_heel(ankle, toe, foot, np.full(len(ankle), np.radians(p["tiptoe"])))
+    return ankle, foot
+
+
+def _drag(ankle: Array, foot: Array, toe: Array, fraction: Array, ground: Terrain) -> None:
+    """Lay the foot flat and lower it to the ground by `fraction` `(T,)` of what it is away from both, in place.
+
+    `ankle` and `toe` are positions `(T, 3)`, `foot` its rotations `(T, 4)`.
+    """
+    fraction = np.clip(fraction, 0.0, 1.0)
+    toe_ground = ground.height(toe[:, 0], toe[:, 2])
+    ankle_ground = ground.height(ankle[:, 0], ankle[:, 2])
+    apart = np.maximum(np.linalg.norm((toe - ankle)[:, [0, 2]], axis=1), 0.05)
+    slope = np.arctan2(ankle_ground - toe_ground, apart)
+    ahead = rotations.rotate(foot, AHEAD)
+    pitch = np.arcsin(np.clip(-ahead[:, 1], -1, 1)) - slope  # positive: the heel is up
+    turn = rotations.from_axis_angle(rotations.rotate(foot, LEFT), -fraction * pitch)
+    to_toe = rotations.rotate(turn, toe - ankle)
+    ankle[:] = np.where(pitch[:, None] > 0, toe - to_toe, ankle)  # about whichever is lower, toe or heel
+    foot[:] = rotations.multiply(turn, foot)
+    lowest = ankle + to_toe
+    room = np.minimum(
+        lowest[:, 1] - ground.height(lowest[:, 0], lowest[:, 2]) - TOE_HEIGHT,
+        ankle[:, 1] - ground.height(ankle[:, 0], ankle[:, 2]) - ANKLE_HEIGHT,
+    )
+    ankle[:, 1] -= fraction * np.maximum(room, 0.0)
+
+
+# --- Steps: where and when a body goes --------------------------------------------------------------------------------
+
+
+def _steps(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+    length, cadence = _factor(edit, "length", random), _factor(edit, "cadence", random)
+    if length > 1.0:  # the pelvis turns as much more: a leg alone is too short for a long stride
+        yaw = motion.hips_turn() * np.array([0.0, length - 1.0, 0.0])
+        motion = turn_joints(motion, rotations.rotate(motion.axes.facing, yaw), {0: 1.0})
+    if length != 1.0:
+        moved = on_path(motion, scaled_path(motion, length))
+        motion = _as_straight(motion, moved) if length < 1.0 else moved
+    return motion if cadence == 1.0 else at_rate(motion, np.full(len(motion.hips), cadence))
+
+
+def _as_straight(before: EditedMotion, after: EditedMotion) -> EditedMotion:
+    """`after` with its hips raised so far that the legs that stand are as long as in `before`: short steps, high hips."""
+    ankles, _, feet = after.feet()
+    room = np.full((len(after.hips), 2), np.inf)
+    for column in range(2):
+        old, new = (
+            m.hips + rotations.rotate(m.local[:, 0], THIGHS[column]) - m.feet()[0][:, column]
+            for m in (before, after)
+        )
+        across = np.linalg.norm(new[:, [0, 2]], axis=1)
+        high = np.sqrt(np.maximum(np.sum(old**2, axis=1) - across**2, 0.0))
+        room[:, column] = np.where(after.stands(column), high - new[:, 1], np.inf)
+    rise = room.min(1)
+    known = np.isfinite(rise)
+    if not known.any():
+        return after
+    rise = np.interp(np.arange(len(rise)), np.flatnonzero(known), np.clip(rise[known], 0.0, _HIGHEST))
+    return with_feet(after, after.hips + smooth(rise[:, None], 4.0) * UP, ankles, feet)
+
+
+def _line(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+    """Steps vary about the wanted place a third as much as in the capture."""
+    wanted = float(edit.parameters["outward"]) + 0.006 * random.normal()
+    left = motion.axes.left[:, None]
+    out = np.sum((motion.feet()[0] - motion.path[:, None]) * left, axis=-1)
+    for column, sign in _SIDES.values():
+        standing = motion.stands(column)
+        own = float(np.median(out[standing, column])) if standing.any() else 0.0
+        out[:, column] = sign * wanted - own - _VARIATION_GONE * (out[:, column] - own)
+    return on_path(motion, np.zeros_like(motion.path), out[..., None] * left)
+
+
+def _stance(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+    column, _ = _SIDES[edit.slot.removesuffix("_leg")]
+    alone = motion.stands(column).astype(np.float64) - motion.stands(1 - column)
+    weight = smooth(alone[:, None], 3.0)[:, 0]
+    rate = np.exp(-0.5 * np.log(_factor(edit, "uneven", random)) * weight)
+    motion = on_path(motion, scaled_path(motion, rate**-_IN_STEP_LENGTH))
+    drop = _amount(edit, "drop", random, 0.07)
+    if drop:
+        ankles, _, feet = motion.feet()
+        carries = smooth(np.maximum(alone, 0.0)[:, None], 5.0)[:, 0]
+        motion = with_feet(motion, motion.hips - (drop * carries)[:, None] * UP, ankles, feet)
+    return at_rate(motion, rate)
+
+
+def _hesitation(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+    seconds = _factor(edit, "pause", random)
+    landings = np.sort(np.concatenate([left_landings(motion.contacts), right_landings(motion.contacts)]))
+    frames = np.arange(len(motion.hips))[:, None]
+    size = seconds * FPS / (_PAUSE_SIGMA * np.sqrt(2 * np.pi))
+    longer = 1.0 + size * np.exp(-0.5 * ((frames - (landings[None] + 5)) / _PAUSE_SIGMA) ** 2).sum(1)
+    return at_rate(motion, 1.0 / longer)
+
+
+def _stagger(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+    """The course leaves its line in slow waves, footprints scatter, the torso follows late, the rate is uneven."""
+    seconds = np.arange(len(motion.hips)) / FPS
+    slow, quick = random.uniform(2.6, 3.6), random.uniform(1.5, 2.0)
+    turn = 2 * np.pi * random.random(2)
+    wave = 0.75 * np.sin(2 * np.pi * seconds / slow + turn[0]) + 0.35 * np.sin(
+        2 * np.pi * seconds / quick + turn[1]
+    )
+    left = motion.axes.left
+    size = _factor(edit, "wander", random)
+    extra = np.stack([_per_stance(motion.stands(column), random) for column in range(2)], axis=1)
+    moved = on_path(motion, size * wave[:, None] * left, 0.2 * size * extra[..., None] * left[:, None])
+    lag = np.interp(seconds - 0.15, seconds, np.gradient(wave, seconds))
+    roll = _factor(edit, "roll", random) * lag / max(float(np.abs(lag).max()), 0.5)
+    rolled = turn_joints(moved, turns(moved, 0.4 * np.abs(roll), 0.0, roll), _with_limbs(_CHAIN, 0.5, 0.5))
+    uneven = np.exp(0.12 * np.sin(2 * np.pi * seconds / random.uniform(1.7, 2.5) + turn[1]))
+    return at_rate(rolled, uneven)
+
+
+def _per_stance(standing: NDArray[np.bool_], random: np.random.Generator) -> Array:
+    """One number of unit deviation for every stance, `(T,)`."""
+    number = np.cumsum(np.diff(standing.astype(int), prepend=0) == 1)
+    return random.normal(size=int(number.max()) + 1).clip(-1.5, 1.5)[number]
+
+
+# --- Within a gait cycle: steps stay where they are -------------------------------------------------------------------
+
+
+def _bob(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+    return _bobbing(motion, _factor(edit, "scale", random, 0.05))
+
+
+def _bobbing(motion: EditedMotion, scale: float) -> EditedMotion:
+    """The hips' rise and fall scaled. Their highest stays where it is, or sinks: legs grow no longer."""
+    away = (motion.hips - motion.path)[:, 1]
+    top = motion.cycle_mean(np.maximum(away, 0.0)[:, None])[:, 0] * 2.0
+    rise = (scale - 1.0) * away - abs(scale - 1.0) * top
+    ankles, _, feet = motion.feet()
+    return with_feet(motion, motion.hips + rise[:, None] * UP, ankles, feet)
+
+
+def _hips(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+    axes = motion.axes
+    sideways = np.sum((motion.hips - motion.path) * axes.left, axis=1)[:, None] * axes.left
+    moved_by = (_factor(edit, "sideways", random, 0.05) - 1.0) * sideways
+    moved = replace(motion, hips=motion.hips + moved_by)
+    back = np.degrees(np.arctan2(-_CHEST_STAYS * np.sum(moved_by * axes.left, axis=1), _SPINE_M))
+    moved = turn_joints(moved, turns(moved, 0.0, 0.0, back), {11: 1.0, 12: 1.0})
+    yaw, roll = (_factor(edit, name, random, 0.05) - 1.0 for name in ("yaw", "roll"))
+    more = rotations.rotate(axes.facing, motion.hips_turn() * np.array([0.0, yaw, roll]))
+    return turn_joints(moved, more, {0: 1.0}, motion.feet()[0])
+
+
+def _shoulders(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+    positions = motion.joints[0]
+    across = positions[:, _AT("LeftArm")] - positions[:, _AT("RightArm")]
+    yaw = np.unwrap(np.arctan2(-across[:, 2], across[:, 0]))[:, None]
+    turn = yaw - motion.cycle_mean(yaw)
+    more = turn * np.array([0.0, _factor(edit, "yaw", random, 0.05) - 1.0, 0.0])
+    vectors = rotations.rotate(motion.axes.facing, more)
+    moved = turn_joints(motion, vectors, _with_limbs(_SPINE_ONLY, 1.0, 0.1))
+    roll = _amount(edit, "roll", random, 0.06)
+    if not roll:
+        return moved
+    rolls = turns(moved, 0.0, 0.0, roll * _side_beat(motion))
+    return turn_joints(moved, rolls, _with_limbs(_SPINE_ONLY, 0.8, 0.2))
+
+
+def _rock(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+    size = random.normal(1.0, 0.06)
+    beat = _side_beat(motion)
+    sideways = size * float(edit.parameters["sideways"]) * beat
+    moved = replace(motion, hips=motion.hips + sideways[:, None] * motion.axes.left)
+    roll = size * float(edit.parameters["roll"]) * beat
+    fractions = _with_limbs(_ROCKING, 0.6, 0.4)
+    return turn_joints(moved, turns(moved, 0.0, 0.0, roll), fractions, motion.feet()[0])
+
+
+def _landing(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+    p = edit.parameters
+    size = random.normal(1.0, 0.06)
+    ankles, _, feet = motion.feet()
+    for column in range(2):
+        standing, height = motion.stands(column), ankles[:, column, 1]
+        if "lift" in p:
+            height += size * p["lift"] * over_swings(standing, late_hill)
+        if "soft" in p:
+            height -= p["soft"] * height_in_swing(height, standing) * over_swings(standing, early_rise)
+    jolts = _jolts(motion)
+    lower = size * float(p.get("drop", 0.0)) * jolts
+    moved = with_feet(motion, motion.hips - lower[:, None] * UP, ankles, feet)
+    if "bob" in p:
+        moved = _bobbing(moved, p["bob"])
+    pitch = size * float(p.get("jolt", 0.0)) * jolts
+    if not pitch.any():
+        return moved
+    return turn_joints(moved, turns(moved, pitch, 0.0, 0.0), _with_limbs(_SPINE_ONLY, 0.6, 0.4))
+
+
+def _jolts(motion: EditedMotion) -> Array:
+    """One after every landing, risen to in a tenth of a second and gone after half."""
+    landings = np.concatenate([left_landings(motion.contacts), right_landings(motion.contacts)])
+    if not len(landings):
+        return np.zeros(len(motion.hips))
+    since = np.maximum((np.arange(len(motion.hips))[:, None] - landings[None]) / _DEEPEST, 0.0)
+    return smooth((since * np.exp(1.0 - since)).sum(1, keepdims=True), 1.0)[:, 0]
+
+
+_KINDS: dict[str, Callable[[EditedMotion, PartEdit, np.random.Generator], EditedMotion]] = {
+    "lean": _lean,
+    "slump": _slump,
+    "sway": _sway,
+    "twist": _twist,
+    "bounce": _bounce,
+    "head": _head,
+    "hand": _hand,
+    "swing": _swing,
+    "leg": _legs,
+    "legs": _legs,
+    "steps": _steps,
+    "line": _line,
+    "stance": _stance,
+    "hesitation": _hesitation,
+    "stagger": _stagger,
+    "bob": _bob,
+    "hips": _hips,
+    "shoulders": _shoulders,
+    "rock": _rock,
+    "landing": _landing,
+}

@@ -1,0 +1,115 @@
+"""When feet stand and swing, the phase of a stride, curves over swings and means over a gait cycle, from contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.arrays import Array
+from runtime.easing import smoothstep
+from runtime.motion.features import FPS
+from training.text.measure import landings
+
+USUAL_CYCLE = 66  # frames, where there are too few landings to tell
+
+
+def left_landings(contacts: NDArray[np.uint8]) -> NDArray[np.intp]:
+    """Frames where the left foot comes down, from contacts `(T, 4)`."""
+    return landings(np.asarray(contacts[:, :2].any(1)))
+
+
+def right_landings(contacts: NDArray[np.uint8]) -> NDArray[np.intp]:
+    """Frames where the right foot comes down."""
+    return landings(np.asarray(contacts[:, 2:].any(1)))
+
+
+def step_phase(contacts: NDArray[np.uint8]) -> Array:
+    """Cycles `(T,)` that are whole where the left foot lands; 0.8 Hz where there are fewer than three landings."""
+    landings = left_landings(contacts)
+    time = np.arange(len(contacts), dtype=np.float64)
+    if len(landings) < 3:
+        return 0.8 * time / FPS
+    cycle = float(np.median(np.diff(landings)))
+    before = np.arange(1, int(landings[0] / cycle) + 2)[::-1]
+    after = np.arange(1, int((len(contacts) - landings[-1]) / cycle) + 2)
+    knots = np.concatenate([landings[0] - before * cycle, landings, landings[-1] + after * cycle])
+    return np.interp(time, knots, np.arange(len(knots)) - len(before))
+
+
+def cycle_frames(contacts: NDArray[np.uint8]) -> int:
+    """Frames of a gait cycle: the median from one landing of a foot to its next."""
+    gaps = np.concatenate([np.diff(left_landings(contacts)), np.diff(right_landings(contacts))])
+    return int(np.clip(np.median(gaps), 20, 150)) if len(gaps) else USUAL_CYCLE
+
+
+def cycle_mean(values: Array, frames: int) -> Array:
+    """Mean `(T, n)` of values `(T, n)` over a cycle around every frame; the ends go on as they repeat and drift."""
+    half = frames // 2
+    if len(values) < frames + 2:
+        return np.broadcast_to(values.mean(0), values.shape).copy()
+    before = values[frames - half : frames] - (values[frames] - values[0])
+    after = values[len(values) - frames : len(values) - frames + half] + (values[-1] - values[-1 - frames])
+    total = np.cumsum(np.concatenate([np.zeros_like(values[:1]), before, values, after]), axis=0)
+    return (total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1)
+
+
+def swings(down: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Intervals of at least eight frames in which a foot is in the air."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], down, [True]]).astype(np.int8)))
+    return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= 8]
+
+
+def over_swings(down: NDArray[np.bool_], curve: Callable[[Array, int], Array]) -> Array:
+    """`curve(time, frames)` `(T,)` over every swing, 0 in stance; `time` runs from 0 to `frames`."""
+    result = np.zeros(len(down))
+    for a, b in swings(down):
+        result[a:b] = curve(np.arange(a, b) - a + 0.5, b - a)
+    return result
+
+
+def hill(time: Array, frames: int) -> Array:
+    """A smooth hill of height 1."""
+    return np.sin(np.pi * time / frames) ** 2
+
+
+def plateau(time: Array, frames: int) -> Array:
+    """One, risen to over the first quarter and falling over the last."""
+    t = time / frames
+    return smoothstep(np.minimum(t / 0.25, (1.0 - t) / 0.25))
+
+
+def late_hill(time: Array, frames: int) -> Array:
+    """A hill of height 1 that is highest after two thirds and ends steeply."""
+    t = time / frames
+    return t**2 * (1.0 - t) / (4.0 / 27.0)
+
+
+def early_rise(time: Array, frames: int) -> Array:
+    """Nothing in the first third, one from two thirds on."""
+    return smoothstep((time / frames - 0.3) / 0.35)
+
+
+def height_in_swing(height: Array, down: NDArray[np.bool_]) -> Array:
+    """How far a swinging foot is above the line between its lift-off and its landing."""
+    result = np.zeros(len(height))
+    for a, b in swings(down):
+        line = np.linspace(height[max(a - 1, 0)], height[min(b, len(height) - 1)], b - a)
+        result[a:b] = np.maximum(height[a:b] - line, 0.0)
+    return result
+
+
+def held_in_stance(values: Array, down: NDArray[np.bool_]) -> Array:
+    """`values` `(T, n)` made constant while the foot stands, so that a planted foot does not slide with the facing."""
+    held = values.copy()
+    found = swings(down)
+    bounds = [0, *[t for s in found for t in s], len(values)]
+    for a, b in zip(bounds[::2], bounds[1::2], strict=True):
+        if b > a:
+            held[a:b] = values[a:b].mean(0)
+    for a, b in found:
+        t = smoothstep(np.linspace(0, 1, b - a + 2)[1:-1, None])
+        before, after = held[max(a - 1, 0)], held[min(b, len(values) - 1)]
+        held[a:b] = (1 - t) * before + t * after
+    return held

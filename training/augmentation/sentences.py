@@ -1,0 +1,99 @@
+"""Phrases of the edits in longer sentences, as people and the prompt library write them.
+
+The catalogue says "left hand on the hip"; a prompt says "left hand on the hip, held still". A clause that adds nothing
+to the pose should not change what the phrase means, and two clauses of the head or the torso should both count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+from training.augmentation.catalogue import PartEdit, catalogue
+
+_MOVEMENTS = (  # measures of a movement; the others are of a posture
+    "swing",
+    "side_swing",
+    "hand_level_range",
+    "foot_lift",
+    "roll_range",
+    "turn_range",
+    "pitch_range",
+    "twist_range",
+    "bounce",
+)
+_ACROSS = ("turn", "roll")  # measures of what goes to one side; the others are of forward and back
+
+
+@dataclass(frozen=True)
+class LongerSentence:
+    """A sentence of `part` that means what the phrases `of` mean together, or what each of these `alike` means."""
+
+    part: str
+    text: str
+    of: tuple[str, ...]
+    alike: bool = False
+
+
+def longer_sentences() -> list[LongerSentence]:
+    """Every trained phrase with each clause that fits it, and pairs of clauses that both count, in either order."""
+    return [
+        *_with_clauses(),
+        *_two_postures("torso"),
+        *_two_postures("head"),
+        *_posture_and_rhythm("left_leg"),
+        *_posture_and_rhythm("right_leg"),
+        *_posture_and_rhythm("torso"),
+    ]
+
+
+def other_sentences() -> list[LongerSentence]:
+    """Other words for what the phrases of an edit say."""
+    edits = catalogue().edits
+    return [
+        LongerSentence(part, text, edits[name].phrases[part], alike=True)
+        for (name, part), texts in catalogue().other_words.items()
+        for text in texts
+    ]
+
+
+def _with_clauses() -> Iterator[LongerSentence]:
+    for edit in catalogue().trained:
+        for part, phrases in edit.phrases.items():
+            for phrase, clause in product(phrases, _clauses(edit, part)):
+                yield LongerSentence(part, f"{phrase}, {clause}", (phrase,))
+
+
+def _two_postures(slot: str) -> Iterator[LongerSentence]:
+    """One of forward and back, and one of what goes to a side."""
+    postures = [
+        e for e in catalogue().trained if e.slot == slot and e.measure[1] not in _MOVEMENTS and not e.of_steps
+    ]
+    upright = [p for e in postures if e.measure[1] not in _ACROSS for p in e.phrases[slot]]
+    sideways = [p for e in postures if e.measure[1] in _ACROSS for p in e.phrases[slot]]
+    return _either_order(slot, upright, sideways)
+
+
+def _posture_and_rhythm(part: str) -> Iterator[LongerSentence]:
+    """A posture, and what its steps are like; the first phrase of each."""
+    own = [e for e in catalogue().trained if part in e.phrases]
+    postures = [e.phrases[part][0] for e in own if not e.of_steps]
+    rhythm = [e.phrases[part][0] for e in own if e.of_steps]
+    return _either_order(part, postures, rhythm)
+
+
+def _either_order(part: str, ones: list[str], others: list[str]) -> Iterator[LongerSentence]:
+    subject = part.replace("_", " ") + " "
+    for one, other in product(ones, others):
+        for first, second in ((one, other), (other, one)):
+            yield LongerSentence(part, f"{first}, {second.removeprefix(subject)}", (one, other))
+
+
+def _clauses(edit: PartEdit, part: str) -> tuple[str, ...]:
+    clauses, kind, field = catalogue().clauses, part.split("_")[-1], edit.measure[1]
+    if edit.of_steps:
+        return clauses["in_rhythm"][kind]
+    if field in _MOVEMENTS:
+        return clauses["moving"][kind]
+    return clauses["still"][kind] + (clauses["bent_arm"][kind] if field == "elbow_bend" else ())

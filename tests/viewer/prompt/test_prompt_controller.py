@@ -567,7 +567,7 @@ class Prompts(RuleBasedStateMachine):
         given, wanted = self.room.styles[-1][0], self.room.prompt.style()
         assert isinstance(given, StyleMix) == isinstance(wanted, StyleMix)
         if isinstance(wanted, StyleMix):
-            assert given.shares == wanted.shares
+            assert given.weights == wanted.weights
             assert all(map(np.array_equal, given.codes, wanted.codes))
         else:
             assert np.array_equal(given, wanted)

@@ -1,17 +1,19 @@
-"""The bar under the view while a take plays: buttons over the tracks of the timeline."""
+"""The bar under the view while a take plays: buttons, and the tracks of all tools on the timeline."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from runtime.controls import REQUESTS
-from runtime.takes.pins import Pinned
+from runtime.skeleton import PART_NAMES
+from runtime.takes.pins import Pin, Pinned
 from viewer.edit.camera_keys import CameraKeys
 from viewer.edit.pins import Pins
 from viewer.edit.reference_card import ReferenceCard
 from viewer.edit.resimulation import Resimulation
-from viewer.edit.timeline import Timeline
-from viewer.edit.tracks import TakeTracks
+from viewer.edit.timeline import Mark, Timeline, Track
+from viewer.edit.tracks import Tracks, lanes, mark_at
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.panels import Panel, PanelPlace
@@ -24,6 +26,110 @@ WIDE = 520.0  # pixels at scale 1: words next to the icons
 TINY = 400.0  # in less only what has no other way stays
 PROMPT_POPUP, GAIT_POPUP, PIN_POPUP, COMPARE_POPUP = "new prompt", "new gait", "new pin", "compare"
 PIN_HINT = "Hold a hand, a foot, the look or the pose from this frame on, or key the camera"
+PROMPTS, ROW, FEET = 21.0, 15.0, 8.0  # heights at scale 1, where there is no more room
+PROMPT_TINTS = (theme.ACCENT_FILL, (0.36, 0.55, 0.78, 0.42))
+GAIT_TINT, GROUND_TINT = (0.78, 0.62, 0.34, 0.42), (0.55, 0.58, 0.62, 0.35)
+PART_TINT, PIN_TINT = (0.36, 0.55, 0.78, 0.28), (0.86, 0.48, 0.62, 0.45)
+NEW_FOOTPLANT_FRAMES = 8
+CAMERA_HINT = "Views of the camera, for a film by “keyed”.\nDrag a key; right-click removes it"
+PIN_HINT = "A click shows the pin's fields; drag it or its ends"
+FEET_HINT = (
+    "When a foot bears: the left one above, the right one below.\n"
+    "Drag a footplant or its ends; right-click adds or removes one"
+)
+
+
+class TakeTracks:
+    """Gathers the tracks of all tools; the same ones again until something changes."""
+
+    def __init__(self, editing: Resimulation, pins: Pins, cameras: CameraKeys) -> None:
+        self.editing, self.pins, self.cameras = editing, pins, cameras
+        self._state: tuple[Any, ...] = ()
+        self._rows: list[Track] = []
+
+    def rows(self, tracks: Tracks, playback: Playback) -> list[Track]:
+        """The tracks from top to bottom."""
+        editing, pins, frame = self.editing, self.pins, playback.frame
+        fixed, lit = bool(editing.fixed), (mark_at(tracks.prompts, frame), mark_at(tracks.gaits, frame))
+        state = tracks, playback.take, playback.shown, pins.selected, editing.part_tracks, fixed, lit
+        if len(state) != len(self._state) or any(
+            a is not b and a != b for a, b in zip(state, self._state, strict=True)
+        ):
+            self._state, self._rows = state, [*self._of_motion(tracks, lit, fixed), *self._of_edits(playback)]
+        return self._rows
+
+    def _of_motion(self, tracks: Tracks, lit: tuple[int, int], fixed: bool) -> list[Track]:
+        editing = self.editing
+        parts = [
+            Track(f"track {part}", part.replace("_", " ").capitalize(), ROW, tracks.parts[part], (PART_TINT,))
+            for part in (PART_NAMES if editing.part_tracks else ())
+        ]
+        return [
+            Track(
+                "prompts", "Prompts", PROMPTS, tracks.prompts, PROMPT_TINTS, lit=lit[0], adjacent=True,
+                fixed=fixed, drop=editing.move_prompt,
+            ),
+            *parts,
+            Track(
+                "gaits", "Gait", ROW, tracks.gaits, (GAIT_TINT,), lit=lit[1], adjacent=True, fixed=fixed,
+                drop=editing.move_gait,
+            ),
+            # one ground all the way says the least
+            Track(
+                "grounds", "Ground", ROW, tracks.grounds, (GROUND_TINT,), fixed=True,
+                optional=len(tracks.grounds) == 1,
+            ),
+        ]  # fmt: skip
+
+    def _of_edits(self, playback: Playback) -> list[Track]:
+        take, fps, pins, cameras = playback.take, playback.clip.fps, self.pins, self.cameras
+        keys = [Mark(at, at, of=key) for key in take.cameras for at in (round(key.seconds * fps),)]
+        rows = []
+        if keys:
+            rows.append(
+                Track(
+                    "camera", "Camera", ROW, keys, (theme.ACCENT,), CAMERA_HINT,
+                    press=lambda mark: playback.seek(mark.start), remove=lambda mark: cameras.remove(mark.of),
+                    move=lambda mark, start, _: cameras.move(mark.of, start),
+                )
+            )  # fmt: skip
+        for number, lane in enumerate(lanes(take.poses.pins)):
+            marks = [_pin(i, take.poses.pins[i], playback) for i in lane]
+            lit = lane.index(pins.selected) if pins.selected in lane else -1
+            rows.append(
+                Track(
+                    f"pins {number}", "" if number else "Pins", ROW, marks, (PIN_TINT,), PIN_HINT, lit,
+                    press=lambda mark: pins.select(mark.of[0]), move=pins.move,
+                )
+            )  # fmt: skip
+        return [*rows, self._feet(0), self._feet(1)]
+
+    def _feet(self, foot: int) -> Track:
+        pins = self.pins
+        marks = [Mark(first, end, of=(first, end)) for first, end in pins.footplants(foot)]
+
+        def menu(mark: Mark | None, frame: int) -> None:
+            half = NEW_FOOTPLANT_FRAMES // 2
+            if mark is not None and imgui.menu_item("Lift the foot here", "", False)[0]:
+                pins.set_footplant(foot, mark.of, None)
+            if mark is None and imgui.menu_item("Plant the foot here", "", False)[0]:
+                pins.set_footplant(foot, None, (frame - half, frame + half))
+
+        def move(mark: Mark, start: int, end: int) -> None:
+            pins.set_footplant(foot, mark.of, (start, end))
+
+        name, fixed = "" if foot else "Feet", bool(pins.fixed)
+        return Track(
+            f"foot {foot}", name, FEET, marks, (theme.ACCENT,), FEET_HINT, fixed=fixed, move=move, menu=menu
+        )
+
+
+def _pin(index: int, pin: Pin, playback: Playback) -> Mark:
+    """The mark of a pin, `of` its place and itself; its last frame is in it."""
+    fps = playback.clip.fps
+    text = f"{pin.what}" + (" on a rail" if pin.rail else " along" if pin.along else "")
+    start, last = round(pin.start * fps), round(pin.end_in(playback.clip.seconds) * fps)
+    return Mark(start, max(last, start) + 1, text.capitalize(), of=(index, pin))
 
 
 @dataclass

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 from runtime.safe_read import printable
-from runtime.skeleton import PART_NAMES
 from viewer.edit.resimulation import Resimulation
-from viewer.edit.tracks import lanes
+from viewer.edit.tracks import extra_rows
 from viewer.gl_bindings import imgui
 from viewer.gui import help, status, theme, widgets
 from viewer.gui.focus import OVER, Focus, Use, is_drawn
@@ -138,9 +137,7 @@ class Shell:
             self._scale, self._scene_height = scale, 0.0
         imgui.get_style().font_scale_main = self.settings.text_size
         size, playing = imgui.get_io().display_size, self.editing.playback is not None
-        played = self.editing.take
-        tracks = len(PART_NAMES) if self.editing.part_tracks else 0
-        tracks += 0 if played is None else len(lanes(played.poses.pins)) + bool(played.cameras)
+        tracks = extra_rows(self.editing.take, self.editing.part_tracks)
         panels = self.state.panels_open
         self._layout = arrange(size.x, size.y, scale, panels, playing, self._scene_height, tracks)
 

@@ -12,7 +12,6 @@ from runtime.pose import Pose
 from runtime.takes.input_recording import InputRecorder
 from viewer.compare import panel as compare_panel
 from viewer.compare.compare_view import CompareView
-from viewer.edit import pin_card, transport
 from viewer.edit.camera_keys import CameraKeys
 from viewer.edit.ghosts import Trails, ghosts
 from viewer.edit.path import PathTool
@@ -20,6 +19,7 @@ from viewer.edit.pins import Pins
 from viewer.edit.reference import References
 from viewer.edit.reference_card import ReferenceCard
 from viewer.edit.resimulation import Resimulation
+from viewer.edit.transport import Transport
 from viewer.edit.video import SUFFIXES as VIDEOS
 from viewer.editor import Editor
 from viewer.exports import panel as exports_panel
@@ -91,6 +91,7 @@ class Workspace:
         self.pins = Pins(editor, editing, scene)
         self.path = PathTool(editor, editing, scene)
         self.camera_keys = CameraKeys(editor, takes, scene.camera)
+        self.transport = Transport(editing, self.pins, self.camera_keys)
         self.references = References(editor, takes)
         self.compare = CompareView(editor, settings, messages, scene, takes, self.path, prompting)
         self.prompt = PromptPanel(
@@ -129,14 +130,14 @@ class Workspace:
             compare_panel.panel(compare),
             ScenePanel(
                 self.scene, self.takes, self.path, self.open_files, self._browse_all,
-                lambda width: pin_card.draw_live(pins, self.camera_keys.add, width),
+                lambda width: pins.draw_live(self.camera_keys.add, width),
             ).panel(),
             takes_panel.panel(self.takes, references, export, self.sessions),
-            transport.panel(editing, pins, self.camera_keys, references),
+            self.transport.panel(references),
             compare_panel.names_panel(compare),
             takes_panel.sign(self.takes),
             bar.panel(),
-            pin_card.panel(pins),
+            pins.panel(),
             references.panel(),
             guide.panel(self.guide, covered=lambda: compare.open),
             self.settings_window.panel(),

@@ -10,7 +10,7 @@ from runtime.session.prompt_blend import Side
 from runtime.session.session import Variant
 from runtime.skeleton import SPORT_SKELETON
 from viewer.compare.compare_view import FEWEST, LONGEST_ROW, MOST, CompareView, names
-from viewer.edit.path import on_screen
+from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.layout import Rect

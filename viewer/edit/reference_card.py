@@ -59,7 +59,7 @@ class ReferenceCard:
         others = [take for take in reference.takes.session.takes if played and take.number != played.number]
         for take in others:
             text, chosen = widgets.elided(take.title, px(220)), reference.take == take
-            if imgui.menu_item(f"{text}##beside {take.number}", "", chosen)[0]:
+            if imgui.menu_item(f"{text}##compare {take.number}", "", chosen)[0]:
                 reference.show(take.number)
         if others:
             imgui.separator()
@@ -70,7 +70,7 @@ class ReferenceCard:
             reference.close()
 
     def open(self, path: Path) -> None:
-        """Show a file beside the take that plays."""
+        """Show a file with the take that plays."""
         if path.suffix.lower() == ".bvh":
             self.reference.takes.open_reference(path)
         else:
@@ -111,7 +111,7 @@ class ReferenceCard:
             self._fields(playback, wide=width >= WIDTH)
 
     def _line(self, playback: Playback, view: Rect) -> None:
-        """Name, fields and the button that closes, at the top of the view beside the project's bar, where nobody is.
+        """Name, fields and the button that closes, at the top of the view next to the session bar, where no character is.
 
         Under the view where that place is taken or too narrow.
         """
@@ -192,7 +192,7 @@ class ReferenceCard:
         widgets.tooltip("How far to the right of the take. Drag, or double-click to type.")
 
     def _share(self, name: str, wide: bool) -> None:
-        """A share of the film's picture, as a percentage."""
+        """A fraction of the film's picture, as a percentage."""
         (low, high), text = LIMITS[name], f"{name} %.0f %%" if wide else "%.0f %%"
         value = getattr(self.reference.reference, name) * 100.0
         moved, value = widgets.slider(f"##reference {name}", value, low * 100.0, high * 100.0, text)

@@ -15,7 +15,7 @@ from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
-from viewer.scene.joint_mapping import JointMapping, JointsState
+from viewer.scene.joint_mapping import JointMapping
 
 WIDTH, HEIGHT = 720.0, 560.0  # pixels at scale 1
 AROUND = 224.0  # of the window's height: title, counts, buttons, margins
@@ -27,7 +27,7 @@ def panel(mapping: JointMapping) -> Panel:
     """The joints window."""
 
     def draw(_: Rect) -> None:
-        state = mapping.state
+        state = mapping
         if state.guess is None:
             return
         room = imgui.get_content_region_avail().x
@@ -48,16 +48,14 @@ def panel(mapping: JointMapping) -> Panel:
         _end(mapping)
 
     def close() -> bool:
-        was_open = mapping.state.open
+        was_open = mapping.open
         mapping.close()
         return was_open
 
-    return Panel(
-        "Joints", PanelPlace.WINDOW, draw, ICON.person, lambda: mapping.state.open, WIDTH, close=close
-    )
+    return Panel("Joints", PanelPlace.WINDOW, draw, ICON.person, lambda: mapping.open, WIDTH, close=close)
 
 
-def _found(state: JointsState, guess: JointGuess, room: float) -> None:
+def _found(state: JointMapping, guess: JointGuess, room: float) -> None:
     """How many joints have a partner, and which ones still need one."""
     path = printable("" if state.path is None else state.path.name)
     count = f"{len(guess.found)} of our {len(SPORT_SKELETON)} joints found by {guess.origin}"
@@ -74,7 +72,7 @@ def _found(state: JointsState, guess: JointGuess, room: float) -> None:
         widgets.muted("Nothing is missing. Joints without a partner follow their neighbours.")
 
 
-def _file_joints(state: JointsState, guess: JointGuess) -> None:
+def _file_joints(state: JointMapping, guess: JointGuess) -> None:
     """The tree of the file, each joint with what it plays."""
     played = {state.plays(joint): joint for joint in SPORT_SKELETON.names if state.plays(joint)}
     for k, depth in _ordered(guess):
@@ -90,7 +88,7 @@ def _file_joints(state: JointsState, guess: JointGuess) -> None:
 
 def _mapped_joint(mapping: JointMapping, guess: JointGuess, joint: int) -> None:
     """One of the project's joints with the list of those that may play it."""
-    state, name = mapping.state, SPORT_SKELETON.names[joint]
+    state, name = mapping, SPORT_SKELETON.names[joint]
     x, plays, by_hand = imgui.get_cursor_pos_x(), state.plays(name), name in state.chosen
     lost = name in NEEDED and not plays
     imgui.set_cursor_pos_x(x + px(INDENT) * 0.8 * _depth(joint))
@@ -117,7 +115,7 @@ def _depth(joint: int) -> int:
 
 
 def _choices(mapping: JointMapping, guess: JointGuess, name: str, plays: str) -> None:
-    state = mapping.state
+    state = mapping
     text = f"As guessed: {printable(state.guessed(name)) or 'none'}"
     if imgui.selectable(f"{text}##as guessed", name not in state.chosen)[0]:
         mapping.choose(name, None)
@@ -134,7 +132,7 @@ def _choices(mapping: JointMapping, guess: JointGuess, name: str, plays: str) ->
 
 
 def _end(mapping: JointMapping) -> None:
-    state = mapping.state
+    state = mapping
     if state.problem:
         with widgets.color(imgui.Col_.text, theme.ERROR):
             imgui.text_wrapped(printable(state.problem))

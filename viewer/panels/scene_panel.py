@@ -8,7 +8,6 @@ from pathlib import Path
 
 from runtime.character.shape import BodyShape
 from runtime.safe_read import printable
-from viewer.edit import path_panel
 from viewer.edit.path import PathTool
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
@@ -52,7 +51,7 @@ class ScenePanel:
         if mode != scene.camera.mode:
             scene.use_camera(mode)
         _views(scene)
-        path_panel.draw(self.path, self.draw_pins)
+        self.path.draw(self.draw_pins)
         _toggles(scene.settings)
         _drawing(scene)
         _links(scene.live, scene.vmc)

@@ -18,12 +18,12 @@ from runtime.motion.controller import Controller
 from runtime.motion.snapshot import Snapshot
 from runtime.pose import FPS, Pose
 from runtime.prompts.gpt.settings import GptSettings
-from runtime.session import live_pins
 from runtime.session.character_files import read_character_files, write_character_files
 from runtime.session.session import CharacterChoice, Ground, ModelName, Session
 from runtime.takes.input_recording import InputRecorder
 from runtime.takes.metadata import origin_of
 from runtime.takes.pinned import bent_pose
+from runtime.takes.pins import weights_at
 from runtime.terrain.files import SUFFIXES as GROUNDS
 from runtime.terrain.height_map import Terrain
 from viewer.editor import Editor
@@ -69,7 +69,7 @@ class Scene:
     quality: str = ""  # name of the renderer's preset
     model_name: str = ""  # "" while loading
     provider: str = ""
-    model_folder: Path | None = None  # asked for last; None: the default
+    model_folder: Path | None = None  # requested last; None: the default
     character_path: Path | None = None  # the file of the character in use; None: the mannequin as it is
     _character: Any = None
     _choice: CharacterChoice = field(default_factory=CharacterChoice)  # in use, or being loaded
@@ -113,7 +113,7 @@ class Scene:
 
     def bend(self, pose: Pose, now: float) -> Pose:
         """The live pose with the pins that hold at a time; the same object where none does."""
-        pins = live_pins.weights(self.editor.session.live.poses.pins, now)
+        pins = weights_at(self.editor.session.live.poses.pins, now)
         if not pins:
             return pose
         hips, local, contacts = bent_pose(pose.hips_position, pose.local_rotations, pose.contacts, pins)
@@ -389,7 +389,7 @@ class Scene:
         self._choice, self._character, self.character_path = choice, character, path
         if choice.path:
             self.messages.note(f"Character {Path(choice.path).name} loaded.")
-        if self.joints.state.path == path:
+        if self.joints.path == path:
             self.joints.close()
 
     # --- model and quality
@@ -440,7 +440,7 @@ class Scene:
         self.settings.quality = name
 
     def lower_quality(self, fps: float, dt: float) -> None:
-        """Go to the fast preset where nobody chose one and the processor shows too few frames a second for some time."""
+        """Go to the fast preset where none was chosen and the processor shows too few frames a second for some time."""
         slow = not self.settings.quality and self.quality == "software" and 0.0 < fps < SLOW_FPS
         self._slow_s = self._slow_s + dt if slow else 0.0
         if self._slow_s > SLOW_SECONDS:

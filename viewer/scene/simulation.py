@@ -96,7 +96,7 @@ class Simulation:
 
     @property
     def halted(self) -> bool:
-        """Whether the model failed so often that it is no longer asked."""
+        """Whether the model failed so often that it is no longer called."""
         return self._failures >= MAX_FAILURES
 
     @property
@@ -162,8 +162,10 @@ class Simulation:
             self._fail(failure)
             return None
         cost_ms = (time.perf_counter() - begin) * 1e3
-        share = 1.0 - 0.5 ** (1.0 / MS_HALF_LIFE_STEPS)
-        self.model_ms = cost_ms if self.model_ms == 0.0 else self.model_ms + (cost_ms - self.model_ms) * share
+        fraction = 1.0 - 0.5 ** (1.0 / MS_HALF_LIFE_STEPS)
+        self.model_ms = (
+            cost_ms if self.model_ms == 0.0 else self.model_ms + (cost_ms - self.model_ms) * fraction
+        )
         fault = controller.message  # it set itself back: no defect, unless it does so every time
         self._failures = self._failures + 1 if fault else 0
         self.problem = (f"{fault} {_STANDS}" if self.halted else fault) or self.problem

@@ -22,7 +22,7 @@ from tests.helpers.app_driver import (
 )
 from viewer.app import App
 from viewer.compare.compare_view import SPACING_M, names, places
-from viewer.edit.path import on_screen
+from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
 from viewer.jobs import Slot
 

@@ -17,7 +17,7 @@ from runtime.takes.pins import Pinned
 from tests.helpers.app_driver import Start, click_on, drawn, message, place, press, run
 from tests.runtime.formats.test_reference import TURNS, foreign
 from viewer.app import App
-from viewer.edit.path import on_screen
+from viewer.edit.handles import on_screen
 from viewer.edit.reference import Look
 from viewer.edit.video import MAX_SIDE, read_video
 from viewer.filming.writers import open_writer

@@ -10,8 +10,7 @@ from benchmarks.timing import times_ms
 from runtime.errors import run_command
 from runtime.generate import generate_clip
 from runtime.terrain.height_map import Terrain
-from viewer.filming.film import FilmOptions, film_frames, make_film
-from viewer.filming.studio import studio
+from viewer.filming.film import FilmOptions, film_frames, make_film, studio
 
 
 def main() -> int:

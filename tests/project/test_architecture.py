@@ -50,7 +50,7 @@ ROOMS = {
         "generate",
     ),
     "viewer": (
-        "gl_bindings", "signals", "memory", "messages", "jobs", "settings", "options", "input", "render", "services", "gui", "editor",
+        "gl_bindings", "process", "messages", "jobs", "settings", "options", "input", "render", "services", "gui", "editor",
         "prompt", "live", "scene", "session", "edit", "compare", "filming", "exports", "tools", "panels", "shell", "window", "screenshots", "workspace", "app",
     ),
 }  # fmt: skip

@@ -14,7 +14,7 @@ from runtime.takes.pins import Pinned
 from tests.helpers.app_driver import Start, click, click_on, drawn, message, place, press, run
 from viewer import services
 from viewer.app import App
-from viewer.edit.path import on_screen
+from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
 
 

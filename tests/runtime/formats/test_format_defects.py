@@ -20,7 +20,7 @@ from runtime.terrain.height_map import Terrain
 from sport import cli
 from tests.helpers.walker import walk
 from tests.runtime.formats.test_reference import foreign
-from viewer.filming.captions import draw_caption
+from viewer.filming.film import draw_caption
 from viewer.filming.shots import SHOTS, FilmOptions, camera_path
 from viewer.filming.writers import open_writer
 

@@ -17,7 +17,7 @@ from runtime.takes.pins import Pinned
 from tests.helpers.app_driver import Start, click_on, drawn, message, place, press, run
 from tests.runtime.formats.test_reference import TURNS, foreign
 from viewer.app import App
-from viewer.edit.path import on_screen
+from viewer.edit.handles import on_screen
 from viewer.edit.reference import Look
 from viewer.edit.video import MAX_SIDE, read_video
 from viewer.filming.writers import open_writer
@@ -199,7 +199,7 @@ def test_the_card_hides_nobody(start: Start, tmp_path: Path, size: tuple[int, in
     assert app.takes.playback is not None
     app.takes.playback.playing = False
     run(app, 60)
-    desk = imgui.internal.find_window_by_name("Desk")
+    desk = imgui.internal.find_window_by_name("Session")
     bar = (desk.pos.x, desk.pos.y, desk.pos.x + desk.size.x, desk.pos.y + desk.size.y)
     assert apart(card_box(app), bar)
     assert apart(card_box(app), body_box(app))

@@ -172,7 +172,7 @@ def test_every_panel_is_reached_and_used_by_keys(start: Start) -> None:
         press(app, "f6")
         window = imgui.get_current_context().nav_window
         seen.append(None if window is None else window.root_window.name)
-    assert seen == ["Prompt", "Scene", "Takes", "Desk", None]
+    assert seen == ["Prompt", "Scene", "Takes", "Session", None]
     press(app, "f6")
     press(app, "f6")  # Scene: its list of grounds comes first
     run(app, 2)

@@ -160,7 +160,9 @@ class Resimulation:
             answer = dataclasses.replace(base, words=answer.words, z=answer.z)
         style = PromptBlend((answer, None))
         event = PromptEvent(0.0, style.prompt_text, seconds, style.spelled_out(), style.typed())
-        return StyleChange(frame, style.style(self.takes.settings.exact_legs), seconds, event, style)
+        mix = style.style(self.takes.settings.exact_legs)
+        assert mix is not None
+        return StyleChange(frame, mix, seconds, event, style)
 
     # --- spans
 

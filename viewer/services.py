@@ -144,14 +144,14 @@ def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSett
 
 def open_expander(library: LibraryLike, gpt: GptSettings) -> Expander:
     """A language model with the library behind it."""
-    from runtime.prompts.gpt.fallback import open_expander as open_fallback
+    from runtime.prompts.gpt.expander import open_expander as open_fallback
 
     return open_fallback(library, gpt)
 
 
 def check_endpoint(gpt: GptSettings, stop: threading.Event) -> str:
     """Ask a language model one question; what it did."""
-    from runtime.prompts.gpt.fallback import check_endpoint as check
+    from runtime.prompts.gpt.expander import check_endpoint as check
 
     return check(gpt, stop)
 

@@ -110,7 +110,9 @@ def load_adherence(path: Path) -> dict[str, PromptAdherence]:
 
 def load_phrasings(path: Path) -> dict[str, ModelPhrasing]:
     """Tables by model; none where there is no file. FileError when it is malformed."""
-    return _load(path, lambda groups: ModelPhrasing(_rows(groups, lambda text: isinstance(text, str) and text)))
+    return _load(
+        path, lambda groups: ModelPhrasing(_rows(groups, lambda text: isinstance(text, str) and text))
+    )
 
 
 def _fractions(groups: Any) -> dict[Key, float]:

@@ -3,25 +3,35 @@
 from __future__ import annotations
 
 import importlib.util
-import json
 import os
 import platform
 import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from runtime.atomic import check_target, write_atomic
+from benchmarks.timing import cpu_name, times_ms, write_figures
+from runtime.atomic import check_target
+from runtime.controls import Controls
 from runtime.errors import SportError, UsageError
+from runtime.motion.controller import Controller, Crowd
+from runtime.motion.features import INPUT_SIZE
+from runtime.motion.model import MotionModel, load_model
+from runtime.prompts.prompter import Prompter
+from runtime.session.motion import MotionHeader
+from runtime.session.session_file import ROW, SessionFile
+from runtime.takes.input_recording import COLUMNS
+from runtime.terrain.height_map import Terrain
 
 WARM_UP = 60  # frames
 RECORDED_FRAMES = 10  # that the viewer writes down together
 CROWDS = (1, 9, 32)  # characters
+FORWARD = Controls(move=(0.0, 1.0))
 PROMPTS = (
     "an exhausted soldier, left arm hanging",
     "a proud queen",
@@ -62,100 +72,67 @@ def run(json_path: Path | None, frames: int = 1000, model: Path | None = None) -
     if json_path is not None:
         check_target(json_path)
     figures = measure(frames, model)
-    print_table(figures)
-    if json_path is not None:
-        write_atomic(json_path, json.dumps(figures, indent=1) + "\n")
+    print(
+        f"model {figures['model']} in {figures['precision']} on {figures['cpu']}, {figures['threads']} thread"
+    )
+    for name, meaning in _EXPLAINED.items():
+        value = figures[name]
+        print(f"{name:20} {'-' if value is None else f'{value:.3f}':>10}  {meaning}")
+    for note in figures["notes"]:
+        print(f"note: {note}")
+    write_figures(json_path, figures)
     return 0
 
 
 def measure(frames: int, model: Path | None) -> dict[str, Any]:
     """All figures by name; a figure that cannot be taken here is None, and `notes` says why."""
-    figures: dict[str, Any] = {"notes": []}
-    figures.update(_model_times(frames, model))
-    figures.update(_crowd_times(max(frames // 4, 10), model))
-    figures.update(_recording_times(min(frames, 600)))
-    figures.update(_prompt_times(model))
-    for name, part in (
-        ("frame_cpu_ms", lambda: _frame_times(frames, model)),
-        ("first_frame_s", lambda: _start_times(model)),
-    ):
+    network = load_model(model)
+    figures: dict[str, Any] = {"notes": [], **dict.fromkeys(_EXPLAINED)}
+    figures |= _step_times(network, frames)
+    figures |= _crowd_times(network, max(frames // 4, 10))
+    figures |= _recording_times(min(frames, 600))
+    figures |= _prompt_times(network)
+    for name, part in (("frame_cpu_ms", partial(_frame_times, frames)), ("first_frame_s", _start_times)):
         try:
-            figures.update(part())
+            figures |= part(model)
         except SportError as error:
-            figures[name] = None
             figures["notes"].append(f"{name}: {error}")
-    figures.update(ratios(figures))
-    figures.update(
-        cpu=cpu_name(), cores=os.cpu_count(), threads=1, python=platform.python_version(), frames=frames
-    )
-    return figures
-
-
-def ratios(figures: dict[str, Any]) -> dict[str, float | None]:
-    """Times over that of the network alone; None where a time is missing."""
-    timed = {"step_over_model": "step_ms", "frame_cpu_over_model": "frame_cpu_ms"}
-    timed |= {f"crowd_{count}_over_model": f"crowd_{count}_ms" for count in CROWDS[1:]}
-    return {
-        name: None if figures[time] is None else figures[time] / figures["model_ms"]
-        for name, time in timed.items()
+    for name in _EXPLAINED:
+        time_ms = figures.get(name.removesuffix("_over_model") + "_ms")
+        if name.endswith("_over_model") and time_ms is not None:
+            figures[name] = time_ms / figures["model_ms"]
+    return figures | {
+        "model": network.name,
+        "precision": network.precision,
+        "cpu": cpu_name(),
+        "cores": os.cpu_count(),
+        "threads": 1,
+        "python": platform.python_version(),
+        "frames": frames,
     }
 
 
-def print_table(figures: dict[str, Any]) -> None:
-    """The figures with their meaning, one a line."""
-    model = f"{figures['model']} in {figures['precision']}"
-    print(f"model {model} on {figures['cpu']}, {figures['threads']} thread")
-    for name, meaning in _EXPLAINED.items():
-        value = figures.get(name)
-        print(f"{name:20} {'-' if value is None else f'{value:.3f}':>10}  {meaning}")
-    for note in figures["notes"]:
-        print(f"note: {note}")
-
-
-def _summary(name: str, seconds: list[float]) -> dict[str, float]:
-    ms = np.array(seconds) * 1e3
+def _summary(name: str, ms: list[float]) -> dict[str, float]:
     return {name: float(np.median(ms)), f"{name}_p99": float(np.percentile(ms, 99))}
 
 
-def _timed(work: Callable[[], object], count: int) -> list[float]:
-    times = []
-    for _ in range(count):
-        begin = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - begin)
-    return times
-
-
-def _model_times(frames: int, model: Path | None) -> dict[str, Any]:
-    from runtime.controls import Controls
-    from runtime.motion.controller import Controller
-    from runtime.motion.features import INPUT_SIZE
-    from runtime.motion.model import load_model
-    from runtime.terrain.height_map import Terrain
-
-    network = load_model(model)
+def _step_times(network: MotionModel, frames: int) -> dict[str, float]:
     x = np.zeros((1, INPUT_SIZE), np.float32)
     noise = np.random.default_rng(0).standard_normal((1, *network.noise_shape), np.float32)
     style = network.fold_style(np.zeros((6, 64), np.float32))
-    _timed(lambda: network.step(x, noise, style), WARM_UP)
-    times = _timed(lambda: network.step(x, noise, style), frames)
-    result: dict[str, Any] = {**_summary("model_ms", times), "model_ms_fastest": 1e3 * min(times)}
+    alone = times_ms(lambda: network.step(x, noise, style), frames, WARM_UP)
     controller = Controller(network, Terrain.flat())
-    forward = Controls(move=(0.0, 1.0))
-    _timed(lambda: controller.step(forward), WARM_UP)
-    result.update(_summary("step_ms", _timed(lambda: controller.step(forward), frames)))
-    result.update(model=network.name, precision=network.precision)
-    return result
+    steps = times_ms(lambda: controller.step(FORWARD), frames, WARM_UP)
+    return {
+        **_summary("model_ms", alone),
+        "model_ms_fastest": min(alone),
+        "step_ms": float(np.median(steps)),
+    }
 
 
-def _crowd_times(frames: int, model: Path | None) -> dict[str, float]:
-    """A step of characters that walk side by side on one stick, on two threads: ms for all of them."""
-    from runtime.controls import Controls
-    from runtime.motion.controller import Controller, Crowd
-    from runtime.motion.model import load_model
-    from runtime.terrain.height_map import Terrain
-
-    network, ground, forward = load_model(model), Terrain.flat(), Controls(move=(0.0, 1.0))
+def _crowd_times(network: MotionModel, frames: int) -> dict[str, float]:
+    """A step of characters that walk next to each other on one stick, on two threads: ms for all of them."""
+    ground = Terrain.flat()
     codes = np.random.default_rng(0).normal(0.0, 0.5, (CROWDS[-1], *network.style_shape)).astype(np.float32)
     figures = {}
     for count in CROWDS:
@@ -163,21 +140,14 @@ def _crowd_times(frames: int, model: Path | None) -> dict[str, float]:
         for member, code in zip(members, codes, strict=False):
             member.set_style(code, 0.0)
         crowd = Crowd(members)
-        _timed(lambda crowd=crowd: crowd.step(forward), min(WARM_UP, frames))  # type: ignore[misc]
-        times = _timed(lambda crowd=crowd: crowd.step(forward), frames)  # type: ignore[misc]
+        times = times_ms(partial(crowd.step, FORWARD), frames, min(WARM_UP, frames))
         crowd.close()
-        figures[f"crowd_{count}_ms"] = _summary("ms", times)["ms"]
+        figures[f"crowd_{count}_ms"] = float(np.median(times))
     return figures
 
 
 def _recording_times(frames: int) -> dict[str, float]:
     """A recording at the rate of the simulation: milliseconds a frame, the writing thread's processor time included."""
-    import tempfile
-
-    from runtime.session.motion import MotionHeader
-    from runtime.session.session_file import ROW, SessionFile
-    from runtime.takes.input_recording import COLUMNS
-
     rows, sticks = np.zeros((RECORDED_FRAMES, ROW), np.float32), np.zeros((RECORDED_FRAMES, COLUMNS))
     rows[:, 3:-5:4] = 1.0  # unit rotations
     times: list[float] = []
@@ -186,28 +156,22 @@ def _recording_times(frames: int) -> dict[str, float]:
         recording = file.begin_recording(MotionHeader("bench", 60.0, 0))
         elsewhere = time.process_time() - time.thread_time()
         for _ in range(max(frames // RECORDED_FRAMES, 1)):
-            times += _timed(lambda: recording.add(rows, sticks), 1)
+            times += times_ms(lambda: recording.add(rows, sticks), 1)
             time.sleep(RECORDED_FRAMES / 60)
         elsewhere = time.process_time() - time.thread_time() - elsewhere
         if not file.close():
             raise SportError(file.problem, "Choose a temporary folder (TMPDIR) that can be written.")
-    mean = (sum(times) + elsewhere) / (RECORDED_FRAMES * len(times))
-    return {"recording_ms": 1e3 * mean, "recording_queue_ms_p99": _summary("", times)["_p99"]}
+    mean = (sum(times) + 1e3 * elsewhere) / (RECORDED_FRAMES * len(times))
+    return {"recording_ms": mean, "recording_queue_ms_p99": float(np.percentile(times, 99))}
 
 
-def _prompt_times(model: Path | None) -> dict[str, float]:
-    from runtime.motion.model import load_model
-    from runtime.prompts.prompter import Prompter
-
-    network = load_model(model)
+def _prompt_times(network: MotionModel) -> dict[str, float]:
     begin = time.perf_counter()
     to_style = Prompter(network)
     to_style("walk normally, please")
-    first = time.perf_counter() - begin
-    times = [
-        _timed(partial(to_style, prompt), 1)[0] for prompt in PROMPTS
-    ]  # a second time would be a look-up
-    return {"prompt_first_ms": first * 1e3, "prompt_ms": _summary("prompt_ms", times)["prompt_ms"]}
+    first = 1e3 * (time.perf_counter() - begin)
+    times = [times_ms(partial(to_style, prompt), 1)[0] for prompt in PROMPTS]  # a second time is a look-up
+    return {"prompt_first_ms": first, "prompt_ms": float(np.median(times))}
 
 
 def _frame_times(frames: int, model: Path | None) -> dict[str, float]:
@@ -215,17 +179,13 @@ def _frame_times(frames: int, model: Path | None) -> dict[str, float]:
     from viewer.app import App
     from viewer.options import ViewOptions
 
-    app = App(
-        ViewOptions(
-            offscreen=True, frames=frames, model=model, controls=f"walk {(WARM_UP + frames) / 60:.3f}"
-        )
-    )
+    controls = f"walk {(WARM_UP + frames) / 60:.3f}"
+    app = App(ViewOptions(offscreen=True, frames=frames, model=model, controls=controls))
     try:
         app.scene.renderer.render = lambda *_: None
         app.window.draw_interface = lambda: None  # type: ignore[method-assign]
         app.window.present = lambda: None  # type: ignore[method-assign]
-        _timed(app.frame, WARM_UP)
-        return _summary("frame_cpu_ms", _timed(app.frame, frames))
+        return _summary("frame_cpu_ms", times_ms(app.frame, frames, WARM_UP))
     finally:
         app.close()
 
@@ -234,11 +194,7 @@ def _start_times(model: Path | None) -> dict[str, float | None]:
     """Seconds from nothing to the first frame of a new process (second of two starts), and a run's memory."""
     command = [sys.executable, "-m", "sport", "view", "--offscreen"]
     command += ["--model", str(model)] if model else []
-    seconds = 0.0
-    for _ in range(2):
-        begin = time.perf_counter()
-        _run([*command, "--frames", "1"])
-        seconds = time.perf_counter() - begin
+    seconds = times_ms(lambda: _run([*command, "--frames", "1"]), 1, warm_up=1)[0] / 1e3
     return {"first_frame_s": seconds, "rss_mb": peak_memory_mb([*command, "--frames", "120"])}
 
 
@@ -265,14 +221,3 @@ def _run(command: list[str]) -> str:
     if done.returncode != 0:
         raise SportError(f"`sport view --offscreen` failed: {done.stderr.strip()[-300:]}", "Fix that first.")
     return done.stdout
-
-
-def cpu_name() -> str:
-    """The processor as the system calls it."""
-    try:
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    except OSError:
-        pass  # not Linux
-    return platform.processor() or platform.machine()

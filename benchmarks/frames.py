@@ -1,7 +1,7 @@
 """Frames of the real window by part: `xvfb-run -a python -m benchmarks.frames --quality fast --size 1280x720`.
 
 Each part waits until its drawing is done, which a window does not do: the parts are what each of them costs, the frames
-a second are measured without waiting. A window of its own folder of settings; needs a display.
+a second are measured without waiting. A window with its own folder of settings; needs a display.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks.bench import cpu_name
+from benchmarks.timing import cpu_name, times_ms
 from viewer.app import App
 from viewer.options import ViewOptions
 from viewer.settings import QUALITIES
@@ -30,67 +30,56 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quality", choices=[q for q in QUALITIES if q], default="fast")
     parser.add_argument("--size", default="1280x720", metavar="WxH")
-    parser.add_argument("--terrain", default="flat")
     parser.add_argument("--frames", type=int, default=150)
     options = parser.parse_args()
     width, height = (int(side) for side in options.size.split("x"))
     with tempfile.TemporaryDirectory() as folder:
-        view = ViewOptions(
-            width=width, height=height, quality=options.quality, terrain=options.terrain, controls="walk 3600"
-        )
+        view = ViewOptions(width=width, height=height, quality=options.quality, controls="walk 3600")
         app = App(view, config=Path(folder))
         app.settings.max_fps = 1000.0
         deadline = time.monotonic() + LOAD_S
         while app.scene.simulation.controller is None and time.monotonic() < deadline:
             app.frame()
-        free = measure(app, options.frames, {})
-        times = measure(app, options.frames, parts(app))
+        fps = 1e3 / statistics.mean(times_ms(app.frame, options.frames, WARM_UP))
+        times = measure(app, options.frames)
         drawn_by = app.window.ctx.info["GL_RENDERER"]
         app.close()
-    fps = 1e3 / statistics.mean(free["frame"])
     print(f"{cpu_name()}, {drawn_by}, {options.quality}, {options.size}: {fps:.1f} frames a second")
     for part, ms in sorted(times.items(), key=lambda entry: -statistics.median(entry[1])):
         print(f"{statistics.median(ms):8.2f} ms  {part}")
     return 0
 
 
-def parts(app: App) -> dict[str, tuple[Any, str]]:
-    """What is timed: the object and the name of its method."""
-    return {
+def measure(app: App, frames: int) -> Times:
+    """Times of frames, of parts of them and of all else; the app's methods are replaced meanwhile."""
+    timed: dict[str, tuple[Any, str]] = {
         "motion": (app.scene, "advance"),
         "scene": (app.scene.renderer, "render"),
         "panels": (app.shell, "draw"),
         "panels' drawing": (app.window, "draw_interface"),
         "showing": (app.window, "present"),
     }
-
-
-def measure(app: App, frames: int, timed: dict[str, tuple[Any, str]]) -> Times:
-    """Times of frames, and of parts of them."""
     now: dict[str, float] = defaultdict(float)
+    times: Times = defaultdict(list)
 
     def watched(part: str, work: Callable[..., Any]) -> Callable[..., Any]:
         def work_and_wait(*given: Any) -> Any:
             begin = time.perf_counter()
             result = work(*given)
             app.window.ctx.finish()
-            now[part] += time.perf_counter() - begin
+            now[part] += 1e3 * (time.perf_counter() - begin)
             return result
 
         return work_and_wait
 
     for part, (owner, name) in timed.items():
         setattr(owner, name, watched(part, getattr(owner, name)))
-    times: Times = defaultdict(list)
     for number in range(WARM_UP + frames):
         now.clear()
-        begin = time.perf_counter()
-        app.frame()
+        frame = times_ms(app.frame, 1)[0]
         if number >= WARM_UP:
-            times["frame"].append(1e3 * (time.perf_counter() - begin))
-            for part, seconds in now.items():
-                times[part].append(1e3 * seconds)
-            times["all else"].append(times["frame"][-1] - 1e3 * sum(now.values()))
+            for part, ms in {"frame": frame, "all else": frame - sum(now.values()), **now}.items():
+                times[part].append(ms)
     for owner, name in timed.values():
         delattr(owner, name)
     return dict(times)

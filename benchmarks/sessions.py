@@ -6,11 +6,12 @@ import statistics
 import tempfile
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.bench import cpu_name
+from benchmarks.timing import cpu_name, times_ms
 from runtime.pose import FPS
 from runtime.session import edits
 from runtime.session.history import History
@@ -33,22 +34,15 @@ def main() -> None:
         for number in range(TAKES):
             take = Take(motion=Motion.of(_walk(f"Take {number + 1}", random)))
             _do(history, file, edits.with_new_take(history.present.session, take))
-        begin = time.perf_counter()
-        file.flush()
-        print(
-            f"{cpu_name()}; {TAKES} takes of {MINUTES} minutes, written in {time.perf_counter() - begin:.2f} s"
-        )
+        written = times_ms(file.flush, 1)[0]
+        print(f"{cpu_name()}; {TAKES} takes of {MINUTES} minutes, written in {written / 1e3:.2f} s")
         times = []
         for first in range(EDITS):
-            begin = time.perf_counter()
-            _do(history, file, edits.trimmed(history.present.session, 5, first, 1000))
-            times.append(1e3 * (time.perf_counter() - begin))
+            times += times_ms(partial(_trim, history, file, first), 1)
             time.sleep(0.02)
-        print(
-            f"an edit, on the thread of the frame: {statistics.median(times):.2f} ms, worst {max(times):.2f} ms"
-        )
-        worst = _record(file, random)
-        print(f"a quarter of a second of a recording, on that thread: worst {worst:.2f} ms")
+        middle, worst = statistics.median(times), max(times)
+        print(f"an edit, on the thread of the frame: {middle:.2f} ms, worst {worst:.2f} ms")
+        print(f"a quarter of a second of a recording, on that thread: worst {_record(file, random):.2f} ms")
         file.close()
         size = (home / "hour.sport").stat().st_size
         begin = time.perf_counter()
@@ -65,6 +59,10 @@ def _do(history: History, file: SessionFile, session: Session) -> None:
     file.write(history)
 
 
+def _trim(history: History, file: SessionFile, first: int) -> None:
+    _do(history, file, edits.trimmed(history.present.session, 5, first, 1000))
+
+
 def _walk(name: str, random: np.random.Generator) -> Clip:
     """Frames of joints that swing, which are no walk but compress as one."""
     count = MINUTES * 60 * FPS
@@ -78,18 +76,15 @@ def _walk(name: str, random: np.random.Generator) -> Clip:
 
 def _record(file: SessionFile, random: np.random.Generator) -> float:
     """The longest time (ms) that a piece of a recording takes of its thread."""
-    clip, worst = _walk("recorded", random), 0.0
+    clip, times = _walk("recorded", random), []
     recording = file.begin_recording(replace(MotionHeader.of(clip, None), frames=0))
     turns = clip.local_rotations.reshape(len(clip), -1)
-    rows = np.column_stack([clip.hips_positions, turns, clip.contacts, np.zeros(len(clip))]).astype(
-        np.float32
-    )
+    columns = [clip.hips_positions, turns, clip.contacts, np.zeros(len(clip))]
+    rows = np.column_stack(columns).astype(np.float32)
     for first in range(0, RECORDED_S * FPS, PIECE):
-        begin = time.perf_counter()
-        recording.add(rows[first : first + PIECE], None)
-        worst = max(worst, 1e3 * (time.perf_counter() - begin))
+        times += times_ms(partial(recording.add, rows[first : first + PIECE], None), 1)
         time.sleep(0.01)
-    return worst
+    return max(times)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""A prompt, a ground and a path become a BVH file, and the file beside it says how it was made."""
+"""A prompt, a ground and a path become a BVH file, and the file next to it says how it was made."""
 
 from __future__ import annotations
 

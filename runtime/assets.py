@@ -8,7 +8,7 @@ from pathlib import Path
 from runtime.errors import FileError
 
 _PACKAGES = Path(__file__).resolve().parent.parent
-# in a checkout assets and shaders lie beside the packages, in an installed wheel inside `sport`
+# in a checkout assets and shaders lie next to the packages, in an installed wheel inside `sport`
 PROJECT_ROOT = _PACKAGES if (_PACKAGES / "assets").is_dir() else _PACKAGES / "sport"
 DEFAULT_MODEL = "compact"
 

@@ -1,4 +1,4 @@
-"""Files appear whole or not at all: write beside the target, then rename over it or link it to a name that is free."""
+"""Files appear whole or not at all: write next to the target, then rename over it or link it to a name that is free."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MAX_NUMBER = 100_000  # of names tried by `write_new`
 
 @contextlib.contextmanager
 def atomic_path(target: str | Path) -> Iterator[Path]:
-    """Path of a temporary file beside `target` that replaces it when the block ends without an error.
+    """Path of a temporary file next to `target` that replaces it when the block ends without an error.
 
     Missing folders are made, a link is followed, and the mode is that of the old file or the umask's. FileError names
     the target when it cannot be written or is a device or pipe; the old file then stays as it was.
@@ -66,7 +66,7 @@ def sweep_of(process: int, folder: Path) -> None:
 
 
 def _runs(process: int) -> bool:
-    """Whether a process of this number runs here; on Windows, where asking would end it, nobody knows."""
+    """Whether a process of this number runs here; on Windows, where such a check would end it, False."""
     if process == 0 or sys.platform == "win32":
         return False
     try:
@@ -79,7 +79,7 @@ def _runs(process: int) -> bool:
 
 
 def write_new(target: str | Path, content: str | bytes) -> Path:
-    """Write a whole file under `target`'s name, or the first of name-2, name-3, … that nobody has; the path it got.
+    """Write a whole file under `target`'s name, or the first of name-2, name-3, … that is free; the path it got.
 
     The name is taken and filled in one step, so that programs that write at the same moment all keep their files.
     """
@@ -118,12 +118,12 @@ def _take_name(temporary: Path, target: Path) -> Path:
 
 
 def check_target(target: str | Path) -> None:
-    """FileError when `target` cannot be written: to be asked before the work that it is to hold, not after."""
+    """FileError when `target` cannot be written: for use before the work whose result it holds."""
     _temporary_beside(Path(target))[1].unlink()
 
 
 def _temporary_beside(target: Path) -> tuple[Path, Path]:
-    """The file that `target` means, its links followed, and a new empty file beside it with the mode it is to have."""
+    """The file that `target` means, its links followed, and a new empty file next to it with the mode it is to have."""
     try:
         found = _existing(target)
         final = Path(os.path.realpath(target)) if target.is_symlink() else target
@@ -133,7 +133,7 @@ def _temporary_beside(target: Path) -> tuple[Path, Path]:
 
 
 def _temporary(target: Path, final: Path, found: os.stat_result | None = None) -> Path:
-    """A new empty file beside `final`, with the mode of the one found there or the umask's; errors name `target`."""
+    """A new empty file next to `final`, with the mode of the one found there or the umask's; errors name `target`."""
     number = f"{os.getpid() & 0xFFFFFF:06x}{uuid.uuid4().hex[:6]}"
     temporary = final.with_name(f".{final.stem[:20]}-sport-{number}{final.suffix[:12]}")
     flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY

@@ -1,4 +1,4 @@
-"""Numbers and texts of JSON that nobody vouches for: refused with ValueError, or replaced by a default."""
+"""Numbers and texts of untrusted JSON: refused with ValueError, or replaced by a default."""
 
 from __future__ import annotations
 

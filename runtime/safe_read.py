@@ -1,4 +1,4 @@
-"""Bytes, text and JSON from files that nobody vouches for: regular files only, with a limit, without surprises."""
+"""Bytes, text and JSON from untrusted files: regular files only, with a limit, without surprises."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def read_bounded(
     Pipes, sockets and devices are refused without waiting for them, and a file that grows is read up to the limit.
     """
     try:
-        # without O_NONBLOCK a pipe that nobody writes to would hold up the program for ever
+        # without O_NONBLOCK a pipe without a writer would hold up the program for ever
         handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
         try:
             status = os.fstat(handle)

@@ -24,8 +24,8 @@ from runtime.terrain.files import write_height_png
 from tests.helpers.viewer_fakes import FakeRenderer, fake_services
 from viewer.app import App
 from viewer.input.bindings import Action
-from viewer.memory import resident_mb
 from viewer.options import ViewOptions
+from viewer.process import resident_mb
 from viewer.services import Services
 from viewer.window import KEY_CODES
 

@@ -18,11 +18,10 @@ from hypothesis import HealthCheck, Phase, seed, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, precondition, rule, run_state_machine_as_test
 
-from runtime.session import live_pins
 from runtime.session.prompt_blend import Side
 from runtime.session.session import Session
 from runtime.skeleton import PART_NAMES
-from runtime.takes.pins import Pinned
+from runtime.takes.pins import Pinned, held_pins
 from tests.helpers.app_driver import InjectedPads, run
 from tests.helpers.full_session import text_of
 from tests.helpers.viewer_fakes import fake_services
@@ -52,7 +51,7 @@ def shown(session: Session) -> dict[str, Any]:
         "shape": session.character.shape,
         "ground": "" if session.ground is None else session.ground.spec,
         "path": len(live.path),
-        "held": sorted(str(pin.what) for pin in live_pins.held(live.poses.pins)),
+        "held": sorted(str(pin.what) for pin in held_pins(live.poses.pins)),
         "reference": 0 if session.reference is None else session.reference.take,
         "variants": len(session.variants),
     }

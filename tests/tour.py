@@ -28,7 +28,7 @@ from tests.helpers.app_driver import (
 )
 from tests.runtime.formats.test_reference import TURNS, foreign
 from viewer.app import App
-from viewer.edit.path import on_screen
+from viewer.edit.handles import on_screen
 from viewer.filming.writers import open_writer
 from viewer.input.gamepad import GamepadState
 from viewer.options import ViewOptions
@@ -202,7 +202,7 @@ def retime(tour: Tour) -> None:
     app = tour.app
     prompts = app.editing.tracks.prompts  # type: ignore[union-attr]
     last = len(app.editor.session.takes[0].clip) - 1
-    at = prompts[1].span.start
+    at = prompts[1].start
     x, y = place(app, "##prompts", share=at / last)
     to, _ = place(app, "##prompts", share=(at - 30) / last)
     tour.drag((x + 2, y), (to, y))

@@ -4,7 +4,7 @@
 
 `--run` is the folder of a finished run: its phases and content encoder serve the variants that do not change them.
 Every variant lands in OUT/<name>/seed<k>/model, and OUT/full/seed<k>/model-mixture is the one without diffusion;
-`training.evaluation table1 --runs OUT` scores them beside each other.
+`training.evaluation table1 --runs OUT` scores them together.
 """
 
 from __future__ import annotations
@@ -21,31 +21,20 @@ from training.presets import ABLATIONS
 
 log = logging.getLogger("sport.train")
 
-# What a variant can take over from the full model's run, by the stages that its change leaves alone.
+# What a variant can take over from the full model's run: the stages that its change leaves alone. Others take the phase.
 _PHASE, _CONTENT = ("phase.npy", "phase_final.pt"), ("content_final.pt",)
 SHARED: dict[str, tuple[str, ...]] = {
-    "full": _PHASE + _CONTENT,
-    "pae": _CONTENT,
-    "joined-hips": _CONTENT,
-    "4-experts": _PHASE + _CONTENT,
-    "4-content-experts": _PHASE + _CONTENT,
-    "no-content-encoder": _PHASE,
-    "6-content-layers": _PHASE,
-    "no-direction-words": _PHASE,
-    "distilled-diffusion": _PHASE + _CONTENT,
-    "expert-shares": _PHASE + _CONTENT,
-    "whole-body-contrast": _PHASE,
-    "two-sided-words": _PHASE,
-    "no-pose-statistics": _PHASE,
-    "no-measures": _PHASE,
-    "no-composition": _PHASE,
-    "no-longer-sentences": _PHASE,
+    **dict.fromkeys(ABLATIONS, _PHASE),
+    **dict.fromkeys(
+        ("full", "4-experts", "4-content-experts", "distilled-diffusion", "expert-shares"), _PHASE + _CONTENT
+    ),
+    **dict.fromkeys(("pae", "joined-hips"), _CONTENT),
 }
-
 
 # These differ from the full model in stage 3 alone, and take over its stage 2 of the same seed.
 OTHER_DIFFUSION = ("distilled-diffusion", "expert-shares")
 STAGE2 = "stage2.pt"
+STAGES = {"phase": 1500, "content": 1500, "stage2": 3000, "stage3": 1000}  # steps
 FRAMES = "frames"  # the table of all frames: gigabytes, which every variant of the same clips maps
 
 
@@ -70,10 +59,8 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--only", nargs="*", choices=tuple(ABLATIONS), default=list(ABLATIONS))
     parser.add_argument("--preset", default="compact")
-    parser.add_argument("--phase-steps", type=int, default=1500)
-    parser.add_argument("--content-steps", type=int, default=1500)
-    parser.add_argument("--stage2-steps", type=int, default=3000)
-    parser.add_argument("--stage3-steps", type=int, default=1000)
+    for stage, steps in STAGES.items():
+        parser.add_argument(f"--{stage}-steps", type=int, default=steps)
     parser.add_argument("--batch", type=int, default=1024)
     parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="every variant once with each")
     args = parser.parse_args(argv)
@@ -92,10 +79,7 @@ def _train(args: argparse.Namespace, name: str, seed: int) -> None:
     trained = args.out / "full" / f"seed{seed}" / STAGE2
     if name in OTHER_DIFFUSION and trained.exists() and not (folder / STAGE2).exists():
         shutil.copy(trained, folder / STAGE2)
-    steps = [
-        f"--{stage}-steps={getattr(args, f'{stage}_steps')}"
-        for stage in ("phase", "content", "stage2", "stage3")
-    ]
+    steps = [f"--{stage}-steps={getattr(args, f'{stage}_steps')}" for stage in STAGES]
     steps += [f"--batch={args.batch}", f"--seed={seed}"]
     common = ["--preset", args.preset, "--clips", str(args.clips), "--out", str(folder), "--layers", "0"]
     pipeline.main(["all", *common, "--ablation", name, *steps])

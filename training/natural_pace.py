@@ -1,4 +1,4 @@
-"""What the runtime needs besides weights: each style's natural speeds, what is neutral, and the frame of the beginning."""
+"""What the runtime needs in addition to weights: each style's natural speeds, what is neutral, and the frame of the beginning."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ STRAIGHT = np.deg2rad(20.0)  # of the velocity from the facing direction
 STEADY_TURN = 0.35  # rad/s of the root, smoothed over a second
 MIN_FRAMES = 90  # of a clip that go straight ahead, or it says nothing of its style's pace
 DRAWS = 240  # of words for each captured style, so that styles count alike
-# Shares of the fit, against all captured styles: of edits of steps, which have a pace of their own, and of the other edits.
-PACED_SHARE, LAYERED_SHARE = 0.15, 0.05
+# Weights in the fit, against all captured styles: of edits of steps, which have a pace of their own, and of the other edits.
+PACED_WEIGHT, LAYERED_WEIGHT = 0.15, 0.05
 # Chance of a part to be another's in the half of the fit that is composed; a leg is none of them: the pace is its own.
 OTHERS = {"left_arm": 0.5, "right_arm": 0.5, "torso": 0.4, "head": 0.5}
 PLAIN_OTHERS = 0.3  # of these are neutral
@@ -140,9 +140,9 @@ def _paces(table: FrameTable, label: Gait, paced: np.ndarray) -> tuple[np.ndarra
     targets.append(own_pace[made])
     weights = np.ones(captured + len(made))
     weights[:captured][styles[np.concatenate(clips)[:captured]] == PLAIN] = PLAIN_WEIGHT
-    for share, own in ((PACED_SHARE, paced[made]), (LAYERED_SHARE, ~paced[made])):
+    for weight, own in ((PACED_WEIGHT, paced[made]), (LAYERED_WEIGHT, ~paced[made])):
         if captured and own.any():
-            weights[captured:][own] = share * captured / own.sum()
+            weights[captured:][own] = weight * captured / own.sum()
     return np.concatenate(clips).astype(np.int64), np.concatenate(targets), weights
 
 

@@ -24,10 +24,10 @@ from training.frames import FrameTable
 LAYERS, CAPTIONS = (
     "layers.json",
     "captions.json",
-)  # beside the clips: of layered clips, and measured ones of captured
+)  # next to the clips: of edited ones, and measured on captured ones
 PARAPHRASES = 8
 MEASURED = 2  # of these for a captured clip with captions of its own
-MIX = 0.4  # share of draws in which every part takes a paraphrase of its own
+MIX = 0.4  # fraction of draws in which every part takes a paraphrase of its own
 
 
 @dataclass
@@ -35,7 +35,7 @@ class StyleTexts:
     """Descriptions of every clip.
 
     `sentences[k]` are part k's distinct sentences with embeddings `embeddings[k]` `(U_k, D)`, to which direction
-    words and side belong if asked for (`runtime.prompts.sentence_inputs`);
+    words and side belong if the model has them (`runtime.prompts.sentence_inputs`);
     `index` `(clips, PARAPHRASES, 6)` points into them. `keys` `(clips, 6)` numbers what a part does: equal keys are
     the same content, whatever the words. `names` are the keys' names.
     """

@@ -13,13 +13,13 @@ from runtime.motion.control_scripts import parse_stick
 from runtime.pose import Pose
 from runtime.session.prompt_blend import Side
 from viewer.gl_bindings import glfw, imgui
-from viewer.gui.focus import Use
+from viewer.gui.focus import KeyRouter
 from viewer.input.bindings import Intent, to_controls
 from viewer.input.devices import Devices, KeyScript
 from viewer.input.gamepad import GamepadSource, GlfwGamepads
-from viewer.memory import give_back_freed, give_back_large_blocks, resident_mb
 from viewer.messages import Messages
 from viewer.options import ViewOptions
+from viewer.process import Ending, MemoryWatch, give_back_large_blocks
 from viewer.prompt.prompt_controller import CLOSE_SECONDS
 from viewer.render.offscreen import save_png
 from viewer.scene.simulation import STEP_SECONDS
@@ -32,25 +32,22 @@ from viewer.settings import (
     load_settings,
     state_directory,
 )
-from viewer.signals import Ending
 from viewer.window import KEY_CODES, Window, WindowEvents
 from viewer.workspace import Workspace
 
 __all__ = ["App", "ViewOptions", "run"]
 
-TITLE = "SPORT viewer"
 # A pause (a dragged window, a suspended laptop) is not simulated, but frames that are always long are: pictures are
 # dropped and the motion keeps its time.
 LONGEST_PAUSE_S, LONGEST_FRAME_S = 0.25, 1.0
 MINIMISED_WAIT_S = 0.1
 MEMORY_FRAMES = 60  # between two looks at the memory
-GROWN_MB = 24.0  # after which what was freed is given back
 PATIENCE_S = 0.2  # with the encoder of a prompt, after which the process ends with it
 END_S = 1.0  # what is written when the program ends may take so long; what is kept otherwise is then given up
 
 
 def run(options: ViewOptions, services: Services | None = None, config: Path | None = None) -> int:
-    """Open the viewer and stay until it is closed, or for the frames asked for; the exit code.
+    """Open the viewer and stay until it is closed, or for the frames of the options; the exit code.
 
     `services` replaces the project's own loaders, `config` the directory of the settings. SportError when an option
     cannot be used or no window can be opened.
@@ -98,12 +95,8 @@ class App(Workspace):
         settings, complaints = load_settings(self.config)
         self.frames_shown = 0
         self.interrupted = False  # from outside: by a signal or Ctrl+C
-        self._trimmed_mb = 0.0  # held after freed memory was last given back
+        self.memory = MemoryWatch()
         self._was_moving = False
-        self._ctrl = False  # is down
-        self._waiting: list[tuple[str, bool]] = []  # keys that came before it was sure whose they are
-        # Enter was pressed in the view: letters that follow within a slow frame are the field's
-        self._field_asked = False
         self._interval_s = 0.0  # since the frame before, by the clock
         self._steps = 0  # of the simulation in this frame
         self._script_s = 0.0  # how long the scripts of keys and stick have been played
@@ -113,6 +106,10 @@ class App(Workspace):
             self.devices = Devices(gamepads or GlfwGamepads(glfw), keys, window.inject_key)
             folder = config or state_directory()
             super().__init__(window, options, settings, Messages(), services or Services(), folder)
+            box = self.prompting.boxes[Side.A]
+            self.keys = KeyRouter(
+                self.shell.focus, self.devices, lambda: box.focus_requested, self.shell.refuse_key
+            )
             self.kept = KeptSettings(settings, self.config, self.jobs, active=not options.offscreen)
             if isinstance(self.devices.pads, GlfwGamepads):
                 complaints.append(self.devices.pads.add_mappings(self.config / MAPPINGS_NAME))
@@ -127,11 +124,16 @@ class App(Workspace):
 
     def _open_window(self, options: ViewOptions, settings: Settings) -> Window:
         default = (1280, 720) if options.offscreen else (settings.width, settings.height)
-        events = WindowEvents(self._on_key, self._on_mouse_press, self._on_focus, self.open_files)
+        events = WindowEvents(
+            key=lambda name, down: self.keys.key(name, down),
+            mouse_press=lambda x, y: self.shell.focus.press(x, y),
+            focus=lambda focused: None if focused else self.keys.lose_window(),
+            drop=self.open_files,
+        )
         scale = options.ui_scale or (0.0 if options.offscreen else settings.ui_scale)
-        width, height = options.width or default[0], options.height or default[1]
+        size = options.width or default[0], options.height or default[1]
         kept = options.screenshot is not None
-        return Window(TITLE, width, height, events, options.offscreen, settings.vsync, scale, kept)
+        return Window(size, events, options.offscreen, settings.vsync, scale, kept)
 
     # --- one frame
 
@@ -144,12 +146,9 @@ class App(Workspace):
             self.jobs.deliver()
             return
         window.begin_frame(dt if self.options.offscreen else None)
-        if self._typing or not self.shell.focus.in_view:
+        if self.keys.typing or not self.shell.focus.in_view:
             window.take_input(self.shell.draw_at)
-        if self.shell.focus.use is not Use.UNSURE:
-            waiting, self._waiting = self._waiting, []
-            for name, down in waiting:
-                self._take_key(name, down)
+        self.keys.begin_frame()
         intent = self._read_devices(dt)
         self._act(intent)
         self._poll(dt, intent)
@@ -170,7 +169,7 @@ class App(Workspace):
 
     def _act(self, intent: Intent) -> None:
         """What keys and buttons do that were pressed."""
-        self._field_asked = False
+        self.keys.end_enter()
         for action in intent.pressed:  # held actions and gaits are none of this table
             self.actions.get(action, lambda: None)()
         self.state.crouching = self.devices.mapper.crouching
@@ -201,7 +200,9 @@ class App(Workspace):
     def _read_devices(self, dt: float) -> Intent:
         self.devices.play_script(self._scripted_seconds)
         self._script_s += dt
-        intent, changed = self.devices.read(dt, self._typing, self.settings, self.takes.playback is not None)
+        intent, changed = self.devices.read(
+            dt, self.keys.typing, self.settings, self.takes.playback is not None
+        )
         self.state.device = self.devices.name
         if changed:
             self.messages.note(changed)
@@ -212,7 +213,7 @@ class App(Workspace):
         """Time of the scripts; offscreen by frames: exact, where a sum would drift."""
         return self.frames_shown * STEP_SECONDS if self.options.offscreen else self._script_s
 
-    def _asked_of(self, intent: Intent) -> Controls:
+    def _controls_of(self, intent: Intent) -> Controls:
         """The devices' controls, or those of the stick's script until it ends."""
         if self._stick is not None and self._scripted_seconds < self._stick.seconds:
             return self._stick(self._scripted_seconds)
@@ -232,7 +233,7 @@ class App(Workspace):
             for link in (self.scene.live, self.scene.vmc):
                 link.publish([playback.pose()], dt)
             return
-        controls = self.path.controls(self._asked_of(intent), dt)
+        controls = self.path.controls(self._controls_of(intent), dt)
         if self.compare.advance(dt, controls):
             self._steps = self.compare.steps
             return
@@ -266,56 +267,13 @@ class App(Workspace):
             work_s = (after if software else before) - self._last_s
             self.state.stats.add(work_s, self._interval_s, self._steps)
         if self.frames_shown % MEMORY_FRAMES == 1:
-            self._look_at_memory()
+            self.memory.look()
+            self.state.stats.memory_mb = self.memory.mb
         if not self.options.offscreen:
             self.scene.lower_quality(self.state.stats.fps, self._interval_s)
             spare = 1.0 / self.settings.max_fps - (after - self._last_s)
             if spare > 0.0:
                 time.sleep(spare)
-
-    def _look_at_memory(self) -> None:
-        stats, now = self.state.stats, resident_mb()
-        if now > self._trimmed_mb + GROWN_MB:
-            give_back_freed()
-            now = self._trimmed_mb = resident_mb()
-        self._trimmed_mb = min(self._trimmed_mb, now)  # what shrinks by itself may not grow back unseen
-        stats.memory_mb = now
-
-    # --- events
-
-    def _on_key(self, name: str, down: bool) -> bool:
-        """Whether a key acts; after a click keys wait until it is sure who has them."""
-        if self._waiting or self.shell.focus.use is Use.UNSURE:
-            self._waiting.append((name, down))
-            return False
-        return self._take_key(name, down)
-
-    def _take_key(self, name: str, down: bool) -> bool:
-        """Function keys act always, all others while the view has the keys. Whether this one does."""
-        typing, focus = self._typing or self._field_asked, self.shell.focus
-        acts = focus.in_view
-        self.devices.keyboard.key(name, down, typing or not acts)
-        self._ctrl = down if name == "ctrl" else self._ctrl
-        refused = down and not acts and not typing and not self._ctrl and focus.use is Use.NONE
-        if refused and self.devices.acts_alone(name):
-            self.shell.refuse_key()
-        self._field_asked = self._field_asked or (down and acts and not typing and name == "enter")
-        return down and acts and not typing
-
-    def _on_mouse_press(self, x: float, y: float) -> None:
-        self.shell.focus.press(x, y)
-
-    @property
-    def _typing(self) -> bool:
-        """Whether keys are words: also in the frames until ImGui says so, in which a slow machine gets several keys."""
-        entered = imgui.internal.get_input_text_state(imgui.internal.get_active_id()) is not None
-        return bool(imgui.get_io().want_text_input or entered or self.prompting.boxes[Side.A].focus_requested)
-
-    def _on_focus(self, focused: bool) -> None:
-        if not focused:
-            self.devices.keyboard.release_all()
-            self._ctrl = False
-            self._waiting.clear()
 
     # --- the end
 

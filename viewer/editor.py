@@ -26,19 +26,15 @@ class Editor:
     file: SessionFile
     history: History = field(default_factory=History)
     followers: list[Follower] = field(default_factory=list)
-    # asked before undo: takes back what is no step yet, such as a prompt without an answer, and says so
+    # called before undo: takes back what is no step yet, such as a prompt without an answer, and says so
     withdraw: list[Callable[[], bool]] = field(default_factory=list)
     opened: Session = field(init=False)  # what it was when its file was opened
+    session: Session = field(init=False)  # what holds now, with the drag under way
     _draft: Session | None = None
     _draft_label: str = ""
 
     def __post_init__(self) -> None:
-        self.opened = self.history.present.session
-
-    @property
-    def session(self) -> Session:
-        """What holds now, with the drag under way."""
-        return self._draft or self.history.present.session
+        self.opened = self.session = self.history.present.session
 
     @property
     def dragging(self) -> bool:
@@ -73,8 +69,7 @@ class Editor:
             return
         before = self.history.present.session
         self.history.push(self._draft_label, draft)
-        self.file.write(self.history)
-        self._tell(before)
+        self._changed(before)
 
     def amend(self, change: Change) -> None:
         """Change the present step itself: a selection, a better answer."""
@@ -85,7 +80,7 @@ class Editor:
         self.history.replace(change(present))
         if self.opened is present:  # the first ground and the first answer belong to what was opened
             self.opened = self.history.present.session
-        if self.session is not before:
+        if (self._draft or self.history.present.session) is not before:
             self._changed(before)
 
     def revise(self, change: Change) -> None:
@@ -149,6 +144,6 @@ class Editor:
         self._tell(before)
 
     def _tell(self, before: Session) -> None:
-        now = self.session
+        now = self.session = self._draft or self.history.present.session
         for follow in self.followers:
             follow(before, now)

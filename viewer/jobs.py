@@ -1,27 +1,28 @@
 """Slow work (loading, encoding, writing) on worker threads; results are delivered on the main thread.
 
-Three kinds of jobs: what is *read* (a file of the user's) and what is *written* have threads of their own, everything
-else shares a few workers. Of what is not written, the newest job of a slot counts: an older one is dropped, and at the
-end of the program so is all the rest. What is written is finished, one after the other in its slot.
+A job has a daemon thread: reading a pipe that never ends must not stop the end of the program. Files of the user are
+read and written at once, everything else a few at a time. Of what is not written, the newest job of a slot counts: an
+older one is dropped, and at the end of the program so is all the rest. What is written is finished, one after the other
+in its slot.
 """
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Future, wait
 from dataclasses import dataclass, field
-from queue import SimpleQueue
 from typing import Any
 
 from runtime.errors import SportError
 from viewer.messages import Messages
 
 _LOG = logging.getLogger("sport.viewer")
-PATIENCE_S = 0.7  # a file that is read faster needs no word
-Task = tuple["Future[Any]", Callable[[], Any]]
+PATIENCE_S = 0.7  # a file that is read or written faster is not mentioned
+AT_ONCE = 2  # jobs that neither read nor write a file of the user
 
 
 class ReadingCancelled(SportError):
@@ -30,7 +31,7 @@ class ReadingCancelled(SportError):
 
 @dataclass(frozen=True)
 class Slot:
-    """What jobs are about: its kind in words for the user, and the one thing of that kind, where there are several."""
+    """What jobs are about: its kind in words for the user, and which one, where there are several of that kind."""
 
     what: str
     of: object = None
@@ -45,7 +46,6 @@ class _Job:
     reading: str = ""  # what is read: it can be cancelled, and the end of the program does not wait for it
     writing: str = ""  # what is written: the end of the program waits for it
     cancel: Callable[[], None] | None = None  # ends it early
-    doing: str = ""  # words of the status line
     begun: float = field(default_factory=time.monotonic)
     dropped: bool = False  # its result comes no more
 
@@ -65,11 +65,9 @@ class Jobs:
 
     messages: Messages
     blocking: bool = False
-    workers: int = 2
     first_error: SportError | None = None
     abandoned: bool = False  # a job was still running when the program ended
-    _tasks: SimpleQueue[Task] = field(default_factory=SimpleQueue)
-    _threads: int = 0
+    _turn: threading.Semaphore = field(default_factory=lambda: threading.Semaphore(AT_ONCE))
     _jobs: list[_Job] = field(default_factory=list)
 
     def submit(
@@ -81,53 +79,51 @@ class Jobs:
         reading: str = "",
         writing: str = "",
         cancel: Callable[[], None] | None = None,
-        doing: str = "",
     ) -> None:
         """Run `work` on a thread, then `done(result)` here; a failure is posted and given to `failed`.
 
-        `reading` is the name of a file that is read: `cancel_reading` ends that. `writing` says what is written, in words for
-        the user. `cancel` makes a job that runs end early. `doing` is what the status line says of it.
+        `reading` is the name of a file that is read: `cancel_reading` ends that. `writing` says what is written, in words
+        for the user. `cancel` makes a job that runs end early.
         """
         before = [job.future for job in self._jobs if job.slot == slot and job.writing]
         if not writing:
             self._drop([job for job in self._jobs if job.slot == slot and not job.writing])
         future: Future[Any] = Future()
-        self._jobs.append(_Job(slot, future, done, failed, reading, writing, cancel, doing))
-        if writing:
-            _own_thread("sport writing", future, lambda: (wait(before), work())[1])
-        elif reading:
-            _own_thread("sport reading", future, work)
-        else:
-            self._share(future, work)
+        self._jobs.append(_Job(slot, future, done, failed, reading, writing, cancel))
+
+        def run() -> None:
+            if writing:
+                wait(before)
+            with contextlib.nullcontext() if reading or writing else self._turn:
+                if future.set_running_or_notify_cancel():
+                    try:
+                        future.set_result(work())
+                    except (
+                        BaseException
+                    ) as error:  # whatever it is, it is raised where the result is requested
+                        future.set_exception(error)
+
+        kind = "reading" if reading else "writing" if writing else "work"
+        threading.Thread(target=run, daemon=True, name=f"sport {kind}").start()
         if self.blocking:
             wait([future])
             self.deliver()
 
-    def _share(self, future: Future[Any], work: Callable[[], Any]) -> None:
-        self._tasks.put((future, work))
-        if self._threads < self.workers:
-            self._threads += 1
-            threading.Thread(target=self._work, daemon=True, name=f"sport {self._threads}").start()
-
-    def _work(self) -> None:
-        while True:
-            _run(*self._tasks.get())
-
     def _drop(self, jobs: list[_Job]) -> None:
-        """End jobs whose results nobody needs, as far as they let themselves be ended."""
+        """End jobs whose results are not needed, as far as they let themselves be ended."""
         for job in jobs:
             job.dropped = True
             if not job.future.cancel() and job.cancel is not None:
                 job.cancel()
 
     def shown(self) -> tuple[str, Callable[[], None] | None]:
-        """What the status line says is read or made, once that takes a while, and what ends it early; "" for nothing."""
+        """What the status line says is read or written, once that takes a while, and what ends it early; "" for nothing."""
         late = time.monotonic() - PATIENCE_S
         for job in self._jobs:
             if job.begun < late and not job.dropped and job.reading:
                 return f"Reading {job.reading}", self.cancel_reading
-            if job.begun < late and not job.dropped and job.doing:
-                return job.doing, job.cancel
+            if job.begun < late and not job.dropped and job.writing:
+                return f"Writing {job.writing}", job.cancel
         return "", None
 
     def cancel_reading(self) -> None:
@@ -190,22 +186,23 @@ class Jobs:
         What is not done at the time `until` (of `time.monotonic`) is given up.
         """
         waiting = [job for job in self._jobs if job.writing and job.slot.what == kind]
-        names = ", ".join(job.writing for job in waiting if not job.future.done())
-        if names:
-            self.messages.note(f"Waiting for {names}.")
-        left = None if until is None else max(until - time.monotonic(), 0.0)
-        _, late = wait([job.future for job in waiting], left)
-        given_up = [job for job in waiting if job.future in late]
-        self._drop(given_up)
-        cleaning = [job.future for job in given_up if job.cancel is not None]
-        wait(cleaning, 0.2)  # a job that lets itself be ended cleans up
-        for job in given_up:
-            self.messages.warn(f"{job.words} was given up: the program ends.")
-        self._jobs = [job for job in self._jobs if job not in given_up]
-        self.abandoned = self.abandoned or any(not job.future.done() for job in given_up)
-        errors = [job.future.exception() for job in waiting if job not in given_up]
+        if not all(job.future.done() for job in waiting):
+            self.messages.note(f"Waiting for {', '.join(job.writing for job in waiting)}.")
+        wait([job.future for job in waiting], None if until is None else max(until - time.monotonic(), 0.0))
+        late = [job for job in waiting if not job.future.done()]
+        done = [job for job in waiting if job not in late]
+        self._give_up(late)
         self.deliver()
-        return not any(errors) and not given_up
+        return not late and not any(job.future.exception() for job in done)
+
+    def _give_up(self, late: list[_Job]) -> None:
+        """The program ends without these."""
+        self._drop(late)
+        wait([job.future for job in late if job.cancel is not None], 0.2)  # what can be ended early cleans up
+        for job in late:
+            self.messages.warn(f"{job.words} was given up: the program ends.")
+        self._jobs = [job for job in self._jobs if job not in late]
+        self.abandoned = self.abandoned or any(not job.future.done() for job in late)
 
     def close(self) -> None:
         """Finish what is written; drop everything else."""
@@ -214,17 +211,8 @@ class Jobs:
         self.abandoned = self.abandoned or any(job.future.running() for job in self._jobs)
 
 
-def _run(future: Future[Any], work: Callable[[], Any]) -> None:
-    if not future.set_running_or_notify_cancel():
-        return
-    try:
-        future.set_result(work())
-    except BaseException as error:  # whatever it is, it is raised where the result is requested
-        future.set_exception(error)
-
-
 def _for_animators(job: _Job, error: Exception) -> SportError:
-    """What to say of an error that nobody foresaw; its own words are in the log."""
+    """What to say of an unforeseen error; its own words are in the log."""
     if job.reading:
         return SportError(
             f"{job.reading} cannot be read: it is damaged, empty, or not what its ending says.",
@@ -234,8 +222,3 @@ def _for_animators(job: _Job, error: Exception) -> SportError:
         f"{job.words}: this failed inside the program ({type(error).__name__}).",
         "Please report this defect with the log.",
     )
-
-
-def _own_thread(name: str, future: Future[Any], work: Callable[[], Any]) -> None:
-    """A thread that dies with the program: a pipe that nobody writes, or a file without end, must not stop its end."""
-    threading.Thread(target=_run, args=(future, work), daemon=True, name=name).start()

@@ -1,4 +1,4 @@
-"""What `sport view` is asked for: one immutable set of options, checked before a window opens."""
+"""The options of `sport view`: one immutable set, checked before a window opens."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from runtime.atomic import check_target
 from runtime.errors import UsageError
-from runtime.options import spec_of, specified
+from runtime.options import Spec, spec_of, specified
 from runtime.prompts.blend import ALL_A, Weights
 from viewer.settings import CAMERAS, QUALITIES, VIEWS
 
@@ -35,11 +35,11 @@ class ViewOptions:
     terrain: str | None = None  # a name of the library or a file
     prompt: str | None = None
     blend: str | None = None  # a second prompt
-    blend_weights: Weights = (0.5,) * len(ALL_A)  # its share in each body part
+    blend_weights: Weights = (0.5,) * len(ALL_A)  # its weight in each body part
     model: Path | None = None  # directory of an exported model
     character: Path | None = None  # GLB
     fit_to_motion: bool = False  # the character gets the size of the motion
-    joint_map: Path | None = None  # JSON of its joints, in place of the one beside it
+    joint_map: Path | None = None  # JSON of its joints, in place of the one in its folder
     clip: Path | None = None  # BVH to open
     session: str | None = None  # file of a session, or "last"
     seed: int = specified(0, 0, flag="--seed")
@@ -51,21 +51,27 @@ class ViewOptions:
     vmc: str | None = None  # the same by the VMC protocol
     live_link: str | None = None  # where poses go, see `viewer.live.link`; None: nowhere
 
+    @property
+    def saves_pictures(self) -> bool:
+        """Whether frames go into files, which need no status line."""
+        return self.offscreen or self.screenshot is not None or self.frames_directory is not None
+
     def check(self) -> None:
         """UsageError naming the option when a value cannot be used, FileError when a file cannot be written."""
         for name in (entry.name for entry in fields(self)):
             value, spec = getattr(self, name), spec_of(self, name)
-            if not spec.flag or value is None or spec.allows(value):
-                continue
-            if spec.choices is not None:
-                expected = " or ".join(filter(None, spec.choices))
-            else:
-                upper = "or more" if spec.high == math.inf else f"to {spec.high:.7g}{spec.unit}"
-                expected = f"{spec.low:g} {upper}"
-            raise UsageError(f"{spec.flag} {value}: expected {expected}.", "Choose another value.")
+            if spec.flag and value is not None and not spec.allows(value):
+                raise UsageError(f"{spec.flag} {value}: expected {_expected(spec)}.", "Choose another value.")
         if self.frames_directory is not None:
             if not self.offscreen:
                 raise UsageError("--save-frames: works with --offscreen only.", "Add --offscreen.")
             check_target(self.frames_directory.expanduser() / "frame_00000.png")
         if self.screenshot is not None:
             check_target(self.screenshot.expanduser())
+
+
+def _expected(spec: Spec) -> str:
+    """The values that an option may have, in words."""
+    if spec.choices is not None:
+        return " or ".join(filter(None, spec.choices))
+    return f"{spec.low:g} " + ("or more" if spec.high == math.inf else f"to {spec.high:.7g}{spec.unit}")

@@ -188,10 +188,9 @@ def checked(name: str, value: Any, default: Any) -> Any:
     if isinstance(default, list):
         usable = isinstance(value, list) and len(value) <= MAX_LIST and all(map(_is_text, value))
         return list(value) if usable else None
-    if isinstance(default, bool) or isinstance(value, bool):
-        return value if isinstance(value, bool) and isinstance(default, bool) else None
-    fits = _is_text(value) if isinstance(default, str) else isinstance(value, int | float)
-    return type(default)(value) if fits and spec_of(Settings, name).allows(value) else None
+    read = spec_of(Settings, name).read(value, default)
+    same = value == default and isinstance(value, bool) == isinstance(default, bool)
+    return read if same or read != default else None
 
 
 def _is_text(value: Any) -> bool:
@@ -274,15 +273,19 @@ def _changes(values: dict[str, Any], before: dict[str, Any], content: dict[str, 
         if theirs is None:
             found[name] = value
         elif value != before[name]:
-            added = [t for t in theirs if t not in before[name]] if isinstance(value, list) else []
-            rest = [t for t in added if t not in value]
-            found[name] = [*value, *rest][:MAX_LIST] if rest else value
+            found[name] = _joined(value, theirs, before[name]) if isinstance(value, list) else value
     return found
+
+
+def _joined(ours: list[str], theirs: list[str], before: list[str]) -> list[str]:
+    """This run's list, then what another run has added to it since."""
+    added = [text for text in theirs if text not in before and text not in ours]
+    return [*ours, *added][:MAX_LIST]
 
 
 @contextlib.contextmanager
 def _held(directory: Path) -> Iterator[None]:
-    """Nobody else writes the settings within it; where no lock can be had, the last one to write wins."""
+    """No other run writes the settings within it; where no lock can be had, the last one to write wins."""
     path = directory / LOCK_NAME
     try:
         directory.mkdir(parents=True, exist_ok=True)

@@ -1,20 +1,19 @@
-"""The panels of one frame, each in its place, with the status line, the help, and who has the keys."""
+"""The panels of one frame, each in its place, with the status line and the help."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 from runtime.safe_read import printable
-from runtime.skeleton import PART_NAMES
 from viewer.edit.resimulation import Resimulation
-from viewer.edit.tracks import lanes
+from viewer.edit.tracks import extra_rows
 from viewer.gl_bindings import imgui
 from viewer.gui import help, status, theme, widgets
 from viewer.gui.focus import OVER, Focus, Use, is_drawn
 from viewer.gui.layout import Layout, Rect, arrange, framing
-from viewer.gui.panels import FIXED, Panel, PanelPlace, draw_tabs, draw_titled, draw_window
+from viewer.gui.panels import FIXED, Panel, PanelPlace, draw_centred, draw_tabs, draw_titled, draw_window
 from viewer.gui.system_fonts import SystemFonts
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
@@ -45,7 +44,7 @@ class ShellState:
 
 @dataclass
 class Shell:
-    """Draws the panels that the rooms made, and what lies around them."""
+    """Draws the panels of all tools, and what lies around them."""
 
     state: ShellState
     settings: Settings
@@ -70,9 +69,19 @@ class Shell:
             self.state.help_open = False
             return True
 
-        shown = lambda: self.state.help_open  # noqa: E731
-        controls = Panel("Controls", PanelPlace.WINDOW, lambda _: self._help(), shown=shown, close=close_help)
-        self.panels = [*self.panels, controls]
+        def draw_crouching(view: Rect) -> None:
+            widgets.sign(view, f"{ICON.person} Crouching (C stands up)", theme.TEXT)
+
+        state, takes = self.state, self.editing.takes
+        crouching = lambda: state.crouching and not takes.recording  # noqa: E731
+        self.panels = [
+            *self.panels,
+            Panel("Crouching", PanelPlace.SIGN, draw_crouching, shown=crouching),
+            Panel(
+                "Controls", PanelPlace.WINDOW, lambda _: self._help(), shown=lambda: state.help_open,
+                close=close_help,
+            ),
+        ]  # fmt: skip
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
@@ -128,9 +137,7 @@ class Shell:
             self._scale, self._scene_height = scale, 0.0
         imgui.get_style().font_scale_main = self.settings.text_size
         size, playing = imgui.get_io().display_size, self.editing.playback is not None
-        played = self.editing.take
-        tracks = len(PART_NAMES) if self.editing.part_tracks else 0
-        tracks += 0 if played is None else len(lanes(played.poses.pins)) + bool(played.cameras)
+        tracks = extra_rows(self.editing.take, self.editing.part_tracks)
         panels = self.state.panels_open
         self._layout = arrange(size.x, size.y, scale, panels, playing, self._scene_height, tracks)
 
@@ -142,8 +149,8 @@ class Shell:
     @property
     def framing(self) -> tuple[float, float, float]:
         """Where the panels leave the view free, see `layout.framing`."""
-        over = [p for p in self.panels if p.place is PanelPlace.VIEW and p.shown()]
-        covered = max((p.covers(self._layout.view) for p in over), default=0.0)
+        over = self._shown(PanelPlace.VIEW)
+        covered = max((panel.covers(self._layout.view) for panel in over), default=0.0)
         return framing(self._layout, covered if self.state.panels_open else 0.0)
 
     @property
@@ -155,61 +162,61 @@ class Shell:
     def draw(self) -> None:
         """Draw every panel, and act on Esc where ImGui has not."""
         if imgui.is_key_pressed(imgui.Key.escape, False):
-            if self.focus.use is not Use.OPEN:
-                self._cancel()
-            # else a mouse that lies on the entry of a menu opens it again
-            imgui.get_current_context().nav_highlight_item_under_nav = True
-        layout = self._layout
+            self._escape()
+        layout, view = self._layout, self._layout.view
         self._cover_scripts()
         self._windows = []
         for panel in self.panels:
             if panel.keys is not None:
                 panel.keys()
-        self._draw_at_place(PanelPlace.SIGN, layout.view)
+        self._draw_over(PanelPlace.SIGN, view)
         self._draw_columns(layout)
+        below = view.y + view.height
         if layout.transport is not None:
-            self._draw_at_place(PanelPlace.BELOW, layout.transport)
+            below = layout.transport.y
+            for panel in self._shown(PanelPlace.BELOW):
+                self._window(panel.name, layout.transport, partial(panel.draw, layout.transport))
         if not self.state.bare:
             self._status(layout)
         if self.state.panels_open:
-            below = layout.transport
-            height = layout.view.height if below is None else max(below.y - layout.view.y, 0.0)
-            self._windows += [p.name for p in self.panels if p.place is PanelPlace.VIEW and p.shown()]
-            self._draw_at_place(
-                PanelPlace.VIEW, Rect(layout.view.x, layout.view.y, layout.view.width, height)
-            )
-        self._draw_at_place(PanelPlace.WINDOW, layout.view)
-        if self.state.crouching and not self.editing.takes.recording:
-            widgets.sign(layout.view, f"{ICON.person} Crouching (C stands up)", theme.TEXT)
+            self._windows += [panel.name for panel in self._shown(PanelPlace.VIEW)]
+            self._draw_over(PanelPlace.VIEW, replace(view, height=max(below - view.y, 0.0)))
+        self._draw_over(PanelPlace.WINDOW, view)
         self.focus.update()
         if self.focus.in_view:
             self.messages.settle(_KEYS)
+
+    def _escape(self) -> None:
+        if self.focus.use is not Use.OPEN:
+            self._cancel()
+        # else a mouse that lies on the entry of a menu opens it again
+        imgui.get_current_context().nav_highlight_item_under_nav = True
+
+    def _shown(self, *places: PanelPlace) -> list[Panel]:
+        """The panels of places that are shown now, in the order of the places."""
+        return [p for place in places for p in self.panels if p.place is place and p.shown()]
 
     def _help(self) -> None:
         if help.draw(self.fonts, self.settings.pad_buttons):
             self.state.help_open = False
 
-    def _draw_at_place(self, place: PanelPlace, rect: Rect) -> None:
+    def _draw_over(self, place: PanelPlace, rect: Rect) -> None:
+        """Draw the panels that lie over the view or over everything."""
         for panel in self.panels:
             if panel.place is place and panel.shown():
-                if place is PanelPlace.BELOW:
-                    self._window(panel.name, rect, partial(panel.draw, rect))
-                else:
-                    panel.draw(rect)
+                draw_centred(panel, rect, self.fonts) if panel.width else panel.draw(rect)
 
     def _draw_columns(self, layout: Layout) -> None:
-        """The panels at the sides: in windows of their own, or as tabs where they share one."""
-        shown = [p for place in _COLUMNS for p in self.panels if p.place is place and p.shown()]
+        """The panels at the sides: in windows of their own, or as tabs where several have one place."""
+        shown, right = self._shown(*_COLUMNS), self._shown(*_COLUMNS[1:])
         rects = dict(zip(_COLUMNS, (layout.prompt, layout.scene, layout.clips), strict=True))
         for panel in shown:
             rect = rects[panel.place]
             if rect is not None:
                 self._window(panel.name, rect, partial(self._titled, panel, rect))
-        if layout.right_tabs is not None:
-            right = [panel for panel in shown if panel.place is not PanelPlace.LEFT]
-            self._window("Right", layout.right_tabs, partial(draw_tabs, right, layout.right_tabs))
-        if layout.tabs is not None:
-            self._window("Tabs", layout.tabs, partial(draw_tabs, shown, layout.tabs))
+        for name, tabs, rect in (("Right", right, layout.right_tabs), ("Tabs", shown, layout.tabs)):
+            if rect is not None:
+                self._window(name, rect, partial(draw_tabs, tabs, rect))
 
     def _titled(self, panel: Panel, rect: Rect) -> None:
         draw_titled(panel, rect, self.fonts)

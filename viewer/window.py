@@ -21,6 +21,7 @@ from viewer.render.quality import is_software
 _LOG = logging.getLogger("sport.viewer")
 _OFFSCREEN_HINT = "Without a display, `sport view --offscreen --screenshot out.png` renders into a file."
 
+TITLE = "SPORT viewer"
 MAX_PASSES = 60  # of the panels in one frame
 PASS_SECONDS = 1e-4
 SHORTEST_S = 1e-6  # of a picture
@@ -63,9 +64,7 @@ class Window:
 
     def __init__(
         self,
-        title: str,
-        width: int,
-        height: int,
+        size: tuple[int, int],
         events: WindowEvents,
         offscreen: bool = False,
         vsync: bool = True,
@@ -86,7 +85,7 @@ class Window:
         self._texture: Any = None
         self._depth: Any = None
         self.framebuffer: Any = None
-        self.handle: Any = _open(title, width, height, offscreen)
+        self.handle: Any = _open(*size, offscreen)
         try:
             glfw.make_context_current(self.handle)
             self.ctx = _context()
@@ -366,7 +365,7 @@ class Window:
         self.framebuffer = None
 
 
-def _open(title: str, width: int, height: int, offscreen: bool) -> Any:
+def _open(width: int, height: int, offscreen: bool) -> Any:
     """A hidden or shown window with a 3.3 core context; DisplayError with the remedy when there can be none."""
     glfw.ERROR_REPORTING = "raise"  # a refused context would otherwise be a null window
     try:
@@ -386,7 +385,7 @@ def _open(title: str, width: int, height: int, offscreen: bool) -> Any:
             glfw.window_hint(glfw.CONTEXT_CREATION_API, glfw.EGL_CONTEXT_API)
         else:
             glfw.window_hint(glfw.SCALE_TO_MONITOR, True)
-        handle = glfw.create_window(width, height, title, None, None)
+        handle = glfw.create_window(width, height, TITLE, None, None)
     except glfw.GLFWError as error:
         glfw.terminate()
         remedy = "Install OpenGL 3.3 (for example Mesa: libgl1, libegl1) or update the graphics driver."

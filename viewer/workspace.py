@@ -1,4 +1,4 @@
-"""The session with every tool on it: what is assembled once, loads what is asked for, and opens files."""
+"""The session with every tool on it: assembled once; loads what the options say, and opens files."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from runtime.atomic import sweep
+from runtime.motion.controller import Controller
 from runtime.pose import Pose
 from runtime.takes.input_recording import InputRecorder
-from viewer.compare import labels
 from viewer.compare import panel as compare_panel
 from viewer.compare.compare_view import CompareView
-from viewer.edit import pin_card, transport
 from viewer.edit.camera_keys import CameraKeys
 from viewer.edit.ghosts import Trails, ghosts
 from viewer.edit.path import PathTool
@@ -20,35 +19,35 @@ from viewer.edit.pins import Pins
 from viewer.edit.reference import References
 from viewer.edit.reference_card import ReferenceCard
 from viewer.edit.resimulation import Resimulation
+from viewer.edit.transport import Transport
 from viewer.edit.video import SUFFIXES as VIDEOS
 from viewer.editor import Editor
 from viewer.exports import panel as exports_panel
 from viewer.exports.exporting import Exporting
 from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.gui.panels import Panel
-from viewer.gui.theme import Fonts, load_fonts
+from viewer.gui.theme import load_fonts
 from viewer.input.bindings import Action
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.options import ViewOptions
-from viewer.panels import guide, joint_panel, scene_panel, take_prompt_panel, takes_panel
+from viewer.panels import guide, joint_panel, take_prompt_panel, takes_panel
 from viewer.panels.guide import Guide
+from viewer.panels.scene_panel import ScenePanel
 from viewer.panels.session_bar import SessionBar
 from viewer.panels.settings_panel import SettingsWindow
-from viewer.prompt import prompt_panel
 from viewer.prompt.language_model import LanguageModel
 from viewer.prompt.prompt_controller import PromptController
+from viewer.prompt.prompt_panel import PromptPanel
 from viewer.prompt.suggestions import Suggester
-from viewer.render.overlays import Overlays
-from viewer.scene.overlays import make_overlays
+from viewer.render.overlays import Figure, Overlays, TrailOverlay, trajectory_overlay
 from viewer.scene.scene import Scene
 from viewer.screenshots import Screenshots
-from viewer.services import ControllerLike, Services
+from viewer.services import Services
+from viewer.session.playback import Playback
 from viewer.session.sessions import Sessions, first_file
 from viewer.session.takes import Takes
-from viewer.settings import (
-    Settings,
-)
+from viewer.settings import Settings
 from viewer.shell import Shell, ShellState
 from viewer.window import Window
 
@@ -92,9 +91,10 @@ class Workspace:
         self.pins = Pins(editor, editing, scene)
         self.path = PathTool(editor, editing, scene)
         self.camera_keys = CameraKeys(editor, takes, scene.camera)
+        self.transport = Transport(editing, self.pins, self.camera_keys)
         self.references = References(editor, takes)
         self.compare = CompareView(editor, settings, messages, scene, takes, self.path, prompting)
-        self.prompt = prompt_panel.PromptRoom(
+        self.prompt = PromptPanel(
             settings, prompting, self.language_model, Suggester(settings, jobs), self.compare.toggle
         )
         self.guide = Guide(settings, editor, takes)
@@ -109,7 +109,7 @@ class Workspace:
         self.trails = Trails()
         self.screenshots = Screenshots(settings, messages, jobs, options.frames_directory)
         fonts = load_fonts()
-        panels = self._panels(fonts, dialogs)
+        panels = self._panels(dialogs)
         self.shell = Shell(
             self.state, settings, messages, jobs, scene, editing, panels, lambda: prompting.texts, fonts
         )
@@ -117,7 +117,7 @@ class Workspace:
         rooms = [*(panel.actions for panel in panels), self.shell.actions, own]
         self.actions = {action: do for room in rooms for action, do in room.items()}
 
-    def _panels(self, fonts: Fonts, dialogs: Dialogs) -> list[Panel]:
+    def _panels(self, dialogs: Dialogs) -> list[Panel]:
         """Every panel, from the left to the right and from the back to the front."""
         compare, editing, pins, export = self.compare, self.editing, self.pins, self.exporting.open
         references = ReferenceCard(
@@ -125,47 +125,40 @@ class Workspace:
         )
         bar = SessionBar(self.sessions, self.exporting, self.guide, self.settings_window, self.window.ctx)
         return [
-            prompt_panel.panel(self.prompt, lambda: not compare.open and editing.playback is None),
+            self.prompt.panel(lambda: not compare.open and editing.playback is None),
             take_prompt_panel.panel(editing),
             compare_panel.panel(compare),
-            scene_panel.panel(
+            ScenePanel(
                 self.scene, self.takes, self.path, self.open_files, self._browse_all,
-                lambda width: pin_card.draw_live(pins, self.camera_keys.add, width),
-            ),
+                lambda width: pins.draw_live(self.camera_keys.add, width),
+            ).panel(),
             takes_panel.panel(self.takes, references, export, self.sessions),
-            transport.panel(editing, pins, self.camera_keys, references),
-            labels.panel(compare),
+            self.transport.panel(references),
+            compare_panel.names_panel(compare),
             takes_panel.sign(self.takes),
             bar.panel(),
-            pin_card.panel(pins),
+            pins.panel(),
             references.panel(),
             guide.panel(self.guide, covered=lambda: compare.open),
-            self.settings_window.panel(fonts),
-            exports_panel.panel(self.exporting, fonts),
-            joint_panel.panel(self.scene.joints, fonts),
+            self.settings_window.panel(),
+            exports_panel.panel(self.exporting),
+            joint_panel.panel(self.scene.joints),
             dialogs.panel(),
         ]  # fmt: skip
 
     def load(self) -> None:
         """Begin to load what the options and the settings ask for."""
         options, settings, scene, prompting = self.options, self.settings, self.scene, self.prompting
-        scene.terrain_names = scene.services.terrain_names()
-        scene.quality = scene.renderer.quality.name
         self.prompt.suggester.load_library(scene.services.library_prompts)
         self.state.panels_open, self.state.clocked = options.panels, not options.offscreen
-        saved = options.offscreen or options.screenshot is not None or options.frames_directory is not None
-        self.state.bare = saved and not options.panels
-        scene.begin_camera(options.camera or settings.camera)
-        scene.renderer.set_terrain(scene.terrain)
-        scene.live.begin(options.live_link)
-        scene.vmc.begin(options.vmc)
+        self.state.bare = options.saves_pictures and not options.panels
         settings.fit_to_motion = settings.fit_to_motion or options.fit_to_motion
+        scene.begin(options.camera or settings.camera, options.live_link, options.vmc)
         scene.open_character(options.character, options.joint_map, step=False)
         scene.load_terrain(options.terrain or settings.terrain)
         self.load_model(options.model or self.settings_window.chosen_model(options.offscreen), options.seed)
         prompting.begin(options.prompt, options.blend, options.blend_weights)
-        if options.blend is not None:
-            self.prompt.tab_requested = "blend"
+        self.prompt.tab_requested = "" if options.blend is None else "blend"
         if options.clip is not None:
             self.takes.open(options.clip, keep_ground=options.terrain is not None)
         if not options.offscreen:
@@ -234,27 +227,48 @@ class Workspace:
                     " Drop a session, a BVH clip, a GLB or VRM character, or a PNG, NPY or mesh ground."
                 )
 
-    def overlays(self, live: ControllerLike | None, others: list[Pose]) -> Overlays:
-        """What is drawn around the pose; `others` are drawn with it."""
+    def overlays(self, live: Controller | None, others: list[Pose]) -> Overlays:
+        """What is drawn around the pose; `others` are drawn with it, the trajectory only of a `live` character."""
         settings, playback = self.settings, self.takes.playback
-        frames: list[Pose] = []
-        over: list[Pose] = []
-        trails = None
-        around = playback
+        frames, trails = self._other_times(playback, others)
+        figure, over = self._reference(playback, others)
+        return Overlays(
+            trajectory=trajectory_overlay(live) if live is not None and settings.show_trajectory else None,
+            show_skeleton=settings.show_skeleton,
+            show_contacts=settings.show_contacts,
+            show_grid=settings.show_grid,
+            path=self.path.overlay(),
+            trails=trails,
+            pins=None if others and playback is None else self.pins.overlay(),
+            ghosts=over,
+            frames=frames,
+            extra_poses=others,
+            figure=figure,
+        )
+
+    def _other_times(
+        self, playback: Playback | None, others: list[Pose]
+    ) -> tuple[list[Pose], TrailOverlay | None]:
+        """Ghosts and trails of the take that plays, or of the last seconds of the live character alone."""
+        settings, around = self.settings, playback
         if around is None and (settings.show_ghosts or settings.show_trails) and not others:
             around = self.takes.memory(MEMORY_S)
-        if around is not None and settings.show_ghosts:
-            frames = ghosts(around, round(settings.ghost_frames))
-        if around is not None and settings.show_trails:
-            trails = self.trails.around(around)
-        figure, references = None, self.references
-        compared = None if playback is None else references.pose(playback)
-        if playback is not None and compared is not None:
-            figure = references.figure(playback, compared)
-            if figure is None:
-                (over if references.reference.over else others).append(compared)
-        pins = None if others and playback is None else self.pins.overlay()
-        return make_overlays(settings, live, self.path.overlay(), others, over, trails, pins, figure, frames)
+        if around is None:
+            return [], None
+        frames = ghosts(around, round(settings.ghost_frames)) if settings.show_ghosts else []
+        return frames, self.trails.around(around) if settings.show_trails else None
+
+    def _reference(self, playback: Playback | None, others: list[Pose]) -> tuple[Figure | None, list[Pose]]:
+        """What the take that plays is compared with: a figure of its own, a ghost over it, or one of the `others`."""
+        references = self.references
+        pose = None if playback is None else references.pose(playback)
+        if playback is None or pose is None:
+            return None, []
+        figure = references.figure(playback, pose)
+        if figure is not None or references.reference.over:
+            return figure, [] if figure is not None else [pose]
+        others.append(pose)
+        return None, []
 
     def shown_pose(self) -> Pose:
         """The pose in view: that of the take that plays, or the live one."""

@@ -182,7 +182,7 @@ class Controller:
         self.wish, self.velocity, self.wish_yaw, self.wanted_yaw = np.zeros(2), np.zeros(2), 0.0, 0.0
 
     def settle(self, gait: int = WALK) -> None:
-        """Come to rest in the style, in two seconds that nobody sees."""
+        """Come to rest in the style, in two seconds that are not shown."""
         for _ in range(120):
             self.step(0.0, 0.0, gait, facing=0.0)
         self.stand(self.gait)
@@ -306,7 +306,7 @@ class Controller:
             labels = np.stack([1 - moves, moves * (1 - jogs), moves * jogs, *np.zeros((3, 61))], -1)
         frames = np.arange(1, 62)[:, None]
         change = self.gait[PRESENT] - labels[0]
-        crouches = abs(change[CROUCH]) > 0.02  # nobody snaps into a crouch
+        crouches = abs(change[CROUCH]) > 0.02  # a crouch is never sudden
         half_life = max(0.35 * self.game, 0.08) if crouches else 0.08
         self.gait[PRESENT:] = labels + change * kept(half_life) ** frames
 
@@ -369,7 +369,7 @@ class Controller:
         back = (weights[:, None] * (feet - before)[:, [0, 2]]).sum(0) * FPS / max(weights.sum(), 0.25)
         firm = self.resting() * min(weights.sum() / 0.5, 1.0)  # the planted feet carry a body that stops
         velocity = velocity + (turned(-back, yaw) - velocity) * firm
-        if self.wished == 0:  # at rest nobody creeps
+        if self.wished == 0:  # no creeping at rest
             most = max(9 * self.requested, kept(0.24) ** (1 / self.game) * self.speed)
             velocity = velocity * min(1.0, most / max(np.hypot(*velocity), 1e-6))
         self.speed = float(np.hypot(*velocity))

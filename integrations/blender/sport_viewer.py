@@ -151,7 +151,7 @@ class Receiver:
                 data, sender = self.socket.recvfrom(65535)
             except (BlockingIOError, InterruptedError):
                 return poses
-            except ConnectionResetError:  # Windows: nobody listens where this socket sent to
+            except ConnectionResetError:  # Windows: no program listens where this socket sent to
                 continue
             try:
                 message = decode(data)
@@ -253,7 +253,7 @@ def _read_bvh(path):
     offsets = re.findall(r"OFFSET\s+(\S+)\s+(\S+)\s+(\S+)", text)
     longest = max((math.hypot(*map(float, offset)) for offset in offsets[1:]), default=0.0)
     described = {}
-    with contextlib.suppress(OSError, ValueError):  # a BVH of another program has no JSON beside it
+    with contextlib.suppress(OSError, ValueError):  # a BVH of another program has no JSON next to it
         described = json.loads(path.with_name(path.name + ".json").read_text(encoding="utf-8"))
     described = described if isinstance(described, dict) and described.get("format") == "sport-take" else {}
     found = tuple(sorted(_marks(described, fps), key=lambda mark: mark[1]))
@@ -263,7 +263,7 @@ def _read_bvh(path):
 
 
 def _marks(described, fps):
-    """Name and frame of each prompt and gait in the JSON beside a BVH."""
+    """Name and frame of each prompt and gait in the JSON next to a BVH."""
     marks = [(_title(e), max(float(e.get("seconds", 0.0)), 0.0)) for e in described.get("prompts", [])]
     marks += [(str(name), float(seconds)) for seconds, name in described.get("gaits", [])]
     return [(name, round(seconds * fps)) for name, seconds in marks]
@@ -302,7 +302,7 @@ def _read_glb(path):
 
 
 def find_ground(path, terrain=""):
-    """The OBJ or GLB of the ground beside a take: NAME-ground, NAME_ground, ground, or the ground's own name."""
+    """The OBJ or GLB of the ground next to a take: NAME-ground, NAME_ground, ground, or the ground's own name."""
     path = Path(path)
     stems = [f"{path.stem}-ground", f"{path.stem}_ground", "ground", Path(terrain).stem]
     for stem in filter(None, stems):
@@ -358,7 +358,7 @@ def _add_markers(scene, marks):
 
 
 def _import_ground(path, facts, chosen):
-    """The ground that was chosen or lies beside the take; a take in place goes over none."""
+    """The ground that was chosen or lies next to the take; a take in place goes over none."""
     found = Path(chosen) if chosen else (find_ground(path, facts.terrain) if facts.placed else None)
     if found is None:
         return
@@ -729,7 +729,7 @@ if bpy is not None:
         filter_glob: bpy.props.StringProperty(default="*.bvh;*.glb", options={"HIDDEN"})
         first_frame: bpy.props.IntProperty(name="First frame", default=1)
         ground: bpy.props.StringProperty(
-            name="Ground", description="OBJ or GLB; empty: the one beside the take", subtype="FILE_PATH"
+            name="Ground", description="OBJ or GLB; empty: the one next to the take", subtype="FILE_PATH"
         )
 
         def execute(self, context):

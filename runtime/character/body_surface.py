@@ -83,7 +83,7 @@ class BodySurface:
         return np.asarray(np.maximum(reach - np.where(ball, whole, flat), 0.0))
 
     def _radius(self, row: AnyArray, around: AnyArray) -> AnyArray:
-        """Between the four entries beside."""
+        """Between the four neighbouring entries."""
         r, a = np.floor(row).astype(np.int64), np.floor(around).astype(np.int64)
         up, on = row - r, around - a
         table = np.arange(len(self.rows))[:, None]
@@ -179,7 +179,7 @@ def _table(points: AnyArray, of: AnyArray, name: str, joint: int, pivots: AnyArr
 
 
 def _filled(radii: AnyArray) -> AnyArray:
-    """Empty entries from their neighbours round the axis, then from the rows beside."""
+    """Empty entries from their neighbours round the axis, then from the neighbouring rows."""
     filled = radii.copy()
     for r, row in enumerate(radii):
         known = np.flatnonzero(row > 0.0)

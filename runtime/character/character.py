@@ -71,7 +71,7 @@ def load_character(path: str | Path, joint_map: Mapping[str, str] | None = None)
     """Load a skinned .glb, .gltf or .vrm; FileError names the file, what is wrong and what to do.
 
     Joints are found by known names or by the tree and the rest pose (`guess_joints`). `joint_map` (SPORT joint name ->
-    joint name in the file, "" for none) overrides them one by one; by default it is the one beside the file.
+    joint name in the file, "" for none) overrides them one by one; by default it is the one next to the file.
     """
     with _reading(path) as file:
         return _assemble(file, *_guessed(file, joint_map))
@@ -136,7 +136,7 @@ def _assemble(file: GltfFile, guess: JointGuess, data: MeshData) -> Character:
 def own_size(alignment: Alignment, vertices: AnyArray) -> float:
     """How large a body is in ours: by the file's metres where they give one from `SMALLEST_M` to `LARGEST_M` high.
 
-    Files in centimetres and the like are told by their height; where no unit fits, the body has our size.
+    Files in centimetres and the like are known by their height; where no unit fits, the body has our size.
     """
     height = float(np.ptp(vertices, axis=0).max())
     for unit in FILE_UNITS:

@@ -38,16 +38,16 @@ def doubts(found: Mapping[str, int], tree: JointTree) -> dict[str, str]:
             if min(joints[:2]) >= 0 and joints[1] in tree.ancestors(joints[0]):
                 wrong[side + bones[1]] = f"it lies above the {limb}'s first joint"
             elif min(joints) >= 0:
-                upper, lower = tree.distance(joints[0], joints[1]), tree.distance(joints[1], joints[2])
-                spans[side] = upper + lower
-                if min(upper, lower) < least * max(upper, lower):
-                    percent = 100 * min(upper, lower) / max(upper, lower, 1e-9)
-                    short = side + (bones[0] if upper < lower else bones[1])
+                lengths = [tree.distance(joints[k], joints[k + 1]) for k in (0, 1)]
+                spans[side] = sum(lengths)
+                share = min(lengths) / max(*lengths, 1e-9)
+                if min(lengths) < least * max(lengths):
+                    short = side + bones[lengths.index(min(lengths))]
                     wrong[short] = (
-                        f"its bone has {percent:.0f} % of the length of the other one of this {limb}"
+                        f"its bone has {100 * share:.0f} % of the length of the other one of this {limb}"
                     )
-        if len(spans) == 2 and min(spans.values()) < (1.0 - UNEVEN) * max(spans.values()):
-            shorter = min(spans, key=lambda side: spans[side])
+        shorter = min(spans, key=lambda side: spans[side], default="")
+        if len(spans) == 2 and spans[shorter] < (1.0 - UNEVEN) * max(spans.values()):
             wrong[shorter + bones[0]] = f"this {limb} is much shorter than the other one"
     swapped = [side + bone for bone in _swapped(found, tree) for side in SIDES]
     return wrong | dict.fromkeys(swapped, "it is on the other side, as the feet point")

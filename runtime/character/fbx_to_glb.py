@@ -160,31 +160,38 @@ def _mesh(document: Document, node: Any, materials: dict[int, int]) -> int:
     mesh = node.mesh
     corners, parts = _triangles(mesh)
     weights = _weights(mesh)
+    owner = node.materials if len(node.materials) else mesh.materials
     primitives = []
     for part in np.unique(parts):
-        chosen = corners[parts == part]
-        layers = {"POSITION": mesh.vertex_position, "NORMAL": mesh.vertex_normal,
-                  "TEXCOORD_0": mesh.vertex_uv, "COLOR_0": mesh.vertex_color}  # fmt: skip
-        layers = {name: layer for name, layer in layers.items() if layer.exists}
-        columns = [layer.indices.array().astype(np.int64)[chosen.ravel()] for layer in layers.values()]
-        columns.append(mesh.vertex_indices.array().astype(np.int64)[chosen.ravel()])
-        rows, indices = np.unique(np.stack(columns, -1), axis=0, return_inverse=True)
-        primitive: dict[str, Any] = {"attributes": {}, "indices": document.add(indices.reshape(-1, 1), "u")}
-        for column, (name, layer) in enumerate(layers.items()):
-            values = layer.values.array()[rows[:, column]]
-            if name == "TEXCOORD_0":
-                values = np.stack([values[:, 0], 1.0 - values[:, 1]], -1)
-            primitive["attributes"][name] = document.add(values)
-        if weights is not None:
-            joints, shares = (array[rows[:, -1]] for array in weights)
-            for k in range(0, joints.shape[1], 4):
-                primitive["attributes"][f"JOINTS_{k // 4}"] = document.add(joints[:, k : k + 4], "i")
-                primitive["attributes"][f"WEIGHTS_{k // 4}"] = document.add(shares[:, k : k + 4])
-        owner = node.materials if len(node.materials) else mesh.materials
+        primitive = _primitive(document, mesh, corners[parts == part].ravel(), weights)
         if part < len(owner) and owner[int(part)] is not None:
             primitive["material"] = materials[owner[int(part)].typed_id]
         primitives.append(primitive)
     return document.append("meshes", {"name": mesh.name or node.name, "primitives": primitives})
+
+
+def _primitive(
+    document: Document, mesh: Any, corners: Any, weights: tuple[Any, Any] | None
+) -> dict[str, Any]:
+    """A primitive of some corners: one vertex for those that are alike in everything."""
+    layers = {"POSITION": mesh.vertex_position, "NORMAL": mesh.vertex_normal,
+              "TEXCOORD_0": mesh.vertex_uv, "COLOR_0": mesh.vertex_color}  # fmt: skip
+    layers = {name: layer for name, layer in layers.items() if layer.exists}
+    columns = [layer.indices.array().astype(np.int64)[corners] for layer in layers.values()]
+    columns.append(mesh.vertex_indices.array().astype(np.int64)[corners])
+    rows, indices = np.unique(np.stack(columns, -1), axis=0, return_inverse=True)
+    primitive: dict[str, Any] = {"attributes": {}, "indices": document.add(indices.reshape(-1, 1), "u")}
+    for column, (name, layer) in enumerate(layers.items()):
+        values = layer.values.array()[rows[:, column]]
+        if name == "TEXCOORD_0":
+            values = np.stack([values[:, 0], 1.0 - values[:, 1]], -1)
+        primitive["attributes"][name] = document.add(values)
+    if weights is not None:
+        joints, shares = (array[rows[:, -1]] for array in weights)
+        for k in range(0, joints.shape[1], 4):
+            primitive["attributes"][f"JOINTS_{k // 4}"] = document.add(joints[:, k : k + 4], "i")
+            primitive["attributes"][f"WEIGHTS_{k // 4}"] = document.add(shares[:, k : k + 4])
+    return primitive
 
 
 def _weights(mesh: Any) -> tuple[Any, Any] | None:
@@ -235,12 +242,9 @@ def _material(document: Document, material: Any, source: Path) -> int:
 
 
 def _image(texture: Any, source: Path) -> bytes | None:
-    """A texture as PNG or JPEG: embedded, or beside the file under its own name; None where it is neither."""
-    data = bytes(texture.content or b"")
+    """A texture as PNG or JPEG: embedded, or next to the file under its own name; None where it is neither."""
     name = Path((texture.relative_filename or texture.filename or "").replace("\\", "/")).name
-    for folder in (source.parent, source.with_suffix(".fbm"), source.parent / "textures"):
-        if not data and name and (folder / name).is_file():
-            data = (folder / name).read_bytes()
+    data = bytes(texture.content or b"") or _file_beside(source, name)
     if data.startswith((b"\x89PNG", b"\xff\xd8\xff")) or not data:
         return data or None
     from PIL import Image
@@ -252,3 +256,9 @@ def _image(texture: Any, source: Path) -> bytes | None:
             return out.getvalue()
     except (OSError, ValueError, Image.DecompressionBombError):
         return None
+
+
+def _file_beside(source: Path, name: str) -> bytes:
+    """The bytes of a texture's file where exporters put it; none where it is in none of these folders."""
+    folders = (source.parent, source.with_suffix(".fbm"), source.parent / "textures")
+    return next((path.read_bytes() for folder in folders if name and (path := folder / name).is_file()), b"")

@@ -135,10 +135,7 @@ class GlbBuffer:
         if set(gltf.extensionsUsed or []) & NAMES_ACCESSORS:
             return
         gltf.accessors = _renumbered(gltf.accessors, list(_accessor_references(gltf)))
-        sparse = [accessor.sparse for accessor in gltf.accessors if accessor.sparse is not None]
-        parts = [part for each in sparse for part in (each.indices, each.values)]
-        users = (*gltf.accessors, *parts, *(gltf.images or []))
-        gltf.bufferViews = _renumbered(gltf.bufferViews, [(vars(user), "bufferView") for user in users])
+        gltf.bufferViews = _renumbered(gltf.bufferViews, list(_view_references(gltf)))
         old, self._blob = self._blob, bytearray()
         for view in gltf.bufferViews:
             first = view.byteOffset or 0
@@ -183,16 +180,20 @@ def _primitives(gltf: GLTF2) -> Iterator[Any]:
 
 
 def _accessor_references(gltf: GLTF2) -> Iterator[Reference]:
-    for skin in gltf.skins or []:
-        yield vars(skin), "inverseBindMatrices"
+    yield from ((vars(skin), "inverseBindMatrices") for skin in gltf.skins or [])
     for primitive in _primitives(gltf):
         yield vars(primitive), "indices"
         for attributes in (primitive.attributes, *(primitive.targets or [])):
             named = attributes if isinstance(attributes, dict) else vars(attributes)
             yield from ((named, name) for name in named)
-    for animation in gltf.animations or []:
-        for sampler in animation.samplers:
-            yield from ((vars(sampler), end) for end in ("input", "output"))
+    samplers = [sampler for animation in gltf.animations or [] for sampler in animation.samplers]
+    yield from ((vars(sampler), end) for sampler in samplers for end in ("input", "output"))
+
+
+def _view_references(gltf: GLTF2) -> Iterator[Reference]:
+    sparse = [accessor.sparse for accessor in gltf.accessors if accessor.sparse is not None]
+    parts = [part for each in sparse for part in (each.indices, each.values)]
+    return ((vars(user), "bufferView") for user in (*gltf.accessors, *parts, *(gltf.images or [])))
 
 
 def _renumbered(entries: list[Any], references: list[Reference]) -> list[Any]:

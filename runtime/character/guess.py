@@ -37,7 +37,7 @@ class JointGuess:
 
     `found` maps SPORT joints to indices, `origin` says by what (the convention of the names, or `BY_TREE`),
     `chosen` are those that a joint map names, `missing` those without which nothing can be driven. `doubts` says of
-    joints that names or tree told, and that geometry refused, why: they are not in `found`.
+    joints found by names or tree that geometry refused, why: they are not in `found`.
     """
 
     names: tuple[str, ...]
@@ -75,7 +75,7 @@ def require(path: Path, guess: JointGuess) -> None:
             f"{path}: no joints found for {', '.join(guess.missing)} (neither by known names nor by tree and rest"
             f" pose{''.join(f'; {reason}' for reason in guess.doubts.values())}).",
             "Choose them in the window Joints, which opens when the file is dropped on the viewer; or write"
-            f" {joint_map_path(path).name} beside it, or give such a file as --joint-map:"
+            f" {joint_map_path(path).name} next to it, or give such a file as --joint-map:"
             ' {"LeftArm": "name in the file", ...}.',
         )
 
@@ -123,11 +123,8 @@ def _believed(
     used = {joint: k for joint, k in ({**found, **dict.fromkeys(refused, -1)} | chosen).items() if k >= 0}
     if on_four_legs(dict(found) | used, tree):
         raise _not_upright(path)
-    reasons = {
-        joint: f"{names[found[joint]]!r} is not believed to be {joint}: {reason}"
-        for joint, reason in refused.items()
-        if joint not in used
-    }
+    left_out = [joint for joint in refused if joint not in used]
+    reasons = {j: f"{names[found[j]]!r} is not believed to be {j}: {refused[j]}" for j in left_out}
     missing = tuple(name for name in NEEDED if name not in used)
     return JointGuess(
         names, tree.parents, tree.positions, used, origin, frozenset(joint_map), missing, reasons

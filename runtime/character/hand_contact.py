@@ -37,7 +37,7 @@ def touching(positions: AnyArray, world_rotations: AnyArray, arm: tuple[int, ...
 
 
 def reach(positions: AnyArray, anchors: AnyArray, arm: tuple[int, ...]) -> AnyArray:
-    """Where `(..., 3)` the wrist belongs beside a character's own joints `anchors` `(..., 3, 3)`: those of `ANCHORS`.
+    """Where `(..., 3)` the wrist belongs next to a character's own joints `anchors` `(..., 3, 3)`: those of `ANCHORS`.
 
     Near an anchor it keeps the place from there. Trunks are turned alike, so places from them can be compared.
     """

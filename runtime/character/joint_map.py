@@ -1,4 +1,4 @@
-"""The map of a character's joints that its user chose by hand: a JSON file beside the character."""
+"""The map of a character's joints that its user chose by hand: a JSON file next to the character."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MAP_ENDING = ".joints.json"
 
 
 def joint_map_path(character: str | Path) -> Path:
-    """Where the map of a character file is kept: FILE.joints.json beside it."""
+    """Where the map of a character file is kept: FILE.joints.json next to it."""
     path = Path(character)
     return path.with_name(path.name + MAP_ENDING)
 
@@ -46,7 +46,7 @@ def read_joint_map(path: str | Path) -> dict[str, str]:
 
 
 def save_joint_map(character: str | Path, joints: Mapping[str, str]) -> Path:
-    """Keep the map of a character file beside it; the path written. FileError where that cannot be done."""
+    """Keep the map of a character file next to it; the path written. FileError where that cannot be done."""
     path = joint_map_path(character)
     ordered = {name: joints[name] for name in SPORT_SKELETON.names if name in joints}
     write_atomic(path, json.dumps(ordered, indent=2, ensure_ascii=False) + "\n")
@@ -54,6 +54,6 @@ def save_joint_map(character: str | Path, joints: Mapping[str, str]) -> Path:
 
 
 def saved_joint_map(character: str | Path) -> dict[str, str]:
-    """The map beside a character file, empty where there is none; FileError when it is damaged."""
+    """The map next to a character file, empty where there is none; FileError when it is damaged."""
     path = joint_map_path(character)
     return read_joint_map(path) if path.is_file() else {}

@@ -165,7 +165,7 @@ def _load_buffers(path: Path, gltf: Entry, blob: memoryview) -> list[memoryview]
 
 
 def read_uri(path: Path, uri: Any, what: str) -> bytes:
-    """Bytes that `path` refers to: embedded as base64, or a file beside it; FileError otherwise."""
+    """Bytes that `path` refers to: embedded as base64, or a file next to it; FileError otherwise."""
     if not isinstance(uri, str):
         raise FileError(f"{path}: the address of a {what} is damaged.", REMEDY)
     if not uri.startswith("data:"):
@@ -188,7 +188,7 @@ def _read_sibling(path: Path, uri: str, what: str) -> bytes:
     if not there:
         raise FileError(
             f"{path}: its {what} file {uri[:80]!r} is missing.",
-            "Put it beside the .gltf file, or export as one .glb file.",
+            "Put it next to the .gltf file, or export as one .glb file.",
         )
     return _read(target)
 

@@ -129,7 +129,7 @@ def _loose_foot(tree: JointTree, top: int, tip: int, limit: float) -> int:
 
 
 def _pair(tree: JointTree, joint: int, legs: list[_Leg]) -> tuple[_Leg, ...] | None:
-    """The two legs most like each other that stand beside each other."""
+    """The two legs most like each other that stand side by side."""
     best, least = None, TOLERANCE * tree.size
     for i, a in enumerate(legs):
         for b in legs[:i]:
@@ -223,7 +223,7 @@ def _joints_in_legs(tree: JointTree, legs: tuple[_Leg, ...]) -> set[int]:
 
 
 def _trunk_root(tree: JointTree, hips: int, in_legs: set[int]) -> int:
-    """The hips, or the joint above them where the spine hangs beside them."""
+    """The hips, or the joint above them where the spine hangs next to them."""
     for joint in tree.ancestors(hips):
         rest = [each for each in tree.under(joint) if each not in in_legs]
         if max(float(tree.positions[each, 1]) for each in rest) > tree.floor + 0.7 * tree.size:

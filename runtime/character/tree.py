@@ -1,4 +1,4 @@
-"""A joint hierarchy in its rest pose, asked for chains, leaves and extents."""
+"""A joint hierarchy in its rest pose, with its chains, leaves and extents."""
 
 from __future__ import annotations
 

@@ -179,29 +179,27 @@ class PlantedFoot:
         """Take, keep or give up the held point; the toe goes before the heel, so that the foot rolls over it."""
         s = SETTINGS
         anchor = "toe" if self.toe_down else "heel" if self.heel_down else ""
-        if self.refractory > 0.0:
-            anchor = ""
-        rise, chance = (x[0 if anchor == "toe" else 1] for x in (self.heights, self.chances))
-        may_rise = s.release_rise_sure if chance > s.contact_on else s.release_rise
-        if anchor and anchor != self.anchor:
-            joint = self.toe if anchor == "toe" else self.ankle
-            self.point, self.lowest = (joint[0], joint[2]), rise
-        self.anchor = anchor
-        if not anchor:
+        if self.refractory > 0.0 or not anchor:
+            self.anchor = ""
             return
-        self.lowest = min(self.lowest, rise)
-        joint = leg.toe if anchor == "toe" else leg.ankle
+        k = ("toe", "heel").index(anchor)
+        rise, may_rise = (
+            self.heights[k],
+            s.release_rise_sure if self.chances[k] > s.contact_on else s.release_rise,
+        )
+        if anchor != self.anchor:
+            joint = (self.toe, self.ankle)[k]
+            self.point, self.lowest = (joint[0], joint[2]), rise
+        self.anchor, self.lowest = anchor, min(self.lowest, rise)
+        joint = (leg.toe, leg.ankle)[k]
         away = sqrt((joint[0] - self.point[0]) ** 2 + (joint[2] - self.point[1]) ** 2)
         hip = (leg.hip[0], leg.hip[1] - drop, leg.hip[2])
         stretch = length(subtract(self.ankle, hip)) - self.bones.length
+        strain = max(away / (patience * s.release_offset), stretch / s.release_stretch)
+        overstrained = strain > (1.5 if other_steps else 1.0)
         if rise > self.lowest + may_rise:
             self.anchor, self.toe_down, self.heel_down = "", False, False
-        elif (
-            self.twisted
-            or self.ankle[1] > hip[1] - s.release_under
-            or max(away / (patience * s.release_offset), stretch / s.release_stretch)
-            > (1.5 if other_steps else 1.0)
-        ):
+        elif self.twisted or overstrained or self.ankle[1] > hip[1] - s.release_under:
             self.anchor, self.refractory = "", s.refractory
 
     def plant(self, leg: LegPose, drop: float, ground: PointHeights, dt: float) -> None:

@@ -1,4 +1,4 @@
-"""A take as BVH of the 31-joint skeleton: written with the JSON beside it, and read back."""
+"""A take as BVH of the 31-joint skeleton: written with the JSON next to it, and read back."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def clip_of_motion(motion: BvhMotion, path: Path) -> tuple[Clip, str]:
 
     FileError names the joints that are missing or rest otherwise, or a rate that no clip has. Contacts are zero: a
     BVH has none.
-    Prompts and origin are those of the file beside it, where that file belongs to this BVH.
+    Prompts and origin are those of the file next to it, where that file belongs to this BVH.
     """
     fps = video_rate(motion.fps)
     if not 0.0 < fps <= MAX_FPS:

@@ -66,8 +66,7 @@ def glb_document(
     character, file = load_character(source, joint_map), open_gltf(source)
     buffer = GlbBuffer.of_file(file)
     buffer.gltf.asset.generator = "SPORT viewer"
-    plain = options.plain or options.engine is not None
-    size = body_size(take.clip, options, character)
+    size, plain = body_size(take.clip, options, character), options.plain or options.engine is not None
     rig = open_rig(buffer, file, character, read_meshes(file), options.rooted, plain, size)
     others = [prepare(open_take(path).clip, options, terrain) for path in options.with_takes]
     _animate_all(rig, buffer, [take, *others], check)

@@ -1,4 +1,4 @@
-"""The ground of a take: the one it was made on, and its triangles as a node of a GLB, or as an OBJ or GLB beside it."""
+"""The ground of a take: the one it was made on, and its triangles as a node of a GLB, or as an OBJ or GLB next to it."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ def names_ground(clip: Clip) -> bool:
     return clip.terrain != "flat" or bool(clip.prompts) or clip.origin != UNKNOWN
 
 
-def ground_spec(clip: Clip, clip_path: Path | None = None, asked: str | None = None) -> str:
-    """Name or file of the ground under `clip`: `asked`, or the one of its metadata.
+def ground_spec(clip: Clip, clip_path: Path | None = None, chosen: str | None = None) -> str:
+    """Name or file of the ground under `clip`: `chosen`, or the one of its metadata.
 
-    Metadata keep only the name of a ground from a file: it is looked for as it is, and beside the clip. FileError when
+    Metadata keep only the name of a ground from a file: it is looked for as it is, and next to the clip. FileError when
     it is in neither place, with the remedy to name it.
     """
-    if asked is not None:
-        return asked
+    if chosen is not None:
+        return chosen
     if clip.placed is None or clip.terrain in TERRAIN_NAMES:
         return clip.terrain if clip.placed is not None else "flat"
     places = [Path(clip.terrain)]
@@ -46,14 +46,14 @@ def ground_spec(clip: Clip, clip_path: Path | None = None, asked: str | None = N
         if place.is_file():
             return str(place)
     raise FileError(
-        f"{clip_path or clip.name}: made on the ground {Path(clip.terrain).name}, which is not beside it.",
-        "Put that file beside the clip, or choose a ground (--terrain).",
+        f"{clip_path or clip.name}: made on the ground {Path(clip.terrain).name}, which is not next to it.",
+        "Put that file next to the clip, or choose a ground (--terrain).",
     )
 
 
-def ground_of(clip: Clip, clip_path: Path | None = None, asked: str | None = None) -> Terrain:
+def ground_of(clip: Clip, clip_path: Path | None = None, chosen: str | None = None) -> Terrain:
     """The terrain of `ground_spec`, as the body that the clip was made for sees it."""
-    return load_terrain(ground_spec(clip, clip_path, asked)).seen_by(clip.size)
+    return load_terrain(ground_spec(clip, clip_path, chosen)).seen_by(clip.size)
 
 
 def ground_mesh(

@@ -62,7 +62,7 @@ def option(default: Any, formats: frozenset[str] = frozenset(), flag: str = "", 
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """Options of an export; `unit` concerns BVH and the ground beside it, GLB and FBX are in metres.
+    """Options of an export; `unit` concerns BVH and the ground next to it, GLB and FBX are in metres.
 
     `start_s` and `end_s` (None: to the last frame) are one argument. `character` None is the mannequin, `engine` None
     any program. `plain`, without an argument: joints without scales, and one node above them.
@@ -93,7 +93,7 @@ class ExportOptions:
     )  # fmt: skip
     joint_map: Path | None = option(
         None, BODIES | FILMS, "--joint-map", parse=Path, metavar="JSON",
-        help="names of its joints, in place of the file beside it",
+        help="names of its joints, in place of the file next to it",
     )  # fmt: skip
     engine: str | None = option(
         None, SKINNED, "--for", dest="engine", ignored_by=frozenset(), metavar="ENGINE", label="For",
@@ -148,7 +148,7 @@ class ExportOptions:
     )
     ground_out: Path | None = option(
         None, flag="--ground-out", parse=Path, metavar="FILE", label="Ground",
-        help="the ground beside the take: .obj or .glb",
+        help="the ground next to the take: .obj or .glb",
     )  # fmt: skip
     film_fps: float = option(
         30.0, FILMS, label="Frames a second",
@@ -214,6 +214,6 @@ _RULES: tuple[_Rule, ...] = (  # an option, whether it can be used, what is wron
     ("ground_out", lambda o: o.ground_out is None or o.ground_out.suffix.lower() in GROUND_SUFFIXES,
      lambda o: f" {o.ground_out}: expected {' or '.join(GROUND_SUFFIXES)}.", "Choose one of them."),
     ("in_place", lambda o: not (o.in_place and (o.ground_out is not None or o.with_ground)),
-     lambda o: f" with a ground{'' if o.ground_out is None else ' beside it'}: the character would not move over it.",
+     lambda o: f" with a ground{'' if o.ground_out is None else ' next to it'}: the character would not move over it.",
      "Leave one of the two out."),
 )  # fmt: skip

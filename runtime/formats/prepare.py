@@ -21,7 +21,7 @@ Check = Callable[[], None]  # called again and again while a file is made: ends 
 
 
 def go_on() -> None:
-    """A `Check` of what nobody cancels."""
+    """A `Check` of an export that is not cancelled."""
 
 
 @dataclass(frozen=True)

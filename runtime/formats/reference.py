@@ -35,7 +35,7 @@ class ReferenceMotion:
     clip: Clip
     own: OwnSkeleton  # as it is in the file
     joints: int  # of ours that were found
-    origin: str  # what told them
+    origin: str  # what they were found by
     scale: float
 
     def describe(self) -> str:
@@ -70,10 +70,10 @@ def open_take(path: Path) -> OpenedTake:
 
 
 def load_reference_bvh(path: str | Path) -> ReferenceMotion:
-    """A BVH of any two-legged skeleton whose joints can be told, as a clip of ours that begins at the origin.
+    """A BVH of any two-legged skeleton whose joints can be found, as a clip of ours that begins at the origin.
 
     It goes in the world as the file does. FileError when it cannot be read, when joints are missing, or when it stands
-    on four legs. Joints are those that `guess_skeleton` tells, and those of `FILE.joints.json` beside it.
+    on four legs. Joints are those that `guess_skeleton` tells, and those of `FILE.joints.json` next to it.
     """
     path = Path(path)
     return _reference(read_bvh(path), path)
@@ -128,7 +128,7 @@ def _rest(motion: BvhMotion, positions: Array, world: Array, path: Path) -> _Res
         problems.append(missing if guess.missing else "neither rest pose nor first frame stands")
     raise FileError(
         f"{path}: a motion of another skeleton, and {problems[-1]}: it cannot be played as reference.",
-        f"Name its joints in {joint_map_path(path).name} beside it, or export it with a T-pose as rest pose.",
+        f"Name its joints in {joint_map_path(path).name} next to it, or export it with a T-pose as rest pose.",
     )
 
 

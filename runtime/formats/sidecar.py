@@ -1,4 +1,4 @@
-"""What a file tells of its take: JSON beside a BVH, `extras` of a GLB, prompts and gaits as markers of the time line.
+"""What a file tells of its take: JSON next to a BVH, `extras` of a GLB, prompts and gaits as markers of the time line.
 
 `walk.bvh` has `walk.bvh.json`. It names model, seed, ground and styles; folders, addresses and keys are never in it.
 """
@@ -70,13 +70,13 @@ def format_metadata(clip: Clip, bvh_text: str) -> str:
 
 
 def write_sidecar(clip: Clip, path: Path, text: str) -> None:
-    """Write what is known of the clip beside its BVH of this text; FileError when it cannot be written."""
+    """Write what is known of the clip next to its BVH of this text; FileError when it cannot be written."""
     write_atomic(sidecar_path(path), format_metadata(clip, text))
 
 
 @dataclass(frozen=True)
 class TakeMetadata:
-    """What the file beside a BVH tells; fields that are missing or of another type have their defaults."""
+    """What the file next to a BVH tells; fields that are missing or of another type have their defaults."""
 
     terrain: str = "flat"
     prompts: tuple[PromptEvent, ...] = ()
@@ -90,7 +90,7 @@ class TakeMetadata:
 def read_metadata(bvh: Path) -> TakeMetadata:
     """The metadata of a BVH file. Without a file of this form that belongs to that very BVH, nothing is known.
 
-    A take from an older program has none, and a motion can be opened whatever stands beside it: damage is a warning
+    A take from an older program has none, and a motion can be opened whatever stands next to it: damage is a warning
     in the log.
     """
     path = sidecar_path(bvh)

@@ -119,7 +119,7 @@ def save_motion(
     terrain: Terrain | None = None,
     check: Check = lambda: None,
 ) -> list[str]:
-    """Write a take as its ending says (no film: `viewer.filming`), and its ground beside it; a sentence about each file.
+    """Write a take as its ending says (no film: `viewer.filming`), and its ground next to it; a sentence about each file.
 
     `terrain` is what it was made on; without one, the ground is the level of its lowest sole. `check` may
     end it at many places by an exception: no file is there then. UsageError or FileError.

@@ -308,14 +308,20 @@ def _segment(text: str) -> StickSegment:
     if name not in STICK_GAITS:
         raise _error(f"'{text[:60]}': no gait '{name[:20]}'; expected {', '.join(STICK_GAITS)}")
     seconds, amount = float(found["seconds"]), float(found["amount"] or 1.0)
-    if not 0.0 < seconds <= MAX_SECONDS:
-        raise _error(f"'{text[:60]}': {seconds:g} seconds; expected more than 0 and at most {MAX_SECONDS:g}")
-    if not 0.0 <= amount <= 1.0:
-        raise _error(f"'{text[:60]}': amount {amount:g}; expected 0 to 1")
-    if STICK_GAITS[name] in (Gait.STAND, Gait.JUMP) and (
-        found["heading"] or found["amount"] or found["facing"]
+    directed = any(found.group("heading", "amount", "facing"))
+    for wrong, problem in (
+        (
+            not 0.0 < seconds <= MAX_SECONDS,
+            f"{seconds:g} seconds; expected more than 0 and at most {MAX_SECONDS:g}",
+        ),
+        (not 0.0 <= amount <= 1.0, f"amount {amount:g}; expected 0 to 1"),
+        (
+            directed and name in ("stand", "jump"),
+            f"{name} takes seconds only, its stick is at rest or as before",
+        ),
     ):
-        raise _error(f"'{text[:60]}': {name} takes seconds only, its stick is at rest or as before")
+        if wrong:
+            raise _error(f"'{text[:60]}': {problem}")
     facing = None if found["facing"] is None else float(found["facing"])
     return StickSegment(STICK_GAITS[name], seconds, float(found["heading"] or 0.0), amount, facing)
 

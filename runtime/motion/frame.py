@@ -127,9 +127,7 @@ def step(
     _feed_back(state, y, joints, probes, styles, terrain, haste)
 
     reasons = tuple(probe.reason for probe in probes)
-    if not sound.all():
-        state = _set_back(model, before, state, sound, terrain)
-    return state, Frame(*unlocked, reasons, ~sound)
+    return _set_back(model, before, state, sound, terrain), Frame(*unlocked, reasons, ~sound)
 
 
 def full_speed(style: Style, gait: Gait) -> float:
@@ -398,7 +396,9 @@ def _feed_back(
 def _set_back(
     model: MotionModel, before: CharacterState, state: CharacterState, sound: Flags, terrain: Terrain
 ) -> CharacterState:
-    """The state in which characters after a fault of the network stand where they stood."""
+    """The state in which characters after a fault of the network (not `sound`) stand where they stood."""
+    if sound.all():
+        return state
     members = [part(state, i) for i in range(len(state))]
     for i in np.flatnonzero(~sound).tolist():
         (x, _, z), yaw = before.poses.root[i].tolist(), float(before.poses.yaw[i])

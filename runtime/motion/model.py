@@ -57,6 +57,7 @@ KINDS = "sport.models"  # entry points of other kinds of model: a class with the
 ARM_PARTS = 2  # of the six come first
 LISTS = 8  # of styles that are kept stacked: two calls of four threads
 MIN_STRENGTH, MAX_STRENGTH = 0.0, 2.0
+NEW_MODEL = "Give a style for each, with a newly exported model."
 
 
 class MotionModel:
@@ -185,17 +186,19 @@ class MotionModel:
 
     def _folded(self, style: Style | Sequence[Style], count: int, second: bool) -> dict[str, Float32Array]:
         if isinstance(style, Style):
-            tensors = {name: getattr(style, name) for name in FOLDED}
-            return {name: tensor[None] for name, tensor in tensors.items()} if self._styles_apart else tensors
-        if len(style) != count or not self._styles_apart:
-            problem = f"{len(style)} styles for {count} characters"
-            problem = problem if self._styles_apart else "this model takes one style for all characters"
-            raise ModelError(
-                f"{self.folder}: {problem}.", "Give a style for each, with a newly exported model."
-            )
+            leading = None if self._styles_apart else ...
+            return {name: getattr(style, name)[leading] for name in FOLDED}
+        if not self._styles_apart:
+            raise ModelError(f"{self.folder}: this model takes one style for all characters.", NEW_MODEL)
+        if len(style) != count:
+            raise ModelError(f"{self.folder}: {len(style)} styles for {count} characters.", NEW_MODEL)
+        return self._stack(style, second)
+
+    def _stack(self, style: Sequence[Style], second: bool) -> dict[str, Float32Array]:
+        """The folded weights of styles, one after the other; the same list again is not stacked anew."""
         asking = threading.get_ident(), second
         known, tensors = self._stacked.get(asking, ((), {}))
-        if len(known) != count or any(a is not b for a, b in zip(known, style, strict=True)):
+        if len(known) != len(style) or any(a is not b for a, b in zip(known, style, strict=True)):
             tensors = {name: np.stack([getattr(one, name) for one in style]) for name in FOLDED}
             others = self._stacked if len(self._stacked) < LISTS else {}
             self._stacked = {**others, asking: (tuple(style), tensors)}
@@ -239,11 +242,15 @@ def _calibration(
             for name in ("code", "lead", "gain", "gain_beside", "spread")
         )
         gains = np.stack([alone, opposite], axis=-1)
-        fits = phase.shape == (C,) and bool((np.abs(phase) == 1.0).all())
-        fits = fits and codes.shape == (len(parts), neutral.shape[1]) and bool(np.isfinite(codes).all())
-        fits = fits and leads.shape == spreads.shape == parts.shape
-        fits = fits and bool((np.abs(leads) <= 1.0).all() and (np.abs(spreads - 0.5) <= 0.5).all())
-        fits = fits and bool((gains >= 1.0).all() and (gains <= MAX_GAIN).all())
+        shapes = (phase.shape, codes.shape, leads.shape, spreads.shape)
+        expected = ((C,), (len(parts), neutral.shape[1]), parts.shape, parts.shape)
+        within = (
+            np.abs(phase) == 1.0,
+            np.isfinite(codes),
+            np.abs(leads) <= 1.0,
+            np.abs(spreads - 0.5) <= 0.5,
+        )
+        fits = shapes == expected and all(map(np.all, (*within, gains >= 1.0, gains <= MAX_GAIN)))
     except (TypeError, KeyError, ValueError, OverflowError):
         fits = False
     if not fits:

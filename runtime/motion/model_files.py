@@ -87,15 +87,24 @@ def _check_metadata(path: Path, metadata: Any) -> None:
             f"{path}: field 'layout_version' is {repr(version)[:40]}, this program needs {LAYOUT_VERSION}.",
             "Export the model again with this version of the program.",
         )
-    for field, kind in _FIELDS.items():
-        if not isinstance(metadata.get(field), kind):
-            problem = "is missing" if field not in metadata else f"is not a JSON {_JSON_NAMES[kind]}"
-            raise ModelError(f"{path}: field '{field}' {problem}.", REMEDY)
-    if not is_text(metadata["name"]) or len(metadata["name"]) > MAX_NAME:
+    wrong = [field for field, kind in _FIELDS.items() if not isinstance(metadata.get(field), kind)]
+    if wrong:
+        problem = f"is not a JSON {_JSON_NAMES[_FIELDS[wrong[0]]]}" if wrong[0] in metadata else "is missing"
+        raise ModelError(f"{path}: field '{wrong[0]}' {problem}.", REMEDY)
+    _check_names(path, metadata["name"], metadata["joints"])
+    _check_config(path, metadata["config"])
+    for field, count in (("output", OUTPUT_SIZE), ("phase", INPUT["phase"].stop - INPUT["phase"].start)):
+        _check_numbers(path, f"start.{field}", metadata["start"].get(field), count)
+
+
+def _check_names(path: Path, name: Any, joints: list[Any]) -> None:
+    if not is_text(name) or len(name) > MAX_NAME:
         raise ModelError(f"{path}: field 'name' is no name of up to {MAX_NAME} characters.", REMEDY)
-    if tuple(metadata["joints"]) != SPORT_SKELETON.names:
+    if tuple(joints) != SPORT_SKELETON.names:
         raise ModelError(f"{path}: field 'joints' names another skeleton.", REMEDY)
-    config, start = metadata["config"], metadata["start"]
+
+
+def _check_config(path: Path, config: dict[str, Any]) -> None:
     if config.get("output_size") != OUTPUT_SIZE:
         raise ModelError(
             f"{path}: output size {str(config.get('output_size'))[:40]}, the viewer needs {OUTPUT_SIZE}"
@@ -108,8 +117,6 @@ def _check_metadata(path: Path, metadata: Any) -> None:
     size = config.get("style_size", 384)
     if type(size) is not int or not 6 <= size <= 6 * 4096:
         raise ModelError(f"{path}: field 'config.style_size' is no size of six codes.", REMEDY)
-    for field, count in (("output", OUTPUT_SIZE), ("phase", INPUT["phase"].stop - INPUT["phase"].start)):
-        _check_numbers(path, f"start.{field}", start.get(field), count)
 
 
 def _check_numbers(path: Path, field: str, values: Any, count: int) -> None:

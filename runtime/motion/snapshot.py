@@ -90,21 +90,20 @@ class Snapshot:
                 arrays = [named[f"a{k}"] for k in range(len(named))]
                 codes = _codes(tree["style"], arrays)
                 state = read_record(CharacterState, tree["state"], arrays, name)
-                if state.styles or not all(is_possible(traversal) for traversal in state.traversals):
-                    raise ValueError("a traversal of no obstacle")
-                if (
-                    len(state.feet) != 1
-                    or len(state.traversals) != 1
-                    or len(state.jumps) != 1
-                    or not state.jumps[0].is_possible
-                    or state.seed[0] < 0
-                    or state.frame[0] < 0
-                ):
+                if not _is_one_character(state):
                     raise ValueError("not one character")
                 return Snapshot(state, codes)
         except DAMAGES as error:
             raise FileError(f"{name}: not the state of a controller.", REMEDY) from error
         raise FileError(f"{name}: of version {str(version)[:20]}, expected {VERSION}.", REMEDY)
+
+
+def _is_one_character(state: CharacterState) -> bool:
+    """Whether a state that was read from a file is one that a character can be in."""
+    if not len(state.feet) == len(state.traversals) == len(state.jumps) == 1 or state.styles:
+        return False
+    numbers = bool(state.seed[0] >= 0 and state.frame[0] >= 0)
+    return numbers and state.jumps[0].is_possible and is_possible(state.traversals[0])
 
 
 def take_snapshot(controller: Controller) -> Snapshot:

@@ -1,4 +1,4 @@
-"""A character's files as they are kept in a project: the glTF, and what it refers to in its own folder.
+"""A character's files as they are kept in a session: the glTF, and what it refers to in its own folder.
 
 They get names that every system takes (`safe_name`); the glTF then refers to them by those.
 """
@@ -28,34 +28,38 @@ _UNSAFE = re.compile(r"""[\x00-\x1f\x7f\\/:*?"<>|\ud800-\udfff]+""")
 
 
 def read_character_files(path: Path) -> Files:
-    """The glTF file first, then buffers and images beside it and settings of the same name; FileError."""
+    """The glTF file first, then buffers and images in its folder and settings of the same name; FileError."""
     main, left = _safe_form(path.name), MAX_ALL_BYTES
-    files = {main: read_bounded(path, left)}
-    names: dict[str, str] = {}  # by URI
-    gltf = open_gltf(path).gltf
-    for entry in (*(gltf.buffers or []), *(gltf.images or [])):
-        uri: Any = entry.uri
-        if isinstance(uri, str) and not uri.startswith("data:") and _in_folder(path, unquote(uri)):
-            beside = path.parent / unquote(uri)
-            if uri not in names and _is_file(beside):  # an image that is missing costs its texture only
-                name = unquote(uri)
-                names[uri] = name if safe_name(name) else f"file {len(names) + 1}{_safe_suffix(name)}"
-                left -= len(files[main])
-                files[names[uri]] = read_bounded(beside, max(left, 0))
+    files, names = {main: read_bounded(path, left)}, dict[str, str]()
+    for uri in _local_uris(path):
+        name = unquote(uri)
+        names[uri] = name if safe_name(name) else f"file {len(names) + 1}{_safe_suffix(name)}"
+        left -= len(files[main])
+        files[names[uri]] = read_bounded(path.parent / name, max(left, 0))
     if any(unquote(uri) != name for uri, name in names.items()):
         files[main] = _with_uris(files[main], {uri: quote(name) for uri, name in names.items()})
-    for beside in sorted(path.parent.glob("*.json")):
-        for begin, safe in ((path.name, main), (path.stem, Path(main).stem)):
-            rest = beside.name.removeprefix(begin)
-            if (
-                rest != beside.name
-                and rest.startswith(".")
-                and safe_name(safe + rest)
-                and safe + rest not in files
-            ):
-                files[safe + rest] = read_bounded(beside, MAX_FILE_BYTES)
-                break
+    for settings in sorted(path.parent.glob("*.json")):
+        kept = _settings_name(settings.name, path, main)
+        if kept and kept not in files:
+            files[kept] = read_bounded(settings, MAX_FILE_BYTES)
     return files
+
+
+def _local_uris(path: Path) -> list[str]:
+    """What a glTF file refers to in its own folder and is there: an image that is missing costs its texture only."""
+    gltf = open_gltf(path).gltf
+    uris: list[Any] = [entry.uri for entry in (*(gltf.buffers or []), *(gltf.images or []))]
+    local = dict.fromkeys(uri for uri in uris if isinstance(uri, str) and not uri.startswith("data:"))
+    return [u for u in local if _in_folder(path, unquote(u)) and _is_file(path.parent / unquote(u))]
+
+
+def _settings_name(name: str, path: Path, main: str) -> str:
+    """How a JSON file is kept that belongs to the glTF by its name; "" for another one."""
+    for begin, safe in ((path.name, main), (path.stem, Path(main).stem)):
+        rest = name.removeprefix(begin)
+        if rest != name and rest.startswith(".") and safe_name(safe + rest):
+            return safe + rest
+    return ""
 
 
 def _is_file(path: Path) -> bool:

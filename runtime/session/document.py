@@ -1,50 +1,98 @@
-"""A session as text: JSON that refers to contents by their hashes, and the same from a file that is not trusted."""
+"""A session as text: JSON that refers to contents by their hashes, and the same from a file that is not trusted.
+
+Records are objects of their fields, whose annotations say how they are read: every name, kind and length is checked.
+Grounds, motions, styles and what made a take have forms of their own.
+"""
 
 from __future__ import annotations
 
 import json
 import math
+import types
+import typing
 from collections.abc import Callable
-from dataclasses import astuple, dataclass, field, fields, replace
-from functools import partial
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from enum import Enum
+from functools import cache
 from typing import Any
 
-from runtime.character.shape import BodyShape
+import numpy as np
+from numpy.typing import NDArray
+
 from runtime.checked import read_number, read_text, read_whole
-from runtime.controls import Gait
 from runtime.errors import FileError, SportError
-from runtime.motion.control_scripts import MAX_POINTS, Waypoint
+from runtime.motion.control_scripts import MAX_POINTS
+from runtime.motion.snapshot import Snapshot
+from runtime.motion.style import StyleMix
+from runtime.prompts.parts import PartDescriptions
 from runtime.safe_read import is_text, parse_json, printable, reason
 from runtime.session.blobs import REMEDY, BlobReader, BlobWriter, Once
 from runtime.session.character_files import safe_name
-from runtime.session.inputs import InputReader, InputWriter, read_words_text
+from runtime.session.frames import packed_table, unpacked_table
 from runtime.session.motion import Motion, MotionHeader
-from runtime.session.session import (
-    CharacterChoice,
-    Ground,
-    ModelName,
-    Reference,
-    Session,
-    Take,
-    Variant,
+from runtime.session.prompt_blend import Answer, PromptBlend
+from runtime.session.session import CharacterChoice, Ground, Session, Take
+from runtime.skeleton import PART_NAMES
+from runtime.takes.camera_keys import MAX_KEYS
+from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, MAX_SIZE, MIN_SIZE
+from runtime.takes.footplants import MAX_FRAME, FootplantEdit
+from runtime.takes.input_recording import (
+    COLUMNS,
+    Change,
+    GroundChange,
+    InputFrames,
+    InputRecording,
+    Keyframe,
+    Restart,
+    StyleChange,
+    are_asked,
 )
-from runtime.takes.camera_keys import MAX_KEYS, read_key
-from runtime.takes.clip import MAX_FPS, MAX_SIZE, MIN_SIZE
-from runtime.takes.metadata import event_from, origin_from
+from runtime.takes.metadata import PromptEvent
 from runtime.takes.own_skeleton import OwnSkeleton
-from runtime.takes.pose_edits import NO_EDITS, read_edits
+from runtime.takes.pins import MAX_PINS
+from runtime.terrain.files import MAX_HEIGHT_M
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.mesh import MAX_SIDE
 
-MAX_TAKES, MAX_VARIANTS = 10_000, 9
+MAX_TAKES, MAX_VARIANTS, MAX_NEAREST = 10_000, 9, 20
 MAX_FRAMES = 2_000_000  # of a take: nine hours
 MAX_TEXT = 4096  # characters of a name
-_text = partial(read_text, longest=MAX_TEXT)
 MAX_ITEMS = 400_000  # values of one text
-TAKE_BYTES = 20_000  # of a take in memory without its frames, about
+# in memory, about: of a take without its frames, of a state, and of a change of what made a take
+TAKE_BYTES, STATE_BYTES, CHANGE_BYTES = 20_000, 65_536, 4096
+CODE = (6, 64)
+SOURCES = ("library", "gpt", "explicit")
 Json = Any
 # what JSON of another shape raises where it is unpacked
 STRUCTURE_ERRORS = (
     KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, RecursionError, MemoryError,
 )  # fmt: skip
+_NOT_KEPT = {(PromptBlend, "shares"), (Answer, "milliseconds"), (Answer, "final"), (Answer, "question")}
+_LONG_TEXTS = (PromptEvent, Answer)  # records whose texts are prompts
+
+
+@cache
+def _schema(kind: Any) -> tuple[tuple[str, Any], ...]:
+    """Fields of a record with their types."""
+    hints = typing.get_type_hints(kind)
+    return tuple((f.name, hints[f.name]) for f in fields(kind) if (kind, f.name) not in _NOT_KEPT)
+
+
+def pack_sticks(rows: NDArray[np.float64]) -> bytes:
+    """Sticks and settings of frames `(T, COLUMNS)`."""
+    return packed_table(rows.astype("<f8", copy=False)) if len(rows) else b""
+
+
+def unpack_sticks(content: bytes, count: int) -> NDArray[np.float64]:
+    """What `pack_sticks` packed; ValueError for what no hand can push."""
+    if len(content) != 8 * COLUMNS * count:
+        raise ValueError("sticks of another length")
+    if not count:
+        return np.zeros((0, COLUMNS))
+    rows = unpacked_table(content, count, np.dtype("<f8"))
+    if not are_asked(rows):
+        raise ValueError("a stick that no hand can push")
+    return rows
 
 
 # --- writing
@@ -52,100 +100,97 @@ STRUCTURE_ERRORS = (
 
 @dataclass
 class DocumentWriter:
-    """Packs sessions; what did not change since the last one is not packed again."""
+    """Packs sessions; what did not change since the last one is not packed again. Contents that a text refers to are put first."""
 
     put: Callable[[str, bytes], None]
     _once: Once = field(default_factory=Once)
+    blobs: BlobWriter = field(init=False)
+    _forms: list[tuple[type, Callable[[Any], Json]]] = field(init=False)  # of what is no record
+
+    def __post_init__(self) -> None:
+        self.blobs = BlobWriter(self.put)
+        self._forms = [
+            (Enum, lambda value: value.value),
+            (str, _text),
+            (tuple, self._list),
+            (frozenset, sorted),
+            (np.ndarray, self.blobs.array),
+            (Motion, lambda motion: motion.key),
+            (Ground, lambda ground: [_text(ground.spec)[:MAX_TEXT], self._terrain(ground.terrain)]),
+            (OwnSkeleton, lambda own: self._once.get("own skeleton", own, lambda: self._own(own))),
+            (PartDescriptions, PartDescriptions.to_mapping),
+        ]
 
     def session(self, session: Session) -> str:
-        """The text of a session. The contents that it refers to are put first."""
-        blobs = BlobWriter(self.put)
-        return json.dumps(_session(session, InputWriter(blobs, self._once)), ensure_ascii=True)
+        """The text of a session."""
+        return json.dumps(self._record(session), ensure_ascii=True)
 
-    def packer(self) -> InputWriter:
-        """What packs the input of a motion."""
-        return InputWriter(BlobWriter(self.put), self._once)
+    def inputs(self, inputs: InputRecording) -> Json:
+        """JSON of what made a take, but for its sticks: see `pack_sticks`."""
+        return {
+            "changes": [[change.frame, self._change(change)] for change in inputs.changes],
+            "keyframes": [[key.frame, self._snapshot(key.snapshot)] for key in inputs.keyframes],
+        }
 
+    def _record(self, value: Any) -> Json:
+        kind: Any = type(value)
+        packed = {name: self._value(getattr(value, name)) for name, _ in _schema(kind)}
+        if kind in _LONG_TEXTS:
+            return packed
+        return {name: v[:MAX_TEXT] if isinstance(v, str) else v for name, v in packed.items()}
 
-def _session(session: Session, packer: InputWriter) -> Json:
-    once, blobs = packer.once, packer.blobs
-    reference = session.reference
-    return {
-        "takes": [
-            once.get("take", take, lambda t=take: blobs.text(json.dumps(_take(t, packer))))  # type: ignore[misc]
-            for take in session.takes
-        ],
-        "live": _take(session.live, packer),
-        "ground": _ground(session.ground, packer),
-        "character": _character(session.character),
-        "model": {name: _label(v) if isinstance(v, str) else v for name, v in vars(session.model).items()},
-        "reference": None
-        if reference is None
-        else vars(reference)
-        | {
-            "video": _label(reference.video),
-            "character": None if reference.character is None else _character(reference.character),
-        },
-        "variants": [[v.number, packer.prompt(v.prompt), v.seed] for v in session.variants],
-        "counter": session.counter,
-        "selected": session.selected,
-    }
+    def _value(self, value: Any) -> Json:
+        for kind, pack in self._forms:
+            if isinstance(value, kind):
+                return pack(value)
+        return self._record(value) if is_dataclass(value) else value
 
+    def _list(self, values: Any) -> Json:
+        return [self._text_of(value) if isinstance(value, Take) else self._value(value) for value in values]
 
-def _take(take: Take, packer: InputWriter) -> Json:
-    return {
-        "number": take.number,
-        "motion": None if take.motion is None else take.motion.key,
-        "name": _label(take.name),
-        "trim": take.trim and list(take.trim),
-        "poses": take.poses.to_json() if take.poses else None,
-        "cameras": [list(astuple(key)) for key in take.cameras],
-        "path": [[p.x, p.z, p.speed, int(p.gait)] for p in take.path],
-        "prompt": packer.prompt(take.prompt) if take.prompt.a is not None else None,
-        "mirrored": take.mirrored,
-        "color": take.color,
-        "recorded": take.recorded,
-        "ground": _ground(take.ground, packer),
-        "own": _own(take.own, packer),
-    }
+    def _text_of(self, take: Take) -> str:
+        """The reference of a take's text."""
+        return self._once.get("take", take, lambda: self.blobs.text(json.dumps(self._record(take))))
 
+    def _terrain(self, terrain: Terrain) -> Json:
+        x, z = terrain.origin
+        heights = self._once.get("heights", terrain.heights, lambda: self.blobs.array(terrain.heights))
+        return {"name": terrain.name, "cell_m": float(terrain.cell_m), "x": float(x), "z": float(z),
+                "note": terrain.note, "unit_m": terrain.unit_m, "heights": heights}  # fmt: skip
 
-def _ground(ground: Ground | None, packer: InputWriter) -> Json:
-    return None if ground is None else [_label(ground.spec), packer.ground(ground.terrain)]
-
-
-def _character(choice: CharacterChoice) -> Json:
-    return {"shape": vars(choice.shape), "path": _label(choice.path), "key": choice.key}
-
-
-def _own(own: OwnSkeleton | None, packer: InputWriter) -> Json:
-    if own is None:
-        return None
-
-    def packed() -> Json:
+    def _own(self, own: OwnSkeleton) -> Json:
         middle, steps = own.packed()
-        return [list(own.parents), packer.blobs.array(middle), packer.blobs.data(steps)]
+        return [list(own.parents), self.blobs.array(middle), self.blobs.data(steps)]
 
-    return packer.once.get("own skeleton", own, packed)
+    def _snapshot(self, snapshot: Snapshot) -> str:
+        return self._once.get("state", snapshot, lambda: self.blobs.data(snapshot.to_bytes()))
+
+    def _change(self, change: Change) -> Json:
+        if isinstance(change, Restart):
+            return {"restart": [change.x, change.z, change.yaw]}
+        if isinstance(change, GroundChange):
+            return {"name": printable(change.name), "ground": self._terrain(change.terrain)}
+        z, note = change.z, change.note
+        style = (
+            [self.blobs.array(np.stack(z.codes)), list(map(float, z.weights))]
+            if isinstance(z, StyleMix)
+            else self.blobs.array(z)
+        )
+        kept = self._record(note) if isinstance(note, PromptBlend) else None
+        return {
+            "seconds": change.seconds, "style": style, "event": self._record(change.event), "note": kept
+        }  # fmt: skip
+
+
+def _text(text: str) -> str:
+    """Text as it can be read again."""
+    return printable(text).replace("\0", "\ufffd")
 
 
 def header_text(header: MotionHeader, recording: bool = False) -> str:
     """A motion's header as JSON; `recording`: it is not finished."""
-    value = {
-        "name": _label(header.name),
-        "fps": header.fps,
-        "frames": header.frames,
-        "terrain": _label(header.terrain),
-        "prompts": [vars(event) for event in header.prompts],
-        "origin": vars(header.origin),
-        "gait_seconds": [list(pair) for pair in header.gait_seconds],
-        "placed": None if header.placed is None else list(header.placed),
-        "size": header.size,
-        "has_gaits": header.has_gaits,
-        "resimulable": header.resimulable,
-        "recording": recording,
-    }
-    return json.dumps(value, ensure_ascii=True)
+    value = DocumentWriter(lambda key, content: None)._record(header)
+    return json.dumps(value | {"recording": recording}, ensure_ascii=True)
 
 
 # --- reading
@@ -157,16 +202,32 @@ class DocumentReader:
 
     blobs: BlobReader
     motion: Callable[[str], Motion]
+    _forms: dict[Any, Callable[[Json], Any]] = field(init=False)  # of what is no record
+
+    def __post_init__(self) -> None:
+        self._forms = {
+            Motion: lambda value: self.motion(read_text(value, MAX_TEXT)),
+            Ground: self._ground,
+            OwnSkeleton: self._own,
+            PartDescriptions: PartDescriptions.from_mapping,
+            NDArray[np.float32]: self._code,
+        }
 
     def session(self, text: str) -> Session:
         """A session of its text."""
-        return self.checked(lambda: self._session(parse_json(text, MAX_ITEMS)))
+        return self.checked(lambda: self._record(Session, parse_json(text, MAX_ITEMS)))
 
     def header(self, text: str) -> tuple[MotionHeader, bool]:
         """A motion's header, and whether its recording was cut off."""
-        return self.checked(lambda: _read_header(parse_json(text, MAX_ITEMS)))
+
+        def read() -> tuple[MotionHeader, bool]:
+            value = parse_json(text, MAX_ITEMS)
+            return self._record(MotionHeader, value), value.pop("recording") is True
+
+        return self.checked(read)
 
     def checked(self, read: Callable[[], Any]) -> Any:
+        """What `read` gives; FileError where it fails by what it reads."""
         path = self.blobs.path
         try:
             return read()
@@ -177,82 +238,74 @@ class DocumentReader:
         except STRUCTURE_ERRORS as error:
             raise FileError(f"{path}: damaged ({reason(error)}).", REMEDY) from error
 
-    def _session(self, value: Json) -> Session:
-        if len(value["takes"]) > MAX_TAKES or len(value["variants"]) > MAX_VARIANTS:
-            raise ValueError(f"{len(value['takes'])} takes")
-        packer = InputReader(self.blobs)
-        takes = tuple(map(self._take_of, value["takes"]))
-        numbers = [take.number for take in takes]
-        if len(set(numbers)) < len(numbers) or any(take.motion is None for take in takes) or 0 in numbers:
-            raise ValueError("takes without numbers of their own")
-        counter, selected = read_whole(value["counter"]), read_whole(value["selected"])
-        model = value["model"]
-        return Session(
-            takes=takes,
-            live=self._take(value["live"]),
-            ground=self._ground(value["ground"]),
-            character=_read_character(value["character"]),
-            model=ModelName(
-                _text(model["folder"]),
-                _text(model["name"]),
-                _text(model["sha256"]),
-                read_whole(model["seed"]),
-            ),
-            reference=None if value["reference"] is None else _read_reference(value["reference"]),
-            variants=tuple(
-                Variant(read_whole(number), packer.prompt(prompt), read_whole(seed))
-                for number, prompt, seed in value["variants"]
-            ),
-            counter=max(counter, *numbers, 0),
-            selected=selected if selected in numbers else 0,
-        )
+    def inputs(self, value: Json, frames: InputFrames) -> InputRecording:
+        """What made a take, of JSON and its sticks; FileError or one of `STRUCTURE_ERRORS` for what is none."""
+        keyframes = tuple(self._keyframe(*key) for key in value["keyframes"])
+        changes = tuple(self._change(*change) for change in value["changes"])
+        starts = [key.frame for key in keyframes]
+        if not starts or starts != sorted(starts) or starts[0] > 0 or len(frames) + starts[0] < 1:
+            raise FileError(f"{self.blobs.path}: keyframes that do not fit the take.", REMEDY)
+        if starts[-1] >= len(frames) + starts[0]:
+            raise FileError(f"{self.blobs.path}: a keyframe after the take's end.", REMEDY)
+        return InputRecording(frames, changes, keyframes)
 
-    def _take_of(self, reference: Json) -> Take:
+    def _record(self, kind: Any, value: Json) -> Any:
+        longest = math.inf if kind in _LONG_TEXTS else MAX_TEXT
+        schema = _schema(kind)
+        if kind is not MotionHeader and set(value) != {name for name, _ in schema}:
+            raise ValueError(f"not the fields of a {kind.__name__}")
+        made = kind(**{name: self._value(hint, value[name], longest) for name, hint in schema})
+        return _CHECKS.get(kind, lambda _: None)(made) or made
+
+    def _value(self, hint: Any, value: Json, longest: float) -> Any:
+        if hint in self._forms:
+            return self._forms[hint](value)
+        origin, inside = typing.get_origin(hint), typing.get_args(hint)
+        if origin in (typing.Union, types.UnionType):
+            known = next(each for each in inside if each is not type(None))
+            return None if value is None else self._value(known, value, longest)
+        if origin in (tuple, frozenset):
+            return origin(self._values(inside, value, longest))
+        return self._record(hint, value) if is_dataclass(hint) else _plain(hint, value, longest)
+
+    def _values(self, inside: Any, value: Json, longest: float) -> list[Any]:
+        if not isinstance(value, list) or len(value) > MAX_TAKES:
+            raise ValueError("expected a list of some values")
+        if inside[0] is Take:
+            return [self._take(reference) for reference in value]
+        hints = inside if len(inside) > 1 and inside[-1] is not Ellipsis else inside[:1] * len(value)
+        return [self._value(h, v, longest) for h, v in zip(hints, value, strict=True)]
+
+    def _take(self, reference: Json) -> Take:
         def made() -> Take:
             self.blobs.budget.spend(TAKE_BYTES)
-            return self._take(parse_json(self.blobs.text(reference), MAX_ITEMS))
+            return self._record(Take, parse_json(self.blobs.text(reference), MAX_ITEMS))
 
         return self.blobs.once("take", reference, made)
 
-    def _take(self, value: Json) -> Take:
-        if len(value["cameras"]) > MAX_KEYS or len(value["path"]) > MAX_POINTS:
-            raise ValueError(f"{len(value['cameras'])} camera keys")
-        trim = value["trim"]
-        if trim is not None:
-            first, last = trim
-            trim = read_whole(first), read_whole(last)
-            if trim[0] >= trim[1]:
-                raise ValueError("a trim that keeps nothing")
-        prompt = value["prompt"]
-        return Take(
-            number=read_whole(value["number"]),
-            motion=None if value["motion"] is None else self.motion(_text(value["motion"])),
-            name=_text(value["name"]),
-            trim=trim,
-            poses=NO_EDITS if value["poses"] is None else read_edits(value["poses"]),
-            cameras=tuple(read_key(key) for key in value["cameras"]),
-            path=tuple(
-                Waypoint(read_number(x), read_number(z), read_number(speed), Gait(gait))
-                for x, z, speed, gait in value["path"]
-            ),
-            **({} if prompt is None else {"prompt": InputReader(self.blobs).prompt(prompt)}),
-            mirrored=value["mirrored"] is True,
-            color=read_whole(value["color"]),
-            recorded=value["recorded"] is True,
-            ground=self._ground(value["ground"]),
-            own=self._own(value["own"]),
-        )
-
-    def _ground(self, value: Json) -> Ground | None:
-        if value is None:
-            return None
+    def _ground(self, value: Json) -> Ground:
         spec, terrain = value
-        made = InputReader(self.blobs).ground(terrain)
-        return self.blobs.once("ground of", (id(made), spec), lambda: Ground.of(_text(spec), made))
+        made = self._terrain(terrain)
+        name = read_text(spec, MAX_TEXT)
+        return self.blobs.once("ground of", (id(made), name), lambda: Ground.of(name, made))
 
-    def _own(self, value: Json) -> OwnSkeleton | None:
-        if value is None:
-            return None
+    def _terrain(self, value: Json) -> Terrain:
+        """A ground; FileError for one on which no one can stand."""
+        heights = self.blobs.array(value["heights"], "<f4", (None, None))
+        cell, path = read_number(value["cell_m"], 1000.0), self.blobs.path
+        if not _is_ground(heights) or cell < 1e-4:
+            raise FileError(f"{path}: a ground of {heights.shape[0]} x {heights.shape[1]} samples.", REMEDY)
+        origin = (read_number(value["x"], MAX_DISTANCE_M), read_number(value["z"], MAX_DISTANCE_M))
+        unit = read_number(value["unit_m"], MAX_SIZE)
+        if unit < MIN_SIZE:
+            raise FileError(f"{path}: a ground for a body of {unit:g} times our size.", REMEDY)
+        name, note = read_text(value["name"]), read_text(value["note"])
+        key = json.dumps(value, sort_keys=True)
+        return self.blobs.once(
+            "ground", key, lambda: Terrain(name, heights, cell, origin, note, unit)
+        )  # fmt: skip
+
+    def _own(self, value: Json) -> OwnSkeleton:
         parents, middle, steps = value
         if not all(type(parent) is int for parent in parents):
             raise ValueError("parents")
@@ -264,66 +317,127 @@ class DocumentReader:
 
         return self.blobs.once("own skeleton", (steps, tuple(parents)), made)
 
+    def _keyframe(self, frame: Json, reference: Json) -> Keyframe:
+        def made() -> Snapshot:
+            self.blobs.budget.spend(STATE_BYTES)
+            return Snapshot.from_bytes(self.blobs.data(reference), f"{self.blobs.path}: keyframe {frame}")
 
-def _read_header(value: Json) -> tuple[MotionHeader, bool]:
-    fps, frames, placed, size = (
-        read_number(value["fps"]),
-        read_whole(value["frames"]),
-        value["placed"],
-        read_number(value["size"]),
-    )
-    if not 0.0 < fps <= MAX_FPS or frames > MAX_FRAMES or not MIN_SIZE <= size <= MAX_SIZE:
-        raise ValueError(f"a motion of {frames} frames at {fps:g}")
-    prompts = tuple(
-        replace(event_from(event), words=read_words_text(event["words"])) for event in value["prompts"]
-    )
-    if placed is not None:
-        yaw, x, y, z = (read_number(part) for part in placed)
-        placed = yaw, x, y, z
-    header = MotionHeader(
-        name=_text(value["name"]),
-        fps=fps,
-        frames=frames,
-        terrain=_text(value["terrain"]),
-        prompts=prompts,
-        origin=origin_from(value["origin"]),
-        gait_seconds=tuple((_text(name), read_number(seconds)) for name, seconds in value["gait_seconds"]),
-        placed=placed,
-        size=size,
-        has_gaits=value["has_gaits"] is True,
-        resimulable=value["resimulable"] is True,
-    )
-    return header, value["recording"] is True
+        return Keyframe(read_whole(frame, -MAX_FRAME), self.blobs.once("state", reference, made))
 
+    def _change(self, frame: Json, value: Json) -> Change:
+        self.blobs.budget.spend(CHANGE_BYTES)
+        at = read_whole(frame, -MAX_FRAME)
+        if "restart" in value:
+            x, z, yaw = (read_number(v, MAX_DISTANCE_M) for v in value["restart"])
+            return Restart(at, x, z, yaw)
+        if "ground" in value:
+            return GroundChange(at, read_text(value["name"]), self._terrain(value["ground"]))
+        event = replace(self._record(PromptEvent, value["event"]), seconds=0.0)
+        note = None if value["note"] is None else self._record(PromptBlend, value["note"])
+        return StyleChange(at, self._style(value["style"]), read_number(value["seconds"], 1e6), event, note)
 
-def _read_reference(value: Json) -> Reference:
-    numbers = {f.name: read_number(value[f.name]) for f in fields(Reference) if f.type == "float"}
-    character = value["character"]
-    return Reference(
-        take=read_whole(value["take"]),
-        video=_text(value["video"]),
-        look=_text(value["look"]),
-        character=None if character is None else _read_character(character),
-        over=value["over"] is True,
-        **numbers,
-    )
+    def _style(self, value: Json) -> Any:
+        """A style code, or a mix of codes."""
+        if not isinstance(value, list):
+            return self._code(value)
+        number, parts = value
+        codes = self._finite(self.blobs.array(number, "<f4", (len(parts), *CODE)))
+        mixed = tuple(read_number(part, 1.0) for part in parts)
+        if not mixed or min(mixed) < 0.0 or abs(sum(mixed) - 1.0) > 1e-3:
+            raise ValueError("fractions of styles that are no mix")
+        return StyleMix(mixed, tuple(codes))
+
+    def _code(self, value: Json) -> Any:
+        return self._finite(self.blobs.array(value, "<f4", CODE))
+
+    def _finite(self, values: Any) -> Any:
+        if not (np.abs(values) <= 1e6).all():
+            raise FileError(f"{self.blobs.path}: a style that is not finite.", REMEDY)
+        return values
 
 
-def _read_character(value: Json) -> CharacterChoice:
-    shape = BodyShape(**{name: read_number(share) for name, share in value["shape"].items()})
-    shape.check()
-    key = _text(value["key"])
-    if key and not safe_name(key):
-        raise ValueError("files of a character outside their folder")
-    return CharacterChoice(shape, _text(value["path"]), key)
+def _plain(hint: Any, value: Json, longest: float) -> Any:
+    if hint is bool:
+        return value is True
+    if hint is int:
+        return read_whole(value)
+    if hint is float:
+        return read_number(value)
+    return read_text(value, longest) if hint is str else hint(value)
 
 
-# --- values
+def _is_ground(heights: Any) -> bool:
+    fits = min(heights.shape) >= 2 and max(heights.shape) <= MAX_SIDE
+    return fits and max(-float(heights.min()), float(heights.max())) <= MAX_HEIGHT_M  # nor with NaN
 
 
-def _label(text: str) -> str:
-    """Text as `_text` reads it."""
-    return printable(text).replace("\0", "\ufffd")[:MAX_TEXT]
+# --- what annotations do not say
+
+
+def _refuse(what: str, wrong: bool) -> None:
+    if wrong:
+        raise ValueError(what)
+
+
+def _check_session(session: Session) -> Session:
+    numbers = [take.number for take in session.takes]
+    unmade = any(take.motion is None for take in session.takes)
+    _refuse("takes without numbers of their own", len(set(numbers)) < len(numbers) or unmade or 0 in numbers)
+    _refuse(f"{len(session.variants)} variants", len(session.variants) > MAX_VARIANTS)
+    selected = session.selected if session.selected in numbers else 0
+    return replace(session, counter=max(session.counter, *numbers, 0), selected=selected)
+
+
+def _check_take(take: Take) -> None:
+    many = len(take.cameras) > MAX_KEYS or len(take.path) > MAX_POINTS
+    edits = take.poses.pins, take.poses.footplants
+    _refuse("edits without end", many or max(map(len, edits)) > MAX_PINS)
+    _refuse("a trim that keeps nothing", take.trim is not None and take.trim[0] >= take.trim[1])
+
+
+def _check_footplant(edit: FootplantEdit) -> None:
+    spans = [span for span in (edit.old, edit.new) if span is not None]
+    fits = edit.foot in (0, 1) and all(first < end < MAX_FRAME for first, end in spans)
+    _refuse("a footplant of no foot or frames", not fits)
+
+
+def _check_blend(blend: PromptBlend) -> PromptBlend:
+    fits = len(blend.weights) == len(PART_NAMES) and all(0.0 <= weight <= 1.0 for weight in blend.weights)
+    _refuse("weights of a blend that are none", not fits)
+    return replace(blend, locked=blend.locked & set(PART_NAMES))
+
+
+def _check_answer(answer: Answer) -> Answer:
+    _refuse("an answer of no known source", answer.source not in SOURCES)
+    return replace(answer, nearest=answer.nearest[:MAX_NEAREST])
+
+
+def _check_event(event: PromptEvent) -> None:
+    known = not event.words or isinstance(parse_json(event.words), dict)
+    _refuse("words that are none", not known or event.transition_seconds < 0.0)
+
+
+def _check_header(header: MotionHeader) -> None:
+    fits = 0.0 < header.fps <= MAX_FPS and header.frames <= MAX_FRAMES and MIN_SIZE <= header.size <= MAX_SIZE
+    _refuse(f"a motion of {header.frames} frames at {header.fps:g}", not fits)
+    _refuse("a place of other numbers", header.placed is not None and len(header.placed) != 4)
+
+
+def _check_character(choice: CharacterChoice) -> None:
+    choice.shape.check()
+    _refuse("files of a character outside their folder", bool(choice.key) and not safe_name(choice.key))
+
+
+_CHECKS: dict[Any, Callable[[Any], Any]] = {
+    Session: _check_session,
+    Take: _check_take,
+    FootplantEdit: _check_footplant,
+    PromptBlend: _check_blend,
+    Answer: _check_answer,
+    PromptEvent: _check_event,
+    MotionHeader: _check_header,
+    CharacterChoice: _check_character,
+}
 
 
 def read_view(text: str) -> dict[str, Any]:

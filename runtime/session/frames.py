@@ -1,7 +1,7 @@
 """The frames of a take as they are kept in a project: quantised, and as differences that compress to a fifth.
 
 Hips are kept to `HIPS_STEP_M` / 2 = 0.031 mm, local rotations to 0.005 degrees, contacts to 1 / 256; gaits are exact. Frames are
-kept in pieces of `PIECE` frames, so that versions of a take share what an edit left as it was.
+kept in pieces of `PIECE` frames, so that versions of a take have in common what an edit left as it was.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ def packed_frames(hips: AnyArray, rotations: AnyArray, contacts: AnyArray, gaits
     small = np.clip(np.round(rest / ROTATION_STEP), -32767, 32767).astype(np.int16)
     signs = (largest | (negative[..., 0] << 2)).astype(np.uint8)
     touching = np.round((contacts - LOWEST_CONTACT) / CONTACT_STEP).astype(np.uint8)
-    asked = np.zeros(len(hips), np.int8) if gaits is None else gaits.astype(np.int8)
+    requested = np.zeros(len(hips), np.int8) if gaits is None else gaits.astype(np.int8)
     columns = (
         signs,
         _differences(small.reshape(len(hips), -1)),
         _differences(places),
         touching,
-        asked[:, None],
+        requested[:, None],
     )
     return b"".join(packed_table(column) for column in columns)
 

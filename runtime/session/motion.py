@@ -1,6 +1,6 @@
 """The frames of a take as they were recorded, resimulated or read, with the input that made them.
 
-A motion never changes. It is loaded from its session's file when somebody looks at it, so that a long list of takes holds
+A motion never changes. It is loaded from its session's file when it is looked at, so that a long list of takes holds
 little memory.
 """
 

@@ -24,7 +24,7 @@ class Side(IntEnum):
 
 @dataclass(frozen=True)
 class PromptBlend:
-    """Prompt A, perhaps prompt B with its share in each part, and the parts whose words are locked."""
+    """Prompt A, perhaps prompt B with its weight in each part, and the parts whose words are locked."""
 
     answers: tuple[Answer | None, Answer | None] = (None, None)
     weights: Weights = ALL_A
@@ -60,7 +60,7 @@ class PromptBlend:
         return dataclasses.replace(self, locked=self.locked - changed | changed & set(self.a.edited))
 
     def locked_on(self, side: Side) -> frozenset[str]:
-        """Parts whose words the answers on a side leave alone: of prompt B those that have a share of it."""
+        """Parts whose words the answers on a side leave alone: of prompt B those that have some of it."""
         if side is Side.A:
             return self.locked
         return frozenset(p for p, w in zip(PART_NAMES, self.weights, strict=True) if w > 0.0) & self.locked
@@ -108,12 +108,12 @@ class PromptBlend:
         return BlendedPrompt(self.a.words, self.b.words, self.weights).to_json()
 
     def with_weight(self, part: str, weight: float) -> PromptBlend:
-        """Another share of prompt B in one part."""
+        """Another weight of prompt B in one part."""
         i = PART_NAMES.index(part)
         return dataclasses.replace(self, weights=(*self.weights[:i], weight, *self.weights[i + 1 :]))
 
     def with_all_weights(self, weight: float) -> PromptBlend:
-        """Another share of prompt B in every part that is not locked."""
+        """Another weight of prompt B in every part that is not locked."""
         pairs = zip(PART_NAMES, self.weights, strict=True)
         return dataclasses.replace(
             self, weights=tuple(old if part in self.locked else weight for part, old in pairs)
@@ -121,6 +121,6 @@ class PromptBlend:
 
     @property
     def master_weight(self) -> float:
-        """Mean share of prompt B over the parts that are not locked (over all when every part is)."""
+        """Mean weight of prompt B over the parts that are not locked (over all when every part is)."""
         free = [w for part, w in zip(PART_NAMES, self.weights, strict=True) if part not in self.locked]
         return float(np.mean(free or self.weights))

@@ -30,10 +30,16 @@ from runtime.session.character_files import (
     write_character_files,
 )
 from runtime.session.database import Budget, Database, Writer
-from runtime.session.document import DocumentReader, DocumentWriter, header_text, read_view
+from runtime.session.document import (
+    DocumentReader,
+    DocumentWriter,
+    header_text,
+    pack_sticks,
+    read_view,
+    unpack_sticks,
+)
 from runtime.session.frames import BYTES, CLIP_BYTES, packed_frames, pieces, unpacked_frames
 from runtime.session.history import History, Step
-from runtime.session.inputs import InputReader, pack_sticks, unpack_sticks
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.session import CharacterChoice, Session, Take
 from runtime.session.sqlite_file import file_errors
@@ -58,9 +64,7 @@ class SessionFile:
     """The file of the session that is open."""
 
     database: Database
-    cache: (
-        Path  # folder for the files of characters; beside it is what this installation knows its own files by
-    )
+    cache: Path  # folder for the files of characters; in its parent is what this installation knows its own files by
     _documents: DocumentWriter = field(init=False)
     _written: dict[int, Session] = field(default_factory=dict)  # steps of the file, by their numbers
     _known: set[str] = field(default_factory=set)  # blobs, motions and characters that the file has
@@ -204,9 +208,8 @@ class SessionFile:
                 self._held[motion.key] = motion
             if not motion.is_stored:
                 writer.committed.append(partial(motion.stored, self))
-        reference = session.reference
-        for choice in (session.character, None if reference is None else reference.character):
-            if choice is not None and choice.key and self._is_new(f"character {choice.key}"):
+        for choice in _characters(session):
+            if self._is_new(f"character {choice.key}"):
                 self._put_character(writer, choice)
 
     def _put_motion(self, writer: Writer, motion: Motion) -> None:
@@ -222,16 +225,13 @@ class SessionFile:
 
     def _input(self, inputs: InputRecording) -> str:
         """What drove a take, but for the sticks of its own frames."""
-        packer = self._documents.packer()
         lead = inputs.frames.rows[: -inputs.start] if inputs.start else inputs.frames.rows[:0]
-        value = packer.inputs(inputs) | {
-            "lead": packer.blobs.data(pack_sticks(lead)),
-            "lead_frames": len(lead),
-        }
+        sticks = self._documents.blobs.data(pack_sticks(lead))
+        value = self._documents.inputs(inputs) | {"lead": sticks, "lead_frames": len(lead)}
         return json.dumps(value, ensure_ascii=True)
 
     def _put_character(self, writer: Writer, choice: CharacterChoice) -> None:
-        blobs = self._documents.packer().blobs
+        blobs = self._documents.blobs
         files = read_character_files(self.cache / choice.key)
         names = {name: blobs.data(content) for name, content in files.items()}
         writer.put_blob(f"character {choice.key}", json.dumps(names).encode("ascii"))
@@ -297,7 +297,7 @@ class SessionFile:
                 rows.append(unpack_sticks(content[BYTES * size :], size))
             table = np.concatenate(rows)
             reader.blobs.budget.spend(8 * table.size)
-            return InputReader(reader.blobs).inputs(value, InputFrames(table))
+            return reader.inputs(value, InputFrames(table))
 
         return reader.checked(read)
 
@@ -421,6 +421,12 @@ class Recording:
         return motion
 
 
+def _characters(session: Session) -> list[CharacterChoice]:
+    """The characters of a session that have files."""
+    choices = (session.character, None if session.reference is None else session.reference.character)
+    return [choice for choice in choices if choice is not None and choice.key]
+
+
 def _used(writer: Writer, held: Iterable[str]) -> tuple[set[str], set[str]]:
     """Keys of the motions and blobs that steps, or motions that are `held`, refer to."""
     takes, blobs, motions = set[str](), set[str](), set(held)
@@ -456,9 +462,7 @@ def _opened(database: Database, cache: Path) -> tuple[SessionFile, History]:
     file._known = set(motions)
     file._held.update(known)
     for step in steps:
-        reference = step.session.reference
-        for choice in (step.session.character, None if reference is None else reference.character):
-            file._known |= {f"character {choice.key}"} if choice is not None and choice.key else set()
+        file._known |= {f"character {choice.key}" for choice in _characters(step.session)}
     for key in sorted(motions - set(known)):
         header, cut_off = reader.header(database.motion(key))
         if cut_off:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +16,7 @@ MAX_BESIDE_M, MAX_DISTANCE_M, MAX_PITCH = 1000.0, 100.0, math.radians(89.0)
 
 @dataclass(frozen=True)
 class CameraKey:
-    """The view at a time of the take: direction (radians), distance (metres), and what it looks at beside the character.
+    """The view at a time of the take: direction (radians), distance (metres), and what it looks at next to the character.
 
     `x`, `y` and `z` are metres from a point over the ground under the hips, which the camera goes along with.
     """
@@ -65,11 +64,3 @@ def view_at(keys: Sequence[CameraKey], seconds: float) -> CameraKey:
         float(v) for v in a * values[k] + b * span * slopes[k] + c * values[k + 1] + d * span * slopes[k + 1]
     )
     return CameraKey(seconds, yaw, min(max(pitch, -MAX_PITCH), MAX_PITCH), math.exp(distance), x, y, z)
-
-
-def read_key(value: Any) -> CameraKey:
-    """A key of seven numbers; ValueError, TypeError or UsageError for what is none."""
-    numbers = [float(v) for v in value if not isinstance(v, bool) and isinstance(v, int | float)]
-    if len(numbers) != 7 or not all(map(math.isfinite, numbers)) or len(value) != 7:
-        raise ValueError("a camera key of seven numbers was expected")
-    return CameraKey(*numbers)

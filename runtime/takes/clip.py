@@ -32,8 +32,8 @@ class Clip:
     prompts: tuple[PromptEvent, ...] = ()
     terrain: str = "flat"  # name or file of the ground it was made on
     origin: Origin = UNKNOWN  # model, seed and settings
-    gait_seconds: tuple[tuple[str, float], ...] = ()  # how long each gait was asked for
-    gaits: NDArray[np.int8] | None = None  # (T,) asked for in each frame; None where not known
+    gait_seconds: tuple[tuple[str, float], ...] = ()  # how long each gait was requested
+    gaits: NDArray[np.int8] | None = None  # (T,) requested in each frame; None where not known
     # yaw and x, y, z by which the take was moved from its place on its ground; None: it no longer goes over it
     placed: tuple[float, ...] | None = UNMOVED
     # metres of a metre of the skeleton: the clip was made for a body so many times as large as ours, and all lengths in

@@ -1,14 +1,13 @@
 """Edits of when a foot bears: a plant that lasts longer or shorter, comes at another time, is added or taken away.
 
-The path of the foot is told again in another time: what it does between two plants takes the time that is left between
+The path of the foot is retimed: what it does between two plants takes the time that is left between
 them, and the leg follows by IK.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -35,26 +34,6 @@ class FootplantEdit:
     foot: int
     old: Frames | None
     new: Frames | None
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain values, see `read_footplant`."""
-        return {"foot": self.foot, "old": self.old and list(self.old), "new": self.new and list(self.new)}
-
-
-def read_footplant(value: Mapping[str, Any]) -> FootplantEdit:
-    """An edit of `FootplantEdit.to_json`; KeyError, TypeError or ValueError for what is none."""
-
-    def frames(entry: Any) -> Frames | None:
-        if entry is None:
-            return None
-        first, end = entry
-        if type(first) is not int or type(end) is not int or not 0 <= first < end < MAX_FRAME:
-            raise ValueError("a plant of no frames")
-        return first, end
-
-    if value["foot"] not in (0, 1) or isinstance(value["foot"], bool):
-        raise ValueError("a plant of no foot")
-    return FootplantEdit(value["foot"], frames(value["old"]), frames(value["new"]))
 
 
 def footplants(contacts: Array) -> list[Frames]:

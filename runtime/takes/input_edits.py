@@ -53,7 +53,7 @@ class PromptSpan(Span):
 
 @dataclass(frozen=True)
 class GaitSpan(Span):
-    """A gait that was asked for; `Gait.STAND` where the stick rests."""
+    """A gait that was requested; `Gait.STAND` where the stick rests."""
 
     gait: int  # a `Gait`; -1 where it is not known
 
@@ -123,7 +123,7 @@ def move_prompt(inputs: InputRecording, index: int, start: int, end: int) -> Edi
 
 
 def fitted(spans: Sequence[Span], index: int, start: int, end: int) -> tuple[int, int]:
-    """Where a span that is asked to go to `start` to `end` may go between its neighbours."""
+    """Where a span that is to go to `start` to `end` may go between its neighbours."""
     span, last = spans[index], index == len(spans) - 1
     low = spans[index - 1].start + MIN_SPAN if index else span.start
     high = span.end if last else spans[index + 1].end - MIN_SPAN
@@ -173,12 +173,12 @@ def _requested(frame: InputFrame, gait: Gait, before: Iterable[InputFrame]) -> I
     """A frame with another gait; `before` are the frames before it, the last one first."""
     old = frame.controls
     if gait is Gait.STAND:
-        asked = Controls((0.0, 0.0), old.facing, Gait.WALK)
+        requested = Controls((0.0, 0.0), old.facing, Gait.WALK)
     elif any(old.move) or gait is Gait.JUMP:
-        asked = replace(old, gait=gait)
+        requested = replace(old, gait=gait)
     else:
-        asked = Controls(_pointed(before), old.facing, gait)
-    return replace(frame, controls=asked)
+        requested = Controls(_pointed(before), old.facing, gait)
+    return replace(frame, controls=requested)
 
 
 def _pointed(before: Iterable[InputFrame]) -> tuple[float, float]:

@@ -39,7 +39,7 @@ _NOWHERE = (math.nan, math.nan)
 
 @dataclass(frozen=True)
 class InputFrame:
-    """What one simulated step was asked for, and the settings that may change while it runs."""
+    """What one simulated step was requested to do, and the settings that may change while it runs."""
 
     controls: Controls
     temperature: float
@@ -49,13 +49,13 @@ class InputFrame:
     @property
     def row(self) -> tuple[float, ...]:
         """The frame as `COLUMNS` numbers."""
-        asked = self.controls
-        facing = asked.facing or _NOWHERE
-        return (*asked.move, *facing, int(asked.gait), self.temperature, self.strength, self.response)
+        requested = self.controls
+        facing = requested.facing or _NOWHERE
+        return (*requested.move, *facing, int(requested.gait), self.temperature, self.strength, self.response)
 
 
 class InputFrames(Sequence[InputFrame]):
-    """The frames of a take; they do not change, and a part of them shares their memory."""
+    """The frames of a take; they do not change, and a part of them has the same memory."""
 
     def __init__(self, rows: NDArray[np.float64]) -> None:
         """Rows `(T, COLUMNS)` as `InputFrame.row` has them; they must not be changed later."""
@@ -91,14 +91,14 @@ class InputFrames(Sequence[InputFrame]):
         return InputFrames(np.concatenate([self.rows, later.rows]))
 
     def gaits(self) -> NDArray[np.int8]:
-        """What each frame asked for `(T,)`, as `metadata.gait_of` counts gaits."""
-        asked = self.rows[:, 4].astype(np.int8)
+        """What each frame requested `(T,)`, as `metadata.gait_of` counts gaits."""
+        requested = self.rows[:, 4].astype(np.int8)
         moves = (self.rows[:, :2] != 0.0).any(axis=1)
-        return np.where(moves | (asked == Gait.JUMP), asked, np.int8(Gait.STAND))
+        return np.where(moves | (requested == Gait.JUMP), requested, np.int8(Gait.STAND))
 
 
 def are_asked(rows: NDArray[np.float64]) -> bool:
-    """Whether rows `(T, COLUMNS)` of a file are what a step can be asked for."""
+    """Whether rows `(T, COLUMNS)` of a file are what a step can request."""
     move, facing, gait, settings = rows[:, :2], rows[:, 2:4], rows[:, 4], rows[:, 5:]
     turned = (np.abs(facing) <= MAX_STICK).all(axis=1) | np.isnan(facing).all(axis=1)
     return bool(
@@ -229,7 +229,7 @@ class InputRecording:
         return len(self.frames) + self.start
 
     def frame(self, number: int) -> InputFrame:
-        """What frame `number` was asked for."""
+        """What frame `number` requested."""
         return self.frames[number - self.start]
 
     def ground(self, number: int) -> GroundChange | None:
@@ -238,7 +238,7 @@ class InputRecording:
         return found[-1] if found else None
 
     def gaits(self) -> NDArray[np.int8]:
-        """What was asked for in each frame of the clip `(T,)`, as `gait_of` counts gaits."""
+        """What was requested in each frame of the clip `(T,)`, as `gait_of` counts gaits."""
         return self.frames[-self.start :].gaits()
 
     def prompts(self) -> tuple[PromptEvent, ...]:
@@ -271,7 +271,7 @@ def resimulate(
     """Poses of the frames `first_frame` to `last_frame` (the end by default), and its keyframes with new ones.
 
     Nothing of `inputs` may have been changed before `first_frame`. `controller` has the model of the take and is left
-    after the last frame. `progress` hears the share that is done. About 1 ms a frame, and up to `KEYFRAME_STEPS` frames before the first.
+    after the last frame. `progress` hears the fraction that is done. About 1 ms a frame, and up to `KEYFRAME_STEPS` frames before the first.
     """
     end = len(inputs) if last_frame is None else last_frame + 1
     key = keyframe_for(inputs, first_frame).frame
@@ -300,12 +300,7 @@ def started(
         controller.set_terrain(ground.terrain)
     key.snapshot.restore(controller)  # type: ignore[arg-type]
     keyframes = [k for k in inputs.keyframes if k.frame < first_frame]
-    later: dict[int, list[Change]] = {}
-    for change in inputs.changes:
-        # a keyframe holds the changes of its own frame, unless one of them is what was edited
-        again = key.frame == first_frame == change.frame and isinstance(change, StyleChange)
-        if change.frame > key.frame or again:
-            later.setdefault(change.frame, []).append(change)
+    later = _changes_after(inputs, key.frame, first_frame)
     poses: list[Pose] = []
     for number in count(key.frame):
         frame = inputs.frame(min(number, len(inputs) - 1))
@@ -320,6 +315,16 @@ def started(
         if number >= first_frame:
             poses.append(pose)
     return poses, tuple(keyframes)
+
+
+def _changes_after(inputs: InputRecording, key: int, first_frame: int) -> dict[int, list[Change]]:
+    """The changes by frame that a keyframe's state does not hold: one of its own frame only where that is what was edited."""
+    later: dict[int, list[Change]] = {}
+    for change in inputs.changes:
+        again = key == first_frame == change.frame and isinstance(change, StyleChange)
+        if change.frame > key or again:
+            later.setdefault(change.frame, []).append(change)
+    return later
 
 
 def keyframe_for(inputs: InputRecording, frame: int) -> Keyframe:
@@ -386,7 +391,7 @@ def _joined(old: Array, first: int, new: Sequence[Array]) -> Array:
 
 
 class InputRecorder:
-    """Beside a `ClipRecorder`, whose frame numbers it shares: keeps what the kept frames were driven by.
+    """Next to a `ClipRecorder`, with the same frame numbers: keeps what the kept frames were driven by.
 
     Per frame call `before_steps`, step, then `add` for each step; the marks in between, as things happen.
     """
@@ -409,26 +414,16 @@ class InputRecorder:
             self._keyframes.append(Keyframe(number, take_snapshot(controller)))  # type: ignore[arg-type]
 
     def add(self, controls: Controls, controller: Steppable) -> None:
-        """Remember what one simulated step of `controller` was asked for."""
+        """Remember what one simulated step of `controller` requested."""
         frame = InputFrame(controls, controller.temperature, controller.strength, controller.response)
         self._frames.add(frame)
 
-    def mark_style(
-        self,
-        z: Array | StyleMix,
-        seconds: float,
-        prompt: str,
-        words: str,
-        note: Any = None,
-        holds: bool = False,
-        typed: str = "",
-    ) -> None:
-        """A style came into force, see `StyleChange`; or it `holds` already in the controller's state."""
-        event, frame = PromptEvent(0.0, prompt, seconds, words, typed), self.next_frame - holds
+    def mark_style(self, style: StyleChange, holds: bool = False) -> None:
+        """A style came into force now, whatever its frame is; or it `holds` already in the controller's state."""
         if holds:
             self._changes = [c for c in self._changes if not isinstance(c, StyleChange)]
-        kept = z if isinstance(z, StyleMix) else np.array(z, np.float32)
-        self._changes.append(StyleChange(frame, kept, seconds, event, note))
+        z = style.z if isinstance(style.z, StyleMix) else np.array(style.z, np.float32)
+        self._changes.append(replace(style, frame=self.next_frame - holds, z=z))
 
     def mark_ground(self, name: str, terrain: Terrain) -> None:
         """Another ground came under the character."""

@@ -206,16 +206,16 @@ def _take_back(solved: Array, eased: Array, local: Array) -> None:
     solved[:, _LEGS] = rotations.multiply(solved[:, _LEGS], change)
 
 
-def _toward(q: Array, wanted: Array, share: Array) -> Array:
-    """Rotations `(T, n, 4)` with what the last frame lacks to `wanted` `(n, 4)` added by `share` `(T, n)`, from the right."""
+def _toward(q: Array, wanted: Array, fraction: Array) -> Array:
+    """Rotations `(T, n, 4)` with what the last frame lacks to `wanted` `(n, 4)` added by `fraction` `(T, n)`, from the right."""
     lacks = rotations.to_rotation_vector(rotations.multiply(rotations.inverse(q[-1]), wanted))
-    return rotations.multiply(q, rotations.from_rotation_vector(share[..., None] * lacks))
+    return rotations.multiply(q, rotations.from_rotation_vector(fraction[..., None] * lacks))
 
 
-def _world_toward(q: Array, wanted: Array, share: Array) -> Array:
+def _world_toward(q: Array, wanted: Array, fraction: Array) -> Array:
     """The same from the left: about axes of the world."""
     lacks = rotations.to_rotation_vector(rotations.multiply(wanted, rotations.inverse(q[-1])))
-    return rotations.multiply(rotations.from_rotation_vector(share[..., None] * lacks), q)
+    return rotations.multiply(rotations.from_rotation_vector(fraction[..., None] * lacks), q)
 
 
 def _swing_ease(positions: Array, ankle: int, toe: int) -> Array:

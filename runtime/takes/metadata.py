@@ -1,4 +1,4 @@
-"""What a take was made with: model, seed, prompts and gaits, and the same from JSON that nobody vouches for."""
+"""What a take was made with: model, seed, prompts and gaits, and the same from JSON that is not trusted."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def gait_of(controls: Controls) -> int:
 
 
 def gait_seconds(gaits: NDArray[np.integer], fps: float) -> dict[str, float]:
-    """Seconds of each gait asked for in frames `(T,)` of gait numbers; empty where nothing is known of them."""
+    """Seconds of each gait requested in frames `(T,)` of gait numbers; empty where nothing is known of them."""
     return {gait.label: int(n) / fps for gait in Gait if (n := np.count_nonzero(gaits == gait))}
 
 
@@ -111,7 +111,7 @@ def title(event: PromptEvent) -> str:
 
     try:
         words = read_words(event.prompt)
-    except SportError:  # of a file that somebody wrote by hand
+    except SportError:  # of a file that was written by hand
         words = event.prompt
     if isinstance(words, BlendedPrompt):
         words = " + ".join(w if isinstance(w, str) else "own words" for w in (words.a, words.b))
@@ -136,7 +136,7 @@ def describe(
 
 
 def event_from(value: dict[str, Any]) -> PromptEvent:
-    """An event of JSON that nobody vouches for; fields of another type have their defaults."""
+    """An event of JSON that is not trusted; fields of another type have their defaults."""
     return PromptEvent(
         number_field(value, "seconds", 0.0),
         text_field(value, "prompt", ""),

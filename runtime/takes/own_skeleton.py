@@ -1,4 +1,4 @@
-"""The points of a motion of another skeleton, as they are before ours plays it: to look at beside it, and to keep."""
+"""The points of a motion of another skeleton, as they are before ours plays it: to look at with it, and to keep."""
 
 from __future__ import annotations
 

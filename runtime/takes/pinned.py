@@ -22,9 +22,9 @@ ARMS = {Pinned.LEFT_HAND: (18, 19, 20), Pinned.RIGHT_HAND: (25, 26, 27)}  # uppe
 ARM_M = float(np.linalg.norm(SPORT_SKELETON.offsets[[19, 20]], axis=1).sum())
 LEG_M = float(np.linalg.norm(SPORT_SKELETON.offsets[[3, 4]], axis=1).sum())
 CHEST, HEAD = 13, 16
-SPINE = ((11, 1 / 3), (12, 1 / 3), (13, 1 / 3))  # joints that lean together, with their shares
+SPINE = ((11, 1 / 3), (12, 1 / 3), (13, 1 / 3))  # joints that lean together, with their fractions
 ORDER = (Pinned.POSE, Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT, Pinned.LOOK, Pinned.LEFT_HAND, Pinned.RIGHT_HAND)
-NECK = ((14, 0.3), (15, 0.3), (16, 0.4))  # joints that turn to look, with their shares
+NECK = ((14, 0.3), (15, 0.3), (16, 0.4))  # joints that turn to look, with their fractions
 EASY_ARM, LONGEST_ARM = 0.94, 0.995  # of its length: from the first on an arm straightens with falling speed
 EASY_LEG, MOST_DROP_M = 0.985, 0.2  # of its length, and how far the hips sink so that a leg is not longer
 MOST_LEAN = np.radians(60.0)  # of the spine, to bring a hand nearer
@@ -104,7 +104,7 @@ def point_of(what: Pinned, positions: Array, world: Array) -> Array:
 
 
 def in_world(pin: Pin, hips: Array, hips_rotation: Array) -> tuple[Array, ...]:
-    """The point of a pin beside a character, and the end of its rail, in the world: `(..., 3)` each."""
+    """The point of a pin with a character, and the end of its rail, in the world: `(..., 3)` each."""
     points = [np.array(point, float) for point in (pin.point, pin.rail) if point is not None]
     if pin.along:
         turn, below = (
@@ -116,7 +116,7 @@ def in_world(pin: Pin, hips: Array, hips_rotation: Array) -> tuple[Array, ...]:
 
 
 def along_with(point: Array, hips: Array, hips_rotation: Array) -> Array:
-    """A point of the world `(3,)` as it lies beside a character: left, up from its ground, ahead."""
+    """A point of the world `(3,)` as a character sees it: left, up from its ground, ahead."""
     offset = np.asarray(point) - hips
     back = rotations.inverse(rotations.from_yaw(rotations.yaw_of(hips_rotation)))
     return np.asarray(rotations.rotate(back, offset) + np.array([0.0, REST_HIPS_HEIGHT, 0.0]))
@@ -140,8 +140,8 @@ def _goals(pin: Pin, frames: _Frames, positions: Array, world: Array) -> Array:
     for end in rail:
         near = positions[:, ARMS[pin.what][0] if pin.what in ARMS else _joint(pin.what)]
         along = end - points
-        share = np.sum((near - points) * along, -1) / np.maximum(np.sum(along * along, -1), 1e-9)
-        points = points + np.clip(share, 0.0, 1.0)[:, None] * along
+        fraction = np.sum((near - points) * along, -1) / np.maximum(np.sum(along * along, -1), 1e-9)
+        points = points + np.clip(fraction, 0.0, 1.0)[:, None] * along
     sole = pin.what in (Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT)
     return np.asarray(points + np.array([0.0, ANKLE_HEIGHT if sole else 0.0, 0.0]))
 
@@ -280,11 +280,11 @@ def _soft_arm(distance: Array, now: Array) -> Array:
 
 
 def _turn(frames: _Frames, world: Array, chain: Sequence[tuple[int, float]], turn: Array) -> None:
-    """Turn the joints of a chain by their shares of rotation vectors of the world `(T, 3)`, each with those below it."""
+    """Turn the joints of a chain by their fractions of rotation vectors of the world `(T, 3)`, each with those below it."""
     angle, axis = np.linalg.norm(turn, axis=-1), rotations.normalize(turn)
     turned, total = world[:, SPORT_SKELETON.parents[chain[0][0]]], 0.0
-    for joint, share in chain:
-        total += share
+    for joint, fraction in chain:
+        total += fraction
         now = rotations.multiply(rotations.from_axis_angle(axis, total * angle), world[:, joint])
         made = _relative(turned, now)
         frames.local[:, joint] = np.where(angle[:, None] > 0.0, made, frames.local[:, joint])

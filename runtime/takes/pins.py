@@ -6,21 +6,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Any
 
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.checked import read_number
 from runtime.easing import smootherstep
 from runtime.errors import UsageError
 
 DEFAULT_EASE_S = 0.3
 MAX_TIME_S, MAX_COORDINATE_M, MAX_EASE_S = 36_000.0, 100_000.0, 60.0
 MAX_PINS = 1000
+KEPT_S = 3600.0  # that the rolling memory may hold
 FORM = 'Write "left hand 0.3 1.1 0.4 from 2 to 4", "look 0 1.6 5 from 0 to 3" or "pose 1.5 from 2 to 3".'
 
 
@@ -75,6 +74,10 @@ class Pin:
         held = (seconds >= self.start - 1e-9) & (seconds <= self.end + 1e-9)
         return np.where(held, 1.0, np.where(seconds < self.start, rise, fall))
 
+    def end_in(self, seconds: float) -> float:
+        """When it ends in a clip of a length."""
+        return min(self.end, seconds)
+
     def to_text(self) -> str:
         """The pin as `parse_pins` reads it."""
         place = f"{self.of:g}" if self.what is Pinned.POSE else _triple(self.point)
@@ -82,31 +85,6 @@ class Pin:
         along = " along" if self.along else ""
         ease = f" ease {self.ease_in:g} {self.ease_out:g}"
         return f"{self.what} {place}{rail}{along} from {self.start:g} to {self.end:g}{ease}"
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain values, see `read_pin`."""
-        return {
-            **vars(self),
-            "what": str(self.what),
-            "point": list(self.point),
-            "rail": self.rail and list(self.rail),
-        }
-
-
-def read_pin(value: Mapping[str, Any]) -> Pin:
-    """A pin of `Pin.to_json`; KeyError, TypeError, ValueError or UsageError for what is none."""
-
-    def triple(entry: Sequence[Any]) -> tuple[float, float, float]:
-        x, y, z = (read_number(part) for part in entry)
-        return x, y, z
-
-    rail = value["rail"]
-    start, end, ease_in, ease_out, of = (
-        read_number(value[name]) for name in ("start", "end", "ease_in", "ease_out", "of")
-    )
-    what, along = Pinned(value["what"]), value["along"] is True
-    held = None if rail is None else triple(rail)
-    return Pin(what, triple(value["point"]), start, end, ease_in, ease_out, held, along, of)
 
 
 _NUMBER = r"-?\d{1,6}(?:\.\d{1,9})?"
@@ -156,3 +134,44 @@ def _parse(entry: str) -> Pin:
 
 def _triple(point: Sequence[float]) -> str:
     return " ".join(f"{value:g}" for value in point)
+
+
+# --- pins of the live character: in seconds of the program's own count of frames, a held one ends at `MAX_TIME_S`
+
+
+def held_pins(pins: Sequence[Pin]) -> tuple[Pin, ...]:
+    """Those that hold now."""
+    return tuple(pin for pin in pins if pin.end >= MAX_TIME_S)
+
+
+def released(pins: Sequence[Pin], what: Pinned, now: float) -> tuple[Pin, ...]:
+    """Let go of what a part holds; pins that ended before all that is in memory are forgotten."""
+    return tuple(
+        replace(pin, start=min(pin.start, now), end=now)
+        if pin.what is what and pin.end >= MAX_TIME_S
+        else pin
+        for pin in pins
+        if pin.end > now - KEPT_S
+    )
+
+
+def weights_at(pins: Sequence[Pin], now: float) -> list[tuple[Pin, float]]:
+    """The pins that bend the pose of a time, with their weights; one held since an earlier run of the program holds fully."""
+    found = []
+    for pin in pins:
+        earlier = pin.end >= MAX_TIME_S and pin.start > now + DEFAULT_EASE_S
+        weight = 1.0 if earlier else float(pin.weights(np.array(now)))
+        if weight > 0.0:
+            found.append((pin, weight))
+    return found
+
+
+def pins_of_take(pins: Sequence[Pin], first: float, length: float) -> tuple[Pin, ...]:
+    """The pins of a take that began at a time (seconds) and has a length, in its own time."""
+    last, found = first + length, []
+    for pin in pins:
+        start = first if pin.end >= MAX_TIME_S and pin.start > last + DEFAULT_EASE_S else pin.start
+        if pin.end > first and start - pin.ease_in < last:
+            begin, end = max(start - first, 0.0), min(pin.end, last) - first
+            found.append(replace(pin, start=min(begin, end), end=end))
+    return tuple(found)

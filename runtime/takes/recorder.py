@@ -15,9 +15,7 @@ from runtime.skeleton import J
 from runtime.takes.clip import Clip, shift_prompts
 from runtime.takes.metadata import UNKNOWN, Origin, PromptEvent, gait_seconds
 
-LIVE_SECONDS = (
-    0.1  # transition while a slider is dragged: asked again in each frame, it eases towards the hand
-)
+LIVE_SECONDS = 0.1  # transition while a slider is dragged: set again in each frame, it eases towards the hand
 
 
 class ClipRecorder:
@@ -63,7 +61,7 @@ class ClipRecorder:
         return len(self._frames) / self.fps
 
     def add(self, pose: Pose, gait: int = -1) -> None:
-        """Remember the pose of one simulated frame, and the gait that was asked for (-1: not known)."""
+        """Remember the pose of one simulated frame, and the gait that was requested (-1: not known)."""
         row = np.concatenate([pose.hips_position, np.ravel(pose.local_rotations), pose.contacts, [gait]])
         self.add_row(row.astype(np.float32))
 

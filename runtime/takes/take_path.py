@@ -23,7 +23,7 @@ from runtime.takes.input_recording import InputFrames, InputRecording, Steppable
 from runtime.takes.metadata import gait_of
 
 APART_M = 1.5  # between two points of a straight way
-BEND_M = 0.12  # that the way may lie beside the line between two points
+BEND_M = 0.12  # that the way may lie off the line between two points
 SLOWEST = 0.1  # of the full stick
 STANDS_S = 0.75  # after the end of the way
 MAX_SECONDS = 600.0
@@ -39,15 +39,19 @@ def path_of(clip: Clip, inputs: InputRecording, first: int = 0) -> tuple[Waypoin
     corners = _corners(path)
     points = []
     for a, b in itertools.pairwise(corners):
-        frames = [inputs.frame(first + i).controls for i in range(a, b + 1)]
-        moving = [c for c in frames if gait_of(c) != Gait.STAND] or frames
-        stick = float(np.median([hypot(*c.move) for c in moving]))
-        gaits = [c.gait for c in moving if c.gait is not Gait.JUMP] or [Gait.WALK]
-        gait = max(set(gaits), key=gaits.count)
-        points.append(Waypoint(float(path[b, 0]), float(path[b, 1]), min(max(stick, SLOWEST), 1.0), gait))
+        stick, gait = _leg([inputs.frame(first + i).controls for i in range(a, b + 1)])
+        points.append(Waypoint(float(path[b, 0]), float(path[b, 1]), stick, gait))
     if not points:
         raise UsageError("The way of this take: it stands.", "Choose a take that goes somewhere.")
     return tuple(points)
+
+
+def _leg(frames: Sequence[Controls]) -> tuple[float, Gait]:
+    """How far the stick was pushed on a leg, and the gait of most of it."""
+    moving = [c for c in frames if gait_of(c) != Gait.STAND] or frames
+    gaits = [c.gait for c in moving if c.gait is not Gait.JUMP] or [Gait.WALK]
+    stick = float(np.median([hypot(*c.move) for c in moving]))
+    return min(max(stick, SLOWEST), 1.0), max(set(gaits), key=gaits.count)
 
 
 def resimulated_along(
@@ -62,7 +66,7 @@ def resimulated_along(
     place = _place(clip.pose(max(first - 1, 0)))
     walk = PointPath(tuple(points)).walk_from(place)
     pose = clip.pose(max(first - 1, 0))
-    asked: list[Controls] = []
+    requested: list[Controls] = []
     rest = 0
 
     def stick(number: int, shown: Pose | None) -> Controls | None:
@@ -72,13 +76,13 @@ def resimulated_along(
             rest += 1
         if rest > STANDS_S * FPS or number - first > MAX_SECONDS * FPS:
             return None
-        asked.append(walk((number - first) / FPS, _place(pose)))
+        requested.append(walk((number - first) / FPS, _place(pose)))
         progress(min(walk.progress / max(float(walk.ends[-1]), 1e-6), 0.99))
-        return asked[-1]
+        return requested[-1]
 
     poses, keyframes = started(inputs, controller, first, stick)
-    settings = [inputs.frame(min(first + i, len(inputs) - 1)) for i in range(len(asked))]
-    made = (replace(frame, controls=stick) for stick, frame in zip(asked, settings, strict=True))
+    settings = [inputs.frame(min(first + i, len(inputs) - 1)) for i in range(len(requested))]
+    made = (replace(frame, controls=stick) for stick, frame in zip(requested, settings, strict=True))
     frames = inputs.frames[: first - inputs.start] + InputFrames.of(made)
     changes = tuple(change for change in inputs.changes if change.frame < len(frames) + inputs.start)
     again = replace(inputs, frames=frames, changes=changes, keyframes=keyframes)
@@ -111,8 +115,8 @@ def _bends(path: Array, a: int, b: int) -> list[int]:
     line = path[b] - path[a]
     offset = path[a + 1 : b] - path[a]
     length = max(float(np.hypot(*line)), 1e-9)
-    share = np.clip(offset @ line / length**2, 0.0, 1.0)
-    away = np.hypot(*(offset - share[:, None] * line).T)
+    fraction = np.clip(offset @ line / length**2, 0.0, 1.0)
+    away = np.hypot(*(offset - fraction[:, None] * line).T)
     worst = int(np.argmax(away))
     if away[worst] < BEND_M:
         return [a, b]

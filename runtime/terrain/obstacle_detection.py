@@ -296,31 +296,29 @@ def can_land(
     The `flight_m` before the edge are flown over: there nothing may be higher than `over_m` on either side, as far as arms
     reach.
     """
+    feet, edge = np.array([-0.15, 0.0, 0.15]), edge_m
+    landing = _strip_rises(terrain, place, way, edge + np.array(LANDING_M), feet)
+    run_out = _strip_rises(terrain, place, way, edge + np.array(RUN_OUT_M), feet)
+    if landing.max() > rise_m + LANDING_RISE_M or run_out.max() > rise_m + RUN_OUT_RISE_M:
+        return False
+    flight = np.arange(edge - flight_m, edge, 0.1) if flight_m > 0.0 else np.zeros(0)
+    return bool(_strip_rises(terrain, place, way, flight, _SIDES).max(initial=-np.inf) <= over_m)
+
+
+def _strip_rises(terrain: Terrain, place: Array, way: Array, along: Array, sides: Array) -> Array:
+    """Rises over the ground at `place` of the points `along` and to the `sides` of a path, metres."""
     across = np.array([way[1], -way[0]])
-    points = [(edge_m + far) * way + side * across for far in LANDING_M for side in (-0.15, 0.0, 0.15)]
-    if _rises(terrain, place, np.array(points)).max() > rise_m + LANDING_RISE_M:
-        return False
-    beyond = [(edge_m + far) * way + side * across for far in RUN_OUT_M for side in (-0.15, 0.0, 0.15)]
-    if _rises(terrain, place, np.array(beyond)).max() > rise_m + RUN_OUT_RISE_M:
-        return False
-    flight = np.arange(edge_m - flight_m, edge_m, 0.1) if flight_m > 0.0 else ()
-    beside = [far * way + side * across for far in flight for side in _SIDES]
-    return not beside or bool(_rises(terrain, place, np.array(beside)).max() <= over_m)
+    points = along[:, None, None] * way + sides[None, :, None] * across
+    return _rises(terrain, place, points.reshape(-1, 2))
 
 
 def can_climb(terrain: Terrain, place: Array, way: Array, edge_m: float, rise_m: float) -> bool:
     """Whether a body has room to climb from `place` on the `way` over an edge `edge_m` away, onto level ground `rise_m` higher (negative is lower)."""
-    across = np.array([way[1], -way[0]])
-
-    def rises(along: Array, sides: Array) -> Array:
-        points = along[:, None, None] * way + sides[None, :, None] * across
-        return _rises(terrain, place, points.reshape(-1, 2))
-
     before, behind = np.arange(0.0, edge_m - 0.05, 0.1), edge_m + np.arange(0.15, CLIMB_LENGTH_M, 0.1)
-    top = rises(behind, _FEET)
+    top = _strip_rises(terrain, place, way, behind, _FEET)
     return bool(
-        rises(before, _SIDES).max(initial=0.0) <= LANDING_RISE_M
-        and rises(behind, _SIDES).max() <= max(rise_m, 0.0) + LANDING_RISE_M
+        _strip_rises(terrain, place, way, before, _SIDES).max(initial=0.0) <= LANDING_RISE_M
+        and _strip_rises(terrain, place, way, behind, _SIDES).max() <= max(rise_m, 0.0) + LANDING_RISE_M
         and np.abs(top - rise_m).max() <= LANDING_RISE_M
     )
 

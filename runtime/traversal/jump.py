@@ -206,26 +206,9 @@ class Jump:
         before, mean = self.hips, self.rest + ground
         self.time += DT
         if self.stage == "push":
-            fraction = min(self.time / PUSH_S, 1.0)
-            if self.time <= 1.5 * DT:
-                self.aim = (mean + OFF_M, sqrt(2.0 * GRAVITY * (RISE_M - OFF_M)))
-            self.hips = _hermite(fraction, self.begin, self.aim, PUSH_S)
-            if fraction >= 1.0 - 1e-6:
-                self.stage, self.time, self.velocity = "flight", 0.0, root
-                self.begin = self.aim
+            self._push(mean, root)
         elif self.stage == "flight":
-            t = self.time
-            self.hips = self.begin[0] + self.begin[1] * t - 0.5 * GRAVITY * t * t
-            falls = self.begin[1] - GRAVITY * t
-            going = FLYING_RATE if self.ripe else SWINGING_RATE
-            goal = 1.0 if self.foot == BOTH or self._wakes() else going
-            self.rate += min(max(goal - self.rate, -RATE_STEP), RATE_STEP)
-            if falls < 0.0 and self.hips < mean + LAND_M:
-                self.stage, self.time, self.spot = "land", 0.0, None
-                self.begin = (self.hips - mean, falls)
-                fast = hypot(*self.velocity) > RUNS
-                self.give = GIVE_RATES[0 if self.foot == BOTH else 1 + fast]
-                self.rate = 1.0
+            self._fly(mean)
         elif self.stage == "land":
             back = smoothstep((self.time - HOLD_S) / CARRIED_S)
             self.hips = mean + back * (incoming - mean) + _giving(self.time, self.give, *self.begin)
@@ -237,6 +220,31 @@ class Jump:
         self.speed = (self.hips - before) / DT
         self.over, self.high = self.hips - incoming, self.hips - mean
         self._move_upper()
+
+    def _push(self, mean: float, root: tuple[float, float]) -> None:
+        """From where the hips are to the take-off; `mean` is their height at rest, m."""
+        fraction = min(self.time / PUSH_S, 1.0)
+        if self.time <= 1.5 * DT:
+            self.aim = (mean + OFF_M, sqrt(2.0 * GRAVITY * (RISE_M - OFF_M)))
+        self.hips = _hermite(fraction, self.begin, self.aim, PUSH_S)
+        if fraction >= 1.0 - 1e-6:
+            self.stage, self.time, self.velocity = "flight", 0.0, root
+            self.begin = self.aim
+
+    def _fly(self, mean: float) -> None:
+        """Fall freely, with the rhythm held back, until the hips are at `mean` (m) again."""
+        t = self.time
+        self.hips = self.begin[0] + self.begin[1] * t - 0.5 * GRAVITY * t * t
+        falls = self.begin[1] - GRAVITY * t
+        going = FLYING_RATE if self.ripe else SWINGING_RATE
+        goal = 1.0 if self.foot == BOTH or self._wakes() else going
+        self.rate += min(max(goal - self.rate, -RATE_STEP), RATE_STEP)
+        if falls < 0.0 and self.hips < mean + LAND_M:
+            self.stage, self.time, self.spot = "land", 0.0, None
+            self.begin = (self.hips - mean, falls)
+            fast = hypot(*self.velocity) > RUNS
+            self.give = GIVE_RATES[0 if self.foot == BOTH else 1 + fast]
+            self.rate = 1.0
 
     def pose(
         self, hips: Array, local: Array, contacts: Array, terrain: Terrain
@@ -359,17 +367,19 @@ class Jump:
         if self.stage == "push":
             if self.spot is None and (self.time > SET_S or high < STANDS_M):
                 self.spot = (toe[0], toe[2])
-            held = 1.0
         elif self.spot is None:
             self.spot = (toe[0], toe[2])
         if self.spot is None:
             return 0.0, 0.0
-        if self.stage == "land":
-            behind = -dot(way, (self.spot[0] - hip[0], 0.0, self.spot[1] - hip[2]))
-            held = 1.0 - smoothstep((self.time - HOLD_S) / HOLD_S)
-            held *= 1.0 - smoothstep((behind - FARTHEST_M) / FARTHEST_M)
+        held = 1.0 if self.stage == "push" else self._held(self.spot, hip, way)
         self.shift = (held * (self.spot[0] - toe[0]), held * (self.spot[1] - toe[2]))
         return self.shift
+
+    def _held(self, spot: tuple[float, float], hip: Vector, way: Vector) -> float:
+        """How far a foot that came down at `spot` still stays there: it goes with a body that leaves it behind."""
+        behind = -dot(way, (spot[0] - hip[0], 0.0, spot[1] - hip[2]))
+        held = 1.0 - smoothstep((self.time - HOLD_S) / HOLD_S)
+        return held * (1.0 - smoothstep((behind - FARTHEST_M) / FARTHEST_M))
 
     def _apart(self, side: int, leg: LegPose) -> Vector:
         """The way of a foot to where it is in a leap: before or behind the hips, as far as the body goes where it faces."""

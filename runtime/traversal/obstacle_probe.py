@@ -53,6 +53,11 @@ class Ahead:
         return _blocked(self.obstacle)
 
     @property
+    def climbable(self) -> bool:
+        """Whether it is climbed up or down from here."""
+        return is_climb(self.obstacle) and self.blocked is None
+
+    @property
     def stands(self) -> bool:
         """Whether one has to stand before it: to climb, or because the way ends."""
         return is_climb(self.obstacle) or self.blocked is not None
@@ -91,14 +96,21 @@ def probe_obstacles(
         return CLEAR
     ahead = Ahead(found, path)
     stops = found.near <= CLIMB_M + CLIMB_SECONDS * speed + HOLD_M * stopped
-    if is_leap(found) and not _has_landing(terrain, ahead, place):
-        return ObstacleProbe(True, None, NO_LANDING) if stops else CLEAR
-    climbs = is_climb(found) and (stops or found.near <= CLIMB_FROM_M) and ahead.blocked is None
-    if climbs and not _has_room(terrain, ahead, place):
-        return ObstacleProbe(True, None, NO_CLIMB) if stops else CLEAR
+    cramped = _lack_of_room(terrain, ahead, place, stops)
+    if cramped is not None:
+        return ObstacleProbe(True, None, cramped) if stops else CLEAR
     if not ahead.stands or not stops:
         return ObstacleProbe(False, ahead, None)
     return ObstacleProbe(True, ahead, ahead.blocked)
+
+
+def _lack_of_room(terrain: Terrain, ahead: Ahead, place: Array, stops: bool) -> str | None:
+    """What the status line says where an obstacle leaves no room to leap or to climb it from `place` (XZ)."""
+    found = ahead.obstacle
+    if is_leap(found) and not _has_landing(terrain, ahead, place):
+        return NO_LANDING
+    climbs = ahead.climbable and (stops or found.near <= CLIMB_FROM_M)
+    return NO_CLIMB if climbs and not _has_room(terrain, ahead, place) else None
 
 
 def held_back(terrain: Terrain, place: Array, velocity: Array, ahead: Ahead | None) -> Array:

@@ -224,22 +224,26 @@ class Traversal:
 def is_possible(traversal: Traversal) -> bool:
     """Whether the numbers of a traversal that was read from a file describe one of its kind."""
     numbers = traversal.numbers
-    if not (abs(traversal.sight) <= MOST_SIGHT and abs(traversal.sight_velocity) <= FASTEST_SIGHT):
-        return False
-    if any(abs(number) > 100.0 for number in numbers) or not PACE[0] <= traversal.pace <= PACE[1]:
+    in_sight = abs(traversal.sight) <= MOST_SIGHT and abs(traversal.sight_velocity) <= FASTEST_SIGHT
+    if (
+        not in_sight
+        or max(map(abs, numbers), default=0.0) > 100.0
+        or not PACE[0] <= traversal.pace <= PACE[1]
+    ):
         return False
     if not traversal.kind:
         return True
     if traversal.climbing:
-        upwards = 1.0 if traversal.kind == "climb" else -1.0
-        return (
-            len(numbers) == 4
-            and 0.0 < upwards * numbers[0] <= HIGHEST_CLIMB_M
-            and TEMPO[0] <= numbers[3] <= TEMPO[1]
-        )
-    if len(numbers) != 23:
-        return False
-    _, _, _, _, speed, seconds, elapsed, stance, _ = numbers[:9]
+        return len(numbers) == 4 and _is_climb_possible(traversal.kind, numbers[0], numbers[3])
+    return len(numbers) == 23 and _is_leap_possible(*numbers[4:8])
+
+
+def _is_climb_possible(kind: str, rise: float, tempo: float) -> bool:
+    upwards = 1.0 if kind == "climb" else -1.0
+    return 0.0 < upwards * rise <= HIGHEST_CLIMB_M and TEMPO[0] <= tempo <= TEMPO[1]
+
+
+def _is_leap_possible(speed: float, seconds: float, elapsed: float, stance: float) -> bool:
     return speed >= 0.0 and 0.1 <= seconds <= 10.0 and 0.0 <= elapsed < seconds and stance in (0.0, 1.0)
 
 
@@ -264,7 +268,7 @@ def decide(
     came = steps.watch(pose, held, ahead.path if ahead is not None else None, traversal.pace)
     if ahead is None or not is_leap(ahead.obstacle):
         traversal.pace = 1.0
-        if ahead is not None and is_climb(ahead.obstacle) and ahead.blocked is None:
+        if ahead is not None and ahead.climbable:
             _climb(traversal, ahead, pose, speed, walk_speed)
     elif steps.stance is not None and steps.speed > SLOWEST_LEAP:
         left = ahead.obstacle.near - steps.ankle(pose, ahead.path)

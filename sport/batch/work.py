@@ -155,7 +155,7 @@ def _closed(executor: Executor) -> Iterator[Executor]:
 
 
 def _placed(task: Task, future: Future[Made], target: Path) -> Line:
-    """The line of a task; its files written, each whole, the one that was asked for last."""
+    """The line of a task; its files written, each whole, the main one last."""
     try:
         line, files = future.result()
         for name in sorted(files, key=lambda name: name == line["file"]):
@@ -220,6 +220,6 @@ def _model_and_prompter(folder: Path | None, expander: str, text_encoder: Path |
 
 
 def _main_file(options: argparse.Namespace, files: dict[str, str]) -> str:
-    """The file that was asked for; the first of several."""
+    """The main file; the first of several."""
     name = options.out.as_posix()
     return name if name in files else min((f for f in files if not f.endswith(".json")), default=min(files))

@@ -15,7 +15,7 @@ def add(commands: Subparsers) -> None:
     convert = commands.add_parser(
         "convert",
         help="write a take (BVH, of any two-legged skeleton) as GLB, FBX, film, ground or another BVH",
-        description="The ground is the one that the JSON beside the take names; rate and unit stay as in the take.",
+        description="The ground is the one that the JSON next to the take names; rate and unit stay as in the take.",
     )
     convert.set_defaults(command=run)
     convert.add_argument("take", type=Path, metavar="BVH")

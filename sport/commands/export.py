@@ -69,7 +69,7 @@ def check_outputs(paths: list[Path], options: ExportOptions) -> None:
 
 
 def write_take(clip: Clip, path: Path, options: ExportOptions, terrain: Terrain) -> None:
-    """Write a take into one file, and its ground beside it where that is asked; says what was written."""
+    """Write a take into one file, and its ground next to it where the options ask for it; says what was written."""
     if format_of(path).film:
         from viewer.filming.film import count_frames, film_of_take
 

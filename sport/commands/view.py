@@ -19,7 +19,7 @@ def add(commands: Subparsers) -> None:
     add_model(view)
     view.add_argument("--character", type=Path, metavar="FILE", help="skinned character (GLB, glTF, VRM)")
     view.add_argument(
-        "--joint-map", type=Path, metavar="JSON", help="names of its joints, in place of the file beside it"
+        "--joint-map", type=Path, metavar="JSON", help="names of its joints, in place of the file next to it"
     )
     view.add_argument(
         "--fit-to-motion", action="store_true", help="the character gets the size of the motion, not its own"

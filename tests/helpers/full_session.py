@@ -36,8 +36,8 @@ from runtime.session.session_file import SessionFile
 from runtime.takes.camera_keys import CameraKey
 from runtime.takes.clip import Clip
 from runtime.takes.footplants import FootplantEdit
-from runtime.takes.input_recording import InputRecorder, InputRecording
-from runtime.takes.metadata import Origin, gait_of
+from runtime.takes.input_recording import InputRecorder, InputRecording, StyleChange
+from runtime.takes.metadata import Origin, PromptEvent, gait_of
 from runtime.takes.own_skeleton import OwnSkeleton
 from runtime.takes.pins import Pin, Pinned
 from runtime.takes.pose_edits import PoseEdits
@@ -73,7 +73,7 @@ def driven_take(frames: int = 90) -> tuple[Clip, InputRecording]:
         (StyleMix((0.4, 0.6), (np.ones((6, 64), np.float32),) * 2), blend),
     ):
         walker.set_style(z, 0.2)
-        recorder.mark_style(z, 0.2, "style", "", note, typed="typed")
+        recorder.mark_style(StyleChange(0, z, 0.2, PromptEvent(0.0, "style", 0.2, "", "typed"), note))
         clips.mark_prompt("style", 0.2, typed="typed")
         for number in range(frames // 2 + 10):
             controls = Controls((0.2, 1.0), None, Gait.JOG if number > 20 else Gait.WALK)

@@ -9,7 +9,6 @@ import time
 from itertools import cycle
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from runtime.assets import PROJECT_ROOT
@@ -117,31 +116,6 @@ def test_what_a_running_program_writes_is_not_swept(tmp_path: Path, monkeypatch:
         monkeypatch.setattr(time, "time", lambda: now + YEAR_S)
         assert sweep(tmp_path) == []
     assert (tmp_path / "film.mp4").read_bytes() == b"half"
-
-
-def test_names_of_sessions_sort_after_those_that_are_there(tmp_path: Path) -> None:
-    (tmp_path / "29991231-235959-0007-00000000.sport").touch()
-    (tmp_path / "29991231-235959-notours.sport").touch()
-    assert library.new_path(tmp_path).name.startswith("29991231-235959-0008-")
-    assert library.new_path(tmp_path / "none").name[15:20] == "-0000"
-
-
-def test_steps_of_no_time_and_of_ten_seconds(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
-    app = start()
-    steps = cycle((0.0, 1e-9, 10.0, 1e-300, 1 / 60, 1.0))
-    monkeypatch.setattr(app, "_tick", lambda: next(steps))
-    app.takes.toggle_recording()
-    app.window.inject_key("w", True)
-    run(app, 40)
-    app.window.inject_key("w", False)
-    app.takes.toggle_recording()
-    (take,) = app.editor.session.takes
-    assert np.isfinite(take.clip.hips_positions).all()
-    app.takes.play(1)
-    for _ in range(30):
-        run(app)
-        assert np.isfinite(np.array(app.scene.camera.current.heading)).all()
-        assert np.isfinite(app.takes.playback.pose().positions).all()  # type: ignore[union-attr]
 
 
 def frames(path: Path) -> int:

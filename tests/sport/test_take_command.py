@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import av
@@ -14,8 +12,6 @@ from PIL import Image
 
 import runtime.generate as generate_module
 import runtime.motion.model
-from runtime.assets import PROJECT_ROOT
-from runtime.formats import fbx
 from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
 from runtime.formats.table import FORMATS
 from runtime.takes.clip import Clip
@@ -163,33 +159,11 @@ def test_mistakes_are_one_sentence_and_leave_no_file(
     assert sorted(take.parent.iterdir()) == before
 
 
-def test_fbx_without_blender_is_one_sentence(
-    take: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
-) -> None:
-    monkeypatch.setattr(fbx, "find_blender", lambda: None)
-    assert cli.main(["generate", "--out", str(take.with_name("x.fbx"))]) == 2
-    assert "Blender" in capsys.readouterr().err
-
-
-def test_no_seconds_says_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    assert cli.main(["generate", "--seconds", "0", "--out", str(tmp_path / "x.bvh")]) == 2
-    assert "--seconds 0: expected 0.017 (one frame) to 3600" in capsys.readouterr().err
-
-
 def test_a_colour_height_map_is_noted(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     Image.new("RGBA", (64, 64), (9, 9, 9, 255)).save(tmp_path / "map.png")
     arguments = ["--seconds", "0.2", "--terrain", str(tmp_path / "map.png"), "--out", str(tmp_path / "x.bvh")]
     assert cli.main(["generate", *arguments]) == 0
     assert "map.png: colours (RGBA, 8 bits) were read as grey" in capsys.readouterr().err
-
-
-def test_help_of_training_needs_no_torch() -> None:
-    code = "import sys; sys.modules['torch'] = None; from sport import cli; sys.exit(cli.main(['train', '--help']))"
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=PROJECT_ROOT, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert "--preset" in done.stdout
 
 
 def test_a_contact_sheet_shows_each_clip_on_its_own_ground(take: Path) -> None:

@@ -21,7 +21,6 @@ from tests.helpers.viewer_fakes import fake_services
 from viewer.app import App
 from viewer.gl_bindings import imgui
 from viewer.options import ViewOptions
-from viewer.window import KEY_CODES
 
 
 def test_first_frame_shows_scene_and_panels(start: Start) -> None:
@@ -186,30 +185,9 @@ def test_options_are_checked_before_a_window_opens(options: dict[str, Any]) -> N
         App(ViewOptions(**options), fake_services())
 
 
-def test_random_use_never_breaks_the_interface(start: Start) -> None:
-    """A monkey presses, clicks, types and resizes; the loop must go on and the state stay drawable."""
-    app = start(width=900, height=600)
-    random = np.random.default_rng(1)
-    keys = [name for name in KEY_CODES if name != "f11"]
-    app.settings.export_folder = str(app.config)  # whatever it saves stays in the test's folder
-    for _ in range(150):
-        width, height = app.window.size
-        x, y = random.uniform(0, width), random.uniform(0, height)
-        app.window.inject_mouse(x, y, int(random.integers(3)), bool(random.integers(2)))
-        app.window.inject_key(str(random.choice(keys)), bool(random.integers(2)))
-        app.window.inject_text(str(random.choice(["a", "é", "日", "\U0001f600", " "])))
-        if random.random() < 0.03:
-            app.window.resize(int(random.integers(64, 1400)), int(random.integers(64, 900)))
-        if random.random() < 0.05:
-            app.takes.save_last()
-        run(app)
-    assert np.isfinite(app.scene.simulation.current.positions).all()
-
-
 def test_frames_are_timed_by_part_and_left_as_they_were(start: Start) -> None:
     app = start()
-    times = frames.measure(app, 3, frames.parts(app))
-    assert set(times) == {"frame", "all else", *frames.parts(app)}
+    times = frames.measure(app, 3)
+    assert set(times) == {"frame", "all else", "motion", "scene", "panels", "panels' drawing", "showing"}
     assert all(len(ms) == 3 for ms in times.values())
     assert "advance" not in vars(app.scene)
-    assert set(frames.measure(app, 2, {})) == {"frame", "all else"}

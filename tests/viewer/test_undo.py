@@ -14,7 +14,7 @@ from runtime.takes.pins import Pinned
 from tests.helpers.app_driver import Start, click, click_on, drawn, message, place, press, run
 from viewer import services
 from viewer.app import App
-from viewer.edit.path import on_screen
+from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
 
 
@@ -167,21 +167,6 @@ def test_export_all_writes_what_the_trims_keep(start: Start, tmp_path: Path) -> 
 # --- the list
 
 
-def test_a_removed_take_comes_back_as_it_was(start: Start) -> None:
-    app = start()
-    record(app)
-    record(app)
-    play_row(app, 0)
-    trim_start(app, 0.5)
-    before = app.editor.session
-    menu(app, 0, "Remove")
-    assert titles(app) == ["Take 2"]
-    assert "Ctrl+Z brings it back" in app.messages.recent[-1].text
-    undo(app)
-    assert app.editor.session.takes == before.takes
-    assert message(app).startswith("Undone: removal of Take 1.")
-
-
 def test_a_removal_leaves_what_plays_alone(start: Start) -> None:
     app = start()
     for _ in range(3):
@@ -191,24 +176,6 @@ def test_a_removal_leaves_what_plays_alone(start: Start) -> None:
     assert app.takes.playback is not None
     assert app.takes.playback.take.title == "Take 3"
     assert app.editor.session.selected == 3
-
-
-def test_undo_takes_back_exactly_a_name(start: Start) -> None:
-    app = start()
-    record(app)
-    record(app)
-    x, y = place(app, "row")
-    click(app, x, y)
-    click(app, x, y)
-    run(app, 3)
-    app.window.inject_text("A proud walk")
-    run(app, 2)
-    press(app, "enter")
-    run(app, 2)
-    assert titles(app) == ["A proud walk", "Take 2"]
-    undo(app)
-    assert titles(app) == ["Take 1", "Take 2"]
-    assert message(app).startswith("Undone: name of Take 1.")
 
 
 def test_color_and_order_are_chosen_in_the_menu_undone_and_kept(start: Start, tmp_path: Path) -> None:

@@ -39,7 +39,6 @@ STEP = 2  # frames of 1/60 s from one row to the next
 SEARCH_FRAMES = 6  # ten searches a second
 HALF_LIFE = 0.1  # seconds, of what is left of a change of frame
 CHANGE_FRAMES = 42  # after seven half-lives less than a thousandth is left
-CACHED = 256
 CHANGES = 8  # that can be under way at once: seven searches fall into `CHANGE_FRAMES`
 # A place is two numbers of at most four digits, as no output of a network is larger (`runtime.motion.frame.MAX_OUTPUT`).
 PLACES, HIGH = 9_000, 90
@@ -83,7 +82,7 @@ def feature_vectors(x: Array, joints: Array, velocities: Array) -> Array:
 
 
 def scales(rows: Array) -> tuple[Array, Array]:
-    """Mean `(33,)`, and weight over deviation `(33,)`: the columns of a group share the mean of their deviations."""
+    """Mean `(33,)`, and weight over deviation `(33,)`: the columns of a group have the mean of their deviations."""
     mean, deviation = rows.mean(0), rows.std(0)
     scale = np.zeros(SIZE, np.float32)
     for columns, weight in GROUPS.values():
@@ -116,7 +115,7 @@ class Database:
             base = Database(
                 **floats,
                 world=found["world"],
-                contacts=np.unpackbits(found["contacts"][:, None], axis=1)[:, :4],
+                contacts=found["contacts"],
                 last=found["last"].astype(np.int64),
                 style=found["style"].astype(np.int64),
                 styles=tuple(str(s) for s in found["styles"]),
@@ -131,45 +130,31 @@ class Database:
 
     def save(self, path: Path) -> None:
         """As half-precision numbers where that is enough: rotations within 0.05 degrees."""
-        small = {k: getattr(self, k).astype(np.float16) for k in ("world", "root", "codes", "features")}
-        np.savez_compressed(
-            path,
-            **small,
-            hips=self.hips.astype(np.float32),
-            contacts=np.packbits(self.contacts.astype(bool), axis=1)[:, 0],
-            last=self.last.astype(np.int32),
-            style=self.style.astype(np.int16),
-            styles=np.array(self.styles),
-            code_style=self.code_style.astype(np.int16),
-            speeds=self.speeds.astype(np.float32),
-        )
+        kinds: dict[str, Any] = dict.fromkeys(("world", "root", "codes", "features"), np.float16)
+        kinds |= {"hips": np.float32, "speeds": np.float32, "contacts": np.uint8}
+        kinds |= {"last": np.int32, "style": np.int16, "code_style": np.int16}
+        arrays = {name: getattr(self, name).astype(kind) for name, kind in kinds.items()}
+        np.savez_compressed(path, **arrays, styles=np.array(self.styles))
 
     def check(self) -> None:
         """ValueError for arrays that do not belong together."""
-        rows, names = len(self.features), len(self.styles)
+        rows, names = len(self.last), len(self.styles)
         shapes = {
             "features": (rows, SIZE), "world": (rows, J, 4), "hips": (rows, 3), "root": (rows, 3), "contacts": (rows, 4),
             "last": (rows,), "style": (rows,), "codes": (len(self.codes), 6, 64), "code_style": (len(self.codes),),
             "speeds": (names, 2),
         }  # fmt: skip
-        for name, shape in shapes.items():
-            if getattr(self, name).shape != shape:
-                raise ValueError(name)
+        finite = ("features", "hips", "root", "speeds", "world")
         order = np.arange(rows)
-        if (
-            rows < 4
-            or not names
-            or not len(self.codes)
-            or (self.last < order).any()
-            or (self.last >= rows).any()
-        ):
-            raise ValueError("rows")
-        if {*self.style.tolist(), *self.code_style.tolist()} - set(range(names)):
-            raise ValueError("style")
-        if not all(
-            np.isfinite(getattr(self, k)).all() for k in ("features", "hips", "root", "speeds", "world")
-        ):
-            raise ValueError("values")
+        sound = (
+            all(getattr(self, name).shape == shape for name, shape in shapes.items())
+            and min(rows // 4, names, len(self.codes)) > 0
+            and bool(((self.last >= order) & (self.last < rows)).all())
+            and {*self.style.tolist(), *self.code_style.tolist()} <= set(range(names))
+            and all(np.isfinite(getattr(self, name)).all() for name in finite)
+        )
+        if not sound:
+            raise ValueError("arrays that do not belong together")
 
 
 @dataclass(frozen=True)
@@ -227,15 +212,11 @@ class MatchingModel:
         self._rows = [np.flatnonzero((base.style == s) & ends) for s in range(len(base.styles))]
         self._searched = [np.ascontiguousarray(self._known[rows]) for rows in self._rows]
         self._squares = [np.square(known).sum(1) for known in self._searched]
-        neutral = base.styles.index("neutral") if "neutral" in base.styles else 0
-        self._neutral = neutral
-        self._changes: dict[
-            tuple[int, int], tuple[Array, ...]
-        ] = {}  # those met last; a pure function of the key
+        self._neutral = base.styles.index("neutral") if "neutral" in base.styles else 0
 
     @property
     def prompt_path(self) -> Path:
-        """The text side, of the model that the database was built beside."""
+        """The text side, of the model that the database was built with."""
         return self.folder / "prompt.onnx"
 
     @property
@@ -274,7 +255,8 @@ class MatchingModel:
 
     def output_of(self, row: int) -> Array:
         """y `(473,)` of a row, with nothing played yet."""
-        y = self._output(*self._at(STEP * row), Playing(STEP * row))[0]
+        place = np.array(STEP * row)
+        y = self._output(*self._at(place), Playing(STEP * row))[0]
         y[features.OUTPUT["phase"]] = 0.0
         return y
 
@@ -283,10 +265,10 @@ class MatchingModel:
     def _frame(self, x: Array, style: Style) -> Array:
         phase = x[INPUT["phase"]].reshape(features.L + 1, features.C, 2)
         playing = self._advanced(Playing.unpacked(phase), x, int(np.argmax(style.front_bias)))
-        world, hips, root = self._at(playing.place)
+        world, hips, root = self._at(np.array(playing.place))
         # the newest turns the rows' pose, the one before it what comes of that: so each began from what was shown
         if playing.changes:
-            turns, moved, way = self._left_over(playing.changes)
+            turns, moved, way = self._left_over(*np.array(playing.changes).T)
             for turn in turns[::-1]:
                 world = rotations.multiply(turn, world)
             hips, root = hips + moved, root + way
@@ -329,63 +311,46 @@ class MatchingModel:
     def _cost(self, row: int, query: Array) -> float:
         return float(np.square(self._known[row] - query).sum())
 
-    def _at(self, place: int) -> tuple[Array, Array, Array]:
-        """Rotations `(31, 4)`, hips `(3,)` and root velocity `(3,)` of a place, between rows where it lies so."""
+    def _at(self, place: Indices) -> tuple[Array, Array, Array]:
+        """Rotations `(..., 31, 4)`, hips and root velocity `(..., 3)` of places `(...)`, between rows where they lie so."""
         base = self.database
-        row, share = place // STEP, (place % STEP) / STEP
-        following = min(row + 1, int(base.last[row]))
+        row, part = place // STEP, ((place % STEP) / STEP)[..., None]
+        following = np.minimum(row + 1, base.last[row])
         a, b = base.world[row].astype(np.float64), base.world[following].astype(np.float64)
         b = np.where((a * b).sum(-1, keepdims=True) < 0.0, -b, b)
-        world = (1.0 - share) * a + share * b
-        world /= np.linalg.norm(world, axis=-1, keepdims=True)
-        hips = (1.0 - share) * base.hips[row] + share * base.hips[following]
-        root = (1.0 - share) * base.root[row] + share * base.root[following]
-        return world, hips.astype(np.float64), root.astype(np.float64)
+        world = rotations.normalize((1.0 - part[..., None]) * a + part[..., None] * b)
+        hips, root = (
+            (1.0 - part) * values[row] + part * values[following] for values in (base.hips, base.root)
+        )
+        return world, hips, root
 
-    def _left_over(self, changes: Sequence[tuple[int, int, int]]) -> tuple[Array, Array, Array]:
-        """Of changes: what is left of each one's turn `(K, 31, 4)`, of the hips' and of the root velocity's differences."""
-        found = []
-        for left, entered, _ in changes:
-            key = left, entered
-            if key not in self._changes:
-                if len(self._changes) >= CACHED:
-                    self._changes.clear()
-                self._changes[key] = self._change(left, entered)
-            found.append(self._changes[key])
-        turn, spin, moved, speed, way = (np.stack(values) for values in zip(*found, strict=True))
-        seconds = np.array([frames for _, _, frames in changes])[:, None] / FPS
-
-        def left_over(offset: Array, velocity: Array, at: Array = seconds) -> Array:
-            return spring(offset, velocity, np.zeros(3), HALF_LIFE, at)[0]
-
-        turns = rotations.from_rotation_vector(left_over(turn, spin, seconds[..., None]))
-        return turns, left_over(moved, speed).sum(0), left_over(way, np.zeros(3)).sum(0)
-
-    def _change(self, left: int, entered: int) -> tuple[Array, ...]:
-        """From one place to another: turn, its rate, the hips' difference, its rate, the root velocity's difference."""
+    def _left_over(self, left: Indices, entered: Indices, frames: Indices) -> tuple[Array, Array, Array]:
+        """Of changes `(K,)`: what is left of each one's turn `(K, 31, 4)`, of all of the hips' and root velocity's differences."""
         (q0, h0, r0), (q1, h1, r1) = self._at(left), self._at(entered)
-        before, _, _ = earlier = self._at(max(left - 1, 0))
-        after, _, _ = later = self._at(entered + 1)
+        before, h_before, _ = self._at(np.maximum(left - 1, 0))
+        after, h_after, _ = self._at(entered + 1)
+        seconds = frames[:, None] / FPS
 
         def turn(a: Array, b: Array) -> Array:
             return rotations.to_rotation_vector(rotations.multiply(a, rotations.inverse(b)))
 
-        spin = FPS * (turn(q0, before) - turn(after, q1))
-        speed = FPS * ((h0 - earlier[1]) - (later[1] - h1))
-        return turn(q0, q1), spin, h0 - h1, speed, r0 - r1
+        def decayed(offset: Array, velocity: Array, at: Array) -> Array:
+            return spring(offset, velocity, np.zeros(3), HALF_LIFE, at)[0]
+
+        turns = decayed(turn(q0, q1), FPS * (turn(q0, before) - turn(after, q1)), seconds[..., None])
+        moved = decayed(h0 - h1, FPS * ((h0 - h_before) - (h_after - h1)), seconds)
+        way = decayed(r0 - r1, np.zeros(3), seconds)
+        return rotations.from_rotation_vector(turns), moved.sum(0), way.sum(0)
 
     def _output(self, world: Array, hips: Array, root: Array, playing: Playing) -> Array:
-        place = playing.place
-        contacts = self.database.contacts[place // STEP]
-        positions = _positions(hips, world)
-        path, directions = self._forecast(place)
+        path, directions = self._forecast(playing.place)
         parts = OutputParts(
             trajectory_positions=path,
             trajectory_directions=directions,
-            joint_positions=positions,
+            joint_positions=_positions(hips, world),
             joint_velocities=np.zeros((J, 3)),
             root=root,
-            contacts=contacts.astype(np.float64),
+            contacts=self.database.contacts[playing.place // STEP].astype(np.float64),
             phase=playing.packed(),
             joint_rotations=rotations.to_6d(world),
         )

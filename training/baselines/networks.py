@@ -1,18 +1,110 @@
-"""The rivals' networks, from normalised x `(B, 472)` and style labels `(B, S)` to normalised y `(B, 473)`."""
+"""The rivals' networks, from normalised x `(B, 472)` and style labels `(B, S)` to normalised y `(B, 473)`, and their phases.
+
+Phases come out of foot contacts, in five channels, as our phase windows have them: left heel, left toe, right heel, right toe
+(Mason et al. 2022 take the local phases of Starke et al. 2020; ours run from one onset of a contact to the next, without the
+fit of a sine), and the footstep phase of PFNN, which is 0 when the right foot comes down and half a turn when the left one
+does (Holden et al. 2017, Sec. 4.1).
+"""
 
 from __future__ import annotations
 
 import itertools
 import math
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
-from runtime.motion.features import INPUT, INPUT_SIZE, MOTION_INPUT_SIZE, OUTPUT, OUTPUT_SIZE, C, L
-from training.baselines.phases import FOOTSTEP
+from runtime.arrays import Array
+from runtime.motion.features import (
+    FPS,
+    FUTURE_PHASE_OFFSETS,
+    INPUT,
+    INPUT_SIZE,
+    MOTION_INPUT_SIZE,
+    OUTPUT,
+    OUTPUT_SIZE,
+    PHASE_OFFSETS,
+    C,
+    L,
+)
 from training.networks.generator import Generator
 from training.presets import ModelConfig
+
+FOOTSTEP = 4  # channel
+IDLE_HZ = 0.5  # turns a second without any onset
+MAX_GAP_S = 2.0  # a longer time between two onsets is standing
+
+
+def onsets(contact: NDArray[np.bool_]) -> NDArray[np.integer]:
+    """Frames at which a contact `(T,)` begins."""
+    return np.flatnonzero(contact[1:] & ~contact[:-1]) + 1
+
+
+def through(frames: NDArray[np.integer], turns: Array, length: int) -> Array:
+    """Turns `(length,)` that have the given values at the given frames, straight between them, and go on at both ends."""
+    if len(frames) < 2:
+        start = float(turns[0]) - IDLE_HZ * frames[0] / FPS if len(frames) else 0.0
+        return start + IDLE_HZ * np.arange(length) / FPS
+    rate = float(np.median(np.diff(turns) / np.diff(frames)))
+    at = np.arange(length)
+    result = np.interp(at, frames, turns)
+    before, after = at < frames[0], at > frames[-1]
+    result[before] = turns[0] - rate * (frames[0] - at[before])
+    result[after] = turns[-1] + rate * (at[after] - frames[-1])
+    return result
+
+
+def local_phase(contact: NDArray[np.bool_]) -> Array:
+    """Turns `(T,)` that are whole at every onset of a contact `(T,)`."""
+    frames = onsets(contact)
+    return through(frames, np.arange(len(frames), dtype=np.float64), len(contact))
+
+
+def footstep_phase(left: NDArray[np.bool_], right: NDArray[np.bool_]) -> Array:
+    """Turns `(T,)` that are whole when the right foot comes down, and a half more when the left one does.
+
+    Steps alternate: of two onsets of one foot in a row the phase makes a whole turn.
+    """
+    steps = sorted([(int(f), 0.5) for f in onsets(left)] + [(int(f), 0.0) for f in onsets(right)])
+    frames: list[int] = []
+    turns: list[float] = []
+    for frame, fraction in steps:
+        if frames and frame - frames[-1] < 2:  # both feet at once: a jump comes down
+            continue
+        last = turns[-1] if turns else -0.5
+        ahead = (fraction - last) % 1.0
+        turns.append(last + (ahead if ahead > 0 else 1.0))
+        frames.append(frame)
+    return through(np.array(frames, int), np.array(turns), len(left))
+
+
+def phase_vectors(contacts: NDArray[np.bool_]) -> Array:
+    """Vectors `(T, 5, 2)` (sine, cosine) of contacts `(T, 4)` left heel, left toe, right heel, right toe; of standing, short ones."""
+    turns = [local_phase(contacts[:, k]) for k in range(4)]
+    turns.append(footstep_phase(contacts[:, 0] | contacts[:, 1], contacts[:, 2] | contacts[:, 3]))
+    angle = 2.0 * np.pi * np.stack(turns, 1)
+    steps = np.concatenate([onsets(contacts[:, k]) for k in range(4)])
+    at = np.arange(len(contacts))
+    gap = np.abs(at[:, None] - steps[None]).min(1) if len(steps) else np.full(len(at), np.inf)
+    size = np.where(gap < MAX_GAP_S * FPS / 2, 1.0, 0.1)[:, None]
+    size = np.concatenate([np.repeat(size, 4, 1), np.ones_like(size)], 1)  # the footstep phase always turns
+    return size[..., None] * np.stack([np.sin(angle), np.cos(angle)], -1)
+
+
+def windows(vectors: Array) -> tuple[Array, Array]:
+    """Inputs' windows `(T, 13, 5, 2)` around the frame before each, and outputs' `(T, 7, 5, 2)` of each and its future."""
+    at, last = np.arange(len(vectors)), len(vectors) - 1
+    before = np.clip(at[:, None] - 1 + PHASE_OFFSETS, 0, last)
+    after = np.clip(at[:, None] + FUTURE_PHASE_OFFSETS, 0, last)
+    assert vectors.shape[1] == C
+    return vectors[before], vectors[after]
+
+
+# --- networks ---------------------------------------------------------------------------------------------------------
+
 
 KNOTS = 4
 HALF = L // 2
@@ -21,7 +113,7 @@ HALF = L // 2
 def catmull_rom(knots: Tensor, phase: Tensor) -> Tensor:
     """Phase function of PFNN (Holden et al. 2017, Eq. 7): control points `(4, ...)` at phases `(B,)` in radians, `(B, ...)`.
 
-    Theta = a1 + w (a2 - a0)/2 + w^2 (a0 - 5/2 a1 + 2 a2 - a3/2) + w^3 (3/2 a1 - 3/2 a2 + a3/2 - a0/2), with w the share of the way
+    Theta = a1 + w (a2 - a0)/2 + w^2 (a0 - 5/2 a1 + 2 a2 - a3/2) + w^3 (3/2 a1 - 3/2 a2 + a3/2 - a0/2), with w the fraction of the way
     from knot k1 to k2, k_n = floor(4 p / 2 pi) + n - 1 mod 4.
     """
     position = torch.remainder(phase / (2.0 * math.pi), 1.0) * KNOTS
@@ -37,14 +129,14 @@ def catmull_rom(knots: Tensor, phase: Tensor) -> Tensor:
     )
 
 
-def blended(weights: Tensor, biases: Tensor, share: Tensor, x: Tensor) -> Tensor:
-    """Layer of blended experts: `(K, out, in)`, `(K, out)`, shares `(B, K)` and inputs `(B, in)` to `(B, out)`."""
+def blended(weights: Tensor, biases: Tensor, blend: Tensor, x: Tensor) -> Tensor:
+    """Layer of blended experts: `(K, out, in)`, `(K, out)`, weights `(B, K)` and inputs `(B, in)` to `(B, out)`."""
     every = torch.einsum("koi,bi->bko", weights, x) + biases
-    return (share[..., None] * every).sum(1)
+    return (blend[..., None] * every).sum(1)
 
 
 class Baseline(nn.Module):
-    """What all rivals share: the scales of x and y. `forward` takes and gives physical units."""
+    """What all rivals have: the scales of x and y. `forward` takes and gives physical units."""
 
     def __init__(self, styles: int) -> None:
         super().__init__()
@@ -94,10 +186,10 @@ class PhaseFunctioned(Baseline):
         phase = torch.atan2(now[:, 0], now[:, 1])
         h = scaled[:, :MOTION_INPUT_SIZE]
         for number, (w, b) in enumerate(zip(self.weights, self.biases, strict=True)):
-            share = catmull_rom(
+            blend = catmull_rom(
                 torch.eye(KNOTS, device=x.device), phase
-            )  # the knots' shares: it is linear in them
-            h = blended(w, b, share, self.dropout(h))
+            )  # the knots' weights: it is linear in them
+            h = blended(w, b, blend, self.dropout(h))
             if number < len(self.weights) - 1:
                 h = functional.elu(h)
         start = OUTPUT["phase"].start
@@ -140,10 +232,10 @@ class FilmModulated(Baseline):
 
     def normalised(self, scaled: Tensor, x: Tensor, label: Tensor) -> Tensor:
         """h = gamma_s * ELU(W h + b) + beta_s (their Eq. 1 on every hidden layer)."""
-        share = torch.softmax(self.gating(x[:, INPUT["phase"]]), 1)
+        blend = torch.softmax(self.gating(x[:, INPUT["phase"]]), 1)
         h = scaled[:, :MOTION_INPUT_SIZE]
         for number, (w, b) in enumerate(zip(self.weights, self.biases, strict=True)):
-            h = blended(w, b, share, self.dropout(h))
+            h = blended(w, b, blend, self.dropout(h))
             if number < len(self.weights) - 1:
                 gamma, beta = (label @ table for table in self.film[number])
                 h = (1.0 + gamma) * functional.elu(h) + beta

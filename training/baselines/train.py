@@ -8,9 +8,6 @@ The loss is the mean squared error of normalised y, as all of these papers have 
 from __future__ import annotations
 
 import argparse
-import hashlib
-import json
-import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,27 +19,29 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from runtime.arrays import Array
-from runtime.assets import model_folder
-from runtime.atomic import write_atomic
 from runtime.controls import Gait
 from runtime.errors import FileError
-from runtime.motion.features import INPUT, INPUT_SIZE, LAYOUT_VERSION, OUTPUT, OUTPUT_SIZE, C, L
-from runtime.motion.model import load_model
-from runtime.motion.model_files import read_metadata
-from runtime.prompts.prompter import Prompter
-from runtime.skeleton import SPORT_SKELETON
-from training.baselines.motion_matching import MIN_FRAMES, ROLLOUTS, speeds
-from training.baselines.networks import Baseline, FilmModulated, PhaseFunctioned, StyleByLabel
-from training.baselines.phases import phase_vectors, windows
-from training.evaluation.metrics.motion import original_clips
-from training.evaluation.motion.evaluated_model import style_texts
+from runtime.motion.features import INPUT, INPUT_SIZE, OUTPUT, OUTPUT_SIZE, C, L
+from training.baselines.folders import add_arguments as add_common
+from training.baselines.folders import copy_text_side, speeds, style_codes, training_clips, write_metadata
+from training.baselines.networks import (
+    Baseline,
+    FilmModulated,
+    PhaseFunctioned,
+    StyleByLabel,
+    phase_vectors,
+    windows,
+)
+from training.evaluation.motion.capture import TERRAIN_GROUP, ClipInfo
 from training.export.graph import export_graph
-from training.frames import LAYERED, PLAIN, ClipFrames, clip_frames
+from training.frames import PLAIN, ClipFrames, clip_frames
 from training.presets import preset
 
 Report = Callable[[str], None]
 
 LEAST_DEVIATION = 1e-2  # of x and y in physical units: what never changes is not blown up
+MOST_FRAMES = 600_000  # clips are taken at random
+BATCH, RATE = 256, 1e-3  # of a step; of learning, at first
 LIMIT = 5.0  # deviations that a normalised input may have
 
 
@@ -71,25 +70,17 @@ def frames_of(clip: ClipFrames) -> tuple[Array, Array]:
 
 def read_frames(folder: Path, method: Method, most: int, seed: int, report: Report) -> LabelledFrames:
     """Frames of the captured clips that training sees, up to `most`, clips at random; FileError where there is none."""
-    paths = original_clips(folder)
-    order = np.random.default_rng(seed).permutation(len(paths))
     xs, ys, labels, count = [], [], [], 0
-    for number in order:
-        if count >= most:
-            break
-        with np.load(paths[number], allow_pickle=False) as file:
-            rollout, style = str(file["source"]) == ROLLOUTS, str(file["style"])
-            skipped = str(file["split"]) == "held_out" or str(file["tier"]) == LAYERED
-            skipped |= bool(file["mirrored"]) or len(file["gait"]) < MIN_FRAMES
-            skipped |= rollout and not method.rollouts
-            skipped |= method.neutral and not style.startswith(PLAIN)
-        if skipped:
+    for clip in training_clips(folder, seed):
+        if not method.learns_from(clip):
             continue
-        x, y = frames_of(clip_frames(paths[number]))
+        x, y = frames_of(clip_frames(clip.path))
         xs.append(x.astype(np.float16))
         ys.append(y.astype(np.float16))
-        labels.append(PLAIN if method.neutral else style)
+        labels.append(PLAIN if method.neutral else clip.style)
         count += len(x)
+        if count >= most:
+            break
     if not xs:
         raise FileError(f"{folder}: no clips to train on.", "Import captured clips first.")
     report(f"{count} frames of {len(xs)} clips")
@@ -103,24 +94,26 @@ class Method:
     """One rival: its network, and which clips it learns from."""
 
     name: str
-    network: Callable[[int, int], Baseline]  # styles, hidden width
-    hidden: int = 512
+    network: Callable[[int], Baseline]  # of a number of styles
     neutral: bool = False  # neutral styles alone, as one
     rollouts: bool = False  # terrain rollouts too
 
+    def learns_from(self, clip: ClipInfo) -> bool:
+        """Whether a clip is one of its kind."""
+        kind = self.rollouts or clip.group != TERRAIN_GROUP
+        return kind and (not self.neutral or clip.style.startswith(PLAIN))
+
 
 METHODS = {
-    "pfnn": Method("pfnn", lambda s, h: PhaseFunctioned(s, h), neutral=True, rollouts=True),
-    "mason2022": Method("mason2022", lambda s, h: FilmModulated(s, h)),
+    "pfnn": Method("pfnn", PhaseFunctioned, neutral=True, rollouts=True),
+    "mason2022": Method("mason2022", FilmModulated),
     "style-label": Method(
-        "style-label", lambda s, h: StyleByLabel(s, replace(preset("small"), hidden=h)), hidden=128
+        "style-label", lambda styles: StyleByLabel(styles, replace(preset("small"), hidden=128))
     ),
 }
 
 
-def fit(
-    network: Baseline, frames: LabelledFrames, steps: int, batch: int, rate: float, seed: int, report: Report
-) -> float:
+def fit(network: Baseline, frames: LabelledFrames, steps: int, seed: int, report: Report) -> float:
     """Train in place; the mean loss of the last tenth of the steps."""
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
@@ -130,12 +123,12 @@ def fit(
         getattr(network, f"{name}_mean").copy_(values.mean(0))
         getattr(network, f"{name}_deviation").copy_(values.std(0).clamp_min(LEAST_DEVIATION))
     trained = [p for p in network.parameters() if p.requires_grad]
-    optimiser = torch.optim.AdamW(trained, rate, weight_decay=1e-4)
+    optimiser = torch.optim.AdamW(trained, RATE, weight_decay=1e-4)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
     network.train()
     losses = []
     for step in range(steps):
-        rows = rng.integers(0, len(frames.x), batch)
+        rows = rng.integers(0, len(frames.x), BATCH)
         x, y = (torch.from_numpy(v[rows].astype(np.float32)) for v in (frames.x, frames.y))
         label = nn.functional.one_hot(torch.from_numpy(frames.style[rows]), len(frames.styles)).float()
         made = network.normalised(scaled(network, x), x, label)
@@ -189,7 +182,7 @@ class BaselineStepGraph(nn.Module):
     def forward(
         self, x: Tensor, noise: Tensor, front_bias: Tensor, content_weight: Tensor, content_bias: Tensor
     ) -> tuple[Tensor, Tensor]:
-        """y and a share of one."""
+        """y and a weight of one."""
         network = self.network
         label = front_bias.expand(x.shape[0], -1) + 0.0 * (content_weight.sum() + content_bias.sum())
         y = network.normalised(scaled(network, x), x, label)
@@ -198,82 +191,50 @@ class BaselineStepGraph(nn.Module):
         return y + rest, torch.ones_like(rest)
 
 
-def export(network: Baseline, frames: LabelledFrames, beside: Path, out: Path, notes: dict[str, Any]) -> Path:
-    """Write a model folder: our three graphs, of which the text side is that of the model `beside`."""
-    out.mkdir(parents=True, exist_ok=True)
-    shutil.copy(beside / "prompt.onnx", out / "prompt.onnx")
-    to_style = Prompter(load_model(beside))
-    texts = style_texts(frames.styles)
-    codes = {s: [to_style(d) for d in texts[s]] for s in frames.styles}
+def export(network: Baseline, frames: LabelledFrames, model: Path, out: Path, notes: dict[str, Any]) -> Path:
+    """Write a model folder: our three graphs, of which the text side is that of `model`."""
+    copy_text_side(model, out)
+    codes = style_codes(model, frames.styles)
     labels = np.repeat(np.arange(len(frames.styles)), [len(codes[s]) for s in frames.styles])
     gait = frames.x[:, INPUT["gait"]].reshape(len(frames.x), L, -1)[:, L // 2].argmax(1)
-    root = frames.y[:, OUTPUT["root"]].astype(np.float32)
-    pace = speeds(root, gait, frames.style, len(frames.styles))
-    every = np.concatenate([np.stack(codes[s]) for s in frames.styles])
+    pace = speeds(frames.y[:, OUTPUT["root"]].astype(np.float32), gait, frames.style, len(frames.styles))
+    label = LabelGraph(np.concatenate([codes[s] for s in frames.styles]), labels, pace)
     names = ("front_bias", "content_weight", "content_bias")
-    export_graph(
-        LabelGraph(every, labels, pace),
-        (torch.zeros(6, 64),),
-        ("z",),
-        (*names, "speeds"),
-        ({},),
-        out / "style.onnx",
-    )
-    batch = torch.export.Dim("batch", min=1, max=64)
+    export_graph(label, (torch.zeros(6, 64),), ("z",), (*names, "speeds"), ({},), out / "style.onnx")
     example = (
         torch.zeros(2, INPUT_SIZE), torch.zeros(2, 1, 1, OUTPUT_SIZE), torch.ones(2, len(frames.styles)) / len(frames.styles),
         torch.zeros(2, 1), torch.zeros(2, 1),
     )  # fmt: skip
+    batch = torch.export.Dim("batch", min=1, max=64)
     shapes = tuple({0: batch} for _ in example)
-    export_graph(
-        BaselineStepGraph(network), example, ("x", "noise", *names), ("y", "alpha"), shapes, out / "step.onnx"
-    )
+    step = BaselineStepGraph(network)
+    export_graph(step, example, ("x", "noise", *names), ("y", "alpha"), shapes, out / "step.onnx")
     stands = np.flatnonzero(gait == Gait.STAND)
     start = frames.y[stands[0] if len(stands) else 0].astype(float)
-    told = read_metadata(beside)
-    metadata: dict[str, Any] = {
-        "format": "sport-model",
-        "layout_version": LAYOUT_VERSION,
-        "name": str(notes["method"]),
-        "decoder": str(notes["method"]),
-        "config": {"output_size": OUTPUT_SIZE, "experts": 1, "style_size": 384},
+    own = {
+        "name": notes["method"],
+        "decoder": notes["method"],
         "parameters": sum(p.numel() for p in network.parameters() if p.requires_grad),
-        "reverse_steps": [0],
-        "joints": list(SPORT_SKELETON.names),
         "styles": list(frames.styles),
-        "sha256": {
-            n: hashlib.sha256((out / f"{n}.onnx").read_bytes()).hexdigest()
-            for n in ("prompt", "style", "step")
-        },
         "start": {"output": start.tolist(), "phase": [0.0, 1.0] * (C * (L + 1))},
         "notes": notes,
     }
-    metadata |= {k: told[k] for k in ("text_encoder", "text_encoder_sha256") if k in told}
-    write_atomic(out / "metadata.json", json.dumps(metadata, indent=1) + "\n")
-    return out
+    return write_metadata(model, out, ["style.onnx", "step.onnx"], own)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """What the command needs."""
-    parser.add_argument("--clips", type=Path, required=True, metavar="DIR", help="folder of imported clips")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="model folder to write")
-    parser.add_argument("--model", type=model_folder, metavar="DIR", help="whose prompts it understands")
+    add_common(parser)
     parser.add_argument("--steps", type=int, default=20_000)
-    parser.add_argument("--batch", type=int, default=256)
-    parser.add_argument("--rate", type=float, default=1e-3, help="of learning, at first")
-    parser.add_argument(
-        "--hidden", type=int, metavar="N", help="width (default: that of the paper, or of preset small)"
-    )
-    parser.add_argument("--frames", type=int, default=600_000, help="at most; clips are taken at random")
     parser.add_argument("--seed", type=int, default=0)
 
 
 def main(args: argparse.Namespace, report: Report) -> Path:
     """Train and export."""
     method = METHODS[args.method]
-    frames = read_frames(args.clips, method, args.frames, args.seed, report)
+    frames = read_frames(args.clips, method, MOST_FRAMES, args.seed, report)
     torch.manual_seed(args.seed)
-    network = method.network(len(frames.styles), args.hidden or method.hidden)
-    loss = fit(network, frames, args.steps, args.batch, args.rate, args.seed, report)
-    notes = {"method": method.name, "steps": args.steps, "batch": args.batch, "seed": args.seed, "loss": loss}
-    return export(network, frames, args.model or model_folder(), args.out, notes)
+    network = method.network(len(frames.styles))
+    loss = fit(network, frames, args.steps, args.seed, report)
+    notes = {"method": method.name, "steps": args.steps, "batch": BATCH, "seed": args.seed, "loss": loss}
+    return export(network, frames, args.model, args.out, notes)

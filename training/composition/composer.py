@@ -22,11 +22,11 @@ from training.frames import FIXED_POINT, LAYERED, FrameTable
 from training.kinematics import matrices
 from training.styles import StyleTexts
 
-COMPOSED = 0.5  # share of samples with at least one part of another clip
+COMPOSED = 0.5  # fraction of samples with at least one part of another clip
 COMPOSED_MOMENTS = 0.8  # of those near a start, stop, turn or change of gait: captured in neutral mostly
 CHANGED = 0.5  # chance of each part of a composed sample
-SAME_CLIP = 0.4  # share of composed samples whose parts all come from one clip, as a style's upper body
-EDITED = 0.5  # share of single parts that are exact edits; the others are captured
+SAME_CLIP = 0.4  # fraction of composed samples whose parts all come from one clip, as a style's upper body
+EDITED = 0.5  # fraction of single parts that are exact edits; the others are captured
 MAX_TEMPO = 1.6  # ratio of two cadences up to which a part may be sped up or slowed down
 SHORTEST = FPS  # frames of a clip that gives parts
 _OF_HIPS = ("sway", "bounce")  # edits of posture that move the hips too
@@ -107,8 +107,8 @@ class Composer:
         Samples are composed `often` times as often as COMPOSED and COMPOSED_MOMENTS say.
         """
         count, device = len(rows), rows.device
-        share = often * torch.where(self.moments[rows], COMPOSED_MOMENTS, COMPOSED)
-        composed = torch.rand(count, device=device) < share
+        composed_fraction = often * torch.where(self.moments[rows], COMPOSED_MOMENTS, COMPOSED)
+        composed = torch.rand(count, device=device) < composed_fraction
         changed = torch.rand(count, len(PARTS), device=device) < CHANGED
         changed |= (~changed.any(1, keepdim=True)) & (
             torch.arange(len(PARTS), device=device) == torch.randint(len(PARTS), (count, 1), device=device)
@@ -218,8 +218,8 @@ class Composer:
         high = torch.searchsorted(upper.clock, wanted)
         high = torch.minimum(torch.maximum(high, self.first[clips] + 1), self.last[clips])
         low = high - 1
-        share = (wanted - upper.clock[low]) / (upper.clock[high] - upper.clock[low])
-        given = upper.at(low, high, share.clamp(0.0, 1.0), joints)
+        weight = (wanted - upper.clock[low]) / (upper.clock[high] - upper.clock[low])
+        given = upper.at(low, high, weight.clamp(0.0, 1.0), joints)
         swings = torch.where(upper.steps[clips], upper.activity[rows], 1.0)[:, None, None]
         swings = torch.where(
             upper.steps[self.clip[rows]][:, None, None] | ~upper.steps[clips][:, None, None], swings, 0.0

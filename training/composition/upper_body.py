@@ -73,12 +73,12 @@ class UpperBody:
     def to(self, device: torch.device) -> UpperBody:
         return UpperBody(*(value.to(device) for value in vars(self).values()))
 
-    def at(self, low: Tensor, high: Tensor, share: Tensor, joints: tuple[int, ...]) -> Tensor:
+    def at(self, low: Tensor, high: Tensor, weight: Tensor, joints: tuple[int, ...]) -> Tensor:
         """6D rotations `(B, n, 6)` of joints between frames `low` and `high` `(B,)`, not orthonormal."""
         index = list(joints)
         a = self.hung[low][:, index].float()
         b = self.hung[high][:, index].float()
-        return torch.lerp(a, b, share.float()[:, None, None]) / FIXED_POINT
+        return torch.lerp(a, b, weight.float()[:, None, None]) / FIXED_POINT
 
 
 def _activity(y: Array, x: Array) -> Array:

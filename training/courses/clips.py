@@ -78,7 +78,7 @@ class Course:
 
     kind: str
     terrain: Terrain
-    straight: bool  # nobody leaves the middle
+    straight: bool  # the way stays in the middle
 
 
 def random_course(kind: str, generator: np.random.Generator) -> Course:
@@ -143,8 +143,8 @@ def _beam(heights: Array, x: Array, z: Array, generator: np.random.Generator) ->
     while place < LENGTH_M - 8.0:
         length, top = generator.uniform(5.0, 12.0), generator.uniform(0.2, 0.5)
         half, ramp = generator.uniform(0.08, 0.14), 3.0 * top
-        share = np.clip(np.minimum(z - place, place + length - z) / ramp, 0.0, 1.0)
-        np.maximum(heights, np.where(np.abs(x) <= half, top * share, 0.0), out=heights)
+        fraction = np.clip(np.minimum(z - place, place + length - z) / ramp, 0.0, 1.0)
+        np.maximum(heights, np.where(np.abs(x) <= half, top * fraction, 0.0), out=heights)
         place += length + generator.uniform(1.0, 3.0)
 
 
@@ -152,11 +152,11 @@ def _slopes(heights: Array, x: Array, z: Array, generator: np.random.Generator) 
     """Hills and rough ground, level at the start."""
     steepest = np.tan(np.deg2rad(generator.uniform(6.0, 20.0)))
     field = np.zeros_like(heights)
-    for wavelength, share in ((generator.uniform(4.0, 9.0), 1.0), (0.9, generator.uniform(0.0, 0.06))):
+    for wavelength, fraction in ((generator.uniform(4.0, 9.0), 1.0), (0.9, generator.uniform(0.0, 0.06))):
         for _ in range(6):
             way, phase = generator.uniform(0.0, np.pi), generator.uniform(0.0, 2.0 * np.pi)
             turn = 2.0 * np.pi / wavelength * generator.uniform(0.7, 1.4)
-            field += share * np.sin(turn * (x * np.sin(way) + z * np.cos(way)) + phase)
+            field += fraction * np.sin(turn * (x * np.sin(way) + z * np.cos(way)) + phase)
     slope = np.abs(np.diff(field, axis=1)).max() / CELL_M
     start = np.clip((z - START_M) / 2.0, 0.0, 1.0)
     heights += (field - field[:, :1]) * steepest / slope * start
@@ -267,7 +267,7 @@ def _clip(walked: Walked, piece: slice, name: str) -> TrainingClip:
 
 
 def make(folder: Path, out: Path, minutes: float, seed: int, part: int = 0, parts: int = 1) -> Counter[str]:
-    """Write clips of `minutes` that passed, mirrored ones beside; returns how many stretches passed or failed what.
+    """Write clips of `minutes` that passed, mirrored ones too; returns how many stretches passed or failed what.
 
     FileError for a model of whose ways hardly one passes.
     """

@@ -1,8 +1,7 @@
 """`python -m training.evaluation NAME`: one of the experiments by its name."""
 
-from training.evaluation.experiment import command, main
-
-__all__ = ["main"]
+from runtime.errors import run_command
+from training.evaluation.experiment import main
 
 if __name__ == "__main__":
-    raise SystemExit(command())
+    raise SystemExit(run_command("evaluation", main))

@@ -22,13 +22,11 @@ from training.evaluation.experiment import (
     option,
     run,
 )
-from training.evaluation.metrics.classifiers import StyleClassifier
 from training.evaluation.metrics.features import has_encoder
-from training.evaluation.motion import obstacles
+from training.evaluation.motion import tables
 from training.evaluation.motion.capture import EvaluationPlan, Options, make_plan
 from training.evaluation.motion.evaluated_model import EvaluatedModel
 from training.evaluation.motion.scores import score_held_out, score_model
-from training.evaluation.report import courses, tables
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -40,12 +38,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         words.remove("--text")
         return run(TEXT, words, "sport evaluate --text")
     if "--courses" in words:  # how obstacles are crossed
+        from training.evaluation.on_obstacles import OBSTACLES
+
         words.remove("--courses")
-        return run(COURSES, words, "sport evaluate --courses")
+        return run(OBSTACLES, words, "sport evaluate --courses")
     return run(MOTION, words, "sport evaluate")
-
-
-# --- motion: distances, skating, diversity, times, recognition, terrain, transitions ---------------------------------
 
 
 def motion(setting: Setting) -> dict[str, Any]:
@@ -59,10 +56,8 @@ def motion(setting: Setting) -> dict[str, Any]:
         for bar in tables.check(model, held_out):
             setting.report(f"{model['name']}: {bar.name}: {bar.passed} ({bar.met} of {bar.cases})")
     return {
-        "command": command_of("sport evaluate", setting.args, clips=True),
-        "options": vars(plan.options),
+        "command": command_of("sport evaluate", setting.args),
         "feature_sets": plan.feature_sets,
-        "styles": list(plan.groups),
         "held_out": held_out,
         "models": models,
     }
@@ -96,7 +91,7 @@ MOTION = Experiment(
     tables.markdown,
     tables.SECTION,
     clips=True,
-    models=2,
+    many=True,
     options=(
         FEATURES,
         STYLES,
@@ -107,61 +102,4 @@ MOTION = Experiment(
         SEED,
     ),
     check=check_seconds,
-)
-
-# --- courses: six obstacle courses by six styles, walking and jogging, before and after foot lock --------------------
-
-
-def obstacle_courses(setting: Setting) -> dict[str, Any]:
-    """All figures as plain data."""
-    args = setting.args
-    results = obstacles.score_obstacles(
-        obstacles.runner_of(setting.model, args.seed),
-        args.styles,
-        obstacles.by_name(args.course),
-        _classifier(setting),
-        setting.report,
-    )
-    chosen = [] if tuple(args.styles) == obstacles.STYLES else args.styles
-    named = Arguments(**{**vars(args), "styles": chosen})
-    command = command_of("sport evaluate --courses", named, clips=args.clips is not None)
-    return {"command": command, "model": setting.model.name, **results}
-
-
-def _classifier(setting: Setting) -> StyleClassifier | None:
-    """Of all captured styles, as in `sport evaluate`; None without clips."""
-    if setting.args.clips is None:
-        return None
-    return make_plan(setting.clips, None, Options(), None, setting.report).classifier
-
-
-def _check_courses(args: Arguments) -> None:
-    if args.seed < 0:
-        raise UsageError(f"--seed {args.seed}: expected 0 or more.", "Try 0.")
-
-
-COURSES = Experiment(
-    "Lead a character over six obstacle courses and measure how it crosses them. Equal arguments give equal figures.",
-    obstacle_courses,
-    courses.markdown,
-    courses.SECTION,
-    clips=None,  # only to recognise styles
-    options=(
-        option(
-            "--styles",
-            nargs="+",
-            metavar="STYLE",
-            default=list(obstacles.STYLES),
-            help=f"default: {' '.join(obstacles.STYLES)}",
-        ),
-        option(
-            "--course",
-            nargs="+",
-            default=[],
-            choices=[c.name for c in obstacles.COURSES],
-            help="default: all",
-        ),
-        SEED,
-    ),
-    check=_check_courses,
 )

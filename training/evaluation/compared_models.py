@@ -28,7 +28,6 @@ from training.evaluation.experiment import (
     SECONDS,
     SEED,
     STYLES,
-    Arguments,
     Experiment,
     Setting,
     option,
@@ -39,8 +38,8 @@ from training.evaluation.metrics.frechet import compare
 from training.evaluation.motion.capture import OVERALL_COMPONENTS, TERRAIN_GROUP, EvaluationPlan
 from training.evaluation.motion.evaluated_model import EvaluatedModel
 from training.evaluation.motion.scores import score_following, score_held_out, score_model
-from training.evaluation.report.tables import mean, mean_skating
-from training.markdown import number, table
+from training.evaluation.motion.tables import mean, mean_skating
+from training.markdown import number, percent, table
 
 Cells = dict[str, float]
 SEED_IN_NAME = re.compile(r" seed\d+")  # of a model, `EvaluatedModel.name`
@@ -90,15 +89,14 @@ COLUMNS: dict[str, tuple[str, int]] = {
 
 def models_of(row: TableRow, runs: Path) -> dict[str, Path]:
     """Exported models of a row by seed, those that are there."""
+    folders = [*sorted((runs / row.folder).glob("seed*")), runs / row.folder]
     found = {
-        path.parent.name.removeprefix("seed"): path
-        for path in sorted((runs / row.folder).glob(f"seed*/{row.model}"))
-        if (path / "metadata.json").is_file()
+        f.name.removeprefix("seed"): f / row.model
+        for f in folders
+        if (f / row.model / "metadata.json").is_file()
     }
-    alone = runs / row.folder / row.model
-    if not found and (alone / "metadata.json").is_file():
-        return {"0": alone}
-    return found
+    alone = found.pop(row.folder, None)
+    return found or ({} if alone is None else {"0": alone})
 
 
 def cells_of(scores: dict[str, Any]) -> Cells:
@@ -109,7 +107,7 @@ def cells_of(scores: dict[str, Any]) -> Cells:
     return cells | {
         "skating_formula": mean([c["flat"]["after"]["toes"] for c in courses]),
         "skating_soles": mean([c["flat"]["after"]["soles"] for c in courses]),
-        "diversity": scores["diversity"]["temperature_1"]["pose"],
+        "diversity": scores["diversity"]["temperature_1"],
         "ms": scores["runtime"]["network_ms"],
         "parameters": scores["parameters"] / 1e6,
         "terrain": mean([t["sunk_sole_p99"] for t in scores["terrain"].values()]),
@@ -138,21 +136,23 @@ def capture_cells(plan: EvaluationPlan, report: Callable[[str], None]) -> Cells:
 
 def table_one(setting: Setting) -> dict[str, Any]:
     """Measure what is there and not in the store yet; all cells by row and seed."""
-    args = setting.args
-    kept: dict[str, Any] = {"options": _options(setting), "cells": {}}
-    if args.store is not None and args.store.is_file():
-        kept = _kept(args.store, kept["options"])
-    waiting = _waiting(setting, kept["cells"])
-    if waiting or CAPTURE not in kept["cells"]:
+    args, cells = setting.args, _stored(setting)
+    kept = {"options": _options(setting), "cells": cells}
+
+    def keep(title: str, seed: str, found: Cells) -> None:
+        cells.setdefault(title, {})[seed] = found
+        if args.store is not None:
+            write_atomic(args.store, json.dumps(kept, indent=1) + "\n")
+
+    waiting = _waiting(setting, cells)
+    if waiting or CAPTURE not in cells:
         plan = plan_of(setting)
-        if CAPTURE not in kept["cells"]:
-            kept["cells"][CAPTURE] = {"0": capture_cells(plan, setting.report)}
-            _keep(args, kept)
+        if CAPTURE not in cells:
+            keep(CAPTURE, "0", capture_cells(plan, setting.report))
         for title, seed, folder in waiting:
             setting.report(f"{title}, seed {seed}")
-            cells = cells_of(score_model(plan, EvaluatedModel(folder, plan.texts), setting.report))
-            kept["cells"].setdefault(title, {})[seed] = cells
-            _keep(args, kept)
+            scores = score_model(plan, EvaluatedModel(folder, plan.texts), setting.report)
+            keep(title, seed, cells_of(scores))
     return kept
 
 
@@ -179,45 +179,37 @@ def _options(setting: Setting) -> dict[str, Any]:
     }
 
 
-def _kept(path: Path, options: dict[str, Any]) -> dict[str, Any]:
+def _stored(setting: Setting) -> dict[str, dict[str, Cells]]:
+    """The cells of the store, none where it is not there; FileError for one of other options."""
+    path = setting.args.store
+    if path is None or not path.is_file():
+        return {}
     kept = read_json(path)
-    if not isinstance(kept, dict) or kept.get("options") != options:
+    if not isinstance(kept, dict) or kept.get("options") != _options(setting):
         raise FileError(
             f"{path}: holds no figures of these options.", "Name another --store, or take the same options."
         )
-    return kept
-
-
-def _keep(args: Arguments, kept: dict[str, Any]) -> None:
-    if args.store is not None:
-        write_atomic(args.store, json.dumps(kept, indent=1) + "\n")
+    return kept["cells"]
 
 
 def markdown(kept: dict[str, Any]) -> str:
     """The table: mean ± deviation over seeds; rows whose training has not run have no figures. The paper's below it."""
-    rows = []
-    for title in (CAPTURE, SHIPPED, *(row.title for row in ROWS)):
-        seeds = kept["cells"].get(title, {})
-        if not seeds:
-            rows.append([title, "not run", *("–" for _ in COLUMNS)])
-            continue
-        rows.append([title, str(len(seeds)), *(_cell(list(seeds.values()), key) for key in COLUMNS)])
+    titles = (CAPTURE, SHIPPED, *(row.title for row in ROWS))
+    rows = [[title, *_cells(list(kept["cells"].get(title, {}).values()))] for title in titles]
     head = ["", "seeds", *(name for name, _ in COLUMNS.values())]
-    lines = table(head, rows)
     names = ["FMD", "skating (cm)", "diversity", "ms", "parameters", "styles", "terrain", "seamless"]
-    paper = [[row.title, *row.paper] for row in ROWS if row.paper]
-    lines += [
-        "The paper's Table I. Its FMD rests on another encoder and its times on a GPU: not comparable.",
-        "",
-    ]
-    return "\n".join([*lines, *table(["", *names], paper)])
+    note = "The paper's Table I. Its FMD rests on another encoder and its times on a GPU: not comparable."
+    paper = table(["", *names], [[row.title, *row.paper] for row in ROWS if row.paper])
+    return "\n".join([*table(head, rows), note, "", *paper])
 
 
-def _cell(seeds: Sequence[Cells], key: str) -> str:
-    digits = COLUMNS[key][1]
-    values = [s[key] for s in seeds if key in s]
-    if not values:
-        return "–"
+def _cells(seeds: Sequence[Cells]) -> list[str]:
+    columns = [_spread([s[key] for s in seeds if key in s], digits) for key, (_, digits) in COLUMNS.items()]
+    return [str(len(seeds)) if seeds else "not run", *columns]
+
+
+def _spread(values: Sequence[float], digits: int) -> str:
+    """Mean ± deviation over seeds; the deviation where there are two."""
     spread = f" ± {np.std(values, ddof=1):.{digits}f}" if len(values) > 1 else ""
     return number(mean(values), digits) + spread
 
@@ -260,23 +252,21 @@ def distances_table(results: dict[str, dict[str, Any]]) -> str:
     Seeds of one model are in one row: means, and deviations of the distance.
     """
     sets = sorted({name for r in results.values() for name in r["fmd"]})
-    groups: dict[str, dict[str, dict[str, Any]]] = {}
-    for label, result in results.items():
-        groups.setdefault(SEED_IN_NAME.sub("", label), {})[label] = result
+    groups: dict[str, list[str]] = {}
+    for label in results:
+        groups.setdefault(SEED_IN_NAME.sub("", label), []).append(label)
     rows = []
-    for name_of_all, by_label in groups.items():
-        seeds = list(by_label.values())
-        cells = [*by_label] if len(seeds) == 1 else [f"{name_of_all}, {len(seeds)} seeds"]
-        for name in sets:
-            found = [r["fmd"][name] for r in seeds]
-            takes = [f["takes"]["distance"] for f in found]
-            spread = f" ± {np.std(takes, ddof=1):.2f}" if len(takes) > 1 else ""
-            ratios = np.mean([[f["takes"]["ratio"], f["ratio"]] for f in found], axis=0)
-            cells.append(f"{np.mean(takes):.2f}{spread} ({ratios[0]:.1f} x, {ratios[1]:.1f} x)")
+    for name, labels in groups.items():
+        seeds = [results[label] for label in labels]
+        title = labels[0] if len(labels) == 1 else f"{name}, {len(labels)} seeds"
         scores = [v for r in seeds for v in r["recognition"]["score"].values()]
-        rows.append([*cells, f"{100 * sum(scores) / max(1, len(scores)):.0f} %"])
-    head = ["model", *(f"FMD, {n} (halves)" for n in sets), "styles recognised, mean"]
-    return "\n".join(table(head, rows)).rstrip("\n")
+        rows.append([title, *(_distances([r["fmd"][n] for r in seeds]) for n in sets), percent(mean(scores))])
+    return "\n".join(table(["model", *(f"FMD, {n} (halves)" for n in sets), "styles recognised, mean"], rows))
+
+
+def _distances(seeds: Sequence[dict[str, Any]]) -> str:
+    takes, cut = np.mean([[f["takes"]["ratio"], f["ratio"]] for f in seeds], axis=0)
+    return f"{_spread([f['takes']['distance'] for f in seeds], 2)} ({takes:.1f} x, {cut:.1f} x)"
 
 
 DISTANCES = Experiment(
@@ -285,7 +275,7 @@ DISTANCES = Experiment(
     distances_table,
     "distances",
     clips=True,
-    models=2,
+    many=True,
     options=(
         option("--seconds", type=float, default=12.0, help="of each style's paths (default: 12)"),
         QUICK,

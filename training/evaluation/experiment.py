@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,7 +19,7 @@ from typing import Any
 
 from runtime.assets import model_folder
 from runtime.atomic import check_target, write_atomic
-from runtime.errors import FileError, UsageError, run_command
+from runtime.errors import FileError, UsageError
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
 from training.markdown import check_section, write_section
 
@@ -30,7 +31,7 @@ Arguments = argparse.Namespace
 # where the record of each name stands; modules are imported when their experiment is run
 EXPERIMENTS = {
     "motion": "training.evaluation.command:MOTION",
-    "courses": "training.evaluation.command:COURSES",
+    "courses": "training.evaluation.on_obstacles:OBSTACLES",
     "text": "training.evaluation.text.command:TEXT",
     "animators": "training.evaluation.text.animators:ANIMATORS",
     "table1": "training.evaluation.compared_models:TABLE1",
@@ -95,84 +96,76 @@ class Experiment:
     question: str
     figures: Callable[[Setting], Figures]
     table: Callable[[Figures], str]
-    section: str = ""  # of a document, between whose markers the table goes
+    section: str  # of a document, between whose markers the table goes
     clips: bool | None = False  # whether a folder of imported clips is needed; None: it can be given
-    models: int = 1  # how many can be given: 0, 1 or 2 for any number
+    many: bool = False  # whether several models can be given
     options: tuple[Option, ...] = ()  # its own
     check: Callable[[Arguments], None] = lambda args: None  # UsageError before anything is measured
-    missed: Callable[[Figures], bool] = lambda figures: False  # exit code 1
 
     def parser(self, program: str) -> argparse.ArgumentParser:
         """The common arguments, and its own."""
         parser = argparse.ArgumentParser(prog=program, description=self.question)
         if self.clips is not False:
             parser.add_argument("--clips", type=Path, metavar="DIR", help="folder of imported clips")
-        if self.models:
-            many: dict[str, Any] = {"action": "append"} if self.models > 1 else {}
-            words = "several can be given" if many else "default: the shipped one"
-            parser.add_argument(
-                "--model",
-                type=model_folder,
-                metavar="DIR",
-                help=f"folder of an exported model; {words}",
-                **many,
-            )
+        words = "several can be given" if self.many else "default: the shipped one"
+        parser.add_argument(
+            "--model",
+            type=model_folder,
+            metavar="DIR",
+            action="append" if self.many else "store",
+            help=f"folder of an exported model; {words}",
+        )
         for name, settings in self.options:
             parser.add_argument(name, **settings)
         parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures to FILE")
         parser.add_argument(
             "--known", type=Path, metavar="FILE", help="make the table of the figures that --json kept"
         )
-        if self.section:
-            parser.add_argument(
-                "--markdown", type=Path, metavar="FILE", help="write the table between FILE's markers"
-            )
-            parser.add_argument(
-                "--section", default=self.section, help=f"name in FILE's markers (default: {self.section})"
-            )
+        parser.add_argument(
+            "--markdown", type=Path, metavar="FILE", help="write the table between FILE's markers"
+        )
         return parser
 
 
 def run(experiment: Experiment, argv: Sequence[str], program: str) -> int:
-    """Measure, print the table, write the files; 1 where a required bar is missed and the experiment counts that."""
+    """Measure, print the table, write the files; the exit code, 0 also where a model misses a bar."""
     args = experiment.parser(program).parse_args(argv)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
-    document = args.markdown if experiment.section else None
     if args.json is not None:
         check_target(args.json)
-    if document is not None:
-        check_section(document, args.section)
+    if args.markdown is not None:
+        check_section(args.markdown, experiment.section)
     if experiment.clips and args.known is None and args.clips is None:
         raise UsageError("--clips: no folder of imported clips is given.", "Add --clips DIR.")
+    if getattr(args, "seed", 0) < 0:
+        raise UsageError(f"--seed {args.seed}: expected 0 or more.", "Try 0.")
     experiment.check(args)
     figures = experiment.figures(Setting(args)) if args.known is None else read_json(args.known)
     text = experiment.table(figures)
     print(text.rstrip("\n"))
     if args.json is not None:
         write_atomic(args.json, json.dumps(figures, indent=1, ensure_ascii=False) + "\n")
-    if document is not None:
-        write_section(document, args.section, text)
-    return int(experiment.missed(figures))
+    if args.markdown is not None:
+        write_section(args.markdown, experiment.section, text)
+    return 0
 
 
-def command_of(program: str, args: Arguments, clips: bool = False) -> str:
+def command_of(program: str, args: Arguments) -> str:
     """The command in a form that names no folder of this machine."""
-    words = [program] + (["--clips DIR"] if clips else [])
-    for name, value in vars(args).items():
-        given = f"--{name.replace('_', '-')}"
-        if name in ("model", "features") and value:
-            words += [f"{given} {_short(f)}" for f in (value if isinstance(value, list) else [value])]
-        elif name in ("styles", "course", "only") and value:
-            words.append(f"{given} {' '.join(value)}")
-        elif name == "seconds" and value is not None:
-            words.append(f"{given} {value:g}")
-        elif name in ("quick", "seed") and value:
-            words.append(given if value is True else f"{given} {value}")
-    return " ".join(words)
+    words = [program] + (["--clips DIR"] if args.clips is not None else [])
+    for name in ("model", "features", "styles", "only", "seconds", "quick", "seed"):
+        value = getattr(args, name, None)
+        if not value:
+            continue
+        shown = [_short(v) for v in (value if isinstance(value, list) else [value])]
+        words += [f"--{name} {v}" for v in shown] if name == "model" else [f"--{name}", *shown]
+    return " ".join(word for word in words if word)
 
 
-def _short(folder: Path) -> str:
-    return folder.as_posix() if not folder.is_absolute() else "/".join(folder.parts[-2:])
+def _short(value: Any) -> str:
+    if isinstance(value, Path):
+        return "/".join(value.parts[-2:]) if value.is_absolute() else value.as_posix()
+    return "" if value is True else f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def read_json(path: Path) -> Figures:
@@ -187,8 +180,6 @@ def read_json(path: Path) -> Figures:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """`python -m training.evaluation NAME`."""
-    import sys
-
     words = list(sys.argv[1:] if argv is None else argv)
     if not words or words[0] not in EXPERIMENTS:
         if words and words[0] in ("-h", "--help"):
@@ -200,8 +191,3 @@ def main(argv: Sequence[str] | None = None) -> int:
     module, record = EXPERIMENTS[words[0]].split(":")
     found: Experiment = getattr(import_module(module), record)
     return run(found, words[1:], f"python -m training.evaluation {words[0]}")
-
-
-def command(argv: Sequence[str] | None = None) -> int:
-    """`main` with errors as one sentence."""
-    return run_command("evaluation", lambda: main(argv))

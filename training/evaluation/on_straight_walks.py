@@ -1,4 +1,4 @@
-"""Straight walks of every captured style at full stick, ours and the raw capture files: `python -m training.evaluation gait`."""
+"""Straight walks of every captured style at full stick, generated and raw: `python -m training.evaluation gait`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from runtime.arrays import Array
 from runtime.errors import UsageError
 from runtime.formats.bvh_clip import save_bvh
 from runtime.generate import clip_of, simulate
@@ -18,6 +17,7 @@ from runtime.motion.control_scripts import control_script
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
 from training.data import gait
+from training.data.catalog import list_clips
 from training.evaluation.experiment import Arguments, Experiment, Setting, option
 from training.evaluation.motion.driving import flat_ground
 from training.evaluation.motion.evaluated_model import EvaluatedModel
@@ -33,71 +33,68 @@ _CMU_FIRST_FRAME = 3
 
 @dataclass(frozen=True)
 class WalkMeasure:
-    """A measure: its title, the range in which a single style is right, and that of the median."""
+    """A measure: its title, and the range in which a style is right."""
 
     key: str
     title: str
     low: float
     high: float
-    difference: bool = False  # ours - raw in degrees; else ours / raw
-    median: tuple[float, float] | None = None
+    difference: bool = False  # generated less raw, in degrees; else generated over raw
 
 
 ROWS = (
     WalkMeasure("knee_min", "knee at its straightest, degrees", -5.0, 5.0, True),
     WalkMeasure("foot_up", "toes up at heel strike, degrees", -4.0, 4.0, True),
     WalkMeasure("lean", "forward lean, degrees", -3.0, 3.0, True),
-    WalkMeasure("speed", "speed at full stick", 0.95, 1.05, median=(0.95, 1.05)),
-    WalkMeasure("cadence", "steps a minute", 0.95, 1.05, median=(0.95, 1.05)),
-    WalkMeasure("bob_cm", "pelvis bob", 0.75, 1.3, median=(0.9, 1.1)),
-    WalkMeasure("pelvis_yaw", "pelvis yaw", 0.75, 1.3, median=(0.9, 1.1)),
-    WalkMeasure("pelvis_roll", "pelvis roll", 0.75, 1.3, median=(0.9, 1.1)),
-    WalkMeasure("shoulder_yaw", "shoulder yaw", 0.75, 1.3, median=(0.9, 1.1)),
-    WalkMeasure("arm_swing_cm", "arm swing", 0.75, 1.3, median=(0.9, 1.1)),
+    WalkMeasure("speed", "speed at full stick", 0.95, 1.05),
+    WalkMeasure("cadence", "steps a minute", 0.95, 1.05),
+    WalkMeasure("bob_cm", "pelvis bob", 0.75, 1.3),
+    WalkMeasure("pelvis_yaw", "pelvis yaw", 0.75, 1.3),
+    WalkMeasure("pelvis_roll", "pelvis roll", 0.75, 1.3),
+    WalkMeasure("shoulder_yaw", "shoulder yaw", 0.75, 1.3),
+    WalkMeasure("arm_swing_cm", "arm swing", 0.75, 1.3),
     WalkMeasure("knee_max", "knee at its most bent", 0.75, 1.3),
     WalkMeasure("clearance_cm", "height of the ankle's lift", 0.75, 1.3),
     WalkMeasure("elbow", "elbow, degrees", -10.0, 10.0, True),
-    WalkMeasure("hands_vary_cm", "from stride to stride: way of the hands", 0.6, 1.2, median=(0.6, 1.2)),
-    WalkMeasure("tops_vary_cm", "top of the hands", 0.6, 1.2, median=(0.6, 1.2)),
-    WalkMeasure("steps_vary_cm", "length of the steps", 0.6, 1.2, median=(0.6, 1.2)),
+    WalkMeasure("hands_vary_cm", "from stride to stride: way of the hands", 0.6, 1.2),
+    WalkMeasure("tops_vary_cm", "top of the hands", 0.6, 1.2),
+    WalkMeasure("steps_vary_cm", "length of the steps", 0.6, 1.2),
 )
 
 
 def raw_walks(data: Path) -> dict[str, Measures]:
     """Measures of each style's forward walks in the source files, the median over its files."""
-    from training.data.catalog import list_clips
-
     files: dict[str, list[Path]] = {}
     for clip in list_clips(data)[0]:
         if clip.content == WALK and clip.terrain == "flat":
             files.setdefault(clip.style, []).append(clip.path)
     result = {}
     for style, paths in sorted(files.items()):
-        chosen = paths[:: max(1, -(-len(paths) // RAW_FILES))]
         first = _CMU_FIRST_FRAME if style.startswith("cmu") else 0
+        chosen = paths[:: max(1, -(-len(paths) // RAW_FILES))]
         measured = [m for m in (gait.measure_file(p, first) for p in chosen) if m is not None]
         if measured:
-            result[style] = median_of(measured)
+            result[style] = _median(measured)
     return result
 
 
-def median_of(measured: Iterable[Measures]) -> Measures:
-    """Median of every measure."""
-    items = list(measured)
-    keys = dict.fromkeys(key for m in items for key in m)
-    return {k: float(np.median([m[k] for m in items if k in m])) for k in keys}
+def _median(measured: Iterable[Measures]) -> Measures:
+    """Of every measure, over those that have it."""
+    values: dict[str, list[float]] = {}
+    for key, value in (item for m in measured for item in m.items()):
+        values.setdefault(key, []).append(value)
+    return {key: float(np.median(found)) for key, found in values.items()}
 
 
-def our_walks(evaluated: EvaluatedModel, styles: Iterable[str], speed: float = 1.0) -> dict[str, Measures]:
-    """The same of a character that walks straight ahead by each style's prompt, from its BVH; `speed` of the stick."""
+def generated_walks(evaluated: EvaluatedModel, styles: Iterable[str]) -> dict[str, Measures]:
+    """The same of a character that walks straight ahead at full stick by each style's prompt, from its BVH."""
     result = {}
+    script = control_script("forward", "walk", 1.0, 0)
     with tempfile.TemporaryDirectory() as folder:
         for style in styles:
+            prompts = [(0.0, evaluated.style(style, 0))]
             controller = Controller(evaluated.model, flat_ground(), 0)
-            script = control_script("forward", "walk", speed, 0)
-            poses = simulate(
-                controller, script, [(0.0, evaluated.style(style, 0))], round(WALK_SECONDS * FPS)
-            )
+            poses = simulate(controller, script, prompts, round(WALK_SECONDS * FPS))
             path = Path(folder) / f"{style}.bvh"
             save_bvh(clip_of(poses, style, (), "flat"), path)
             measured = gait.measure_file(path)
@@ -109,7 +106,7 @@ def our_walks(evaluated: EvaluatedModel, styles: Iterable[str], speed: float = 1
 def gait_figures(setting: Setting) -> dict[str, Any]:
     """Measures of the raw files and of every model, by style."""
     raw = raw_walks(setting.args.data)
-    return {"raw": raw, "models": {m.name: our_walks(m, raw, setting.args.speed) for m in setting.models}}
+    return {"raw": raw, "models": {m.name: generated_walks(m, raw) for m in setting.models}}
 
 
 def gait_table(figures: dict[str, Any]) -> str:
@@ -124,22 +121,19 @@ def gait_table(figures: dict[str, Any]) -> str:
 
 
 def cell(row: WalkMeasure, raw: dict[str, Measures], ours: dict[str, Measures]) -> str:
-    """Median over the styles, and how many of them are within the bar."""
-    values = compared(row, raw, ours)
-    if not len(values):
+    """Median over the styles that both have, of the difference or ratio, and how many of them are within the bar."""
+    key = row.key
+    pairs = [(ours[s][key], raw[s][key]) for s in raw if key in ours.get(s, {}) and key in raw[s]]
+    if not pairs:
         return "no walk"
+    values = np.array([a - b if row.difference else a / b for a, b in pairs])
     inside = int(((values >= row.low) & (values <= row.high)).sum())
     middle = float(np.median(values))
-    shown = f"{middle:+.1f}" if row.difference else f"{middle:.2f}"
-    return f"{shown}; {inside} of {len(values)}"
-
-
-def compared(row: WalkMeasure, raw: dict[str, Measures], ours: dict[str, Measures]) -> Array:
-    """Difference or ratio of every style that both have."""
-    pairs = [
-        (ours[s][row.key], raw[s][row.key]) for s in raw if row.key in ours.get(s, {}) and row.key in raw[s]
-    ]
-    return np.array([a - b if row.difference else a / b for a, b in pairs])
+    return (
+        f"{middle:+.1f}; {inside} of {len(values)}"
+        if row.difference
+        else f"{middle:.2f}; {inside} of {len(values)}"
+    )
 
 
 def _raw_data(args: Arguments) -> None:
@@ -152,10 +146,7 @@ GAIT = Experiment(
     gait_figures,
     gait_table,
     "straight walks",
-    models=2,
-    options=(
-        option("--data", type=Path, metavar="DIR", help="folder of the unpacked source files"),
-        option("--speed", type=float, default=1.0, help="fraction of the full stick (default: 1)"),
-    ),
+    many=True,
+    options=(option("--data", type=Path, metavar="DIR", help="folder of the unpacked source files"),),
     check=_raw_data,
 )

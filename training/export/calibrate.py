@@ -3,7 +3,7 @@
     python -m training.export.calibrate --run RUN --model FOLDER
 
 The first sentence of every edit is walked once, on each side where it has two, and compared with what the edit does to the
-model's own neutral walk; what is shown in part is walked again, drawn out farther. The same is done beside other edits
+model's own neutral walk; what is shown in part is walked again, drawn out farther. The same is done among other edits
 on the other parts, where many are shown less. Edits that are held out are not looked at: a side that training never saw
 is taken to be the weaker one, and has the gain of the other. Sentences that rules make of a prompt beyond these are
 measured by what they claim. `RUN` holds the frames and phases of the training, for the signs of the phases.
@@ -38,16 +38,16 @@ from training.augmentation.measured_edits import Summary
 from training.evaluation.text.prompt_adherence import SECONDS, described_edits, edit_fraction, neutral_motion
 from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker
 from training.frames import FrameTable, load_frames
-from training.text.claims import claims, sentence_share
+from training.text.claims import claims, sentence_fraction
 
 log = logging.getLogger("sport.train")
 
-ALIKE = 0.05  # shares of two sides that differ by less are the same
+ALIKE = 0.05  # fractions of two sides that differ by less are the same
 UNTRAINED = 0.4  # by which a side that training never saw is taken to be shown worse
-SHOWN = 0.85  # share with which an edit is shown wholly
+SHOWN = 0.85  # fraction with which an edit is shown wholly
 GAINS = (1.25, 1.5, 1.75, 2.0)
-WORTH = 0.15  # of a share that a gain must bring
-# on all parts but an edit's own, while it is measured beside others
+WORTH = 0.15  # of a fraction that a gain must bring
+# on all parts but an edit's own, while it is measured among others
 COMPANIONS = (
     ("left_arm.on_hip", "right_arm.on_hip", "torso.chest_out", "head.turned_left_little", "legs.short"),
     ("left_arm.folded", "right_arm.folded", "torso.slump", "head.down", "legs.crouch_little"),
@@ -76,14 +76,14 @@ def phase_signs(table: FrameTable, phase: np.ndarray) -> list[int] | None:
 
 
 @dataclass(frozen=True)
-class _Asked:
-    """Words of some parts, in some sentences each, and what share of them a walk shows beside the walk without them."""
+class _Claim:
+    """Words of some parts, in some sentences each, and the fraction of them that a walk shows against one without them."""
 
     name: str
     words: Mapping[str, Sequence[str]]
-    share: Callable[[Summary, Summary], float]
+    fraction: Callable[[Summary, Summary], float]
 
-    def said(self, among: PartDescriptions, number: int = 0) -> PartDescriptions:
+    def within(self, among: PartDescriptions, number: int = 0) -> PartDescriptions:
         """Other words with these, in one of their sentences."""
         for part, texts in self.words.items():
             among = among.replace(part, texts[number % len(texts)])
@@ -99,35 +99,37 @@ class _Walks:
     plain: PartDescriptions
     neutral: Float32Array
 
-    def shares(self, asked: Sequence[_Asked], gain: float = 1.0) -> list[float]:
+    def fractions(self, several: Sequence[_Claim], gain: float = 1.0) -> list[float]:
         """Of each on a neutral walk."""
-        codes = [self._code(each, gain, self.plain) for each in asked]
+        codes = [self._code(each, gain, self.plain) for each in several]
         walked, *made = self.walker.make([Walk.of(z, 0) for z in (self.neutral, *codes)])
-        return [each.share(walked, one) for each, one in zip(asked, made, strict=True)]
+        return [each.fraction(walked, one) for each, one in zip(several, made, strict=True)]
 
-    def alone(self, asked: _Asked, gain: float) -> float:
+    def alone(self, claim: _Claim, gain: float) -> float:
         """Of one on a neutral walk."""
-        return self.shares([asked], gain)[0]
+        return self.fractions([claim], gain)[0]
 
-    def beside(self, asked: _Asked, gain: float) -> float:
-        """Of one, the mean beside the two groups of others."""
+    def among_others(self, claim: _Claim, gain: float) -> float:
+        """Of one, the mean among the two groups of others."""
         found = []
         for companions in COMPANIONS:
-            words = _beside(self.plain, asked.words, companions)
-            codes = self.prompter(words), self._code(asked, gain, words)
-            found.append(asked.share(*self.walker.make([Walk.of(z, 0) for z in codes])))
+            words = _among(self.plain, claim.words, companions)
+            codes = self.prompter(words), self._code(claim, gain, words)
+            found.append(claim.fraction(*self.walker.make([Walk.of(z, 0) for z in codes])))
         return float(np.mean(found))
 
-    def gains(self, asked: _Asked, alone: float, held: bool) -> tuple[float, float]:
-        """With which it is shown wholly alone, where it is shown by a share `alone` without, and beside others.
+    def gains(self, claim: _Claim, alone: float, held: bool) -> tuple[float, float]:
+        """With which it is shown wholly alone, where it is shown by a fraction `alone` without, and among others.
 
-        The code of a hand that is `held` is its place: farther out is another, whatever is beside.
+        The code of a hand that is `held` is its place: farther out is another, whatever the others do.
         """
-        gain = self._gain(asked, self.alone, 1.0, alone)
-        return gain, gain if held else self._gain(asked, self.beside, gain, self.beside(asked, gain))
+        gain = self._gain(claim, self.alone, 1.0, alone)
+        return gain, gain if held else self._gain(
+            claim, self.among_others, gain, self.among_others(claim, gain)
+        )
 
     def _gain(
-        self, asked: _Asked, share: Callable[[_Asked, float], float], gain: float, shown: float
+        self, claim: _Claim, fraction: Callable[[_Claim, float], float], gain: float, shown: float
     ) -> float:
         """The least with which words are shown wholly; `gain`, with which they are `shown`, where none is or brings much.
 
@@ -136,32 +138,32 @@ class _Walks:
         if shown >= SHOWN:
             return gain
         for farther in (g for g in GAINS if g > gain):
-            if share(asked, farther) >= max(SHOWN, shown + WORTH):
-                log.info("%s: %.2f, drawn out by %.2f", asked.name, shown, farther)
+            if fraction(claim, farther) >= max(SHOWN, shown + WORTH):
+                log.info("%s: %.2f, drawn out by %.2f", claim.name, shown, farther)
                 return farther
         return gain
 
-    def _code(self, asked: _Asked, gain: float, among: PartDescriptions) -> Float32Array:
-        code = self.prompter(asked.said(among))
-        own = [PART_NAMES.index(part) for part in asked.words]
+    def _code(self, claim: _Claim, gain: float, among: PartDescriptions) -> Float32Array:
+        code = self.prompter(claim.within(among))
+        own = [PART_NAMES.index(part) for part in claim.words]
         code[own] = self.neutral[own] + np.float32(gain) * (code[own] - self.neutral[own])
         return code
 
 
 def calibrated(
-    model: MotionModel, prompter: Prompter, walker: Walker, told: ModelPhrasing
+    model: MotionModel, prompter: Prompter, walker: Walker, phrasing: ModelPhrasing
 ) -> list[dict[str, Any]]:
-    """The codes of what a model was asked for with leads and gains, as its metadata have them; `told` is its wording."""
+    """The codes of what a model shows with leads and gains, as its metadata have them; `phrasing` is its own wording."""
     plain = prompter.expand(PLAIN_PROMPT).descriptions
     neutral = prompter(plain)
     walks = _Walks(prompter, walker, plain, neutral)
     examples = described_edits(neutral_motion(model, neutral))
     pairs = _trained()
     edits = {
-        name: _Asked(name, part_edits()[name].phrases, partial(edit_fraction, name, examples[name]))
+        name: _Claim(name, part_edits()[name].phrases, partial(edit_fraction, name, examples[name]))
         for name in sorted({n for pair in pairs for n in pair})
     }
-    first = dict(zip(edits, walks.shares(list(edits.values())), strict=True))
+    first = dict(zip(edits, walks.fractions(list(edits.values())), strict=True))
     rows: list[dict[str, Any]] = []
     for left, right in pairs:
         lead = _lead(left, right, first[left] - first[right])
@@ -169,40 +171,40 @@ def calibrated(
         gains = walks.gains(edits[better], first[better], part_edits()[left].kind == "hand")
         # of a pair that has one side only the catalogue has the words of the other
         rows += _rows(
-            _Asked(left, part_edits()[left].phrases, edits[better].share),
+            _Claim(left, part_edits()[left].phrases, edits[better].fraction),
             part_edits()[left].slot,
             lead,
             gains,
             walks,
         )
-    for asked in _rule_sentences(told):
-        gains = walks.gains(asked, walks.alone(asked, 1.0), held=False)
-        rows += _rows(asked, "legs", 0.0, gains, walks)
+    for claim in _rule_sentences(phrasing):
+        gains = walks.gains(claim, walks.alone(claim, 1.0), held=False)
+        rows += _rows(claim, "legs", 0.0, gains, walks)
     return rows
 
 
-def _rule_sentences(told: ModelPhrasing) -> Iterable[_Asked]:
-    """What rules make of legs, torso and head beyond the catalogue, in the words that a model is told."""
+def _rule_sentences(phrasing: ModelPhrasing) -> Iterable[_Claim]:
+    """What rules make of legs, torso and head beyond the catalogue, in the phrasing of a model."""
     edited = {text for edit in part_edits().values() for texts in edit.phrases.values() for text in texts}
     for part, group in (("left_leg", "leg"), ("torso", "torso"), ("head", "head")):
         rules = grammar().groups[group]
         said = [sentences for _, sentences in (*rules.actions, *rules.denied)]
         texts = {text for one in said for text in ((one,) if isinstance(one, str) else one) if text}
-        for text in sorted({told.of(text.replace("{s}", "left"), part) for text in texts} - edited):
+        for text in sorted({phrasing.of(text.replace("{s}", "left"), part) for text in texts} - edited):
             if claims(part, text):
                 words = {part: (text,)}
                 if group == "leg":
                     words["right_leg"] = (mirror_text(text),)
-                yield _Asked(text, words, partial(_sentence_share, part, text))
+                yield _Claim(text, words, partial(_sentence_fraction, part, text))
 
 
-def _sentence_share(part: str, text: str, plain: Summary, walked: Summary) -> float:
+def _sentence_fraction(part: str, text: str, plain: Summary, walked: Summary) -> float:
     """1 where a sentence claims nothing that the other walk does not do."""
-    share = sentence_share(part, text, plain.body, walked.body)
-    return 1.0 if share is None else share
+    fraction = sentence_fraction(part, text, plain.body, walked.body)
+    return 1.0 if fraction is None else fraction
 
 
-def _beside(plain: PartDescriptions, parts: Iterable[str], companions: Iterable[str]) -> PartDescriptions:
+def _among(plain: PartDescriptions, parts: Iterable[str], companions: Iterable[str]) -> PartDescriptions:
     """Words of other edits on the parts that `parts` leave free; who takes a leg has both."""
     taken = set(parts)
     if taken & LEGS:
@@ -230,12 +232,12 @@ def _lead(left: str, right: str, measured: float) -> float:
 
 
 def _rows(
-    asked: _Asked, slot: str, lead: float, gains: tuple[float, float], walks: _Walks
+    claim: _Claim, slot: str, lead: float, gains: tuple[float, float], walks: _Walks
 ) -> Iterable[dict[str, Any]]:
     """A row for each part of the words, but not for the right leg where both do the same; `lead` is of the `slot`."""
-    count = max(map(len, asked.words.values()))
-    codes = np.array([walks.prompter(asked.said(walks.plain, k)) for k in range(count)], np.float32)
-    for part in asked.words:
+    count = max(map(len, claim.words.values()))
+    codes = np.array([walks.prompter(claim.within(walks.plain, k)) for k in range(count)], np.float32)
+    for part in claim.words:
         if part == "right_leg" and slot == "legs":
             continue
         own, rest = codes[:, PART_NAMES.index(part)], walks.neutral[PART_NAMES.index(part)]

@@ -39,12 +39,9 @@ SIZES = {  # metres
     ObstacleKind.GAP: (0.4, 0.6, 0.8, 1.0),
     ObstacleKind.BAR: (0.2, 0.25, 0.3, 0.4, 0.5, 0.6),
 }
-PASSED = 0.7  # share of the ways over a size that counts as crossed
-PLACE_M, BEHIND_M, BEFORE_M = (
-    4.0,
-    2.0,
-    1.2,
-)  # of the near edge; what is walked behind it, and looked at before it
+PASSED = 0.7  # fraction of the ways over a size that counts as crossed
+PLACE_M = 4.0  # of the near edge
+BEHIND_M, BEFORE_M = 2.0, 1.2  # what is walked behind it, and looked at before it
 BAR_M, FLOOR_M = 0.1, 0.6  # thickness of a bar; how deep a gap is
 LONGEST_S = 20.0
 
@@ -68,9 +65,9 @@ def measure_crossings(folder: Path) -> dict[str, float]:
         for size in sizes:
             ground = obstacle_ground(kind, size)
             ways = [way_over(model, ground, code, gait) for code in codes for gait in (Gait.WALK, Gait.JOG)]
-            share = float(np.mean([not problem for problem in ways]))
-            log.info("%s of %.2f m: %.0f %% of %d ways", kind.value, size, 100.0 * share, len(ways))
-            if share < PASSED:
+            fraction = float(np.mean([not problem for problem in ways]))
+            log.info("%s of %.2f m: %.0f %% of %d ways", kind.value, size, 100.0 * fraction, len(ways))
+            if fraction < PASSED:
                 break
             crossed[kind.value] = size
     metadata = read_metadata(folder) | {"crosses": crossed}

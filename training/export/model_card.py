@@ -96,14 +96,14 @@ def _eight_bits(quantised: dict[str, Any]) -> list[str]:
 
 def text_metrics(text: dict[str, Any]) -> list[str]:
     """Lines from the JSON of `sport evaluate --text`."""
-    from training.evaluation.report.text_tables import bars
+    from training.evaluation.text.command import bars
 
-    return [f"- {asked}: {measured}" for asked, measured, _ in bars(text)]
+    return [f"- {bar}: {measured}" for bar, measured, _ in bars(text)]
 
 
 def motion_metrics(motion: dict[str, Any]) -> list[str]:
     """Lines from the JSON of `sport evaluate`, of its first model."""
-    from training.evaluation.report.tables import check
+    from training.evaluation.motion.tables import check
 
     found = check(motion["models"][0], motion["held_out"])
     return [f"- {bar.name}: {bar.met} of {bar.cases} cases" for bar in found]

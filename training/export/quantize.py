@@ -1,7 +1,7 @@
 """An 8-bit twin of the step graph, and how far its output is from the original's on frames of the model's own walks.
 
 python -m training.export.quantize FOLDER                     writes step_int8.onnx and what was measured into metadata.json
-python -m training.export.quantize FOLDER --default fp32      and lets full precision be loaded unless int8 is asked for
+python -m training.export.quantize FOLDER --default fp32      and lets full precision be loaded unless int8 is given
 """
 
 from __future__ import annotations
@@ -67,11 +67,11 @@ class CalibrationFrames:
 def quantize_step(source: Path, target: Path, kept: Sequence[str] = ()) -> None:
     """Write the step graph `source` with 8-bit weights, one scale for each column, and activations scaled as they come.
 
-    `kept` names weights that stay in full precision beside those in KEPT.
+    `kept` names weights that stay in full precision as well as those in KEPT.
 
     Weights are signed, which is 1.4 times as fast as unsigned. That needs `runtime.motion.model_files.exact_8_bit_products`:
     elsewhere the runtime does not load the graph, as onnxruntime's own remedy (session.x64quantprecision) fails on
-    weights that several products share, as the denoising steps do. FileError when `source` is of an older export.
+    weights that several products have in common, as the denoising steps do. FileError when `source` is of an older export.
     """
     import onnx
     from onnxruntime.quantization import QuantType, quantize_dynamic
@@ -168,16 +168,16 @@ def _note(folder: Path, section: dict[str, object], digest: str) -> None:
 
 
 class _Recorder(MotionModel):
-    """A model that keeps every third frame it is asked for."""
+    """A model that keeps every third frame."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder, read_metadata(folder), precision="fp32")
-        self.asked = 0
+        self.frames_seen = 0
         self.frames: list[tuple[Array, Array, Style]] = []
 
     def step(self, x: Array, noise: Array, style: Style | Sequence[Style]) -> tuple[Array, Array]:
-        self.asked += 1
-        if self.asked % 3 == 0 and isinstance(style, Style):
+        self.frames_seen += 1
+        if self.frames_seen % 3 == 0 and isinstance(style, Style):
             self.frames.append((x[0].copy(), noise[0].copy(), style))
         return super().step(x, noise, style)
 

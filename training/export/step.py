@@ -26,7 +26,7 @@ from training.networks.modulator import instance_norm
 class FrameGraph(nn.Module):
     """x in real units to E and alpha, from the tensors of `ContentModulator.fold`.
 
-    Those have a leading dimension: 1 where all characters of the batch share a prompt, or the batch.
+    Those have a leading dimension: 1 where all characters of the batch have one prompt, or the batch.
     """
 
     x_mean: Tensor
@@ -68,13 +68,13 @@ class FrameGraph(nn.Module):
         experts, (wide, _) = self.config.experts, self.config.front
         x = normalised(x, self.x_mean, self.x_deviation, self.x_limit)
         alpha = self.gating(x[:, MOTION_INPUT_SIZE:])
-        share = alpha[:, :, None]
+        weight = alpha[:, :, None]
         hidden = elu(x[:, :MOTION_INPUT_SIZE] @ self.encoder_first + self.encoder_first_bias)
-        blended = (hidden.view(-1, experts, self.config.hidden) * share).flatten(1)
+        blended = (hidden.view(-1, experts, self.config.hidden) * weight).flatten(1)
         w = blended @ self.encoder_second + alpha @ self.encoder_second_bias
         front = elu((w @ self.front_wide).view(-1, experts, wide) + front_bias)
         fused = elu(front.transpose(0, 1) @ self.front_narrow + self.front_narrow_bias).transpose(0, 1)
-        scaled = (fused * share).flatten(1)
+        scaled = (fused * weight).flatten(1)
         s = (scaled[:, None] @ content_weight + alpha[:, None] @ content_bias)[:, 0]
         deviation, mean = s.chunk(2, dim=-1)
         return (1.0 + deviation) * instance_norm(w) + mean, alpha

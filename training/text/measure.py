@@ -53,10 +53,10 @@ class LegMeasures:
     speed: float  # metres per second
     width: float  # metres of the ankle outward from the hips' middle while on the ground
     toe_out: float  # degrees outward of the foot on the ground
-    moving: float  # share of frames with the root faster than 0.2 m/s
+    moving: float  # fraction of frames with the root faster than 0.2 m/s
     foot_pitch: float  # degrees that the foot on the ground points down: on tiptoe the heel is up
     walk_ratio: float = 0.0  # metres of a step over steps per second
-    stance_lead: float = 0.0  # by which share this foot carries alone longer than the other
+    stance_lead: float = 0.0  # by which fraction this foot carries alone longer than the other
     landing: float = 0.0  # metres per second at which the ankle comes down
     halting: float = 0.0  # deviation of the root's speed over its mean
 
@@ -295,7 +295,7 @@ def _head(body: Array, turned: Array) -> HeadMeasures:
 
 
 def _stance_lead(own: NDArray[np.bool_], other: NDArray[np.bool_]) -> float:
-    """By which share one foot carries alone longer than the other: 0 is even, -1 is never."""
+    """By which fraction one foot carries alone longer than the other: 0 is even, -1 is never."""
     mine, theirs = float((own & ~other).sum()), float((other & ~own).sum())
     return 2.0 * (mine - theirs) / max(mine + theirs, 1.0)
 

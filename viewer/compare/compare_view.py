@@ -3,33 +3,93 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
+from runtime.arrays import Array
 from runtime.controls import Controls
+from runtime.motion.controller import Controller, Crowd
 from runtime.motion.snapshot import take_snapshot
 from runtime.pose import Pose
 from runtime.session.prompt_blend import Answer, PromptBlend, Side
 from runtime.session.session import LIVE, Session, Variant
 from runtime.terrain.height_map import Terrain
-from viewer.compare.lineup import centre_of, distance_to, names, places
 from viewer.edit.path import PathTool
 from viewer.editor import Change, Editor
 from viewer.input.bindings import Action
 from viewer.jobs import Slot
 from viewer.messages import Messages
-from viewer.prompt.answers import quoted, same_answers
-from viewer.prompt.prompt_controller import PromptController
+from viewer.prompt.prompt_controller import PromptController, quoted, same_answers
+from viewer.render.camera import Camera
 from viewer.scene.camera_control import CameraControl
 from viewer.scene.scene import Scene
 from viewer.scene.simulation import STEP_SECONDS, interpolate
-from viewer.services import ControllerLike, CrowdLike
 from viewer.session.takes import Takes
 from viewer.settings import Settings
+
+SPACING_M = 1.5  # between neighbours
+ROW_M = 2.2  # between two rows
+LONGEST_ROW = 5
+ABOVE_M = 2.15  # the highest point of a character and its name
+MARGIN = 0.86  # of the view that they fill
+
+
+def places(count: int, centre: tuple[float, float], heading: float) -> list[tuple[float, float]]:
+    """X and Z (metres) of characters in a line as seen along `heading` (radians), the first on the left.
+
+    From six on they stand in two rows, the second behind the gaps of the first.
+    """
+    rows = [count] if count <= LONGEST_ROW else [(count + 1) // 2, count // 2]
+    ahead = np.array([math.sin(heading), math.cos(heading)])
+    right = np.array([-ahead[1], ahead[0]])
+    found = []
+    for row, length in enumerate(rows):
+        for k in range(length):
+            aside = (k - (length - 1) / 2) * SPACING_M
+            if len(rows) == 2 and rows[0] == rows[1]:
+                aside += (row - 0.5) * SPACING_M / 2
+            x, z = np.array(centre) + aside * right + (row - (len(rows) - 1) / 2) * ROW_M * ahead
+            found.append((float(x), float(z)))
+    return found
+
+
+def centre_of(poses: Sequence[Pose]) -> Array:
+    """The middle `(3,)` of the box around all, at the height of their hips."""
+    roots = np.array([pose.root_position for pose in poses], float)
+    return np.asarray(0.5 * (roots.min(0) + roots.max(0)) + np.array([0.0, 0.5 * ABOVE_M, 0.0]))
+
+
+def distance_to(poses: Sequence[Pose], camera: Camera, aspect: float) -> float:
+    """Metres from the camera's target at which a free view of this width / height of the window holds all of them."""
+    feet = np.array([pose.root_position for pose in poses], float)
+    points = np.concatenate([feet, feet + np.array([0.0, ABOVE_M, 0.0])]) - centre_of(poses)
+    axes = camera.view_matrix()[:3, :3].astype(float)
+    across, up, back = axes @ points.T
+    half = camera.half_height * MARGIN
+    aside = (np.abs(across) + 0.45) / (half * aspect)  # half a character's width
+    return float(np.max(np.maximum(aside, np.abs(up) / half) + back))
+
+
+def names(variants: Sequence[Variant]) -> list[tuple[str, str]]:
+    """What each is called, in two: its prompt, which may be cut, and the seed where others have the same prompt."""
+    prompts = [_name(variant.prompt) for variant in variants]
+    count = Counter(prompts)
+    return [
+        (prompt, f", seed {variant.seed}" if count[prompt] > 1 else "")
+        for prompt, variant in zip(prompts, variants, strict=True)
+    ]
+
+
+def _name(blend: PromptBlend) -> str:
+    a, b = (blend.prompt(side) or "own words" for side in Side)
+    return f"{blend.master_weight:.0%} {b}, else {a}" if blend.blended else a
+
 
 FEWEST, MOST = 2, 9
 FIRST_COUNT = 3  # variants of a view that was just opened
@@ -53,14 +113,14 @@ class CompareView:
     hovered: int = -1  # index of the variant under the mouse
     focus_requested: bool = False
     texts: dict[int, str] = field(default_factory=dict)  # typed into the fields, by the variants' numbers
-    asked: set[int] = field(default_factory=set)  # variants whose text has no answer yet
-    members: list[ControllerLike] = field(default_factory=list)
+    pending: set[int] = field(default_factory=set)  # variants whose text has no answer yet
+    members: list[Controller] = field(default_factory=list)
     steps: int = 0  # of the last frame
     poses: list[Pose] = field(default_factory=list)  # after the last step, one for each variant
     _standing: tuple[Variant, ...] = ()  # whom the members move as
     _before: list[Pose] = field(default_factory=list)
-    _crowd: CrowdLike | None = None
-    _live: ControllerLike | None = None
+    _crowd: Crowd | None = None
+    _live: Controller | None = None
     _ground: Terrain | None = None
     _left_s: float = 0.0
     _camera: tuple[str, float, float] = ("follow", 0.0, 0.0)  # mode, distance, pitch before it was opened
@@ -124,9 +184,9 @@ class CompareView:
     def blends(self) -> None:
         """Steps from prompt A to prompt B."""
         blend, last = self.prompting.prompt, self._count - 1
-        shares = [(k / last,) * len(blend.weights) for k in range(self._count)]
+        weights = [(k / last,) * len(blend.weights) for k in range(self._count)]
         label = f"steps from {quoted(blend.prompt(Side.A))} to {quoted(blend.prompt(Side.B))}"
-        self._compare(label, [(replace(blend, weights=share), self._seed) for share in shares])
+        self._compare(label, [(replace(blend, weights=weight), self._seed) for weight in weights])
 
     def last_prompts(self) -> None:
         """The live prompt and the ones typed before it, which answer one after the other."""
@@ -183,10 +243,10 @@ class CompareView:
 
     def _ask(self, number: int, text: str, put: Callable[[Change], object]) -> None:
         self.texts[number] = text
-        self.asked.add(number)
+        self.pending.add(number)
 
         def answered(answer: Answer) -> None:
-            if number in self.asked:
+            if number in self.pending:
                 self._forget(number)
                 put(_with_variant(number, lambda v: replace(v, prompt=PromptBlend((answer, None)))))
 
@@ -198,16 +258,16 @@ class CompareView:
         )
 
     def _forget(self, number: int) -> None:
-        self.asked.discard(number)
+        self.pending.discard(number)
         self.texts.pop(number, None)
 
     def _withdraw(self) -> bool:
         """Take back the prompts of variants that have no answer yet, and say so; whether there were any."""
-        asked = tuple(self.asked)
-        for number in asked:
+        pending = tuple(self.pending)
+        for number in pending:
             self.messages.note(f"Withdrawn: prompt {quoted(self.texts[number])}.")
             self._forget(number)
-        return bool(asked)
+        return bool(pending)
 
     # --- opening and closing
 
@@ -232,9 +292,15 @@ class CompareView:
             self._standing = now.variants
             for i, (new, old) in enumerate(zip(now.variants, standing, strict=True)):
                 if new.prompt != old.prompt:
-                    self.members[i].set_style(new.prompt.style(), self.settings.blend_seconds)
+                    self._set_style(i, self.settings.blend_seconds)
                 if new.seed != old.seed:
                     self._restart(i, new.seed)
+
+    def _set_style(self, index: int, seconds: float) -> None:
+        """Let one of them change to its prompt within so many seconds."""
+        style = self._standing[index].prompt.style()
+        if style is not None:
+            self.members[index].set_style(style, seconds)
 
     def _restart(self, index: int, seed: int) -> None:
         """Another seed for one of them, from now on, where it stands."""
@@ -268,24 +334,29 @@ class CompareView:
         self._end_crowd()
         self._standing, self.hovered = self.variants, -1
         self.members = [self._live.twin() for _ in self._standing]
-        for member, variant in zip(self.members, self._standing, strict=True):
+        for i, (member, variant) in enumerate(zip(self.members, self._standing, strict=True)):
             member.seed = variant.seed
             member.set_terrain(self.scene.terrain)
-            member.set_style(variant.prompt.style(), 0.0)
+            self._set_style(i, 0.0)
         self._crowd = self.scene.services.make_crowd(self.members)
         self._ground = self.scene.terrain
         self._place(centre, yaw)
 
-    def close(self, note: str = "") -> None:
-        """Back to the live character, where it was; the session keeps the variants. Nothing happens where it is closed."""
+    def begin_typing(self) -> None:
+        """The field of the first variant gets the keyboard."""
+        self.focus_requested = True
+
+    def close(self, note: str = "") -> bool:
+        """Back to the live character, where it was; the session keeps the variants. Whether it was open."""
         if not self.open:
-            return
+            return False
         self._end_crowd()
         self._standing, self._live = (), None
         self.members, self.poses, self._before = [], [], []
         self._look_at_live()
         if note:
             self.messages.note(note)
+        return True
 
     def _look_at_live(self) -> None:
         self.scene.camera.come_back(*self._camera, self.scene.simulation.current)
@@ -298,7 +369,7 @@ class CompareView:
     def keep(self, index: int) -> None:
         """Let one of them be the live character: it goes on from here, and its prompt is the live one, as a step."""
         variant, title = self.variants[index], self.titles[index]
-        snapshot, pose = take_snapshot(self.members[index]), self.poses[index]  # type: ignore[arg-type]
+        snapshot, pose = take_snapshot(self.members[index]), self.poses[index]
         before = self.prompting.prompt
         self.close()
         self.scene.go_on_from(snapshot, pose)
@@ -373,8 +444,8 @@ class CompareView:
         """The poses to draw; `between` the last two steps where the display has its own rate."""
         if not between or len(self._before) != len(self.poses):
             return self.poses
-        share = self._left_s / STEP_SECONDS
-        return [interpolate(a, b, share) for a, b in zip(self._before, self.poses, strict=True)]
+        fraction = self._left_s / STEP_SECONDS
+        return [interpolate(a, b, fraction) for a, b in zip(self._before, self.poses, strict=True)]
 
     def frame_all(self, camera: CameraControl, aspect: float, dt: float) -> None:
         """Glide to where a free view of `aspect` times the window's height holds all of them, nearer or farther by zoom."""
@@ -382,13 +453,13 @@ class CompareView:
             return
         orbit, poses = camera.orbit, self.poses
         wanted = distance_to(poses, orbit, aspect)
-        share = 1.0 - 0.5 ** (dt / GLIDE_HALF_LIFE)
+        fraction = 1.0 - 0.5 ** (dt / GLIDE_HALF_LIFE)
         if self._distance:
             self._zoom *= orbit.distance / self._distance
         else:  # just opened
-            orbit.distance, share = wanted, 1.0
-        orbit.target = orbit.target + share * (centre_of(poses) - orbit.target)
-        orbit.distance += share * (wanted * self._zoom - orbit.distance)
+            orbit.distance, fraction = wanted, 1.0
+        orbit.target = orbit.target + fraction * (centre_of(poses) - orbit.target)
+        orbit.distance += fraction * (wanted * self._zoom - orbit.distance)
         orbit.distance = float(np.clip(orbit.distance, orbit.MIN_DISTANCE, orbit.MAX_DISTANCE))
         self._distance = orbit.distance
 

@@ -1,12 +1,19 @@
-"""The panel of the compare view, in the place of the prompt: the prompt and the seed of each variant."""
+"""The compare view's panel in the place of the prompt, and the names over its characters."""
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+
 from runtime.session.prompt_blend import Side
 from runtime.session.session import Variant
-from viewer.compare.compare_view import FEWEST, MOST, CompareView
+from runtime.skeleton import SPORT_SKELETON
+from viewer.compare.compare_view import FEWEST, LONGEST_ROW, MOST, CompareView, names
+from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
+from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
@@ -18,19 +25,10 @@ SEED_WIDTH = 112.0  # pixels at scale 1
 def panel(compare: CompareView) -> Panel:
     """The panel, in the place of the prompt while the compare view is open."""
 
-    def close() -> bool:
-        was_open = compare.open
-        compare.close()
-        return was_open
-
     return Panel(
         "Compare", PanelPlace.LEFT, lambda _: draw(compare), ICON.exchange, shown=lambda: compare.open,
-        actions=compare.actions, begin_typing=lambda: _begin_typing(compare), close=close,
+        actions=compare.actions, begin_typing=compare.begin_typing, close=compare.close,
     )  # fmt: skip
-
-
-def _begin_typing(compare: CompareView) -> None:
-    compare.focus_requested = True
 
 
 def draw(compare: CompareView) -> None:
@@ -56,15 +54,15 @@ def draw(compare: CompareView) -> None:
 def _lineups(compare: CompareView) -> None:
     """What to compare."""
     widgets.muted("One stick drives all. Click one to keep it.", wrap=True)
-    third = (imgui.get_content_region_avail().x - 2 * px(4)) / 3
+    third = widgets.column_width(3)
     if widgets.button("Seeds", third, "The live prompt, with a seed for each"):
         compare.seeds()
-    imgui.same_line(0, px(4))
+    widgets.same_line()
     imgui.begin_disabled(compare.prompting.prompt.b is None)
     if widgets.button("Blend", third, "From prompt A to prompt B in equal steps"):
         compare.blends()
     imgui.end_disabled()
-    imgui.same_line(0, px(4))
+    widgets.same_line()
     imgui.begin_disabled(len(compare.settings.prompt_history) < FEWEST)
     if widgets.button("Prompts", third, "The live prompt and the last ones before it"):
         compare.last_prompts()
@@ -87,19 +85,19 @@ def _row(compare: CompareView, index: int, variant: Variant) -> tuple[bool, bool
     widgets.tooltip("A different seed gives a variation")
     if changed and seed >= 0:
         compare.reseed(index, seed)
-    imgui.same_line(0, px(4))
+    widgets.same_line()
     rest = imgui.get_content_region_avail().x - imgui.get_frame_height() - px(4)
     keep = widgets.button(
         f"{ICON.check} Keep", rest, "This one becomes the live character, its prompt the live one"
     )
-    imgui.same_line(0, px(4))
+    widgets.same_line()
     more = len(compare.variants) > FEWEST
     remove = widgets.icon_button(ICON.close, "remove", "Remove this one", theme.MUTED, more)
     return keep, remove
 
 
 def _prompt(compare: CompareView, index: int, variant: Variant) -> None:
-    """The field; what is typed stays in it until it is asked."""
+    """The field; what is typed stays in it until Enter."""
     name, prompt = "##variant prompt", variant.prompt.prompt(Side.A)
     field_id = imgui.get_id(name)
     if is_active(field_id):
@@ -112,20 +110,107 @@ def _prompt(compare: CompareView, index: int, variant: Variant) -> None:
         imgui.InputTextFlags_.enter_returns_true,
     )
     compare.texts[variant.number] = text
-    if text == prompt and variant.number not in compare.asked:
+    if text == prompt and variant.number not in compare.pending:
         del compare.texts[variant.number]
     if entered and text.strip():
         compare.ask(index, text)
 
 
 def _buttons(compare: CompareView) -> None:
-    half = (imgui.get_content_region_avail().x - px(4)) / 2
+    half = widgets.column_width(2)
     imgui.begin_disabled(len(compare.variants) >= MOST)
     if widgets.button(f"{ICON.plus} Add", half, "One more, with the live prompt and the next seed"):
         compare.add()
     imgui.end_disabled()
-    imgui.same_line(0, px(4))
+    widgets.same_line()
     if widgets.button("Line up", half, "In a line again, across the view (Home)"):
         compare.line_up()
     if widgets.button(f"{ICON.close} Close", -1, "Back to the live character (Escape)"):
         compare.close()
+
+
+Place = tuple[float, float]  # on the screen
+HEAD = SPORT_SKELETON.index("Head")
+OVER_HEAD = np.array([0.0, 0.34, 0.0])  # metres
+HALF_WIDTH_M = 0.4  # of a character, to be clicked
+WIDEST, NARROWEST = 190.0, 60.0  # pixels at scale 1
+PAD, LEAST_NAME = 6.0, 56.0
+NUMBERS_ALONE = 110.0  # where there is less room for a name
+
+
+def names_panel(compare: CompareView) -> Panel:
+    """The names; a click on a character keeps it."""
+
+    def draw_names(view: Rect) -> None:
+        camera, size = compare.scene.camera.current, imgui.get_io().display_size
+        heads = [on_screen(camera, pose.positions[HEAD] + OVER_HEAD, size) for pose in compare.poses]
+        feet = [on_screen(camera, np.asarray(pose.root_position, float), size) for pose in compare.poses]
+        free = not imgui.get_io().want_capture_mouse
+        compare.hovered = _under_mouse(heads, feet) if free else -1
+        width = _name_width([head for head in heads if head is not None])
+        for index, head in enumerate(heads):
+            if head is not None and view.x <= head[0] <= view.x + view.width:
+                _draw_name(compare, index, head, feet[index], width, view)
+        if compare.hovered >= 0:
+            imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
+            if imgui.is_mouse_clicked(0):
+                compare.keep(compare.hovered)
+
+    return Panel("Names", PanelPlace.SIGN, draw_names, shown=lambda: compare.open)
+
+
+def _draw_name(
+    compare: CompareView, index: int, head: Place, foot: Place | None, width: float, view: Rect
+) -> None:
+    """The number and name of a character at a place on the screen, as wide as there is room."""
+    hovered, count = index == compare.hovered, len(compare.poses)
+    if width < px(NUMBERS_ALONE) and not hovered:  # the panel has the names
+        text = f"{index + 1}"
+    else:
+        pending = compare.variants[index].number in compare.pending
+        name, seed = ("…", "") if pending else names(compare.variants)[index]
+        text = _fitted(f"{index + 1}", name, seed, (px(WIDEST) if hovered else width) - 2 * px(PAD))
+    # of two rows the first has its names under the feet: over the heads they would cover the second
+    if foot is not None and index < (count + 1) // 2 and count > LONGEST_ROW:
+        head = foot[0], foot[1] + 2.0 * imgui.get_text_line_height()
+    _label(text, head, hovered, view)
+
+
+def _name_width(heads: list[Place]) -> float:
+    """Pixels for one name, so that neighbours at about the same height do not overlap."""
+    line = 1.5 * imgui.get_text_line_height()
+    gaps = [abs(a[0] - b[0]) for k, a in enumerate(heads) for b in heads[:k] if abs(a[1] - b[1]) < line]
+    return min(max(min(gaps, default=px(WIDEST)) - px(6), px(NARROWEST)), px(WIDEST))
+
+
+def _under_mouse(heads: list[Place | None], feet: list[Place | None]) -> int:
+    """The nearest character whose box or name is under the mouse; -1 for none."""
+    mouse, best = imgui.get_io().mouse_pos, (math.inf, -1)
+    for i, (head, foot) in enumerate(zip(heads, feet, strict=True)):
+        if head is None or foot is None:
+            continue
+        height = foot[1] - head[1]
+        half = max(HALF_WIDTH_M / 2.0 * height, px(10))
+        aside = abs(mouse.x - head[0])
+        if aside < half and head[1] - px(14) < mouse.y < foot[1] + 0.05 * height:
+            best = min(best, (aside, i))
+    return best[1]
+
+
+def _fitted(number: str, name: str, seed: str, width: float) -> str:
+    """The name cut to a width; the seed, which tells it from others of that name, stays whole."""
+    room = width - imgui.calc_text_size(seed).x
+    if room < px(LEAST_NAME):
+        return widgets.elided(f"{number}  {seed.lstrip(', ') or name}", width)
+    return widgets.elided(f"{number}  {name}", room) + seed
+
+
+def _label(text: str, head: Place, hovered: bool, view: Rect) -> None:
+    drawing, pad = imgui.get_background_draw_list(), px(PAD)
+    size = imgui.calc_text_size(text)
+    left = min(max(head[0] - size.x / 2, view.x + pad), view.x + view.width - size.x - pad)
+    low = imgui.ImVec2(left - pad, head[1] - size.y - px(3))
+    high = imgui.ImVec2(left + size.x + pad, head[1] + px(3))
+    drawing.add_rect_filled(low, high, widgets.packed(theme.ACCENT if hovered else theme.PANEL), px(5))
+    tint = theme.ON_ACCENT if hovered else theme.TEXT
+    drawing.add_text(imgui.ImVec2(left, low.y + px(3)), widgets.packed(tint), text)

@@ -3,31 +3,31 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from runtime.controls import Controls, Gait
 from runtime.errors import SportError
-from runtime.motion.control_scripts import PlanarPose
+from runtime.motion.control_scripts import MAX_POINTS, PathWalk, PlanarPose, PointPath, Waypoint
 from runtime.session.motion import Motion
 from runtime.session.session import LIVE, Session, Take
+from runtime.takes.take_path import path_of
 from runtime.terrain.height_map import Terrain
+from viewer.edit.handles import Handles, ground_under
 from viewer.edit.resimulation import Resimulation
 from viewer.editor import Editor
 from viewer.gl_bindings import imgui
+from viewer.gui import widgets
+from viewer.gui.theme import ICON
+from viewer.gui.widgets import px
 from viewer.render.camera import Camera
 from viewer.render.overlays import PathOverlay
 from viewer.scene.scene import Scene
 
-if TYPE_CHECKING:
-    from runtime.motion.control_scripts import PathWalk, Waypoint
-
-GRAB_PX = 16.0  # at scale 1: a click nearer to a point takes it
 DRAWN_M = 0.7  # between two points of a path that is drawn by a drag
-REACH_M = 80.0  # clicks on ground farther away are none
-RAY_STEPS = 400
+GAITS = [(gait, gait.label.capitalize()) for gait in (Gait.WALK, Gait.JOG, Gait.CROUCH)]
 
 
 @dataclass
@@ -42,7 +42,7 @@ class PathTool:
     walk: PathWalk | None = None
     _begun: bool = False  # since the last `walk_began`
     _time_s: float = 0.0
-    _held: bool = False  # the mouse drags the selected point
+    _handles: Handles = field(default_factory=Handles)
     _drawing: bool = False  # the drag began with a new point and sets more
     _subject: int = LIVE  # the take whose points `selected` counts
     _of_motion: tuple[Motion, tuple[Waypoint, ...]] | None = None
@@ -58,22 +58,19 @@ class PathTool:
     @property
     def of_take(self) -> bool:
         """Whether the path is that of a take that can be resimulated along another one."""
-        take = self.editing.take
-        return take is not None and (not self.editing.fixed or self.editing.busy)
+        return self.editing.take is not None and (not self.editing.fixed or self.editing.busy)
 
     @property
     def points(self) -> tuple[Waypoint, ...]:
-        """The points that were drawn; of a take without any, while they are edited, the way that it goes."""
+        """The points that were drawn; of a take without any, while they are edited, the path that it goes."""
         take = self.take
         if take.path or take.motion is None or not (self.active and self.of_take):
             return take.path
         if self._of_motion is None or self._of_motion[0] is not take.motion:
-            self._of_motion = take.motion, self._way(take.motion)
+            self._of_motion = take.motion, self._path_of(take.motion)
         return self._of_motion[1]
 
-    def _way(self, motion: Motion) -> tuple[Waypoint, ...]:
-        from runtime.takes.take_path import path_of
-
+    def _path_of(self, motion: Motion) -> tuple[Waypoint, ...]:
         try:
             return () if motion.inputs is None else path_of(motion.clip, motion.inputs)
         except SportError as error:
@@ -81,17 +78,20 @@ class PathTool:
             return ()
 
     def follow(self, before: Session, now: Session) -> None:
-        """Select no point that is gone; a walk along another path ends."""
-        if self.take.number == LIVE and before.live.path != now.live.path:
+        """A walk along another path ends."""
+        if before.live.path != now.live.path:
             self.walk = None
 
     def poll(self) -> None:
-        """Look after which take the path is of; call once a frame."""
-        take = self.take
-        if take.number != self._subject:
-            self._subject, self.active, self.selected = take.number, False, -1
-        if self.selected >= len(self.points) or (self.active and self.selected < 0):
-            self.selected = len(self.points) - 1
+        """Select a point that is there, of the take that is shown; call once a frame."""
+        number = self.take.number
+        if number != self._subject:
+            self._subject, self.active, self.selected = number, False, -1
+        if self.active or self.selected >= 0:
+            last = len(self.points) - 1
+            self.selected = (
+                last if self.selected > last or (self.active and self.selected < 0) else self.selected
+            )
 
     def overlay(self) -> PathOverlay | None:
         """What is drawn on the ground."""
@@ -109,8 +109,6 @@ class PathTool:
 
     def add(self, x: float, z: float, held: bool = False) -> None:
         """Another last point, with the speed and gait of the one before."""
-        from runtime.motion.control_scripts import MAX_POINTS, Waypoint
-
         points = self.points
         if len(points) < MAX_POINTS:
             before = points[-1] if points else Waypoint(x, z)
@@ -145,54 +143,44 @@ class PathTool:
 
     def use_mouse(self, camera: Camera, terrain: Terrain) -> bool:
         """Set, take and drag points in this frame; whether the left button is the tool's."""
-        io = imgui.get_io()
+        io, handles = imgui.get_io(), self._handles
         if not self.active:
-            self._held = False
             return False
         if imgui.is_key_pressed(imgui.Key.delete) and not io.want_text_input:
             self.delete()
+        points = np.array([(p.x, float(terrain.height(p.x, p.z)), p.z) for p in self.points])
+        moves = handles.use_mouse(camera, points)
+        if not (handles.pressed or moves):
+            return True
         place = ground_under(camera, terrain, io.mouse_pos, io.display_size)
-        if imgui.is_mouse_clicked(0) and not io.want_capture_mouse and place is not None:
-            near = self._point_at(camera, terrain)
-            self._drawing = near < 0
-            if near >= 0:
-                self.selected = near
-            else:
-                self.add(*place, held=True)
-            self._held = True
-        elif self._held and imgui.is_mouse_down(0):
-            moved = io.mouse_delta.x or io.mouse_delta.y
-            if place is not None and moved and self._drawing:
-                self._draw_to(*place)
-            elif place is not None and moved:
-                self.change(x=place[0], z=place[1])
-        else:
-            self._held = False
+        if handles.pressed:
+            self._press(place)
+        elif place is not None:
+            self._drag_to(*place)
         return True
 
-    def _draw_to(self, x: float, z: float) -> None:
-        """Another point where the mouse has gone far enough from the last one."""
+    def _press(self, place: tuple[float, float] | None) -> None:
+        """Take the point under the mouse, or begin to draw with another one."""
+        handles = self._handles
+        self._drawing = handles.held < 0 and place is not None
+        if handles.held >= 0:
+            self.selected = handles.held
+        elif place is not None:
+            self.add(*place, held=True)
+            handles.held = self.selected
+
+    def _drag_to(self, x: float, z: float) -> None:
+        if not self._drawing:
+            self.change(x=x, z=z)
+            return
         last = self.points[-1]
         if math.hypot(x - last.x, z - last.z) >= DRAWN_M:
             self.add(x, z, held=True)
-
-    def _point_at(self, camera: Camera, terrain: Terrain) -> int:
-        """The point under the mouse; -1 for none."""
-        io, best = imgui.get_io(), (GRAB_PX * imgui.get_style().font_scale_dpi, -1)
-        for i, point in enumerate(self.points):
-            where = np.array([point.x, float(terrain.height(point.x, point.z)), point.z])
-            shown = on_screen(camera, where, io.display_size)
-            if shown is not None:
-                away = math.hypot(shown[0] - io.mouse_pos.x, shown[1] - io.mouse_pos.y)
-                best = min(best, (away, i))
-        return best[1]
 
     # --- walking
 
     def start(self) -> None:
         """Lead the character along the path from where it stands."""
-        from runtime.motion.control_scripts import PointPath
-
         if self.points:
             self.walk = PointPath(self.points).walk_from(self._place)
             self._time_s, self._begun = 0.0, True
@@ -221,35 +209,58 @@ class PathTool:
         self._time_s += dt
         if walk.ended:
             self.walk = None
-            self.editor.messages.note(
-                "The path is walked." if walk.arrived else "Path crosses unwalkable ground."
-            )
+            said = "The path is walked." if walk.arrived else "Path crosses unwalkable ground."
+            self.editor.messages.note(said)
         return stick
 
+    # --- its part of the scene panel
 
-def ground_under(
-    camera: Camera, terrain: Terrain, mouse: imgui.ImVec2, size: imgui.ImVec2
-) -> tuple[float, float] | None:
-    """X and Z (metres) of the ground under a screen position; None for the sky."""
-    across, up = 2.0 * mouse.x / max(size.x, 1.0) - 1.0, 1.0 - 2.0 * mouse.y / max(size.y, 1.0)
-    view, half = camera.view_matrix().astype(float), camera.half_height
-    ray = -view[2, :3] + (across - camera.shift) * half * size.x / max(size.y, 1.0) * view[0, :3]
-    ray = ray + (up - camera.shift_up) * half * view[1, :3]
-    eye = np.asarray(camera.position, float)
-    along = np.geomspace(0.2, REACH_M, RAY_STEPS)
-    points = eye + along[:, None] * ray
-    above = points[:, 1] - terrain.height(points[:, 0], points[:, 2])
-    below = np.flatnonzero(above < 0.0)
-    if len(below) == 0 or below[0] == 0:
-        return None
-    k = int(below[0])
-    share = above[k - 1] / (above[k - 1] - above[k])
-    x, _, z = points[k - 1] + share * (points[k] - points[k - 1])
-    return float(x), float(z)
+    def draw(self, draw_pins: Callable[[float], None]) -> None:
+        """Draw or edit it, walk it, and speed and gait of the selected leg; `draw_pins` fills the row's end, of a width."""
+        third = (imgui.get_content_region_avail().x - 2 * px(4)) / 3
+        of_take = self.of_take
+        hint = "A drag on the ground draws the path, a click adds a point. Drag a point to move it, Delete removes it."
+        if of_take:
+            hint = "The path of the take: drag its points, choose speed and gait of each leg, delete the last ones to end there"
+        text = "Edit its path" if of_take else "Draw a path"
+        self.active = widgets.toggle(text, self.active, third, hint)
+        imgui.same_line(0, px(4))
+        if of_take:
+            text, hint, act = (
+                "Resimulate###drive path",
+                "Resimulate the take along these points",
+                self.resimulate,
+            )
+        elif self.walk is not None:
+            text, hint, act = f"{ICON.stop} Stop###walk path", "Give the stick back", self.stop
+        else:
+            hint = "From where the character stands; any key of yours ends it"
+            text, act = f"{ICON.walk} Walk it###walk path", self.start
+        imgui.begin_disabled(not self.points or (of_take and not self.active))
+        if widgets.button(text, third, hint):
+            act()
+        imgui.end_disabled()
+        imgui.same_line(0, px(4))
+        draw_pins(third)
+        if self.active:
+            self._draw_selected()
 
-
-def on_screen(camera: Camera, point: np.ndarray, size: imgui.ImVec2) -> tuple[float, float] | None:
-    """Where a point `(3,)` shows, in screen units; None behind the camera."""
-    matrix = camera.projection_matrix(size.x / max(size.y, 1.0)) @ camera.view_matrix()
-    x, y, _, w = (float(v) for v in matrix @ np.array([*point, 1.0]))
-    return ((0.5 + 0.5 * x / w) * size.x, (0.5 - 0.5 * y / w) * size.y) if w > 0.0 else None
+    def _draw_selected(self) -> None:
+        """Speed and gait of the leg that leads to the selected point."""
+        if not 0 <= self.selected < len(self.points):
+            widgets.muted("Click on the ground to set points.", wrap=True)
+            return
+        point = self.points[self.selected]
+        gait = widgets.segmented("path gait", GAITS, point.gait)
+        imgui.set_next_item_width(imgui.get_content_region_avail().x - 2 * px(62) - 2 * px(4))
+        text = f"to point {self.selected + 1}: %.0f %%"
+        moved, speed = widgets.slider("##path speed", point.speed * 100.0, 10.0, 100.0, text)
+        widgets.tooltip("How far the stick is pushed on the way to this point")
+        if gait != point.gait or moved:
+            self.change(gait=gait, speed=speed / 100.0)
+        imgui.same_line(0, px(4))
+        if widgets.button("Delete", px(62), "Remove this point (Delete)"):
+            self.delete()
+        imgui.same_line(0, px(4))
+        if widgets.button("Clear", px(62), "Remove every point"):
+            self.clear()

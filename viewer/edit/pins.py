@@ -1,43 +1,43 @@
-"""Pins and footplants: of the take that plays, or pins of the live character; fields, tracks and handles."""
+"""Pins and footplants of the take that plays, or pins of the live character: edits, handles in the view, and the pin's card."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from runtime.arrays import Array
 from runtime.errors import SportError
 from runtime.pose import Pose
-from runtime.session import live_pins
 from runtime.session.session import LIVE, Session, Take
 from runtime.takes.clip import Clip
 from runtime.takes.footplants import FootplantEdit, Frames, fitted_footplant, footplants, replanted
 from runtime.takes.pinned import along_with, farthest, in_world, point_of
-from runtime.takes.pins import MAX_TIME_S, Pin, Pinned
-from viewer.edit.path import on_screen
+from runtime.takes.pins import DEFAULT_EASE_S, MAX_TIME_S, Pin, Pinned, held_pins, released
+from viewer.edit.handles import Handles, dragged
 from viewer.edit.resimulation import Resimulation
+from viewer.edit.timeline import Mark
 from viewer.editor import Editor
 from viewer.gl_bindings import imgui
+from viewer.gui import panels, widgets
+from viewer.gui.layout import Rect
+from viewer.gui.panels import Panel, PanelPlace
+from viewer.gui.widgets import px
 from viewer.render.camera import Camera
 from viewer.render.overlays import PinOverlay
 from viewer.scene.scene import Scene
 from viewer.session.playback import Playback
 
-GRAB_PX = 14.0  # at scale 1: a click nearer to a handle takes it
 NEW_SECONDS = 1.0  # that a new pin of a take holds
 WALKS_M = 0.6  # farther in that time, a hand could not stay: its new pin goes along
 MISSED_M = 0.03  # farther from its point, a pin is said to be out of reach
-
-
-@dataclass(frozen=True)
-class _Grab:
-    """A handle that the mouse drags: `end` of a rail or its point, at a depth from the camera."""
-
-    end: bool
-    depth: float
+WIDTH, SMALL_WIDTH = 214.0, 158.0  # of the card, pixels at scale 1
+SMALL_VIEW = 520.0  # in a narrower one the card is small, so that it does not hide the character
+MIN_VIEW = 230.0
+HELD_LIVE = (Pinned.LEFT_HAND, Pinned.RIGHT_HAND, Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT, Pinned.LOOK)
+FEET = (Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT)
 
 
 @dataclass
@@ -49,7 +49,7 @@ class Pins:
     scene: Scene
     selected: int = -1  # of `pins`
     _subject: int = LIVE  # the take whose pins `selected` counts
-    _grab: _Grab | None = None
+    _handles: Handles = field(default_factory=Handles)
     _planted: tuple[Take, Clip] | None = None
 
     def __post_init__(self) -> None:
@@ -72,14 +72,14 @@ class Pins:
 
     @property
     def fixed(self) -> str:
-        """Why no pin or plant of the take that plays can be changed; "" when it can."""
-        return "It is being resimulated…" if self.editing.busy else "No take plays." if self.live else ""
+        """Why nothing can be changed; "" when it can."""
+        return "It is being resimulated…" if not self.live and self.editing.busy else ""
 
     @property
     def pins(self) -> tuple[Pin, ...]:
         """The pins of the take that plays, or those that the live character holds."""
         pins = self.take.poses.pins
-        return live_pins.held(pins) if self.live else pins
+        return held_pins(pins) if self.live else pins
 
     @property
     def pin(self) -> Pin | None:
@@ -88,65 +88,67 @@ class Pins:
 
     def follow(self, before: Session, now: Session) -> None:
         """Select no pin that is gone."""
-        if self._subject != self.take.number:
-            return
-        self.selected = self.selected if self.selected < len(self.pins) else -1
+        if self._subject == self.take.number and self.selected >= len(self.pins):
+            self.selected = -1
 
     def poll(self) -> None:
         """Select nothing where another take plays; call once a frame."""
-        if self._subject != self.take.number:
-            self._subject, self.selected, self._grab = self.take.number, -1, None
+        number = LIVE if self.playback is None else self.playback.number
+        if self._subject != number:
+            self._subject, self.selected, self._handles.held = number, -1, -1
 
     # --- pins
 
     def add(self, what: Pinned) -> None:
-        """Pin a part of the body where it is: from the frame shown on, or now, until it is let go."""
-        playback = self.playback
+        """Pin a part of the body where it is: for a second from the frame shown on, or live until it is let go."""
+        playback, pose, pins = self.playback, self._pose(), self.take.poses.pins
         if playback is None:
             now = self.scene.now
-            place = self._place(what, self.scene.bend(self.scene.simulation.current, now))
-            self._set_live(f"hold of the {what}", live_pins.with_held(self.take.poses.pins, what, place, now))
+            pose, pins = self.scene.bend(pose, now), released(pins, what, now)
+            made = Pin(what, _place(what, pose), now + DEFAULT_EASE_S, MAX_TIME_S)
         else:
-            begin = playback.frame / playback.clip.fps
-            end = min(begin + NEW_SECONDS, playback.clip.seconds)
-            pose, last = playback.pose_at(playback.frame), playback.pose_at(round(end * playback.clip.fps))
-            made = Pin(what, self._place(what, pose), begin, end, of=begin)
-            walks = float(np.linalg.norm(last.hips_position - pose.hips_position)) > WALKS_M
-            if walks and what in (Pinned.LEFT_HAND, Pinned.RIGHT_HAND):
+            playback.playing, clip = False, playback.clip
+            begin = playback.frame / clip.fps
+            end = min(begin + NEW_SECONDS, clip.seconds)
+            made = Pin(what, _place(what, pose), begin, end, of=begin)
+            moved = playback.pose_at(round(end * clip.fps)).hips_position - pose.hips_position
+            if what in (Pinned.LEFT_HAND, Pinned.RIGHT_HAND) and float(np.linalg.norm(moved)) > WALKS_M:
                 point = along_with(np.array(made.point), pose.hips_position, pose.local_rotations[0])
                 made = replace(made, along=True, point=_triple(point))
-            playback.playing = False
-            self._set(f"pin of the {what}", (*self.take.poses.pins, made))
+        self._put(f"pin of the {what}", (*pins, made))
         self.poll()
         self.selected = len(self.pins) - 1
 
-    def _place(self, what: Pinned, pose: Pose) -> tuple[float, float, float]:
-        if what is Pinned.POSE:
-            return 0.0, 0.0, 0.0
-        x, y, z = (round(float(v), 4) for v in point_of(what, pose.positions, pose.world_rotations))
-        return x, y, z
-
     def toggle_live(self, what: Pinned) -> None:
         """Pin a part of the live character where it is, or let it go."""
-        if any(pin.what is what for pin in self.pins):
-            self._release(what)
-        else:
+        at = next((i for i, pin in enumerate(self.pins) if pin.what is what), None)
+        if at is None:
             self.add(what)
+        else:
+            self.selected = at
+            self.delete()
 
-    def _release(self, what: Pinned) -> None:
-        pins = live_pins.released(self.take.poses.pins, what, self.scene.now)
-        self._set_live(f"the {what} let go", pins)
-        self.selected = -1
+    def select(self, index: int) -> None:
+        """Show the fields of a pin."""
+        self.selected = index
+
+    def delete(self) -> None:
+        """Remove the selected pin; a live one is let go, and stays in what was recorded of it."""
+        pin, pins = self.pin, self.take.poses.pins
+        if pin is not None:
+            kept = (
+                released(pins, pin.what, self.scene.now)
+                if self.live
+                else tuple(p for p in pins if p is not pin)
+            )
+            self._put(f"removal of the {pin.what}'s pin", kept)
+            self.selected = -1
 
     def change(self, pin: Pin) -> None:
         """Another point, time or kind for the selected pin, while the mouse holds its field or handle."""
-        old = self.pin
-        if old is None or pin == old or (not self.live and self.editing.busy):
-            return
-        number, pins = self.take.number, self.take.poses.pins
-        at = [id(one) for one in pins].index(id(old))
-        made = (*pins[:at], pin, *pins[at + 1 :])
-        self.editor.drag(f"pin of the {pin.what}", lambda session: _with_pins(session, number, made))
+        old, pins = self.pin, self.take.poses.pins
+        if old is not None and pin != old:
+            self._put(f"pin of the {pin.what}", tuple(pin if p is old else p for p in pins), held=True)
 
     def try_change(self, make: Callable[[], Pin]) -> None:
         """The same with a pin that may be none: what is wrong is said."""
@@ -154,6 +156,16 @@ class Pins:
             self.change(make())
         except SportError as error:
             self.editor.messages.error(error)
+
+    def move(self, mark: Mark, start: int, end: int) -> None:
+        """Put the selected pin, which was at a mark of the timeline, to other frames."""
+        (_, pin), playback = mark.of, self.playback
+        if playback is None:
+            return
+        fps, last = playback.clip.fps, playback.clip.seconds
+        begin = pin.start if start == mark.start else start / fps
+        until = pin.end if end == mark.end else min((end - 1) / fps, last)
+        self.change(replace(pin, start=begin, end=max(until, begin)))
 
     def put_along(self, pin: Pin, along: bool) -> None:
         """Let the point go with the character, or stay in the world: where it is now."""
@@ -166,62 +178,46 @@ class Pins:
 
     def put_rail(self, pin: Pin, rail: bool) -> None:
         """Give the pin a rail of two metres ahead, or take it away."""
-        ahead = (0.0, 0.0, 2.0)
-        if not pin.along:
-            yaw = self._pose().root_yaw
-            ahead = 2.0 * math.sin(yaw), 0.0, 2.0 * math.cos(yaw)
-        end = _triple(np.array(pin.point) + np.array(ahead)) if rail else None
-        self.change(replace(pin, rail=end))
-
-    def delete(self) -> None:
-        """Remove the selected pin; a live one is let go."""
-        pin = self.pin
-        if pin is None:
-            return
-        if self.live:
-            self._release(pin.what)
-        else:
-            kept = tuple(p for i, p in enumerate(self.take.poses.pins) if i != self.selected)
-            self._set(f"removal of the {pin.what}'s pin", kept)
-        self.selected = -1
+        yaw = 0.0 if pin.along else self._pose().root_yaw
+        ahead = np.array([2.0 * math.sin(yaw), 0.0, 2.0 * math.cos(yaw)])
+        self.change(replace(pin, rail=_triple(np.array(pin.point) + ahead) if rail else None))
 
     def close(self) -> bool:
         """Select nothing; whether something was."""
         was, self.selected = self.pin is not None, -1
         return was
 
-    def _set(self, label: str, pins: tuple[Pin, ...]) -> None:
-        if self.fixed:
-            self.editor.messages.warn(self.fixed)
-            return
+    def _put(self, label: str, pins: tuple[Pin, ...], held: bool = False) -> None:
         take = self.take
-        if self.editor.do(f"{label} of {take.title}", lambda session: _with_pins(session, take.number, pins)):
-            self._say(label)
-
-    def _set_live(self, label: str, pins: tuple[Pin, ...]) -> None:
-        self.editor.do(label, lambda session: _with_pins(session, LIVE, pins))
-
-    def _say(self, label: str) -> None:
-        self.editor.messages.note(f"{self.take.title}: {label}. Ctrl+Z undoes it.")
+        if self.fixed:
+            if not held:
+                self.editor.messages.warn(self.fixed)
+            return
+        poses = replace(take.poses, pins=pins)
+        if held:
+            self.editor.drag(label, lambda session: session.with_take(take.number, poses=poses))
+        elif self.editor.do(
+            f"{label} of {take.title}", lambda session: session.with_take(take.number, poses=poses)
+        ):
+            self.editor.messages.note(f"{take.title}: {label}. Ctrl+Z undoes it.")
 
     def reach(self) -> float:
-        """Metres from the selected pin of a take to what it holds in the worst frame, when that is to be told; else 0."""
+        """Metres from the selected pin of a take to what it holds in the worst frame, where that is much; else 0."""
         playback, pin = self.playback, self.pin
         if playback is None or pin is None or playback.shown is not playback.take:
             return 0.0
         far = farthest(playback.clip, pin)
         return far if far > MISSED_M else 0.0
 
-    # --- plants
+    # --- footplants
 
     @property
     def planted(self) -> Clip | None:
-        """The take that plays with its plants and without its pins."""
+        """The take that plays with its footplants and without its pins."""
         if self.playback is None:
             return None
-        take = self.playback.shown
-        if self._planted is None or self._planted[0] is not take:
-            known = self._planted
+        take, known = self.playback.shown, self._planted
+        if known is None or known[0] is not take:
             same = known is not None and (known[0].motion, known[0].mirrored, known[0].poses.footplants) == (
                 take.motion, take.mirrored, take.poses.footplants,
             )  # fmt: skip
@@ -229,7 +225,8 @@ class Pins:
                 known[1] if same and known is not None else replanted(take.base_clip, take.poses.footplants)
             )
             self._planted = take, clip
-        return self._planted[1]
+            return clip
+        return known[1]
 
     def footplants(self, foot: int) -> list[Frames]:
         """When a foot of the take that plays bears; while one is dragged, as it would."""
@@ -243,7 +240,7 @@ class Pins:
         return known
 
     def set_footplant(self, foot: int, old: Frames | None, new: Frames | None) -> None:
-        """Move, add or remove a plant of a foot, while the mouse holds it."""
+        """Move, add or remove a footplant, while the mouse holds it."""
         clip, playback = self.planted, self.playback
         if clip is None or playback is None or self.fixed:
             return
@@ -252,87 +249,92 @@ class Pins:
         except SportError as error:
             self.editor.messages.error(error)
             return
-        edit, take = FootplantEdit(foot, old, fitted), playback.take
+        take = playback.take
         what = "removal" if new is None else "addition" if old is None else "change"
-        name = f"{what} of a {('left', 'right')[foot]} footplant"
-        made = replace(take.poses, footplants=(*playback.shown.poses.footplants, edit))
-        self.editor.drag(
-            f"{name} in {take.title}", lambda session: session.with_take(take.number, poses=made)
-        )
+        label = f"{what} of a {('left', 'right')[foot]} footplant in {take.title}"
+        edits = (*playback.shown.poses.footplants, FootplantEdit(foot, old, fitted))
+        made = replace(take.poses, footplants=edits)
+        self.editor.drag(label, lambda session: session.with_take(take.number, poses=made))
 
     # --- in the view
 
     def _pose(self) -> Pose:
         return self.scene.simulation.current if self.playback is None else self.playback.pose()
 
+    def _points(self) -> list[tuple[int, str, Array]]:
+        """Of every handle the pin's place, the field it stands for, and where it is."""
+        if not self.pins:
+            return []
+        pose = self._pose()
+        return [
+            (i, name, place)
+            for i, pin in enumerate(self.pins)
+            if pin.what is not Pinned.POSE
+            for name, place in zip(
+                ("point", "rail"), in_world(pin, pose.hips_position, pose.local_rotations[0]), strict=False
+            )
+        ]
+
     def overlay(self) -> PinOverlay | None:
         """The points of all pins, with their rails."""
-        pose, lit = self._pose(), list[bool]()
-        points, rails = list[Array](), list[tuple[Array, ...]]()
-        for i, pin in enumerate(self.pins):
-            if pin.what is not Pinned.POSE:
-                places = in_world(pin, pose.hips_position, pose.local_rotations[0])
-                points += places
-                lit += [i == self.selected] * len(places)
-                rails += [places] if len(places) == 2 else []
-        return (
-            PinOverlay(np.array(points), np.array(lit), np.array(rails).reshape(-1, 2, 3)) if points else None
-        )
+        points = self._points()
+        if not points:
+            return None
+        rails = [(points[k - 1][2], place) for k, (_, name, place) in enumerate(points) if name == "rail"]
+        lit = np.array([i == self.selected for i, _, _ in points])
+        return PinOverlay(np.array([p for _, _, p in points]), lit, np.array(rails).reshape(-1, 2, 3))
 
     def use_mouse(self, camera: Camera) -> bool:
         """Take and drag handles in this frame; whether the left button is in use here."""
-        io = imgui.get_io()
-        if imgui.is_mouse_clicked(0) and not io.want_capture_mouse:
-            self._grab = self._press(camera)
-        elif not imgui.is_mouse_down(0):
-            self._grab = None
-        pin = self.pin
-        if self._grab is None or pin is None:
+        points, handles = self._points(), self._handles
+        moves = handles.use_mouse(camera, np.array([place for _, _, place in points]))
+        if not 0 <= handles.held < len(points):
             return False
-        if io.mouse_delta.x or io.mouse_delta.y:
-            self._drag(camera, pin, self._grab)
+        index, name, place = points[handles.held]
+        if handles.pressed:
+            self.selected = index
+            if self.playback is not None:
+                self.playback.playing = False
+        pin = self.pin
+        if moves and pin is not None:
+            pose, place = self._pose(), dragged(camera, place)
+            if pin.along:
+                place = along_with(place, pose.hips_position, pose.local_rotations[0])
+            self.change(replace(pin, **{name: _triple(place)}))  # type: ignore[arg-type]
         return True
 
-    def _press(self, camera: Camera) -> _Grab | None:
-        io, pose = imgui.get_io(), self._pose()
-        best, found = GRAB_PX * imgui.get_style().font_scale_dpi, None
-        for i, pin in enumerate(self.pins):
-            if pin.what is Pinned.POSE:
-                continue
-            for end, place in enumerate(in_world(pin, pose.hips_position, pose.local_rotations[0])):
-                shown = on_screen(camera, place, io.display_size)
-                if shown is None:
-                    continue
-                away = math.hypot(shown[0] - io.mouse_pos.x, shown[1] - io.mouse_pos.y)
-                if away <= best:
-                    best, found = away, (i, bool(end), place)
-        if found is None:
-            return None
-        if self.playback is not None:
-            self.playback.playing = False
-        self.selected = found[0]
-        return _Grab(found[1], _depth(camera, found[2]))
+    # --- panels
 
-    def _drag(self, camera: Camera, pin: Pin, grab: _Grab) -> None:
-        """Move the handle with the mouse, as far from the camera as it is."""
-        io, pose = imgui.get_io(), self._pose()
-        place = in_world(pin, pose.hips_position, pose.local_rotations[0])[int(grab.end)]
-        view, half = camera.view_matrix().astype(float), camera.half_height
-        metres = 2.0 * half * grab.depth / max(io.display_size.y, 1.0)
-        place = place + metres * (io.mouse_delta.x * view[0, :3] - io.mouse_delta.y * view[1, :3])
-        if pin.along:
-            place = along_with(place, pose.hips_position, pose.local_rotations[0])
-        self.change(replace(pin, **{"rail" if grab.end else "point": _triple(place)}))  # type: ignore[arg-type]
+    def panel(self) -> Panel:
+        """The card of the selected pin over the view; Escape closes it."""
+        return Panel(
+            "Pin", PanelPlace.VIEW, lambda view: _draw_card(self, view), shown=lambda: self.pin is not None,
+            close=self.close,
+        )  # fmt: skip
+
+    def draw_live(self, key_camera: Callable[[], None], width: float) -> None:
+        """A button for what the live character holds; chosen parts are pinned where they are, and dragged in the view."""
+        held = [pin.what for pin in self.pins] if self.live else []
+        imgui.begin_disabled(not self.live)
+        hint = "A hand, a foot or the look stays at a point, which is dragged in the view"
+        text = "Hold…" if not held else f"Holds {len(held)}"
+        if widgets.toggle(text, bool(held), width, hint) != bool(held):
+            imgui.open_popup("hold")
+        imgui.end_disabled()
+        if imgui.begin_popup("hold"):
+            for what in HELD_LIVE:
+                if imgui.menu_item(str(what).capitalize(), "", what in held)[0]:
+                    self.toggle_live(what)
+            imgui.separator()
+            if imgui.menu_item("Key the camera", "", False)[0]:
+                key_camera()
+            imgui.end_popup()
 
 
-def _with_pins(session: Session, number: int, pins: tuple[Pin, ...]) -> Session:
-    take = session.take(number)
-    return session if take is None else session.with_take(number, poses=replace(take.poses, pins=pins))
-
-
-def _depth(camera: Camera, place: Array) -> float:
-    view = camera.view_matrix().astype(float)
-    return float(-(view @ np.array([*place, 1.0]))[2])
+def _place(what: Pinned, pose: Pose) -> tuple[float, float, float]:
+    if what is Pinned.POSE:
+        return 0.0, 0.0, 0.0
+    return _triple(point_of(what, pose.positions, pose.world_rotations))
 
 
 def _triple(point: Array) -> tuple[float, float, float]:
@@ -340,6 +342,88 @@ def _triple(point: Array) -> tuple[float, float, float]:
     return x, y, z
 
 
-def shown_end(pin: Pin, clip: Clip) -> float:
-    """Seconds at which a pin ends within a clip."""
-    return clip.seconds if pin.end >= MAX_TIME_S else min(pin.end, clip.seconds)
+def _draw_card(pins: Pins, view: Rect) -> None:
+    pin = pins.pin
+    if pin is None or view.width < px(MIN_VIEW):
+        return
+    with panels.card("Pin", view, SMALL_WIDTH if view.width < px(SMALL_VIEW) else WIDTH, right=True):
+        pressed = panels.card_title(
+            str(pin.what).capitalize(), "pin", "Let go" if pins.live else "Remove the pin"
+        )
+        if pin.what is not Pinned.POSE:
+            _draw_points(pins, pin)
+        if not pins.live:
+            _draw_times(pins, pin)
+            far = 0.0 if pins.editor.dragging else pins.reach()
+            if far:
+                widgets.muted(f"{far:.2f} m out of reach at worst", wrap=True)
+        if pressed:
+            (pins.delete if pressed == "remove" else pins.close)()
+
+
+def _draw_points(pins: Pins, pin: Pin) -> None:
+    """Where it is, by numbers; the handles in the view do the same."""
+    _draw_triple(pins, pin, "point")
+    half = widgets.column_width(2)
+    hint = "The point goes along with the character instead of staying in the world"
+    if widgets.toggle("Along", pin.along, half, hint) != pin.along:
+        pins.put_along(pin, not pin.along)
+    widgets.same_line()
+    imgui.begin_disabled(pin.what is Pinned.LOOK or pin.what in FEET)
+    hint = "It slides along a straight rail to a second point"
+    if widgets.toggle("Rail", pin.rail is not None, half, hint) != (pin.rail is not None):
+        pins.put_rail(pin, pin.rail is None)
+    imgui.end_disabled()
+    current = pins.pin
+    if current is not None and current.rail is not None:
+        _draw_triple(pins, current, "rail")
+
+
+def _draw_triple(pins: Pins, pin: Pin, name: str) -> None:
+    """The three numbers of a pin's point or rail."""
+    value, changed = getattr(pin, name), []
+    third = widgets.column_width(3)
+    hints = ("To its left" if pin.along else "X", "Up", "Ahead" if pin.along else "Z")
+    for number, (axis, hint) in enumerate(zip("xyz", hints, strict=True)):
+        if number:
+            widgets.same_line()
+        imgui.set_next_item_width(third)
+        _, entry = imgui.drag_float(f"##pin {name} {axis}", value[number], 0.005, -1000.0, 1000.0, "%.2f")
+        widgets.tooltip(f"{hint}, metres. Drag, or double-click to type.")
+        changed.append(entry if abs(entry - value[number]) > 1e-6 else value[number])
+    pins.try_change(lambda: replace(pin, **{name: tuple(changed)}))  # type: ignore[arg-type]
+
+
+def _draw_times(pins: Pins, pin: Pin) -> None:
+    """From which frame to which, and how slowly it comes and goes."""
+    playback = pins.playback
+    if playback is None:
+        return
+    clip, half, speed = playback.clip, widgets.column_width(2), 0.3
+    fps, last = clip.fps, len(clip) - 1
+    first, end = round(pin.start * fps), round(pin.end_in(clip.seconds) * fps)
+    imgui.set_next_item_width(half)
+    _, new_first = imgui.drag_int("##pin from", first, speed, 0, end, "from %d")
+    widgets.tooltip("The first frame in which it holds fully")
+    widgets.same_line()
+    imgui.set_next_item_width(half)
+    _, new_end = imgui.drag_int("##pin to", end, speed, first, last, "to %d")
+    widgets.tooltip("The last frame in which it holds fully")
+    imgui.set_next_item_width(half)
+    _, ease_in = imgui.drag_float("##pin in", pin.ease_in, 0.005, 0.0, 5.0, "in %.2f s")
+    widgets.tooltip("How long it comes before")
+    widgets.same_line()
+    imgui.set_next_item_width(half)
+    _, ease_out = imgui.drag_float("##pin out", pin.ease_out, 0.005, 0.0, 5.0, "out %.2f s")
+    widgets.tooltip("How long it goes after")
+    changes: dict[str, float] = {}
+    if new_first != first:
+        changes["start"] = new_first / fps
+    if new_end != end:
+        changes["end"] = max(new_end / fps, changes.get("start", pin.start))
+    for name, value in (("ease_in", ease_in), ("ease_out", ease_out)):
+        if abs(value - getattr(pin, name)) > 1e-6:
+            changes[name] = max(value, 0.0)
+    now = pins.pin
+    if now is not None and changes:
+        pins.try_change(lambda: replace(now, **changes))  # type: ignore[arg-type]

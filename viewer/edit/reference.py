@@ -205,7 +205,7 @@ class References:
         return make_pose(hips, local, pose.contacts, ground, pose.root_yaw + turn)
 
     def figure(self, playback: Playback, pose: Pose) -> Figure | None:
-        """The reference at `pose` as somebody of another mesh; None where the character on the stage shows it."""
+        """The reference at `pose` as a character of another mesh; None where the character on the stage shows it."""
         if self.look is Look.CHARACTER and self.character is not None:
             return Figure(self.character, self.character.skin_matrices(pose), pose, ghost=self.reference.over)
         take = self.take
@@ -224,7 +224,7 @@ class References:
         return Figure(bones, bones.matrices(points + pose.hips_position), pose, on_top=self.reference.over)
 
     def _place(self, take: Clip, clip: Clip) -> tuple[Array, float]:
-        """The shift `(3,)` and the turn that let the reference begin where the take does, beside it."""
+        """The shift `(3,)` and the turn that let the reference begin where the take does, next to it."""
         if self._placed is None or self._placed[0] is not take or self._placed[1] is not clip:
             ours, theirs = take.pose(0), clip.pose(0)
             turn = math.remainder(ours.root_yaw - theirs.root_yaw, math.tau)

@@ -12,7 +12,7 @@ from viewer.edit.reference import LIMITS, Look, References
 from viewer.edit.video import SUFFIXES as VIDEOS
 from viewer.edit.video import Video
 from viewer.gl_bindings import imgui
-from viewer.gui import card, theme, widgets
+from viewer.gui import panels, theme, widgets
 from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
@@ -59,7 +59,7 @@ class ReferenceCard:
         others = [take for take in reference.takes.session.takes if played and take.number != played.number]
         for take in others:
             text, chosen = widgets.elided(take.title, px(220)), reference.take == take
-            if imgui.menu_item(f"{text}##beside {take.number}", "", chosen)[0]:
+            if imgui.menu_item(f"{text}##compare {take.number}", "", chosen)[0]:
                 reference.show(take.number)
         if others:
             imgui.separator()
@@ -70,7 +70,7 @@ class ReferenceCard:
             reference.close()
 
     def open(self, path: Path) -> None:
-        """Show a file beside the take that plays."""
+        """Show a file with the take that plays."""
         if path.suffix.lower() == ".bvh":
             self.reference.takes.open_reference(path)
         else:
@@ -88,7 +88,7 @@ class ReferenceCard:
         if self._film is None or self.reference.takes.playback is None or view.width < px(MIN_VIEW):
             return 0.0
         least = SMALL_WIDTH if view.width < px(SMALL_VIEW) else WIDTH
-        return max(px(least), self.reference.reference.size * view.width) + px(card.MARGIN)
+        return max(px(least), self.reference.reference.size * view.width) + px(panels.CARD_MARGIN)
 
     def _draw(self, view: Rect) -> None:
         reference, playback, film = self.reference, self.reference.takes.playback, self._film
@@ -101,9 +101,9 @@ class ReferenceCard:
         if film is None:
             self._line(playback, view)
             return
-        width = self._film_width(view) / px(1.0) - card.MARGIN
-        with card.card("Reference", view, width, bottom=True):
-            if card.title(reference.name, "reference"):
+        width = self._film_width(view) / px(1.0) - panels.CARD_MARGIN
+        with panels.card("Reference", view, width, bottom=True):
+            if panels.card_title(reference.name, "reference"):
                 reference.close()
             side = imgui.get_content_region_avail().x
             size = imgui.ImVec2(side, side * film.size[1] / film.size[0])
@@ -111,31 +111,33 @@ class ReferenceCard:
             self._fields(playback, wide=width >= WIDTH)
 
     def _line(self, playback: Playback, view: Rect) -> None:
-        """Name, fields and the button that closes, at the top of the view beside the project's bar, where nobody is.
+        """Name, fields and the button that closes, at the top of the view next to the session bar, where no character is.
 
         Under the view where that place is taken or too narrow.
         """
         reference = self.reference
-        bar = imgui.internal.find_window_by_name("Desk")
-        taken = 0.0 if bar is None or not bar.active else bar.size.x + px(card.MARGIN)
-        room = (view.width - 2 * px(card.MARGIN) - taken) / px(1.0)
+        bar = imgui.internal.find_window_by_name("Session")
+        taken = 0.0 if bar is None or not bar.active else bar.size.x + px(panels.CARD_MARGIN)
+        room = (view.width - 2 * px(panels.CARD_MARGIN) - taken) / px(1.0)
         at_top = room >= SMALL_LINE_WIDTH and not self.corner_taken()
-        room = room if at_top else view.width / px(1.0) - 2 * card.MARGIN
+        room = room if at_top else view.width / px(1.0) - 2 * panels.CARD_MARGIN
         wide = room >= LINE_WIDTH + LEAST_NAME
         fields = LINE_WIDTH if wide else SMALL_LINE_WIDTH
-        name = min(imgui.calc_text_size(reference.name).x / px(1.0) + 2 * card.GAP, NAME_WIDTH, room - fields)
+        name = min(
+            imgui.calc_text_size(reference.name).x / px(1.0) + 2 * widgets.GAP, NAME_WIDTH, room - fields
+        )
         name = name if name >= LEAST_NAME else 0.0
         if not at_top:  # close to the timeline: right above it are feet
-            view = replace(view, height=view.height + px(card.MARGIN - card.GAP))
-        with card.card("Reference", view, min(fields + name, room), right=at_top, bottom=not at_top):
+            view = replace(view, height=view.height + px(panels.CARD_MARGIN - widgets.GAP))
+        with panels.card("Reference", view, min(fields + name, room), right=at_top, bottom=not at_top):
             if name:
                 imgui.align_text_to_frame_padding()
                 left = imgui.get_cursor_pos_x()
-                widgets.label(widgets.elided(reference.name, px(name - card.GAP)), theme.ACCENT)
+                widgets.label(widgets.elided(reference.name, px(name - widgets.GAP)), theme.ACCENT)
                 widgets.tooltip(reference.name)
                 imgui.same_line(left + px(name))
-            self._fields(playback, wide, imgui.get_frame_height() + px(card.GAP))
-            card.beside()
+            self._fields(playback, wide, imgui.get_frame_height() + px(widgets.GAP))
+            widgets.same_line()
             if widgets.icon_button(ICON.close, "close reference", "Close (Esc)", theme.TEXT):
                 reference.close()
 
@@ -143,8 +145,8 @@ class ReferenceCard:
         """When and where it is, and who shows it, in one line that leaves `spare` screen units of its room."""
         reference, fps = self.reference, playback.clip.fps
         side, over = imgui.get_frame_height(), px(60 if wide else 44)
-        others = over + px(card.GAP) + (side + px(card.GAP) if reference.video is None else 0.0)
-        each = (imgui.get_content_region_avail().x - spare - others - px(card.GAP)) / 2
+        others = over + px(widgets.GAP) + (side + px(widgets.GAP) if reference.video is None else 0.0)
+        each = (imgui.get_content_region_avail().x - spare - others - px(widgets.GAP)) / 2
         imgui.set_next_item_width(each)
         low, high = LIMITS["offset_s"]
         text = "%+d frames" if wide else "%+d"
@@ -159,19 +161,19 @@ class ReferenceCard:
         if moved:
             reference.set(held=True, offset_s=frames / fps)
         widgets.tooltip("How many frames later the reference is. Drag, or double-click to type.")
-        card.beside()
+        widgets.same_line()
         imgui.set_next_item_width(each)
         if reference.video is None:
             self._aside(wide)
         else:
             self._share("opacity" if reference.reference.over else "size", wide)
-        card.beside()
+        widgets.same_line()
         hint = "In the same place, translucent" if reference.video is None else "Across the view, translucent"
         is_over = reference.reference.over
         if widgets.toggle("Over it" if wide else "Over", is_over, over, hint) != is_over:
             reference.set(over=not is_over)
         if reference.video is None:
-            card.beside()
+            widgets.same_line()
             if widgets.icon_button(
                 ICON.more, "reference look", "Who shows it: another character, its own skeleton"
             ):
@@ -190,7 +192,7 @@ class ReferenceCard:
         widgets.tooltip("How far to the right of the take. Drag, or double-click to type.")
 
     def _share(self, name: str, wide: bool) -> None:
-        """A share of the film's picture, as a percentage."""
+        """A fraction of the film's picture, as a percentage."""
         (low, high), text = LIMITS[name], f"{name} %.0f %%" if wide else "%.0f %%"
         value = getattr(self.reference.reference, name) * 100.0
         moved, value = widgets.slider(f"##reference {name}", value, low * 100.0, high * 100.0, text)

@@ -11,6 +11,7 @@ import numpy as np
 from runtime.controls import Gait
 from runtime.errors import SportError
 from runtime.motion.control_scripts import Waypoint
+from runtime.motion.controller import Controller
 from runtime.motion.snapshot import Snapshot, take_snapshot
 from runtime.motion.style import StyleMix
 from runtime.pose import Pose
@@ -25,11 +26,10 @@ from runtime.takes.clip import Clip
 from runtime.takes.footplants import unfitted
 from runtime.takes.input_edits import Edit
 from runtime.takes.input_recording import InputRecording, Steppable, StyleChange, resimulate, resimulated_take
-from runtime.takes.metadata import PromptEvent, origin_of, title
-from viewer.edit.tracks import Tracks, tracks_of, words_of
+from runtime.takes.metadata import Origin, PromptEvent, origin_of, title
+from viewer.edit.tracks import Tracks, mark_at, tracks_of, words_of
 from viewer.jobs import Slot
 from viewer.prompt.prompt_controller import PromptController
-from viewer.services import ControllerLike
 from viewer.session.playback import Playback
 from viewer.session.takes import Takes
 
@@ -37,20 +37,6 @@ SLOT = Slot("resimulation of a take")
 MAX_LABEL = 32  # characters of a prompt in the name of an edit
 # the driven clip, its input, a controller of its model and what hears the progress; another clip with its input
 Work = Callable[[Clip, InputRecording, Steppable, Callable[[float], None]], tuple[Clip, InputRecording]]
-
-
-@dataclass(frozen=True)
-class Drag:
-    """What the mouse holds on a track: a span's `part` ("body", "start" or "end") since the frame `grabbed`."""
-
-    track: str
-    index: int
-    part: str
-    grabbed: int
-    start: int  # where the span would go
-    end: int
-    moved: bool = False
-    dropped: bool = False  # let go of: it stays there until the take was resimulated
 
 
 @dataclass
@@ -61,13 +47,13 @@ class Resimulation:
     prompting: PromptController
     progress: float = 0.0  # fraction of the frames that were resimulated; written by the worker
     part_tracks: bool = False
-    drag: Drag | None = None
     new_prompt: str = ""
     focus_requested: bool = False  # of the take's prompt
     shown: object = None  # the prompt's span in the fields
     prompt: str = ""
     parts: dict[str, str] = field(default_factory=dict)
     _tracks: Tracks | None = None
+    _model: tuple[Origin, Controller, bool] | None = None  # whether a controller made what has an origin
     _left_out: int = 0  # changed plants that the take has no steps for; written by the worker
 
     @property
@@ -78,7 +64,8 @@ class Resimulation:
     @property
     def take(self) -> Take | None:
         """The take that plays."""
-        return self.takes.played
+        playback = self.takes.playback
+        return None if playback is None else playback.take
 
     @property
     def busy(self) -> bool:
@@ -86,23 +73,27 @@ class Resimulation:
         return self.takes.jobs.busy(SLOT)
 
     @property
-    def model(self) -> ControllerLike | None:
+    def model(self) -> Controller | None:
         """The model that made the take that plays, when it is the one that is loaded."""
-        take, controller = self.take, self.takes.scene.controller
-        if take is None or controller is None:
+        playback, controller = self.takes.playback, self.takes.scene.simulation.controller
+        if playback is None or controller is None or playback.take.motion is None:
             return None
-        made = take.made.header.origin.model_sha256
-        return controller if origin_of(controller, "").model_sha256 == made else None
+        made, known = playback.take.motion.header.origin, self._model
+        if known is None or known[0] is not made or known[1] is not controller:
+            same = origin_of(controller, "").model_sha256 == made.model_sha256
+            known = self._model = made, controller, same
+        return controller if known[2] else None
 
     @property
     def fixed(self) -> str:
         """Why the take that plays cannot be resimulated; "" when it can."""
-        take = self.take
-        if take is None:
+        playback = self.takes.playback
+        if playback is None or playback.take.motion is None:
             return "No take plays."
+        take = playback.take
         if not take.recorded:
             return "This motion comes from a file: it can be trimmed, pinned and exported."
-        if take.mirrored or not take.made.header.resimulable:
+        if take.mirrored or not playback.take.motion.header.resimulable:
             return (
                 "A mirror image cannot be resimulated, nor a take in which a model was loaded or which goes on from"
                 " another one. It can be trimmed, pinned and exported."
@@ -114,8 +105,8 @@ class Resimulation:
     @property
     def tracks(self) -> Tracks | None:
         """What lies on the tracks of the take that plays."""
-        take, playback = self.take, self.playback
-        if take is None or playback is None:
+        playback = self.takes.playback
+        if playback is None:
             return None
         clip = playback.clip
         if self._tracks is None or self._tracks.clip is not clip:
@@ -126,22 +117,22 @@ class Resimulation:
 
     def reword(self, index: int, request: Request) -> None:
         """Other words for a prompt of the take, by its place; empty ones change nothing."""
-        bar = self.tracks and self.tracks.prompts[index]
-        if not bar or (isinstance(request, str) and not request.strip()):
+        mark = self.tracks and self.tracks.prompts[index]
+        if not mark or (isinstance(request, str) and not request.strip()):
             return
-        known = _answer_of(bar.span.changes[-1])  # type: ignore[attr-defined]
-        label = f"words of {_short(title(bar.span.event))}"  # type: ignore[attr-defined]
+        known = _answer_of(mark.of.changes[-1])
+        label = f"words of {_short(title(mark.of.event))}"
 
         def edit(inputs: InputRecording) -> Edit:
-            style = self._style(bar.span.start, request, known)
+            style = self._style(mark.start, request, known)
             return input_edits.reworded(inputs, input_edits.prompt_spans(inputs)[index], style)
 
         self._again(label, edit)
 
     def reword_part(self, index: int, part: str, text: str) -> None:
         """Other words for one part of a prompt of the take."""
-        bar = self.tracks and self.tracks.prompts[index]
-        words = bar and words_of(bar.span.event)  # type: ignore[attr-defined]
+        mark = self.tracks and self.tracks.prompts[index]
+        words = mark and words_of(mark.of.event)
         if not words:
             return
         try:
@@ -179,14 +170,16 @@ class Resimulation:
         if playback is None or tracks is None:
             return
         frame = playback.frame
-        end = next((b.span.end for b in tracks.gaits if b.span.start <= frame < b.span.end), playback.frames)
+        end = tracks.gaits[at].end if (at := mark_at(tracks.gaits, frame)) >= 0 else playback.frames
         self._again(f"gait {gait.label}", lambda inputs: input_edits.with_gait(inputs, frame, end - 1, gait))
 
-    def move(self, track: str, index: int, start: int, end: int) -> None:
-        """A span of the track "prompts" or "gaits" goes to other frames, at the cost of its neighbours."""
-        change = input_edits.move_prompt if track == "prompts" else input_edits.move_gait
-        label = "move of a prompt" if track == "prompts" else "move of a gait"
-        self._again(label, lambda inputs: change(inputs, index, start, end))
+    def move_prompt(self, index: int, start: int, end: int) -> None:
+        """A prompt goes to other frames, at the cost of its neighbours."""
+        self._again("move of a prompt", lambda inputs: input_edits.move_prompt(inputs, index, start, end))
+
+    def move_gait(self, index: int, start: int, end: int) -> None:
+        """The same of a gait."""
+        self._again("move of a gait", lambda inputs: input_edits.move_gait(inputs, index, start, end))
 
     # --- resimulating
 
@@ -265,7 +258,7 @@ class Resimulation:
             inputs, twin = motion.inputs, model.twin()
             assert inputs is not None
             poses, _ = resimulate(inputs, twin, frame, frame)
-            return take_snapshot(twin), poses[-1]  # type: ignore[arg-type]
+            return take_snapshot(twin), poses[-1]
 
         self.takes.jobs.submit(SLOT, work, lambda made: self._go_on(take, frame, *made))
 

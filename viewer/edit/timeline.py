@@ -1,271 +1,404 @@
-"""The tracks of the take that plays: a ruler with trim handles, prompts, body parts, gaits, ground and foot contacts."""
+"""Tracks of a take under a ruler: marks on them are drawn from one list and dragged by one code, whatever they stand for.
+
+What is drawn is kept from frame to frame until a track, the room or the frame range changes.
+"""
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from enum import Enum, auto
+from typing import Any
 
-from runtime.skeleton import PART_NAMES
 from runtime.takes.input_edits import Span, fitted
-from viewer.edit import pose_tracks
-from viewer.edit.camera_keys import CameraKeys
-from viewer.edit.pins import Pins
-from viewer.edit.resimulation import Drag, Resimulation
-from viewer.edit.track_drawing import (
-    GRIP,
-    SMALL,
-    TEXT_SHARE,
-    TrackRow,
-    draw_bar,
-    draw_rect,
-    draw_text,
-    new_row,
-    shown_at,
-    take_mouse,
-)
-from viewer.edit.tracks import LabelledSpan, lanes
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.theme import Color
 from viewer.gui.widgets import px
 from viewer.session.playback import Playback
-from viewer.session.takes import Takes
 
-RULER, PROMPTS, ROW, FEET = 26.0, 21.0, 15.0, 8.0  # heights at scale 1, where there is no more room
-SPACING = 3.0
-TALLEST = 1.6  # of these heights, where there is
+RULER, SPACING = 26.0, 3.0  # pixels at scale 1, as all lengths here
+TALLEST = 1.6  # of a track's height, where there is room
 TICK_STEPS = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 3600, 7200, 18000, 36000)
 TICK_WIDTH = 56.0  # at least, between two numbers
-PROMPT_TINTS = (theme.ACCENT_FILL, (0.36, 0.55, 0.78, 0.42))
-GAIT_TINT: Color = (0.78, 0.62, 0.34, 0.42)
-GROUND_TINT: Color = (0.55, 0.58, 0.62, 0.35)
-PART_TINT: Color = (0.36, 0.55, 0.78, 0.28)
+NAMES_WIDTH, NAMES_FROM = 70.0, 420.0  # in a narrower bar the tracks have no names
+EDGE = 4.0  # outside both ends of a row, for half a handle
+GRIP = 7.0  # how near to an end of a mark or to a point the mouse takes it
+NAME_SIZE = theme.FONT_SIZE * 0.87  # of letters
+SMALL, TEXT_FRACTION = theme.FONT_SIZE * 0.8, 0.76  # letters: at least, and of a row's height
+TRIM_HINT = "Drag: only what lies between the handles plays and is exported"
 
 
-def draw(editing: Resimulation, pins: Pins, camera: CameraKeys, playback: Playback) -> None:
-    """The tracks, one below the other, as tall as there is room; in less height than they need they scroll."""
-    tracks = editing.tracks
-    if tracks is None:
-        return
-    parts = PART_NAMES if editing.part_tracks else ()
-    rows = lanes(pins.pins)
-    room = _room(len(parts) + len(rows) + bool(camera.keys))
-    tall = min(max(room, 1.0), TALLEST)
-    imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(SPACING)))
-    # the ruler above the tracks is as wide as they are, also where they scroll (known from the frame before)
-    storage, key = imgui.get_state_storage(), imgui.get_id("tracks scroll")
-    _ruler(editing.takes, playback, imgui.get_style().scrollbar_size if storage.get_bool(key) else 0.0)
-    scrolls = False
-    if imgui.begin_child("tracks", imgui.ImVec2(0, 0)):
-        top = imgui.get_cursor_screen_pos().y
-        _spans("Prompts", "prompts", tracks.prompts, PROMPTS * tall, editing, playback)
-        for part in parts:
-            name = part.replace("_", " ").capitalize()
-            _still(name, tracks.parts[part], ROW * tall, PART_TINT, playback)
-        _spans("Gait", "gaits", tracks.gaits, ROW * tall, editing, playback)
-        if room >= 1.0 or len(tracks.grounds) > 1:  # one ground all the way says the least
-            _still("Ground", tracks.grounds, ROW * tall, GROUND_TINT, playback)
-        if camera.keys:
-            camera.draw_track(ROW * tall, playback)
-        if rows:
-            pose_tracks.draw_pins(pins, rows, ROW * tall, playback)
-        pose_tracks.draw_feet(pins, FEET * tall, playback)
-        bottom = imgui.get_cursor_screen_pos().y
-        row = new_row("", 0.0, playback.frames)
-        draw_rect(shown_at(row, playback), top, shown_at(row, playback) + px(1), bottom, theme.TEXT, 0.0)
-        scrolls = imgui.get_scroll_max_y() > 0.0
-    imgui.end_child()
-    storage.set_bool(key, scrolls)
-    imgui.pop_style_var()
+class Part(Enum):
+    """What the mouse holds of a mark."""
+
+    BODY = auto()
+    START = auto()
+    END = auto()
 
 
-def _room(more: int) -> float:
-    """How many times taller the tracks could be, with so many `more` for body parts and pins."""
-    rows = 4 + more
-    heights = PROMPTS + (2 + more) * ROW + 2 * FEET + 2.0
-    free = imgui.get_content_region_avail().y / px(1.0) - RULER - (rows + 2) * SPACING
-    return float(free / heights)
+@dataclass(frozen=True)
+class Mark(Span):
+    """Frames, or a point where start and end are the same; `of` is what it stands for."""
+
+    text: str = ""
+    hint: str = ""
+    of: Any = None
 
 
-# --- ruler
+@dataclass(frozen=True)
+class Track:
+    """One row of the timeline and what the mouse does on it.
+
+    A mark that is held is moved: `move` gets it as it was when it was taken, with the frames it would have now. Of
+    `drop` the mark stays where it was let go while its take is resimulated. `menu` draws the entries of a right click
+    on a mark or, with None, a frame; `remove` takes the mark away at once.
+    """
+
+    key: str
+    name: str
+    height: float
+    marks: Sequence[Mark]
+    tints: Sequence[Color]
+    hint: str = ""  # of the whole row, in place of those of its marks
+    lit: int = -1  # the mark that is drawn lighter
+    adjacent: bool = False  # each mark ends where the next one begins
+    optional: bool = False  # shown only where there is room
+    fixed: bool = False  # nothing can be dragged
+    press: Callable[[Mark], None] | None = None
+    move: Callable[[Mark, int, int], None] | None = None
+    drop: Callable[[int, int, int], None] | None = None
+    menu: Callable[[Mark | None, int], None] | None = None
+    remove: Callable[[Mark], None] | None = None
 
 
-def _ruler(takes: Takes, playback: Playback, less: float) -> None:
-    """Frame numbers, the part that is kept with its handles, and the frame shown; drag to scrub."""
-    row = new_row("Frame", RULER, playback.frames, less)
-    _scrub(row, takes, playback)
-    base = row.top + row.height * 0.62
-    bottom = row.top + row.height
-    draw_rect(row.x(0), base, row.x(playback.frames - 1), bottom, theme.FIELD)
-    draw_rect(row.x(playback.first), base, row.x(playback.last), bottom, theme.ACCENT_FILL)
-    per_frame = row.width / max(playback.frames - 1, 1)
-    step = next((s for s in TICK_STEPS if s * per_frame >= px(TICK_WIDTH)), TICK_STEPS[-1])
-    for number in range(0, playback.frames, step):
-        x = row.x(number)
-        draw_rect(x, base - px(4), x + 1, base, theme.MUTED, 0.0)
-        if x + px(28) < row.left + row.width or not number:
-            draw_text(x + px(3), row.top, str(number), theme.MUTED, px(60), px(SMALL) / TEXT_SHARE)
-    for frame, side in ((playback.first, 1), (playback.last, -1)):
-        x = row.x(frame)
-        draw_rect(
-            min(x, x + side * px(5)), base - px(1), max(x, x + side * px(5)), bottom, theme.ACCENT, px(2)
-        )
-    x = shown_at(row, playback)
-    draw_rect(x - px(1.5), row.top, x + px(1.5), bottom, theme.TEXT, px(1))
+@dataclass(frozen=True)
+class Held:
+    """A mark in the mouse since the frame `grabbed`, and where it would go."""
+
+    key: str
+    index: int
+    mark: Mark
+    part: Part
+    grabbed: int
+    start: int
+    end: int
+    moved: bool = False
+    dropped: bool = False
 
 
-def _scrub(row: TrackRow, takes: Takes, playback: Playback) -> None:
-    imgui.push_id("ruler")
-    take_mouse("timeline", row)
-    held, hovered = imgui.is_item_active(), imgui.is_item_hovered()
-    mouse, storage, key = imgui.get_io().mouse_pos, imgui.get_state_storage(), imgui.get_id("held")
-    lower = mouse.y >= row.top + row.height * 0.5
-    near = 0
-    if lower and abs(mouse.x - row.x(playback.first)) <= px(GRIP):
-        near = 1
-    elif lower and abs(mouse.x - row.x(playback.last)) <= px(GRIP):
-        near = 2
-    if imgui.is_item_activated():
-        storage.set_int(key, near)
-    near = storage.get_int(key) if held else near
-    if near and (held or hovered):
-        imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
-    if held:
-        frame = row.frame_at(mouse.x)
-        if near == 1:
-            takes.trim(first=frame, held=True)
-        elif near == 2:
-            takes.trim(last=frame, held=True)
-        else:
-            playback.seek(frame)
-    elif hovered and near:
-        widgets.tooltip("Drag: only what lies between the handles plays and is exported")
-    imgui.pop_id()
+@dataclass(frozen=True)
+class Row:
+    """A track on the screen: where it lies, and how frames map to it."""
+
+    track: Track
+    left: float
+    top: float
+    width: float
+    height: float
+    outer: float  # its width with what takes the mouse outside both ends
+    frames: int
+
+    def ends(self, mark: Mark) -> tuple[float, float]:
+        """Screen positions of a mark's ends."""
+        return self.x(mark.start), min(self.x(mark.end), self.left + self.width)
+
+    def x(self, frame: float) -> float:
+        """Screen position of a frame."""
+        return self.left + frame / max(self.frames - 1, 1) * self.width
+
+    def frame_at(self, x: float) -> int:
+        """The frame under a screen position, within the clip."""
+        along = min(max((x - self.left) / max(self.width, 1.0), 0.0), 1.0)
+        return round(along * max(self.frames - 1, 1))
 
 
-# --- tracks
+@dataclass
+class Shapes:
+    """What a group of rows looks like, as a drawing list takes it."""
+
+    rows: list[Row] = field(default_factory=list)
+    rects: list[tuple[imgui.ImVec2, imgui.ImVec2, int, float]] = field(default_factory=list)
+    points: list[tuple[imgui.ImVec2, float, int, int]] = field(default_factory=list)
+    texts: list[tuple[float, imgui.ImVec2, int, str]] = field(
+        default_factory=list
+    )  # by the size of their letters
+
+    def rect(
+        self, left: float, top: float, right: float, bottom: float, tint: Color, rounding: float
+    ) -> None:
+        """A filled rectangle in screen units."""
+        low, high = imgui.ImVec2(left, top), imgui.ImVec2(right, bottom)
+        self.rects.append((low, high, widgets.packed(tint), rounding))
+
+    def text(self, x: float, row: Row, text: str, tint: Color, width: float, size: float = 0.0) -> None:
+        """Words in the middle of a row's height, cut to a width; none where not even the first letter fits."""
+        if width < px(12):
+            return
+        size = size or min(max(TEXT_FRACTION * row.height / px(1.0), SMALL), theme.FONT_SIZE)
+        imgui.push_font(None, size)
+        y = row.top + (row.height - imgui.get_text_line_height()) / 2
+        self.texts.append((size, imgui.ImVec2(x, y), widgets.packed(tint), widgets.elided(text, width)))
+        imgui.pop_font()
+
+    def draw(self) -> None:
+        """Draw everything."""
+        drawing = imgui.get_window_draw_list()
+        for rect in self.rects:
+            drawing.add_rect_filled(*rect)
+        for point in self.points:
+            drawing.add_ngon_filled(*point)
+        for size, place, tint, text in self.texts:
+            imgui.push_font(None, size)
+            drawing.add_text(place, tint, text)
+            imgui.pop_font()
 
 
-def _spans(
-    name: str,
-    key: str,
-    bars: Sequence[LabelledSpan],
-    height: float,
-    editing: Resimulation,
-    playback: Playback,
-) -> None:
-    """A track whose spans can be dragged; a click goes to its frame."""
-    row = new_row(name, height, playback.frames)
-    take_mouse(key, row)
-    mouse_x, hovered = imgui.get_io().mouse_pos.x, imgui.is_item_hovered()
-    frame, grabbed = row.frame_at(mouse_x), _grabbed(row, bars, mouse_x)
-    if editing.drag is not None and editing.drag.dropped and not editing.busy:
-        editing.drag = None  # the tracks are those of the edit, or it failed
-    if imgui.is_item_activated() and grabbed is not None:
-        _press(key, bars, *grabbed, frame, editing, playback)
-    drag = editing.drag if editing.drag is not None and editing.drag.track == key else None
-    if drag is not None and not drag.dropped:
-        drag = editing.drag = _carry(drag, frame, bars, editing, playback)
-    elif hovered and grabbed is not None:
-        widgets.tooltip(bars[grabbed[0]].hint or bars[grabbed[0]].text)
-    over_end = hovered and grabbed is not None and grabbed[1] != "body" and not editing.fixed
-    if over_end or (drag is not None and drag.moved and not drag.dropped):
-        imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
-    for i, bar in enumerate(_moved(bars, drag)):
-        tint = GAIT_TINT if key == "gaits" else PROMPT_TINTS[i % 2]
-        draw_bar(row, bar, tint, bar.span.start <= playback.frame < bar.span.end)
+@dataclass
+class Timeline:
+    """What the mouse holds on the tracks, and what was drawn of them."""
 
+    trim: Callable[[int | None, int | None], None]  # first and last frame, while the mouse holds a handle
+    held: Held | None = None
+    _menu: tuple[str, Mark | None, int] = ("", None, 0)  # what a right click was on
+    _kept: dict[str, tuple[Any, Shapes]] = field(default_factory=dict)
 
-def _press(
-    key: str,
-    bars: Sequence[LabelledSpan],
-    index: int,
-    part: str,
-    frame: int,
-    editing: Resimulation,
-    playback: Playback,
-) -> None:
-    """The mouse was pressed on a part of a span: begin to drag it; while a take is resimulated, go to the frame."""
-    if editing.drag is not None and editing.drag.dropped:
-        playback.seek(frame)
-    else:
-        span = bars[index].span
-        editing.drag = Drag(key, index, part, frame, span.start, span.end)
+    def draw(self, tracks: Sequence[Track], playback: Playback, busy: bool) -> None:
+        """The tracks, one below the other, as tall as there is room; in less height than they need they scroll."""
+        if self.held is not None and self.held.dropped and not busy:
+            self.held = None  # the tracks are those of the edit, or it failed
+        unit, room = px(1.0), imgui.get_content_region_avail()
+        high = sum(track.height for track in tracks) + 2.0
+        fits = (room.y / unit - RULER - (len(tracks) + 1) * SPACING) / high
+        if fits < 1.0:
+            tracks = [track for track in tracks if not track.optional]
+        imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, unit * SPACING))
+        # the ruler above the tracks is as wide as they are, also where they scroll (known from the frame before)
+        storage, key = imgui.get_state_storage(), imgui.get_id("tracks scroll")
+        bar = imgui.get_style().scrollbar_size if storage.get_bool(key) else 0.0
+        self._rows("ruler", [self._ruler(playback)], playback, 1.0, bar)
+        scrolls = False
+        if imgui.begin_child("tracks", imgui.ImVec2(0, 0)):
+            self._rows("tracks", tracks, playback, min(max(fits, 1.0), TALLEST), 0.0)
+            scrolls = imgui.get_scroll_max_y() > 0.0
+        imgui.end_child()
+        storage.set_bool(key, scrolls)
+        imgui.pop_style_var()
 
+    def _rows(self, name: str, tracks: Sequence[Track], playback: Playback, tall: float, bar: float) -> None:
+        """Some tracks with the line of the frame shown across them."""
+        corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x - bar
+        held, place = self.held, (corner.x, corner.y, width, bar, tall, px(1.0), playback.frames)
+        state = tracks, place, held if held is not None and held.moved else None
+        known = self._kept.get(name)
+        if known is None or known[0] != state:
+            known = self._kept[name] = state, self._shapes(tracks, place)
+        rows = known[1].rows
+        for row in rows:
+            self._row(row, playback)
+        known[1].draw()
+        at = rows[0].x(min(max(playback.time_s * playback.clip.fps, 0.0), playback.frames - 1.0))
+        half = px(1.5) if name == "ruler" else px(0.5)
+        low = imgui.ImVec2(at - half, rows[0].top)
+        high = imgui.ImVec2(at + half, rows[-1].top + rows[-1].height)
+        imgui.get_window_draw_list().add_rect_filled(low, high, widgets.packed(theme.TEXT), 0.0)
 
-def _carry(
-    drag: Drag, frame: int, bars: Sequence[LabelledSpan], editing: Resimulation, playback: Playback
-) -> Drag | None:
-    """The drag after this frame: moved by the mouse, and let go of when its button is."""
-    drag = _dragged(drag, frame, [bar.span for bar in bars], bool(editing.fixed))
-    if imgui.is_item_deactivated():
-        return _drop(drag, frame, bars, editing, playback)
-    return drag
+    def _row(self, row: Row, playback: Playback) -> None:
+        """Let a row take the mouse, and a little outside its ends."""
+        edge, key = (row.outer - row.width) / 2, row.track.key
+        imgui.set_cursor_screen_pos(imgui.ImVec2(row.left - edge, row.top))
+        imgui.invisible_button(f"##{key}", imgui.ImVec2(max(row.outer, 1.0), max(row.height, 1.0)))
+        mine = self.held is not None and self.held.key == key and not self.held.dropped
+        if mine or imgui.is_item_active() or imgui.is_item_hovered():
+            self._use_mouse(row, playback)
+        if self._menu[0] == key and row.track.menu is not None and imgui.begin_popup(f"menu of {key}"):
+            row.track.menu(*self._menu[1:])
+            imgui.end_popup()
 
+    # --- what it looks like
 
-def _grabbed(row: TrackRow, bars: Sequence[LabelledSpan], x: float) -> tuple[int, str] | None:
-    """Which span is under the mouse, and which part of it."""
-    for i, bar in enumerate(bars):
-        left, right = row.x(bar.span.start), row.x(bar.span.end)
-        if (left <= x or i == 0) and (x < right or i == len(bars) - 1):
-            grip = min(px(GRIP), (right - left) / 4)
-            if i > 0 and x - left <= grip:
-                return i, "start"
-            return i, "end" if i < len(bars) - 1 and right - x <= grip else "body"
-    return None
+    def _shapes(self, tracks: Sequence[Track], place: tuple[float, ...]) -> Shapes:
+        x, top, width, bar, tall, unit, frames = place
+        names = unit * NAMES_WIDTH if width + bar >= unit * NAMES_FROM else 0.0
+        edge, shapes = unit * EDGE, Shapes()
+        for track in tracks:
+            inner, height = width - names - 2 * edge, unit * track.height * tall
+            row = Row(track, x + names + edge, top, inner, height, inner + 2 * edge, int(frames))
+            shapes.rows.append(row)
+            if names:
+                shapes.text(x, row, track.name, theme.MUTED, names - 4 * unit, NAME_SIZE)
+            (_draw_ruler if track.key == "timeline" else self._draw_track)(shapes, row)
+            top += row.height + unit * SPACING
+        return shapes
 
+    def _draw_track(self, shapes: Shapes, row: Row) -> None:
+        track, right_end, bottom = row.track, row.left + row.width, row.top + row.height
+        if not track.adjacent:
+            shapes.rect(row.left, row.top, right_end, bottom, theme.FIELD, px(3))
+        for i, mark in enumerate(self._moved(track)):
+            tint, left = track.tints[i % len(track.tints)], row.x(mark.start)
+            if mark.start == mark.end:
+                half = row.height / 2
+                shapes.points.append(
+                    (imgui.ImVec2(left, row.top + half), half * 0.95, widgets.packed(tint), 4)
+                )
+                continue
+            right = max(min(row.x(mark.end), right_end) - px(1), left + 1)
+            if track.adjacent:
+                shapes.rect(left, row.top, right, bottom, theme.FIELD, px(3))
+            fill = (*tint[:3], min(tint[3] + 0.12, 1.0)) if i == track.lit else tint
+            shapes.rect(left, row.top, right, bottom, fill, px(3) if mark.text else px(1))
+            if mark.text:
+                shapes.text(left + px(5), row, mark.text, theme.TEXT, right - left - px(8))
 
-def _dragged(drag: Drag, frame: int, spans: Sequence[Span], fixed: bool) -> Drag:
-    """The drag with the span where the mouse holds it."""
-    by = frame - drag.grabbed
-    if fixed or (by == 0 and not drag.moved):
-        return drag
-    span = spans[drag.index]
-    start = span.start + (by if drag.part != "end" else 0)
-    end = span.end + (by if drag.part != "start" else 0)
-    start, end = fitted(spans, drag.index, start, end)
-    return dataclasses.replace(drag, start=start, end=end, moved=True)
-
-
-def _drop(
-    drag: Drag, frame: int, bars: Sequence[LabelledSpan], editing: Resimulation, playback: Playback
-) -> Drag | None:
-    """Let go of a span; what is shown of the drag while the take is resimulated."""
-    span = bars[drag.index].span
-    if not drag.moved:
-        playback.seek(frame)
-    elif (drag.start, drag.end) != (span.start, span.end):
-        editing.move(drag.track, drag.index, drag.start, drag.end)
-        return dataclasses.replace(drag, dropped=True) if editing.busy else None
-    return None
-
-
-def _moved(bars: Sequence[LabelledSpan], drag: Drag | None) -> list[LabelledSpan]:
-    """The spans as they would lie after the drag in hand."""
-    shown = list(bars)
-    if drag is None or not drag.moved:
+    def _moved(self, track: Track) -> Sequence[Mark]:
+        """The marks as they would lie after the drag in hand; of others than adjacent ones the session has that."""
+        held = self.held
+        if held is None or not held.moved or held.key != track.key or track.drop is None:
+            return track.marks
+        shown, i = list(track.marks), held.index
+        shown[i] = replace(shown[i], start=held.start, end=held.end)
+        if i > 0:
+            shown[i - 1] = replace(shown[i - 1], end=held.start)
+        if i + 1 < len(shown):
+            shown[i + 1] = replace(shown[i + 1], start=held.end)
         return shown
 
-    def put(i: int, start: int, end: int) -> None:
-        if 0 <= i < len(shown):
-            shown[i] = dataclasses.replace(shown[i], span=Span(start, end))
+    def _ruler(self, playback: Playback) -> Track:
+        """Frame numbers, and the part that is kept with its handles, which are dragged in the lower half."""
 
-    i = drag.index
-    put(i, drag.start, drag.end)
-    if i > 0:
-        put(i - 1, bars[i - 1].span.start, drag.start)
-    if i + 1 < len(bars):
-        put(i + 1, drag.end, bars[i + 1].span.end)
-    return shown
+        def move(mark: Mark, start: int, _: int) -> None:
+            self.trim(*((start, None) if mark.of == "first" else (None, start)))
+
+        first, last = playback.first, playback.last
+        marks = (Mark(first, first, hint=TRIM_HINT, of="first"), Mark(last, last, hint=TRIM_HINT, of="last"))
+        known = self._kept.get("ruler")
+        if known is not None and known[1].rows[0].track.marks == marks:
+            return known[1].rows[0].track
+        return Track("timeline", "Frame", RULER, marks, (theme.ACCENT,), move=move)
+
+    # --- the mouse
+
+    def _use_mouse(self, row: Row, playback: Playback) -> None:
+        """What the mouse does on a row whose item was just made. Where no mark is, the frame shown follows it."""
+        track, mouse = row.track, imgui.get_io().mouse_pos
+        frame, hit = row.frame_at(mouse.x), _hit(row, mouse)
+        waits = self.held is not None and self.held.dropped
+        if imgui.is_item_activated() and hit is not None and not waits:
+            self._press(track, *hit, frame)
+        held = self.held
+        if held is not None and held.key == track.key and not held.dropped:
+            self._carry(held, row, frame)
+            if imgui.is_item_deactivated():
+                self._let_go(track, frame, playback)
+        elif imgui.is_item_active():
+            playback.seek(frame)
+        elif imgui.is_item_hovered():
+            self._hover(track, hit, frame)
+
+    def _press(self, track: Track, index: int, part: Part, frame: int) -> None:
+        mark = track.marks[index]
+        self.held = Held(track.key, index, mark, part, frame, mark.start, mark.end)
+        if track.press is not None:
+            track.press(mark)
+
+    def _carry(self, held: Held, row: Row, frame: int) -> None:
+        """Move what is held with the mouse."""
+        track, by = row.track, frame - held.grabbed
+        if track.fixed or not (track.move or track.drop) or not (by or held.moved):
+            return
+        start, end = _where(held, by, track, row.frames)
+        self.held = replace(held, start=start, end=end, moved=True)
+        imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
+        if track.move is not None:
+            track.move(held.mark, start, end)
+
+    def _let_go(self, track: Track, frame: int, playback: Playback) -> None:
+        held, self.held = self.held, None
+        if held is None:
+            return
+        if not held.moved and track.press is None:
+            playback.seek(frame)
+        elif track.drop is not None and (held.start, held.end) != (held.mark.start, held.mark.end):
+            self.held = replace(held, dropped=True)
+            track.drop(held.index, held.start, held.end)
+
+    def _hover(self, track: Track, hit: tuple[int, Part] | None, frame: int) -> None:
+        mark, part = (None, Part.BODY) if hit is None else (track.marks[hit[0]], hit[1])
+        if mark is not None and not track.fixed and (part is not Part.BODY or mark.start == mark.end):
+            imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
+        widgets.tooltip(track.hint or ("" if mark is None else mark.hint or mark.text))
+        if imgui.is_mouse_clicked(1):
+            self._right_click(track, mark, frame)
+
+    def _right_click(self, track: Track, mark: Mark | None, frame: int) -> None:
+        if track.remove is not None and mark is not None:
+            track.remove(mark)
+        elif track.menu is not None:
+            self._menu = track.key, mark, frame
+            imgui.open_popup(f"menu of {track.key}")
 
 
-def _still(name: str, bars: Sequence[LabelledSpan], height: float, tint: Color, playback: Playback) -> None:
-    """A track that is only looked at."""
-    row = new_row(name, height, playback.frames)
-    take_mouse(f"track {name}", row)
-    if imgui.is_item_hovered():
-        found = _grabbed(row, bars, imgui.get_io().mouse_pos.x)
-        if found is not None:
-            widgets.tooltip(bars[found[0]].hint or bars[found[0]].text)
-    for bar in bars:
-        draw_bar(row, bar, tint, False)
+def _draw_ruler(shapes: Shapes, row: Row) -> None:
+    base, bottom = row.top + row.height * 0.62, row.top + row.height
+    first, last = (mark.start for mark in row.track.marks)
+    shapes.rect(row.x(0), base, row.x(row.frames - 1), bottom, theme.FIELD, 2.0)
+    shapes.rect(row.x(first), base, row.x(last), bottom, theme.ACCENT_FILL, 2.0)
+    per_frame = row.width / max(row.frames - 1, 1)
+    step = next((s for s in TICK_STEPS if s * per_frame >= px(TICK_WIDTH)), TICK_STEPS[-1])
+    numbers = replace(row, height=px(SMALL) / TEXT_FRACTION)
+    for number in range(0, row.frames, step):
+        x = row.x(number)
+        shapes.rect(x, base - px(4), x + 1, base, theme.MUTED, 0.0)
+        if x + px(28) < row.left + row.width or not number:
+            shapes.text(x + px(3), numbers, str(number), theme.MUTED, px(60))
+    for frame, side in ((first, 1), (last, -1)):
+        left, right = sorted((row.x(frame), row.x(frame) + side * px(5)))
+        shapes.rect(left, base - px(1), right, bottom, theme.ACCENT, px(2))
+
+
+def _hit(row: Row, mouse: imgui.ImVec2) -> tuple[int, Part] | None:
+    """Which mark is under the mouse, and which part of it."""
+    track, marks, x = row.track, row.track.marks, mouse.x
+    if not marks or (track.key == "timeline" and mouse.y < row.top + 0.5 * row.height):
+        return None
+    if track.adjacent:
+        x = min(max(x, row.ends(marks[0])[0]), row.ends(marks[-1])[1])
+    at = next((i for i, mark in enumerate(marks) if _covers(row, mark, x)), -1)
+    return None if at < 0 else (at, _part(row, at, x))
+
+
+def _covers(row: Row, mark: Mark, x: float) -> bool:
+    """Whether the mouse takes a mark there: a point from some way off, a span at a little outside its ends."""
+    left, right = row.ends(mark)
+    slack = 0.0 if row.track.adjacent else px(GRIP) if mark.start == mark.end else px(GRIP) / 2
+    return left - slack <= x <= right + slack
+
+
+def _part(row: Row, index: int, x: float) -> Part:
+    """Which part of a mark; the first and the last of adjacent ones end with the take."""
+    track, mark = row.track, row.track.marks[index]
+    left, right = row.ends(mark)
+    if mark.start == mark.end:
+        return Part.BODY
+    grip = min(px(GRIP), (right - left) / 4)
+    if x - left <= grip and not (track.adjacent and index == 0):
+        return Part.START
+    last = track.adjacent and index == len(track.marks) - 1
+    return Part.END if right - x <= grip and not last else Part.BODY
+
+
+def _where(held: Held, by: int, track: Track, frames: int) -> tuple[int, int]:
+    """Where the mark would go that is moved by so many frames: within the take, or between its neighbours."""
+    mark = held.mark
+    start = mark.start + (by if held.part is not Part.END else 0)
+    end = mark.end + (by if held.part is not Part.START else 0)
+    if track.adjacent:
+        return fitted(track.marks, held.index, start, end)
+    if held.part is Part.START:
+        return min(max(start, 0), mark.end - 1), mark.end
+    if held.part is Part.END:
+        return mark.start, max(min(end, frames), mark.start + 1)
+    last = frames - 1 if mark.start == mark.end else frames - (mark.end - mark.start)
+    start = min(max(start, 0), last)
+    return start, start + mark.end - mark.start

@@ -1,4 +1,4 @@
-"""What lies on the tracks of a timeline, as plain data: prompts, the words of each part, gaits and grounds."""
+"""What lies on the tracks of a take: prompts, what each body part does, gaits and grounds, and lanes of its pins."""
 
 from __future__ import annotations
 
@@ -12,48 +12,43 @@ from runtime.controls import Gait
 from runtime.errors import SportError
 from runtime.prompts.blend import BlendedPrompt, Words, read_words
 from runtime.prompts.parts import PartDescriptions
+from runtime.session.session import Take
 from runtime.skeleton import PART_NAMES
 from runtime.takes.clip import Clip
-from runtime.takes.input_edits import GaitSpan, PromptSpan, Span, gait_spans, prompt_spans
+from runtime.takes.input_edits import PromptSpan, gait_spans, prompt_spans
 from runtime.takes.input_recording import GroundChange, InputRecording, StyleChange
 from runtime.takes.metadata import PromptEvent, title
 from runtime.takes.pins import Pin
+from viewer.edit.timeline import Mark
 
 
-@dataclass(frozen=True)
-class LabelledSpan:
-    """A labelled span; `hint` is what the mouse finds out about it."""
-
-    span: Span
-    text: str
-    hint: str = ""
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tracks:
-    """Everything on the timeline of one version of a take."""
+    """What lies on the tracks of one version of a take's motion; a prompt's mark is `of` its `PromptSpan`."""
 
     clip: Clip
-    prompts: tuple[LabelledSpan, ...]
-    parts: dict[str, tuple[LabelledSpan, ...]]
-    gaits: tuple[LabelledSpan, ...]
-    grounds: tuple[LabelledSpan, ...]
-
-    def prompt_at(self, frame: int) -> int:
-        """Which prompt holds in a frame; -1 for none."""
-        return next((i for i, b in enumerate(self.prompts) if b.span.start <= frame < b.span.end), -1)
+    prompts: tuple[Mark, ...]
+    parts: dict[str, tuple[Mark, ...]]
+    gaits: tuple[Mark, ...]
+    grounds: tuple[Mark, ...]
 
 
 def tracks_of(clip: Clip, inputs: InputRecording | None) -> Tracks:
     """The tracks of a clip; without inputs, what its file says."""
     spans = _read_spans(clip) if inputs is None else prompt_spans(inputs)
+    gaits = () if clip.gaits is None else [s for s in gait_spans(clip.gaits) if s.gait >= 0]
     return Tracks(
         clip,
-        tuple(LabelledSpan(s, title(s.event), _hint(s.event)) for s in spans),
+        tuple(Mark(s.start, s.end, title(s.event), _hint(s.event), s) for s in spans),
         {part: _part(spans, part) for part in PART_NAMES},
-        tuple(LabelledSpan(s, _gait(s)) for s in _gaits(clip)),
+        tuple(Mark(s.start, s.end, Gait(s.gait).label.capitalize()) for s in gaits),
         _grounds(clip, inputs),
     )
+
+
+def mark_at(marks: Sequence[Mark], frame: int) -> int:
+    """Which mark holds in a frame; -1 for none."""
+    return next((i for i, mark in enumerate(marks) if mark.start <= frame < mark.end), -1)
 
 
 def words_of(event: PromptEvent) -> PartDescriptions | None:
@@ -65,7 +60,7 @@ def words_of(event: PromptEvent) -> PartDescriptions | None:
 def _words(event: PromptEvent) -> Words | BlendedPrompt | None:
     try:
         return read_words(event.words) if event.words else None
-    except SportError:  # of a file that somebody wrote by hand
+    except SportError:  # of a file that was written by hand
         return None
 
 
@@ -83,40 +78,29 @@ def _hint(event: PromptEvent) -> str:
     words = words_of(event)
     if words is None:
         return title(event)
-    lines = [f"{name.replace('_', ' ')}: {said}" for name, said in words.to_mapping().items()]
+    lines = [f"{name.replace('_', ' ')}: {text}" for name, text in words.to_mapping().items()]
     return "\n".join([title(event), *lines])
 
 
-def _part(spans: list[PromptSpan], part: str) -> tuple[LabelledSpan, ...]:
-    """Spans of one part's words; neighbours that say the same are one."""
-    bars: list[LabelledSpan] = []
+def _part(spans: list[PromptSpan], part: str) -> tuple[Mark, ...]:
+    """Marks of one part's descriptions; neighbours with the same text are one."""
+    marks: list[Mark] = []
     for span in spans:
         words = _words(span.event)
-        text = (
-            str(getattr(words, part)) if isinstance(words, PartDescriptions) else "a blend" if words else ""
-        )
-        if bars and bars[-1].text == text:
-            bars[-1] = LabelledSpan(Span(bars[-1].span.start, span.end), text, text)
-        else:
-            bars.append(LabelledSpan(Span(span.start, span.end), text, text))
-    return tuple(bar for bar in bars if bar.text)
+        blend = "a blend" if words else ""
+        text = str(getattr(words, part)) if isinstance(words, PartDescriptions) else blend
+        joins = bool(marks) and marks[-1].text == text
+        start = marks.pop().start if joins else span.start
+        marks.append(Mark(start, span.end, text))
+    return tuple(mark for mark in marks if mark.text)
 
 
-def _gaits(clip: Clip) -> list[GaitSpan]:
-    return [] if clip.gaits is None else [s for s in gait_spans(clip.gaits) if s.gait >= 0]
-
-
-def _gait(span: GaitSpan) -> str:
-    return Gait(span.gait).label.capitalize()
-
-
-def _grounds(clip: Clip, inputs: InputRecording | None) -> tuple[LabelledSpan, ...]:
+def _grounds(clip: Clip, inputs: InputRecording | None) -> tuple[Mark, ...]:
     changes = [c for c in inputs.changes if isinstance(c, GroundChange)] if inputs is not None else []
-    if not changes:
-        return (LabelledSpan(Span(0, len(clip)), _short(clip.terrain), clip.terrain),)
-    starts = [max(change.frame, 0) for change in changes]
-    spans = zip(starts, [*starts[1:], len(clip)], changes, strict=True)
-    return tuple(LabelledSpan(Span(a, b), _short(c.name), c.name) for a, b, c in spans if b > a)
+    names = [change.name for change in changes] or [clip.terrain]
+    starts = [max(change.frame, 0) for change in changes] or [0]
+    spans = zip(starts, [*starts[1:], len(clip)], names, strict=True)
+    return tuple(Mark(a, b, _short(name), name) for a, b, name in spans if b > a)
 
 
 def _short(spec: str) -> str:
@@ -127,10 +111,15 @@ def lanes(pins: Sequence[Pin]) -> list[list[int]]:
     """Pins by their places, such that those of a lane do not overlap."""
     found: list[list[int]] = []
     for i in sorted(range(len(pins)), key=lambda i: pins[i].start):
-        free = (lane for lane in found if pins[lane[-1]].end <= pins[i].start)
-        lane = next(free, None)
+        lane = next((lane for lane in found if pins[lane[-1]].end <= pins[i].start), None)
         if lane is None:
             found.append([i])
         else:
             lane.append(i)
     return found
+
+
+def extra_rows(take: Take | None, parts: bool) -> int:
+    """How many tracks a take has besides those that every one has."""
+    own = 0 if take is None else len(lanes(take.poses.pins)) + bool(take.cameras)
+    return own + (len(PART_NAMES) if parts else 0)

@@ -1,14 +1,19 @@
-"""The bar under the view while a take plays: buttons over the tracks of the timeline."""
+"""The bar under the view while a take plays: buttons, and the tracks of all tools on the timeline."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+from typing import Any
+
 from runtime.controls import REQUESTS
-from runtime.takes.pins import Pinned
-from viewer.edit import timeline
+from runtime.skeleton import PART_NAMES
+from runtime.takes.pins import Pin, Pinned
 from viewer.edit.camera_keys import CameraKeys
 from viewer.edit.pins import Pins
 from viewer.edit.reference_card import ReferenceCard
 from viewer.edit.resimulation import Resimulation
+from viewer.edit.timeline import Mark, Timeline, Track
+from viewer.edit.tracks import Tracks, lanes, mark_at
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.panels import Panel, PanelPlace
@@ -17,191 +22,285 @@ from viewer.gui.widgets import px
 from viewer.session.playback import Playback
 
 SPEEDS = (0.1, 2.0)
-WIDE = 520.0  # pixels at scale 1: words beside the icons
+WIDE = 520.0  # pixels at scale 1: words next to the icons
 TINY = 400.0  # in less only what has no other way stays
-PROMPT_POPUP, GAIT_POPUP, PIN_POPUP = "new prompt", "new gait", "new pin"
-BESIDE_POPUP = "beside"
+PROMPT_POPUP, GAIT_POPUP, PIN_POPUP, COMPARE_POPUP = "new prompt", "new gait", "new pin", "compare"
+PIN_HINT = "Hold a hand, a foot, the look or the pose from this frame on, or key the camera"
+PROMPTS, ROW, FEET = 21.0, 15.0, 8.0  # heights at scale 1, where there is no more room
+PROMPT_TINTS = (theme.ACCENT_FILL, (0.36, 0.55, 0.78, 0.42))
+GAIT_TINT, GROUND_TINT = (0.78, 0.62, 0.34, 0.42), (0.55, 0.58, 0.62, 0.35)
+PART_TINT, PIN_TINT = (0.36, 0.55, 0.78, 0.28), (0.86, 0.48, 0.62, 0.45)
+NEW_FOOTPLANT_FRAMES = 8
+CAMERA_HINT = "Views of the camera, for a film by “keyed”.\nDrag a key; right-click removes it"
+PIN_HINT = "A click shows the pin's fields; drag it or its ends"
+FEET_HINT = (
+    "When a foot bears: the left one above, the right one below.\n"
+    "Drag a footplant or its ends; right-click adds or removes one"
+)
 
 
-def panel(editing: Resimulation, pins: Pins, camera: CameraKeys, references: ReferenceCard) -> Panel:
-    """The bar; Escape in the view leaves the take."""
+class TakeTracks:
+    """Gathers the tracks of all tools; the same ones again until something changes."""
 
-    def close() -> bool:
-        was_open = editing.playback is not None
-        editing.takes.close_playback()
-        return was_open
+    def __init__(self, editing: Resimulation, pins: Pins, cameras: CameraKeys) -> None:
+        self.editing, self.pins, self.cameras = editing, pins, cameras
+        self._state: tuple[Any, ...] = ()
+        self._rows: list[Track] = []
 
-    return Panel(
-        "Transport", PanelPlace.BELOW, lambda _: draw(editing, pins, camera, references), close=close
-    )
+    def rows(self, tracks: Tracks, playback: Playback) -> list[Track]:
+        """The tracks from top to bottom."""
+        editing, pins, frame = self.editing, self.pins, playback.frame
+        fixed, lit = bool(editing.fixed), (mark_at(tracks.prompts, frame), mark_at(tracks.gaits, frame))
+        state = tracks, playback.take, playback.shown, pins.selected, editing.part_tracks, fixed, lit
+        if len(state) != len(self._state) or any(
+            a is not b and a != b for a, b in zip(state, self._state, strict=True)
+        ):
+            self._state, self._rows = state, [*self._of_motion(tracks, lit, fixed), *self._of_edits(playback)]
+        return self._rows
+
+    def _of_motion(self, tracks: Tracks, lit: tuple[int, int], fixed: bool) -> list[Track]:
+        editing = self.editing
+        parts = [
+            Track(f"track {part}", part.replace("_", " ").capitalize(), ROW, tracks.parts[part], (PART_TINT,))
+            for part in (PART_NAMES if editing.part_tracks else ())
+        ]
+        return [
+            Track(
+                "prompts", "Prompts", PROMPTS, tracks.prompts, PROMPT_TINTS, lit=lit[0], adjacent=True,
+                fixed=fixed, drop=editing.move_prompt,
+            ),
+            *parts,
+            Track(
+                "gaits", "Gait", ROW, tracks.gaits, (GAIT_TINT,), lit=lit[1], adjacent=True, fixed=fixed,
+                drop=editing.move_gait,
+            ),
+            # one ground all the way says the least
+            Track(
+                "grounds", "Ground", ROW, tracks.grounds, (GROUND_TINT,), fixed=True,
+                optional=len(tracks.grounds) == 1,
+            ),
+        ]  # fmt: skip
+
+    def _of_edits(self, playback: Playback) -> list[Track]:
+        take, fps, pins, cameras = playback.take, playback.clip.fps, self.pins, self.cameras
+        keys = [Mark(at, at, of=key) for key in take.cameras for at in (round(key.seconds * fps),)]
+        rows = []
+        if keys:
+            rows.append(
+                Track(
+                    "camera", "Camera", ROW, keys, (theme.ACCENT,), CAMERA_HINT,
+                    press=lambda mark: playback.seek(mark.start), remove=lambda mark: cameras.remove(mark.of),
+                    move=lambda mark, start, _: cameras.move(mark.of, start),
+                )
+            )  # fmt: skip
+        for number, lane in enumerate(lanes(take.poses.pins)):
+            marks = [_pin(i, take.poses.pins[i], playback) for i in lane]
+            lit = lane.index(pins.selected) if pins.selected in lane else -1
+            rows.append(
+                Track(
+                    f"pins {number}", "" if number else "Pins", ROW, marks, (PIN_TINT,), PIN_HINT, lit,
+                    press=lambda mark: pins.select(mark.of[0]), move=pins.move,
+                )
+            )  # fmt: skip
+        return [*rows, self._feet(0), self._feet(1)]
+
+    def _feet(self, foot: int) -> Track:
+        pins = self.pins
+        marks = [Mark(first, end, of=(first, end)) for first, end in pins.footplants(foot)]
+
+        def menu(mark: Mark | None, frame: int) -> None:
+            half = NEW_FOOTPLANT_FRAMES // 2
+            if mark is not None and imgui.menu_item("Lift the foot here", "", False)[0]:
+                pins.set_footplant(foot, mark.of, None)
+            if mark is None and imgui.menu_item("Plant the foot here", "", False)[0]:
+                pins.set_footplant(foot, None, (frame - half, frame + half))
+
+        def move(mark: Mark, start: int, end: int) -> None:
+            pins.set_footplant(foot, mark.of, (start, end))
+
+        name, fixed = "" if foot else "Feet", bool(pins.fixed)
+        return Track(
+            f"foot {foot}", name, FEET, marks, (theme.ACCENT,), FEET_HINT, fixed=fixed, move=move, menu=menu
+        )
 
 
-def draw(editing: Resimulation, pins: Pins, camera: CameraKeys, references: ReferenceCard) -> None:
-    """Contents of the bar."""
-    playback = editing.playback
-    if playback is None:
-        return
-    width = imgui.get_content_region_avail().x
-    wide, tiny = width >= px(WIDE), width < px(TINY)
-    if not wide:
-        editing.part_tracks = False  # its button is not there
-    _playing(playback, editing, wide, tiny)
-    _editing(playback, editing, pins, camera, references, wide, tiny)
-    timeline.draw(editing, pins, camera, playback)
+def _pin(index: int, pin: Pin, playback: Playback) -> Mark:
+    """The mark of a pin, `of` its place and itself; its last frame is in it."""
+    fps = playback.clip.fps
+    text = f"{pin.what}" + (" on a rail" if pin.rail else " along" if pin.along else "")
+    start, last = round(pin.start * fps), round(pin.end_in(playback.clip.seconds) * fps)
+    return Mark(start, max(last, start) + 1, text.capitalize(), of=(index, pin))
 
 
-def _playing(playback: Playback, editing: Resimulation, wide: bool, tiny: bool) -> None:
-    """Time: play, single steps, loop, speed, the frame, and back to live."""
-    square, gap = px(30), px(4)
-    if widgets.button(ICON.start, square, "To the first frame kept (Home)"):
-        playback.seek(playback.first)
-    imgui.same_line(0, gap)
-    if widgets.button(f"{ICON.back}##frame back", square, "One frame back (Left, comma)"):
-        playback.step(-1)
-    imgui.same_line(0, gap)
-    icon = ICON.pause if playback.playing else ICON.play
-    if widgets.button(f"{icon}###play", square, "Play or pause (Space, P)", primary=True):
-        playback.toggle()
-    imgui.same_line(0, gap)
-    if widgets.button(f"{ICON.on}##frame on", square, "One frame on (Right, full stop)"):
-        playback.step(1)
-    if not tiny:
-        imgui.same_line(0, gap)
-        playback.loop = widgets.toggle(ICON.loop, playback.loop, square, "Begin again at the end")
-        imgui.same_line(0, px(8))
-        imgui.set_next_item_width(px(96 if wide else 72))
-        _, playback.speed = widgets.slider("##speed", playback.speed, *SPEEDS, "%.2f x", logarithmic=True)
-        widgets.tooltip("Playback speed; Ctrl+click types it")
-    live = f"{ICON.person} Live" if wide else ICON.person
-    live_width = imgui.calc_text_size(live).x + 2 * imgui.get_style().frame_padding.x
-    right = imgui.get_window_width() - imgui.get_style().window_padding.x - live_width
-    imgui.same_line(0, px(8))
-    imgui.align_text_to_frame_padding()
-    _time(playback, editing, right - imgui.get_cursor_pos_x() - px(8))
-    imgui.same_line(right)
-    if widgets.button(f"{live}###live", live_width, "Back to the live character (Esc, or just move)"):
-        editing.takes.close_playback()
+@dataclass
+class Transport:
+    """The buttons of the bar, and the timeline under them."""
 
+    editing: Resimulation
+    pins: Pins
+    cameras: CameraKeys
+    timeline: Timeline = field(init=False)
+    _tracks: TakeTracks = field(init=False)
+    _wide: bool = True
+    _tiny: bool = False
 
-def _time(playback: Playback, editing: Resimulation, space: float) -> None:
-    """The frame, then as much more as there is space for; while the take is resimulated, how far that is."""
-    if editing.busy and space > px(60):
-        imgui.progress_bar(editing.progress, imgui.ImVec2(space, 0), f"Resimulating {editing.progress:.0%}")
-        return
-    frame = f"{playback.frame} / {playback.frames - 1}"
-    clock = widgets.clock(playback.time_s)
-    more = "" if editing.take is None else editing.take.title
-    choices = (f"{frame}   {clock} s   {more}", f"{frame}   {clock} s", frame)
-    fitting = [text for text in choices if imgui.calc_text_size(text).x <= space]
-    widgets.muted(fitting[0] if fitting else "")
+    def __post_init__(self) -> None:
+        trim = lambda first, last: self.editing.takes.trim(first, last, held=True)  # noqa: E731
+        self.timeline = Timeline(trim)
+        self._tracks = TakeTracks(self.editing, self.pins, self.cameras)
 
+    def panel(self, references: ReferenceCard) -> Panel:
+        """The bar; Escape in the view leaves the take."""
 
-def _editing(
-    playback: Playback,
-    editing: Resimulation,
-    pins: Pins,
-    camera: CameraKeys,
-    references: ReferenceCard,
-    wide: bool,
-    tiny: bool,
-) -> None:
-    """What lies on the tracks: trim, new spans, undo, and going on from here."""
-    gap, fixed = px(4), editing.fixed
-    if not tiny:  # the handles of the ruler do the same
-        if widgets.button("[ In", px(44), "Keep the clip from this frame"):
-            editing.takes.trim(first=playback.frame)
-        imgui.same_line(0, gap)
-        if widgets.button("Out ]", px(50), "Keep the clip up to this frame"):
-            editing.takes.trim(last=playback.frame)
-        imgui.same_line(0, px(8))
-    imgui.begin_disabled(bool(fixed))
-    if widgets.button("+ Prompt", 0.0, fixed or "Another prompt from this frame on"):
-        editing.new_prompt = ""
-        imgui.open_popup(PROMPT_POPUP)
-    imgui.same_line(0, gap)
-    if widgets.button(
-        "+ Gait", 0.0, fixed or "Another gait from this frame to the end of the one that is there"
-    ):
-        imgui.open_popup(GAIT_POPUP)
-    imgui.end_disabled()
-    imgui.same_line(0, gap)
-    imgui.begin_disabled(bool(pins.fixed))
-    if widgets.button(
-        "+ Pin",
-        0.0,
-        pins.fixed or "Hold a hand, a foot, the look or the pose from this frame on, or key the camera",
-    ):
-        imgui.open_popup(PIN_POPUP)
-    imgui.end_disabled()
-    _popups(editing, pins, camera)
-    imgui.same_line(0, gap)
-    editor = editing.takes.editor
-    undo, redo = editor.undo_label, editor.redo_label
-    if widgets.icon_button(ICON.undo, "take undo", f"Undo {undo} (Ctrl+Z)", theme.TEXT, bool(undo)):
-        editor.undo()
-    imgui.same_line(0, 0)
-    if widgets.icon_button(ICON.redo, "take redo", f"Redo {redo} (Ctrl+Y)", theme.TEXT, bool(redo)):
-        editor.redo()
-    if wide:
+        def close() -> bool:
+            was_open = self.editing.playback is not None
+            self.editing.takes.close_playback()
+            return was_open
+
+        return Panel("Transport", PanelPlace.BELOW, lambda _: self._draw(references), close=close)
+
+    def _draw(self, references: ReferenceCard) -> None:
+        playback, tracks, editing = self.editing.playback, self.editing.tracks, self.editing
+        if playback is None or tracks is None:
+            return
+        width = imgui.get_content_region_avail().x
+        self._wide, self._tiny = width >= px(WIDE), width < px(TINY)
+        if not self._wide:
+            editing.part_tracks = False  # its button is not there
+        self._playing(playback)
+        self._edits(playback, references)
+        self.timeline.draw(self._tracks.rows(tracks, playback), playback, editing.busy)
+
+    def _playing(self, playback: Playback) -> None:
+        """Time: play, single steps, loop, speed, the frame, and back to live."""
+        square, gap = px(30), px(4)
+        play = f"{ICON.pause if playback.playing else ICON.play}###play"
+        for text, hint, act in (
+            (ICON.start, "To the first frame kept (Home)", lambda: playback.seek(playback.first)),
+            (f"{ICON.back}##frame back", "One frame back (Left, comma)", lambda: playback.step(-1)),
+            (play, "Play or pause (Space, P)", playback.toggle),
+            (f"{ICON.on}##frame on", "One frame on (Right, full stop)", lambda: playback.step(1)),
+        ):
+            if widgets.button(text, square, hint, primary=text is play):
+                act()
+            imgui.same_line(0, gap)
+        if not self._tiny:
+            playback.loop = widgets.toggle(ICON.loop, playback.loop, square, "Begin again at the end")
+            imgui.same_line(0, px(8))
+            imgui.set_next_item_width(px(96 if self._wide else 72))
+            _, playback.speed = widgets.slider("##speed", playback.speed, *SPEEDS, "%.2f x", logarithmic=True)
+            widgets.tooltip("Playback speed; Ctrl+click types it")
+            imgui.same_line(0, px(8))
+        live = f"{ICON.person} Live" if self._wide else ICON.person
+        live_width = imgui.calc_text_size(live).x + 2 * imgui.get_style().frame_padding.x
+        right = imgui.get_window_width() - imgui.get_style().window_padding.x - live_width
+        imgui.align_text_to_frame_padding()
+        self._time(playback, right - imgui.get_cursor_pos_x() - px(8))
+        imgui.same_line(right)
+        if widgets.button(f"{live}###live", live_width, "Back to the live character (Esc, or just move)"):
+            self.editing.takes.close_playback()
+
+    def _time(self, playback: Playback, space: float) -> None:
+        """The frame, then as much more as there is space for; while the take is resimulated, how far that is."""
+        editing = self.editing
+        if editing.busy and space > px(60):
+            size = imgui.ImVec2(space, 0)
+            imgui.progress_bar(editing.progress, size, f"Resimulating {editing.progress:.0%}")
+            return
+        frame = f"{playback.frame} / {playback.frames - 1}"
+        clock = f"{frame}   {widgets.clock(playback.time_s)} s"
+        choices = (f"{clock}   {playback.take.title}", clock, frame, "")
+        widgets.muted(next(text for text in choices if imgui.calc_text_size(text).x <= space or not text))
+
+    def _edits(self, playback: Playback, references: ReferenceCard) -> None:
+        """What lies on the tracks: trim, new spans, undo, and going on from here."""
+        editing, gap = self.editing, px(4)
+        takes, fixed = editing.takes, editing.fixed
+        if not self._tiny:  # the handles of the ruler do the same
+            if widgets.button("[ In", px(44), "Keep the clip from this frame"):
+                takes.trim(first=playback.frame)
+            imgui.same_line(0, gap)
+            if widgets.button("Out ]", px(50), "Keep the clip up to this frame"):
+                takes.trim(last=playback.frame)
+            imgui.same_line(0, px(8))
+        gait_hint = "Another gait from this frame to the end of the one that is there"
+        for text, hint, popup, why in (
+            ("+ Prompt", "Another prompt from this frame on", PROMPT_POPUP, fixed),
+            ("+ Gait", gait_hint, GAIT_POPUP, fixed),
+            ("+ Pin", PIN_HINT, PIN_POPUP, self.pins.fixed),
+        ):
+            imgui.begin_disabled(bool(why))
+            if widgets.button(text, 0.0, why or hint):
+                editing.new_prompt = ""
+                imgui.open_popup(popup)
+            imgui.end_disabled()
+            imgui.same_line(0, gap)
+        self._popups()
+        editor = takes.editor
+        undo, redo = editor.undo_label, editor.redo_label
+        if widgets.icon_button(ICON.undo, "take undo", f"Undo {undo} (Ctrl+Z)", theme.TEXT, bool(undo)):
+            editor.undo()
+        imgui.same_line(0, 0)
+        if widgets.icon_button(ICON.redo, "take redo", f"Redo {redo} (Ctrl+Y)", theme.TEXT, bool(redo)):
+            editor.redo()
+        if self._wide:
+            self._more(references)
+        self._go_on(fixed)
+
+    def _more(self, references: ReferenceCard) -> None:
+        """Tracks of body parts, and what the take is compared with."""
+        editing, gap = self.editing, px(4)
         imgui.same_line(0, gap)
         hint = "A track for what each body part does"
         editing.part_tracks = widgets.toggle("Parts", editing.part_tracks, px(48), hint)
         imgui.same_line(0, gap)
-        _beside(references)
-    _go_on(editing, fixed, "Go on from here" if wide else "" if tiny else "Go on")
+        hint = "Compare with another take, a BVH or a film: next to it or over it"
+        shown = references.reference.shown
+        if widgets.toggle("Compare…", shown, px(78), hint) != shown:
+            imgui.open_popup(COMPARE_POPUP)
+        if imgui.begin_popup(COMPARE_POPUP):
+            references.menu()
+            imgui.end_popup()
 
+    def _go_on(self, fixed: str) -> None:
+        """The button at the end of the line, with as many words as there is room for."""
+        imgui.same_line(0, px(4))
+        end = imgui.get_window_width() - imgui.get_style().window_padding.x
+        padding, room = 2 * imgui.get_style().frame_padding.x, end - imgui.get_cursor_pos_x()
+        words = ("Go on from here", "Go on", "") if self._wide else ("",) if self._tiny else ("Go on", "")
+        texts = [f"{ICON.walk} {text}".rstrip() for text in words]
+        text = next((t for t in texts if imgui.calc_text_size(t).x + padding <= room), texts[-1])
+        width = imgui.calc_text_size(text).x + padding
+        imgui.same_line(end - width)
+        imgui.begin_disabled(bool(fixed))
+        hint = fixed or "Drive the live character from this frame of the take"
+        if widgets.button(f"{text}###go on", width, hint):
+            self.editing.go_on()
+        imgui.end_disabled()
 
-def _beside(references: ReferenceCard) -> None:
-    hint = "Compare with another take, a BVH or a film: next to it or over it"
-    shown = references.reference.shown
-    if widgets.toggle("Compare…", shown, px(78), hint) != shown:
-        imgui.open_popup(BESIDE_POPUP)
-    if imgui.begin_popup(BESIDE_POPUP):
-        references.menu()
-        imgui.end_popup()
-
-
-def _go_on(editing: Resimulation, fixed: str, words: str) -> None:
-    imgui.same_line(0, px(4))
-    end = imgui.get_window_width() - imgui.get_style().window_padding.x
-    padding, room = 2 * imgui.get_style().frame_padding.x, end - imgui.get_cursor_pos_x()
-    texts = [
-        f"{ICON.walk} {text}".rstrip()
-        for text in dict.fromkeys((words, words.removesuffix(" from here"), ""))
-    ]
-    text = next((t for t in texts if imgui.calc_text_size(t).x + padding <= room), texts[-1])
-    width = imgui.calc_text_size(text).x + padding
-    imgui.same_line(end - width)
-    imgui.begin_disabled(bool(fixed))
-    if widgets.button(
-        f"{text}###go on", width, fixed or "Drive the live character from this frame of the take"
-    ):
-        editing.go_on()
-    imgui.end_disabled()
-
-
-def _popups(editing: Resimulation, pins: Pins, camera: CameraKeys) -> None:
-    if imgui.begin_popup(PROMPT_POPUP):
-        if imgui.is_window_appearing():
-            imgui.set_keyboard_focus_here()
-        imgui.set_next_item_width(px(260))
-        flags = imgui.InputTextFlags_.enter_returns_true
-        entered, editing.new_prompt = imgui.input_text_with_hint(
-            "##new prompt", "Prompt from here; Enter resimulates", editing.new_prompt, flags
-        )
-        if entered:
-            editing.insert_prompt(editing.new_prompt)
-            imgui.close_current_popup()
-        imgui.end_popup()
-    if imgui.begin_popup(GAIT_POPUP):
-        for gait in REQUESTS:
-            if imgui.selectable(f"{gait.label.capitalize()}##gait", False)[0]:
-                editing.insert_gait(gait)
-        imgui.end_popup()
-    if imgui.begin_popup(PIN_POPUP):
-        for what in Pinned:
-            if imgui.selectable(f"{str(what).capitalize()}##pin", False)[0]:
-                pins.add(what)
-        imgui.separator()
-        camera.menu()
-        imgui.end_popup()
+    def _popups(self) -> None:
+        editing = self.editing
+        if imgui.begin_popup(PROMPT_POPUP):
+            if imgui.is_window_appearing():
+                imgui.set_keyboard_focus_here()
+            imgui.set_next_item_width(px(260))
+            flags = imgui.InputTextFlags_.enter_returns_true
+            entered, editing.new_prompt = imgui.input_text_with_hint(
+                "##new prompt", "Prompt from here; Enter resimulates", editing.new_prompt, flags
+            )
+            if entered:
+                editing.insert_prompt(editing.new_prompt)
+                imgui.close_current_popup()
+            imgui.end_popup()
+        if imgui.begin_popup(GAIT_POPUP):
+            for gait in REQUESTS:
+                if imgui.selectable(f"{gait.label.capitalize()}##gait", False)[0]:
+                    editing.insert_gait(gait)
+            imgui.end_popup()
+        if imgui.begin_popup(PIN_POPUP):
+            for what in Pinned:
+                if imgui.selectable(f"{str(what).capitalize()}##pin", False)[0]:
+                    self.pins.add(what)
+            imgui.separator()
+            self.cameras.menu()
+            imgui.end_popup()

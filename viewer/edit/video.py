@@ -1,4 +1,4 @@
-"""A film to look at beside a take: its pictures in memory, small and compressed, so that any of them is there at once."""
+"""A film to look at with a take: its pictures in memory, small and compressed, so that any of them is there at once."""
 
 from __future__ import annotations
 
@@ -54,20 +54,9 @@ class Video:
 
 def read_video(path: Path) -> Video:
     """Read a film; FileError where it is none, in a sentence for who made it."""
-    made: list[tuple[bytes, tuple[int, int]]] = []
-    times: list[float] = []
-    size, cut, kept = (0, 0), False, 0
+    made: list[tuple[float, bytes, tuple[int, int]]] = []
     try:
-        for time_s, picture in _webp(path) if path.suffix.lower() == ".webp" else _decoded(path):
-            if len(made) == MAX_PICTURES or time_s > MAX_SECONDS or kept > MAX_KEPT_BYTES:
-                cut = True
-                break
-            if times and time_s <= times[-1]:
-                continue  # of damaged or doubled stamps
-            made.append(_small(picture))
-            kept += len(made[-1][0])
-            times.append(time_s)
-            size = made[0][1]
+        cut = _read_pictures(path, made)
     except FileError:
         raise
     except Exception as error:  # decoders raise what they like at damage
@@ -76,12 +65,22 @@ def read_video(path: Path) -> Video:
         cut = True
     if not made:
         raise FileError(f"{path.name}: a film without pictures.", REMEDY)
+    times, pictures, sizes = zip(*made, strict=True)
     each = (times[-1] - times[0]) / (len(times) - 1) if len(times) > 1 else 0.04
-    start = times[0]
-    return Video(
-        path, size, tuple(data for data, _ in made), tuple(t - start for t in times),
-        times[-1] - start + each, cut,
-    )  # fmt: skip
+    starts = tuple(time_s - times[0] for time_s in times)
+    return Video(path, sizes[0], pictures, starts, starts[-1] + each, cut)
+
+
+def _read_pictures(path: Path, made: list[tuple[float, bytes, tuple[int, int]]]) -> bool:
+    """Add times, JPEG pictures and their sizes; whether there is more of the film."""
+    kept = 0
+    for time_s, picture in _webp(path) if path.suffix.lower() == ".webp" else _decoded(path):
+        if len(made) == MAX_PICTURES or time_s > MAX_SECONDS or kept > MAX_KEPT_BYTES:
+            return True
+        if not made or time_s > made[-1][0]:  # else of damaged or doubled stamps
+            made.append((time_s, *_small(picture)))
+            kept += len(made[-1][1])
+    return False
 
 
 def _small(image: Any) -> tuple[bytes, tuple[int, int]]:

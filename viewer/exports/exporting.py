@@ -4,25 +4,88 @@ from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runtime.errors import SportError, UsageError
 from runtime.formats.engines import ENGINES
-from runtime.formats.options import ExportOptions
-from runtime.formats.table import FORMATS, ExportCancelled, check_export, save_motion
+from runtime.formats.options import ALL, BODIES, FILMS, SCENES, ExportOptions, option
+from runtime.formats.table import FORMATS, ExportCancelled, Format, check_export, save_motion
 from runtime.options import spec_of
 from runtime.safe_read import parse_json, printable
 from runtime.session.session import Take
 from runtime.terrain.height_map import Terrain
-from viewer.exports.state import ExportForm, ExportState, form_from_json, form_to_json
 from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.scene.scene import Scene
 from viewer.session.takes import Takes, file_stem, free_path
+
+GROUNDS = {"": "No ground", "inside": "Ground inside", ".obj": "OBJ file", ".glb": "GLB file"}
+
+
+@dataclass(frozen=True)
+class ExportForm(ExportOptions):
+    """What is chosen in the window: the options of an export (0 frames a second: as the take), and what only it has."""
+
+    fps: float = field(default=0.0, metadata=ExportOptions.__dataclass_fields__["fps"].metadata)
+    suffix: str = option(".glb", ALL, label="Format", choices={f.suffix: f.name for f in FORMATS.values()})
+    ground: str = option(
+        "", SCENES | {".bvh"}, label="Ground", choices=GROUNDS,
+        hint="As a second node of the file, or as a file of its own, in the same coordinates",
+    )  # fmt: skip
+    trimmed: bool = option(
+        True, ALL, label="Trimmed range", hint="Only what lies between the trim marks of the timeline"
+    )
+    own_character: bool = option(True, BODIES | FILMS, label="My character")
+
+    @property
+    def format(self) -> Format:
+        """What is written."""
+        return FORMATS[self.suffix]
+
+    def has(self, name: str) -> bool:
+        """Whether the format has an option of the form."""
+        return self.suffix in spec_of(self, name).formats
+
+
+def form_to_json(form: ExportForm) -> dict[str, Any]:
+    """The options that the window shows, as plain values; see `form_from_json`."""
+    return {name: getattr(form, name) for name in _shown()}
+
+
+def form_from_json(value: Mapping[str, Any]) -> ExportForm:
+    """A form of untrusted values: one that is missing or cannot be used has its default."""
+    usual = ExportForm()
+    read = {name: spec_of(usual, name).read(value.get(name), getattr(usual, name)) for name in _shown()}
+    return ExportForm(**read)
+
+
+def _shown() -> list[str]:
+    """The fields that the window shows."""
+    specs = {entry.name: spec_of(ExportForm, entry.name) for entry in fields(ExportForm)}
+    return [name for name, spec in specs.items() if spec.label and spec.formats]
+
+
+@dataclass
+class ExportState:
+    """The export window."""
+
+    open: bool = False
+    form: ExportForm = ExportForm()
+    path: str = ""  # the field
+    missing: str = ""  # what the format needs and is not installed, and how to get it
+    progress: tuple[int, int] = (0, 0)  # frames of film done, and in all
+    report: str = ""  # what became of the last export
+    shown_report: str = ""  # the one of the frame before
+    report_good: bool = True
+
+    def choose(self, **values: Any) -> None:
+        """Change options of the form."""
+        self.form = replace(self.form, **values)
+
 
 if TYPE_CHECKING:
     from runtime.takes.clip import Clip
@@ -68,6 +131,11 @@ class Exporting:
             return
         self.state.open = True
         self.propose()
+
+    def close(self) -> bool:
+        """Close the window; whether it was open."""
+        was, self.state.open = self.state.open, False
+        return was
 
     def propose(self) -> None:
         """Put a free name with the ending of the chosen format into the field."""
@@ -129,7 +197,7 @@ class Exporting:
             except UsageError as error:
                 raise _named(error) from error
 
-        self.state.report, self.state.progress, self.state.writing = "", (0, 0), path.name
+        self.state.report, self.state.progress = "", (0, 0)
         self._cancel.clear()
         self.jobs.submit(
             SLOT,
@@ -138,7 +206,6 @@ class Exporting:
             self._failed,
             writing=f"the export of {take.title}",
             cancel=self.cancel if form.format.film else None,
-            doing=f"Exporting {take.title}",
         )
 
     def cancel(self) -> None:
@@ -173,22 +240,21 @@ class Exporting:
 
     def _options(self, form: ExportForm, take: Take, path: Path) -> ExportOptions:
         """The options of the form that its format has, for a take that goes to a path."""
-        fps = take.made.header.fps
+        fps, bones = take.made.header.fps, form.engine and ENGINES[form.engine].bones
         chosen: dict[str, Any] = {name: getattr(form, name) for name in form.format.options} | {
             "fps": form.fps or fps,
             "strides": form.strides if form.loop else 1,
-            "humanoid_names": form.humanoid_names and bool(form.engine and ENGINES[form.engine].bones),
+            "humanoid_names": form.humanoid_names and bool(bones),
             "with_ground": form.ground == "inside",
             "character": self.scene.character_path if form.own_character else None,
             "fit_to_motion": self.scene.settings.fit_to_motion,
         }
-        chosen = {name: value for name, value in chosen.items() if form.has(name)}
+        options = ExportOptions(**{name: value for name, value in chosen.items() if form.has(name)})
         if form.trimmed and take.trimmed:
             first, last = take.range
-            chosen |= {"start_s": first / fps, "end_s": last / fps}
+            options = replace(options, start_s=first / fps, end_s=last / fps)
         if form.has("ground") and form.ground.startswith("."):
-            chosen["ground_out"] = path.with_name(f"{path.stem}-ground{form.ground}")
-        options = ExportOptions(**chosen)
+            options = replace(options, ground_out=path.with_name(f"{path.stem}-ground{form.ground}"))
         options.check()
         return options
 
@@ -221,13 +287,9 @@ class Exporting:
             driven = None if inputs is None else inputs.ground(0)
             if driven is not None:
                 return driven.terrain
-            return (
-                take.ground.terrain
-                if take.ground is not None
-                else shown
-                if is_shown
-                else scene.read_ground(spec)
-            )
+            if take.ground is not None:
+                return take.ground.terrain
+            return shown if is_shown else scene.read_ground(spec)
 
         return found
 

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
-
 from runtime.formats.engines import ENGINES
 from runtime.options import spec_of
-from viewer.exports.exporting import Exporting
-from viewer.exports.state import ExportState
+from viewer.exports.exporting import Exporting, ExportState
 from viewer.gl_bindings import imgui
-from viewer.gui import overlay, theme, widgets
+from viewer.gui import theme, widgets
+from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
-from viewer.gui.theme import ICON, Fonts
+from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 
 WIDTH = 470.0  # pixels at scale 1
@@ -22,27 +19,18 @@ TOGGLES = (
     "in_place", "ground_root", "at_origin", "rest_frame", "animation_only", "humanoid_names", "captions", "quality",
     "loop", "trimmed", "own_character",
 )  # fmt: skip
+VALUES = {"quality": ("software", "high")}  # of toggles that are not False and True: off and on
 
 
-def panel(exporting: Exporting, fonts: Fonts) -> Panel:
+def panel(exporting: Exporting) -> Panel:
     """The export window."""
 
-    def close() -> bool:
-        was_open = exporting.state.open
-        exporting.state.open = False
-        return was_open
-
-    return Panel("Export", PanelPlace.WINDOW, lambda _: draw(exporting, fonts), close=close)
-
-
-def draw(exporting: Exporting, fonts: Fonts) -> None:
-    """The window, when it is open."""
-    state, take = exporting.state, exporting.takes.session.current
-    if not state.open or take is None:
-        state.open = False
-        return
-    with overlay.window(fonts, "Export", ICON.save, WIDTH) as closed:
-        header = take.made.header
+    def draw(_: Rect) -> None:
+        take = exporting.takes.session.current
+        if take is None:
+            exporting.close()
+            return
+        state, header = exporting.state, take.made.header
         first, last = take.range if state.form.trimmed else (0, take.frames - 1)
         length = f"{(last - first + 1) / header.fps:.1f} s, on {header.terrain.rsplit('/', 1)[-1]}"
         widgets.muted(widgets.elided(f"{take.title}: {length}", imgui.get_content_region_avail().x))
@@ -52,9 +40,12 @@ def draw(exporting: Exporting, fonts: Fonts) -> None:
         _toggles(exporting, take.trimmed)
         imgui.end_disabled()
         _end(exporting)
-    exporting.remember()
-    if closed[0]:
-        state.open = False
+        exporting.remember()
+
+    return Panel(
+        "Export", PanelPlace.WINDOW, draw, ICON.save, lambda: exporting.state.open, WIDTH,
+        close=exporting.close,
+    )  # fmt: skip
 
 
 def _target(exporting: Exporting) -> None:
@@ -62,12 +53,11 @@ def _target(exporting: Exporting) -> None:
     chosen = _list(state, "suffix", "##export format")
     if chosen != state.form.suffix:
         exporting.choose_format(str(chosen))
-    overlay.row("File")
-    side = imgui.get_frame_height()
-    imgui.set_next_item_width(imgui.get_content_region_avail().x - side - px(4))
+    widgets.row("File")
+    imgui.set_next_item_width(imgui.get_content_region_avail().x - imgui.get_frame_height() - px(4))
     flags = imgui.InputTextFlags_.elide_left
     state.path = imgui.input_text("##export file", state.path, flags)[1]
-    imgui.same_line(0, px(4))
+    widgets.same_line()
     if widgets.icon_button(ICON.folder, "browse export", "Choose by a dialog", theme.TEXT):
         exporting.browse()
 
@@ -75,17 +65,17 @@ def _target(exporting: Exporting) -> None:
 def _list(state: ExportState, name: str, widget: str) -> object:
     """A row with the choices of an option; the chosen one."""
     spec = spec_of(state.form, name)
-    overlay.row(spec.label, spec.hint)
+    widgets.row(spec.label, spec.hint)
     choices = [
         (value, text)
         for value, text in (spec.choices or {}).items()
         if value != "inside" or state.form.has("with_ground")
     ]
-    return overlay.combo(widget, choices, getattr(state.form, name))
+    return widgets.combo(widget, choices, getattr(state.form, name))
 
 
 def _lists_and_sliders(state: ExportState) -> None:
-    """The options that the format has, but for those that are on or off."""
+    """The options that the format has, except for toggles."""
     if state.form.ground == "inside" and not state.form.has("with_ground"):
         state.choose(ground="")
     for name in filter(state.form.has, LISTS):
@@ -93,7 +83,7 @@ def _lists_and_sliders(state: ExportState) -> None:
     for name, least, text in SLIDERS:
         if state.form.has(name):
             spec, value = spec_of(state.form, name), getattr(state.form, name)
-            overlay.row(spec.label, spec.hint)
+            widgets.row(spec.label, spec.hint)
             moved, value = widgets.slider(
                 f"##export {name}", value, spec.low, spec.high, text if value else "as usual"
             )
@@ -102,31 +92,27 @@ def _lists_and_sliders(state: ExportState) -> None:
 
 
 def _toggles(exporting: Exporting, trimmed: bool) -> None:
-    """What is on or off, and the strides of a loop."""
-    state, form = exporting.state, exporting.state.form
-    own = exporting.scene.character_path
-    hidden = {
-        "humanoid_names": not (form.engine and ENGINES[form.engine].bones),
-        "trimmed": not trimmed,
-        "own_character": own is None,
+    """What is on or off, in two columns, and the strides of a loop."""
+    state, form, own = exporting.state, exporting.state.form, exporting.scene.character_path
+    applies = {
+        "humanoid_names": bool(form.engine and ENGINES[form.engine].bones),
+        "trimmed": trimmed,
+        "own_character": own is not None,
     }
-    entries: list[tuple[str, bool, str, Callable[[bool], None]]] = []
-    for name in filter(form.has, TOGGLES):
-        spec, value = spec_of(form, name), getattr(form, name)
-        if hidden.get(name):
-            continue
-        hint = f"{own.name} in the place of the mannequin" if own and name == "own_character" else spec.hint
-        entries.append((spec.label, value in (True, "high"), hint, partial(_set, state, name)))
-    if entries:
-        overlay.toggles(entries)
+    hints = {"own_character": f"{own.name if own else ''} in the place of the mannequin"}
+    names = [name for name in TOGGLES if form.has(name) and applies.get(name, True)]
+    width = widgets.column_width(2)
+    for number, name in enumerate(names):
+        spec, values = spec_of(form, name), VALUES.get(name, (False, True))
+        on = getattr(form, name) == values[1]
+        if number % 2:
+            widgets.same_line()
+        if widgets.toggle(spec.label, on, width, hints.get(name, spec.hint)) != on:
+            state.choose(**{name: values[not on]})
     if state.form.loop and state.form.has("loop"):
         spec = spec_of(form, "strides")
-        overlay.row(spec.label, spec.hint)
+        widgets.row(spec.label, spec.hint)
         state.choose(strides=widgets.segmented("strides", list((spec.choices or {}).items()), form.strides))
-
-
-def _set(state: ExportState, name: str, on: bool) -> None:
-    state.choose(**{name: ("high" if on else "software") if name == "quality" else on})
 
 
 def _end(exporting: Exporting) -> None:
@@ -135,9 +121,9 @@ def _end(exporting: Exporting) -> None:
     imgui.separator()
     if exporting.busy:
         done, total = state.progress
-        share, text = (done / total, f"{done} of {total} frames") if total else (0.0, "Exporting…")
-        imgui.progress_bar(share, imgui.ImVec2(-px(90), 0), text)
-        imgui.same_line(0, px(4))
+        fraction, text = (done / total, f"{done} of {total} frames") if total else (0.0, "Exporting…")
+        imgui.progress_bar(fraction, imgui.ImVec2(-px(90), 0), text)
+        widgets.same_line()
         if widgets.button("Cancel##cancel export", -1, "Cancel; no file is kept"):
             exporting.cancel()
     elif state.missing:

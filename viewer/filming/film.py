@@ -1,25 +1,115 @@
-"""A film of a take: drawing and writing at the same time, with progress, and an end at any time."""
+"""Films of takes: drawn by an offscreen renderer and written at the same time, with captions, progress, and an end at any time."""
 
 from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.assets import asset_path
+from runtime.character.character import DEFAULT_CHARACTER, Character, load_character
 from runtime.errors import UsageError
 from runtime.formats.prepare import ExportOptions, PreparedTake
 from runtime.pose import Pose
 from runtime.takes.clip import Clip
+from runtime.takes.metadata import PromptEvent, title
 from runtime.terrain.height_map import Terrain
-from viewer.filming.captions import caption, write_caption
 from viewer.filming.shots import CameraPath, FilmOptions, camera_path
 from viewer.filming.writers import Frame, check_writer, open_writer
 from viewer.render.camera import Camera
+from viewer.render.offscreen import OffscreenTarget
+from viewer.render.overlays import Overlays
+from viewer.render.quality import HIGH, Quality
+from viewer.render.renderer import Renderer
+
+SMALLEST = 8  # letters, pixels
+_BACK, _INK = (20, 28, 40, 170), (240, 244, 250, 255)
+
+
+def caption(prompts: Sequence[PromptEvent], seconds: float) -> str:
+    """What was typed for the prompt in force at a moment, in quotation marks; "" before the first."""
+    begun = [event for event in prompts if event.seconds <= seconds + 1e-6]
+    if not begun:
+        return ""
+    last = begun[-1]
+    return f"“{title(replace(last, prompt=last.typed, typed='') if last.typed else last)}”"
+
+
+def write_caption(frame: NDArray[np.uint8], text: str) -> None:
+    """Lay `text` over a frame `(H, W, 3)`, in place."""
+    if text:
+        left, top, pixels = draw_caption((frame.shape[1], frame.shape[0]), text)
+        under = frame[top : top + pixels.shape[0], left : left + pixels.shape[1]]
+        opacity = pixels[..., 3:] / 255.0
+        under[:] = np.round(under * (1.0 - opacity) + pixels[..., :3] * opacity).astype(np.uint8)
+
+
+@lru_cache(maxsize=8)
+def draw_caption(size: tuple[int, int], text: str) -> tuple[int, int, NDArray[np.float32]]:
+    """Left, top, and pixels `(h, w, 4)` of a caption for a frame: as large as fits, cut where even small letters do not."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    image = Image.new("RGBA", size, (0, 0, 0, 0))
+    draw = ImageDraw.Draw(image)
+
+    def width(letters: int) -> float:
+        return draw.textlength(text, ImageFont.load_default(letters)) + 2.2 * letters
+
+    letters = max(SMALLEST, image.height // 22)
+    while letters > SMALLEST and width(letters) > 0.96 * image.width:
+        letters -= 1
+    while len(text) > 1 and width(letters) > 0.96 * image.width:
+        text = text[:-2] + "…"
+    half, middle = width(letters) / 2, image.height - 1.3 * letters
+    box = (image.width / 2 - half, middle - letters, image.width / 2 + half, middle + letters)
+    draw.rounded_rectangle(box, radius=letters, fill=_BACK)
+    # letters are laid over the bar, not put in its place
+    ink = Image.new("RGBA", size, (0, 0, 0, 0))
+    font = ImageFont.load_default(letters)
+    ImageDraw.Draw(ink).text((image.width / 2, middle), text, fill=_INK, font=font, anchor="mm")
+    done = Image.alpha_composite(image, ink)
+    left, top, right, bottom = done.getbbox() or (0, 0, 1, 1)
+    return left, top, np.asarray(done.crop((left, top, right, bottom)), np.float32)
+
+
+Image = NDArray[np.uint8]
+
+
+@contextmanager
+def studio(
+    size: tuple[int, int],
+    terrain: Terrain,
+    character: Character | None = None,
+    quality: Quality = HIGH,
+) -> Iterator[Callable[[Camera, Pose], Image]]:
+    """A function that draws a pose of `character` (None: the shipped one) as seen by a camera: `(H, W, 3)`, sRGB.
+
+    DisplayError without OpenGL.
+    """
+    target = OffscreenTarget(*size)
+    renderer = Renderer(target.ctx, quality)
+    try:
+        renderer.set_terrain(terrain)
+        renderer.set_character(character or load_character(asset_path(DEFAULT_CHARACTER)))
+
+        def draw(camera: Camera, pose: Pose) -> Image:
+            renderer.render(target.framebuffer, camera, pose, Overlays())
+            return target.read()
+
+        yield draw
+    finally:
+        renderer.release()
+        target.release()
+
 
 Draw = Callable[[Camera, Pose], Frame]
 Progress = Callable[[int, int], None]  # frames done, frames in all
@@ -65,7 +155,6 @@ def film_frames(
 
 def open_studio(options: FilmOptions, terrain: Terrain, character: Any) -> AbstractContextManager[Draw]:
     """A studio that draws the frames of such a film."""
-    from viewer.filming.studio import studio
     from viewer.render.quality import HIGH, SOFTWARE
 
     return studio(options.size, terrain, character, SOFTWARE if options.quality == "software" else HIGH)

@@ -43,7 +43,15 @@ class PendingDialog:
     native: Any = None  # the system's dialog
     typed: str = ""
     shown: bool = False
-    replacing: str = ""  # the path of a file that is there, once it was said
+    replacing: str = ""  # the path of a file that exists, once the user was warned
+
+    def would_replace(self, path: str) -> bool:
+        """Whether a path is that of a file that exists, with or without its ending, and would be written."""
+        if self.kind is not DialogKind.SAVE or not path:
+            return False
+        target = Path(path).expanduser()
+        ending = self.filters[-1].removeprefix("*") if self.filters else ""
+        return target.is_file() or target.with_name(target.name + ending).is_file()
 
 
 def has_native_dialogs() -> bool:
@@ -105,8 +113,8 @@ class Dialogs:
 
     def close(self) -> bool:
         """Ask no more; whether there was a question."""
-        asked, self.question = self.question, None
-        return asked is not None
+        question, self.question = self.question, None
+        return question is not None
 
     def panel(self) -> Panel:
         """The line to type into, as a window of the shell."""
@@ -142,17 +150,14 @@ class Dialogs:
         flags = imgui.InputTextFlags_.enter_returns_true
         entered, question.typed = imgui.input_text("##dialog path", question.typed, flags)
         if question.replacing and question.replacing == question.typed.strip():
-            widgets.muted("This file exists: the button again replaces it.")
-        half = (imgui.get_content_region_avail().x - px(4)) / 2
+            widgets.muted("This file exists. Click again to overwrite.")
+        half = widgets.column_width(2)
         path = question.typed.strip().strip('"').replace("\0", "")
         if widgets.button(f"{question.kind.value}###dialog ok", half, primary=True) or entered:
-            target = Path(path).expanduser()
-            ending = question.filters[-1].removeprefix("*") if question.filters else ""
-            there = target.is_file() or target.with_name(target.name + ending).is_file()
-            if question.kind is DialogKind.SAVE and path and path != question.replacing and there:
+            if path != question.replacing and question.would_replace(path):
                 question.replacing = path
                 return None
             return path or None
-        imgui.same_line(0, px(4))
+        widgets.same_line()
         escaped = imgui.is_window_focused() and imgui.is_key_pressed(imgui.Key.escape)
         return "" if widgets.button("Cancel###dialog cancel", half) or escaped else None

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from enum import Enum, auto
 from typing import Any
 
 from viewer.gl_bindings import imgui
+from viewer.input.devices import Devices
 
 OVER = "##overlay"  # ends the names of windows over everything
 _IMPLICIT = "Debug##"  # ImGui's own window, which is never shown
@@ -49,21 +51,18 @@ class Focus:
         drawn = [window.name for window in context.windows if window.active]
         over = tuple(name for name in drawn if name.endswith(OVER))
         opened, self.windows = [name for name in over if name not in self.windows], over
-        pressed = context.active_id_window
-        background = pressed is not None and context.active_id == pressed.move_id
-        held = context.active_id != 0 and not background
-        moves = bool(context.nav_move_submitted or context.nav_next_activate_id)  # to a field, or by Tab
-        if held or moves or len(context.open_popup_stack):
+        use = _use_of(context)
+        if use is not Use.NONE:
             if not any(map(imgui.is_mouse_clicked, range(3))):  # which ImGui acts on at the end of the frame
                 self.holder = _owner(context.nav_window) or self.holder
-            self.use = Use.UNSURE if moves and not len(context.open_popup_stack) else Use.OPEN
+            self.use = use
             return
         if opened:
             self.holder = opened[-1]
         elif self.use is Use.OPEN or (self.holder and self.holder not in drawn):
             self.release()
-        done = self.use is not Use.OPEN and not len(context.input_events_queue)
-        self.use = Use.NONE if done else Use.UNSURE
+        waits = self.use is Use.OPEN or len(context.input_events_queue)
+        self.use = Use.UNSURE if waits else Use.NONE
         if _owner(context.nav_window) != self.holder:
             imgui.set_window_focus(self.holder or None)
 
@@ -79,6 +78,74 @@ class Focus:
         if name:
             imgui.internal.nav_init_window(imgui.internal.find_window_by_name(name), True)
             imgui.set_nav_cursor_visible(True)
+
+
+@dataclass
+class KeyRouter:
+    """Gives keys to the view while it has them; keys that come before it is sure whose they are wait."""
+
+    focus: Focus
+    devices: Devices
+    asks_text: Callable[[], bool]  # a field waits for the keyboard
+    refuse: Callable[[], None]  # says that a panel has the keys
+    _waiting: list[tuple[str, bool]] = field(default_factory=list)  # name, whether it went down
+    _ctrl: bool = False  # is down
+    # Enter was pressed in the view: letters that follow within a slow frame are the field's
+    _field_entered: bool = False
+
+    @property
+    def typing(self) -> bool:
+        """Whether keys are text: also in the frames until ImGui says so, in which a slow machine gets several keys."""
+        entered = imgui.internal.get_input_text_state(imgui.internal.get_active_id()) is not None
+        return bool(imgui.get_io().want_text_input or entered or self.asks_text())
+
+    def key(self, name: str, down: bool) -> bool:
+        """Take a key; whether it acts in the view."""
+        if self._waiting or self.focus.use is Use.UNSURE:
+            self._waiting.append((name, down))
+            return False
+        return self._take(name, down)
+
+    def begin_frame(self) -> None:
+        """Take the keys that waited, once it is sure whose they are."""
+        if self.focus.use is not Use.UNSURE:
+            waiting, self._waiting = self._waiting, []
+            for name, down in waiting:
+                self._take(name, down)
+
+    def end_enter(self) -> None:
+        """The field that Enter opened has the keyboard, or none has."""
+        self._field_entered = False
+
+    def lose_window(self) -> None:
+        """The window lost the focus: no key is down any more."""
+        self.devices.keyboard.release_all()
+        self._ctrl = False
+        self._waiting.clear()
+
+    def _take(self, name: str, down: bool) -> bool:
+        """Function keys act always, all others while the view has the keys. Whether this one does."""
+        typing, in_view = self.typing or self._field_entered, self.focus.in_view
+        self.devices.keyboard.key(name, down, typing or not in_view)
+        self._ctrl = down if name == "ctrl" else self._ctrl
+        if typing or not down:
+            return False
+        if in_view:
+            self._field_entered |= name == "enter"
+        elif not self._ctrl and self.focus.use is Use.NONE and self.devices.acts_alone(name):
+            self.refuse()
+        return in_view
+
+
+def _use_of(context: Any) -> Use:
+    """What is in use: a popup, an item that is held, or one that the keyboard goes to, by Tab or for a field."""
+    if len(context.open_popup_stack):
+        return Use.OPEN
+    if context.nav_move_submitted or context.nav_next_activate_id:
+        return Use.UNSURE
+    pressed = context.active_id_window
+    background = pressed is not None and context.active_id == pressed.move_id  # a window that is moved
+    return Use.OPEN if context.active_id != 0 and not background else Use.NONE
 
 
 def window_at(x: float, y: float) -> str:

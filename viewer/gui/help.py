@@ -5,6 +5,7 @@ from __future__ import annotations
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.focus import OVER
+from viewer.gui.panels import FITTED
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
 from viewer.input.bindings import HELP, pad_text
@@ -22,15 +23,9 @@ def draw(fonts: Fonts, changes: str = "") -> bool:
     imgui.set_next_window_size_constraints(
         imgui.ImVec2(0, 0), imgui.ImVec2(max(size.x - px(20), 32), max(size.y - px(20), 32))
     )
-    flags = (
-        imgui.WindowFlags_.always_auto_resize
-        | imgui.WindowFlags_.no_title_bar
-        | imgui.WindowFlags_.no_move
-        | imgui.WindowFlags_.no_saved_settings
-    )
     imgui.push_style_color(imgui.Col_.window_bg, imgui.ImVec4(*theme.PANEL[:3], 1.0))
     imgui.push_style_var(imgui.StyleVar_.cell_padding, imgui.ImVec2(px(6), px(1.5)))
-    imgui.begin(f"Controls{OVER}", None, flags)
+    imgui.begin(f"Controls{OVER}", None, FITTED)
     closed |= _title(fonts)
     _table(fonts, changes)
     imgui.end()

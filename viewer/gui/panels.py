@@ -1,27 +1,29 @@
-"""What a panel is, and its window: rooms make panels, the shell draws them."""
+"""What a panel is, and its window: tools make panels, the shell draws them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import Enum, auto
 
 from viewer.gl_bindings import imgui
-from viewer.gui import widgets
-from viewer.gui.layout import Rect
-from viewer.gui.theme import Fonts
+from viewer.gui import theme, widgets
+from viewer.gui.focus import OVER
+from viewer.gui.layout import STATUS_HEIGHT, Rect
+from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
 from viewer.input.bindings import Action
 
+CARD_MARGIN = 10.0  # to the edges of the view, pixels at scale 1
+_FLAGS = imgui.WindowFlags_
+_KEPT = _FLAGS.no_move | _FLAGS.no_saved_settings
 FIXED = (
-    imgui.WindowFlags_.no_title_bar
-    | imgui.WindowFlags_.no_resize
-    | imgui.WindowFlags_.no_move
-    | imgui.WindowFlags_.no_collapse
-    | imgui.WindowFlags_.no_saved_settings
-    | imgui.WindowFlags_.no_bring_to_front_on_focus
-    | imgui.WindowFlags_.no_focus_on_appearing
-)
+    _KEPT | _FLAGS.no_title_bar | _FLAGS.no_resize | _FLAGS.no_collapse | _FLAGS.no_bring_to_front_on_focus
+    | _FLAGS.no_focus_on_appearing
+)  # fmt: skip
+FITTED = _KEPT | _FLAGS.no_title_bar | _FLAGS.always_auto_resize
+_CARD = _KEPT | _FLAGS.no_decoration | _FLAGS.no_focus_on_appearing
 
 
 class PanelPlace(Enum):
@@ -45,15 +47,15 @@ class Panel:
     draw: Callable[[Rect], None]
     icon: str = ""
     shown: Callable[[], bool] = lambda: True
-    tools: Callable[[], None] | None = None  # buttons beside the title
+    width: float = 0.0  # of a window in the middle, pixels at scale 1; 0: it draws its own window
+    tools: Callable[[], None] | None = None  # buttons in the line of the title
     tools_width: float = 0.0  # pixels at scale 1
-    actions: Mapping[Action, Callable[[], None]] = field(default_factory=dict)  # of its room
+    actions: Mapping[Action, Callable[[], None]] = field(default_factory=dict)
     begin_typing: Callable[[], None] | None = None  # Enter in the view goes to its field
     keys: Callable[[], None] | None = None  # acts on combinations with Ctrl, once a frame
     close: Callable[[], bool] | None = None  # Escape: close what is open; whether anything was
-    covers: Callable[[Rect], float] = lambda _: (
-        0.0
-    )  # of the view's left side, in screen units: nobody is there
+    # how much of the view's left side it covers, in screen units
+    covers: Callable[[Rect], float] = lambda _: 0.0
 
 
 def draw_window(name: str, rect: Rect, contents: Callable[[], None], flags: int = FIXED) -> None:
@@ -99,3 +101,72 @@ def _tools(panel: Panel, top: imgui.ImVec2, width: float) -> None:
     imgui.set_cursor_pos(imgui.ImVec2(top.x + width - px(panel.tools_width), top.y))
     panel.tools()
     imgui.set_cursor_pos(after)
+
+
+def draw_centred(panel: Panel, rect: Rect, fonts: Fonts) -> None:
+    """A panel in a window of its own in the middle, over everything but the status line; its button closes it."""
+    size = imgui.get_io().display_size
+    free = max(size.y - px(STATUS_HEIGHT), 1.0)
+    wide = min(px(panel.width), size.x - px(20))
+    imgui.set_next_window_pos(imgui.ImVec2(size.x / 2, free / 2), imgui.Cond_.always, imgui.ImVec2(0.5, 0.5))
+    imgui.set_next_window_size_constraints(imgui.ImVec2(wide, 0), imgui.ImVec2(wide, max(free - px(20), 64)))
+    with widgets.color(imgui.Col_.window_bg, (*theme.PANEL[:3], 1.0)):
+        imgui.begin(f"{panel.name}{OVER}", None, FITTED)
+        try:
+            top = imgui.get_cursor_pos()
+            imgui.set_cursor_pos_x(top.x + imgui.get_content_region_avail().x - imgui.get_frame_height())
+            closed = widgets.icon_button(ICON.close, f"close {panel.name}", "Close (Esc)", theme.TEXT)
+            imgui.set_cursor_pos(top)
+            widgets.heading(fonts, panel.icon, panel.name)
+            imgui.dummy(imgui.ImVec2(0, px(2)))
+            panel.draw(rect)
+        finally:
+            imgui.end()
+    if closed and panel.close is not None:
+        panel.close()
+
+
+@contextmanager
+def card(
+    name: str,
+    view: Rect,
+    width: float,
+    right: bool = False,
+    bottom: bool = False,
+    below: float = 0.0,
+    behind: bool = False,
+) -> Iterator[None]:
+    """Draw within a small window in a corner of `view`, as high as its contents.
+
+    It lies at the `right`, at the `bottom`, or `below` so much more at the top. `width` and `below` are pixels at scale 1;
+    one `behind` is not brought to the front by a click.
+    """
+    x = view.x + (view.width - px(CARD_MARGIN) if right else px(CARD_MARGIN))
+    y = view.y + (view.height - px(CARD_MARGIN) if bottom else px(CARD_MARGIN + below))
+    imgui.set_next_window_pos(
+        imgui.ImVec2(x, y), imgui.Cond_.always, imgui.ImVec2(float(right), float(bottom))
+    )
+    imgui.set_next_window_size(imgui.ImVec2(px(width), 0))
+    imgui.push_style_var(imgui.StyleVar_.window_padding, imgui.ImVec2(px(10), px(8)))
+    imgui.begin(name, None, _CARD | (_FLAGS.no_bring_to_front_on_focus if behind else 0))
+    imgui.pop_style_var()
+    try:
+        yield
+    finally:
+        imgui.end()
+
+
+def card_title(text: str, close: str, remove: str = "") -> str:
+    """A card's first line: its name, then buttons named `close …` and, with a hint, `remove …`; which of the two was pressed."""
+    side, buttons, pressed = imgui.get_frame_height(), 1 + bool(remove), ""
+    room = imgui.get_content_region_avail().x
+    imgui.align_text_to_frame_padding()
+    widgets.label(widgets.elided(text, room - buttons * side), theme.ACCENT)
+    imgui.same_line(room + imgui.get_style().window_padding.x - buttons * side)
+    if remove:
+        if widgets.icon_button(ICON.trash, f"remove {close}", remove, theme.TEXT):
+            pressed = "remove"
+        imgui.same_line(0, 0)
+    if widgets.icon_button(ICON.close, f"close {close}", "Close (Esc)", theme.TEXT):
+        pressed = "close"
+    return pressed

@@ -23,7 +23,7 @@ FPS_HALF_LIFE_S = 0.5
 
 @dataclass
 class Stats:
-    """Smoothed times of frames, all by the clock on the wall."""
+    """Smoothed times of frames by the clock."""
 
     frame_ms: float = 0.0  # work of one frame, without waiting
     fps: float = 0.0  # frames shown a second
@@ -34,10 +34,10 @@ class Stats:
         """Take one frame: its work, the time since the frame before (both in seconds), and its simulation steps."""
         if interval_s <= 0.0:
             return
-        share = 1.0 if self.fps == 0.0 else 1.0 - 0.5 ** (interval_s / FPS_HALF_LIFE_S)
-        self.frame_ms += (work_s * 1e3 - self.frame_ms) * share
-        self.fps += (1.0 / interval_s - self.fps) * share
-        self.steps_per_s += (steps / interval_s - self.steps_per_s) * share
+        fraction = 1.0 if self.fps == 0.0 else 1.0 - 0.5 ** (interval_s / FPS_HALF_LIFE_S)
+        self.frame_ms += (work_s * 1e3 - self.frame_ms) * fraction
+        self.fps += (1.0 / interval_s - self.fps) * fraction
+        self.steps_per_s += (steps / interval_s - self.steps_per_s) * fraction
 
 
 def draw(
@@ -48,31 +48,25 @@ def draw(
     The last fact stays. Before the message what the program is `doing`, with a button where it can be ended; whether that
     was pressed.
     """
-    width = imgui.get_content_region_avail().x
-    gap = px(18)
-    words = DRIVE_HINT if message is None else message.text
-    wanted = max(imgui.calc_text_size(words).x + px(ICON_WIDTH) + gap, px(MIN_MESSAGE_WIDTH))
-    while len(facts) > 1 and _width(facts, gap) > width - wanted:
-        facts.pop(0)
-    facts_width = _width(facts, gap)
-    begin, room = imgui.get_cursor_pos_x(), width - facts_width - gap
-    cancelled = bool(doing) and _doing(doing, room / 2 if message else room, can_end)
-    if doing and message:
+    width, gap = imgui.get_content_region_avail().x, px(18)
+    text = DRIVE_HINT if message is None else message.text
+    wanted = max(imgui.calc_text_size(text).x + px(ICON_WIDTH) + gap, px(MIN_MESSAGE_WIDTH))
+    widths = [imgui.calc_text_size(text).x + gap for text, _ in facts]
+    while len(widths) > 1 and sum(widths) - gap > width - wanted:
+        widths.pop(0)
+    begin, room, cancelled = imgui.get_cursor_pos_x(), width - sum(widths), False
+    if doing:
+        cancelled = _doing(doing, room / 2 if message else room, can_end)
         imgui.same_line(0, gap)
         room -= imgui.get_cursor_pos_x() - begin
     if message or not doing:
         _message(message, room)
-    imgui.same_line(width - facts_width + imgui.get_style().window_padding.x)
-    for i, (text, hint) in enumerate(facts):
-        if i:
-            imgui.same_line(0, gap)
+    imgui.same_line(width - sum(widths) + gap + imgui.get_style().window_padding.x)
+    for text, hint in facts[-len(widths) :]:
         widgets.muted(text)
         widgets.tooltip(hint)
+        imgui.same_line(0, gap)
     return cancelled
-
-
-def _width(facts: list[tuple[str, str]], gap: float) -> float:
-    return sum(imgui.calc_text_size(text).x for text, _ in facts) + gap * max(len(facts) - 1, 0)
 
 
 def _doing(text: str, width: float, can_end: bool) -> bool:

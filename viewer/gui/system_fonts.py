@@ -74,13 +74,16 @@ class SystemFonts:
         """Characters of new texts that no font here has; each is answered once."""
         new = {c for text in texts for c in text if ord(c) >= FIRST} - self._seen
         self._seen |= new
-        missing = {c for c in new if not self.regular.is_glyph_in_font(ord(c))}
+        missing = self._lacking(new)
         if missing and self._rest is None:
             self._rest = find_fonts()
         while missing and self._rest:
             self._merge(self._rest.pop(0))
-            missing = {c for c in missing if not self.regular.is_glyph_in_font(ord(c))}
+            missing = self._lacking(missing)
         return "".join(sorted(missing))
+
+    def _lacking(self, characters: set[str]) -> set[str]:
+        return {c for c in characters if not self.regular.is_glyph_in_font(ord(c))}
 
     def _merge(self, path: Path) -> None:
         config = imgui.ImFontConfig()

@@ -1,4 +1,4 @@
-"""Small building blocks of the panels; lengths in pixels at scale 1 go through `px`."""
+"""Small building blocks of the panels, and widgets of settings; lengths in pixels at scale 1 go through `px`."""
 
 from __future__ import annotations
 
@@ -7,11 +7,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
+from runtime.options import spec_of
 from viewer.gl_bindings import imgui
 from viewer.gui import theme
 from viewer.gui.layout import Rect
 from viewer.gui.theme import Color
+from viewer.settings import Settings
 
+GAP = 4.0  # between items side by side, pixels at scale 1
+LABEL_WIDTH = 150.0  # of the name of a row, pixels at scale 1
 TOOLTIP_WIDTH, TOOLTIP_MIN_WIDTH = 290.0, 180.0  # pixels at scale 1
 TOOLTIP_LENGTH = 360  # characters
 TOOLTIP_EDGE = 40.0  # a column is at most so far from the edge of the window
@@ -85,7 +89,7 @@ def tooltip(text: str) -> None:
         imgui.HoveredFlags_.delay_normal | imgui.HoveredFlags_.allow_when_disabled
     ):
         text = text if len(text) <= TOOLTIP_LENGTH else text[: TOOLTIP_LENGTH - 1].rstrip() + "…"
-        width = _place_beside()
+        width = _place_in_view()
         imgui.begin_tooltip()
         imgui.push_text_wrap_pos(width)
         imgui.text_unformatted(text)
@@ -93,7 +97,7 @@ def tooltip(text: str) -> None:
         imgui.end_tooltip()
 
 
-def _place_beside() -> float:
+def _place_in_view() -> float:
     """Put the next window into the view next to the item's column; the width of its text.
 
     That of a bar along the bottom, as the timeline, stands over the bar. Of what lies in no column at the left or right
@@ -180,14 +184,14 @@ def slider(
 ) -> tuple[bool, float]:
     """A bar that fills with the value and shows `text` (a format); Ctrl+click types a number."""
     flags = imgui.SliderFlags_.always_clamp
-    share = (value - low) / (high - low)
+    fraction = (value - low) / (high - low)
     if logarithmic:
         flags |= imgui.SliderFlags_.logarithmic
-        share = math.log(max(value, low) / low) / math.log(high / low)
+        fraction = math.log(max(value, low) / low) / math.log(high / low)
     corner, width = imgui.get_cursor_screen_pos(), imgui.calc_item_width()
     height, rounding = imgui.get_frame_height(), imgui.get_style().frame_rounding
     drawing = imgui.get_window_draw_list()
-    right = corner.x + width * min(max(share, 0.0), 1.0)
+    right = corner.x + width * min(max(fraction, 0.0), 1.0)
     for end, fill in ((corner.x + width, theme.FIELD), (right, theme.ACCENT_FILL)):
         if end > corner.x + 1:
             drawing.add_rect_filled(corner, imgui.ImVec2(end, corner.y + height), packed(fill), rounding)
@@ -198,16 +202,27 @@ def slider(
 
 def segmented(name: str, options: Sequence[tuple[Any, str]], value: Any) -> Any:
     """One of a few choices side by side; options are (value, text), answers the chosen value."""
-    spacing = px(4)
-    width = (imgui.get_content_region_avail().x - spacing * (len(options) - 1)) / len(options)
+    width = column_width(len(options))
     imgui.push_id(name)
     for i, (option, text) in enumerate(options):
         if i:
-            imgui.same_line(0, spacing)
+            same_line()
         if toggle(f"{text}##{option}", option == value, width) != (option == value):
             value = option
     imgui.pop_id()
     return value
+
+
+@contextmanager
+def section(title: str) -> Iterator[bool]:
+    """A part of a panel that a click on its title opens; whether it is open."""
+    opened = imgui.tree_node_ex(title, imgui.TreeNodeFlags_.span_avail_width)
+    if opened:
+        imgui.unindent(imgui.get_style().indent_spacing)
+    yield opened
+    if opened:
+        imgui.indent(imgui.get_style().indent_spacing)
+        imgui.tree_pop()
 
 
 def elided(text: str, width: float) -> str:
@@ -258,3 +273,69 @@ def tab(label: str, flags: int = 0) -> bool:
     if over and not is_open and imgui.is_mouse_clicked(imgui.MouseButton_.left):
         storage.set_bool(key, True)
     return is_open
+
+
+def column_width(count: int) -> float:
+    """The width of each of `count` items side by side in the rest of the line."""
+    return (imgui.get_content_region_avail().x - (count - 1) * px(GAP)) / count
+
+
+def same_line() -> None:
+    """The next item goes on the line of the one before."""
+    imgui.same_line(0, px(GAP))
+
+
+def row(label: str, hint: str = "") -> None:
+    """The name of what comes next, on its left; the next item takes the rest of the line."""
+    imgui.align_text_to_frame_padding()
+    muted(label)
+    tooltip(hint)
+    imgui.same_line(px(LABEL_WIDTH))
+    full_width()
+
+
+def combo(name: str, options: Sequence[tuple[object, str]], value: object) -> object:
+    """A list of (value, text); the chosen value."""
+    shown = next((text for option, text in options if option == value), str(value))
+    if imgui.begin_combo(name, shown, imgui.ComboFlags_.height_large):
+        for option, text in options:
+            if imgui.selectable(f"{text}{name}{option}", option == value)[0]:
+                value = option
+        imgui.end_combo()
+    return value
+
+
+def setting_slider(settings: Settings, name: str) -> None:
+    """A slider of a number."""
+    spec = spec_of(settings, name)
+    moved, value = slider(
+        f"##{name}",
+        getattr(settings, name) * spec.factor,
+        spec.low * spec.factor,
+        spec.high * spec.factor,
+        spec.label,
+        spec.logarithmic,
+    )
+    if moved:
+        setattr(settings, name, (float(round(value)) if spec.whole else value) / spec.factor)
+    tooltip(spec.hint)
+
+
+def setting_drag(settings: Settings, name: str) -> None:
+    """A number that is dragged or typed."""
+    spec, value, flags = spec_of(settings, name), getattr(settings, name), imgui.SliderFlags_.always_clamp
+    _, value = imgui.drag_float(f"##{name}", value, spec.speed, spec.low, spec.high, spec.label, flags)
+    setattr(settings, name, value)
+    tooltip(spec.hint)
+
+
+def setting_toggle(settings: Settings, name: str, width: float) -> None:
+    """A button that stays lit while a setting is on."""
+    spec = spec_of(settings, name)
+    setattr(settings, name, toggle(spec.label, getattr(settings, name), width, spec.hint))
+
+
+def setting_choice(settings: Settings, name: str) -> None:
+    """One of a few values side by side."""
+    options = list((spec_of(settings, name).choices or {}).items())
+    setattr(settings, name, segmented(name, options, getattr(settings, name)))

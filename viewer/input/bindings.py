@@ -103,7 +103,7 @@ class Action(Enum):
     NEXT_PANEL = "f6 tab"
 
 
-# Views of the character, in the order of `viewer.stage.views.VIEWS`.
+# Views of the character, in the order of `viewer.scene.views.VIEWS`.
 VIEW_ACTIONS = (Action.FRONT, Action.SIDE, Action.THREE_QUARTERS, Action.FEET)
 _TAKE_KEYS = frozenset(action.take_key for action in Action) - {""}
 
@@ -135,35 +135,35 @@ def changed_buttons(changes: str, action: Action, button: str) -> str:
     return " ".join(f"{a.name.lower()}={b}" for a, b in buttons.items() if before[a] != b)
 
 
-# What the help overlay prints: heading, then rows of (what, keyboard and mouse, gamepad).
+# What the help overlay prints: heading, then rows of what, keyboard and mouse, gamepad: {action} is its button.
 HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
     ("Move", (
         ("Walk", "W  A  S  D", "Left stick"),
         ("Jog", "Shift (hold)", "Right trigger"),
-        ("Crouch", "C (press or hold)", "B (press or hold)"),
-        ("Jump", "Space", "A"),
-        ("Strafe, face the camera", "X or Alt (hold)", "Left shoulder (hold)"),
-        ("Back to the start", "Home", "Left stick press"),
+        ("Crouch", "C (press or hold)", "{crouch} (press or hold)"),
+        ("Jump", "Space", "{jump}"),
+        ("Strafe, face the camera", "X or Alt (hold)", "{strafe} (hold)"),
+        ("Back to the start", "Home", "{reset}"),
     )),
     ("Camera", (
         ("Turn", "Q  E, arrows, right drag", "Right stick"),
-        ("Zoom", "Wheel, Page Up / Down", "D-pad up / down"),
-        ("Follow or orbit", "F", "Right stick press"),
+        ("Zoom", "Wheel, Page Up / Down", "{zoom_in}, {zoom_out}"),
+        ("Follow or orbit", "F", "{camera}"),
         ("Front, side, 3/4, feet", "1, 2, 3, 4", ""),
         ("Bring the character into view", "0", ""),
     )),
     ("Record", (
-        ("Start or stop", "R", "Y"),
-        ("Keep the last seconds", "T", "X"),
+        ("Start or stop", "R", "{record}"),
+        ("Keep the last seconds", "T", "{save_last}"),
         ("Play or pause the clip", "P, or Space while it plays", ""),
         ("One frame back, one on", "Left, Right, or comma, full stop", ""),
         ("First frame, last frame", "Home, End", ""),
         ("Screenshot", "F12", ""),
     )),
     ("Show", (
-        ("This help", "F1", "Start"),
+        ("This help", "F1", "{help}"),
         ("Trajectory, skeleton, contacts", "F2, F3, F4", ""),
-        ("Grid, panels", "F5, F10", "Back (panels)"),
+        ("Grid, panels", "F5, F10", "{panels} (panels)"),
         ("Full screen", "F11", ""),
         ("Next panel, back to the view", "F6, Esc", ""),
     )),
@@ -178,14 +178,10 @@ HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
 
 
 def pad_text(text: str, changes: str) -> str:
-    """The help's words on the pad with its buttons as they were changed."""
-    now = pad_buttons(changes)
-    for action, button in pad_buttons().items():
-        old, new = BUTTON_NAMES[button], BUTTON_NAMES[now[action]]
-        if new != old and (text == old or text.startswith(f"{old} (")):
-            return new + text[len(old) :]
-    up, down = (BUTTON_NAMES[now[action]] for action in (Action.ZOOM_IN, Action.ZOOM_OUT))
-    return f"{up}, {down}" if text.startswith("D-pad up") and up != "D-pad up" else text
+    """The help's text on the pad with its buttons as they were changed."""
+    buttons = pad_buttons(changes).items()
+    names = {action.name.lower(): BUTTON_NAMES[button] for action, button in buttons}
+    return text.format_map(names).replace("D-pad up, D-pad down", "D-pad up / down")
 
 
 @dataclass(frozen=True)

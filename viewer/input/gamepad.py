@@ -91,26 +91,21 @@ class GlfwGamepads:
         button_pointer, button_count = self.glfw.get_joystick_buttons(pad)
         if count < 4 or button_count < 6:
             return None  # a wheel, a sensor or a keyboard that calls itself a joystick
-        axes = [float(pointer[i]) for i in range(count)]
-        six = count >= 6
-        triggers = (2, 5) if six else ()
+        triggers, right = ((2, 5), 3) if count >= 6 else ((), 2)
         live = self._live_axes.setdefault(pad, set())
-        live.update(i for i, v in enumerate(axes) if (v < _RELEASED if i in triggers else abs(v) < _REST))
-
-        def axis(i: int) -> float:
-            return axes[i] if i in live else 0.0
-
-        def trigger(i: int) -> float:
-            return (axes[i] + 1) / 2 if i in live and i in triggers else 0.0
-
-        buttons = frozenset(BUTTONS[i] for i in range(min(button_count, 8)) if button_pointer[i])
+        axes = [float(pointer[i]) for i in range(count)]
+        for i, value in enumerate(axes):
+            if value < _RELEASED if i in triggers else abs(value) < _REST:
+                live.add(i)
+            elif i not in live:
+                axes[i] = -1.0 if i in triggers else 0.0
+        pulled = ((axes[2] + 1) / 2, (axes[5] + 1) / 2) if triggers else (0.0, 0.0)
         return GamepadState(
             _text(self.glfw.get_joystick_name(pad)) + " (unmapped)",
-            (axis(0), -axis(1)),
-            (axis(3 if six else 2), -axis(4 if six else 3)),
-            trigger(2),
-            trigger(5),
-            buttons,
+            (axes[0], -axes[1]),
+            (axes[right], -axes[right + 1]),
+            *pulled,
+            frozenset(BUTTONS[i] for i in range(min(button_count, 8)) if button_pointer[i]),
         )
 
     def add_mappings(self, path: Path) -> str:
@@ -122,15 +117,19 @@ class GlfwGamepads:
             return ""
         except OSError as error:
             return f"{path}: cannot be read ({error.strerror}); the built-in gamepad mappings are used."
-        # glfw answers success for garbage too, so what looks like no mapping is refused here
-        text = data.decode("utf-8", errors="replace")
-        lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-        good = [line for line in lines if line.count(",") >= 2 and "\0" not in line]
+        lines = [line for line in data.decode("utf-8", "replace").splitlines() if line.strip()]
+        good = [line for line in lines if _is_mapping(line)]
+        bad = sum(not line.startswith("#") for line in lines) - len(good)
         if good:
             self.glfw.update_gamepad_mappings("\n".join(good) + "\n")
-        if len(good) < len(lines) or len(data) > MAX_MAPPING_BYTES:
-            return f"{path}: {len(lines) - len(good)} lines are no SDL gamepad mapping and were left out."
+        if bad or len(data) > MAX_MAPPING_BYTES:
+            return f"{path}: {bad} lines are no SDL gamepad mapping and were left out."
         return ""
+
+
+def _is_mapping(line: str) -> bool:
+    """Whether a line looks like a mapping: glfw answers success for garbage too."""
+    return not line.startswith("#") and line.count(",") >= 2 and "\0" not in line
 
 
 def _from_mapping(name: str, mapped: Any) -> GamepadState:

@@ -107,6 +107,7 @@ class LiveLink:
     sent: int = 0
     dropped: int = 0
     name: str = "Live link"
+    receivers: str = "Blender or another program"
     _socket: socket.socket | None = None
     _joints: bytes = b""
     _size: float = 1.0

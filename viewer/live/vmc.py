@@ -92,6 +92,7 @@ class VmcLink(LiveLink):
     """The live link by VMC; a pose is `sent` when all its bundles were."""
 
     name: str = "VMC"
+    receivers: str = "Unity, Warudo, VSeeFace and other VMC receivers"
     address: Address = field(default_factory=lambda: Address(port=VMC_PORT))
 
     def publish(self, poses: Sequence[Pose], step_s: float = STEP_S, size: float = 1.0) -> None:

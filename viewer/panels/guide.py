@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from viewer.editor import Editor
 from viewer.gl_bindings import imgui
-from viewer.gui import card, theme, widgets
+from viewer.gui import panels, theme, widgets
 from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
@@ -88,41 +88,37 @@ class Guide:
 
 def panel(guide: Guide, covered: Callable[[], bool]) -> Panel:
     """The card; not shown while it would be `covered`, or cover."""
-    return Panel("First minute", PanelPlace.VIEW, lambda view: draw(guide, view), shown=lambda: not covered())
+
+    def draw(view: Rect) -> None:
+        if view.height >= px(MIN_HEIGHT) and view.width >= px(WIDTH + 4 * panels.CARD_MARGIN):
+            _draw(guide, view)
+
+    return Panel("First minute", PanelPlace.VIEW, draw, shown=lambda: guide.shown and not covered())
 
 
-def draw(guide: Guide, view: Rect) -> None:
-    """The card under the session's bar; nothing where the view is too low for it."""
-    if not guide.shown or view.height < px(MIN_HEIGHT) or view.width < px(WIDTH + 4 * card.MARGIN):
-        return
+def _draw(guide: Guide, view: Rect) -> None:
+    """The card under the session's bar."""
     small = min(view.height, view.width) < px(SMALL_VIEW)
-    # in a small view beside the feet, where it covers no head
-    with card.card(
-        "First minute", view, SMALL_WIDTH if small else WIDTH, bottom=small, below=BELOW_BAR, behind=True
-    ):
-        _steps(guide, small)
+    # in a small view next to the feet, where it covers no head
+    width = SMALL_WIDTH if small else WIDTH
+    with panels.card("First minute", view, width, bottom=small, below=BELOW_BAR, behind=True):
+        left = [step for step in range(len(STEPS)) if not guide.is_done(step)]
+        if left:
+            place = f"{left[0] + 1} of {len(STEPS)}"
+            widgets.label(f"Step {place}" if small else f"The first minute, step {place}", theme.ACCENT)
+        else:
+            widgets.muted("That is all. The session menu gives it a name.", wrap=True)
+        for step in left[:1] if small else range(len(STEPS)):
+            _step(step, step not in left, step in left[:1])
+        if widgets.button("Skip##guide" if left else "Close", -1):
+            guide.skip()
 
 
-def _steps(guide: Guide, small: bool) -> None:
-    """All steps, or the next one alone where a small view needs its room."""
-    finished = all(guide.is_done(step) for step in range(len(STEPS)))
-    now = next((step for step in range(len(STEPS)) if not guide.is_done(step)), -1)
-    title = (
-        f"Step {now + 1} of {len(STEPS)}" if small else f"The first minute, step {now + 1} of {len(STEPS)}"
-    )
-    if finished:
-        widgets.muted("That is all. The session menu gives it a name.", wrap=True)
-    else:
-        widgets.label(title, theme.ACCENT)
-    for step, (name, how) in enumerate(STEPS):
-        if small and step != now:
-            continue
-        done = guide.is_done(step)
-        with widgets.color(
-            imgui.Col_.text, theme.ACCENT if done else theme.TEXT if step == now else theme.MUTED
-        ):
-            imgui.text_unformatted(f"{ICON.check if done else ICON.on if step == now else '    '}  {name}")
-        if step == now:
-            widgets.muted(how, wrap=True)
-    if widgets.button("Close" if finished else "Skip##guide", -1):
-        guide.skip()
+def _step(step: int, done: bool, current: bool) -> None:
+    """A step that is done, the one to take now, or a later one."""
+    name, how = STEPS[step]
+    tint = theme.ACCENT if done else theme.TEXT if current else theme.MUTED
+    with widgets.color(imgui.Col_.text, tint):
+        imgui.text_unformatted(f"{ICON.check if done else ICON.on if current else '    '}  {name}")
+    if current:
+        widgets.muted(how, wrap=True)

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from runtime.character.shape import BodyShape
 from runtime.safe_read import printable
-from viewer.edit import path_panel
 from viewer.edit.path import PathTool
 from viewer.gl_bindings import imgui
-from viewer.gui import setting_widgets, theme, widgets
+from viewer.gui import theme, widgets
+from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
-from viewer.live import panel as live_panel
+from viewer.live.link import LiveLink
 from viewer.scene.scene import Scene
 from viewer.session.takes import Takes
 from viewer.settings import CAMERAS, QUALITIES, VIEWS, Settings
@@ -25,43 +25,55 @@ _SHAPE_RANGE = (60.0, 150.0)  # % of its own
 _SHOWN = ("show_trajectory", "show_skeleton", "show_contacts", "show_grid", "show_ghosts", "show_trails")
 
 
-def panel(
-    scene: Scene,
-    takes: Takes,
-    path: PathTool,
-    open_files: Callable[[list[Path]], None],
-    browse: Callable[[], None],
-    draw_pins: Callable[[float], None],
-) -> Panel:
-    """The scene panel; `draw_pins` is its button, of a width, for pins of the live character."""
-    return Panel(
-        "Scene",
-        PanelPlace.RIGHT_TOP,
-        lambda _: draw(scene, takes, path, open_files, browse, draw_pins),
-        ICON.scene,
-        actions=scene.actions,
-    )
+@dataclass
+class ScenePanel:
+    """What the panel is drawn from."""
 
+    scene: Scene
+    takes: Takes
+    path: PathTool
+    open_files: Callable[[list[Path]], None]
+    browse: Callable[[], None]  # asks for a file to open
+    draw_pins: Callable[[float], None]  # the button, of a width, for pins of the live character
 
-def draw(
-    scene: Scene,
-    takes: Takes,
-    path: PathTool,
-    open_files: Callable[[list[Path]], None],
-    browse: Callable[[], None],
-    draw_pins: Callable[[float], None],
-) -> None:
-    """Contents of the panel; `browse` asks for a file to open."""
-    _terrain(scene, takes)
-    _open_file(scene, open_files, browse)
-    mode = widgets.segmented("camera", list(CAMERAS.items()), scene.camera.mode)
-    if mode != scene.camera.mode:
-        scene.use_camera(mode)
-    _views(scene)
-    path_panel.draw(path, draw_pins)
-    _toggles(scene.settings)
-    _drawing(scene)
-    live_panel.draw(scene.live, scene.vmc)
+    def panel(self) -> Panel:
+        """The scene panel."""
+        return Panel("Scene", PanelPlace.RIGHT_TOP, self._draw, ICON.scene, actions=self.scene.actions)
+
+    def _draw(self, _: Rect) -> None:
+        scene = self.scene
+        _terrain(scene, self.takes)
+        with widgets.section("Open a file, shape the body") as opened:
+            if opened:
+                self._open_file()
+                _character(scene)
+        mode = widgets.segmented("camera", list(CAMERAS.items()), scene.camera.mode)
+        if mode != scene.camera.mode:
+            scene.use_camera(mode)
+        _views(scene)
+        self.path.draw(self.draw_pins)
+        _toggles(scene.settings)
+        _drawing(scene)
+        _links(scene.live, scene.vmc)
+
+    def _open_file(self) -> None:
+        scene = self.scene
+        load_width = px(60)
+        imgui.set_next_item_width(-load_width - imgui.get_frame_height() - px(8))
+        entered, scene.file_path = imgui.input_text_with_hint(
+            "##path", "PNG, OBJ, GLB, VRM, BVH", scene.file_path, imgui.InputTextFlags_.enter_returns_true
+        )
+        widgets.same_line()
+        if widgets.icon_button(ICON.folder, "browse file", "Choose by a dialog", theme.TEXT):
+            self.browse()
+        widgets.same_line()
+        hint = (
+            "A ground (PNG, NPY, mesh), a character (GLB, VRM) or a clip (BVH); dropping a file does the same"
+        )
+        load = widgets.button("Open", load_width, hint)
+        path = scene.file_path.strip().strip('"')
+        if (entered or load) and path:
+            self.open_files([Path(path).expanduser()])
 
 
 def _terrain(scene: Scene, takes: Takes) -> None:
@@ -76,38 +88,19 @@ def _terrain(scene: Scene, takes: Takes) -> None:
                 scene.load_terrain(name)
         imgui.end_combo()
     widgets.tooltip(spec)
-    imgui.same_line(0, px(4))
+    widgets.same_line()
     if widgets.button(ICON.reset, reset_width, "Back to the start of the ground (Home)"):
         scene.reset_character()
 
 
-def _open_file(scene: Scene, open_files: Callable[[list[Path]], None], browse: Callable[[], None]) -> None:
-    if not imgui.tree_node_ex("Open a file, shape the body", imgui.TreeNodeFlags_.span_avail_width):
-        return
-    imgui.unindent(imgui.get_style().indent_spacing)
-    load_width = px(60)
-    imgui.set_next_item_width(-load_width - imgui.get_frame_height() - px(8))
-    entered, scene.file_path = imgui.input_text_with_hint(
-        "##path", "PNG, OBJ, GLB, VRM, BVH", scene.file_path, imgui.InputTextFlags_.enter_returns_true
-    )
-    imgui.same_line(0, px(4))
-    if widgets.icon_button(ICON.folder, "browse file", "Choose by a dialog", theme.TEXT):
-        browse()
-    imgui.same_line(0, px(4))
-    load = widgets.button(
-        "Open",
-        load_width,
-        "A ground (PNG, NPY, mesh), a character (GLB, VRM) or a clip (BVH); dropping a file does the same",
-    )
-    path = scene.file_path.strip().strip('"')
-    if (entered or load) and path:
-        open_files([Path(path).expanduser()])
-    half = (imgui.get_content_region_avail().x - px(4)) / 2
+def _character(scene: Scene) -> None:
+    """Scale of height maps, and the shape of the mannequin or the joints of another character."""
+    half = widgets.column_width(2)
     imgui.set_next_item_width(half)
-    setting_widgets.drag(scene.settings, "height_map_cell_m")
-    imgui.same_line(0, px(4))
+    widgets.setting_drag(scene.settings, "height_map_cell_m")
+    widgets.same_line()
     imgui.set_next_item_width(half)
-    setting_widgets.drag(scene.settings, "height_map_height_m")
+    widgets.setting_drag(scene.settings, "height_map_height_m")
     if scene.is_mannequin:
         _shape(scene)
         if scene.shape != BodyShape() and widgets.button("Its own shape", -1):
@@ -115,50 +108,45 @@ def _open_file(scene: Scene, open_files: Callable[[list[Path]], None], browse: C
     elif scene.character_path is not None:
         if widgets.button("Joints…", px(80), "Which joint of this character plays which of ours"):
             scene.joints.begin(scene.character_path)
-        imgui.same_line(0, px(4))
+        widgets.same_line()
         if widgets.button("Back to the mannequin", -1):
             scene.open_character(None)
-        setting_widgets.toggle(scene.settings, "fit_to_motion", -1)
-    imgui.indent(imgui.get_style().indent_spacing)
-    imgui.tree_pop()
+        widgets.setting_toggle(scene.settings, "fit_to_motion", -1)
 
 
 def _shape(scene: Scene) -> None:
     """The mannequin's measures; it is made again when the mouse lets go, and its steps adapt to its size."""
     shape = scene.shape
     for name, text in _SHAPES.items():
-        share = 100.0 * getattr(shape, name)
+        percent = 100.0 * getattr(shape, name)
         imgui.set_next_item_width(-1)
-        moved, share = widgets.slider(f"##shape {name}", share, *_SHAPE_RANGE, f"{text} %.0f %%")
+        moved, percent = widgets.slider(f"##shape {name}", percent, *_SHAPE_RANGE, f"{text} %.0f %%")
         if moved:
             low, high = _SHAPE_RANGE  # a number can be typed
-            percent = min(max(round(share), low), high)
+            percent = min(max(round(percent), low), high)
             scene.set_shape(replace(shape, **{name: percent / 100.0}), held=True)
         widgets.tooltip(f"The mannequin's {text.lower()}. Ctrl+click types a number")
 
 
 def _views(scene: Scene) -> None:
-    spacing = px(4)
-    texts = [(text, f"The character from there ({key})") for key, text in enumerate(VIEWS.values(), 1)]
-    width = (imgui.get_content_region_avail().x - spacing * len(texts)) / (len(texts) + 1)
-    for name, (text, hint) in zip(VIEWS, texts, strict=True):
-        if widgets.button(f"{text}##view {name}", width, hint):
+    width = widgets.column_width(len(VIEWS) + 1)
+    for key, (name, text) in enumerate(VIEWS.items(), 1):
+        if widgets.button(f"{text}##view {name}", width, f"The character from there ({key})"):
             scene.view(name)
-        imgui.same_line(0, spacing)
+        widgets.same_line()
     if widgets.button("Frame##frame", width, "Bring the whole character into the middle (0)"):
         scene.frame_character()
 
 
 def _toggles(settings: Settings) -> None:
-    spacing = px(4)
-    width = (imgui.get_content_region_avail().x - 2 * spacing) / 3
+    width = widgets.column_width(3)
     for i, name in enumerate(_SHOWN):
         if i % 3:
-            imgui.same_line(0, spacing)
-        setting_widgets.toggle(settings, name, width)
+            widgets.same_line()
+        widgets.setting_toggle(settings, name, width)
         if name == "show_ghosts" and imgui.begin_popup_context_item("ghost frames"):
             imgui.set_next_item_width(px(200))
-            setting_widgets.slider(settings, "ghost_frames")
+            widgets.setting_slider(settings, "ghost_frames")
             imgui.end_popup()
 
 
@@ -181,8 +169,23 @@ def _drawing(scene: Scene) -> None:
         imgui.begin_group()
         widgets.label(text)
         imgui.set_next_item_width(slider)
-        setting_widgets.slider(scene.settings, name)
+        widgets.setting_slider(scene.settings, name)
         imgui.end_group()
+
+
+def _links(*links: LiveLink) -> None:
+    """Buttons side by side that stay lit while poses are sent."""
+    width = widgets.column_width(len(links))
+    for number, link in enumerate(links):
+        if number:
+            widgets.same_line()
+        where = "" if link.address.loopback else ", not this computer"
+        hint = f"Sends the pose to {link.receivers}, by UDP to {link.address}{where}"
+        if link.on:
+            hint += f"; {link.sent} poses sent"
+        text = f"{link.name} :{link.address.port}" if link.on else link.name
+        if widgets.toggle(f"{text}###{link.name.lower()}", link.on, width, hint) != link.on:
+            link.switch()
 
 
 def _short(spec: str) -> str:

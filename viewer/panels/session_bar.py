@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from viewer.exports.exporting import Exporting
 from viewer.gl_bindings import imgui
 from viewer.gui import widgets
 from viewer.gui.layout import Rect
-from viewer.gui.panels import Panel, PanelPlace
+from viewer.gui.panels import FIXED, Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.panels.guide import Guide
@@ -45,23 +46,17 @@ class SessionBar:
 
     def panel(self) -> Panel:
         """The bar, and the keys with Ctrl."""
-        return Panel("Desk", PanelPlace.VIEW, self.draw, keys=self.keys)
+        return Panel("Session", PanelPlace.VIEW, self.draw, keys=self.keys)
 
     def draw(self, view: Rect) -> None:
         """The bar at the top left of the view, and what opens from it."""
         if view.width < px(MIN_VIEW):
             return
         imgui.set_next_window_pos(imgui.ImVec2(view.x + px(MARGIN), view.y + px(MARGIN)))
-        flags = (
-            imgui.WindowFlags_.no_decoration
-            | imgui.WindowFlags_.always_auto_resize
-            | imgui.WindowFlags_.no_move
-            | imgui.WindowFlags_.no_saved_settings
-            | imgui.WindowFlags_.no_bring_to_front_on_focus
-            | imgui.WindowFlags_.no_focus_on_appearing
-        )
         imgui.push_style_var(imgui.StyleVar_.window_padding, imgui.ImVec2(px(4), px(4)))
-        imgui.begin("Desk", None, flags)
+        imgui.begin(
+            "Session", None, FIXED | imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.always_auto_resize
+        )
         self._buttons()
         imgui.pop_style_var()
         self._menu()
@@ -97,7 +92,7 @@ class SessionBar:
             hint = f"{printable(sessions.path)}\nEvery edit is in it at once."
         if widgets.button(f"{ICON.folder} {name}{mark}###session", 0.0, file.problem or hint):
             imgui.open_popup(POPUP)
-        imgui.same_line(0, px(4))
+        widgets.same_line()
         if widgets.button(f"{ICON.gear}###settings", px(30), "Settings"):
             self.settings_window.toggle()
 
@@ -109,36 +104,28 @@ class SessionBar:
         if not imgui.begin_popup(POPUP):
             return
         sessions, editor = self.sessions, self.sessions.editor
-        for text, key, act in (
-            ("New session", "", sessions.new),
-            ("Open…", "Ctrl+O", sessions.ask_open),
-        ):
-            if imgui.menu_item(text, key, False)[0]:
-                act()
+        undo, redo = editor.undo_label, editor.redo_label
+        _items(("New session", "", sessions.new), ("Open…", "Ctrl+O", sessions.ask_open))
         self._recent()
         self._earlier()
         imgui.separator()
-        if imgui.menu_item("Save" if sessions.path is None else "Saved as you work", "Ctrl+S", False)[0]:
-            sessions.save()
-        if imgui.menu_item("Save as…", "Ctrl+Shift+S", False)[0]:
-            sessions.ask_save()
-        if imgui.menu_item("Save a copy…", "", False)[0]:
-            sessions.ask_copy()
-        if imgui.menu_item("Revert to when it was opened", "", False)[0]:
-            sessions.revert()
+        _items(
+            ("Save" if sessions.path is None else "Saved as you work", "Ctrl+S", sessions.save),
+            ("Save as…", "Ctrl+Shift+S", sessions.ask_save),
+            ("Save a copy…", "", sessions.ask_copy),
+            ("Revert to when it was opened", "", sessions.revert),
+        )
         imgui.separator()
-        undo, redo = editor.undo_label, editor.redo_label
-        if imgui.menu_item(f"Undo {printable(undo)}###undo", "Ctrl+Z", False, bool(undo))[0]:
-            editor.undo()
-        if imgui.menu_item(f"Redo {printable(redo)}###redo", "Ctrl+Y", False, bool(redo))[0]:
-            editor.redo()
+        _items(
+            (f"Undo {printable(undo)}###undo", "Ctrl+Z", editor.undo if undo else None),
+            (f"Redo {printable(redo)}###redo", "Ctrl+Y", editor.redo if redo else None),
+        )
         imgui.separator()
-        if imgui.menu_item("Export the take…", "Ctrl+E", False)[0]:
-            self.exporting.open()
-        if imgui.menu_item("Settings…", "", False)[0]:
-            self.settings_window.shown = True
-        if imgui.menu_item("First minute", "", False)[0]:
-            self.guide.begin()
+        _items(
+            ("Export the take…", "Ctrl+E", self.exporting.open),
+            ("Settings…", "", self.settings_window.open),
+            ("First minute", "", self.guide.begin),
+        )
         imgui.end_popup()
 
     def _recent(self) -> None:
@@ -182,6 +169,13 @@ class SessionBar:
         if texture is not None:
             imgui.image(imgui.ImTextureRef(texture.glo), imgui.ImVec2(px(64), px(36)))
             imgui.same_line(0, px(6))
+
+
+def _items(*items: tuple[str, str, Callable[[], object] | None]) -> None:
+    """Lines of a menu: text, key and action; one without an action is disabled."""
+    for text, key, act in items:
+        if imgui.menu_item(text, key, False, act is not None)[0] and act is not None:
+            act()
 
 
 def _texture(ctx: Any, png: bytes) -> Any:

@@ -12,10 +12,11 @@ from runtime.motion.model_files import read_metadata
 from runtime.options import spec_of
 from runtime.safe_read import printable
 from viewer.gl_bindings import imgui
-from viewer.gui import overlay, setting_widgets, theme, widgets
+from viewer.gui import theme, widgets
 from viewer.gui.dialogs import DialogKind, Dialogs
+from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
-from viewer.gui.theme import ICON, Fonts
+from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.input.bindings import BUTTON_NAMES, changed_buttons, pad_buttons
 from viewer.jobs import Jobs, Slot
@@ -27,14 +28,9 @@ from viewer.settings import Settings
 FREE, BOUND = "free to publish with credits", "non-commercial"
 WIDTH = 470.0  # pixels at scale 1
 SCALES = (
-    (0.0, "As the monitor says"),
-    (0.75, "75 %"),
-    (1.0, "100 %"),
-    (1.25, "125 %"),
-    (1.5, "150 %"),
-    (2.0, "200 %"),
+    (0.0, "As the monitor says"), (0.75, "75 %"), (1.0, "100 %"), (1.25, "125 %"), (1.5, "150 %"), (2.0, "200 %"),
     (3.0, "300 %"),
-)
+)  # fmt: skip
 
 
 @dataclass
@@ -51,6 +47,10 @@ class SettingsWindow:
     use_scale: Callable[[float], None]  # of the interface
     shown: bool = False
 
+    def open(self) -> None:
+        """Show it."""
+        self.shown = True
+
     def toggle(self) -> None:
         """Open or close it."""
         self.shown = not self.shown
@@ -60,9 +60,11 @@ class SettingsWindow:
         was, self.shown = self.shown, False
         return was
 
-    def panel(self, fonts: Fonts) -> Panel:
+    def panel(self) -> Panel:
         """The settings window."""
-        return Panel("Settings", PanelPlace.WINDOW, lambda _: draw(self, fonts), close=self.close)
+        return Panel(
+            "Settings", PanelPlace.WINDOW, self._draw, ICON.gear, lambda: self.shown, WIDTH, close=self.close
+        )
 
     def chosen_model(self, offscreen: bool) -> Path | None:
         """The model to begin with: the one chosen in the settings, as long as it is there."""
@@ -81,81 +83,85 @@ class SettingsWindow:
         self.settings.model_folder = "" if folder is None else model_name(folder) or str(folder)
         self.load_model(folder, 0 if controller is None else controller.seed)
 
-
-def draw(window: SettingsWindow, fonts: Fonts) -> None:
-    """The window, when it is open."""
-    if not window.shown:
-        return
-    with overlay.window(fonts, "Settings", ICON.gear, WIDTH) as closed:
-        _interface(window)
-        _takes(window)
-        _model(window)
-        overlay.row("Dead zone", "Of the gamepad's sticks")
-        setting_widgets.slider(window.settings, "dead_zone")
-        _buttons(window)
-        setting_widgets.toggle(window.settings, "invert_look", px(140))
-        imgui.same_line(0, px(4))
+    def _draw(self, _: Rect) -> None:
+        settings = self.settings
+        self._interface()
+        self._export_folder()
+        widgets.row("Seconds kept", "What T keeps of the rolling memory")
+        widgets.setting_slider(settings, "keep_seconds")
+        self._model()
+        widgets.row("Dead zone", "Of the gamepad's sticks")
+        widgets.setting_slider(settings, "dead_zone")
+        with widgets.section("Gamepad buttons") as opened:
+            if opened:
+                self._pad_buttons()
+        widgets.setting_toggle(settings, "invert_look", px(140))
+        widgets.same_line()
         if widgets.button("Show the first minute", -1, "The steps for beginners over the view"):
-            window.guide.begin()
-            closed[0] = True
+            self.guide.begin()
+            self.shown = False
         if widgets.button("Back to the defaults", -1, "Of this window; folders and the model stay"):
-            _reset(window)
-    if closed[0]:
-        window.shown = False
+            for name in ("ui_scale", "text_size", "keep_seconds", "dead_zone", "invert_look", "pad_buttons"):
+                setattr(settings, name, getattr(Settings(), name))
+            self.use_scale(settings.ui_scale)
 
+    def _interface(self) -> None:
+        settings = self.settings
+        widgets.row("Interface", "Size of everything; at the next frame")
+        scale = float(str(widgets.combo("##ui scale", SCALES, settings.ui_scale)))
+        if scale != settings.ui_scale:
+            settings.ui_scale = scale
+            self.use_scale(scale)
+        widgets.row("Text", "Text size")
+        sizes = list((spec_of(Settings, "text_size").choices or {}).items())
+        settings.text_size = float(str(widgets.combo("##text size", sizes, settings.text_size)))
 
-def _buttons(window: SettingsWindow) -> None:
-    """What each button of a gamepad does; a button that is taken is exchanged."""
-    if not imgui.tree_node_ex("Gamepad buttons", imgui.TreeNodeFlags_.span_avail_width):
-        return
-    imgui.unindent(imgui.get_style().indent_spacing)
-    settings = window.settings
-    for action, button in pad_buttons(settings.pad_buttons).items():
-        overlay.row(action.name.replace("_", " ").capitalize())
-        chosen = str(overlay.combo(f"##button {action.name.lower()}", tuple(BUTTON_NAMES.items()), button))
-        if chosen != button:
-            settings.pad_buttons = changed_buttons(settings.pad_buttons, action, chosen)
-    imgui.indent(imgui.get_style().indent_spacing)
-    imgui.tree_pop()
+    def _export_folder(self) -> None:
+        settings = self.settings
+        widgets.row("Export folder")
+        imgui.set_next_item_width(imgui.get_content_region_avail().x - imgui.get_frame_height() - px(4))
+        _, text = imgui.input_text("##export folder", printable(settings.export_folder))
+        if text.strip() and text != printable(settings.export_folder):
+            settings.export_folder = text.strip()
+        widgets.same_line()
+        if widgets.icon_button(ICON.folder, "browse folder", "Choose by a dialog", theme.TEXT):
 
+            def chosen(path: Path) -> None:
+                settings.export_folder = str(path)
+                self.messages.note(f"Exports go to {path}.")
 
-def _interface(window: SettingsWindow) -> None:
-    settings = window.settings
-    overlay.row("Interface", "Size of everything; at the next frame")
-    scale = float(str(overlay.combo("##ui scale", SCALES, settings.ui_scale)))
-    if scale != settings.ui_scale:
-        settings.ui_scale = scale
-        window.use_scale(scale)
-    overlay.row("Text", "Text size")
-    sizes = list((spec_of(Settings, "text_size").choices or {}).items())
-    settings.text_size = float(str(overlay.combo("##text size", sizes, settings.text_size)))
+            start = Path(settings.export_folder).expanduser()
+            self.dialogs.ask(DialogKind.FOLDER, "Folder of exports", start, chosen)
 
+    def _pad_buttons(self) -> None:
+        """What each button of a gamepad does; a button that is taken is exchanged."""
+        settings = self.settings
+        for action, button in pad_buttons(settings.pad_buttons).items():
+            widgets.row(action.name.replace("_", " ").capitalize())
+            name = f"##button {action.name.lower()}"
+            chosen = str(widgets.combo(name, tuple(BUTTON_NAMES.items()), button))
+            if chosen != button:
+                settings.pad_buttons = changed_buttons(settings.pad_buttons, action, chosen)
 
-def _takes(window: SettingsWindow) -> None:
-    settings, side = window.settings, imgui.get_frame_height()
-    overlay.row("Export folder")
-    imgui.set_next_item_width(imgui.get_content_region_avail().x - side - px(4))
-    _, text = imgui.input_text("##export folder", printable(settings.export_folder))
-    if text.strip() and text != printable(settings.export_folder):
-        settings.export_folder = text.strip()
-    imgui.same_line(0, px(4))
-    if widgets.icon_button(ICON.folder, "browse folder", "Choose by a dialog", theme.TEXT):
-        start = Path(settings.export_folder).expanduser()
-
-        def chosen(path: Path) -> None:
-            settings.export_folder = str(path)
-            window.messages.note(f"Exports go to {path}.")
-
-        window.dialogs.ask(DialogKind.FOLDER, "Folder of exports", start, chosen)
-    overlay.row("Seconds kept", "What T keeps of the rolling memory")
-    setting_widgets.slider(settings, "keep_seconds")
-
-
-def _reset(window: SettingsWindow) -> None:
-    fresh = Settings()
-    for name in ("ui_scale", "text_size", "keep_seconds", "dead_zone", "invert_look", "pad_buttons"):
-        setattr(window.settings, name, getattr(fresh, name))
-    window.use_scale(fresh.ui_scale)
+    def _model(self) -> None:
+        """The list, and a button for another folder."""
+        scene = self.scene
+        widgets.row("Model", "Takes that were recorded stay with the model that made them")
+        now = model_folder(scene.model_folder)
+        options: list[tuple[object, str]] = list(choices())
+        if now not in dict(options):
+            options.append((now, printable(f"{scene.model_name or 'none'}: {now}")))
+        imgui.begin_disabled(self.jobs.busy(Slot("model")))
+        imgui.set_next_item_width(imgui.get_content_region_avail().x - imgui.get_frame_height() - px(4))
+        chosen = widgets.combo("##model", options, now)
+        imgui.end_disabled()
+        if chosen != now:
+            self.choose_model(Path(str(chosen)))
+        widgets.same_line()
+        hint = "Choose the folder of an exported model"
+        if widgets.icon_button(ICON.folder, "browse model", hint, theme.TEXT):
+            start = Path.home() if scene.model_folder is None else scene.model_folder.parent
+            self.dialogs.ask(DialogKind.FOLDER, "Folder of an exported model", start, self.choose_model)
 
 
 @lru_cache(8)
@@ -168,27 +174,3 @@ def use_of(folder: Path) -> str:
     """What the licence of a shipped model allows, in a few words; ModelError when its metadata are damaged."""
     licence = str(read_metadata(folder).get("notes", {}).get("licence", ""))
     return FREE if licence.startswith("CC BY 4.0") else BOUND
-
-
-def _model(window: SettingsWindow) -> None:
-    """The list, and a button for another folder."""
-    state, side = window.scene, imgui.get_frame_height()
-    overlay.row("Model", "Takes that were recorded stay with the model that made them")
-    now = model_folder(state.model_folder)
-    options: list[tuple[object, str]] = list(choices())
-    if now not in dict(options):
-        options.append((now, printable(f"{state.model_name or 'none'}: {now}")))
-    imgui.begin_disabled(window.jobs.busy(Slot("model")))
-    imgui.set_next_item_width(imgui.get_content_region_avail().x - side - px(4))
-    chosen = overlay.combo("##model", options, now)
-    imgui.end_disabled()
-    if chosen != now:
-        window.choose_model(Path(str(chosen)))
-    imgui.same_line(0, px(4))
-    if widgets.icon_button(ICON.folder, "browse model", "Choose the folder of an exported model", theme.TEXT):
-        window.dialogs.ask(
-            DialogKind.FOLDER,
-            "Folder of an exported model",
-            Path.home() if window.scene.model_folder is None else window.scene.model_folder.parent,
-            window.choose_model,
-        )

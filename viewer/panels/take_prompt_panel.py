@@ -5,7 +5,8 @@ from __future__ import annotations
 from runtime.skeleton import PART_NAMES
 from runtime.takes.metadata import title
 from viewer.edit.resimulation import Resimulation
-from viewer.edit.tracks import LabelledSpan, words_of
+from viewer.edit.timeline import Mark
+from viewer.edit.tracks import mark_at, words_of
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.panels import Panel, PanelPlace
@@ -30,31 +31,31 @@ def draw(editing: Resimulation) -> None:
     tracks, playback = editing.tracks, editing.playback
     if tracks is None or playback is None:
         return
-    index = tracks.prompt_at(playback.frame)
+    index = mark_at(tracks.prompts, playback.frame)
     if index < 0:
         editing.shown = None
         widgets.muted("Nothing is known of the prompts of this motion.", wrap=True)
         return
-    bar = tracks.prompts[index]
-    if editing.shown is not bar:
-        _fill(editing, bar)
+    mark = tracks.prompts[index]
+    if editing.shown is not mark:
+        _fill(editing, mark)
     take = editing.take
-    frames = f", frames {bar.span.start} to {bar.span.end - 1}"
+    frames = f", frames {mark.start} to {mark.end - 1}"
     room = imgui.get_content_region_avail().x - imgui.calc_text_size(frames).x
     widgets.muted("" if take is None else widgets.elided(take.title, room) + frames)
-    imgui.begin_disabled(bool(editing.fixed))
+    fixed = editing.fixed
+    imgui.begin_disabled(bool(fixed))
     _prompt(editing, index)
     imgui.end_disabled()
-    fixed = editing.fixed
     widgets.muted(fixed or "Enter resimulates it with the same stick.", wrap=True)
-    _parts(editing, index, bar)
+    _parts(editing, index, mark, bool(fixed))
 
 
-def _fill(editing: Resimulation, bar: LabelledSpan) -> None:
+def _fill(editing: Resimulation, mark: Mark) -> None:
     """Put the span's words into the fields."""
-    event = bar.span.event  # type: ignore[attr-defined]
+    event = mark.of.event
     words = words_of(event)
-    editing.shown, editing.prompt = bar, title(event)
+    editing.shown, editing.prompt = mark, title(event)
     editing.parts = dict.fromkeys(PART_NAMES, "") if words is None else dict(words.to_mapping())
 
 
@@ -72,15 +73,15 @@ def _prompt(editing: Resimulation, index: int) -> None:
         editing.reword(index, editing.prompt)
 
 
-def _parts(editing: Resimulation, index: int, bar: LabelledSpan) -> None:
+def _parts(editing: Resimulation, index: int, mark: Mark, fixed: bool) -> None:
     """The six descriptions; each can be changed on its own where they are known."""
-    if words_of(bar.span.event) is None:  # type: ignore[attr-defined]
+    if words_of(mark.of.event) is None:
         widgets.muted(
             "A blend, or descriptions that are not known: give it one prompt to edit its parts.", wrap=True
         )
         return
     if imgui.begin_child("take parts", imgui.ImVec2(0, 0)):
-        imgui.begin_disabled(bool(editing.fixed))
+        imgui.begin_disabled(fixed)
         height = 2 * imgui.get_text_line_height() + 2 * imgui.get_style().frame_padding.y
         for part in PART_NAMES:
             widgets.label(part.replace("_", " ").capitalize(), theme.MUTED)

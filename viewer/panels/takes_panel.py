@@ -9,7 +9,7 @@ from runtime.safe_read import printable
 from runtime.session.session import LIVE, Take
 from viewer.edit.reference_card import ReferenceCard
 from viewer.gl_bindings import imgui
-from viewer.gui import setting_widgets, theme, widgets
+from viewer.gui import theme, widgets
 from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
@@ -21,7 +21,7 @@ from viewer.settings import Settings
 
 RENAME_HINT = "Double-click renames it"
 MENU = "take menu"
-COLORS = {0: "No color", 1: "Red", 2: "Yellow", 3: "Green", 4: "Blue", 5: "Violet"}
+COLORS = ("No color", "Red", "Yellow", "Green", "Blue", "Violet")
 TINTS = (theme.CLEAR, (0.85, 0.35, 0.35, 1.0), (0.85, 0.72, 0.3, 1.0), (0.42, 0.75, 0.42, 1.0),
          (0.38, 0.58, 0.88, 1.0), (0.68, 0.48, 0.85, 1.0))  # fmt: skip
 
@@ -83,7 +83,7 @@ def _cut_off(sessions: Sessions) -> None:
     imgui.begin_disabled(sessions.jobs.busy(OPENING))
     if widgets.button("Reopen", half, "Open it again with all that was recorded", True):
         sessions.open(left.path)
-    imgui.same_line(0, px(4))
+    widgets.same_line()
     if widgets.button("Discard", half, "Remove it for good"):
         sessions.discard(left)
     imgui.end_disabled()
@@ -92,7 +92,7 @@ def _cut_off(sessions: Sessions) -> None:
 
 def _record(takes: Takes) -> None:
     recording = takes.recording
-    half = (imgui.get_content_region_avail().x - px(4)) / 2
+    half = widgets.column_width(2)
     text = (
         f"{ICON.stop} {widgets.clock(takes.recorder.take_seconds)}" if recording else f"{ICON.record} Record"
     )
@@ -105,7 +105,7 @@ def _record(takes: Takes) -> None:
         if imgui.button(f"{text}###record", imgui.ImVec2(half, 0)):
             takes.toggle_recording()
     widgets.tooltip("Start or stop a take (R)")
-    imgui.same_line(0, px(4))
+    widgets.same_line()
     if widgets.button(
         f"{ICON.history} Last {takes.settings.keep_seconds:.0f} s###keep",
         half,
@@ -115,7 +115,7 @@ def _record(takes: Takes) -> None:
         takes.save_last()
     if imgui.begin_popup_context_item("keep seconds"):
         imgui.set_next_item_width(px(180))
-        setting_widgets.slider(takes.settings, "keep_seconds")
+        widgets.setting_slider(takes.settings, "keep_seconds")
         imgui.end_popup()
 
 
@@ -161,37 +161,17 @@ def _name_field(takes: Takes, take: Take) -> None:
 
 def _row(takes: Takes, references: ReferenceCard, take: Take) -> None:
     """Play, name, length, remove; a click anywhere selects."""
-    chosen, playback, header = takes.session.selected == take.number, takes.playback, take.made.header
-    width, height, square = imgui.get_content_region_avail().x, imgui.get_frame_height(), px(24)
+    width, square = imgui.get_content_region_avail().x, px(24)
     corner, start = imgui.get_cursor_screen_pos(), imgui.get_cursor_pos()
-    imgui.set_next_item_allow_overlap()
-    if imgui.invisible_button("row", imgui.ImVec2(width, height)):
-        takes.select(take.number)
-    if chosen and _newly_selected(take):  # of the row that was just drawn
-        imgui.set_scroll_here_y(1.0 if corner.y > imgui.get_window_pos().y + height else 0.0)
-    hovered = imgui.is_item_hovered()
-    if hovered and imgui.is_mouse_double_clicked(0):
-        takes.begin_rename(take.number)
-    if imgui.is_item_clicked(imgui.MouseButton_.right):
-        imgui.open_popup(MENU)
-    saved = takes.saved(take)
-    if hovered:
-        _about(takes, take, saved)
-    drawing, low = imgui.get_window_draw_list(), corner
-    if hovered or chosen:
-        fill = theme.ACCENT_DIM if chosen else theme.FIELD
-        high = imgui.ImVec2(corner.x + width, corner.y + height)
-        drawing.add_rect_filled(low, high, widgets.packed(fill), imgui.get_style().frame_rounding)
-    if 0 < take.color < len(TINTS):
-        high = imgui.ImVec2(corner.x + px(3), corner.y + height)
-        drawing.add_rect_filled(low, high, widgets.packed(TINTS[take.color]))
+    _row_ground(takes, take, corner, width)
     imgui.set_cursor_pos(start)
+    playback = takes.playback
     playing = playback is not None and playback.number == take.number and playback.playing
     if _small(ICON.pause if playing else ICON.play, square, "Pause" if playing else "Play (P)"):
         takes.play_row(take.number)
     first, last = take.range
-    seconds = widgets.clock((last - first) / header.fps)
-    seconds = f"{ICON.check} {seconds}" if saved else seconds
+    seconds = widgets.clock((last - first) / take.made.header.fps)
+    seconds = f"{ICON.check} {seconds}" if takes.saved(take) else seconds
     time_width = imgui.calc_text_size(seconds).x
     imgui.same_line(0, px(2))
     imgui.align_text_to_frame_padding()
@@ -212,9 +192,34 @@ def _row(takes: Takes, references: ReferenceCard, take: Take) -> None:
     imgui.pop_style_var()
 
 
-def _about(takes: Takes, take: Take, saved: Path | None) -> None:
+def _row_ground(takes: Takes, take: Take, corner: imgui.ImVec2, width: float) -> None:
+    """What lies under a row: it takes the mouse, and shows whether it is selected and its color."""
+    chosen, height = takes.session.selected == take.number, imgui.get_frame_height()
+    imgui.set_next_item_allow_overlap()
+    if imgui.invisible_button("row", imgui.ImVec2(width, height)):
+        takes.select(take.number)
+    if chosen and _newly_selected(take):  # of the row that was just drawn
+        imgui.set_scroll_here_y(1.0 if corner.y > imgui.get_window_pos().y + height else 0.0)
+    hovered = imgui.is_item_hovered()
+    if hovered and imgui.is_mouse_double_clicked(0):
+        takes.begin_rename(take.number)
+    if imgui.is_item_clicked(imgui.MouseButton_.right):
+        imgui.open_popup(MENU)
+    if hovered:
+        _about(takes, take)
+    drawing, bottom = imgui.get_window_draw_list(), corner.y + height
+    if hovered or chosen:
+        fill = widgets.packed(theme.ACCENT_DIM if chosen else theme.FIELD)
+        end = imgui.ImVec2(corner.x + width, bottom)
+        drawing.add_rect_filled(corner, end, fill, imgui.get_style().frame_rounding)
+    if take.color:
+        tint = widgets.packed(TINTS[take.color % len(TINTS)])
+        drawing.add_rect_filled(corner, imgui.ImVec2(corner.x + px(3), bottom), tint)
+
+
+def _about(takes: Takes, take: Take) -> None:
     """What the mouse finds out about a take."""
-    exported = takes.exported(take)
+    saved, exported = takes.saved(take), takes.exported(take)
     lines = [f"Exported as {printable(saved)}" if saved else "Not exported as it is"]
     if exported not in (None, saved):
         lines.append(f"Exported before as {printable(exported)}")
@@ -231,30 +236,37 @@ def _newly_selected(take: Take) -> bool:
 
 
 def _take_menu(takes: Takes, references: ReferenceCard, take: Take) -> None:
-    number, playback = take.number, takes.playback
+    number = take.number
     if imgui.menu_item("Rename", "", False)[0]:
         takes.begin_rename(number)
     if imgui.menu_item("Mirror", "", False)[0]:
         takes.mirror(number)
     widgets.tooltip("A second take with left and right exchanged")
-    if playback is not None and playback.number == number:
+    _compare(takes, references, take)
+    if imgui.begin_menu("Color"):
+        for color, name in enumerate(COLORS):
+            if imgui.menu_item(name, "", take.color == color)[0]:
+                takes.set_color(number, color)
+        imgui.end_menu()
+    at, last = takes.session.index(number), len(takes.session.takes) - 1
+    if imgui.menu_item("Move up", "", False, at > 0)[0]:
+        takes.move(number, -1)
+    if imgui.menu_item("Move down", "", False, at < last)[0]:
+        takes.move(number, 1)
+    if imgui.menu_item("Remove", "", False)[0]:
+        takes.remove(number)
+
+
+def _compare(takes: Takes, references: ReferenceCard, take: Take) -> None:
+    """Of the take that plays, what to compare it with; of another one, whether that plays with it."""
+    playback = takes.playback
+    if playback is not None and playback.number == take.number:
         if imgui.begin_menu("Compare with"):
             references.menu()
             imgui.end_menu()
     elif imgui.menu_item("Compare", "", references.reference.take == take, playback is not None)[0]:
-        references.reference.show(number)
+        references.reference.show(take.number)
     widgets.tooltip("Play another take to compare it with" if playback is None else "")
-    if imgui.begin_menu("Color"):
-        for color, name in COLORS.items():
-            if imgui.menu_item(name, "", take.color == color)[0]:
-                takes.set_color(number, color)
-        imgui.end_menu()
-    for name, by in (("Move up", -1), ("Move down", 1)):
-        to = takes.session.index(number) + by
-        if imgui.menu_item(name, "", False, 0 <= to < len(takes.session.takes))[0]:
-            takes.move(number, by)
-    if imgui.menu_item("Remove", "", False)[0]:
-        takes.remove(number)
 
 
 def _small(icon: str, width: float, hint: str) -> bool:
@@ -273,11 +285,11 @@ def _rate_and_unit(settings: Settings) -> None:
     imgui.begin_group()
     imgui.push_item_width(half)
     if imgui.begin_child("fps", imgui.ImVec2(half, imgui.get_frame_height())):
-        setting_widgets.choice(settings, "export_fps")
+        widgets.setting_choice(settings, "export_fps")
     imgui.end_child()
     imgui.same_line(0, px(10))
     if imgui.begin_child("unit", imgui.ImVec2(half, imgui.get_frame_height())):
-        setting_widgets.choice(settings, "export_unit")
+        widgets.setting_choice(settings, "export_unit")
     imgui.end_child()
     imgui.pop_item_width()
     imgui.end_group()
@@ -301,18 +313,19 @@ def _export(takes: Takes, take: Take, export_window: Callable[[], None], short: 
     if not short:
         _rate_and_unit(settings)
     busy, several = takes.jobs.busy(Slot("export", take.number)), len(takes.session.takes) > 1
-    imgui.begin_disabled(busy)
-    text = "Exporting…" if busy else "Export trimmed BVH" if take.trimmed and not several else "Export BVH"
-    more, every = px(64), px(52) if several else 0.0
-    width = imgui.get_content_region_avail().x - more - px(4) - (every + px(4) if several else 0.0)
+    text = "Export trimmed BVH" if take.trimmed and not several else "Export BVH"
+    more, every = px(64), px(52) + px(4) if several else 0.0
+    width = imgui.get_content_region_avail().x - more - px(4) - every
     what = "what lies between the trim handles" if take.trimmed else "the take"
     hint = f"Write {what} for Blender, Maya, MotionBuilder"
-    if widgets.button(f"{ICON.save} {text}###export", width, hint, True) or entered:
+    imgui.begin_disabled(busy)
+    text = f"{ICON.save} {'Exporting…' if busy else text}###export"
+    if widgets.button(text, width, hint, True) or entered:
         takes.export()
     imgui.end_disabled()
-    imgui.same_line(0, px(4))
+    widgets.same_line()
     if several:
-        _export_all(takes, every)
-        imgui.same_line(0, px(4))
+        _export_all(takes, px(52))
+        widgets.same_line()
     if widgets.button("More…###more formats", more, "GLB, FBX, film, loop, root and ground (Ctrl+E)"):
         export_window()

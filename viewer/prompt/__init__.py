@@ -1,1 +1,1 @@
-"""Prompts in the viewer: what is asked for, who answers, and their panels."""
+"""Prompts in the viewer: requests, answers, and their panels."""

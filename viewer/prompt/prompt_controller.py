@@ -1,18 +1,25 @@
-"""Words to motion: prompts, edited words, locks and blends become edits of the session, and the character's style."""
+"""Prompts, edited words, locks and blends become edits of the session, and the character's style."""
 
 from __future__ import annotations
 
 import dataclasses
 import itertools
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from runtime.errors import PromptError, SportError
+from runtime.motion.controller import Controller
+from runtime.motion.style import LINEAR, Shares, mixes
 from runtime.prompts.answer import Request
 from runtime.prompts.blend import ALL_A, Weights
 from runtime.prompts.expander import DEFAULT_PROMPT, Expander
 from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.service import PromptWorker
 from runtime.session.prompt_blend import Answer, PromptBlend, Side
 from runtime.session.session import LIVE, NO_PROMPT, Session
 from runtime.session.session_file import SessionFile
@@ -20,22 +27,119 @@ from runtime.skeleton import PART_NAMES
 from runtime.takes.recorder import LIVE_SECONDS
 from viewer.editor import Change, Editor
 from viewer.jobs import Jobs, Slot
-from viewer.messages import Messages
-from viewer.prompt.answers import (
-    Codes,
-    Question,
-    answer_message,
-    quoted,
-    same_answers,
-    with_better_answer,
-    with_codes,
-    with_first_answer,
-    words_of_all,
-)
-from viewer.prompt.even_blends import EvenBlends
+from viewer.messages import Level, Messages
 from viewer.prompt.suggestions import PromptText, remember
-from viewer.services import ControllerLike, PromptWorkerLike
 from viewer.settings import Settings
+
+FIRST_SHARE = 0.5  # of a new prompt B in every part that is not locked, so that it shows
+MAX_LABEL = 40  # characters of a prompt in the name of its step
+Measure = Callable[[Any, Any], Shares]  # of the codes of two prompts
+Codes = Mapping[PartDescriptions, NDArray[np.float32]]  # (6, 64) of six descriptions
+
+
+@dataclass
+class Question:
+    """What was requested on one side, until its final answer."""
+
+    request: Request
+    label: str  # of the step of undo
+    remembered: bool = False  # into the list of the last prompts
+    number: int = 0
+    answered: bool = False  # a better answer is on its way
+
+    @property
+    def prompt(self) -> str:
+        """The prompt, "" where six descriptions were edited."""
+        return self.request if isinstance(self.request, str) else ""
+
+    def held_by(self, answer: Answer | None) -> bool:
+        """Whether an answer is one to this question."""
+        return answer is not None and answer.question == self.number
+
+
+def quoted(prompt: str) -> str:
+    """A prompt in the name of its step: on one line, cut where it is long."""
+    line = " ".join(prompt.split())
+    return f"“{line if len(line) <= MAX_LABEL else line[: MAX_LABEL - 1] + '…'}”"
+
+
+def with_first_answer(blend: PromptBlend, side: Side, question: Question, answer: Answer) -> PromptBlend:
+    """The blend with the first answer to a question; words that were edited are locked with it."""
+    before = blend.answers[side]
+    if not question.prompt:
+        words = answer if before is None else before.with_words(answer)
+        return blend.with_answer(side, words).locking_edits(before)
+    kept = answer if before is None else answer.keeping(blend.locked_on(side), before)
+    blend = blend.with_answer(side, kept)
+    return blend.with_all_weights(FIRST_SHARE) if side is Side.B and not any(blend.weights) else blend
+
+
+def with_better_answer(blend: PromptBlend, side: Side, question: Question, answer: Answer) -> PromptBlend:
+    """The blend with a better answer in the place of the first one; the same blend where that does not hold.
+
+    Where a part was locked after the first answer, it keeps that answer's words.
+    """
+    first = blend.answers[side]
+    if first is None or not question.held_by(first):
+        return blend
+    return blend.with_answer(side, answer.keeping(blend.locked_on(side), first))
+
+
+def words_of_all(sessions: Sequence[Session]) -> list[PartDescriptions]:
+    """All descriptions by which the live character or a variant moves in any of the sessions, each once."""
+    blends = [
+        blend for s in sessions for blend in (s.live.prompt, *(variant.prompt for variant in s.variants))
+    ]
+    return list(dict.fromkeys(a.words for blend in blends for a in blend.answers if a is not None))
+
+
+def with_codes(session: Session, codes: Codes) -> Session:
+    """The session with the codes of another model for all prompts of `words_of_all`."""
+
+    def coded(blend: PromptBlend) -> PromptBlend:
+        a, b = (
+            answer and dataclasses.replace(answer, z=codes.get(answer.words, answer.z))
+            for answer in blend.answers
+        )
+        return dataclasses.replace(blend, answers=(a, b), shares=LINEAR)
+
+    live = dataclasses.replace(session.live, prompt=coded(session.live.prompt))
+    variants = tuple(dataclasses.replace(v, prompt=coded(v.prompt)) for v in session.variants)
+    return dataclasses.replace(session, live=live, variants=variants)
+
+
+def same_answers(a: PromptBlend, b: PromptBlend) -> bool:
+    """Whether two blends have the same prompts in the same words and codes."""
+    return all(
+        x is y or (x and y and (x.prompt, x.words) == (y.prompt, y.words) and np.array_equal(x.z, y.z))
+        for x, y in zip(a.answers, b.answers, strict=True)
+    )
+
+
+def answer_message(
+    answer: Answer, prompt: str, model: str, followed: bool, kept: Sequence[str] = ()
+) -> tuple[str, Level]:
+    """Text and level for an answer to `prompt`, as it is named; `followed` when the library had answered before.
+
+    `kept` are the parts whose locked words go on.
+    """
+    text, level = _of_answer(answer, prompt, model, followed)
+    parts = ", ".join(part.replace("_", " ") for part in kept)
+    return f"{text} Locked, so kept: {parts}." if kept else text, level
+
+
+def _of_answer(answer: Answer, prompt: str, model: str, followed: bool) -> tuple[str, Level]:
+    if not answer.final:
+        return f"The library answered at once; waiting for {model}.", Level.NOTE
+    if answer.source == "gpt":
+        return f"{model} answered: {prompt}.", Level.NOTE
+    if answer.note:
+        return answer.note, Level.WARNING if followed else Level.NOTE
+    if answer.nearest:
+        text, similarity = answer.nearest[0]
+        return f"Library: {prompt} is {similarity:.0%} like “{text}”.", Level.NOTE
+    return f"{prompt} itself says what the parts do.", Level.NOTE
+
 
 CLOSE_SECONDS = 30.0
 FIRST_STYLE_SECONDS = 1.0  # of the blend from neutral to the first prompt, at most: no hand flies there
@@ -50,17 +154,19 @@ class PromptController:
     settings: Settings
     messages: Messages
     jobs: Jobs
-    character: Callable[[], ControllerLike | None]  # the one in use
+    character: Callable[[], Controller | None]  # the one in use
     mark: Callable[[PromptBlend, float], None]  # hears what comes into force, for the recorder
     blocking: bool = False  # offscreen: an answer arrives in the same frame
     boxes: tuple[PromptText, PromptText] = field(default_factory=lambda: (PromptText(), PromptText()))
     parts: dict[str, str] = field(default_factory=lambda: dict.fromkeys(PART_NAMES, ""))  # the six fields
     questions: list[Question | None] = field(default_factory=lambda: [None, None])
-    workers: tuple[PromptWorkerLike, PromptWorkerLike] | None = None  # of the model in use
+    workers: tuple[PromptWorker, PromptWorker] | None = None  # of the model in use
     available: bool = True  # False when the model could not be loaded
     loading: bool = True
-    language_model: str = ""  # "model at host" while one is asked, "" when the library answers alone
+    language_model: str = ""  # "model at host" of the one in use, "" when the library answers alone
     first_error: SportError | None = None
+    measure: Measure | None = None  # of the model in use; None: blends stay linear
+    _measured: tuple[Any, Any] | None = None  # codes of the pair of prompts that was measured last
     _shown: PromptBlend = NO_PROMPT  # in the fields, and by which the character moves
     _file: SessionFile | None = None  # of the session that is shown
     _due_seconds: float | None = None  # a style waits for the character, with this transition
@@ -70,7 +176,6 @@ class PromptController:
     _numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
 
     def __post_init__(self) -> None:
-        self.even_blends = EvenBlends(self.jobs, self._revise)
         self._file = self.editor.file
         self.editor.withdraw.append(self.withdraw_unanswered)
         self.editor.followers.append(self.follow)
@@ -81,7 +186,7 @@ class PromptController:
         return self.editor.session.live.prompt
 
     @property
-    def asked(self) -> set[Side]:
+    def pending(self) -> set[Side]:
         """Sides whose answer is on its way."""
         return {side for side in Side if self.questions[side] is not None}
 
@@ -92,7 +197,7 @@ class PromptController:
 
     def applied(self, part: str) -> str:
         """The words that a part moves by; "" before the first answer."""
-        return _words(self.prompt)[part]
+        return part_words(self.prompt)[part]
 
     # --- words
 
@@ -148,20 +253,42 @@ class PromptController:
 
     def swap(self) -> None:
         """Exchange prompts A and B; the character moves on as it did, and B's words become editable."""
-        if self.prompt.b is not None and not self.asked:
+        if self.prompt.b is not None and not self.pending:
             self._do("swap of A and B", PromptBlend.turned_round)
 
     def drop_blend(self) -> None:
-        """Back to prompt A alone; parts that are locked with a share of prompt B keep it."""
+        """Back to prompt A alone; parts that are locked with a weight of prompt B keep it."""
         self._withdraw(Side.B)
         held = self.prompt.locked_on(Side.B)
         if held and self.prompt.b is not None:
             self._do("end of the blend", lambda b: b.with_all_weights(0.0))
             names = ", ".join(map(_named, sorted(held)))
-            self.messages.note(f"Locked with a share of prompt B, which they keep: {names}.")
+            self.messages.note(f"Locked with a weight of prompt B, which they keep: {names}.")
         elif self.prompt.b is not None:
             self._do("end of the blend", lambda b: dataclasses.replace(b, answers=(b.a, None), weights=ALL_A))
         self.boxes[Side.B].text = self.prompt.prompt(Side.B)
+
+    def measure_blends(self, measure: Measure | None) -> None:
+        """Measure with another model how much of a blend's change each weight makes."""
+        self.measure, self._measured = measure, None
+
+    def _even_out(self, blend: PromptBlend) -> None:
+        """Have a new pair of prompts measured on a worker thread, so that equal steps of a slider look equal."""
+        if blend.a is None or blend.b is None or blend.shares != LINEAR or not mixes(blend.weights):
+            return
+        a, b, measure, last = blend.a.z, blend.b.z, self.measure, self._measured
+        if measure is None or (last is not None and last[0] is a and last[1] is b):
+            return
+        self._measured = a, b
+
+        def evened(shares: Shares) -> None:
+            def change(other: PromptBlend) -> PromptBlend:
+                same = other.a is not None and other.b is not None and other.a.z is a and other.b.z is b
+                return dataclasses.replace(other, shares=shares) if same else other
+
+            self._revise(change)
+
+        self.jobs.submit(Slot("blend"), lambda: measure(a, b), evened, lambda _: None)
 
     def adopt(self, label: str, change: Change) -> None:
         """A step after which the character moves by the prompt already: it is in force without a transition."""
@@ -189,12 +316,19 @@ class PromptController:
             if question and (opened or (question.answered and not question.held_by(prompt.answers[side]))):
                 self._give_up(side)
         self._fill(shown, prompt, every=opened)
-        same = same_answers(shown, prompt)
         if self._adopting:
             self._due_seconds = None
-        elif not same or (shown.weights, shown.shares) != (prompt.weights, prompt.shares):
-            live = same and (self.editor.dragging or shown.weights == prompt.weights)
-            self._hand_over_within(LIVE_SECONDS if live else self.settings.blend_seconds)
+        else:
+            self._change_style(shown, prompt)
+
+    def _change_style(self, old: PromptBlend, new: PromptBlend) -> None:
+        """Have the character change from one blend to another: at once while only weights are dragged or measured."""
+        same_weights = old.weights == new.weights
+        if not same_answers(old, new):
+            self._hand_over_within(self.settings.blend_seconds)
+        elif not same_weights or old.shares != new.shares:
+            at_once = self.editor.dragging or same_weights
+            self._hand_over_within(LIVE_SECONDS if at_once else self.settings.blend_seconds)
 
     def _hand_over_within(self, seconds: float) -> None:
         seconds = seconds if self._styled else min(seconds, FIRST_STYLE_SECONDS)
@@ -204,7 +338,7 @@ class PromptController:
         for side, box in zip(Side, self.boxes, strict=True):
             if every or box.text == old.prompt(side):
                 box.text = new.prompt(side)
-        before, words = _words(old), _words(new)
+        before, words = part_words(old), part_words(new)
         self.parts = {
             part: words[part] if every or text == before[part] else text for part, text in self.parts.items()
         }
@@ -224,7 +358,7 @@ class PromptController:
         return bool(sides)
 
     def _withdraw(self, side: Side) -> None:
-        """Give up a question in hand; without an answer yet it is as if it had never been asked."""
+        """Give up a question in hand; without an answer yet it is as if it had never been submitted."""
         question = self.questions[side]
         self._give_up(side)
         if question is None or question.answered:
@@ -232,7 +366,7 @@ class PromptController:
         if question.prompt:
             self.boxes[side].text = self.prompt.prompt(side)
         else:
-            self.parts = _words(self.prompt)
+            self.parts = part_words(self.prompt)
         self.messages.note(f"Withdrawn: {question.label}.")
 
     def _give_up(self, side: Side) -> None:
@@ -265,7 +399,7 @@ class PromptController:
                 final = answer.final
             if final and self.questions[side] is question:
                 self.questions[side] = None
-        self.even_blends.poll(self.prompt)
+        self._even_out(self.prompt)
         self._hand_over()
 
     def _take(self, side: Side, question: Question, answer: Answer) -> None:
@@ -317,7 +451,7 @@ class PromptController:
 
     # --- workers
 
-    def use(self, workers: tuple[PromptWorkerLike, PromptWorkerLike], again: bool = True) -> None:
+    def use(self, workers: tuple[PromptWorker, PromptWorker], again: bool = True) -> None:
         """Let the workers of a loaded model answer; `again`: what holds was encoded by another model."""
         for worker in self.workers or ():
             worker.close()
@@ -384,7 +518,7 @@ def _with_prompt(change: Callable[[PromptBlend], PromptBlend]) -> Change:
     return changed
 
 
-def _words(blend: PromptBlend) -> dict[str, str]:
+def part_words(blend: PromptBlend) -> dict[str, str]:
     """What each part of prompt A does; "" before its first answer."""
     return dict.fromkeys(PART_NAMES, "") if blend.a is None else dict(blend.a.words.to_mapping())
 

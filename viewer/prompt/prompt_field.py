@@ -8,6 +8,7 @@ from runtime.session.prompt_blend import Side
 from viewer.editor import Editor
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
+from viewer.gui.panels import FIXED
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.prompt.prompt_controller import PromptController
@@ -16,11 +17,7 @@ from viewer.prompt.suggestions import PromptText, Suggester, Suggestion
 _SENTENCE = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.ctrl_enter_for_new_line
 WRAPPED = _SENTENCE | imgui.InputTextFlags_.word_wrap
 _LIST = (
-    imgui.WindowFlags_.no_title_bar
-    | imgui.WindowFlags_.no_resize
-    | imgui.WindowFlags_.no_move
-    | imgui.WindowFlags_.no_saved_settings
-    | imgui.WindowFlags_.no_focus_on_appearing
+    (FIXED & ~imgui.WindowFlags_.no_bring_to_front_on_focus)
     | imgui.WindowFlags_.no_nav
     | imgui.WindowFlags_.no_scrollbar
 )
@@ -43,7 +40,7 @@ def draw(
     lines: int = 2,
     below: float = 0.0,
 ) -> None:
-    """A side's field; a prompt that is entered or chosen is asked. An emptied prompt B ends the blend.
+    """A side's field; a prompt that is entered or chosen is submitted. An emptied prompt B ends the blend.
 
     `below` is what the list leaves free under the field, in screen units.
     """
@@ -70,11 +67,15 @@ def draw(
     if chosen is not None:
         box.text, box.suggesting = chosen, False
         imgui.internal.clear_active_id()
-    elif entered and box.text.strip():
-        chosen = box.text
-    if chosen is not None:
-        controller.submit_prompt(chosen, side)
-    elif side is Side.B and left and not box.text.strip():
+    _submit(controller, side, chosen is not None or entered, left)
+
+
+def _submit(controller: PromptController, side: Side, entered: bool, left: bool) -> None:
+    """Ask what was entered; an emptied prompt B that was left ends the blend."""
+    text = controller.boxes[side].text
+    if entered and text.strip():
+        controller.submit_prompt(text, side)
+    elif left and side is Side.B and not text.strip():
         controller.drop_blend()
 
 
@@ -103,24 +104,19 @@ def pressed_undo() -> tuple[bool, bool]:
 
 def _keys(box: PromptText, found: Sequence[Suggestion], suggester: Suggester, field_id: int) -> str | None:
     """Arrow keys, Tab, Enter and Esc over the list of suggestions; the prompt that was chosen, else None."""
-    key = imgui.Key
     if _recall(box, suggester.settings.prompt_history, field_id) or not found:
         return None
-    pressed = {
-        k: imgui.is_key_pressed(k, k in _REPEATED) for k in _TAKEN
-    }  # a locked key is pressed for nobody
-    if pressed[key.down_arrow]:
-        box.picked = min(box.picked + 1, len(found) - 1)
-    if pressed[key.up_arrow]:
-        box.picked -= 1
-    box.picked = min(max(box.picked, -1), len(found) - 1)
-    for taken in _TAKEN if box.picked >= 0 else _TAKEN[:-2]:
-        _lock(taken, field_id)
-    if pressed[key.tab]:
+    # a locked key is pressed for no one
+    pressed = {key: imgui.is_key_pressed(key, key in _REPEATED) for key in _TAKEN}
+    picked = box.picked + pressed[imgui.Key.down_arrow] - pressed[imgui.Key.up_arrow]
+    box.picked = min(max(picked, -1), len(found) - 1)
+    for key in _TAKEN if box.picked >= 0 else _TAKEN[:-2]:
+        _lock(key, field_id)
+    if pressed[imgui.Key.tab]:
         _put(box, found[max(box.picked, 0)].text, field_id)
-    elif pressed[key.escape]:
+    elif pressed[imgui.Key.escape]:
         box.suggesting, box.picked = False, -1
-    elif box.picked >= 0 and (pressed[key.enter] or pressed[key.keypad_enter]):
+    elif box.picked >= 0 and any(pressed[key] for key in _TAKEN[-2:]):
         return found[box.picked].text
     return None
 
@@ -128,8 +124,9 @@ def _keys(box: PromptText, found: Sequence[Suggestion], suggester: Suggester, fi
 def _recall(box: PromptText, history: Sequence[str], field_id: int) -> bool:
     """Up in an empty field puts the last prompt there, further presses go back and forth; whether a key was taken."""
     up, down = imgui.is_key_pressed(imgui.Key.up_arrow), imgui.is_key_pressed(imgui.Key.down_arrow)
-    begins = not box.text and box.picked < 0
-    if not history or not ((up and (begins or box.recalled >= 0)) or (down and box.recalled >= 0)):
+    recalls = box.recalled >= 0
+    begins = up and not box.text and box.picked < 0
+    if not history or not (begins or (recalls and (up or down))):
         return False
     recalled = min(box.recalled + (1 if up else -1), len(history) - 1)
     _put(box, history[recalled] if recalled >= 0 else "", field_id)
@@ -212,9 +209,9 @@ def _row(suggestion: Suggestion, i: int, box: PromptText, width: float, height: 
         left += px(24)
     right = corner.x + width - px(6)
     if suggestion.similarity is not None:
-        share = f"{max(suggestion.similarity, 0.0):.0%}"
-        right -= imgui.calc_text_size(share).x
-        drawing.add_text(imgui.ImVec2(right, middle), widgets.packed(theme.MUTED), share)
+        fraction = f"{max(suggestion.similarity, 0.0):.0%}"
+        right -= imgui.calc_text_size(fraction).x
+        drawing.add_text(imgui.ImVec2(right, middle), widgets.packed(theme.MUTED), fraction)
         right -= px(8)
     text = widgets.elided(suggestion.text, right - left)
     drawing.add_text(imgui.ImVec2(left, middle), widgets.packed(theme.TEXT), text)

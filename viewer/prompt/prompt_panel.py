@@ -1,44 +1,65 @@
-"""The prompt panel: the words, who answered, six editable descriptions, a blend, and prompts to choose from."""
+"""The prompt panel: the prompt, who answered, six editable descriptions, a blend, and prompts to choose from."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, field
 
+from runtime.prompts.answer import Answer
+from runtime.prompts.expander import DEFAULT_PROMPT
 from runtime.prompts.gpt.settings import GptSettings
-from runtime.session.prompt_blend import Side
+from runtime.prompts.phrasing import HARDLY, adherence_of
+from runtime.session.prompt_blend import PromptBlend, Side
+from runtime.skeleton import PART_NAMES
 from viewer.gl_bindings import imgui
-from viewer.gui import setting_widgets, theme, widgets
+from viewer.gui import theme, widgets
+from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
-from viewer.prompt import answer_panel, blend_panel, language_model_panel, parts_panel, prompt_field
+from viewer.prompt import language_model, prompt_field
 from viewer.prompt.language_model import LanguageModel
-from viewer.prompt.prompt_controller import PromptController
+from viewer.prompt.prompt_controller import PromptController, part_words
 from viewer.prompt.suggestions import Suggester
 from viewer.services import Loaded
 from viewer.settings import Settings
 
 HINT = "How should the character move?\nFor example: an exhausted soldier"
+HINT_B = "A second prompt to blend with"
 NEAREST_ROWS = 3  # in a tall panel, else one
-TALL = 620.0  # pixels at scale 1
-MIN_LIST_HEIGHT = 150.0  # pixels at scale 1
-TOOLS_WIDTH = 3 * 26.0 + 2 * 4.0  # pixels at scale 1
+GOOD_MATCH = 0.6  # cosine similarity from which a library prompt is near
+MIN_LINES, MAX_LINES = 2, 3  # of the field of a body part
+# pixels at scale 1
+TALL = 620.0
+MIN_LIST_HEIGHT = 150.0
+TOOLS_WIDTH = 3 * 26.0 + 2 * 4.0
+BAR_WIDTH = 46.0
+LABEL_HEIGHT, ROW_GAP = 17.0, 4.0
+PART_WIDTH = 70.0
+
+_ANSWERED = {  # by the source of an answer
+    "library": ("Library", "Composed from the shipped library's nearest prompts"),
+    "gpt": ("GPT", "Written by the language model"),
+    "explicit": ("Explicit", "The prompt itself says what the parts do"),
+}
 
 
 @dataclass
-class PromptRoom:
+class PromptPanel:
     """What the prompt panel is drawn from."""
 
     settings: Settings
     controller: PromptController
     language_model: LanguageModel
     suggester: Suggester
-    compare: Callable[[], None]  # opens the compare view
+    compare: Callable[[], object]  # opens the compare view
     model: str = ""  # the loaded one's name
     search: str = ""
     tab_requested: str = ""  # "blend": shown from the next frame on
+    _weak: dict[str, float | None] = field(
+        default_factory=lambda: dict.fromkeys(PART_NAMES)
+    )  # `weakly_shown` of each part
+    _weak_of: tuple[object, str] = (None, "")  # answer and model for which that holds
 
     def use_model(self, loaded: Loaded, given: GptSettings | None, again: bool = True) -> None:
         """Let a loaded model answer, whose workers were opened to ask `given`.
@@ -46,87 +67,161 @@ class PromptRoom:
         `again`: what the session moves by was encoded by another model.
         """
         self.model = loaded.name
-        self.controller.even_blends.use(loaded.perceptual_weights)
+        self.controller.measure_blends(loaded.perceptual_weights)
         self.suggester.nearest = loaded.library.nearest
         self.language_model.use(loaded, given, again)
 
+    def panel(self, shown: Callable[[], bool]) -> Panel:
+        """The panel of the live prompt."""
+        return Panel(
+            "Prompt", PanelPlace.LEFT, self._draw, ICON.prompt, shown,
+            tools=self._tools, tools_width=TOOLS_WIDTH, begin_typing=self._begin_typing,
+        )  # fmt: skip
 
-def panel(room: PromptRoom, shown: Callable[[], bool]) -> Panel:
-    """The panel of the live prompt."""
-    return Panel(
-        "Prompt", PanelPlace.LEFT, lambda _: draw(room), ICON.prompt, shown,
-        tools=partial(tools, room), tools_width=TOOLS_WIDTH, begin_typing=partial(_begin_typing, room),
-    )  # fmt: skip
+    def _begin_typing(self) -> None:
+        self.controller.boxes[Side.A].focus_requested = True
 
+    def _tools(self) -> None:
+        """Undo, redo and who answers, in the line of the panel's title."""
+        editor, model = self.controller.editor, self.language_model
+        undoing, redoing = editor.undo_label, editor.redo_label
+        active = bool(undoing or self.controller.pending)
+        if widgets.icon_button(ICON.undo, "undo", f"Undo {undoing} (Ctrl+Z)", theme.TEXT, active, 26.0):
+            editor.undo()
+        widgets.same_line()
+        if widgets.icon_button(
+            ICON.redo, "redo", f"Redo {redoing} (Ctrl+Y)", theme.TEXT, bool(redoing), 26.0
+        ):
+            editor.redo()
+        widgets.same_line()
+        hint = model.problem or f"Who answers prompts: {model.name or 'the library'}"
+        tint = theme.WARNING if model.problem else theme.TEXT
+        if widgets.icon_button(ICON.gear, "who", hint, tint, size=26.0):
+            imgui.open_popup(language_model.POPUP)
+        corner = imgui.get_window_pos()
+        right = corner.x + imgui.get_window_width() + px(8)
+        language_model.draw(model, imgui.ImVec2(right, corner.y))
 
-def _begin_typing(room: PromptRoom) -> None:
-    room.controller.boxes[Side.A].focus_requested = True
+    def _draw(self, _: Rect) -> None:
+        controller = self.controller
+        # the button below stays in reach while the list is open
+        below = imgui.get_frame_height_with_spacing()
+        prompt_field.draw(controller, self.suggester, Side.A, HINT, below=below)
+        self._apply()
+        blend = controller.prompt
+        rows = NEAREST_ROWS if imgui.get_window_height() >= px(TALL) else 1
+        near = _answer(controller, blend, Side.A, rows)
+        if near:
+            controller.submit_prompt(near)
+        if not imgui.begin_tab_bar("prompt tabs"):
+            return
+        if widgets.tab("Body parts"):
+            _scrolling("parts", self._parts)
+            imgui.end_tab_item()
+        blended = " •" if blend.blended else ""
+        wanted = imgui.TabItemFlags_.set_selected if self.tab_requested == "blend" else 0
+        if widgets.tab(f"Blend{blended}###blend", wanted):
+            self.tab_requested = ""
+            _scrolling("blend", lambda: _blend(controller, self.suggester))
+            imgui.end_tab_item()
+        if widgets.tab("Ready prompts"):
+            self._ready()
+            imgui.end_tab_item()
+        imgui.end_tab_bar()
 
+    def _apply(self) -> None:
+        """The button, how long the change takes and how far it goes."""
+        width, text = imgui.get_content_region_avail().x, self.controller.boxes[Side.A].text
+        hint = "Enter in the box does the same; Ctrl+Enter begins a new line"
+        if widgets.button(f"{ICON.wand} Apply", width * 0.29, hint, primary=True) and text.strip():
+            self.controller.submit_prompt(text)
+        widgets.same_line()
+        hint = "Seeds, blends or prompts side by side on one stick (V)"
+        if widgets.button("Compare", width * 0.27, hint):
+            self.compare()
+        widgets.same_line()
+        widgets.full_width()
+        widgets.setting_slider(self.settings, "blend_seconds")
+        widgets.full_width()
+        widgets.setting_slider(self.settings, "strength")
 
-def tools(room: PromptRoom) -> None:
-    """Undo, redo and who answers, in the line of the panel's title."""
-    editor, model = room.controller.editor, room.language_model
-    undoing, redoing = editor.undo_label, editor.redo_label
-    active = bool(undoing or room.controller.asked)
-    if widgets.icon_button(ICON.undo, "undo", f"Undo {undoing} (Ctrl+Z)", theme.TEXT, active, 26.0):
-        editor.undo()
-    imgui.same_line(0, px(4))
-    if widgets.icon_button(ICON.redo, "redo", f"Redo {redoing} (Ctrl+Y)", theme.TEXT, bool(redoing), 26.0):
-        editor.redo()
-    imgui.same_line(0, px(4))
-    hint = model.problem or f"Who answers prompts: {model.name or 'the library'}"
-    tint = theme.WARNING if model.problem else theme.TEXT
-    if widgets.icon_button(ICON.gear, "who", hint, tint, size=26.0):
-        imgui.open_popup(language_model_panel.POPUP)
-    corner = imgui.ImVec2(
-        imgui.get_window_pos().x + imgui.get_window_width() + px(8), imgui.get_window_pos().y
-    )
-    language_model_panel.draw(model, corner)
+    def _parts(self) -> None:
+        """The six fields divide the height that is there; in less than they need, they scroll."""
+        blend, words = self.controller.prompt, part_words(self.controller.prompt)
+        if self._weak_of[0] is not blend.a or self._weak_of[1] != self.model:
+            self._weak_of = blend.a, self.model
+            self._weak = {part: weakly_shown(blend, part, self.model) for part in PART_NAMES}
+        line, padding = imgui.get_text_line_height(), 2 * imgui.get_style().frame_padding.y
+        free = imgui.get_content_region_avail().y / len(PART_NAMES) - px(LABEL_HEIGHT + 2 + ROW_GAP)
+        height = min(max(free, MIN_LINES * line + padding), MAX_LINES * line + padding)
+        across = imgui.get_style().item_spacing.x
+        for part in PART_NAMES:
+            imgui.push_id(part)
+            imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(across, px(2)))
+            self._part_heading(part, blend, words[part])
+            imgui.pop_style_var()
+            imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(across, px(ROW_GAP)))
+            _part_field(part, words[part], height, self.controller)
+            imgui.pop_style_var()
+            imgui.pop_id()
 
+    def _part_heading(self, part: str, blend: PromptBlend, words: str) -> None:
+        """The part's name and marks on the left, reset and lock on the right."""
+        top, width = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
+        answer, locked = blend.a, part in blend.locked
+        edited = answer is not None and part in answer.edited
+        widgets.label(_named(part).capitalize(), theme.TEXT if locked else theme.MUTED)
+        applies, weak = self.controller.parts[part] == words, self._weak[part]
+        if not applies:
+            _mark("Enter applies", theme.WARNING)
+        elif edited:
+            _mark("kept" if locked else "edited", theme.ACCENT)
+        if applies and weak is not None:
+            _mark(f"hardly shown ({weak:.0%})", theme.WARNING)
+            widgets.tooltip(
+                "On a walk the body did this little of what these words say. Other words may do more."
+            )
+        weight = blend.weights[PART_NAMES.index(part)]
+        if blend.b is not None and weight > 0.0:
+            _mark(f"{weight:.0%} of B", theme.MUTED)
+        said = getattr(answer.said, part) if answer is not None and edited else ""
+        _part_buttons(part, said, locked, imgui.ImVec2(top.x + width, top.y - px(2)), self.controller)
+        imgui.set_cursor_pos(imgui.ImVec2(top.x, top.y + px(LABEL_HEIGHT + 2)))
 
-def draw(room: PromptRoom) -> None:
-    """Contents of the panel."""
-    controller, suggester = room.controller, room.suggester
-    # the button below stays in reach while the list is open
-    below = imgui.get_frame_height_with_spacing()
-    prompt_field.draw(controller, suggester, Side.A, HINT, below=below)
-    _apply(room)
-    rows = NEAREST_ROWS if imgui.get_window_height() >= px(TALL) else 1
-    near = answer_panel.draw(controller, Side.A, rows)
-    if near is not None:
-        controller.submit_prompt(near)
-    if not imgui.begin_tab_bar("prompt tabs"):
-        return
-    if widgets.tab("Body parts"):
-        _scrolling("parts", lambda: parts_panel.draw(controller, room.model))
-        imgui.end_tab_item()
-    blended = " •" if controller.prompt.blended else ""
-    wanted = imgui.TabItemFlags_.set_selected if room.tab_requested == "blend" else 0
-    if widgets.tab(f"Blend{blended}###blend", wanted):
-        room.tab_requested = ""
-        _scrolling("blend", lambda: blend_panel.draw(controller, suggester))
-        imgui.end_tab_item()
-    if widgets.tab("Ready prompts"):
-        _ready(room)
-        imgui.end_tab_item()
-    imgui.end_tab_bar()
+    def _ready(self) -> None:
+        """The user's last prompts and one for each style that the model knows."""
+        widgets.full_width()
+        _, self.search = imgui.input_text_with_hint("##search", f"{ICON.search} Search", self.search)
+        words = self.search.lower().split()
+        lists = {
+            "Your last prompts": self.settings.prompt_history,
+            "One for each style of the model": self.suggester.ready,
+        }
+        found = {
+            title: [text for text in texts if all(word in text.lower() for word in words)]
+            for title, texts in lists.items()
+        }
+        height = max(imgui.get_content_region_avail().y, px(MIN_LIST_HEIGHT))
+        if imgui.begin_child("ready list", imgui.ImVec2(0, height)):
+            if not any(found.values()):
+                widgets.muted("No prompt has these words. Type it above: any prompt works.", wrap=True)
+            for title, texts in found.items():
+                if texts:
+                    widgets.label(title)
+                    self._choices(title, texts)
+        imgui.end_child()
 
-
-def _apply(room: PromptRoom) -> None:
-    """The button, how long the change takes and how far it goes."""
-    width, text = imgui.get_content_region_avail().x, room.controller.boxes[Side.A].text
-    hint = "Enter in the box does the same; Ctrl+Enter begins a new line"
-    if widgets.button(f"{ICON.wand} Apply", width * 0.29, hint, primary=True) and text.strip():
-        room.controller.submit_prompt(text)
-    imgui.same_line(0, px(4))
-    hint = "Seeds, blends or prompts side by side on one stick (V)"
-    if widgets.button("Compare", width * 0.27, hint):
-        room.compare()
-    imgui.same_line(0, px(4))
-    widgets.full_width()
-    setting_widgets.slider(room.settings, "blend_seconds")
-    widgets.full_width()
-    setting_widgets.slider(room.settings, "strength")
+    def _choices(self, name: str, texts: list[str]) -> None:
+        imgui.indent(px(6))  # the highlight of a row begins left of its words
+        width = imgui.get_content_region_avail().x
+        shown = self.controller.prompt.prompt(Side.A)
+        for text in texts:
+            fitted = widgets.elided(text, width)
+            if imgui.selectable(f"{fitted}##{name}{text}", text == shown)[0]:
+                self.controller.submit_prompt(text)
+            if fitted != text:
+                widgets.tooltip(text)
+        imgui.unindent(px(6))
 
 
 def _scrolling(name: str, contents: Callable[[], None]) -> None:
@@ -139,34 +234,249 @@ def _scrolling(name: str, contents: Callable[[], None]) -> None:
     imgui.end_child()
 
 
-def _ready(room: PromptRoom) -> None:
-    """The user's last prompts and one for each style that the model knows."""
-    widgets.full_width()
-    _, room.search = imgui.input_text_with_hint("##search", f"{ICON.search} Search", room.search)
-    words = room.search.lower().split()
-
-    def found(texts: tuple[str, ...]) -> list[str]:
-        return [text for text in texts if all(word in text.lower() for word in words)]
-
-    recent, ready = found(tuple(room.settings.prompt_history)), found(room.suggester.ready)
-    height = max(imgui.get_content_region_avail().y, px(MIN_LIST_HEIGHT))
-    if imgui.begin_child("ready list", imgui.ImVec2(0, height)):
-        if not recent and not ready:
-            widgets.muted("No prompt has these words. Type it above: any prompt works.", wrap=True)
-        for title, texts in (("Your last prompts", recent), ("One for each style of the model", ready)):
-            if texts:
-                widgets.label(title)
-                _choices(title, texts, room)
-    imgui.end_child()
+def _named(part: str) -> str:
+    return part.replace("_", " ")
 
 
-def _choices(name: str, texts: list[str], room: PromptRoom) -> None:
-    imgui.indent(px(6))  # the highlight of a row begins left of its words
+def _mark(text: str, tint: theme.Color) -> None:
+    """A word after the name of a body part."""
+    imgui.same_line(0, px(6))
+    widgets.label(text, tint)
+
+
+def _lock_button(name: str, locked: bool, hint: str, size: float = 0.0) -> bool:
+    icon, tint = (ICON.lock, theme.ACCENT) if locked else (ICON.unlock, theme.MUTED)
+    return widgets.icon_button(icon, name, hint, tint, size=size)
+
+
+# --- who answered
+
+
+def _answer(controller: PromptController, blend: PromptBlend, side: Side, rows: int, lines: int = 2) -> str:
+    """A side's answer with at most `rows` of the nearest prompts and `lines` of remarks; a prompt that was clicked, or ""."""
+    answer, pending = blend.answers[side], side in controller.pending
+    missing = _missing(controller, answer, pending)
+    if missing or answer is None:
+        widgets.muted(missing)
+        return ""
+    _who(answer, pending, controller.language_model, rows)
+    chosen = ""
+    if answer.source != "gpt":
+        for text, similarity in answer.nearest[: min(rows, 1) if answer.note else rows]:
+            chosen = text if _near(text, similarity) else chosen
+    if answer.note:
+        far = bool(answer.nearest) and answer.nearest[0][1] < GOOD_MATCH
+        _note(answer.note, far or answer.note.startswith("Language model"), lines)
+    return chosen
+
+
+def _missing(controller: PromptController, answer: Answer | None, pending: bool) -> str:
+    """What is said in the place of an answer that is not there; "" for one to be shown."""
+    if not controller.available:
+        return f"{ICON.warning} Prompts need a motion model."
+    if answer is None:
+        if controller.loading:
+            return f"{ICON.clock} Loading…"
+        return f"{ICON.clock} Preparing the style…" if pending else f"{ICON.note} Type a prompt."
+    if pending or not answer.prompt or any(box.text.strip() for box in controller.boxes):
+        return ""
+    return f"{ICON.note} Type a prompt; “{answer.prompt}” goes on until then."
+
+
+def _who(answer: Answer, pending: bool, model: str, rows: int) -> None:
+    name, hint = _ANSWERED.get(answer.source, (answer.source, ""))
+    widgets.tag(name)
+    widgets.tooltip(f"{hint}, in {answer.milliseconds:.0f} ms")
+    if answer.edited:
+        widgets.same_line()
+        widgets.tag("edited", theme.MUTED)
+        widgets.tooltip(f"Words of {', '.join(map(_named, answer.edited))} are yours")
+    text = _summary(answer, pending, model, rows)
+    imgui.same_line(0, px(7))
+    shown = widgets.elided(text, imgui.get_content_region_avail().x)
+    widgets.muted(shown)
+    if shown != text:
+        widgets.tooltip(text)
+
+
+def _summary(answer: Answer, pending: bool, model: str, rows: int) -> str:
+    if pending:
+        return f"{ICON.clock} asking {model or 'for the next'}…"
+    if answer.source == "gpt":
+        return model or "language model"
+    if answer.source == "explicit":
+        return "your own words"
+    if answer.nearest and not rows:
+        text, similarity = answer.nearest[0]
+        return f"{max(similarity, 0.0):.0%} like “{text}”"
+    return "nearest prompts" if answer.nearest else "no style named"
+
+
+def _near(text: str, similarity: float) -> bool:
+    """One of the nearest prompts with a bar of its similarity; whether it was clicked."""
+    width, height = imgui.get_content_region_avail().x, imgui.get_text_line_height() + px(2)
+    corner = imgui.get_cursor_screen_pos()
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(1)))
+    clicked = imgui.invisible_button(f"near {text}", imgui.ImVec2(width, height))
+    imgui.pop_style_var()
+    hovered = imgui.is_item_hovered()
+    widgets.tooltip(f"Cosine similarity {similarity:.2f} with “{text}”. Click: take this prompt.")
+    drawing, fraction = imgui.get_window_draw_list(), min(max(similarity, 0.0), 1.0)
+    percent, top = f"{fraction:.0%}", corner.y + px(1)
+    percent_left = corner.x + width - imgui.calc_text_size(percent).x
+    bar_left = corner.x + width - px(38 + BAR_WIDTH)
+    words = widgets.packed(theme.TEXT if hovered else theme.MUTED)
+    shown = widgets.elided(text, bar_left - corner.x - px(8))
+    drawing.add_text(imgui.ImVec2(corner.x, top), words, shown)
+    drawing.add_text(imgui.ImVec2(percent_left, top), words, percent)
+    middle = corner.y + height / 2
+    tint = theme.ACCENT if similarity >= GOOD_MATCH else theme.WARNING
+    for end, fill in ((1.0, theme.FIELD_ACTIVE), (fraction, tint)):
+        high = imgui.ImVec2(bar_left + px(BAR_WIDTH) * end, middle + px(2))
+        drawing.add_rect_filled(imgui.ImVec2(bar_left, middle - px(2)), high, widgets.packed(fill), px(2))
+    return bool(clicked)
+
+
+def _note(text: str, warns: bool, lines: int) -> None:
+    """A remark on the answer, on at most so many lines."""
+    with widgets.color(imgui.Col_.text, theme.WARNING if warns else theme.ACCENT):
+        imgui.text_unformatted(ICON.warning if warns else ICON.note)
+    widgets.same_line()
     width = imgui.get_content_region_avail().x
-    shown = room.controller.prompt.prompt(Side.A)
-    for text in texts:
-        if imgui.selectable(f"{widgets.elided(text, width)}##{name}{text}", text == shown)[0]:
-            room.controller.submit_prompt(text)
-        if imgui.calc_text_size(text).x > width:
-            widgets.tooltip(text)
-    imgui.unindent(px(6))
+    imgui.begin_group()
+    with widgets.color(imgui.Col_.text, theme.MUTED):
+        imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + width)
+        shown = widgets.elided(text, (lines - 0.15 * (lines > 1)) * width)
+        imgui.text_unformatted(shown)
+        imgui.pop_text_wrap_pos()
+    imgui.end_group()
+    if shown != text:
+        widgets.tooltip(text)
+
+
+# --- the six fields
+
+
+def weakly_shown(blend: PromptBlend, part: str, model: str) -> float | None:
+    """Fraction (0 to 1) of a part's words that a model, by its name, shows on a walk, where that is hardly anything.
+
+    None for the words of the walk that the program begins with.
+    """
+    if blend.a is None or (blend.a.prompt == DEFAULT_PROMPT and part not in blend.a.edited):
+        return None
+    shown = adherence_of(model).of(getattr(blend.a.words, part), part)
+    return shown if shown is not None and shown < HARDLY else None
+
+
+def _part_buttons(
+    part: str, said: str, locked: bool, right: imgui.ImVec2, controller: PromptController
+) -> None:
+    """Reset to what the expander `said` where that was edited, and lock; they end at `right`."""
+    size = LABEL_HEIGHT + 3
+    if said:
+        imgui.set_cursor_pos(imgui.ImVec2(right.x - 2 * px(size) - px(2), right.y))
+        if widgets.icon_button(ICON.original, "reset", f"Back to what was said: “{said}”", size=size):
+            controller.reset_part(part)
+    imgui.set_cursor_pos(imgui.ImVec2(right.x - px(size), right.y))
+    hint = (
+        "Locked: the next prompt leaves these words alone" if locked
+        else "Keep these words when the prompt changes"
+    )  # fmt: skip
+    if _lock_button("lock", locked, hint, size):
+        controller.toggle_lock(part)
+
+
+def _part_field(part: str, words: str, height: float, controller: PromptController) -> None:
+    """The field of a part that moves by `words`."""
+    field_id, typed = imgui.get_id("##words"), controller.parts[part]
+    active = prompt_field.is_active(field_id)
+    if active:
+        prompt_field.undo_keys(field_id, typed == words, controller.editor)
+        typed = controller.parts[part]
+    fill = theme.ACCENT_LOCKED if part in controller.prompt.locked else theme.FIELD
+    with widgets.color(imgui.Col_.frame_bg, fill):
+        _, typed = imgui.input_text_multiline(
+            "##words", typed, imgui.ImVec2(-1, height), prompt_field.WRAPPED
+        )
+    controller.parts[part] = typed
+    left = imgui.is_item_deactivated_after_edit()  # by Enter, or for something else
+    padding = imgui.get_style().frame_padding
+    width = imgui.get_item_rect_size().x - 2 * padding.x
+    overflows = imgui.calc_text_size(typed, False, width).y > height - 2 * padding.y + 1.0
+    if not active and overflows:
+        widgets.tooltip(typed)
+    if left and typed != controller.applied(part):
+        controller.submit_part(part)
+
+
+# --- the blend
+
+
+def _blend(controller: PromptController, suggester: Suggester) -> None:
+    """Prompt B, who answered it, and the sliders."""
+    widgets.label("Prompt B")
+    prompt_field.draw(controller, suggester, Side.B, HINT_B, lines=1)
+    blend = controller.prompt
+    if blend.b is None and Side.B not in controller.pending:
+        widgets.muted("Type a second prompt: each body part is blended by its own slider.", wrap=True)
+        return
+    _answer(controller, blend, Side.B, rows=0, lines=1)
+    if blend.b is None:
+        return
+    imgui.dummy(imgui.ImVec2(0, px(1)))
+    right = imgui.get_content_region_avail().x - imgui.calc_text_size("Prompt B").x * 0.87
+    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + px(PART_WIDTH))
+    widgets.label("Prompt A")
+    imgui.same_line(imgui.get_cursor_start_pos().x + right)
+    widgets.label("Prompt B")
+    imgui.begin_disabled(len(blend.locked) == len(PART_NAMES))
+    moved, weight = _weight_slider("All", "all", blend.master_weight)
+    if moved:
+        controller.set_all_weights(weight)
+    imgui.end_disabled()
+    widgets.tooltip("Every part that is not locked")
+    imgui.separator()
+    words, words_b = part_words(blend), blend.b.words
+    for part, weight in zip(PART_NAMES, blend.weights, strict=True):
+        _part_weight(part, weight, f"A: {words[part] or '…'}\nB: {getattr(words_b, part)}", controller)
+    imgui.dummy(imgui.ImVec2(0, px(1)))
+    _blend_buttons(controller)
+
+
+def _part_weight(part: str, weight: float, words: str, controller: PromptController) -> None:
+    locked = part in controller.prompt.locked
+    imgui.begin_disabled(locked)
+    spare = imgui.get_frame_height() + px(2)
+    moved, value = _weight_slider(_named(part).capitalize(), part, weight, spare)
+    imgui.end_disabled()
+    if moved:
+        controller.set_weight(part, value)
+    widgets.tooltip(words)
+    widgets.same_line()
+    hint = (
+        "Locked: no prompt and no slider changes this part" if locked else "Hold this part's words and weight"
+    )
+    if _lock_button(f"lock {part}", locked, hint):
+        controller.toggle_lock(part)
+
+
+def _weight_slider(text: str, name: str, weight: float, spare: float = 0.0) -> tuple[bool, float]:
+    start = imgui.get_cursor_pos_x()
+    imgui.align_text_to_frame_padding()
+    widgets.muted(text)
+    imgui.same_line(start + px(PART_WIDTH))
+    imgui.set_next_item_width(imgui.get_content_region_avail().x - spare)
+    moved, percent = widgets.slider(f"##{name}", 100.0 * weight, 0.0, 100.0, "%.0f%% B")
+    return moved, min(max(percent / 100.0, 0.0), 1.0)
+
+
+def _blend_buttons(controller: PromptController) -> None:
+    half = widgets.column_width(2)
+    imgui.begin_disabled(bool(controller.pending))
+    hint = "Prompt B becomes prompt A, whose words can be edited; the character moves on as it does"
+    if widgets.button(f"{ICON.exchange} Swap A and B", half, hint):
+        controller.swap()
+    imgui.end_disabled()
+    widgets.same_line()
+    if widgets.button(f"{ICON.close} No blend", half, "Back to prompt A alone"):
+        controller.drop_blend()

@@ -151,19 +151,19 @@ class OrbitCamera(Camera):
         if y - foot > STANDING_M:  # no character stands at the target
             return 0.0
         eye = super().position
-        share = np.linspace(0.15, 0.9, 16)
-        over = terrain.height(x + share * (eye[0] - x), z + share * (eye[2] - z)) + FOOT_M / 3
-        lift = (over - foot - share * (eye[1] - foot)) / share
+        fraction = np.linspace(0.15, 0.9, 16)
+        over = terrain.height(x + fraction * (eye[0] - x), z + fraction * (eye[2] - z)) + FOOT_M / 3
+        lift = (over - foot - fraction * (eye[1] - foot)) / fraction
         return min(float(np.max(lift)), MAX_LIFT * self.distance)
 
     def keep_above(self, terrain: Terrain | None, dt: float) -> None:
         """Glide to where the boom clears the ground."""
         goal = 0.0
         if terrain is not None:
-            share = np.linspace(0.25, 1.0, 12)
-            points = self.target - share[:, None] * self.distance * self.forward
+            fraction = np.linspace(0.25, 1.0, 12)
+            points = self.target - fraction[:, None] * self.distance * self.forward
             ground = terrain.height(points[:, 0], points[:, 2]) + self.CLEARANCE_M
-            goal = max(0.0, float(np.max((ground - points[:, 1]) / share)), self._lift_over_feet(terrain))
+            goal = max(0.0, float(np.max((ground - points[:, 1]) / fraction)), self._lift_over_feet(terrain))
         self._lift_m, self._lift_velocity = spring(
             self._lift_m, self._lift_velocity, np.array(goal), LIFT_HALF_LIFE, dt
         )
@@ -247,6 +247,6 @@ class FollowCamera(OrbitCamera):
             self.yaw = math.remainder(self.yaw - step, math.tau)
             return
         difference = math.remainder(yaw - self.yaw, math.tau)
-        share = 1.0 - 0.5 ** (dt / ALIGN_HALF_LIFE)
+        fraction = 1.0 - 0.5 ** (dt / ALIGN_HALF_LIFE)
         # sin: a character that comes straight at the camera must not spin it round
-        self.yaw = math.remainder(self.yaw + share * math.sin(difference), math.tau)
+        self.yaw = math.remainder(self.yaw + fraction * math.sin(difference), math.tau)

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 from runtime.errors import FileError
 from runtime.pose import Pose
-from viewer.render.gl import release, set_uniforms
+from viewer.render.gl import JOINTS_BINDING, load_program, release, set_uniforms
 from viewer.render.quality import Quality
-from viewer.render.shaders import JOINTS_BINDING, load_program
 
 MAX_JOINTS = 256  # the block in skinning.glsl
 SLOT_BYTES = MAX_JOINTS * 64

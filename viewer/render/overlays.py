@@ -9,7 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.arrays import Array
+from runtime.motion.controller import Controller
 from runtime.pose import Pose
+
+PAST_SAMPLES = 6  # of the 12 of the trajectory: one second back, then the present and one second ahead
 
 
 @dataclass(frozen=True)
@@ -19,6 +22,12 @@ class TrajectoryOverlay:
     positions: Array  # (12, 3) metres
     directions: Array  # (12, 2) facing on the XZ plane
     past: NDArray[np.bool_]  # (12,) True for samples that lie behind in time
+
+
+def trajectory_overlay(controller: Controller) -> TrajectoryOverlay:
+    """The trajectory of a live character."""
+    view = controller.trajectory
+    return TrajectoryOverlay(view.positions, view.directions, np.arange(len(view.positions)) < PAST_SAMPLES)
 
 
 @dataclass(frozen=True)
@@ -66,7 +75,6 @@ class Overlays:
     """Toggles and extra figures of one frame; `Overlays()` shows the grid and nothing else."""
 
     trajectory: TrajectoryOverlay | None = None
-    show_trajectory: bool = False
     show_skeleton: bool = False
     show_contacts: bool = False
     show_grid: bool = True

@@ -16,9 +16,10 @@ from viewer.render.character_pass import (
     ghost_draws,
 )
 from viewer.render.frame import SHADOW_MARGIN_M, SHADOW_REACH_M, UNIFORM_BYTES, RenderFrame, make_frame
-from viewer.render.gl import release, screen_triangle, shown_size
+from viewer.render.gl import FRAME_BINDING, release, screen_triangle, shown_size
 from viewer.render.marks import (
     REFERENCE_HEIGHT_PX,
+    OverlayPass,
     contact_dots,
     contact_strokes,
     feet_of,
@@ -28,10 +29,8 @@ from viewer.render.marks import (
     trail_strokes,
     trajectory_strokes,
 )
-from viewer.render.overlay_pass import OverlayPass
 from viewer.render.overlays import Figure, Overlays
 from viewer.render.quality import Quality, choose_quality
-from viewer.render.shaders import FRAME_BINDING
 from viewer.render.targets import SceneTarget, ShadowMap
 from viewer.render.terrain_pass import TerrainPass
 
@@ -72,9 +71,9 @@ class Renderer:
     ) -> None:
         """Draw one frame into `target`; without a pose only the ground."""
         figure = overlays.figure
-        solid = [*([] if pose is None else [pose]), *overlays.extra_poses]
-        in_scene = figure is not None and not (figure.ghost or figure.on_top)
-        standing = [*solid, *([figure.pose] if in_scene and figure is not None else [])]
+        solid = overlays.extra_poses if pose is None else [pose, *overlays.extra_poses]
+        casts = figure is not None and not (figure.ghost or figure.on_top)
+        standing = [*solid, figure.pose] if figure is not None and casts else solid
         scene = self._scene.begin(shown_size(target))
         reach = SHADOW_REACH_M if self.quality.terrain_casts_shadow else 0.0
         frame = make_frame(camera, scene.size, standing, reach, self.quality.shadow_map_size)
@@ -84,8 +83,9 @@ class Renderer:
         draws = [CharacterDraw(p) for p in solid] + ghost_draws(overlays.ghosts, pose, camera.position)
         draws += [CharacterDraw(p, GHOST_OPACITY, behind=True) for p in overlays.frames]
         self._characters.prepare(draws)
-        others = self._figures(figure)
-        passes = [self._characters, *([] if figure is not None and figure.on_top else others)]
+        other = self._prepare_figure(figure)
+        on_top = other if figure is not None and figure.on_top else None
+        passes = [self._characters] if other is None or on_top else [self._characters, other]
 
         self._draw_shadow_map(frame, passes)
         scene.use()
@@ -98,16 +98,16 @@ class Renderer:
         self._draw_ground_overlays(scene, pose, overlays)
         for characters in reversed(passes):  # the character's own last: nothing is drawn over it afterwards
             characters.draw_ghosts(scene)
-        if figure is not None and figure.on_top:
-            others[0].draw(self._shadow_map.texture, on_top=True)
+        if on_top is not None:
+            on_top.draw(self._shadow_map.texture, on_top=True)
         self._draw_top_overlays(frame, pose, overlays)
         self._scene.present(target, frame.screen_box(frame.cast, SHADOW_MARGIN_M))
         self.ctx.enable_only(moderngl.NOTHING)
 
-    def _figures(self, figure: Figure | None) -> list[CharacterPass]:
+    def _prepare_figure(self, figure: Figure | None) -> CharacterPass | None:
         """The pass of a figure of another mesh."""
         if figure is None:
-            return []
+            return None
         if self._figure is None:
             self._figure = CharacterPass(self.ctx, self.quality)
         if self._figure_mesh is not figure.mesh:
@@ -115,7 +115,7 @@ class Renderer:
             self._figure_mesh = figure.mesh
         opacity = FIGURE_OPACITY if figure.ghost else 1.0
         self._figure.prepare([CharacterDraw(figure.pose, opacity, figure.matrices)])
-        return [self._figure]
+        return self._figure
 
     def _draw_shadow_map(self, frame: RenderFrame, passes: list[CharacterPass]) -> None:
         self._shadow_map.framebuffer.use()
@@ -140,7 +140,7 @@ class Renderer:
     ) -> None:
         scene.depth_mask = False
         scene.use()  # a mask comes into force when its framebuffer is bound
-        if overlays.show_trajectory and overlays.trajectory is not None:
+        if overlays.trajectory is not None:
             self._overlays.draw_on_ground(trajectory_strokes(overlays.trajectory, self._ground))
         if overlays.path is not None:
             self._overlays.draw_on_ground(path_strokes(overlays.path, self._ground))

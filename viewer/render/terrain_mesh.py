@@ -102,8 +102,8 @@ def _mean_around(grid: Array, radius: int) -> Array:
 def _skip_error(grid: Array, step: int) -> Array:
     """What is lost at each point `(n, m)` when only every `step`-th row is kept and the others interpolated."""
     kept = grid[::step]
-    share = (np.arange(step, dtype=np.float32) / step)[:, None]
-    between = kept[:-1, None] + (kept[1:] - kept[:-1])[:, None] * share
+    fraction = (np.arange(step, dtype=np.float32) / step)[:, None]
+    between = kept[:-1, None] + (kept[1:] - kept[:-1])[:, None] * fraction
     lost = np.zeros_like(grid)
     lost[:-1] = np.abs(grid[:-1] - between.reshape(-1, grid.shape[1]))
     return lost

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 from runtime.terrain.height_map import Terrain
 from viewer.render.frame import SHADOW_REACH_M, RenderFrame
-from viewer.render.gl import release, scissored, set_uniforms
+from viewer.render.gl import load_program, release, scissored, set_uniforms
 from viewer.render.quality import Quality
-from viewer.render.shaders import load_program
 from viewer.render.terrain_mesh import APRON_M, Levels, TerrainMesh, cut_window
 
 MAX_FEET = 32  # the array in ground_shadow.frag

@@ -58,7 +58,7 @@ class CameraControl:
             new.snap(old.target)
 
     def open_at(self, pose: Pose, yaw: float) -> None:
-        """The view of a start: the character from behind and beside, and what lies before it."""
+        """The view of a start: the character from behind and one side, and what lies before it."""
         camera = self.current
         camera.target = np.array(self.target(pose))
         self._tracked = None
@@ -110,10 +110,10 @@ class CameraControl:
         return float(io.mouse_wheel), dragging
 
     def frame_in(self, framing: tuple[float, float, float], dt: float) -> None:
-        """Glide to the place (-1 left to 1 right, -1 bottom to 1 top) and the share of the height that panels leave free."""
-        share = 1.0 - 0.5 ** (dt / SHIFT_HALF_LIFE)
+        """Glide to the place (-1 left to 1 right, -1 bottom to 1 top) and the fraction of the height that panels leave free."""
+        fraction = 1.0 - 0.5 ** (dt / SHIFT_HALF_LIFE)
         old = framing if self._framing is None else self._framing
-        right, up, fit = (a + (b - a) * share for a, b in zip(old, framing, strict=True))
+        right, up, fit = (a + (b - a) * fraction for a, b in zip(old, framing, strict=True))
         self._framing = right, up, fit
         camera = self.current
         camera.shift, camera.shift_up, camera.fit = right, up, fit

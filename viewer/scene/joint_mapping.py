@@ -1,9 +1,9 @@
-"""Joints of a character that its user names by hand: what is guessed, what is chosen, and keeping it beside the file."""
+"""Joints of a character that its user names by hand: what is guessed, what is chosen, and keeping it in the file's folder."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from runtime.character.character import joints_of
@@ -17,16 +17,19 @@ from viewer.messages import Messages
 
 @dataclass(frozen=True)
 class FileJoints:
-    """The joints of a character file: what is guessed without a map, and the map that lies beside it."""
+    """The joints of a character file: what is guessed without a map, and the map in its folder."""
 
     guess: JointGuess
     saved: dict[str, str]
 
 
 @dataclass
-class JointsState:
-    """The joints window; `chosen` are SPORT joints -> joints of the file, "" for none of them."""
+class JointMapping:
+    """The joints window; `chosen` are SPORT joints -> joints of the file, "" for none of them. `load` shows a character."""
 
+    messages: Messages
+    jobs: Jobs
+    load: Callable[[Path], None]  # with the map in the file's folder
     open: bool = False
     path: Path | None = None
     guess: JointGuess | None = None
@@ -54,20 +57,10 @@ class JointsState:
         """SPORT joints without which nothing can be driven."""
         return [joint for joint in NEEDED if not self.plays(joint)]
 
-
-@dataclass
-class JointMapping:
-    """Actions of the joints window; `load` shows a character with the map beside it."""
-
-    messages: Messages
-    jobs: Jobs
-    load: Callable[[Path], None]
-    state: JointsState = field(default_factory=JointsState)
-
     @property
     def shown(self) -> Path | None:
         """The file whose joints are in the window, None while it is closed."""
-        return self.state.path if self.state.open else None
+        return self.path if self.open else None
 
     def begin(self, path: Path) -> None:
         """Open the window with what is found in a character file."""
@@ -78,35 +71,34 @@ class JointMapping:
     def _show(self, path: Path, found: FileJoints) -> None:
         known = {joint: name for joint, name in found.saved.items() if not name or name in found.guess.names}
         lost = len(found.saved) - len(known)
-        self.state = JointsState(True, path, found.guess, dict(known), known)
+        self.open, self.path, self.guess, self.chosen = True, path, found.guess, dict(known)
+        self.saved, self.selected, self.problem = known, "", ""
         if lost:
-            self.state.saved = found.saved
-            self.state.problem = f"{lost} names of {joint_map_path(path).name} are not in the skeleton."
+            self.saved = found.saved
+            self.problem = f"{lost} names of {joint_map_path(path).name} are not in the skeleton."
 
     def choose(self, joint: str, name: str | None) -> None:
         """Let a joint of the file play a SPORT joint: "" for none, None for what is guessed.
 
         It can play one only: another SPORT joint that had it has none.
         """
-        state = self.state
-        chosen = {key: value for key, value in state.chosen.items() if key != joint}
-        name = state.guessed(joint) if name is None else name
-        if name != state.guessed(joint):
+        chosen = {key: value for key, value in self.chosen.items() if key != joint}
+        name = self.guessed(joint) if name is None else name
+        if name != self.guessed(joint):
             chosen[joint] = name
-        others = [key for key in SPORT_SKELETON.names if key != joint and name and state.plays(key) == name]
+        others = [key for key in SPORT_SKELETON.names if key != joint and name and self.plays(key) == name]
         chosen |= dict.fromkeys(others, "")
-        state.chosen, state.selected, state.problem = chosen, joint, ""
+        self.chosen, self.selected, self.problem = chosen, joint, ""
 
     def guess_all(self) -> None:
         """Drop everything that was chosen."""
-        self.state.chosen, self.state.problem = {}, ""
+        self.chosen, self.problem = {}, ""
 
     def apply(self) -> None:
-        """Keep the map beside the file and show the character by it."""
-        state = self.state
-        if state.path is None or state.missing:
+        """Keep the map in the file's folder and show the character by it."""
+        if self.path is None or self.missing:
             return
-        path, chosen = state.path, dict(state.chosen)
+        path, chosen = self.path, dict(self.chosen)
 
         def keep() -> Path | None:
             if chosen:
@@ -115,7 +107,7 @@ class JointMapping:
             return None
 
         def kept(written: Path | None) -> None:
-            self.state.saved = chosen
+            self.saved = chosen
             where = f"Joints of {path.name} kept in {written.name}." if written else "Joints as guessed."
             self.messages.note(where)
             self.load(path)
@@ -124,13 +116,13 @@ class JointMapping:
 
     def refused(self, error: Exception) -> None:
         """The character could not be shown by what was chosen, or that not be kept."""
-        self.state.problem = str(error)
+        self.problem = str(error)
 
     def close(self) -> None:
         """Leave the window; what was not applied is forgotten."""
-        self.state = replace(self.state, open=False)
+        self.open = False
 
 
 def read_joints(path: Path) -> FileJoints:
-    """What is found in a character file by itself, and what is kept beside it; FileError."""
+    """What is found in a character file by itself, and what is kept in its folder; FileError."""
     return FileJoints(joints_of(path, {}), saved_joint_map(path))

@@ -14,15 +14,16 @@ from runtime.character.joint_map import joint_map_path
 from runtime.character.read import SUFFIXES as GLTF_SUFFIXES
 from runtime.character.shape import BodyShape, shaped_file
 from runtime.controls import Controls
+from runtime.motion.controller import Controller
 from runtime.motion.snapshot import Snapshot
 from runtime.pose import FPS, Pose
 from runtime.prompts.gpt.settings import GptSettings
-from runtime.session import live_pins
 from runtime.session.character_files import read_character_files, write_character_files
 from runtime.session.session import CharacterChoice, Ground, ModelName, Session
 from runtime.takes.input_recording import InputRecorder
 from runtime.takes.metadata import origin_of
 from runtime.takes.pinned import bent_pose
+from runtime.takes.pins import weights_at
 from runtime.terrain.files import SUFFIXES as GROUNDS
 from runtime.terrain.height_map import Terrain
 from viewer.editor import Editor
@@ -35,7 +36,7 @@ from viewer.scene.camera_control import CameraControl
 from viewer.scene.joint_mapping import JointMapping
 from viewer.scene.simulation import Simulation, make_pose
 from viewer.scene.views import VIEWS, start_yaw
-from viewer.services import ControllerLike, Loaded, Services
+from viewer.services import Loaded, Services
 from viewer.settings import Settings
 
 SIMULATION, WAY = "simulation", "way"  # topics of messages
@@ -68,7 +69,7 @@ class Scene:
     quality: str = ""  # name of the renderer's preset
     model_name: str = ""  # "" while loading
     provider: str = ""
-    model_folder: Path | None = None  # asked for last; None: the default
+    model_folder: Path | None = None  # requested last; None: the default
     character_path: Path | None = None  # the file of the character in use; None: the mannequin as it is
     _character: Any = None
     _choice: CharacterChoice = field(default_factory=CharacterChoice)  # in use, or being loaded
@@ -88,7 +89,7 @@ class Scene:
         self.editor.followers.append(self.follow)
 
     @property
-    def controller(self) -> ControllerLike | None:
+    def controller(self) -> Controller | None:
         """What moves the character; None until a model is loaded."""
         return self.simulation.controller
 
@@ -112,7 +113,7 @@ class Scene:
 
     def bend(self, pose: Pose, now: float) -> Pose:
         """The live pose with the pins that hold at a time; the same object where none does."""
-        pins = live_pins.weights(self.editor.session.live.poses.pins, now)
+        pins = weights_at(self.editor.session.live.poses.pins, now)
         if not pins:
             return pose
         hips, local, contacts = bent_pose(pose.hips_position, pose.local_rotations, pose.contacts, pins)
@@ -153,10 +154,15 @@ class Scene:
         self.camera.use(mode)
         self.settings.camera = mode
 
-    def begin_camera(self, name: str) -> None:
-        """The camera of a start: follow, orbit, or a view."""
-        self._first_view = name if name in VIEWS else ""
-        self.camera.use("orbit" if self._first_view else name)
+    def begin(self, camera: str, live_link: str | None, vmc: str | None) -> None:
+        """Show the first ground by a camera (follow, orbit, or a view), and send poses to addresses; UsageError."""
+        self.terrain_names = self.services.terrain_names()
+        self.quality = self.renderer.quality.name
+        self._first_view = camera if camera in VIEWS else ""
+        self.camera.use("orbit" if self._first_view else camera)
+        self.renderer.set_terrain(self.terrain)
+        self.live.begin(live_link)
+        self.vmc.begin(vmc)
 
     def view(self, name: str) -> None:
         """Look at the character from a place of `VIEWS`."""
@@ -282,7 +288,7 @@ class Scene:
         """Let the live character go on from a state of a take; the session has the take's ground already."""
         if self.controller is None:
             return
-        snapshot.restore(self.controller)  # type: ignore[arg-type]
+        snapshot.restore(self.controller)
         self.simulation.go_on_from(pose)
         self.inputs.forget()
 
@@ -383,7 +389,7 @@ class Scene:
         self._choice, self._character, self.character_path = choice, character, path
         if choice.path:
             self.messages.note(f"Character {Path(choice.path).name} loaded.")
-        if self.joints.state.path == path:
+        if self.joints.path == path:
             self.joints.close()
 
     # --- model and quality
@@ -434,7 +440,7 @@ class Scene:
         self.settings.quality = name
 
     def lower_quality(self, fps: float, dt: float) -> None:
-        """Go to the fast preset where nobody chose one and the processor shows too few frames a second for some time."""
+        """Go to the fast preset where none was chosen and the processor shows too few frames a second for some time."""
         slow = not self.settings.quality and self.quality == "software" and 0.0 < fps < SLOW_FPS
         self._slow_s = self._slow_s + dt if slow else 0.0
         if self._slow_s > SLOW_SECONDS:

@@ -12,11 +12,11 @@ import numpy as np
 
 from runtime import rotations
 from runtime.controls import Controls
+from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
 from runtime.pose import Pose
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
-from viewer.services import ControllerLike
 
 STEP_SECONDS = 1.0 / FPS
 # per displayed frame: motion keeps its own time down to one frame a second, but where the model itself is slow the
@@ -82,7 +82,7 @@ class Simulation:
 
     previous: Pose
     current: Pose
-    controller: ControllerLike | None = None
+    controller: Controller | None = None
     model_ms: float = 0.0  # smoothed cost of one step
     problem: str = ""  # the failure of the last advance, "" when it went well
     _left_s: float = 0.0
@@ -96,7 +96,7 @@ class Simulation:
 
     @property
     def halted(self) -> bool:
-        """Whether the model failed so often that it is no longer asked."""
+        """Whether the model failed so often that it is no longer called."""
         return self._failures >= MAX_FAILURES
 
     @property
@@ -109,7 +109,7 @@ class Simulation:
         """What the character does by keys in place of the network, as the status line says it; "" for nothing."""
         return "" if self.controller is None else TRAVERSALS.get(self.controller.traversal, "")
 
-    def use(self, controller: ControllerLike) -> None:
+    def use(self, controller: Controller) -> None:
         """Take another controller; it starts where the character stands."""
         self.controller = controller
         self.reset(
@@ -162,8 +162,10 @@ class Simulation:
             self._fail(failure)
             return None
         cost_ms = (time.perf_counter() - begin) * 1e3
-        share = 1.0 - 0.5 ** (1.0 / MS_HALF_LIFE_STEPS)
-        self.model_ms = cost_ms if self.model_ms == 0.0 else self.model_ms + (cost_ms - self.model_ms) * share
+        fraction = 1.0 - 0.5 ** (1.0 / MS_HALF_LIFE_STEPS)
+        self.model_ms = (
+            cost_ms if self.model_ms == 0.0 else self.model_ms + (cost_ms - self.model_ms) * fraction
+        )
         fault = controller.message  # it set itself back: no defect, unless it does so every time
         self._failures = self._failures + 1 if fault else 0
         self.problem = (f"{fault} {_STANDS}" if self.halted else fault) or self.problem

@@ -9,7 +9,7 @@ import numpy as np
 
 from runtime.terrain.height_map import Terrain
 
-OPENING_TURN = -0.62  # radians beside the walker's back, on the side that the sun lights
+OPENING_TURN = -0.62  # radians from the walker's back, on the side that the sun lights
 NEAR_M, FAR_M, STEP_M = 1.0, 15.0, 0.25  # where obstacles are looked for
 DIRECTIONS = 16
 CLIMB_M = 0.15  # up and down along the way; less is level

@@ -31,10 +31,18 @@ class Playback:
     loop: bool = True
     speed: float = 1.0
     shown: Take = field(init=False)  # whose frames `clip` has
+    first: int = field(init=False)  # that the trim keeps, as `last`
+    last: int = field(init=False)
 
     def __post_init__(self) -> None:
         self.shown = self.take
+        self.use(self.take)
         self.time_s = max(self.time_s, self.start_s)
+
+    def use(self, take: Take) -> None:
+        """The take after an edit, whose frames may still be those before it."""
+        self.take, end = take, self.frames - 1
+        self.first, self.last = (min(frame, end) for frame in take.range)
 
     @property
     def number(self) -> int:
@@ -44,22 +52,12 @@ class Playback:
     @property
     def frames(self) -> int:
         """Frames of the whole clip."""
-        return len(self.clip)
+        return self.clip.hips_positions.shape[0]
 
     @property
     def frame(self) -> int:
         """The frame shown."""
         return min(max(round(self.time_s * self.clip.fps), 0), self.frames - 1)
-
-    @property
-    def first(self) -> int:
-        """The first frame that is kept."""
-        return min(self.take.range[0], self.frames - 1)
-
-    @property
-    def last(self) -> int:
-        """The last frame that is kept."""
-        return min(self.take.range[1], self.frames - 1)
 
     @property
     def start_s(self) -> float:
@@ -105,8 +103,8 @@ class Playback:
 
     def show(self, take: Take, clip: Clip, inputs: InputRecording | None) -> None:
         """The frames of the take after an edit, at the same time."""
-        self.take = self.shown = take
-        self.clip, self.inputs = clip, inputs
+        self.shown, self.clip, self.inputs = take, clip, inputs
+        self.use(take)
         self.time_s = min(self.time_s, (self.frames - 1) / clip.fps)
 
     def pose(self) -> Pose:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import tempfile
 import time
@@ -44,8 +43,11 @@ KEPT_SETTINGS = (
     "temperature", "response", "strength", "blend_seconds", "show_grid", "show_trajectory", "show_skeleton",
     "show_contacts",
 )  # fmt: skip
-MAX_PITCH = 1.5  # radians
-DISTANCES = (0.5, 60.0)  # metres of the camera
+# limits of what is kept of the view: metres and radians, of the character and of the camera
+PLACES = {
+    "x": (-1e5, 1e5), "z": (-1e5, 1e5), "facing": (-1e5, 1e5),
+    "yaw": (-1e3, 1e3), "pitch": (-1.5, 1.5), "distance": (0.5, 60.0),
+}  # fmt: skip
 
 
 def first_file(folder: Path, cache: Path) -> tuple[SessionFile, str]:
@@ -312,31 +314,24 @@ class Sessions:
 
     def _restore(self, view: dict[str, Any]) -> None:
         """Look at the session as it was looked at, and let the character stand where it stood."""
-        session, camera = self.editor.session, self.scene.camera
-
-        def number(name: str, low: float, high: float) -> float | None:
-            value = view.get(name)
-            known = isinstance(value, int | float) and math.isfinite(value)
-            return min(max(float(value), low), high) if known and value is not None else None
-
+        camera = self.scene.camera
         for name in KEPT_SETTINGS:
-            value = checked(name, view.get(name), getattr(Settings(), name)) if name in view else None
+            value = checked(name, view.get(name), getattr(Settings(), name))
             if value is not None:
                 setattr(self.settings, name, value)
         if view.get("camera") in CAMERAS:
             camera.use(str(view["camera"]))
-        x, z, facing = (number(name, -1e5, 1e5) for name in ("x", "z", "facing"))
-        if x is not None and z is not None:
-            self.scene.put_character(x, z, facing or 0.0)
-        for name, low, high in (
-            ("yaw", -1e3, 1e3),
-            ("pitch", -MAX_PITCH, MAX_PITCH),
-            ("distance", *DISTANCES),
-        ):
-            value = number(name, low, high)
-            if value is not None:
-                setattr(camera.current, name, value)
-        if not self._has_model(session.model):
+        known = {
+            name: min(max(float(view[name]), low), high)
+            for name, (low, high) in PLACES.items()
+            if isinstance(view.get(name), int | float)
+        }
+        if "x" in known and "z" in known:
+            self.scene.put_character(known["x"], known["z"], known.get("facing", 0.0))
+        for name in ("yaw", "pitch", "distance"):
+            if name in known:
+                setattr(camera.current, name, known[name])
+        if not self._has_model(self.editor.session.model):
             self.prompting.ask_again()
 
     def _has_model(self, wanted: ModelName) -> bool:

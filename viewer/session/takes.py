@@ -13,14 +13,15 @@ from runtime.controls import Controls
 from runtime.errors import SportError, UsageError
 from runtime.pose import Pose
 from runtime.safe_read import printable
-from runtime.session import edits, live_pins
+from runtime.session import edits
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.prompt_blend import PromptBlend
-from runtime.session.session import LIVE, MIN_FRAMES, Ground, Session, Take
+from runtime.session.session import LIVE, MIN_FRAMES, Ground, Reference, Session, Take
 from runtime.session.session_file import Recording
 from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputRecorder, InputRecording, StyleChange
-from runtime.takes.metadata import Origin, gait_of, origin_of
+from runtime.takes.metadata import Origin, PromptEvent, gait_of, origin_of
+from runtime.takes.pins import pins_of_take
 from runtime.takes.pose_edits import PoseEdits
 from runtime.takes.recorder import ClipRecorder
 from runtime.terrain.height_map import Terrain
@@ -93,13 +94,8 @@ class Takes:
 
     def follow(self, before: Session, now: Session) -> None:
         """Show what became of the take that plays; leave it when it is gone."""
-        playback = self.playback
-        if playback is not None:
-            take = now.take(playback.number)
-            if take is None or take.number == LIVE:
-                self.close_playback()
-            elif take != playback.take or take != playback.shown:
-                self._refresh(playback, take)
+        if self.playback is not None:
+            self._follow_played(self.playback, now)
         if self.renaming != LIVE and now.take(self.renaming) is None:
             self.renaming = LIVE
         if now.selected != before.selected or now.current != before.current:
@@ -107,8 +103,15 @@ class Takes:
             if self.playback is not None and now.selected not in (LIVE, self.playback.number):
                 self.play(now.selected)
 
+    def _follow_played(self, playback: Playback, now: Session) -> None:
+        take = now.take(playback.number)
+        if take is None or take.number == LIVE:
+            self.close_playback()
+        elif take != playback.take or take != playback.shown:
+            self._refresh(playback, take)
+
     def _refresh(self, playback: Playback, take: Take) -> None:
-        playback.take = take
+        playback.use(take)
         shown = playback.shown
         if (take.motion, take.mirrored, take.poses) == (shown.motion, shown.mirrored, shown.poses):
             playback.shown = take
@@ -136,18 +139,17 @@ class Takes:
         z, prompt, words, typed = blend.style(), blend.prompt_text, blend.spelled_out(), blend.typed()
         self.recorder.mark_prompt(prompt, seconds, words, typed)
         if z is not None:
-            self.inputs.mark_style(z, seconds, prompt, words, blend, holds, typed)
+            event = PromptEvent(0.0, prompt, seconds, words, typed)
+            self.inputs.mark_style(StyleChange(0, z, seconds, event, blend), holds)
 
     def mark_style_in_force(self, style: StyleChange) -> None:
         """A style of a take holds in the live controller already."""
         event = style.event
         self.recorder.mark_prompt(event.prompt, 0.0, event.words, event.typed)
-        self.inputs.mark_style(
-            style.z, style.seconds, event.prompt, event.words, style.note, holds=True, typed=event.typed
-        )
+        self.inputs.mark_style(style, holds=True)
 
     def add_poses(self, poses: list[Pose], controls: Controls) -> None:
-        """Remember simulated poses, without their pins, and what was asked for; call once a frame."""
+        """Remember simulated poses, without their pins, and what was requested; call once a frame."""
         for pose in poses:
             self.recorder.add(pose, gait_of(controls))
             if self.scene.controller is not None:
@@ -175,9 +177,8 @@ class Takes:
         if not self.recorder.seconds:
             return None
         clip = self.recorder.last(seconds)
-        pins = live_pins.of_take(
-            self.session.live.poses.pins, self.recorder.next_frame - len(clip), len(clip)
-        )
+        begin = (self.recorder.next_frame - len(clip)) / clip.fps
+        pins = pins_of_take(self.session.live.poses.pins, begin, len(clip) / clip.fps)
         take = Take(motion=Motion.of(clip), poses=PoseEdits(pins))
         ground = self.scene.terrain
         return Playback(take, take.clip, ground, ground, time_s=clip.seconds, playing=False)
@@ -232,8 +233,8 @@ class Takes:
         first = self.recorder.next_frame - len(clip)
         inputs = self.inputs.cut(first)
         motion = Motion.of(clip, inputs) if recording is None else recording.finish(clip, inputs)
-        pins = live_pins.of_take(self.session.live.poses.pins, first, len(clip))
         begin = first / clip.fps
+        pins = pins_of_take(self.session.live.poses.pins, begin, len(clip) / clip.fps)
         cameras = tuple(
             replace(key, seconds=key.seconds - begin)
             for key in self.session.live.cameras
@@ -324,8 +325,6 @@ class Takes:
             if self.playback is None:
                 self.play(number)
             else:
-                from runtime.session.session import Reference
-
                 self.editor.do(
                     f"reference {path.name}", lambda s: replace(s, reference=Reference(take=number))
                 )

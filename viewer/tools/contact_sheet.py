@@ -32,7 +32,7 @@ def draw_row(
     cell: tuple[int, int] = CELL,
 ) -> NDArray[np.uint8]:
     """Frames `(H, W, 3)` of a clip at some moments, from left to right."""
-    from viewer.filming.studio import studio
+    from viewer.filming.film import studio
 
     with studio(cell, terrain) as draw:
         poses = [clip.sample(min(at, clip.seconds)) for at in seconds]

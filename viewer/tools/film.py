@@ -15,8 +15,7 @@ import numpy as np
 from runtime.atomic import check_target
 from runtime.errors import UsageError, run_command
 from runtime.takes.clip import Clip
-from viewer.filming.captions import write_caption
-from viewer.filming.film import film_frames, open_studio
+from viewer.filming.film import film_frames, open_studio, write_caption
 from viewer.filming.shots import VIEW, FilmOptions, Shot
 from viewer.filming.writers import Frame, check_writer, open_writer
 

@@ -45,7 +45,7 @@ from runtime.prompts.phrasing import adherence_of
 from runtime.prompts.text_encoder import TextEncoderLike
 from runtime.skeleton import PART_NAMES
 
-# Cosine similarities of prompts, set on the first lists of tests/helpers/prompt_lists.py.
+# Cosine similarities of prompts, set on the first lists of tests/runtime/prompts/bodily_prompts.txt.
 NEAR = 0.62  # the best entry is taken whole
 GUESS = 0.56  # below, neighbours are a guess that is wrong more often than not
 WHOLE = 0.3  # words that an entry must explain more than the phrases found do, to be taken in place of them

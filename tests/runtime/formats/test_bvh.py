@@ -5,7 +5,7 @@ import pytest
 
 from runtime import rotations
 from runtime.errors import FileError
-from runtime.formats.bvh import format_bvh, parse_bvh, read_bvh
+from runtime.formats.bvh import format_bvh, parse_bvh
 from runtime.skeleton import SPORT_SKELETON, J
 
 SMALL = """HIERARCHY
@@ -84,8 +84,3 @@ def test_damage_is_named(old, new, expected):
 def test_a_truncated_file_is_an_error_not_a_crash(cut):
     with pytest.raises(FileError, match=r"take\.bvh"):
         parse_bvh(SMALL[:cut], "take.bvh")
-
-
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(FileError, match=r"none\.bvh"):
-        read_bvh(tmp_path / "none.bvh")

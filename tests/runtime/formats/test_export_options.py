@@ -21,7 +21,7 @@ from runtime.terrain.height_map import Terrain
 from sport.commands.arguments import add_export_arguments
 from sport.commands.export import export_options
 from tests.helpers.walker import walk
-from viewer.exports.state import ExportForm, form_from_json, form_to_json
+from viewer.exports.exporting import ExportForm, form_from_json, form_to_json
 
 CLIP = Clip("walk", 60.0, *walk(30))
 SHOWN = form_to_json(ExportForm())

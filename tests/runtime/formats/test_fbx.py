@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -103,22 +102,6 @@ def test_without_blender_the_sentence_says_what_to_do(
     ):
         save_motion(CLIP, tmp_path / "a.fbx", ExportOptions(), Terrain.flat())
     assert not (tmp_path / "a.fbx").exists()
-
-
-def test_where_blender_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SPORT_BLENDER", "/opt/blender/blender")
-    command = fbx.find_blender()
-    assert command is not None
-    assert command[0] == "/opt/blender/blender"
-    assert "--background" in command
-    monkeypatch.setenv("SPORT_BLENDER", "/opt/venv/bin/python3.11")
-    assert fbx.find_blender() == ["/opt/venv/bin/python3.11"]
-    monkeypatch.delenv("SPORT_BLENDER")
-    monkeypatch.setattr(fbx.importlib.util, "find_spec", lambda _: object())
-    assert fbx.find_blender() == [sys.executable]
-    monkeypatch.setattr(fbx.importlib.util, "find_spec", lambda _: None)
-    monkeypatch.setattr(fbx.shutil, "which", lambda _: None)
-    assert fbx.find_blender() is None
 
 
 def test_a_blender_that_fails_is_named_and_leaves_nothing(

@@ -16,12 +16,11 @@ from runtime.formats.reference import load_reference_bvh
 from runtime.formats.table import save_motion
 from runtime.pose import video_rate
 from runtime.takes.clip import Clip
-from runtime.takes.metadata import PromptEvent
 from runtime.terrain.height_map import Terrain
 from sport import cli
 from tests.helpers.walker import walk
 from tests.runtime.formats.test_reference import foreign
-from viewer.filming.captions import caption, draw_caption
+from viewer.filming.film import draw_caption
 from viewer.filming.shots import SHOTS, FilmOptions, camera_path
 from viewer.filming.writers import open_writer
 
@@ -151,13 +150,6 @@ def test_a_motion_of_another_skeleton_keeps_its_way_in_the_world(tmp_path: Path,
     assert np.dot(way / np.linalg.norm(way), wanted) > 0.995
 
 
-def test_seconds_times_rate_are_the_frames(tmp_path: Path) -> None:
-    for fps, frames in ((120, 120), (24, 24), (60, 60)):
-        out = tmp_path / f"{fps}.bvh"
-        assert cli.main(["generate", "--seconds", "1", "--fps", str(fps), "--out", str(out)]) == 0
-        assert f"Frames: {frames}\n" in out.read_text()
-
-
 @pytest.mark.parametrize("suffix", [".webp", ".gif"])
 def test_an_animation_lasts_as_long_as_its_frames(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"a{suffix}"
@@ -171,10 +163,6 @@ def test_an_animation_lasts_as_long_as_its_frames(tmp_path: Path, suffix: str) -
             image.load()
             milliseconds += image.info["duration"]
     assert milliseconds == 1000
-
-
-def test_a_caption_is_what_was_typed() -> None:
-    assert caption((PromptEvent(0.0, "{}", 0.0, "", "a proud walk"),), 1.0) == "“a proud walk”"
 
 
 @pytest.mark.parametrize("name", SHOTS)

@@ -105,7 +105,7 @@ def test_a_clip_is_put_on_the_ground_of_its_metadata(clip: Clip, tmp_path: Path)
     assert ground_spec(clip) == "hills"
     assert ground_spec(replace(clip, placed=None)) == "flat"
     (tmp_path / "mine.png").unlink()
-    with pytest.raises(FileError, match=r"mine\.png, which is not beside it"):
+    with pytest.raises(FileError, match=r"mine\.png, which is not next to it"):
         ground_of(back, path)
 
 

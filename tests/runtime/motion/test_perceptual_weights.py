@@ -88,7 +88,7 @@ def test_a_slider_becomes_even_while_the_character_walks(start: Start) -> None:
         asked.append((a, b))
         return (0.0, 0.8, 1.0)
 
-    app.prompting.even_blends.use(measure)
+    app.prompting.measure_blends(measure)
     app.prompting.submit_prompt("a zombie")
     run(app, 2)
     app.prompting.submit_prompt("a king", Side.B)

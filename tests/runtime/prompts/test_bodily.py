@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,8 +13,13 @@ from runtime.assets import asset_path
 from runtime.prompts.english import other_languages
 from runtime.prompts.english.library import LibraryExpander
 from runtime.prompts.english.library_data import load_prompt_library, load_styles
-from tests.helpers.prompt_lists import BODILY, NOTHING, UNSEEN_BODILY, UNSEEN_NOTHING
 from tests.helpers.shipped import shipped_encoder, shipped_library
+
+
+def prompts_of(name: str) -> list[str]:
+    """A list of `bodily_prompts.txt`."""
+    text = Path(__file__).with_name("bodily_prompts.txt").read_text("utf-8")
+    return text.partition(f"[{name}]\n")[2].partition("\n\n")[0].splitlines()
 
 
 @cache
@@ -31,21 +37,21 @@ def is_far_from_all(prompt: str) -> bool:
     return "like the nearest prompt, “" in expander().expand(prompt).note
 
 
-@pytest.mark.parametrize(("prompts", "most"), [(BODILY, 0), (UNSEEN_BODILY, 4)])
-def test_few_bodily_prompts_are_taken_for_nothing(prompts: tuple[str, ...], most: int) -> None:
-    missed = [prompt for prompt in prompts if is_neutral(prompt) and not is_far_from_all(prompt)]
+@pytest.mark.parametrize(("name", "most"), [("BODILY", 0), ("UNSEEN_BODILY", 4)])
+def test_few_bodily_prompts_are_taken_for_nothing(name: str, most: int) -> None:
+    missed = [prompt for prompt in prompts_of(name) if is_neutral(prompt) and not is_far_from_all(prompt)]
     assert len(missed) <= most, missed
 
 
-@pytest.mark.parametrize(("prompts", "most"), [(BODILY, 3), (UNSEEN_BODILY, 7)])
-def test_few_bodily_prompts_are_too_far_to_guess(prompts: tuple[str, ...], most: int) -> None:
-    far = [prompt for prompt in prompts if is_far_from_all(prompt)]
+@pytest.mark.parametrize(("name", "most"), [("BODILY", 3), ("UNSEEN_BODILY", 7)])
+def test_few_bodily_prompts_are_too_far_to_guess(name: str, most: int) -> None:
+    far = [prompt for prompt in prompts_of(name) if is_far_from_all(prompt)]
     assert 0 < len(far) <= most, far
 
 
-@pytest.mark.parametrize(("prompts", "most"), [(NOTHING, 4), (UNSEEN_NOTHING, 4)])
-def test_few_prompts_about_nothing_are_taken_for_a_walk(prompts: tuple[str, ...], most: int) -> None:
-    missed = [prompt for prompt in prompts if not is_neutral(prompt)]
+@pytest.mark.parametrize(("name", "most"), [("NOTHING", 4), ("UNSEEN_NOTHING", 4)])
+def test_few_prompts_about_nothing_are_taken_for_a_walk(name: str, most: int) -> None:
+    missed = [prompt for prompt in prompts_of(name) if not is_neutral(prompt)]
     assert len(missed) <= most, missed
 
 

@@ -279,6 +279,26 @@ def test_trying_not_to_is_no_denial() -> None:
     assert moves_like("someone trying not to wake the baby", "sneaking", PART_NAMES)
 
 
+@pytest.mark.parametrize(
+    "prompt", ["arms do not swing", "his arms don't swing", "the arms cannot swing", "the arms never swing"]
+)
+def test_arms_that_do_not_swing_hang_still(prompt: str) -> None:
+    said = expand(prompt).descriptions
+    assert "not swinging" in said.left_arm
+    assert "not swinging" in said.right_arm
+
+
+def test_a_denied_knee_is_stiff_and_a_denied_head_still() -> None:
+    assert "stiff and straight" in expand("the left knee does not bend").descriptions.left_leg
+    assert "still" in expand("the head doesn't move").descriptions.head
+
+
+def test_one_foot_in_front_of_the_other_is_both_feet() -> None:
+    said = expand("hands on hips, one foot in front of the other").descriptions
+    assert "one line" in said.left_leg
+    assert "one line" in said.right_leg
+
+
 # typing errors
 
 

@@ -8,7 +8,6 @@ import logging
 import re
 import socket
 import time
-import traceback
 import types
 from email.utils import formatdate
 
@@ -92,12 +91,6 @@ def test_the_vocabulary_is_that_of_the_training_descriptions():
         for word in re.findall("[a-z]+", " ".join(descriptions.as_tuple()))
     ]
     assert sum(word in known for word in words) / len(words) > 0.95
-
-
-def test_other_instructions_have_another_version():
-    instructions = load_structured_prompt()
-    other = dataclasses.replace(instructions, words={**instructions.words, "verbs": ("hanging",)})
-    assert instructions.version == load_structured_prompt().version != other.version
 
 
 @pytest.mark.parametrize("content", ["{}", "[]", "not JSON", '{"joints": ["knee"]}'])
@@ -222,15 +215,6 @@ def test_an_endpoint_that_is_not_there(endpoint, settings_of, tmp_path):
     with pytest.raises(PromptError, match=f"127.0.0.1:{port} cannot be reached .*refused") as error:
         GptExpander(settings, tmp_path).expand("proud")
     assert "pw" not in str(error.value)
-
-
-def test_a_wrong_key_is_tried_once_and_never_told(endpoint, expander_of, tmp_path):
-    endpoint.script = [fail(401, f"Incorrect API key provided: {KEY}")]
-    with pytest.raises(PromptError) as error:
-        expander_of(endpoint).expand("proud")
-    assert len(endpoint.requests) == 1
-    assert error.value.remedy == "Check OPENAI_API_KEY."
-    assert KEY not in "".join(traceback.format_exception(error.value))
 
 
 def test_rate_limits_are_waited_out_as_long_as_they_ask(endpoint, expander_of):

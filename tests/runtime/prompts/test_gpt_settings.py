@@ -21,7 +21,7 @@ from runtime.prompts.gpt.expander import (
     cache_directory,
     check_endpoint,
 )
-from runtime.prompts.gpt.settings import GptSettings, Secret, gpt_configured, has_credentials
+from runtime.prompts.gpt.settings import GptSettings, Secret, gpt_configured
 from tests.helpers.gpt_endpoint import (
     DRUNK,
     FIVE,
@@ -110,12 +110,6 @@ def test_what_a_person_chose_goes_before_the_environment():
     assert GptSettings.chosen("https://api.openai.com/v1/", environment=env).api_key == Secret(KEY)
     with pytest.raises(UsageError, match="neither a key nor"):
         GptSettings.chosen(environment={})
-
-
-def test_an_address_with_credentials_is_known():
-    assert has_credentials("https://user:pw@x.com/v1")
-    assert has_credentials("https://x.com/v1?key=1")
-    assert not has_credentials("http://localhost:11434/v1")
 
 
 def test_a_check_asks_once_and_says_who_answered(endpoint, settings_of):

@@ -8,7 +8,6 @@ import time
 import numpy as np
 import pytest
 
-from runtime.errors import PromptError
 from runtime.prompts.expander import Expansion, PromptCancelledError
 from runtime.prompts.gpt.expander import FallbackExpander, open_expander
 from runtime.prompts.gpt.settings import GptSettings
@@ -68,18 +67,6 @@ def test_newer_words_and_the_end_do_not_wait_for_a_slow_model(endpoint, expander
     assert worker.poll() is None
 
 
-def test_the_same_prompt_again_is_answered(endpoint, expander_of):
-    endpoint.script = [late(LONG), say(PROUD.to_json())]
-    worker = PromptWorker(FallbackExpander(expander_of(endpoint), Library()), Encoder())
-    worker.submit("proud")
-    while not endpoint.requests:
-        time.sleep(0.002)
-    worker.submit("proud")
-    result = wait_for(worker)
-    worker.close()
-    assert result.source == "gpt"
-
-
 def test_the_environment_opens_the_expander(endpoint, monkeypatch, tmp_path):
     monkeypatch.delenv("OPENAI_API_KEY", raising=False)
     monkeypatch.setenv("OPENAI_BASE_URL", endpoint.url)
@@ -126,9 +113,3 @@ def test_a_withdrawn_prompt_gets_no_answer(endpoint, expander_of):
     assert not worker.busy
     assert worker.poll() is None
     worker.close()
-
-
-def test_a_bad_prompt_is_the_users_mistake_not_the_models(endpoint, expander_of):
-    with pytest.raises(PromptError, match="The prompt is empty"):
-        FallbackExpander(expander_of(endpoint), Library()).expand("  ")
-    assert not endpoint.requests

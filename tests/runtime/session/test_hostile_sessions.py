@@ -108,6 +108,8 @@ def setting(*keys: Any, to: Any) -> Callable[[Any], None]:
 
 # --- documents that lie
 
+CAMERA = {"seconds": 0.0, "yaw": 0.0, "pitch": 0.0, "distance": 4.0, "x": 0.0, "y": 0.0, "z": 0.0}
+POINT = {"x": 0, "z": 0, "speed": 1, "gait": 1}
 DOCUMENTS: dict[str, Callable[[Any], Any]] = {
     "no JSON": lambda _: "{",
     "no object": lambda _: [1],
@@ -148,12 +150,12 @@ DOCUMENTS: dict[str, Callable[[Any], Any]] = {
     "a long description": setting("live", "prompt", "answers", 0, "words", "head", to="x" * 10_000),
     "a style of another shape": setting("live", "prompt", "answers", 0, "z", to="<f4 1x1 " + "0" * 32),
     "a camera that is none": setting("live", "cameras", to=[[0, 0, 0]]),
-    "cameras without end": setting("live", "cameras", to=[[0.0, 0.0, 0.0, 4.0, 0.0, 0.0, 0.0]] * 2000),
-    "a camera at infinity": setting("live", "cameras", to=[[0.0, 0.0, 0.0, float("inf"), 0.0, 0.0, 0.0]]),
+    "cameras without end": setting("live", "cameras", to=[CAMERA] * 2000),
+    "a camera at infinity": setting("live", "cameras", to=[CAMERA | {"distance": float("inf")}]),
     "a path of one number": setting("live", "path", to=[[1]]),
-    "a path of no gait": setting("live", "path", to=[[0, 0, 1, 99]]),
-    "a path without speed": setting("live", "path", to=[[0, 0, 0, 1]]),
-    "a path far away": setting("live", "path", to=[[1e300, 0, 1, 1]]),
+    "a path of no gait": setting("live", "path", to=[POINT | {"gait": 99}]),
+    "a path without speed": setting("live", "path", to=[POINT | {"speed": 0}]),
+    "a path far away": setting("live", "path", to=[POINT | {"x": 1e300}]),
     "a surrogate in a name": setting("live", "name", to="\ud800"),
     "a long name": setting("live", "name", to="x" * 100_000),
     "a pin of nothing": setting("live", "poses", to={"pins": [{}], "footplants": []}),

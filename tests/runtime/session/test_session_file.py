@@ -24,7 +24,7 @@ from runtime.session.history import MAX_STEPS, History
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.prompt_blend import PromptBlend
 from runtime.session.session import Session, Take
-from runtime.session.session_file import DROPPED_STEPS, INPUT, LOADED_CLIPS, RECORDED_PIECE, SessionFile
+from runtime.session.session_file import DROPPED_STEPS, INPUT, RECORDED_PIECE, SessionFile
 from runtime.takes import input_edits
 from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputRecording, StyleChange, resimulated_take
@@ -491,17 +491,6 @@ def test_a_transaction_that_is_rolled_back_is_written_again_whole(
 
 
 # --- memory and damage that is found late
-
-
-def test_frames_of_few_takes_are_in_memory(tmp_path: Path) -> None:
-    session = edits.with_takes(Session(), [Take(motion=Motion.of(still(600, f"{n}", n))) for n in range(12)])
-    file = SessionFile.create(tmp_path / "a.sport", tmp_path)
-    file.write(history_of(session))
-    assert file.flush(20.0)
-    for take in session.takes:
-        assert len(take.made.clip) == 600
-    assert len(file._clips) == LOADED_CLIPS
-    file.close()
 
 
 def test_an_edit_of_five_hundred_takes_costs_the_frame_little_and_opening_them_a_second(

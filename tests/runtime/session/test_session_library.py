@@ -150,14 +150,3 @@ def test_empty_sessions_go_and_what_cannot_be_read_stays_unseen(tmp_path: Path) 
     assert len(list(tmp_path.iterdir())) == 3
     assert wrong.path.exists()
     remove(tmp_path / "none.sport")
-
-
-def test_ten_sessions_are_found_soon(tmp_path: Path) -> None:
-    for _ in range(10):
-        untitled(
-            tmp_path,
-            large,
-        )
-    started = time.monotonic()
-    assert len(find(tmp_path)) == 10
-    assert time.monotonic() - started < 0.5

@@ -54,7 +54,7 @@ class Studio:
     def style(self, k: int, seconds: float = 0.5) -> None:
         z = StyleMix((0.4, 0.6), (STYLES[0], STYLES[1])) if k == 1 else STYLES[k]
         self.controller.set_style(z, seconds)
-        self.inputs.mark_style(z, seconds, f"style {k}", "")
+        self.inputs.mark_style(StyleChange(0, z, seconds, PromptEvent(0.0, f"style {k}", seconds)))
         self.clips.mark_prompt(f"style {k}", seconds)
 
     def restart(self) -> None:

@@ -25,7 +25,7 @@ from training.augmentation.edits import apply
 from training.augmentation.gait import left_landings, step_phase
 from training.augmentation.motion import EditedMotion, keep_feet
 from training.data.clip_files import TrainingClip
-from training.text.measure import measure
+from training.text.measure import BodyMeasures, measure
 
 
 @cache
@@ -50,9 +50,14 @@ def walker(frames: int = 300) -> EditedMotion:
     )
 
 
-def value(motion: EditedMotion, name: str) -> float:
-    part, field = part_edits()[name].measure
-    return getattr(getattr(measure(motion.hips, motion.local, motion.contacts), part), field)
+def measured(motion: EditedMotion) -> BodyMeasures:
+    return measure(motion.hips, motion.local, motion.contacts)
+
+
+@cache
+def plain() -> BodyMeasures:
+    """What is measured of the walk without an edit."""
+    return measured(walker())
 
 
 SIGNS = {  # of the change of the measure, by the words of the edit
@@ -65,9 +70,11 @@ SIGNS = {  # of the change of the measure, by the words of the edit
 
 @pytest.mark.parametrize("name", sorted(part_edits()))
 def test_an_edit_moves_its_measure_by_its_words_and_keeps_the_body_whole(name: str) -> None:
-    before = walker()
-    after = apply(before, part_edits()[name], np.random.default_rng(3))
-    change = value(after, name) - value(before, name)
+    edit = part_edits()[name]
+    after = apply(walker(), edit, np.random.default_rng(3))
+    part, field = edit.measure
+    before, now = (getattr(getattr(body, part), field) for body in (plain(), measured(after)))
+    change = now - before
     assert np.isfinite(after.local).all()
     assert np.allclose(np.linalg.norm(after.local, axis=-1), 1.0, atol=1e-4)
     assert abs(change) > 0.008, f"{name}: the measure {part_edits()[name].measure} moved by {change:.4f}"

@@ -14,12 +14,13 @@ pytest.importorskip("torch")
 
 import torch
 
+from runtime.assets import model_folder
 from runtime.controls import Controls, Gait
 from runtime.motion.controller import Controller
 from runtime.motion.features import INPUT, INPUT_SIZE, OUTPUT, OUTPUT_SIZE
 from runtime.motion.model import load_model
 from runtime.terrain.height_map import Terrain
-from training.baselines import phases
+from training.baselines import networks as phases
 from training.baselines.networks import (
     FilmModulated,
     PhaseFunctioned,
@@ -123,8 +124,13 @@ def test_a_graph_takes_any_number_of_characters(kind):
     assert exported.module()(*(e[:1] for e in example))[0].shape == (1, OUTPUT_SIZE)
 
 
-def test_from_clips_to_a_folder_that_walks(tmp_path):
+def test_from_clips_to_a_folder_that_walks(tmp_path, monkeypatch):
     from training.baselines import train
+
+    small = train.Method("mason2022", lambda styles: FilmModulated(styles, 32))
+    monkeypatch.setitem(train.METHODS, "mason2022", small)
+    monkeypatch.setattr(train, "RATE", 3e-3)
+    monkeypatch.setattr(train, "BATCH", 64)
 
     clips = tmp_path / "clips"
     clips.mkdir()
@@ -133,10 +139,8 @@ def test_from_clips_to_a_folder_that_walks(tmp_path):
         hips, local, contacts = walk(240)
         gait = np.eye(6)[np.full(240, Gait.WALK)]
         TrainingClip(name, hips, local, contacts, gait, style, "walk", "100style", "train", "exact", flat).save(clips)  # fmt: skip
-    args = argparse.Namespace(
-        method="mason2022", clips=clips, out=tmp_path / "model", model=None, steps=40, batch=64, rate=3e-3, hidden=32,
-        frames=10_000, seed=0,
-    )  # fmt: skip
+    out, shipped = tmp_path / "model", model_folder()
+    args = argparse.Namespace(method="mason2022", clips=clips, out=out, model=shipped, steps=40, seed=0)
     losses = []
     folder = train.main(args, losses.append)
     first, last = (float(losses[k].split(": ")[1]) for k in (1, -1))

@@ -204,7 +204,7 @@ def test_a_database_is_kept_and_a_damaged_one_is_named(base, tmp_path):
 
 
 def test_a_folder_of_another_kind_is_opened_by_its_entry_point(base, tmp_path, monkeypatch):
-    folder = export(base, model_folder(), tmp_path / "database", "database")
+    folder = export(base, model_folder(), tmp_path / "database")
     project = tomllib.loads((PROJECT_ROOT / "pyproject.toml").read_text())
     points = [
         EntryPoint(name, value, group)

@@ -20,7 +20,7 @@ NEUTRAL = {"head.pitch": 2.0, "torso.twist": 0.0, "left_leg.knee_bend": 20.0}
 )
 def test_expectations_are_absolute_or_of_the_neutral_walk(expectation: str, holds: bool) -> None:
     found = outcome(f"head down | {expectation}", {**NEUTRAL, "head.pitch": 12.0}, NEUTRAL)
-    assert (found.prompt, found.expected, not found.failed) == ("head down", 1, holds)
+    assert (found["prompt"], found["expected"], not found["failed"]) == ("head down", 1, holds)
 
 
 def test_a_line_that_is_no_expectation_is_named() -> None:

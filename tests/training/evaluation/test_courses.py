@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,14 +11,12 @@ from tests.helpers.walker import WalkerModel, walk
 
 pytest.importorskip("sklearn")
 
-from runtime.controls import Gait
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.courses import BEAM, BEAM_RAMP_M, GAPS, HURDLES, WALLS, Obstacle
 from runtime.terrain.height_map import Terrain
 from training.evaluation.metrics import crossing
 from training.evaluation.metrics.crossing import capsule_points, depth_inside, limb_depths
-from training.evaluation.motion.obstacles import COURSES, run_obstacles, score_obstacles
-from training.evaluation.report.courses import markdown
+from training.evaluation.on_obstacles import COURSES, markdown, score_obstacles
 
 BLOCK = Obstacle(2.0, 4.0, 1.0, 3.0)
 
@@ -155,10 +154,10 @@ def results():
     """A walker at a wall of 60 cm, scored."""
     course = replace(next(c for c in COURSES if c.name == "wall"), obstacles=WALLS[:1])
 
-    def run(course, style, gait):
-        return run_obstacles(WalkerModel(), course, style, np.zeros((6, 64), np.float32), gait, 0)
-
-    found = score_obstacles(run, ["neutral"], [course], None, lambda text: None, (Gait.WALK,))
+    evaluated = SimpleNamespace(
+        model=WalkerModel(), style=lambda style, number: np.zeros((6, 64), np.float32)
+    )
+    found = score_obstacles(evaluated, 0, ["neutral"], [course], None, lambda text: None)
     return {"command": "sport evaluate --courses", **found}
 
 

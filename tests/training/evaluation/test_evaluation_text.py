@@ -31,7 +31,6 @@ from training.augmentation.motion import EditedMotion
 from training.data.clip_files import TrainingClip
 from training.data.height_patches import Patches
 from training.evaluation.experiment import Setting, run
-from training.evaluation.report.text_tables import bars, markdown
 from training.evaluation.text import (
     command as text_main,
 )
@@ -41,7 +40,7 @@ from training.evaluation.text import (
 from training.evaluation.text import (
     walks as text_walks,
 )
-from training.evaluation.text.command import TEXT
+from training.evaluation.text.command import TEXT, bars, markdown
 from training.evaluation.text.edits import (
     Case,
     by_slot,
@@ -65,9 +64,9 @@ def write_clip(folder: Path, name: str, frames: int = FRAMES, split: str = "trai
         local[:, SPORT_SKELETON.index(f"{side}Arm")] = down
     flat = Patches(np.zeros((1, 3, 3), np.float16), (-200.0, -200.0), 200.0)
     gait = np.eye(6)[np.full(frames, Gait.WALK)]
-    values = {"style": "neutral", "content": "walk", "source": "cmu"} | changes
+    values = {"style": "neutral", "content": "walk", "source": "cmu", "tier": "exact"} | changes
     TrainingClip(
-        name, hips, local, contacts, gait, **values, split=split, tier="exact", patches=flat
+        name, hips, local, contacts, gait, **values, split=split, patches=flat
     ).save(folder)  # fmt: skip
 
 
@@ -78,8 +77,9 @@ def clips(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_clip(folder, "cmu_02", 280)
     write_clip(folder, "cmu_03", 60)  # too short to measure on
     write_clip(folder, "cmu_04", style="angry")
-    for name in ("cmu_05", "cmu_05_m", "cmu_05_t", "layer_00000"):
+    for name in ("cmu_05", "cmu_05_m", "cmu_05_t"):
         write_clip(folder, name, split="held_out")
+    write_clip(folder, "layer_00000", split="held_out", tier="layered")
     write_clip(folder, "rollout_1", split="held_out", source="pfnn_rollouts", content="mixed locomotion")
     return folder
 
@@ -287,11 +287,11 @@ def test_from_clips_to_tables(small: None, clips: Path) -> None:
     # the synthetic model tilts the head for "tilted", whatever else is said, and does nothing for other words
     assert abs(rows["head.tilted_left"]["worst_fraction"]) > 0.5
     assert rows["hands on hips"]["worst_fraction"] == pytest.approx(0.0, abs=0.05)
-    assert rows["cocked, tilted left"]["words"] == {"head": "cocked, tilted left"}
+    assert abs(rows["cocked, tilted left"]["worst_fraction"]) > 0.5
     assert results["edits"]["summary"]["zero-shot"]["cases"] == 3
     assert results["edits"]["summary"]["held-out rhythm"]["cases"] == 1
     assert results["independence"]["by_slot"]["all"]["edits"] == 3
-    assert "Held-out edits of rhythm and weight" in markdown(results)
+    assert "hands on hips (" in markdown(results)  # which the walk does not show
     assert "missing" in results["retrieval"]
     assert json.dumps(results) == json.dumps(measured(asked))
     outcome = {name: met for name, _, met in bars(results)}

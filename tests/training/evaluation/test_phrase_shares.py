@@ -20,7 +20,7 @@ from training.augmentation.catalogue import part_edits
 from training.augmentation.edits import apply
 from training.evaluation.text import prompt_adherence
 from training.evaluation.text import walks as text_walks
-from training.text.claims import clause_share, clauses
+from training.text.claims import clause_fraction, clauses
 from training.text.measure import BodyMeasures, measure
 
 PLAIN = PartDescriptions(**{part: f"{part.replace('_', ' ')} as it is" for part in PART_NAMES})
@@ -152,8 +152,8 @@ def test_a_clause_is_shown_by_the_motion_that_does_it_and_not_by_neutral(
 ) -> None:
     neutral = measured()
     shown, still = (
-        clause_share(part, clause, neutral, measured(edit)),
-        clause_share(part, clause, neutral, neutral),
+        clause_fraction(part, clause, neutral, measured(edit)),
+        clause_fraction(part, clause, neutral, neutral),
     )
     assert shown is not None
     assert still is not None
@@ -164,7 +164,7 @@ def test_a_clause_is_shown_by_the_motion_that_does_it_and_not_by_neutral(
 
 def test_words_that_nothing_measures_claim_nothing() -> None:
     neutral = measured()
-    assert clause_share("left_arm", "fist clenched", neutral, neutral) is None
+    assert clause_fraction("left_arm", "fist clenched", neutral, neutral) is None
     assert clauses("head down, looking at the ground, ") == ["head down", "looking at the ground"]
 
 

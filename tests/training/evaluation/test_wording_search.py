@@ -14,7 +14,7 @@ from runtime.prompts.prompter import Prompter
 from tests.helpers.shipped import shipped_model
 from training.evaluation.text import wording
 from training.evaluation.text.wording import NEUTRAL, better_wordings, walk_all
-from training.text.claims import sentence_share, unclaimed_change
+from training.text.claims import sentence_fraction, unclaimed_change
 from training.text.measure import ArmMeasures, BodyMeasures, HeadMeasures, LegMeasures, TorsoMeasures
 
 
@@ -41,8 +41,8 @@ def alike(words):
 
 
 def test_a_share_is_that_of_what_neutral_does_not_do():
-    assert sentence_share("torso", "torso leaning forward", PLAIN, _body(pitch=4.5)) == pytest.approx(0.5)
-    assert sentence_share("torso", "torso upright", PLAIN, PLAIN) is None
+    assert sentence_fraction("torso", "torso leaning forward", PLAIN, _body(pitch=4.5)) == pytest.approx(0.5)
+    assert sentence_fraction("torso", "torso upright", PLAIN, PLAIN) is None
 
 
 def test_too_much_and_what_was_not_said_count_as_change():

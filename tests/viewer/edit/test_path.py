@@ -8,7 +8,7 @@ import pytest
 from runtime.controls import Gait
 from tests.helpers.app_driver import Start, click, click_on, controller, message, press, run, run_until
 from viewer.app import App
-from viewer.edit.path import on_screen
+from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
 
 

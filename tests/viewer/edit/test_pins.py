@@ -19,7 +19,7 @@ from runtime.takes.pinned import farthest
 from runtime.takes.pins import Pinned
 from tests.helpers.app_driver import click_on, message, place, press, run, texts
 from viewer.app import App
-from viewer.edit.path import on_screen
+from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
 
 HAND = SPORT_SKELETON.index("LeftHand")

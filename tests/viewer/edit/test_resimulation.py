@@ -17,7 +17,7 @@ from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
 from tests.helpers.app_driver import click_on, place, press, run
 from viewer.app import App
-from viewer.exports.state import ExportForm
+from viewer.exports.exporting import ExportForm
 from viewer.filming.shots import FilmOptions, camera_path
 
 

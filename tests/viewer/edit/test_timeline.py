@@ -319,7 +319,7 @@ def test_a_span_stays_where_it_was_dropped_while_the_take_is_driven(
     drag(app, "##prompts", 0.5, 0.25)
     assert app.editing.busy
     run_until(app, lambda: app.editing.progress == 0.25)
-    held = app.editing.drag
+    held = app.transport.timeline.held
     assert held is not None
     assert held.dropped
     assert 18 <= held.end <= 22
@@ -327,5 +327,5 @@ def test_a_span_stays_where_it_was_dropped_while_the_take_is_driven(
     go.set()
     run_until(app, lambda: not app.editing.busy)
     run(app, 2)
-    assert app.editing.drag is None
+    assert app.transport.timeline.held is None
     assert prompts(app) != place_before

@@ -47,8 +47,7 @@ def test_which_panels_there_are_does_not_depend_on_what_they_hold(
             assert layout.clips.height >= 210.0 * scale - 1e-3
 
 
-@pytest.mark.parametrize("scale", [0.75, 1.0, 1.25])
-@pytest.mark.parametrize("size", [(1280, 720), (1920, 1080), (800, 500)])
+@pytest.mark.parametrize(("size", "scale"), [((1280, 720), 1.0), ((1920, 1080), 1.25), ((800, 500), 0.75)])
 def test_panels_keep_still_when_sections_are_unfolded(
     start: Start, size: tuple[int, int], scale: float
 ) -> None:
@@ -173,7 +172,7 @@ def test_every_panel_is_reached_and_used_by_keys(start: Start) -> None:
         press(app, "f6")
         window = imgui.get_current_context().nav_window
         seen.append(None if window is None else window.root_window.name)
-    assert seen == ["Prompt", "Scene", "Takes", "Desk", None]
+    assert seen == ["Prompt", "Scene", "Takes", "Session", None]
     press(app, "f6")
     press(app, "f6")  # Scene: its list of grounds comes first
     run(app, 2)

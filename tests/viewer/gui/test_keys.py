@@ -369,7 +369,9 @@ def test_an_export_goes_on_in_the_status_line_when_its_window_is_closed(
     small, text = imgui.small_button, imgui.text_unformatted
     monkeypatch.setattr(imgui, "text_unformatted", lambda t: labels.append(t) or text(t))
     run(app, 60)
-    assert sum(label.startswith(f"{ICON.clock} Exporting ") for label in labels) >= 60, "in every frame"
+    assert sum(label.startswith(f"{ICON.clock} Writing the export of ") for label in labels) >= 60, (
+        "in every frame"
+    )
     assert walks(app)
     monkeypatch.setattr(imgui, "small_button", lambda label: small(label) or label.startswith("Cancel"))
     run_until(app, lambda: not app.exporting.busy)
@@ -387,7 +389,7 @@ def test_an_export_that_cannot_be_cancelled_is_shown_without_a_button(
     done = threading.Event()
     monkeypatch.setattr(app.exporting, "_work", lambda *_: lambda: "walk.bvh" if done.wait(60) else "")
     do(app, "key ctrl+e; click ##export format; click BVH: motion; click ##export now; key escape")
-    assert app.jobs.shown() == (f"Exporting {app.editor.session.takes[0].title}", None)
+    assert app.jobs.shown() == (f"Writing the export of {app.editor.session.takes[0].title}", None)
     done.set()
     run_until(app, lambda: not app.exporting.busy)
     assert "walk.bvh" in message(app)

@@ -307,6 +307,6 @@ def test_buttons_of_a_pad_are_exchanged_and_named_in_the_help() -> None:
     assert pad_buttons(changes + " nothing=at all=1 record=none")[Action.RECORD] == "y"
     mapper, pad = InputMapper(), GamepadState("pad", buttons=frozenset({"b"}))
     assert mapper.read(Keyboard(), pad, DT, changes=changes).gait is Gait.JUMP
-    assert pad_text("B (press or hold)", changes) == "A (press or hold)"
+    assert pad_text("{crouch} (press or hold)", changes) == "A (press or hold)"
     assert pad_text("Left stick", changes) == "Left stick"
     assert changed_buttons(changes, Action.CROUCH, "b") == ""

@@ -159,24 +159,6 @@ def test_time_is_that_of_the_motion_however_late_the_frames_are(receiver: Any) -
     link.stop()
 
 
-def test_a_full_buffer_drops_the_pose_and_waits_for_nobody() -> None:
-    class Full:
-        def sendto(self, *_: object) -> int:
-            raise BlockingIOError
-
-        def close(self) -> None:
-            pass
-
-    link = LiveLink(Messages())
-    link.start()
-    assert link._socket is not None
-    assert link._socket.getblocking() is False
-    link._socket.close()
-    link._socket = Full()  # type: ignore[assignment]
-    link.publish([some_pose(), some_pose()])
-    assert (link.sent, link.dropped, link.on) == (0, 2, True)
-
-
 def test_a_network_that_fails_ends_the_link_with_a_message() -> None:
     log = Messages()
     link = LiveLink(log, address=Address("255.255.255.255", 9))  # a broadcast that was not allowed

@@ -38,7 +38,7 @@ def open_lame(start: Start, tmp_path: Path) -> tuple[App, Path]:
 
 def test_a_character_that_no_guess_maps_opens_the_joints_window(start: Start, tmp_path: Path) -> None:
     app, path = open_lame(start, tmp_path)
-    state = app.scene.joints.state
+    state = app.scene.joints
     assert state.open
     assert "LeftUpLeg" in state.missing
     assert "window Joints" in message(app)
@@ -54,13 +54,13 @@ def test_joints_chosen_from_the_lists_are_kept_and_used_again(start: Start, tmp_
     app, path = open_lame(start, tmp_path)
     click_on(app, "##joint Hips")
     click_on(app, f"##{list(LAME).index('a')}")
-    assert app.scene.joints.state.plays("Hips") == "a"
+    assert app.scene.joints.plays("Hips") == "a"
     for joint, name in BY_HAND.items():
         app.scene.joints.choose(joint, name)
     run(app, 2)
     click_on(app, "##apply joints")
     run(app, 2)
-    assert not app.scene.joints.state.open
+    assert not app.scene.joints.open
     assert app.scene.character_path == path
     kept = json.loads(joint_map_path(path).read_text(encoding="utf-8"))
     assert kept == {joint: name for joint, name in BY_HAND.items() if joint in kept}
@@ -77,19 +77,19 @@ def test_a_joint_plays_one_part_and_guesses_come_back(start: Start, tmp_path: Pa
     app.scene.joints.begin(tmp_path / "user.glb")
     run(app, 3)
     joints = app.scene.joints
-    neck = joints.state.plays("Neck1")
+    neck = joints.plays("Neck1")
     assert neck
-    assert not joints.state.missing
+    assert not joints.missing
     joints.choose("Head", neck)
-    assert joints.state.plays("Neck1") == ""
+    assert joints.plays("Neck1") == ""
     joints.choose("Head", "")
-    assert joints.state.missing == ["Head"]
+    assert joints.missing == ["Head"]
     run(app, 2)
     click_on(app, "##guess all")
-    assert joints.state.plays("Neck1") == neck
-    assert not joints.state.missing
+    assert joints.plays("Neck1") == neck
+    assert not joints.missing
     press(app, "escape")
-    assert not joints.state.open
+    assert not joints.open
 
 
 def test_a_joint_map_from_elsewhere_is_given_to_the_command(start: Start, tmp_path: Path) -> None:
@@ -97,7 +97,7 @@ def test_a_joint_map_from_elsewhere_is_given_to_the_command(start: Start, tmp_pa
     elsewhere.write_text(json.dumps(BY_HAND), encoding="utf-8")
     app = start(services=REAL, character=path, joint_map=elsewhere)
     assert app.scene.character_path == path
-    assert not app.scene.joints.state.open
+    assert not app.scene.joints.open
     assert not joint_map_path(path).exists()
 
 

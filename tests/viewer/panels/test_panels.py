@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import threading
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
 from runtime.formats.bvh_clip import load_clip_bvh
 from tests.helpers.app_driver import Start, click, click_on, drawn, place, press, run
 from viewer.app import App
-from viewer.filming import film
 from viewer.gl_bindings import imgui
 from viewer.gui.layout import STATUS_HEIGHT
 from viewer.gui.theme import ICON
@@ -148,43 +144,10 @@ def test_the_export_window_writes_what_the_command_writes(start: Start, tmp_path
     exports.choose(in_place=True)
     click_on(app, "##export now")
     run(app, 2)
-    assert "In place with a ground beside it" in app.exporting.state.report
+    assert "In place with a ground next to it" in app.exporting.state.report
     press(app, "escape")
     run(app, 2)
     assert "##export now" not in labels(app)
-
-
-def test_a_film_shows_its_progress_and_can_be_given_up(
-    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked: list[Any] = []
-
-    def make_film(clip: Any, terrain: Any, path: Path, options: Any, **more: Any) -> Any:
-        more["progress"](3, 20)
-        asked.append((path, options, len(clip)))
-        gone = more["cancel"].is_set()
-        return SimpleNamespace(cancelled=gone, frames=20, seconds=0.7)
-
-    monkeypatch.setattr(film, "make_film", make_film)
-    app = start()
-    app.settings.export_folder = str(tmp_path)
-    record(app, 40)
-    app.takes.play(1)
-    app.takes.trim(last=19)
-    app.exporting.open()
-    app.exporting.choose_format(".mp4")
-    app.exporting.state.choose(camera="side")
-    app.exporting.export()
-    ((path, options, count),) = asked
-    assert (path, options.camera, options.size, count) == (tmp_path / "take-1.mp4", "side", (1280, 720), 20)
-    assert app.exporting.state.progress == (3, 20)
-    assert "20 frames" in app.exporting.state.report
-    assert app.takes.saved(app.editor.session.takes[0]) is None  # a film is no copy of the take
-    cancelled = threading.Event()
-    cancelled.set()
-    monkeypatch.setattr(app.exporting, "_cancel", SimpleNamespace(clear=lambda: None, is_set=lambda: True))
-    app.exporting.export()
-    assert "Cancelled" in app.exporting.state.report
 
 
 def test_settings_are_chosen_in_a_window(start: Start, tmp_path: Path) -> None:
@@ -270,14 +233,3 @@ def test_a_message_leaves_when_it_holds_no_longer() -> None:
     messages.warn("something")
     now[0] += WARNING_SECONDS + 0.1
     assert messages.current is None
-
-
-def test_keys_are_joined_as_plain_numbers(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Python 3.11.2 raises where members of the enumeration of keys are joined, and newer ones hide it."""
-    seen: list[Any] = []
-    pressed = imgui.is_key_chord_pressed
-    monkeypatch.setattr(imgui, "is_key_chord_pressed", lambda chord: seen.append(chord) or pressed(chord))
-    app = start()
-    run(app, 3)
-    assert len(seen) >= 4
-    assert {type(chord) for chord in seen} == {int}

@@ -37,8 +37,8 @@ def test_the_library_answers_at_once_and_the_language_model_when_it_can(
     app.prompting.submit_prompt("a duck")
     run_until(app, lambda: source(app) == ("a duck", "library"))
     assert styles(app) == before + 1
-    assert app.prompting.asked == {Side.A}
-    assert "The library answered at once; m at 127.0.0.1" in message(app)
+    assert app.prompting.pending == {Side.A}
+    assert "The library answered at once; waiting for m at 127.0.0.1" in message(app)
     run_until(app, lambda: bool(model.asked))
     model.released.set()
     run_until(app, lambda: source(app) == ("a duck", "gpt"))
@@ -55,7 +55,7 @@ def test_newer_words_do_not_get_the_older_answer(asking: Callable[[], App], mode
     run_until(app, lambda: source(app) == ("a duck", "library") and bool(model.asked))
     app.prompting.parts["head"] = "head shaking"
     app.prompting.submit_part("head")  # the person goes on with the library's words
-    run_until(app, lambda: not app.prompting.asked)
+    run_until(app, lambda: not app.prompting.pending)
     model.released.set()
     for _ in range(20):
         run(app)
@@ -68,7 +68,7 @@ def test_a_failing_language_model_leaves_the_librarys_words(asking: Callable[[],
     model.status = 401
     model.released.set()
     app.prompting.submit_prompt("a duck")
-    run_until(app, lambda: not app.prompting.asked)
+    run_until(app, lambda: not app.prompting.pending)
     run(app)
     assert source(app) == ("a duck", "library")
     assert "refuses the key (401)" in message(app)
@@ -111,7 +111,7 @@ def test_the_key_is_typed_used_and_written_nowhere(
     model.status = 401  # an endpoint that repeats the key in its refusal
     for ask in (lambda: app.prompting.submit_prompt("a goose"), app.language_model.test):
         ask()
-        run_until(app, lambda: not app.prompting.asked and not app.language_model.testing)
+        run_until(app, lambda: not app.prompting.pending and not app.language_model.testing)
         run(app, 2)
     assert model.keys == {f"Bearer {KEY}"}
     app.takes.toggle_recording()
@@ -240,9 +240,9 @@ def test_the_library_chosen_while_the_model_loads_sends_nothing(
     assert app.language_model.name.startswith("m at")
     app.language_model.choose("library")
     loaded.set()
-    run_until(app, lambda: app.editor.session.live.prompt.a is not None and not app.prompting.asked)
+    run_until(app, lambda: app.editor.session.live.prompt.a is not None and not app.prompting.pending)
     app.prompting.submit_prompt("a duck")
-    run_until(app, lambda: not app.prompting.asked)
+    run_until(app, lambda: not app.prompting.pending)
     assert source(app) == ("a duck", "library")
     assert app.language_model.name == ""
     assert model.asked == []  # not even the prompt that waited for the model
@@ -260,5 +260,5 @@ def test_a_language_model_chosen_while_the_model_loads_is_asked(
         lambda: app.editor.session.live.prompt.a is not None and not app.jobs.busy(Slot("language model")),
     )
     app.prompting.submit_prompt("a duck")
-    run_until(app, lambda: not app.prompting.asked)
+    run_until(app, lambda: not app.prompting.pending)
     assert source(app) == ("a duck", "gpt")

@@ -84,7 +84,7 @@ def test_the_master_weight_moves_what_is_not_locked() -> None:
     assert moved.master_weight == pytest.approx(0.6)
     mix = moved.style()
     assert isinstance(mix, StyleMix)
-    parts = sum(share * z[:, 0] for share, z in zip(mix.shares, mix.codes, strict=True))
+    parts = sum(share * z[:, 0] for share, z in zip(mix.weights, mix.codes, strict=True))
     assert np.allclose(parts, [2.0, 2.0, 2.0, 2.0, 3.0, 1.0])
     everything = dataclasses.replace(edit, locked=frozenset(PART_NAMES))
     assert everything.with_all_weights(1.0).weights == ALL_A

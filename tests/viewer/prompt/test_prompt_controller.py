@@ -238,7 +238,7 @@ def test_the_end_of_a_blend_keeps_locked_parts(room: Room) -> None:
     room.controller.drop_blend()
     assert room.prompt.weights == (*ALL_A[:5], 0.5)
     assert room.controller.boxes[Side.B].text == "a duck"
-    assert "Locked with a share of prompt B, which they keep: head." in room.message
+    assert "Locked with a weight of prompt B, which they keep: head." in room.message
     room.controller.toggle_lock("head")
     room.controller.drop_blend()
     assert (room.prompt.b, room.controller.boxes[Side.B].text) == (None, "")
@@ -255,7 +255,7 @@ def test_another_session_brings_its_prompt_and_drops_questions(room: Room) -> No
     opened = Session().with_take(LIVE, prompt=other)
     room.editor.use(FakeFile(), History([Step(0, "", opened)]))  # type: ignore[arg-type]
     room.controller.poll()
-    assert not room.controller.asked
+    assert not room.controller.pending
     assert room.controller.boxes[Side.A].text == "a king"
     assert np.array_equal(room.styles[-1][0], other.style())
     room.editor.undo()
@@ -557,7 +557,7 @@ class Prompts(RuleBasedStateMachine):
                 assert (answer.prompt, answer.words.as_tuple()) == (known.prompt, known.words)
                 assert np.array_equal(answer.z, self.room.workers[0].code(answer.words))
         assert (blend.weights, blend.locked) == (self.now.weights, self.now.locked)
-        assert self.room.controller.asked == {side for side in Side if self.asked[side]}
+        assert self.room.controller.pending == {side for side in Side if self.asked[side]}
 
     @invariant()
     def the_character_moves_by_the_session(self) -> None:
@@ -567,7 +567,7 @@ class Prompts(RuleBasedStateMachine):
         given, wanted = self.room.styles[-1][0], self.room.prompt.style()
         assert isinstance(given, StyleMix) == isinstance(wanted, StyleMix)
         if isinstance(wanted, StyleMix):
-            assert given.shares == wanted.shares
+            assert given.weights == wanted.weights
             assert all(map(np.array_equal, given.codes, wanted.codes))
         else:
             assert np.array_equal(given, wanted)

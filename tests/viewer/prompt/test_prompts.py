@@ -95,7 +95,7 @@ def test_enter_changes_the_shipped_models_style_at_the_next_frame_after_the_answ
     type_prompt(app, "a drunk person stumbling home")
     app.window.inject_key("enter", True)
     run(app)
-    assert app.prompting.asked == {Side.A}
+    assert app.prompting.pending == {Side.A}
     assert np.array_equal(walker.style.z, before)
     while worker.busy:
         time.sleep(0.001)

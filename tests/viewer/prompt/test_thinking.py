@@ -35,7 +35,7 @@ def test_a_blend_moved_while_the_language_model_thinks_is_a_step_of_its_own(
     app.prompting.set_all_weights(0.0)
     assert app.editor.dragging
     model.released.set()
-    run_until(app, lambda: not app.prompting.asked)
+    run_until(app, lambda: not app.prompting.pending)
 
     def check(weight: float) -> None:
         edit = app.editor.session.live.prompt
@@ -71,7 +71,7 @@ def thinking(asking: Callable[[], App], model: Model, locked: str = "") -> App:
 
 def finish(app: App, model: Model) -> None:
     model.released.set()
-    run_until(app, lambda: not app.prompting.asked)
+    run_until(app, lambda: not app.prompting.pending)
 
 
 def check_words(app: App, expected: PartDescriptions, *locked: str) -> None:
@@ -93,7 +93,7 @@ def test_a_part_locked_while_the_language_model_thinks_keeps_its_words(
     check_words(app, kept, "left_arm")
     assert source(app) == ("a duck", "gpt")
     app.prompting.reset_part("left_arm")  # what the language model said is known
-    run_until(app, lambda: not app.prompting.asked)
+    run_until(app, lambda: not app.prompting.pending)
     check_words(app, ANSWER)
     app.editor.undo()
     check_words(app, kept, "left_arm")
@@ -112,7 +112,7 @@ def test_undo_of_a_prompt_gives_up_the_language_model(asking: Callable[[], App],
     app.editor.undo()
     app.editor.undo()
     check_words(app, KING)
-    assert not app.prompting.asked
+    assert not app.prompting.pending
     model.released.set()
     run(app, 20)
     check_words(app, KING)

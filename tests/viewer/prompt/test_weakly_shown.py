@@ -6,15 +6,15 @@ from runtime.prompts.expander import DEFAULT_PROMPT
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.phrasing import PromptAdherence
 from runtime.session.prompt_blend import Answer, PromptBlend
-from viewer.prompt import parts_panel
-from viewer.prompt.parts_panel import weakly_shown
+from viewer.prompt import prompt_panel
+from viewer.prompt.prompt_panel import weakly_shown
 
 WORDS = PartDescriptions(*["hanging"] * 6)
 
 
 def _measured(monkeypatch, table: dict[tuple[str, str], float]) -> None:
     known = {"compact": PromptAdherence(table)}
-    monkeypatch.setattr(parts_panel, "adherence_of", lambda name: known.get(name, PromptAdherence()))
+    monkeypatch.setattr(prompt_panel, "adherence_of", lambda name: known.get(name, PromptAdherence()))
 
 
 def _blend(prompt: str, words: PartDescriptions = WORDS) -> PromptBlend:

@@ -9,8 +9,8 @@ import moderngl
 import pytest
 
 from runtime.errors import DisplayError, FileError
+from viewer.render.gl import SHADER_ROOT, ShaderSource, load_program, preprocess
 from viewer.render.offscreen import create_offscreen_context
-from viewer.render.shaders import SHADER_ROOT, ShaderSource, load_program, preprocess
 
 
 @pytest.fixture(scope="module")

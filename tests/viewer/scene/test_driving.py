@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import pytest
 
 from runtime.session.prompt_blend import Side
 from runtime.traversal.traversal import KINDS
-from tests.helpers.app_driver import Start, click_prompt_box, controller, message, run
+from tests.helpers.app_driver import Start, controller, message, run
 from viewer.gl_bindings import imgui
 from viewer.input.gamepad import GamepadState
 from viewer.scene.simulation import TRAVERSALS
@@ -46,20 +45,6 @@ def test_the_stick_of_a_script_is_in_the_world_and_then_left_to_the_devices(star
     assert controller(app).z > 3.0 * 0.5 + 0.1
 
 
-def test_scripted_controls_last_as_long_whatever_the_display_shows(
-    start: Start, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    app = start(keys="w 1; idle 9")
-    app.options = dataclasses.replace(app.options, offscreen=False)  # frames as long as the clock says
-    lengths = [0.025] * 20 + [0.1] * 5 + [0.025] * 40
-    monkeypatch.setattr(app, "_tick", iter(lengths).__next__)
-    held = []
-    for dt in lengths:
-        run(app)
-        held += [dt] * ("w" in app.devices.keyboard.held)
-    assert sum(held) == pytest.approx(1.0)
-
-
 def test_stick_moves_relative_to_the_camera(start: Start) -> None:
     app = start(camera="orbit")
     run(app)
@@ -73,18 +58,6 @@ def test_stick_moves_relative_to_the_camera(start: Start) -> None:
     app.devices.pads.state = None
     run(app)
     assert app.state.device == "keyboard"
-
-
-def test_escape_leaves_the_text_field(start: Start) -> None:
-    app = start()
-    run(app, 2)
-    click_prompt_box(app)
-    app.window.inject_key("escape", True)
-    app.window.inject_key("escape", False)
-    run(app, 2)
-    app.window.inject_key("w", True)
-    run(app, 2)
-    assert controller(app).z > 0.0
 
 
 def test_keys_that_follow_enter_at_once_are_words(start: Start) -> None:
@@ -131,17 +104,6 @@ def test_function_keys_toggle_what_is_shown(start: Start) -> None:
     app.window.inject_key("escape", True)
     run(app)
     assert not app.state.help_open
-
-
-def test_no_key_of_ctrl_z_makes_the_character_duck(start: Start) -> None:
-    from runtime.controls import Gait
-
-    app = start()
-    run(app, 2)
-    for key in ("ctrl", "z"):
-        app.window.inject_key(key, True)
-        run(app)
-        assert app.devices.mapper.read(app.devices.keyboard, None, 1 / 60).gait is Gait.WALK
 
 
 def test_the_status_line_says_what_is_keyed_over_an_obstacle(start: Start) -> None:

@@ -14,12 +14,9 @@ from tests.faults.faults import Outcome
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="signals of POSIX")
 QUICK = (
     "killed by SIGKILL",
-    "killed while editing",
-    "folder of sessions removed, then SIGKILL",
     "display gone",
     "Ctrl+C four times",
     "disk full",
-    "nothing can be written but temporary files",
     "two runs end at once",
 )
 

@@ -22,7 +22,6 @@ from tests.helpers.app_driver import Start, click_on, message, run
 from tests.helpers.viewer_fakes import fake_services
 from viewer import app as app_module
 from viewer.app import App
-from viewer.input.bindings import Action
 from viewer.options import ViewOptions
 from viewer.session.sessions import Sessions
 
@@ -197,20 +196,6 @@ def kept(folder: Path) -> list[str]:
     return [take.title for take in history.present.session.takes]
 
 
-def test_the_file_has_every_take_and_the_one_still_recorded_when_the_program_ends(
-    start: Start, tmp_path: Path
-) -> None:
-    app = start()
-    run(app, 2)
-    record(app)
-    app.takes.toggle_recording()
-    run(app, 5)
-    app.interrupt()
-    assert app.end() == 0
-    assert kept(tmp_path / "config") == ["Take 1", "Take 2"]
-    assert not list(tmp_path.rglob("*.bvh"))
-
-
 def test_a_defect_does_not_cost_the_take(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def frame(app: App) -> None:
         if app.frames_shown == 0:
@@ -282,25 +267,6 @@ def test_a_screenshot_that_fails_costs_neither_takes_nor_settings(start: Start, 
         app.end()
     assert kept(tmp_path / "config") == ["Take 1"]
     assert (tmp_path / "config" / "settings.json").is_file()
-
-
-def test_every_clip_panel_state_can_be_drawn(start: Start) -> None:
-    app = start()
-    run(app, 2)
-    record(app)
-    app.takes.play(1)
-    app.actions[Action.HELP]()
-    app.takes.toggle_recording()
-    run(app, 2)
-    app.takes.toggle_recording()
-    app.takes.play(2)
-    run(app, 2)
-    assert len(app.editor.session.takes) == 2
-    for number in (1, 2):
-        app.takes.remove(number)
-        run(app, 2)
-    assert app.editor.session.takes == ()
-    assert app.takes.playback is None
 
 
 def test_screenshot_and_frames_are_written(start: Start, tmp_path: Path) -> None:

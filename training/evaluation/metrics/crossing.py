@@ -25,7 +25,7 @@ DEEPEST_SOLE_M, DEEPEST_JOINT_M, DEEPEST_LIMB_M = 0.02, 0.015, 0.035
 MOST_ACCELERATION = 600.0  # m/s^2
 # A figure that glides in one pose, or stands where it should walk: its feet hardly move relative to the root. In a walk
 # they do so with about the speed of the root.
-FROZEN_SHARE = 0.25  # of the requested speed, mean over a second
+FROZEN_FRACTION = 0.25  # of the requested speed, mean over a second
 HANDS = (22, 29)
 HAND_REACH_M, HAND_SPEED = 0.10, 0.3  # of a hand that holds an edge: metres to it, m/s
 OFF_BEAM_M = 0.1  # under the beam's top: a foot that stands so low has left it
@@ -63,9 +63,7 @@ def first_problem(positions: Array, ground: Terrain, most_acceleration: float = 
     Soles, joints and limbs under the surface, by the shortest way out, and the acceleration of any joint, m/s^2.
     """
     positions = positions.astype(np.float64)
-    soles = positions[:, feet.SOLE_POINTS].copy()
-    soles[..., 1] -= feet.SOLE_HEIGHTS
-    if depth_inside(soles, ground).max() > DEEPEST_SOLE_M:
+    if depth_inside(_soles(positions), ground).max() > DEEPEST_SOLE_M:
         return "soles"
     if depth_inside(positions, ground).max() > DEEPEST_JOINT_M:
         return "joints"
@@ -80,36 +78,41 @@ def clearances(positions: Array, obstacles: Sequence[Obstacle]) -> list[float]:
 
     Obstacles that a foot never was over are left out.
     """
+    soles = _soles(positions)
     result = []
     for obstacle in obstacles:
-        for pair, rests in (((4, 5), feet.SOLE_HEIGHTS[:2]), ((9, 10), feet.SOLE_HEIGHTS[2:])):
-            lowest = np.inf
-            for joint, rest in zip(pair, rests, strict=True):
-                p = positions[:, joint]
-                over = obstacle.raised(p[:, 0], p[:, 2])
-                if over.any():
-                    lowest = min(lowest, float((p[over, 1] - rest).min()) - obstacle.top)
-            if np.isfinite(lowest):
-                result.append(100.0 * lowest)
+        over = obstacle.raised(soles[..., 0], soles[..., 2])
+        heights = np.where(over, soles[..., 1] - obstacle.top, np.inf).min(0)
+        result += [100.0 * float(h) for h in heights.reshape(2, 2).min(1) if np.isfinite(h)]
     return result
+
+
+def _soles(positions: Array) -> Array:
+    """The four points of the soles `(T, 4, 3)`: heels and toes less their resting heights."""
+    soles = positions[:, feet.SOLE_POINTS].astype(np.float64)
+    soles[..., 1] -= feet.SOLE_HEIGHTS
+    return soles
 
 
 def beam_contacts(positions: Array, contacts: Array, beam: Obstacle, ramp_m: float) -> tuple[int, int]:
     """Contacts on a beam and contacts off it, of points of the feet between its ramps."""
-    p = positions[:, feet.SOLE_POINTS]
-    between = (p[..., 2] > beam.begin + ramp_m) & (p[..., 2] < beam.end - ramp_m) & (contacts > 0.5)
-    on = between & (np.abs(p[..., 0]) <= beam.half_width)
+    soles = _soles(positions)
+    between = _between(soles, beam, ramp_m) & (contacts > 0.5)
+    on = between & (np.abs(soles[..., 0]) <= beam.half_width)
     return int(on.sum()), int(between.sum() - on.sum())
 
 
 def falls(positions: Array, contacts: Array, beam: Obstacle, ramp_m: float) -> int:
     """How often both feet stand, or the only standing one stands, under a beam between its ramps."""
-    p = positions[:, feet.SOLE_POINTS]
-    between = (p[..., 2] > beam.begin + ramp_m) & (p[..., 2] < beam.end - ramp_m)
-    stands = (contacts > 0.5) & between
-    low = p[..., 1] - np.array(feet.SOLE_HEIGHTS) < beam.top - OFF_BEAM_M
+    soles = _soles(positions)
+    stands = (contacts > 0.5) & _between(soles, beam, ramp_m)
+    low = soles[..., 1] < beam.top - OFF_BEAM_M
     off = stands.any(1) & (low | ~stands).all(1)
-    return int((np.diff(np.concatenate([[False], off]).astype(int)) == 1).sum())
+    return int((np.diff(off.astype(int), prepend=0) == 1).sum())
+
+
+def _between(soles: Array, beam: Obstacle, ramp_m: float) -> Mask:
+    return (soles[..., 2] > beam.begin + ramp_m) & (soles[..., 2] < beam.end - ramp_m)
 
 
 def hands_on_edge(positions: Array, walls: Sequence[Obstacle]) -> list[float]:
@@ -150,36 +153,32 @@ def on_top_after(positions: Array, wall: Obstacle) -> float | None:
 
 def flights(positions: Array, contacts: Array, gaps: Sequence[tuple[Obstacle, Obstacle]]) -> tuple[int, int]:
     """Gaps between two platforms that were flown over, and gaps into which no foot stepped, of those passed."""
-    soles = positions[:, feet.SOLE_POINTS].astype(np.float64)
+    soles = _soles(positions)
     flown = missed = 0
     for first, second in gaps:
         in_gap = (soles[..., 2] > first.end + 0.03) & (soles[..., 2] < second.begin - 0.03)
-        low = soles[..., 1] - np.array(feet.SOLE_HEIGHTS) < min(first.top, second.top) - OFF_BEAM_M
+        low = soles[..., 1] < min(first.top, second.top) - OFF_BEAM_M
         missed += int(not (in_gap & low & (contacts > 0.5)).any())
         around = (positions[:, 0, 2] > first.end - 0.5) & (positions[:, 0, 2] < second.begin + 0.5)
         under = np.where(soles[..., 2] < 0.5 * (first.end + second.begin), first.top, second.top)
-        high = (soles[..., 1] - np.array(feet.SOLE_HEIGHTS) - under > FLIGHT_M).all(1)
+        high = (soles[..., 1] - under > FLIGHT_M).all(1)
         flown += int(_longest(high & around) >= round(FLIGHT_S * FPS))
     return flown, missed
 
 
 def frozen_seconds(positions: Array, xz: Array, requested: Array) -> int:
-    """Whole seconds in which the feet move against the root by less than `FROZEN_SHARE` of the requested speed (m/s)."""
-    soles = positions[:, feet.SOLE_POINTS].astype(np.float64)
-    relative = soles - np.stack([xz[:, 0], np.zeros(len(xz)), xz[:, 1]], -1)[:, None]
-    speed = np.linalg.norm(np.diff(relative, axis=0), axis=-1).mean(1) * FPS
-    count = 0
-    for begin in range(0, len(speed) - FPS + 1, FPS):
-        wanted = requested[begin : begin + FPS]
-        count += int(
-            bool((wanted > 0.3).all()) and speed[begin : begin + FPS].mean() < FROZEN_SHARE * wanted.mean()
-        )
-    return count
+    """Whole seconds in which the feet move against the root by less than `FROZEN_FRACTION` of the requested speed (m/s)."""
+    root = np.stack([xz[:, 0], np.zeros(len(xz)), xz[:, 1]], -1)
+    speed = np.linalg.norm(np.diff(_soles(positions) - root[:, None], axis=0), axis=-1).mean(1) * FPS
+    whole = len(speed) // FPS
+    moved = speed[: whole * FPS].reshape(whole, FPS).mean(1)
+    wanted = np.asarray(requested)[: whole * FPS].reshape(whole, FPS)
+    return int(((wanted > 0.3).all(1) & (moved < FROZEN_FRACTION * wanted.mean(1))).sum())
 
 
 def _longest(mask: Mask) -> int:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    return int((edges[1::2] - edges[::2]).max()) if len(edges) else 0
+    edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))
+    return int((edges[1::2] - edges[::2]).max(initial=0))
 
 
 def mean_of(rows: Sequence[dict[str, Any]], key: str) -> float:

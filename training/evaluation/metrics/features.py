@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -115,7 +115,6 @@ def _standing(root: RootFeatures) -> Array:
     return (low & (np.hypot(x, z) < _STILL_SPEED)).astype(np.float32)
 
 
-SIZE = 384  # six parts of 64
 _BATCH = 128
 
 
@@ -161,22 +160,34 @@ class WindowSet:
         """Rows of the feature set "encoder" or "kinematic"."""
         return self.encoder if name == "encoder" else self.kinematic
 
+    @staticmethod
+    def stack(sets: Sequence[WindowSet], units: Sequence[NDArray[np.int64]]) -> WindowSet:
+        """All rows of several sets with new units; an empty set where there is none."""
+        sets = [EMPTY, *sets]
+        return WindowSet(
+            np.concatenate([s.kinematic for s in sets]),
+            np.concatenate([s.temporal for s in sets]),
+            np.concatenate([s.encoder for s in sets]),
+            np.concatenate([EMPTY.unit, *units]),
+        )
+
+
+_NO_ROWS = [np.zeros((0, size), np.float32) for size in (234, 88, 384)]
+EMPTY = WindowSet(_NO_ROWS[0], _NO_ROWS[1], _NO_ROWS[2], np.zeros(0, np.int64))
+
 
 def window_set(motions: Iterable[Motion], encoder: ExportedMotionEncoder | None, hop: int = HOP) -> WindowSet:
     """Windows `hop` frames apart of every motion."""
-    kinematic, temporal = [np.zeros((0, 234), np.float32)], [np.zeros((0, 88), np.float32)]
-    codes, units = [np.zeros((0, SIZE), np.float32)], [np.zeros(0, np.int64)]
+    sets = []
     for number, motion in enumerate(motions):
         starts = window_starts(len(motion), hop)
         root = motion.root_features()
-        kinematic.append(kinematic_features(root, starts))
-        temporal.append(temporal_features(root, starts))
+        codes = EMPTY.encoder
         if encoder is not None:
-            codes.append(encoded(encoder, root, starts)[0].reshape(len(starts), SIZE))
-        units.append(halves(number, len(motion), starts))
-    return WindowSet(
-        np.concatenate(kinematic), np.concatenate(temporal), np.concatenate(codes), np.concatenate(units)
-    )
+            codes = encoded(encoder, root, starts)[0].reshape(len(starts), -1)
+        unit = halves(number, len(motion), starts)
+        sets.append(WindowSet(kinematic_features(root, starts), temporal_features(root, starts), codes, unit))
+    return WindowSet.stack(sets, [s.unit for s in sets])
 
 
 def halves(number: int, frames: int, starts: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -192,14 +203,9 @@ def halves(number: int, frames: int, starts: NDArray[np.int64]) -> NDArray[np.in
 
 def joined(sets: Iterable[WindowSet]) -> WindowSet:
     """All windows of several sets; their takes stay apart, and so do their pairs of takes."""
-    listed = list(sets)
-    pairs = [(int(max(s.unit.max() // 2, -1 - s.unit.min())) // 2 + 1) if len(s) else 0 for s in listed]
-    offset = 2 * np.cumsum([0, *pairs])  # in takes
-    return WindowSet(
-        np.concatenate([s.kinematic for s in listed]),
-        np.concatenate([s.temporal for s in listed]),
-        np.concatenate([s.encoder for s in listed]),
-        np.concatenate(
-            [np.where(s.unit < 0, s.unit - o, s.unit + 2 * o) for s, o in zip(listed, offset, strict=False)]
-        ),
-    )
+    listed, units, offset = list(sets), [], 0  # in takes
+    for unit in (s.unit for s in listed):
+        units.append(np.where(unit < 0, unit - offset, unit + 2 * offset))
+        take = np.where(unit < 0, -1 - unit, unit // 2)
+        offset += 2 * (int(take.max(initial=-1)) // 2 + 1)
+    return WindowSet.stack(listed, units)

@@ -18,7 +18,10 @@ GAITS = {"walk": Gait.WALK, "jog": Gait.JOG}
 
 @dataclass(frozen=True)
 class Skating:
-    """Sums over frames, so that motions of any length can be added up."""
+    """Sums over frames of s_f (Sec. IV-B2), cm, mean over both feet, so that motions of any length can be added up.
+
+    The means, cm a frame, are NaN without frames.
+    """
 
     frames: int = 0
     toes_sum: float = 0.0
@@ -30,17 +33,17 @@ class Skating:
 
     @property
     def toes(self) -> float:
-        """s_f of Sec. IV-B at the toe joints, mean over feet and frames, cm per frame; NaN without frames."""
+        """At the toe joints, the paper's formula."""
         return self.toes_sum / self.frames if self.frames else float("nan")
 
     @property
     def toe_soles(self) -> float:
-        """The same at the soles under the toes: toe joints less their resting height."""
+        """At the soles under the toes: toe joints less their resting height."""
         return self.toe_soles_sum / self.frames if self.frames else float("nan")
 
     @property
     def soles(self) -> float:
-        """The same, mean of the soles under toes and heels (ankle joints less their resting height)."""
+        """Mean of the soles under toes and heels (ankle joints less their resting height)."""
         both = self.toe_soles_sum + self.heel_soles_sum
         return 0.5 * both / self.frames if self.frames else float("nan")
 
@@ -52,11 +55,12 @@ class Skating:
 def foot_skating(positions: Array, terrain: Terrain, chosen: NDArray[np.bool_]) -> Skating:
     """Skating of the frames `chosen` `(T,)` of world joints `(T, 31, 3)`; the first frame has no speed and never counts."""
     chosen = np.asarray(chosen, bool)[1:]
-    toes = feet.skating(positions, terrain)
-    toe_soles = feet.skating(positions, terrain, feet.TOES, TOE_HEIGHT)
-    heel_soles = feet.skating(positions, terrain, feet.HEELS, ANKLE_HEIGHT)
-    sums = (float(values[chosen].mean(1).sum()) for values in (toes, toe_soles, heel_soles))
-    return Skating(int(chosen.sum()), *sums)
+    measures = (
+        feet.skating(positions, terrain),
+        feet.skating(positions, terrain, feet.TOES, TOE_HEIGHT),
+        feet.skating(positions, terrain, feet.HEELS, ANKLE_HEIGHT),
+    )
+    return Skating(int(chosen.sum()), *(float(values[chosen].mean(1).sum()) for values in measures))
 
 
 @dataclass(frozen=True)
@@ -79,20 +83,9 @@ def terrain_feet(positions: Array, terrain: Terrain) -> TerrainFeet:
     """
     heights = 100.0 * feet.joint_heights(positions, terrain, feet.SOLE_POINTS)
     soles = heights - 100.0 * np.array(feet.SOLE_HEIGHTS)
-    lowest = soles.min(1)
-    return TerrainFeet(
-        sunk_joint_p99=_sunk(heights, 99),
-        sunk_sole_p95=_sunk(soles, 95),
-        sunk_sole_p99=_sunk(soles, 99),
-        float_p50=max(0.0, float(np.percentile(lowest, 50))),
-        float_p95=max(0.0, float(np.percentile(lowest, 95))),
+    sunk_joint, sunk, above = (
+        -np.percentile(heights, 1),
+        -np.percentile(soles, [5, 1]),
+        np.percentile(soles.min(1), [50, 95]),
     )
-
-
-def _sunk(heights: Array, percentile: float) -> float:
-    return max(0.0, float(np.percentile(-heights, percentile)))
-
-
-def sole_skating(positions: Array, terrain: Terrain) -> Array:
-    """Skating as seen at the sole: a toe joint at its resting height counts in full."""
-    return feet.skating(positions, terrain, resting_m=TOE_HEIGHT)
+    return TerrainFeet(*(max(0.0, float(v)) for v in (sunk_joint, *sunk, *above)))

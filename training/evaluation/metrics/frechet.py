@@ -22,11 +22,11 @@ def frechet_distance(a: Array, b: Array) -> float:
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     if len(a) < 2 or len(b) < 2:
         return float("nan")
-    covariance_a, covariance_b = np.atleast_2d(np.cov(a.T)), np.atleast_2d(np.cov(b.T))
-    values, vectors = np.linalg.eigh(covariance_a)
+    of_a, of_b = np.atleast_2d(np.cov(a.T)), np.atleast_2d(np.cov(b.T))
+    values, vectors = np.linalg.eigh(of_a)
     root = vectors * np.sqrt(np.clip(values, 0.0, None)) @ vectors.T
-    cross = np.linalg.eigvalsh(root @ covariance_b @ root)  # the eigenvalues of S_a S_b
-    trace = np.trace(covariance_a) + np.trace(covariance_b) - 2.0 * np.sqrt(np.clip(cross, 0.0, None)).sum()
+    cross = np.linalg.eigvalsh(root @ of_b @ root)  # the eigenvalues of S_a S_b
+    trace = np.trace(of_a) + np.trace(of_b) - 2.0 * np.sqrt(np.clip(cross, 0.0, None)).sum()
     return float(np.square(a.mean(0) - b.mean(0)).sum() + max(trace, 0.0))
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +46,7 @@ class ClipInfo:
     path: Path
     group: str  # its style; the rollouts are a group of their own
     style: str
+    content: str
     held_out: bool
     frames: int
     gaits: dict[Gait, int]  # frames of each
@@ -87,18 +89,19 @@ class Capture:
         return sum(c.gaits.get(gait, 0) for c in self.of(group, held_out)) / FPS
 
 
-def read_capture(folder: Path, styles: Iterable[str] | None = None) -> Capture:
+def read_capture(
+    folder: Path, styles: Iterable[str] | None = None, least_frames: int = WINDOW_FRAMES
+) -> Capture:
     """Catalogue of `*.npz` under `folder`; FileError when a chosen style has no clips."""
-    wanted = None if styles is None else set(styles)
     found = [info for info in map(_info, original_clips(folder)) if info is not None]
-    clips = [c for c in found if wanted is None or c.style in wanted]
-    missing = (wanted or set()) - {c.style for c in clips}
-    if missing:
+    known = {clip.style for clip in found}
+    wanted = known if styles is None else set(styles)
+    if wanted - known:
         raise FileError(
-            f"{folder}: no clips of {', '.join(sorted(missing))}.",
+            f"{folder}: no clips of {', '.join(sorted(wanted - known))}.",
             "Choose styles of assets/prompts/styles.json.",
         )
-    return Capture(tuple(c for c in clips if c.frames >= WINDOW_FRAMES))
+    return Capture(tuple(c for c in found if c.style in wanted and c.frames >= least_frames))
 
 
 def _info(path: Path) -> ClipInfo | None:
@@ -109,11 +112,13 @@ def _info(path: Path) -> ClipInfo | None:
                 return None
             labels, counts = np.unique(clip["gait"].argmax(1), return_counts=True)
             style, rollout = str(clip["style"]), str(clip["source"]) == ROLLOUTS
-            held_out = str(clip["split"]) == "held_out"
+            held_out, content = str(clip["split"]) == "held_out", str(clip["content"])
     except (OSError, ValueError, KeyError) as error:
         raise FileError(f"{path}: not a clip file.", "Run the importer again.") from error
     gaits = {Gait(int(g)): int(n) for g, n in zip(labels, counts, strict=True)}
-    return ClipInfo(path, TERRAIN_GROUP if rollout else style, style, held_out, int(counts.sum()), gaits)
+    return ClipInfo(
+        path, TERRAIN_GROUP if rollout else style, style, content, held_out, int(counts.sum()), gaits
+    )
 
 
 def driving_segments(
@@ -139,12 +144,6 @@ def driving_segments(
 
 def _shuffled(clips: list[ClipInfo], rng: np.random.Generator) -> list[ClipInfo]:
     return [clips[i] for i in rng.permutation(len(clips))]
-
-
-def motions(clips: Iterable[ClipInfo]) -> Iterator[tuple[ClipInfo, Motion]]:
-    """Clips with their motion, read one at a time."""
-    for clip in clips:
-        yield clip, load_motion(clip.path)
 
 
 Report = Callable[[str], None]
@@ -189,8 +188,7 @@ class EvaluationPlan:
     training_styles: list[str]  # of its rows
     held_out: dict[str, WindowSet]
     classifier: StyleClassifier
-    projections: dict[tuple[str, int], Projection] = field(default_factory=dict)
-    skating: dict[tuple[str, str], tuple[Skating, bool]] = field(default_factory=dict)
+    _kept: dict[Any, Any] = field(default_factory=dict)  # by what was measured
 
     @property
     def groups(self) -> list[str]:
@@ -203,10 +201,23 @@ class EvaluationPlan:
 
     def projection(self, name: str, components: int) -> Projection:
         """Principal axes of a feature set, measured on captured training windows."""
-        key = (name, components)
-        if key not in self.projections:
-            self.projections[key] = Projection.fit(self.training.of(name), components, name == "kinematic")
-        return self.projections[key]
+        key = name, components
+        if key not in self._kept:
+            self._kept[key] = Projection.fit(self.training.of(name), components, name == "kinematic")
+        return cast(Projection, self._kept[key])
+
+    def captured_skating(self, group: str, gait: str) -> tuple[Skating, bool]:
+        """Of a group's held-out clips in a gait, or of all its clips (False) where those are too short."""
+        key = group, gait
+        if key not in self._kept:
+            held_out = self.capture.seconds(group, GAITS[gait], True) >= MIN_GAIT_SECONDS
+            total = Skating()
+            for clip in self.capture.of(group, True if held_out else None):
+                if clip.gaits.get(GAITS[gait], 0):
+                    motion = load_motion(clip.path)
+                    total += foot_skating(motion.positions, motion.terrain, motion.gait == GAITS[gait])
+            self._kept[key] = total, held_out
+        return cast(tuple[Skating, bool], self._kept[key])
 
     def style_of(self, group: str) -> str:
         """The style whose descriptions a group is generated with."""
@@ -273,16 +284,3 @@ def _known(windows: WindowSet, labels: list[str], held_out: dict[str, WindowSet]
             "Give more styles.",
         )
     return np.flatnonzero(np.isin(array, enough))
-
-
-def captured_skating(plan: EvaluationPlan, group: str, gait: str) -> tuple[Skating, bool]:
-    """Skating of a group's held-out clips in a gait, or of all its clips (False) where those are too short."""
-    key = (group, gait)
-    if key not in plan.skating:
-        held_out = plan.capture.seconds(group, GAITS[gait], True) >= MIN_GAIT_SECONDS
-        total = Skating()
-        for clip, motion in motions(plan.capture.of(group, True if held_out else None)):
-            if clip.gaits.get(GAITS[gait], 0):
-                total += foot_skating(motion.positions, motion.terrain, motion.gait == GAITS[gait])
-        plan.skating[key] = (total, held_out)
-    return plan.skating[key]

@@ -89,9 +89,10 @@ def requests_of(clip: Motion, lead_in: int = LEAD_IN_FRAMES) -> Requests:
     velocity = smooth(np.gradient(xz, axis=0) * FPS, REQUEST_SIGMA)
     start = velocity[0] if clip.gait[0] != Gait.STAND else np.zeros(2)
     back = np.arange(lead_in, 0, -1)[:, None] / FPS
+
     return Requests(
         np.concatenate([xz[0] - back * start, xz]),
-        np.concatenate([np.broadcast_to(start, (lead_in, 2)), velocity]),
+        np.concatenate([np.tile(start, (lead_in, 1)), velocity]),
         np.concatenate([np.full(lead_in, yaw[0]), yaw]),
         np.concatenate([np.full(lead_in, clip.gait[0]), clip.gait]),
     )
@@ -159,10 +160,8 @@ class ReplayTrajectory(Trajectory):
         self.number += 1
 
 
-def replay(
-    model: MotionModel, clip: Motion, z: Array, seed: int, temperature: float, lead_in: int
-) -> tuple[Array, Array]:
-    """Joints relative to the root `(T - lead_in, 31, 3)`, shown and before foot lock, under a clip's own controls.
+def replay(model: MotionModel, clip: Motion, z: Array, seed: int, temperature: float, lead_in: int) -> Array:
+    """Joints relative to the root `(T - lead_in, 31, 3)` under a clip's own controls.
 
     The first `lead_in` frames are run at temperature 0: two runs that differ in their seed begin in the same pose.
     """
@@ -177,13 +176,9 @@ def replay(
             controller.temperature = temperature
         pose = controller.step(Controls())
         if frame >= lead_in:
-            hips, local = controller.unlocked
-            both = np.stack([pose.positions, SPORT_SKELETON.forward_kinematics(hips, local)[0]])
-            root = np.array([pose.root_position[[0, 2]]] * 2)
-            ground = np.full(2, pose.root_position[1])
-            joints.append(features.relative_joints(both, root, ground, np.full(2, pose.root_yaw)))
-    shown, unlocked = np.stack(joints, 1)
-    return shown, unlocked
+            root, ground = pose.root_position[[0, 2]], pose.root_position[1]
+            joints.append(features.relative_joints(pose.positions, root, ground, np.array(pose.root_yaw)))
+    return np.stack(joints)
 
 
 def transition(model: MotionModel, first: Array, second: Array, seed: int) -> tuple[Array, int]:
@@ -193,15 +188,12 @@ def transition(model: MotionModel, first: Array, second: Array, seed: int) -> tu
     """
     controller = Controller(model, flat_ground(), seed)
     controller.set_style(first, 0.0)
-    forward = Controls((0.0, 1.0))
-    for _ in range(LEAD_IN_FRAMES):
-        controller.step(forward)
     positions = []
-    for frame in range(2 * STEADY_FRAMES):
-        if frame == STEADY_FRAMES:
+    for frame in range(LEAD_IN_FRAMES + 2 * STEADY_FRAMES):
+        if frame == LEAD_IN_FRAMES + STEADY_FRAMES:
             controller.set_style(second, 1.0)
-        positions.append(controller.step(forward).positions)
-    return np.stack(positions), STEADY_FRAMES
+        positions.append(controller.step(Controls((0.0, 1.0))).positions)
+    return np.stack(positions[LEAD_IN_FRAMES:]), STEADY_FRAMES
 
 
 def flat_ground(size_m: float = 400.0) -> Terrain:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import fields
 from functools import cached_property
 from itertools import zip_longest
@@ -25,7 +25,6 @@ from training.data.style_library import style_library
 from training.evaluation.motion.driving import flat_ground
 
 TIMED_FRAMES, WARM_UP = 240, 30
-VALUES_OF_A_ROW = 33 + 4 * 31 + 3 + 3 + 4  # of a database for motion matching
 
 
 class EvaluatedModel:
@@ -70,27 +69,23 @@ class EvaluatedModel:
 def count_parameters(metadata: dict[str, Any]) -> int:
     """Trained values of encoder, modulator and decoders (Table I); of one decoder for w/o-Diffusion.
 
-    Of motion matching, which trains nothing, the values of its database. The MoE decoder is counted in the diffusion model too, as the paper's totals do.
+    The MoE decoder is counted in the diffusion model too, as the paper's totals do.
     """
     if "parameters" in metadata:  # of another method
         return int(metadata["parameters"])
-    if "rows" in metadata:  # a database: what it holds for each row
-        return int(metadata["rows"]) * VALUES_OF_A_ROW
     from training.networks.generator import Generator
     from training.presets import ModelConfig
 
     known = {f.name for f in fields(ModelConfig)}
-    values: dict[str, Any] = {
+    config: dict[str, Any] = {
         k: tuple(v) if isinstance(v, list) else v for k, v in metadata["config"].items() if k in known
     }
-    generator = Generator(ModelConfig(**values))
-    mixture = metadata.get("decoder") == "mixture"
-    return sum(
-        p.numel() for n, p in generator.named_parameters() if not (mixture and n.startswith("denoiser"))
-    )
+    counted = Generator(ModelConfig(**config)).named_parameters()
+    unused = "denoiser" if metadata.get("decoder") == "mixture" else "none of these"
+    return sum(p.numel() for name, p in counted if not name.startswith(unused))
 
 
-def frame_times(model: MotionModel, frames: int = TIMED_FRAMES) -> dict[str, float]:
+def frame_times(model: MotionModel) -> dict[str, float]:
     """Median milliseconds of processor time of one thread: the network alone, and with control, foot lock and IK.
 
     Processor time, so that other programs on the machine do not count.
@@ -100,18 +95,17 @@ def frame_times(model: MotionModel, frames: int = TIMED_FRAMES) -> dict[str, flo
     x = np.zeros((1, 472), np.float32)
     noise = np.random.default_rng(0).standard_normal((1, *model.noise_shape), np.float32)
     style = controller.style
-    network = _median_ms(lambda: model.step(x, noise, style), frames)
-    return {"network_ms": network, "frame_ms": _median_ms(lambda: controller.step(forward), frames)}
+    network = _median_ms(lambda: model.step(x, noise, style))
+    return {"network_ms": network, "frame_ms": _median_ms(lambda: controller.step(forward))}
 
 
-def _median_ms(work: Any, count: int) -> float:
+def _median_ms(work: Callable[[], object]) -> float:
     times = []
-    for k in range(WARM_UP + count):
+    for _ in range(WARM_UP + TIMED_FRAMES):
         begin = time.process_time()
         work()
-        if k >= WARM_UP:
-            times.append(time.process_time() - begin)
-    return 1e3 * statistics.median(times)
+        times.append(time.process_time() - begin)
+    return 1e3 * statistics.median(times[WARM_UP:])
 
 
 def style_texts(styles: Iterable[str] | None = None) -> dict[str, list[PartDescriptions]]:

@@ -7,62 +7,45 @@ data/animator_prompts.txt.
 from __future__ import annotations
 
 import re
-from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
+from runtime.arrays import Array
 from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
 from runtime.generate import generate_clip
-from runtime.motion.model import MotionModel, load_model
+from runtime.motion.model import load_model
 from runtime.prompts.prompter import Prompter
 from runtime.skeleton import SPORT_SKELETON
-from training.data.labels import foot_contacts
 from training.evaluation.experiment import SEED, Experiment, Setting, option
-from training.evaluation.text.walks import PLAIN_PROMPT
+from training.evaluation.text.walks import PLAIN_PROMPT, body_of
 from training.markdown import table
-from training.text.measure import measure
 
 PROMPTS = Path(__file__).parent / "data" / "animator_prompts.txt"
 LEAD, SECONDS = 2.0, 7.0  # walked before measuring, and in all
 _EXPECTATION = re.compile(r"(\w+)\.(\w+) ([<>]) (n\*|n\+|n(?=-))?(-?[\d.]+)")
+Outcome = dict[
+    str, Any
+]  # a prompt, how many expectations it has, and those that do not hold with what was measured
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """One prompt: how many of its expectations hold, and those that do not with what was measured."""
-
-    prompt: str
-    expected: int
-    failed: tuple[str, ...]
-
-
-def measured(
-    prompt: str, prompter: Prompter, model: MotionModel, folder: Path, seed: int
-) -> dict[str, float]:
-    """Measures of the exported walk under a prompt, "part.measure" → value; `torso.twist` in degrees to the left."""
-    clip = generate_clip(prompt, seconds=SECONDS, seed=seed, prompter=prompter, model=model)
-    path = folder / f"{re.sub(r'[^a-z]+', '_', prompt.lower())[:60]}.bvh"
-    save_bvh(clip, path)
+def measured(path: Path) -> dict[str, float]:
+    """Measures of an exported walk, "part.measure" → value; `torso.twist` in degrees to the left."""
     read = load_clip_bvh(path)
     first = round(LEAD * read.fps)
     hips, local = read.hips_positions[first:], read.local_rotations[first:]
-    positions, _ = SPORT_SKELETON.forward_kinematics(hips, local)
-    contacts = foot_contacts(positions, np.zeros((len(hips), 4), np.float32)).astype(np.float32)
-    body = measure(hips, local, contacts)
-    parts = vars(body).items()
+    parts = vars(body_of(hips, local)).items()
     values = {f"{part}.{name}": value for part, found in parts for name, value in vars(found).items()}
-    return {**values, "torso.twist": _twist(positions)}
+    return {**values, "torso.twist": _twist(SPORT_SKELETON.forward_kinematics(hips, local)[0])}
 
 
-def _twist(positions: np.ndarray) -> float:
+def _twist(positions: Array) -> float:
     """Degrees by which the shoulders are turned to the left of the hips, median."""
     at = SPORT_SKELETON.index
 
-    def heading(joint: str) -> np.ndarray:
+    def heading(joint: str) -> Array:
         across = positions[:, at(f"Left{joint}")] - positions[:, at(f"Right{joint}")]
         return np.arctan2(-across[:, 2], across[:, 0])
 
@@ -83,21 +66,27 @@ def outcome(line: str, values: dict[str, float], neutral: dict[str, float]) -> O
             bound = neutral[key] * bound if relative == "n*" else neutral[key] + bound
         if not (values[key] > bound if sign == ">" else values[key] < bound):
             failed.append(f"{text} (measured {values[key]:.2f}, neutral {neutral[key]:.2f})")
-    return Outcome(prompt, len(expectations), tuple(failed))
+    return {"prompt": prompt, "expected": len(expectations), "failed": failed}
 
 
-def animators(setting: Setting) -> dict[str, list[dict[str, Any]]]:
+def animators(setting: Setting) -> dict[str, list[Outcome]]:
     """The outcomes of every section of the list."""
-    args, model = setting.args, load_model(setting.folders[0])
-    with TemporaryDirectory() as temporary:
-        folder = args.out or Path(temporary)
-        folder.mkdir(parents=True, exist_ok=True)
-        walk = partial(measured, prompter=Prompter(model), model=model, folder=folder, seed=args.seed)
+    model = load_model(setting.folders[0])
+    prompter = Prompter(model)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "clip.bvh"
+
+        def walk(prompt: str) -> dict[str, float]:
+            seed = setting.args.seed
+            clip = generate_clip(prompt, seconds=SECONDS, seed=seed, prompter=prompter, model=model)
+            save_bvh(clip, path)
+            return measured(path)
+
         neutral = walk(PLAIN_PROMPT)
-        found: dict[str, list[dict[str, Any]]] = {}
-        for name, lines in sections(args.list).items():
+        found: dict[str, list[Outcome]] = {}
+        for name, lines in sections(setting.args.list).items():
             setting.report(name)
-            found[name] = [asdict(outcome(line, walk(line.split(" | ")[0]), neutral)) for line in lines]
+            found[name] = [outcome(line, walk(line.split(" | ")[0]), neutral) for line in lines]
     return found
 
 
@@ -108,7 +97,7 @@ def sections(path: Path) -> dict[str, list[str]]:
     return {name: body.strip().splitlines() for name, body in pairs if body.strip()}
 
 
-def animators_table(found: dict[str, list[dict[str, Any]]]) -> str:
+def animators_table(found: dict[str, list[Outcome]]) -> str:
     """A row for each section and one for all, then what failed."""
     every = [one for outcomes in found.values() for one in outcomes]
     rows, failed = [], [f"- {o['prompt']}: {'; '.join(o['failed'])}" for o in every if o["failed"]]
@@ -127,7 +116,6 @@ ANIMATORS = Experiment(
     "animators",
     options=(
         option("--list", type=Path, default=PROMPTS, metavar="FILE", help="prompts and expectations"),
-        option("--out", type=Path, metavar="DIR", help="keep the BVH files"),
         SEED,
     ),
 )

@@ -14,10 +14,13 @@ from runtime.prompts.prompter import Prompter
 from runtime.prompts.text_encoder import TextEncoder
 from training.augmentation.measured_edits import CapturedReference, Summary, load_reference
 from training.evaluation.experiment import Arguments, Experiment, Setting, command_of, option
-from training.evaluation.report.text_tables import SECTION, markdown
+from training.evaluation.metrics.features import has_encoder
 from training.evaluation.text import edits
 from training.evaluation.text.edits import FREE_PROMPTS, Case, by_slot, independence, seed_changes
+from training.evaluation.text.retrieval import BAR as RETRIEVAL_BAR
+from training.evaluation.text.retrieval import evaluate_retrieval
 from training.evaluation.text.walks import PLAIN_PROMPT, SECONDS, Walk, Walker
+from training.markdown import percent, table
 
 PARTS = ("retrieval", "edits")
 
@@ -27,7 +30,7 @@ def words_and_motion(setting: Setting) -> dict[str, Any]:
     args, folder = setting.args, setting.folders[0]
     model = load_model(folder)
     prompter = Prompter(model, text_encoder=args.text_encoder)
-    command = command_of("sport evaluate --text", args, clips=True)
+    command = command_of("sport evaluate --text", args)
     results: dict[str, Any] = {"command": command, "model": model.name}
     if "retrieval" in (args.only or PARTS):
         setting.report("retrieval")
@@ -39,16 +42,12 @@ def words_and_motion(setting: Setting) -> dict[str, Any]:
 
 def _retrieval(args: Arguments, folder: Path, words: TextEncoder) -> dict[str, Any]:
     """The figures, or why there are none: models of version 0.1 hold no motion encoder."""
-    from training.evaluation.metrics.features import has_encoder
-    from training.evaluation.text.retrieval import evaluate_retrieval
-
     if not has_encoder(folder):
         return {
             "missing": "The model folder holds no motion.onnx: export it again with `sport train export`."
         }
     styles = load_styles(asset_path("prompts/styles.json"))
-    texts = {name: list(style.descriptions) for name, style in styles.items()}
-    return evaluate_retrieval(folder, args.clips, texts, words)
+    return evaluate_retrieval(folder, args.clips, {n: list(s.descriptions) for n, s in styles.items()}, words)
 
 
 def _edits(setting: Setting, prompter: Prompter) -> dict[str, Any]:
@@ -56,9 +55,8 @@ def _edits(setting: Setting, prompter: Prompter) -> dict[str, Any]:
     args = setting.args
     reference = load_reference(args.clips)
     neutral = prompter.expand(PLAIN_PROMPT).descriptions
-    expanded = {prompt: prompter.expand(prompt) for prompt in FREE_PROMPTS}
     cases = edits.catalogue_cases(neutral, trained=not args.quick)
-    cases += [edits.free_case(p, FREE_PROMPTS[p], e.descriptions) for p, e in expanded.items()]
+    cases += [edits.free_case(p, names, prompter.expand(p).descriptions) for p, names in FREE_PROMPTS.items()]
     walker = Walker(setting.folders[0], args.workers, 3.0 if args.quick else SECONDS)
     requested = [Walk.of(prompter(neutral), seed) for seed in range(edits.SEEDS)]
     requested += [Walk.of(prompter(d), s) for c in cases for d, s in zip(c.variants, c.seeds, strict=True)]
@@ -69,23 +67,11 @@ def _edits(setting: Setting, prompter: Prompter) -> dict[str, Any]:
     for case in cases:
         summaries = [next(made) for _ in case.variants]
         row, own = _case_result(case, summaries, neutral_walks, reference)
-        if row is None:
-            unmeasured.append(case.name)
-        else:
-            rows.append(row)
-        if own is not None:
-            independent.append(own)
-    for row in rows:
-        if row["kind"] == "free words":
-            row["expansion"] = expanded[row["name"]].note
+        rows += [] if row is None else [row]
+        unmeasured += [case.name] if row is None else []
+        independent += [] if own is None else [own]
     return {
-        "edits": {
-            "rows": rows,
-            "unmeasured": unmeasured,
-            "summary": _summaries(rows),
-            "reference": [name for name, _, _ in reference.walks],
-            "walks": len(set(requested)),
-        },
+        "edits": {"rows": rows, "unmeasured": unmeasured, "summary": _summaries(rows)},
         "independence": {
             "rows": independent,
             "by_slot": by_slot(independent),
@@ -103,7 +89,6 @@ def _case_result(
     row = None
     if described:
         row = edits.score(case, summaries, neutral, described)
-        row["seed_noise"] = edits.seed_noise(neutral, described)
     single = len(case.edits) == 1 and case.kind != "free words"
     return row, independence(case, summaries, neutral, pairs) if single else None
 
@@ -115,6 +100,139 @@ def _summaries(rows: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:
     return {kind: edits.totals(group) for kind, group in {"zero-shot": zero_shot, **groups}.items()}
 
 
+# --- tables -----------------------------------------------------------------------------------------------------------
+
+
+Bar = tuple[
+    str, str, bool | None
+]  # what is required, what was measured, and whether it is met (None: not measured)
+DIRECTIONS = {"text_to_motion": "text→motion", "motion_to_text": "motion→text"}
+
+
+def markdown(results: dict[str, Any]) -> str:
+    """All tables of `results`, what `--json` holds."""
+    met = {True: "yes", False: "**no**", None: "–"}
+    rows = [[required, measured, met[ok]] for required, measured, ok in bars(results)]
+    lines = [f"`{results['command']}`, model `{results['model']}`", ""]
+    lines += table(["Bar", "Measured", "Met"], rows)
+    if "retrieval" in results:
+        lines += ["### Retrieval", "", *_retrieval_table(results["retrieval"])]
+    if "edits" in results:
+        lines += ["### Part edits", "", *_edits_table(results["edits"])]
+        lines += ["### Part independence", "", *_independence_table(results["independence"])]
+    return "\n".join(lines) + "\n"
+
+
+def bars(results: dict[str, Any]) -> list[Bar]:
+    """Every demand."""
+    found: list[Bar] = []
+    for key, words in DIRECTIONS.items() if "retrieval" in results else ():
+        r1 = results["retrieval"].get(key, {}).get("r1")
+        name = f"{words} R@1 on held-out captured clips: at least {percent(RETRIEVAL_BAR)}"
+        found.append(
+            (name, "not measured" if r1 is None else percent(r1), None if r1 is None else r1 >= RETRIEVAL_BAR)
+        )
+    if "edits" in results:
+        rhythm = (edits.RHYTHM_RIGHT_BAR, edits.RHYTHM_ENOUGH_BAR)
+        for kind, name, least in (
+            ("zero-shot", "zero-shot part edits", (edits.RIGHT_BAR, edits.ENOUGH_BAR)),
+            (edits.HELD_OUT_RHYTHM, "held-out edits of rhythm and weight", rhythm),
+        ):
+            if kind in results["edits"]["summary"]:
+                found += _edit_bars(name, results["edits"]["summary"][kind], least)
+        ratio = results["independence"]["by_slot"]["all"]["ratio"]
+        name = f"other parts change by at most {percent(edits.BAR)} of the described part's change"
+        found.append((name, percent(ratio), ratio <= edits.BAR))
+    return found
+
+
+def _edit_bars(name: str, scores: dict[str, float], least: tuple[float, float]) -> list[Bar]:
+    demands = {"right_way": "change the described way", "enough": "reach at least half the described change"}
+    return [
+        (
+            f"{name} that {demand}: at least {percent(bar)}",
+            f"{percent(scores[key])} of {scores['cases']}",
+            scores[key] >= bar,
+        )
+        for (key, demand), bar in zip(demands.items(), least, strict=True)
+    ]
+
+
+def _retrieval_table(scores: dict[str, Any]) -> list[str]:
+    if "missing" in scores:
+        return [scores["missing"], ""]
+    rows = []
+    for suffix, words in (("", ""), ("_alike", ", look-alike styles as one")):
+        for key, name in DIRECTIONS.items():
+            found = scores[key + suffix]
+            rows.append(
+                [
+                    name + words,
+                    str(found["queries"]),
+                    str(found["gallery"]),
+                    f"{percent(found['r1'])} ({100 * found['chance_r1']:.0f})",
+                    f"{percent(found['r3'])} ({100 * found['chance_r3']:.0f})",
+                    f"{found['median_rank']:g} ({found['chance_rank']:g})",
+                    percent(found["r1_by_style"]),
+                ]
+            )
+    head = ["", "queries", "gallery", "R@1", "R@3", "median rank", "R@1, mean over styles"]
+    return [*table(head, rows), "Chance stands in brackets.", ""]
+
+
+def _edits_table(found: dict[str, Any]) -> list[str]:
+    rows = [
+        [
+            kind,
+            str(s["cases"]),
+            percent(s["right_way"]),
+            percent(s["enough"]),
+            f"{s['median_fraction']:.2f}",
+            percent(s["runs_right_way"]),
+            percent(s["runs_enough"]),
+        ]
+        for kind, s in found["summary"].items()
+    ]
+    head = ["", "cases", "right way", "at least half", "median fraction", "of single walks", "at least half"]
+    weak = {
+        kind: [
+            f"{r['name']} ({r['worst_fraction']:.2f})"
+            for r in found["rows"]
+            if r["kind"] == kind and not r["enough"]
+        ]
+        for kind in dict.fromkeys(r["kind"] for r in found["rows"])
+    }
+    lines = [*table(head, rows), "Edits under half of the described change (in brackets the fraction):", ""]
+    lines += table(["kind", "edits"], [[kind, ", ".join(names)] for kind, names in weak.items() if names])
+    if found["unmeasured"]:
+        names = ", ".join(found["unmeasured"])
+        lines += [
+            f"Not scored, as captured walks disagree about what the edit does to its measure: {names}.",
+            "",
+        ]
+    return lines
+
+
+def _independence_table(found: dict[str, Any]) -> list[str]:
+    rows = [
+        [
+            slot,
+            str(s["edits"]),
+            *(f"{s[key]:.1f}°" for key in ("own", "others", "seed_others")),
+            f"{percent(s['ratio'])} ({100 * s['edit_ratio']:.0f})",
+            percent(s["within"]),
+            f"{percent(s['most_ratio'])} ({100 * s['edit_most_ratio']:.0f})",
+        ]
+        for slot, s in found["by_slot"].items()
+    ]
+    head = ["part", "edits", "its change", "the others'", "the others' between two seeds", "ratio"]
+    head += ["edits within 25 %", "the other part that changes most"]
+    seeds = ", ".join(f"{part.replace('_', ' ')} {change:.1f}°" for part, change in found["seeds"].items())
+    note = "In brackets what the edits themselves do when they are applied to captured walks. "
+    note += f"Two seeds of the neutral prompt differ, in the same measure, by: {seeds}."
+    return [*table(head, rows), note, ""]
+
+
 def _check(args: Arguments) -> None:
     if not 1 <= args.workers <= 64:
         raise UsageError(f"--workers {args.workers}: expected 1 to 64.", "Choose another number.")
@@ -124,7 +242,7 @@ TEXT = Experiment(
     "Does the motion do what the words say (Sec. III-C)?",
     words_and_motion,
     markdown,
-    SECTION,
+    "text evaluation",
     clips=True,
     options=(
         option("--only", choices=PARTS, nargs="+", help="measure this alone"),

@@ -93,16 +93,12 @@ def score(
 
     `summaries` are the walks of the variants, `neutral` the neutral walks by seed.
     """
-    fractions: dict[str, list[float]] = {}
-    changes: dict[str, float] = {}
+    fractions, changes = {}, {}
     for target, amount in described.items():
-        found = [
-            value(s, target) - value(neutral[seed], target)
-            for s, seed in zip(summaries, case.seeds, strict=True)
-        ]
-        label = ".".join(target)
-        changes[label] = float(np.median(found))
-        fractions[label] = [f / amount for f in found]
+        walks = zip(summaries, case.seeds, strict=True)
+        found = np.array([value(s, target) - value(neutral[seed], target) for s, seed in walks])
+        changes[".".join(target)] = float(np.median(found))
+        fractions[".".join(target)] = found / amount
     median = {k: float(np.median(v)) for k, v in fractions.items()}
     worst = min(median.values())
     runs = np.min(list(fractions.values()), axis=0)
@@ -116,31 +112,18 @@ def score(
         "worst_fraction": worst,
         "right_way": bool(worst >= RIGHT_WAY),
         "enough": bool(worst >= ENOUGH),
-        "runs": len(summaries),
         "runs_right_way": float((runs >= RIGHT_WAY).mean()),
         "runs_enough": float((runs >= ENOUGH).mean()),
-        "words": {part: getattr(case.variants[0], part) for part in case.parts},
     }
-
-
-def seed_noise(neutral: dict[int, Summary], described: dict[Target, float]) -> float:
-    """How much neutral walks of different seeds differ, at most, as a fraction of the described change."""
-    noise = []
-    for target, amount in described.items():
-        values = [value(s, target) for s in neutral.values()]
-        noise.append((max(values) - min(values)) / abs(amount))
-    return float(np.max(noise))
 
 
 def totals(results: Sequence[dict[str, Any]]) -> dict[str, float]:
     """Of several cases: how many go the right way and far enough, and their median fraction of the described change."""
+    means = ("right_way", "enough", "runs_right_way", "runs_enough")
     return {
         "cases": len(results),
-        "right_way": float(np.mean([r["right_way"] for r in results])),
-        "enough": float(np.mean([r["enough"] for r in results])),
         "median_fraction": float(np.median([r["worst_fraction"] for r in results])),
-        "runs_right_way": float(np.mean([r["runs_right_way"] for r in results])),
-        "runs_enough": float(np.mean([r["runs_enough"] for r in results])),
+        **{name: float(np.mean([r[name] for r in results])) for name in means},
     }
 
 
@@ -189,24 +172,17 @@ def independence(
 ) -> dict[str, Any]:
     """A case's changes against the neutral walk of the same seed, and what the edit itself does on captured walks."""
     walks = [part_changes(neutral[seed], s) for s, seed in zip(summaries, case.seeds, strict=True)]
-    edits = [part_changes(before, after) for before, after in reference]
-    seed_own, seed_others, _ = own_and_others(seed_changes(neutral), case.parts)
-    own, others, most = np.mean([own_and_others(w, case.parts) for w in walks], axis=0)
-    edit_own, edit_others, edit_most = np.mean([own_and_others(e, case.parts) for e in edits], axis=0)
-    return {
+    row: dict[str, Any] = {
         "name": case.name,
         "kind": case.kind,
         "slot": RHYTHM if "rhythm" in case.kind else case.edits[0].split(".")[0],
-        "own": float(own),
-        "others": float(others),
-        "most": float(most),
-        "edit_own": float(edit_own),
-        "edit_others": float(edit_others),
-        "edit_most": float(edit_most),
-        "seed_own": seed_own,
-        "seed_others": seed_others,
         "parts": {p: float(np.mean([w[p] for w in walks])) for p in PART_NAMES},
     }
+    edits = [part_changes(before, after) for before, after in reference]
+    for prefix, changes in (("", walks), ("edit_", edits), ("seed_", [seed_changes(neutral)])):
+        means = np.mean([own_and_others(c, case.parts) for c in changes], axis=0)
+        row |= {prefix + name: float(v) for name, v in zip(("own", "others", "most"), means, strict=True)}
+    return row
 
 
 def by_slot(rows: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:

@@ -23,7 +23,7 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.assets import asset_path, model_folder
 from runtime.atomic import check_target, write_atomic
-from runtime.errors import UsageError, run_command
+from runtime.errors import run_command
 from runtime.motion.model import MotionModel, load_model
 from runtime.prompts.english.library_data import LibraryStyle
 from runtime.prompts.parts import PartDescriptions
@@ -37,7 +37,7 @@ from training.augmentation.measured_edits import Summary, summarise, targets, va
 from training.augmentation.motion import EditedMotion
 from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker, straight_walk
 from training.frames import PLAIN
-from training.text.claims import clause_share, clauses
+from training.text.claims import clause_fraction, clauses
 from training.text.measure import BodyMeasures
 
 log = logging.getLogger("sport.evaluate")
@@ -61,7 +61,7 @@ class Found:
         """What a walk shows of a sentence by the claims of its clauses."""
         fractions: list[tuple[float, bool]] = []
         for clause in clauses(as_left_limb(sentence, part)[1] if "_" in part else sentence.lower()):
-            fraction = clause_share(part, clause, neutral, walked)
+            fraction = clause_fraction(part, clause, neutral, walked)
             if fraction is not None:
                 fractions.append(fraction)
                 self.clauses[as_left_limb(part, part)[0], clause].append(fraction[0])
@@ -89,18 +89,19 @@ class Found:
                         self.sentences[as_left_limb(getattr(words, part), part)] = [1.0]
 
     def table(self) -> dict[str, dict[str, dict[str, float]]]:
-        """Medians over the walks, as the file has them."""
-        both = {"sentences": self.sentences, "clauses": self.clauses}
-        return {name: _medians(own | self._apart(own)) for name, own in both.items()}
-
-    def _apart(self, both: Mapping[tuple[str, str], list[float]]) -> dict[tuple[str, str], list[float]]:
-        """The limbs that show something by another fraction than the two of them do."""
-        found = {}
-        for (part, words), fractions in self.limbs.items():
-            all_walks = both[as_left_limb(part, part)[0], words]
-            if abs(np.median(fractions) - np.median(all_walks)) > APART:
-                found[part, words] = fractions
-        return found
+        """Medians over the walks, as the file has them; of a limb where it shows another fraction than both together."""
+        result = {}
+        for name, both in (("sentences", self.sentences), ("clauses", self.clauses)):
+            medians = {key: float(np.median(fractions)) for key, fractions in both.items()}
+            for (part, words), fractions in self.limbs.items():
+                own = float(np.median(fractions))
+                if abs(own - medians[as_left_limb(part, part)[0], words]) > APART:
+                    medians[part, words] = own
+            groups: dict[str, dict[str, float]] = {}
+            for (group, words), median in sorted(medians.items()):
+                groups.setdefault(group, {})[words] = round(median, 2)
+            result[name] = groups
+        return result
 
 
 def measure_adherence(
@@ -108,12 +109,10 @@ def measure_adherence(
     prompter: Prompter,
     walker: Walker,
     entries: Sequence[PartDescriptions],
-    every: int = 1,
 ) -> Found:
-    """Walk the library's `entries` and the catalogue's phrases once each, or one in `every`."""
+    """Walk the library's `entries` and the catalogue's phrases once each."""
     neutral = prompter.expand(PLAIN_PROMPT).descriptions
     requested: list[tuple[PartDescriptions, str]] = [(d, "") for d in entries] + list(_phrases(neutral))
-    requested = requested[::every]
     log.info("%d walks", len(requested) + 1)
     walks = [Walk.of(prompter(d), 0) for d in (neutral, *(d for d, _ in requested))]
     plain, *made = walker.make(walks)
@@ -184,13 +183,6 @@ def neutral_motion(model: MotionModel, z: Array) -> EditedMotion:
     return EditedMotion(hips.astype(np.float64), local.astype(np.float64), stands, Terrain.flat(size_m=200.0))
 
 
-def _medians(values: dict[tuple[str, str], list[float]]) -> dict[str, dict[str, float]]:
-    groups: dict[str, dict[str, float]] = {}
-    for (group, words), fractions in sorted(values.items()):
-        groups.setdefault(group, {})[words] = round(float(np.median(fractions)), 2)
-    return groups
-
-
 def write_adherence(path: Path, model: str, table: dict[str, Any]) -> None:
     """Put a model's table into the file, keeping those of others."""
     tables = json.loads(path.read_text("utf-8")) if path.is_file() else {}
@@ -204,12 +196,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--model", type=model_folder, default=model_folder(), metavar="DIR")
     parser.add_argument("--out", type=Path, default=Path("assets") / ADHERENCE, metavar="FILE")
     parser.add_argument("--workers", type=int, default=2, metavar="N")
-    parser.add_argument("--every", type=int, default=1, metavar="N", help="walk one in N: a trial")
     args = parser.parse_args(argv)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
     check_target(args.out)
-    if args.every < 1:
-        raise UsageError(f"--every {args.every}: expected at least 1.", "Choose another number.")
     from runtime.prompts.english.library_data import load_library, load_styles
 
     model = load_model(args.model)
@@ -217,7 +206,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     styles = load_styles(asset_path("prompts/styles.json"))
     entries = load_library(asset_path("prompts/library.json"), styles)
     walker = Walker(args.model, args.workers, SECONDS)
-    found = measure_adherence(model, prompter, walker, [e.descriptions for e in entries], args.every)
+    found = measure_adherence(model, prompter, walker, [e.descriptions for e in entries])
     found.add_plain(styles)
     write_adherence(args.out, model.name, found.table())
     fractions = [np.median(v) for v in found.sentences.values()]

@@ -22,10 +22,10 @@ LISTS = (DATA / "untuned_prompts.txt", DATA / "blind_prompts.txt", DATA / "class
 def read_prompts(path: Path) -> list[str]:
     """The lines of a text file in UTF-8 without empty ones and comments (#); FileError when there is none."""
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        lines = [line.strip() for line in path.read_text(encoding="utf-8-sig").splitlines()]
     except (OSError, UnicodeDecodeError) as error:
         raise FileError(f"{path}: {error}.", "Choose a text file with one prompt a line.") from error
-    prompts = [line.strip() for line in lines if line.strip() and not line.strip().startswith("#")]
+    prompts = [line for line in lines if line and not line.startswith("#")]
     if not prompts:
         raise FileError(f"{path}: no prompt in it.", "Write one prompt a line.")
     return prompts

@@ -17,8 +17,11 @@ from runtime.motion.control_scripts import control_script
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel, load_model
+from runtime.skeleton import SPORT_SKELETON
 from training.augmentation.measured_edits import Summary, summarise
+from training.data.labels import foot_contacts
 from training.evaluation.motion.driving import flat_ground
+from training.text.measure import BodyMeasures, measure
 
 PLAIN_PROMPT = "a person walking normally"  # what words about a part change
 LEAD_SECONDS = 2.0  # walked before measuring: standing still and the start pose are over
@@ -80,3 +83,10 @@ def straight_walk(model: MotionModel, z: Array, seconds: float, seed: int = 0) -
 @lru_cache(maxsize=1)
 def _model(folder: Path) -> MotionModel:
     return load_model(folder)
+
+
+def body_of(hips: Array, local: Array) -> BodyMeasures:
+    """Measures of hips `(T, 3)` and local rotations `(T, 31, 4)`, contacts found by height and speed."""
+    positions, _ = SPORT_SKELETON.forward_kinematics(hips, local)
+    contacts = foot_contacts(positions, np.zeros((len(hips), 4), np.float32)).astype(np.float32)
+    return measure(hips, local, contacts)

@@ -16,6 +16,7 @@ import json
 import logging
 import re
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -28,16 +29,13 @@ from runtime.errors import run_command
 from runtime.motion.controller import MOST, Controller, Crowd
 from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel, load_model
-from runtime.pose import Pose
 from runtime.prompts.parts import PartDescriptions, mirror_text
 from runtime.prompts.phrasing import PHRASINGS, ModelPhrasing, adherence_of, as_left_limb
 from runtime.prompts.prompter import Prompter
-from runtime.skeleton import SPORT_SKELETON
-from training.data.labels import foot_contacts
 from training.evaluation.motion.driving import flat_ground
-from training.evaluation.text.walks import PLAIN_PROMPT
-from training.text.claims import claims, sentence_share, unclaimed_change
-from training.text.measure import BodyMeasures, measure
+from training.evaluation.text.walks import PLAIN_PROMPT, body_of
+from training.text.claims import claims, sentence_fraction, unclaimed_change
+from training.text.measure import BodyMeasures
 
 log = logging.getLogger("sport.evaluate")
 
@@ -66,18 +64,13 @@ def walk(model: MotionModel, codes: Sequence[Array], seed: int = 0) -> list[Body
     for member, code in zip(members, codes, strict=True):
         member.set_style(code, 0.0)
     crowd, ahead = Crowd(members), Controls(move=(0.0, 1.0))
-    poses = [crowd.step(ahead) for _ in range(round((LEAD_SECONDS + SECONDS) * FPS))][
-        round(LEAD_SECONDS * FPS) :
-    ]
+    frames = [crowd.step(ahead) for _ in range(round((LEAD_SECONDS + SECONDS) * FPS))]
     crowd.close()
-    return [_measured([frame[i] for frame in poses]) for i in range(len(codes))]
-
-
-def _measured(poses: Sequence[Pose]) -> BodyMeasures:
-    hips, local = np.stack([p.hips_position for p in poses]), np.stack([p.local_rotations for p in poses])
-    positions, _ = SPORT_SKELETON.forward_kinematics(hips, local)
-    contacts = foot_contacts(positions, np.zeros((len(hips), 4), np.float32)).astype(np.float32)
-    return measure(hips, local, contacts)
+    walks = zip(*frames[round(LEAD_SECONDS * FPS) :], strict=True)
+    return [
+        body_of(np.stack([p.hips_position for p in poses]), np.stack([p.local_rotations for p in poses]))
+        for poses in walks
+    ]
 
 
 def walk_all(model: MotionModel, prompter: Prompter, keys: Sequence[Key]) -> dict[Key, BodyMeasures]:
@@ -108,53 +101,62 @@ def better_wordings(
     neutral = walks[NEUTRAL]
     table: dict[str, dict[str, str]] = {}
     for group, part in PARTS.items():
-        pool = [key for key in walks if key[0] == group]
-        fractions = [sentence_share(part, words, neutral, walks[group, words]) for _, words in pool]
-        weak = [fraction is not None and fraction < WEAK for fraction in fractions]
-        vectors = likeness([words for _, words in pool]) if any(weak) else np.zeros((len(pool), 1))
-        said = [_meaning(part, words) for _, words in pool]
-        for number, key in enumerate(pool):
-            if not weak[number] or (as_left_limb("", part)[0], key[1]) in captured:
-                continue
-            alike = vectors @ vectors[number]
-            scores = [
-                -np.inf
-                if weak[other] or not _stands_for(pool[other], said[other], key, said[number])
-                else _score(part, key[1], neutral, walks[pool[other]], fractions[number] or 0.0, near)
-                for other, near in enumerate(alike.tolist())
-            ]
-            best = int(np.argmax(scores))
-            if scores[best] > -np.inf:
-                table.setdefault(group, {})[key[1]] = pool[best][1]
+        bodies = {words: body for (own, words), body in walks.items() if own == group}
+        shown = {words: sentence_fraction(part, words, neutral, body) for words, body in bodies.items()}
+        strong = [words for words in bodies if not _weak(shown[words])]
+        weak = [w for w in bodies if _weak(shown[w]) and (as_left_limb("", part)[0], w) not in captured]
+        vectors = dict(zip(bodies, likeness(list(bodies)), strict=True)) if weak else {}
+        for words in weak:
+            alike = {
+                w: float(vectors[words] @ vectors[w]) for w in strong if _stands_for(group, part, w, words)
+            }
+            best = _best(
+                part, words, (shown[words] or 0.0) + GAIN, neutral, {w: (bodies[w], alike[w]) for w in alike}
+            )
+            if best is not None:
+                table.setdefault(group, {})[words] = best
     return table
+
+
+def _best(
+    part: str,
+    words: str,
+    least: float,
+    neutral: BodyMeasures,
+    others: Mapping[str, tuple[BodyMeasures, float]],
+) -> str | None:
+    """The sentence whose walk shows at least so much of another one; others' changes and unlike words count against it."""
+    worth = {}
+    for other, (body, alike) in others.items():
+        fraction = sentence_fraction(part, words, neutral, body)
+        if fraction is not None and fraction >= least:
+            worth[other] = fraction - CHANGE * unclaimed_change(part, words, neutral, body) + ALIKE * alike
+    return max(worth, key=worth.__getitem__, default=None)
+
+
+def _weak(fraction: float | None) -> bool:
+    return fraction is not None and fraction < WEAK
 
 
 _PLACE = re.compile(r" (?:behind|of|on|at) the \w+$")
 Meaning = tuple[frozenset[tuple[str, str]], frozenset[str]]
 
 
+@cache
 def _meaning(part: str, words: str) -> Meaning:
     """The measures that a sentence makes claims of, and the sides that it names."""
     return claims(part, words), frozenset(re.findall(r"\b(?:left|right)\b", words.partition(" ")[2]))
 
 
-def _stands_for(key: Key, meaning: Meaning, other: Key, wanted: Meaning) -> bool:
-    """Whether one sentence may be said for another: it claims the same; of an arm, of which claims say little, it is also
+def _stands_for(group: str, part: str, other: str, words: str) -> bool:
+    """Whether a sentence may be said for another: it claims the same; of an arm, of which claims say little, it is also
     the beginning of the other, or ends with the same place ("behind the back")."""
-    if key[0] in ARMS:
-        begins = bool(meaning[0]) and meaning[0] <= wanted[0] and other[1].startswith(f"{key[1]},")
-        place = _PLACE.search(key[1])
-        return begins or (meaning == wanted and place is not None and other[1].endswith(place[0]))
+    meaning, wanted = _meaning(part, other), _meaning(part, words)
+    if group in ARMS:
+        begins = bool(meaning[0]) and meaning[0] <= wanted[0] and words.startswith(f"{other},")
+        place = _PLACE.search(other)
+        return begins or (meaning == wanted and place is not None and words.endswith(place[0]))
     return meaning == wanted
-
-
-def _score(
-    part: str, words: str, neutral: BodyMeasures, walked: BodyMeasures, own: float, alike: float
-) -> float:
-    fraction = sentence_share(part, words, neutral, walked)
-    if fraction is None or fraction < own + GAIN:
-        return -np.inf
-    return fraction - CHANGE * unclaimed_change(part, words, neutral, walked) + ALIKE * alike
 
 
 def main(argv: Sequence[str] | None = None) -> None:

@@ -17,69 +17,53 @@ SECTION = "motion evaluation"  # of a document, between its markers
 
 def markdown(results: dict[str, Any]) -> str:
     """All tables of `results`, what `--json` holds."""
-    lines = [
-        f"`{results['command']}`",
-        "",
-        *_table_one(results),
-    ]
-    for model in results["models"]:
-        lines += [f"### {model['name']}", "", *_bars(model, results["held_out"])]
-        lines += [*_styles(model, results), *_skating(model), *_terrain(model)]
-    return "\n".join(lines) + "\n"
-
-
-def _table_one(results: dict[str, Any]) -> list[str]:
-    sets = results["feature_sets"]
-    head = [
-        *(f"FMD, {n} features" for n in sets),
+    sets, held_out = results["feature_sets"], results["held_out"]
+    rows = [_held_out_row(held_out, sets), *(_model_row(model, sets) for model in results["models"])]
+    head = ["", *(f"FMD, {n} features" for n in sets)]
+    head += [
         "skating under soles / under toes / at toe joints, before lock",
         "after lock",
         "diversity T 1 / T 0",
-        "network / frame (ms)",
-        "parameters",
-        "recognised / alike",
-        "transition jerk",
-        "path error (m)",
     ]
-    rows = [_held_out_row(results["held_out"], sets)]
-    rows += [_model_row(model, sets) for model in results["models"]]
-    return table(["", *head], rows)
+    head += ["network / frame (ms)", "parameters", "recognised / alike", "transition jerk", "path error (m)"]
+    lines = [f"`{results['command']}`", "", *table(head, rows)]
+    for model in results["models"]:
+        lines += [f"### {model['name']}", "", *_bars(model, held_out)]
+        lines += [*_styles(model, held_out, sets), *_skating(model), *_terrain(model)]
+    return "\n".join(lines) + "\n"
 
 
 def _held_out_row(row: dict[str, Any], sets: Sequence[str]) -> list[str]:
-    found = row["recognition"]
     return [
         row["name"],
         *(f"{number(row['fmd'][n]['distance'], 1)}, {row['fmd'][n]['windows']} windows" for n in sets),
         "–",
-        _pair(mean_skating(row["skating"])),
+        _three(mean_skating(row["skating"])),
         *("–", "–", "–"),
-        f"{mean(found['score']):.2f} / {mean(found['merged_score']):.2f}, {len(found['score'])} styles",
+        _recognised(row["recognition"]),
         *("–", "–"),
     ]
 
 
 def _model_row(model: dict[str, Any], sets: Sequence[str]) -> list[str]:
-    following, diversity = model["following"], model["diversity"]
-    found, times = following["recognition"], model["runtime"]
-    courses = [c for gaits in model["courses"].values() for c in gaits.values()]
-    errors = [c["flat"]["path_error_m"] for c in courses]
-    transitions = model["transitions"]
+    fmd, diversity, times = model["following"]["fmd"], model["diversity"], model["runtime"]
+    flat = [found["flat"] for gaits in model["courses"].values() for found in gaits.values()]
     return [
         f"{model['name']} ({model['decoder']})",
-        *(
-            f"{_distance(following['fmd'][n])}, {following['fmd'][n]['takes']['windows']} windows"
-            for n in sets
-        ),
-        _pair([mean([c["flat"]["before"][m] for c in courses]) for m in SKATING]),
-        _pair([mean([c["flat"]["after"][m] for c in courses]) for m in SKATING]),
-        f"{diversity['temperature_1']['pose']:.3f} / {diversity['temperature_0']['pose']:.3f}",
+        *(f"{_distance(fmd[n])}, {fmd[n]['takes']['windows']} windows" for n in sets),
+        *(_three([mean([c[side][m] for c in flat]) for m in SKATING]) for side in ("before", "after")),
+        f"{diversity['temperature_1']:.3f} / {diversity['temperature_0']:.3f}",
         f"{times['network_ms']:.2f} / {times['frame_ms']:.2f}",
         f"{model['parameters'] / 1e6:.2f} M",
-        f"{mean(found['score']):.2f} / {mean(found['merged_score']):.2f}, {len(found['score'])} styles",
-        number(transitions.get("ratio"), 2),
-        number(mean(errors), 2),
+        _recognised(model["following"]["recognition"]),
+        number(model["transitions"].get("ratio"), 2),
+        number(mean([c["path_error_m"] for c in flat]), 2),
     ]
+
+
+def _recognised(found: dict[str, Any]) -> str:
+    means = f"{mean(found['score']):.2f} / {mean(found['merged_score']):.2f}"
+    return f"{means}, {len(found['score'])} styles"
 
 
 def mean_skating(gaits: dict[str, dict[str, float]]) -> list[float]:
@@ -91,7 +75,7 @@ def mean_skating(gaits: dict[str, dict[str, float]]) -> list[float]:
     ]
 
 
-def _pair(values: Sequence[float]) -> str:
+def _three(values: Sequence[float]) -> str:
     return " / ".join(number(v, 3) for v in values)
 
 
@@ -109,22 +93,20 @@ def _bars(model: dict[str, Any], held_out: dict[str, Any]) -> list[str]:
     return table(["bar", "", "met by", "worst"], rows)
 
 
-def _styles(model: dict[str, Any], results: dict[str, Any]) -> list[str]:
-    sets = results["feature_sets"]
-    own, target = model["following"]["recognition"], results["held_out"]["recognition"]
+def _styles(model: dict[str, Any], held_out: dict[str, Any], sets: Sequence[str]) -> list[str]:
+    own, target = model["following"]["recognition"], held_out["recognition"]
     rows = []
     for style, found in model["following"]["styles"].items():
-        fmd = found["fmd"]
-        score = own["score"].get(style)
+        fmd, known = found["fmd"], "–"
+        if style in own["score"]:
+            known = f"{own['score'][style]:.2f} / {target['score'][style]:.2f}"
+            known += _taken(style, own["score"][style], own["taken_for"][style])
         rows.append(
             [
                 style,
                 *(_distance(fmd[n]) for n in sets),
                 f"{fmd[sets[0]]['takes']['windows']} / {fmd[sets[0]]['windows']}",
-                "–"
-                if score is None
-                else f"{score:.2f} / {target['score'][style]:.2f}"
-                + _taken(style, score, own["taken_for"][style]),
+                known,
                 f"{found['speed_ratio']:.2f}",
                 f"{found['path_error_m']:.2f}",
             ]
@@ -151,16 +133,9 @@ def _skating(model: dict[str, Any]) -> list[str]:
             cells = [found["captured"], found["flat"]["before"], found["flat"]["after"]]
             cells += [found["rough"]["before"], found["rough"]["after"]]
             speed = f"{found['flat']['speed_m_s']:.2f} / {found['flat']['requested_m_s']:.2f}"
-            rows.append([f"{style} {gait}{mark}", *(_pair([c[m] for m in SKATING]) for c in cells), speed])
-    head = [
-        "skating under soles / under toes / at toe joints",
-        "capture",
-        "flat, before lock",
-        "after",
-        "rough, before",
-        "after",
-    ]
-    return table([*head, "m/s: real / requested"], rows)
+            rows.append([f"{style} {gait}{mark}", *(_three([c[m] for m in SKATING]) for c in cells), speed])
+    head = ["skating under soles / under toes / at toe joints", "capture", "flat, before lock", "after"]
+    return table([*head, "rough, before", "after", "m/s: real / requested"], rows)
 
 
 def _terrain(model: dict[str, Any]) -> list[str]:
@@ -215,9 +190,8 @@ def check(model: dict[str, Any], held_out: dict[str, Any]) -> list[Demand]:
     if known:
         overall = ("mean", mean([own for _, own, _ in known]), mean([limit for _, _, limit in known]))
         bars.append(_bar("style recognition, mean over styles: the same", [overall], least=True))
-    same = model["diversity"]["temperature_0"]["pose"]
-    bars.append(_bar("temperature 0 is deterministic", [("diversity", same, 0.0)]))
-    return bars
+    same = [("diversity", model["diversity"]["temperature_0"], 0.0)]
+    return [*bars, _bar("temperature 0 is deterministic", same)]
 
 
 def _distance_bars(following: dict[str, Any]) -> list[Demand]:
@@ -225,23 +199,20 @@ def _distance_bars(following: dict[str, Any]) -> list[Demand]:
     bars = []
     for name, overall in following["fmd"].items():
         moving = {k: v["fmd"][name] for k, v in following["styles"].items() if _walks(k)}
-        for words, of in (
-            ("the same takes, cut in two", lambda found: found),
-            ("whole takes", lambda found: found["takes"]),
-        ):
+        for words, whole in (("the same takes, cut in two", False), ("whole takes", True)):
+            together, *cases = [
+                (style, found["distance"], HALVES_RATIO * found["reference"])
+                for style, both in [("all", overall), *moving.items()]
+                for found in [both["takes"] if whole else both]
+            ]
             bar = f"{name} distance: at most twice that of two halves of the capture, {words}"
-            bars.append(_bar(f"{bar}: all styles together", [_case("all", of(overall))]))
-            cases = [_case(style, of(found)) for style, found in moving.items()]
+            bars.append(_bar(f"{bar}: all styles together", [together]))
             bars.append(_bar(f"{bar}: one by one", [c for c in cases if not isnan(c[1])]))
     return bars
 
 
 def _walks(group: str) -> bool:
     return group != TERRAIN_GROUP and not group.startswith(GESTURES)
-
-
-def _case(name: str, found: dict[str, Any]) -> tuple[str, float, float]:
-    return name, found["distance"], HALVES_RATIO * found["reference"]
 
 
 def _skating_cases(courses: dict[str, Any], measure: str) -> tuple[list, list, list]:

@@ -1,0 +1,40 @@
+"""How every benchmark times, names the processor and gives its figures."""
+
+from __future__ import annotations
+
+import json
+import platform
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from runtime.atomic import write_atomic
+
+
+def times_ms(work: Callable[[], object], count: int, warm_up: int = 0) -> list[float]:
+    """Milliseconds of each of `count` calls, after `warm_up` calls that do not count."""
+    times = []
+    for number in range(warm_up + count):
+        begin = time.perf_counter()
+        work()
+        if number >= warm_up:
+            times.append(1e3 * (time.perf_counter() - begin))
+    return times
+
+
+def cpu_name() -> str:
+    """The processor as the system calls it."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    except OSError:
+        pass  # not Linux
+    return platform.processor() or platform.machine()
+
+
+def write_figures(path: Path | None, figures: dict[str, Any]) -> None:
+    """As JSON into `path`, if there is one."""
+    if path is not None:
+        write_atomic(path, json.dumps(figures, indent=1) + "\n")

@@ -1,0 +1,313 @@
+"""Six obstacle courses: a straight path along +Z at full stick, its scores by style and gait, and their tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise, product
+from math import isnan
+from typing import Any
+
+import numpy as np
+
+from runtime.arrays import Array, Flags
+from runtime.controls import Controls, Gait
+from runtime.motion.control_scripts import LOOK_AHEAD_M
+from runtime.motion.controller import Controller
+from runtime.motion.features import FPS
+from runtime.motion.model import MotionModel
+from runtime.terrain.courses import BEAM, BEAM_RAMP_M, GAPS, HURDLES, WALLS, Obstacle
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.library import make_terrain
+from training.evaluation.experiment import SEED, Experiment, Setting, command_of, option
+from training.evaluation.metrics import crossing
+from training.evaluation.metrics.classifiers import StyleClassifier, merged
+from training.evaluation.metrics.features import window_set
+from training.evaluation.metrics.feet import foot_skating
+from training.evaluation.metrics.motion import Motion
+from training.evaluation.motion.capture import Options, make_plan
+from training.evaluation.motion.driving import Recorder
+from training.evaluation.motion.evaluated_model import EvaluatedModel
+from training.markdown import number, percent, table
+
+BEYOND_M = 1.5  # behind the last obstacle the run is over
+SPARE_S = 25.0  # that a run may take longer than the path at full stick
+
+
+@dataclass(frozen=True)
+class ObstacleCourse:
+    """Ground with obstacles along +Z; of stairs and hills the whole path is one."""
+
+    name: str
+    title: str
+    ground: str  # name of a ready terrain
+    obstacles: tuple[Obstacle, ...]
+
+    def terrain(self) -> Terrain:
+        """The ground, always the same."""
+        return make_terrain(self.ground)
+
+
+COURSES = (
+    ObstacleCourse("hurdles", "hurdles of 20 to 60 cm", "hurdles", HURDLES),
+    ObstacleCourse("beam", "beam of 20 cm, 40 cm high", "beam", (BEAM,)),
+    ObstacleCourse("stairs", "stairs, 8 steps up and down", "stairs", (Obstacle(3.0, 10.7, 1.28, 9.0),)),
+    ObstacleCourse("platforms", "platforms to 50 cm, gaps of 40 to 80 cm", "gaps", GAPS),
+    ObstacleCourse("hill", "hills to 18 degrees", "hills", (Obstacle(2.5, 14.0, 0.0, 9.0),)),
+    ObstacleCourse("wall", "walls of 0.6, 1.0 and 1.4 m", "wall", WALLS),
+)
+LEVEL = ObstacleCourse("level", "level ground", "flat", (Obstacle(3.0, 12.0, 0.0, 9.0),))  # for comparison
+
+
+@dataclass(frozen=True)
+class ObstacleRun:
+    """One character over one course."""
+
+    course: ObstacleCourse
+    motion: Motion
+    root: Array  # (T, 2) metres
+    requested_speed: Array  # (T,) m/s
+    keyed: Flags  # (T,) keyed motion was shown
+
+
+def run_obstacles(
+    model: MotionModel, course: ObstacleCourse, style: str, code: Array, gait: Gait, seed: int
+) -> ObstacleRun:
+    """From the start mark at full stick along the middle of a course until it is passed or time is up."""
+    controller = Controller(model, course.terrain(), seed)
+    controller.set_style(code, 0.0)
+    controller.reset()
+    controller.settle()
+    recorder = Recorder(controller)
+    end = course.obstacles[-1].end + BEYOND_M
+    limit = round((end / controller.full_speed(gait) * 1.3 + SPARE_S) * FPS)
+    roots, speeds, keyed = [], [], []
+    for _ in range(limit):
+        root = controller.pose.root_position.astype(np.float64)
+        ahead = np.array([-root[0], LOOK_AHEAD_M])
+        ahead /= np.linalg.norm(ahead)
+        pose = recorder.step(Controls((float(ahead[0]), float(ahead[1])), gait=gait))
+        roots.append(pose.root_position[[0, 2]])
+        speeds.append(controller.requested_speed)
+        keyed.append(bool(controller.traversal))
+        if pose.root_position[2] > end:
+            break
+    name = f"{style} {gait.label} {course.name}"
+    motion = recorder.motion(name, style, np.full(len(roots), int(gait)), 0)
+    return ObstacleRun(course, motion, np.stack(roots), np.array(speeds), np.array(keyed))
+
+
+def score_run(run: ObstacleRun) -> dict[str, Any]:
+    """Figures of one run as plain data; depths in cm, before and after foot lock."""
+    course, motion, ground = run.course, run.motion, run.motion.terrain
+    assert motion.unlocked is not None
+    inside = [crossing.crossing_frames(run.root, o) for o in course.obstacles]
+    within = np.any(inside, axis=0)
+    passed = [crossing.seconds_over(run.root, o) for o in course.obstacles]
+    over = [(w, *p) for w, p in zip(inside, passed, strict=True) if p is not None]
+    sound = [w for w, _, _ in over if w.any() and not crossing.first_problem(motion.positions[w], ground)]
+    result: dict[str, Any] = {
+        "obstacles": len(passed),
+        "passed": len(over),
+        "sound": len(sound),
+        "own": sum(not run.keyed[w].any() for w in sound),
+        "seconds_each": float(np.mean([seconds for _, seconds, _ in over])) if over else None,
+        "slowest_m_s": min((slowest for _, _, slowest in over), default=None),
+        "requested_m_s": float(run.requested_speed.max()),
+        "frozen_s": crossing.frozen_seconds(motion.positions, run.root, run.requested_speed),
+        "skating": foot_skating(motion.positions, ground, np.ones(len(motion), bool)).soles,
+        "keyed_s": float(run.keyed.sum() / FPS),
+        "keyed_fraction": float(run.keyed[within].mean()) if within.any() else None,
+    }
+    for name, positions in (("before", motion.unlocked), ("after", motion.positions)):
+        result[name] = crossing.depths(positions, ground, within) | own_measures(
+            course, positions, motion.contacts
+        )
+    return result
+
+
+def own_measures(course: ObstacleCourse, positions: Array, contacts: Array) -> dict[str, Any]:
+    """What only one kind of course has."""
+    measure = _OWN_MEASURES.get(course.name)
+    return {} if measure is None else measure(course, positions, contacts)
+
+
+def _hurdles(course: ObstacleCourse, positions: Array, contacts: Array) -> dict[str, Any]:
+    values = np.array(crossing.clearances(positions, course.obstacles))
+    if not len(values):
+        return {"clearance": None, "touched": None}
+    return {"clearance": float(np.median(values)), "touched": float((values < 1.0).mean())}
+
+
+def _beam(course: ObstacleCourse, positions: Array, contacts: Array) -> dict[str, Any]:
+    on, off = crossing.beam_contacts(positions, contacts, BEAM, BEAM_RAMP_M)
+    fraction = on / (on + off) if on + off else None
+    return {"on_beam": fraction, "falls": crossing.falls(positions, contacts, BEAM, BEAM_RAMP_M)}
+
+
+def _platforms(course: ObstacleCourse, positions: Array, contacts: Array) -> dict[str, Any]:
+    gaps = [g for g in pairwise(course.obstacles) if positions[-1, 0, 2] > g[1].begin]
+    flown, clean = crossing.flights(positions, contacts, gaps)
+    return {"gaps": len(gaps), "flown": flown, "not_stepped_into": clean}
+
+
+def _walls(course: ObstacleCourse, positions: Array, contacts: Array) -> dict[str, Any]:
+    tops = [crossing.on_top_after(positions, wall) for wall in course.obstacles]
+    return {"hands_s": crossing.hands_on_edge(positions, course.obstacles), "on_top_s": tops}
+
+
+_OWN_MEASURES = {"hurdles": _hurdles, "beam": _beam, "platforms": _platforms, "wall": _walls}
+
+
+STYLES = ("neutral", "old", "exhausted", "angry", "drunk", "happy")
+GAITS = (Gait.WALK, Gait.JOG)
+
+
+def obstacle_courses(setting: Setting) -> dict[str, Any]:
+    """All figures as plain data; styles are recognised where clips are given, as in `sport evaluate`."""
+    args, classifier = setting.args, None
+    if args.clips is not None:
+        classifier = make_plan(setting.clips, None, Options(), None, setting.report).classifier
+    results = score_obstacles(
+        setting.model, args.seed, args.styles or STYLES, COURSES, classifier, setting.report
+    )
+    command = command_of("sport evaluate --courses", args)
+    return {"command": command, "model": setting.model.name, **results}
+
+
+def score_obstacles(
+    evaluated: EvaluatedModel,
+    seed: int,
+    styles: Sequence[str],
+    courses: Iterable[ObstacleCourse],
+    classifier: StyleClassifier | None,
+    report: Callable[[str], None],
+) -> dict[str, Any]:
+    """A row for each course, style and gait, and how often the style is recognised there and on level ground."""
+    rows: list[dict[str, Any]] = []
+    grounds = [*courses, *([] if classifier is None else [LEVEL])]
+    for course, style, gait in product(grounds, styles, GAITS):
+        report(f"{course.name}: {style}, {gait.label}")
+        done = run_obstacles(evaluated.model, course, style, evaluated.style(style, 0), gait, seed)
+        row: dict[str, Any] = {"course": course.name, "style": style, "gait": gait.label}
+        row["recognised"] = _recognised(done, classifier)
+        rows.append(row if course is LEVEL else row | score_run(done))
+    level = [r for r in rows if r["course"] == LEVEL.name]
+    return {"rows": [r for r in rows if r["course"] != LEVEL.name], "level": level}
+
+
+def _recognised(run: ObstacleRun, classifier: StyleClassifier | None) -> float | None:
+    """Fraction of the windows that are taken for the style, look-alikes counted as one; None where that is unknown."""
+    style = run.motion.style
+    if classifier is None or style not in classifier.labels:
+        return None
+    windows = window_set([run.motion], None)
+    answers = classifier.predict(windows.for_classifier)
+    return float(np.mean([merged(a) == merged(style) for a in answers])) if answers else None
+
+
+# --- tables -----------------------------------------------------------------------------------------------------------
+
+
+Row = dict[str, Any]
+
+
+def markdown(results: dict[str, Any]) -> str:
+    """All tables of `results`, what `--json` holds."""
+    found = {c.title: [r for r in results["rows"] if r["course"] == c.name] for c in COURSES}
+    found = {title: rows for title, rows in found.items() if rows}
+    lines = [
+        f"`{results['command']}`",
+        "",
+        *_overview(found, crossing.mean_of(results["level"], "recognised")),
+    ]
+    for title, rows in found.items():
+        lines += [f"### {title[0].upper()}{title[1:]}", "", *_course(rows)]
+    return "\n".join(lines) + "\n"
+
+
+def _overview(found: dict[str, list[Row]], level: float) -> list[str]:
+    """A row for each course: means over styles and gaits."""
+    rows = []
+    for title, runs in found.items():
+        known, obstacles = crossing.mean_of(runs, "recognised"), sum(r["obstacles"] for r in runs)
+        limbs = [_both(runs, f"{limb}_deep", percent) for limb in ("thighs", "shins", "hands")]
+        rows.append(
+            [
+                title,
+                f"{sum(r['passed'] for r in runs)} of {obstacles}",
+                _both(runs, "sole_p99"),
+                _both(runs, "joint_inside", percent),
+                _both(runs, "joint_deep", percent),
+                *limbs,
+                number(crossing.mean_of(runs, "skating"), 2),
+                str(sum(r["frozen_s"] for r in runs)),
+                percent(crossing.mean_of(runs, "keyed_fraction")),
+                *(percent(sum(r[key] for r in runs) / obstacles) for key in ("sound", "own")),
+                percent(known) + ("" if isnan(known / level) else f" ({known / level:.2f})"),
+            ]
+        )
+    head = ["means over styles and gaits; before > after foot lock", "got over", "soles sunk p99, cm"]
+    head += ["joint inside", "over 3 cm", "thigh over 3 cm", "shin", "hand", "soles slide, cm a frame"]
+    head += ["frozen s", "keyed", "crossings that pass every check", "by the network alone"]
+    return table([*head, f"recognised (of level ground's {percent(level)})"], rows)
+
+
+def _both(rows: Sequence[Row], key: str, show: Any = number) -> str:
+    return " > ".join(show(crossing.mean_of([r[side] for r in rows], key)) for side in ("before", "after"))
+
+
+def _course(rows: Sequence[Row]) -> list[str]:
+    """A row for each style and gait, with the columns that only this course has."""
+    own = OWN_COLUMNS.get(rows[0]["course"], {})
+    head = ["", "got over", "s each", "slowest / requested m/s", "soles p99, cm", "deepest joint, cm"]
+    head += ["thigh, shin, hand p99, cm, after lock", *own, "recognised"]
+    cells = [
+        [
+            f"{r['style']} {r['gait']}",
+            f"{r['passed']} of {r['obstacles']}",
+            number(r["seconds_each"]),
+            f"{number(r['slowest_m_s'], 2)} / {number(r['requested_m_s'], 2)}",
+            _both([r], "sole_p99"),
+            _both([r], "joint_max"),
+            ", ".join(number(r["after"].get(f"{limb}_p99")) for limb in ("thighs", "shins", "hands")),
+            *(cell(r) for cell in own.values()),
+            percent(r["recognised"]),
+        ]
+        for r in rows
+    ]
+    return table(head, cells)
+
+
+def _each(row: Row, key: str) -> str:
+    return " / ".join(number(v) for v in row["after"][key])
+
+
+OWN_COLUMNS: dict[str, dict[str, Callable[[Row], str]]] = {
+    "hurdles": {
+        "clearance, median cm": lambda r: _both([r], "clearance"),
+        "feet that touch": lambda r: _both([r], "touched", percent),
+    },
+    "beam": {
+        "contacts on it": lambda r: _both([r], "on_beam", percent),
+        "falls off": lambda r: f"{r['before']['falls']} > {r['after']['falls']}",
+    },
+    "platforms": {
+        "gaps flown over, after lock": lambda r: f"{r['after']['flown']} of {r['after']['gaps']}",
+        "not stepped into": lambda r: f"{r['after']['not_stepped_into']} of {r['after']['gaps']}",
+    },
+    "wall": {
+        "both hands on the edge, s": lambda r: _each(r, "hands_s"),
+        "both feet on top after, s": lambda r: _each(r, "on_top_s"),
+        "keyed s": lambda r: number(r["keyed_s"]),
+    },
+}
+
+OBSTACLES = Experiment(
+    "Lead a character over six obstacle courses and measure how it crosses them. Equal arguments give equal figures.",
+    obstacle_courses,
+    markdown,
+    "obstacle courses",
+    clips=None,  # only to recognise styles
+    options=(option("--styles", nargs="+", metavar="STYLE", help=f"default: {' '.join(STYLES)}"), SEED),
+)

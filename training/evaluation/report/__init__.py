@@ -1,1 +1,0 @@
-"""Tables, bars and figures of an evaluation."""

@@ -1,0 +1,108 @@
+"""This process: the signals that end it, and its memory."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import mmap
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+PATIENCE_S = 1.0  # a Ctrl+C later than this after the first one breaks off a frame that does not end
+
+
+class Ending:
+    """Calls `end` at SIGINT, SIGTERM and SIGHUP (a logout, a closed terminal), which then no longer kill the process.
+
+    They raise nothing: an exception would get lost in a callback of the window, and a second signal, which is usual
+    when a terminal closes or a user is impatient, would cut short the writing that the first one began. Only a frame
+    that does not end is broken off, by a Ctrl+C with KeyboardInterrupt; once `saving` is set, nothing is.
+    """
+
+    def __init__(self, end: Callable[[], None]) -> None:
+        self.saving = False
+        self._end = end
+        self._first_s: float | None = None
+
+    @contextlib.contextmanager
+    def handled(self) -> Iterator[None]:
+        """Take the signals within the block; before and after it they do what they did."""
+        before: dict[int, Any] = {}
+        if threading.current_thread() is threading.main_thread():  # no other one may set handlers
+            names = ("SIGINT", "SIGTERM", "SIGHUP")  # Windows has no SIGHUP
+            for number in filter(None, (getattr(signal, name, None) for name in names)):
+                if signal.getsignal(number) not in (None, signal.SIG_IGN):  # `nohup` is obeyed
+                    before[number] = signal.signal(number, self._signalled)
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    def _signalled(self, number: int, _frame: object) -> None:
+        now = time.monotonic()
+        late = self._first_s is not None and now - self._first_s > PATIENCE_S
+        self._first_s = now if self._first_s is None else self._first_s
+        self._end()
+        if late and number == signal.SIGINT and not self.saving:
+            raise KeyboardInterrupt
+
+
+_STATUS = Path("/proc/self/statm")
+_PAGE_MB = mmap.PAGESIZE / 2**20
+# of glibc's `mallopt`: heaps of threads, and the size from which on a block is mapped and unmapped by itself
+_ARENA_MAX, _MMAP_THRESHOLD = -8, -3
+GROWN_MB = 24.0  # after which what was freed is given back
+ARENAS, MAPPED_BYTES = 2, 1 << 20
+
+
+def give_back_large_blocks() -> None:
+    """Blocks of a megabyte and more go back to the system when they are freed; call before threads are started.
+
+    glibc else raises that limit to 32 MB and makes a heap for every thread: a quarter of the memory of a long session was
+    free blocks in between. Other C libraries are left as they are.
+    """
+    _call_glibc("mallopt", _ARENA_MAX, ARENAS)
+    _call_glibc("mallopt", _MMAP_THRESHOLD, MAPPED_BYTES)
+
+
+def give_back_freed() -> None:
+    """Hand what was freed in between back to the system: some milliseconds, and with glibc only."""
+    _call_glibc("malloc_trim", 0)
+
+
+def _call_glibc(name: str, *values: int) -> None:
+    if sys.platform.startswith("linux"):
+        function = getattr(ctypes.CDLL(None), name, None)
+        if function is not None:
+            function(*values)
+
+
+def resident_mb() -> float:
+    """Memory that this process holds; 0 where the system does not tell."""
+    try:
+        return int(_STATUS.read_text(encoding="ascii").split()[1]) * _PAGE_MB
+    except (OSError, ValueError, IndexError):
+        return 0.0
+
+
+@dataclass
+class MemoryWatch:
+    """Gives freed memory back whenever this process has grown."""
+
+    mb: float = 0.0  # that this process holds; 0 where the system does not tell
+    _trimmed_mb: float = 0.0  # held after freed memory was last given back
+
+    def look(self) -> None:
+        """Measure, and give back what was freed if that is much; call about once a second."""
+        self.mb = resident_mb()
+        if self.mb > self._trimmed_mb + GROWN_MB:
+            give_back_freed()
+            self.mb = self._trimmed_mb = resident_mb()
+        self._trimmed_mb = min(self._trimmed_mb, self.mb)  # what shrinks by itself may not grow back unseen

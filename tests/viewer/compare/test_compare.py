@@ -89,22 +89,6 @@ def test_a_kept_prompt_is_the_current_one_until_undo(start: Start) -> None:
     assert prompt(app) == "a proud king"
 
 
-def test_escape_leaves_the_live_character_as_it_was(start: Start) -> None:
-    app = start()
-    run(app, 5)
-    before = app.scene.simulation.current
-    press(app, "v")
-    app.window.inject_key("w", True)
-    run(app, 10)
-    app.window.inject_key("w", False)
-    press(app, "f1")
-    press(app, "escape")  # the help first
-    assert app.compare.open
-    press(app, "escape")
-    assert not app.compare.open
-    assert np.allclose(app.scene.simulation.current.root_position, before.root_position, atol=1e-3)
-
-
 def test_blends_steps_more_and_fewer(start: Start) -> None:
     app = start(prompt="a proud king", blend="someone limping", blend_weights=(0.5,) * 6)
     run(app, 3)

@@ -439,24 +439,6 @@ def test_a_folder_that_cannot_be_made_puts_the_session_into_the_temporary_folder
     assert len(in_file(path, tmp_path).takes) == 1
 
 
-@pytest.mark.parametrize("what", ["file", "folder"])
-def test_a_file_that_is_removed_while_it_is_open_is_written_again(
-    start: Start, tmp_path: Path, what: str
-) -> None:
-    app = start()
-    record(app)
-    folder = tmp_path / "mine"
-    app.sessions.save_as(folder / "a.sport")
-    if what == "file":
-        (folder / "a.sport").unlink()
-    else:
-        shutil.rmtree(folder)
-    record(app)
-    assert app.editor.file.flush(10.0)
-    app.close()
-    assert len(in_file(folder / "a.sport", tmp_path).takes) == 2
-
-
 def test_a_name_that_cannot_be_written_leaves_the_session_where_it_is(start: Start, tmp_path: Path) -> None:
     app = start()
     record(app)

@@ -83,3 +83,13 @@ def blended_legs(a: PartDescriptions, b: PartDescriptions, weights: Sequence[flo
     """Those of two prompts, each leg by its own weight of B."""
     of_b = np.array([weights[PART_NAMES.index(leg)] for leg in ("left_leg", "right_leg")])[:, None, None]
     return np.asarray((1.0 - of_b) * leg_targets(a) + of_b * leg_targets(b))
+
+
+def edited_legs(descriptions: PartDescriptions | None) -> frozenset[str]:
+    """The legs, by their part's name, of whose description an edit shows what the network does not."""
+    if descriptions is None:
+        return frozenset()
+    legs = ("left_leg", "right_leg")
+    return frozenset(
+        leg for leg in legs if any(v is not None for v in targets_of(getattr(descriptions, leg)))
+    )

@@ -19,7 +19,7 @@ from runtime.prompts.blend import BlendedPrompt, Weights, Words, mix_of_parts
 from runtime.prompts.content import PromptEncoder
 from runtime.prompts.english.library import LibraryExpander
 from runtime.prompts.expander import Expander, Expansion
-from runtime.prompts.leg_targets import blended_legs, leg_targets
+from runtime.prompts.leg_targets import blended_legs, edited_legs, leg_targets
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.phrasing import ModelPhrasing, adherence_of, phrasing_of
 from runtime.prompts.text_encoder import library_encoder, text_encoder_of
@@ -74,9 +74,7 @@ class Prompter:
         """Six descriptions of a prompt; PromptError when it cannot be used."""
         expansion = self._expander.expand(prompt)
         self._expanded(prompt, expansion.descriptions)
-        note = (
-            f"{expansion.note} {self._adherence.note(self.phrasing.followed(expansion.descriptions))}".strip()
-        )
+        note = f"{expansion.note} {self._note(expansion.descriptions)}".strip()
         if note:
             self._report(f"“{prompt}”: {note}")
         return expansion
@@ -106,11 +104,14 @@ class Prompter:
     def _read(self, words: Words) -> tuple[PartDescriptions, NDArray[np.float32]]:
         """The six descriptions and their code."""
         if isinstance(words, PartDescriptions):
-            if note := self._adherence.note(self.phrasing.followed(words)):
+            if note := self._note(words):
                 self._report(note)
         else:
             words = self.expand(words).descriptions
         return words, self.encoder.encode(words)
+
+    def _note(self, descriptions: PartDescriptions) -> str:
+        return self._adherence.note(self.phrasing.followed(descriptions), edited_legs(descriptions))
 
     def _blend(self, a: NDArray[np.float32], b: NDArray[np.float32], weights: Weights) -> StyleMix:
         """The mix in which `weights` of the change are done; a pair is measured once."""

@@ -77,7 +77,7 @@ class ChatClient:
         until: float,
         stop: threading.Event,
     ) -> str:
-        """The text of the model's answer, asked again after failures that may pass, until `time.monotonic()` is `until`.
+        """The text of the model's answer, with retries after failures that may pass, until `time.monotonic()` is `until`.
 
         EndpointError says why there is none, PromptCancelledError that `stop` was set meanwhile.
         """
@@ -244,13 +244,13 @@ def retry_after(headers: Any) -> float | None:
 
 
 class Waiting(threading.local):
-    """Until when the request of this thread may take, and whether anybody still waits for it."""
+    """Until when the request of this thread may take, and whether the caller still waits for it."""
 
     until: float = float("inf")  # time.monotonic() seconds
     given_up: threading.Event | None = None
 
     def check(self) -> None:
-        """TimeoutError when nobody waits any longer."""
+        """TimeoutError when the caller has stopped waiting."""
         if time.monotonic() > self.until or (self.given_up is not None and self.given_up.is_set()):
             raise TimeoutError
 
@@ -284,7 +284,7 @@ def _followed(request: Any, following: Any) -> Any:
     safer = (old.scheme, new.scheme) == ("http", "https") and old.host == new.host and new.port is None
     if following.method != request.method or not (same or safer):
         place = new.host + (f":{new.port}" if new.port else "")
-        raise AnswerError(f"sends the prompt on to {place}, which was not asked")
+        raise AnswerError(f"sends the prompt on to {place}, which is another address")
     return following
 
 

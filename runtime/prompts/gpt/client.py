@@ -210,14 +210,11 @@ class ChatClient:
             return self._error(problem, f"Check {MODEL} and {URL}.", status=status)
         if status == 429 and error.code == "insufficient_quota":
             return self._error("says that the account's quota is used up (429).", "Top it up.", status=status)
-        if status == 429:
-            wait = retry_after(error.response.headers)
-            asks = "" if wait is None else f", and asks to wait {wait:.0f} s"
-            problem = f"gets too many requests (429{asks})."
-            return self._error(problem, "Try again later.", status=status, retry=True, wait_s=wait)
         if status >= 500 or status in _RETRIED:
             wait = retry_after(error.response.headers)
-            problem = f"fails ({status})."
+            asks = "" if wait is None else f", and asks to wait {wait:.0f} s"
+            what = "gets too many requests" if status == 429 else "fails"
+            problem = f"{what} ({status}{asks})."
             return self._error(problem, "Try again later.", status=status, retry=True, wait_s=wait)
         return self._error(f"refuses the request ({status}: {said}).", f"Check {MODEL}.", status=status)
 

@@ -134,13 +134,15 @@ def clip_of_motion(motion: BvhMotion, path: Path) -> tuple[Clip, str]:
     if not np.abs(hips).max() <= MAX_DISTANCE_M:
         raise FileError(f"{path}: the hips are further than {MAX_DISTANCE_M / 1000:.0f} km away.", _OWN_BVH)
     made = read_metadata(path)
-    known = made.contacts is not None and len(made.contacts) == len(hips)
+    contacts = made.contacts
+    if contacts is None or len(contacts) != len(hips):
+        contacts = np.zeros((len(hips), 4), np.float32)
     clip = Clip(
         name=printable(path.stem),
         fps=fps,
         hips_positions=hips.astype(np.float32),
         local_rotations=local,
-        contacts=made.contacts if known else np.zeros((len(hips), 4), np.float32),
+        contacts=contacts,
         prompts=made.prompts,
         terrain=made.terrain,
         origin=made.origin,

@@ -281,6 +281,10 @@ class Window:
         if button is not None:
             imgui.backends.glfw_mouse_button_callback(self._address, button, int(down), 0)
 
+    def inject_wheel(self, steps: float) -> None:
+        """Behave as if the wheel turned; positive is away from the user."""
+        imgui.backends.glfw_scroll_callback(self._address, 0.0, steps)
+
     def inject_focus(self, focused: bool) -> None:
         """Behave as if the window gained or lost the focus."""
         imgui.backends.glfw_window_focus_callback(self._address, int(focused))
@@ -327,8 +331,9 @@ class Window:
     def _on_mouse_move(self, _window: Any, x: float, y: float) -> None:
         self._mouse = x, y
 
-    def _on_mouse_button(self, _window: Any, _button: int, action: int, _mods: int) -> None:
-        if action == glfw.PRESS:
+    def _on_mouse_button(self, _window: Any, button: int, action: int, _mods: int) -> None:
+        # the middle button scrolls a panel, which leaves the keys where they are
+        if action == glfw.PRESS and (button != 2 or not imgui.get_io().want_capture_mouse):
             self._events.mouse_press(*self._mouse)
 
     def _start_imgui(self) -> None:

@@ -83,6 +83,7 @@ class Action(Enum):
     FRAME_ON = "period", "", "right"
     FIRST_FRAME = "", "", "home"
     LAST_FRAME = "", "", "end"
+    FIT_TIMELINE = "", "", "z"
     RESET = "home", "left_thumb"
     CAMERA = "f", "right_thumb"
     FRAME = "0"
@@ -158,6 +159,7 @@ HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
         ("Play or pause the clip", "P, or Space while it plays", ""),
         ("One frame back, one on", "Left, Right, or comma, full stop", ""),
         ("First frame, last frame", "Home, End", ""),
+        ("Timeline: zoom, scroll, fit", "Wheel, Shift+wheel, Z", ""),
         ("Screenshot", "F12", ""),
     )),
     ("Show", (

@@ -136,6 +136,10 @@ def _object(answer: str) -> dict[str, Any]:
         value, _ = json.JSONDecoder().raw_decode(text[start:])
     except (ValueError, RecursionError) as error:
         raise PromptError(f"it is not valid JSON ({str(error)[:80]}).") from error
+    return _six_strings(value)
+
+
+def _six_strings(value: dict[str, Any]) -> dict[str, Any]:
     missing = [part for part in PART_NAMES if part not in value]
     if missing:
         count = f"{len(PART_NAMES) - len(missing)} of six body parts"
@@ -143,7 +147,7 @@ def _object(answer: str) -> dict[str, Any]:
     for part in PART_NAMES:
         if not isinstance(value[part], str) or len(value[part]) > MAX_CHARACTERS:
             raise PromptError(f"{part} is not a string of at most {MAX_CHARACTERS} characters.")
-    return dict(value)
+    return value
 
 
 def load_structured_prompt(path: Path | None = None) -> StructuredPrompt:

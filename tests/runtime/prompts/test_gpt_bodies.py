@@ -12,8 +12,7 @@ from typing import Any
 
 import pytest
 
-from runtime.prompts.gpt.bounded_http import MAX_BODY_BYTES
-from runtime.prompts.gpt.client import ChatClient, EndpointError
+from runtime.prompts.gpt.client import MAX_BODY_BYTES, ChatClient, EndpointError
 from tests.helpers.gpt_endpoint import PROUD, Endpoint, completion, say
 
 MAX_GROWTH = 20e6  # bytes held at once by client and server together; asked are 50 MB

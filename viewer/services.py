@@ -18,7 +18,7 @@ from runtime.motion.perceptual_weights import perceptual_weights
 from runtime.prompts.english.library import LibraryExpander
 from runtime.prompts.english.library_data import load_library, load_styles
 from runtime.prompts.expander import Expander
-from runtime.prompts.gpt.fallback import check_endpoint, open_expander
+from runtime.prompts.gpt.expander import check_endpoint, open_expander
 from runtime.prompts.gpt.settings import GptSettings
 from runtime.prompts.prompter import Prompter
 from runtime.prompts.service import PromptWorker

@@ -1,4 +1,4 @@
-"""Feet against the ground: heights of toes and heels over a terrain, and the paper's foot skating (Sec. IV-B)."""
+"""Feet against the ground: heights over a terrain, contacts, and the paper's foot skating (Sec. IV-B)."""
 
 from __future__ import annotations
 
@@ -20,12 +20,29 @@ SOLE_HEIGHTS = (
     TOE_HEIGHT,
 )  # of SOLE_POINTS on a foot that stands flat
 SKATING_HEIGHT_M = 0.025  # H
+STANDING_M_PER_S, STANDING_M = (
+    0.25,
+    0.04,
+)  # of a sole that bears: its speed, and its height over its lowest places,
+RESTS = 0.05  # in this fraction of the frames
 
 
 def joint_heights(positions: Array, terrain: Terrain, joints: Sequence[int] = TOES) -> Array:
     """Heights `(T, n)` in metres over the terrain of `joints` of world positions `(T, 31, 3)`."""
     points = positions[:, list(joints)].astype(np.float64)
     return points[..., 1] - terrain.height(points[..., 0], points[..., 2])
+
+
+def measured_contacts(positions: Array, fps: float, terrain: Terrain | None) -> Array:
+    """Contacts `(T, 4)`, 0 or 1, that world positions `(T, 31, 3)` show: soles that are slow and low over the `terrain`.
+
+    A sole is low against its own resting height, so that a ground of an unknown level does too; None is a level one.
+    """
+    feet = positions[:, list(SOLE_POINTS)].astype(np.float64)
+    step = np.gradient(feet, axis=0) if len(feet) > 1 else np.zeros_like(feet)
+    above = feet[..., 1] if terrain is None else joint_heights(positions, terrain, SOLE_POINTS)
+    low = above - np.quantile(above, RESTS, axis=0) < STANDING_M
+    return (low & (np.linalg.norm(step, axis=-1) * fps < STANDING_M_PER_S)).astype(np.float32)
 
 
 def skating(

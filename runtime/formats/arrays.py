@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import itertools
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -17,13 +16,8 @@ from runtime.atomic import atomic_path, write_atomic
 from runtime.controls import Gait
 from runtime.errors import UsageError
 from runtime.formats.prepare import Check, PreparedTake
-from runtime.formats.sidecar import markers
+from runtime.formats.sidecar import CONTACTS, FEET, foot_phases, markers
 from runtime.skeleton import SPORT_SKELETON
-from runtime.takes.clip import Clip
-
-CONTACTS = ("left_heel", "left_toe", "right_heel", "right_toe")
-SOLES = ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase")
-STANDING_M_PER_S, STANDING_M = 0.25, 0.04  # of a joint that bears: its speed, and its height over its lowest
 
 
 def take_arrays(take: PreparedTake) -> dict[str, NDArray[Any]]:
@@ -36,7 +30,6 @@ def take_arrays(take: PreparedTake) -> dict[str, NDArray[Any]]:
     """
     clip = take.clip
     positions, world = clip.world()
-    contacts = foot_contacts(clip)
     known = {int(gait): gait.label for gait in Gait}
     gaits = np.full(len(clip), -1) if clip.gaits is None else clip.gaits
     return {
@@ -45,8 +38,8 @@ def take_arrays(take: PreparedTake) -> dict[str, NDArray[Any]]:
         "local_rotations": clip.local_rotations,
         "root_positions": (take.root.positions * clip.size).astype(np.float32),
         "root_yaw": take.root.yaw.astype(np.float32),
-        "contacts": contacts.astype(np.float32),
-        "phase": np.stack([_phase(contacts[:, side : side + 2].max(axis=1)) for side in (0, 2)], axis=1),
+        "contacts": clip.contacts.astype(np.float32),
+        "phase": foot_phases(clip),
         "gaits": np.array([known.get(int(gait), "") for gait in gaits]),
         "seconds": np.arange(len(clip)) / clip.fps,
         "fps": np.array(clip.fps),
@@ -57,31 +50,6 @@ def take_arrays(take: PreparedTake) -> dict[str, NDArray[Any]]:
         "prompts": np.array(json.dumps(markers(clip), ensure_ascii=False)),
         "origin": np.array(json.dumps({"ground": Path(clip.terrain).name, **asdict(clip.origin)})),
     }
-
-
-def foot_contacts(clip: Clip) -> NDArray[np.floating]:
-    """Contacts `(T, 4)` of a clip, or those that its motion shows where it has none: a BVH has none."""
-    if clip.contacts.any():
-        return clip.contacts
-    positions, fps = clip.world()[0], clip.fps
-    feet = positions[:, [SPORT_SKELETON.index(name) for name in SOLES]].astype(np.float64)
-    speed = (
-        np.linalg.norm(np.gradient(feet, axis=0), axis=-1) * fps
-        if len(feet) > 1
-        else np.zeros(feet.shape[:2])
-    )
-    low = feet[..., 1] - feet[..., 1].min(axis=0) < STANDING_M
-    return ((speed < STANDING_M_PER_S) & low).astype(np.float32)
-
-
-def _phase(contact: NDArray[np.floating]) -> NDArray[np.float32]:
-    """The phase `(T,)` of a foot: 0 where it comes down, 2 pi where it does so again; NaN before, after, and at rest."""
-    down = contact > 0.5
-    begins = np.flatnonzero(down[1:] & ~down[:-1]) + 1
-    phase = np.full(len(contact), np.nan, np.float32)
-    for first, last in itertools.pairwise(begins):
-        phase[first:last] = 2.0 * np.pi * np.arange(last - first) / (last - first)
-    return phase
 
 
 def save_npz(take: PreparedTake, path: Path, options: object, terrain: object, check: Check) -> None:
@@ -136,7 +104,7 @@ def take_columns(take: PreparedTake) -> tuple[list[tuple[str, NDArray[Any]]], tu
 
     found = [("seconds", arrays["seconds"])]
     found += [*columns("root_", "xyz", arrays["root_positions"]), ("root_yaw", arrays["root_yaw"])]
-    found += columns("", CONTACTS, arrays["contacts"]) + columns("phase_", ("left", "right"), arrays["phase"])
+    found += columns("", CONTACTS, arrays["contacts"]) + columns("phase_", FEET, arrays["phase"])
     for j, name in enumerate(SPORT_SKELETON.names):
         found += columns(f"{name}_", "xyz", arrays["positions"][:, j])
         found += columns(f"{name}_q", "wxyz", arrays["rotations"][:, j])

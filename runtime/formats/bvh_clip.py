@@ -121,9 +121,8 @@ def load_clip_bvh(path: str | Path) -> Clip:
 def clip_of_motion(motion: BvhMotion, path: Path) -> tuple[Clip, str]:
     """A clip, and its unit (a key of `UNITS_PER_METRE`), from a BVH of the 31-joint SPORT skeleton in any unit, channel order and joint order.
 
-    FileError names the joints that are missing or rest otherwise, or a rate that no clip has. Contacts are zero: a
-    BVH has none.
-    Prompts and origin are those of the file next to it, where that file belongs to this BVH.
+    FileError names the joints that are missing or rest otherwise, or a rate that no clip has. Contacts,
+    prompts and origin are those of the file next to it, where that file belongs to this BVH; else contacts are zero.
     """
     fps = video_rate(motion.fps)
     if not 0.0 < fps <= MAX_FPS:
@@ -135,12 +134,15 @@ def clip_of_motion(motion: BvhMotion, path: Path) -> tuple[Clip, str]:
     if not np.abs(hips).max() <= MAX_DISTANCE_M:
         raise FileError(f"{path}: the hips are further than {MAX_DISTANCE_M / 1000:.0f} km away.", _OWN_BVH)
     made = read_metadata(path)
+    contacts = made.contacts
+    if contacts is None or len(contacts) != len(hips):
+        contacts = np.zeros((len(hips), 4), np.float32)
     clip = Clip(
         name=printable(path.stem),
         fps=fps,
         hips_positions=hips.astype(np.float32),
         local_rotations=local,
-        contacts=np.zeros((len(motion.positions), 4), np.float32),
+        contacts=contacts,
         prompts=made.prompts,
         terrain=made.terrain,
         origin=made.origin,

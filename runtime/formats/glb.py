@@ -25,7 +25,7 @@ from runtime.formats.glb_skeleton import (
     set_local,
     written,
 )
-from runtime.formats.ground import MARGIN_M, add_ground
+from runtime.formats.ground import MARGIN_M, add_ground, ground_of, names_ground
 from runtime.formats.options import ExportOptions
 from runtime.formats.prepare import Check, PreparedTake, go_on, prepare
 from runtime.formats.reference import open_take
@@ -68,8 +68,7 @@ def glb_document(
     buffer.gltf.asset.generator = "SPORT viewer"
     size, plain = body_size(take.clip, options, character), options.plain or options.engine is not None
     rig = open_rig(buffer, file, character, read_meshes(file), options.rooted, plain, size)
-    others = [prepare(open_take(path).clip, options, terrain) for path in options.with_takes]
-    _animate_all(rig, buffer, [take, *others], check)
+    _animate_all(rig, buffer, [take, *_further_takes(options, terrain)], check)
     if options.engine is not None and options.humanoid_names:
         rename_bones(rig, engine_of(options.engine))
     if options.animation_only:
@@ -78,6 +77,15 @@ def glb_document(
         add_ground(buffer, terrain, take, size, most=ground_vertices, margin_m=ground_margin_m)
     buffer.gltf.scenes[0].extras = {"sport": take_extras(take)}
     return buffer, next(node for node, k in rig.joints.items() if character.sport_joints[k] == HIPS)
+
+
+def _further_takes(options: ExportOptions, terrain: Terrain | None) -> list[PreparedTake]:
+    """The further takes of an export, each on the ground that it names, else on that of the first. FileError."""
+    clips = [(open_take(path).clip, path) for path in options.with_takes]
+    return [
+        prepare(clip, options, ground_of(clip, path) if names_ground(clip) else terrain)
+        for clip, path in clips
+    ]
 
 
 def body_size(clip: Clip, options: ExportOptions, character: Character) -> float:

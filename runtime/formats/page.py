@@ -13,7 +13,6 @@ import numpy as np
 
 from runtime.assets import asset_path
 from runtime.atomic import write_atomic
-from runtime.formats.arrays import foot_contacts
 from runtime.formats.glb import glb_document
 from runtime.formats.options import ExportOptions
 from runtime.formats.prepare import Check, PreparedTake, go_on
@@ -31,7 +30,7 @@ def save_page(
     ground = terrain is not None and take.clip.placed is not None
     options = replace(options, with_ground=ground)
     buffer, hips = glb_document(take, options, terrain, check, GROUND_VERTICES, GROUND_MARGIN_M)
-    contacts = foot_contacts(take.clip) > 0.5
+    contacts = take.clip.contacts > 0.5
     feet = np.stack([contacts[:, :2].any(axis=1), contacts[:, 2:].any(axis=1)], axis=1) @ np.array([1, 2])
     facts = {
         "fps": take.clip.fps,

@@ -9,6 +9,7 @@ import numpy as np
 
 from runtime import rotations
 from runtime.errors import UsageError
+from runtime.feet.skating import measured_contacts
 from runtime.formats.options import ExportOptions
 from runtime.skeleton import REST_HIPS_HEIGHT, J
 from runtime.takes.clip import Clip
@@ -42,8 +43,9 @@ class PreparedTake:
 def prepare(clip: Clip, options: ExportOptions, terrain: Terrain | None = None) -> PreparedTake:
     """`clip` as `options` ask for it, on its `terrain` (None: on the level of its lowest sole). UsageError as in `check`."""
     options.check()
-    at_rate, there = on_its_ground(clip).resampled(options.fps), placement_of(clip)
-    terrain = None if terrain is None or clip.placed is None else terrain.seen_by(clip.size)
+    terrain, there = None if clip.placed is None else terrain, placement_of(clip)
+    terrain = None if terrain is None else terrain.seen_by(clip.size)
+    at_rate = with_contacts(on_its_ground(clip), terrain).resampled(options.fps)
     track = root_track(at_rate, terrain)
     first, last = _frames(at_rate, options)
     taken, report = at_rate, None
@@ -74,6 +76,14 @@ def on_its_ground(clip: Clip) -> Clip:
     """The clip back in its place on its ground, whatever export moved it elsewhere; what lost its ground stays."""
     placement = placement_of(clip)
     return clip if placement.identity else replace(placement.inverse().clip(clip), placed=UNMOVED)
+
+
+def with_contacts(clip: Clip, terrain: Terrain | None) -> Clip:
+    """The clip, on its ground, with the contacts that its motion shows where it has none; a file may have lost them."""
+    if clip.contacts.any():
+        return clip
+    ground = None if terrain is None else terrain.seen_by(clip.size)
+    return replace(clip, contacts=measured_contacts(clip.world()[0], clip.fps, ground))
 
 
 def _frames(clip: Clip, options: ExportOptions) -> tuple[int, int]:

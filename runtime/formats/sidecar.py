@@ -7,12 +7,17 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import itertools
 import json
 import logging
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.arrays import Array
 from runtime.atomic import write_atomic
 from runtime.checked import number_field, read_number, text_field
 from runtime.controls import Gait
@@ -33,7 +38,10 @@ from runtime.takes.metadata import (
     title,
 )
 
-MAX_BYTES = 16 * 1024 * 1024
+MAX_BYTES = 64 * 1024 * 1024
+CONTACTS = ("left_heel", "left_toe", "right_heel", "right_toe")
+FEET = ("left", "right")
+NO_PHASE = -1.0  # of JSON, which has no NaN
 MARKERS_VERSION = 1
 _FORMAT = "sport-take"
 _LOG = logging.getLogger("sport.clip")
@@ -66,7 +74,30 @@ def format_metadata(clip: Clip, bvh_text: str) -> str:
             for event in clip.prompts
         ],
     }
-    return json.dumps(value, ensure_ascii=False, indent=1) + "\n"
+    text = json.dumps(value, ensure_ascii=False, indent=1)
+    tracks = (f' "{name}": {json.dumps(values)}' for name, values in foot_tracks(clip).items())
+    return ",\n".join([text[: -len("\n}")], *tracks]) + "\n}\n"  # a line for a track, not for a number
+
+
+def foot_tracks(clip: Clip) -> dict[str, dict[str, list[float]]]:
+    """Contacts (0 to 1) of each sole point and the phase of each foot (radians, `NO_PHASE` without one), frame by frame."""
+    phases = np.nan_to_num(foot_phases(clip), nan=NO_PHASE)
+    columns = (("contacts", CONTACTS, clip.contacts), ("phase", FEET, phases))
+    return {
+        track: {name: [round(v, 4) for v in values[:, k].tolist()] for k, name in enumerate(names)}
+        for track, names, values in columns
+    }
+
+
+def foot_phases(clip: Clip) -> NDArray[np.float32]:
+    """Phases `(T, 2)` of the feet: 0 where one comes down, 2 pi where it does so again; NaN before, after, and at rest."""
+    phases = np.full((len(clip), len(FEET)), np.nan, np.float32)
+    for foot in range(len(FEET)):
+        down = clip.contacts[:, 2 * foot : 2 * foot + 2].max(axis=1) > 0.5
+        begins = np.flatnonzero(down[1:] & ~down[:-1]) + 1
+        for first, last in itertools.pairwise(begins):
+            phases[first:last, foot] = 2.0 * np.pi * np.arange(last - first) / (last - first)
+    return phases
 
 
 def write_sidecar(clip: Clip, path: Path, text: str) -> None:
@@ -85,6 +116,7 @@ class TakeMetadata:
     gait_changes: tuple[tuple[float, str], ...] = ()
     placed: tuple[float, ...] | None = UNMOVED
     size: float = 1.0
+    contacts: Array | None = None  # (T, 4)
 
 
 def read_metadata(bvh: Path) -> TakeMetadata:
@@ -115,6 +147,7 @@ def read_metadata(bvh: Path) -> TakeMetadata:
         gait_changes=_gait_changes(value.get("gaits")),
         placed=_placed(value.get("placed", UNMOVED)),
         size=min(max(number_field(value, "size", 1.0), MIN_SIZE), MAX_SIZE),
+        contacts=_contacts(value.get("contacts")),
     )
 
 
@@ -134,6 +167,16 @@ def _gait_changes(value: Any) -> tuple[tuple[float, str], ...]:
             if isinstance(name, str) and name in names:
                 found.append((read_number(seconds), name))
     return tuple(found)
+
+
+def _contacts(value: Any) -> Array | None:
+    """Contacts `(T, 4)` of a track of each sole point; None where they are none."""
+    try:
+        contacts = np.array([value[name] for name in CONTACTS], np.float32).T
+    except (TypeError, ValueError, KeyError, OverflowError):
+        return None
+    usable = contacts.ndim == 2 and len(contacts) > 0 and bool(((contacts >= 0.0) & (contacts <= 1.0)).all())
+    return np.ascontiguousarray(contacts) if usable else None
 
 
 def _placed(value: Any) -> tuple[float, ...] | None:
@@ -163,7 +206,7 @@ def _marker(kind: str, name: str, seconds: float, fps: float) -> dict[str, Any]:
 
 
 def take_extras(take: PreparedTake) -> dict[str, Any]:
-    """What a GLB keeps in `extras` under "sport": markers, ground, origin, loop, and the rest frame."""
+    """What a GLB keeps in `extras` under "sport": markers, ground, origin, loop, rest frame, and what the feet do."""
     clip = take.clip
     value: dict[str, Any] = {
         "format": _FORMAT,
@@ -177,6 +220,7 @@ def take_extras(take: PreparedTake) -> dict[str, Any]:
         "markers": markers(clip),
         "origin": {name: v for name, v in asdict(clip.origin).items() if v not in ("", None)},
     }
+    value |= foot_tracks(clip)
     if take.loop is not None:
         value["loop"] = {name: round(v, 4) for name, v in asdict(take.loop).items()}
     return value

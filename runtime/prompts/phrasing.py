@@ -52,11 +52,12 @@ class PromptAdherence:
         found = {part: self.of(text, part) for part, text in descriptions.to_mapping().items()}
         return {part: value for part, value in found.items() if value is not None and value < HARDLY}
 
-    def note(self, descriptions: PartDescriptions) -> str:
-        """A sentence for the user about what is hardly shown, or ""."""
+    def note(self, descriptions: PartDescriptions, edited: frozenset[str] = frozenset()) -> str:
+        """A sentence for the user about what is hardly shown, or ""; parts that are `edited` show what they say."""
         weak = [
             f"{part.replace('_', ' ')} “{getattr(descriptions, part)}” ({value:.0%})"
             for part, value in self.weakly_shown(descriptions).items()
+            if part not in edited
         ]
         return f"Hardly shown by this model: {'; '.join(weak)}." if weak else ""
 
@@ -91,34 +92,36 @@ def as_left_limb(sentence: str, part: str) -> Key:
     return (limb or side), (mirror_text(text) if side == "right" else text)
 
 
+@lru_cache(maxsize=8)
 def adherence_of(model: str = DEFAULT_MODEL) -> PromptAdherence:
     """The shipped table of a model by its name; empty where it has none. FileError when the file is malformed."""
     return load_adherence(asset_path(ADHERENCE)).get(model, PromptAdherence())
 
 
+@lru_cache(maxsize=8)
 def phrasing_of(model: str) -> ModelPhrasing:
     """The shipped table of a model by its name; empty where it has none. FileError when the file is malformed."""
     return load_phrasings(asset_path(PHRASINGS)).get(model, ModelPhrasing())
 
 
-@lru_cache(maxsize=2)
 def load_adherence(path: Path) -> dict[str, PromptAdherence]:
     """Tables by model; none where there is no file. FileError when it is malformed."""
     return _load(path, lambda of: PromptAdherence(_fractions(of["sentences"]), _fractions(of["clauses"])))
 
 
-@lru_cache(maxsize=2)
 def load_phrasings(path: Path) -> dict[str, ModelPhrasing]:
     """Tables by model; none where there is no file. FileError when it is malformed."""
-    return _load(path, lambda groups: ModelPhrasing(_rows(groups, str, bool)))
+    return _load(
+        path, lambda groups: ModelPhrasing(_rows(groups, lambda text: isinstance(text, str) and text))
+    )
 
 
 def _fractions(groups: Any) -> dict[Key, float]:
-    return _rows(groups, float, lambda value: 0.0 <= value <= 1.0)
+    return _rows(groups, lambda value: 0.0 <= value <= 1.0)
 
 
-def _rows(groups: Any, kind: Callable[[Any], Table], usable: Callable[[Table], bool]) -> dict[Key, Table]:
-    rows = {(group, words): kind(row) for group, own in groups.items() for words, row in own.items()}
+def _rows(groups: Any, usable: Callable[[Any], object]) -> dict[Key, Any]:
+    rows = {(group, words): row for group, own in groups.items() for words, row in own.items()}
     wrong = [key for key, row in rows.items() if not usable(row)]
     if wrong:
         raise ValueError(f"{wrong[0]} is out of range")

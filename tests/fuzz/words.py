@@ -22,8 +22,8 @@ from runtime.motion.model import load_model
 from runtime.prompts.blend import BlendedPrompt, parse_weights, read_words
 from runtime.prompts.english.library import LibraryExpander
 from runtime.prompts.english.library_data import load_styles
-from runtime.prompts.gpt.cache import AnswerCache
 from runtime.prompts.gpt.client import ChatClient, retry_after
+from runtime.prompts.gpt.expander import AnswerCache
 from runtime.prompts.gpt.prompt import load_structured_prompt
 from runtime.prompts.gpt.settings import GptSettings, Secret
 from runtime.takes.clip import Clip

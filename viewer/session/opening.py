@@ -20,7 +20,7 @@ def read_take(path: Path, load_ground: Callable[[str], Terrain] | None) -> tuple
     One of another skeleton plays on flat ground, one of ours on its own, where `load_ground` finds that.
     """
     from runtime.formats.ground import ground_spec, names_ground
-    from runtime.formats.prepare import on_its_ground
+    from runtime.formats.prepare import on_its_ground, with_contacts
     from runtime.formats.reference import open_take
 
     opened = open_take(path)
@@ -37,5 +37,6 @@ def read_take(path: Path, load_ground: Callable[[str], Terrain] | None) -> tuple
             text += f", on the ground {Path(spec).name}"
     except SportError as error:
         clip, problem = opened.clip, error.problem
+    clip = with_contacts(clip, None if ground is None else ground.terrain)
     take = Take(motion=Motion.of(clip), recorded=False, ground=ground, own=own)
     return take, f"{text}.", problem

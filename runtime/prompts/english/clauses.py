@@ -12,7 +12,7 @@ from runtime.prompts.parts import MAX_CHARACTERS
 from runtime.skeleton import PART_NAMES
 
 _LIMBS = ("arm", "leg")
-_OF_SOMEBODY = {
+_OF_A_PERSON = {
     "left",
     "right",
     "both",
@@ -31,7 +31,7 @@ _PAIRS = {"arms": "arm", "legs": "leg", "one_leg": "leg"}  # targets of phrases,
 class ParsedPrompt:
     """`parts`: part name → description that the prompt states; `rest`: the prompt without those clauses.
 
-    `side` is the one that somebody "left-handed" prefers, "" where nothing is said of it.
+    `side` is the one that a "left-handed" person prefers, "" where nothing is said of it.
     """
 
     parts: dict[str, str]
@@ -89,6 +89,9 @@ def _parse_clause(clause: str, leg: str) -> tuple[dict[str, str], str]:
     """Parts that a clause describes, and what of it does not; `leg` is the one that limps where none is named."""
     for name in ("noun_clause", "loose_clause"):
         noun = grammar()[name].match(clause)
+        # "head teacher", "back pain" are nobody's head and back
+        if noun and name == "loose_clause" and not set(noun["owners"].split()) & _OF_A_PERSON:
+            continue
         if noun and (stated := _noun_parts(noun, noun["rest"], verbatim=name == "noun_clause")):
             return stated, ""
     parts, clause = _verb_parts(clause)
@@ -122,9 +125,8 @@ def _noun_parts(match: Match, action: str, verbatim: bool) -> dict[str, str]:
     """Descriptions of a clause with a part's name; the clause itself where no rule knows its action."""
     rules = grammar()
     noun, owners = match["noun"], match["owners"].split()
-    impersonal = match.re is rules["loose_clause"] and not set(owners) & _OF_SOMEBODY
-    if impersonal or rules["no_clause"].search(match["rest"].strip()):
-        return {}  # "head teacher", "hand in hand"
+    if rules["no_clause"].search(match["rest"].strip()):  # "hand in hand"
+        return {}
     group = next(name for name, group in rules.groups.items() if group.nouns.fullmatch(noun))
     # "hands", "feet" and "both" mean two sides; a single limb without a side is the right one
     plural = noun == "feet" or match.string[match.end("noun") :].startswith("s")

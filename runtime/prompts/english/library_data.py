@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 from runtime.errors import FileError, PromptError
 from runtime.prompts.parts import PartDescriptions, check_text
 from runtime.prompts.text_encoder import TextEncoderLike
-from runtime.safe_read import open_npz
+from runtime.safe_read import open_npz, parse_json, read_bounded
 from runtime.skeleton import PART_NAMES
 
 MAX_BYTES = 8_000_000
@@ -33,8 +34,8 @@ RIDGE = 10.0
 class LibraryEntry:
     """One prompt, other ways to ask for it, and its six descriptions.
 
-    `defines` are the parts that make the entry what it is, and which it gives to another character when both are asked
-    for: torso and head of a mood, legs of a ground. `style` is the training style's key or "". `opposite` is the prompt of
+    `defines` are the parts that make the entry what it is, and which it gives to another character when a prompt
+    names both: torso and head of a mood, legs of a ground. `style` is the training style's key or "". `opposite` is the prompt of
     the entry that shows it denied ("not so fast"), or "".
     """
 
@@ -86,15 +87,11 @@ def load_styles(path: Path) -> dict[str, LibraryStyle]:
     """The training styles of styles.json; FileError naming the style when one is malformed."""
     styles = {}
     for key, value in _read_object(path).items():
-        try:
+        with _checked(path, f"style {key!r}"):
             descriptions = tuple(PartDescriptions.from_mapping(d) for d in value["descriptions"])
             if not descriptions:
                 raise ValueError("no descriptions")
             styles[key] = LibraryStyle(check_text(value["prompt"], "prompt", 300), descriptions)
-        except (PromptError, KeyError, TypeError, ValueError, AttributeError) as error:
-            raise FileError(
-                f"{path}: style {key!r} is malformed ({error!r}).", "Restore the file."
-            ) from error
     if NEUTRAL_STYLE not in styles:
         raise FileError(f"{path}: style {NEUTRAL_STYLE!r} is missing.", "Restore the file.")
     return styles
@@ -108,42 +105,22 @@ def load_library(path: Path, styles: Mapping[str, LibraryStyle]) -> tuple[Librar
 def load_prompt_library(path: Path, styles: Mapping[str, LibraryStyle]) -> PromptLibrary:
     """library.json with references to `styles` resolved; FileError naming a malformed entry."""
     file = _read_object(path)
-    values = file.get("entries")
-    if not isinstance(values, list) or not values:
-        raise FileError(f"{path}: has no list 'entries'.", "Restore the file.")
-    defines, alone, nothing = _lists(file, path)
-    entries = []
-    for number, value in enumerate(values):
-        try:
-            entries.append(_entry(value, styles, defines))
-        except (PromptError, KeyError, TypeError, ValueError, AttributeError) as error:
-            raise FileError(
-                f"{path}: entry {number} is malformed ({error!r}).", "Correct or restore the file."
-            ) from error
-    prompts = {entry.prompt for entry in entries}
-    for number, entry in enumerate(entries):
-        if entry.opposite and entry.opposite not in prompts:
-            raise FileError(
-                f"{path}: entry {number} names the opposite {entry.opposite!r}, expected another entry's prompt.",
-                "Correct or restore the file.",
-            )
-    return PromptLibrary(tuple(entries), alone, nothing)
-
-
-def _lists(
-    file: Mapping[str, Any], path: Path
-) -> tuple[dict[str, tuple[str, ...]], frozenset[str], tuple[str, ...]]:
-    """What each category defines, the words that name an entry only alone, and the prompts about nothing bodily."""
-    try:
+    with _checked(path, "'categories', 'alone' or 'nothing'"):
         defines = {name: _parts(value["defines"]) for name, value in file.get("categories", {}).items()}
         alone = frozenset(check_text(word, "word", 40) for word in file.get("alone", ()))
         nothing = tuple(check_text(text, "prompt about nothing", 300) for text in file.get("nothing", ()))
-    except (PromptError, KeyError, TypeError, ValueError, AttributeError) as error:
-        raise FileError(
-            f"{path}: 'categories', 'alone' or 'nothing' is malformed ({error!r}).",
-            "Correct or restore the file.",
-        ) from error
-    return defines, alone, nothing
+    with _checked(path, "'entries'"):
+        values = list(file["entries"])
+    entries = []
+    for number, value in enumerate(values):
+        with _checked(path, f"entry {number}"):
+            entries.append(_entry(value, styles, defines))
+    prompts = {entry.prompt for entry in entries}
+    for number, entry in enumerate(entries):
+        with _checked(path, f"entry {number}"):
+            if entry.opposite and entry.opposite not in prompts:
+                raise ValueError(f"opposite {entry.opposite!r}, expected another entry's prompt")
+    return PromptLibrary(tuple(entries), alone, nothing)
 
 
 def _entry(
@@ -184,12 +161,12 @@ def library_hash(library: PromptLibrary) -> str:
 
 def embed_library(library: PromptLibrary, encoder: TextEncoderLike) -> LibraryEmbeddings:
     """Compute the embeddings of all prompts and descriptions: some seconds for some hundred entries."""
-    asked = [(text, i) for i, entry in enumerate(library.entries) for text in (entry.prompt, *entry.also)]
+    named = [(text, i) for i, entry in enumerate(library.entries) for text in (entry.prompt, *entry.also)]
     parts = [encoder.encode(entry.descriptions.as_tuple()) for entry in library.entries]
-    prompts = encoder.encode([text for text, _ in asked])
+    prompts = encoder.encode([text for text, _ in named])
     return LibraryEmbeddings(
         prompts,
-        np.array([i for _, i in asked], np.int64),
+        np.array([i for _, i in named], np.int64),
         np.stack(parts),
         _bodily_score(prompts, encoder.encode(library.nothing)),
     )
@@ -260,14 +237,19 @@ def unit_vectors(stored: NDArray[np.int8]) -> NDArray[np.float32]:
 
 
 def _read_object(path: Path) -> dict[str, Any]:
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise FileError(
-                f"{path}: larger than {MAX_BYTES} bytes.", "Choose a prompt library of this program."
-            )
-        value = json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise FileError(f"{path}: not readable as JSON ({error}).", "Restore the file.") from error
-    if not isinstance(value, dict):
-        raise FileError(f"{path}: not a JSON object.", "Restore the file.")
+    with _checked(path, "the JSON"):
+        value = parse_json(read_bounded(path, MAX_BYTES))
+        if not isinstance(value, dict):
+            raise ValueError("not an object")
     return value
+
+
+@contextmanager
+def _checked(path: Path, what: str) -> Iterator[None]:
+    """FileError where a part of a file is malformed."""
+    try:
+        yield
+    except (PromptError, KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
+        raise FileError(
+            f"{path}: {what} is malformed ({error!r}).", "Correct or restore the file."
+        ) from error

@@ -22,20 +22,21 @@ from runtime.prompts.english.words import (
     finite_forms,
     key,
     stem,
-    without_somebody,
+    without_person,
     word_set,
     words_of,
 )
 
 _SIMILE = re.compile(r"\b(?:as )?(?P<adjective>\w+) as (?:an? |the )?(?P<thing>\w+)\b(?! (?:if|though))")
 LONGEST = 9  # words of a phrase
-FIGURES = ("characters", "animals", "occupations")  # categories of somebody
-_QUALITIES = ("ages", "bodies", "emotions", "minds")  # categories of what somebody is like
+FIGURES = ("characters", "animals", "occupations")  # categories of who walks
+_QUALITIES = ("ages", "bodies", "emotions", "minds")  # categories of what they are like
 SLIGHTLY, STRONGLY = 0.6, 1.2  # strength of "slightly drunk" and "very drunk" against "drunk"
 _OBJECT_STARTS = word_set(
     "from by against toward towards of for after past to at with beside behind near before over on"
 )
 _OF_STYLE = word_set("style manner way walk gait fashion kind sort steps moves")
+_OR, _EXCEPT = word_set("or nor"), word_set("but while who")
 _AGAIN = word_set("like as imitating impersonating mimicking being playing half part acting")
 _HALVES = {"upper": ("left_arm", "right_arm", "torso", "head"), "lower": ("left_leg", "right_leg")}
 # -ing forms that have no object: what follows "pretending to be" is the one who walks
@@ -78,11 +79,11 @@ class PhraseIndex:
             if len(words) <= LONGEST and self._names_a_way(words, library.entries[number]):
                 self._phrases.setdefault(tuple(word.stem for word in words), number)
         for number, entry in enumerate(library.entries):  # what is named in so many words comes first
-            self._whole.setdefault(key(without_somebody(words_of(entry.prompt))), number)
-        described = [text for entry in library.entries for text in entry.descriptions.as_tuple()]
+            self._whole.setdefault(key(without_person(words_of(entry.prompt))), number)
+        described = [" . ".join(entry.descriptions.as_tuple()) for entry in library.entries]
         # English words for sure
-        prompts = [text for text, _ in named]
-        self.known = distinct_words([*prompts, *described, *library.nothing]) | finite_forms().keys()
+        texts = [*dict(named), *described, *library.nothing]
+        self.known = distinct_words(texts) | finite_forms().keys()
 
     @staticmethod
     def _names_a_way(words: list[Word], entry: LibraryEntry) -> bool:
@@ -98,7 +99,7 @@ class PhraseIndex:
         """The entry that a whole prompt names in so many words, or None."""
         words = words_of(text)
         entry = self._whole.get(key(words)) if words else None
-        return entry if entry is not None or not words else self._whole.get(key(without_somebody(words)))
+        return entry if entry is not None or not words else self._whole.get(key(without_person(words)))
 
     def plainly(self, text: str) -> str:
         """A lower-case prompt without comparisons that only say how much: "light" for "light as a feather"."""
@@ -152,7 +153,7 @@ class PhraseIndex:
 class Reading:
     """What a prompt's words name: `elements` in their order, numbers of the words `left` over, and what is `denied`.
 
-    `mentioned` are entries of somebody or something else: the bear of "afraid of a bear"; `denials` are the entries denied.
+    `mentioned` are entries of others: the bear of "afraid of a bear"; `denials` are the entries denied.
     """
 
     elements: tuple[Element, ...]
@@ -192,16 +193,23 @@ def _denials(
             continue
         elements = _denied_elements(words, found, at)
         entries += [e.entry for e in elements]
-        reaches = [list(range(e.start, e.end)) for e in elements]
-        if not reaches and words[at].text in NEGATIONS:
-            reaches = [_clause_rest(words, at)]
-        for reach in filter(None, reaches):  # without any, "no energy" says what is there by what is not
+        for reach in _reaches(
+            words, elements, at
+        ):  # without any, "no energy" says what is there by what is not
             if gone.isdisjoint(reach):
                 denied.append(" ".join(words[i].text for i in reach))
             gone.update((at, *reach))
         if at in gone and words[at + 1].text == "longer":
             gone.add(at + 1)
     return gone, denied, entries
+
+
+def _reaches(words: list[Word], elements: list[Element], at: int) -> list[list[int]]:
+    """Numbers of the words that a denial at `at` denies: of its elements, else of the rest of its clause."""
+    if elements:
+        return [list(range(e.start, e.end)) for e in elements]
+    rest = _clause_rest(words, at) if words[at].text in NEGATIONS else []
+    return [rest] if rest else []
 
 
 def _denies(words: list[Word], at: int) -> bool:
@@ -214,10 +222,8 @@ def _denied_elements(words: list[Word], elements: list[Element], at: int) -> lis
     denied: list[Element] = []
     for element in (e for e in elements if e.start > at):
         between = words[(denied[-1].end if denied else at + 1) : element.start]
-        texts = {word.text for word in between}
-        other_clause = words[element.start].clause != words[at].clause or texts & {"but", "while", "who"}
-        joined = texts & {"or", "nor"} if denied else sum(word.says for word in between) <= 1
-        if other_clause or not joined:
+        joined = _any_in(between, _OR) if denied else sum(word.says for word in between) <= 1
+        if not joined or _any_in(between, _EXCEPT) or words[element.start].clause != words[at].clause:
             break
         denied.append(element)
     return denied
@@ -236,7 +242,20 @@ def _clause_rest(words: list[Word], at: int) -> list[int]:
 def _subjects(
     words: list[Word], elements: list[Element], entries: tuple[LibraryEntry, ...]
 ) -> tuple[Element, ...]:
-    """Elements that say how the one who walks moves, without somebody else: "afraid of a bear" is no bear."""
+    """Elements that say how the one who walks moves, without others: "afraid of a bear" is no bear."""
+    kept = _without_objects(words, elements, entries)
+    # "dancing" says no more in "dancing samba"
+    kept = [e for i, e in enumerate(kept) if not _same_doing(kept[i : i + 2], entries)]
+    ends = {element.end for element in kept}
+    return tuple(
+        replace(e, after_like=_any_in(words[max(e.start - 2, 0) : e.start], _AGAIN), joined=e.start in ends)
+        for e in kept
+    )
+
+
+def _without_objects(
+    words: list[Word], elements: list[Element], entries: tuple[LibraryEntry, ...]
+) -> list[Element]:
     covered = {i for e in elements for i in range(e.start, e.end)}
     objects = _zone(words, covered, _opens_object)
     places = _zone(words, covered, _opens_place)
@@ -245,21 +264,15 @@ def _subjects(
     for element in reversed(elements):  # an adjective goes with the noun behind it
         category = entries[element.entry].category
         follows = words[element.end : element.end + 1]
-        somebody = category in (*FIGURES, "ages") or element.end == dropped_at or _any_in(follows, PERSONS)
+        figure = category in (*FIGURES, "ages") or element.end == dropped_at or _any_in(follows, PERSONS)
         of_thing = element.end not in covered and any(word.says for word in follows)
         if element.only:
             kept.insert(0, element)
-        elif element.start in objects and somebody:
+        elif element.start in objects and figure:
             dropped_at = element.start
         elif not (element.start in places and category in _QUALITIES and of_thing):
             kept.insert(0, element)  # all but "in an old house"
-    # "dancing" says no more in "dancing samba"
-    kept = [e for i, e in enumerate(kept) if not _same_doing(kept[i : i + 2], entries)]
-    ends = {element.end for element in kept}
-    return tuple(
-        replace(e, after_like=_any_in(words[max(e.start - 2, 0) : e.start], _AGAIN), joined=e.start in ends)
-        for e in kept
-    )
+    return kept
 
 
 def _any_in(words: Sequence[Word], texts: frozenset[str]) -> bool:
@@ -289,7 +302,7 @@ def _zone(words: list[Word], covered: set[int], opens: Callable[[list[Word], int
 
 
 def _opens_object(words: list[Word], i: int) -> bool:
-    """Whether somebody else may follow: after "from", "with", "hunting" and the like."""
+    """Whether another person may follow: after "from", "with", "hunting" and the like."""
     text = words[i].text
     verb = text.endswith("ing") and len(text) > 4 and text not in _INTRANSITIVE
     return verb or (text in _OBJECT_STARTS and not _of_style(words, i))

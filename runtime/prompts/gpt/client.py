@@ -1,7 +1,7 @@
 """Chat completions of any compatible endpoint, with a limit on every wait and a sentence for every failure.
 
 Python package `openai`, imported at the first request. Answers are read as they come, so that neither a slow nor an
-endless one gets further than its limit.
+endless one gets further than its limit, and a prompt goes to one host only.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ import queue
 import re
 import threading
 import time
-from collections.abc import Callable, Sequence
+import zlib
+from collections.abc import Callable, Iterator, Sequence
 from email.utils import parsedate_to_datetime
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from runtime.errors import PromptError
 from runtime.prompts.expander import PromptCancelledError
-from runtime.prompts.gpt.bounded_http import AnswerError, Waiting, bounded_client
 from runtime.prompts.gpt.settings import KEY, MODEL, TIMEOUT, URL, GptSettings
 from runtime.safe_read import is_text, parse_json
 
@@ -30,9 +30,16 @@ Result = TypeVar("Result")
 Message = dict[str, str]
 
 INSTALL = "Run pip install 'sport-viewer[gpt]'."
+MAX_BODY_BYTES = 1_000_000  # after decompression
+MAX_REDIRECTS = 3
+_PIECE = 64 * 1024
 STOP_SECONDS = 0.02  # how soon a stop is noticed
 _RETRIED = (408, 409, 425, 429)  # and 5xx
 _TRANSPORT = ("httpx", "httpx2", "httpcore", "httpcore2", "anyio")  # openai 2 and 3 bring different ones
+
+
+class AnswerError(Exception):
+    """An answer that is not read to its end; the message says why, after the name of the host."""
 
 
 class EndpointError(PromptError):
@@ -70,7 +77,7 @@ class ChatClient:
         until: float,
         stop: threading.Event,
     ) -> str:
-        """The text of the model's answer, asked again after failures that may pass, until `time.monotonic()` is `until`.
+        """The text of the model's answer, with retries after failures that may pass, until `time.monotonic()` is `until`.
 
         EndpointError says why there is none, PromptCancelledError that `stop` was set meanwhile.
         """
@@ -136,7 +143,7 @@ class ChatClient:
             create: Any = self._client.chat.completions.with_streaming_response.create
             arguments = {"model": self._settings.model, "messages": list(messages), **extra}
             with create(**arguments, timeout=max(seconds, 0.01)) as response:
-                body = response.read()  # which is there: see `bounded_http`
+                body = response.read()  # which is there: see `bounded_client`
         except openai.APIStatusError as error:
             raise self._refusal(error) from None  # the request inside has the key in its header
         except openai.OpenAIError as error:
@@ -203,14 +210,11 @@ class ChatClient:
             return self._error(problem, f"Check {MODEL} and {URL}.", status=status)
         if status == 429 and error.code == "insufficient_quota":
             return self._error("says that the account's quota is used up (429).", "Top it up.", status=status)
-        if status == 429:
-            wait = retry_after(error.response.headers)
-            asks = "" if wait is None else f", and asks to wait {wait:.0f} s"
-            problem = f"gets too many requests (429{asks})."
-            return self._error(problem, "Try again later.", status=status, retry=True, wait_s=wait)
         if status >= 500 or status in _RETRIED:
             wait = retry_after(error.response.headers)
-            problem = f"fails ({status})."
+            asks = "" if wait is None else f", and asks to wait {wait:.0f} s"
+            what = "gets too many requests" if status == 429 else "fails"
+            problem = f"{what} ({status}{asks})."
             return self._error(problem, "Try again later.", status=status, retry=True, wait_s=wait)
         return self._error(f"refuses the request ({status}: {said}).", f"Check {MODEL}.", status=status)
 
@@ -234,3 +238,86 @@ def retry_after(headers: Any) -> float | None:
         return max(moment.timestamp() - time.time(), 0.0)
     except (TypeError, ValueError, IndexError, OverflowError):
         return None
+
+
+class Waiting(threading.local):
+    """Until when the request of this thread may take, and whether the caller still waits for it."""
+
+    until: float = float("inf")  # time.monotonic() seconds
+    given_up: threading.Event | None = None
+
+    def check(self) -> None:
+        """TimeoutError when the caller has stopped waiting."""
+        if time.monotonic() > self.until or (self.given_up is not None and self.given_up.is_set()):
+            raise TimeoutError
+
+
+def bounded_client(waiting: Waiting) -> Any:
+    """A client for `openai.OpenAI(http_client=...)`, with that library's own defaults; `waiting` bounds each request."""
+    from openai import DefaultHttpxClient
+
+    class BoundedClient(DefaultHttpxClient):  # of httpx or httpx2, as the library has it
+        def send(self, request: Any, **options: Any) -> Any:
+            options |= {"stream": True, "follow_redirects": False}
+            for _ in range(MAX_REDIRECTS):
+                # an answer that is not compressed needs no trust in what it will become
+                request.headers["accept-encoding"] = "identity"
+                response = super().send(request, **options)
+                try:
+                    if response.next_request is None:
+                        return _whole(response, waiting)
+                    request = _followed(request, response.next_request)
+                finally:
+                    response.close()
+            raise AnswerError("sends the prompt on again and again")
+
+    return BoundedClient()
+
+
+def _followed(request: Any, following: Any) -> Any:
+    """The next request of a redirect; AnswerError where it goes to another host, or would be no question any more."""
+    old, new = request.url, following.url
+    same = (old.scheme, old.host, old.port) == (new.scheme, new.host, new.port)
+    safer = (old.scheme, new.scheme) == ("http", "https") and old.host == new.host and new.port is None
+    if following.method != request.method or not (same or safer):
+        place = new.host + (f":{new.port}" if new.port else "")
+        raise AnswerError(f"sends the prompt on to {place}, which is another address")
+    return following
+
+
+def _whole(response: Any, waiting: Waiting) -> Any:
+    """The same response with its whole body; AnswerError or TimeoutError where it goes on."""
+    body = bytearray()
+    for piece in _decoded(response, waiting):
+        body += piece
+        if len(body) > MAX_BODY_BYTES:
+            raise AnswerError("answers without end")
+    gone = (b"content-encoding", b"content-length", b"transfer-encoding")
+    headers = [(name, value) for name, value in response.headers.raw if name.lower() not in gone]
+    return type(response)(
+        response.status_code, headers=headers, content=bytes(body), request=response.request
+    )
+
+
+def _decoded(response: Any, waiting: Waiting) -> Iterator[bytes]:
+    """Pieces of the body: gzip and deflate, which some servers send unasked, are decompressed a bounded piece at a time."""
+    coding = response.headers.get("content-encoding", "identity").strip().lower()
+    if coding not in ("identity", "", "gzip", "x-gzip", "deflate"):
+        raise AnswerError(f"answers in the coding {coding[:20]!r}, which was not asked for")
+    stream = None if coding in ("identity", "") else zlib.decompressobj(wbits=47 if "gzip" in coding else 15)
+    received = 0
+    for piece in response.iter_raw():
+        waiting.check()
+        received += len(piece)
+        if received > MAX_BODY_BYTES:
+            raise AnswerError("answers without end")
+        if stream is None:
+            yield piece
+            continue
+        while piece:
+            try:
+                yield stream.decompress(piece, _PIECE)
+            except zlib.error as error:
+                raise AnswerError("answers with damaged data") from error
+            piece = stream.unconsumed_tail
+            waiting.check()

@@ -1,18 +1,27 @@
-"""Prompts expanded by a language model, as in the paper (Sec. III-C)."""
+"""Prompts expanded by a language model, as in the paper (Sec. III-C), with the library until it answers.
+
+Answers are kept on disk, so that a prompt is sent once and gives the same ever after.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import importlib.util
+import json
 import logging
+import os
+import tempfile
 import threading
 import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from runtime.errors import PromptError, SportError, UsageError
-from runtime.prompts.expander import Expansion, check_prompt
-from runtime.prompts.gpt.cache import AnswerCache, cache_directory
+from runtime.atomic import write_atomic
+from runtime.errors import FileError, PromptError, SportError, UsageError
+from runtime.prompts.expander import Expander, Expansion, PromptCancelledError, check_prompt
 from runtime.prompts.gpt.client import INSTALL, ChatClient, EndpointError
 from runtime.prompts.gpt.prompt import (
     Message,
@@ -23,8 +32,11 @@ from runtime.prompts.gpt.prompt import (
 )
 from runtime.prompts.gpt.settings import MODEL, GptSettings
 from runtime.prompts.parts import PartDescriptions
+from runtime.safe_read import parse_json, read_bounded
 
 _log = logging.getLogger(__name__)
+MAX_BYTES = 50_000  # of a stored answer
+TEST_PROMPT = "an exhausted soldier, left arm hanging"
 _SCHEMA_REFUSED = (400, 404, 415, 422, 501)  # statuses of endpoints that know no response_format
 
 
@@ -43,7 +55,7 @@ class GptExpander:
         self._last_failure: EndpointError | None = None
 
     def expand(self, prompt: str, stop: threading.Event | None = None) -> Expansion:
-        """Descriptions by the language model, with source "gpt"; from the cache when it was asked before.
+        """Descriptions by the language model, with source "gpt"; from the cache when it was sent before.
 
         PromptError when the prompt cannot be used, when the model gives no usable answer even after one repair, or as
         PromptCancelledError when `stop` is set meanwhile. UsageError when it is not configured.
@@ -143,3 +155,111 @@ class GptExpander:
         return AnswerCache(
             self._cache_directory or cache_directory(), settings.model, settings.base_url, version
         )
+
+
+def cache_directory(environment: Mapping[str, str] | None = None) -> Path:
+    """$SPORT_CACHE_DIR, else $XDG_CACHE_HOME/sport-viewer, else ~/.cache/sport-viewer."""
+    env = os.environ if environment is None else environment
+    if env.get("SPORT_CACHE_DIR"):
+        return Path(env["SPORT_CACHE_DIR"])
+    return Path(env.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "sport-viewer"
+
+
+@dataclass(frozen=True)
+class AnswerCache:
+    """One small JSON file for each prompt, model, endpoint and version of the instructions.
+
+    An entry that is damaged or that cannot be written costs a log line and a question to the model, never an error.
+    The address of the endpoint, which may hold credentials, only goes into the file's name, as a hash.
+    """
+
+    directory: Path
+    model: str
+    base_url: str
+    version: str
+
+    def get(self, prompt: str) -> PartDescriptions | None:
+        """The stored answer, or None."""
+        path = self._path(prompt)
+        try:
+            value = parse_json(read_bounded(path, MAX_BYTES))
+            if (value["prompt"], value["model"]) != (prompt, self.model):
+                raise ValueError("of another prompt or model")
+            return PartDescriptions.from_mapping(value["descriptions"])
+        except (FileError, ValueError, KeyError, TypeError, AttributeError, PromptError) as error:
+            if isinstance(error.__cause__, FileNotFoundError):
+                return None
+            _log.warning("%s: cached answer ignored (%s)", path, error)
+            return None
+
+    def put(self, prompt: str, descriptions: PartDescriptions) -> None:
+        """Store an answer."""
+        value = {"prompt": prompt, "model": self.model, "descriptions": descriptions.to_mapping()}
+        try:
+            write_atomic(self._path(prompt), json.dumps(value, ensure_ascii=False, indent=1))
+        except FileError as error:
+            _log.warning("answer not cached: %s", error.problem)
+
+    def _path(self, prompt: str) -> Path:
+        key = json.dumps([prompt, self.model, self.base_url, self.version])
+        return self.directory / "gpt" / f"{hashlib.sha256(key.encode('utf-8')).hexdigest()}.json"
+
+
+def check_endpoint(settings: GptSettings, stop: threading.Event) -> str:
+    """Ask the endpoint of `settings` for one prompt and say how it went, without the key.
+
+    Waits for the answer: call it in a worker thread. SportError says what is wrong, PromptCancelledError that `stop`
+    was set meanwhile.
+    """
+    with tempfile.TemporaryDirectory(prefix="sport-check-") as empty_cache:
+        expander = GptExpander(settings, Path(empty_cache))
+        expander.prepare()
+        started = time.monotonic()
+        expander.expand(TEST_PROMPT, stop)
+        seconds = time.monotonic() - started
+    return f"{settings.model} at {settings.host} answered in {seconds:.1f} s."
+
+
+class FallbackExpander:
+    """Expands by `primary`, and by `secondary` with a note why when that fails."""
+
+    def __init__(self, primary: GptExpander, secondary: Expander) -> None:
+        self._primary = primary
+        self._secondary = secondary
+
+    def expand(self, prompt: str) -> Expansion:
+        """Descriptions of whichever answers; PromptError when the prompt itself cannot be used or was withdrawn."""
+        *_, (expansion, _) = self.steps(prompt, threading.Event())
+        return expansion
+
+    def steps(self, prompt: str, stop: threading.Event) -> Iterator[tuple[Expansion, bool]]:
+        """The library's answer at once and the language model's when it comes: (expansion, whether it is final).
+
+        What the language model has answered before is there at once. PromptCancelledError soon after `stop` is set.
+        """
+        prompt = check_prompt(prompt)
+        stored = self._primary.stored(prompt)
+        if stored is not None:
+            yield stored, True
+            return
+        quick = self._secondary.expand(prompt)
+        yield quick, False
+        try:
+            answer = self._primary.expand(prompt, stop)
+        except PromptCancelledError:
+            raise
+        except SportError as error:
+            _log.warning("language model: %s", error)
+            note = f"Language model: {error.problem} The library answered. {quick.note}".strip()
+            answer = replace(quick, note=note)
+        yield answer, True
+
+
+def open_expander(library: Expander, settings: GptSettings) -> FallbackExpander:
+    """The language model of `settings` with the library behind it.
+
+    Takes some tenths of a second, for its imports: call it in a worker thread.
+    """
+    gpt = GptExpander(settings)
+    gpt.prepare()
+    return FallbackExpander(gpt, library)

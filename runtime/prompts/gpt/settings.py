@@ -1,9 +1,10 @@
-"""Which language model is asked, with which key, and how long it may take."""
+"""The language model, its key, and how long it may take."""
 
 from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NoReturn
@@ -54,7 +55,7 @@ class Secret:
 class GptSettings:
     """An endpoint that speaks OpenAI's chat completions; UsageError names a field that cannot be used.
 
-    `timeout_s` bounds one request, `deadline_s` everything asked for one prompt: retries, waits and the repair.
+    `timeout_s` bounds one request, `deadline_s` all requests for one prompt: retries, waits and the repair.
     After a failure that cost more than `costly_s`, the endpoint is left alone for `pause_s`.
     """
 
@@ -70,18 +71,17 @@ class GptSettings:
     pause_s: float = 30.0
 
     def __post_init__(self) -> None:
-        key = self.api_key.reveal()
-        if not key.isascii() or not key.isprintable() or " " in key:
+        if not re.fullmatch(r"[!-~]*", self.api_key.reveal()):
             raise UsageError(
                 f"API key ({KEY}): has characters that no key has.",
                 "Copy the key again, without line breaks.",
             )
         _check_url(self.base_url)
-        if not self.model or len(self.model) > 200 or not self.model.isprintable():
+        if not 0 < len(self.model) <= 200 or not self.model.isprintable():
             raise UsageError(f"{MODEL}: expected the name of a model.", f"Write {MODEL}={DEFAULT_MODEL}.")
         for name in ("timeout_s", "deadline_s", "backoff_s", "longest_wait_s", "costly_s", "pause_s"):
             value = getattr(self, name)
-            if not math.isfinite(value) or not 0.0 <= value <= MAX_SECONDS:
+            if not 0.0 <= value <= MAX_SECONDS:  # nor a NaN
                 raise UsageError(f"{name} {value}: expected 0 to {MAX_SECONDS:.0f} seconds.", "Try 10.")
         if self.timeout_s <= 0.0 or not 1 <= self.attempts <= 10:
             raise UsageError("timeout_s and attempts must be above 0, attempts at most 10.", "Try 10 and 3.")

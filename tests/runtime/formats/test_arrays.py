@@ -11,7 +11,6 @@ import pytest
 
 from runtime.errors import UsageError
 from runtime.formats import arrays
-from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
 from runtime.formats.prepare import ExportOptions
 from runtime.formats.table import check_export, save_motion
 from runtime.takes.clip import Clip
@@ -44,15 +43,6 @@ def test_an_npz_has_the_motion_and_what_is_known_of_it(tmp_path: Path) -> None:
     steps = np.flatnonzero(np.diff(contacts[:, :2].max(axis=1)) > 0) + 1
     assert np.allclose(phase[steps[:-1], 0], 0.0)
     assert np.nanmax(phase) < 2 * np.pi
-
-
-def test_a_bvh_without_contacts_gets_those_of_its_motion(tmp_path: Path) -> None:
-    clip = load_clip_bvh(save_bvh(CLIP, tmp_path / "a.bvh"))
-    assert not clip.contacts.any()
-    save_motion(clip, tmp_path / "a.npz", ExportOptions(), FLAT)
-    with np.load(tmp_path / "a.npz") as found:
-        bears = found["contacts"].any(axis=1).mean()
-    assert bears > 0.5
 
 
 def test_a_csv_has_a_row_a_frame(tmp_path: Path) -> None:

@@ -17,8 +17,7 @@ import pytest
 from runtime.errors import FileError, PromptError
 from runtime.prompts.expander import Expansion
 from runtime.prompts.gpt.client import retry_after
-from runtime.prompts.gpt.expander import GptExpander
-from runtime.prompts.gpt.fallback import FallbackExpander
+from runtime.prompts.gpt.expander import FallbackExpander, GptExpander
 from runtime.prompts.gpt.prompt import LISTS, load_structured_prompt
 from runtime.skeleton import PART_NAMES
 from tests.helpers.gpt_endpoint import (

@@ -12,8 +12,7 @@ from typing import Any
 
 import pytest
 
-from runtime.prompts.gpt.bounded_http import MAX_BODY_BYTES
-from runtime.prompts.gpt.client import ChatClient, EndpointError
+from runtime.prompts.gpt.client import MAX_BODY_BYTES, ChatClient, EndpointError
 from tests.helpers.gpt_endpoint import PROUD, Endpoint, completion, say
 
 MAX_GROWTH = 20e6  # bytes held at once by client and server together; asked are 50 MB
@@ -154,7 +153,7 @@ def test_prompts_go_to_no_other_host(
     try:
         place = {"Location": f"{other.url}/chat/completions"}
         endpoint.script = [lambda handler: handler.reply(status, "", place)]
-        with pytest.raises(EndpointError, match=f"127.0.0.1:{other.server_port}, which was not asked"):
+        with pytest.raises(EndpointError, match=f"127.0.0.1:{other.server_port}, which is another address"):
             ask(settings_of(endpoint, attempts=1))
         assert other.requests == []
         assert len(endpoint.requests) == 1

@@ -14,9 +14,13 @@ import pytest
 
 from runtime.errors import PromptError, UsageError
 from runtime.prompts.expander import Expansion
-from runtime.prompts.gpt.cache import AnswerCache, cache_directory
-from runtime.prompts.gpt.expander import GptExpander
-from runtime.prompts.gpt.fallback import FallbackExpander, check_endpoint
+from runtime.prompts.gpt.expander import (
+    AnswerCache,
+    FallbackExpander,
+    GptExpander,
+    cache_directory,
+    check_endpoint,
+)
 from runtime.prompts.gpt.settings import GptSettings, Secret, gpt_configured
 from tests.helpers.gpt_endpoint import (
     DRUNK,

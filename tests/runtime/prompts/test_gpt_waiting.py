@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from runtime.prompts.expander import Expansion, PromptCancelledError
-from runtime.prompts.gpt.fallback import FallbackExpander, open_expander
+from runtime.prompts.gpt.expander import FallbackExpander, open_expander
 from runtime.prompts.gpt.settings import GptSettings
 from runtime.prompts.service import PromptWorker
 from tests.helpers.gpt_endpoint import (

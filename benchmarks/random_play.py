@@ -153,7 +153,7 @@ def play(
         fresh = frame % (GROUND_SECONDS * FPS) == 0
         if fresh:
             x, _, z = controller.pose.root_position
-            controller.set_terrain(grounds[rng.integers(len(grounds))](rng))
+            controller.set_terrain(grounds[int(rng.integers(len(grounds)))](rng))
             if max(abs(x), abs(z)) > SIZE_M / 2 - 3:
                 controller.reset()
         if frame >= prompt_ends and codes:

@@ -31,10 +31,9 @@ from training.augmentation.measured_edits import rhythm_section
 from training.augmentation.motion import EditedMotion, cut
 from training.augmentation.pool import NEUTRAL, Pool, Source
 from training.data import relief
-from training.data.clip_files import TrainingClip
-from training.data.height_patches import Patches
+from training.data.clips import Patches, TrainingClip
 from training.data.labels import FOOT_JOINTS
-from training.data.style_library import style_library
+from training.data.sources import style_library
 from training.frames import LAYERED
 from training.markdown import table
 

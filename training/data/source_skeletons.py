@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
+from types import MappingProxyType
 
 import numpy as np
 
 from runtime import rotations
 from runtime.arrays import Array
-from runtime.errors import FileError
 from runtime.formats.bvh import BvhMotion
 
 _UP, _DOWN = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0])
@@ -82,9 +82,8 @@ class SourceSkeleton:
     fixed_scale: float | None = None  # metres per file unit; None: by the ratio of leg lengths
     head_lift_degrees: float = 0.0  # tilt of neck and head that levels the gaze, see DataSet
     neck_base: str = "Neck"  # the joint at the top of the chest: the trunk leads to it
-    # a take beside the clip whose first frame stands upright, or "" for the clip's own: corrections are measured there
+    # a take in the clip's folder whose first frame stands upright, or "" for the clip's own: corrections are measured there
     reference: str | None = None
-    notes: str = field(default="")
 
     def corrections(self, motion: BvhMotion) -> dict[str, Array]:
         """Constant rotations C `(4,)` by SPORT joint: our world rotation is the source's times C.
@@ -129,27 +128,28 @@ def same_rest(**names: str) -> dict[str, SourceJoint]:
     return {target: SourceJoint(source) for target, source in names.items()}
 
 
-def same_limbs() -> dict[str, SourceJoint]:
-    """Limbs that are named as ours and whose bones we turn along the source's own, from joint to joint."""
-    along = {"Arm": "ForeArm", "ForeArm": "Hand", "UpLeg": "Leg", "Leg": "Foot"}
+def limbs(
+    parts: Mapping[str, str] | Sequence[str],
+    name: Callable[[str, str], str] = str.__add__,
+    axes: Mapping[str, str] | str | None = None,
+    along: Mapping[str, str] = MappingProxyType({}),
+) -> dict[str, SourceJoint]:
+    """Source joints of both sides: `parts` by our names, spelled by `name` of side and part.
+
+    `axes` are those of all, or by side; `along` names the part that our bone is aligned with, see `SourceJoint`.
+    """
+    named = parts if isinstance(parts, Mapping) else {part: part for part in parts}
     return {
-        side + limb: SourceJoint(side + limb, along=side + along[limb] if limb in along else None)
+        side + target: SourceJoint(
+            name(side, part),
+            axes=axes[side] if isinstance(axes, Mapping) else axes,
+            along=name(side, along[target]) if target in along else None,
+        )
         for side in SIDES
-        for limb in LIMBS
+        for target, part in named.items()
     }
 
 
-def recognise(motion: BvhMotion, file_name: str, known: Iterable[SourceSkeleton]) -> SourceSkeleton:
-    """The skeleton among `known` of a motion; FileError names the file when there is none."""
-    names = set(motion.skeleton.names)
-    for skeleton in known:
-        if skeleton.signature <= names:
-            missing = {j.name for j in skeleton.joints.values()} - names
-            if missing:
-                raise FileError(
-                    f"{file_name}: joints {sorted(missing)} are missing.", "Export the clip again."
-                )
-            return skeleton
-    raise FileError(
-        f"{file_name}: none of the known skeletons.", "Give a joint map (SourceSkeleton) for this file."
-    )
+def same_limbs() -> dict[str, SourceJoint]:
+    """Limbs that are named as ours and whose bones we turn along the source's own, from joint to joint."""
+    return limbs(LIMBS, along={"Arm": "ForeArm", "ForeArm": "Hand", "UpLeg": "Leg", "Leg": "Foot"})

@@ -18,16 +18,9 @@ import numpy as np
 from runtime import rotations
 from runtime.errors import FileError
 from runtime.formats.bvh import BvhMotion, read_bvh
-from runtime.skeleton import SPORT_SKELETON, Skeleton
-from training.data.source_skeletons import (
-    LIMBS,
-    SIDES,
-    SourceJoint,
-    SourceSkeleton,
-    limbs,
-    same_limbs,
-    same_rest,
-)
+from runtime.skeleton import Skeleton
+from training.data import source_skeletons as skeletons
+from training.data.source_skeletons import SourceSkeleton
 
 
 @dataclass(frozen=True)
@@ -129,10 +122,6 @@ _O3DE_CONTENT = {
     "Crouching": "crouched walk", "Jumps": "mixed walk jog jump onto a platform", "Run": "run forward",
     "RunPivotTurn": "run turns", "Jog": "jog forward", "JogPivotTurn": "jog turns", "Walk": "walk forward",
 }  # fmt: skip
-# a trunk of four joints under the neck
-_FOUR = {
-    "Hips": "Hips", "LowerBack": "Spine1", "Spine": "Spine2", "Spine1": "Spine3", "Neck1": "Neck", "Head": "Head",
-}  # fmt: skip
 
 
 def _o3de(path: Path) -> Shown | str:
@@ -176,10 +165,6 @@ def _accad(path: Path) -> Shown | str:
 _STYLE100_CONTENT = {
     "FW": "walk forward", "BW": "walk backward", "SW": "walk sideways", "FR": "run forward", "BR": "run backward",
     "SR": "run sideways", "ID": "idle", "TR1": "mixed transitions",
-}  # fmt: skip
-_STYLE100_LIMBS = {
-    "UpLeg": "Hip", "Leg": "Knee", "Foot": "Ankle", "ToeBase": "Toe",
-    "Shoulder": "Collar", "Arm": "Shoulder", "ForeArm": "Elbow", "Hand": "Wrist",
 }  # fmt: skip
 
 
@@ -255,25 +240,6 @@ def _longest_gestures(clips: list[ClipSource]) -> Listing:
     return kept, refused
 
 
-def _bandai_skeleton() -> SourceSkeleton:
-    trunk = {"Spine": "Spine", "Spine1": "Chest", "Neck1": "Neck", "Head": "Head"}
-    joints = {"Hips": SourceJoint("Hips", axes="+Y -X +Z")}
-    joints |= {target: SourceJoint(name, axes="+Y +Z +X") for target, name in trunk.items()}
-    arm = {"Left": "+X +Y +Z", "Right": "+X -Y -Z"}
-    leg = {"Left": "-Y +X +Z", "Right": "+Y +X -Z"}
-    foot = {"Left": "+Z +X +Y", "Right": "-Z +X -Y"}
-    for parts, axes in zip(_PARTS_OF_LIMBS, (arm, leg, foot), strict=True):
-        joints |= limbs(parts, lambda side, part: f"{part}_{side[0]}", axes)
-    return SourceSkeleton("bandai_namco", frozenset({"joint_Root", "UpperArm_L"}), joints)
-
-
-# arms, legs and feet as Bandai Namco and José Luis Pontón name them
-_PARTS_OF_LIMBS = (
-    {"Shoulder": "Shoulder", "Arm": "UpperArm", "ForeArm": "LowerArm", "Hand": "Hand"},
-    {"UpLeg": "UpperLeg", "Leg": "LowerLeg"},
-    {"Foot": "Foot", "ToeBase": "Toes"},
-)
-
 # --- CMU motion capture: walks, runs, jumps, stairs, uneven ground; and subject 91, jumps with turns ------------------
 
 _CMU_STYLES = {"exaggerated stride": "cmu_exaggerated_stride", "hop": "cmu_hop"}
@@ -299,54 +265,6 @@ def _cmu(path: Path) -> Shown | str:
     terrain = "contacts" if "uneven" in text or "steps" in text else "flat"
     capture = "cmu_plain" if path.stem.startswith("131_") else "cmu"
     return Shown(style, text, terrain=terrain, capture=capture)
-
-
-def _daz_skeleton() -> SourceSkeleton:
-    joints = same_rest(Hips="hip", Spine="abdomen", Spine1="chest", Neck1="neck", Head="head")
-    joints["LowerBack"] = SourceJoint("hip", "abdomen", 0.5)
-    parts = {
-        "UpLeg": "Thigh", "Leg": "Shin", "Foot": "Foot",
-        "Shoulder": "Collar", "Arm": "Shldr", "ForeArm": "ForeArm", "Hand": "Hand",
-    }  # fmt: skip
-    along = {"UpLeg": "Shin", "Leg": "Foot", "Arm": "ForeArm", "ForeArm": "Hand", "Hand": "Mid1"}
-    joints |= limbs(parts, lambda side, part: side[0].lower() + part, along=along)
-    return SourceSkeleton(
-        "cmu_daz",
-        frozenset({"abdomen", "lShldr"}),
-        joints,
-        has_toe_rotation=False,
-        toe_is_end_site=True,
-        neck_base="neck",
-    )
-
-
-def _cmu_plain_skeleton() -> SourceSkeleton:
-    joints = same_rest(
-        Hips="Hips",
-        LowerBack="lowerback",
-        Spine="Chest",
-        Spine1="Chest2",
-        Neck="lowerneck",
-        Neck1="Neck",
-        Head="Head",
-    )
-    along = {"UpLeg": "Knee", "Leg": "Ankle", "Arm": "Elbow", "ForeArm": "Wrist"}
-    joints |= limbs(_STYLE100_LIMBS, along=along)
-    for side in SIDES:
-        joints[side + "Hand"] = SourceJoint(side + "Wrist", along=side[0] + "Fingers")
-    return SourceSkeleton("cmu_plain", frozenset({"lowerback", "LHipJoint"}), joints, neck_base="lowerneck")
-
-
-def _cmu91_skeleton() -> SourceSkeleton:
-    joints = same_rest(Hips="Hips", Spine="Spine", Spine1="Spine1", Neck1="Neck", Head="Head")
-    return SourceSkeleton(
-        "cmu91",
-        frozenset({"LeftHipJoint", "Spine1"}),
-        joints | limbs(LIMBS[:-1]),
-        has_toe_rotation=False,
-        toe_is_end_site=True,
-        reference="",
-    )
 
 
 # --- idles and loops: ProAnimationBank (arms crossed, a twitching stand, cycles), AnimatedDrawings (zombie, wave) -----
@@ -377,26 +295,6 @@ def read_z_up(path: Path) -> BvhMotion:
     return replace(motion, positions=positions, local_rotations=local)
 
 
-def _fair_skeleton() -> SourceSkeleton:
-    axes = "+X -Z +Y"  # lies on its back: the file's Z is up, its -Y ahead
-    joints = {target: SourceJoint(name, axes=axes) for target, name in _FOUR.items()} | limbs(
-        LIMBS, axes=axes
-    )
-    return SourceSkeleton(
-        "fair", frozenset({"LeftHandThumb1", "LeftToeBase", "Spine3"}), joints, has_toe_rotation=False
-    )
-
-
-def _biped_skeleton() -> SourceSkeleton:
-    joints = same_rest(**_FOUR | {"Hips": "Pelvis"}) | limbs(LIMBS)
-    for side in SIDES:
-        joints[side + "ToeBase"] = SourceJoint(side + "FootThumb1")
-    joints["LeftHand"] = SourceJoint("Lefthand")  # as the files spell it
-    return SourceSkeleton(
-        "biped", frozenset({"Lefthand", "LeftFootThumb1"}), joints, has_toe_rotation=False, reference=""
-    )
-
-
 # --- 100STYLE's WalkingStickLeft run and walked backwards, as global joint transforms ---------------------------------
 
 
@@ -420,27 +318,6 @@ def read_transforms(path: Path) -> BvhMotion:
     return BvhMotion(skeleton, bones, local, 1.0 / fps, {})
 
 
-# --- José Luis Pontón; Holden et al. 2017 -----------------------------------------------------------------------------
-
-
-def _jlpm_skeleton() -> SourceSkeleton:
-    trunk = {
-        "Hips": "Hips", "LowerBack": "Spine", "Spine": "Chest", "Spine1": "UpperChest", "Neck1": "Neck", "Head": "Head",
-    }  # fmt: skip
-    joints = {target: SourceJoint(name, axes="-X +Y -Z") for target, name in trunk.items()}
-    arm = {"Left": "+Z +X +Y", "Right": "-Z -X +Y"}
-    arms, legs, feet = _PARTS_OF_LIMBS
-    joints |= limbs(arms, axes=arm) | limbs(legs, axes="+X -Y -Z") | limbs(feet, axes="+X +Z -Y")
-    return SourceSkeleton("jlpm", frozenset({"UpperChest", "LeftUpperLeg"}), joints)
-
-
-def _pfnn_skeleton() -> SourceSkeleton:
-    same = [n for n in SPORT_SKELETON.names if not n.startswith(("LeftUpLeg", "RightUpLeg"))]
-    joints = {name: SourceJoint(name) for name in same}
-    joints |= limbs(("UpLeg", "Leg"), along={"UpLeg": "Leg", "Leg": "Foot"})
-    return SourceSkeleton("pfnn", frozenset({"LHipJoint", "LowerBack"}), joints)
-
-
 # --- the table, in the order in which they are imported ---------------------------------------------------------------
 
 _STYLE100_CREDIT = "The 100STYLE Dataset - Ian Mason (CC BY 4.0)"
@@ -449,14 +326,7 @@ DATA_SETS: tuple[DataSet, ...] = (
         "o3de",
         "Copyright (c) Contributors to the Open 3D Engine Project (Apache-2.0 or MIT)",
         _o3de,
-        (
-            SourceSkeleton(
-                "o3de",
-                frozenset({"Spine3", "Neck1", "LeftToeBase"}),
-                same_rest(**_FOUR) | same_limbs(),
-                has_toe_rotation=False,
-            ),
-        ),
+        (skeletons.O3DE,),
         long_takes=True,
         head_lift_degrees={"o3de": 10.0},
     ),
@@ -464,15 +334,7 @@ DATA_SETS: tuple[DataSet, ...] = (
         "accad",
         "ACCAD, The Ohio State University (CC BY 3.0)",
         _accad,
-        (
-            SourceSkeleton(
-                "accad",
-                frozenset({"ToSpine", "LeftToeBase"}),
-                same_rest(Hips="Hips", Spine="Spine", Spine1="Spine1", Neck1="Neck", Head="Head")
-                | limbs(LIMBS),
-                reference="",
-            ),
-        ),
+        (skeletons.ACCAD,),
         # a take of each person in which they stand upright at the first frame
         references={"accad_female1": "Female1_A01_Stand.bvh", "accad_male1": "Male1_A1_Stand.bvh"},
         head_lift_degrees={"accad_male1": 8.0},
@@ -481,15 +343,7 @@ DATA_SETS: tuple[DataSet, ...] = (
         "100style",
         _STYLE100_CREDIT,
         _style100,
-        (
-            SourceSkeleton(
-                "100style",
-                frozenset({"Chest4", "LeftAnkle"}),
-                same_rest(**_FOUR | {"LowerBack": "Chest", "Spine": "Chest3", "Spine1": "Chest4"})
-                | limbs(_STYLE100_LIMBS),
-                has_toe_rotation=False,
-            ),
-        ),
+        (skeletons.STYLE100,),
         files="**/*.bvh",
         long_takes=True,
         has_tpose=True,
@@ -508,7 +362,7 @@ DATA_SETS: tuple[DataSet, ...] = (
         "bandai_namco",
         "Bandai Namco Research Motiondataset (CC BY-NC 4.0)",
         _bandai,
-        (_bandai_skeleton(),),
+        (skeletons.BANDAI,),
         free=False,
         files="**/*.bvh",
         clip_name=_bandai_name,
@@ -519,28 +373,28 @@ DATA_SETS: tuple[DataSet, ...] = (
         "cmu",
         "Data from mocap.cs.cmu.edu, created with funding from NSF EIA-0196217",
         _cmu,
-        (_daz_skeleton(), _cmu_plain_skeleton()),
+        (skeletons.CMU_DAZ, skeletons.CMU_PLAIN),
         first_frame=3,  # frame 0 is a T-pose, smeared over the next two by the resampling to 60 Hz
     ),
     DataSet(
         "cmu91",
         "CMU subject 91: mocap.cs.cmu.edu, created with funding from NSF EIA-0196217",
         lambda _: Shown("neutral", "jump and turn"),
-        (_cmu91_skeleton(),),
+        (skeletons.CMU91,),
         first_frame=1,
     ),
     DataSet(
         "fair_zombie",
         "Zombie walk: Copyright (c) Meta Platforms, Inc. and affiliates (MIT)",
         lambda path: _FAIR.get(path.stem, "unknown take"),
-        (_fair_skeleton(),),
+        (skeletons.FAIR,),
         clip_name="fair_",
     ),
     DataSet(
         "small_mit",
         "ProAnimationBank (MIT); waving: Copyright (c) Meta Platforms, Inc. and affiliates (MIT)",
         lambda path: _SMALL.get(path.stem, "unknown take"),
-        (_biped_skeleton(),),
+        (skeletons.BIPED,),
         clip_name="small_",
         read=read_z_up,
         references={"small_mit": "crossarms.bvh"},
@@ -549,14 +403,7 @@ DATA_SETS: tuple[DataSet, ...] = (
         "walking_stick",
         "100STYLE WalkingStickLeft - Ian Mason, by way of a CC BY-NC repository (non-commercial)",
         lambda _: Shown("walking_stick", "run backward"),
-        (
-            SourceSkeleton(
-                "transforms",
-                frozenset({"Spine3", "LeftToeBase"}),
-                same_rest(**_FOUR) | same_limbs(),
-                has_toe_rotation=False,
-            ),
-        ),
+        (skeletons.TRANSFORMS,),
         free=False,
         files="*.npz",
         clip_name="stick_",
@@ -567,7 +414,7 @@ DATA_SETS: tuple[DataSet, ...] = (
         "jlpm",
         "José Luis Pontón, locomotion take (MIT)",
         lambda _: Shown("neutral_cmu", "mixed walk jog"),
-        (_jlpm_skeleton(),),
+        (skeletons.JLPM,),
         long_takes=True,
         slide=2.5,  # inertial capture: feet slide in stance, so contact is granted at higher speeds
         head_lift_degrees={"jlpm": 5.0},
@@ -576,7 +423,7 @@ DATA_SETS: tuple[DataSet, ...] = (
         "pfnn",
         "Holden et al. 2017, Phase-Functioned Neural Networks (academic, non-commercial)",
         lambda _: Shown("neutral_rough", "mixed locomotion"),
-        (_pfnn_skeleton(),),
+        (skeletons.PFNN,),
         free=False,
         head_lift_degrees={"pfnn": 20.0},
     ),

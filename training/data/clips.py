@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.arrays import Array
-from runtime.errors import FileError
+from runtime.safe_read import open_npz
 from runtime.skeleton import mirror_motion
 from runtime.terrain.height_map import Terrain
 
@@ -101,11 +101,8 @@ def grid_under(
 
 def load_rollout_terrain(path: Path) -> tuple[Array, float]:
     """Heights `(n, m)` and cell, both in metres, of a height map of the rollouts."""
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            return np.asarray(data["height_cm"], np.float64) * 0.01, float(data["cell_cm"]) * 0.01
-    except (OSError, KeyError, ValueError) as error:
-        raise FileError(f"{path}: {error}.", "Unpack the archive again.") from error
+    with open_npz(path, "Unpack the archive again.") as data:
+        return np.asarray(data["height_cm"], np.float64) * 0.01, float(data["cell_cm"]) * 0.01
 
 
 def wrapped_height(heights: Array, cell: float, x: Array, z: Array) -> Array:

@@ -20,6 +20,7 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.errors import FileError, SportError, run_command
+from runtime.safe_read import open_npz
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON
 from training.data import cutting, labels, relief
 from training.data.clips import Patches, TrainingClip, crop_rollout, load_rollout_terrain, wrapped_height
@@ -275,12 +276,9 @@ class _Rollout:
 
 def _read_rollout(clip: ClipSource) -> _Rollout:
     path = clip.path.with_suffix(".npz")
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            terrain = f"terrain_{str(data['terrain']).removeprefix('terrain_')}.npz"
-            gait, contact = data["gait"].astype(np.float64), data["contact"].astype(np.float64)
-    except (OSError, KeyError, ValueError) as error:
-        raise FileError(f"{path}: {error}.", "Unpack the archive again.") from error
+    with open_npz(path, "Unpack the archive again.") as data:
+        terrain = f"terrain_{str(data['terrain']).removeprefix('terrain_')}.npz"
+        gait, contact = data["gait"].astype(np.float64), data["contact"].astype(np.float64)
     heights, cell = load_rollout_terrain(path.parent / terrain)
     return _Rollout(heights, cell, gait, contact)
 

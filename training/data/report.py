@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from runtime.controls import Gait
-from runtime.errors import FileError
 from runtime.formats.bvh_clip import save_bvh
+from runtime.safe_read import open_npz
 from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
 from training.data import gait
@@ -208,12 +208,9 @@ def _walks(data: Path, clips: Path) -> dict[tuple[str, str], list[tuple[ClipSour
 
 def _exported(path: Path, folder: Path) -> Path:
     """An imported clip as the BVH that the program would export."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            hips, local = file["hips_positions"], file["local_rotations"]
-            contacts = file["contacts"].astype(np.float32)
-    except (OSError, ValueError, KeyError) as error:
-        raise FileError(f"{path}: not a clip file.", "Run the importer again.") from error
+    with open_npz(path, "Run the importer again.") as file:
+        hips, local = file["hips_positions"], file["local_rotations"]
+        contacts = file["contacts"].astype(np.float32)
     target = folder / f"{path.stem}.bvh"
     save_bvh(Clip(path.stem, 60.0, hips, local, contacts), target)
     return target

@@ -113,6 +113,7 @@ class ClipOptions:
     strength: float = 1.0  # of the style: see `Controller`
     size: float = 1.0  # of `Character`: a smaller body takes smaller steps on the same ground
     pins: str | Sequence[Pin] = ()  # that bend the poses, as text of `runtime.takes.pins` too
+    exact_legs: bool = True  # legs show what their words say by an edit where the network does not
     response: float = (
         0.0  # how quickly starts, stops and turns follow the stick: 0 as in capture, 1 as in a game
     )
@@ -144,7 +145,10 @@ def generate_clip(
         prompter = Prompter(controller.model, o.expander, o.report, o.text_encoder, meant.__setitem__)
     else:
         prompter = o.prompter.listening(o.report, meant.__setitem__)
-    styles = [(event.seconds, prompter(words)) for event, words in zip(events, requested, strict=True)]
+    styles = [
+        (event.seconds, prompter.style(words, o.exact_legs))
+        for event, words in zip(events, requested, strict=True)
+    ]
     poses, gaits = _walk(controller, script, styles, first_gait, round(seconds * FPS), o.transition_seconds)
     events = _described(events, requested, meant, o.transition_seconds)
     spec = str(terrain) if not isinstance(terrain, Terrain) else terrain.name

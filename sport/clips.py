@@ -35,7 +35,7 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
         "gait": options.gait or "walk", "controls": controls, "transition_seconds": options.transition,
         "speed": 1.0 if options.speed is None else options.speed, "strength": options.strength,
         "response": options.response, "expander": options.expander, "text_encoder": options.text_encoder,
-        "report": note, "pins": "; ".join(options.pin),
+        "report": note, "pins": "; ".join(options.pin), "exact_legs": not options.network_legs,
     }  # fmt: skip
     if any(out.suffix.lower() == ".bvh" for out in outputs):
         check_bvh_length(seconds, export.fps)

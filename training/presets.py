@@ -7,7 +7,7 @@ from typing import Any
 
 from runtime.errors import UsageError
 from runtime.motion.features import OUTPUT_SIZE, PAPER_OUTPUT_SIZE
-from runtime.prompts.sentence_inputs import GROUPS
+from runtime.prompts.content import GROUPS
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ import torch
 from torch import Tensor
 
 from runtime.errors import FileError
+from runtime.prompts.content import part_inputs
 from runtime.prompts.parts import PartDescriptions
-from runtime.prompts.sentence_inputs import part_inputs
 from runtime.prompts.text_encoder import TextEncoderLike
 from runtime.skeleton import PART_NAMES
 from training.augmentation.catalogue import PartEdit, part_edits
@@ -35,7 +35,7 @@ class StyleTexts:
     """Descriptions of every clip.
 
     `sentences[k]` are part k's distinct sentences with embeddings `embeddings[k]` `(U_k, D)`, to which direction
-    words and side belong if the model has them (`runtime.prompts.sentence_inputs`);
+    words and side belong if the model has them (`runtime.prompts.content`);
     `index` `(clips, PARAPHRASES, 6)` points into them. `keys` `(clips, 6)` numbers what a part does: equal keys are
     the same content, whatever the words. `names` are the keys' names.
     """

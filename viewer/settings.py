@@ -101,6 +101,11 @@ class Settings:
         1.0, 0.0, 1.5, label="strength %.0f %%", factor=100.0, whole=True,
         hint="How far the style goes from plain walking: 0 leaves it out, more than 100 exaggerates it",
     )  # fmt: skip
+    exact_legs: bool = specified(
+        True,
+        label="Exact legs",
+        hint="Legs do what their words say: what the network does not show of the line of the feet, hips, heels,\ntoes and knees is edited. Off: the network alone",
+    )
     blend_seconds: float = specified(
         0.8, 0.1, 5.0, label="change over %.1f s", logarithmic=True,
         hint="How long the character takes to change from one style to the next",

@@ -11,12 +11,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 
 from runtime.arrays import Array
 from runtime.feet.ik import EASE_REACH, MAX_REACH
 from runtime.feet.leg import Knee, LegPose, bent, leg_forward, leg_inverse
+from runtime.feet.leg_edit import LegEdit, LegRequest
 from runtime.feet.narrow_support import Balance, SidewaysLead, may_be_narrow, pull_of_beam, side_of_beam
 from runtime.feet.planted_foot import SETTINGS, PlantedFoot, span
 from runtime.scalar_math import Vector, damp, smoothstep
@@ -77,6 +79,19 @@ def rise_for(hip: Vector, ankle: Vector, spans: float) -> float:
     return ankle[1] + sqrt(max(spans * spans - across, 0.0)) - hip[1]
 
 
+class Support(NamedTuple):
+    """How a body bears on its feet."""
+
+    airborne: bool = False  # it is thrown, no leg carries it
+    patience: float = 1.0  # how many times as far as usual a held foot may be from the incoming one
+    legs: LegRequest | None = None  # what its legs are to show
+
+
+def _raised(leg: LegPose, up: float) -> LegPose:
+    points = ((p[0], p[1] + up, p[2]) for p in (leg.hip, leg.knee, leg.ankle, leg.toe))
+    return LegPose(*leg[:4], *points)
+
+
 @dataclass(frozen=True)
 class FootLockResult:
     """The pose with planted feet: `hips_position` (3,), `local_rotations` (31, 4)."""
@@ -96,6 +111,7 @@ class FootLock:
         default_factory=lambda: (SidewaysLead(1.0), SidewaysLead(-1.0))
     )
     balance: Balance = field(default_factory=Balance)
+    edit: LegEdit = field(default_factory=LegEdit)
     on_beam: bool = False
     pull: tuple[float, float] = (0.0, 0.0)  # m/s, XZ, that keep the root over a beam
 
@@ -111,31 +127,32 @@ class FootLock:
         contacts: Array,
         terrain: Terrain,
         dt: float,
-        airborne: bool = False,
-        patience: float = 1.0,
+        support: Support | None = None,
     ) -> FootLockResult:
         """Planted pose of an incoming one.
 
         `hips_position` `(3,)`, `local_rotations` `(31, 4)`, `contacts` `(4,)` in 0..1 (left heel, left toe, right
-        heel, right toe), `dt` seconds since the previous call. `airborne`: the body is thrown, no leg carries it. `patience`: how
-        many times as far as usual a held foot may be from the incoming one.
+        heel, right toe), `dt` seconds since the previous call.
         """
         x, y, z = (float(v) for v in hips_position)
         local = np.asarray(local_rotations, np.float64).tolist()
         chances = np.asarray(contacts, np.float64).tolist()
-        s = SETTINGS
+        s, support = SETTINGS, support or Support()
         ground = PointHeights(terrain, y - s.ground_under_hips, y + s.ground_over_hips)
         drop = -self.pelvis.offset
         left, right = (leg_forward(foot.bones, (x, y, z), local) for foot in self.feet)
         incoming = (left, right)
         legs, shown = [left, right], local_rotations
+        if support.legs is not None:
+            up, legs = self.edit.apply(y, incoming, chances, support.legs)
+            y, incoming = y + up, (_raised(left, up), _raised(right, up))
         if may_be_narrow(ground):
-            legs, shown = self._on_beam((x, y, z), incoming, local_rotations, ground, dt)
+            legs, shown = self._on_beam((x, y, z), (legs[0], legs[1]), local_rotations, ground, dt)
         for side, (foot, leg) in enumerate(zip(self.feet, legs, strict=True)):
             foot.observe(leg, chances[2 * side], chances[2 * side + 1], ground, dt)
-            foot.choose_anchor(leg, drop, self.feet[1 - side].refractory > 0.0, patience)
+            foot.choose_anchor(leg, drop, self.feet[1 - side].refractory > 0.0, support.patience)
             foot.plant(leg, drop, ground, dt)
-        self.pelvis.carry(legs, self.feet, dt, airborne)
+        self.pelvis.carry(legs, self.feet, dt, support.airborne)
         drop = -self.pelvis.offset
         result = np.array(shown, copy=True)
         targets = [foot.within_reach(leg, drop, ground) for foot, leg in zip(self.feet, legs, strict=True)]

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from runtime.arrays import Array, Flags
 from runtime.controls import STAND_SPEED, Controls, Gait
+from runtime.feet.foot_lock import Support
+from runtime.feet.leg_edit import LegRequest
 from runtime.motion import features
 from runtime.motion.features import DT, OUTPUT_SIZE, InputParts, OutputParts, split_output
 from runtime.motion.limbs import LEGS, resolve_penetration
@@ -317,15 +319,24 @@ def _plant(
                 unlocked_hips[i], unlocked_local[i], contacts[i] = posed
             stood = feet.feet[0].incoming is not None  # else on ground that has just come under the body
             patience = 1.0 + PATIENCE * (1.0 - float(state.settling.fraction[i]))
-            locked = feet.apply(
-                unlocked_hips[i], unlocked_local[i], contacts[i], terrain, DT, jump.airborne, patience
-            )
+            support = Support(jump.airborne, patience, _leg_request(state, i))
+            locked = feet.apply(unlocked_hips[i], unlocked_local[i], contacts[i], terrain, DT, support)
             shown_hips[i], shown_local[i] = locked.hips_position, locked.local_rotations
             if walls:
                 before = state.poses.local[i] if stood else shown_local[i]
                 shown_local[i] = resolve_penetration(shown_hips[i], shown_local[i], before, terrain)
     state.poses = shown_poses(shown_hips, shown_local, contacts, state.trajectory, terrain)
     return unlocked_hips, unlocked_local
+
+
+def _leg_request(state: CharacterState, index: int) -> LegRequest | None:
+    """What the legs of a character are to show; None where its words ask for nothing and nothing is added."""
+    legs = state.styles[index].style.legs
+    if not legs.any() and not state.feet[index].edit.active:
+        return None
+    path = state.trajectory
+    x, z = path.velocity[index].tolist()
+    return LegRequest(legs.tolist(), float(path.yaw[index, PRESENT]), (x, z), float(state.ground[index]))
 
 
 def _cross(

@@ -19,6 +19,7 @@ import numpy as np
 
 from runtime.checked import read_number
 from runtime.errors import FileError, ModelError
+from runtime.feet.leg_edit import checked_targets
 from runtime.motion.controller import Controller
 from runtime.motion.mirror import LIMBS
 from runtime.motion.state import CharacterState
@@ -117,9 +118,8 @@ def take_snapshot(controller: Controller) -> Snapshot:
 def _written(style: StyleMix | Style, arrays: list[np.ndarray]) -> dict[str, Any]:
     if isinstance(style, Style):
         return write_record(style, arrays)
-    mix = style
-    arrays.append(np.stack(mix.codes))
-    return {"codes": len(arrays) - 1, "weights": list(mix.weights)}
+    arrays.append(np.stack(style.codes))
+    return {"codes": len(arrays) - 1, "weights": list(style.weights), "legs": style.legs.tolist()}
 
 
 def _codes(tree: Any, arrays: list[np.ndarray]) -> StyleCodes:
@@ -139,8 +139,9 @@ def _folded(tree: Any, arrays: list[np.ndarray]) -> Style:
         raise ValueError("weights that no style has")
     z, front_bias, content_weight, content_bias, rest = folded
     walk, jog = (read_number(tree[name], FASTEST) for name in ("walk_speed", "jog_speed"))
-    made = Style(z, front_bias, content_weight, content_bias, walk, jog, rest)
-    if tree.get("opposite") is None:  # so are all of older states, which know no mirror
+    legs = checked_targets(arrays[int(tree["legs"])])
+    made = Style(z, front_bias, content_weight, content_bias, walk, jog, rest, legs)
+    if tree.get("opposite") is None:
         return replace(made, mirrored=tree.get("mirrored") is True)
     opposite = _folded(tree["opposite"] | {"opposite": None}, arrays)
     limbs = tuple(read_number(fraction, LARGEST_SHARE) for fraction in tree["limbs"])
@@ -157,7 +158,7 @@ def _mix(tree: Any, arrays: list[np.ndarray]) -> StyleMix:
     fits = codes.dtype == np.float32 and codes.ndim == 3 and len(codes) == len(fractions)
     if not fits or not 1 <= len(codes) <= MOST_CODES or not (np.abs(codes) <= LARGEST_CODE).all():
         raise ValueError("codes that no style has")
-    return StyleMix(tuple(fractions), tuple(codes))
+    return StyleMix(tuple(fractions), tuple(codes), checked_targets(tree["legs"]))
 
 
 def _arrays(data: bytes) -> dict[str, np.ndarray]:

@@ -12,7 +12,8 @@ from typing import Protocol
 
 import numpy as np
 
-from runtime.arrays import Float32Array
+from runtime.arrays import Array, Float32Array
+from runtime.feet.leg_edit import BOTH
 from runtime.motion.calibration import Calibration
 from runtime.motion.features import C
 from runtime.motion.mirror import LIMBS, Ways, mirrored_code
@@ -36,6 +37,7 @@ class Style:
     jog_speed: float
     # amplitude and turns a second (C, 2) of the phases at rest, by what the arms are to do; zeros of a model that does not tell
     rest: Float32Array = field(default_factory=lambda: np.zeros((C, 2), np.float32))
+    legs: Array = field(default_factory=lambda: np.zeros(BOTH))  # what both legs are to show
     mirrored: bool = False  # folded from the mirror image of z: the network walks it in the mirror
     opposite: Style | None = (
         None  # the same code folded the other way round, where some limbs move as it moves them
@@ -50,10 +52,11 @@ class Style:
 
 @dataclass(frozen=True, eq=False)
 class StyleMix:
-    """Codes Z^t `(6, 64)` with their weights, which sum to one."""
+    """Codes Z^t `(6, 64)` with their weights, which sum to one, and what the legs are to show (`runtime.feet.leg_edit`)."""
 
     weights: tuple[float, ...]
     codes: tuple[Float32Array, ...]
+    legs: Array = field(default_factory=lambda: np.zeros(BOTH))
 
 
 def even_weights(fractions: Shares, weights: Sequence[float]) -> Shares:
@@ -87,7 +90,7 @@ def mixed(styles: Sequence[Style], weights: Sequence[float]) -> Style:
         for name in ("walk_speed", "jog_speed")
     )
     z, front_bias, weight, bias = (mean(n) for n in ("z", "front_bias", "content_weight", "content_bias"))
-    made = Style(z, front_bias, weight, bias, walk, jog, mean("rest"), styles[0].mirrored)
+    made = Style(z, front_bias, weight, bias, walk, jog, mean("rest"), mirrored=styles[0].mirrored)
     opposites = [style.opposite for style in styles if style.opposite is not None]
     if len(opposites) < len(styles):
         return made
@@ -115,6 +118,9 @@ class StyleFolder:
         ModelError where a code does not fit the model.
         """
         mix = style if isinstance(style, StyleMix) else StyleMix((1.0,), (style,))
+        return replace(self._mixed(mix, like), legs=mix.legs)
+
+    def _mixed(self, mix: StyleMix, like: Ways | None) -> Style:
         measured = self._calibration
         if measured is None:
             return mixed([self._folded(z, False) for z in mix.codes], mix.weights)
@@ -182,7 +188,7 @@ class StyleBlend:
             return StyleBlend(codes, (goal, goal), goal)
         ways = Ways(goal.mirrored, goal.opposite is not None or start.opposite is not None)
         if ways != start.ways:
-            start = fold(start.z if isinstance(codes.start, Style) else codes.start, ways)
+            start = fold(_mix(start) if isinstance(codes.start, Style) else codes.start, ways)
         if ways != goal.ways:
             goal = fold(codes.goal, ways)
         ends = start, goal
@@ -203,7 +209,7 @@ class StyleBlend:
     def at_strength(self, strength: float, fold: Fold) -> StyleBlend:
         """The same blend at another strength, by which `fold` folds."""
         start = self.codes.start
-        start = _mix(start.z) if isinstance(start, Style) else start
+        start = _mix(start) if isinstance(start, Style) else start
         return StyleBlend.of(replace(self.codes, start=start, strength=strength), fold)
 
     def advanced(self, dt: float) -> StyleBlend:
@@ -219,12 +225,15 @@ class StyleBlend:
         return self.codes.progress < 1.0
 
 
-def _mix(style: Float32Array | StyleMix) -> StyleMix:
-    """A code `(6, 64)` as a mix of one."""
+def _mix(style: Float32Array | StyleMix | Style) -> StyleMix:
+    """A code `(6, 64)`, or that of a folded style, as a mix of one."""
+    if isinstance(style, Style):
+        return StyleMix((1.0,), (style.z,), style.legs)
     return style if isinstance(style, StyleMix) else StyleMix((1.0,), (np.array(style, np.float32),))
 
 
 def _between(ends: tuple[Style, Style], codes: StyleCodes) -> Style:
     if codes.fraction <= 0.0 or codes.fraction >= 1.0:
         return ends[codes.fraction >= 1.0]
-    return mixed(ends, (1.0 - codes.fraction, codes.fraction))
+    legs = (1.0 - codes.fraction) * ends[0].legs + codes.fraction * ends[1].legs
+    return replace(mixed(ends, (1.0 - codes.fraction, codes.fraction)), legs=legs)

@@ -78,7 +78,7 @@ def parse_weights(text: str) -> Weights:
 
 @dataclass(frozen=True)
 class BlendedPrompt:
-    """Prompt A and prompt B with the share of B in each part: what a take keeps to be replayed exactly.
+    """Prompt A and prompt B with the weight of B in each part: what a take keeps to be replayed exactly.
 
     Each is a prompt, or six descriptions where the words were edited or came from a language model.
     """

@@ -1,7 +1,12 @@
-"""Six descriptions to the content code Z^t: text embeddings through the body-part text network (Sec. III-C)."""
+"""Six descriptions to the content code Z^t: text embeddings through the body-part text network (Sec. III-C).
+
+Of a sentence the network reads its embedding, its direction words, and its side.
+"""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,9 +16,8 @@ from numpy.typing import NDArray
 
 from runtime.errors import ModelError
 from runtime.motion.model_files import run_graph
-from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.parts import PartDescriptions, mirror_text
 from runtime.prompts.phrasing import ModelPhrasing
-from runtime.prompts.sentence_inputs import input_sizes, sentence_inputs
 from runtime.prompts.text_encoder import TextEncoderLike, open_session
 from runtime.skeleton import PART_NAMES
 
@@ -66,3 +70,106 @@ class PromptEncoder:
                 "Choose a model that was trained with this text encoder.",
             )
         return session
+
+
+# One number each. A model knows these groups in this order: change them only together with the trained models.
+GROUPS: tuple[tuple[str, frozenset[str]], ...] = tuple(
+    (name, frozenset(words.split()))
+    for name, words in (
+        ("left", "left leftward leftwards"),
+        ("right", "right rightward rightwards"),
+        ("forward", "forward forwards ahead front"),
+        ("back", "back backward backwards behind rear"),
+        ("up", "up upward upwards raised lifted lifting rising high higher overhead above top sky"),
+        (
+            "down",
+            "down downward downwards lowered low lower drooping bowed falling dropped sunken ground floor",
+        ),
+        ("out", "out outward outwards away apart wide widely broad broadly spread sideways"),
+        ("in", "inward inwards close together narrow near tight crossed across folded tucked"),
+        ("much", "far deep deeply strongly sharply very fully heavily hard big long large clearly giant"),
+        ("little", "slight slightly little gently lightly softly small short moderately hardly barely"),
+        ("bent", "bent bend bending crouched crouching hunched curled rounded slumped"),
+        ("straight", "straight stretched upright extended level straightened reaching"),
+        ("fast", "fast quick quickly brisk briskly abruptly lively energetically energetic pumping"),
+        ("slow", "slow slowly weary wearily careful carefully cautious cautiously trudging tired"),
+        ("still", "still stiff stiffly held rigid motionless frozen steady fixed"),
+        ("moving", "swinging swaying waving bouncing bobbing flapping nodding rocking shaking swing sway"),
+        ("turned", "turned turning turn rotated twisted twisting facing looking pointing"),
+        ("tilted", "tilted tilting leaning lean leant tipped"),
+        ("not", "not no without never"),
+        ("head", "head ear ears face crown forehead brow eyes mouth"),
+        ("chest", "chest heart shoulder shoulders chin breast"),
+        ("hips", "hip hips waist pocket pockets belly stomach"),
+        ("knee", "knee knees thigh thighs"),
+        ("foot", "foot feet toe toes heel heels ankle step steps stepping"),
+    )
+)
+PRESENT = 0.1  # twice the usual size of an embedding's components
+
+
+def direction_words(texts: Sequence[str]) -> NDArray[np.float32]:
+    """`(N, len(GROUPS))`: `PRESENT` where a text has a word of the group, else 0."""
+    found = np.zeros((len(texts), len(GROUPS)), np.float32)
+    for row, text in zip(found, texts, strict=True):
+        words = frozenset(re.findall(r"[a-z]+", text.lower()))
+        row[:] = [PRESENT if words & group else 0.0 for _, group in GROUPS]
+    return found
+
+
+def with_direction_words(texts: Sequence[str], vectors: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Embeddings `(N, D)` of `texts` with their direction words behind: `(N, D + len(GROUPS))`."""
+    return np.concatenate([vectors, direction_words(texts)], axis=1)
+
+
+_SIDE = re.compile(r"\b(left|right)(?:wards?)?\b", re.IGNORECASE)
+_BOTH = re.compile(
+    r"\b(?:left (?:and|or|to|then) (?:the )?right|right (?:and|or|to|then) (?:the )?left)\b", re.IGNORECASE
+)
+
+
+def one_sided(part: str, text: str) -> tuple[str, float]:
+    """A part's sentence as it would be said of the left, and its sign.
+
+    A limb's sign is 1. Of torso and head it is 1 to the left, -1 to the right (the first side named counts), and 0 where
+    no side is named, or both alike ("from left to right").
+    """
+    if part.startswith("left_"):
+        return text, 1.0
+    if part.startswith("right_"):
+        return mirror_text(text), 1.0
+    side = _SIDE.search(_BOTH.sub("", text))
+    if side is None:
+        return text, 0.0
+    return (text, 1.0) if side.group(1).lower() == "left" else (mirror_text(text), -1.0)
+
+
+def input_sizes(dimensions: int) -> dict[int, tuple[bool, bool]]:
+    """Length of a sentence's input, for embeddings of `dimensions`, to whether it holds direction words and a side."""
+    pairs = [(words, side) for words in (False, True) for side in (False, True)]
+    return {dimensions + words * len(GROUPS) + side: (words, side) for words, side in pairs}
+
+
+def sentence_inputs(encoder: TextEncoderLike, texts: Sequence[str], size: int) -> NDArray[np.float32]:
+    """`(6, size)`: the inputs of six descriptions in the order of `PART_NAMES`; ModelError when no input has that size."""
+    sizes = input_sizes(encoder.dimensions)
+    if size not in sizes:
+        raise ModelError(
+            f"prompt.onnx reads {size} numbers of a sentence, expected one of {sorted(sizes)} of {encoder.name}.",
+            "Choose a model that was trained with this text encoder.",
+        )
+    return part_inputs(encoder, PART_NAMES, texts, *sizes[size])
+
+
+def part_inputs(
+    encoder: TextEncoderLike, parts: Sequence[str], texts: Sequence[str], words: bool, side: bool
+) -> NDArray[np.float32]:
+    """`(N, D)`: the inputs of sentences, each of the part of the same place in `parts`."""
+    signs: Sequence[float] = ()
+    if side:
+        sided = [one_sided(part, text) for part, text in zip(parts, texts, strict=True)]
+        texts, signs = [text for text, _ in sided], [sign for _, sign in sided]
+    vectors = np.asarray(encoder.encode(texts), np.float32)
+    if words:
+        vectors = with_direction_words(texts, vectors)
+    return np.concatenate([vectors, np.asarray(signs, np.float32)[:, None]], axis=1) if side else vectors

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
@@ -18,6 +19,7 @@ from runtime.prompts.blend import BlendedPrompt, Weights, Words, mix_of_parts
 from runtime.prompts.content import PromptEncoder
 from runtime.prompts.english.library import LibraryExpander
 from runtime.prompts.expander import Expander, Expansion
+from runtime.prompts.leg_targets import blended_legs, edited_legs, leg_targets
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.phrasing import ModelPhrasing, adherence_of, phrasing_of
 from runtime.prompts.text_encoder import library_encoder, text_encoder_of
@@ -72,9 +74,7 @@ class Prompter:
         """Six descriptions of a prompt; PromptError when it cannot be used."""
         expansion = self._expander.expand(prompt)
         self._expanded(prompt, expansion.descriptions)
-        note = (
-            f"{expansion.note} {self._adherence.note(self.phrasing.followed(expansion.descriptions))}".strip()
-        )
+        note = f"{expansion.note} {self._note(expansion.descriptions)}".strip()
         if note:
             self._report(f"“{prompt}”: {note}")
         return expansion
@@ -89,11 +89,29 @@ class Prompter:
         """Z^t `(6, 64)`, or the mix of a blend; PromptError when the words cannot be used."""
         if isinstance(words, BlendedPrompt):
             return self._blend(self(words.a), self(words.b), words.weights)
+        return self._read(words)[1]
+
+    def style(self, words: Words | BlendedPrompt, exact_legs: bool = True) -> StyleMix:
+        """What a character moves by; `exact_legs`: edits show of the legs what the network does not."""
+        if isinstance(words, BlendedPrompt):
+            (a, z_a), (b, z_b) = self._read(words.a), self._read(words.b)
+            mix, legs = self._blend(z_a, z_b, words.weights), blended_legs(a, b, words.weights)
+        else:
+            descriptions, z = self._read(words)
+            mix, legs = StyleMix((1.0,), (z,)), leg_targets(descriptions)
+        return replace(mix, legs=legs) if exact_legs else mix
+
+    def _read(self, words: Words) -> tuple[PartDescriptions, NDArray[np.float32]]:
+        """The six descriptions and their code."""
         if isinstance(words, PartDescriptions):
-            if note := self._adherence.note(self.phrasing.followed(words)):
+            if note := self._note(words):
                 self._report(note)
-            return self.encoder.encode(words)
-        return self.encoder.encode(self.expand(words).descriptions)
+        else:
+            words = self.expand(words).descriptions
+        return words, self.encoder.encode(words)
+
+    def _note(self, descriptions: PartDescriptions) -> str:
+        return self._adherence.note(self.phrasing.followed(descriptions), edited_legs(descriptions))
 
     def _blend(self, a: NDArray[np.float32], b: NDArray[np.float32], weights: Weights) -> StyleMix:
         """The mix in which `weights` of the change are done; a pair is measured once."""

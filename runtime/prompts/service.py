@@ -63,7 +63,7 @@ class PromptWorker:
             self._replace(None if self._closed else _Work(prompt))
 
     def answer(self, prompt: Request) -> Answer:
-        """The final answer, on the caller's thread and beside what was submitted; raises its error."""
+        """The final answer, on the caller's thread independent of what was submitted; raises its error."""
         with self._condition:
             expander = self._expander
         return _answer_or_raise(list(self._answers(_Work(prompt), expander))[-1])
@@ -118,7 +118,7 @@ class PromptWorker:
                 work.begun = True
             for answer in self._answers(work, expander):
                 with self._condition:
-                    work.answer = answer  # nobody polls it when a newer request has taken its place
+                    work.answer = answer  # never polled when a newer request has taken its place
 
     def _answers(self, work: _Work, expander: Expander) -> Iterator[Answer | SportError]:
         """Every answer to a request, encoded; an error is the last."""

@@ -215,12 +215,12 @@ def open_session(path: Path, remedy: str = "") -> onnxruntime.InferenceSession:
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 3
     try:
-        if not path.is_file():  # onnxruntime would wait for a pipe that nobody writes to
+        if not path.is_file():  # onnxruntime would wait for a pipe without a writer
             raise FileNotFoundError("no such file")
         session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
         check_names(session)
         return session
-    except Exception as error:  # onnxruntime's exceptions share no base class but Exception
+    except Exception as error:  # onnxruntime's exceptions have no common base but Exception
         raise _damaged(path, "an ONNX network", error, remedy or _REMEDY) from error
 
 

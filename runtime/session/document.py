@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from runtime.checked import read_number, read_text, read_whole
 from runtime.errors import FileError, SportError
+from runtime.feet.leg_edit import checked_targets
 from runtime.motion.control_scripts import MAX_POINTS
 from runtime.motion.snapshot import Snapshot
 from runtime.motion.style import StyleMix
@@ -172,7 +173,7 @@ class DocumentWriter:
             return {"name": printable(change.name), "ground": self._terrain(change.terrain)}
         z, note = change.z, change.note
         style = (
-            [self.blobs.array(np.stack(z.codes)), list(map(float, z.weights))]
+            [self.blobs.array(np.stack(z.codes)), list(map(float, z.weights)), z.legs.tolist()]
             if isinstance(z, StyleMix)
             else self.blobs.array(z)
         )
@@ -340,12 +341,12 @@ class DocumentReader:
         """A style code, or a mix of codes."""
         if not isinstance(value, list):
             return self._code(value)
-        number, parts = value
+        number, parts, legs = value
         codes = self._finite(self.blobs.array(number, "<f4", (len(parts), *CODE)))
         mixed = tuple(read_number(part, 1.0) for part in parts)
         if not mixed or min(mixed) < 0.0 or abs(sum(mixed) - 1.0) > 1e-3:
             raise ValueError("fractions of styles that are no mix")
-        return StyleMix(mixed, tuple(codes))
+        return StyleMix(mixed, tuple(codes), checked_targets(legs))
 
     def _code(self, value: Json) -> Any:
         return self._finite(self.blobs.array(value, "<f4", CODE))

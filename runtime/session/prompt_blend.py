@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.motion.style import LINEAR, Shares, StyleMix, even_weights, turned_round
 from runtime.prompts.answer import Answer as Answer
 from runtime.prompts.blend import ALL_A, BlendedPrompt, Weights, Words, mix_of_parts, write_words
+from runtime.prompts.leg_targets import blended_legs, leg_targets
 from runtime.skeleton import PART_NAMES
 
 
@@ -70,11 +70,16 @@ class PromptBlend:
         """Whether prompt B shows anywhere."""
         return None not in self.answers and any(weight > 0.0 for weight in self.weights)
 
-    def style(self) -> NDArray[np.float32] | StyleMix | None:
-        """Z^t `(6, 64)`, or the mix of a blend; None before the first answer."""
-        if self.a is None or self.b is None or not self.blended:
-            return None if self.a is None else self.a.z
-        return mix_of_parts(self.a.z, self.b.z, even_weights(self.shares, self.weights))
+    def style(self, exact_legs: bool = True) -> StyleMix | None:
+        """What a character moves by; None before the first answer. `exact_legs`: edits show what the network does not."""
+        if self.a is None:
+            return None
+        if self.b is None or not self.blended:
+            mix, legs = StyleMix((1.0,), (self.a.z,)), leg_targets(self.a.words)
+        else:
+            mix = mix_of_parts(self.a.z, self.b.z, even_weights(self.shares, self.weights))
+            legs = blended_legs(self.a.words, self.b.words, self.weights)
+        return dataclasses.replace(mix, legs=legs) if exact_legs else mix
 
     def replayable(self) -> Words | BlendedPrompt:
         """What a take keeps of this style."""

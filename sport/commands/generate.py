@@ -93,6 +93,11 @@ def _add_course(generate: argparse.ArgumentParser) -> None:
         metavar="R",
         help="how quickly starts, stops and turns follow the stick: 0 as in capture (default) to 1 as in a game",
     )
+    generate.add_argument(
+        "--network-legs",
+        action="store_true",
+        help="leave legs as the network walks them, without the edit that shows what their words say",
+    )
     generate.add_argument("--seed", type=int, default=0, metavar="N")
 
 

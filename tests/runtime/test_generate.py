@@ -10,21 +10,25 @@ from runtime.errors import PromptError, SportError, TerrainError, UsageError
 from runtime.generate import DEFAULT_PROMPT, generate_clip, parse_prompts, simulate
 from runtime.motion.control_scripts import GAITS, PATH_NAMES, PlanarPose, control_script
 from runtime.motion.controller import Controller
+from runtime.motion.style import StyleMix
 from runtime.prompts.parts import PartDescriptions
 from runtime.takes.metadata import PromptEvent
 from runtime.terrain.height_map import Terrain
 from tests.helpers.walker import WALK_SPEED, WalkerModel
 
 
-def style_of(prompt):
+class OtherStyles:
     """A stand-in for the prompt encoder: another prompt, another Z^t."""
-    return np.full((6, 64), (sum(map(ord, prompt)) % 100) / 200.0, np.float32)
+
+    def style(self, prompt, exact_legs):
+        code = np.full((6, 64), (sum(map(ord, prompt)) % 100) / 200.0, np.float32)
+        return StyleMix((1.0,), (code,))
 
 
 @pytest.fixture
 def walker(monkeypatch):
     monkeypatch.setattr(runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel())
-    monkeypatch.setattr(generate_module, "Prompter", lambda model, *_: style_of)
+    monkeypatch.setattr(generate_module, "Prompter", lambda model, *_: OtherStyles())
 
 
 def follow(script, seconds, speed=1.4):
@@ -153,11 +157,12 @@ def test_a_clip_tells_what_it_was_made_with(walker, monkeypatch):
     parts = PartDescriptions(*("arm", "arm", "leg", "leg", "torso", "head"))
 
     def prompter(model, expander, report, text_encoder, expanded):
-        def to_style(prompt):
-            expanded(prompt, parts)
-            return style_of(prompt)
+        class Told(OtherStyles):
+            def style(self, prompt, exact_legs):
+                expanded(prompt, parts)
+                return super().style(prompt, exact_legs)
 
-        return to_style
+        return Told()
 
     monkeypatch.setattr(generate_module, "Prompter", prompter)
     prompts = parse_prompts("0:calm; 1:drunk")

@@ -25,10 +25,12 @@ import numpy as np
 from runtime.arrays import Float32Array
 from runtime.atomic import write_atomic
 from runtime.errors import FileError, run_command
+from runtime.feet.leg_edit import OUTWARD
 from runtime.motion.features import C
 from runtime.motion.model import MotionModel, load_model
 from runtime.motion.model_files import read_metadata
 from runtime.prompts.english.grammar import grammar
+from runtime.prompts.leg_targets import CLOSE, targets_of
 from runtime.prompts.parts import PartDescriptions, mirror_text
 from runtime.prompts.phrasing import ModelPhrasing, phrasing_of
 from runtime.prompts.prompter import Prompter
@@ -90,6 +92,12 @@ class _Claim:
         return among
 
 
+def _on_a_line(sentence: str) -> bool:
+    """Whether an edit sets the feet on a line in any case: drawn out, such a code crosses the legs and leaves the way."""
+    outward = targets_of(sentence)[OUTWARD]
+    return outward is not None and outward <= CLOSE
+
+
 @dataclass(frozen=True)
 class _Walks:
     """Walks by words that are drawn out, and what they show."""
@@ -123,6 +131,8 @@ class _Walks:
 
         The code of a hand that is `held` is its place: farther out is another, whatever the others do.
         """
+        if any(_on_a_line(text) for texts in claim.words.values() for text in texts):
+            return 1.0, 1.0
         gain = self._gain(claim, self.alone, 1.0, alone)
         return gain, gain if held else self._gain(
             claim, self.among_others, gain, self.among_others(claim, gain)

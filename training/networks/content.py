@@ -111,7 +111,7 @@ class MotionSequenceEncoder(nn.Module):
 class PartTextEncoder(nn.Module):
     """Body-part MLP: six sentences `(B, 6, D)`, embedded, to six VAE tokens; parts never mix.
 
-    One-sided (`runtime.prompts.sentence_inputs`), the last number of a sentence is its side: left and right limbs share
+    One-sided (`runtime.prompts.content`), the last number of a sentence is its side: left and right limbs share
     their tokens, and of torso and head the second half of the code changes its sign with the side. So the code of
     mirrored words is the mirrored code: the limbs' exchanged, the second half of torso and head negative.
     """

@@ -298,7 +298,7 @@ class CompareView:
 
     def _set_style(self, index: int, seconds: float) -> None:
         """Let one of them change to its prompt within so many seconds."""
-        style = self._standing[index].prompt.style()
+        style = self._standing[index].prompt.style(self.settings.exact_legs)
         if style is not None:
             self.members[index].set_style(style, seconds)
 

@@ -160,7 +160,9 @@ class Resimulation:
             answer = dataclasses.replace(base, words=answer.words, z=answer.z)
         style = PromptBlend((answer, None))
         event = PromptEvent(0.0, style.prompt_text, seconds, style.spelled_out(), style.typed())
-        return StyleChange(frame, np.array(answer.z, np.float32), seconds, event, style)
+        mix = style.style(self.takes.settings.exact_legs)
+        assert mix is not None
+        return StyleChange(frame, mix, seconds, event, style)
 
     # --- spans
 
@@ -293,9 +295,10 @@ def _answer_of(style: StyleChange) -> Answer | None:
     if isinstance(style.note, PromptBlend):
         return style.note.a if style.note.b is None else None
     words = words_of(style.event)
-    if words is None or isinstance(style.z, StyleMix):
+    codes = style.z.codes if isinstance(style.z, StyleMix) else (style.z,)
+    if words is None or len(codes) > 1:
         return None
-    return Answer(title(style.event), words, words, np.array(style.z, np.float32))
+    return Answer(title(style.event), words, words, np.array(codes[0], np.float32))
 
 
 def _short(text: str) -> str:

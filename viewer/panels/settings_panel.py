@@ -95,13 +95,17 @@ class SettingsWindow:
         with widgets.section("Gamepad buttons") as opened:
             if opened:
                 self._pad_buttons()
-        widgets.setting_toggle(settings, "invert_look", px(140))
+        widgets.setting_toggle(settings, "invert_look", px(110))
+        widgets.same_line()
+        widgets.setting_toggle(settings, "exact_legs", px(100))
         widgets.same_line()
         if widgets.button("Show the first minute", -1, "The steps for beginners over the view"):
             self.guide.begin()
             self.shown = False
         if widgets.button("Back to the defaults", -1, "Of this window; folders and the model stay"):
-            for name in ("ui_scale", "text_size", "keep_seconds", "dead_zone", "invert_look", "pad_buttons"):
+            for name in (
+                "ui_scale", "text_size", "keep_seconds", "dead_zone", "invert_look", "pad_buttons", "exact_legs",
+            ):  # fmt: skip
                 setattr(settings, name, getattr(Settings(), name))
             self.use_scale(settings.ui_scale)
 

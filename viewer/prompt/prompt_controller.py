@@ -169,6 +169,7 @@ class PromptController:
     _measured: tuple[Any, Any] | None = None  # codes of the pair of prompts that was measured last
     _shown: PromptBlend = NO_PROMPT  # in the fields, and by which the character moves
     _file: SessionFile | None = None  # of the session that is shown
+    _exact_legs: bool = True  # as the style in force was made
     _due_seconds: float | None = None  # a style waits for the character, with this transition
     _styled: bool = False  # the character has had a style
     _adopting: bool = False  # the character moves by the coming edit already
@@ -387,6 +388,9 @@ class PromptController:
 
     def poll(self) -> None:
         """Take answers when there are any, and hand the style to the character once; call once a frame."""
+        if self._exact_legs != self.settings.exact_legs:
+            self._exact_legs = self.settings.exact_legs
+            self._hand_over_within(self.settings.blend_seconds)
         for side, worker in zip(Side, self.workers or (), strict=False):
             question = self.questions[side]
             try:
@@ -433,7 +437,7 @@ class PromptController:
         character = self.character()
         if self._due_seconds is None or character is None or self._coding:
             return
-        style = self.prompt.style()
+        style = self.prompt.style(self.settings.exact_legs)
         if style is None:
             return
         seconds, self._due_seconds = self._due_seconds, None

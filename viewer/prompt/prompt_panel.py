@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from runtime.prompts.answer import Answer
 from runtime.prompts.expander import DEFAULT_PROMPT
 from runtime.prompts.gpt.settings import GptSettings
+from runtime.prompts.leg_targets import edited_legs
 from runtime.prompts.phrasing import HARDLY, adherence_of
 from runtime.session.prompt_blend import PromptBlend, Side
 from runtime.skeleton import PART_NAMES
@@ -59,6 +60,7 @@ class PromptPanel:
     _weak: dict[str, float | None] = field(
         default_factory=lambda: dict.fromkeys(PART_NAMES)
     )  # `weakly_shown` of each part
+    _exact: frozenset[str] = frozenset()  # legs whose words an edit shows
     _weak_of: tuple[object, str] = (None, "")  # answer and model for which that holds
 
     def use_model(self, loaded: Loaded, given: GptSettings | None, again: bool = True) -> None:
@@ -151,6 +153,7 @@ class PromptPanel:
         if self._weak_of[0] is not blend.a or self._weak_of[1] != self.model:
             self._weak_of = blend.a, self.model
             self._weak = {part: weakly_shown(blend, part, self.model) for part in PART_NAMES}
+            self._exact = edited_legs(None if blend.a is None else blend.a.words)
         line, padding = imgui.get_text_line_height(), 2 * imgui.get_style().frame_padding.y
         free = imgui.get_content_region_avail().y / len(PART_NAMES) - px(LABEL_HEIGHT + 2 + ROW_GAP)
         height = min(max(free, MIN_LINES * line + padding), MAX_LINES * line + padding)
@@ -176,7 +179,13 @@ class PromptPanel:
             _mark("Enter applies", theme.WARNING)
         elif edited:
             _mark("kept" if locked else "edited", theme.ACCENT)
-        if applies and weak is not None:
+        if applies and self.settings.exact_legs and part in self._exact:
+            _mark("by an exact edit", theme.MUTED)
+            widgets.tooltip(
+                "What the network shows of these words is measured as it walks; an edit adds what is missing."
+                " “Exact legs” in Settings turns it off."
+            )
+        elif applies and weak is not None:
             _mark(f"hardly shown ({weak:.0%})", theme.WARNING)
             widgets.tooltip(
                 "On a walk the body did this little of what these words say. Other words may do more."

@@ -136,7 +136,12 @@ class Takes:
 
     def mark_style(self, blend: PromptBlend, seconds: float, holds: bool = False) -> None:
         """A prompt came into force for the next frame, or it `holds` already in the controller's state."""
-        z, prompt, words, typed = blend.style(), blend.prompt_text, blend.spelled_out(), blend.typed()
+        z, prompt, words, typed = (
+            blend.style(self.settings.exact_legs),
+            blend.prompt_text,
+            blend.spelled_out(),
+            blend.typed(),
+        )
         self.recorder.mark_prompt(prompt, seconds, words, typed)
         if z is not None:
             event = PromptEvent(0.0, prompt, seconds, words, typed)

@@ -31,7 +31,7 @@ _PAIRS = {"arms": "arm", "legs": "leg", "one_leg": "leg"}  # targets of phrases,
 class ParsedPrompt:
     """`parts`: part name → description that the prompt states; `rest`: the prompt without those clauses.
 
-    `side` is the one that somebody "left-handed" prefers, "" where nothing is said of it.
+    `side` is the one that a "left-handed" person prefers, "" where nothing is said of it.
     """
 
     parts: dict[str, str]

@@ -58,7 +58,7 @@ def compose_elements(
 ) -> Composition:
     """Figures, moods, loads and grounds on one body: each part from the strongest entry that defines it.
 
-    Of entries alike in strength the one whose sentence is shown wins. Without a figure the strongest entry moves the whole body, unless it is asked for "slightly".
+    Of entries alike in strength the one whose sentence is shown wins. Without a figure the strongest entry moves the whole body, unless "slightly".
     """
     chosen = _without_mentioned([e for e in elements if not e.only], entries)
     figures = [e for e in chosen if len(entries[e.entry].defines) >= BROAD]
@@ -105,7 +105,7 @@ def _figure_parts(
     embeddings: LibraryEmbeddings,
     neutral: int,
 ) -> dict[str, int]:
-    """Which of the figures moves each part: the two strongest share arms, legs, torso and head by what is unusual."""
+    """Which of the figures moves each part: the two strongest divide arms, legs, torso and head by what is unusual."""
     ranked = sorted(figures, key=lambda e: -_figure_strength(e, entries))
     sources = dict.fromkeys(PART_NAMES, ranked[0].entry)
     others = [e for e in ranked if e.entry != ranked[0].entry]
@@ -194,9 +194,9 @@ def _strength(element: Element, entries: tuple[LibraryEntry, ...]) -> float:
 
 
 def _figure_strength(element: Element, entries: tuple[LibraryEntry, ...]) -> float:
-    # "walks like a penguin" is about the penguin; somebody is more than a scene
-    somebody = 1.1 if entries[element.entry].category in FIGURES else 1.0
-    return element.similarity * element.degree * somebody * (1.3 if element.after_like else 1.0)
+    # "walks like a penguin" is about the penguin; a figure is more than a scene
+    figure = 1.1 if entries[element.entry].category in FIGURES else 1.0
+    return element.similarity * element.degree * figure * (1.3 if element.after_like else 1.0)
 
 
 def _words(sources: dict[str, int], entries: tuple[LibraryEntry, ...]) -> PartDescriptions:

@@ -49,10 +49,12 @@ from runtime.skeleton import PART_NAMES
 NEAR = 0.62  # the best entry is taken whole
 GUESS = 0.56  # below, neighbours are a guess that is wrong more often than not
 WHOLE = 0.3  # words that an entry must explain more than the phrases found do, to be taken in place of them
-CERTAIN = 0.85  # an entry about body parts that shares a part's name only with the prompt needs as much
+CERTAIN = (
+    0.85  # an entry about body parts that has only a part's name in common with the prompt needs as much
+)
 ONE_WORD = 0.72  # the same where that is a single word, whose neighbours are many
 CLOSE = 0.8  # so near an entry a prompt is about a body, whatever the bodily score
-PLAIN = 0.2  # neutral walks are like everything that "walks": what is asked for by a style is none
+PLAIN = 0.2  # neutral walks are like everything that "walks": a style is none
 ANIMAL = 0.25  # how far below 0 the bodily score may lie where an animal is named: "a dog that has just had a bath"
 UNSEEN = 0.15  # by which a sentence that no walk shows counts less than one that is shown whole
 NEIGHBOURS = 4  # entries that vote for each part between GUESS and NEAR
@@ -79,7 +81,7 @@ class _Library:
 
 
 class LibraryExpander:
-    """Expands prompts by the library at `library_path` (with styles.json and library.npz beside it).
+    """Expands prompts by the library at `library_path` (with styles.json and library.npz next to it).
 
     Of sentences alike it takes those that a walk of the shipped model shows. Files are read at the first `expand`; without fitting stored embeddings they are computed then.
     """
@@ -218,12 +220,12 @@ class LibraryExpander:
         return self._expansion(entry, ((opposite, 1.0),), stated, f"{note} In its place: “{opposite}”.")
 
     def _only_a_part_in_common(self, text: str, best: tuple[int, float]) -> bool:
-        """Whether a text names a body part and shares no other word with an entry about parts: another instruction."""
+        """Whether a text has only the name of a part in common with an entry about parts: another instruction."""
         words = words_of(text)
         named = any(word.stem in PLACES for word in words) and not any(w.text in PERSONS for w in words)
-        return named and best[1] < CERTAIN and not self._shares_a_word(words, best[0])
+        return named and best[1] < CERTAIN and not self._has_a_word_of(words, best[0])
 
-    def _shares_a_word(self, words: list[Word], number: int) -> bool:
+    def _has_a_word_of(self, words: list[Word], number: int) -> bool:
         """Whether an entry about arms, legs or posture has one of the words, parts' names aside; True for others."""
         entry = self._library.entries[number]
         if entry.category not in ("arms", "steps", "posture"):
@@ -247,9 +249,12 @@ class LibraryExpander:
         elements = []
         for start, end in _runs(words, left)[:MAX_STRETCHES]:
             entry, similarity = self._rank(_text(words[start:end]))[0]
-            beside = [e for e in named if start in (e.start, e.end) or end == e.start]
+            neighbours = [e for e in named if start in (e.start, e.end) or end == e.start]
             # "a basketball player dribbling" does one sport, which is named
-            other = self._library.entries[entry].category in self._categories(beside) & {"dances", "sports"}
+            other = self._library.entries[entry].category in self._categories(neighbours) & {
+                "dances",
+                "sports",
+            }
             if not other and self._names(words[start:end], entry, similarity):
                 elements.append(Element(entry, start, end, similarity))
         return elements
@@ -257,7 +262,7 @@ class LibraryExpander:
     def _names(self, words: list[Word], entry: int, similarity: float) -> bool:
         """Whether some words, as similar as that to an entry, name it."""
         least = ONE_WORD if sum(word.says for word in words) == 1 else GUESS
-        alike = similarity >= least and (similarity >= CERTAIN or self._shares_a_word(words, entry))
+        alike = similarity >= least and (similarity >= CERTAIN or self._has_a_word_of(words, entry))
         return alike and not self._library.phrases.only_alone(words) and self._bodily(_text(words)) > 0.0
 
     def _categories(self, elements: Iterable[Element]) -> set[str]:
@@ -274,7 +279,7 @@ class LibraryExpander:
         return 1.0 if shown is None else 1.0 - UNSEEN * (1.0 - shown)
 
     def _bodily(self, text: str) -> float:
-        """Above 0 where a text is rather about somebody's body than about nothing bodily."""
+        """Above 0 where a text is rather about a body than about nothing bodily."""
         weights = self._library.embeddings.bodily
         return float(self._encoder.encode([text])[0] @ weights[:-1] + weights[-1])
 

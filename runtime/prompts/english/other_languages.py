@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from runtime.errors import FileError
 from runtime.prompts.english.library_data import PromptLibrary, library_hash, unit_vectors, vectors_as_bytes
 
-FILE = "languages.npz"  # beside library.json
+FILE = "languages.npz"  # next to library.json
 NEAR = 0.38  # centred cosine from which an entry is taken, set on 35 prompts in 11 languages
 SAID_ALIKE = 4  # of an entry's prompts, at most, are compared
 
@@ -73,7 +73,7 @@ def open_e5() -> Any:
 
 
 def save_languages(folder: Path, library: PromptLibrary) -> Path | None:
-    """Write languages.npz beside library.json, some seconds; None without the package."""
+    """Write languages.npz next to library.json, some seconds; None without the package."""
     encoder = open_e5()
     if encoder is None:
         return None

@@ -22,15 +22,15 @@ from runtime.prompts.english.words import (
     finite_forms,
     key,
     stem,
-    without_somebody,
+    without_person,
     word_set,
     words_of,
 )
 
 _SIMILE = re.compile(r"\b(?:as )?(?P<adjective>\w+) as (?:an? |the )?(?P<thing>\w+)\b(?! (?:if|though))")
 LONGEST = 9  # words of a phrase
-FIGURES = ("characters", "animals", "occupations")  # categories of somebody
-_QUALITIES = ("ages", "bodies", "emotions", "minds")  # categories of what somebody is like
+FIGURES = ("characters", "animals", "occupations")  # categories of who walks
+_QUALITIES = ("ages", "bodies", "emotions", "minds")  # categories of what they are like
 SLIGHTLY, STRONGLY = 0.6, 1.2  # strength of "slightly drunk" and "very drunk" against "drunk"
 _OBJECT_STARTS = word_set(
     "from by against toward towards of for after past to at with beside behind near before over on"
@@ -79,7 +79,7 @@ class PhraseIndex:
             if len(words) <= LONGEST and self._names_a_way(words, library.entries[number]):
                 self._phrases.setdefault(tuple(word.stem for word in words), number)
         for number, entry in enumerate(library.entries):  # what is named in so many words comes first
-            self._whole.setdefault(key(without_somebody(words_of(entry.prompt))), number)
+            self._whole.setdefault(key(without_person(words_of(entry.prompt))), number)
         described = [" . ".join(entry.descriptions.as_tuple()) for entry in library.entries]
         # English words for sure
         texts = [*dict(named), *described, *library.nothing]
@@ -99,7 +99,7 @@ class PhraseIndex:
         """The entry that a whole prompt names in so many words, or None."""
         words = words_of(text)
         entry = self._whole.get(key(words)) if words else None
-        return entry if entry is not None or not words else self._whole.get(key(without_somebody(words)))
+        return entry if entry is not None or not words else self._whole.get(key(without_person(words)))
 
     def plainly(self, text: str) -> str:
         """A lower-case prompt without comparisons that only say how much: "light" for "light as a feather"."""
@@ -153,7 +153,7 @@ class PhraseIndex:
 class Reading:
     """What a prompt's words name: `elements` in their order, numbers of the words `left` over, and what is `denied`.
 
-    `mentioned` are entries of somebody or something else: the bear of "afraid of a bear"; `denials` are the entries denied.
+    `mentioned` are entries of others: the bear of "afraid of a bear"; `denials` are the entries denied.
     """
 
     elements: tuple[Element, ...]
@@ -242,7 +242,7 @@ def _clause_rest(words: list[Word], at: int) -> list[int]:
 def _subjects(
     words: list[Word], elements: list[Element], entries: tuple[LibraryEntry, ...]
 ) -> tuple[Element, ...]:
-    """Elements that say how the one who walks moves, without somebody else: "afraid of a bear" is no bear."""
+    """Elements that say how the one who walks moves, without others: "afraid of a bear" is no bear."""
     kept = _without_objects(words, elements, entries)
     # "dancing" says no more in "dancing samba"
     kept = [e for i, e in enumerate(kept) if not _same_doing(kept[i : i + 2], entries)]
@@ -302,7 +302,7 @@ def _zone(words: list[Word], covered: set[int], opens: Callable[[list[Word], int
 
 
 def _opens_object(words: list[Word], i: int) -> bool:
-    """Whether somebody else may follow: after "from", "with", "hunting" and the like."""
+    """Whether another person may follow: after "from", "with", "hunting" and the like."""
     text = words[i].text
     verb = text.endswith("ing") and len(text) > 4 and text not in _INTRANSITIVE
     return verb or (text in _OBJECT_STARTS and not _of_style(words, i))

@@ -21,7 +21,7 @@ _RELATIVE = ("one", "other", "opposite", "same")  # words that name a side by an
 _EACH_OTHER = re.compile(r" (?:before|in front of|after|behind|over|across) the other\b")  # both, in turn
 _OF_LEGS = re.compile(r" (?:limp|drag|stomp|stamp|kick|step|shuffl)")
 _DEFINITE = ("the", "his", "her", "their", "its")
-_OWNERS = ("a", "his", "her", "their")  # of a hand that is the one of somebody left-handed
+_OWNERS = ("a", "his", "her", "their")  # of the left hand of a left-handed person
 
 
 def name_sides(prompt: str) -> tuple[str, str]:

@@ -155,11 +155,11 @@ def stem(word: str) -> str:
 
 
 def key(words: Sequence[Word]) -> str:
-    """What two spellings of one phrase share: stems without spaces."""
+    """Equal for two spellings of one phrase: stems without spaces."""
     return "".join(word.stem for word in words).replace("'", "")
 
 
-def without_somebody(words: Sequence[Word]) -> Sequence[Word]:
+def without_person(words: Sequence[Word]) -> Sequence[Word]:
     """A phrase less the one who does it: "walking calmly" of "someone walking calmly"."""
     return words[1:] if len(words) > 1 and words[0].text in _ANYBODY else words
 

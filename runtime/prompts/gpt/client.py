@@ -77,7 +77,7 @@ class ChatClient:
         until: float,
         stop: threading.Event,
     ) -> str:
-        """The text of the model's answer, asked again after failures that may pass, until `time.monotonic()` is `until`.
+        """The text of the model's answer, with retries after failures that may pass, until `time.monotonic()` is `until`.
 
         EndpointError says why there is none, PromptCancelledError that `stop` was set meanwhile.
         """
@@ -210,14 +210,11 @@ class ChatClient:
             return self._error(problem, f"Check {MODEL} and {URL}.", status=status)
         if status == 429 and error.code == "insufficient_quota":
             return self._error("says that the account's quota is used up (429).", "Top it up.", status=status)
-        if status == 429:
-            wait = retry_after(error.response.headers)
-            asks = "" if wait is None else f", and asks to wait {wait:.0f} s"
-            problem = f"gets too many requests (429{asks})."
-            return self._error(problem, "Try again later.", status=status, retry=True, wait_s=wait)
         if status >= 500 or status in _RETRIED:
             wait = retry_after(error.response.headers)
-            problem = f"fails ({status})."
+            asks = "" if wait is None else f", and asks to wait {wait:.0f} s"
+            what = "gets too many requests" if status == 429 else "fails"
+            problem = f"{what} ({status}{asks})."
             return self._error(problem, "Try again later.", status=status, retry=True, wait_s=wait)
         return self._error(f"refuses the request ({status}: {said}).", f"Check {MODEL}.", status=status)
 
@@ -244,13 +241,13 @@ def retry_after(headers: Any) -> float | None:
 
 
 class Waiting(threading.local):
-    """Until when the request of this thread may take, and whether anybody still waits for it."""
+    """Until when the request of this thread may take, and whether the caller still waits for it."""
 
     until: float = float("inf")  # time.monotonic() seconds
     given_up: threading.Event | None = None
 
     def check(self) -> None:
-        """TimeoutError when nobody waits any longer."""
+        """TimeoutError when the caller has stopped waiting."""
         if time.monotonic() > self.until or (self.given_up is not None and self.given_up.is_set()):
             raise TimeoutError
 
@@ -284,7 +281,7 @@ def _followed(request: Any, following: Any) -> Any:
     safer = (old.scheme, new.scheme) == ("http", "https") and old.host == new.host and new.port is None
     if following.method != request.method or not (same or safer):
         place = new.host + (f":{new.port}" if new.port else "")
-        raise AnswerError(f"sends the prompt on to {place}, which was not asked")
+        raise AnswerError(f"sends the prompt on to {place}, which is another address")
     return following
 
 

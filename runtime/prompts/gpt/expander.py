@@ -55,7 +55,7 @@ class GptExpander:
         self._last_failure: EndpointError | None = None
 
     def expand(self, prompt: str, stop: threading.Event | None = None) -> Expansion:
-        """Descriptions by the language model, with source "gpt"; from the cache when it was asked before.
+        """Descriptions by the language model, with source "gpt"; from the cache when it was sent before.
 
         PromptError when the prompt cannot be used, when the model gives no usable answer even after one repair, or as
         PromptCancelledError when `stop` is set meanwhile. UsageError when it is not configured.

@@ -1,4 +1,4 @@
-"""What a language model is asked and how its answer is read: the paper's structured prompt (Sec. III-C).
+"""The question to a language model and how its answer is read: the paper's structured prompt (Sec. III-C).
 
 Two components: a specification with lists of body joints, verbs, adverbs and adjectives, and question-answer examples.
 """
@@ -27,7 +27,7 @@ LISTS = ("joints", "verbs", "adverbs", "adjectives")  # what the paper lists
 CONNECTIVES = "connectives"  # what holds them together; read with the lists, not printed
 MAX_BYTES = 200_000
 MAX_ANSWER_CHARACTERS = 8000
-LEAST_ENGLISH = 1 / 3  # share of words that are in the vocabulary; the shipped descriptions have 0.98
+LEAST_ENGLISH = 1 / 3  # fraction of words that are in the vocabulary; the shipped descriptions have 0.98
 
 _SPECIFICATION = """\
 You describe how a person's body parts move and are held while that person walks about in a given style.
@@ -70,7 +70,7 @@ class StructuredPrompt:
 
     @cached_property
     def version(self) -> str:
-        """Changes with any word of what is asked: answers to other instructions are not reused."""
+        """Changes with any word of the question: answers to other instructions are not reused."""
         request = json.dumps([self.messages("?"), answer_schema()], ensure_ascii=False, sort_keys=True)
         return hashlib.sha256(request.encode("utf-8")).hexdigest()[:16]
 
@@ -151,7 +151,7 @@ def _six_strings(value: dict[str, Any]) -> dict[str, Any]:
 
 
 def load_structured_prompt(path: Path | None = None) -> StructuredPrompt:
-    """Word lists and examples of vocabulary.json, with the answers taken from styles.json and library.json beside it.
+    """Word lists and examples of vocabulary.json, with the answers taken from styles.json and library.json next to it.
 
     FileError names what is missing or malformed.
     """

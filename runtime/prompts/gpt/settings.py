@@ -1,4 +1,4 @@
-"""Which language model is asked, with which key, and how long it may take."""
+"""The language model, its key, and how long it may take."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Secret:
 class GptSettings:
     """An endpoint that speaks OpenAI's chat completions; UsageError names a field that cannot be used.
 
-    `timeout_s` bounds one request, `deadline_s` everything asked for one prompt: retries, waits and the repair.
+    `timeout_s` bounds one request, `deadline_s` all requests for one prompt: retries, waits and the repair.
     After a failure that cost more than `costly_s`, the endpoint is left alone for `pause_s`.
     """
 

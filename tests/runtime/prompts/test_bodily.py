@@ -32,21 +32,10 @@ def is_neutral(prompt: str) -> bool:
     return expansion.descriptions == expander().expand("a person walking normally").descriptions
 
 
-def is_far_from_all(prompt: str) -> bool:
-    """Whether the library leaves it at neutral walking because its nearest prompt would be a guess."""
-    return "like the nearest prompt, “" in expander().expand(prompt).note
-
-
-@pytest.mark.parametrize(("name", "most"), [("BODILY", 0), ("UNSEEN_BODILY", 4)])
-def test_few_bodily_prompts_are_taken_for_nothing(name: str, most: int) -> None:
-    missed = [prompt for prompt in prompts_of(name) if is_neutral(prompt) and not is_far_from_all(prompt)]
+@pytest.mark.parametrize(("name", "most"), [("BODILY", 3), ("UNSEEN_BODILY", 9)])
+def test_few_bodily_prompts_are_left_neutral(name: str, most: int) -> None:
+    missed = [prompt for prompt in prompts_of(name) if is_neutral(prompt)]
     assert len(missed) <= most, missed
-
-
-@pytest.mark.parametrize(("name", "most"), [("BODILY", 3), ("UNSEEN_BODILY", 7)])
-def test_few_bodily_prompts_are_too_far_to_guess(name: str, most: int) -> None:
-    far = [prompt for prompt in prompts_of(name) if is_far_from_all(prompt)]
-    assert 0 < len(far) <= most, far
 
 
 @pytest.mark.parametrize(("name", "most"), [("NOTHING", 4), ("UNSEEN_NOTHING", 4)])

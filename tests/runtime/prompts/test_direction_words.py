@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from runtime.prompts.content import PromptEncoder
-from runtime.prompts.sentence_inputs import GROUPS, PRESENT, direction_words, with_direction_words
+from runtime.prompts.content import GROUPS, PRESENT, PromptEncoder, direction_words, with_direction_words
 
 NAMES = [name for name, _ in GROUPS]
 

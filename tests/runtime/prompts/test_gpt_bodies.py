@@ -153,7 +153,7 @@ def test_prompts_go_to_no_other_host(
     try:
         place = {"Location": f"{other.url}/chat/completions"}
         endpoint.script = [lambda handler: handler.reply(status, "", place)]
-        with pytest.raises(EndpointError, match=f"127.0.0.1:{other.server_port}, which was not asked"):
+        with pytest.raises(EndpointError, match=f"127.0.0.1:{other.server_port}, which is another address"):
             ask(settings_of(endpoint, attempts=1))
         assert other.requests == []
         assert len(endpoint.requests) == 1

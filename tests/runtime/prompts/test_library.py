@@ -28,130 +28,20 @@ from training.text.build_library import other_words
 
 PROMPTS = asset_path("prompts/library.json").parent
 ENCODER = shipped_encoder()
-CATEGORIES = [
-    "arms",
-    "steps",
-    "posture",
-    "walks",
-    "emotions",
-    "minds",
-    "ages",
-    "bodies",
-    "characters",
-    "animals",
-    "occupations",
-    "injuries",
-    "loads",
-    "weather",
-    "ground",
-    "dances",
-    "sports",
-    "situations",
-]
 # the styles of the 100STYLE data set, by the names of its files
-STYLES_100 = [
-    "Aeroplane",
-    "Akimbo",
-    "Angry",
-    "ArmsAboveHead",
-    "ArmsBehindBack",
-    "ArmsBySide",
-    "ArmsFolded",
-    "Balance",
-    "BeatChest",
-    "BentForward",
-    "BentKnees",
-    "BigSteps",
-    "BouncyLeft",
-    "BouncyRight",
-    "Cat",
-    "Chicken",
-    "CrossOver",
-    "Crouched",
-    "CrowdAvoidance",
-    "Depressed",
-    "Dinosaur",
-    "DragLeftLeg",
-    "DragRightLeg",
-    "Drunk",
-    "DuckFoot",
-    "Elated",
-    "FairySteps",
-    "Flapping",
-    "FlickLegs",
-    "Followed",
-    "GracefulArms",
-    "HandsBetweenLegs",
-    "HandsInPockets",
-    "Heavyset",
-    "HighKnees",
-    "InTheDark",
-    "KarateChop",
-    "Kick",
-    "LawnMower",
-    "LeanBack",
-    "LeanLeft",
-    "LeanRight",
-    "LeftHop",
-    "LegsApart",
-    "LimpLeft",
-    "LimpRight",
-    "LookUp",
-    "Lunge",
-    "March",
-    "Monk",
-    "Morris",
-    "Neutral",
-    "Old",
-    "OnHeels",
-    "OnPhoneLeft",
-    "OnPhoneRight",
-    "OnToesBentForward",
-    "OnToesCrouched",
-    "PendulumHands",
-    "Penguin",
-    "PigeonToed",
-    "Proud",
-    "Punch",
-    "Quail",
-    "RaisedLeftArm",
-    "RaisedRightArm",
-    "RightHop",
-    "Roadrunner",
-    "Robot",
-    "Rocket",
-    "Rushed",
-    "ShieldedLeft",
-    "ShieldedRight",
-    "Skip",
-    "SlideFeet",
-    "SpinAntiClock",
-    "SpinClock",
-    "Star",
-    "StartStop",
-    "Stiff",
-    "Strutting",
-    "Superman",
-    "Swat",
-    "Sweep",
-    "Swimming",
-    "SwingArmsRound",
-    "SwingShoulders",
-    "Teapot",
-    "Tiptoe",
-    "TogetherStep",
-    "TwoFootJump",
-    "WalkingStickLeft",
-    "WalkingStickRight",
-    "Waving",
-    "WhirlArms",
-    "WideLegs",
-    "WiggleHips",
-    "WildArms",
-    "WildLegs",
-    "Zombie",
-]
-ALSO_NAMED = ["TwistFoot", "TwistShoulders"]
+STYLES_100 = (
+    "Aeroplane Akimbo Angry ArmsAboveHead ArmsBehindBack ArmsBySide ArmsFolded Balance BeatChest BentForward "
+    "BentKnees BigSteps BouncyLeft BouncyRight Cat Chicken CrossOver Crouched CrowdAvoidance Depressed "
+    "Dinosaur DragLeftLeg DragRightLeg Drunk DuckFoot Elated FairySteps Flapping FlickLegs Followed "
+    "GracefulArms HandsBetweenLegs HandsInPockets Heavyset HighKnees InTheDark KarateChop Kick LawnMower "
+    "LeanBack LeanLeft LeanRight LeftHop LegsApart LimpLeft LimpRight LookUp Lunge March Monk Morris Neutral "
+    "Old OnHeels OnPhoneLeft OnPhoneRight OnToesBentForward OnToesCrouched PendulumHands Penguin PigeonToed "
+    "Proud Punch Quail RaisedLeftArm RaisedRightArm RightHop Roadrunner Robot Rocket Rushed ShieldedLeft "
+    "ShieldedRight Skip SlideFeet SpinAntiClock SpinClock Star StartStop Stiff Strutting Superman Swat Sweep "
+    "Swimming SwingArmsRound SwingShoulders Teapot Tiptoe TogetherStep TwoFootJump WalkingStickLeft "
+    "WalkingStickRight Waving WhirlArms WideLegs WiggleHips WildArms WildLegs Zombie"
+)
+ALSO_NAMED = "TwistFoot TwistShoulders"
 
 
 @pytest.fixture(scope="module")
@@ -161,8 +51,7 @@ def library() -> PromptLibrary:
 
 def test_every_category_is_well_filled(library: PromptLibrary) -> None:
     counts = Counter(entry.category for entry in library.entries)
-    assert list(json.loads((PROMPTS / "library.json").read_text("utf-8"))["categories"]) == CATEGORIES
-    assert set(counts) == set(CATEGORIES)
+    assert set(counts) == set(json.loads((PROMPTS / "library.json").read_text("utf-8"))["categories"])
     assert min(counts.values()) >= 12
     assert len(library.entries) >= 500
 
@@ -214,13 +103,12 @@ def test_limbs_are_described_on_their_own_side(library: PromptLibrary) -> None:
             assert other not in words[:2], getattr(description, part)
 
 
-@pytest.mark.parametrize("name", [*STYLES_100, *ALSO_NAMED])
-def test_the_styles_of_100style_are_known_by_name(name: str, library: PromptLibrary) -> None:
-    phrases = PhraseIndex(library) if not _INDEX else _INDEX[0]
-    _INDEX[:] = [phrases]
-    spoken = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
-    assert phrases.whole(name) is not None
-    assert phrases.whole(name) == phrases.whole(spoken.lower()) == phrases.whole(f"{spoken} ")
+def test_the_styles_of_100style_are_known_by_name(library: PromptLibrary) -> None:
+    phrases = PhraseIndex(library)
+    for name in f"{STYLES_100} {ALSO_NAMED}".split():
+        spoken = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+        assert phrases.whole(name) is not None, name
+        assert phrases.whole(name) == phrases.whole(spoken.lower()) == phrases.whole(f"{spoken} "), name
 
 
 def test_a_name_may_leave_out_who_does_it(library: PromptLibrary) -> None:
@@ -230,9 +118,6 @@ def test_a_name_may_leave_out_who_does_it(library: PromptLibrary) -> None:
         assert entry is not None
         plainly = re.sub(r"^(someone|a person|people) ", "", style.prompt)
         assert phrases.whole(plainly) == phrases.whole(f"somebody {plainly}") == entry
-
-
-_INDEX: list[PhraseIndex] = []
 
 
 # embeddings

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.errors import ModelError
+from runtime.prompts.content import GROUPS, input_sizes, one_sided, part_inputs, sentence_inputs
 from runtime.prompts.parts import PartDescriptions, mirror_text
-from runtime.prompts.sentence_inputs import GROUPS, input_sizes, one_sided, part_inputs, sentence_inputs
 from runtime.skeleton import PART_NAMES
 
 WORDS = [

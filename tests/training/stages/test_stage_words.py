@@ -5,7 +5,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from runtime.prompts.sentence_inputs import part_inputs  # noqa: E402
+from runtime.prompts.content import part_inputs  # noqa: E402
 from runtime.skeleton import PART_NAMES  # noqa: E402
 from training.augmentation.catalogue import catalogue, part_edits  # noqa: E402
 from training.augmentation.sentences import LongerSentence, longer_sentences  # noqa: E402

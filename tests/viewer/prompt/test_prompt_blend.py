@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from runtime.motion.style import StyleMix
 from runtime.prompts.blend import ALL_A
 from runtime.prompts.parts import PartDescriptions
 from runtime.session.prompt_blend import Answer, PromptBlend
@@ -83,7 +82,7 @@ def test_the_master_weight_moves_what_is_not_locked() -> None:
     assert moved.weights == (0.5, 0.5, 0.5, 0.5, 1.0, 0.0)
     assert moved.master_weight == pytest.approx(0.6)
     mix = moved.style()
-    assert isinstance(mix, StyleMix)
+    assert mix is not None
     parts = sum(share * z[:, 0] for share, z in zip(mix.weights, mix.codes, strict=True))
     assert np.allclose(parts, [2.0, 2.0, 2.0, 2.0, 3.0, 1.0])
     everything = dataclasses.replace(edit, locked=frozenset(PART_NAMES))

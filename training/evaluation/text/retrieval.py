@@ -15,8 +15,8 @@ from runtime.arrays import Array
 from runtime.errors import FileError, ModelError
 from runtime.motion.model import ExportedMotionEncoder
 from runtime.motion.model_files import open_graph, read_graph, read_metadata
+from runtime.prompts.content import sentence_inputs
 from runtime.prompts.parts import PartDescriptions
-from runtime.prompts.sentence_inputs import sentence_inputs
 from runtime.prompts.text_encoder import TextEncoderLike
 from training.evaluation.metrics.classifiers import merged
 from training.evaluation.metrics.features import encoded

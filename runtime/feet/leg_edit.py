@@ -1,0 +1,230 @@
+"""Legs that do what their description says, where a walk by the network alone does not.
+
+The network's own legs are measured over their steps: the line of the feet, the height of the hips, the pitch and yaw of planted
+feet. What a description asks for and a walk lacks is added to the pose before the foot lock, as the edits of the training
+data do it. The network is fed its own pose, so that the measure does not depend on the edit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import atan2, cos, hypot, pi, radians, sin, sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from runtime.arrays import Array
+from runtime.feet.leg import LegPose
+from runtime.scalar_math import (
+    Quaternion,
+    Vector,
+    add,
+    decay,
+    dot,
+    length,
+    multiply,
+    rotate,
+    scale,
+    subtract,
+)
+from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
+
+# of one leg: metres of a foot from the middle line, metres that the hips are lowered, degrees of the heel raised over the
+# toe, degrees that the foot is turned out, and the largest bend of the knee in degrees
+TARGETS = ("outward", "lower", "heel", "toe_out", "knee")
+OUTWARD, LOWER, HEEL, TOE_OUT, KNEE = range(len(TARGETS))
+MOST = (0.3, 0.4, 50.0, 50.0, 90.0)  # of each, that is added
+BOTH = (2, len(TARGETS), 2)  # shape: both legs, each target with its weight (0 to 1) and its value times that
+HALF_LIFE = 0.2  # seconds in which an edit follows its measure
+MEASURE_HALF_LIFE = 0.25  # seconds in which a measure follows the pose
+STRIDE_HALF_LIFE, WALKS = (
+    0.5,
+    0.3,
+)  # seconds in which the line of the feet is measured, and from which speed on, m/s
+CLEAR_M, PASSING_M = 0.1, 0.3  # a foot passes the other at this distance, while it is so near along the way
+RISE_HALF_LIFE, MOST_RISE = 0.1, 0.05  # seconds, metres: the hips go with legs that stand elsewhere
+TIPTOE_RISE = 0.1  # metres that hips rise per radian of a raised heel: half of what the ankles do
+ROLLED = 8.0  # degrees of a raised heel from which it does not stand
+SWING_CLEARANCE = 0.03  # metres over its resting height that a straight leg swings
+UPRIGHT = 0.955  # metres of the hips over level ground in neutral walking
+_NOTHING = (0.0,) * len(TARGETS)
+_UP: Vector = (0.0, 1.0, 0.0)
+
+
+class LegRequest(NamedTuple):
+    """What both legs are asked to show, and how the body goes."""
+
+    targets: list[list[list[float]]]  # [leg][target]: weight, and value times weight
+    yaw: float  # radians, the way that the body faces
+    velocity: tuple[float, float]  # m/s of the root, X and Z
+    ground: float  # metres, the height under the body
+
+
+@dataclass
+class LegEdit:
+    """What was measured of the network's legs of a character, and the edits in force."""
+
+    across: float = 0.0  # m of the left ankle from the right one across the way, times `known`
+    known: float = 0.0  # how well the former is known, 0 to 1
+    height: float = 0.0  # m of the hips over the ground; 0 before the first frame
+    pitch: tuple[float, float] = (0.0, 0.0)  # degrees of a planted foot, heel up
+    yaw: tuple[float, float] = (0.0, 0.0)  # degrees of a planted foot, outward
+    rise: float = 0.0  # m that the hips go with legs that stand elsewhere
+    left: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)  # what is added, by `TARGETS`
+    right: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    @property
+    def active(self) -> bool:
+        """Whether anything is added."""
+        return any(self.left) or any(self.right)
+
+    def apply(
+        self, height: float, legs: tuple[LegPose, LegPose], chances: list[float], request: LegRequest
+    ) -> tuple[float, list[LegPose]]:
+        """Metres that the hips go up, and the legs with hips, toes, ankles and feet where they are to be; knees follow later.
+
+        `height` of the hips, `chances` of contact (left heel, left toe, right heel, right toe), which lose those of
+        heels that are raised.
+        """
+        bears = (max(chances[0], chances[1]), max(chances[2], chances[3]))
+        self._measure(height - request.ground, legs, bears, request)
+        self._follow(request)
+        added = (self.left, self.right)
+        side: Vector = (cos(request.yaw), 0.0, -sin(request.yaw))  # towards the left
+        heels = [radians(each[HEEL]) for each in added]
+        lower = self.left[LOWER]
+        up = -lower if lower > 1e-3 else TIPTOE_RISE * min(heels)
+        feet = [_foot(leg, sign, each) for leg, sign, each in zip(legs, (1.0, -1.0), added, strict=True)]
+        ankles = [foot.ankle for foot in feet]
+        moved = [
+            add(ankle, scale(side, sign * each[OUTWARD]))
+            for ankle, sign, each in zip(ankles, (1.0, -1.0), added, strict=True)
+        ]
+        up += self._rise(up, feet, moved, bears)
+        moved = self._passing(moved, side)
+        result = []
+        for k, (foot, ankle) in enumerate(zip(feet, moved, strict=True)):
+            if added[k][KNEE] > 0.0:
+                ankle = _straightened(foot, up, ankle, scale(side, 1.0 - 2.0 * k), added[k][KNEE], request, k)
+            toe = add(foot.toe, subtract(ankle, foot.ankle))
+            hip, knee = ((p[0], p[1] + up, p[2]) for p in (foot.hip, foot.knee))
+            result.append(foot._replace(hip=hip, knee=knee, toe=toe, ankle=ankle))
+            if added[k][HEEL] > ROLLED:
+                chances[2 * k] = 0.0
+        return up, result
+
+    def _measure(
+        self, height: float, legs: tuple[LegPose, LegPose], bears: tuple[float, float], request: LegRequest
+    ) -> None:
+        x, z = request.velocity
+        speed = hypot(x, z)
+        if speed > WALKS:
+            apart = subtract(legs[0].ankle, legs[1].ankle)
+            seen = 1.0 - decay(STRIDE_HALF_LIFE)
+            self.across += seen * ((z * apart[0] - x * apart[2]) / speed - self.across)
+            self.known += seen * (1.0 - self.known)
+        follow = 1.0 - decay(MEASURE_HALF_LIFE)
+        self.height = height if self.height == 0.0 else self.height + follow * (height - self.height)
+        pitch, yaw = list(self.pitch), list(self.yaw)
+        for k, (leg, sign) in enumerate(zip(legs, (1.0, -1.0), strict=True)):
+            if bears[k] > 0.5:
+                ahead = subtract(leg.toe, leg.ankle)
+                heel = -atan2(ahead[1] + ANKLE_HEIGHT - TOE_HEIGHT, hypot(ahead[0], ahead[2]))
+                turned = (atan2(ahead[0], ahead[2]) - request.yaw + pi) % (2.0 * pi) - pi
+                pitch[k] += follow * (heel * 180.0 / pi - pitch[k])
+                yaw[k] += follow * (sign * turned * 180.0 / pi - yaw[k])
+        self.pitch, self.yaw = (pitch[0], pitch[1]), (yaw[0], yaw[1])
+
+    def _follow(self, request: LegRequest) -> None:
+        """Let what is added go towards what is missing."""
+        wanted = [self._missing(request.targets[k], k) for k in (0, 1)]
+        lower = min(wanted[0][LOWER], wanted[1][LOWER])  # one leg alone lowers no hips
+        share = 1.0 - decay(HALF_LIFE)
+        for name, goal in zip(("left", "right"), wanted, strict=True):
+            goal[LOWER] = lower
+            before = getattr(self, name)
+            now = tuple(a + share * (b - a) for a, b in zip(before, goal, strict=True))
+            done = all(abs(a) < 1e-4 for a in now) and not any(goal)
+            setattr(self, name, _NOTHING if done else now)
+
+    def _missing(self, targets: list[list[float]], leg: int) -> list[float]:
+        half = 0.5 * self.across / max(self.known, 1e-6)
+        shown = (half, UPRIGHT - self.height, self.pitch[leg], self.yaw[leg], 0.0)
+        wanted = []
+        for k, ((weight, weighted), has, most) in enumerate(zip(targets, shown, MOST, strict=True)):
+            value = weighted / weight if weight > 1e-6 else 0.0
+            lacks = min(max(value - has, -most), most) * (self.known if k == OUTWARD else 1.0)
+            wanted.append(weight * (max(lacks, 0.0) if k in (LOWER, HEEL) else lacks))
+        return wanted
+
+    def _rise(self, up: float, feet: list[LegPose], moved: list[Vector], bears: tuple[float, float]) -> float:
+        """Metres by which hips go up or down so that the legs that carry them bend as they did before feet went aside."""
+        total = rise = 0.0
+        for foot, ankle, weight in zip(feet, moved, bears, strict=True):
+            hip = (foot.hip[0], foot.hip[1] + up, foot.hip[2])
+            was, now = subtract(hip, foot.ankle), subtract(hip, ankle)
+            height = sqrt(max(dot(was, was) - now[0] ** 2 - now[2] ** 2, 0.04))
+            total, rise = total + weight, rise + weight * (height - now[1])
+        rise = min(max(rise / max(total, 0.5), -MOST_RISE), MOST_RISE)
+        self.rise += (rise - self.rise) * (1.0 - decay(RISE_HALF_LIFE))
+        return self.rise
+
+    def _passing(self, ankles: list[Vector], side: Vector) -> list[Vector]:
+        """Feet on a line go round each other: the one that swings is set aside while it passes."""
+        narrow = min(max(-min(self.left[OUTWARD], self.right[OUTWARD]) / 0.02, 0.0), 1.0)
+        if narrow == 0.0:
+            return ankles
+        apart = subtract(ankles[0], ankles[1])
+        ahead = apart[0] * -side[2] + apart[2] * side[0]
+        near = max(1.0 - (ahead / PASSING_M) ** 2, 0.0)
+        push = narrow * max(CLEAR_M * near - dot(apart, side), 0.0)
+        left = min(max(0.5 + apart[1] / 0.04, 0.0), 1.0)  # the higher one swings
+        return [add(ankles[0], scale(side, left * push)), add(ankles[1], scale(side, (left - 1.0) * push))]
+
+
+def _foot(leg: LegPose, sign: float, added: tuple[float, ...]) -> LegPose:
+    """The leg with its foot turned about the ankle, and its heel raised about the toe."""
+    if added[TOE_OUT]:
+        turn = _about(_UP, radians(sign * added[TOE_OUT]))
+        toe = add(leg.ankle, rotate(turn, subtract(leg.toe, leg.ankle)))
+        leg = leg._replace(foot=multiply(turn, leg.foot), toe=toe)
+    if added[HEEL]:
+        turn = _about(rotate(leg.foot, (1.0, 0.0, 0.0)), radians(added[HEEL]))
+        ankle = add(leg.toe, rotate(turn, subtract(leg.ankle, leg.toe)))
+        leg = leg._replace(foot=multiply(turn, leg.foot), ankle=ankle)
+    return leg
+
+
+def _straightened(
+    leg: LegPose, up: float, ankle: Vector, outward: Vector, weight: float, request: LegRequest, k: int
+) -> Vector:
+    """The ankle of a knee that bends by its target at most; a leg that would scuff swings outward."""
+    share, weighted = request.targets[k][KNEE]
+    most = radians(weighted / share) if share > 1e-6 else 0.5 * pi
+    thigh, shin = length(subtract(leg.knee, leg.hip)), length(subtract(leg.ankle, leg.knee))
+    hip = (leg.hip[0], leg.hip[1] + up, leg.hip[2])
+    along = subtract(ankle, hip)
+    reach = max(length(along), 1e-6)
+    straight = sqrt(thigh * thigh + shin * shin + 2.0 * thigh * shin * cos(most))
+    longer = 1.0 + weight * max(straight - reach, 0.0) / reach
+    target = add(hip, scale(along, longer))
+    floor = min(request.ground + ANKLE_HEIGHT + SWING_CLEARANCE, ankle[1])  # what stands, stands
+    sunk, drop = max(floor - target[1], 0.0), hip[1] - target[1]
+    # the leg keeps its length and its place along the way: what it rises it goes aside
+    aside = sqrt(max(drop * drop - (drop - sunk) ** 2, 0.0))
+    return add((target[0], target[1] + sunk, target[2]), scale(outward, aside))
+
+
+def _about(axis: Vector, angle: float) -> Quaternion:
+    s = sin(0.5 * angle)
+    return cos(0.5 * angle), s * axis[0], s * axis[1], s * axis[2]
+
+
+def checked_targets(values: Any) -> Array:
+    """Targets `(2, 5, 2)` of a file; ValueError for what no description asks for."""
+    targets = np.array(values, np.float64)
+    if targets.shape != BOTH or not (np.abs(targets[..., 1]) <= MOST).all():
+        raise ValueError("legs that no description has")
+    if not ((targets[..., 0] >= 0.0) & (targets[..., 0] <= 1.0)).all():
+        raise ValueError("legs that no description has")
+    return targets

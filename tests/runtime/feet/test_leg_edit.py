@@ -1,0 +1,183 @@
+"""Legs that are edited towards their description: line of the feet, hips, heels, toes, knees; and what is left alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from runtime import rotations
+from runtime.arrays import Array
+from runtime.feet import ik
+from runtime.feet.foot_lock import FootLock, Support
+from runtime.feet.leg import leg_bones, leg_forward
+from runtime.feet.leg_edit import (
+    BOTH,
+    HEEL,
+    KNEE,
+    LOWER,
+    OUTWARD,
+    TOE_OUT,
+    LegEdit,
+    LegRequest,
+    checked_targets,
+)
+from runtime.motion.features import DT
+from runtime.prompts.leg_targets import blended_legs, leg_targets, targets_of
+from runtime.prompts.parts import PartDescriptions
+from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, J
+from runtime.terrain.height_map import Terrain
+
+STEPS = 300
+FLAT = Terrain.flat()
+PLAIN = PartDescriptions(*["at rest"] * 6)
+
+
+def asked(**values: float) -> Array:
+    """Both legs by these targets."""
+    names = {"outward": OUTWARD, "lower": LOWER, "heel": HEEL, "toe_out": TOE_OUT, "knee": KNEE}
+    targets = np.zeros(BOTH)
+    for name, value in values.items():
+        targets[:, names[name]] = 1.0, value
+    return targets
+
+
+def walk(targets: Array, yaw: float = 0.0, width: float = 0.1) -> Array:
+    """World positions `(T, 31, 3)` of a figure that walks on the spot over the foot lock, once the edit is in force."""
+    lock, (x, z) = FootLock(), (np.sin(yaw), np.cos(yaw))
+    local = np.tile([1.0, 0.0, 0.0, 0.0], (J, 1))
+    local[0] = rotations.from_yaw(np.array(yaw))
+    hips, ahead = np.array([0.0, 0.93, 0.0]), np.array([x, 0.0, z])
+    side, found = np.array([z, 0.0, -x]), []
+    for k in range(STEPS):
+        swing = np.sin(2.0 * np.pi * k / 60.0) * np.array([1.0, -1.0])
+        lifted = np.maximum(np.cos(2.0 * np.pi * k / 60.0) * np.array([1.0, -1.0]), 0.0)
+        feet = 0.25 * swing[:, None] * ahead + 0.5 * width * np.array([1.0, -1.0])[:, None] * side
+        feet[:, 1] = ANKLE_HEIGHT + 0.08 * lifted
+        posed = ik.solve_legs(hips, local, feet)
+        request = LegRequest(targets.tolist(), yaw, (1.2 * x, 1.2 * z), 0.0)
+        # no foot is held: what is shown is what is asked for
+        shown = lock.apply(hips, posed, np.zeros(4), FLAT, DT, Support(legs=request))
+        found.append(SPORT_SKELETON.forward_kinematics(shown.hips_position, shown.local_rotations)[0])
+    return np.array(found)[-120:]
+
+
+def across(positions: Array, yaw: float = 0.0) -> float:
+    apart = positions[:, ik.LEG_FEET[0]] - positions[:, ik.LEG_FEET[1]]
+    return float(np.median(apart @ [np.cos(yaw), 0.0, -np.sin(yaw)]))
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.0, -2.5])
+@pytest.mark.parametrize("width", [-0.2, 0.1, 0.3])
+def test_feet_come_onto_a_line_from_wherever_they_were(yaw: float, width: float) -> None:
+    assert across(walk(asked(outward=0.01), yaw, width), yaw) == pytest.approx(0.02, abs=0.02)
+
+
+def test_feet_go_apart() -> None:
+    assert across(walk(asked(outward=0.12), 0.5), 0.5) == pytest.approx(0.24, abs=0.02)
+
+
+def test_hips_are_lowered_once_and_feet_stay() -> None:
+    plain = walk(np.zeros(BOTH))
+    low = walk(asked(lower=0.15))
+    assert np.median(low[:, 0, 1]) == pytest.approx(0.955 - 0.15, abs=0.005)
+    np.testing.assert_allclose(low[:, ik.LEG_FEET], plain[:, ik.LEG_FEET], atol=0.015)
+
+
+def test_hips_that_are_low_already_are_not_raised() -> None:
+    assert np.median(walk(asked(lower=0.01))[:, 0, 1]) == pytest.approx(0.93, abs=0.02)
+
+
+def test_heels_rise_over_the_toes_and_toes_turn() -> None:
+    plain = walk(np.zeros(BOTH))
+    tiptoe = walk(asked(heel=28.0))
+    rise = (tiptoe[:, ik.LEG_FEET, 1] - tiptoe[:, ik.LEG_TOES, 1]) - (
+        plain[:, ik.LEG_FEET, 1] - plain[:, ik.LEG_TOES, 1]
+    )
+    assert rise.min() > 0.03
+    duck = walk(asked(toe_out=25.0))
+    toes = duck[:, ik.LEG_TOES] - duck[:, ik.LEG_FEET]
+    turned = np.degrees(np.arctan2(toes[..., 0], toes[..., 2])) * [1.0, -1.0]
+    assert np.median(turned) == pytest.approx(25.0, abs=2.0)
+
+
+def test_a_straight_leg_bends_no_more_than_it_is_asked() -> None:
+    positions = walk(asked(knee=20.0))
+    upper = positions[:, ik.LEG_SHINS] - positions[:, ik.LEG_THIGHS]
+    lower = positions[:, ik.LEG_FEET] - positions[:, ik.LEG_SHINS]
+    cosine = (upper * lower).sum(-1) / np.linalg.norm(upper, axis=-1) / np.linalg.norm(lower, axis=-1)
+    assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() < 27.0
+
+
+def test_an_edit_that_is_no_longer_asked_for_fades() -> None:
+    edit, leg = LegEdit(), leg_forward(leg_bones(0), (0.0, 0.93, 0.0), [(1.0, 0.0, 0.0, 0.0)] * J)
+    asks = LegRequest(asked(lower=0.15, outward=0.12).tolist(), 0.0, (0.0, 1.0), 0.0)
+    for _ in range(60):
+        up, _ = edit.apply(0.93, (leg, leg), [0.0] * 4, asks)
+    assert up < -0.1
+    assert edit.active
+    for _ in range(300):
+        up, legs = edit.apply(0.93, (leg, leg), [0.0] * 4, asks._replace(targets=np.zeros(BOTH).tolist()))
+    assert not edit.active
+    assert up == pytest.approx(0.0, abs=1e-6)
+    assert legs[0].ankle == pytest.approx(leg.ankle, abs=1e-6)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(st.floats(-1.0, 1.0), min_size=5, max_size=5), st.floats(-3.0, 3.0))
+def test_any_targets_give_poses_that_can_be_shown(values: list[float], yaw: float) -> None:
+    targets = np.zeros(BOTH)
+    targets[..., 0] = 1.0
+    targets[..., 1] = np.array(values) * [0.3, 0.4, 50.0, 50.0, 90.0]
+    positions = walk(targets, yaw)
+    assert np.isfinite(positions).all()
+    assert np.abs(np.diff(positions, axis=0)).max() < 0.2
+
+
+# --- words
+
+
+@pytest.mark.parametrize(
+    ("sentence", "found"),
+    [
+        ("left foot placed on one line, narrow stance", {"outward": (-0.01, 0.02)}),
+        ("left leg crossing in front of the other at every step", {"outward": (-0.06, -0.01)}),
+        ("left leg walking with a wide stance, feet apart", {"outward": (0.08, 0.15)}),
+        ("left foot on tiptoe, heel raised, left knee bent deeply, crouching low", {"heel": (20, 35), "lower": (0.1, 0.25)}),
+        ("left knee slightly bent", {"lower": (0.01, 0.04)}),
+        ("left foot turned outward like a duck", {"toe_out": (15, 30)}),
+        ("left toes turned slightly in", {"toe_out": (-15, -5)}),
+        ("left leg stiff and straight, foot dragging over the ground", {"knee": (15, 35)}),
+        ("left leg stepping evenly, foot rolling from heel to toe", {}),
+        ("left leg springing off the toes at every step", {}),
+    ],
+)  # fmt: skip
+def test_a_sentence_asks_for_numbers(sentence: str, found: dict[str, tuple[float, float]]) -> None:
+    names = ("outward", "lower", "heel", "toe_out", "knee")
+    values = {
+        name: value for name, value in zip(names, targets_of(sentence), strict=True) if value is not None
+    }
+    assert values.keys() == found.keys()
+    assert all(low <= values[name] <= high for name, (low, high) in found.items())
+    assert targets_of(sentence.replace("left", "right")) == targets_of(sentence)
+
+
+def test_legs_of_a_blend_are_between_those_of_its_prompts() -> None:
+    wide = replace(
+        PLAIN,
+        left_leg="left leg walking with a wide stance",
+        right_leg="right leg walking with a wide stance",
+    )
+    line = replace(PLAIN, left_leg="left foot placed on one line", right_leg="right foot placed on one line")
+    half = blended_legs(wide, line, (0.0, 0.0, 0.5, 0.0, 0.0, 0.0))
+    np.testing.assert_allclose(half[0], 0.5 * (leg_targets(wide) + leg_targets(line))[0])
+    np.testing.assert_allclose(half[1], leg_targets(wide)[1])
+
+
+@pytest.mark.parametrize("damaged", [[], [[1.0]], np.full(BOTH, 2.0), np.full(BOTH, np.nan), "legs"])
+def test_targets_of_a_file_are_checked(damaged: object) -> None:
+    with pytest.raises(ValueError, match=r"legs|could not|inhomogeneous"):
+        checked_targets(damaged)

@@ -247,10 +247,9 @@ class App(Workspace):
         self.scene.draw_ground(ground)
         pinning = self.pins.use_mouse(camera.current)
         drawing = pinning or self.path.use_mouse(camera.current, ground)
-        wheel, dragging = camera.use_mouse(drawing)
+        dragging = camera.use_mouse(drawing, self.settings.navigation)
         moving = intent.move != (0.0, 0.0) and not intent.strafe and not dragging
-        zoom = intent.zoom * dt + wheel
-        camera.update(pose, dt, intent.look, zoom, ground, moving)
+        camera.update(pose, dt, intent.look, intent.zoom * dt, ground, moving)
         self.camera_keys.look(pose, ground)
         self.compare.frame_all(camera, self.shell.aspect, dt)
         camera.frame_in(self.shell.framing, dt)

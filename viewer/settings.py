@@ -36,7 +36,10 @@ _SLOT = Slot("settings")
 
 QUALITIES = {"": "Automatic", "fast": "Fast", "software": "Software", "high": "High"}
 CAMERAS = {"follow": "Follow", "orbit": "Orbit"}
-VIEWS = {"front": "Front", "side": "Side", "three_quarters": "3/4", "feet": "Feet"}  # of the orbit camera
+# of the orbit camera
+VIEWS = {"front": "Front", "side": "Side", "three_quarters": "3/4", "feet": "Feet", "top": "Top"}
+# what the mouse does in the view, see `viewer.input.bindings.NAVIGATION`
+NAVIGATIONS = {"sport": "SPORT", "blender": "Blender", "maya": "Maya"}
 
 
 @dataclass
@@ -119,6 +122,7 @@ class Settings:
         0.15, 0.0, 0.9, label="%.0f %% of the travel", factor=100.0, whole=True,
         hint="How far a stick of the gamepad moves before it counts",
     )  # fmt: skip
+    navigation: str = specified("sport", choices=NAVIGATIONS)
     pad_buttons: str = ""  # changes of the gamepad, see `viewer.input.bindings.pad_buttons`
     invert_look: bool = specified(False, label="Invert look", hint="Stick and keys up look down")
     text_size: float = specified(1.0, choices={0.9: "Small", 1.0: "Normal", 1.15: "Large"})

@@ -37,6 +37,7 @@ KEY_NAMES: dict[int, str] = {
     **{glfw.KEY_0 + i: str(i) for i in range(10)},
     **{glfw.KEY_F1 + i: f"f{i + 1}" for i in range(12)},
     **{getattr(glfw, f"KEY_{name}"): name.lower() for name in _PLAIN_KEYS},
+    **{glfw.KEY_KP_0 + i: f"kp_{i}" for i in (1, 3, 7)}, glfw.KEY_KP_DECIMAL: "kp_decimal",
     glfw.KEY_KP_ENTER: "enter", glfw.KEY_LEFT_ALT: "alt",
     **{getattr(glfw, f"KEY_{side}_SHIFT"): "shift" for side in ("LEFT", "RIGHT")},
     **{getattr(glfw, f"KEY_{side}_CONTROL"): "ctrl" for side in ("LEFT", "RIGHT")},
@@ -262,6 +263,10 @@ class Window:
             imgui.get_io().add_key_event(getattr(imgui.Key, name), down)
             return
         imgui.backends.glfw_key_callback(self._address, code, 0, action, 0)
+        self._hold_modifiers()
+
+    def _hold_modifiers(self) -> None:
+        """The backend looks for modifiers at the real keyboard, at each key and button."""
         for modifier in self._injected:
             imgui.get_io().add_key_event(_MODIFIERS[modifier], True)
 
@@ -280,6 +285,11 @@ class Window:
         imgui.backends.glfw_cursor_pos_callback(self._address, x, y)
         if button is not None:
             imgui.backends.glfw_mouse_button_callback(self._address, button, int(down), 0)
+            self._hold_modifiers()
+
+    def inject_wheel(self, steps: float) -> None:
+        """Behave as if the wheel turned; positive is away from the user."""
+        imgui.backends.glfw_scroll_callback(self._address, 0.0, steps)
 
     def inject_focus(self, focused: bool) -> None:
         """Behave as if the window gained or lost the focus."""
@@ -327,8 +337,9 @@ class Window:
     def _on_mouse_move(self, _window: Any, x: float, y: float) -> None:
         self._mouse = x, y
 
-    def _on_mouse_button(self, _window: Any, _button: int, action: int, _mods: int) -> None:
-        if action == glfw.PRESS:
+    def _on_mouse_button(self, _window: Any, button: int, action: int, _mods: int) -> None:
+        # the middle button scrolls a panel, which leaves the keys where they are
+        if action == glfw.PRESS and (button != 2 or not imgui.get_io().want_capture_mouse):
             self._events.mouse_press(*self._mouse)
 
     def _start_imgui(self) -> None:

@@ -113,7 +113,11 @@ class Workspace:
         self.shell = Shell(
             self.state, settings, messages, jobs, scene, editing, panels, lambda: prompting.texts, fonts
         )
-        own = {Action.FULLSCREEN: self.window.toggle_full_screen, Action.SCREENSHOT: self.screenshots.ask}
+        own = {
+            Action.FRAME_SELECTION: self.frame_selection,
+            Action.FULLSCREEN: self.window.toggle_full_screen,
+            Action.SCREENSHOT: self.screenshots.ask,
+        }
         rooms = [*(panel.actions for panel in panels), self.shell.actions, own]
         self.actions = {action: do for room in rooms for action, do in room.items()}
 
@@ -198,6 +202,15 @@ class Workspace:
         file = io.BytesIO()
         picture.save(file, "PNG")
         return file.getvalue()
+
+    def frame_selection(self) -> None:
+        """Bring the selected pin into the middle, or the whole character."""
+        point = self.pins.place
+        if point is None:
+            self.scene.frame_character()
+        else:
+            self.scene.camera.frame_point(point)
+            self.settings.camera = self.scene.camera.mode
 
     def load_model(self, directory: Path | None, seed: int) -> None:
         """Load an exported model, the shipped one for None; the one in use stays until it is there."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.errors import FileError, SportError
+from runtime.safe_read import open_npz
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON
 from training.data import cutting, height_patches, labels, relief
 from training.data.catalog import BY_NAME, skeleton_of
@@ -197,12 +198,9 @@ class _Rollout:
 
 def _read_rollout(clip: ClipSource) -> _Rollout:
     path = clip.path.with_suffix(".npz")
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            terrain = f"terrain_{str(data['terrain']).removeprefix('terrain_')}.npz"
-            gait, contact = data["gait"].astype(np.float64), data["contact"].astype(np.float64)
-    except (OSError, KeyError, ValueError) as error:
-        raise FileError(f"{path}: {error}.", "Unpack the archive again.") from error
+    with open_npz(path, "Unpack the archive again.") as data:
+        terrain = f"terrain_{str(data['terrain']).removeprefix('terrain_')}.npz"
+        gait, contact = data["gait"].astype(np.float64), data["contact"].astype(np.float64)
     heights, cell = height_patches.load_rollout_terrain(path.parent / terrain)
     return _Rollout(heights, cell, gait, contact)
 

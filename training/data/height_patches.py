@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.errors import FileError
+from runtime.safe_read import open_npz
 from runtime.terrain.height_map import Terrain
 
 CELL_M = 0.15
@@ -46,11 +46,8 @@ def grid_under(
 
 def load_rollout_terrain(path: Path) -> tuple[Array, float]:
     """Heights `(n, m)` and cell, both in metres, of a height map of the rollouts."""
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            return np.asarray(data["height_cm"], np.float64) * 0.01, float(data["cell_cm"]) * 0.01
-    except (OSError, KeyError, ValueError) as error:
-        raise FileError(f"{path}: {error}.", "Unpack the archive again.") from error
+    with open_npz(path, "Unpack the archive again.") as data:
+        return np.asarray(data["height_cm"], np.float64) * 0.01, float(data["cell_cm"]) * 0.01
 
 
 def wrapped_height(heights: Array, cell: float, x: Array, z: Array) -> Array:

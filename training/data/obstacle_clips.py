@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from runtime.arrays import Array
 from runtime.controls import Gait
-from runtime.errors import FileError, run_command
+from runtime.errors import run_command
+from runtime.safe_read import open_npz
 from runtime.skeleton import SPORT_SKELETON
 from training.data.clip_files import TrainingClip
 from training.data.height_patches import Patches
@@ -99,28 +100,25 @@ def _words(content: str, fits: Sequence[Fitted]) -> str:
 
 def load_clip(path: Path) -> TrainingClip:
     """A clip file of the importer; FileError when it is none."""
-    try:
-        with np.load(path, allow_pickle=False) as c:
-            origin = (float(c["patch_origin"][0]), float(c["patch_origin"][1]))
-            patches = Patches(c["patch_heights"][:1].astype(np.float64), origin, float(c["patch_cell"]))
-            style, content, source, split, tier = (
-                str(c[k]) for k in ("style", "content", "source", "split", "tier")
-            )
-            return TrainingClip(
-                path.stem,
-                c["hips_positions"],
-                c["local_rotations"],
-                c["contacts"],
-                c["gait"],
-                style,
-                content,
-                source,
-                split,
-                tier,
-                patches,
-            )
-    except (OSError, ValueError, KeyError) as error:
-        raise FileError(f"{path}: not a clip file.", "Run the importer again.") from error
+    with open_npz(path, "Run the importer again.") as c:
+        origin = (float(c["patch_origin"][0]), float(c["patch_origin"][1]))
+        patches = Patches(c["patch_heights"][:1].astype(np.float64), origin, float(c["patch_cell"]))
+        style, content, source, split, tier = (
+            str(c[k]) for k in ("style", "content", "source", "split", "tier")
+        )
+        return TrainingClip(
+            path.stem,
+            c["hips_positions"],
+            c["local_rotations"],
+            c["contacts"],
+            c["gait"],
+            style,
+            content,
+            source,
+            split,
+            tier,
+            patches,
+        )
 
 
 def report(rows: Sequence[FittedClip], command: str) -> str:
@@ -172,11 +170,8 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def _is_source(path: Path) -> bool:
-    try:
-        with np.load(path, allow_pickle=False) as clip:
-            return str(clip["source"]) in SOURCES and str(clip["tier"]) != "layered"
-    except (OSError, ValueError, KeyError) as error:
-        raise FileError(f"{path}: not a clip file.", "Run the importer again.") from error
+    with open_npz(path, "Run the importer again.") as clip:
+        return str(clip["source"]) in SOURCES and str(clip["tier"]) != "layered"
 
 
 if __name__ == "__main__":

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from runtime.errors import FileError
 from runtime.formats.bvh_clip import save_bvh
+from runtime.safe_read import open_npz
 from runtime.takes.clip import Clip
 from training.data import gait
 from training.data.catalog import BY_NAME, list_clips
@@ -51,12 +51,9 @@ def compare(data: Path, clips: Path) -> dict[tuple[str, str], tuple[Measures, Me
 
 def _exported(path: Path, folder: Path) -> Path:
     """An imported clip as the BVH that the program would export."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            hips, local = file["hips_positions"], file["local_rotations"]
-            contacts = file["contacts"].astype(np.float32)
-    except (OSError, ValueError, KeyError) as error:
-        raise FileError(f"{path}: not a clip file.", "Run the importer again.") from error
+    with open_npz(path, "Run the importer again.") as file:
+        hips, local = file["hips_positions"], file["local_rotations"]
+        contacts = file["contacts"].astype(np.float32)
     target = folder / f"{path.stem}.bvh"
     save_bvh(Clip(path.stem, 60.0, hips, local, contacts), target)
     return target

@@ -275,6 +275,11 @@ class Pins:
             )
         ]
 
+    @property
+    def place(self) -> Array | None:
+        """Where the selected pin is `(3,)`; None without one that has a place."""
+        return next((place for i, _, place in self._points() if i == self.selected), None)
+
     def overlay(self) -> PinOverlay | None:
         """The points of all pins, with their rails."""
         points = self._points()

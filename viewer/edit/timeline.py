@@ -5,6 +5,7 @@ What is drawn is kept from frame to frame until a track, the room or the frame r
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum, auto
@@ -23,10 +24,44 @@ TICK_STEPS = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 3600, 7200, 18000, 3
 TICK_WIDTH = 56.0  # at least, between two numbers
 NAMES_WIDTH, NAMES_FROM = 70.0, 420.0  # in a narrower bar the tracks have no names
 EDGE = 4.0  # outside both ends of a row, for half a handle
+LEAST_WIDTH = 9.0  # of a span among neighbours: a jump of a long take can be clicked
+LEAST_SHOWN = 12.0  # frames that the closest zoom shows
+ZOOM_PER_STEP = 0.8
+SCROLL_PER_STEP = 0.1  # of what is shown
+BUTTON_WIDTH = 30.0
 GRIP = 7.0  # how near to an end of a mark or to a point the mouse takes it
 NAME_SIZE = theme.FONT_SIZE * 0.87  # of letters
 SMALL, TEXT_FRACTION = theme.FONT_SIZE * 0.8, 0.76  # letters: at least, and of a row's height
 TRIM_HINT = "Drag: only what lies between the handles plays and is exported"
+
+
+@dataclass(frozen=True)
+class Range:
+    """The frames that the timeline shows, of a take whose last frame is `end`."""
+
+    first: float
+    last: float
+    end: float
+
+    @property
+    def frames(self) -> float:
+        """From the left to the right."""
+        return self.last - self.first
+
+    def fitted(self, first: float, last: float) -> Range:
+        """These frames, or as many that lie within the take."""
+        frames = min(max(last - first, LEAST_SHOWN), self.end)
+        first = min(max(first, 0.0), self.end - frames)
+        return replace(self, first=first, last=first + frames)
+
+    def scrolled(self, frames: float) -> Range:
+        """So many frames on."""
+        return self.fitted(self.first + frames, self.last + frames)
+
+    def zoomed(self, at: float, steps: float) -> Range:
+        """Wheel steps closer to the frame `at`, which stays where it is."""
+        scale = max(ZOOM_PER_STEP**steps, LEAST_SHOWN / max(self.frames, 1.0))
+        return self.fitted(at - (at - self.first) * scale, at + (self.last - at) * scale)
 
 
 class Part(Enum):
@@ -97,20 +132,27 @@ class Row:
     width: float
     height: float
     outer: float  # its width with what takes the mouse outside both ends
-    frames: int
+    shown: Range
+
+    @property
+    def right(self) -> float:
+        """Where it ends."""
+        return self.left + self.width
 
     def ends(self, mark: Mark) -> tuple[float, float]:
-        """Screen positions of a mark's ends."""
-        return self.x(mark.start), min(self.x(mark.end), self.left + self.width)
+        """Screen positions of a mark's ends, which may lie outside the row; a span among neighbours has a least width."""
+        left, right = self.x(mark.start), self.x(min(mark.end, self.shown.end))
+        more = (px(LEAST_WIDTH) - (right - left)) / 2 if self.track.adjacent else 0.0
+        return left - max(more, 0.0), right + max(more, 0.0)
 
     def x(self, frame: float) -> float:
         """Screen position of a frame."""
-        return self.left + frame / max(self.frames - 1, 1) * self.width
+        return self.left + (frame - self.shown.first) / max(self.shown.frames, 1.0) * self.width
 
     def frame_at(self, x: float) -> int:
-        """The frame under a screen position, within the clip."""
+        """The frame under a screen position, of those that are shown."""
         along = min(max((x - self.left) / max(self.width, 1.0), 0.0), 1.0)
-        return round(along * max(self.frames - 1, 1))
+        return round(self.shown.first + along * self.shown.frames)
 
 
 @dataclass
@@ -141,10 +183,10 @@ class Shapes:
         self.texts.append((size, imgui.ImVec2(x, y), widgets.packed(tint), widgets.elided(text, width)))
         imgui.pop_font()
 
-    def draw(self) -> None:
-        """Draw everything."""
+    def draw(self, *lines: tuple[imgui.ImVec2, imgui.ImVec2, int, float]) -> None:
+        """Draw everything, and lines below the texts."""
         drawing = imgui.get_window_draw_list()
-        for rect in self.rects:
+        for rect in [*self.rects, *lines]:
             drawing.add_rect_filled(*rect)
         for point in self.points:
             drawing.add_ngon_filled(*point)
@@ -156,15 +198,46 @@ class Shapes:
 
 @dataclass
 class Timeline:
-    """What the mouse holds on the tracks, and what was drawn of them."""
+    """The frames that are shown, what the mouse holds on the tracks, and what was drawn of them."""
 
     trim: Callable[[int | None, int | None], None]  # first and last frame, while the mouse holds a handle
     held: Held | None = None
+    shown: Range = Range(0.0, 1.0, 1.0)
+    _of: tuple[int, int] = (-1, 0)  # the take of that range and the frame shown last
+    _scrolling: bool = False  # the middle button holds the tracks
     _menu: tuple[str, Mark | None, int] = ("", None, 0)  # what a right click was on
     _kept: dict[str, tuple[Any, Shapes]] = field(default_factory=dict)
 
-    def draw(self, tracks: Sequence[Track], playback: Playback, busy: bool) -> None:
-        """The tracks, one below the other, as tall as there is room; in less height than they need they scroll."""
+    def fit(self, selection: tuple[int, int] | None = None) -> None:
+        """Show the whole take, or these frames with a little around them."""
+        first, last = selection or (0, self.shown.end)
+        around = 0.0 if selection is None else 0.05 * (last - first)
+        self.shown = self.shown.fitted(first - around, last + around)
+
+    @property
+    def whole(self) -> bool:
+        """Whether the whole take is shown."""
+        return self.shown.frames >= self.shown.end
+
+    def _follow(self, playback: Playback) -> None:
+        """Keep the range within the take, and the frame in it when it goes on or is sought."""
+        (take, before), end, now = self._of, max(playback.frames - 1.0, 1.0), playback.frame
+        if take != playback.number or (end != self.shown.end and self.whole):
+            self.shown = Range(0.0, end, end)
+        shown = self.shown = replace(self.shown, end=end).fitted(self.shown.first, self.shown.last)
+        seen = shown.first <= before <= shown.last or not playback.playing
+        if now != before and seen and not shown.first <= now <= shown.last:
+            self.shown = shown.scrolled(now - shown.first - 0.1 * shown.frames)
+        self._of = playback.number, now
+
+    def draw(
+        self, tracks: Sequence[Track], playback: Playback, busy: bool, selection: tuple[int, int]
+    ) -> None:
+        """The tracks, one below the other, as tall as there is room; in less height than they need they scroll.
+
+        A button shows the frames of the `selection`.
+        """
+        self._follow(playback)
         if self.held is not None and self.held.dropped and not busy:
             self.held = None  # the tracks are those of the edit, or it failed
         unit, room = px(1.0), imgui.get_content_region_avail()
@@ -176,9 +249,16 @@ class Timeline:
         # the ruler above the tracks is as wide as they are, also where they scroll (known from the frame before)
         storage, key = imgui.get_state_storage(), imgui.get_id("tracks scroll")
         bar = imgui.get_style().scrollbar_size if storage.get_bool(key) else 0.0
+        corner = imgui.get_cursor_screen_pos()
+        named = room.x >= unit * NAMES_FROM
         self._rows("ruler", [self._ruler(playback)], playback, 1.0, bar)
-        scrolls = False
-        if imgui.begin_child("tracks", imgui.ImVec2(0, 0)):
+        below = imgui.get_cursor_pos()
+        if named:
+            self._fit_buttons(corner, selection)
+        imgui.set_cursor_pos(below)
+        scrolls, names = False, corner.x + (unit * NAMES_WIDTH if named else 0.0)
+        flags = imgui.WindowFlags_.no_scroll_with_mouse if imgui.get_io().mouse_pos.x >= names else 0
+        if imgui.begin_child("tracks", imgui.ImVec2(0, 0), window_flags=flags):
             self._rows("tracks", tracks, playback, min(max(fits, 1.0), TALLEST), 0.0)
             scrolls = imgui.get_scroll_max_y() > 0.0
         imgui.end_child()
@@ -188,26 +268,43 @@ class Timeline:
     def _rows(self, name: str, tracks: Sequence[Track], playback: Playback, tall: float, bar: float) -> None:
         """Some tracks with the line of the frame shown across them."""
         corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x - bar
-        held, place = self.held, (corner.x, corner.y, width, bar, tall, px(1.0), playback.frames)
-        state = tracks, place, held if held is not None and held.moved else None
+        held, place = self.held, (corner.x, corner.y, width, bar, tall, px(1.0))
+        state = tracks, place, self.shown, held if held is not None and held.moved else None
         known = self._kept.get(name)
         if known is None or known[0] != state:
             known = self._kept[name] = state, self._shapes(tracks, place)
         rows = known[1].rows
         for row in rows:
             self._row(row, playback)
-        known[1].draw()
         at = rows[0].x(min(max(playback.time_s * playback.clip.fps, 0.0), playback.frames - 1.0))
-        half = px(1.5) if name == "ruler" else px(0.5)
-        low = imgui.ImVec2(at - half, rows[0].top)
-        high = imgui.ImVec2(at + half, rows[-1].top + rows[-1].height)
-        imgui.get_window_draw_list().add_rect_filled(low, high, widgets.packed(theme.TEXT), 0.0)
+        # on the ruler below the numbers
+        half, top = (px(1.5), _base(rows[0]) - px(4)) if name == "ruler" else (px(0.5), rows[0].top)
+        low, high = imgui.ImVec2(at - half, top), imgui.ImVec2(at + half, rows[-1].top + rows[-1].height)
+        inside = rows[0].left - half <= at <= rows[0].right + half
+        known[1].draw(*([(low, high, widgets.packed(theme.TEXT), 0.0)] if inside else []))
+
+    def _fit_buttons(self, corner: imgui.ImVec2, selection: tuple[int, int]) -> None:
+        """In place of the ruler's name."""
+        imgui.set_cursor_screen_pos(corner)
+        size = imgui.ImVec2(px(BUTTON_WIDTH), px(RULER - 4))
+        imgui.push_style_var(imgui.StyleVar_.frame_padding, imgui.ImVec2(0, 0))
+        imgui.push_font(None, NAME_SIZE)
+        if imgui.button("Fit##all", size):
+            self.fit()
+        widgets.tooltip("Show the whole take (Z)\nWheel zooms; Shift+wheel or a middle drag scrolls")
+        imgui.same_line(0, px(3))
+        if imgui.button("Sel##fit selection", size):
+            self.fit(selection)
+        widgets.tooltip("Show the selected pin, or what the trim keeps (Z)")
+        imgui.pop_font()
+        imgui.pop_style_var()
 
     def _row(self, row: Row, playback: Playback) -> None:
         """Let a row take the mouse, and a little outside its ends."""
         edge, key = (row.outer - row.width) / 2, row.track.key
         imgui.set_cursor_screen_pos(imgui.ImVec2(row.left - edge, row.top))
         imgui.invisible_button(f"##{key}", imgui.ImVec2(max(row.outer, 1.0), max(row.height, 1.0)))
+        self._navigate(row)
         mine = self.held is not None and self.held.key == key and not self.held.dropped
         if mine or imgui.is_item_active() or imgui.is_item_hovered():
             self._use_mouse(row, playback)
@@ -215,38 +312,62 @@ class Timeline:
             row.track.menu(*self._menu[1:])
             imgui.end_popup()
 
+    def _navigate(self, row: Row) -> None:
+        """Zoom and scroll by the wheel and the middle button over the row whose item was just made."""
+        io, per_pixel = imgui.get_io(), self.shown.frames / max(row.width, 1.0)
+        hovered = imgui.is_item_hovered()
+        begins = imgui.is_mouse_clicked(2)  # how the mouse came to where it was pressed is no drag
+        self._scrolling = (begins and hovered) or (self._scrolling and imgui.is_mouse_down(2))
+        if self._scrolling and not begins and row.track.key == "timeline":  # once a frame
+            self.shown = self.shown.scrolled(-io.mouse_delta.x * per_pixel)
+        wheel = io.mouse_wheel or io.mouse_wheel_h  # Shift turns the wheel of some systems
+        if not hovered or not wheel:
+            return
+        if io.key_shift:
+            self.shown = self.shown.scrolled(-wheel * SCROLL_PER_STEP * self.shown.frames)
+        else:
+            at = self.shown.first + (io.mouse_pos.x - row.left) * per_pixel
+            self.shown = self.shown.zoomed(min(max(at, self.shown.first), self.shown.last), wheel)
+
     # --- what it looks like
 
     def _shapes(self, tracks: Sequence[Track], place: tuple[float, ...]) -> Shapes:
-        x, top, width, bar, tall, unit, frames = place
+        x, top, width, bar, tall, unit = place
         names = unit * NAMES_WIDTH if width + bar >= unit * NAMES_FROM else 0.0
         edge, shapes = unit * EDGE, Shapes()
         for track in tracks:
             inner, height = width - names - 2 * edge, unit * track.height * tall
-            row = Row(track, x + names + edge, top, inner, height, inner + 2 * edge, int(frames))
+            row = Row(track, x + names + edge, top, inner, height, inner + 2 * edge, self.shown)
             shapes.rows.append(row)
-            if names:
+            if names and track.name:
                 shapes.text(x, row, track.name, theme.MUTED, names - 4 * unit, NAME_SIZE)
             (_draw_ruler if track.key == "timeline" else self._draw_track)(shapes, row)
             top += row.height + unit * SPACING
         return shapes
 
     def _draw_track(self, shapes: Shapes, row: Row) -> None:
-        track, right_end, bottom = row.track, row.left + row.width, row.top + row.height
+        track, bottom = row.track, row.top + row.height
         if not track.adjacent:
-            shapes.rect(row.left, row.top, right_end, bottom, theme.FIELD, px(3))
-        for i, mark in enumerate(self._moved(track)):
-            tint, left = track.tints[i % len(track.tints)], row.x(mark.start)
+            shapes.rect(row.left, row.top, row.right, bottom, theme.FIELD, px(3))
+        marks = list(enumerate(self._moved(track)))
+        if track.adjacent:  # short ones lie over their neighbours
+            marks.sort(key=lambda each: each[1].start - each[1].end)
+        for i, mark in marks:
+            tint, (left, right) = track.tints[i % len(track.tints)], row.ends(mark)
+            if right < row.left or left > row.right:
+                continue
             if mark.start == mark.end:
                 half = row.height / 2
                 shapes.points.append(
                     (imgui.ImVec2(left, row.top + half), half * 0.95, widgets.packed(tint), 4)
                 )
                 continue
-            right = max(min(row.x(mark.end), right_end) - px(1), left + 1)
+            short = right - left < px(LEAST_WIDTH) + 1 and track.adjacent
+            left = max(left, row.left)
+            right = max(min(right, row.right) - px(1), left + 1)
             if track.adjacent:
                 shapes.rect(left, row.top, right, bottom, theme.FIELD, px(3))
-            fill = (*tint[:3], min(tint[3] + 0.12, 1.0)) if i == track.lit else tint
+            fill = (*tint[:3], min(tint[3] + 0.12 * (i == track.lit) + 0.3 * short, 1.0))
             shapes.rect(left, row.top, right, bottom, fill, px(3) if mark.text else px(1))
             if mark.text:
                 shapes.text(left + px(5), row, mark.text, theme.TEXT, right - left - px(8))
@@ -275,7 +396,7 @@ class Timeline:
         known = self._kept.get("ruler")
         if known is not None and known[1].rows[0].track.marks == marks:
             return known[1].rows[0].track
-        return Track("timeline", "Frame", RULER, marks, (theme.ACCENT,), move=move)
+        return Track("timeline", "", RULER, marks, (theme.ACCENT,), move=move)
 
     # --- the mouse
 
@@ -307,7 +428,7 @@ class Timeline:
         track, by = row.track, frame - held.grabbed
         if track.fixed or not (track.move or track.drop) or not (by or held.moved):
             return
-        start, end = _where(held, by, track, row.frames)
+        start, end = _where(held, by, track, round(row.shown.end) + 1)
         self.held = replace(held, start=start, end=end, moved=True)
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
         if track.move is not None:
@@ -339,22 +460,29 @@ class Timeline:
             imgui.open_popup(f"menu of {track.key}")
 
 
+def _base(row: Row) -> float:
+    """Where the numbers of the ruler end."""
+    return row.top + row.height * 0.62
+
+
 def _draw_ruler(shapes: Shapes, row: Row) -> None:
-    base, bottom = row.top + row.height * 0.62, row.top + row.height
+    base, bottom, shown = _base(row), row.top + row.height, row.shown
     first, last = (mark.start for mark in row.track.marks)
-    shapes.rect(row.x(0), base, row.x(row.frames - 1), bottom, theme.FIELD, 2.0)
-    shapes.rect(row.x(first), base, row.x(last), bottom, theme.ACCENT_FILL, 2.0)
-    per_frame = row.width / max(row.frames - 1, 1)
+    within = lambda x: min(max(x, row.left), row.right)  # noqa: E731
+    shapes.rect(row.left, base, row.right, bottom, theme.FIELD, 2.0)
+    shapes.rect(within(row.x(first)), base, within(row.x(last)), bottom, theme.ACCENT_FILL, 2.0)
+    per_frame = row.width / max(shown.frames, 1.0)
     step = next((s for s in TICK_STEPS if s * per_frame >= px(TICK_WIDTH)), TICK_STEPS[-1])
     numbers = replace(row, height=px(SMALL) / TEXT_FRACTION)
-    for number in range(0, row.frames, step):
+    for number in range(-(-math.ceil(shown.first) // step) * step, math.floor(shown.last) + 1, step):
         x = row.x(number)
         shapes.rect(x, base - px(4), x + 1, base, theme.MUTED, 0.0)
-        if x + px(28) < row.left + row.width or not number:
+        if x + px(28) < row.right or not number:
             shapes.text(x + px(3), numbers, str(number), theme.MUTED, px(60))
     for frame, side in ((first, 1), (last, -1)):
         left, right = sorted((row.x(frame), row.x(frame) + side * px(5)))
-        shapes.rect(left, base - px(1), right, bottom, theme.ACCENT, px(2))
+        if row.left - 1 <= row.x(frame) <= row.right + 1:
+            shapes.rect(left, base - px(1), right, bottom, theme.ACCENT, px(2))
 
 
 def _hit(row: Row, mouse: imgui.ImVec2) -> tuple[int, Part] | None:
@@ -364,8 +492,10 @@ def _hit(row: Row, mouse: imgui.ImVec2) -> tuple[int, Part] | None:
         return None
     if track.adjacent:
         x = min(max(x, row.ends(marks[0])[0]), row.ends(marks[-1])[1])
-    at = next((i for i, mark in enumerate(marks) if _covers(row, mark, x)), -1)
-    return None if at < 0 else (at, _part(row, at, x))
+    found = [i for i, mark in enumerate(marks) if _covers(row, mark, x)]
+    if track.adjacent:  # a short one lies over its neighbours
+        found.sort(key=lambda i: marks[i].end - marks[i].start)
+    return (found[0], _part(row, found[0], x)) if found else None
 
 
 def _covers(row: Row, mark: Mark, x: float) -> bool:

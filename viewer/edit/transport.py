@@ -19,6 +19,7 @@ from viewer.gui import theme, widgets
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
+from viewer.input.bindings import Action
 from viewer.session.playback import Playback
 
 SPEEDS = (0.1, 2.0)
@@ -157,7 +158,13 @@ class Transport:
             self.editing.takes.close_playback()
             return was_open
 
-        return Panel("Transport", PanelPlace.BELOW, lambda _: self._draw(references), close=close)
+        return Panel(
+            "Transport",
+            PanelPlace.BELOW,
+            lambda _: self._draw(references),
+            close=close,
+            actions={Action.FIT_TIMELINE: self._fit},
+        )
 
     def _draw(self, references: ReferenceCard) -> None:
         playback, tracks, editing = self.editing.playback, self.editing.tracks, self.editing
@@ -169,7 +176,25 @@ class Transport:
             editing.part_tracks = False  # its button is not there
         self._playing(playback)
         self._edits(playback, references)
-        self.timeline.draw(self._tracks.rows(tracks, playback), playback, editing.busy)
+        self.timeline.draw(
+            self._tracks.rows(tracks, playback), playback, editing.busy, self._selection(playback)
+        )
+
+    def _selection(self, playback: Playback) -> tuple[int, int]:
+        """The frames of the selected pin, or those that the trim keeps."""
+        pins, chosen = playback.take.poses.pins, self.pins.selected
+        if not 0 <= chosen < len(pins):
+            return playback.first, playback.last
+        mark = _pin(chosen, pins[chosen], playback)
+        return mark.start, mark.end
+
+    def _fit(self) -> None:
+        """Show the selection, or the whole take again."""
+        playback = self.editing.playback
+        if playback is not None:
+            selection = self._selection(playback)
+            apart = self.timeline.whole and selection != (0, playback.frames - 1)
+            self.timeline.fit(selection if apart else None)
 
     def _playing(self, playback: Playback) -> None:
         """Time: play, single steps, loop, speed, the frame, and back to live."""

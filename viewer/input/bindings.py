@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
-from enum import Enum
+from enum import Enum, auto
 
 from runtime.controls import Controls, Gait
 from viewer.input.gamepad import GamepadState, radial_dead_zone
@@ -83,13 +83,16 @@ class Action(Enum):
     FRAME_ON = "period", "", "right"
     FIRST_FRAME = "", "", "home"
     LAST_FRAME = "", "", "end"
+    FIT_TIMELINE = "", "", "z"
     RESET = "home", "left_thumb"
-    CAMERA = "f", "right_thumb"
+    CAMERA = "o", "right_thumb"
     FRAME = "0"
-    FRONT = "1"
-    SIDE = "2"
+    FRAME_SELECTION = "f kp_decimal"
+    FRONT = "1 kp_1"
+    SIDE = "2 kp_3"
     THREE_QUARTERS = "3"
     FEET = "4"
+    TOP = "5 kp_7"
     HELP = "f1", "start"
     TRAJECTORY = "f2"
     SKELETON = "f3"
@@ -104,7 +107,32 @@ class Action(Enum):
 
 
 # Views of the character, in the order of `viewer.scene.views.VIEWS`.
-VIEW_ACTIONS = (Action.FRONT, Action.SIDE, Action.THREE_QUARTERS, Action.FEET)
+VIEW_ACTIONS = (Action.FRONT, Action.SIDE, Action.THREE_QUARTERS, Action.FEET, Action.TOP)
+
+
+class Drag(Enum):
+    """What the mouse does to the view."""
+
+    ORBIT = auto()
+    PAN = auto()
+    ZOOM = auto()
+
+
+# What a drag with a button and a modifier does, in the habits of some programs; right orbits in all of them.
+NAVIGATION: dict[str, dict[tuple[str, str], Drag]] = {
+    "sport": {
+        ("left", ""): Drag.ORBIT, ("right", ""): Drag.ORBIT, ("right", "shift"): Drag.PAN,
+        ("middle", ""): Drag.PAN, ("middle", "shift"): Drag.ORBIT, ("middle", "ctrl"): Drag.ZOOM,
+    },
+    "blender": {
+        ("middle", ""): Drag.ORBIT, ("middle", "shift"): Drag.PAN, ("middle", "ctrl"): Drag.ZOOM,
+        ("right", ""): Drag.ORBIT,
+    },
+    "maya": {
+        ("left", "alt"): Drag.ORBIT, ("middle", "alt"): Drag.PAN, ("right", "alt"): Drag.ZOOM,
+        ("right", ""): Drag.ORBIT,
+    },
+}  # fmt: skip
 _TAKE_KEYS = frozenset(action.take_key for action in Action) - {""}
 
 BUTTON_NAMES = {
@@ -147,10 +175,11 @@ HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
     )),
     ("Camera", (
         ("Turn", "Q  E, arrows, right drag", "Right stick"),
+        ("Pan, orbit", "Middle drag, Shift+middle", ""),
         ("Zoom", "Wheel, Page Up / Down", "{zoom_in}, {zoom_out}"),
-        ("Follow or orbit", "F", "{camera}"),
-        ("Front, side, 3/4, feet", "1, 2, 3, 4", ""),
-        ("Bring the character into view", "0", ""),
+        ("Follow or orbit", "O", "{camera}"),
+        ("Front, side, 3/4, feet, top", "1, 2, 3, 4, 5", ""),
+        ("Frame the selection, the character", "F, 0", ""),
     )),
     ("Record", (
         ("Start or stop", "R", "{record}"),
@@ -158,6 +187,7 @@ HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
         ("Play or pause the clip", "P, or Space while it plays", ""),
         ("One frame back, one on", "Left, Right, or comma, full stop", ""),
         ("First frame, last frame", "Home, End", ""),
+        ("Timeline: zoom, scroll, fit", "Wheel, Shift+wheel, Z", ""),
         ("Screenshot", "F12", ""),
     )),
     ("Show", (

@@ -26,6 +26,9 @@ from viewer.scene.scene import Scene
 from viewer.settings import Settings
 
 FREE, BOUND = "free to publish with credits", "non-commercial"
+RESET = (
+    "ui_scale", "text_size", "keep_seconds", "dead_zone", "invert_look", "navigation", "pad_buttons", "exact_legs",
+)  # fmt: skip
 WIDTH = 470.0  # pixels at scale 1
 SCALES = (
     (0.0, "As the monitor says"), (0.75, "75 %"), (1.0, "100 %"), (1.25, "125 %"), (1.5, "150 %"), (2.0, "200 %"),
@@ -90,6 +93,8 @@ class SettingsWindow:
         widgets.row("Seconds kept", "What T keeps of the rolling memory")
         widgets.setting_slider(settings, "keep_seconds")
         self._model()
+        widgets.row("View", "Mouse in the view as in another program")
+        widgets.setting_choice(settings, "navigation")
         widgets.row("Dead zone", "Of the gamepad's sticks")
         widgets.setting_slider(settings, "dead_zone")
         with widgets.section("Gamepad buttons") as opened:
@@ -103,9 +108,7 @@ class SettingsWindow:
             self.guide.begin()
             self.shown = False
         if widgets.button("Back to the defaults", -1, "Of this window; folders and the model stay"):
-            for name in (
-                "ui_scale", "text_size", "keep_seconds", "dead_zone", "invert_look", "pad_buttons", "exact_legs",
-            ):  # fmt: skip
+            for name in RESET:
                 setattr(settings, name, getattr(Settings(), name))
             self.use_scale(settings.ui_scale)
 

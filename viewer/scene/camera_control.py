@@ -12,6 +12,7 @@ from runtime.easing import spring
 from runtime.pose import Pose
 from runtime.terrain.height_map import Terrain
 from viewer.gl_bindings import imgui
+from viewer.input.bindings import NAVIGATION, Drag
 from viewer.render.camera import (
     TARGET_HALF_LIFE,
     TARGET_HEIGHT_HALF_LIFE,
@@ -25,6 +26,9 @@ ORBIT_PIXELS_PER_SECOND = 420.0  # what a full stick is worth in the orbit camer
 SHIFT_HALF_LIFE = 0.08  # seconds
 JUMP_DISTANCE_M = 3.0  # a target that moves farther in one frame was set there: no glide
 FRAME_DISTANCE_M = 4.0  # the whole body, with air above and below
+POINT_DISTANCE_M = 1.6  # a hand or a foot, and the limb that leads to it
+PIXELS_PER_STEP = 40.0  # of a drag that zooms
+BUTTONS = ("left", "right", "middle")  # as ImGui counts them
 _TRACKING = np.array([TARGET_HALF_LIFE, TARGET_HEIGHT_HALF_LIFE, TARGET_HALF_LIFE])
 
 
@@ -89,6 +93,11 @@ class CameraControl:
         if isinstance(camera, FollowCamera):
             camera.snap(camera.target)
 
+    def frame_point(self, point: NDArray[np.floating]) -> None:
+        """Bring a point `(3,)` into the middle, close; the orbit camera then goes with the character from there."""
+        self.use("orbit")
+        self.orbit.target, self.orbit.distance, self._tracked = np.array(point, float), POINT_DISTANCE_M, None
+
     def come_back(self, mode: str, distance: float, pitch: float, pose: Pose) -> None:
         """The character from a distance (metres) and a pitch (radians) that held before, in a mode, as the camera is turned."""
         self.use(mode)
@@ -96,18 +105,38 @@ class CameraControl:
         self.frame_character(pose)
         self.current.distance = distance
 
-    def use_mouse(self, taken: bool) -> tuple[float, bool]:
-        """Turn and shift by the mouse where no panel has it; wheel steps, and whether it drags. `taken`: the left button is."""
+    def use_mouse(self, taken: bool, navigation: str = "sport") -> bool:
+        """Orbit, pan and zoom by the mouse where no panel has it; whether it drags. `taken`: the left button is.
+
+        `navigation` is one of `bindings.NAVIGATION`.
+        """
         io = imgui.get_io()
         if io.want_capture_mouse:
-            return 0.0, False
-        buttons = [imgui.is_mouse_down(button) for button in range(3)]  # left, right, middle
-        dragging = any(buttons[taken:])
+            return False
+        size, mouse = io.display_size, io.mouse_pos
+        if io.mouse_wheel:
+            self.zoom_at(io.mouse_wheel, mouse.x, mouse.y, size.x, size.y)
+        modifier = "shift" if io.key_shift else "ctrl" if io.key_ctrl else "alt" if io.key_alt else ""
+        held = next((BUTTONS[i] for i in range(taken, 3) if imgui.is_mouse_down(i)), "")
+        table = NAVIGATION[navigation]
+        drag = table.get((held, modifier), table.get((held, "")))
+        # how the mouse came to where it was pressed is no drag
         begins = any(imgui.is_mouse_clicked(button) for button in range(3))
-        if dragging and not begins:  # how the mouse came to where it was pressed is no drag
-            pan = buttons[2] or (buttons[1] and io.key_shift)
-            self.drag(io.mouse_delta.x, io.mouse_delta.y, pan, io.display_size.y)
-        return float(io.mouse_wheel), dragging
+        if drag is Drag.ZOOM and not begins:
+            self.current.zoom(-io.mouse_delta.y / PIXELS_PER_STEP)
+        elif drag is not None and not begins:
+            self.drag(io.mouse_delta.x, io.mouse_delta.y, drag is Drag.PAN, size.y)
+        return drag is not None
+
+    def zoom_at(self, steps: float, x: float, y: float, width: float, height: float) -> None:
+        """Zoom by wheel steps; of the orbit camera what lies at its target's depth under the pointer stays there."""
+        camera = self.current
+        before = camera.distance
+        camera.zoom(steps)
+        if self.mode == "orbit":
+            away = 1.0 - before / camera.distance  # of the pointer from where the target shows
+            dx, dy = x - (0.5 + 0.5 * camera.shift) * width, y - (0.5 - 0.5 * camera.shift_up) * height
+            self.orbit.pan(dx * away, dy * away, height)
 
     def frame_in(self, framing: tuple[float, float, float], dt: float) -> None:
         """Glide to the place (-1 left to 1 right, -1 bottom to 1 top) and the fraction of the height that panels leave free."""
@@ -119,8 +148,10 @@ class CameraControl:
         camera.shift, camera.shift_up, camera.fit = right, up, fit
 
     def drag(self, dx: float, dy: float, pan: bool, height: float) -> None:
-        """Mouse drag in pixels: turns, or with `pan` shifts the orbit camera in a view of this height."""
-        if pan and self.mode == "orbit":
+        """Mouse drag in pixels: turns, or with `pan` shifts the orbit camera, which takes over, in a view of this height."""
+        if pan:
+            if dx or dy:
+                self.use("orbit")
             self.orbit.pan(dx, dy, height)
         else:
             self.current.orbit(dx, dy)

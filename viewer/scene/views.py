@@ -30,6 +30,7 @@ VIEWS = {
     "side": StageView(-0.5 * math.pi, 0.10, 4.0),
     "three_quarters": StageView(math.pi - 0.65, 0.20, 4.0),
     "feet": StageView(-0.5 * math.pi - 0.55, 0.16, 1.7, 0.20),
+    "top": StageView(0.0, math.radians(88.0), 5.0),
 }
 
 

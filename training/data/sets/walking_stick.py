@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from runtime import rotations
-from runtime.errors import FileError
 from runtime.formats.bvh import BvhMotion
+from runtime.safe_read import open_npz
 from runtime.skeleton import Skeleton
 from training.data.record import ClipSource, DataSet, Refusal
 from training.data.source_skeletons import SourceSkeleton, same_limbs, same_rest
@@ -59,13 +59,10 @@ def _list(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
 
 def read_transforms(path: Path) -> BvhMotion:
     """A take of global joint positions and rotations as a hierarchy; FileError when it is none."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            positions, world = file["positions"].astype(np.float64), file["quaternions"].astype(np.float64)
-            names, parents = file["bone_names"], file["parent_indices"]
-            fps = float(file["framerate"])
-    except (OSError, EOFError, KeyError, ValueError) as error:
-        raise FileError(f"{path}: {error}.", "Unpack the archive again.") from error
+    with open_npz(path, "Unpack the archive again.") as file:
+        positions, world = file["positions"].astype(np.float64), file["quaternions"].astype(np.float64)
+        names, parents = file["bone_names"], file["parent_indices"]
+        fps = float(file["framerate"])
     world = world[..., [3, 0, 1, 2]]  # stored as x, y, z, w
     local, bones = world.copy(), positions.copy()
     for joint, parent in enumerate(parents):

@@ -226,7 +226,7 @@ def report(entries: dict[str, dict], captured: int, rhythm: str = "") -> str:
         "",
         "Written by `python -m training.augmentation.build --clips DIR --report docs/results/augmentation.md`. Edited clips"
         " are imported ones with edits whose descriptions are exact, the feet kept by inverse kinematics; while training"
-        " their parts are put on other clips, and those of other clips on them (`training/composition`). Every clip has six"
+        " their parts are put on other clips, and those of other clips on them (`training/composition.py`). Every clip has six"
         " descriptions of its own. The edits are defined in `training/augmentation/edits.toml`; those that are held out"
         " never enter training.",
         "",

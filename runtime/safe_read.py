@@ -7,17 +7,20 @@ import math
 import os
 import re
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeGuard
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 from runtime.errors import FileError, SportError
 
+if TYPE_CHECKING:
+    from numpy.lib.npyio import NpzFile
+
 MAX_JSON_ITEMS = 1_000_000  # an empty list of two bytes takes 56 in memory
 MAX_DIGITS = 400
-MAX_NPZ_BYTES, NPZ_RATIO = (
-    64 * 1024 * 1024,
-    16,
-)  # that an archive unpacks to: so many, and for each of its bytes
+# bytes that an archive may unpack to, and more for each of its own
+MAX_NPZ_BYTES, NPZ_RATIO = 64 * 1024 * 1024, 16
 
 
 def read_bounded(
@@ -87,11 +90,42 @@ def _integer(digits: str) -> int | float:
     )
 
 
-def read_npz(path: str | Path) -> dict[str, Any]:
-    """Named arrays of an NPZ; ValueError where their headers say objects, or more bytes than such a file may unpack to.
+@contextmanager
+def open_npz(
+    path: str | Path, remedy: str = "Choose another file.", error: type[SportError] = FileError
+) -> Iterator[NpzFile]:
+    """Arrays of an NPZ by name, each read when it is first used.
 
-    OSError, ValueError and what zipfile and zlib raise are left to the caller.
+    An `error` where the headers say objects, or more bytes than such a file may unpack to, and where the block finds an
+    array missing, damaged or of another kind.
     """
+    import zipfile
+    import zlib
+
+    import numpy as np
+
+    damage = (
+        OSError,
+        ValueError,
+        TypeError,
+        LookupError,
+        EOFError,
+        RuntimeError,
+        zipfile.BadZipFile,
+        zlib.error,
+    )
+    try:
+        if not Path(path).is_file():  # a pipe would be waited for
+            raise FileNotFoundError("there is no such file")
+        _check_headers(path)
+        with np.load(path, allow_pickle=False) as file:
+            yield file
+    except damage as problem:
+        raise error(f"{path}: not readable as arrays ({reason(problem)}).", remedy) from problem
+
+
+def _check_headers(path: str | Path) -> None:
+    """ValueError where the arrays of an NPZ are of objects, or of more bytes than it may unpack to."""
     import zipfile
 
     import numpy as np
@@ -108,8 +142,6 @@ def read_npz(path: str | Path) -> dict[str, Any]:
             size += math.prod(shape) * dtype.itemsize
             if dtype.hasobject or size > most:
                 raise ValueError(f"{info.filename[:40]}: objects, or more than {_size(most)}")
-    with np.load(path, allow_pickle=False) as file:
-        return dict(file)
 
 
 def printable(text: object) -> str:

@@ -20,6 +20,7 @@ from runtime.atomic import write_atomic
 from runtime.errors import FileError
 from runtime.motion import features
 from runtime.motion.features import FPS, InputParts, OutputParts
+from runtime.safe_read import open_npz
 from runtime.skeleton import PART_JOINTS, SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 
@@ -114,11 +115,8 @@ class _Course:
 
 def clip_frames(path: Path) -> ClipFrames:
     """Read one clip file of the importer and build its frames."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            clip = {key: file[key] for key in file.files}
-    except (OSError, ValueError) as error:
-        raise FileError(f"{path}: not a clip file.", "Run the importer again.") from error
+    with open_npz(path, "Run the importer again.") as file:
+        clip = {key: file[key] for key in file.files}
     hips, local = clip["hips_positions"].astype(np.float64), clip["local_rotations"]
     positions, world = SPORT_SKELETON.forward_kinematics(hips, local.astype(np.float64))
     course = _Course.of(positions)
@@ -260,7 +258,7 @@ def load_frames(
     """The table of every `*.npz` under `clips`; FileError when there is none.
 
     With `folder` the arrays are written there once, and mapped into memory from then on: the table is gigabytes, and a
-    run that goes on, or another beside it, begins at once.
+    resumed run, or another of the same clips, begins at once.
     """
     paths = sorted(clips.glob("*.npz"))[:limit]
     if not paths:

@@ -11,7 +11,6 @@ Answers are a data frame with a row for each film by each participant: `particip
 from __future__ import annotations
 
 import itertools
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -24,18 +23,20 @@ from statsmodels.stats.multicomp import pairwise_tukeyhsd
 
 from benchmarks.study.make import CAPTURE, FORMAT
 from runtime.errors import FileError, UsageError
+from runtime.safe_read import is_text, parse_json, read_bounded
 from training.markdown import number, table
 
 STEPS = ("Extremely unsatisfied", "Unsatisfied", "Mediocre", "Satisfied", "Highly satisfied")
 COLOURS = ("#c92a2a", "#f08c00", "#ced4da", "#74b816", "#2b8a3e")
 AGAIN_AT = 2
+MAX_BYTES = 16 * 1024 * 1024  # of a participant's file, or of the key
 REMEDY = "Use files that the study's page wrote."
 
 
 def read_answers(files: Sequence[Path], key: Path, synthetic: bool = False) -> pandas.DataFrame:
     """The answers of one study; FileError or UsageError names the file and what is wrong with it."""
     secret = _read(key)
-    if secret.get("format") != f"{FORMAT}-key" or not isinstance(secret.get("clips"), dict):
+    if not _is_key(secret):
         raise FileError(
             f"{key}: not the key of a study.",
             "Name the key.json that `python -m benchmarks.study make` wrote.",
@@ -59,6 +60,20 @@ def read_answers(files: Sequence[Path], key: Path, synthetic: bool = False) -> p
     answers["method"] = pandas.Categorical(answers["method"], secret["methods"]).remove_unused_categories()
     answers.attrs["synthetic"] = marked
     return answers
+
+
+def _is_key(secret: dict[str, Any]) -> bool:
+    """Whether all films of a key are described, each by one of its methods."""
+    methods, clips = secret.get("methods"), secret.get("clips")
+    return (
+        secret.get("format") == f"{FORMAT}-key"
+        and isinstance(methods, list)
+        and all(map(is_text, methods))
+        and len(set(methods)) == len(methods)
+        and isinstance(clips, dict)
+        and all(isinstance(clip, dict) and clip.get("method") in methods for clip in clips.values())
+        and all(is_text(clip.get(name)) for clip in clips.values() for name in ("kind", "title"))
+    )
 
 
 def _read_participant(file: Path, study: Any) -> dict[str, Any]:
@@ -87,8 +102,8 @@ def _ratings(file: Path, answers: list[Any], clips: dict[str, Any]) -> list[dict
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        content = parse_json(read_bounded(path, MAX_BYTES, REMEDY))
+    except ValueError as error:
         raise FileError(f"{path}: not a readable JSON file.", REMEDY) from error
     if not isinstance(content, dict):
         raise FileError(f"{path}: not a JSON object.", REMEDY)

@@ -15,8 +15,10 @@ After the last segment the stick is at rest.
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import accumulate
 from math import atan2, cos, hypot, pi, radians, remainder, sin, tau
 
@@ -276,18 +278,28 @@ class StickScript:
         """The length of all segments."""
         return sum(segment.seconds for segment in self.segments)
 
+    @cached_property
+    def _ends(self) -> list[float]:
+        """Seconds since the start, of each segment."""
+        return list(accumulate(segment.seconds for segment in self.segments))
+
+    @cached_property
+    def _held(self) -> list[Controls]:
+        """What each segment requests; in a jump, what the one before it does."""
+        held, controls = [], Controls()
+        for segment in self.segments:
+            controls = controls if segment.gait == Gait.JUMP else segment.controls
+            held.append(controls)
+        return held
+
     def __call__(self, time: float, _place: PlanarPose | None = None) -> Controls:
         """The stick at `time`; at rest after the end."""
-        ends = accumulate(segment.seconds for segment in self.segments)
-        controls, start = Controls(), 0.0
-        for segment, end in zip(self.segments, ends, strict=True):
-            if segment.gait != Gait.JUMP:
-                controls = segment.controls
-            if time < end - 1e-9:
-                pressed = segment.gait == Gait.JUMP and time - start < PRESS_SECONDS - 1e-9
-                return Controls(controls.move, controls.facing, Gait.JUMP) if pressed else controls
-            start = end
-        return Controls()
+        k = bisect_right(self._ends, time, key=lambda end: end - 1e-9)
+        if k == len(self.segments):
+            return Controls()
+        start = self._ends[k - 1] if k else 0.0
+        pressed = self.segments[k].gait == Gait.JUMP and time - start < PRESS_SECONDS - 1e-9
+        return replace(self._held[k], gait=Gait.JUMP) if pressed else self._held[k]
 
 
 def parse_stick(text: str) -> StickScript:

@@ -148,7 +148,9 @@ class Controller:
             self.reset(*place, self.pose.root_yaw)
             return
         state = copied(self._state)
-        state.ground = np.array([float(terrain.height(x, z))])
+        ground = np.array([float(terrain.height(x, z))])
+        state.poses = state.poses.raised(ground - state.ground)
+        state.ground = ground
         state.traversals, state.feet = (Traversal(),), (FootLock(),)
         self._state, self._frame = state, None
 

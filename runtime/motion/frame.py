@@ -24,7 +24,7 @@ from runtime.motion.pace import CYCLES_PER_SECOND, STANDING_SECONDS, advance_by_
 from runtime.motion.phase import advance_phase, at_rate
 from runtime.motion.pose_smoothing import PATIENCE
 from runtime.motion.root_motion import SPEED_HALF_LIFE, rest_share, root_velocity, settled_pose
-from runtime.motion.state import CharacterState, network_pose, shown_poses, standing
+from runtime.motion.state import CharacterState, bound_speed, network_pose, shown_poses, standing
 from runtime.motion.style import Style
 from runtime.motion.trajectory import JOG_SHARE, PRESENT, SAMPLES
 from runtime.records import copied, joined, part
@@ -129,7 +129,9 @@ def step(
     _feed_back(state, y, joints, probes, styles, terrain, haste)
 
     reasons = tuple(probe.reason for probe in probes)
-    return _set_back(model, before, state, sound, terrain), Frame(*unlocked, reasons, ~sound)
+    state = _set_back(model, before, state, sound, terrain)
+    bound_speed(state.poses, before.poses)
+    return state, Frame(*unlocked, reasons, ~sound)
 
 
 def full_speed(style: Style, gait: Gait) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,11 @@ class Poses:
             float(self.yaw[index]),
         )
 
+    def raised(self, rise: Array) -> Poses:
+        """The same poses `rise` `(N,)` metres higher."""
+        up = np.stack([0.0 * rise, rise, 0.0 * rise], axis=-1).astype(np.float32)
+        return replace(self, hips=self.hips + up, positions=self.positions + up[:, None], root=self.root + up)
+
 
 def network_pose(y: OutputParts, trajectory: Trajectory, ground: Array) -> tuple[Array, Array, Array]:
     """Hips `(N, 3)`, local rotations `(N, 31, 4)` and joints `(N, 31, 3)` in world space, on the fixed skeleton; `ground` `(N,)` in metres."""
@@ -75,6 +80,33 @@ def shown_poses(
     arrays = (hips, local, positions, world, contacts, root)
     hips, local, positions, world, contacts, root = (array.astype(np.float32) for array in arrays)
     return Poses(hips, local, positions, world, contacts, root, yaw.copy())
+
+
+FASTEST_JOINT = 24.0  # m/s: a hand in a captured jog; a network far from its data jumps at up to 100
+
+
+def bound_speed(poses: Poses, before: Poses) -> None:
+    """Take poses back on the way from those a frame before, so far that no joint is faster than `FASTEST_JOINT`.
+
+    The network goes on from its own pose, where what is shown arrives some frames later.
+    """
+    fast = _fastest_joint(poses.positions, before.positions) > FASTEST_JOINT
+    if not fast.any():
+        return
+    last = before.hips[fast], before.local[fast], before.positions[fast]
+    hips, local, positions = poses.hips[fast], poses.local[fast], poses.positions[fast]
+    fraction = np.ones((len(hips), 1))
+    for _ in range(4):  # a fraction of all turns is not that of the way
+        fraction *= np.minimum(1.0, FASTEST_JOINT / _fastest_joint(positions, last[2]))[:, None]
+        placed = last[0] + fraction * (hips - last[0]), rotations.slerp(last[1], local, fraction)
+        positions, world = SPORT_SKELETON.forward_kinematics(*placed)
+    poses.hips[fast], poses.local[fast] = placed
+    poses.positions[fast], poses.world[fast] = positions, world
+
+
+def _fastest_joint(positions: Array, before: Array) -> Array:
+    """m/s `(N,)` of the fastest of the joints `(N, 31, 3)`."""
+    return np.asarray(np.linalg.norm(positions - before, axis=-1).max(-1) / DT)
 
 
 _ONE = {"shape": ()}

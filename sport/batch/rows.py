@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Any, NoReturn
+from unicodedata import normalize
 
 from runtime.assets import model_folder
 from runtime.errors import FileError, UsageError
@@ -164,7 +165,7 @@ def _check_targets(options: argparse.Namespace, number: int, writers: dict[str, 
         parts = PurePosixPath(path.as_posix()).parts
         if path.is_absolute() or path.drive or ".." in parts or not path.name or parts[0].startswith("."):
             raise UsageError(f"{path}: expected a name below the folder of --out.", "Leave its folder out.")
-        first = writers.setdefault(str(path).lower(), number)
+        first = writers.setdefault(normalize("NFC", str(path)).casefold(), number)
         if first != number:
             raise UsageError(f"{path}: row {first} writes this file.", "Choose another name.")
 

@@ -19,7 +19,7 @@ from runtime.errors import FileError, UsageError
 from runtime.file_lock import open_locked
 from runtime.safe_read import parse_json, printable, read_bounded
 from sport.batch.rows import NOT_COLUMNS, RowParser, Task, plan, read_rows, sha256
-from sport.batch.work import Line, RayExecutor, cores, entry, make_rows, processes
+from sport.batch.work import Line, RayExecutor, below, cores, entry, make_rows, processes
 
 LOCK = ".sport-batch.lock"
 MANIFEST = "manifest.jsonl"
@@ -100,7 +100,7 @@ class Manifest:
     """What is known of the rows of `folder`; `add` appends a line that a crash cannot take back."""
 
     def __init__(self, folder: Path) -> None:
-        self.path = folder / MANIFEST
+        self.path = below(folder, MANIFEST)
         self.lines = read_lines(self.path)
         self._file: IO[bytes] | None = None
 

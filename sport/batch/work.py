@@ -20,11 +20,11 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from functools import lru_cache
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any, TypeVar
 
 from runtime.atomic import write_atomic
-from runtime.errors import SportError, UsageError
+from runtime.errors import FileError, SportError, UsageError
 from sport.batch.rows import Task
 
 AHEAD = 2  # rows that wait for each core
@@ -159,12 +159,22 @@ def _placed(task: Task, future: Future[Made], target: Path) -> Line:
     try:
         line, files = future.result()
         for name in sorted(files, key=lambda name: name == line["file"]):
-            write_atomic(target / name, files[name])
+            write_atomic(below(target, name), files[name])
     except BrokenProcessPool:
         return entry(task, "the process that made it ended")
     except Exception as error:  # of the executor, or of the disk
         return entry(task, _problem(error))
     return line
+
+
+def below(folder: Path, name: str) -> Path:
+    """The place of a file in the folder of the batch. FileError where a link is on the way: it may lead anywhere."""
+    path = folder
+    for part in PurePosixPath(name).parts:
+        path /= part
+        if path.is_symlink():
+            raise FileError(f"{path}: this is a link.", "Remove it, or choose another folder.")
+    return path
 
 
 def _problem(error: Exception) -> str:

@@ -6,6 +6,8 @@ Every answer here is made up by the test and marked as synthetic.
 from __future__ import annotations
 
 import json
+import os
+import random
 import shutil
 import time
 from pathlib import Path
@@ -160,6 +162,40 @@ def test_damaged_and_foreign_answers_are_named(tmp_path: Path) -> None:
         read_answers([file, file], tmp_path / make.KEY, synthetic=True)
     with pytest.raises(FileError, match="not the key"):
         read_answers([file], file, synthetic=True)
+
+
+def test_hostile_files_end_in_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Brackets, a pipe, text that is no UTF-8, and files in which one value is another."""
+    pytest.importorskip("statsmodels")
+    key_file, pipe = tmp_path / make.KEY, tmp_path / "pipe"
+    key = study(tmp_path)
+    (file,) = synthetic(tmp_path, key, RATINGS[:1])
+    texts = {path: path.read_text(encoding="utf-8") for path in (file, key_file)}
+    os.mkfifo(pipe)
+
+    def code(answers: Path = file, secret: Path = key_file) -> int:
+        arguments = ["report", str(answers), "--key", str(secret), "--synthetic"]
+        return run_command("study", lambda: main(arguments))
+
+    assert code(answers=pipe) == code(secret=pipe) == 2
+    rng = random.Random(0)
+    for number in range(100):
+        damaged = (file, key_file)[number % 2]
+        content = json.loads(texts[damaged])
+        place: Any = content
+        while True:  # any value, at any depth
+            name = rng.choice(list(place) if isinstance(place, dict) else range(len(place)))
+            if not isinstance(place[name], dict | list) or not place[name] or rng.random() < 0.3:
+                break
+            place = place[name]
+        place[name] = rng.choice([None, 7, -1.5, "\ud800", "ours", [], [None], {}, {"a": 1}, True, 10**300])
+        damaged.write_text(json.dumps(content), encoding="utf-8")
+        assert code() in (0, 2), content
+        damaged.write_text(texts[damaged], encoding="utf-8")
+    for text in (b"[" * 200_000, b"\xff\xfe{", b"", b"[]", b'{"format": ' + b"9" * 5000 + b"}"):
+        file.write_bytes(text)
+        assert code() == 2
+    assert "Traceback" not in capsys.readouterr().err
 
 
 def test_the_later_answer_to_a_film_shown_again_counts(tmp_path: Path) -> None:

@@ -25,12 +25,14 @@ from runtime.formats.bvh import MAX_JOINT_FRAMES, parse_bvh, read_bvh
 from runtime.formats.bvh_clip import save_bvh
 from runtime.generate import load_parts, parse_prompts
 from runtime.motion.model_files import read_metadata
+from runtime.prompts.english.library_data import load_embeddings
 from runtime.prompts.text_encoder import TextEncoder
 from runtime.skeleton import REST_HIPS_HEIGHT
 from runtime.takes.clip import Clip
 from runtime.terrain.files import read_terrain
 from tests.helpers.gltf_characters import join_glb, split_glb, user_character
 from training.baselines.matching import Database
+from training.evaluation.metrics.motion import load_motion
 from viewer.edit.video import read_video
 
 MOTION = "MOTION\nFrames: {}\nFrame Time: 0.01\n"
@@ -273,6 +275,16 @@ def bomb_npz_header(path: Path) -> Callable[[], object]:
         header = {"descr": "<f4", "fortran_order": False, "shape": (1 << 40, 1 << 20)}
         np.lib.format.write_array_header_1_0(member, header)
     return lambda: Database.load(path)
+
+
+def bomb_npz_of_a_captured_clip(path: Path) -> Callable[[], object]:
+    bomb_npz_header(path)
+    return lambda: load_motion(path)
+
+
+def bomb_npz_of_the_prompt_library(path: Path) -> Callable[[], object]:
+    bomb_npz_header(path)
+    return lambda: load_embeddings(path, "", None, 0)  # type: ignore[arg-type]
 
 
 def bomb_gif_of_40_large_pictures(path: Path) -> Callable[[], object]:

@@ -104,10 +104,11 @@ def test_rows_go_over_the_arguments_of_the_command() -> None:
         ({"out": str(Path("/a.bvh").resolve())}, "below the folder"),
         ({"out": ".sport-batch/a.bvh"}, "below the folder"),
         ({"ground_out": "00001.BVH"}, "row 1 writes"),
+        ({"out": "E\u0301.bvh"}, "row 1 writes"),  # one name on a disk that composes letters
     ],
 )
 def test_rows_that_cannot_be_made_are_refused_alone(values: dict[str, Any], said: str) -> None:
-    tasks, (refused,) = planned({}, values)
+    tasks, (refused,) = planned({"ground_out": "\u00e9.bvh"}, values)
     assert [task.number for task in tasks] == [1]
     assert refused.number == 2
     assert said in refused.error
@@ -142,6 +143,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> list[str]:
             raise UsageError(f"{options.out}: cannot.", "Try another.")
         if options.prompt == "breaks":
             raise ZeroDivisionError("a defect")
+        options.out.parent.mkdir(exist_ok=True)
         options.out.write_text(f"{options.prompt} {options.seed}")
         options.out.with_name(options.out.name + ".json").write_text("{}")
         print(f"sport: {options.out}: 60 frames")
@@ -188,6 +190,25 @@ def test_failures_are_listed_and_end_nothing(
     assert "2 of 4 clips" in said.out
     assert "2 failed" in said.out
     assert "sport: row 2: 00002.bvh: cannot. Try another." in said.err
+
+
+@pytest.mark.parametrize(("link", "code"), [("sub", 1), ("a.bvh", 1), ("manifest.jsonl", 2)])
+@pytest.mark.parametrize("there", [False, True], ids=["dangling", "led elsewhere"])
+def test_no_link_in_the_folder_is_followed(
+    link: str, code: int, there: bool, fake: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = write(tmp_path / "list.csv", "prompt,seed,out\nold,7,sub/a.bvh\ndrunk,7,a.bvh\n")
+    folder, elsewhere = tmp_path / "clips", tmp_path / "elsewhere"
+    folder.mkdir()
+    if there and link == "sub":
+        elsewhere.mkdir()
+    elif there:
+        elsewhere.write_text("mine")
+    (folder / link).symlink_to(elsewhere)
+    assert cli.main(["generate", "--batch", str(table), "--out", str(folder)]) == code
+    assert f"{folder / link}: this is a link." in capsys.readouterr().err
+    assert elsewhere.exists() == there
+    assert not there or (not any(elsewhere.iterdir()) if link == "sub" else elsewhere.read_text() == "mine")
 
 
 def test_a_second_run_makes_what_is_missing_changed_or_failed(fake: list[str], tmp_path: Path) -> None:

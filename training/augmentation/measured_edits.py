@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.errors import FileError
+from runtime.safe_read import open_npz
 from runtime.skeleton import SPORT_SKELETON
 from training.augmentation.catalogue import PartEdit, catalogue, part_edits
 from training.augmentation.edits import apply
@@ -146,7 +147,7 @@ def load_reference(clips: Path) -> CapturedReference:
 
 
 def _is_neutral_walk(path: Path) -> bool:
-    with np.load(path, allow_pickle=False) as clip:
+    with open_npz(path, "Run the importer again.") as clip:
         return str(clip["style"]).startswith("neutral") and str(clip["content"]) in _WALKING
 
 

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from runtime.errors import FileError
+from runtime.safe_read import open_npz
 from training.augmentation.motion import EditedMotion
-from training.data.height_patches import Patches
+from training.data.clips import Patches
 from training.frames import PLAIN
 
 NEUTRAL = 0.45  # fraction of clips that are made of neutral motion, where an edit shows most clearly
@@ -35,11 +36,8 @@ class Source:
 
 def load_source(path: Path) -> Source:
     """Read an imported clip."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            clip = {k: file[k] for k in file.files}
-    except (OSError, ValueError) as error:
-        raise FileError(f"{path}: not a clip file.", "Run the importer again.") from error
+    with open_npz(path, "Run the importer again.") as file:
+        clip = {k: file[k] for k in file.files}
     x, z = map(float, clip["patch_origin"])
     patches = Patches(clip["patch_heights"], (x, z), float(clip["patch_cell"]))
     motion = EditedMotion(
@@ -59,7 +57,7 @@ class Pool:
     def __init__(self, folder: Path) -> None:
         self.by_style: dict[str, list[Path]] = {}
         for path in sorted(folder.glob("*.npz")):
-            with np.load(path, allow_pickle=False) as clip:
+            with open_npz(path, "Run the importer again.") as clip:
                 long_enough = len(clip["gait"]) > 100
                 if path.stem.startswith("layer_") or str(clip["split"]) != "train" or not long_enough:
                     continue

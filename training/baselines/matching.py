@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +26,7 @@ from runtime.errors import ModelError
 from runtime.motion import features
 from runtime.motion.features import FPS, INPUT, OutputParts, build_output
 from runtime.motion.style import Style
-from runtime.safe_read import read_npz
+from runtime.safe_read import open_npz
 from runtime.skeleton import SPORT_SKELETON, J
 from runtime.terrain.obstacle_detection import ObstacleAhead
 
@@ -109,8 +108,7 @@ class Database:
     @staticmethod
     def load(path: Path) -> Database:
         """ModelError when the file is none."""
-        try:
-            found = read_npz(path)
+        with open_npz(path, "Build it again with `python -m training.baselines`.", ModelError) as found:
             floats = {k: found[k].astype(np.float32) for k in ("features", "hips", "root", "codes", "speeds")}
             base = Database(
                 **floats,
@@ -122,10 +120,6 @@ class Database:
                 code_style=found["code_style"].astype(np.int64),
             )
             base.check()
-        except (OSError, KeyError, ValueError, IndexError, BadZipFile) as error:
-            raise ModelError(
-                f"{path}: not a database of motion.", "Build it again with `python -m training.baselines`."
-            ) from error
         return base
 
     def save(self, path: Path) -> None:

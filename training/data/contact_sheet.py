@@ -14,6 +14,7 @@ import numpy as np
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.errors import run_command
+from runtime.safe_read import open_npz
 from runtime.skeleton import PART_JOINTS, SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 
@@ -33,7 +34,7 @@ def draw_sheet(paths: list[Path], out: Path) -> None:
         len(paths), FRAMES, figsize=(2.0 * FRAMES, 2.3 * len(paths)), squeeze=False
     )
     for row, path in zip(grid, paths, strict=True):
-        with np.load(path, allow_pickle=False) as clip:
+        with open_npz(path, "Run the importer again.") as clip:
             _draw_row(row, clip)
         row[0].set_title(path.stem, fontsize=8, loc="left")
     figure.subplots_adjust(0, 0, 1, 0.98, 0, 0.08)

@@ -14,6 +14,7 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.errors import FileError
+from runtime.safe_read import open_npz
 from runtime.skeleton import PART_NAMES
 from training.text.measure import FPS, BodyMeasures, average, measure, measure_names
 
@@ -84,7 +85,7 @@ def styles_of(clips: Iterable[ClipMeasures]) -> dict[str, list[BodyMeasures]]:
 
 
 def _read(path: Path, every_clip: bool) -> list[ClipMeasures]:
-    with np.load(path, allow_pickle=False) as clip:
+    with open_npz(path, "Run the importer again.") as clip:
         if bool(clip["mirrored"]) or str(clip["split"]) != "train":
             return []
         style, content = str(clip["style"]), str(clip["content"])
@@ -155,6 +156,6 @@ def _standardised(values: Array, part: str) -> Array:
 
 
 def _measured(folder: Path, name: str) -> list[tuple[float, ...]]:
-    with np.load(folder / f"{name}.npz", allow_pickle=False) as clip:
+    with open_npz(folder / f"{name}.npz", "Run the importer again.") as clip:
         body = measure(clip["hips_positions"], clip["local_rotations"], clip["contacts"])
     return [astuple(getattr(body, part)) for part in PART_NAMES]

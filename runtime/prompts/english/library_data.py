@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from runtime.errors import FileError, PromptError
 from runtime.prompts.parts import PartDescriptions, check_text
 from runtime.prompts.text_encoder import TextEncoderLike
-from runtime.safe_read import parse_json, read_bounded
+from runtime.safe_read import open_npz, parse_json, read_bounded
 from runtime.skeleton import PART_NAMES
 
 MAX_BYTES = 8_000_000
@@ -204,22 +204,17 @@ def load_embeddings(
     """Stored embeddings, or None when there are none for these words and this encoder; FileError when damaged."""
     if not path.exists():
         return None
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            if str(data["digest"]) != digest or str(data["encoder"]) != encoder.name:
-                return None
-            found = LibraryEmbeddings(
-                unit_vectors(data["prompts"]),
-                data["entry_of"].astype(np.int64),
-                unit_vectors(data["parts"]),
-                data["bodily"].astype(np.float32),
-                tuple(str(data["other_words"]).split()),
-            )
-    except Exception as error:  # zipfile, zlib and numpy each raise their own for a damaged archive
-        raise FileError(
-            f"{path}: not readable as the library's embeddings ({error}).",
-            "Run `python -m training.text.build_library`, or install the program again.",
-        ) from error
+    remedy = "Run `python -m training.text.build_library`, or install the program again."
+    with open_npz(path, remedy) as data:
+        if str(data["digest"]) != digest or str(data["encoder"]) != encoder.name:
+            return None
+        found = LibraryEmbeddings(
+            unit_vectors(data["prompts"]),
+            data["entry_of"].astype(np.int64),
+            unit_vectors(data["parts"]),
+            data["bodily"].astype(np.float32),
+            tuple(str(data["other_words"]).split()),
+        )
     count, size = len(found.entry_of), encoder.dimensions
     if found.prompts.shape != (count, size) or found.parts.shape != (entries, len(PART_NAMES), size):
         raise FileError(

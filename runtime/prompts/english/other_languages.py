@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.errors import FileError
 from runtime.prompts.english.library_data import PromptLibrary, library_hash, unit_vectors, vectors_as_bytes
+from runtime.safe_read import open_npz
 
 FILE = "languages.npz"  # next to library.json
 NEAR = 0.38  # centred cosine from which an entry is taken, set on 35 prompts in 11 languages
@@ -51,15 +51,10 @@ class OtherLanguages:
     def _stored(self) -> tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.float32]] | None:
         if not self._path.is_file():
             return None
-        try:
-            with np.load(self._path, allow_pickle=False) as data:
-                if str(data["digest"]) != library_hash(self._library):
-                    return None
-                return unit_vectors(data["prompts"]), data["entry_of"].astype(np.int64), data["mean"]
-        except Exception as error:  # zipfile, zlib and numpy each raise their own for a damaged archive
-            raise FileError(
-                f"{self._path}: not readable as embeddings ({error}).", "Install the program again."
-            ) from error
+        with open_npz(self._path, "Install the program again.") as data:
+            if str(data["digest"]) != library_hash(self._library):
+                return None
+            return unit_vectors(data["prompts"]), data["entry_of"].astype(np.int64), data["mean"]
 
 
 def open_e5() -> Any:

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from runtime.controls import Controls, Gait
+from runtime.motion import features
 from runtime.motion.controller import Controller
-from runtime.skeleton import SPORT_SKELETON
+from runtime.motion.state import FASTEST_JOINT
+from runtime.skeleton import SPORT_SKELETON, J
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
 from tests.helpers.shipped import shipped_model
@@ -111,6 +113,44 @@ def test_a_network_that_gives_nan_is_reported_and_the_character_goes_on():
         said.append(controller.message)
     assert [k for k, message in enumerate(said) if "not finite" in message] == [29]  # and not for ever
     assert all(np.isfinite(p.positions).all() for p in poses)
+
+
+class LeapingModel(WalkerModel):
+    """A walker whose network is elsewhere in frames 60 to 63: the body turned round and 0.3 m lower, or the root gone."""
+
+    def __init__(self, part):
+        super().__init__()
+        self.part = part
+
+    def step(self, x, noise, style):
+        y, shown = super().step(x, noise, style)
+        if 60 <= self.frame < 64:
+            joints = y[0, features.OUTPUT["joint_positions"]].reshape(J, 3)
+            turned = y[0, features.OUTPUT["joint_rotations"]].reshape(J, 6)
+            if self.part == "pose":
+                joints[0, 1] -= 0.3
+                turned[:, [0, 1]] *= -1.0
+                turned[:, [3, 4]] *= -1.0
+            elif self.part == "root":
+                y[0, features.OUTPUT["root"]] = 40.0
+            else:
+                y[:] = np.nan
+        return y, shown
+
+
+@pytest.mark.parametrize("part", ["pose", "root", "nothing finite"])
+def test_no_joint_is_faster_than_a_captured_one_when_the_network_jumps(part):
+    calm, leaping = (Controller(m, Terrain.flat(size_m=200.0)) for m in (WalkerModel(), LeapingModel(part)))
+    last, speeds = leaping.pose.positions, []
+    for frame in range(120):
+        pose = leaping.step(FORWARD)
+        assert frame >= 59 or (pose.positions == calm.step(FORWARD).positions).all()
+        joints, _ = SPORT_SKELETON.forward_kinematics(pose.hips_position, pose.local_rotations)
+        assert np.allclose(joints, pose.positions, atol=1e-4)
+        speeds.append(np.linalg.norm(pose.positions - last, axis=-1).max() * features.FPS)
+        last = pose.positions
+    assert 10.0 < max(speeds) < 1.02 * FASTEST_JOINT
+    assert max(speeds[-20:]) < 5.0
 
 
 def test_a_character_begins_in_the_models_neutral_style():

@@ -6,6 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.random_play import play, spikes
 from runtime import rotations
 from runtime.motion.controller import Controller
 from runtime.motion.limbs import resolve_penetration
@@ -23,7 +24,6 @@ from runtime.terrain.obstacle_detection import (
     nearest_place,
 )
 from tests.helpers.walker import WalkerModel
-from tests.steep import spikes, walk
 
 RISE = np.where(np.arange(201) < 100, 0.0, 3.0).astype(np.float32)  # a cliff at x = 0
 CLIFF = Terrain("cliff", RISE[:, None].repeat(201, 1), 0.1, (-10.0, -10.0))
@@ -128,5 +128,5 @@ def test_a_character_stands_beside_a_spike_that_rises_under_it() -> None:
 
 
 def test_a_while_among_spikes_is_never_under_the_ground() -> None:
-    count = walk(Controller(WalkerModel(), Terrain.flat()), 0.05, seed=3, grounds=(spikes,))
+    count = play(Controller(WalkerModel(), Terrain.flat()), 0.05, seed=3, grounds=(spikes,))
     assert count.failures == 0, count.first[:3]

@@ -13,6 +13,7 @@ from runtime.arrays import Array
 from runtime.errors import FileError
 from runtime.motion import features
 from runtime.motion.features import FPS
+from runtime.safe_read import open_npz
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from training.frames import PAD, extrapolate, repeat_ends, root_motion
@@ -101,28 +102,25 @@ def mean_speed(positions: Array) -> float:
 
 def load_motion(path: Path) -> Motion:
     """A clip file of the importer on its own ground; FileError when it is none."""
-    try:
-        with np.load(path, allow_pickle=False) as clip:
-            origin = clip["patch_origin"]
-            ground = Terrain(
-                path.stem,
-                clip["patch_heights"][0].astype(np.float32),
-                float(clip["patch_cell"]),
-                (float(origin[0]), float(origin[1])),
-            )
-            return Motion(
-                path.stem,
-                str(clip["style"]),
-                clip["hips_positions"],
-                clip["local_rotations"],
-                clip["contacts"].astype(np.float32),
-                clip["gait"].argmax(1),
-                ground,
-                str(clip["split"]) == "held_out",
-                str(clip["source"]),
-            )
-    except (OSError, ValueError, KeyError) as error:
-        raise FileError(f"{path}: not a clip file.", "Run the importer again.") from error
+    with open_npz(path, "Run the importer again.") as clip:
+        origin = clip["patch_origin"]
+        ground = Terrain(
+            path.stem,
+            clip["patch_heights"][0].astype(np.float32),
+            float(clip["patch_cell"]),
+            (float(origin[0]), float(origin[1])),
+        )
+        return Motion(
+            path.stem,
+            str(clip["style"]),
+            clip["hips_positions"],
+            clip["local_rotations"],
+            clip["contacts"].astype(np.float32),
+            clip["gait"].argmax(1),
+            ground,
+            str(clip["split"]) == "held_out",
+            str(clip["source"]),
+        )
 
 
 def original_clips(folder: Path) -> list[Path]:

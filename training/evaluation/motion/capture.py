@@ -15,6 +15,7 @@ from runtime.errors import FileError
 from runtime.motion.features import FPS
 from runtime.motion.model import ExportedMotionEncoder
 from runtime.prompts.parts import PartDescriptions
+from runtime.safe_read import open_npz
 from training.evaluation.metrics.classifiers import (
     MIN_HELD_OUT_WINDOWS,
     MIN_TRAINING_WINDOWS,
@@ -106,15 +107,12 @@ def read_capture(
 
 def _info(path: Path) -> ClipInfo | None:
     """None for what was made out of other clips."""
-    try:
-        with np.load(path, allow_pickle=False) as clip:
-            if str(clip["tier"]) == LAYERED or bool(clip["mirrored"]):
-                return None
-            labels, counts = np.unique(clip["gait"].argmax(1), return_counts=True)
-            style, rollout = str(clip["style"]), str(clip["source"]) == ROLLOUTS
-            held_out, content = str(clip["split"]) == "held_out", str(clip["content"])
-    except (OSError, ValueError, KeyError) as error:
-        raise FileError(f"{path}: not a clip file.", "Run the importer again.") from error
+    with open_npz(path, "Run the importer again.") as clip:
+        if str(clip["tier"]) == LAYERED or bool(clip["mirrored"]):
+            return None
+        labels, counts = np.unique(clip["gait"].argmax(1), return_counts=True)
+        style, rollout = str(clip["style"]), str(clip["source"]) == ROLLOUTS
+        held_out, content = str(clip["split"]) == "held_out", str(clip["content"])
     gaits = {Gait(int(g)): int(n) for g, n in zip(labels, counts, strict=True)}
     return ClipInfo(
         path, TERRAIN_GROUP if rollout else style, style, content, held_out, int(counts.sum()), gaits

@@ -1,0 +1,231 @@
+"""Random play: prompts, strengths, sticks and grounds change every few seconds, those that nobody walks on too.
+
+python -m benchmarks.random_play --seeds 50 --minutes 1
+
+Counted are joints more than `DEPTH_M` under the ground and joints faster than `SPEED_M_S`; the exit code is 1 for one.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.random import Generator
+
+from runtime.controls import Controls, Gait
+from runtime.errors import run_command
+from runtime.motion.controller import Controller
+from runtime.motion.features import FPS
+from runtime.motion.model import load_model
+from runtime.prompts.prompter import Prompter
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.library import TERRAIN_NAMES, make_terrain
+from training.markdown import check_section, number, table, write_section
+
+DEPTH_M = 0.3
+SPEED_M_S = 30.0
+SIZE_M = 40.0
+GROUND_SECONDS = 10  # after which the ground changes
+STICK_SECONDS = (0.2, 2.5)
+PROMPT_SECONDS = (1.0, 6.0)
+STRENGTHS = (0.0, 1.5)  # what the viewer's slider reaches
+SECTION = "random play"
+PROMPTS = (
+    "walk calmly", "waving both hands", "an angry giant stomping", "drunk", "sneaking like a thief", "a zombie",
+    "wave with the right hand", "an old man with a bad back", "dancing with joy", "arms stretched out to the sides",
+    "punching and kicking", "hopping on one leg", "a robot", "exhausted after a marathon", "hands clasped overhead",
+)  # fmt: skip
+
+
+def _terrain(name: str, heights: np.ndarray, cell_m: float) -> Terrain:
+    return Terrain(name, heights.astype(np.float32), cell_m, (-SIZE_M / 2, -SIZE_M / 2))
+
+
+def _cells(cell_m: float) -> int:
+    return round(SIZE_M / cell_m) + 1
+
+
+def cliffs(rng: Generator, height_m: float) -> Terrain:
+    """Plateaus of 5 m, each as high as the others or by `height_m` higher."""
+    levels = height_m * rng.integers(0, 2, (9, 9))
+    index = np.minimum(np.arange(_cells(0.1)) // 50, 8)
+    return _terrain(f"cliffs of {height_m:g} m", levels[np.ix_(index, index)], 0.1)
+
+
+def spikes(rng: Generator) -> Terrain:
+    """Level ground with needles of 4 m, one in 6 square metres."""
+    n = _cells(0.2)
+    return _terrain("spikes of 4 m", 4.0 * (rng.random((n, n)) < 0.2**2 / 6.0), 0.2)
+
+
+def walls(rng: Generator) -> Terrain:
+    """Level ground with walls of 0.3 to 3 m, 0.3 m thick, along and across."""
+    heights = np.zeros((_cells(0.1), _cells(0.1)))
+    for _ in range(60):
+        i, j = rng.integers(0, len(heights) - 40, 2)
+        length, height = rng.integers(20, 80), rng.uniform(0.3, 3.0)
+        at = (slice(i, i + 3), slice(j, j + length))
+        heights[at if rng.random() < 0.5 else at[::-1]] = height
+    return _terrain("walls", heights, 0.1)
+
+
+def jagged(rng: Generator) -> Terrain:
+    """Noise of cells of half a metre: up to 6 m high in places, level in others."""
+    n = _cells(0.5)
+    patches = np.kron(rng.choice([0.0, 0.2, 1.0, 6.0], (17, 17)), np.ones((5, 5)))[:n, :n]
+    return _terrain("jagged noise", patches * rng.random((n, n)), 0.5)
+
+
+def ready(rng: Generator, name: str) -> Terrain:
+    """A ground of the library."""
+    return make_terrain(name, int(rng.integers(3)))
+
+
+GROUNDS: tuple[Callable[[Generator], Terrain], ...] = (
+    *(partial(ready, name=name) for name in TERRAIN_NAMES),
+    partial(ready, name="hurdles"),  # again: a pop was found there
+    partial(cliffs, height_m=3.0),
+    partial(cliffs, height_m=12.0),
+    spikes,
+    walls,
+    jagged,
+)
+
+
+@dataclass
+class Count:
+    """What was seen in one run."""
+
+    frames: int = 0
+    under: Counter[str] = field(
+        default_factory=Counter
+    )  # frames with a joint under the ground, of each ground
+    fast: Counter[str] = field(default_factory=Counter)  # frames with a joint too fast
+    deepest_m: float = 0.0
+    fastest: float = 0.0  # m/s
+    first: list[str] = field(default_factory=list)  # where it happened
+
+    @property
+    def failures(self) -> int:
+        """Frames that must not be."""
+        return self.under.total() + self.fast.total()
+
+    def see(self, terrain: Terrain, joints: np.ndarray, last: np.ndarray, where: str) -> None:
+        """One frame: joints `(31, 3)`, and those of the frame before."""
+        depth = terrain.height(joints[:, 0], joints[:, 2]) - joints[:, 1]
+        speed = np.linalg.norm(joints - last, axis=-1) * FPS
+        self.frames += 1
+        self.deepest_m = max(self.deepest_m, float(depth.max()))
+        self.fastest = max(self.fastest, float(speed.max()))
+        for bad, counter in ((depth > DEPTH_M, self.under), (speed > SPEED_M_S, self.fast)):
+            if bad.any():
+                counter[terrain.name] += 1
+                self.first.append(
+                    f"{terrain.name}, {where}, joints {np.flatnonzero(bad).tolist()}: "
+                    f"{depth.max():.2f} m under, {speed.max():.0f} m/s"
+                )
+
+
+def _stick(rng: Generator) -> Controls:
+    angle = rng.choice([rng.uniform(-np.pi, np.pi), rng.integers(0, 8) * np.pi / 4])
+    gait = Gait(rng.choice([Gait.WALK, Gait.WALK, Gait.JOG, Gait.JOG, Gait.CROUCH, Gait.JUMP]))
+    size = rng.choice([0.0, 0.5, 1.0, 1.0, 1.0])
+    facing = (float(np.sin(turn := rng.uniform(-3, 3))), float(np.cos(turn))) if rng.random() < 0.2 else None
+    return Controls((float(size * np.sin(angle)), float(size * np.cos(angle))), facing, gait)
+
+
+def play(
+    controller: Controller,
+    minutes: float,
+    seed: int,
+    grounds: Sequence[Callable[[Generator], Terrain]] = GROUNDS,
+    codes: Sequence[np.ndarray] = (),
+) -> Count:
+    """Play for so long with prompts of these `codes` (6, 64); the ground changes every `GROUND_SECONDS`."""
+    rng, count = np.random.default_rng(seed), Count()
+    stick_ends, prompt_ends, code, controls = 0, 0, 0, Controls()
+    for frame in range(round(minutes * 60 * FPS)):
+        fresh = frame % (GROUND_SECONDS * FPS) == 0
+        if fresh:
+            x, _, z = controller.pose.root_position
+            controller.set_terrain(grounds[int(rng.integers(len(grounds)))](rng))
+            if max(abs(x), abs(z)) > SIZE_M / 2 - 3:
+                controller.reset()
+        if frame >= prompt_ends and codes:
+            prompt_ends = frame + int(rng.uniform(*PROMPT_SECONDS) * FPS)
+            code = int(rng.integers(len(codes)))
+            controller.strength = float(rng.choice([1.0, STRENGTHS[1], rng.uniform(*STRENGTHS)]))
+            controller.response = float(rng.random())
+            controller.set_style(codes[code], float(rng.choice([0.0, 0.8])))
+        if frame >= stick_ends:
+            stick_ends, controls = frame + int(rng.uniform(*STICK_SECONDS) * FPS), _stick(rng)
+        last, pose = controller.pose.positions.astype(np.float64), controller.step(controls)
+        joints = pose.positions.astype(np.float64)
+        where = (
+            f"seed {seed}, frame {frame}, prompt {code}, strength {controller.strength:.2f}, "
+            f"root {np.round(pose.root_position, 2)}, {controls.gait.name} {controller.traversal}"
+        )
+        count.see(controller.terrain, joints, joints if fresh else last, where)
+    return count
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The command."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.random_play", description=__doc__)
+    parser.add_argument("--model", default="compact", help="compact or open (default: compact)")
+    parser.add_argument("--seeds", type=int, default=1, help="runs (default: 1)")
+    parser.add_argument("--minutes", type=float, default=1.0, help="of each, simulated (default: 1)")
+    parser.add_argument("--first", type=int, default=0, help="the first seed (default: 0)")
+    parser.add_argument("--markdown", type=Path, metavar="FILE", help="put the table into this document")
+    options = parser.parse_args(argv)
+    if options.markdown is not None:
+        check_section(options.markdown, SECTION)
+    model = load_model(options.model)
+    prompter, counts = Prompter(model), []
+    codes = [np.asarray(prompter(prompt), np.float32) for prompt in PROMPTS]
+    for seed in range(options.first, options.first + options.seeds):
+        counts.append(play(Controller(model, Terrain.flat(), seed), options.minutes, seed, codes=codes))
+        print(*counts[-1].first[:5], f"seed {seed}: {counts[-1].fastest:.1f} m/s", sep="\n", flush=True)
+    lines = report(counts, options.model)
+    print("\n".join(lines))
+    if options.markdown is not None:
+        write_section(options.markdown, SECTION, "\n".join(lines))
+    return 1 if any(count.failures for count in counts) else 0
+
+
+def report(counts: Sequence[Count], model: str) -> list[str]:
+    """The table of these runs."""
+    fastest = [count.fastest for count in counts]
+    return table(
+        [
+            "model",
+            "runs",
+            "frames",
+            "joints too fast",
+            "under the ground",
+            "fastest, m/s",
+            "median run",
+            "deepest, m",
+        ],
+        [
+            [
+                model,
+                str(len(counts)),
+                f"{sum(count.frames for count in counts):,}",
+                str(sum(count.fast.total() for count in counts)),
+                str(sum(count.under.total() for count in counts)),
+                number(max(fastest)),
+                number(float(np.median(fastest))),
+                number(max(count.deepest_m for count in counts), 2),
+            ]
+        ],
+    )
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_command("random play", main))

@@ -114,7 +114,7 @@ def _with_feet(first: Clip, second: Clip, hips: Array, local: Array) -> Clip:
     for side in range(2):
         soles = slice(2 * side, 2 * side + 2)
         stood = bool((first.contacts[-1, soles] > CONTACT).any())
-        stands = (second.contacts[:, soles] > CONTACT).any(axis=1)
+        stands = np.any(second.contacts[:, soles] > CONTACT, axis=1)
         gap, speed = _gap(old[:, LEG_FEET[side]].astype(np.float64), ankles[:, side], fps, FASTEST)
         away = float(np.linalg.norm(gap[[0, 2]]))
         steps = bool(stands[0]) and (not stood or away > HELD_M)

@@ -45,6 +45,8 @@ CLEAR_M, PASSING_M = 0.1, 0.3  # a foot passes the other at this distance, while
 RISE_HALF_LIFE, MOST_RISE = 0.1, 0.05  # seconds, metres: the hips go with legs that stand elsewhere
 TIPTOE_RISE = 0.1  # metres that hips rise per radian of a raised heel: half of what the ankles do
 ROLLED = 8.0  # degrees of a raised heel from which it does not stand
+ASIDE_HALF_LIFE, MOST_ASIDE = 0.06, 0.2  # seconds, metres that a straight leg swings outward
+BENT_M = 0.1  # hips that are lowered so far bend knees, whatever these are to do
 SWING_CLEARANCE = 0.03  # metres over its resting height that a straight leg swings
 UPRIGHT = 0.955  # metres of the hips over level ground in neutral walking
 _NOTHING = (0.0,) * len(TARGETS)
@@ -70,6 +72,7 @@ class LegEdit:
     pitch: tuple[float, float] = (0.0, 0.0)  # degrees of a planted foot, heel up
     yaw: tuple[float, float] = (0.0, 0.0)  # degrees of a planted foot, outward
     rise: float = 0.0  # m that the hips go with legs that stand elsewhere
+    aside: tuple[float, float] = (0.0, 0.0)  # m that a straight leg swings outward
     left: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)  # what is added, by `TARGETS`
     right: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -102,15 +105,18 @@ class LegEdit:
         ]
         up += self._rise(up, feet, moved, bears)
         moved = self._passing(moved, side)
-        result = []
+        result, swings = [], list(self.aside)
         for k, (foot, ankle) in enumerate(zip(feet, moved, strict=True)):
             if added[k][KNEE] > 0.0:
-                ankle = _straightened(foot, up, ankle, scale(side, 1.0 - 2.0 * k), added[k][KNEE], request, k)
+                ankle, aside = _straightened(foot, up, ankle, added[k][KNEE], request, k)
+                swings[k] += (aside - swings[k]) * (1.0 - decay(ASIDE_HALF_LIFE))
+                ankle = add(ankle, scale(side, (1.0 - 2.0 * k) * swings[k]))
             toe = add(foot.toe, subtract(ankle, foot.ankle))
             hip, knee = ((p[0], p[1] + up, p[2]) for p in (foot.hip, foot.knee))
             result.append(foot._replace(hip=hip, knee=knee, toe=toe, ankle=ankle))
             if added[k][HEEL] > ROLLED:
                 chances[2 * k] = 0.0
+        self.aside = (swings[0], swings[1])
         return up, result
 
     def _measure(
@@ -142,6 +148,7 @@ class LegEdit:
         share = 1.0 - decay(HALF_LIFE)
         for name, goal in zip(("left", "right"), wanted, strict=True):
             goal[LOWER] = lower
+            goal[KNEE] *= max(1.0 - lower / BENT_M, 0.0)
             before = getattr(self, name)
             now = tuple(a + share * (b - a) for a, b in zip(before, goal, strict=True))
             done = all(abs(a) < 1e-4 for a in now) and not any(goal)
@@ -196,9 +203,9 @@ def _foot(leg: LegPose, sign: float, added: tuple[float, ...]) -> LegPose:
 
 
 def _straightened(
-    leg: LegPose, up: float, ankle: Vector, outward: Vector, weight: float, request: LegRequest, k: int
-) -> Vector:
-    """The ankle of a knee that bends by its target at most; a leg that would scuff swings outward."""
+    leg: LegPose, up: float, ankle: Vector, weight: float, request: LegRequest, k: int
+) -> tuple[Vector, float]:
+    """The ankle of a knee that bends by its target at most, and metres that a leg which would scuff swings outward."""
     share, weighted = request.targets[k][KNEE]
     most = radians(weighted / share) if share > 1e-6 else 0.5 * pi
     thigh, shin = length(subtract(leg.knee, leg.hip)), length(subtract(leg.ankle, leg.knee))
@@ -212,7 +219,7 @@ def _straightened(
     sunk, drop = max(floor - target[1], 0.0), hip[1] - target[1]
     # the leg keeps its length and its place along the way: what it rises it goes aside
     aside = sqrt(max(drop * drop - (drop - sunk) ** 2, 0.0))
-    return add((target[0], target[1] + sunk, target[2]), scale(outward, aside))
+    return (target[0], target[1] + sunk, target[2]), min(aside, MOST_ASIDE)
 
 
 def _about(axis: Vector, angle: float) -> Quaternion:

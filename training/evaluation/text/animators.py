@@ -78,7 +78,10 @@ def animators(setting: Setting) -> dict[str, list[Outcome]]:
 
         def walk(prompt: str) -> dict[str, float]:
             seed = setting.args.seed
-            clip = generate_clip(prompt, seconds=SECONDS, seed=seed, prompter=prompter, model=model)
+            clip = generate_clip(
+                prompt, seconds=SECONDS, seed=seed, prompter=prompter, model=model,
+                exact_legs=not setting.args.network_legs,
+            )  # fmt: skip
             save_bvh(clip, path)
             return measured(path)
 
@@ -116,6 +119,7 @@ ANIMATORS = Experiment(
     "animators",
     options=(
         option("--list", type=Path, default=PROMPTS, metavar="FILE", help="prompts and expectations"),
+        option("--network-legs", action="store_true", help="legs as the network walks them"),
         SEED,
     ),
 )

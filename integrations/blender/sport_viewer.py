@@ -325,18 +325,19 @@ def to_blender(vector):
 def import_take(context, path, ground="", first_frame=1):
     """Import a take with its markers and ground, and set the scene's rate and range; the armature. ValueError."""
     path, facts, scene = Path(path), read_take(path), context.scene
-    scene.render.fps = max(1, math.ceil(facts.fps - 1e-6))
-    scene.render.fps_base = scene.render.fps / facts.fps
+    scene.render.fps, scene.render.fps_base = max(1, math.ceil(facts.fps - 1e-6)), 1.0
     before, actions = set(bpy.data.objects), set(bpy.data.actions)
     if path.suffix.lower() == ".glb":
         bpy.ops.import_scene.gltf(filepath=str(path), bone_heuristic="BLENDER", disable_bone_shape=True)
         for action in set(bpy.data.actions) - actions:
-            _shift(action, first_frame)
+            _retime(action, facts.fps / scene.render.fps, first_frame)
     else:
         bpy.ops.import_anim.bvh(
             filepath=str(path), global_scale=facts.scale, frame_start=first_frame, use_fps_scale=False,
             rotate_mode="QUATERNION", axis_forward="-Z", axis_up="Y",
         )  # fmt: skip
+    # only now: versions of the importers differ in what the base does to their keys
+    scene.render.fps_base = scene.render.fps / facts.fps
     made = set(bpy.data.objects) - before
     armature = next((thing for thing in made if thing.type == "ARMATURE"), None)
     if armature is None:
@@ -384,15 +385,14 @@ def _curves(action):
     return [c for layer in action.layers for s in layer.strips for bag in s.channelbags for c in bag.fcurves]
 
 
-def _shift(action, first_frame):
-    """Move all keys so that the first one lies on `first_frame`."""
-    by = first_frame - action.frame_range[0]
+def _retime(action, scale, first_frame):
+    """Multiply the times of all keys and move them so that the first one lies on `first_frame`, all on whole frames."""
+    begin = action.frame_range[0]
     for curve in _curves(action):
-        for name in ("co", "handle_left", "handle_right"):
-            values = [0.0] * (2 * len(curve.keyframe_points))
-            curve.keyframe_points.foreach_get(name, values)
-            values[::2] = [value + by for value in values[::2]]
-            curve.keyframe_points.foreach_set(name, values)
+        values = [0.0] * (2 * len(curve.keyframe_points))
+        curve.keyframe_points.foreach_get("co", values)
+        values[::2] = [first_frame + round((time - begin) * scale) for time in values[::2]]
+        curve.keyframe_points.foreach_set("co", values)
         curve.update()
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Container, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +41,7 @@ class BvhMotion:
     local_rotations: Array
     frame_seconds: float
     end_offsets: dict[int, Array]
+    note: str = ""  # what a person should know of how it was read
 
     @property
     def fps(self) -> float:
@@ -175,37 +177,66 @@ def _read_motion(h: _Hierarchy, data: bytes, at: int, name: str) -> BvhMotion:
     """The motion whose section begins at `at`: a block of frames at a time, so that no text of it is held twice."""
     count, frame_seconds, at = _parse_frames(data, at, name)
     width = sum(map(len, h.channels))
+    if width == 0:
+        raise FileError(f"{name}: no joint has channels.", _REMEDY)
     # a value takes at least a digit and the space before the next
-    if width == 0 or count * width > (len(data) - at + 1) // 2:
-        raise FileError(f"{name}: too few MOTION values for {count} frames x {width} channels.", _REMEDY)
-    if count * len(h.names) > MAX_JOINT_FRAMES:
+    rows = max(min(count, (len(data) - at + 1) // 2 // width), 1)
+    motion, found = _read_rows(h, data, at, name, rows, frame_seconds)
+    if found == count * width:
+        return motion
+    rest = _uneven_end(data, at, width, name)
+    rows = found // width
+    if rows == 0:
+        raise FileError(f"{name}: too few MOTION values for a frame of {width} channels.", _REMEDY)
+    if rows != len(motion.positions):
+        motion, _ = _read_rows(h, data, at, name, rows, frame_seconds)
+    cut = " and a part of one, which is left out" if rest else ""
+    return replace(motion, note=f"{name}: the file says {count} frames and has {rows}{cut}.")
+
+
+def _read_rows(
+    h: _Hierarchy, data: bytes, at: int, name: str, rows: int, frame_seconds: float
+) -> tuple[BvhMotion, int]:
+    """The motion of so many frames, and how many values there are in all; FileError when they are too many."""
+    if rows > MAX_FRAMES or rows * len(h.names) > MAX_JOINT_FRAMES:
         raise FileError(
-            f"{name}: {count} frames x {len(h.names)} joints; expected at most {MAX_JOINT_FRAMES}.",
+            f"{name}: {rows} frames x {len(h.names)} joints; expected at most {MAX_JOINT_FRAMES}.",
             "Split the clip.",
         )
-    offsets = np.array(h.offsets, np.float32)
+    width = sum(map(len, h.channels))
     motion = BvhMotion(
-        Skeleton(tuple(h.names), tuple(h.parents), offsets),
-        np.empty((count, len(h.names), 3), np.float32),
-        np.empty((count, len(h.names), 4), np.float32),
+        Skeleton(tuple(h.names), tuple(h.parents), np.array(h.offsets, np.float32)),
+        np.empty((rows, len(h.names), 3), np.float32),
+        np.empty((rows, len(h.names), 4), np.float32),
         frame_seconds,
         h.end_offsets,
     )
-    found = 0
+    found, filled = 0, 0
     rest: NDArray[np.float64] = np.zeros(0)
     for block in _number_blocks(data, at, name):
-        first, found = found // width, found + len(block)
-        if found > count * width:
-            break
+        found += len(block)
         values = np.concatenate([rest, block])
-        whole = len(values) // width * width
-        _fill(motion, h.channels, values[:whole].reshape(-1, width), first)
-        rest = values[whole:]
-    if found != count * width:
-        raise FileError(
-            f"{name}: {found} MOTION values; expected {count} frames x {width} channels.", _REMEDY
-        )
-    return motion
+        frames = values[: min(len(values) // width, rows - filled) * width].reshape(-1, width)
+        _fill(motion, h.channels, frames, filled)
+        filled += len(frames)
+        rest = values[len(frames) * width :] if filled < rows else np.zeros(0)
+    return motion, found
+
+
+def _uneven_end(data: bytes, at: int, width: int, name: str) -> bool:
+    """Whether the last line is a part of a frame; FileError names another line that is no frame of `width` values."""
+    lines = [(k, len(text.split())) for k, text in enumerate(data[at:].splitlines())]
+    uneven = [(k, values) for k, values in lines if values not in (0, width)]
+    last = max((k for k, values in lines if values), default=0)
+    if uneven and (uneven[0][0] != last or uneven[0][1] > width):
+        line = _line_of(data, at) + uneven[0][0]
+        raise FileError(f"{name}, line {line}: {uneven[0][1]} values; expected {width} channels.", _REMEDY)
+    return bool(uneven)
+
+
+def _line_of(data: bytes, at: int) -> int:
+    """The number of the line of a place in the file."""
+    return data.count(b"\n", 0, at) + 1
 
 
 def _parse_frames(data: bytes, at: int, name: str) -> tuple[int, float, int]:
@@ -227,26 +258,36 @@ def _parse_frames(data: bytes, at: int, name: str) -> tuple[int, float, int]:
 
 
 def _number_blocks(data: bytes, at: int, name: str) -> Iterator[NDArray[np.float64]]:
-    """The numbers from `at` on in blocks of some MB; FileError when one is none, not finite or too large."""
+    """The numbers from `at` on in blocks of some MB; FileError names the line of one that is none, not finite or too large."""
     while at < len(data):
         end = min(at + _CHUNK_BYTES, len(data))
         if end < len(data):
             cuts = [data.rfind(space, at, end) for space in (b" ", b"\n", b"\t", b"\r")]
             end = max(cuts) if max(cuts) > at else len(data)
-        values = _floats(data[at:end], name)
-        if not np.all(np.abs(values) <= MAX_VALUE):
-            raise FileError(
-                f"{name}: MOTION holds values that are not finite or above {MAX_VALUE:.0e}.", _REMEDY
-            )
+        try:
+            values = np.array(data[at:end].split(), np.float64)
+            usable = bool(np.all(np.abs(values) <= MAX_VALUE))
+        except ValueError:
+            usable = False
+        if not usable:
+            raise _unreadable(data, at, end, name)
         yield values
         at = end
 
 
-def _floats(block: bytes, name: str) -> NDArray[np.float64]:
-    try:
-        return np.array(block.split(), np.float64)
-    except ValueError as error:
-        raise FileError(f"{name}: a MOTION value is not a number.", _REMEDY) from error
+def _unreadable(data: bytes, at: int, end: int, name: str) -> FileError:
+    """The error that names the first value of a block that is none."""
+    for match in re.finditer(rb"\S+", data[at:end]):
+        try:
+            usable = abs(float(match[0])) <= MAX_VALUE
+        except ValueError:
+            usable = False
+        if not usable:
+            break
+    line, text = _line_of(data, at + match.start()), match[0][:40].decode("ascii", "replace")
+    return FileError(
+        f"{name}, line {line}: '{text}' in MOTION; expected finite numbers within {MAX_VALUE:.0e}.", _REMEDY
+    )
 
 
 def _fill(motion: BvhMotion, channels: list[list[str]], frames: Array, first: int) -> None:

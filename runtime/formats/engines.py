@@ -38,7 +38,7 @@ _UNREAL = {
 }  # fmt: skip
 _HUMANOID = {  # the names of Unity's Humanoid and of Godot's SkeletonProfileHumanoid
     "Root": "Root", "Hips": "Hips", "LowerBack": "Spine", "Spine": "Chest", "Spine1": "UpperChest",
-    "Neck1": "Neck", "Head": "Head",
+    "Neck": "Neck", "Head": "Head",
     **_sided(
         {"{}UpLeg": "{}UpperLeg", "{}Leg": "{}LowerLeg", "{}Foot": "{}Foot", "{}ToeBase": "{}Toes",
          "{}Shoulder": "{}Shoulder", "{}Arm": "{}UpperArm", "{}ForeArm": "{}LowerArm", "{}Hand": "{}Hand"},
@@ -47,7 +47,7 @@ _HUMANOID = {  # the names of Unity's Humanoid and of Godot's SkeletonProfileHum
 }  # fmt: skip
 _HUMAN_IK = {  # Maya's HumanIK
     "Root": "Reference", "Hips": "Hips", "LowerBack": "Spine", "Spine": "Spine1", "Spine1": "Spine2",
-    "Neck1": "Neck", "Head": "Head",
+    "Neck": "Neck", "Head": "Head",
     **_sided(
         {f"{{}}{part}": f"{{}}{part}" for part in
          ("UpLeg", "Leg", "Foot", "ToeBase", "Shoulder", "Arm", "ForeArm", "Hand")},

@@ -41,7 +41,15 @@ def find_blender() -> list[str] | None:
 
 
 def _headless(blender: str) -> list[str]:
-    return [blender, "--background", "--factory-startup", "--python-exit-code", "1", "--python"]
+    return [
+        blender,
+        "--background",
+        "--factory-startup",
+        "--python-use-system-env",
+        "--python-exit-code",
+        "1",
+        "--python",
+    ]
 
 
 def check_fbx(path: Path) -> list[str]:
@@ -67,19 +75,21 @@ def save_fbx(
         unit = engine_of(options.engine).fbx_unit if options.engine else "m"
         separator = ["--"] if len(command) > 1 else []
         facts = [str(glb), str(fbx), repr(take.clip.fps), unit, take.clip.name]
-        done, said = _run(
-            [*command, str(_SCRIPT), *separator, *facts], Path(folder) / "said.txt", path, check
-        )
-        if not done or not fbx.is_file():
+        said = _run([*command, str(_SCRIPT), *separator, *facts], Path(folder) / "said.txt", path, check)
+        if not fbx.is_file():  # some versions crash at their end, after the file is there
             raise FileError(f"{path}: Blender wrote no FBX ({said[-1][:200]}).", "Write a .glb instead.")
         target.write_bytes(fbx.read_bytes())
 
 
-def _run(command: list[str], log: Path, path: Path, check: Check) -> tuple[bool, list[str]]:
-    """Whether a command ended well, and the lines that it said; it is killed where `check` ends the export. FileError."""
+def _run(command: list[str], log: Path, path: Path, check: Check) -> list[str]:
+    """The lines that a command said; it is killed where `check` ends the export. FileError."""
     end = time.monotonic() + TIMEOUT_S
+    same_ids = {**os.environ, "PYTHONHASHSEED": "0"}  # Blender makes those of an FBX from hashes
     try:
-        with log.open("wb") as file, subprocess.Popen(command, stdout=file, stderr=file) as process:
+        with (
+            log.open("wb") as file,
+            subprocess.Popen(command, stdout=file, stderr=file, env=same_ids) as process,
+        ):
             try:
                 while process.poll() is None:
                     if time.monotonic() > end:
@@ -91,4 +101,4 @@ def _run(command: list[str], log: Path, path: Path, check: Check) -> tuple[bool,
     except (OSError, subprocess.TimeoutExpired) as error:
         raise FileError(f"{path}: {command[0]} did not run ({error}).", "Write a .glb instead.") from error
     said = log.read_text(errors="replace").strip().splitlines()
-    return process.returncode == 0, said or ["it said nothing"]
+    return said or ["it said nothing"]

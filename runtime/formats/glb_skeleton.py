@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 
 ROOT_NAMES = ("Root", "GroundRoot", "SportGroundRoot")
+OFF_THE_HIPS_M = 1e-3  # of a root joint at rest
 SAME = 1e-4  # a character that needs less scaling and turning than this stands in our space already
 
 
@@ -195,6 +196,8 @@ def _add_root(rig: Rig, hips: int) -> None:
     above, gltf = rig.parents[hips], rig.gltf
     frame = rig.rest[above].copy() if above >= 0 else np.eye(4)
     frame[:3, 3] = rig.ground_point
+    if rig.plain:  # Blender joins the hips to a root whose tail meets them, and drops where they go
+        frame[2, 3] -= OFF_THE_HIPS_M
     taken = {node.name for node in gltf.nodes}
     name = next((n for n in ROOT_NAMES if n not in taken), ROOT_NAMES[-1])
     rig.root_node = _append_node(rig, g.Node(name=name, children=[hips]), above, frame)

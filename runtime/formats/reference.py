@@ -57,16 +57,17 @@ class OpenedTake:
     clip: Clip
     unit: str
     reference: ReferenceMotion | None = None
+    note: str = ""  # of a file that is damaged
 
 
 def open_take(path: Path) -> OpenedTake:
     """A BVH of our skeleton, or of any two-legged one as `load_reference_bvh` reads it. FileError."""
     motion = read_bvh(path)
     try:
-        return OpenedTake(*clip_of_motion(motion, path))
+        return OpenedTake(*clip_of_motion(motion, path), note=motion.note)
     except OtherSkeleton:
         reference = _reference(motion, path)
-        return OpenedTake(reference.clip, nearest_unit(reference.scale), reference)
+        return OpenedTake(reference.clip, nearest_unit(reference.scale), reference, motion.note)
 
 
 def load_reference_bvh(path: str | Path) -> ReferenceMotion:

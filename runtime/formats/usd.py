@@ -6,8 +6,11 @@ The document of `runtime.formats.glb` is written again prim by prim, with joints
 from __future__ import annotations
 
 import importlib.util
+import itertools
+import os
 import re
 import tempfile
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,9 +28,11 @@ from runtime.errors import FileError, UsageError
 from runtime.formats.glb import glb_document
 from runtime.formats.options import ExportOptions
 from runtime.formats.prepare import Check, PreparedTake, go_on
+from runtime.formats.table import describe
 from runtime.terrain.height_map import Terrain
 
 ROOT = "/take"
+PACKED_S = 1e9  # the time of every file in a package: equal takes are equal files
 BIND_SAME = 1e-4  # of the elements of inverse bind matrices that are one
 
 
@@ -42,8 +47,8 @@ def check_usd(path: Path) -> None:
 
 def save_usd(
     take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None, check: Check = go_on
-) -> None:
-    """Write a prepared take as `.usd` (one layer) or `.usdz` (with its textures inside).
+) -> str:
+    """Write a prepared take as `.usd` (one layer) or `.usdz` (with its textures inside), and say so.
 
     UsageError without the library, FileError when the character cannot be used or the file not be written.
     """
@@ -57,13 +62,17 @@ def save_usd(
         document.save(glb)
         textures = folder if path.suffix.lower() == ".usdz" else None
         try:
-            _Stage(open_gltf(glb), layer, take, textures).write()
+            stage = _Stage(open_gltf(glb), layer, take, textures)
+            stage.write()
             check()
+            for part in folder.iterdir():  # a package has the times of its files
+                os.utime(part, (PACKED_S, PACKED_S))
             if textures is not None and not UsdUtils.CreateNewUsdzPackage(str(layer), str(packed)):
                 raise FileError(f"{path}: the package was not written.", "Write a .usd instead.")
         except Tf.ErrorException as error:
             raise FileError(f"{path}: USD refuses the take ({str(error)[:200]}).", "Write a .glb.") from error
         target.write_bytes((layer if textures is None else packed).read_bytes())
+        return describe(take, path) + stage.renamed
 
 
 @dataclass
@@ -86,6 +95,7 @@ class _Stage:
         self.world = node_world_matrices(file, self.order, self.parents)
         skins = file.gltf.skins or []
         self.joints = self._joint_nodes()
+        self.names = unique_names([self.file.gltf.nodes[node].name or "" for node in self.joints])
         self.slot = {node: k for k, node in enumerate(self.joints)}
         self.carriers = nearest_of(self.order, self.parents, self.slot)
         self.stage = Usd.Stage.CreateNew(str(layer))
@@ -110,17 +120,21 @@ class _Stage:
                 wanted.add(parent)
         return [node for node in self.order if node in wanted]
 
-    def _names(self) -> list[str]:
-        """The path of each joint, of names that USD takes, each once."""
-        from pxr import Tf
-
+    def _joint_paths(self) -> list[str]:
+        """The path of each joint."""
         paths: list[str] = []
-        for node in self.joints:
-            name = Tf.MakeValidIdentifier(self.file.gltf.nodes[node].name or f"joint_{node}")
+        for node, name in zip(self.joints, self.names, strict=True):
             above = self.slot.get(self.parents[node])
-            path = name if above is None else f"{paths[above]}/{name}"
-            paths.append(path if path not in paths else f"{path}_{node}")
+            paths.append(name if above is None else f"{paths[above]}/{name}")
         return paths
+
+    @property
+    def renamed(self) -> str:
+        """What the file calls joints whose own names are none of USD, or are there twice; "" without any."""
+        own = [self.file.gltf.nodes[node].name for node in self.joints]
+        pairs = [f"{old} is {new}" for old, new in zip(own, self.names, strict=True) if old and old != new]
+        more = f" and {len(pairs) - 6} more" if len(pairs) > 6 else ""
+        return f"; joints renamed: {', '.join(pairs[:6])}{more}" if pairs else ""
 
     def _matrices(self, matrices: AnyArray | list[Any]) -> Any:
         """Matrices of column vectors as USD has them: transposed."""
@@ -150,7 +164,7 @@ class _Stage:
         for path in dict.fromkeys(skin.path for skin in self.skins):
             skin = next(each for each in self.skins if each.path == path)
             skeleton = UsdSkel.Skeleton.Define(self.stage, path)
-            skeleton.CreateJointsAttr(Vt.TokenArray(self._names()))
+            skeleton.CreateJointsAttr(Vt.TokenArray(self._joint_paths()))
             skeleton.CreateBindTransformsAttr(self._matrices(np.linalg.inv(skin.inverse_bind)))
             skeleton.CreateRestTransformsAttr(self._matrices(local))
             binding = UsdSkel.BindingAPI.Apply(skeleton.GetPrim())
@@ -191,7 +205,7 @@ class _Stage:
             elif channel.target.path == "translation":
                 places[:, k] = values
         animation = UsdSkel.Animation.Define(self.stage, f"{ROOT}/animation")
-        animation.CreateJointsAttr(Vt.TokenArray(self._names()))
+        animation.CreateJointsAttr(Vt.TokenArray(self._joint_paths()))
         translations, quaternions = animation.CreateTranslationsAttr(), animation.CreateRotationsAttr()
         animation.CreateScalesAttr([Gf.Vec3h(*row) for row in scales.tolist()])
         for frame in range(frames):
@@ -201,10 +215,10 @@ class _Stage:
 
     def _meshes(self, node: int) -> None:
         """The meshes of a node: skinned, carried by the joint above, or still."""
-        from pxr import Tf, UsdGeom
+        from pxr import UsdGeom
 
         gltf = self.file.gltf
-        named = Tf.MakeValidIdentifier(gltf.nodes[node].name or f"mesh_{node}")
+        (named,) = unique_names([gltf.nodes[node].name or f"mesh_{node}"])
         for number, primitive in enumerate(gltf.meshes[gltf.nodes[node].mesh].primitives):
             path = f"{ROOT}/{named}" + (f"_{number}" if number else "")
             if self.stage.GetPrimAtPath(path):
@@ -365,6 +379,22 @@ class _Stage:
         UsdGeom.ModelAPI.Apply(root.GetPrim()).SetExtentsHint(
             [self.Gf.Vec3f(*low.tolist()), self.Gf.Vec3f(*high.tolist())]
         )
+
+
+def unique_names(names: Sequence[str]) -> list[str]:
+    """Identifiers of USD, letters of any script among them, each there once: some readers know joints by name alone."""
+    from pxr import Sdf
+
+    found: dict[str, None] = {}
+    for number, name in enumerate(names):
+        text = re.sub(r"\W", "_", unicodedata.normalize("NFC", name))
+        text = text if Sdf.Path.IsValidIdentifier(text) else f"_{text}"
+        text = text if Sdf.Path.IsValidIdentifier(text) and text.strip("_") else f"joint_{number}"
+        once = next(
+            t for t in itertools.chain([text], (f"{text}_{k}" for k in itertools.count(2))) if t not in found
+        )
+        found[once] = None
+    return list(found)
 
 
 def _or(value: Any, default: Any) -> Any:

@@ -37,6 +37,8 @@ def run(options: argparse.Namespace) -> int:
         raise UsageError(" with several files: their units may differ.", "Convert one by one.", "ground_out")
     opened = open_take(options.take)
     clip = opened.clip
+    if opened.note:
+        note(opened.note)
     if opened.reference is not None:
         note(f"{options.take.name}{opened.reference.describe()}.")
     if options.fps is None:  # rate and unit stay as in the file

@@ -132,6 +132,22 @@ def test_blender_imports_takes_with_markers_and_ground(
     assert found[2]["materials"] >= 2
 
 
+@needs_blender
+@pytest.mark.parametrize("suffix", [".bvh", ".glb"])
+def test_takes_at_rates_of_video_lie_on_their_frames(clip: Clip, tmp_path: Path, suffix: str) -> None:
+    path, target = tmp_path / f"take{suffix}", tmp_path / "found.json"
+    options = ExportOptions(fps=30000 / 1001, with_ground=suffix == ".glb")
+    save_motion(clip, path, options, HILLS)
+    subprocess.run(blender_command(IN_BLENDER, ADDON, "take", target, path), check=True, capture_output=True,
+                   timeout=300)  # fmt: skip
+    (found,) = json.loads(target.read_text())
+    assert found["fps"] == pytest.approx(30000 / 1001, abs=1e-3)
+    assert found["range"] == [1, len(clip.resampled(options.fps))]
+    theirs = np.array([[frame[name] for name in SPORT_SKELETON.names] for frame in found["frames"]])
+    ours = to_blender(clip.resampled(options.fps).world()[0])
+    assert np.linalg.norm(ours - theirs, axis=-1).max() < 1e-3
+
+
 def start_live(target: Path, poses: int, *rig: Path) -> tuple[subprocess.Popen[str], int]:
     """Blender following the link, and the port that it listens at."""
     process = subprocess.Popen(blender_command(IN_BLENDER, ADDON, "live", target, poses, *rig),

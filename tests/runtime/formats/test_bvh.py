@@ -62,12 +62,12 @@ def test_written_motion_reads_back(order, units):
     ("old", "new", "expected"),
     [
         ("MOTION", "MUTATION", "HIERARCHY and MOTION"),
-        ("Frames: 2", "Frames: 3", "MOTION values"),
         ("Frames: 2", "Frames: 0", "0 frames"),
         ("Frames: 2", "Frames: -5", "-5 frames"),
         ("Frame Time: 0.0333333", "Frame Time: 0", "0.0 s"),
-        ("-12 4 5", "-12 nan 5", "not finite"),
-        ("-12 4 5", "-12 x 5", "not a number"),
+        ("-12 4 5", "-12 nan 5", "line 20: .nan. in MOTION"),
+        ("-12 4 5", "-12 1.5-2.5 5", "line 20: .1.5-2.5. in MOTION"),
+        ("1 2 3 90", "1 2 390", "line 19: 8 values; expected 9"),
         ("OFFSET 0 -10 0", "OFFSET 0 -10", "line 8"),
         ("CHANNELS 6 Y", "CHANNELS 5 Y", "CHANNELS"),
         ("Yposition Xposition", "Yposition Uposition", "CHANNELS"),
@@ -82,5 +82,21 @@ def test_damage_is_named(old, new, expected):
 
 @pytest.mark.parametrize("cut", range(0, len(SMALL) - 30, 23))
 def test_a_truncated_file_is_an_error_not_a_crash(cut):
-    with pytest.raises(FileError, match=r"take\.bvh"):
-        parse_bvh(SMALL[:cut], "take.bvh")
+    if cut < SMALL.index("-12"):
+        with pytest.raises(FileError, match=r"take\.bvh"):
+            parse_bvh(SMALL[:cut], "take.bvh")
+    else:  # a whole frame is there, and what is missing is said
+        assert "has 1 and a part of one" in parse_bvh(SMALL[:cut], "take.bvh").note
+
+
+@pytest.mark.parametrize("said", [1, 3, 1000])
+def test_a_wrong_number_of_frames_is_noted(said):
+    motion = parse_bvh(SMALL.replace("Frames: 2", f"Frames: {said}", 1), "take.bvh")
+    np.testing.assert_array_equal(motion.positions, parse_bvh(SMALL).positions)
+    assert motion.note == f"take.bvh: the file says {said} frames and has 2."
+
+
+def test_a_truncated_last_row_is_left_out_with_a_note():
+    motion = parse_bvh(SMALL.rstrip().rsplit(" ", 2)[0], "take.bvh")
+    assert len(motion.positions) == 1
+    assert motion.note == "take.bvh: the file says 2 frames and has 1 and a part of one, which is left out."

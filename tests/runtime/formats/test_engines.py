@@ -112,6 +112,14 @@ def test_several_takes_share_a_file_without_meshes(tmp_path: Path) -> None:
     assert gltf.buffers[0].byteLength < 400_000
 
 
+@pytest.mark.parametrize("engine", ["unity", "godot", "maya"])
+def test_joints_of_the_neck_keep_their_names_in_a_humanoid(engine: str, tmp_path: Path) -> None:
+    save_motion(CLIP, tmp_path / "take.glb", ExportOptions(engine=engine, humanoid_names=True), FLAT)
+    names = [node.name for node in GLTF2.load(str(tmp_path / "take.glb")).nodes]
+    assert names.count("Neck") == names.count("Neck1") == 1
+    assert not any(name.startswith("Neck_") for name in names)
+
+
 @pytest.mark.parametrize(
     ("suffix", "options", "message"),
     [

@@ -1,6 +1,6 @@
 """Random play: prompts, strengths, sticks and grounds change every few seconds, those that nobody walks on too.
 
-python -m benchmarks.random_play --seeds 50 --minutes 1
+python -m benchmarks.random_play --seeds 50 --minutes 0.1
 
 Counted are joints more than `DEPTH_M` under the ground and joints faster than `SPEED_M_S`; the exit code is 1 for one.
 """

@@ -214,6 +214,41 @@ class SessionMachine(RuleBasedStateMachine):
         self.model.edit(takes=[*self.model.now["takes"], made])
         self.check()
 
+    @precondition(lambda self: self.session.takes)
+    @rule(place=st.integers(0, 9), frame=st.integers(1, 9))
+    def split(self, place: int, frame: int) -> None:
+        take = self.pick(place)
+        self.app.takes.play(take.number)
+        playback, (first, last) = self.app.takes.playback, take.range
+        assert playback is not None
+        playback.seek(frame)
+        self.app.cutting.split()
+        if first < frame < last:
+            takes = self.replaced(take.number, range=(first, frame))
+            at = [each[0] for each in takes].index(take.number)
+            made = shown(self.session)["takes"][at + 1]
+            assert (made[2], made[3], made[4]) == (take.frames, (frame, last), len(take.poses.pins))
+            takes.insert(at + 1, made)
+            self.model.edit(takes=takes)
+        self.check()
+
+    @precondition(lambda self: self.session.takes)
+    @rule(place=st.integers(0, 9), other=st.integers(0, 9), times=st.integers(1, 3))
+    def join(self, place: int, other: int, times: int) -> None:
+        """A take with another one, or several times after itself."""
+        take, second = self.pick(place), self.pick(other)
+        self.app.takes.play(take.number)
+        if times == 1:
+            self.app.cutting.join(second.number)
+        else:
+            self.app.cutting.repeat(times)
+        run(self.app, 2)
+        made = shown(self.session)["takes"][-1]
+        lengths = [t.range[1] - t.range[0] for t in ((take, second) if times == 1 else (take,) * times)]
+        assert made[2] == sum(lengths) + 1
+        self.model.edit(takes=[*self.model.now["takes"], made])
+        self.check()
+
     @precondition(lambda self: len(self.session.takes) > 1)
     @rule(place=st.integers(0, 9), by=st.sampled_from((-1, 1)))
     def move(self, place: int, by: int) -> None:

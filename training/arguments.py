@@ -1,4 +1,4 @@
-"""Arguments of `sport train`: what can be asked for, read without torch."""
+"""Arguments of `sport train`: read without torch."""
 
 from __future__ import annotations
 

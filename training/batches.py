@@ -11,7 +11,7 @@ from torch import Tensor
 from runtime.motion import features
 from runtime.motion.features import INPUT, OUTPUT
 from runtime.skeleton import PART_JOINTS, SPORT_SKELETON, J
-from training.composition.composer import Composer, CompositionPlan, UpperBodyPose
+from training.composition import Composer, CompositionPlan, UpperBodyPose
 from training.frames import FIRST_OF_UPPER, FrameTable
 
 
@@ -194,11 +194,11 @@ _LOSS_WEIGHT = {
 }
 
 
-# Of positions and rotations of a part's joints: what words change in them is small beside the step, and beside the arms.
+# Of positions and rotations of a part's joints: words change them less than the step or the arms do.
 _PART_WEIGHT = {"left_leg": 2.2, "right_leg": 2.2, "torso": 2.0, "head": 2.5}
 
 
-# Of rotations that are a few degrees beside arms and legs and carry the swing of pelvis, chest and shoulders.
+# Of rotations that are a few degrees against those of arms and legs and carry the swing of pelvis, chest and shoulders.
 _TRUNK_WEIGHT = dict.fromkeys(("Hips", "LowerBack", "Spine", "Spine1"), 2.5) | dict.fromkeys(
     ("LeftShoulder", "RightShoulder"), 5.0
 )

@@ -258,7 +258,7 @@ def load_frames(
     """The table of every `*.npz` under `clips`; FileError when there is none.
 
     With `folder` the arrays are written there once, and mapped into memory from then on: the table is gigabytes, and a
-    run that goes on, or another beside it, begins at once.
+    resumed run, or another of the same clips, begins at once.
     """
     paths = sorted(clips.glob("*.npz"))[:limit]
     if not paths:

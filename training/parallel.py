@@ -2,7 +2,7 @@
 
     torchrun --nproc-per-node 4 -m sport train stage2 --preset paper-rotations --clips DIR --out RUN --batch 2048
 
-Every process draws its share of a batch; their gradients are averaged, so that all keep the same weights. The first one
+Every process draws its part of a batch; their gradients are averaged, so that all keep the same weights. The first one
 writes the checkpoints and the log.
 """
 
@@ -54,7 +54,7 @@ def join(stage: str) -> torch.device | None:
 def run_together(
     count: int, work: Callable[Arguments, object], *args: Arguments.args, **options: Arguments.kwargs
 ) -> None:
-    """Call `work(*args, **options)` in `count` processes of this machine, which share its cores and meet in `join`.
+    """Call `work(*args, **options)` in `count` processes of this machine, which divide its cores and meet in `join`.
 
     Raises what a process raises, with its traceback.
     """

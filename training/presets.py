@@ -51,7 +51,7 @@ class ModelConfig:
     # Eq. 14 with the captured motion in place of E_d's own codes, and the denoiser's output added to these codes
     # (paper: the codes alone, which the denoiser learns from nothing)
     residual_diffusion: bool = True
-    # what is diffused is split by the experts' shares; False: every expert's code is the whole of it (paper: no)
+    # what is diffused is split by the experts' weights; False: every expert's code is the whole of it (paper: no)
     residual_shares: bool = False
     # arms, torso and head of other clips are put on the captured body while training (paper: no)
     composition: bool = True

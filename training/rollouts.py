@@ -8,20 +8,22 @@ The forward pass that trains a lane also moves it on, so that rollouts of any le
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from runtime.motion import features
-from runtime.motion.features import INPUT, OUTPUT
+from runtime.motion.features import FPS, INPUT, OUTPUT, TRAJECTORY_OFFSETS, L
 from training.batches import FrameTensors, RandomRows
-from training.composition.composer import CompositionPlan
+from training.composition import CompositionPlan
 from training.kinematics import TURNS, shown_joints, turns
 
 PRESENT = 60
 _POSE = ("joint_positions", "joint_velocities")
-# Share of lanes that begin in the pose of another clip. Capture holds no change of style: without these lanes the
+# Fraction of lanes that begin in the pose of another clip. Capture holds no change of style: without these lanes the
 # network would stay in the pose it finds itself in, whatever the prompt says.
 FOREIGN_POSE = 0.5
 ENERGY_FRAMES = 45  # most of a gait cycle: over so many a lane is compared with its own clip
@@ -96,7 +98,7 @@ class RolloutLanes:
     def previous_joints(self) -> Tensor:
         """The pose that each lane goes on from, `(lanes, 31, 3)` in metres, seen from the root of the coming frame."""
         before = (self.rows - 1).clamp_min(0)
-        root = self.frames.y[before][:, OUTPUT["root"]].float() / features.FPS
+        root = self.frames.y[before][:, OUTPUT["root"]].float() / FPS
         joints = self.pose["joint_positions"].unflatten(1, (-1, 3))
         ground = (
             self.frames.previous_ground[self.rows, self.patch] - self.frames.ground[self.rows, self.patch]
@@ -198,3 +200,38 @@ def _dense(samples: Tensor) -> Tensor:
     low = (frames // step).clamp_max(samples.shape[1] - 2)
     t = (frames - low * step)[None, :, None] / step
     return (1 - t) * samples[:, low] + t * samples[:, low + 1]
+
+
+EXACT = 0.35  # fraction of rows whose path stays as captured
+
+
+def steered(x: Tensor) -> Tensor:
+    """Real-valued x `(B, n)` whose paths and facing are drawn towards parabolas through the root, each row by chance.
+
+    Captured paths sway with every step, and a network that reads its step off them loses it where the path is even: led by
+    a stick, hands and feet swung a fifth less at the same speed. The coming path of most rows is smooth altogether; of the
+    past, which the character walked itself, a random part is.
+    """
+    count = len(x)
+    free = (torch.rand(count, 1, device=x.device) >= EXACT).float()
+    past = free * torch.rand(count, 1, device=x.device)
+    coming = free * (1.5 * torch.rand(count, 1, device=x.device)).clamp_max(1.0)
+    ahead = torch.as_tensor(TRAJECTORY_OFFSETS > 0, device=x.device)
+    weight = torch.where(ahead, coming, past)[..., None]
+    result = x.clone()
+    for name, fit in zip(("trajectory_positions", "trajectory_directions"), _fits(x.device), strict=True):
+        values = x[:, INPUT[name]].unflatten(1, (L, 2))
+        values = values + weight * (fit @ values - values)
+        if name == "trajectory_directions":
+            values = torch.nn.functional.normalize(values, dim=-1)
+        result[:, INPUT[name]] = values.flatten(1)
+    return result
+
+
+@lru_cache(2)
+def _fits(device: torch.device) -> tuple[Tensor, Tensor]:
+    """Least-squares parabolas of the 12 samples as `(12, 12)`: of positions through the root, of directions free."""
+    time = np.asarray(TRAJECTORY_OFFSETS) / FPS
+    powers = np.stack([time**k for k in range(3)], 1)
+    fits = [basis @ np.linalg.pinv(basis) for basis in (powers[:, 1:], powers)]
+    return tuple(torch.as_tensor(f, dtype=torch.float32, device=device) for f in fits)  # type: ignore[return-value]

@@ -1,4 +1,4 @@
-"""How often every frame is drawn: styles alike, terrain and edits by shares, changes of movement oftener."""
+"""How often every frame is drawn: styles alike, terrain and edits by fixed fractions, changes of movement oftener."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from runtime.skeleton import SPORT_SKELETON
 from training.frames import LAYERED, FrameTable
 
 FAVOUR = 3.0
-TERRAIN_SHARE, LAYERED_SHARE = 0.18, 0.36  # of the frames drawn; the rest is capture
+TERRAIN_FRACTION, LAYERED_FRACTION = 0.18, 0.36  # of the frames drawn; the rest is capture
 # A style with a sixteenth of another's frames is drawn half as often: some have one short take.
 STYLE_POWER = 0.25
 # Starts, stops, turns and changes of gait are a small part of the capture and much of what a player does.
@@ -25,7 +25,7 @@ _SPRINTING = ("accad", "o3de")  # captures whose runs from a stand are sprint st
 
 
 def sampling_weights(table: FrameTable, favoured: NDArray[np.bool_] | None = None) -> Array:
-    """Per-frame weight `(N,)`, shares for terrain rollouts and layered clips, the rest by style; sums to one.
+    """Per-frame weight `(N,)`: fixed fractions for terrain rollouts and layered clips, the rest by style; sums to one.
 
     Frames of `favoured` clips `(clips,)` count FAVOUR times. Held-out frames, sprint starts and each clip's first frame
     (it has no previous pose) weigh nothing.
@@ -41,13 +41,13 @@ def sampling_weights(table: FrameTable, favoured: NDArray[np.bool_] | None = Non
         chosen = captured & (styles == style)
         if chosen.any():
             weights[chosen] = float(chosen.sum()) ** (STYLE_POWER - 1.0)
-    groups = [(captured, 1.0 - TERRAIN_SHARE - LAYERED_SHARE), (usable & rollouts, TERRAIN_SHARE)]
-    for chosen, share in [*groups, (usable & layered, LAYERED_SHARE)]:
+    groups = [(captured, 1.0 - TERRAIN_FRACTION - LAYERED_FRACTION), (usable & rollouts, TERRAIN_FRACTION)]
+    for chosen, fraction in [*groups, (usable & layered, LAYERED_FRACTION)]:
         if chosen.any():
             own = np.where(weights[chosen] > 0, weights[chosen], 1.0)
             if favoured is not None:
                 own *= np.where(favoured[table.clip[chosen]], FAVOUR, 1.0)
-            weights[chosen] = share * own / own.sum()
+            weights[chosen] = fraction * own / own.sum()
     weights *= np.where(moments(table), MOMENT_BOOST, 1.0)
     return weights / weights.sum()
 
@@ -66,7 +66,7 @@ def moments(table: FrameTable) -> NDArray[np.bool_]:
 
 
 def sprint_starts(table: FrameTable) -> NDArray[np.bool_]:
-    """Frames `(N,)` of a run from a stand with the trunk far forward: nobody jogs off like that."""
+    """Frames `(N,)` of a run from a stand with the trunk far forward: a jog does not start like that."""
     captured = np.isin(np.array(table.sources), _SPRINTING)[table.clip]
     joints = table.y[:, OUTPUT["joint_positions"]].reshape(len(table), -1, 3)
     trunk = joints[:, SPORT_SKELETON.index("Neck")] - joints[:, 0].astype(np.float32)

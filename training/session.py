@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol
 
 import torch
@@ -102,17 +101,31 @@ class Resumable(Protocol):
     def load_state_dict(self, state: Any) -> object: ...
 
 
+@dataclass(frozen=True)
+class StageLength:
+    """How long a stage trains: `steps` of `batch` samples in each process, and no longer than `max_minutes`."""
+
+    steps: int
+    batch: int
+    max_minutes: float | None = None
+
+
 @dataclass
 class TrainingState:
-    """A stage's module with its optimiser and moving average, saved and restored together."""
+    """All that the next step of a stage depends on, saved and restored together.
+
+    `sources` are what samples are drawn from: a stage resumed from a checkpoint gives the same bytes as one without a
+    break.
+    """
 
     module: nn.Module
     optimizer: torch.optim.Optimizer
     average: MovingAverage
+    sources: Mapping[str, Resumable] = field(default_factory=dict)
     step: int = 0
 
-    def restore(self, path: Path, kept: Mapping[str, Resumable]) -> bool:
-        """Go on from a checkpoint when there is one, `kept` and random numbers included."""
+    def restore(self, path: Path) -> bool:
+        """Continue from a checkpoint when there is one, random numbers included."""
         if not path.exists():
             return False
         saved = load_checkpoint(path)
@@ -120,15 +133,15 @@ class TrainingState:
         self.optimizer.load_state_dict(saved["optimizer"])
         self.average.values = {k: v.to(self.average.values[k]) for k, v in saved["average"].items()}
         self.step = int(saved["step"])
-        for name, part in kept.items():
+        for name, part in self.sources.items():
             part.load_state_dict(saved["kept"][name])
         torch.set_rng_state(saved["random"])
         if torch.cuda.is_available():
             torch.cuda.set_rng_state_all(saved["random_cuda"])
         return True
 
-    def save(self, path: Path, kept: Mapping[str, Resumable]) -> None:
-        """Write everything that the next step depends on."""
+    def save(self, path: Path) -> None:
+        """Write a checkpoint."""
         save_checkpoint(
             path,
             {
@@ -136,7 +149,7 @@ class TrainingState:
                 "optimizer": self.optimizer.state_dict(),
                 "average": self.average.values,
                 "step": self.step,
-                "kept": {name: part.state_dict() for name, part in kept.items()},
+                "kept": {name: part.state_dict() for name, part in self.sources.items()},
                 "random": torch.get_rng_state(),
                 "random_cuda": torch.cuda.get_rng_state_all() if torch.cuda.is_available() else [],
             },
@@ -152,12 +165,11 @@ class TrainingProgress:
     Of several processes only the first writes.
     """
 
-    def __init__(self, folder: Path, name: str, steps: int, first: int, batch_size: int) -> None:
+    def __init__(self, folder: Path, name: str, length: StageLength, first: int) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self._leads = parallel.rank() == 0
         self._writer = _writer(folder / name) if self._leads else None
-        self._text_file, self._name, self._steps, self._first = folder / f"{name}.txt", name, steps, first
-        self._batch_size = batch_size
+        self._text_file, self._name, self._length, self._first = folder / f"{name}.txt", name, length, first
         self._started = self._shown = time.monotonic()
         self._means: dict[str, float] = {}
 
@@ -166,7 +178,7 @@ class TrainingProgress:
         for key, value in terms.items():
             now = float(value.detach())
             self._means[key] = 0.98 * self._means.get(key, now) + 0.02 * now
-        if self._leads and (time.monotonic() - self._shown > 15.0 or step == self._steps):
+        if self._leads and (time.monotonic() - self._shown > 15.0 or step == self._length.steps):
             self._show(step)
 
     def close(self) -> None:
@@ -182,15 +194,15 @@ class TrainingProgress:
             "%s %d/%d  %.0f samples/s  %.1f min left  %s",
             self._name,
             step,
-            self._steps,
-            rate * self._batch_size * parallel.workers(),
-            (self._steps - step) / rate / 60,
+            self._length.steps,
+            rate * self._length.batch * parallel.workers(),
+            (self._length.steps - step) / rate / 60,
             text,
         )
         if self._writer is not None:
             for key, value in self._means.items():
                 self._writer.add_scalar(key, value, step)
-        self._text_file.write_text(f"step {step} of {self._steps}, losses {text}\n", encoding="utf-8")
+        self._text_file.write_text(f"step {step} of {self._length.steps}, losses {text}\n", encoding="utf-8")
 
 
 def _optimise(state: TrainingState, total: Tensor) -> None:
@@ -209,28 +221,24 @@ def train(
     name: str,
     state: TrainingState,
     batches: Iterator,
-    losses: Callable[[object, int], Losses],
-    steps: int,
+    losses: Callable[[Any, int], Losses],
     learning_rate: Callable[[int], float],
-    batch_size: int,
-    max_minutes: float | None = None,
-    kept: Mapping[str, Resumable] = MappingProxyType({}),
+    length: StageLength,
 ) -> None:
-    """Optimise until `steps` (or `max_minutes`); `losses` returns named terms of which "total" is minimised.
+    """Optimise for `length`; `losses` of a batch and a step returns named terms of which "total" is minimised.
 
-    Logs samples/s and the time left, writes TensorBoard scalars, and a checkpoint `name.pt` every four minutes. `kept`
-    is what samples are drawn from: a run that goes on from a checkpoint gives the same bytes as one without a break.
+    Logs samples/s and the time left, writes TensorBoard scalars, and a checkpoint `name.pt` every four minutes.
     """
     checkpoint = session.out / f"{name}.pt"
-    if state.restore(checkpoint, kept):
+    if state.restore(checkpoint):
         log.info("%s: resumed at step %d", name, state.step)
     parallel.same_weights(state.module)
     if parallel.rank():
         torch.manual_seed(torch.initial_seed() + parallel.rank())  # noise of its own
-    progress = TrainingProgress(session.out / "logs", name, steps, state.step, batch_size)
+    progress = TrainingProgress(session.out / "logs", name, length, state.step)
     started = saved = time.monotonic()
     state.module.train()
-    while state.step < steps:
+    while state.step < length.steps:
         for group in state.optimizer.param_groups:
             group["lr"] = learning_rate(state.step)
         with session.autocast():
@@ -239,14 +247,14 @@ def train(
         progress.add(terms, state.step)
         now = time.monotonic()
         if now - saved > session.checkpoint_seconds:
-            state.save(checkpoint, kept)
+            state.save(checkpoint)
             _add_hours(session.out, name, now - saved)
             saved = now
-        if max_minutes is not None and parallel.anyone(now - started > 60 * max_minutes):
-            log.info("%s: stopped after %.1f minutes at step %d", name, max_minutes, state.step)
+        if length.max_minutes is not None and parallel.anyone(now - started > 60 * length.max_minutes):
+            log.info("%s: stopped after %.1f minutes at step %d", name, length.max_minutes, state.step)
             break
     progress.close()
-    state.save(checkpoint, kept)
+    state.save(checkpoint)
     _add_hours(session.out, name, time.monotonic() - saved)
 
 

@@ -18,7 +18,7 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.text_encoder import TextEncoderLike
 from runtime.skeleton import PART_NAMES
 from training.augmentation.catalogue import PartEdit, part_edits
-from training.data.style_library import style_library
+from training.data.sources import style_library
 from training.frames import FrameTable
 
 LAYERS, CAPTIONS = (
@@ -57,11 +57,6 @@ class StyleTexts:
     def _does(self, what: Callable[[PartEdit], bool]) -> np.ndarray:
         edits = [part_edits().get(".".join(name.split(".")[:2])) for name in self.names]
         return np.array([edit is not None and what(edit) for edit in edits])[self.keys].any(1)
-
-    def pick(self, clips: Tensor, generator: torch.Generator | None = None) -> Tensor:
-        """Sentence indices `(B, 6)` for clips `(B,)`: one paraphrase, or now and then another one for each part."""
-        index = torch.as_tensor(self.index, device=clips.device)
-        return pick_paraphrases(index, clips, generator)
 
 
 def pick_paraphrases(index: Tensor, clips: Tensor, generator: torch.Generator | None = None) -> Tensor:
@@ -111,49 +106,39 @@ def load_style_texts(
     `captions.json`, if there, sentences measured on each captured one. `words` appends the direction words, `side` describes every limb as the left one.
     """
     library = style_library(path)
-    layers = _optional(clips, LAYERS)
-    captions = _optional(clips, CAPTIONS)
+    layers, captions = _optional(clips, LAYERS), _optional(clips, CAPTIONS)
     random = np.random.default_rng(0)
     descriptions: list[list[PartDescriptions]] = []
     keys: list[list[str]] = []
     for name, style, mirrored in zip(table.names, table.styles, table.mirrored, strict=True):
         if name in layers:
-            descriptions.append([PartDescriptions.from_mapping(d) for d in layers[name]["descriptions"]])
-            keys.append(list(layers[name]["keys"]))
-            continue
-        if style not in library:
+            chosen = layers[name]["descriptions"]
+            keys.append(layers[name]["keys"])
+        elif style in library:
+            measured = captions.get(name.removesuffix("_m"), [])[:MEASURED]
+            written, room = library[style]["descriptions"], PARAPHRASES - len(measured)
+            chosen = [written[int(k)] for k in random.permutation(len(written))[:room]] + measured
+            keys.append([style + ("_m" if mirrored else "")] * len(PART_NAMES))
+        else:
             raise FileError(f"{path}: no descriptions for the style '{style}'.", "Add an entry for it.")
-        written = [PartDescriptions.from_mapping(d) for d in library[style]["descriptions"]]
-        measured = captions.get(name.removesuffix("_m"), [])[:MEASURED]
-        room = PARAPHRASES - len(measured)
-        chosen = [written[int(k)] for k in random.permutation(len(written))[:room]]
-        chosen += [PartDescriptions.from_mapping(d) for d in measured]
-        descriptions.append([d.mirrored() for d in chosen] if mirrored else chosen)
-        keys.append([style + ("_m" if mirrored else "")] * len(PART_NAMES))
-    return _indexed(descriptions, keys, encoder, words, side)
+        parts = map(PartDescriptions.from_mapping, chosen)
+        swapped = mirrored and name not in layers  # those of edited clips are written for each image
+        descriptions.append([d.mirrored() if swapped else d for d in parts])
+    names, numbers = np.unique(np.array(keys), return_inverse=True)
+    sentences, columns = zip(*(_sentences(descriptions, k) for k in range(len(PART_NAMES))), strict=True)
+    embeddings = [
+        part_inputs(encoder, [part] * len(texts), texts, words, side)
+        for part, texts in zip(PART_NAMES, sentences, strict=True)
+    ]
+    index = np.stack(columns, axis=-1)
+    return StyleTexts(list(sentences), embeddings, index, numbers.reshape(len(keys), -1), names.tolist())
 
 
-def _indexed(
-    descriptions: list[list[PartDescriptions]],
-    keys: list[list[str]],
-    encoder: TextEncoderLike,
-    words: bool,
-    side: bool,
-) -> StyleTexts:
-    sentences, embeddings = [], []
-    index = np.zeros((len(descriptions), PARAPHRASES, len(PART_NAMES)), np.int64)
-    for k in range(len(PART_NAMES)):
-        texts = [[row[p % len(row)].as_tuple()[k] for p in range(PARAPHRASES)] for row in descriptions]
-        distinct = sorted({t for row in texts for t in row})
-        number = {text: i for i, text in enumerate(distinct)}
-        index[:, :, k] = [[number[t] for t in row] for row in texts]
-        sentences.append(distinct)
-        embeddings.append(part_inputs(encoder, [PART_NAMES[k]] * len(distinct), distinct, words, side))
-    names = sorted({key for row in keys for key in row})
-    numbers = {key: i for i, key in enumerate(names)}
-    return StyleTexts(
-        sentences, embeddings, index, np.array([[numbers[key] for key in row] for row in keys]), names
-    )
+def _sentences(descriptions: list[list[PartDescriptions]], k: int) -> tuple[list[str], np.ndarray]:
+    """The distinct sentences of part k, and which of them every clip has, `(clips, PARAPHRASES)`."""
+    texts = [[row[p % len(row)].as_tuple()[k] for p in range(PARAPHRASES)] for row in descriptions]
+    distinct, index = np.unique(np.array(texts), return_inverse=True)
+    return distinct.tolist(), index.reshape(len(texts), PARAPHRASES)
 
 
 def _read(path: Path, remedy: str) -> dict[str, Any]:

@@ -9,8 +9,10 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from pathlib import Path
 
 from runtime.safe_read import printable
+from viewer.process import show_in_folder
 
 WARNING_SECONDS = 60.0
 SETTLED_SECONDS = 4.0  # what holds no longer is still there to be read
@@ -37,6 +39,7 @@ class Message:
     posted: float
     topic: object = None  # what it is about: `settle` ends it
     settled: bool = False
+    path: Path | None = None  # of a file that was written, which can be shown in its folder
 
 
 @dataclass
@@ -47,10 +50,12 @@ class Messages:
     logged: bool = True  # False while the caller raises what goes wrong, so that it is not shown twice
     recent: deque[Message] = field(default_factory=lambda: deque(maxlen=50))
 
-    def post(self, text: str, level: Level = Level.NOTE, topic: object = None) -> None:
+    def post(
+        self, text: str, level: Level = Level.NOTE, topic: object = None, path: Path | None = None
+    ) -> None:
         """Show and log `text`; the same error again only refreshes the one shown."""
         last = self.recent[-1] if self.recent else None
-        message = Message(printable(" ".join(text.split())), level, self.clock(), topic)
+        message = Message(printable(" ".join(text.split())), level, self.clock(), topic, path=path)
         if last is not None and (last.text, last.level) == (message.text, level):
             self.recent[-1] = message
             return
@@ -58,9 +63,9 @@ class Messages:
             _LOG.log(level, "%s", message.text)
         self.recent.append(message)
 
-    def note(self, text: str) -> None:
-        """Post something good to know."""
-        self.post(text, Level.NOTE)
+    def note(self, text: str, path: Path | None = None) -> None:
+        """Post something good to know, of a file that was written at `path`."""
+        self.post(text, Level.NOTE, path=path)
 
     def warn(self, text: str, topic: object = None) -> None:
         """Post something the user should look at."""
@@ -69,6 +74,13 @@ class Messages:
     def error(self, problem: BaseException | str, topic: object = None) -> None:
         """Post an error; an exception is shown as its own sentence."""
         self.post(str(problem) or type(problem).__name__, Level.ERROR, topic)
+
+    def show_in_folder(self, path: Path) -> None:
+        """Open the system's file manager where a file is."""
+        try:
+            show_in_folder(path)
+        except OSError as error:
+            self.warn(f"No file manager opens ({error.strerror}); the file is {path}.")
 
     def settle(self, topic: object) -> None:
         """What was said about a topic holds no longer: it went well since. A note goes at once."""

@@ -1,4 +1,4 @@
-"""This process: the signals that end it, and its memory."""
+"""This process: the signals that end it, its memory, and the file manager that it opens."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import contextlib
 import ctypes
 import mmap
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -15,6 +16,13 @@ from pathlib import Path
 from typing import Any
 
 PATIENCE_S = 1.0  # a Ctrl+C later than this after the first one breaks off a frame that does not end
+
+
+def show_in_folder(path: Path) -> None:
+    """Open the system's file manager where a file is; OSError where there is none."""
+    commands = {"win32": ["explorer", f"/select,{path}"], "darwin": ["open", "-R", str(path)]}
+    command = commands.get(sys.platform, ["xdg-open", str(path if path.is_dir() else path.parent)])
+    subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
 
 
 class Ending:

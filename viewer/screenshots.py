@@ -36,6 +36,6 @@ class Screenshots:
             self.jobs.submit(
                 Slot("screenshot"),
                 lambda: save_png(pixels, path, new=True),
-                lambda p: self.messages.note(f"Saved {p}"),
+                lambda p: self.messages.note(f"Saved {p}", p),
                 writing="a screenshot",
             )

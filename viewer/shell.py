@@ -246,7 +246,8 @@ class Shell:
 
     def _status_line(self) -> None:
         doing, cancel = self.jobs.shown()
-        if status.draw(self.messages.current, self._facts(), printable(doing), cancel is not None) and cancel:
+        message, show = self.messages.current, self.messages.show_in_folder
+        if status.draw(message, self._facts(), printable(doing), cancel is not None, show) and cancel:
             cancel()
         imgui.pop_style_var(2)
 

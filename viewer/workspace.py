@@ -13,6 +13,7 @@ from runtime.takes.input_recording import InputRecorder
 from viewer.compare import panel as compare_panel
 from viewer.compare.compare_view import CompareView
 from viewer.edit.camera_keys import CameraKeys
+from viewer.edit.cutting import Cutting
 from viewer.edit.ghosts import Trails, ghosts
 from viewer.edit.path import PathTool
 from viewer.edit.pins import Pins
@@ -91,7 +92,8 @@ class Workspace:
         self.pins = Pins(editor, editing, scene)
         self.path = PathTool(editor, editing, scene)
         self.camera_keys = CameraKeys(editor, takes, scene.camera)
-        self.transport = Transport(editing, self.pins, self.camera_keys)
+        self.cutting = Cutting(takes)
+        self.transport = Transport(editing, self.pins, self.camera_keys, self.cutting)
         self.references = References(editor, takes)
         self.compare = CompareView(editor, settings, messages, scene, takes, self.path, prompting)
         self.prompt = PromptPanel(

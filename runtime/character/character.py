@@ -108,7 +108,10 @@ def _guessed(file: GltfFile, joint_map: Mapping[str, str] | None) -> tuple[Joint
 
 def _names(file: GltfFile, data: MeshData) -> tuple[str, ...]:
     nodes = file.gltf.nodes
-    return tuple(nodes[n].name if is_text(nodes[n].name) else f"node{n}" for n in data.joint_nodes)
+    names = [nodes[n].get("name") for n in data.joint_nodes]
+    return tuple(
+        name if is_text(name) else f"node{n}" for name, n in zip(names, data.joint_nodes, strict=True)
+    )
 
 
 def _check_finite(file: GltfFile, character: Character) -> None:

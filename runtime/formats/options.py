@@ -160,7 +160,13 @@ class ExportOptions:
     )  # fmt: skip
     size: str = option(
         "1280x720", FILMS, "--size", metavar="WxH", label="Size", help="pixels (default: 1280x720)",
-        choices={size: size for size in ("640x360", "1280x720", "1920x1080", "1080x1080")},
+        choices={
+            size: text + size
+            for size, text in (
+                ("640x360", ""), ("1280x720", ""), ("1920x1080", ""), ("3840x2160", "4K "), ("1080x1080", ""),
+                ("720x1280", "portrait "), ("1080x1920", "portrait "),
+            )
+        },
     )  # fmt: skip
     camera: str = option(
         "front", FILMS, "--camera", metavar="NAME", label="Camera", choices=CAMERAS,

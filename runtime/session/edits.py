@@ -62,6 +62,21 @@ def trimmed(session: Session, number: int, first: int, last: int) -> Session:
     return session.with_take(number, trim=None if (first, last) == (0, end) else (first, last))
 
 
+def split(session: Session, number: int, frame: int) -> Session:
+    """Two takes of one that share its frames: a trim ends the first at `frame`, where that of the second begins."""
+    take = session.take(number)
+    if take is None or take.motion is None:
+        return session
+    first, last = take.range
+    if not first + MIN_FRAMES - 1 <= frame <= last - MIN_FRAMES + 1:
+        return session
+    at, name = session.index(number) + 1, f"{take.title}, rest"[:MAX_NAME]
+    rest = replace(take, number=session.counter + 1, name=name, trim=(frame, last))
+    takes = (*session.takes[:at], rest, *session.takes[at:])
+    session = replace(session, takes=takes, counter=rest.number)
+    return session.with_take(number, trim=(first, frame))
+
+
 def resimulated(session: Session, number: int, motion: Motion) -> Session:
     """Another motion for a take; of another length, a trim that kept its end keeps the new one."""
     take = session.take(number)

@@ -9,7 +9,7 @@ import numpy as np
 from runtime import rotations
 from runtime.motion import features
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON, J
-from training.data.height_patches import Patches
+from training.data.clips import Patches
 
 SPEED = 1.2  # m/s
 LENGTH = 260

@@ -4,10 +4,12 @@ import json
 
 import pytest
 
+pytest.importorskip("torch")
+
 from runtime.assets import asset_path
 from runtime.errors import FileError
 from training.export.model_card import model_card
-from training.history import BEFORE, History
+from training.packed_run import BEFORE, History
 
 
 @pytest.fixture
@@ -31,7 +33,6 @@ def test_a_run_that_goes_on_adds_its_steps_and_keeps_the_others(run) -> None:
 
 
 def test_a_checkpoint_carries_it_into_the_next_run(run, tmp_path) -> None:
-    pytest.importorskip("torch")
     from training.packed_run import pack, unpack
     from training.session import save_checkpoint
 

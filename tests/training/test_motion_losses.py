@@ -13,9 +13,9 @@ from runtime.skeleton import SPORT_SKELETON, J  # noqa: E402
 from tests.training.test_training import clips, frames, small_table  # noqa: E402, F401
 from training import losses  # noqa: E402
 from training.batches import Normalisation  # noqa: E402
+from training.export.pace import captured_paces, straight_speeds, style_speeds  # noqa: E402
 from training.frames import LAYERED, FrameTable  # noqa: E402
 from training.kinematics import KNEES, knee_flexion, shown_joints, turns  # noqa: E402
-from training.natural_pace import captured_paces, straight_speeds, style_speeds  # noqa: E402
 from training.networks.generator import Generator  # noqa: E402
 from training.presets import preset  # noqa: E402
 from training.rollouts import MOVEMENTS, RolloutLanes  # noqa: E402
@@ -107,7 +107,7 @@ def test_the_variance_of_a_denoiser_that_knows_nothing_is_kept_within_its_bounds
     style = StyleTable([torch.zeros(1, 64)] * 6, torch.zeros((4, 8, 6), dtype=torch.long))
     weights = np.ones(len(frames.x)) / len(frames.x)
     data = MotionData(frames, normal, style, weights)
-    found = estimate_variance(Session(tmp_path, half=False), config, data, module, batches=1)
+    found = estimate_variance(Session(tmp_path, half=False), data, module, batches=1)
     assert found.shape == (config.inference_steps,)
     assert (found >= 0.0).all()
     with torch.no_grad():

@@ -8,7 +8,7 @@ torch = pytest.importorskip("torch")
 
 from runtime.errors import FileError, UsageError  # noqa: E402
 from tests.helpers.tiny_model import tiny_trained  # noqa: E402
-from training.export.half_storage import store_model_in_half  # noqa: E402
+from training.export.graph import store_model_in_half  # noqa: E402
 from training.networks.generator import Generator  # noqa: E402
 from training.packed_run import START, pack, unpack  # noqa: E402
 from training.presets import preset  # noqa: E402

@@ -6,7 +6,7 @@ torch = pytest.importorskip("torch")
 
 from runtime.errors import UsageError  # noqa: E402
 from training import parallel  # noqa: E402
-from training.session import MovingAverage, Session, TrainingState, load_checkpoint, train  # noqa: E402
+from training.session import MovingAverage, Session, StageLength, TrainingState, load_checkpoint, train  # noqa: E402
 
 STEPS = 3
 
@@ -22,7 +22,7 @@ def _train(out, batches, module) -> None:
     state = TrainingState(module, optimizer, MovingAverage(module))
     losses = lambda x, step: {"total": module(x).square().mean()}  # noqa: E731
     session = Session(out, torch.device("cpu"), half=False)
-    train(session, "trial", state, batches, losses, STEPS, lambda step: 0.1, 16)
+    train(session, "trial", state, batches, losses, lambda step: 0.1, StageLength(STEPS, 16))
 
 
 def _train_together(out) -> None:

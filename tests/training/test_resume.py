@@ -8,11 +8,11 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from tests.training.composition.test_composition import frames, table, texts  # noqa: E402, F401
+from tests.training.test_composition import frames, table, texts  # noqa: E402, F401
 from training import session as training_session  # noqa: E402
 from training.presets import preset  # noqa: E402
 from training.sampling import sampling_weights  # noqa: E402
-from training.session import Session, load_checkpoint  # noqa: E402
+from training.session import Session, StageLength, load_checkpoint, save_checkpoint  # noqa: E402
 from training.stages import content, ground, motion, phase  # noqa: E402
 from training.styles import StyleTable  # noqa: E402
 
@@ -46,20 +46,21 @@ def run(stage: str, out: Path, frames, table, texts) -> bytes:  # noqa: F811
     session = Session(out, torch.device("cpu"), checkpoint_seconds=0.0)
     weights = sampling_weights(table)
     if stage == "phase":
-        phase.run(session, CONFIG, table, weights, STEPS, 8)
+        phase.run(session, CONFIG, table, weights, StageLength(STEPS, 8))
     elif stage == "content":
-        content.run(session, CONFIG, table, frames, weights, with_words(texts), STEPS, 4)
+        known = content.ContentData(table, frames, weights, with_words(texts))
+        content.run(session, CONFIG, known, StageLength(STEPS, 4))
     elif stage == "stage2":
-        motion.run_stage2(session, CONFIG, data(frames, table), STEPS, 16)
+        motion.run_stage2(session, CONFIG, data(frames, table), StageLength(STEPS, 16))
     elif stage == "ground":
         torch.manual_seed(4)
         neutral = np.zeros((6, CONFIG.style_size // 6), np.float32)
         known, courses = data(frames, table), data(frames, table)
-        ground.run_ground(session, known, courses, motion.Generator(CONFIG), neutral, STEPS, 16)
+        ground.run_ground(session, known, courses, motion.Generator(CONFIG), neutral, StageLength(STEPS, 16))
     else:
         torch.manual_seed(4)
         generator = motion.Generator(CONFIG)
-        motion.run_stage3(session, CONFIG, data(frames, table), generator, STEPS, 16)
+        motion.run_stage3(session, data(frames, table), generator, StageLength(STEPS, 16))
     saved = load_checkpoint(out / f"{stage}.pt")
     assert saved["step"] == STEPS
     return b"".join(saved["average"][name].numpy().tobytes() for name in sorted(saved["average"]))
@@ -90,25 +91,23 @@ def test_a_killed_stage_goes_on_to_the_same_bytes(stage, frames, table, texts, t
 
 def test_encoding_goes_on_where_it_was_stopped(frames, table, tmp_path, monkeypatch):  # noqa: F811
     torch.manual_seed(1)
-    module = phase.PeriodicAutoencoder(CONFIG)
-    velocities, clip = torch.as_tensor(table.velocities), torch.as_tensor(table.clip.astype(np.int64))
-    ends = torch.as_tensor(table.start)
-    given = (velocities, 1.0, ends[clip], ends[clip + 1] - 1)
-    vectors, rows = module.phase_vectors, []
+    trained = {"module": phase.PeriodicAutoencoder(CONFIG).state_dict(), "scale": torch.tensor(1.0)}
+    vectors, rows = phase.PeriodicAutoencoder.phase_vectors, []
+    monkeypatch.setattr(phase, "ENCODED_ROWS", 16)
 
     def encode(out: Path, most: int) -> np.ndarray:
-        def stopped(windows):
+        def stopped(module, windows):
             if len(rows) == most:
                 raise Killed
             rows.append(len(windows))
-            return vectors(windows)
+            return vectors(module, windows)
 
         rows.clear()
-        monkeypatch.setattr(module, "phase_vectors", stopped)
+        monkeypatch.setattr(phase.PeriodicAutoencoder, "phase_vectors", stopped)
         out.mkdir(exist_ok=True)
         if not (out / "phase_final.pt").exists():
-            (out / "phase_final.pt").touch()
-        return phase.encode_all(Session(out, torch.device("cpu")), module, *given, batch=16)
+            save_checkpoint(out / "phase_final.pt", trained)
+        return phase.encode_table(Session(out, torch.device("cpu")), CONFIG, table)
 
     whole = encode(tmp_path / "whole", 10**6)
     chunks = len(rows)

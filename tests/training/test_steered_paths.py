@@ -6,8 +6,8 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from runtime.motion.features import FPS, INPUT, INPUT_SIZE, TRAJECTORY_OFFSETS, L  # noqa: E402
-from training import steered_paths  # noqa: E402
-from training.steered_paths import steered  # noqa: E402
+from training import rollouts as steered_paths  # noqa: E402
+from training.rollouts import steered  # noqa: E402
 
 TIME = np.asarray(TRAJECTORY_OFFSETS) / FPS
 

@@ -151,7 +151,7 @@ def test_the_whole_pipeline_from_clips_to_a_character_that_can_be_driven(
             shutil.copy(clips / f"{name}.npz", folder)
         return {"stairs kept": 2}
 
-    monkeypatch.setattr("training.courses.clips.make_all", cross)
+    monkeypatch.setattr("training.courses.make_all", cross)
     monkeypatch.setattr("training.pipeline.measure_crossings", measured.append)
     counts = [f"--{stage}-steps={count}" for stage, count in steps.items()]
     assert main(["all", *common, *counts, "--layers", "0", "--course-minutes", "1"]) == 0

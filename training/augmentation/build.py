@@ -31,10 +31,9 @@ from training.augmentation.measured_edits import rhythm_section
 from training.augmentation.motion import EditedMotion, cut
 from training.augmentation.pool import NEUTRAL, Pool, Source
 from training.data import relief
-from training.data.clip_files import TrainingClip
-from training.data.height_patches import Patches
+from training.data.clips import Patches, TrainingClip
 from training.data.labels import FOOT_JOINTS
-from training.data.style_library import style_library
+from training.data.sources import style_library
 from training.frames import LAYERED
 from training.markdown import table
 
@@ -227,7 +226,7 @@ def report(entries: dict[str, dict], captured: int, rhythm: str = "") -> str:
         "",
         "Written by `python -m training.augmentation.build --clips DIR --report docs/results/augmentation.md`. Edited clips"
         " are imported ones with edits whose descriptions are exact, the feet kept by inverse kinematics; while training"
-        " their parts are put on other clips, and those of other clips on them (`training/composition`). Every clip has six"
+        " their parts are put on other clips, and those of other clips on them (`training/composition.py`). Every clip has six"
         " descriptions of its own. The edits are defined in `training/augmentation/edits.toml`; those that are held out"
         " never enter training.",
         "",

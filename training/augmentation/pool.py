@@ -11,7 +11,7 @@ import numpy as np
 from runtime.errors import FileError
 from runtime.safe_read import open_npz
 from training.augmentation.motion import EditedMotion
-from training.data.height_patches import Patches
+from training.data.clips import Patches
 from training.frames import PLAIN
 
 NEUTRAL = 0.45  # fraction of clips that are made of neutral motion, where an edit shows most clearly

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from collections import Counter
+from collections import Counter, defaultdict
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.arrays import Array
+from training.data.foot_cleaning import stretches
 from training.data.labels import smooth
 from training.data.retarget import FPS, speed
 
@@ -18,7 +19,7 @@ MAX_ROOT_SPEED = 8.0  # m/s
 MAX_ESTIMATED_ACCELERATION = 45.0  # m/s², of a root that was estimated from contacts
 MAX_JOINT_ACCELERATION = 600.0  # m/s²; the ankles of a sprint reach 400
 MAX_JOINT_TURN = np.deg2rad(35.0)  # between two frames at 60 Hz
-HELD_OUT_SHARE = 0.08
+HELD_OUT = 0.08
 TAIL_SECONDS = 20.0  # longer takes give their tail to evaluation
 GAP_SECONDS = 2.0  # between training part and tail: no training window sees a held-out frame
 
@@ -75,9 +76,7 @@ def segments(start: int, end: int, bad: NDArray[np.bool_]) -> list[tuple[int, in
     good = ~bad
     good[:start] = False
     good[end:] = False
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
-    pairs = zip(edges[::2], edges[1::2], strict=True)
-    return [(int(a), int(b)) for a, b in pairs if b - a >= MIN_SECONDS * FPS]
+    return [(a, b) for a, b in stretches(good) if b - a >= MIN_SECONDS * FPS]
 
 
 def hash_fraction(name: str) -> float:
@@ -91,18 +90,19 @@ def held_out_names(clips: list[tuple[str, str, str]]) -> set[str]:
     The only example of a style and content always stays in training.
     """
     count = Counter((style, content) for _, style, content in clips)
-    spare = [(name, style) for name, style, content in clips if count[style, content] > 1]
-    held = {name for name, _ in spare if hash_fraction(name) < HELD_OUT_SHARE}
-    size = Counter(style for _, style, _ in clips)
-    for style in size:
-        names = [name for name, other in spare if other == style]
-        if size[style] >= 4 and names and not held & set(names):
-            held.add(min(names, key=hash_fraction))
+    spare: dict[str, list[str]] = defaultdict(list)
+    for name, style, content in clips:
+        if count[style, content] > 1:
+            spare[style].append(name)
+    size, held = Counter(style for _, style, _ in clips), set[str]()
+    for style, names in spare.items():
+        own = {name for name in names if hash_fraction(name) < HELD_OUT}
+        held |= own or ({min(names, key=hash_fraction)} if size[style] >= 4 else set())
     return held
 
 
 def tail_split(start: int, end: int) -> list[tuple[int, int, str]]:
     """Training part and held-out tail of a long take that is the only one of its style and content."""
-    tail = max(round(HELD_OUT_SHARE * (end - start)), round(4.0 * FPS))
+    tail = max(round(HELD_OUT * (end - start)), round(4.0 * FPS))
     cut = end - tail
     return [(start, cut - round(GAP_SECONDS * FPS), "train"), (cut, end, "held_out")]

@@ -77,14 +77,19 @@ def measure_file(path: Path, first_frame: int = 0) -> dict[str, float] | None:
 def walking(joints: GaitJoints) -> NDArray[np.bool_]:
     """Frames `(T,)` that walk at a walking pace, without the first second."""
     hips, fps = joints.points["hips"], joints.fps
-    n = int(fps * 0.5)
-    if len(hips) <= n:
+    if len(hips) <= int(fps * 0.5):
         return np.zeros(len(hips), bool)
-    v = _norm((hips[n:] - hips[:-n])[:, [0, 2]]) / (n / fps)
-    v = np.concatenate([v[:1].repeat(n // 2), v, v[-1:].repeat(len(hips) - len(v) - n // 2)])
+    v = _speed(hips, fps)
     mask = (v > MIN_SPEED) & (v < MAX_SPEED)
     mask[: int(fps)] = False
     return mask
+
+
+def _speed(hips: Array, fps: float) -> Array:
+    """Metres a second over the ground `(T,)`, each over half a second."""
+    n = int(fps * 0.5)
+    v = _norm((hips[n:] - hips[:-n])[:, [0, 2]]) / (n / fps)
+    return np.concatenate([v[:1].repeat(n // 2), v, v[-1:].repeat(len(hips) - len(v) - n // 2)])
 
 
 def measure(joints: GaitJoints, mask: NDArray[np.bool_] | None = None) -> dict[str, float] | None:
@@ -105,18 +110,15 @@ def measure(joints: GaitJoints, mask: NDArray[np.bool_] | None = None) -> dict[s
     result |= _limbs(p, heading, side, m)
     if "lt" in p:
         result |= _feet(p, m)
-    result["restless"] = _fast_share(p, m, fps)
+    result["restless"] = _fast_fraction(p, m, fps)
     return result | _variation(p, heading, side, m, fps)
 
 
 def _pace(p: dict[str, Array], heading: Array, m: NDArray[np.bool_], fps: float) -> dict[str, float]:
-    n = int(fps * 0.5)
-    v = _norm((p["hips"][n:] - p["hips"][:-n])[:, [0, 2]]) / (n / fps)
-    v = np.concatenate([v[:1].repeat(n // 2), v, v[-1:].repeat(len(m) - len(v) - n // 2)])
     ahead = _dot(p["la"] - p["ra"], heading)[m]
     ahead = ahead - ahead.mean()
     steps = int((np.diff(np.signbit(ahead).astype(np.int8)) != 0).sum())
-    speed, cadence = float(np.median(v[m])), 60.0 * steps / (m.sum() / fps)
+    speed, cadence = float(np.median(_speed(p["hips"], fps)[m])), 60.0 * steps / (m.sum() / fps)
     return {"speed": speed, "cadence": cadence, "step_m": speed / max(cadence / 60.0, 1e-6)}
 
 
@@ -171,17 +173,17 @@ def _feet(p: dict[str, Array], m: NDArray[np.bool_]) -> dict[str, float]:
     return {"foot_up": up, "foot_down": down}
 
 
-def _fast_share(p: dict[str, Array], m: NDArray[np.bool_], fps: float) -> float:
+def _fast_fraction(p: dict[str, Array], m: NDArray[np.bool_], fps: float) -> float:
     """Percent of the energy of velocities (0.3 to 14 Hz) that lies between 6 and 14 Hz."""
-    shares = []
+    fractions = []
     for key in ("lw", "rw", "head", "la", "ra"):
         q = (p[key] - p["hips"])[m]
         spectrum = np.abs(np.fft.rfft((q - q.mean(0)) * np.hanning(len(q))[:, None], axis=0)) ** 2
         rate = np.fft.rfftfreq(len(q), 1 / fps)
         energy = spectrum * (rate**2)[:, None]
         whole = energy[(rate > 0.3) & (rate < 14)].sum()
-        shares.append(100.0 * energy[(rate > 6) & (rate < 14)].sum() / max(whole, 1e-12))
-    return float(np.mean(shares))
+        fractions.append(100.0 * energy[(rate > 6) & (rate < 14)].sum() / max(whole, 1e-12))
+    return float(np.mean(fractions))
 
 
 def _variation(

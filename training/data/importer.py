@@ -1,27 +1,38 @@
-"""Import motion archives: `python -m training.data.importer --data DIR --out DIR [--workers 2]`."""
+"""Import motion archives: `python -m training.data.importer --data DIR --out DIR [--workers 2]`.
+
+Every file is read, retargeted, labelled, cut, its feet are cleaned, and ground is put under it. What differs between
+archives is in `training.data.sources`.
+"""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
+from runtime.controls import Gait
 from runtime.errors import FileError, SportError, run_command
-from training.data import cutting
-from training.data.catalog import BY_NAME, list_clips, source_folder
-from training.data.clip_import import ImportJob, import_clip, load
-from training.data.record import ClipSource, Refusal
-from training.data.report import ClipSummary, Report
-from training.data.retarget import FootCalibration, calibrate_feet
-from training.data.source_comparison import section
+from runtime.safe_read import open_npz
+from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON
+from training.data import cutting, labels, relief
+from training.data.clips import Patches, TrainingClip, crop_rollout, load_rollout_terrain, wrapped_height
+from training.data.foot_cleaning import GroundHeight, clean_feet
+from training.data.report import ClipSummary, Report, comparison, summarise
+from training.data.retarget import FPS, FootCalibration, SourceMotion, calibrate_feet, load_source, retarget
+from training.data.source_skeletons import SourceSkeleton
+from training.data.sources import BY_NAME, ClipSource, Refusal, list_clips, skeleton_of, source_folder
 
 CALIBRATION_CLIPS = 40  # of each source, evenly spread
 MAX_ARCHIVE_BYTES = 4 << 30  # unpacked
+_PFNN_GAITS = (Gait.STAND, Gait.WALK, Gait.JOG, Gait.JOG, Gait.CROUCH, Gait.JUMP, Gait.CROUCH, Gait.OTHER)
 
 
 def import_all(data: Path, out: Path, workers: int = 2, free_only: bool = False) -> Report:
@@ -46,27 +57,31 @@ def import_all(data: Path, out: Path, workers: int = 2, free_only: bool = False)
 
 def unpack(data: Path, folder: Path) -> Path:
     """`data` itself when its archives lie there unpacked, else `folder` with every `NAME.tar.xz` unpacked into it."""
-    import tarfile
-
     archives = [a for a in (data / f"{s}.tar.xz" for s in BY_NAME) if a.is_file()]
-    if not archives or all(source_folder(data, a.name.removesuffix(".tar.xz")) for a in archives):
+    if all(source_folder(data, a.name.removesuffix(".tar.xz")) for a in archives):
         return data
     for archive in archives:
         target = folder / archive.name.removesuffix(".tar.xz")
-        if target.is_dir():
-            continue
-        try:
-            with tarfile.open(archive) as tar:
-                members = tar.getmembers()
-                if sum(m.size for m in members) > MAX_ARCHIVE_BYTES:
-                    raise FileError(
-                        f"{archive}: unpacks to more than {MAX_ARCHIVE_BYTES >> 30} GB.", "Check the file."
-                    )
-                target.mkdir(parents=True)
-                tar.extractall(target, members=members, filter="data")
-        except (OSError, tarfile.TarError) as error:
-            raise FileError(f"{archive}: {error}.", "Fetch the archive again.") from error
+        if not target.is_dir():
+            _unpack(archive, target)
     return folder
+
+
+def _unpack(archive: Path, target: Path) -> None:
+    """One archive into a new folder; FileError where it is damaged or unpacks to too much."""
+    import tarfile
+
+    try:
+        with tarfile.open(archive) as tar:
+            members = tar.getmembers()
+            if sum(m.size for m in members) > MAX_ARCHIVE_BYTES:
+                raise FileError(
+                    f"{archive}: unpacks to more than {MAX_ARCHIVE_BYTES >> 30} GB.", "Check the file."
+                )
+            target.mkdir(parents=True)
+            tar.extractall(target, members=members, filter="data")
+    except (OSError, tarfile.TarError) as error:
+        raise FileError(f"{archive}: {error}.", "Fetch the archive again.") from error
 
 
 def _run(jobs: list[ImportJob], workers: int) -> Iterable[tuple[list[ClipSummary], list[Refusal]]]:
@@ -105,6 +120,206 @@ def _calibration_row(c: FootCalibration) -> dict[str, Any]:
     }
 
 
+@dataclass(frozen=True)
+class ImportJob:
+    """One file and what must be known to import it."""
+
+    clip: ClipSource
+    feet: FootCalibration
+    held_out: bool
+    out: Path  # folder of the clips
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """A retargeted take with its labels."""
+
+    hips: Array
+    local: Array
+    contacts: NDArray[np.uint8]
+    gait: Array
+    positions: Array
+
+    def cut(self, start: int, end: int) -> _Motion:
+        return _Motion(**{name: values[start:end] for name, values in vars(self).items()})
+
+    def cleaned(self, ground: GroundHeight) -> _Motion:
+        """With feet that stand on `ground`."""
+        hips, local = clean_feet(self.hips, self.local, self.contacts, ground)
+        positions, _ = SPORT_SKELETON.forward_kinematics(hips, local)
+        return replace(self, hips=hips, local=local, positions=positions)
+
+
+def load(clip: ClipSource) -> tuple[SourceSkeleton, SourceMotion]:
+    """Read a file and bring it to 60 Hz; FileError when it cannot be read or its skeleton is unknown."""
+    record = BY_NAME[clip.source]
+    motion = record.read(clip.path)
+    skeleton = skeleton_of(clip, motion)
+    reference = record.read(clip.path.with_name(skeleton.reference)) if skeleton.reference else None
+    return skeleton, load_source(motion, skeleton, record.first_frame, reference)
+
+
+def import_clip(job: ImportJob) -> tuple[list[ClipSummary], list[Refusal]]:
+    """Import one file, write its clips and their mirror images, and say what became of it."""
+    try:
+        return _import_clip(job)
+    except SportError as error:
+        return [], [Refusal(job.clip.name, job.clip.source, str(error))]
+
+
+def _import_clip(job: ImportJob) -> tuple[list[ClipSummary], list[Refusal]]:
+    clip = job.clip
+    skeleton, source = load(clip)
+    offset = ANKLE_HEIGHT - job.feet.ankle_height if clip.terrain == "rollout" else None
+    retargeted = retarget(source, job.feet, offset, flex_toes=not skeleton.has_toe_rotation)
+    positions, _ = SPORT_SKELETON.forward_kinematics(retargeted.hips, retargeted.local)
+    rollout = _read_rollout(clip) if clip.terrain == "rollout" else None
+    contacts, gait = _label(clip, positions, rollout)
+    motion = _Motion(retargeted.hips, retargeted.local, contacts, gait, positions)
+
+    start, end = cutting.lead_in(positions, clip.content, has_tpose=BY_NAME[clip.source].has_tpose)
+    bad = cutting.spikes(motion.hips, motion.local, positions, clip.tier)
+    parts = _split(job, cutting.segments(start, end, bad))
+    summaries: list[ClipSummary] = []
+    for number, (a, b, split) in enumerate(parts):
+        name = clip.name if len(parts) == 1 else f"{clip.name}_{number}"
+        for item in _versions(job, name, split, motion.cut(a, b), rollout):
+            item.save(job.out)
+            summaries.append(summarise(item))
+    return summaries, _losses(clip, len(positions), parts, bad)
+
+
+def _versions(
+    job: ImportJob, name: str, split: str, motion: _Motion, rollout: _Rollout | None
+) -> list[TrainingClip]:
+    """The clip, its copy on hills or stairs where it was captured on a floor and moves, and the mirror images."""
+    clip = job.clip
+    generator = np.random.default_rng(int(cutting.hash_fraction(name) * 2**48))
+    on_terrain: tuple[_Motion, Patches, str] | None = None
+    if rollout is not None:
+        patches = crop_rollout(rollout.heights, rollout.cell, motion.positions)
+        motion = motion.cleaned(patches.terrain().height)
+    elif clip.terrain == "contacts":
+        patches = relief.ground_from_contacts(motion.positions, motion.contacts)
+        motion = motion.cleaned(patches.terrain().height)
+    else:
+        motion = motion.cleaned(lambda x, z: np.zeros_like(x))
+        patches = relief.fit_around_steps(motion.positions, motion.contacts, generator)
+        if _travels(motion) and BY_NAME[clip.source].slide == 1.0:
+            on_terrain = _on_terrain(motion, generator)
+
+    def version(suffix: str, motion: _Motion, patches: Patches, content: str) -> TrainingClip:
+        return TrainingClip(
+            name + suffix, motion.hips, motion.local, motion.contacts, motion.gait, clip.style, content, clip.source,
+            split, clip.tier, patches,
+        )  # fmt: skip
+
+    result = [version("", motion, patches, clip.content)]
+    if on_terrain is not None:
+        lifted, ground, kind = on_terrain
+        result.append(version("_t", lifted, ground, f"{clip.content} on {kind}"))
+    return [image for item in result for image in (item, item.mirror())]
+
+
+def _travels(motion: _Motion) -> bool:
+    """Whether the clip goes anywhere: relief under a standing figure teaches nothing new."""
+    ground_path = motion.positions[:, 0, [0, 2]]
+    return bool(np.linalg.norm(ground_path.max(0) - ground_path.min(0)) > 1.0)
+
+
+def _on_terrain(motion: _Motion, generator: np.random.Generator) -> tuple[_Motion, Patches, str] | None:
+    patches, kind = relief.hills_or_stairs(motion.positions, motion.contacts, generator)
+    hips = motion.hips.copy()
+    hips[:, 1] += relief.root_lift(motion.positions, motion.contacts, patches)
+    lifted = replace(motion, hips=hips).cleaned(patches.terrain().height)
+    if cutting.spikes(lifted.hips, lifted.local, lifted.positions, "exact").any():
+        return None  # a leg too short for this ground snaps
+    return lifted, patches, kind
+
+
+def _split(job: ImportJob, parts: list[tuple[int, int]]) -> list[tuple[int, int, str]]:
+    """Give each part its split; a long take that is unique in its style and content gives its tail to evaluation."""
+    if not BY_NAME[job.clip.source].long_takes:
+        return [(a, b, "held_out" if job.held_out else "train") for a, b in parts]
+    result = []
+    for a, b in parts:
+        if b - a >= cutting.TAIL_SECONDS * FPS:
+            result += cutting.tail_split(a, b)
+        else:
+            result.append((a, b, "train"))
+    return result
+
+
+def _losses(
+    clip: ClipSource, frames: int, parts: list[tuple[int, int, str]], bad: NDArray[np.bool_]
+) -> list[Refusal]:
+    kept, cut = sum(b - a for a, b, _ in parts), int(bad.sum())
+    reasons = []
+    if not parts:
+        reasons.append(f"nothing of {cutting.MIN_SECONDS} s left of {frames / FPS:.1f} s")
+    elif cut:
+        reasons.append(f"spikes cut: {cut} frames")
+    if parts and frames - kept - cut > FPS:
+        reasons.append(f"lead-in and gaps cut: {(frames - kept) / FPS:.1f} s")
+    return [Refusal(clip.name, clip.source, reason) for reason in reasons]
+
+
+@dataclass(frozen=True)
+class _Rollout:
+    """What accompanies a rollout: its height map in metres and the network's labels."""
+
+    heights: Array
+    cell: float
+    gait: Array
+    contact: Array
+
+
+def _read_rollout(clip: ClipSource) -> _Rollout:
+    path = clip.path.with_suffix(".npz")
+    with open_npz(path, "Unpack the archive again.") as data:
+        terrain = f"terrain_{str(data['terrain']).removeprefix('terrain_')}.npz"
+        gait, contact = data["gait"].astype(np.float64), data["contact"].astype(np.float64)
+    heights, cell = load_rollout_terrain(path.parent / terrain)
+    return _Rollout(heights, cell, gait, contact)
+
+
+def _label(clip: ClipSource, positions: Array, rollout: _Rollout | None) -> tuple[NDArray[np.uint8], Array]:
+    """Contacts `(T, 4)` and gait `(T, 6)` of a whole take."""
+    if rollout is not None:
+        return _label_rollout(rollout, positions)
+    if clip.terrain == "contacts":
+        contacts = labels.contacts_without_ground(positions)
+        ground = labels.smooth(positions[:, labels.FOOT_JOINTS, 1].min(1), 1.0)
+    else:
+        contacts = labels.foot_contacts(positions, np.zeros((len(positions), 4)), BY_NAME[clip.source].slide)
+        ground = np.zeros(len(positions))
+    if clip.source == "pfnn":
+        return contacts, _pfnn_gait(clip.path.with_suffix(".gait"), len(positions))
+    return contacts, labels.label_gait(positions[:, 0], contacts, ground, clip.content)
+
+
+def _label_rollout(rollout: _Rollout, positions: Array) -> tuple[NDArray[np.uint8], Array]:
+    feet = positions[:, labels.FOOT_JOINTS]
+    ground = wrapped_height(rollout.heights, rollout.cell, feet[..., 0], feet[..., 2])
+    contacts = labels.foot_contacts(positions, ground)
+    contacts |= ((rollout.contact[: len(contacts)] > 0.5) & (feet[..., 1] - ground < 0.15)).astype(np.uint8)
+    gait = labels.smooth(np.clip(rollout.gait[: len(positions)], 0.0, None), 0.1)
+    return contacts, gait / gait.sum(1, keepdims=True)
+
+
+def _pfnn_gait(path: Path, frames: int) -> Array:
+    """Gait of a PFNN take: eight columns at 120 Hz, merged as its authors do (jog and run, crouch and crawl)."""
+    try:
+        table = np.loadtxt(path)[::2]
+    except (OSError, ValueError) as error:
+        raise FileError(f"{path}: {error}.", "Unpack the archive again.") from error
+    table = np.pad(table, ((0, max(0, frames - len(table))), (0, 0)), mode="edge")[:frames]
+    merged = np.zeros((frames, len(Gait)))
+    for column, gait in enumerate(_PFNN_GAITS):
+        merged[:, gait] += table[:, column]
+    return labels.smooth(merged / merged.sum(1, keepdims=True), 0.2)
+
+
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -115,7 +330,7 @@ def main() -> None:
     options = parser.parse_args()
     report = import_all(options.data, options.out, options.workers)
     if options.report:
-        compared = section(unpack(options.data, options.out / "unpacked"), options.out / "clips")
+        compared = comparison(unpack(options.data, options.out / "unpacked"), options.out / "clips")
         options.report.write_text(report.markdown() + "\n" + compared, encoding="utf-8")
     print(report.text())
 

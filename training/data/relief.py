@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 from runtime.easing import smoothstep
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
+from training.data.clips import CELL_M, FLAT_MARGIN_M, Patches, grid_under
 from training.data.foot_cleaning import bridge, stretches
-from training.data.height_patches import CELL_M, FLAT_MARGIN_M, Patches, grid_under
 from training.data.labels import FOOT_JOINTS
 from training.data.retarget import speed
 
@@ -43,8 +43,8 @@ def fit_around_steps(
     heights = np.zeros((1 + EXTRA_PATCHES, *shape))
     for patch in heights[1:]:
         relief = sum(
-            smooth_noise(shape, CELL_M, wavelength, generator) * share
-            for wavelength, share in ((4.0, 0.6), (1.5, 0.3), (0.7, 0.1))
+            smooth_noise(shape, CELL_M, wavelength, generator) * amount
+            for wavelength, amount in ((4.0, 0.6), (1.5, 0.3), (0.7, 0.1))
         )
         if generator.random() < 0.35:
             step = generator.uniform(0.1, 0.2)

@@ -1,9 +1,11 @@
-"""What was imported, cut and refused, for people and for programs."""
+"""What was imported, cut and refused, and how imported walks compare with their source files."""
 
 from __future__ import annotations
 
 import json
+import tempfile
 from collections import Counter, defaultdict
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,12 +13,16 @@ from typing import Any
 import numpy as np
 
 from runtime.controls import Gait
+from runtime.formats.bvh_clip import save_bvh
+from runtime.safe_read import open_npz
 from runtime.skeleton import SPORT_SKELETON
-from training.data.clip_files import TrainingClip
+from runtime.takes.clip import Clip
+from training.data import gait
+from training.data.clips import TrainingClip
 from training.data.labels import FOOT_JOINTS
-from training.data.record import Refusal
 from training.data.retarget import FPS
-from training.data.sets import DATA_SETS
+from training.data.sources import BY_NAME, DATA_SETS, ClipSource, Refusal, list_clips
+from training.markdown import table
 
 
 @dataclass(frozen=True)
@@ -54,24 +60,19 @@ class Report:
         }
         path.write_text(json.dumps(content, indent=1), encoding="utf-8")
 
-    @staticmethod
-    def load(path: Path) -> Report:
-        """Read what `save` wrote."""
-        content = json.loads(path.read_text(encoding="utf-8"))
-        return Report(
-            [ClipSummary(**c) for c in content["clips"]],
-            [Refusal(**r) for r in content["refused"]],
-            content["calibrations"],
-        )
-
     def markdown(self) -> str:
         """The report with what a reader must know about it."""
         rows = [
-            f"| {key} | {c['foot_turn_euler_yxz_degrees'][0]} | {c['toe_offset_m'][0]} | {c['ankle_height_m']} |"
+            [
+                key,
+                *(str(c[k][0]) for k in ("foot_turn_euler_yxz_degrees", "toe_offset_m")),
+                str(c["ankle_height_m"]),
+            ]
             for key, c in sorted(self.calibrations.items())
         ]
-        table = "| Skeleton | foot turn YXZ, degrees | toe offset, m | ankle height, m |\n| --- | --- | --- | --- |\n"
-        return f"{_preface()}\n{self.text()}\n{_CALIBRATION}\n{table}" + "\n".join(rows) + "\n"
+        head = ("Skeleton", "foot turn YXZ, degrees", "toe offset, m", "ankle height, m")
+        calibration = "\n".join(table(head, rows))
+        return f"{_preface()}\n{self.text()}\n{_CALIBRATION}\n{calibration}"
 
     def text(self) -> str:
         """The report as Markdown tables."""
@@ -83,33 +84,28 @@ class Report:
             "",
         ]
         for title, key in (("Source", "source"), ("Style", "style")):
-            lines += self._table(title, key, originals)
-        lines += ["| Not imported, or cut | source | items |", "| --- | --- | --- |"]
+            groups: dict[str, list[ClipSummary]] = defaultdict(list)
+            for clip in originals:
+                groups[getattr(clip, key)].append(clip)
+            lines += _table(title, groups)
         reasons = Counter((_kind(r.reason), r.source) for r in self.refused)
-        lines += [f"| {reason} | {source} | {n} |" for (reason, source), n in sorted(reasons.items())]
-        return "\n".join(lines) + "\n"
+        counted = [(reason, source, str(n)) for (reason, source), n in sorted(reasons.items())]
+        return "\n".join([*lines, *table(("Not imported, or cut", "source", "items"), counted)])
 
-    @staticmethod
-    def _table(title: str, key: str, clips: list[ClipSummary]) -> list[str]:
-        gaits = [g.label for g in Gait]
-        lines = [
-            f"| {title} | clips | minutes | held out | {' | '.join(gaits)} | contact | skating cm/frame |"
-        ]
-        lines += ["| --- " * (6 + len(gaits)) + "|"]
-        groups: dict[str, list[ClipSummary]] = defaultdict(list)
-        for clip in clips:
-            groups[getattr(clip, key)].append(clip)
-        for name, group in sorted(groups.items()):
-            seconds = sum(c.seconds for c in group)
-            held = sum(c.seconds for c in group if c.split == "held_out")
-            per_gait = [sum(c.gait_seconds[g] for c in group) / 60 for g in gaits]
-            contact = sum(c.contact_ratio * c.seconds for c in group) / seconds
-            skating = sum(c.skating_cm_per_frame * c.seconds for c in group) / seconds
-            minutes = " | ".join(f"{m:.1f}" for m in per_gait)
-            lines.append(
-                f"| {name} | {len(group)} | {seconds / 60:.1f} | {held / 60:.1f} | {minutes} | {contact:.2f} | {skating:.3f} |"
-            )
-        return [*lines, ""]
+
+def _table(title: str, groups: Mapping[str, list[ClipSummary]]) -> list[str]:
+    gaits = [g.label for g in Gait]
+    head = [title, "clips", "minutes", "held out", *gaits, "contact", "skating cm/frame"]
+    return table(head, [_row(name, group) for name, group in sorted(groups.items())])
+
+
+def _row(name: str, group: list[ClipSummary]) -> list[str]:
+    seconds = np.array([c.seconds for c in group])
+    minutes = [sum(c.seconds for c in group), sum(c.seconds for c in group if c.split == "held_out")]
+    minutes += [sum(c.gait_seconds[g.label] for c in group) for g in Gait]
+    contact = np.average([c.contact_ratio for c in group], weights=seconds)
+    skating = np.average([c.skating_cm_per_frame for c in group], weights=seconds)
+    return [name, str(len(group)), *(f"{m / 60:.1f}" for m in minutes), f"{contact:.2f}", f"{skating:.3f}"]
 
 
 _PREFACE = """# Training data
@@ -168,3 +164,80 @@ def summarise(clip: TrainingClip) -> ClipSummary:
         float(100.0 * travel[standing].mean()) if standing.any() else 0.0,
         len(clip.patches.heights),
     )  # fmt: skip
+
+
+FILES = 4  # of each source and style at most, evenly spread
+BEGIN, END = "<!-- raw:begin -->", "<!-- raw:end -->"
+_WALKS = ("walk forward", "mixed walk jog", "mixed locomotion")
+COLUMNS = {
+    "knee_min": "knee least", "knee_max": "knee most", "foot_up": "toes up", "lean": "lean", "elbow": "elbow",
+    "bob_cm": "bob cm", "pelvis_yaw": "pelvis yaw", "pelvis_roll": "pelvis roll", "shoulder_yaw": "shoulder yaw",
+    "arm_swing_cm": "arm swing cm", "clearance_cm": "foot lift cm", "speed": "m/s",
+}  # fmt: skip
+
+Measures = dict[str, float]
+
+
+def compare(data: Path, clips: Path) -> dict[tuple[str, str], tuple[Measures, Measures]]:
+    """Median measures of source files and of the imported clips, by source and style, of walks on a floor."""
+    result = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for key, files in sorted(_walks(data, clips).items()):
+            chosen = files[:: max(1, -(-len(files) // FILES))]
+            pairs = []
+            for source, imported in chosen:
+                raw = gait.measure_file(source.path, BY_NAME[source.source].first_frame)
+                made = gait.measure_file(_exported(imported, Path(folder)))
+                if raw is not None and made is not None:
+                    pairs.append((raw, made))
+            if pairs:
+                result[key] = _median([raw for raw, _ in pairs]), _median([made for _, made in pairs])
+    return result
+
+
+def _walks(data: Path, clips: Path) -> dict[tuple[str, str], list[tuple[ClipSource, Path]]]:
+    """Files of walks on a floor with their imported clips, by source and style."""
+    files: dict[tuple[str, str], list[tuple[ClipSource, Path]]] = defaultdict(list)
+    for source in list_clips(data)[0]:
+        candidates = (clips / f"{source.name}{part}.npz" for part in ("", "_0"))
+        imported = next((path for path in candidates if path.exists()), None)
+        if imported and source.terrain == "flat" and source.content.startswith(_WALKS):
+            files[source.source, source.style].append((source, imported))
+    return files
+
+
+def _exported(path: Path, folder: Path) -> Path:
+    """An imported clip as the BVH that the program would export."""
+    with open_npz(path, "Run the importer again.") as file:
+        hips, local = file["hips_positions"], file["local_rotations"]
+        contacts = file["contacts"].astype(np.float32)
+    target = folder / f"{path.stem}.bvh"
+    save_bvh(Clip(path.stem, 60.0, hips, local, contacts), target)
+    return target
+
+
+def _median(items: list[Measures]) -> Measures:
+    return {k: float(np.median([m[k] for m in items if k in m])) for k in COLUMNS if k in items[0]}
+
+
+def _comparison_table(rows: Mapping[tuple[str, str], tuple[Measures, Measures]]) -> str:
+    """A row for every source and style, raw > imported."""
+    cells = [
+        [source, style, *(f"{raw[k]:.3g} > {own[k]:.3g}" if k in raw and k in own else "" for k in COLUMNS)]
+        for (source, style), (raw, own) in rows.items()
+    ]
+    return "\n".join(table(("source", "style", *COLUMNS.values()), cells)[:-1])
+
+
+def comparison(data: Path, clips: Path) -> str:
+    """Raw capture against what the import made of it, written as BVH; between markers."""
+    return f"{_TITLE}\n{BEGIN}\n{_comparison_table(compare(data, clips))}\n{END}\n"
+
+
+_TITLE = """## Raw and imported
+
+Medians over forward walks on a floor, measured by `training.data.gait` on the source files and on the imported clips
+written as BVH (raw > imported; degrees, or as named, on a leg of 0.82 m). Angles of knees, trunk and elbows are the
+source's. Arms keep their angles, so hands swing as far as our shorter arms let them. Feet stand still and have our
+length: a heel over standing toes rises until the knee has the source's angle.
+"""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,8 +62,8 @@ TOE_DOWN, TOE_UP = 0.02, 0.06  # m over its lowest place nearby: a toe that stil
 TOE_REACH_SECONDS = 0.3  # "nearby"
 TOE_FLEX_LIMIT = np.deg2rad(50.0)
 _SIDES = ("Left", "Right")
-# of the tilt that levels the gaze: shared out, the neck shows no kink
-_HEAD_LIFT_SHARES = {SPORT_SKELETON.index("Neck1"): 1 / 3, SPORT_SKELETON.index("Head"): 2 / 3}
+# of the tilt that levels the gaze: spread over both, the neck shows no kink
+_HEAD_LIFT_PARTS = {SPORT_SKELETON.index("Neck1"): 1 / 3, SPORT_SKELETON.index("Head"): 2 / 3}
 _MIRROR_TURN = np.array([1.0, 1.0, -1.0, -1.0])  # of a quaternion, through the plane X = 0
 
 
@@ -72,7 +73,7 @@ class SourceMotion:
 
     `rotations` holds our world rotation `(T, 4)` per driven joint. `hip_joints`, `ankles` and `toes` `(T, 2, 3)` are
     metres in the source's own height over the ground; `trunk` `(T, 3)` goes from its hips joint to the base of its neck.
-    `collar_share`: how much of our collar bone's turn moves the shoulder as far as the source's does. `head_lift`:
+    `collar_fraction`: how much of our collar bone's turn moves the shoulder as far as the source's does. `head_lift`:
     radians by which the face is to be tilted up.
     """
 
@@ -81,7 +82,7 @@ class SourceMotion:
     ankles: Array
     toes: Array
     trunk: Array
-    collar_share: float = 1.0
+    collar_fraction: float = 1.0
     head_lift: float = 0.0
 
     @property
@@ -233,31 +234,31 @@ def _calibrate_foot(clips: list[SourceMotion], side: int) -> tuple[Array, Array,
     if not stances:
         identity = rotations.identity().astype(np.float64)
         return identity, identity, np.zeros(3), ANKLE_HEIGHT
-    name = _SIDES[side] + "Foot"
+    name, toe = _SIDES[side] + "Foot", _SIDES[side] + "ToeBase"
     up = np.array([0.0, 1.0, 0.0])
 
-    def vote(values: list[Array]) -> Array:
-        return np.median(np.stack([np.median(v, axis=0) for v in values]), axis=0)
+    def vote(measured: Callable[[SourceMotion, NDArray[np.bool_]], Array]) -> Array:
+        return np.median(np.stack([np.median(measured(c, m), axis=0) for c, m in stances]), axis=0)
 
-    level = rotations.normalize(vote([_into(c.rotations[name][m], up) for c, m in stances]))
-    turn = rotations.between(up, level)
-    bone = vote(
-        [
-            _into(rotations.multiply(c.rotations[name][m], turn), c.toes[m, side] - c.ankles[m, side])
-            for c, m in stances
-        ]
-    )
-    turn = rotations.multiply(turn, rotations.from_yaw(np.arctan2(bone[0], bone[2])))
-    feet = [rotations.multiply(c.rotations[name][m], turn) for c, m in stances]
-    reach = vote(
-        [_into(_yaw(f), c.toes[m, side] - c.ankles[m, side]) for f, (c, m) in zip(feet, stances, strict=True)]
-    )
+    def foot(c: SourceMotion, m: NDArray[np.bool_]) -> Array:
+        return rotations.multiply(c.rotations[name][m], turn)
+
+    def bone(c: SourceMotion, m: NDArray[np.bool_]) -> Array:
+        return c.toes[m, side] - c.ankles[m, side]
+
+    def under_toe(c: SourceMotion, m: NDArray[np.bool_]) -> Array:
+        relative = rotations.multiply(rotations.inverse(c.rotations[toe][m]), foot(c, m))
+        return relative * np.sign(relative[:, :1])
+
+    turn = rotations.between(up, rotations.normalize(vote(lambda c, m: _into(c.rotations[name][m], up))))
+    ahead = vote(lambda c, m: _into(foot(c, m), bone(c, m)))
+    turn = rotations.multiply(turn, rotations.from_yaw(np.arctan2(ahead[0], ahead[2])))
+    reach = vote(lambda c, m: _into(_yaw(foot(c, m)), bone(c, m)))
     toe_turn: Array = rotations.identity().astype(np.float64)
-    if _SIDES[side] + "ToeBase" in stances[0][0].rotations:
-        toes = [c.rotations[_SIDES[side] + "ToeBase"][m] for c, m in stances]
-        relative = [rotations.multiply(rotations.inverse(t), f) for t, f in zip(toes, feet, strict=True)]
-        toe_turn = rotations.normalize(vote([r * np.sign(r[:, :1]) for r in relative]))
-    return turn, toe_turn, reach - FOOT_OFFSET, float(vote([c.ankles[m, side, 1:2] for c, m in stances])[0])
+    if toe in stances[0][0].rotations:
+        toe_turn = rotations.normalize(vote(under_toe))
+    height = vote(lambda c, m: c.ankles[m, side, 1:2])
+    return turn, toe_turn, reach - FOOT_OFFSET, float(height[0])
 
 
 def _flat_stance(clip: SourceMotion, side: int) -> NDArray[np.bool_]:
@@ -298,8 +299,8 @@ def retarget(
         flex = np.clip(-_elevation(foot), 0.0, TOE_FLEX_LIMIT)
         near = np.clip((0.09 - (toes[..., 1] + height_offset)) / 0.05, 0.0, 1.0)
         local[:, [5, 10]] = pitched(np.broadcast_to([1.0, 0, 0, 0], foot.shape), -flex * near)
-    for joint, share in _HEAD_LIFT_SHARES.items():
-        local[:, joint] = pitched(local[:, joint], -share * source.head_lift)
+    for joint, part in _HEAD_LIFT_PARTS.items():
+        local[:, joint] = pitched(local[:, joint], -part * source.head_lift)
     local = rotations.continuous(rotations.normalize(local))
     return Retargeted(hips.astype(np.float32), local.astype(np.float32))
 
@@ -312,7 +313,7 @@ def _world_rotations(source: SourceMotion, feet: FootCalibration) -> Array:
         given["LowerBack"] = rotations.slerp(given["Hips"], given["Spine"], 0.5)
     for side, name in enumerate(_SIDES):
         given[name + "Shoulder"] = rotations.slerp(
-            given["Spine1"], given[name + "Shoulder"], source.collar_share
+            given["Spine1"], given[name + "Shoulder"], source.collar_fraction
         )
         given[name + "Foot"] = _turned(given[name + "Foot"], feet.foot_turn[side])
         if name + "ToeBase" in given:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
+from types import MappingProxyType
 
 import numpy as np
 
 from runtime import rotations
 from runtime.arrays import Array
-from runtime.errors import FileError
 from runtime.formats.bvh import BvhMotion
+from runtime.skeleton import SPORT_SKELETON
 
 _UP, _DOWN = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0])
 
@@ -82,9 +83,8 @@ class SourceSkeleton:
     fixed_scale: float | None = None  # metres per file unit; None: by the ratio of leg lengths
     head_lift_degrees: float = 0.0  # tilt of neck and head that levels the gaze, see DataSet
     neck_base: str = "Neck"  # the joint at the top of the chest: the trunk leads to it
-    # a take beside the clip whose first frame stands upright, or "" for the clip's own: corrections are measured there
+    # a take in the clip's folder whose first frame stands upright, or "" for the clip's own: corrections are measured there
     reference: str | None = None
-    notes: str = field(default="")
 
     def corrections(self, motion: BvhMotion) -> dict[str, Array]:
         """Constant rotations C `(4,)` by SPORT joint: our world rotation is the source's times C.
@@ -129,27 +129,179 @@ def same_rest(**names: str) -> dict[str, SourceJoint]:
     return {target: SourceJoint(source) for target, source in names.items()}
 
 
-def same_limbs() -> dict[str, SourceJoint]:
-    """Limbs that are named as ours and whose bones we turn along the source's own, from joint to joint."""
-    along = {"Arm": "ForeArm", "ForeArm": "Hand", "UpLeg": "Leg", "Leg": "Foot"}
+def limbs(
+    parts: Mapping[str, str] | Sequence[str],
+    name: Callable[[str, str], str] = str.__add__,
+    axes: Mapping[str, str] | str | None = None,
+    along: Mapping[str, str] = MappingProxyType({}),
+) -> dict[str, SourceJoint]:
+    """Source joints of both sides: `parts` by our names, spelled by `name` of side and part.
+
+    `axes` are those of all, or by side; `along` names the part that our bone is aligned with, see `SourceJoint`.
+    """
+    named = parts if isinstance(parts, Mapping) else {part: part for part in parts}
     return {
-        side + limb: SourceJoint(side + limb, along=side + along[limb] if limb in along else None)
+        side + target: SourceJoint(
+            name(side, part),
+            axes=axes[side] if isinstance(axes, Mapping) else axes,
+            along=name(side, along[target]) if target in along else None,
+        )
         for side in SIDES
-        for limb in LIMBS
+        for target, part in named.items()
     }
 
 
-def recognise(motion: BvhMotion, file_name: str, known: Iterable[SourceSkeleton]) -> SourceSkeleton:
-    """The skeleton among `known` of a motion; FileError names the file when there is none."""
-    names = set(motion.skeleton.names)
-    for skeleton in known:
-        if skeleton.signature <= names:
-            missing = {j.name for j in skeleton.joints.values()} - names
-            if missing:
-                raise FileError(
-                    f"{file_name}: joints {sorted(missing)} are missing.", "Export the clip again."
-                )
-            return skeleton
-    raise FileError(
-        f"{file_name}: none of the known skeletons.", "Give a joint map (SourceSkeleton) for this file."
+def same_limbs() -> dict[str, SourceJoint]:
+    """Limbs that are named as ours and whose bones we turn along the source's own, from joint to joint."""
+    return limbs(LIMBS, along={"Arm": "ForeArm", "ForeArm": "Hand", "UpLeg": "Leg", "Leg": "Foot"})
+
+
+# --- the skeletons of the data sets --------------------------------------------------------------------------------
+
+# a trunk of four joints under the neck
+_FOUR = {
+    "Hips": "Hips", "LowerBack": "Spine1", "Spine": "Spine2", "Spine1": "Spine3", "Neck1": "Neck", "Head": "Head",
+}  # fmt: skip
+_STYLE100_LIMBS = {
+    "UpLeg": "Hip", "Leg": "Knee", "Foot": "Ankle", "ToeBase": "Toe",
+    "Shoulder": "Collar", "Arm": "Shoulder", "ForeArm": "Elbow", "Hand": "Wrist",
+}  # fmt: skip
+# arms, legs and feet as Bandai Namco and José Luis Pontón name them
+_PARTS_OF_LIMBS = (
+    {"Shoulder": "Shoulder", "Arm": "UpperArm", "ForeArm": "LowerArm", "Hand": "Hand"},
+    {"UpLeg": "UpperLeg", "Leg": "LowerLeg"},
+    {"Foot": "Foot", "ToeBase": "Toes"},
+)
+
+
+def _bandai_skeleton() -> SourceSkeleton:
+    trunk = {"Spine": "Spine", "Spine1": "Chest", "Neck1": "Neck", "Head": "Head"}
+    joints = {"Hips": SourceJoint("Hips", axes="+Y -X +Z")}
+    joints |= {target: SourceJoint(name, axes="+Y +Z +X") for target, name in trunk.items()}
+    arm = {"Left": "+X +Y +Z", "Right": "+X -Y -Z"}
+    leg = {"Left": "-Y +X +Z", "Right": "+Y +X -Z"}
+    foot = {"Left": "+Z +X +Y", "Right": "-Z +X -Y"}
+    for parts, axes in zip(_PARTS_OF_LIMBS, (arm, leg, foot), strict=True):
+        joints |= limbs(parts, lambda side, part: f"{part}_{side[0]}", axes)
+    return SourceSkeleton("bandai_namco", frozenset({"joint_Root", "UpperArm_L"}), joints)
+
+
+def _daz_skeleton() -> SourceSkeleton:
+    joints = same_rest(Hips="hip", Spine="abdomen", Spine1="chest", Neck1="neck", Head="head")
+    joints["LowerBack"] = SourceJoint("hip", "abdomen", 0.5)
+    parts = {
+        "UpLeg": "Thigh", "Leg": "Shin", "Foot": "Foot",
+        "Shoulder": "Collar", "Arm": "Shldr", "ForeArm": "ForeArm", "Hand": "Hand",
+    }  # fmt: skip
+    along = {"UpLeg": "Shin", "Leg": "Foot", "Arm": "ForeArm", "ForeArm": "Hand", "Hand": "Mid1"}
+    joints |= limbs(parts, lambda side, part: side[0].lower() + part, along=along)
+    return SourceSkeleton(
+        "cmu_daz",
+        frozenset({"abdomen", "lShldr"}),
+        joints,
+        has_toe_rotation=False,
+        toe_is_end_site=True,
+        neck_base="neck",
     )
+
+
+def _cmu_plain_skeleton() -> SourceSkeleton:
+    joints = same_rest(
+        Hips="Hips",
+        LowerBack="lowerback",
+        Spine="Chest",
+        Spine1="Chest2",
+        Neck="lowerneck",
+        Neck1="Neck",
+        Head="Head",
+    )
+    along = {"UpLeg": "Knee", "Leg": "Ankle", "Arm": "Elbow", "ForeArm": "Wrist"}
+    joints |= limbs(_STYLE100_LIMBS, along=along)
+    for side in SIDES:
+        joints[side + "Hand"] = SourceJoint(side + "Wrist", along=side[0] + "Fingers")
+    return SourceSkeleton("cmu_plain", frozenset({"lowerback", "LHipJoint"}), joints, neck_base="lowerneck")
+
+
+def _cmu91_skeleton() -> SourceSkeleton:
+    joints = same_rest(Hips="Hips", Spine="Spine", Spine1="Spine1", Neck1="Neck", Head="Head")
+    return SourceSkeleton(
+        "cmu91",
+        frozenset({"LeftHipJoint", "Spine1"}),
+        joints | limbs(LIMBS[:-1]),
+        has_toe_rotation=False,
+        toe_is_end_site=True,
+        reference="",
+    )
+
+
+def _fair_skeleton() -> SourceSkeleton:
+    axes = "+X -Z +Y"  # lies on its back: the file's Z is up, its -Y ahead
+    joints = {target: SourceJoint(name, axes=axes) for target, name in _FOUR.items()} | limbs(
+        LIMBS, axes=axes
+    )
+    return SourceSkeleton(
+        "fair", frozenset({"LeftHandThumb1", "LeftToeBase", "Spine3"}), joints, has_toe_rotation=False
+    )
+
+
+def _biped_skeleton() -> SourceSkeleton:
+    joints = same_rest(**_FOUR | {"Hips": "Pelvis"}) | limbs(LIMBS)
+    for side in SIDES:
+        joints[side + "ToeBase"] = SourceJoint(side + "FootThumb1")
+    joints["LeftHand"] = SourceJoint("Lefthand")  # as the files spell it
+    return SourceSkeleton(
+        "biped", frozenset({"Lefthand", "LeftFootThumb1"}), joints, has_toe_rotation=False, reference=""
+    )
+
+
+def _jlpm_skeleton() -> SourceSkeleton:
+    trunk = {
+        "Hips": "Hips", "LowerBack": "Spine", "Spine": "Chest", "Spine1": "UpperChest", "Neck1": "Neck", "Head": "Head",
+    }  # fmt: skip
+    joints = {target: SourceJoint(name, axes="-X +Y -Z") for target, name in trunk.items()}
+    arm = {"Left": "+Z +X +Y", "Right": "-Z -X +Y"}
+    arms, legs, feet = _PARTS_OF_LIMBS
+    joints |= limbs(arms, axes=arm) | limbs(legs, axes="+X -Y -Z") | limbs(feet, axes="+X +Z -Y")
+    return SourceSkeleton("jlpm", frozenset({"UpperChest", "LeftUpperLeg"}), joints)
+
+
+def _pfnn_skeleton() -> SourceSkeleton:
+    same = [n for n in SPORT_SKELETON.names if not n.startswith(("LeftUpLeg", "RightUpLeg"))]
+    joints = {name: SourceJoint(name) for name in same}
+    joints |= limbs(("UpLeg", "Leg"), along={"UpLeg": "Leg", "Leg": "Foot"})
+    return SourceSkeleton("pfnn", frozenset({"LHipJoint", "LowerBack"}), joints)
+
+
+O3DE = SourceSkeleton(
+    "o3de",
+    frozenset({"Spine3", "Neck1", "LeftToeBase"}),
+    same_rest(**_FOUR) | same_limbs(),
+    has_toe_rotation=False,
+)
+ACCAD = SourceSkeleton(
+    "accad",
+    frozenset({"ToSpine", "LeftToeBase"}),
+    same_rest(Hips="Hips", Spine="Spine", Spine1="Spine1", Neck1="Neck", Head="Head") | limbs(LIMBS),
+    reference="",
+)
+STYLE100 = SourceSkeleton(
+    "100style",
+    frozenset({"Chest4", "LeftAnkle"}),
+    same_rest(**_FOUR | {"LowerBack": "Chest", "Spine": "Chest3", "Spine1": "Chest4"})
+    | limbs(_STYLE100_LIMBS),
+    has_toe_rotation=False,
+)
+TRANSFORMS = SourceSkeleton(
+    "transforms",
+    frozenset({"Spine3", "LeftToeBase"}),
+    same_rest(**_FOUR) | same_limbs(),
+    has_toe_rotation=False,
+)
+BANDAI = _bandai_skeleton()
+CMU_DAZ = _daz_skeleton()
+CMU_PLAIN = _cmu_plain_skeleton()
+CMU91 = _cmu91_skeleton()
+FAIR = _fair_skeleton()
+BIPED = _biped_skeleton()
+JLPM = _jlpm_skeleton()
+PFNN = _pfnn_skeleton()

@@ -17,7 +17,7 @@ from runtime.motion.control_scripts import control_script
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
 from training.data import gait
-from training.data.catalog import list_clips
+from training.data.sources import list_clips
 from training.evaluation.experiment import Arguments, Experiment, Setting, option
 from training.evaluation.motion.driving import flat_ground
 from training.evaluation.motion.evaluated_model import EvaluatedModel

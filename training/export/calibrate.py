@@ -197,15 +197,21 @@ def _rule_sentences(phrasing: ModelPhrasing) -> Iterable[_Claim]:
     """What rules make of legs, torso and head beyond the catalogue, in the phrasing of a model."""
     edited = {text for edit in part_edits().values() for texts in edit.phrases.values() for text in texts}
     for part, group in (("left_leg", "leg"), ("torso", "torso"), ("head", "head")):
-        rules = grammar().groups[group]
-        said = [sentences for _, sentences in (*rules.actions, *rules.denied)]
-        texts = {text for one in said for text in ((one,) if isinstance(one, str) else one) if text}
-        for text in sorted({phrasing.of(text.replace("{s}", "left"), part) for text in texts} - edited):
+        written = {phrasing.of(text.replace("{s}", "left"), part) for text in _sentences(group)}
+        for text in sorted(written - edited):
             if claims(part, text):
                 words = {part: (text,)}
                 if group == "leg":
                     words["right_leg"] = (mirror_text(text),)
                 yield _Claim(text, words, partial(_sentence_fraction, part, text))
+
+
+def _sentences(group: str) -> set[str]:
+    """What the rules of a group of parts can write."""
+    rules, found = grammar().groups[group], set[str]()
+    for _, sentences in (*rules.actions, *rules.denied):
+        found.update((sentences,) if isinstance(sentences, str) else sentences)
+    return found - {""}
 
 
 def _sentence_fraction(part: str, text: str, plain: Summary, walked: Summary) -> float:

@@ -92,7 +92,7 @@ class MotionGraph(nn.Module):
 
 class StyleGraph(nn.Module):
     """Z^t `(6, 64)` to the folded modulator weights and the style's natural speeds (walk, jog) in m/s,
-    then what `training.rest_rhythm` fits."""
+    then what `training.export.pace` fits."""
 
     regression: Tensor
 

@@ -111,8 +111,8 @@ class MotionSequenceEncoder(nn.Module):
 class PartTextEncoder(nn.Module):
     """Body-part MLP: six sentences `(B, 6, D)`, embedded, to six VAE tokens; parts never mix.
 
-    One-sided (`runtime.prompts.content`), the last number of a sentence is its side: left and right limbs share
-    their tokens, and of torso and head the second half of the code changes its sign with the side. So the code of
+    One-sided (`runtime.prompts.content`), the last number of a sentence is its side: left and right limbs have
+    the same tokens, and of torso and head the second half of the code changes its sign with the side. So the code of
     mirrored words is the mirrored code: the limbs' exchanged, the second half of torso and head negative.
     """
 
@@ -252,7 +252,7 @@ class MeasuresReader(nn.Module):
     """What a part does in a walk, standardised (`training.text.clip_measures`), read off its code along one direction each.
 
     Means and deviations of joints hardly tell hips that swing from hips that are still, and codes that lie as near as
-    their sentences cannot be told apart by what follows. Directions have unit length, so that a deviation of a measure
+    their sentences cannot be distinguished by what follows. Directions have unit length, so that a deviation of a measure
     takes `1 / GAIN` of the code: no weight can enlarge what the code hardly says.
     """
 

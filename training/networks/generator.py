@@ -46,7 +46,7 @@ class Generator(nn.Module):
     def target_codes(self, e: Tensor, alpha: Tensor, target: Tensor) -> Tensor:
         """What the diffusion learns, standardised `(B, K, output)`: E_d's codes (Eq. 14), or what they lack.
 
-        The latter, r, is the same for every expert: the shares sum to one, so that E_d's codes and it blend to `target`,
+        The latter, r, is the same for every expert: the weights alpha sum to one, so that E_d's codes and it blend to `target`,
         the captured y. So the diffusion learns how the capture spreads around E_d's mean. With `residual_shares` expert k
         has r alpha_k / Σ alpha^2, which blends to the same.
         """

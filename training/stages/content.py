@@ -12,7 +12,7 @@ from torch import Tensor
 from runtime.motion.features import OUTPUT
 from training import losses as terms
 from training.batches import FrameTensors, RandomRows
-from training.composition.composer import Composer, CompositionPlan
+from training.composition import Composer, CompositionPlan
 from training.frames import FIRST_OF_UPPER, FrameTable
 from training.networks.content import (
     SEQUENCE_LENGTH,
@@ -21,13 +21,12 @@ from training.networks.content import (
     MeasuresReader,
     StatisticsReader,
 )
-from training.packed_run import CONTENT_START
 from training.presets import ModelConfig
 from training.session import (
     MovingAverage,
     Session,
+    StageLength,
     TrainingState,
-    load_checkpoint,
     save_checkpoint,
     train,
 )
@@ -37,15 +36,15 @@ from training.text.clip_measures import clip_values
 STRIDE = 2  # frames between two samples: 40 samples are 1.3 s, more than one step
 # Eq. 7. The paper's lambda_con is 1e-2 for 100 styles over a long training; the shorter one here needs more of it.
 LAMBDA_CONTRAST, LAMBDA_KL, LAMBDA_EMBEDDING = 0.1, 1e-5, 1e-5
-# Share of the pose statistics, which the paper has not (training.networks.content.StatisticsReader).
+# Weight of the pose statistics, which the paper has not (training.networks.content.StatisticsReader).
 LAMBDA_STATISTICS = 0.5
 # Of what clips do, which the paper has not either (training.networks.content.MeasuresReader).
 LAMBDA_MEASURES = 2.0
 MEASURED_CLIPS = 2048  # whose words are held to it in every step
 STATISTICS_WINDOWS = 4096  # that centre and spread of the pose statistics are measured on
-TEXT_BATCHES = 4  # of windows that words alone are to tell the statistics of, in every step
+TEXT_BATCHES = 4  # of windows that words alone are to give the statistics of, in every step
 # On the components (about 0.05) of sentence embeddings, of a random strength for each: near words give near content, and
-# what the direction words tell is not learned by heart from the embeddings instead.
+# what the direction words say is not learned by heart from the embeddings instead.
 WORD_NOISE = (0.01, 0.03)
 MEASURED_NOISE = (0.0, 0.012)  # of words held to measures: sentences of opposite edits are 0.3 apart
 
@@ -142,8 +141,8 @@ class Measured:
     def read(folder: Path, table: FrameTable, weights: np.ndarray, device: torch.device) -> Measured:
         """Measure the clips of `table` in `folder`; those that hold many of the frames drawn count most."""
         values = [torch.as_tensor(v).to(device) for v in clip_values(folder, table.names)]
-        share = np.bincount(table.clip, weights, len(table.names))
-        return Measured(values, torch.as_tensor(share, dtype=torch.float32, device=device))
+        of_clips = np.bincount(table.clip, weights, len(table.names))
+        return Measured(values, torch.as_tensor(of_clips, dtype=torch.float32, device=device))
 
     def of(self, clips: Tensor) -> list[Tensor]:
         """The values of clips `(B,)`, or `(B, 6)` of every part's own."""
@@ -158,19 +157,17 @@ class ContentLosses:
         module: ContentEncoder,
         config: ModelConfig,
         sequences: Sequences,
-        texts: StyleTexts,
         batches: DrawnWindows,
-        measured: Measured | None = None,
+        data: ContentData,
     ) -> None:
-        self.measured = measured
+        self.measured = data.measured
         self.module, self.config, self.sequences, self.batches = module, config, sequences, batches
         device = sequences.y.device
-        self.embeddings = [torch.as_tensor(e).to(device) for e in texts.embeddings]
-        self.index = torch.as_tensor(texts.index).to(device)
-        self.keys = torch.as_tensor(texts.keys).to(device)
+        self.embeddings = [torch.as_tensor(e).to(device) for e in data.texts.embeddings]
+        self.index = torch.as_tensor(data.texts.index).to(device)
+        self.keys = torch.as_tensor(data.texts.keys).to(device)
 
-    def __call__(self, item: object, step: int) -> dict[str, Tensor]:
-        assert isinstance(item, ContentWindows)
+    def __call__(self, item: ContentWindows, step: int) -> dict[str, Tensor]:
         clips = item.clips
         joints, root = self.sequences(item.start, item.plan)
         target = torch.cat([joints.flatten(-2), root], -1)
@@ -185,8 +182,8 @@ class ContentLosses:
             "kl": terms.kullback_leibler(text, motion),
             "embedding": terms.embedding_similarity(z_motion, z_text),
         }
-        contrast, shares = 0.5 * whole + parts, (LAMBDA_CONTRAST, LAMBDA_KL, LAMBDA_EMBEDDING)
-        result["total"] = terms.stage1(result["recon"], contrast, result["kl"], result["embedding"], shares)
+        contrast, weights = 0.5 * whole + parts, (LAMBDA_CONTRAST, LAMBDA_KL, LAMBDA_EMBEDDING)
+        result["total"] = terms.stage1(result["recon"], contrast, result["kl"], result["embedding"], weights)
         if self.module.statistics is not None:
             result |= self._statistics(self.module.statistics, motion, joints)
             both = result["statistics"] + result["text_statistics"]
@@ -231,72 +228,41 @@ class ContentLosses:
         return {"statistics": own, "text_statistics": terms.statistics(targets, read)}
 
 
-def run(
-    session: Session,
-    config: ModelConfig,
-    table: FrameTable,
-    frames: FrameTensors,
-    weights: np.ndarray,
-    texts: StyleTexts,
-    steps: int = 3000,
-    batch: int = 64,
-    max_minutes: float | None = None,
-    clips: Path | None = None,
-) -> ContentEncoder:
-    """Train the content encoder on clips in the folder `clips`; its EMA weights, also in `content_final.pt`."""
-    device = session.device
+@dataclass(frozen=True)
+class ContentData:
+    """What stage 1 trains on: frames, how often each is drawn, the clips' descriptions, and what the clips do."""
+
+    table: FrameTable
+    frames: FrameTensors
+    weights: np.ndarray
+    texts: StyleTexts
+    measured: Measured | None = None  # None: of a model that does not read it
+
+
+def run(session: Session, config: ModelConfig, data: ContentData, length: StageLength) -> ContentEncoder:
+    """Train the content encoder; its moving average is returned and written to `content_final.pt`."""
+    device, steps, batch = session.device, length.steps, length.batch
     torch.manual_seed(session.seed + 1)
-    sequences = Sequences(table, device, frames.composer)
-    batches = DrawnWindows(frames, weights, batch, session.batch_generator(2))
+    sequences = Sequences(data.table, device, data.frames.composer)
+    windows = DrawnWindows(data.frames, data.weights, batch, session.batch_generator(2))
     module = ContentEncoder(config).to(device)
-    if (session.out / CONTENT_START).exists():
-        begin_with(module, load_checkpoint(session.out / CONTENT_START)["module"])
-    _measure_statistics(module, sequences, batches, batch)
-    measured = _measured(module, clips, table, weights, device)
+    if module.statistics is not None:
+        drawn = [next(windows) for _ in range(max(1, STATISTICS_WINDOWS // batch))]
+        module.statistics.measure(torch.cat([sequences(d.start, d.plan)[0] for d in drawn]))
     optimizer = torch.optim.AdamW(module.parameters(), lr=5e-4, weight_decay=1e-4)
-    state = TrainingState(module, optimizer, MovingAverage(module, 0.995))
-    train(
-        session,
-        "content",
-        state,
-        batches,
-        ContentLosses(module, config, sequences, texts, batches, measured),
-        steps,
-        lambda s: 5e-4 * min(1.0, (s + 1) / 100, (steps - s) / (0.3 * steps) + 0.02),
-        batch,
-        max_minutes,
-        {"windows": batches},
-    )
+    state = TrainingState(module, optimizer, MovingAverage(module, 0.995), {"windows": windows})
+    losses = ContentLosses(module, config, sequences, windows, data)
+
+    def rate(step: int) -> float:
+        return 5e-4 * min(1.0, (step + 1) / 100, (steps - step) / (0.3 * steps) + 0.02)
+
+    train(session, "content", state, windows, losses, rate, length)
     module.load_state_dict(state.average.values)
     save_checkpoint(
         session.out / "content_final.pt",
         {"module": module.state_dict(), "config": asdict(config), "scales": sequences.scales},
     )
     return module.eval()
-
-
-def _measured(
-    module: ContentEncoder, clips: Path | None, table: FrameTable, weights: np.ndarray, device: torch.device
-) -> Measured | None:
-    """What the clips do, where the module reads it."""
-    if module.measures is None or clips is None:
-        return None
-    return Measured.read(clips, table, weights, device)
-
-
-def _measure_statistics(
-    module: ContentEncoder, sequences: Sequences, batches: DrawnWindows, batch: int
-) -> None:
-    """Centre and spread of the pose statistics, where the module reads these, from some `STATISTICS_WINDOWS`."""
-    if module.statistics is not None:
-        drawn = [next(batches) for _ in range(max(1, STATISTICS_WINDOWS // batch))]
-        module.statistics.measure(torch.cat([sequences(d.start, d.plan)[0] for d in drawn]))
-
-
-def begin_with(module: ContentEncoder, start: dict[str, Tensor]) -> None:
-    """Weights of an earlier model; a reader that it had not keeps its own."""
-    readers = {k: v for k, v in module.state_dict().items() if k.startswith("measures.")}
-    module.load_state_dict(readers | start)
 
 
 def _word_noise(words: Tensor, size: int, strengths: tuple[float, float]) -> Tensor:

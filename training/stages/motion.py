@@ -3,37 +3,39 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from runtime.feet.skating import SOLE_POINTS
-from runtime.motion.features import INPUT, OUTPUT
+from runtime.motion.features import FPS, INPUT, OUTPUT
+from runtime.skeleton import J
 from training import losses as terms
 from training import parallel
 from training.batches import FrameTensors, Normalisation, RandomRows, loss_weights
-from training.composition.composer import CompositionPlan
+from training.composition import CompositionPlan
+from training.kinematics import TURNS, knee_flexion, shown_joints, turns
 from training.networks.decoder import blend_codes
 from training.networks.diffusion import Schedule, add_noise, analytic_variance, noise_estimate
 from training.networks.generator import Generator
 from training.packed_run import START
 from training.presets import ModelConfig
-from training.rollouts import RolloutLanes
+from training.rollouts import ENERGY_FRAMES, SWING_FRAMES, RolloutLanes, movements, steered
 from training.session import (
     Losses,
     MovingAverage,
     Resumable,
     Session,
+    StageLength,
     TrainingState,
     load_checkpoint,
     save_checkpoint,
     train,
 )
-from training.shown_pose import shown_losses
-from training.steered_paths import steered
 from training.styles import StyleTable
 
 _FEET = list(SOLE_POINTS)
@@ -112,20 +114,22 @@ def stage2_loss(data: MotionData, target: Tensor, predicted: Tensor) -> dict[str
 
 
 CONTACT_WEIGHT = 0.1
-SHOWN_WEIGHT = 0.3
-UNREST_WEIGHT = 0.05
-SWING_WEIGHT = 0.05
-OWN_SWING_WEIGHT = 0.05
-TURN_WEIGHT = 1.0  # of pelvis, shoulders, head and feet: a centimetre at the joints, which Eq. 11 hardly sees
-OFFSET_WEIGHT = 1.5
-BEND_WEIGHT = 0.3  # of the knees' flexion: in lanes of its distribution too
+ADDED_WEIGHTS = {  # of the losses that are not in the paper
+    "shown": 0.3,
+    "unrest": 0.05,
+    "swing": 0.05,
+    "own_swing": 0.05,
+    "offset": 1.5,
+    "bend": 0.3,  # of the knees' flexion; in rollouts of its distribution too
+    "turn": 1.0,  # of pelvis, shoulders, head and feet: a centimetre at the joints, which Eq. 11 hardly sees
+}
 NOISE = 0.12  # of captured frames' inputs: more makes the network trust its own pose less, and swings shrink
-LANES = 0.5  # share of a batch that goes on from the network's own output
+LANES = 0.5  # fraction of a batch that continues from the network's own output
 LANE_FRAMES = 90.0  # mean length of such a rollout
-# Share of captured samples that come from the pose of another: words lead the way, not the last pose.
-FOREIGN = 0.4
-# Parts of other clips are put on a sample so often, over stage 1: whole captured bodies are learnt slower than they.
-COMPOSED = 0.65
+FOREIGN = 0.4  # fraction of captured samples that start from another clip's pose: else the last pose outweighs words
+COMPOSED = (
+    0.65  # times as often as in stage 1: whole captured bodies are learnt more slowly than composed ones
+)
 
 
 @dataclass
@@ -137,7 +141,7 @@ class MixedBatch:
     target: Tensor  # normalised y
 
 
-def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes, noise: float) -> MixedBatch:
+def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes) -> MixedBatch:
     """The first part of `rows` as captured or composed, the rest replaced by the lanes."""
     fresh = rows[: len(rows) - len(lanes.rows)]
     patch, plan = data.patch(fresh), data.frames.plan(fresh, often=COMPOSED)
@@ -147,17 +151,17 @@ def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes, noise: floa
     clips = [plan.words(data.frames.clip[fresh]), lanes.plan.words(data.frames.clip[lanes.rows])]
     return MixedBatch(
         z=data.styles(torch.cat(clips)),
-        x=torch.cat([_corrupt(x, noise), _corrupt(in_lanes, 0.2 * noise)]),
+        x=torch.cat([_corrupt(x, NOISE), _corrupt(in_lanes, 0.2 * NOISE)]),
         target=torch.cat([y, data.output(lanes.rows, lanes.patch, lanes.plan)]),
     )
 
 
-def from_other_poses(x: Tensor, share: float) -> Tensor:
-    """x `(B, 472)`, of which a `share` has the previous pose of another row.
+def from_other_poses(x: Tensor, fraction: float) -> Tensor:
+    """x `(B, 472)`, of which a `fraction` has the previous pose of another row.
 
     Without them a network learns to keep the pose that it sees, and takes up a style late or never.
     """
-    changed = (torch.rand(len(x), device=x.device) < share).nonzero()[:, 0]
+    changed = (torch.rand(len(x), device=x.device) < fraction).nonzero()[:, 0]
     others = torch.randperm(len(x), device=x.device)[: len(changed)]
     result = x.clone()
     for name in ("joint_positions", "joint_velocities"):
@@ -166,8 +170,83 @@ def from_other_poses(x: Tensor, share: float) -> Tensor:
 
 
 def full_precision(device: torch.device) -> torch.autocast:
-    """For what follows the networks: a pose of three digits trembles when it is fed back, and kinematics add up."""
+    """Single precision for what follows the networks: a pose of three digits trembles when it is fed back."""
     return torch.autocast(device.type, enabled=False)
+
+
+TURN = 0.15  # radians: unit of turns
+MOST_WRONG = 4.0  # of these: a head or foot that points to the other side is not pulled farther than this
+TURN_WEIGHT = 6.0  # of a turn against a joint's coordinate
+SETTLED_FRAMES = 10  # a rollout that began in another pose than its clip's has to move towards it first
+
+
+def shown_losses(normal: Normalisation, lanes: RolloutLanes, target: Tensor, y: Tensor) -> dict[str, Tensor]:
+    """Losses of the pose that forward kinematics make of the normalised prediction y `(B, n)`, and of the lanes' movements.
+
+    `shown` holds the pose to the capture; `training.losses` has the others.
+    """
+    field = OUTPUT["joint_positions"]
+    scale = normal.y_deviation[field]
+    real = y * normal.y_deviation + normal.y_mean
+    joints = shown_joints(real)
+    wanted = target[:, field] * scale + normal.y_mean[field]
+    weights = _shown_weights(y.device)
+    result = {"shown": (weights * ((joints.flatten(1) - wanted) / scale).square()).mean()}
+
+    count = len(lanes.rows)
+    captured = target * normal.y_deviation + normal.y_mean
+    wanted_joints = wanted.unflatten(1, (J, 3))
+    result["turn"] = _turn(turns(real, joints), turns(captured, wanted_joints))
+    result["bend"] = _bend(real, captured, count)
+    own = joints[-count:]
+    velocity = OUTPUT["joint_velocities"]
+    moved = (own - lanes.previous_joints()).flatten(1) * FPS
+    settled = _older(lanes, SETTLED_FRAMES).expand_as(moved)
+    result["unrest"] = terms.unrest(moved, real[-count:, velocity], normal.y_deviation[velocity], settled)
+    both = movements(real[-count:], own), movements(captured[-count:], wanted_joints[-count:])
+    return result | _movement_losses(lanes, both, torch.cat([scale, scale.new_full((TURNS,), TURN)]))
+
+
+def _movement_losses(lanes: RolloutLanes, moved: tuple[Tensor, Tensor], scale: Tensor) -> dict[str, Tensor]:
+    """How far the lanes' `movements` swing, and where they are on average, against their clips'."""
+    since = SETTLED_FRAMES + SWING_FRAMES
+    kept = torch.ones_like(moved[0])
+    kept[:, -TURNS:] = TURN_WEIGHT
+    swings, captured = lanes.swings(*moved)
+    energies = lanes.energies(swings.detach(), captured, since)
+    offsets = lanes.offsets(*moved, since)
+    lived = kept * _older(lanes, since + ENERGY_FRAMES)
+    return {
+        "swing": terms.swing(swings, captured, scale, kept * _older(lanes, since)),
+        "own_swing": terms.own_swing(swings, energies, scale, lived),
+        "offset": terms.offset(moved[0] - moved[1], offsets, scale, lived),
+    }
+
+
+def _turn(own: Tensor, wanted: Tensor) -> Tensor:
+    """Mean square error of `turns` `(B, 9)`, in units of `TURN`."""
+    error = torch.remainder(own - wanted + math.pi, 2.0 * math.pi) - math.pi
+    error = (error / TURN).clamp(-MOST_WRONG, MOST_WRONG)
+    return error.square().mean()
+
+
+def _older(lanes: RolloutLanes, frames: int) -> Tensor:
+    """`(lanes, 1)`: one where a rollout is at least so many frames old."""
+    return (lanes.age >= frames).float()[:, None]
+
+
+def _bend(real: Tensor, wanted: Tensor, lanes: int) -> Tensor:
+    """Error of the knees' flexion, and of its distribution in the last `lanes` rows, which may be out of step."""
+    own, captured = knee_flexion(real), knee_flexion(wanted)
+    error = ((own - captured) / terms.BEND).square().mean()
+    return error + terms.distribution(own[-lanes:], captured[-lanes:], terms.BEND)
+
+
+@lru_cache(2)
+def _shown_weights(device: torch.device) -> Tensor:
+    """Weight of every joint's position `(93,)`: that of Eq. 11."""
+    weights = loss_weights(device)[OUTPUT["joint_positions"]]
+    return weights / weights.mean()
 
 
 def motion_losses(data: MotionData, lanes: RolloutLanes, mixed: MixedBatch, y: Tensor) -> Losses:
@@ -182,18 +261,11 @@ def motion_losses(data: MotionData, lanes: RolloutLanes, mixed: MixedBatch, y: T
 
 
 def total_of(result: Losses) -> Tensor:
-    """Eq. 11 and 12 with what is added to them here."""
+    """Eq. 10, and the losses that are not in the paper."""
     total = terms.stage2(result["rec"], result["contact"], CONTACT_WEIGHT)
-    return (
-        total
-        + SHOWN_WEIGHT * result["shown"]
-        + UNREST_WEIGHT * result["unrest"]
-        + SWING_WEIGHT * result["swing"]
-        + OWN_SWING_WEIGHT * result["own_swing"]
-        + OFFSET_WEIGHT * result["offset"]
-        + BEND_WEIGHT * result["bend"]
-        + TURN_WEIGHT * result["turn"]
-    )
+    for name, weight in ADDED_WEIGHTS.items():
+        total = total + weight * result[name]
+    return total
 
 
 def mixture_losses(
@@ -208,42 +280,48 @@ def mixture_losses(
 
 
 def lanes_of(session: Session, data: MotionData, batch: int, salt: int) -> RolloutLanes:
-    """Rollouts beside a batch, begun at random frames."""
+    """The rollouts of a batch, begun at random frames."""
     fresh = RandomRows(data.weights, batch, 2, data.frames.last, session.batch_generator(salt))
     return RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh, COMPOSED)
 
 
-def run_stage2(
-    session: Session,
-    config: ModelConfig,
-    data: MotionData,
-    steps: int,
-    batch: int = 256,
-    max_minutes: float | None = None,
-) -> Generator:
+def generator_state(
+    module: Generator, parameters: Iterable[nn.Parameter], steps: int, sources: Mapping[str, Resumable]
+) -> TrainingState:
+    """AdamW on `parameters`, with the moving average of the whole module."""
+    optimizer = torch.optim.AdamW(parameters, lr=1e-3, weight_decay=1e-4, fused=True)
+    # of the weights: a fifth of the stage, at most 2000 steps
+    average = MovingAverage(module, min(0.9995, 1.0 - 5.0 / max(steps, 10)))
+    return TrainingState(module, optimizer, average, sources)
+
+
+def all_but_the_denoiser(module: Generator) -> list[nn.Parameter]:
+    """What stage 2 and the stage ground train."""
+    return [p for n, p in module.named_parameters() if not n.startswith("denoiser")]
+
+
+def run_stage2(session: Session, config: ModelConfig, data: MotionData, length: StageLength) -> Generator:
     """Train everything but the diffusion decoder; AdamWR: cosine annealing with warm restarts (Sec. III-G)."""
     torch.manual_seed(session.seed + 2)
+    steps, batch = length.steps, length.batch
     module = Generator(config).to(session.device)
     fine_tuned = (session.out / START).exists()
     if fine_tuned:  # weights of an earlier model, unpacked by training.packed_run
         module.load_state_dict(load_checkpoint(session.out / START)["module"])
         without_dropout(module)
-    parameters = [p for n, p in module.named_parameters() if not n.startswith("denoiser")]
-    optimizer = torch.optim.AdamW(parameters, lr=1e-3, weight_decay=1e-4, fused=True)
-    state = TrainingState(module, optimizer, MovingAverage(module, decay_of(steps)))
     rows = RandomRows(data.weights, batch, 1, data.frames.last, session.batch_generator(4))
     lanes = lanes_of(session, data, batch, 8)
+    sources: dict[str, Resumable] = {"rows": rows, "lanes": lanes}
+    state = generator_state(module, all_but_the_denoiser(module), steps, sources)
 
-    def losses(item: object, step: int) -> dict[str, Tensor]:
-        assert isinstance(item, Tensor)
-        if step >= DROPOUT_SHARE * steps:
+    def losses(item: Tensor, step: int) -> Losses:
+        if step >= DROPOUT_STEPS * steps:
             without_dropout(module)
-        return mixture_losses(data, module, mixed_batch(data, item, lanes, NOISE), lanes)[0]
+        return mixture_losses(data, module, mixed_batch(data, item, lanes), lanes)[0]
 
     cycles = 3 if steps >= SHORT_STEPS else 1
     rate = warm_restarts(steps, peak_of(batch) * (0.5 if fine_tuned else 1.0), cycles)
-    kept: dict[str, Resumable] = {"rows": rows, "lanes": lanes}
-    train(session, "stage2", state, rows, losses, steps, rate, batch, max_minutes, kept)
+    train(session, "stage2", state, rows, losses, rate, length)
     module.load_state_dict(state.average.values)
     save_checkpoint(
         session.out / "stage2_final.pt", {"module": module.state_dict(), "config": asdict(config)}
@@ -260,12 +338,7 @@ def without_dropout(module: torch.nn.Module) -> None:
 
 
 SHORT_STEPS = 6000  # of a stage: fewer leave no time for restarts
-DROPOUT_SHARE = 1 / 7  # of stage 2: the first of its three cycles
-
-
-def decay_of(steps: int) -> float:
-    """Of the moving average of the weights: a fifth of the stage, at most 2000 steps."""
-    return min(0.9995, 1.0 - 5.0 / max(steps, 10))
+DROPOUT_STEPS = 1 / 7  # of stage 2: the first of its three cycles
 
 
 def peak_of(batch: int) -> float:
@@ -327,40 +400,32 @@ def _cosine(steps: int, peak: float) -> Callable[[int], float]:
     return rate
 
 
-def _denoiser_state(session: Session, config: ModelConfig, module: Generator, steps: int) -> TrainingState:
+def _denoiser_parameters(session: Session, module: Generator) -> Iterable[nn.Parameter]:
     """The denoiser alone is trained; at first it adds nothing to the codes of E_d."""
-    if config.residual_diffusion and not (session.out / START).exists():
+    if module.config.residual_diffusion and not (session.out / START).exists():
         torch.nn.init.zeros_(module.denoiser.head.weight)
         torch.nn.init.zeros_(module.denoiser.head.bias)
     module.requires_grad_(False)
     module.denoiser.requires_grad_(True)
-    optimizer = torch.optim.AdamW(module.denoiser.parameters(), lr=1e-3, weight_decay=1e-4, fused=True)
-    return TrainingState(module, optimizer, MovingAverage(module, decay_of(steps)))
+    return module.denoiser.parameters()
 
 
-def run_stage3(
-    session: Session,
-    config: ModelConfig,
-    data: MotionData,
-    module: Generator,
-    steps: int,
-    batch: int = 256,
-    max_minutes: float | None = None,
-) -> Generator:
+def run_stage3(session: Session, data: MotionData, module: Generator, length: StageLength) -> Generator:
     """Train the denoiser on `target_codes` (Eq. 14), then also with stage-2 supervision of the blended output."""
     torch.manual_seed(session.seed + 3)
     measure_codes(module, data, session)
-    state = _denoiser_state(session, config, module, steps)
-    schedule = Schedule.linear(config.diffusion_steps)
-    tau = torch.as_tensor(schedule.subsequence(config.inference_steps), device=session.device)
+    steps, batch = length.steps, length.batch
+    parameters = _denoiser_parameters(session, module)
+    schedule = Schedule.linear(module.config.diffusion_steps)
+    tau = torch.as_tensor(schedule.subsequence(module.config.inference_steps), device=session.device)
     rows = RandomRows(data.weights, batch, 1, data.frames.last, session.batch_generator(6))
     lanes = lanes_of(session, data, batch, 9)
+    state = generator_state(module, parameters, steps, {"rows": rows, "lanes": lanes})
 
-    def losses(item: object, step: int) -> Losses:
-        assert isinstance(item, Tensor)
+    def losses(item: Tensor, step: int) -> Losses:
         module.eval()  # dropout stays off in the frozen part; the denoiser has none
         with torch.no_grad():
-            mixed = mixed_batch(data, item, lanes, NOISE)
+            mixed = mixed_batch(data, item, lanes)
             e, alpha = module.embed(mixed.x, mixed.z)
             with full_precision(e.device):
                 codes = module.target_codes(e.float(), alpha.float(), mixed.target)
@@ -375,19 +440,7 @@ def run_stage3(
                 result, total = result | motion, 0.1 * total + total_of(motion)
             return result | {"total": total}
 
-    kept: dict[str, Resumable] = {"rows": rows, "lanes": lanes}
-    train(
-        session,
-        "stage3",
-        state,
-        rows,
-        losses,
-        steps,
-        _cosine(steps, peak_of(batch)),
-        batch,
-        max_minutes,
-        kept,
-    )
+    train(session, "stage3", state, rows, losses, _cosine(steps, peak_of(batch)), length)
     module.load_state_dict(state.average.values)
     return module.eval()
 
@@ -397,19 +450,15 @@ VARIANCE_BATCHES = 48  # of 1024 frames, each with its noise and the opposite of
 
 @torch.no_grad()
 def estimate_variance(
-    session: Session,
-    config: ModelConfig,
-    data: MotionData,
-    module: Generator,
-    batches: int = VARIANCE_BATCHES,
+    session: Session, data: MotionData, module: Generator, batches: int = VARIANCE_BATCHES
 ) -> np.ndarray:
     """sigma_bar^2 `(5,)` per step of tau by Monte Carlo over the training set (Analytic-DPM).
 
     Kept within its bounds: what is diffused is standardised, so no less than 0 and no more than its own variance is
     left of it at any step. The last steps divide by an alpha_bar of nearly zero; there the bound is what is known.
     """
-    schedule = Schedule.linear(config.diffusion_steps)
-    tau = schedule.subsequence(config.inference_steps)
+    schedule = Schedule.linear(module.config.diffusion_steps)
+    tau = schedule.subsequence(module.config.inference_steps)
     rows = RandomRows(data.weights, 1024, 0, data.frames.last, session.generator(7))
     norms: list[list[Tensor]] = [[] for _ in tau]
     spread: list[float] = []

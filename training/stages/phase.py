@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -16,8 +17,10 @@ from training.frames import FrameTable
 from training.networks.phase import WINDOW, PeriodicAutoencoder
 from training.presets import ModelConfig
 from training.session import (
+    Losses,
     MovingAverage,
     Session,
+    StageLength,
     TrainingState,
     load_checkpoint,
     save_checkpoint,
@@ -26,7 +29,10 @@ from training.session import (
 
 log = logging.getLogger("sport.train")
 HALF = WINDOW // 2
-ENCODED = "phase_encoded.npy"  # of the run: phase vectors so far
+ENCODED = "phase_encoded.npy"  # phase vectors so far
+STRIDE = 3  # frames between two that are encoded
+ENCODED_ROWS = 1024  # at once
+KNOWN_FRAMES = 6000  # of the capture, which give the scale of its phases
 
 
 def _windows(velocities: Tensor, rows: Tensor, first: Tensor, last: Tensor) -> Tensor:
@@ -40,11 +46,9 @@ class _Windows:
     """Endless windows `(batch, 121, 31, 3)` of velocities, divided by their `scale`."""
 
     def __init__(self, session: Session, table: FrameTable, weights: np.ndarray, batch: int) -> None:
-        device = session.device
-        self._velocities = torch.as_tensor(table.velocities).to(device)
-        first, last = torch.as_tensor(table.start[:-1]), torch.as_tensor(table.start[1:] - 1)
-        clip = torch.as_tensor(table.clip.astype(np.int64))
-        self._first, self._last = first[clip].to(device), last[clip].to(device)
+        self._velocities = torch.as_tensor(table.velocities).to(session.device)
+        self._first = torch.as_tensor(table.start[table.clip]).to(session.device)
+        self._last = torch.as_tensor(table.start[table.clip + 1] - 1).to(session.device)
         self._rows = RandomRows(weights, batch, 0, self._last, session.generator(1))
         probe = next(RandomRows(weights, 20000, 0, self._last, session.generator(11)))
         self.scale = self._velocities[probe].float().std((0, 2)).mean()
@@ -63,38 +67,22 @@ class _Windows:
 
 
 def run(
-    session: Session,
-    config: ModelConfig,
-    table: FrameTable,
-    weights: np.ndarray,
-    steps: int = 1500,
-    batch: int = 128,
-    max_minutes: float | None = None,
+    session: Session, config: ModelConfig, table: FrameTable, weights: np.ndarray, length: StageLength
 ) -> np.ndarray:
-    """Phase vectors `(N, 5, 2)` of every frame; also written to `phase.npy` beside the checkpoint."""
+    """Phase vectors `(N, 5, 2)` of every frame; also written to `phase.npy` next to the checkpoint."""
     torch.manual_seed(session.seed)
-    batches = _Windows(session, table, weights, batch)
+    batches = _Windows(session, table, weights, length.batch)
     module = PeriodicAutoencoder(config).to(session.device)
     optimizer = torch.optim.AdamW(module.parameters(), lr=1e-3, weight_decay=1e-4)
-    state = TrainingState(module, optimizer, MovingAverage(module, 0.99))
+    state = TrainingState(module, optimizer, MovingAverage(module, 0.99), {"windows": batches})
 
-    def losses(window: object, step: int) -> dict[str, Tensor]:
-        assert isinstance(window, Tensor)
-        loss = mse_loss(module(window).float(), window)
-        return {"total": loss}
+    def losses(window: Tensor, step: int) -> Losses:
+        return {"total": mse_loss(module(window).float(), window)}
 
-    train(
-        session,
-        "phase",
-        state,
-        batches,
-        losses,
-        steps,
-        lambda s: 1e-3 * min(1.0, (steps - s) / (0.3 * steps) + 0.02),
-        batch,
-        max_minutes,
-        {"windows": batches},
-    )
+    def rate(step: int) -> float:
+        return 1e-3 * min(1.0, (length.steps - step) / (0.3 * length.steps) + 0.02)
+
+    train(session, "phase", state, batches, losses, rate, length)
     save_checkpoint(
         session.out / "phase_final.pt",
         {"module": state.average.values, "scale": batches.scale.cpu(), "config": asdict(config)},
@@ -104,66 +92,101 @@ def run(
 
 def encode_table(session: Session, config: ModelConfig, table: FrameTable) -> np.ndarray:
     """Phase vectors `(N, 5, 2)` of a table by the trained autoencoder; written to `phase.npy`."""
-    saved = load_checkpoint(session.out / "phase_final.pt")
-    module = PeriodicAutoencoder(config).to(session.device)
-    module.load_state_dict(saved["module"])
-    velocities = torch.as_tensor(table.velocities).to(session.device)
-    first = torch.as_tensor(table.start[table.clip]).to(session.device)
-    last = torch.as_tensor(table.start[table.clip + 1] - 1).to(session.device)
-    phase = encode_all(session, module, velocities, float(saved["scale"]), first, last)
+    phase = _Encoder.of(session, config).phases(table, session.out)
     # a unit scale for the networks: amplitudes themselves are arbitrary
     phase /= np.sqrt((phase[:: max(1, len(phase) // 50000)] ** 2).mean((0, 2), keepdims=True)) + 1e-6
     np.save(session.out / "phase.npy", phase.astype(np.float32))
-    (session.out / ENCODED).unlink(missing_ok=True)
     return phase.astype(np.float32)
 
 
-def _encoded_so_far(session: Session, count: int) -> np.ndarray:
-    """Phase vectors `(count, 5, 2)` in a file of the run, NaN where still to be computed: hours of work survive an end."""
-    path = session.out / ENCODED
-    trained = session.out / "phase_final.pt"
-    if path.exists() and path.stat().st_mtime >= trained.stat().st_mtime:
-        kept = np.load(path, mmap_mode="r+")
-        if kept.shape == (count, C, 2):
-            return kept
-    fresh = np.lib.format.open_memmap(path, mode="w+", dtype=np.float32, shape=(count, C, 2))
-    fresh[:] = np.nan
-    return fresh
-
-
-@torch.no_grad()
-def encode_all(
+def course_phases(
     session: Session,
-    module: PeriodicAutoencoder,
-    velocities: Tensor,
-    scale: float,
-    first: Tensor,
-    last: Tensor,
-    stride: int = 3,
-    batch: int = 1024,
+    config: ModelConfig,
+    table: FrameTable,
+    known: tuple[FrameTable, np.ndarray],
+    folder: Path,
 ) -> np.ndarray:
-    """Phase vectors of every frame; computed at every `stride`-th frame and interpolated between."""
-    module.eval()
-    count = len(velocities)
-    rows = torch.arange(0, count, stride, device=velocities.device)
-    known = _encoded_so_far(session, len(rows))
-    for k, chunk in enumerate(rows.split(batch)):
-        part = known[k * batch : (k + 1) * batch]
-        if not np.isnan(part).any():
-            continue
-        with session.autocast():
-            part[:] = (
-                module.phase_vectors(_windows(velocities, chunk, first, last) / scale).float().cpu().numpy()
-            )
-        if k % 50 == 0:
-            log.info("phase: encoded %d of %d frames", k * batch * stride, count)
-    position = np.arange(count) / stride
+    """Phases `(N, 5, 2)` of course clips `table`, kept in `folder`.
+
+    Their scale is that of `known`: the captured table and its phases.
+    """
+    stored = folder / "phase.npy"
+    if stored.exists():
+        found = np.load(stored, allow_pickle=False)
+        if len(found) == len(table):
+            return found
+    encoder, (captured, phase) = _Encoder.of(session, config), known
+    last = min(int(np.searchsorted(captured.start, KNOWN_FRAMES)), len(captured.start) - 1)
+    count = int(captured.start[last])
+    ratio = np.square(encoder.phases(captured, folder, count)).mean((0, 2)) / np.square(phase[:count]).mean(
+        (0, 2)
+    )
+    result = (encoder.phases(table, folder) / np.sqrt(ratio)[:, None]).astype(np.float32)
+    np.save(stored, result)
+    return result
+
+
+@dataclass(frozen=True)
+class _Encoder:
+    """The trained autoencoder on all frames of a table."""
+
+    session: Session
+    module: PeriodicAutoencoder
+    scale: float  # of velocities
+
+    @staticmethod
+    def of(session: Session, config: ModelConfig) -> _Encoder:
+        """As stage 0 left it."""
+        saved = load_checkpoint(session.out / "phase_final.pt")
+        module = PeriodicAutoencoder(config).to(session.device)
+        module.load_state_dict(saved["module"])
+        return _Encoder(session, module.eval(), float(saved["scale"]))
+
+    def phases(self, table: FrameTable, folder: Path, count: int | None = None) -> np.ndarray:
+        """Phase vectors of the first `count` frames, or of all. What is encoded so far is kept in `folder`."""
+        result = self._every_third(table, folder, count or len(table))
+        (folder / ENCODED).unlink()
+        return result
+
+    @torch.no_grad()
+    def _every_third(self, table: FrameTable, folder: Path, count: int) -> np.ndarray:
+        """Every third frame encoded, the others between them."""
+        velocities = torch.as_tensor(np.array(table.velocities[:count])).to(self.session.device)
+        clip = table.clip[:count]
+        first, last = table.start[clip], table.start[clip + 1] - 1
+        bounds = [torch.as_tensor(v).to(self.session.device) for v in (first, last)]
+        rows = torch.arange(0, count, STRIDE, device=velocities.device)
+        known = self._encoded_so_far(folder, len(rows))
+        for k, chunk in enumerate(rows.split(ENCODED_ROWS)):
+            part = known[k * ENCODED_ROWS : (k + 1) * ENCODED_ROWS]
+            if not np.isnan(part).any():
+                continue
+            with self.session.autocast():
+                windows = _windows(velocities, chunk, *bounds) / self.scale
+                part[:] = self.module.phase_vectors(windows).float().cpu().numpy()
+            if k % 50 == 0:
+                log.info("phase: encoded %d of %d frames", k * ENCODED_ROWS * STRIDE, count)
+        return _between(known, first, last)
+
+    def _encoded_so_far(self, folder: Path, count: int) -> np.ndarray:
+        """Phase vectors `(count, 5, 2)` in a file, NaN where still to be computed: hours of work survive an end."""
+        path, trained = folder / ENCODED, self.session.out / "phase_final.pt"
+        if path.exists() and path.stat().st_mtime >= trained.stat().st_mtime:
+            kept = np.load(path, mmap_mode="r+")
+            if kept.shape == (count, C, 2):
+                return kept
+        fresh = np.lib.format.open_memmap(path, mode="w+", dtype=np.float32, shape=(count, C, 2))
+        fresh[:] = np.nan
+        return fresh
+
+
+def _between(known: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """Phases of all frames from those of every third; `first` and `last` `(N,)` are the ends of a frame's clip."""
+    position = np.arange(len(first)) / STRIDE
     low = np.minimum(position.astype(int), len(known) - 1)
     high = np.minimum(low + 1, len(known) - 1)
     # no blending across two clips
-    high = np.where(
-        (low * stride < first.cpu().numpy()), high, np.where(high * stride > last.cpu().numpy(), low, high)
-    )
-    low = np.where(low * stride < first.cpu().numpy(), high, low)
+    high = np.where((low * STRIDE < first), high, np.where(high * STRIDE > last, low, high))
+    low = np.where(low * STRIDE < first, high, low)
     t = (position - np.floor(position))[:, None, None]
     return (1 - t) * known[low] + t * known[high]

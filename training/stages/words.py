@@ -1,7 +1,5 @@
 """Stage 1, afterwards: the text network learns that a longer sentence means what its phrases mean.
 
-python -m training.stages.words --clips DIR --run DIR
-
 The text network alone is trained, on the codes that it gives already: those of all training sentences stay, so the
 motion generator may have been trained before, and those of `training.augmentation.sentences` follow their phrases.
 """
@@ -27,7 +25,7 @@ from training.styles import StyleTexts
 
 log = logging.getLogger("sport.train")
 
-STEPS, BATCH = WORD_STEPS, 128
+BATCH = 128
 WORD_NOISE = 0.1  # at most, of the length of a sentence's embedding
 
 
@@ -45,7 +43,7 @@ def learn_longer_sentences(
     config: ModelConfig,
     texts: StyleTexts,
     encoder: TextEncoderLike,
-    steps: int = STEPS,
+    steps: int = WORD_STEPS,
     seed: int = 0,
 ) -> dict[str, float]:
     """Train `content.text` in place; returns the mean distances (in deviations of the codes) before and after."""

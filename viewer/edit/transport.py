@@ -9,6 +9,7 @@ from runtime.controls import REQUESTS
 from runtime.skeleton import PART_NAMES
 from runtime.takes.pins import Pin, Pinned
 from viewer.edit.camera_keys import CameraKeys
+from viewer.edit.cutting import Cutting
 from viewer.edit.pins import Pins
 from viewer.edit.reference_card import ReferenceCard
 from viewer.edit.resimulation import Resimulation
@@ -26,6 +27,7 @@ SPEEDS = (0.1, 2.0)
 WIDE = 520.0  # pixels at scale 1: words next to the icons
 TINY = 400.0  # in less only what has no other way stays
 PROMPT_POPUP, GAIT_POPUP, PIN_POPUP, COMPARE_POPUP = "new prompt", "new gait", "new pin", "compare"
+CUT_POPUP, CUT_HINT = "cut", "Split, cut, repeat the take, or join another one to it"
 PIN_HINT = "Hold a hand, a foot, the look or the pose from this frame on, or key the camera"
 PROMPTS, ROW, FEET = 21.0, 15.0, 8.0  # heights at scale 1, where there is no more room
 PROMPT_TINTS = (theme.ACCENT_FILL, (0.36, 0.55, 0.78, 0.42))
@@ -140,6 +142,7 @@ class Transport:
     editing: Resimulation
     pins: Pins
     cameras: CameraKeys
+    cutting: Cutting
     timeline: Timeline = field(init=False)
     _tracks: TakeTracks = field(init=False)
     _wide: bool = True
@@ -253,6 +256,7 @@ class Transport:
             ("+ Prompt", "Another prompt from this frame on", PROMPT_POPUP, fixed),
             ("+ Gait", gait_hint, GAIT_POPUP, fixed),
             ("+ Pin", PIN_HINT, PIN_POPUP, self.pins.fixed),
+            ("Cut…", CUT_HINT, CUT_POPUP, self.pins.fixed),
         ):
             imgui.begin_disabled(bool(why))
             if widgets.button(text, 0.0, why or hint):
@@ -321,6 +325,9 @@ class Transport:
             for gait in REQUESTS:
                 if imgui.selectable(f"{gait.label.capitalize()}##gait", False)[0]:
                     editing.insert_gait(gait)
+            imgui.end_popup()
+        if imgui.begin_popup(CUT_POPUP):
+            self.cutting.menu()
             imgui.end_popup()
         if imgui.begin_popup(PIN_POPUP):
             for what in Pinned:

@@ -81,6 +81,7 @@ class ExportState:
     report: str = ""  # what became of the last export
     shown_report: str = ""  # the one of the frame before
     report_good: bool = True
+    saved: Path | None = None  # what it wrote
 
     def choose(self, **values: Any) -> None:
         """Change options of the form."""
@@ -197,7 +198,7 @@ class Exporting:
             except UsageError as error:
                 raise _named(error) from error
 
-        self.state.report, self.state.progress = "", (0, 0)
+        self.state.report, self.state.progress, self.state.saved = "", (0, 0), None
         self._cancel.clear()
         self.jobs.submit(
             SLOT,
@@ -316,7 +317,8 @@ class Exporting:
         self.takes.note_file(path, take.number, held)
         self.takes.settings.export_folder = str(path.parent)
         self.state.report, self.state.report_good = f"Saved {printable(text)}", True
-        self.messages.note(f"Saved {text}")
+        self.state.saved = path
+        self.messages.note(f"Saved {text}", path)
         self.propose()
 
     def _failed(self, error: Exception) -> None:

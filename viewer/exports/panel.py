@@ -134,6 +134,8 @@ def _end(exporting: Exporting) -> None:
     if state.report:
         with widgets.color(imgui.Col_.text, theme.TEXT if state.report_good else theme.ERROR):
             imgui.text_wrapped(state.report)
+        if state.saved and widgets.button("Show in folder##show export", -1):
+            exporting.messages.show_in_folder(state.saved)
         if state.report != state.shown_report:  # in a low window it lies below the edge
             imgui.set_scroll_here_y(1.0)
     state.shown_report = state.report

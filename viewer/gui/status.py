@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
@@ -16,6 +18,7 @@ _LOOKS = {
     Level.ERROR: (ICON.error, theme.ERROR),
 }
 MIN_MESSAGE_WIDTH = 260.0
+SHOW = "Show in folder"
 ICON_WIDTH = 26.0  # before a message
 DRIVE_HINT = "W A S D or the left stick to move,  F1 for all controls"
 FPS_HALF_LIFE_S = 0.5
@@ -41,12 +44,16 @@ class Stats:
 
 
 def draw(
-    message: Message | None, facts: list[tuple[str, str]], doing: str = "", can_end: bool = False
+    message: Message | None,
+    facts: list[tuple[str, str]],
+    doing: str,
+    can_end: bool,
+    show: Callable[[Path], None],
 ) -> bool:
     """The line: a message, and facts with their hints, which drop off from the left where the message needs their room.
 
     The last fact stays. Before the message what the program is `doing`, with a button where it can be ended; whether that
-    was pressed.
+    was pressed. `show` shows the file of a message in its folder.
     """
     width, gap = imgui.get_content_region_avail().x, px(18)
     text = DRIVE_HINT if message is None else message.text
@@ -60,7 +67,7 @@ def draw(
         imgui.same_line(0, gap)
         room -= imgui.get_cursor_pos_x() - begin
     if message or not doing:
-        _message(message, room)
+        _message(message, room, show)
     imgui.same_line(width - sum(widths) + gap + imgui.get_style().window_padding.x)
     for text, hint in facts[-len(widths) :]:
         widgets.muted(text)
@@ -78,7 +85,7 @@ def _doing(text: str, width: float, can_end: bool) -> bool:
     return imgui.small_button("Cancel##doing")
 
 
-def _message(message: Message | None, width: float) -> None:
+def _message(message: Message | None, width: float, show: Callable[[Path], None]) -> None:
     if message is None:
         widgets.muted(widgets.elided(f"{ICON.help} {DRIVE_HINT}", width))
         return
@@ -87,8 +94,13 @@ def _message(message: Message | None, width: float) -> None:
         imgui.text_unformatted(icon)
         imgui.same_line(0, px(5))
     plain = theme.TEXT if message.level is Level.NOTE else color
+    width -= imgui.calc_text_size(SHOW).x + px(24) if message.path else 0.0
     with widgets.color(imgui.Col_.text, plain):
         shown = widgets.elided(message.text, width - px(ICON_WIDTH))
         imgui.text_unformatted(shown)
     if shown != message.text and imgui.is_item_hovered():
         widgets.tooltip(message.text)
+    if message.path is not None:
+        imgui.same_line(0, px(10))
+        if imgui.small_button(f"{SHOW}##show in folder"):
+            show(message.path)

@@ -129,8 +129,11 @@ def _shape(scene: Scene) -> None:
 
 
 def _views(scene: Scene) -> None:
-    width = widgets.column_width(len(VIEWS) + 1)
-    for key, (name, text) in enumerate(VIEWS.items(), 1):
+    shown = [
+        (name, text) for name, text in VIEWS.items() if name != "top"
+    ]  # which has a key; there is no room
+    width = widgets.column_width(len(shown) + 1)
+    for key, (name, text) in enumerate(shown, 1):
         if widgets.button(f"{text}##view {name}", width, f"The character from there ({key})"):
             scene.view(name)
         widgets.same_line()

@@ -217,7 +217,7 @@ class Sessions:
             if untitled:
                 library.remove(before)
             self._remember(path)
-            self.messages.note(f"Saved {path}.")
+            self.messages.note(f"Saved {path}.", path)
 
         self.jobs.submit(OPENING, lambda: file.save_as(path), done, writing=f"the session {path.name}")
 
@@ -228,7 +228,7 @@ class Sessions:
         self.jobs.submit(
             COPYING,
             lambda: file.save_copy(path),
-            lambda _: self.messages.note(f"Saved a copy as {path}."),
+            lambda _: self.messages.note(f"Saved a copy as {path}.", path),
             writing=f"the copy {path.name}",
         )
 

@@ -488,7 +488,7 @@ class Takes:
     def _exported(self, take: Take, path: Path) -> None:
         self.note_file(path, take.number, take)
         self.settings.export_folder = str(path.parent)
-        self.messages.note(f"Saved {path}")
+        self.messages.note(f"Saved {path}", path)
 
     def note_file(self, path: Path, number: int, held: Take | None) -> None:
         """A file was written of a take, and holds it as `held`; None for another form."""
@@ -516,7 +516,7 @@ class Takes:
         def done(paths: list[Path]) -> None:
             for take, path in zip(takes, paths, strict=True):
                 self.note_file(path, take.number, take)
-            self.messages.note(f"Saved {len(paths)} takes in {folder}")
+            self.messages.note(f"Saved {len(paths)} takes in {folder}", folder)
 
         self.jobs.submit(EXPORT_ALL, work, done, writing="the export of all takes")
 

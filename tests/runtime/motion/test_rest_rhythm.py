@@ -48,8 +48,8 @@ def test_the_rhythm_of_standing_clips_is_read_off_their_words():
     torch = pytest.importorskip("torch")
     from runtime.controls import Gait
     from runtime.motion.features import INPUT, MOTION_INPUT_SIZE, OUTPUT_SIZE, L
+    from training.export.pace import rest_rhythm
     from training.frames import FrameTable
-    from training.rest_rhythm import rest_rhythm
     from training.styles import StyleTable
 
     frames, clips = 120, 3  # a quiet one, a waving one, and one that walks

@@ -24,7 +24,7 @@ from training.augmentation.catalogue import catalogue, load_catalogue, part_edit
 from training.augmentation.edits import apply
 from training.augmentation.gait import left_landings, step_phase
 from training.augmentation.motion import EditedMotion, keep_feet
-from training.data.clip_files import TrainingClip
+from training.data.clips import TrainingClip
 from training.text.measure import BodyMeasures, measure
 
 

@@ -30,8 +30,7 @@ from training.baselines.networks import (
     footstep_window,
 )
 from training.baselines.train import BaselineStepGraph
-from training.data.clip_files import TrainingClip
-from training.data.height_patches import Patches
+from training.data.clips import Patches, TrainingClip
 from training.evaluation.motion.evaluated_model import count_parameters
 from training.presets import preset
 

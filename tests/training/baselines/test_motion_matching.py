@@ -27,8 +27,7 @@ from tests.helpers.walker import walk
 from training.baselines import matching
 from training.baselines.matching import STEP, Database, MatchingModel, Playing, feature_vectors
 from training.baselines.motion_matching import build, clip_rows, export, standing
-from training.data.clip_files import TrainingClip
-from training.data.height_patches import Patches
+from training.data.clips import Patches, TrainingClip
 from training.frames import clip_frames
 
 FRAMES = 360

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,13 +14,9 @@ from runtime.errors import FileError
 from runtime.formats.bvh import format_bvh, parse_bvh
 from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, Skeleton
 from training.data import cutting, labels, relief
-from training.data.catalog import BY_NAME, FREE, credits_of, licence_of, list_clips, recognise, skeleton_of
-from training.data.clip_files import TrainingClip
+from training.data.clips import Patches, TrainingClip, wrapped_height
 from training.data.foot_cleaning import bridge, clean_feet, stretches
-from training.data.height_patches import Patches, wrapped_height
 from training.data.importer import import_all
-from training.data.record import ClipSource, DataSet
-from training.data.report import Report
 from training.data.retarget import (
     calibrate_feet,
     load_source,
@@ -28,9 +25,20 @@ from training.data.retarget import (
     retarget,
     sample_times,
 )
-from training.data.sets import DATA_SETS
-from training.data.sets.walking_stick import read_transforms
 from training.data.source_skeletons import SourceJoint, SourceSkeleton
+from training.data.sources import (
+    BY_NAME,
+    DATA_SETS,
+    FREE,
+    DataSet,
+    Shown,
+    credits_of,
+    licence_of,
+    list_clips,
+    read_transforms,
+    recognise,
+    skeleton_of,
+)
 
 # a 100STYLE-like rig, 10 % larger than ours, with longer feet; name, parent, offset in cm
 RIG = [
@@ -170,16 +178,18 @@ def test_a_data_set_is_added_by_one_record(tmp_path: Path, monkeypatch: pytest.M
     """What CONTRIBUTING shows: its files are listed, credited, read by its reader, and left out where it is bound."""
     skeleton = SourceSkeleton("mine", frozenset({"MyRoot"}), {"Hips": SourceJoint("MyRoot")})
 
-    def clips(folder: Path) -> tuple[list[ClipSource], list]:
-        return [ClipSource(p, p.stem, "mine", "neutral", "walk forward") for p in folder.glob("*.txt")], []
+    def shows(path: Path) -> Shown | str:
+        return "no walk" if path.stem == "sit" else Shown("neutral", "walk forward")
 
-    record = DataSet("mine", "Me (MIT)", clips, (skeleton,), free=False, first_frame=2)
-    monkeypatch.setattr("training.data.catalog.DATA_SETS", (*DATA_SETS, record))
+    record = DataSet("mine", "Me (MIT)", shows, (skeleton,), free=False, files="*.txt", first_frame=2)
+    monkeypatch.setattr("training.data.sources.DATA_SETS", (*DATA_SETS, record))
     monkeypatch.setitem(BY_NAME, "mine", record)
     (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / "walk.txt").write_text("", encoding="utf-8")
-    found, _ = list_clips(tmp_path)
-    assert [(clip.name, clip.capture) for clip in found] == [("walk", "mine")]
+    for name in ("walk", "sit"):
+        (tmp_path / "mine" / f"{name}.txt").write_text("", encoding="utf-8")
+    found, left_out = list_clips(tmp_path)
+    assert [(clip.name, clip.capture) for clip in found] == [("mine_walk", "mine")]
+    assert ("mine_sit", "no walk") in [(one.name, one.reason) for one in left_out]
     assert credits_of({"mine"}) == ["Me (MIT)"]
     root = Skeleton(("MyRoot",), (-1,), np.zeros((1, 3), np.float32))
     motion = parse_bvh(format_bvh(root, np.zeros((2, 3)), rotations.identity((2, 1)), 60))
@@ -401,7 +411,8 @@ def test_import_writes_the_contract(tmp_path: Path) -> None:
     assert any("Angry_ID" in r.name and "HIERARCHY" in r.reason for r in report.refused)
     assert "| angry |" in report.markdown()
     assert "`bandai2` 7," in report.markdown()
-    assert Report.load(tmp_path / "out" / "report.json").markdown() == report.markdown()
+    written = json.loads((tmp_path / "out" / "report.json").read_text("utf-8"))
+    assert [clip["name"] for clip in written["clips"]] == [clip.name for clip in report.clips]
 
 
 def test_an_import_for_the_open_model_leaves_bound_archives_out(tmp_path: Path) -> None:

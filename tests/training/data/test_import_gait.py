@@ -12,10 +12,10 @@ from runtime.formats.bvh import format_bvh, parse_bvh
 from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, Skeleton
 from tests.training.data.test_data_import import index, march
 from training.data import gait
-from training.data.catalog import recognise
 from training.data.foot_cleaning import clean_feet
 from training.data.retarget import FOOT_OFFSET, calibrate_feet, heel_rise, load_source, pitched, retarget
 from training.data.source_skeletons import SourceJoint, SourceSkeleton, standing_rotations
+from training.data.sources import recognise
 
 LEG = 0.8351
 

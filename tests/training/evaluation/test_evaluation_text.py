@@ -28,8 +28,7 @@ from training.augmentation.measured_edits import (
     targets,
 )
 from training.augmentation.motion import EditedMotion
-from training.data.clip_files import TrainingClip
-from training.data.height_patches import Patches
+from training.data.clips import Patches, TrainingClip
 from training.evaluation.experiment import Setting, run
 from training.evaluation.text import (
     command as text_main,

@@ -9,7 +9,7 @@ import onnx
 import onnxruntime
 from onnx import TensorProto, helper, numpy_helper
 
-from training.export.half_storage import store_in_half
+from training.export.graph import store_in_half
 
 SIZE = 96
 

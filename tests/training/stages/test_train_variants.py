@@ -87,7 +87,7 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     torch.backends.mha.set_fastpath_enabled(False)  # has no symbol in ONNX
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("training.stages.words.longer_sentences", lambda: few)
-        patch.setattr(pipeline, "TextEncoder", Words)
+        patch.setattr("training.run.TextEncoder", Words)
         patch.setattr(StatisticsReader, "measure", lambda self, joints: measure(self, joints[:256]))
         patch.setattr("training.stages.words._error", lambda *_: 0.0)  # of thousands of sentences, four times
         patch.setattr(pipeline, "quantize_model", lambda *_args, **_options: None)
@@ -95,10 +95,9 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         for name in ("estimate_variance", "measure_codes"):
             patch.setattr(stage_motion, name, functools.partial(getattr(stage_motion, name), batches=1))
         patch.setattr(stage_motion, "measure", functools.partial(stage_motion.measure, count=2000))
-        patch.setattr(pipeline, "PHASE_BATCH", 16)
-        content = pipeline.stage_content
-        patch.setattr(content, "STATISTICS_WINDOWS", 128)
-        patch.setattr(content, "run", functools.partial(content.run, batch=16))
+        for name in ("PHASE_BATCH", "CONTENT_BATCH"):
+            patch.setattr(pipeline, name, 16)
+        patch.setattr("training.stages.content.STATISTICS_WINDOWS", 128)
         rows = stage_motion.RandomRows
         patch.setattr(
             stage_motion, "RandomRows", lambda weights, batch, *more: rows(weights, min(batch, 64), *more)
@@ -165,7 +164,7 @@ def test_the_full_model_is_walked(full: Path) -> None:
 def test_stage_2_alone_is_exported(short: Path, full: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its graph has a test of its own (`test_export_ablation.py`); this is the command of "w/o diffusion"."""
     exported = []
-    monkeypatch.setattr(pipeline, "_write_model", lambda trained, _args, to: exported.append((trained, to)))
+    monkeypatch.setattr(pipeline, "write_model", lambda trained, _run, to: exported.append((trained, to)))
     options = ["--preset", "compact", "--clips", str(short), "--out", str(full), "--device", "cpu"]
     assert pipeline.main(["export", *options, "--decoder", "mixture"]) == 0
     ((trained, to),) = exported

@@ -8,9 +8,7 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from runtime.skeleton import PART_NAMES  # noqa: E402
-from training.networks.content import PARTS, ContentEncoder, MeasuresReader, odd_codes  # noqa: E402
-from training.presets import preset  # noqa: E402
-from training.stages.content import begin_with  # noqa: E402
+from training.networks.content import PARTS, MeasuresReader, odd_codes  # noqa: E402
 from training.text.clip_measures import MOST, _standardised, signs_of  # noqa: E402
 from training.text.measure import measure_names  # noqa: E402
 
@@ -57,13 +55,3 @@ def _other(part: str) -> str:
     if part.startswith("left_"):
         return part.replace("left_", "right_")
     return part.replace("right_", "left_")
-
-
-def test_weights_of_a_model_without_the_reader_begin_one_that_has_it():
-    torch.manual_seed(1)
-    old, new = ContentEncoder(preset("tiny")), ContentEncoder(preset("tiny"))
-    start = {k: v for k, v in old.state_dict().items() if not k.startswith("measures.")}
-    own = new.measures.parts[0].weight.clone()
-    begin_with(new, start)
-    assert torch.equal(new.text.first.weight, old.text.first.weight)
-    assert torch.equal(new.measures.parts[0].weight, own)

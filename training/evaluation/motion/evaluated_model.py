@@ -21,7 +21,7 @@ from runtime.motion.controller import Controller
 from runtime.motion.model import MotionModel, load_model
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.prompter import Prompter
-from training.data.style_library import style_library
+from training.data.sources import style_library
 from training.evaluation.motion.driving import flat_ground
 
 TIMED_FRAMES, WARM_UP = 240, 30

@@ -1,4 +1,4 @@
-"""What the runtime needs in addition to weights: each style's natural speeds, what is neutral, and the frame of the beginning."""
+"""What the runtime needs in addition to weights: speeds of styles, what moves at rest, what is neutral, and the first frame."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import torch
 from numpy.lib.stride_tricks import sliding_window_view
 
 from runtime.controls import Gait
-from runtime.motion.features import FPS, INPUT, OUTPUT, PHASE_OFFSETS, L
+from runtime.motion.features import FPS, INPUT, OUTPUT, PHASE_OFFSETS, C, L
 from runtime.skeleton import PART_NAMES
 from training.frames import LAYERED, PLAIN, FrameTable, smooth
 from training.styles import StyleTable
@@ -106,20 +106,25 @@ def forward_speeds(table: FrameTable, label: Gait) -> dict[int, np.ndarray]:
 def captured_paces(table: FrameTable, label: Gait) -> dict[str, float]:
     """Speed of each captured style straight ahead: of its forward takes, where it has some."""
     forward, straight = forward_speeds(table, label), straight_speeds(table, label)
-    plain = np.array([c != LAYERED and " on " not in c for c in table.contents])
-    plain &= np.logical_not(table.mirrored)
-    paces = {}
-    for name in sorted(set(table.styles)):
-        own = np.flatnonzero(plain & (np.array(table.styles) == name))
-        takes: dict[str, list[np.ndarray]] = defaultdict(list)  # long ones are cut in parts
-        for clip in map(int, own):
-            if clip in forward:
-                takes[re.sub(r"_\d$", "", table.names[clip])].append(forward[clip])
-        speeds = [np.median(s) for s in map(np.concatenate, takes.values()) if len(s) >= FPS]
-        speeds = speeds or [straight[clip] for clip in own if np.isfinite(straight[clip])]
-        if speeds:
-            paces[name] = float(np.median(speeds))
-    return paces
+    takes: dict[str, dict[str, list[np.ndarray]]] = defaultdict(lambda: defaultdict(list))
+    others = defaultdict(list)
+    for clip, (name, style, content) in enumerate(
+        zip(table.names, table.styles, table.contents, strict=True)
+    ):
+        if content == LAYERED or " on " in content or table.mirrored[clip]:
+            continue
+        if clip in forward:
+            takes[style][re.sub(r"_\d$", "", name)].append(forward[clip])  # long takes are cut in parts
+        if np.isfinite(straight[clip]):
+            others[style].append(straight[clip])
+    paces = {style: _pace(list(takes[style].values()), others[style]) for style in sorted(set(table.styles))}
+    return {style: pace for style, pace in paces.items() if pace is not None}
+
+
+def _pace(takes: list[list[np.ndarray]], others: list[float]) -> float | None:
+    """Median speed of forward takes that are long enough, or of other clips where there is none."""
+    speeds = [np.median(s) for s in map(np.concatenate, takes) if len(s) >= FPS] or others
+    return float(np.median(speeds)) if speeds else None
 
 
 def _paces(table: FrameTable, label: Gait, paced: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -184,3 +189,45 @@ def start_state(table: FrameTable, phase: np.ndarray) -> dict[str, list[float]]:
         "output": [round(float(v), 4) for v in output],
         "phase": [round(float(v), 4) for v in phase[window].reshape(-1)],
     }
+
+
+REST_DRAWS = 6  # of words for each standing clip
+STANDING = 0.9  # fraction of a clip's frames
+MARGIN = 10  # frames at both ends, where the periodic autoencoder sees half a window
+SHORTEST = FPS  # frames
+
+
+def rest_rhythm(table: FrameTable, phase: np.ndarray, style: StyleTable, ridge: float = 0.5) -> np.ndarray:
+    """Ridge regression `(n + 1, 2 C)` from the n numbers of Z^t to each channel's amplitude and, after these, turns a second at rest.
+
+    A standing body has no steps to keep time by. Of a hand that waves the network knows how it moves at each phase, but its
+    own forecast of the phase comes to rest; so the runtime turns the phases of such styles by a clock.
+    """
+    torch.manual_seed(0)
+    clips = [clip for clip in range(len(table.styles)) if _stands(table, clip)]
+    found = np.array([_rhythm(phase[_inner(table, clip)]) for clip in clips]).reshape(len(clips), 2 * C)
+    index = torch.as_tensor(clips * REST_DRAWS, device=style.index.device, dtype=torch.long)
+    inputs = style.draw(index).cpu().numpy()  # (0, n) where no clip stands
+    values, weights = np.tile(found, (REST_DRAWS, 1)), np.ones(len(index))
+    columns = [ridge_regression(inputs, values[:, k], weights, ridge, 0.0) for k in range(2 * C)]
+    return np.stack(columns, 1).astype(np.float32)
+
+
+def _inner(table: FrameTable, clip: int) -> slice:
+    return slice(int(table.start[clip]) + MARGIN, int(table.start[clip + 1]) - MARGIN)
+
+
+def _stands(table: FrameTable, clip: int) -> bool:
+    frames = _inner(table, clip)
+    if frames.stop - frames.start < SHORTEST or table.held_out[clip]:
+        return False
+    gait = table.x[frames, INPUT["gait"]].reshape(-1, L, len(Gait))[:, L // 2, Gait.STAND]
+    return float((gait > 0.5).mean()) > STANDING
+
+
+def _rhythm(phase: np.ndarray) -> np.ndarray:
+    """Mean amplitude `(C,)` and turns a second `(C,)` of phases `(T, C, 2)`."""
+    phase = np.asarray(phase, np.float64)
+    angle = np.unwrap(np.arctan2(phase[..., 0], phase[..., 1]), axis=0)
+    turns = (angle[-1] - angle[0]) / (2 * np.pi) * FPS / (len(angle) - 1)
+    return np.concatenate([np.linalg.norm(phase, axis=-1).mean(0), turns])

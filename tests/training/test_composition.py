@@ -19,8 +19,8 @@ from tests.helpers.synthetic_clips import flat_patch  # noqa: E402
 from tests.helpers.walker import walk  # noqa: E402
 from training.augmentation.catalogue import catalogue, part_edits  # noqa: E402
 from training.batches import FrameTensors  # noqa: E402
-from training.composition.composer import PARTS, Composer, CompositionPlan, acts_on_base  # noqa: E402
-from training.data.clip_files import TrainingClip  # noqa: E402
+from training.composition import PARTS, Composer, CompositionPlan, acts_on_base  # noqa: E402
+from training.data.clips import TrainingClip  # noqa: E402
 from training.frames import FIRST_OF_UPPER, LAYERED, FrameTable, load_frames  # noqa: E402
 from training.kinematics import shown_joints  # noqa: E402
 from training.sampling import moments, sampling_weights, sprint_starts  # noqa: E402

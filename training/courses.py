@@ -1,6 +1,6 @@
 """Clips of a model's own characters on random courses, crossed by keys: what a network learns to cross them from.
 
-    python -m training.courses.clips --model RUN/model --out CLIPS/courses [--minutes 60] [--seed 0]
+    python -m training.courses --model RUN/model --out CLIPS/courses [--minutes 60] [--seed 0]
 
 No capture shows a style on stairs, a beam or over a hurdle. As PARC (Xu et al. 2025) grows its terrain data, the
 controller leads characters of many styles over made ground: the network walks as on level ground, foot lock and keys put
@@ -32,8 +32,7 @@ from runtime.motion.model import MotionModel
 from runtime.motion.style import Style
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
-from training.data.clip_files import TrainingClip
-from training.data.height_patches import Patches
+from training.data.clips import Patches, TrainingClip
 from training.evaluation.metrics.crossing import first_problem
 from training.evaluation.motion.driving import Recorder
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts

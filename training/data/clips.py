@@ -1,14 +1,17 @@
-"""Ground under a clip: height patches that agree with its footsteps."""
+"""A training clip: a labelled motion of the SPORT skeleton, and height patches under it that agree with its footsteps."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from runtime import rotations
 from runtime.arrays import Array
 from runtime.safe_read import open_npz
+from runtime.skeleton import mirror_motion
 from runtime.terrain.height_map import Terrain
 
 CELL_M = 0.15
@@ -25,13 +28,65 @@ class Patches:
     cell: float
 
     def terrain(self, k: int = 0) -> Terrain:
-        """Patch `k` as a terrain to ask heights of."""
+        """Patch `k` as a terrain."""
         return Terrain("patch", self.heights[k].astype(np.float32), self.cell, self.origin)
 
     def mirrored(self) -> Patches:
         """The same ground reflected through the plane X = 0."""
         width = (self.heights.shape[1] - 1) * self.cell
         return Patches(self.heights[:, ::-1].copy(), (-(self.origin[0] + width), self.origin[1]), self.cell)
+
+
+@dataclass(frozen=True)
+class TrainingClip:
+    """A labelled motion of the SPORT skeleton at 60 Hz, with the ground under it."""
+
+    name: str
+    hips: Array  # (T, 3) metres
+    local: Array  # (T, 31, 4)
+    contacts: NDArray[np.uint8]  # (T, 4)
+    gait: Array  # (T, 6)
+    style: str
+    content: str
+    source: str
+    split: str  # "train" or "held_out"
+    tier: str  # "exact" or "estimated_root"
+    patches: Patches
+    mirrored: bool = False
+
+    def mirror(self) -> TrainingClip:
+        """The clip reflected through X = 0, named `<name>_m`."""
+        hips, local = mirror_motion(self.hips, self.local)
+        return replace(
+            self,
+            name=self.name + "_m",
+            hips=hips,
+            local=rotations.continuous(local),
+            contacts=self.contacts[:, [2, 3, 0, 1]],
+            patches=self.patches.mirrored(),
+            mirrored=not self.mirrored,
+        )
+
+    def save(self, folder: Path) -> Path:
+        """Write `<folder>/<name>.npz`, uncompressed."""
+        path = folder / f"{self.name}.npz"
+        np.savez(
+            path,
+            hips_positions=self.hips.astype(np.float32),
+            local_rotations=self.local.astype(np.float32),
+            contacts=self.contacts.astype(np.uint8),
+            gait=self.gait.astype(np.float32),
+            style=self.style,
+            content=self.content,
+            source=self.source,
+            split=self.split,
+            mirrored=self.mirrored,
+            tier=self.tier,
+            patch_heights=self.patches.heights.astype(np.float16),
+            patch_origin=np.array(self.patches.origin, np.float32),
+            patch_cell=np.float32(self.patches.cell),
+        )
+        return path
 
 
 def grid_under(

@@ -16,8 +16,8 @@ from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacle_detection import ObstacleKind, obstacle_ahead
 from tests.helpers.shipped import shipped_model
-from training.courses import clips
-from training.courses.clips import Course, LevelSight, Walked, kept, random_course, smoothed, walk
+from training import courses as clips
+from training.courses import Course, LevelSight, Walked, kept, random_course, smoothed, walk
 from training.evaluation.metrics.crossing import first_problem
 from training.export.crossings import obstacle_ground
 

@@ -1,0 +1,184 @@
+"""Takes one after the other: the seam is inertialised, and a foot that stands keeps its place.
+
+Inertialization (Bollo, GDC 2018): the second take is turned and moved to where the first one ends; what is left between
+their poses is an offset, which goes to zero with the velocity that it has.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime import rotations
+from runtime.arrays import Array
+from runtime.errors import UsageError
+from runtime.feet.ik import LEG_FEET, LEG_SHINS, LEG_THIGHS, LEG_TOES, solve_legs
+from runtime.takes.clip import Clip
+from runtime.takes.footplants import CONTACT
+from runtime.takes.metadata import UNKNOWN, gait_seconds
+from runtime.takes.root import Placement, root_track
+
+BLEND_S = 0.4  # in which the body's offset goes to zero
+STEP_S = 0.3  # of its time in the air in which a foot comes to its own place
+SAME = 1e-4  # metres and parts of a quaternion within which pieces of one take meet
+HELD_M = 0.2  # farther from where the second take has it, a foot that stands takes a step
+LIFT, MAX_LIFT_M = 0.2, 0.06  # of such a step, over its length
+FASTEST, FASTEST_TURN = 2.0, 6.0  # m/s and rad/s of an offset at the seam
+_LEGS = np.concatenate([LEG_THIGHS, LEG_SHINS, LEG_FEET])
+
+
+def joined(first: Clip, second: Clip) -> Clip:
+    """The second clip after the first: its first frame is the first clip's last one. UsageError for other sizes."""
+    if first.size != second.size:
+        raise UsageError("The takes are of bodies of different sizes.", "Join takes of one character.")
+    second = second.resampled(first.fps)
+    same = all(
+        np.allclose(after[0], before[-1], atol=SAME)
+        for before, after in (
+            (first.hips_positions, second.hips_positions),
+            (first.local_rotations, second.local_rotations),
+        )
+    )
+    if len(first) > 1 and len(second) > 1 and not same:
+        second = _continued(first, _placed(first, second))
+    at = (len(first) - 1) / first.fps
+    known = None if first.gaits is None or second.gaits is None else (first.gaits, second.gaits[1:])
+    gaits = None if known is None else np.concatenate(known)
+    events = (*first.prompts, *(replace(event, seconds=event.seconds + at) for event in second.prompts))
+    return replace(
+        first,
+        hips_positions=np.concatenate([first.hips_positions, second.hips_positions[1:]]),
+        local_rotations=np.concatenate([first.local_rotations, second.local_rotations[1:]]),
+        contacts=np.concatenate([first.contacts, second.contacts[1:]]),
+        prompts=tuple(e for i, e in enumerate(events) if not i or _words(e) != _words(events[i - 1])),
+        gaits=gaits,
+        gait_seconds=() if gaits is None else tuple(gait_seconds(gaits, first.fps).items()),
+        origin=first.origin if first.origin == second.origin else UNKNOWN,
+        placed=first.placed if same else None,
+    )
+
+
+def repeated(clip: Clip, times: int) -> Clip:
+    """The clip so many times, each going on where the one before ends."""
+    result = clip
+    for _ in range(times - 1):
+        result = joined(result, clip)
+    return result
+
+
+def without(clip: Clip, first: int, last: int) -> Clip:
+    """The clip without the frames between `first` and `last`; UsageError where nothing is left."""
+    kept = [clip.trim(0, first)] if first > 0 else []
+    kept += [clip.trim(last, len(clip) - 1)] if last < len(clip) - 1 else []
+    if not kept:
+        raise UsageError("Nothing would be left.", "Trim to the frames that are to be cut out.")
+    return joined(*kept) if len(kept) == 2 else kept[0]
+
+
+def _words(event: object) -> tuple[str, str]:
+    return event.prompt, event.words  # type: ignore[attr-defined]
+
+
+def _placed(first: Clip, second: Clip) -> Clip:
+    """The second clip, turned and moved so that its root goes on from where the first one's ends."""
+    before, after = root_track(first), root_track(second)
+    turn = float(before.yaw[-1] - after.yaw[0])
+    turned = Placement(turn).points(after.positions[0])
+    x, y, z = (float(v) for v in before.positions[-1] - turned)
+    return Placement(turn, (x, y, z)).clip(second)
+
+
+def _continued(first: Clip, second: Clip) -> Clip:
+    """The second clip from the pose and the velocity of the first one's end."""
+    fps = first.fps
+    frames = np.arange(len(second)) / fps
+    old, new = first.local_rotations[-2:].astype(np.float64), second.local_rotations.astype(np.float64)
+    gap, speed = _turn_gap(old, new, fps)
+    fade, drift = _decay(frames / BLEND_S)
+    turns = fade[:, None, None] * gap + drift[:, None, None] * BLEND_S * speed
+    local = rotations.multiply(rotations.from_rotation_vector(turns), new)
+    hips = second.hips_positions.astype(np.float64)
+    gap, speed = _gap(first.hips_positions[-2:].astype(np.float64), hips, fps, FASTEST)
+    hips = hips + fade[:, None] * gap + drift[:, None] * BLEND_S * speed
+    return _with_feet(first, second, hips, rotations.normalize(local))
+
+
+def _with_feet(first: Clip, second: Clip, hips: Array, local: Array) -> Clip:
+    """The second clip with other hips and rotations, whose feet stand where they stood, and come to their places in steps."""
+    fps, now = first.fps, second.local_rotations.astype(np.float64)
+    (old, old_turns), (at, turns) = first.trim(len(first) - 2, len(first) - 1).world(), second.world()
+    ankles, feet = at[:, LEG_FEET].astype(np.float64), turns[:, LEG_FEET].astype(np.float64)
+    targets, goals, contacts = ankles.copy(), feet.copy(), second.contacts.copy()
+    for side in range(2):
+        soles = slice(2 * side, 2 * side + 2)
+        stood = bool((first.contacts[-1, soles] > CONTACT).any())
+        stands = np.any(second.contacts[:, soles] > CONTACT, axis=1)
+        gap, speed = _gap(old[:, LEG_FEET[side]].astype(np.float64), ankles[:, side], fps, FASTEST)
+        away = float(np.linalg.norm(gap[[0, 2]]))
+        steps = bool(stands[0]) and (not stood or away > HELD_M)
+        time = _time_in_air(stands, steps) / fps / STEP_S
+        fade, drift = _decay(time)
+        targets[:, side] += fade[:, None] * gap
+        if steps:
+            contacts[: round(STEP_S * fps), soles] = 0.0
+            lift = min(LIFT * away, MAX_LIFT_M) if stood else 0.0
+            targets[:, side, 1] += lift * np.sin(np.pi * np.minimum(time, 1.0)) ** 2
+        if not stood:
+            targets[:, side] += drift[:, None] * STEP_S * speed
+        turn, _ = _turn_gap(old_turns[:, LEG_FEET[side]].astype(np.float64), feet[:, side], fps)
+        goals[:, side] = rotations.multiply(
+            rotations.from_rotation_vector(fade[:, None] * turn), feet[:, side]
+        )
+        toe = LEG_TOES[side]
+        bend, _ = _turn_gap(first.local_rotations[-2:, toe].astype(np.float64), now[:, toe], fps)
+        local[:, toe] = rotations.multiply(rotations.from_rotation_vector(fade[:, None] * bend), now[:, toe])
+    solved = solve_legs(hips, local, targets, goals)
+    # what the solver alone changes: it bends legs that are almost straight
+    eased = solve_legs(second.hips_positions.astype(np.float64), now, ankles, feet)
+    change = rotations.multiply(rotations.inverse(eased[:, _LEGS]), now[:, _LEGS])
+    solved[:, _LEGS] = rotations.multiply(solved[:, _LEGS], change)
+    return replace(
+        second,
+        hips_positions=hips.astype(np.float32),
+        local_rotations=rotations.normalize(solved).astype(np.float32),
+        contacts=contacts,
+    )
+
+
+def _time_in_air(stands: NDArray[np.bool_], steps: bool) -> Array:
+    """Frames `(T,)` that a foot had for its way: those in which it does not stand, or `steps` at once."""
+    free = ~stands
+    if steps:
+        first_swing = int(np.argmax(free)) if free.any() else len(free)
+        free[:first_swing] = True
+    return np.concatenate([[0.0], np.cumsum(free[1:])])
+
+
+def _decay(t: Array) -> tuple[Array, Array]:
+    """What is left at times `(T,)` of 0 to 1 of an offset of 1 at rest, and of one of 0 with a velocity of 1 (quintics)."""
+    t = np.clip(t, 0.0, 1.0)
+    rest = (1.0 - t) ** 3
+    return rest * (1.0 + 3.0 * t + 6.0 * t * t), rest * t * (1.0 + 3.0 * t)
+
+
+def _gap(old: Array, new: Array, fps: float, fastest: float) -> tuple[Array, Array]:
+    """Between the last of two places `(2, 3)` and the first of the new ones: the offset, and its velocity, limited."""
+    speed = ((old[1] - old[0]) - (new[1] - new[0])) * fps
+    return old[1] - new[0], _limited(speed, fastest)
+
+
+def _turn_gap(old: Array, new: Array, fps: float) -> tuple[Array, Array]:
+    """The same of rotations `(2, ..., 4)`, as rotation vectors on the parent's side."""
+
+    def between(a: Array, b: Array) -> Array:
+        return rotations.to_rotation_vector(rotations.multiply(b, rotations.inverse(a)))
+
+    speed = (between(old[0], old[1]) - between(new[0], new[1])) * fps
+    return between(new[0], old[1]), _limited(speed, FASTEST_TURN)
+
+
+def _limited(speed: Array, fastest: float) -> Array:
+    length = np.linalg.norm(speed, axis=-1, keepdims=True)
+    return speed * np.minimum(1.0, fastest / np.maximum(length, 1e-9))

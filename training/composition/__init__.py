@@ -1,1 +1,0 @@
-"""Composition while training: samples whose parts come from several clips."""

@@ -1,1 +1,0 @@
-"""Courses: made ground, crossings of a model on it, and what a crossing has to pass."""

@@ -1,0 +1,195 @@
+"""One training run: its options, and what its stages have in common, each made or read when it is first needed."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from runtime.assets import asset_path
+from runtime.errors import FileError
+from runtime.motion.features import OUTPUT_SIZE
+from runtime.prompts.text_encoder import TextEncoder
+from training import parallel
+from training.batches import FrameTensors, Normalisation
+from training.composition import Composer
+from training.data import sources
+from training.export.pace import neutral_style
+from training.frames import FrameTable, load_frames
+from training.networks.content import ContentEncoder
+from training.networks.generator import Generator
+from training.presets import OPEN, ModelConfig, ablation, preset
+from training.sampling import moments, sampling_weights
+from training.session import Session, StageLength, load_checkpoint, save_checkpoint
+from training.stages import content as stage_content
+from training.stages import motion as stage_motion
+from training.stages import phase as stage_phase
+from training.styles import StyleTexts, load_style_texts
+
+log = logging.getLogger("sport.train")
+
+
+@dataclass
+class Run:
+    """A folder (`--out`) of checkpoints, with the clips, the networks and the data of its stages."""
+
+    args: argparse.Namespace
+    session: Session
+    config: ModelConfig
+    encoder: TextEncoder
+
+    @staticmethod
+    def of(args: argparse.Namespace) -> Run:
+        """From the options of the command. FileError for clips that must not enter the model."""
+        encoder = TextEncoder(args.text_encoder)
+        config = replace(preset(args.preset), text_encoder=encoder.name, text_size=encoder.dimensions)
+        if args.ablation:
+            config = ablation(config, args.ablation)
+        session = Session(args.out, half=not args.no_half, seed=args.seed)
+        device = parallel.join(args.stage)
+        if device is not None:
+            session.device = device
+        elif args.device:
+            session.device = torch.device(args.device)
+        run = Run(args, session, config, encoder)
+        run.check_licence()
+        return run
+
+    @property
+    def out(self) -> Path:
+        """Folder of the run."""
+        return self.session.out
+
+    @property
+    def clips(self) -> Path:
+        """Folder of the imported clips."""
+        return self.args.clips or self.out / "clips"
+
+    @property
+    def is_played(self) -> bool:
+        """Whether characters walk with the model: the runtime loads no other output, and ablations are only compared."""
+        return self.config.output_size == OUTPUT_SIZE and not self.args.ablation
+
+    def final(self, stage: str) -> Path:
+        """File of the weights that a stage ends with."""
+        return self.out / f"{stage}_final.pt"
+
+    def length(self, stage: str, batch: int | None = None) -> StageLength:
+        """How long a stage trains; `batch` is by default that of stages 2 and 3, divided among the processes."""
+        batch = batch or max(1, self.args.batch // parallel.workers())
+        return StageLength(getattr(self.args, stage), batch, self.args.max_minutes)
+
+    def check_licence(self) -> None:
+        """FileError for clips that must not enter a model which may be published; else logs how much there is."""
+        table = self.table
+        bound = sorted(name for name in set(table.sources) if not sources.BY_NAME[name].free)
+        if bound and self.config.name == OPEN:
+            raise FileError(
+                f"{self.clips}: holds clips of {', '.join(bound)}, whose licence is non-commercial.",
+                f"Import with --preset {OPEN} into another --out.",
+            )
+        log.info("%d clips, %d frames, %d styles", len(table.styles), len(table), len(set(table.styles)))
+
+    # --- data ---------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def table(self) -> FrameTable:
+        """All frames of the clips."""
+        return load_frames(self.clips, self.out / "frames", limit=self.args.limit)
+
+    @cached_property
+    def texts(self) -> StyleTexts:
+        """The clips' descriptions."""
+        return self.texts_of(self.table, self.clips)
+
+    def texts_of(self, table: FrameTable, clips: Path | None) -> StyleTexts:
+        """Descriptions of the clips of a table; `clips` is their folder, where it holds descriptions."""
+        words = self.config.direction_words, self.config.one_sided_words
+        styles = self.args.styles or asset_path("prompts/styles.json")
+        return load_style_texts(table, styles, self.encoder, clips, *words)
+
+    @cached_property
+    def weights(self) -> np.ndarray:
+        """How often each frame is drawn."""
+        return sampling_weights(self.table, favoured=self.texts.of_rhythm())
+
+    @cached_property
+    def phase(self) -> np.ndarray:
+        """Phases of all frames. FileError before stage 0."""
+        stored = self.out / "phase.npy"
+        if stored.exists():
+            phase = np.load(stored, allow_pickle=False)
+            if len(phase) == len(self.table):
+                return phase
+            log.info("%s belongs to another set of clips: encoding these", stored)
+        if not self.final("phase").exists():
+            raise FileError(f"{stored}: missing.", "Train stage 'phase' first.")
+        return stage_phase.encode_table(self.session, self.config, self.table)
+
+    @cached_property
+    def frames(self) -> FrameTensors:
+        """The frames as tensors, with what composes them."""
+        frames = FrameTensors.of(self.table, self.phase, self.session.device)
+        if self.config.composition:
+            frames.composer = Composer(
+                self.table, self.texts, frames.y, moments(self.table), self.session.device
+            )
+        return frames
+
+    @cached_property
+    def scales(self) -> dict[str, torch.Tensor]:
+        """Normalisation of x, y and Z^t: measured once per run, so that a resumed stage continues with the same."""
+        path = self.out / "scales.pt"
+        if not path.exists():
+            centre, deviation = stage_content.style_scale(self.content, self.texts)
+            normal = stage_motion.measure(self.frames, self.weights, self.session)
+            save_checkpoint(path, vars(normal) | {"style_centre": centre, "style_deviation": deviation})
+        parallel.wait()
+        return {name: value.to(self.session.device) for name, value in load_checkpoint(path).items()}
+
+    @property
+    def style_scale(self) -> tuple[torch.Tensor, torch.Tensor]:
+        """Centre and deviation of Z^t."""
+        return self.scales["style_centre"], self.scales["style_deviation"]
+
+    @cached_property
+    def data(self) -> stage_motion.MotionData:
+        """What stages 2 and 3 train on."""
+        normal = Normalisation(**{k: self.scales[k] for k in Normalisation.__dataclass_fields__})
+        z = stage_content.style_table(self.content, self.texts, *self.style_scale)
+        return stage_motion.MotionData(self.frames, normal, z, self.weights)
+
+    @property
+    def neutral(self) -> np.ndarray:
+        """Z^t `(6, n / 6)` of neutral walking."""
+        return neutral_style(self.table, self.data.style)
+
+    # --- networks -----------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def content(self) -> ContentEncoder | None:
+        """The trained content encoder; None where the model has none. FileError before stage 1."""
+        if not self.config.content_encoder:
+            return None
+        path = self.final("content")
+        stored = load_checkpoint(path)
+        trained_with = stored["config"]["text_encoder"]
+        if trained_with != self.config.text_encoder:
+            raise FileError(
+                f"{path}: trained with the text encoder {trained_with!r}, not {self.config.text_encoder!r}.",
+                "Name its folder with --text-encoder, or another --out.",
+            )
+        module = ContentEncoder(self.config)
+        module.load_state_dict(stored["module"])
+        return module.to(self.session.device).eval()
+
+    def generator(self, stage: str) -> Generator:
+        """The motion generator as a stage left it."""
+        module = Generator(self.config)
+        module.load_state_dict(load_checkpoint(self.final(stage))["module"])
+        return module.to(self.session.device)

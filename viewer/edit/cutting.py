@@ -1,0 +1,106 @@
+"""Cut, split, repeat and join of takes: a menu over the timeline of the take that plays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from runtime.session import edits
+from runtime.session.motion import Motion
+from runtime.session.session import LIVE, Take
+from runtime.takes.clip import Clip
+from runtime.takes.joined import joined, repeated, without
+from viewer.gl_bindings import imgui
+from viewer.gui import widgets
+from viewer.jobs import Slot
+from viewer.session.takes import Takes
+
+SLOT = Slot("cut of a take")
+TIMES = (2, 3, 4, 8)
+MAX_FRAMES = 216_000  # of what is made: an hour
+CUT_HINT = "A new take without the frames between the trim handles, blended over the gap"
+SPLIT_HINT = "Two takes of one; each keeps all frames outside its trim handles"
+REPEAT_HINT = "A new take: what the trim keeps, so many times, each going on where the last one ends"
+JOIN_HINT = "A new take: this one, then another one from where it ends"
+
+
+@dataclass
+class Cutting:
+    """Actions that make takes of the one that plays."""
+
+    takes: Takes
+
+    def split(self) -> None:
+        """Two takes of one, at the frame shown."""
+        playback, take = self.takes.playback, self.takes.played
+        if playback is None or take is None:
+            return
+        frame, messages = playback.frame, self.takes.messages
+        if self.takes.editor.do(f"split of {take.title}", lambda s: edits.split(s, take.number, frame)):
+            messages.note(f"{take.title} ends at frame {frame}; the rest is the next take.")
+        else:
+            messages.note("Go to a frame between the trim handles to split the take there.")
+
+    def cut(self) -> None:
+        """A new take without what lies between the trim handles."""
+        take = self.takes.played
+        if take is not None and not take.trimmed:
+            self.takes.messages.note("Put the trim handles around what is to be cut out.")
+        elif take is not None:
+            first, last = take.range
+            self._make(take, f"{take.title}, cut", lambda: without(take.clip, first, last), begin=0)
+
+    def repeat(self, times: int) -> None:
+        """A new take of what the trim keeps, so many times."""
+        take = self.takes.played
+        if take is not None:
+            name = f"{take.title} x {times}"
+            self._make(take, name, lambda: repeated(take.exported, times), take.range[0], times)
+
+    def join(self, number: int) -> None:
+        """A new take: the one that plays, then another one."""
+        take, other = self.takes.played, self.takes.session.take(number)
+        if take is not None and other is not None and number != LIVE:
+            name = f"{take.title} + {other.title}"
+            self._make(take, name, lambda: joined(take.exported, other.exported), take.range[0])
+
+    def _make(self, take: Take, name: str, work: Callable[[], Clip], begin: int, times: int = 1) -> None:
+        """Make a take of another one on a worker; its camera keys come along from the frame `begin` on."""
+        if times * take.frames > MAX_FRAMES:
+            self.takes.messages.note("That take would last more than an hour.")
+            return
+        start = begin / take.made.header.fps
+        cameras = tuple(replace(k, seconds=k.seconds - start) for k in take.cameras if k.seconds >= start)
+        name = name[: edits.MAX_NAME]
+
+        def done(clip: Clip) -> None:
+            made = Take(motion=Motion.of(replace(clip, name=name)), cameras=cameras, ground=take.ground)
+            self.takes.editor.do(name, lambda session: edits.with_new_take(session, made))
+            self.takes.play(self.takes.session.selected)
+            self.takes.messages.note(f"{name} is in the list.")
+
+        self.takes.jobs.submit(SLOT, work, done)
+
+    def menu(self) -> None:
+        """The entries."""
+        take = self.takes.played
+        if take is None:
+            return
+        hints = ((SPLIT_HINT, "Split here", self.split), (CUT_HINT, "Cut out the trim", self.cut))
+        for hint, text, act in hints:
+            if imgui.menu_item(text, "", False)[0]:
+                act()
+            widgets.tooltip(hint)
+        if imgui.begin_menu("Repeat"):
+            for times in TIMES:
+                if imgui.menu_item(f"{times} times", "", False)[0]:
+                    self.repeat(times)
+                widgets.tooltip(REPEAT_HINT)
+            imgui.end_menu()
+        others = [other for other in self.takes.session.takes if other.number != take.number]
+        if imgui.begin_menu("Join with", bool(others)):
+            for other in others:
+                if imgui.menu_item(f"{other.title}##join {other.number}", "", False)[0]:
+                    self.join(other.number)
+                widgets.tooltip(JOIN_HINT)
+            imgui.end_menu()

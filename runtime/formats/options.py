@@ -96,7 +96,8 @@ class ExportOptions:
         help="names of its joints, in place of the file next to it",
     )  # fmt: skip
     character_unit: str | None = option(
-        None, BODIES | FILMS, "--character-unit", metavar="UNIT",
+        None, BODIES | FILMS, "--character-unit", metavar="UNIT", label="Unit of the character",
+        choices={None: "By its height", "m": "Metres", "cm": "Centimetres", "mm": "Millimetres", "in": "Inches"},
         help="of the file of --character: m, cm, mm or in (default: m, or what its height fits)",
     )  # fmt: skip
     engine: str | None = option(

@@ -44,28 +44,34 @@ def nearest_of(order: list[int], parents: list[int], wanted: Container[int]) -> 
 
 def node_world_matrices(file: GltfFile, order: list[int], parents: list[int]) -> AnyArray:
     """Rest transforms `(nodes, 4, 4)` in scene space, float64, of nodes as `ancestors` gives them."""
-    world = np.zeros((len(parents), 4, 4))
+    world, local = np.zeros((len(parents), 4, 4)), _local_matrices(file)
     for i in order:
-        local = _local_matrix(file, i)
-        world[i] = local if parents[i] < 0 else world[parents[i]] @ local
+        world[i] = local[i] if parents[i] < 0 else world[parents[i]] @ local[i]
     if not np.all(np.abs(world) < MAX_VALUE):
         raise file.error(f"its nodes lie further than {MAX_VALUE:.0e} away.")
     return world
 
 
-def _local_matrix(file: GltfFile, i: int) -> AnyArray:
-    def values(name: str, default: tuple[float, ...]) -> AnyArray:
-        given = getattr(node, name)
-        array = np.array(default if given is None else given, np.float64)
-        if array.shape != (len(default),) or not np.all(np.abs(array) < MAX_VALUE):
-            raise file.error(f"the {name} of node {i} is not {len(default)} finite numbers.")
-        return array
+def _local_matrices(file: GltfFile) -> AnyArray:
+    """Every node's transform in its parent's space `(nodes, 4, 4)`."""
 
-    node = file.gltf.nodes[i]
-    if node.matrix is not None:
-        return values("matrix", tuple(np.eye(4).ravel())).reshape(4, 4).T
-    matrix = np.eye(4)
-    turn = rotations.normalize(values("rotation", (0.0, 0.0, 0.0, 1.0))[[3, 0, 1, 2]])
-    matrix[:3, :3] = rotations.to_matrix(turn) * values("scale", (1.0, 1.0, 1.0))
-    matrix[:3, 3] = values("translation", (0.0, 0.0, 0.0))
-    return matrix
+    def values(name: str, default: tuple[float, ...]) -> AnyArray:
+        given = [default if (value := node.get(name)) is None else value for node in nodes]
+        rows = np.zeros((len(nodes), len(default)))
+        for i, value in enumerate(given):
+            array = np.array(value, np.float64)
+            if array.shape != (len(default),) or not np.all(np.abs(array) < MAX_VALUE):
+                raise file.error(f"the {name} of node {i} is not {len(default)} finite numbers.")
+            rows[i] = array
+        return rows
+
+    nodes = file.gltf.nodes
+    matrices = values("matrix", tuple(np.eye(4).ravel())).reshape(-1, 4, 4).transpose(0, 2, 1)
+    turns = rotations.to_matrix(
+        rotations.normalize(values("rotation", (0.0, 0.0, 0.0, 1.0))[:, [3, 0, 1, 2]])
+    )
+    parts = np.tile(np.eye(4), (len(nodes), 1, 1))
+    parts[:, :3, :3] = turns * values("scale", (1.0, 1.0, 1.0))[:, None]
+    parts[:, :3, 3] = values("translation", (0.0, 0.0, 0.0))
+    whole = np.array([node.get("matrix") is not None for node in nodes])
+    return np.where(whole[:, None, None], matrices, parts)

@@ -67,7 +67,7 @@ def _size_of(export: ExportOptions) -> float:
     if export.character is None or export.fit_to_motion:
         return 1.0
     joint_map = None if export.joint_map is None else read_joint_map(export.joint_map)
-    return load_character(export.character, joint_map).size
+    return load_character(export.character, joint_map, export.character_unit).size
 
 
 def _outputs(options: argparse.Namespace) -> list[Path]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -25,13 +25,16 @@ from runtime.safe_read import is_text, reason
 
 DEFAULT_CHARACTER = "character/mannequin.glb"  # an asset
 FILE_UNITS = (1.0, 0.01, 0.1, 0.0254, 0.001)  # metres of a unit of files, the most common first
+NAMED_UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 SMALLEST_M, LARGEST_M = 0.3, 8.0
-MIN_SIZE, MAX_SIZE = 0.1, 10.0
+MIN_SIZE, MAX_SIZE = 0.05, 20.0  # those of a clip
 
 
 @dataclass(frozen=True)
 class Character(SkinnedMesh):
-    """A skinned mesh with feet to stand on and a surface that hands end at."""
+    """A skinned mesh with feet to stand on and a surface that hands end at; `note` says where its size was guessed."""
+
+    note: str = ""
 
     def skin_matrices(self, pose: Pose) -> AnyArray:
         """Skinning matrices `(K, 4, 4)` float32 that carry bind-pose vertices to world space in `pose`.
@@ -67,14 +70,17 @@ class Character(SkinnedMesh):
         return float(np.ptp(self.rest[0][:, 1]))
 
 
-def load_character(path: str | Path, joint_map: Mapping[str, str] | None = None) -> Character:
+def load_character(
+    path: str | Path, joint_map: Mapping[str, str] | None = None, unit: str | None = None
+) -> Character:
     """Load a skinned .glb, .gltf or .vrm; FileError names the file, what is wrong and what to do.
 
     Joints are found by known names or by the tree and the rest pose (`guess_joints`). `joint_map` (SPORT joint name ->
     joint name in the file, "" for none) overrides them one by one; by default it is the one next to the file.
+    `unit` is a key of `NAMED_UNITS`; None: metres, or what fits the height of the body.
     """
     with _reading(path) as file:
-        return _assemble(file, *_guessed(file, joint_map))
+        return _assemble(file, *_guessed(file, joint_map), unit)
 
 
 def joints_of(path: str | Path, joint_map: Mapping[str, str] | None = None) -> JointGuess:
@@ -118,7 +124,7 @@ def _check_finite(file: GltfFile, character: Character) -> None:
                 raise file.error(f"the {field.name.replace('_', ' ')} of its skeleton are not finite.")
 
 
-def _assemble(file: GltfFile, guess: JointGuess, data: MeshData) -> Character:
+def _assemble(file: GltfFile, guess: JointGuess, data: MeshData, unit: str | None) -> Character:
     require(file.path, guess)
     vertices = data.rest_positions()
     alignment = align(guess.found, data.joint_parents, data.rest_world, vertices)
@@ -130,19 +136,30 @@ def _assemble(file: GltfFile, guess: JointGuess, data: MeshData) -> Character:
         rest_world=data.rest_world.astype(np.float32),
         sport_joints=alignment.source,
         alignment=alignment,
-        size=1.0 if alignment.native else own_size(alignment, vertices),
+        size=1.0 if alignment.native else own_size(alignment, vertices, NAMED_UNITS.get(unit or "")),
     )
     _check_finite(file, character)
-    return character
+    if alignment.native or unit is not None or file_unit(vertices) == 1.0:
+        return character
+    return replace(character, note=_size_note(file, character, vertices))
 
 
-def own_size(alignment: Alignment, vertices: AnyArray) -> float:
-    """How large a body is in ours: by the file's metres where they give one from `SMALLEST_M` to `LARGEST_M` high.
+def _size_note(file: GltfFile, character: Character, vertices: AnyArray) -> str:
+    """Which height a body was given that is not that of its file in metres."""
+    high = float(np.ptp(vertices, axis=0).max())
+    return (
+        f"{file.path.name}: {high:.4g} units high, taken as {high * character.size / character.alignment.units:.2f} m;"
+        " --character-unit m, cm, mm or in says another unit."
+    )
 
-    Files in centimetres and the like are known by their height; where no unit fits, the body has our size.
-    """
+
+def file_unit(vertices: AnyArray) -> float | None:
+    """Metres of a unit of the file: the first of `FILE_UNITS` in which the body is from `SMALLEST_M` to `LARGEST_M` high."""
     height = float(np.ptp(vertices, axis=0).max())
-    for unit in FILE_UNITS:
-        if SMALLEST_M <= height * unit <= LARGEST_M:
-            return float(np.clip(alignment.units * unit, MIN_SIZE, MAX_SIZE))
-    return 1.0
+    return next((unit for unit in FILE_UNITS if SMALLEST_M <= height * unit <= LARGEST_M), None)
+
+
+def own_size(alignment: Alignment, vertices: AnyArray, unit: float | None = None) -> float:
+    """How large a body is in ours, by the metres of a `unit` of its file or by `file_unit`; where none fits, our size."""
+    unit = file_unit(vertices) if unit is None else unit
+    return 1.0 if unit is None else float(np.clip(alignment.units * unit, MIN_SIZE, MAX_SIZE))

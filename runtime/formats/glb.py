@@ -63,7 +63,7 @@ def glb_document(
     """The document of `save_glb`, and the number of its node of the hips. FileError."""
     source = asset_path(MANNEQUIN) if options.character is None else Path(options.character)
     joint_map = None if options.joint_map is None else read_joint_map(options.joint_map)
-    character, file = load_character(source, joint_map), open_gltf(source)
+    character, file = load_character(source, joint_map, options.character_unit), open_gltf(source)
     buffer = GlbBuffer.of_file(file)
     buffer.gltf.asset.generator = "SPORT viewer"
     size, plain = body_size(take.clip, options, character), options.plain or options.engine is not None

@@ -95,6 +95,11 @@ class ExportOptions:
         None, BODIES | FILMS, "--joint-map", parse=Path, metavar="JSON",
         help="names of its joints, in place of the file next to it",
     )  # fmt: skip
+    character_unit: str | None = option(
+        None, BODIES | FILMS, "--character-unit", metavar="UNIT", label="Unit of the character",
+        choices={None: "By its height", "m": "Metres", "cm": "Centimetres", "mm": "Millimetres", "in": "Inches"},
+        help="of the file of --character: m, cm, mm or in (default: m, or what its height fits)",
+    )  # fmt: skip
     engine: str | None = option(
         None, SKINNED, "--for", dest="engine", ignored_by=frozenset(), metavar="ENGINE", label="For",
         choices={None: "any program", **{name: name.capitalize() for name in ENGINES}},
@@ -210,6 +215,8 @@ _RULES: tuple[_Rule, ...] = (  # an option, whether it can be used, what is wron
      lambda o: f" {o.fps:g}: expected 1 to {MAX_FPS:.0f} frames per second.", "Try 60 or 30."),
     ("unit", lambda o: o.unit in UNITS_PER_METRE,
      lambda o: f" {o.unit}: expected cm or m.", "Choose one of the two."),
+    ("character_unit", lambda o: o.character_unit in (None, "m", "cm", "mm", "in"),
+     lambda o: f" {str(o.character_unit)[:20]}: expected m, cm, mm or in.", "Choose one of them."),
     ("euler_order", lambda o: str(o.euler_order or "XYZ").upper() in ROTATION_ORDERS,
      lambda o: f" {str(o.euler_order)[:20]}: unknown.", f"Choose {', '.join(ROTATION_ORDERS)}."),
     ("start_s", lambda o: o.start_s >= 0.0 and (o.end_s is None or o.end_s > o.start_s),

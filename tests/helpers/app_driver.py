@@ -19,6 +19,7 @@ from viewer.input.gamepad import GamepadState
 Start = Callable[..., App]
 WIDGETS = (
     "button",
+    "small_button",
     "invisible_button",
     "input_text_multiline",
     "input_text_with_hint",

@@ -221,7 +221,9 @@ def film_of_take(
     from runtime.character.joint_map import read_joint_map
 
     joint_map = None if export.joint_map is None else read_joint_map(export.joint_map)
-    character = None if export.character is None else load_character(export.character, joint_map)
+    character = None
+    if export.character is not None:
+        character = load_character(export.character, joint_map, export.character_unit)
     done = make_film(take.clip, terrain, path, film, character=character, progress=progress, cancel=cancel)
     if done.cancelled:
         return ""

@@ -388,7 +388,9 @@ class Scene:
         self.renderer.set_character(character)
         self._choice, self._character, self.character_path = choice, character, path
         if choice.path:
-            self.messages.note(f"Character {Path(choice.path).name} loaded.")
+            self.messages.note(
+                f"Character {Path(choice.path).name} loaded. {getattr(character, 'note', '')}".rstrip()
+            )
         if self.joints.path == path:
             self.joints.close()
 

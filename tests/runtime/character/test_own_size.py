@@ -28,6 +28,7 @@ from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import load_terrain
 from tests.helpers import shipped
 from tests.helpers.app_driver import run
+from tests.helpers.foreign_rigs import RIGS
 from tests.helpers.glb_playback import play
 from tests.helpers.walker import walk
 from viewer.services import Services
@@ -206,3 +207,20 @@ def test_a_heel_that_comes_down_stays_over_the_ground(body: Path, pitch: float) 
     clip = Clip("strike", 60.0, hips[None].astype(np.float32), local[None].astype(np.float32), contacts[None])
     low = skin_vertices(soles(character, "Left"), character.skin_matrices(clip.pose(0)))[:, 1].min()
     assert low * character.size > -0.01
+
+
+@pytest.mark.parametrize(("unit", "high_m"), [(None, 1.8), ("m", 18.0), ("cm", 0.18)])
+def test_a_guessed_unit_is_said_and_can_be_overruled(unit: str | None, high_m: float, tmp_path: Path) -> None:
+    """A body of 18 units is taken for decimetres."""
+    import pygltflib
+
+    path = RIGS["mixamo"](tmp_path / "large.glb")
+    before = load_character(path)
+    gltf = pygltflib.GLTF2().load(str(path))
+    high = before.height * before.size
+    for node in (gltf.nodes[k] for k in gltf.scenes[gltf.scene or 0].nodes):
+        node.scale = [v * 18.0 / high for v in (node.scale or [1.0] * 3)]
+    gltf.save(str(path))
+    character = load_character(path, unit=unit)
+    assert character.height * character.size == pytest.approx(high_m, rel=0.1)
+    assert ("taken as 1." in character.note and "--character-unit" in character.note) == (unit is None)

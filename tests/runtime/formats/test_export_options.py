@@ -68,7 +68,14 @@ def test_every_argument_reaches_its_option() -> None:
         if isinstance(field.default, bool):
             words, wanted = [spec.flag], not field.default
         else:
-            text = {"fps": "24", "engine": "unity", "unit": "m", "euler_order": "ZXY", "quality": "software"}
+            text = {
+                "fps": "24",
+                "engine": "unity",
+                "unit": "m",
+                "euler_order": "ZXY",
+                "character_unit": "mm",
+                "quality": "software",
+            }
             word = text.get(field.name, "7" if isinstance(field.default, float) else "a.obj")
             words, wanted = [spec.flag, word], spec.parse(word)
         if field.name == "humanoid_names":

@@ -19,7 +19,7 @@ from tests.runtime import test_generate
 @pytest.fixture
 def walker(monkeypatch):
     monkeypatch.setattr(runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel())
-    monkeypatch.setattr(generate_module, "Prompter", lambda model, *_: test_generate.style_of)
+    monkeypatch.setattr(generate_module, "Prompter", lambda model, *_: test_generate.OtherStyles())
 
 
 @pytest.fixture

@@ -30,7 +30,7 @@ SMALL = ["--size", "96x64", "--quality", "software"]
 @pytest.fixture(autouse=True)
 def walker(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel())
-    monkeypatch.setattr(generate_module, "Prompter", lambda model, *_: test_generate.style_of)
+    monkeypatch.setattr(generate_module, "Prompter", lambda model, *_: test_generate.OtherStyles())
 
 
 @pytest.fixture

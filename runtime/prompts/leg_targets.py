@@ -17,7 +17,7 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
 
 # metres outward of the middle line
-LINE, CLOSE, CROSSED, WIDE, VERY_WIDE = 0.012, 0.02, -0.035, 0.11, 0.19
+LINE, CLOSE, CROSSED, WIDE, VERY_WIDE = 0.005, 0.02, -0.035, 0.11, 0.19
 PHRASES: dict[str, dict[str, float | None]] = {
     "outward": {
         "one line": LINE, "narrow line": LINE, "middle line": LINE, "tightrope": LINE, "foot in front of foot": LINE,

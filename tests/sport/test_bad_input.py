@@ -44,7 +44,8 @@ def still_clip() -> Clip:
 
 def damaged_bvh(folder: Path) -> Path:
     path = save_bvh(still_clip(), folder / "cut.bvh")
-    path.write_text(path.read_text(encoding="utf-8")[:-400], encoding="utf-8")
+    *rows, last = path.read_text(encoding="utf-8").splitlines()
+    path.write_text("\n".join([*rows, f"x{last}"]), encoding="utf-8")
     return path
 
 

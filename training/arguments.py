@@ -60,10 +60,7 @@ def build_parser() -> argparse.ArgumentParser:
             f"--{name}-steps" if name != "batch" else "--batch", dest=name, type=int, default=value
         )
     parser.add_argument(
-        "--processes",
-        type=int,
-        default=1,
-        help="that train stages 2 and 3 together, such as one a core",
+        "--processes", type=int, default=1, help="that train stages 2 and 3 together, such as one a core"
     )
     parser.add_argument(
         "--course-minutes",

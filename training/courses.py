@@ -254,9 +254,7 @@ def _clip(walked: Walked, piece: slice, name: str) -> TrainingClip:
     first = max(0, int((hips[:, 2].min() - 3.5 - terrain.origin[1]) / CELL_M))
     last = int((hips[:, 2].max() + 4.5 - terrain.origin[1]) / CELL_M)
     patches = Patches(
-        terrain.heights[None, :, first:last],
-        (terrain.origin[0], terrain.origin[1] + first * CELL_M),
-        CELL_M,
+        terrain.heights[None, :, first:last], (terrain.origin[0], terrain.origin[1] + first * CELL_M), CELL_M
     )
     content = f"{walked.gait.label} over {walked.course.kind}"
     contacts = (walked.contacts[piece] > 0.5).astype(np.uint8)

@@ -113,11 +113,7 @@ ABLATIONS: dict[str, dict[str, Any]] = {
     "joined-hips": {"joined_hips": True},
     "4-experts": {"experts": 4},
     "4-content-experts": {"content_experts": 4},
-    "no-content-encoder": {
-        "content_encoder": False,
-        "direction_words": False,
-        "one_sided_words": False,
-    },
+    "no-content-encoder": {"content_encoder": False, "direction_words": False, "one_sided_words": False},
     "6-content-layers": {"content_layers": 6},
     "no-direction-words": {"direction_words": False},
     "distilled-diffusion": {"residual_diffusion": False},  # Eq. 14 as it stands in the paper

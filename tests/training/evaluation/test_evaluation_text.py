@@ -30,15 +30,9 @@ from training.augmentation.measured_edits import (
 from training.augmentation.motion import EditedMotion
 from training.data.clips import Patches, TrainingClip
 from training.evaluation.experiment import Setting, run
-from training.evaluation.text import (
-    command as text_main,
-)
-from training.evaluation.text import (
-    edits,
-)
-from training.evaluation.text import (
-    walks as text_walks,
-)
+from training.evaluation.text import command as text_main
+from training.evaluation.text import edits
+from training.evaluation.text import walks as text_walks
 from training.evaluation.text.command import TEXT, bars, markdown
 from training.evaluation.text.edits import (
     Case,

@@ -33,7 +33,7 @@ from runtime.motion.style import Style
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from training.data.clips import Patches, TrainingClip
-from training.evaluation.metrics.crossing import first_problem
+from training.evaluation.metrics.traversal import first_problem
 from training.evaluation.motion.driving import Recorder
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
 

@@ -35,7 +35,6 @@ class ModelConfig:
     content_layers: int = 1  # temporal transformer and sequence decoder (paper 6)
     content_heads: int = 4
     content_feedforward: int = 256  # paper 1024
-    diffusion: bool = True  # False: the one-layer MoE decoder alone (w/o-Diffusion)
     content_encoder: bool = True  # False: raw text embeddings as Z^t
     part_contrast: bool = True  # False: stage 1 contrasts the whole body only
     pose_statistics: bool = (

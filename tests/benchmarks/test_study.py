@@ -113,9 +113,8 @@ def test_the_anova_is_the_textbooks_and_statsmodels(tmp_path: Path) -> None:
     assert [t["p"] for t in tests["tukey"]] == pytest.approx(list(tukey.pvalues))
     assert tests["tukey"][0]["pair"] == ("capture", "ours")
     assert tests["tukey"][0]["difference"] == pytest.approx(RATINGS[:, 0].mean() - RATINGS[:, 2].mean())
-    twice = [
-        np.repeat(RATINGS[:, k], 2).astype(float) for k in range(m)
-    ]  # every film of a method was rated alike, two a kind
+    # every film of a method was rated alike, two a kind
+    twice = [np.repeat(RATINGS[:, k], 2).astype(float) for k in range(m)]
     assert tests["kruskal_wallis"].statistic == pytest.approx(stats.kruskal(*twice).statistic)
     assert tests["bartlett"].statistic == pytest.approx(stats.bartlett(*twice).statistic)
 
@@ -125,9 +124,8 @@ def test_counts_means_and_bars(tmp_path: Path, capsys: pytest.CaptureFixture[str
     key = study(tmp_path)
     files = [str(f) for f in synthetic(tmp_path, key, RATINGS)]
     where = ["--key", str(tmp_path / make.KEY)]
-    assert (
-        run_command("study", lambda: main(["report", *files, *where])) == 2
-    )  # synthetic answers are no answers
+    # synthetic answers are no answers
+    assert run_command("study", lambda: main(["report", *files, *where])) == 2
     assert "synthetic" in capsys.readouterr().err
     more = ["--synthetic", "--figures", str(tmp_path / "figures")]
     assert run_command("study", lambda: main(["report", *files, *where, *more])) == 0

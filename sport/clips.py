@@ -62,12 +62,10 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
 def _size_of(export: ExportOptions) -> float:
     """How large the character of an export is, that the motion be made for it; 1 for the mannequin. FileError."""
     from runtime.character.character import load_character
-    from runtime.character.joint_map import read_joint_map
 
     if export.character is None or export.fit_to_motion:
         return 1.0
-    joint_map = None if export.joint_map is None else read_joint_map(export.joint_map)
-    return load_character(export.character, joint_map, export.character_unit).size
+    return load_character(export.character, export.joint_map, export.character_unit).size
 
 
 def _outputs(options: argparse.Namespace) -> list[Path]:

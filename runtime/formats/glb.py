@@ -11,7 +11,6 @@ from runtime.arrays import Array
 from runtime.assets import asset_path
 from runtime.character.character import Character, load_character
 from runtime.character.glb_buffer import GlbBuffer
-from runtime.character.joint_map import read_joint_map
 from runtime.character.mesh import read_meshes
 from runtime.character.read import open_gltf
 from runtime.formats.engines import engine_of
@@ -61,9 +60,8 @@ def glb_document(
     ground_margin_m: float = MARGIN_M,
 ) -> tuple[GlbBuffer, int]:
     """The document of `save_glb`, and the number of its node of the hips. FileError."""
-    source = asset_path(MANNEQUIN) if options.character is None else Path(options.character)
-    joint_map = None if options.joint_map is None else read_joint_map(options.joint_map)
-    character, file = load_character(source, joint_map, options.character_unit), open_gltf(source)
+    source = options.character or asset_path(MANNEQUIN)
+    character, file = load_character(source, options.joint_map, options.character_unit), open_gltf(source)
     buffer = GlbBuffer.of_file(file)
     buffer.gltf.asset.generator = "SPORT viewer"
     size, plain = body_size(take.clip, options, character), options.plain or options.engine is not None

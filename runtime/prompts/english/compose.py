@@ -67,11 +67,7 @@ def compose_elements(
         sources = _figure_parts(figures, entries, embeddings, neutral)
     else:
         sources = dict.fromkeys(PART_NAMES, _base(modifiers, entries, neutral))
-    for part in PART_NAMES:
-        telling = [e for e in modifiers if part in entries[e.entry].defines]
-        if telling:
-            strongest = max(telling, key=lambda e: _strength(e, entries) * worth(e.entry, part))
-            sources[part] = strongest.entry
+    sources |= _modified(modifiers, entries, worth)
     _show_all(sources, modifiers, entries)
     for element in elements:
         sources.update(dict.fromkeys(element.only, element.entry))
@@ -81,6 +77,19 @@ def compose_elements(
 def _base(modifiers: Sequence[Element], entries: tuple[LibraryEntry, ...], neutral: int) -> int:
     strongest = max(modifiers, key=lambda e: _strength(e, entries), default=None)
     return neutral if strongest is None or strongest.degree <= SLIGHTLY else strongest.entry
+
+
+def _modified(
+    modifiers: Sequence[Element], entries: tuple[LibraryEntry, ...], worth: Worth
+) -> dict[str, int]:
+    """For each part that moods, loads and the like define, the strongest of them."""
+    strongest = {}
+    for part in PART_NAMES:
+        telling = [e for e in modifiers if part in entries[e.entry].defines]
+        if telling:
+            best = max(telling, key=lambda e: _strength(e, entries) * worth(e.entry, part))
+            strongest[part] = best.entry
+    return strongest
 
 
 def _show_all(

@@ -31,11 +31,11 @@ from runtime.prompts.english.library_data import (
     embed_library,
     library_hash,
     load_embeddings,
-    load_prompt_library,
+    load_library,
     load_styles,
 )
 from runtime.prompts.english.other_languages import OtherLanguages
-from runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, Reading, read_phrases
+from runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, Reading, numbers_of, read_phrases
 from runtime.prompts.english.sides import OPPOSITE, SIDE, named_side
 from runtime.prompts.english.spelling import ENGLISH, Spelling, is_foreign, knows_no_word
 from runtime.prompts.english.words import PERSONS, PLACES, Word, plain_denials, words_of
@@ -49,9 +49,7 @@ from runtime.skeleton import PART_NAMES
 NEAR = 0.62  # the best entry is taken whole
 GUESS = 0.56  # below, neighbours are a guess that is wrong more often than not
 WHOLE = 0.3  # words that an entry must explain more than the phrases found do, to be taken in place of them
-CERTAIN = (
-    0.85  # an entry about body parts that has only a part's name in common with the prompt needs as much
-)
+CERTAIN = 0.85  # what an entry needs that has only a part's name in common with the prompt
 ONE_WORD = 0.72  # the same where that is a single word, whose neighbours are many
 CLOSE = 0.8  # so near an entry a prompt is about a body, whatever the bodily score
 PLAIN = 0.2  # neutral walks are like everything that "walks": a style is none
@@ -186,8 +184,8 @@ class LibraryExpander:
         figure = self._library.entries[entry].category in FIGURES and entry in {e.entry for e in elements}
         if figure or any(e.only for e in elements) or entry in reading.mentioned:
             return False
-        explained = sum(_saying(words, e) * e.similarity for e in elements)
-        said = sum(words[i].says for i in reading.left) + sum(_saying(words, e) for e in reading.elements)
+        explained = _explained(words, elements)
+        said = sum(words[i].says for i in reading.left) + _explained(words, reading.elements)
         return similarity >= NEAR and said * similarity >= explained + WHOLE
 
     def _by_neighbours(
@@ -251,10 +249,8 @@ class LibraryExpander:
             entry, similarity = self._rank(_text(words[start:end]))[0]
             neighbours = [e for e in named if start in (e.start, e.end) or end == e.start]
             # "a basketball player dribbling" does one sport, which is named
-            other = self._library.entries[entry].category in self._categories(neighbours) & {
-                "dances",
-                "sports",
-            }
+            named_sport = self._categories(neighbours) & {"dances", "sports"}
+            other = self._library.entries[entry].category in named_sport
             if not other and self._names(words[start:end], entry, similarity):
                 elements.append(Element(entry, start, end, similarity))
         return elements
@@ -330,7 +326,7 @@ class LibraryExpander:
     @cached_property
     def _library(self) -> _Library:
         styles = load_styles(self._path.with_name("styles.json"))
-        content = load_prompt_library(self._path, styles)
+        content = load_library(self._path, styles)
         path, digest = self._path.with_suffix(".npz"), library_hash(content)
         embeddings = load_embeddings(path, digest, self._encoder, len(content.entries))
         embeddings = embeddings or embed_library(content, self._encoder)
@@ -362,13 +358,14 @@ def _runs(words: list[Word], left: tuple[int, ...]) -> list[tuple[int, int]]:
     ]
 
 
-def _saying(words: list[Word], element: Element) -> int:
-    return sum(word.says for word in words[element.start : element.end])
+def _explained(words: list[Word], elements: Iterable[Element]) -> float:
+    """Saying words of some elements, weighted by their similarity."""
+    return sum(sum(word.says for word in words[e.start : e.end]) * e.similarity for e in elements)
 
 
 def _unread_limbs(words: list[Word], reading: Reading, elements: Sequence[Element]) -> str:
     """What is said of a body part that no rule and no phrase took, or ""."""
-    taken = {i for e in elements for i in range(e.start, e.end)}
+    taken = numbers_of(elements)
     unread = [
         _text(words[start:end])
         for start, end in _runs(words, tuple(i for i in reading.left if i not in taken))

@@ -97,12 +97,7 @@ def load_styles(path: Path) -> dict[str, LibraryStyle]:
     return styles
 
 
-def load_library(path: Path, styles: Mapping[str, LibraryStyle]) -> tuple[LibraryEntry, ...]:
-    """The entries of library.json with references to `styles` resolved; FileError naming a malformed entry."""
-    return load_prompt_library(path, styles).entries
-
-
-def load_prompt_library(path: Path, styles: Mapping[str, LibraryStyle]) -> PromptLibrary:
+def load_library(path: Path, styles: Mapping[str, LibraryStyle]) -> PromptLibrary:
     """library.json with references to `styles` resolved; FileError naming a malformed entry."""
     file = _read_object(path)
     with _checked(path, "'categories', 'alone' or 'nothing'"):

@@ -18,7 +18,7 @@ from runtime.assets import asset_path
 from runtime.errors import FileError, PromptError
 from runtime.prompts.english.library_data import load_library, load_styles
 from runtime.prompts.expander import MAX_PROMPT_CHARACTERS
-from runtime.prompts.parts import MAX_CHARACTERS, PartDescriptions, check_text
+from runtime.prompts.parts import PartDescriptions, check_text
 from runtime.skeleton import PART_NAMES
 
 Message = dict[str, str]
@@ -136,18 +136,7 @@ def _object(answer: str) -> dict[str, Any]:
         value, _ = json.JSONDecoder().raw_decode(text[start:])
     except (ValueError, RecursionError) as error:
         raise PromptError(f"it is not valid JSON ({str(error)[:80]}).") from error
-    return _six_strings(value)
-
-
-def _six_strings(value: dict[str, Any]) -> dict[str, Any]:
-    missing = [part for part in PART_NAMES if part not in value]
-    if missing:
-        count = f"{len(PART_NAMES) - len(missing)} of six body parts"
-        raise PromptError(f"it describes {count}, without {', '.join(missing)}.")
-    for part in PART_NAMES:
-        if not isinstance(value[part], str) or len(value[part]) > MAX_CHARACTERS:
-            raise PromptError(f"{part} is not a string of at most {MAX_CHARACTERS} characters.")
-    return value
+    return dict(value)
 
 
 def load_structured_prompt(path: Path | None = None) -> StructuredPrompt:
@@ -177,7 +166,7 @@ def load_structured_prompt(path: Path | None = None) -> StructuredPrompt:
 def _examples(values: list[Mapping[str, str]], path: Path) -> tuple[tuple[str, PartDescriptions], ...]:
     """(question, answer) of `{"style": key}` or `{"library": prompt}`; "ask" words the question differently."""
     styles = load_styles(path.with_name("styles.json"))
-    entries = {e.prompt: e.descriptions for e in load_library(path.with_name("library.json"), styles)}
+    entries = {e.prompt: e.descriptions for e in load_library(path.with_name("library.json"), styles).entries}
     examples = []
     for value in values:
         if "style" in value:

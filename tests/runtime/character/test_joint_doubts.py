@@ -16,7 +16,7 @@ from runtime.character.guess import JointsUnknown, NotUpright, guess_skeleton
 from runtime.character.tree import JointTree
 from runtime.errors import FileError
 from runtime.formats.bvh import format_bvh
-from runtime.formats.reference import load_reference_bvh
+from runtime.formats.reference import open_take
 from runtime.skeleton import SPORT_SKELETON, Skeleton
 from tests.helpers.odd_rigs import HELPED, PLAIN, Points, _both, write_odd
 
@@ -80,8 +80,8 @@ def test_knees_of_43_joints_bend_as_in_the_file(tmp_path: Path, known: bool) -> 
         local[:, names.index(f"{side} k")] = rotations.from_axis_angle(axis, bend)
     hips = np.tile([0.0, 97.0, 0.0], (30, 1))
     path = tmp_path / "walk.bvh"
-    path.write_text(format_bvh(skeleton, hips, local, 30.0))
-    clip = load_reference_bvh(path).clip
+    path.write_text(format_bvh(skeleton, {0: hips}, local, 30.0))
+    clip = open_take(path).reference.clip
     theirs, _ = skeleton.forward_kinematics(hips, local)
     ours, _ = SPORT_SKELETON.forward_kinematics(clip.hips_positions, clip.local_rotations)
     for side, ending in (("L", "Left"), ("R", "Right")):  # ours is straight at rest, theirs nearly

@@ -16,7 +16,7 @@ from runtime.prompts.english.library_data import (
     PromptLibrary,
     library_hash,
     load_embeddings,
-    load_prompt_library,
+    load_library,
     load_styles,
 )
 from runtime.prompts.english.phrases import PhraseIndex
@@ -46,7 +46,7 @@ ALSO_NAMED = "TwistFoot TwistShoulders"
 
 @pytest.fixture(scope="module")
 def library() -> PromptLibrary:
-    return load_prompt_library(PROMPTS / "library.json", load_styles(PROMPTS / "styles.json"))
+    return load_library(PROMPTS / "library.json", load_styles(PROMPTS / "styles.json"))
 
 
 def test_every_category_is_well_filled(library: PromptLibrary) -> None:

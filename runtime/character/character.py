@@ -100,9 +100,7 @@ def _reading(path: str | Path) -> Iterator[GltfFile]:
         raise file.error(f"damaged glTF structure ({reason(error)}).") from error
 
 
-def _guessed(
-    file: GltfFile, joint_map: Mapping[str, str] | Path | None
-) -> tuple[JointGuess, MeshData]:
+def _guessed(file: GltfFile, joint_map: Mapping[str, str] | Path | None) -> tuple[JointGuess, MeshData]:
     data = read_meshes(file)
     if joint_map is None:
         joint_map = saved_joint_map(file.path)

@@ -97,7 +97,10 @@ def _text(clip: Clip, unit: str, order: str | None, root: RootTrack | None = Non
         back = rotations.inverse(turn)
         local = np.concatenate([turn[:, None], clip.local_rotations], axis=1)
         local[:, 1] = rotations.multiply(back, clip.local_rotations[:, 0])
-        places, above = {0: root.positions, 1: rotations.rotate(back, clip.hips_positions - root.positions)}, 1
+        places, above = (
+            {0: root.positions, 1: rotations.rotate(back, clip.hips_positions - root.positions)},
+            1,
+        )
     return format_bvh(
         skeleton,
         places,

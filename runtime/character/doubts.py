@@ -31,26 +31,38 @@ def doubts(found: Mapping[str, int], tree: JointTree) -> dict[str, str]:
     leg on the left as the feet point.
     """
     wrong: dict[str, str] = {}
-    for limb, (bones, least) in LIMBS.items():
+    for limb, (bones, _) in LIMBS.items():
         spans = {}
         for side in SIDES:
-            joints = [found.get(side + bone, -1) for bone in bones]
-            if min(joints[:2]) >= 0 and joints[1] in tree.ancestors(joints[0]):
-                wrong[side + bones[1]] = f"it lies above the {limb}'s first joint"
-            elif min(joints) >= 0:
-                lengths = [tree.distance(joints[k], joints[k + 1]) for k in (0, 1)]
-                spans[side] = sum(lengths)
-                share = min(lengths) / max(*lengths, 1e-9)
-                if min(lengths) < least * max(lengths):
-                    short = side + bones[lengths.index(min(lengths))]
-                    wrong[short] = (
-                        f"its bone has {100 * share:.0f} % of the length of the other one of this {limb}"
-                    )
+            refused, length = _limb(found, tree, side, limb)
+            wrong |= refused
+            if length is not None:
+                spans[side] = length
         shorter = min(spans, key=lambda side: spans[side], default="")
         if len(spans) == 2 and spans[shorter] < (1.0 - UNEVEN) * max(spans.values()):
             wrong[shorter + bones[0]] = f"this {limb} is much shorter than the other one"
     swapped = [side + bone for bone in _swapped(found, tree) for side in SIDES]
     return wrong | dict.fromkeys(swapped, "it is on the other side, as the feet point")
+
+
+def _limb(
+    found: Mapping[str, int], tree: JointTree, side: str, limb: str
+) -> tuple[dict[str, str], float | None]:
+    """What is wrong with the bones of one limb, and its length where all its joints are known."""
+    bones, least = LIMBS[limb]
+    joints = [found.get(side + bone, -1) for bone in bones]
+    if min(joints[:2]) >= 0 and joints[1] in tree.ancestors(joints[0]):
+        return {side + bones[1]: f"it lies above the {limb}'s first joint"}, None
+    if min(joints) < 0:
+        return {}, None
+    lengths = [tree.distance(joints[k], joints[k + 1]) for k in (0, 1)]
+    if min(lengths) >= least * max(lengths):
+        return {}, sum(lengths)
+    share = min(lengths) / max(*lengths, 1e-9)
+    short = side + bones[lengths.index(min(lengths))]
+    return {short: f"its bone has {100 * share:.0f} % of the length of the other one of this {limb}"}, sum(
+        lengths
+    )
 
 
 def _on_both_sides(found: Mapping[str, int], *bones: str) -> bool:
@@ -107,12 +119,12 @@ def _other_feet(
     found: Mapping[str, int], tree: JointTree, hips: AnyArray, along: AnyArray, length: float
 ) -> bool:
     """Whether two ends of limbs that mirror each other stand on the ground before or behind the feet."""
-    own = {joint for side in SIDES for joint in tree.under(found[side + "UpLeg"])}
+    own = {*tree.under(found["LeftUpLeg"]), *tree.under(found["RightUpLeg"])}
     across = _apart(found, tree, "UpLeg")
     across = across / max(float(np.linalg.norm(across)), 1e-9)
     feet = _middle(found, tree, "Foot") - hips
-    ends = [joint for joint in tree.ends if joint not in own and tree.parents[joint] >= 0]
-    ends = [joint for joint in ends if float((tree.positions[joint] - hips) @ along) > LOW * length]
+    low = (tree.positions - hips) @ along > LOW * length
+    ends = [joint for joint in tree.ends if low[joint] and joint not in own and tree.parents[joint] >= 0]
     for a, b in itertools.combinations(ends, 2):
         gap = tree.positions[a] - tree.positions[b]
         wide = float(np.linalg.norm(gap))

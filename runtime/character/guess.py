@@ -116,18 +116,20 @@ def _believed(
     joint_map: Mapping[str, str],
 ) -> JointGuess:
     """A guess without what geometry refuses, and with what was chosen by hand."""
-    if not _complete(found) and not joint_map and leg_count(tree) > 2:
+    if _missing(found) and not joint_map and leg_count(tree) > 2:
         raise _not_upright(path)
     refused = doubts(found, tree)
     chosen = _chosen(path, names, joint_map)
     used = {joint: k for joint, k in ({**found, **dict.fromkeys(refused, -1)} | chosen).items() if k >= 0}
     if on_four_legs(dict(found) | used, tree):
         raise _not_upright(path)
-    left_out = [joint for joint in refused if joint not in used]
-    reasons = {j: f"{names[found[j]]!r} is not believed to be {j}: {refused[j]}" for j in left_out}
-    missing = tuple(name for name in NEEDED if name not in used)
+    reasons = {
+        joint: f"{names[found[joint]]!r} is not believed to be {joint}: {why}"
+        for joint, why in refused.items()
+        if joint not in used
+    }
     return JointGuess(
-        names, tree.parents, tree.positions, used, origin, frozenset(joint_map), missing, reasons
+        names, tree.parents, tree.positions, used, origin, frozenset(joint_map), _missing(used), reasons
     )
 
 
@@ -154,20 +156,20 @@ def _guessed_joints(
     by_name, convention = match_names(names)
     by_name = {**by_name, **humanoid}
     named = all(name in by_name for name in REQUIRED)
-    believed = named and not doubts(by_name, tree)
-    if believed:
+    if named and not doubts(by_name, tree):
         return by_name, "VRM" if humanoid else convention
     by_tree = guess_by_structure(tree, points)
-    if _complete(by_tree) and (not named or not doubts(by_tree, tree)):
+    if not _missing(by_tree) and (not named or not doubts(by_tree, tree)):
         return by_tree, BY_TREE
     by_name |= match_centre(names, by_name)
-    if not _complete(by_name) and len(by_tree) > len(by_name):
+    if _missing(by_name) and len(by_tree) > len(by_name):
         return by_tree, BY_TREE
-    return by_name, convention if by_name else ""
+    return by_name, convention
 
 
-def _complete(found: Mapping[str, int]) -> bool:
-    return all(name in found for name in NEEDED)
+def _missing(found: Mapping[str, int]) -> tuple[str, ...]:
+    """Joints without which nothing can be driven."""
+    return tuple(name for name in NEEDED if name not in found)
 
 
 def _tree(data: MeshData) -> JointTree:
@@ -213,4 +215,4 @@ def bind_pose(data: MeshData) -> MeshData | None:
 def _crookedness(found: Mapping[str, int], data: MeshData) -> float:
     """`lopsided` of a mesh's rest pose, 1 where joints lack."""
     tree = _tree(data)
-    return lopsided(found, tree, canonical_axes(found, tree.positions)) if _complete(found) else 1.0
+    return 1.0 if _missing(found) else lopsided(found, tree, canonical_axes(found, tree.positions))

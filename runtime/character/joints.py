@@ -255,9 +255,7 @@ def _turns(
     turns = rotations.identity((len(source),)).astype(np.float64)
     rest = SPORT_SKELETON.rest_positions
     for k in order:
-        name = SPORT_SKELETON.names[source[k]]
-        side = next((s for s in _SIDED if name.startswith(s)), "")
-        bone = name[len(side) :]
+        side, bone = re.findall("(Left|Right|)(.+)", SPORT_SKELETON.names[source[k]])[0]
         if not side or bone in ("Shoulder", "HipJoint", "ToeBase"):
             continue
         aim = side + _AIM.get(bone, "")

@@ -16,6 +16,17 @@ def ancestors(file: GltfFile) -> tuple[list[int], list[int]]:
 
     FileError on a cycle or a bad child index.
     """
+    nodes, parents = file.gltf.nodes or [], _parents(file)
+    order = [i for i, parent in enumerate(parents) if parent < 0]
+    for i in order:  # which grows meanwhile
+        order.extend(nodes[i].children or [])
+    if len(order) < len(nodes):
+        first = min(set(range(len(nodes))) - set(order))
+        raise file.error(f"the node hierarchy has a cycle at node {first}.")
+    return order, parents
+
+
+def _parents(file: GltfFile) -> list[int]:
     nodes = file.gltf.nodes or []
     parents = [-1] * len(nodes)
     for i, node in enumerate(nodes):
@@ -24,14 +35,7 @@ def ancestors(file: GltfFile) -> tuple[list[int], list[int]]:
             if not known or parents[child] >= 0:
                 raise file.error(f"the children of node {i} do not form a tree.")
             parents[child] = i
-    order = [i for i, parent in enumerate(parents) if parent < 0]
-    for i in order:  # which grows meanwhile
-        order.extend(nodes[i].children or [])
-    if len(order) < len(nodes):
-        raise file.error(
-            f"the node hierarchy has a cycle at node {min(set(range(len(nodes))) - set(order))}."
-        )
-    return order, parents
+    return parents
 
 
 def nearest_of(order: list[int], parents: list[int], wanted: Container[int]) -> list[int]:

@@ -150,10 +150,9 @@ def _check_document(gltf: Entry, path: Path) -> None:
 def _load_buffers(path: Path, gltf: Entry, blob: memoryview) -> list[memoryview]:
     buffers, total = list[memoryview](), 0
     for i, buffer in enumerate(gltf.buffers or []):
-        packed = any((buffer.extensions or {}).get(name) for name in MESHOPT)
         data = blob if not buffer.uri else memoryview(read_uri(path, buffer.uri, "buffer"))
-        if packed and not buffer.uri and i:
-            data = memoryview(b"")  # what readers without the extension would read
+        if i and _is_fallback(buffer):
+            data = memoryview(b"")
         elif not isinstance(buffer.byteLength, int) or not 0 <= buffer.byteLength <= len(data):
             wanted = str(buffer.byteLength)[:40]
             raise FileError(f"{path}: buffer {i} has {len(data)} bytes; expected {wanted}.", REMEDY)
@@ -162,6 +161,11 @@ def _load_buffers(path: Path, gltf: Entry, blob: memoryview) -> list[memoryview]
             raise FileError(f"{path}: its buffers are larger than {MAX_FILE_BYTES >> 20} MB.", REMEDY)
         buffers.append(data)
     return buffers
+
+
+def _is_fallback(buffer: Entry) -> bool:
+    """Whether a buffer without bytes stands for what readers without compression would read."""
+    return not buffer.uri and any((buffer.extensions or {}).get(name) for name in MESHOPT)
 
 
 def read_uri(path: Path, uri: Any, what: str) -> bytes:

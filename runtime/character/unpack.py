@@ -38,20 +38,19 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 def unpack(path: Path, gltf: Any, buffers: list[memoryview]) -> list[memoryview]:
     """Buffers with what was unpacked behind them; the document names plain accessors then. FileError."""
-    named = {name for name in gltf.extensionsUsed or [] if isinstance(name, str)}
-    if not named & {DRACO, *MESHOPT}:
+    packed = {DRACO, *MESHOPT}
+    if packed.isdisjoint(map(str, gltf.extensionsUsed or [])):
         return buffers
     made = list(buffers)
     try:
         for name in MESHOPT:
             _unpack_meshopt(path, gltf, made, name)
-        if DRACO in named:
-            _unpack_draco(path, gltf, made)
+        _unpack_draco(path, gltf, made)
     except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
         raise FileError(f"{path}: its compressed meshes are damaged ({reason(error)}).", _REMEDY) from error
     for field in ("extensionsUsed", "extensionsRequired"):
         if gltf.get(field):
-            gltf[field] = [name for name in gltf[field] if name not in (DRACO, *MESHOPT)]
+            gltf[field] = [name for name in gltf[field] if str(name) not in packed]
     return made
 
 
@@ -78,7 +77,7 @@ def _unpack_meshopt(path: Path, gltf: Any, buffers: list[memoryview], name: str)
     facts, parts, size = [], [], 0
     for view in views:
         packed = view.extensions[name]
-        _check_meshopt(gltf, view, packed)
+        _check_meshopt(view, packed)
         parts.append(_part(buffers, packed))
         facts.append({"mode": packed.mode, "filter": packed.filter or "NONE", "count": packed.count,
                       "stride": packed.byteStride, "length": len(parts[-1])})  # fmt: skip
@@ -92,18 +91,17 @@ def _unpack_meshopt(path: Path, gltf: Any, buffers: list[memoryview], name: str)
     buffers.append(memoryview(data))
 
 
-def _check_meshopt(gltf: Any, view: Any, packed: Any) -> None:
+def _check_meshopt(view: Any, packed: Any) -> None:
     """ValueError for what the extension forbids: the decoder believes its arguments."""
     mode, count, stride = packed.mode, packed.count, packed.byteStride
-    strides = STRIDES.get((mode, packed.filter or "NONE"))
-    if strides is None or type(stride) is not int or stride not in strides:
+    strides = STRIDES.get((mode, packed.filter or "NONE"), ())
+    if type(stride) is not int or stride not in strides:
         raise ValueError(
             f"mode {str(mode)[:20]}, filter {str(packed.filter)[:20]}, byteStride {str(stride)[:20]}"
         )
     if type(count) is not int or count < 1 or (mode == "TRIANGLES" and count % 3):
         raise ValueError(f"count {str(count)[:20]}")
-    start, whole = view.byteOffset or 0, gltf.buffers[view.buffer or 0].byteLength
-    if view.byteLength != count * stride or not 0 <= start <= start + view.byteLength <= whole:
+    if view.byteLength != count * stride:
         raise ValueError("the size of a buffer view is not that of its elements")
 
 
@@ -113,14 +111,12 @@ def _unpack_draco(path: Path, gltf: Any, buffers: list[memoryview]) -> None:
     primitives = [primitive for primitive in primitives if DRACO in (primitive.extensions or {})]
     if not primitives:
         return
+    size = sum(_unpacked_bytes(gltf, primitive) for primitive in primitives)
+    _check_size(path, size)
     wanted: dict[int, set[int]] = {}  # attributes of each buffer view
-    size = 0
     for primitive in primitives:
         packed = primitive.extensions[DRACO]
         wanted.setdefault(packed.bufferView, set()).update(map(int, packed.attributes.values()))
-        accessors = (primitive.indices, *(primitive.attributes[name] for name in packed.attributes))
-        size += sum(4 * _WIDTHS[gltf.accessors[k].type] * gltf.accessors[k].count for k in accessors)
-        _check_size(path, size)
     parts = [_part(buffers, gltf.bufferViews[view]) for view in wanted]
     facts = [
         {"length": len(part), "attributes": sorted(ids)}
@@ -135,6 +131,15 @@ def _unpack_draco(path: Path, gltf: Any, buffers: list[memoryview]) -> None:
             _set_accessor(gltf, buffers, primitive.indices, decoded[f"{part}.indices"])
             for name, number in packed.attributes.items():
                 _set_accessor(gltf, buffers, primitive.attributes[name], decoded[f"{part}.{int(number)}"])
+
+
+def _unpacked_bytes(gltf: Any, primitive: Any) -> int:
+    """How large the attributes and indices of a packed primitive become, four bytes a number."""
+    accessors = (
+        primitive.indices,
+        *(primitive.attributes[n] for n in primitive.extensions[DRACO].attributes),
+    )
+    return sum(4 * _WIDTHS[gltf.accessors[k].type] * gltf.accessors[k].count for k in accessors)
 
 
 def _set_accessor(gltf: Any, buffers: list[memoryview], index: int, values: AnyArray) -> None:

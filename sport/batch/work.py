@@ -125,8 +125,8 @@ def make_rows(
         with _closed(executor()) as pool:
             under_way: dict[Future[Made], Task] = {}
             while under_way or (waiting and not died):
-                while waiting and not died and len(under_way) < AHEAD * workers:
-                    _submit(pool, waiting.pop(), under_way, died)
+                if not died:
+                    died += _submit(pool, waiting, under_way, AHEAD * workers)
                 for future in wait(under_way, return_when=FIRST_COMPLETED).done:
                     task = under_way.pop(future)
                     if isinstance(future.exception(), BrokenProcessPool):
@@ -138,11 +138,17 @@ def make_rows(
                 yield _placed(task, pool.submit(make_row, task), target)
 
 
-def _submit(pool: Executor, task: Task, under_way: dict[Future[Made], Task], died: list[Task]) -> None:
-    try:
-        under_way[pool.submit(make_row, task)] = task
-    except BrokenProcessPool:
-        died.append(task)
+def _submit(
+    pool: Executor, waiting: list[Task], under_way: dict[Future[Made], Task], most: int
+) -> list[Task]:
+    """Begin tasks until `most` are under way; the one that a broken pool refuses."""
+    while waiting and len(under_way) < most:
+        task = waiting.pop()
+        try:
+            under_way[pool.submit(make_row, task)] = task
+        except BrokenProcessPool:
+            return [task]
+    return []
 
 
 @contextlib.contextmanager

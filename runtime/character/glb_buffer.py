@@ -189,13 +189,14 @@ def _primitives(gltf: GLTF2) -> Iterator[Any]:
 
 
 def _accessor_references(gltf: GLTF2) -> Iterator[Reference]:
-    yield from ((vars(skin), "inverseBindMatrices") for skin in gltf.skins or [])
+    yield from ((vars(skin), "inverseBindMatrices") for skin in gltf.skins)
     for primitive in _primitives(gltf):
         yield vars(primitive), "indices"
         attributes = [vars(primitive.attributes), *(primitive.targets or [])]
         yield from ((named, name) for named in attributes for name in named)
-    for animation in gltf.animations or []:
-        yield from ((vars(sampler), end) for sampler in animation.samplers for end in ("input", "output"))
+    yield from (
+        (vars(s), end) for a in gltf.animations or [] for s in a.samplers for end in ("input", "output")
+    )
 
 
 def _view_references(gltf: GLTF2) -> Iterator[Reference]:

@@ -78,7 +78,7 @@ def find_soles(mesh: SkinnedMesh, rest: AnyArray, pivots: AnyArray) -> Soles:
                 joint,
             )
         )
-    joints = np.array([[joint_of[j] for j in leg[:3]] for leg in LEGS])
+    joints = np.array([[joint_of[upper], joint_of[lower], joint_of[foot]] for upper, lower, foot, _ in LEGS])
     return Soles(joints, *(np.stack(each) for each in zip(*sides, strict=True)))
 
 

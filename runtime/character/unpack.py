@@ -107,8 +107,7 @@ def _check_meshopt(view: Any, packed: Any) -> None:
 
 def _unpack_draco(path: Path, gltf: Any, buffers: list[memoryview]) -> None:
     """The attributes and indices of every compressed primitive become accessors with buffers of their own."""
-    primitives = [primitive for mesh in gltf.meshes or [] for primitive in mesh.primitives]
-    primitives = [primitive for primitive in primitives if DRACO in (primitive.extensions or {})]
+    primitives = _packed_by_draco(gltf)
     if not primitives:
         return
     size = sum(_unpacked_bytes(gltf, primitive) for primitive in primitives)
@@ -117,12 +116,9 @@ def _unpack_draco(path: Path, gltf: Any, buffers: list[memoryview]) -> None:
     for primitive in primitives:
         packed = primitive.extensions[DRACO]
         wanted.setdefault(packed.bufferView, set()).update(map(int, packed.attributes.values()))
-    parts = [_part(buffers, gltf.bufferViews[view]) for view in wanted]
-    facts = [
-        {"length": len(part), "attributes": sorted(ids)}
-        for part, ids in zip(parts, wanted.values(), strict=True)
-    ]
-    data = decode("draco", path, {"parts": facts, "size": size}, b"".join(parts), _REMEDY)
+    parts = {view: _part(buffers, gltf.bufferViews[view]) for view in wanted}
+    facts = [{"length": len(part), "attributes": sorted(wanted[view])} for view, part in parts.items()]
+    data = decode("draco", path, {"parts": facts, "size": size}, b"".join(parts.values()), _REMEDY)
     _check_size(path, len(data) // 2)  # of 64-bit numbers at most
     with np.load(io.BytesIO(data), allow_pickle=False) as decoded:
         for primitive in primitives:
@@ -131,6 +127,11 @@ def _unpack_draco(path: Path, gltf: Any, buffers: list[memoryview]) -> None:
             _set_accessor(gltf, buffers, primitive.indices, decoded[f"{part}.indices"])
             for name, number in packed.attributes.items():
                 _set_accessor(gltf, buffers, primitive.attributes[name], decoded[f"{part}.{int(number)}"])
+
+
+def _packed_by_draco(gltf: Any) -> list[Any]:
+    meshes = gltf.meshes or []
+    return [p for mesh in meshes for p in mesh.primitives if DRACO in (p.extensions or {})]
 
 
 def _unpacked_bytes(gltf: Any, primitive: Any) -> int:

@@ -166,11 +166,8 @@ def _set_scene(rig: Rig) -> None:
 
     gltf = rig.gltf
     carried = {_line(rig.parents, joint)[-1] for joint in rig.joints}
-    tops = [(top, gltf.nodes[top]) for top, parent in enumerate(rig.parents) if parent < 0]
-    moved = [top for top, _ in tops if top in carried]
-    skinned = [
-        top for top, node in tops if top not in carried and not node.children and node.skin is not None
-    ]
+    moved = sorted(carried)
+    skinned = [top for top in _alone(rig) if top not in carried and gltf.nodes[top].skin is not None]
     if np.allclose(rig.space, np.eye(4), atol=SAME):
         rig.space = np.eye(4)
     else:
@@ -181,6 +178,12 @@ def _set_scene(rig: Rig) -> None:
             rig.parents[top] = number
         moved = [number]
     gltf.scenes, gltf.scene = [g.Scene(name="take", nodes=[*moved, *skinned])], 0
+
+
+def _alone(rig: Rig) -> list[int]:
+    """Nodes without a parent or a child."""
+    nodes = rig.gltf.nodes
+    return [top for top, parent in enumerate(rig.parents) if parent < 0 and not nodes[top].children]
 
 
 def _append_node(rig: Rig, node: Node, parent: int, rest: Array) -> int:
@@ -204,8 +207,8 @@ def _add_root(rig: Rig, hips: int) -> None:
     frame[:3, 3] = rig.ground_point
     if rig.plain:  # Blender joins the hips to a root whose tail meets them, and drops where they go
         frame[2, 3] -= OFF_THE_HIPS_M
-    taken = {node.name for node in gltf.nodes}
-    name = next((n for n in ROOT_NAMES if n not in taken), ROOT_NAMES[-1])
+    free = set(ROOT_NAMES) - {node.name for node in gltf.nodes}
+    name = min(free or {ROOT_NAMES[-1]}, key=ROOT_NAMES.index)
     rig.root_node = _append_node(rig, g.Node(name=name, children=[hips]), above, frame)
     siblings = gltf.nodes[above].children if above >= 0 else gltf.scenes[0].nodes
     siblings[siblings.index(hips)] = rig.root_node

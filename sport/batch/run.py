@@ -40,18 +40,27 @@ def run_batch(options: argparse.Namespace, parser: RowParser) -> int:
         progress = BatchProgress(len(rows), len(tasks) - len(missing))
         if progress.kept:
             print(f"sport: {progress.kept} of {len(rows)} clips are there already", file=sys.stderr)
-        try:
-            for line in itertools.chain((entry(row, row.error) for row in refused), _lines(missing, options)):
-                manifest.add(line)
-                progress.add(failed=bool(line["error"]))
-            manifest.finish(row.number for row in rows)
-        except KeyboardInterrupt:
-            print("\nsport: stopped; the same command goes on from here", file=sys.stderr)
-            raise
-        finally:
-            manifest.close()
+        _make(
+            itertools.chain((entry(row, row.error) for row in refused), _lines(missing, options)),
+            manifest,
+            progress,
+        )
+        manifest.finish(row.number for row in rows)
         _report(manifest, [row.number for row in rows], progress)
     return int(progress.failed > 0)
+
+
+def _make(lines: Iterator[Line], manifest: Manifest, progress: BatchProgress) -> None:
+    """Put lines into the manifest as they come."""
+    try:
+        for line in lines:
+            manifest.add(line)
+            progress.add(failed=bool(line["error"]))
+    except KeyboardInterrupt:
+        print("\nsport: stopped; the same command goes on from here", file=sys.stderr)
+        raise
+    finally:
+        manifest.close()
 
 
 def _lines(tasks: list[Task], options: argparse.Namespace) -> Iterator[Line]:
@@ -129,7 +138,6 @@ class Manifest:
 
     def finish(self, numbers: Iterable[int]) -> None:
         """One line for each of these rows, in their order; older ones go."""
-        self.close()
         write_atomic(self.path, "".join(_text(self.lines[n]) for n in sorted(numbers) if n in self.lines))
 
     def close(self) -> None:

@@ -93,7 +93,7 @@ class PhraseIndex:
     @staticmethod
     def _names_a_way(words: list[Word], entry: LibraryEntry) -> bool:
         plain_walk = entry.style.startswith(NEUTRAL_STYLE)
-        return any(word.says for word in words) or (len(words) > 1 and not plain_walk)
+        return _says(words) or (len(words) > 1 and not plain_walk)
 
     def only_alone(self, words: list[Word]) -> bool:
         """Whether the words are one that names an entry only as a whole prompt."""
@@ -272,10 +272,14 @@ def _without_objects(
         if element.start in objects and figure and not element.only:
             dropped_at = element.start
             continue
-        of_thing = category in _QUALITIES and element.end not in covered and follows and follows[0].says
+        of_thing = category in _QUALITIES and element.end not in covered and _says(follows)
         if element.only or element.start not in places or not of_thing:  # all but "in an old house"
             kept.insert(0, element)
     return kept
+
+
+def _says(words: Sequence[Word]) -> bool:
+    return any(word.says for word in words)
 
 
 def _any_in(words: Sequence[Word], texts: frozenset[str]) -> bool:

@@ -160,17 +160,13 @@ class _Hierarchy:
     def _channels(self, tokens: list[str]) -> bool:
         if not self.names:
             return False
-        self.channels[-1] = [channel.lower() for channel in tokens[2:]]
-        _check_channels(self.channels[-1], tokens, self._line, self._name)
+        self.channels[-1] = channels = [channel.lower() for channel in tokens[2:]]
+        known = {a + kind for a in "xyz" for kind in ("position", "rotation")}
+        if tokens[1:2] != [str(len(channels))] or not set(channels) <= known:
+            raise FileError(f"{self._name}, line {self._line}: CHANNELS count or names are wrong.", _REMEDY)
+        if len(set(channels)) != len(channels):
+            raise FileError(f"{self._name}, line {self._line}: a channel stands twice in CHANNELS.", _REMEDY)
         return True
-
-
-def _check_channels(channels: list[str], tokens: list[str], line: int, name: str) -> None:
-    known = {a + kind for a in "xyz" for kind in ("position", "rotation")}
-    if tokens[1:2] != [str(len(channels))] or not set(channels) <= known:
-        raise FileError(f"{name}, line {line}: CHANNELS count or names are wrong.", _REMEDY)
-    if len(set(channels)) != len(channels):
-        raise FileError(f"{name}, line {line}: a channel stands twice in CHANNELS.", _REMEDY)
 
 
 def _read_motion(h: _Hierarchy, data: bytes, at: int, name: str) -> BvhMotion:

@@ -14,7 +14,7 @@ from runtime.errors import FileError
 from runtime.formats.bvh import BvhMotion, check_size, format_bvh, read_bvh
 from runtime.formats.options import UNITS_PER_METRE, ExportOptions
 from runtime.formats.prepare import Check, PreparedTake
-from runtime.formats.sidecar import read_metadata, write_sidecar
+from runtime.formats.sidecar import format_metadata, read_metadata, sidecar_path
 from runtime.pose import MAX_FPS, video_rate
 from runtime.safe_read import printable
 from runtime.skeleton import SPORT_SKELETON, J, Skeleton
@@ -79,7 +79,7 @@ def _write(clip: Clip, path: Path, text: str, new: bool = False) -> Path:
         path = write_new(path, text)
     else:
         write_atomic(path, text)
-    write_sidecar(clip, path, text)
+    write_atomic(sidecar_path(path), format_metadata(clip, text))
     return path
 
 

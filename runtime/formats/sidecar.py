@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.arrays import Array
-from runtime.atomic import write_atomic
 from runtime.checked import number_field, read_number, text_field
 from runtime.controls import Gait
 from runtime.errors import FileError
@@ -97,11 +96,6 @@ def foot_phases(clip: Clip) -> NDArray[np.float32]:
         for first, last in itertools.pairwise(begins):
             phases[first:last, foot] = 2.0 * np.pi * np.arange(last - first) / (last - first)
     return phases
-
-
-def write_sidecar(clip: Clip, path: Path, text: str) -> None:
-    """Write what is known of the clip next to its BVH of this text; FileError when it cannot be written."""
-    write_atomic(sidecar_path(path), format_metadata(clip, text))
 
 
 def read_metadata(bvh: Path, fps: float, frames: int) -> dict[str, Any]:

@@ -200,7 +200,8 @@ def make_row(task: Task) -> Made:
         paths = sorted(path for path in folder.rglob("*") if path.is_file())
         files = {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
     hashes = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
-    main = _main_file(task.options, hashes)
+    out = task.options.out.as_posix()  # of several files the first
+    main = out if out in files else min((f for f in files if not f.endswith(".json")), default=min(files))
     notes = [line for line in printed.getvalue().splitlines() if not _PROGRESS.search(line)]
     line = entry(
         task, file=main, sha256=hashes[main], files=hashes, seconds=round(time.perf_counter() - begin, 3),
@@ -220,22 +221,10 @@ def _write_clips(task: Task, folder: Path) -> None:
     write_clips(options, lambda o: _model_and_prompter(o.model, o.expander, o.text_encoder))
 
 
-@lru_cache(maxsize=1)
-def _model(folder: Path | None) -> Any:
-    from runtime.motion.model import load_model
-
-    return load_model(folder)
-
-
 @lru_cache(maxsize=1)  # rows mostly have the model and the text encoder of the row before
 def _model_and_prompter(folder: Path | None, expander: str, text_encoder: Path | None) -> tuple[Any, Any]:
+    from runtime.motion.model import load_model
     from runtime.prompts.prompter import Prompter
 
-    model = _model(folder)
+    model = load_model(folder)
     return model, Prompter(model, expander, text_encoder=text_encoder)
-
-
-def _main_file(options: argparse.Namespace, files: dict[str, str]) -> str:
-    """The main file; the first of several."""
-    name = options.out.as_posix()
-    return name if name in files else min((f for f in files if not f.endswith(".json")), default=min(files))

@@ -122,8 +122,9 @@ def _figure_parts(
         return sources
     second = others[0].entry
     unusual = 1.0 - np.einsum("npd,pd->np", embeddings.parts, embeddings.parts[neutral])
+    more = unusual[second] - unusual[ranked[0].entry]
     gains = {
-        name: _gain(unusual, ranked[0].entry, second, parts)
+        name: float(more[[PART_NAMES.index(part) for part in parts]].mean())
         for name, parts in _GROUPS.items()
         if set(parts) <= set(entries[second].defines)
     }
@@ -133,12 +134,6 @@ def _figure_parts(
     for name in given:
         sources.update(dict.fromkeys(_GROUPS[name], second))
     return sources
-
-
-def _gain(unusual: NDArray[np.float32], first: int, second: int, parts: tuple[str, ...]) -> float:
-    """By how much more unusual some parts of the second entry are than those of the first."""
-    columns = [PART_NAMES.index(part) for part in parts]
-    return float(unusual[second, columns].mean() - unusual[first, columns].mean())
 
 
 def compose_neighbours(

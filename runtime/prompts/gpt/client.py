@@ -87,7 +87,10 @@ class ChatClient:
             except EndpointError as error:
                 failure = error
             except TimeoutError:  # an endpoint that drips or hangs will do so again
-                raise self._too_slow(time.monotonic() - begun) from None
+                remedy = f"Try again, choose a faster model, or raise {TIMEOUT}."
+                raise self._error(
+                    f"gave no answer within {time.monotonic() - begun:.1f} s.", remedy
+                ) from None
             pause = wait if failure.wait_s is None else failure.wait_s
             hopeless = pause > settings.longest_wait_s or time.monotonic() + pause >= until
             if not failure.retry or hopeless or attempt == settings.attempts:
@@ -172,10 +175,6 @@ class ChatClient:
 
     def _error(self, problem: str, remedy: str, **details: Any) -> EndpointError:
         return EndpointError(f"{self._settings.host} {problem}", remedy, **details)
-
-    def _too_slow(self, seconds: float) -> EndpointError:
-        remedy = f"Try again, choose a faster model, or raise {TIMEOUT}."
-        return self._error(f"gave no answer within {seconds:.1f} s.", remedy)
 
     def _broken(self, cause: BaseException) -> EndpointError | TimeoutError:
         if "Timeout" in type(cause).__name__:

@@ -22,6 +22,7 @@ from runtime.prompts.english.compose import (
     lame_on,
     on_side,
     sources_note,
+    words_of_parts,
 )
 from runtime.prompts.english.library_data import (
     NEUTRAL_STYLE,
@@ -105,10 +106,10 @@ class LibraryExpander:
         note = ", ".join(f"“{wrong}” read as “{right}”" for wrong, right in read.items())
         return replace(expansion, note=f"{note[0].upper()}{note[1:]}. {expansion.note}".strip())
 
-    def _in_another_language(self, prompt: str, least: float = other_languages.NEAR) -> Expansion:
+    def _in_another_language(self, prompt: str) -> Expansion:
         """The entry nearest by meaning, where its multilingual encoder is installed; else neutral with the remedy."""
         ranked = self._languages.nearest(prompt)
-        if ranked and ranked[0][1] >= least:
+        if ranked and ranked[0][1] >= other_languages.NEAR:
             near = self._near(ranked)
             note = (
                 f"“{_short(prompt)}” is not English: nearest by meaning is “{near[0][0]}” ({near[0][1]:.0%})."
@@ -154,14 +155,12 @@ class LibraryExpander:
         if not elements or self._nearest_says_more(words, reading, elements, ranked[0]):
             return self._by_neighbours(text, ranked, entries, parsed.parts, note)
         library = self._library
-        made = compose_elements(elements, entries, library.embeddings, library.neutral, self._worth)
+        chosen = compose_elements(elements, entries, library.embeddings, library.neutral, self._worth)
         # no similarity of single words: next to that of the whole prompt it is another figure for the same entry
-        sources = (
-            sources_note(made.sources, library.entries, {}) if len(set(made.sources.values())) > 1 else ""
-        )
+        sources = sources_note(chosen, library.entries, {}) if len(set(chosen.values())) > 1 else ""
         notes = (sources and f"{sources}.", note, _unread_limbs(words, reading, elements))
         return self._expansion(
-            made.descriptions, self._near(ranked), parsed.parts, " ".join(filter(None, notes))
+            words_of_parts(chosen, entries), self._near(ranked), parsed.parts, " ".join(filter(None, notes))
         )
 
     def _nothing_bodily(self, text: str, words: list[Word], reading: Reading, best: float) -> str:
@@ -203,10 +202,10 @@ class LibraryExpander:
             return self._neutral(near, stated, f"{reason} {note}".strip())
         if best >= NEAR:
             return self._expansion(entries[ranked[0][0]].descriptions, near, stated, note)
-        made = compose_neighbours(ranked[:NEIGHBOURS], entries, self._library.embeddings, self._worth)
-        parts = sources_note(made.sources, self._library.entries, dict(ranked))
+        chosen = compose_neighbours(ranked[:NEIGHBOURS], self._library.embeddings, self._worth)
+        parts = sources_note(chosen, self._library.entries, dict(ranked))
         note = f"Composed from the nearest prompts, {best:.0%} like it at best: {parts}. {note}".strip()
-        return self._expansion(made.descriptions, near, stated, note)
+        return self._expansion(words_of_parts(chosen, entries), near, stated, note)
 
     def _denied(self, denials: tuple[int, ...], stated: dict[str, str], note: str) -> Expansion:
         """A prompt that only says what is not: the opposite where the library has one, else neutral."""

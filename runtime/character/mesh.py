@@ -12,13 +12,15 @@ from numpy.typing import NDArray
 from runtime import rotations
 from runtime.arrays import AnyArray
 from runtime.character.joints import CONVENTIONS
-from runtime.character.nodes import ancestors, nearest_of, node_world_matrices
 from runtime.character.read import (
     MAX_PRIMITIVES,
     REMEDY,
     Entry,
     GltfFile,
     accessor_count,
+    ancestors,
+    nearest_of,
+    node_world_matrices,
     read_accessor,
 )
 from runtime.character.skinned_mesh import Surface

@@ -13,8 +13,7 @@ from runtime.arrays import Array
 from runtime.character.character import Character
 from runtime.character.glb_buffer import GlbBuffer
 from runtime.character.mesh import MeshData, skin_joints
-from runtime.character.nodes import ancestors, node_world_matrices
-from runtime.character.read import GltfFile
+from runtime.character.read import GltfFile, ancestors, node_world_matrices
 from runtime.formats.prepare import PreparedTake
 from runtime.skeleton import SPORT_SKELETON
 

@@ -22,8 +22,16 @@ from runtime import rotations
 from runtime.arrays import AnyArray
 from runtime.atomic import atomic_path
 from runtime.character.mesh import skin_joints
-from runtime.character.nodes import ancestors, nearest_of, node_world_matrices
-from runtime.character.read import Entry, GltfFile, buffer_view_bytes, open_gltf, read_accessor
+from runtime.character.read import (
+    Entry,
+    GltfFile,
+    ancestors,
+    buffer_view_bytes,
+    nearest_of,
+    node_world_matrices,
+    open_gltf,
+    read_accessor,
+)
 from runtime.errors import FileError, UsageError
 from runtime.formats.glb import glb_document
 from runtime.formats.options import ExportOptions

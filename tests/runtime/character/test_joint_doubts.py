@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from runtime import rotations
 from runtime.character.character import joints_of, load_character
-from runtime.character.doubts import doubts, on_four_legs
-from runtime.character.guess import JointsUnknown, NotUpright, guess_skeleton
+from runtime.character.guess import JointsUnknown, NotUpright, guess_skeleton, on_four_legs, refusals
 from runtime.character.tree import JointTree
 from runtime.errors import FileError
 from runtime.formats.bvh import format_bvh
@@ -170,7 +169,7 @@ def test_bones_that_cannot_be_a_leg_are_named(tmp_path: Path) -> None:
     assert guess.names[guess.found["LeftLeg"]] != "LeftLeg" or "LeftLeg" in guess.missing
     tree, order = tree_of(lame)
     told = {name: order.index(key) for key, name in both.items()}
-    reasons = doubts(told, tree)
+    reasons = refusals(told, tree)
     assert set(reasons) == {"LeftLeg", "RightLeg"}
     assert "% of the length" in reasons["LeftLeg"]
 
@@ -181,14 +180,14 @@ def test_sides_that_do_not_fit_the_toes_are_not_believed() -> None:
             "LeftToeBase": "L ball", "LeftArm": "L arm", "LeftForeArm": "L fore", "LeftHand": "L wrist"}  # fmt: skip
     told |= {"Right" + key[4:]: "R" + name[1:] for key, name in told.items() if key.startswith("Left")}
     right = {joint: names.index(name) for joint, name in told.items()}
-    assert doubts(right, tree) == {}
+    assert refusals(right, tree) == {}
     assert not on_four_legs(right, tree)
     crossed = right | {
         joint: right[_other(joint)] for joint in right if joint[4:] in ("Arm", "ForeArm") or "Hand" in joint
     }
-    assert set(doubts(crossed, tree)) == {"LeftArm", "RightArm"}
+    assert set(refusals(crossed, tree)) == {"LeftArm", "RightArm"}
     mirrored = {_other(joint): k for joint, k in right.items()}
-    assert {"LeftUpLeg", "RightUpLeg"} <= set(doubts(mirrored, tree))
+    assert {"LeftUpLeg", "RightUpLeg"} <= set(refusals(mirrored, tree))
 
 
 def _other(joint: str) -> str:

@@ -259,10 +259,7 @@ def _accessor_values(file: GltfFile, accessor: Entry, what: str) -> AnyArray:
 
 
 def ancestors(file: GltfFile) -> tuple[list[int], list[int]]:
-    """All nodes with parents before their children, and the parent of each node, -1 at roots.
-
-    FileError on a cycle or a bad child index.
-    """
+    """All nodes with parents before their children, and the parent of each node, -1 at roots. FileError."""
     nodes, parents = file.gltf.nodes or [], _parents(file)
     order = [i for i, parent in enumerate(parents) if parent < 0]
     for i in order:  # which grows meanwhile

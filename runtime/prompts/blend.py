@@ -107,10 +107,7 @@ def write_words(words: Words | BlendedPrompt) -> str:
 
 
 def read_words(text: str) -> Words | BlendedPrompt:
-    """What a prompt event of a take asks for: a prompt, six descriptions, or a blend of two.
-
-    PromptError when it is a JSON object but neither of the latter.
-    """
+    """What a prompt event of a take asks for: a prompt, six descriptions, or a blend of two. PromptError."""
     try:
         value = parse_json(text)
     except ValueError:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import os
 import random
-import shutil
 import time
 from pathlib import Path
 from typing import Any
@@ -21,9 +20,9 @@ from benchmarks.study.__main__ import main
 from benchmarks.study.make import Scene, write_study
 from runtime.errors import FileError, UsageError, run_command
 from runtime.terrain.height_map import Terrain
+from tests.helpers.browser import needs_browser
 
 METHODS = ("ours", "rival", "capture")
-SIZES = {"phone": (390, 844), "desktop": (1280, 900)}
 
 
 def study(folder: Path, titles: int = 2, data: bytes = b"film") -> dict[str, Any]:
@@ -179,7 +178,7 @@ def test_hostile_files_end_in_one_sentence(tmp_path: Path, capsys: pytest.Captur
 
     assert code(answers=pipe) == code(secret=pipe) == 2
     rng = random.Random(0)
-    for number in range(100):
+    for number in range(30):
         damaged = (file, key_file)[number % 2]
         content = json.loads(texts[damaged])
         place: Any = content
@@ -219,24 +218,6 @@ def test_the_later_answer_to_a_film_shown_again_counts(tmp_path: Path) -> None:
 # --- in a browser -----------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory):  # type: ignore[no-untyped-def]
-    selenium = pytest.importorskip("selenium.webdriver")
-    program, driver = shutil.which("chromium"), shutil.which("chromedriver")
-    if program is None or driver is None:
-        pytest.skip("chromium and chromedriver are not installed")
-    options = selenium.ChromeOptions()
-    options.binary_location = program
-    for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"):
-        options.add_argument(argument)
-    folder = tmp_path_factory.mktemp("downloads")
-    options.add_experimental_option("prefs", {"download.default_directory": str(folder)})
-    window = selenium.Chrome(options, selenium.ChromeService(driver))
-    window.downloads = folder
-    yield window
-    window.quit()
-
-
 def shown(window: Any) -> dict[str, Any]:
     return window.execute_script(
         "return {...state.queue[state.at], at: state.at, length: state.queue.length}"
@@ -253,26 +234,30 @@ def reopened(window: Any, at: int) -> dict[str, Any]:
     return shown(window)
 
 
-def downloaded(window: Any) -> Path:
+def downloaded(window: Any, folder: Path) -> Path:
     """The answers behind the link, written as the browser would save them."""
     text = window.execute_async_script(
         "const done = arguments[0]; fetch(document.getElementById('download').href).then(r => r.text()).then(done)"
     )
-    path = window.downloads / window.find_element("id", "download").get_attribute("download")
+    path = folder / window.find_element("id", "download").get_attribute("download")
     content = json.loads(text)
     assert content["synthetic"] is False  # what a page writes is somebody's answer; this one is the test's
     path.write_text(json.dumps(content | {"synthetic": True}), encoding="utf-8")
     return path
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("keys", [False, True], ids=["mouse", "keyboard"])
-def test_a_page_is_filled_in_from_first_to_last(browser: Any, tmp_path: Path, size: str, keys: bool) -> None:
+@needs_browser
+@pytest.mark.parametrize(
+    ("size", "keys"), [((390, 844), False), ((1280, 900), True)], ids=["phone", "desktop"]
+)
+def test_a_page_is_filled_in_from_first_to_last(
+    browser: Any, tmp_path: Path, size: tuple[int, int], keys: bool
+) -> None:
     pytest.importorskip("statsmodels")
     from benchmarks.study.report import read_answers
 
     key = study(tmp_path, titles=1)
-    browser.set_window_size(*SIZES[size])
+    browser.set_window_size(*size)
     browser.get((tmp_path / make.PAGE).as_uri())
     body = browser.find_element("tag name", "body")
     browser.find_element("id", "begin").click()
@@ -306,7 +291,7 @@ def test_a_page_is_filled_in_from_first_to_last(browser: Any, tmp_path: Path, si
     assert len(order) == len(key["clips"]) + 1
     assert set(order) == set(key["clips"])
     assert order[-1] == low
-    path = downloaded(browser)
+    path = downloaded(browser, tmp_path)
     answers = read_answers([path], tmp_path / make.KEY, synthetic=True)
     assert dict(zip(answers["clip"], answers["rating"], strict=True)) == given
     assert answers.again.sum() == 1

@@ -175,11 +175,6 @@ def test_a_clip_tells_what_it_was_made_with(walker, monkeypatch):
     assert dict(clip.gait_seconds) == {"jog": 2.0}
 
 
-def test_standing_stands(walker):
-    clip = generate_clip("calm", path="circle", gait="stand", seconds=2.0)
-    assert np.ptp(clip.hips_positions[:, [0, 2]], axis=0).max() < 0.05
-
-
 @pytest.mark.parametrize(
     ("changes", "error", "expected"),
     [({"prompt": "  "}, PromptError, "prompt"), ({"prompt": "x" * 10_000}, PromptError, "prompt"),

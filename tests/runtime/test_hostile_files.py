@@ -19,7 +19,6 @@ from PIL import Image
 from runtime.assets import PROJECT_ROOT
 from runtime.character.character import load_character
 from runtime.character.joint_map import read_joint_map
-from runtime.character.writer import write_character
 from runtime.errors import FileError, SportError
 from runtime.formats.bvh import MAX_JOINT_FRAMES, parse_bvh, read_bvh
 from runtime.formats.bvh_clip import save_bvh
@@ -30,7 +29,7 @@ from runtime.prompts.text_encoder import TextEncoder
 from runtime.skeleton import REST_HIPS_HEIGHT
 from runtime.takes.clip import Clip
 from runtime.terrain.files import read_terrain
-from tests.helpers.gltf_characters import join_glb, split_glb, user_character
+from tests.helpers.gltf_characters import character_glb, join_glb, split_glb, textured
 from training.baselines.matching import Database
 from training.evaluation.metrics.motion import load_motion
 from viewer.edit.video import read_video
@@ -60,35 +59,6 @@ def png(width: int, height: int, colour: int = 0, bits: int = 16) -> bytes:
         struct.pack(">I", len(b)) + k + b + struct.pack(">I", zlib.crc32(k + b)) for k, b in chunks
     )
     return b"\x89PNG\r\n\x1a\n" + body
-
-
-def textured(image: dict, extra: bytes = b"") -> bytes:
-    """A character whose colours come from one image."""
-    folder = Path(os.environ["SPORT_TEST_FOLDER"])
-    write_character(folder / "plain.glb", user_character())
-    document, blob = split_glb((folder / "plain.glb").read_bytes())
-    count = document["accessors"][0]["count"]
-    document["bufferViews"] += [
-        {"buffer": 0, "byteOffset": len(blob), "byteLength": count * 8},
-        {"buffer": 0, "byteOffset": len(blob) + count * 8, "byteLength": len(extra)},
-    ]
-    view = len(document["bufferViews"]) - 1
-    document["accessors"].append(
-        {"bufferView": view - 1, "componentType": 5126, "count": count, "type": "VEC2"}
-    )
-    primitive = document["meshes"][0]["primitives"][0]
-    primitive["attributes"]["TEXCOORD_0"] = len(document["accessors"]) - 1
-    del primitive["attributes"]["COLOR_0"]
-    document["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
-    blob += bytes(count * 8) + extra
-    document["buffers"][0]["byteLength"] = len(blob)
-    image = {"bufferView": view} if extra else image
-    return join_glb(document | {"textures": [{"source": 0}], "images": [image]}, blob)
-
-
-@pytest.fixture(autouse=True)
-def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SPORT_TEST_FOLDER", str(tmp_path))
 
 
 # --- nothing in a file is run
@@ -183,8 +153,7 @@ def bomb_bvh_at_the_limit(path: Path) -> Callable[[], object]:
 
 
 def bomb_glb_of_300_primitives(path: Path) -> Callable[[], object]:
-    write_character(path, user_character())
-    document, blob = split_glb(path.read_bytes())
+    document, blob = split_glb(character_glb())
     count = 39_999
     kinds = {"POSITION": (5126, "VEC3", 12), "JOINTS_0": (5123, "VEC4", 8), "WEIGHTS_0": (5126, "VEC4", 16)}
     values = {"POSITION": 0.0, "JOINTS_0": 0, "WEIGHTS_0": 0.25}
@@ -207,8 +176,7 @@ def bomb_glb_of_300_primitives(path: Path) -> Callable[[], object]:
 
 
 def bomb_glb_chain(path: Path) -> Callable[[], object]:
-    write_character(path, user_character())
-    document, blob = split_glb(path.read_bytes())
+    document, blob = split_glb(character_glb())
     first, count = len(document["nodes"]), 19_000
     document["nodes"] += [{"children": [first + i + 1]} for i in range(count)] + [{"mesh": 0}]
     path.write_bytes(join_glb(document, blob))

@@ -284,13 +284,3 @@ def test_a_new_one_knows_nothing_and_equal_input_gives_equal_output():
     third, _ = planted(hips, local, contacts, Terrain.flat(), lock)
     np.testing.assert_array_equal(first, third)
     assert not np.array_equal(first, again)
-
-
-def test_types_and_inputs_are_left_as_they_were():
-    hips, local, contacts = standing(1)
-    copies = hips.copy(), local.copy()
-    result = FootLock().apply(hips[0], local[0], contacts[0], slope(), DT)
-    assert result.hips_position.dtype == np.float32
-    assert result.local_rotations.shape == (J, 4)
-    np.testing.assert_array_equal(hips, copies[0])
-    np.testing.assert_array_equal(local, copies[1])

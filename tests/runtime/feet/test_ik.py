@@ -9,7 +9,7 @@ from runtime import rotations, scalar_math
 from runtime.easing import spring
 from runtime.feet import ik
 from runtime.feet.leg import leg_bones, leg_forward, leg_inverse
-from runtime.scalar_math import damp, damp_vector
+from runtime.scalar_math import damp
 from runtime.skeleton import SPORT_SKELETON, J
 
 LEG = 0.4118 + 0.4233
@@ -208,10 +208,3 @@ def test_the_spring_is_exact_over_any_step(value, velocity, half_life):
     rest, speed = damp(value, velocity, 0.5, half_life, 40 * half_life)
     assert abs(rest - 0.5) < 1e-6
     assert abs(speed) < 1e-4
-
-
-def test_the_spring_of_vectors_is_that_of_their_numbers():
-    value, velocity, goal = (0.1, -0.2, 0.3), (1.0, 0.0, -2.0), (0.0, 0.5, 0.3)
-    together = damp_vector(value, velocity, goal, 0.07, 0.02)
-    alone = [damp(*each, 0.07, 0.02) for each in zip(value, velocity, goal, strict=True)]
-    np.testing.assert_allclose(np.array(together).T, alone, atol=1e-12)

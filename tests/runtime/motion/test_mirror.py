@@ -1,7 +1,5 @@
 """The network in the mirror: mirror images of what it reads and writes, and what is walked that way."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -123,38 +121,6 @@ def test_a_mirrored_style_sees_the_mirror_image(model: MotionModel) -> None:
     np.testing.assert_allclose(got, MIRROR.of_output(expected), rtol=0, atol=1e-6)
 
 
-def test_a_style_of_both_ways_has_limbs_of_the_other(model: MotionModel) -> None:
-    x, noise, z = drawn(model, 1)
-    folder = StyleFolder(model.fold_style, 1.0, model.calibration)
-    ways = [folder.fold(z, Ways(mirrored, False)) for mirrored in (False, True)]
-    plain, other = (model.step(x, noise, style)[0] for style in ways)
-    both = replace(ways[0], opposite=ways[1], limbs=(0.0, 1.0, 0.0, 0.0))
-    for styles in (both, [both]):  # alone, and in a list of styles
-        got = split_output(model.step(x, noise, styles)[0])
-        arm = list(PART_JOINTS["right_arm"])
-        np.testing.assert_allclose(
-            got.joint_rotations[:, arm], split_output(other).joint_rotations[:, arm], rtol=1e-5
-        )
-        np.testing.assert_array_equal(got.root, split_output(plain).root)
-
-
-def test_no_second_call_where_no_limb_is_borrowed(
-    model: MotionModel, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    x, noise, z = drawn(model, 1)
-    folder, calls = StyleFolder(model.fold_style, 1.0, model.calibration), []
-    both = folder.fold(z, Ways(False, True))
-    step = model._one_way
-    monkeypatch.setattr(model, "_one_way", lambda *args, **options: calls.append(1) or step(*args, **options))
-    for limbs, expected in (
-        ((0.0,) * 4, 1),
-        ((0.0, 0.0, 0.2, 0.0), 2),
-    ):  # after a blend from two hands to one
-        calls.clear()
-        model.step(x, noise, replace(both, limbs=limbs))
-        assert len(calls) == expected
-
-
 def test_blends_are_the_same_ways_round_at_both_ends(model: MotionModel, prompter: Prompter) -> None:
     controller = Controller(model, Terrain.flat(), 0)
     neutral, one = prompter("a person walking normally"), prompter("left hand behind the back")
@@ -220,11 +186,3 @@ def test_going_into_the_mirror_and_out_of_it_is_smooth(model: MotionModel, promp
     at = np.arange(198 - 100, len(jumps), 100)
     near = np.max([jumps[at + k] for k in range(4)], axis=0)
     assert near.max() < 1.5 * np.percentile(jumps, 99)
-
-
-def test_a_mirrored_frame_is_a_mirrored_pose(model: MotionModel) -> None:
-    start = np.array(model.metadata["start"]["output"], np.float32)[None]
-    there = split_output(MIRROR.of_output(start))
-    here = split_output(start)
-    np.testing.assert_array_equal(there.joint_positions, here.joint_positions[:, MIRROR_JOINTS] * ACROSS)
-    np.testing.assert_array_equal(there.contacts, here.contacts[:, [2, 3, 0, 1]])

@@ -15,7 +15,7 @@ from runtime.feet.ik import solve_legs
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain.courses import Obstacle
 from runtime.traversal.climb import Climb, Descend
-from runtime.traversal.keyframes import Track, slerp
+from runtime.traversal.keyframes import Track
 from training.evaluation.metrics.crossing import CAPSULES, capsule_points, hands_on_edge, on_top_after
 
 FPS = 60
@@ -185,8 +185,3 @@ def test_a_track_passes_its_keys_without_overshoot() -> None:
     assert max(values) <= 2.0
     assert min(values) >= 0.0
     assert track.at(1.25)[0] == 2.0
-
-
-def test_slerp_is_that_of_the_arrays() -> None:
-    a, b = rotations.normalize(np.array([[1.0, 0.2, -0.3, 0.4], [-0.5, 0.1, 0.7, 0.2]]))
-    np.testing.assert_allclose(slerp(tuple(a), tuple(b), 0.3), rotations.slerp(a, b, 0.3), atol=1e-6)

@@ -9,10 +9,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import settings
 
 from tests.helpers.browser import browser  # noqa: F401  (fixture)
 from tests.helpers.gpt_endpoint import endpoint, expander_of, settings_of  # noqa: F401  (fixtures)
 from tests.helpers.slow_model import asking, model  # noqa: F401  (fixtures)
+
+# every run has the same few examples; `pytest --hypothesis-profile long` looks for more
+settings.register_profile("quick", max_examples=20, deadline=None, derandomize=True)
+settings.register_profile("long", max_examples=1000, deadline=None)
+settings.load_profile("quick")
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime import rotations, scalar_math
@@ -14,8 +14,6 @@ from runtime.skeleton import SPORT_SKELETON, J
 
 LEG = 0.4118 + 0.4233
 ANKLES, KNEES, HIPS, TOES = [4, 9], [3, 8], [2, 7], [5, 10]
-settings.register_profile("ik", max_examples=40, deadline=None, derandomize=True)
-settings.load_profile("ik")
 seeds = st.integers(0, 2**32 - 1)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.feet.leg import Knee, leg_bones, leg_forward
@@ -14,7 +14,6 @@ STANDING = leg_forward(BONES, (0.0, 0.95, 0.0), np.tile([1.0, 0.0, 0.0, 0.0], (3
 DT = 1.0 / 60.0
 
 
-@settings(max_examples=30)
 @given(st.lists(st.floats(0.6, 0.999), min_size=5, max_size=40))
 def test_no_demand_snaps_a_knee(shares: list[float]) -> None:
     knee, flexions = Knee(), []

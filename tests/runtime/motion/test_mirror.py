@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.controls import Controls
@@ -45,7 +45,6 @@ def drawn(model: MotionModel, count: int) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 @given(seed=st.integers(0, 2**31))
-@settings(max_examples=20)
 def test_twice_mirrored_is_what_it_was(seed: int) -> None:
     random = np.random.default_rng(seed)
     x, y = (random.standard_normal((3, size)).astype(np.float32) for size in (INPUT_SIZE, OUTPUT_SIZE))
@@ -57,7 +56,6 @@ def test_twice_mirrored_is_what_it_was(seed: int) -> None:
 
 
 @given(seed=st.integers(0, 2**31))
-@settings(max_examples=20)
 def test_the_mirrored_input_is_the_input_of_the_mirrored_world(seed: int) -> None:
     def parts(sign: float) -> InputParts:
         drawn = np.random.default_rng(seed)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.motion.features import FPS
@@ -28,7 +28,6 @@ def walk(pace: float, asked: float, seconds: float = 12.0) -> np.ndarray:
     return np.array(speeds)
 
 
-@settings(max_examples=30, deadline=None)
 @given(pace=st.floats(0.6, 1.4), asked=st.floats(0.3, 3.0))
 def test_the_asked_speed_is_reached_and_kept(pace: float, asked: float):
     speeds = walk(pace, asked) / asked

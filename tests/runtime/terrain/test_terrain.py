@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
@@ -22,7 +22,6 @@ def bumpy():
     )
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
 @given(places, places)
 def test_heights_are_bilinear_and_go_on_at_the_edges(x, z):
     t = bumpy()

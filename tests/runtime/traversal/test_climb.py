@@ -101,19 +101,19 @@ def check_stance(positions: Array, contacts: Array) -> None:
     assert np.percentile(way[:, [1, 3]][both[:, [1, 3]]], 95) < 0.15
 
 
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=12)
 @given(rise=RISES, start=STARTS, style=STYLES)
 def test_climbing_begins_and_ends_in_the_incoming_pose(rise: float, start: float, style: str) -> None:
     check_ends(Climb(rise, start, 1.0), rise, start, style)
 
 
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=12)
 @given(drop=RISES, start=STARTS, style=STYLES)
 def test_getting_down_begins_and_ends_in_the_incoming_pose(drop: float, start: float, style: str) -> None:
     check_ends(Descend(-drop, start, 1.0), -drop, start, style)
 
 
-@settings(max_examples=10, deadline=None, derandomize=True)
+@settings(max_examples=10)
 @given(rise=RISES, start=STARTS, style=STYLES)
 def test_a_climber_holds_the_edge_and_stays_out_of_the_wall(rise: float, start: float, style: str) -> None:
     positions, contacts = played(Climb(rise, start, 1.0), style)
@@ -124,7 +124,7 @@ def test_a_climber_holds_the_edge_and_stays_out_of_the_wall(rise: float, start: 
     assert on_top_after(np.concatenate([positions[:1] - [0.0, 0.0, 1.0], positions]), wall) is not None
 
 
-@settings(max_examples=10, deadline=None, derandomize=True)
+@settings(max_examples=10)
 @given(drop=RISES, start=STARTS, style=STYLES)
 def test_getting_down_lands_softly_and_clears_the_edge(drop: float, start: float, style: str) -> None:
     positions, contacts = played(Descend(-drop, start, 1.0), style)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from runtime import rotations
@@ -62,7 +62,6 @@ def soles(positions: np.ndarray) -> np.ndarray:
 @given(
     top=st.floats(0.15, 0.7), speed=st.floats(0.5, 2.3), stance=st.integers(0, 1), farther=st.floats(0.0, 0.4)
 )
-@settings(max_examples=25, deadline=None)
 def test_soles_pass_over_a_bar_and_come_down_behind_it(
     top: float, speed: float, stance: int, farther: float
 ) -> None:
@@ -80,7 +79,6 @@ def test_soles_pass_over_a_bar_and_come_down_behind_it(
 
 
 @given(length=st.floats(0.3, 1.0), speed=st.floats(0.6, 2.8), beyond=st.floats(-0.3, 0.2))
-@settings(max_examples=25, deadline=None)
 def test_a_gap_is_flown_over(length: float, speed: float, beyond: float) -> None:
     leap = Leap(ObstacleKind.GAP, length, 0.0, beyond, stride(ObstacleKind.GAP, 0.0, speed))
     positions, contacts = walked(leap)

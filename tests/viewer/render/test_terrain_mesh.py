@@ -27,7 +27,7 @@ def grid_places(mesh: TerrainMesh) -> np.ndarray:
     return np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), -1).reshape(-1, 2).astype(float)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(st.integers(0, 2**32 - 1), st.booleans())
 def test_any_levels_give_one_surface_without_cracks(seed: int, with_apron: bool) -> None:
     rng = np.random.default_rng(seed)

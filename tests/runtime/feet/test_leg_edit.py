@@ -131,7 +131,7 @@ def test_an_edit_that_is_no_longer_asked_for_fades() -> None:
     assert legs[0].ankle == pytest.approx(leg.ankle, abs=1e-6)
 
 
-@settings(max_examples=6)
+@settings(max_examples=3)
 @given(st.lists(st.floats(-1.0, 1.0), min_size=5, max_size=5), st.floats(-3.0, 3.0))
 def test_any_targets_give_poses_that_can_be_shown(values: list[float], yaw: float) -> None:
     targets = np.zeros(BOTH)

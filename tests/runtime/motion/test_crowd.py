@@ -63,8 +63,8 @@ def same(one: Pose, two: Pose, exact: bool = False) -> bool:
 def test_each_moves_as_it_would_alone(model: MotionModel, ground: str) -> None:
     terrain = make_terrain(ground)
     alone, crowd = characters(model, terrain), Crowd(characters(model, terrain))
-    for frame in range(45):
-        if frame == 25:
+    for frame in range(36):
+        if frame == 24:
             alone[0].set_style(code(9), 0.3)
             crowd.members[0].set_style(code(9), 0.3)
         together = crowd.step(stick(frame))

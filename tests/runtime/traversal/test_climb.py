@@ -155,19 +155,6 @@ def test_soles_stand_on_the_ground(rise: float) -> None:
         assert np.percentile(np.abs(soles), 90) < 0.02
 
 
-def test_a_higher_wall_takes_longer_and_a_tempo_shortens_it() -> None:
-    low, high = Climb(0.6, -0.4, 1.0), Climb(1.4, -0.4, 1.0)
-    assert low.seconds == pytest.approx(1.5)
-    assert high.seconds == pytest.approx(2.7)
-    assert Climb(1.4, -0.4, 1.0, tempo=1.5).seconds == pytest.approx(1.8)
-    assert Descend(-1.4, -0.4, 1.0).seconds > Descend(-0.6, -0.4, 1.0).seconds
-
-
-def test_on_a_thin_wall_the_root_ends_in_its_middle() -> None:
-    assert Climb(1.0, -0.4, 0.3).end_z == pytest.approx(0.15)
-    assert Climb(1.0, -0.4, np.inf).end_z <= 0.35
-
-
 def test_knees_bend_forward_and_never_lock_backwards() -> None:
     for crossing in (Climb(0.6, -0.4, 1.0), Climb(1.4, -0.4, 1.0), Descend(-1.0, -0.4, 1.0)):
         hips, local = standing("upright")

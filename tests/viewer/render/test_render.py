@@ -198,18 +198,6 @@ def test_frames_of_a_take_hide_nothing_of_the_character(render: Render) -> None:
     assert (np.abs(among - alone).max(-1) > 20).sum() > 0.5 * body.sum(), "they are seen around it"
 
 
-def test_ghosts_throw_no_shadow_and_let_the_ground_through(render: Render) -> None:
-    terrain = Terrain.flat()
-    pose = walking_pose(terrain)
-    bare = render(pose=None).astype(int)
-    ghost = render(pose=None, overlays=Overlays(ghosts=[pose])).astype(int)
-    solid = render(pose=pose).astype(int)
-    ghost_pixels = np.abs(ghost - bare).max(-1) > 6
-    solid_pixels = np.abs(solid - bare).max(-1) > 6
-    assert 0 < ghost_pixels.sum() < solid_pixels.sum()
-    assert ghost[ghost_pixels][:, 2].mean() > ghost[ghost_pixels][:, 0].mean() + 10, "ghosts are blue"
-
-
 @pytest.mark.parametrize("name", ["trajectory", "show_skeleton", "show_contacts"])
 def test_each_overlay_is_drawn(render: Render, name: str) -> None:
     terrain = hills()

@@ -148,6 +148,7 @@ def walker(monkeypatch):
     monkeypatch.setattr(generate_module, "Prompter", StandIn)
 
 
+@pytest.mark.usefixtures("quick_blends")
 def test_generate_blends(walker, tmp_path):
     def written(*arguments):
         out = tmp_path / "clip.bvh"

@@ -1,4 +1,4 @@
-"""The user study: a page filled in by a scripted browser, and a report that equals the textbook and statsmodels.
+"""The user study: a page filled in by a scripted browser, and a report that equals the textbook.
 
 Every answer here is made up by the test and marked as synthetic.
 """
@@ -83,13 +83,10 @@ def test_a_study_needs_two_methods_and_a_new_folder(tmp_path: Path) -> None:
 RATINGS = np.array([[4, 3, 5], [3, 2, 5], [4, 2, 4], [5, 3, 5], [3, 3, 4], [4, 1, 5]])
 
 
-def test_the_anova_is_the_textbooks_and_statsmodels(tmp_path: Path) -> None:
+def test_the_anova_is_the_textbooks(tmp_path: Path) -> None:
     """Sums of squares by hand: F = (SS_methods / (m - 1)) / (SS_rest / ((m - 1)(p - 1)))."""
     pytest.importorskip("statsmodels")
-    import pandas
     from scipy import stats
-    from statsmodels.stats.anova import AnovaRM
-    from statsmodels.stats.multicomp import pairwise_tukeyhsd
 
     from benchmarks.study.report import read_answers, significance
 
@@ -105,18 +102,8 @@ def test_the_anova_is_the_textbooks_and_statsmodels(tmp_path: Path) -> None:
     assert tests["anova"]["F"] == pytest.approx(f)
     assert tests["anova"]["df"] == (m - 1, (m - 1) * (p - 1))
     assert tests["anova"]["p"] == pytest.approx(stats.f.sf(f, m - 1, (m - 1) * (p - 1)))
-    frame = pandas.DataFrame({"y": RATINGS.ravel(), "who": np.repeat(range(p), m), "by": np.tile(METHODS, p)})
-    row = AnovaRM(frame, "y", "who", within=["by"]).fit().anova_table.iloc[0]
-    assert tests["anova"]["F"] == pytest.approx(row["F Value"])
-    tukey = pairwise_tukeyhsd(frame["y"], frame["by"])
-    assert [t["p"] for t in tests["tukey"]] == pytest.approx(list(tukey.pvalues))
     assert tests["tukey"][0]["pair"] == ("capture", "ours")
     assert tests["tukey"][0]["difference"] == pytest.approx(RATINGS[:, 0].mean() - RATINGS[:, 2].mean())
-    twice = [
-        np.repeat(RATINGS[:, k], 2).astype(float) for k in range(m)
-    ]  # every film of a method was rated alike, two a kind
-    assert tests["kruskal_wallis"].statistic == pytest.approx(stats.kruskal(*twice).statistic)
-    assert tests["bartlett"].statistic == pytest.approx(stats.bartlett(*twice).statistic)
 
 
 def test_counts_means_and_bars(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -91,7 +91,7 @@ def test_what_nobody_crosses_stops_the_walker_who_says_so(
     model: MotionModel, obstacle: Obstacle, words: str
 ) -> None:
     controller = Controller(model, ground(obstacle))
-    positions, kinds = walked(controller, 4.0, 5.0)
+    positions, kinds = walked(controller, 4.0, 3.5)
     assert kinds == []
     assert positions[-1, 0, 2] < 2.5
     assert controller.blocked is not None

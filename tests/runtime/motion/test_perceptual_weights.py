@@ -39,8 +39,8 @@ def test_the_other_way_round_is_the_same_mix(shares: tuple[float, ...], weight: 
 
 
 def test_six_steps_of_a_measured_blend_are_nearly_equal(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(perceptual_weights, "LEAD_IN", 20)
-    monkeypatch.setattr(perceptual_weights, "FRAMES", 40)
+    monkeypatch.setattr(perceptual_weights, "LEAD_IN", 30)
+    monkeypatch.setattr(perceptual_weights, "FRAMES", 60)
     model = shipped_model()
     to_style = Prompter(model)
     ends = to_style("a person walking normally"), to_style("an old man")

@@ -285,6 +285,14 @@ def turned(key: PoseKey, joint: int, world: Array, turn: Array) -> PoseKey:
     return key.with_turn(joint, rotations.to_rotation_vector(total))
 
 
+def posed_by(joint: int) -> tuple[int, ...]:
+    """The joints whose values `turned` and `dragged` change for a joint, itself first."""
+    if joint in MOVED:
+        return (joint,)
+    limb = HANDS.get(joint) or (ELBOWS.get(joint) or KNEES.get(joint) or (SPORT_SKELETON.parents[joint],))[:1]
+    return (joint, *limb)
+
+
 def dragged(key: PoseKey, joint: int, positions: Array, world: Array, by: Array) -> PoseKey:
     """The key with a joint moved further by metres of the world `(3,)`.
 

@@ -22,6 +22,7 @@ from runtime.takes.pose_layer import (
     dragged,
     mirrored_pose,
     pose_as_key,
+    posed_by,
     turned,
 )
 from viewer.edit.handles import Handles, on_screen
@@ -145,10 +146,11 @@ class Posing:
         def change(layer: PoseLayer) -> PoseLayer:
             key, shown = layer.key_at(playback.frame, fps) or PoseKey(seconds), layer.between(seconds)
             gain = 0.0 if release else 1.0
-            if not release or joint in layer.turned_joints():
-                key = key.with_turn(joint, gain * shown.turn(joint))
-            if joint in layer.moved_joints():
-                key = key.with_move(joint, gain * shown.move(joint))
+            for one in posed_by(joint):
+                if one in layer.turned_joints() or (one == joint and not release):
+                    key = key.with_turn(one, gain * shown.turn(one))
+                if one in layer.moved_joints():
+                    key = key.with_move(one, gain * shown.move(one))
             return layer.with_key(key, fps)
 
         self.put(f"{'release' if release else 'key'} of the {NAMES[joint].lower()}", change)
@@ -161,7 +163,9 @@ class Posing:
         """Take the picked joint out of the key at the frame shown, and a key that holds nothing more away."""
         key, joint, playback = self.key, self.joint, self.playback
         if key is not None and playback is not None:
-            left = key.without(joint)
+            left = key
+            for one in posed_by(joint) if joint >= 0 else ():
+                left = left.without(one)
             self.put(
                 f"removal of the {NAMES[joint].lower()}'s key" if joint >= 0 else "removal of a pose key",
                 lambda layer: (
@@ -372,7 +376,9 @@ def _draw_layer(posing: Posing, half: float) -> None:
 
 def _draw_curve(posing: Posing, playback: Playback) -> None:
     """The curves of the picked joint over the take: degrees, or centimetres where it is moved."""
-    layer, joint = posing.layer, posing.joint
+    layer = posing.layer
+    curves = {*layer.turned_joints(), *layer.moved_joints()}
+    joint = next((one for one in posed_by(posing.joint) if one in curves), posing.joint)
     moved = joint in layer.moved_joints() and (posing.moves or joint not in layer.turned_joints())
     times = np.linspace(0.0, playback.clip.seconds, 120)
     values = layer.moves(joint, times) * 100.0 if moved else np.degrees(layer.turns(joint, times))

@@ -399,9 +399,9 @@ class Database:
         logged = False
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._queue or self._urgent or self._ending, IDLE_S)
-                if self._queue and not self._trouble:
-                    self._changed.wait_for(lambda: self._urgent or self._ending, GATHER_S)
+                self._changed.wait_for(lambda: self._queue or self._hurried, IDLE_S)
+                if self._queue:  # a disk that takes nothing is tried again after a while
+                    self._changed.wait_for(lambda: self._hurried, IDLE_S if self._trouble else GATHER_S)
                 ending, idle, self._urgent = self._ending, not self._queue, False
             with self._turn:
                 self._write()
@@ -411,9 +411,11 @@ class Database:
                 logged = not idle
             if ending:
                 return
-            if self._trouble:
-                with self._changed:
-                    self._changed.wait_for(lambda: self._urgent or self._ending, IDLE_S)
+
+    @property
+    def _hurried(self) -> bool:
+        """Whether nothing is to be waited for."""
+        return self._urgent or self._ending
 
     def _write(self) -> bool:
         """Write all that waits as one transaction; False where it still waits. A work that is at fault is left out."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from runtime.session.motion import Motion
@@ -103,10 +102,3 @@ def selected(session: Session, number: int) -> Session:
     """Another take is the selected one."""
     known = number == LIVE or session.take(number) is not None
     return replace(session, selected=number) if known else session
-
-
-def with_takes(session: Session, takes: Sequence[Take]) -> Session:
-    """Several new takes at the end, the last one selected."""
-    for take in takes:
-        session = with_new_take(session, take)
-    return session

@@ -421,6 +421,10 @@ class Recording:
         return motion
 
 
+def _character_keys(session: Session) -> list[str]:
+    return [f"character {choice.key}" for choice in _characters(session)]
+
+
 def _characters(session: Session) -> list[CharacterChoice]:
     """The characters of a session that have files."""
     choices = (session.character, None if session.reference is None else session.reference.character)
@@ -429,20 +433,18 @@ def _characters(session: Session) -> list[CharacterChoice]:
 
 def _used(writer: Writer, held: Iterable[str]) -> tuple[set[str], set[str]]:
     """Keys of the motions and blobs that steps, or motions that are `held`, refer to."""
-    takes, blobs, motions = set[str](), set[str](), set(held)
+    takes, characters, blobs, motions = set[str](), set[str](), set[str](), set(held)
     for document in writer.documents():
         takes.update(_TAKE.findall(document))
         blobs.update(_REFERENCE.findall(document))
-        blobs.update(f"character {key}" for key in _CHARACTER.findall(document))
-    texts = {key: writer.blob(key).decode("utf-8", "replace") for key in takes}
-    for text in texts.values():
+        characters.update(f"character {key}" for key in _CHARACTER.findall(document))
+    texts = [writer.blob(key).decode("utf-8", "replace") for key in takes | characters]
+    for text in texts:
         motions.update(_MOTION.findall(text))
-    characters = [
-        writer.blob(key).decode("utf-8", "replace") for key in blobs if key.startswith("character ")
-    ]
-    for text in (*texts.values(), *characters, *(writer.motion(key + INPUT) for key in motions)):
+    texts += [writer.motion(key + INPUT) for key in motions]
+    for text in texts:
         blobs.update(_REFERENCE.findall(text))
-    return {key + part for key in motions for part in ("", INPUT, TAIL)}, blobs
+    return {key + part for key in motions for part in ("", INPUT, TAIL)}, blobs | characters
 
 
 def _opened(database: Database, cache: Path) -> tuple[SessionFile, History]:
@@ -452,17 +454,12 @@ def _opened(database: Database, cache: Path) -> tuple[SessionFile, History]:
     known: dict[str, Motion] = {}
     reader = DocumentReader(blobs, lambda key: file._motion(key, known))
     steps = [Step(number, label, reader.session(database.step(number))) for number, label in database.steps()]
-    history = History()
-    if steps:
-        numbers, at = [str(step.number) for step in steps], database.meta("at")
-        present = numbers.index(at) if at in numbers else len(steps) - 1
-        history = History(steps, present)
+    places = {str(step.number): i for i, step in enumerate(steps)}
+    history = History(steps, places.get(database.meta("at"), len(steps) - 1)) if steps else History()
     motions = {key for key in database.motions() if not key.endswith(INPUT)}
     file._written = {step.number: step.session for step in steps}
-    file._known = set(motions)
+    file._known = motions.union(*map(_character_keys, file._written.values()))
     file._held.update(known)
-    for step in steps:
-        file._known |= {f"character {choice.key}" for choice in _characters(step.session)}
     for key in sorted(motions - set(known)):
         header, cut_off = reader.header(database.motion(key))
         if cut_off:
@@ -484,8 +481,7 @@ def _recover(file: SessionFile, history: History, key: str, header: MotionHeader
     except FileError:
         whole = False
     clip = file.load_clip(key, header)
-    seconds = () if clip.gaits is None else tuple(gait_seconds(clip.gaits, clip.fps).items())
-    header = replace(header, gait_seconds=seconds, resimulable=whole)
+    header = replace(header, gait_seconds=gait_seconds(clip.gaits, clip.fps), resimulable=whole)
     motion = Motion(key, header, source=file)
     session = with_new_take(
         history.present.session, Take(motion=motion, ground=history.present.session.ground)

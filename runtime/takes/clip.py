@@ -94,7 +94,7 @@ class Clip:
         return replace(
             self,
             gaits=gaits,
-            gait_seconds=() if gaits is None else tuple(gait_seconds(gaits, self.fps).items()),
+            gait_seconds=gait_seconds(gaits, self.fps),
             hips_positions=self.hips_positions[keep],
             local_rotations=self.local_rotations[keep],
             contacts=self.contacts[keep],

@@ -142,7 +142,7 @@ class ClipRecorder:
             prompts=self.events(begin),
             terrain=terrain,
             origin=origin or UNKNOWN,
-            gait_seconds=tuple(gait_seconds(gaits, self.fps).items()),
+            gait_seconds=gait_seconds(gaits, self.fps),
             gaits=gaits,
         )
 

@@ -13,6 +13,7 @@ from runtime.takes.camera_keys import MAX_KEYS, CameraKey, view_at, with_key
 from runtime.terrain.height_map import Terrain
 from viewer.editor import Editor
 from viewer.gl_bindings import imgui
+from viewer.gui import widgets
 from viewer.render.camera import looked_at
 from viewer.scene.camera_control import CameraControl
 from viewer.session.takes import Takes
@@ -102,5 +103,5 @@ class CameraKeys:
         """Its part of the menu that adds to a take."""
         if imgui.selectable("Camera view##key", False)[0]:
             self.add()
-        if self.keys and imgui.menu_item("Look through the keys", "", self.through)[0]:
+        if self.keys and widgets.item("Look through the keys", chosen=self.through):
             self.through = not self.through

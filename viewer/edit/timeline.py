@@ -204,6 +204,7 @@ class Timeline:
     held: Held | None = None
     shown: Range = Range(0.0, 1.0, 1.0)
     _of: tuple[int, int] = (-1, 0)  # the take of that range and the frame shown last
+    _bar: float = 0.0  # width of the scrollbar in the frame before
     _scrolling: bool = False  # the middle button holds the tracks
     _menu: tuple[str, Mark | None, int] = ("", None, 0)  # what a right click was on
     _kept: dict[str, tuple[Any, Shapes]] = field(default_factory=dict)
@@ -219,8 +220,10 @@ class Timeline:
         """Whether the whole take is shown."""
         return self.shown.frames >= self.shown.end
 
-    def _follow(self, playback: Playback) -> None:
+    def _follow(self, playback: Playback, busy: bool) -> None:
         """Keep the range within the take, and the frame in it when it goes on or is sought."""
+        if self.held is not None and self.held.dropped and not busy:
+            self.held = None  # the tracks are those of the edit, or it failed
         (take, before), end, now = self._of, max(playback.frames - 1.0, 1.0), playback.frame
         if take != playback.number or (end != self.shown.end and self.whole):
             self.shown = Range(0.0, end, end)
@@ -237,32 +240,25 @@ class Timeline:
 
         A button shows the frames of the `selection`.
         """
-        self._follow(playback)
-        if self.held is not None and self.held.dropped and not busy:
-            self.held = None  # the tracks are those of the edit, or it failed
-        unit, room = px(1.0), imgui.get_content_region_avail()
+        self._follow(playback, busy)
+        room = imgui.get_content_region_avail()
         high = sum(track.height for track in tracks) + 2.0
-        fits = (room.y / unit - RULER - (len(tracks) + 1) * SPACING) / high
-        if fits < 1.0:
-            tracks = [track for track in tracks if not track.optional]
-        imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, unit * SPACING))
-        # the ruler above the tracks is as wide as they are, also where they scroll (known from the frame before)
-        storage, key = imgui.get_state_storage(), imgui.get_id("tracks scroll")
-        bar = imgui.get_style().scrollbar_size if storage.get_bool(key) else 0.0
-        corner = imgui.get_cursor_screen_pos()
-        named = room.x >= unit * NAMES_FROM
-        self._rows("ruler", [self._ruler(playback)], playback, 1.0, bar)
+        fits = (room.y / px(1.0) - RULER - (len(tracks) + 1) * SPACING) / high
+        tracks = [track for track in tracks if fits >= 1.0 or not track.optional]
+        imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(SPACING)))
+        corner, names = imgui.get_cursor_screen_pos(), px(NAMES_WIDTH) if room.x >= px(NAMES_FROM) else 0.0
+        # the ruler above the tracks is as wide as they are, also where they scroll
+        self._rows("ruler", [self._ruler(playback)], playback, 1.0, self._bar)
         below = imgui.get_cursor_pos()
-        if named:
+        if names:
             self._fit_buttons(corner, selection)
         imgui.set_cursor_pos(below)
-        scrolls, names = False, corner.x + (unit * NAMES_WIDTH if named else 0.0)
-        flags = imgui.WindowFlags_.no_scroll_with_mouse if imgui.get_io().mouse_pos.x >= names else 0
+        over_names = imgui.get_io().mouse_pos.x < corner.x + names
+        flags = 0 if over_names else imgui.WindowFlags_.no_scroll_with_mouse
         if imgui.begin_child("tracks", imgui.ImVec2(0, 0), window_flags=flags):
             self._rows("tracks", tracks, playback, min(max(fits, 1.0), TALLEST), 0.0)
-            scrolls = imgui.get_scroll_max_y() > 0.0
+            self._bar = imgui.get_style().scrollbar_size * (imgui.get_scroll_max_y() > 0.0)
         imgui.end_child()
-        storage.set_bool(key, scrolls)
         imgui.pop_style_var()
 
     def _rows(self, name: str, tracks: Sequence[Track], playback: Playback, tall: float, bar: float) -> None:
@@ -305,29 +301,32 @@ class Timeline:
         imgui.set_cursor_screen_pos(imgui.ImVec2(row.left - edge, row.top))
         imgui.invisible_button(f"##{key}", imgui.ImVec2(max(row.outer, 1.0), max(row.height, 1.0)))
         self._navigate(row)
-        mine = self.held is not None and self.held.key == key and not self.held.dropped
-        if mine or imgui.is_item_active() or imgui.is_item_hovered():
+        if self._holds(row.track) or imgui.is_item_active() or imgui.is_item_hovered():
             self._use_mouse(row, playback)
         if self._menu[0] == key and row.track.menu is not None and imgui.begin_popup(f"menu of {key}"):
             row.track.menu(*self._menu[1:])
             imgui.end_popup()
 
+    def _holds(self, track: Track) -> Held | None:
+        """What is held of a track."""
+        held = self.held
+        return held if held is not None and held.key == track.key and not held.dropped else None
+
     def _navigate(self, row: Row) -> None:
         """Zoom and scroll by the wheel and the middle button over the row whose item was just made."""
         io, per_pixel = imgui.get_io(), self.shown.frames / max(row.width, 1.0)
-        hovered = imgui.is_item_hovered()
+        hovered, shown = imgui.is_item_hovered(), self.shown
         begins = imgui.is_mouse_clicked(2)  # how the mouse came to where it was pressed is no drag
-        self._scrolling = (begins and hovered) or (self._scrolling and imgui.is_mouse_down(2))
-        if self._scrolling and not begins and row.track.key == "timeline":  # once a frame
-            self.shown = self.shown.scrolled(-io.mouse_delta.x * per_pixel)
-        wheel = io.mouse_wheel or io.mouse_wheel_h  # Shift turns the wheel of some systems
-        if not hovered or not wheel:
-            return
-        if io.key_shift:
-            self.shown = self.shown.scrolled(-wheel * SCROLL_PER_STEP * self.shown.frames)
-        else:
-            at = self.shown.first + (io.mouse_pos.x - row.left) * per_pixel
-            self.shown = self.shown.zoomed(min(max(at, self.shown.first), self.shown.last), wheel)
+        self._scrolling = hovered if begins else self._scrolling and imgui.is_mouse_down(2)
+        if self._scrolling and row.track.key == "timeline":  # once a frame
+            shown = shown.scrolled(-io.mouse_delta.x * per_pixel * (not begins))
+        wheel = (io.mouse_wheel or io.mouse_wheel_h) * hovered  # Shift turns the wheel of some systems
+        if wheel and io.key_shift:
+            shown = shown.scrolled(-wheel * SCROLL_PER_STEP * shown.frames)
+        elif wheel:
+            at = shown.first + (io.mouse_pos.x - row.left) * per_pixel
+            shown = shown.zoomed(min(max(at, shown.first), shown.last), wheel)
+        self.shown = shown
 
     # --- what it looks like
 
@@ -354,23 +353,8 @@ class Timeline:
             marks.sort(key=lambda each: each[1].start - each[1].end)
         for i, mark in marks:
             tint, (left, right) = track.tints[i % len(track.tints)], row.ends(mark)
-            if right < row.left or left > row.right:
-                continue
-            if mark.start == mark.end:
-                half = row.height / 2
-                shapes.points.append(
-                    (imgui.ImVec2(left, row.top + half), half * 0.95, widgets.packed(tint), 4)
-                )
-                continue
-            short = right - left < px(LEAST_WIDTH) + 1 and track.adjacent
-            left = max(left, row.left)
-            right = max(min(right, row.right) - px(1), left + 1)
-            if track.adjacent:
-                shapes.rect(left, row.top, right, bottom, theme.FIELD, px(3))
-            fill = (*tint[:3], min(tint[3] + 0.12 * (i == track.lit) + 0.3 * short, 1.0))
-            shapes.rect(left, row.top, right, bottom, fill, px(3) if mark.text else px(1))
-            if mark.text:
-                shapes.text(left + px(5), row, mark.text, theme.TEXT, right - left - px(8))
+            if left <= row.right and right >= row.left:
+                _draw_mark(shapes, row, mark, tint, i == track.lit)
 
     def _moved(self, track: Track) -> Sequence[Mark]:
         """The marks as they would lie after the drag in hand; of others than adjacent ones the session has that."""
@@ -407,8 +391,8 @@ class Timeline:
         waits = self.held is not None and self.held.dropped
         if imgui.is_item_activated() and hit is not None and not waits:
             self._press(track, *hit, frame)
-        held = self.held
-        if held is not None and held.key == track.key and not held.dropped:
+        held = self._holds(track)
+        if held is not None:
             self._carry(held, row, frame)
             if imgui.is_item_deactivated():
                 self._let_go(track, frame, playback)
@@ -458,6 +442,23 @@ class Timeline:
         elif track.menu is not None:
             self._menu = track.key, mark, frame
             imgui.open_popup(f"menu of {track.key}")
+
+
+def _draw_mark(shapes: Shapes, row: Row, mark: Mark, tint: Color, lit: bool) -> None:
+    left, right = row.ends(mark)
+    bottom, half, adjacent = row.top + row.height, row.height / 2, row.track.adjacent
+    if mark.start == mark.end:
+        shapes.points.append((imgui.ImVec2(left, row.top + half), half * 0.95, widgets.packed(tint), 4))
+        return
+    short = right - left < px(LEAST_WIDTH) + 1 and adjacent
+    left = max(left, row.left)
+    right = max(min(right, row.right) - px(1), left + 1)
+    if adjacent:
+        shapes.rect(left, row.top, right, bottom, theme.FIELD, px(3))
+    fill = (*tint[:3], min(tint[3] + 0.12 * lit + 0.3 * short, 1.0))
+    shapes.rect(left, row.top, right, bottom, fill, px(3) if mark.text else px(1))
+    if mark.text:
+        shapes.text(left + px(5), row, mark.text, theme.TEXT, right - left - px(8))
 
 
 def _base(row: Row) -> float:

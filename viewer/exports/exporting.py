@@ -46,6 +46,14 @@ class ExportForm(ExportOptions):
         """What is written."""
         return FORMATS[self.suffix]
 
+    def chosen(self, fps: float) -> dict[str, Any]:
+        """The values of the format's options for a take of `fps` frames a second."""
+        bones = bool(self.engine and ENGINES[self.engine].bones)
+        return {name: getattr(self, name) for name in self.format.options} | {
+            "fps": self.fps or fps, "strides": self.strides if self.loop else 1,
+            "humanoid_names": self.humanoid_names and bones, "with_ground": self.ground == "inside",
+        }  # fmt: skip
+
     def has(self, name: str) -> bool:
         """Whether the format has an option of the form."""
         return self.suffix in spec_of(self, name).formats
@@ -241,12 +249,8 @@ class Exporting:
 
     def _options(self, form: ExportForm, take: Take, path: Path) -> ExportOptions:
         """The options of the form that its format has, for a take that goes to a path."""
-        fps, bones = take.made.header.fps, form.engine and ENGINES[form.engine].bones
-        chosen: dict[str, Any] = {name: getattr(form, name) for name in form.format.options} | {
-            "fps": form.fps or fps,
-            "strides": form.strides if form.loop else 1,
-            "humanoid_names": form.humanoid_names and bool(bones),
-            "with_ground": form.ground == "inside",
+        fps = take.made.header.fps
+        chosen = form.chosen(fps) | {
             "character": self.scene.character_path if form.own_character else None,
             "fit_to_motion": self.scene.settings.fit_to_motion,
         }

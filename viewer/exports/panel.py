@@ -34,11 +34,11 @@ def panel(exporting: Exporting) -> Panel:
         first, last = take.range if state.form.trimmed else (0, take.frames - 1)
         length = f"{(last - first + 1) / header.fps:.1f} s, on {header.terrain.rsplit('/', 1)[-1]}"
         widgets.muted(widgets.elided(f"{take.title}: {length}", imgui.get_content_region_avail().x))
-        imgui.begin_disabled(exporting.busy)
-        _target(exporting)
-        _lists_and_sliders(state)
-        _toggles(exporting, take.trimmed)
-        imgui.end_disabled()
+        with widgets.disabled(exporting.busy):
+            _target(exporting)
+            _lists_and_sliders(state)
+            _toggles(exporting, take.trimmed)
+            _strides(state)
         _end(exporting)
         exporting.remember()
 
@@ -92,13 +92,11 @@ def _lists_and_sliders(state: ExportState) -> None:
 
 
 def _toggles(exporting: Exporting, trimmed: bool) -> None:
-    """What is on or off, in two columns, and the strides of a loop."""
+    """What is on or off, in two columns."""
     state, form, own = exporting.state, exporting.state.form, exporting.scene.character_path
     applies = {
-        "humanoid_names": bool(form.engine and ENGINES[form.engine].bones),
-        "trimmed": trimmed,
-        "own_character": own is not None,
-    }
+        "humanoid_names": form.engine and ENGINES[form.engine].bones, "trimmed": trimmed, "own_character": own,
+    }  # fmt: skip
     hints = {"own_character": f"{own.name if own else ''} in the place of the mannequin"}
     names = [name for name in TOGGLES if form.has(name) and applies.get(name, True)]
     width = widgets.column_width(2)
@@ -109,7 +107,12 @@ def _toggles(exporting: Exporting, trimmed: bool) -> None:
             widgets.same_line()
         if widgets.toggle(spec.label, on, width, hints.get(name, spec.hint)) != on:
             state.choose(**{name: values[not on]})
-    if state.form.loop and state.form.has("loop"):
+
+
+def _strides(state: ExportState) -> None:
+    """How many strides a loop has."""
+    form = state.form
+    if form.loop and form.has("loop"):
         spec = spec_of(form, "strides")
         widgets.row(spec.label, spec.hint)
         state.choose(strides=widgets.segmented("strides", list((spec.choices or {}).items()), form.strides))
@@ -132,10 +135,15 @@ def _end(exporting: Exporting) -> None:
     elif widgets.button(f"{ICON.save} Export##export now", -1, primary=True):
         exporting.export()
     if state.report:
-        with widgets.color(imgui.Col_.text, theme.TEXT if state.report_good else theme.ERROR):
-            imgui.text_wrapped(state.report)
-        if state.saved and widgets.button("Show in folder##show export", -1):
-            exporting.messages.show_in_folder(state.saved)
-        if state.report != state.shown_report:  # in a low window it lies below the edge
-            imgui.set_scroll_here_y(1.0)
+        _report(exporting)
     state.shown_report = state.report
+
+
+def _report(exporting: Exporting) -> None:
+    state = exporting.state
+    with widgets.color(imgui.Col_.text, theme.TEXT if state.report_good else theme.ERROR):
+        imgui.text_wrapped(state.report)
+    if state.saved and widgets.button("Show in folder##show export", -1):
+        exporting.messages.show_in_folder(state.saved)
+    if state.report != state.shown_report:  # in a low window it lies below the edge
+        imgui.set_scroll_here_y(1.0)

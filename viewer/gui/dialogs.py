@@ -53,6 +53,14 @@ class PendingDialog:
         ending = self.filters[-1].removeprefix("*") if self.filters else ""
         return target.is_file() or target.with_name(target.name + ending).is_file()
 
+    def accept(self) -> str | None:
+        """The path that was typed; None where there is none, or where the user is warned of a file first."""
+        path = self.typed.strip().strip('"').replace("\0", "")
+        if path != self.replacing and self.would_replace(path):
+            self.replacing = path
+            return None
+        return path or None
+
 
 def has_native_dialogs() -> bool:
     """Whether this system has a program that shows dialogs."""
@@ -147,17 +155,12 @@ class Dialogs:
         if not question.shown:
             imgui.set_keyboard_focus_here()
         question.shown = True
-        flags = imgui.InputTextFlags_.enter_returns_true
-        entered, question.typed = imgui.input_text("##dialog path", question.typed, flags)
+        entered, question.typed = widgets.input_text("##dialog path", question.typed)
         if question.replacing and question.replacing == question.typed.strip():
             widgets.muted("This file exists. Click again to overwrite.")
         half = widgets.column_width(2)
-        path = question.typed.strip().strip('"').replace("\0", "")
         if widgets.button(f"{question.kind.value}###dialog ok", half, primary=True) or entered:
-            if path != question.replacing and question.would_replace(path):
-                question.replacing = path
-                return None
-            return path or None
+            return question.accept()
         widgets.same_line()
         escaped = imgui.is_window_focused() and imgui.is_key_pressed(imgui.Key.escape)
         return "" if widgets.button("Cancel###dialog cancel", half) or escaped else None

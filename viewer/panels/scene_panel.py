@@ -60,9 +60,7 @@ class ScenePanel:
         scene = self.scene
         load_width = px(60)
         imgui.set_next_item_width(-load_width - imgui.get_frame_height() - px(8))
-        entered, scene.file_path = imgui.input_text_with_hint(
-            "##path", "PNG, OBJ, GLB, VRM, BVH", scene.file_path, imgui.InputTextFlags_.enter_returns_true
-        )
+        entered, scene.file_path = widgets.input_text("##path", scene.file_path, "PNG, OBJ, GLB, VRM, BVH")
         widgets.same_line()
         if widgets.icon_button(ICON.folder, "browse file", "Choose by a dialog", theme.TEXT):
             self.browse()

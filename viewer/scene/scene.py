@@ -32,10 +32,9 @@ from viewer.jobs import Jobs, Slot
 from viewer.live.link import LiveLink
 from viewer.live.vmc import VmcLink
 from viewer.messages import Messages
-from viewer.scene.camera_control import CameraControl
+from viewer.scene.camera_control import VIEWS, CameraControl, start_yaw
 from viewer.scene.joint_mapping import JointMapping
 from viewer.scene.simulation import Simulation, make_pose
-from viewer.scene.views import VIEWS, start_yaw
 from viewer.services import Loaded, Services
 from viewer.settings import Settings
 

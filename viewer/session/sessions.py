@@ -294,19 +294,11 @@ class Sessions:
     def _view(self) -> dict[str, Any]:
         """How the session is looked at: no step of undo, but kept."""
         camera, pose = self.scene.camera, self.scene.simulation.current
-        now = camera.current
+        now, (x, _, z) = camera.current, pose.root_position
+        numbers = (x, z, pose.root_yaw, now.yaw, now.pitch, now.distance)  # in the order of `PLACES`
         view = {name: getattr(self.settings, name) for name in KEPT_SETTINGS}
-        place = {
-            "x": float(pose.root_position[0]),
-            "z": float(pose.root_position[2]),
-            "facing": pose.root_yaw,
-        }
-        look = {"yaw": float(now.yaw), "pitch": float(now.pitch), "distance": float(now.distance)}
-        return (
-            view
-            | {"camera": camera.mode, "name": self.name}
-            | {k: round(v, 3) for k, v in (place | look).items()}
-        )
+        view |= {name: round(float(value), 3) for name, value in zip(PLACES, numbers, strict=True)}
+        return view | {"camera": camera.mode, "name": self.name}
 
     def _write_view(self, ended: bool = False) -> None:
         self._viewed, self._viewed_s = self._view(), time.monotonic()
@@ -321,16 +313,11 @@ class Sessions:
                 setattr(self.settings, name, value)
         if view.get("camera") in CAMERAS:
             camera.use(str(view["camera"]))
-        known = {
-            name: min(max(float(view[name]), low), high)
-            for name, (low, high) in PLACES.items()
-            if isinstance(view.get(name), int | float)
-        }
+        known = _places(view)
         if "x" in known and "z" in known:
-            self.scene.put_character(known["x"], known["z"], known.get("facing", 0.0))
-        for name in ("yaw", "pitch", "distance"):
-            if name in known:
-                setattr(camera.current, name, known[name])
+            self.scene.put_character(known.pop("x"), known.pop("z"), known.pop("facing", 0.0))
+        for name in known.keys() & {"yaw", "pitch", "distance"}:
+            setattr(camera.current, name, known[name])
         if not self._has_model(self.editor.session.model):
             self.prompting.ask_again()
 
@@ -409,6 +396,15 @@ class Sessions:
             writing="the session in the temporary folder",
         )
         self.jobs.finish(ELSEWHERE.what, time.monotonic() + ELSEWHERE_S)
+
+
+def _places(view: dict[str, Any]) -> dict[str, float]:
+    """The numbers of a view, within their limits."""
+    return {
+        name: min(max(float(view[name]), low), high)
+        for name, (low, high) in PLACES.items()
+        if isinstance(view.get(name), int | float)
+    }
 
 
 def _with_suffix(path: Path) -> Path:

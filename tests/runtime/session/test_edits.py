@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 from hypothesis import given, settings
@@ -31,7 +32,7 @@ def motion(frames: int, name: str = "Take") -> Motion:
 
 
 def session_of(*frames: int) -> Session:
-    return edits.with_takes(Session(), [Take(motion=motion(count)) for count in frames])
+    return reduce(edits.with_new_take, [Take(motion=motion(count)) for count in frames], Session())
 
 
 class Edits(RuleBasedStateMachine):

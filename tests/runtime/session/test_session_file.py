@@ -7,7 +7,7 @@ import threading
 import time
 from contextlib import closing
 from dataclasses import replace
-from functools import partial
+from functools import partial, reduce
 from pathlib import Path
 from typing import Any
 
@@ -500,7 +500,7 @@ def test_an_edit_of_five_hundred_takes_costs_the_frame_little_and_opening_them_a
     takes = [Take(motion=Motion.of(still(3, f"{n}", n))) for n in range(500)]
     file = SessionFile.create(tmp_path / "a.sport", tmp_path)
     editor = Editor(Messages(), file)
-    editor.do("takes", lambda session: edits.with_takes(session, takes))
+    editor.do("takes", lambda session: reduce(edits.with_new_take, takes, session))
     assert file.flush(60.0)
     spent = []
     for number in range(50):

@@ -181,7 +181,7 @@ def test_another_model_is_loaded_by_a_dialog_and_remembered(start: Start, tmp_pa
     assert app.settings.model_folder == str(tmp_path)
     assert app.scene.controller is not before
     app.settings.model_folder = str(tmp_path / "gone")
-    assert app.settings_window.chosen_model(offscreen=False) is None
+    assert app.settings_window.chosen_model() is None
     assert "is not there any more" in said(app)
 
 

@@ -132,7 +132,6 @@ class Jobs:
                 job.failed(ReadingCancelled(f"{job.reading}: cancelled."))
 
     def busy(self, slot: Slot) -> bool:
-        """Whether a job of the slot is running or waiting."""
         return any(job.slot == slot for job in self._jobs)
 
     def deliver(self) -> None:
@@ -197,7 +196,6 @@ class Jobs:
 
 
 def _run(work: Callable[[], Any], future: Future[Any]) -> None:
-    """Do the work of a future on this thread."""
     if future.set_running_or_notify_cancel():
         try:
             future.set_result(work())

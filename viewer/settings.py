@@ -54,27 +54,18 @@ class Settings:
     quality: str = specified("", choices=QUALITIES, label="Quality")
     terrain: str = "hills"
     height_map_cell_m: float = specified(
-        0.1,
-        0.01,
-        10.0,
-        label="Pixel %.2f m",
-        speed=0.005,
+        0.1, 0.01, 10.0, label="Pixel %.2f m", speed=0.005,
         hint="Distance between neighbouring pixels. Drag, or double-click to type.",
-    )
+    )  # fmt: skip
     height_map_height_m: float = specified(
-        2.0,
-        0.01,
-        100.0,
-        label="White %.2f m",
-        speed=0.02,
+        2.0, 0.01, 100.0, label="White %.2f m", speed=0.02,
         hint="Height of a white pixel; black lies at 0. Drag, or double-click to type.",
-    )
+    )  # fmt: skip
     camera: str = specified("follow", choices=CAMERAS, label="Camera")
     fit_to_motion: bool = specified(
-        False,
-        label="Fit to the motion",
+        False, label="Fit to the motion",
         hint="The character gets the size of the motion. Off: it keeps its own, with steps and speed to match",
-    )
+    )  # fmt: skip
     show_grid: bool = specified(True, label="Grid", hint="A metre grid on the ground (F5)")
     show_trajectory: bool = specified(
         True, label="Trajectory", hint="The path the character intends, one second back and ahead (F2)"
@@ -105,10 +96,9 @@ class Settings:
         hint="How far the style goes from plain walking: 0 leaves it out, more than 100 exaggerates it",
     )  # fmt: skip
     exact_legs: bool = specified(
-        True,
-        label="Exact legs",
+        True, label="Exact legs",
         hint="Legs do what their words say: what the network does not show of the line of the feet, hips, heels,\ntoes and knees is edited. Off: the network alone",
-    )
+    )  # fmt: skip
     blend_seconds: float = specified(
         0.8, 0.1, 5.0, label="change over %.1f s", logarithmic=True,
         hint="How long the character takes to change from one style to the next",

@@ -9,6 +9,7 @@ from pathlib import Path
 from runtime.atomic import sweep
 from runtime.motion.controller import Controller
 from runtime.pose import Pose
+from runtime.session.database import SUFFIX
 from runtime.takes.input_recording import InputRecorder
 from viewer.compare import panel as compare_panel
 from viewer.compare.compare_view import CompareView
@@ -189,11 +190,9 @@ class Workspace:
             sweep(folder)
 
     def _browse_all(self) -> None:
-        """Choose a file of any kind that is opened here."""
         self._browse("Open a file", sorted(self._files), lambda path: self.open_files([path]))
 
     def _browse(self, title: str, endings: Sequence[str], done: Callable[[Path], None]) -> None:
-        """Choose a file with one of these endings."""
         start = Path(self.settings.export_folder).expanduser()
         filters = [title, " ".join(f"*{ending}" for ending in endings), "All files", "*"]
         start = start if start.is_dir() else Path.home()
@@ -231,9 +230,8 @@ class Workspace:
 
     @property
     def _files(self) -> dict[str, Callable[[Path], None]]:
-        """What opens a file, by its suffix."""
         films = dict.fromkeys(VIDEOS, self.references.open_video)
-        return {**self.scene.files, **self.takes.files, **films, **self.sessions.files}
+        return {**self.scene.files, ".bvh": self.takes.open, **films, SUFFIX: self.sessions.open}
 
     def open_files(self, paths: list[Path]) -> None:
         """Open dropped files by what their names say they are."""

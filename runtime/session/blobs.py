@@ -59,11 +59,9 @@ class BlobWriter:
         return f"{plain.dtype.str} {'x'.join(map(str, plain.shape))} {key}"
 
     def data(self, content: bytes) -> str:
-        """The reference of bytes."""
         return self.array(np.frombuffer(content, np.uint8), "|u1")
 
     def text(self, content: str) -> str:
-        """The reference of text."""
         return self.data(content.encode("utf-8", "surrogatepass"))
 
 
@@ -100,7 +98,6 @@ class BlobReader:
         return self.once("array", reference, made)
 
     def data(self, reference: Any) -> bytes:
-        """Bytes."""
         return self.array(reference, "|u1", (None,)).tobytes()
 
     def text(self, reference: Any) -> str:

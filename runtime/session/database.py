@@ -90,7 +90,6 @@ class Writer:
         self._run("INSERT OR REPLACE INTO frames VALUES (?, ?, ?, ?, ?)", values)
 
     def drop_frames(self, key: str) -> None:
-        """Remove the frames of a motion; its header stays."""
         self._run("DELETE FROM frames WHERE motion = ?", (key,))
 
     def put_step(self, number: int, label: str, document: str) -> None:
@@ -103,7 +102,6 @@ class Writer:
         self._run("DELETE FROM steps WHERE number >= ? OR number < ?", (first, before))
 
     def set_meta(self, name: str, value: str | bytes) -> None:
-        """Keep a value under a name."""
         self._counted.add(("meta", name))
         self._run("INSERT OR REPLACE INTO meta VALUES (?, ?)", (name, value))
 
@@ -479,7 +477,6 @@ class Database:
     # --- reading
 
     def steps(self) -> list[tuple[int, str]]:
-        """Numbers and labels of the steps, in order."""
         return self._rows(
             "steps", "number, label", (int, str), "16 + length(CAST(label AS BLOB))", "1 ORDER BY number"
         )
@@ -516,7 +513,6 @@ class Database:
         return sum(count for (count,) in self._rows("frames", "count", (int,), "8", "motion = ?", key))
 
     def meta(self, name: str, default: str = "") -> str:
-        """The text under a name."""
         rows = self._rows("meta", "value", (str,), "length(CAST(value AS BLOB))", "name = ?", name)
         return rows[0][0] if rows else default
 

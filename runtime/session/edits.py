@@ -88,7 +88,6 @@ def resimulated(session: Session, number: int, motion: Motion) -> Session:
 
 
 def moved(session: Session, number: int, by: int) -> Session:
-    """A take goes up or down in the list."""
     at = session.index(number)
     to = at + by
     if at < 0 or not 0 <= to < len(session.takes):
@@ -99,6 +98,5 @@ def moved(session: Session, number: int, by: int) -> Session:
 
 
 def selected(session: Session, number: int) -> Session:
-    """Another take is the selected one."""
     known = number == LIVE or session.take(number) is not None
     return replace(session, selected=number) if known else session

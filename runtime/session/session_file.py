@@ -83,7 +83,6 @@ class SessionFile:
 
     @staticmethod
     def create(path: Path, cache: Path) -> SessionFile:
-        """A new file; FileError."""
         return SessionFile(Database.create(path, cache.parent), cache)
 
     @staticmethod
@@ -109,7 +108,6 @@ class SessionFile:
 
     @property
     def path(self) -> Path:
-        """Where it is."""
         return self.database.path
 
     @property
@@ -347,7 +345,6 @@ class SessionFile:
         self.database.save_as(path)
 
     def save_copy(self, path: Path) -> None:
-        """Write a copy; FileError, FileInUse."""
         self.database.save_copy(path)
 
     def flush(self, seconds: float | None = None) -> bool:
@@ -426,7 +423,6 @@ def _character_keys(session: Session) -> list[str]:
 
 
 def _characters(session: Session) -> list[CharacterChoice]:
-    """The characters of a session that have files."""
     choices = (session.character, None if session.reference is None else session.reference.character)
     return [choice for choice in choices if choice is not None and choice.key]
 

@@ -86,7 +86,6 @@ class Budget:
 
     @staticmethod
     def for_file(size: int) -> Budget:
-        """The budget of a file of `size` bytes."""
         most = min(SMALL_BYTES + PER_BYTE * size, LARGE_BYTES)
         return Budget(most, most)
 
@@ -348,7 +347,6 @@ def _seal(key: bytes, number: bytes) -> bytes:
 
 
 def is_own(connection: sqlite3.Connection, home: Path | None) -> bool:
-    """Whether this installation made the file."""
     key = installation_key(home)
     row = connection.execute(
         "SELECT value FROM meta WHERE name = ? AND length(value) = 48", (SEAL,)

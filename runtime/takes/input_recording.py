@@ -64,7 +64,6 @@ class InputFrames(Sequence[InputFrame]):
 
     @staticmethod
     def of(frames: Iterable[InputFrame]) -> InputFrames:
-        """Frames one by one."""
         return InputFrames(np.array([frame.row for frame in frames], np.float64).reshape(-1, COLUMNS))
 
     def __len__(self) -> int:
@@ -87,7 +86,6 @@ class InputFrames(Sequence[InputFrame]):
     __hash__ = None  # type: ignore[assignment]
 
     def __add__(self, later: InputFrames) -> InputFrames:
-        """These frames and then others."""
         return InputFrames(np.concatenate([self.rows, later.rows]))
 
     def gaits(self) -> NDArray[np.int8]:
@@ -143,7 +141,6 @@ class StyleChange:
     note: Any = None
 
     def apply(self, controller: Steppable) -> None:
-        """Hand the style over."""
         controller.set_style(self.z, self.seconds)
 
 
@@ -156,7 +153,6 @@ class GroundChange:
     terrain: Terrain
 
     def apply(self, controller: Steppable) -> None:
-        """Put the ground under the character."""
         controller.set_terrain(self.terrain)
 
 
@@ -170,7 +166,6 @@ class Restart:
     yaw: float
 
     def apply(self, controller: Steppable) -> None:
-        """Put the character there."""
         controller.reset(self.x, self.z, self.yaw)
         controller.step(Controls())
 
@@ -203,11 +198,9 @@ class InputRecording:
         return self.keyframes[0].frame
 
     def __len__(self) -> int:
-        """Frames of the clip."""
         return len(self.frames) + self.start
 
     def frame(self, number: int) -> InputFrame:
-        """What frame `number` requested."""
         return self.frames[number - self.start]
 
     def ground(self, number: int) -> GroundChange | None:
@@ -406,7 +399,6 @@ class InputRecorder:
         self._changes.append(replace(style, frame=self.next_frame - holds, z=z))
 
     def mark_ground(self, name: str, terrain: Terrain) -> None:
-        """Another ground came under the character."""
         self._changes.append(GroundChange(self.next_frame, name, terrain))
 
     def mark_restart(self, x: float, z: float, yaw: float) -> None:

@@ -24,8 +24,6 @@ FORM = 'Write "left hand 0.3 1.1 0.4 from 2 to 4", "look 0 1.6 5 from 0 to 3" or
 
 
 class Pinned(StrEnum):
-    """What a pin moves."""
-
     LEFT_HAND = "left hand"
     RIGHT_HAND = "right hand"
     LEFT_FOOT = "left foot"
@@ -124,7 +122,6 @@ def _point(text: str | None) -> tuple[float, float, float] | None:
 
 
 def held_pins(pins: Sequence[Pin]) -> tuple[Pin, ...]:
-    """Those that hold now."""
     return tuple(pin for pin in pins if pin.end >= MAX_TIME_S)
 
 

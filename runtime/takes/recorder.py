@@ -37,7 +37,6 @@ class ClipRecorder:
 
     @property
     def recording(self) -> bool:
-        """Whether a take is running."""
         return self._begin is not None
 
     @property
@@ -47,7 +46,6 @@ class ClipRecorder:
 
     @property
     def first_frame(self) -> int:
-        """Number of the oldest frame kept."""
         return self._first
 
     @property

@@ -32,7 +32,6 @@ def panel(compare: CompareView) -> Panel:
 
 
 def draw(compare: CompareView) -> None:
-    """Contents of the panel."""
     _lineups(compare)
     kept = removed = -1
     height = -2 * imgui.get_frame_height_with_spacing()
@@ -52,7 +51,6 @@ def draw(compare: CompareView) -> None:
 
 
 def _lineups(compare: CompareView) -> None:
-    """What to compare."""
     widgets.muted("One stick drives all. Click one to keep it.", wrap=True)
     third = widgets.column_width(3)
     if widgets.button("Seeds", third, "The live prompt, with a seed for each"):

@@ -21,8 +21,6 @@ from viewer.session.takes import Takes
 
 @dataclass
 class CameraKeys:
-    """Actions on the keys of the take that plays."""
-
     editor: Editor
     takes: Takes
     control: CameraControl
@@ -30,12 +28,10 @@ class CameraKeys:
 
     @property
     def take(self) -> Take | None:
-        """The take that plays."""
         return self.takes.played
 
     @property
     def keys(self) -> tuple[CameraKey, ...]:
-        """Its keys."""
         return () if self.take is None else self.take.cameras
 
     def add(self) -> None:
@@ -72,7 +68,6 @@ class CameraKeys:
         change(label, lambda session: session.with_take(number, cameras=keys))
 
     def remove(self, key: CameraKey) -> None:
-        """Take a key away."""
         if self.take is not None:
             kept = tuple(one for one in self.keys if one is not key)
             self._put(f"removal of a camera key of {self.take.title}", kept)
@@ -100,7 +95,6 @@ class CameraKeys:
             camera.target = looked_at(pose.hips_position, terrain) + np.array([key.x, key.y, key.z])
 
     def menu(self) -> None:
-        """Its part of the menu that adds to a take."""
         if imgui.selectable("Camera view##key", False)[0]:
             self.add()
         if self.keys and widgets.item("Look through the keys", chosen=self.through):

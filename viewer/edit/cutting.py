@@ -26,8 +26,6 @@ JOIN_HINT = "A new take: this one, then another one from where it ends"
 
 @dataclass
 class Cutting:
-    """Actions that make takes of the one that plays."""
-
     takes: Takes
 
     def split(self) -> None:
@@ -82,13 +80,16 @@ class Cutting:
         self.takes.jobs.submit(SLOT, work, done)
 
     def menu(self) -> None:
-        """The entries."""
         take = self.takes.played
         others = [other for other in self.takes.session.takes if other is not take]
         if widgets.item("Split here", SPLIT_HINT):
             self.split()
         if widgets.item("Cut out the trim", CUT_HINT):
             self.cut()
+        self._several(others)
+
+    def _several(self, others: list[Take]) -> None:
+        """Of one take several times, and of two."""
         if imgui.begin_menu("Repeat"):
             for times in TIMES:
                 if widgets.item(f"{times} times", REPEAT_HINT):

@@ -57,7 +57,6 @@ class PathTool:
 
     @property
     def take(self) -> Take:
-        """The take whose path this is."""
         return self.editing.take or self.editor.session.live
 
     @property
@@ -99,7 +98,6 @@ class PathTool:
             )
 
     def overlay(self) -> PathOverlay | None:
-        """What is drawn on the ground."""
         if not (self.active or self.walk is not None) or not self.points:
             return None
         return PathOverlay(np.array([(p.x, p.z) for p in self.points]), self.selected if self.active else -1)
@@ -135,7 +133,6 @@ class PathTool:
             self.selected = max(i - 1, 0) if len(points) > 1 else -1
 
     def clear(self) -> None:
-        """Remove every point."""
         self._put("removal of the path", ())
         self.selected = -1
 
@@ -191,11 +188,9 @@ class PathTool:
             self._time_s, self._begun = 0.0, True
 
     def stop(self) -> None:
-        """Give the stick back."""
         self.walk = None
 
     def walk_began(self) -> bool:
-        """Whether a walk began since the last call."""
         begun, self._begun = self._begun, False
         return begun
 

@@ -57,17 +57,14 @@ class Pins:
 
     @property
     def playback(self) -> Playback | None:
-        """What plays; None while the character is live."""
         return self.editing.playback
 
     @property
     def take(self) -> Take:
-        """The take that plays, or the live character."""
         return self.editor.session.live if self.playback is None else self.playback.take
 
     @property
     def live(self) -> bool:
-        """Whether the pins are those of the live character."""
         return self.playback is None
 
     @property
@@ -83,7 +80,6 @@ class Pins:
 
     @property
     def pin(self) -> Pin | None:
-        """The selected one."""
         return self.pins[self.selected] if 0 <= self.selected < len(self.pins) else None
 
     def follow(self, before: Session, now: Session) -> None:
@@ -127,10 +123,6 @@ class Pins:
         else:
             self.selected = at
             self.delete()
-
-    def select(self, index: int) -> None:
-        """Show the fields of a pin."""
-        self.selected = index
 
     def delete(self) -> None:
         """Remove the selected pin; a live one is let go, and stays in what was recorded of it."""
@@ -275,7 +267,6 @@ class Pins:
         return next((place for i, _, place in self._points() if i == self.selected), None)
 
     def overlay(self) -> PinOverlay | None:
-        """The points of all pins, with their rails."""
         points = self._points()
         if not points:
             return None
@@ -374,7 +365,6 @@ def _draw_points(pins: Pins, pin: Pin) -> None:
 
 
 def _draw_triple(pins: Pins, pin: Pin, name: str) -> None:
-    """The three numbers of a pin's point or rail."""
     value, changed = getattr(pin, name), []
     hints = ("To its left" if pin.along else "X", "Up", "Ahead" if pin.along else "Z")
     imgui.push_item_width(widgets.column_width(3))

@@ -39,7 +39,6 @@ class ReferenceCard:
     _shown: tuple[Video, int] | None = field(default=None, init=False)
 
     def panel(self) -> Panel:
-        """The card, while there is a reference."""
 
         def close() -> bool:
             was = self.reference.shown
@@ -70,7 +69,6 @@ class ReferenceCard:
             reference.close()
 
     def open(self, path: Path) -> None:
-        """Show a file with the take that plays."""
         if path.suffix.lower() == ".bvh":
             self.reference.takes.open_reference(path)
         else:
@@ -80,7 +78,6 @@ class ReferenceCard:
 
     @property
     def _film(self) -> Video | None:
-        """The film that is shown in the card."""
         return None if self.reference.reference.over else self.reference.video
 
     def _film_width(self, view: Rect) -> float:

@@ -45,8 +45,10 @@ class Range:
 
     @property
     def frames(self) -> float:
-        """From the left to the right."""
         return self.last - self.first
+
+    def __contains__(self, frame: float) -> bool:
+        return self.first <= frame <= self.last
 
     def fitted(self, first: float, last: float) -> Range:
         """These frames, or as many that lie within the take."""
@@ -55,7 +57,6 @@ class Range:
         return replace(self, first=first, last=first + frames)
 
     def scrolled(self, frames: float) -> Range:
-        """So many frames on."""
         return self.fitted(self.first + frames, self.last + frames)
 
     def zoomed(self, at: float, steps: float) -> Range:
@@ -136,7 +137,6 @@ class Row:
 
     @property
     def right(self) -> float:
-        """Where it ends."""
         return self.left + self.width
 
     def ends(self, mark: Mark) -> tuple[float, float]:
@@ -146,7 +146,6 @@ class Row:
         return left - max(more, 0.0), right + max(more, 0.0)
 
     def x(self, frame: float) -> float:
-        """Screen position of a frame."""
         return self.left + (frame - self.shown.first) / max(self.shown.frames, 1.0) * self.width
 
     def frame_at(self, x: float) -> int:
@@ -169,7 +168,6 @@ class Shapes:
     def rect(
         self, left: float, top: float, right: float, bottom: float, tint: Color, rounding: float
     ) -> None:
-        """A filled rectangle in screen units."""
         low, high = imgui.ImVec2(left, top), imgui.ImVec2(right, bottom)
         self.rects.append((low, high, widgets.packed(tint), rounding))
 
@@ -217,7 +215,6 @@ class Timeline:
 
     @property
     def whole(self) -> bool:
-        """Whether the whole take is shown."""
         return self.shown.frames >= self.shown.end
 
     def _follow(self, playback: Playback, busy: bool) -> None:
@@ -228,8 +225,8 @@ class Timeline:
         if take != playback.number or (end != self.shown.end and self.whole):
             self.shown = Range(0.0, end, end)
         shown = self.shown = replace(self.shown, end=end).fitted(self.shown.first, self.shown.last)
-        seen = shown.first <= before <= shown.last or not playback.playing
-        if now != before and seen and not shown.first <= now <= shown.last:
+        seen = before in shown or not playback.playing
+        if now != before and seen and now not in shown:
             self.shown = shown.scrolled(now - shown.first - 0.1 * shown.frames)
         self._of = playback.number, now
 
@@ -280,7 +277,6 @@ class Timeline:
         known[1].draw(*([(low, high, widgets.packed(theme.TEXT), 0.0)] if inside else []))
 
     def _fit_buttons(self, corner: imgui.ImVec2, selection: tuple[int, int]) -> None:
-        """In place of the ruler's name."""
         imgui.set_cursor_screen_pos(corner)
         size = imgui.ImVec2(px(BUTTON_WIDTH), px(RULER - 4))
         imgui.push_style_var(imgui.StyleVar_.frame_padding, imgui.ImVec2(0, 0))
@@ -308,7 +304,6 @@ class Timeline:
             imgui.end_popup()
 
     def _holds(self, track: Track) -> Held | None:
-        """What is held of a track."""
         held = self.held
         return held if held is not None and held.key == track.key and not held.dropped else None
 
@@ -317,7 +312,7 @@ class Timeline:
         io, per_pixel = imgui.get_io(), self.shown.frames / max(row.width, 1.0)
         hovered, shown = imgui.is_item_hovered(), self.shown
         begins = imgui.is_mouse_clicked(2)  # how the mouse came to where it was pressed is no drag
-        self._scrolling = hovered if begins else self._scrolling and imgui.is_mouse_down(2)
+        self._scrolling = (self._scrolling or (begins and hovered)) and imgui.is_mouse_down(2)
         if self._scrolling and row.track.key == "timeline":  # once a frame
             shown = shown.scrolled(-io.mouse_delta.x * per_pixel * (not begins))
         wheel = (io.mouse_wheel or io.mouse_wheel_h) * hovered  # Shift turns the wheel of some systems
@@ -408,7 +403,6 @@ class Timeline:
             track.press(mark)
 
     def _carry(self, held: Held, row: Row, frame: int) -> None:
-        """Move what is held with the mouse."""
         track, by = row.track, frame - held.grabbed
         if track.fixed or not (track.move or track.drop) or not (by or held.moved):
             return

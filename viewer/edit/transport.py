@@ -52,7 +52,6 @@ class TakeTracks:
         self._rows: list[Track] = []
 
     def rows(self, tracks: Tracks, playback: Playback) -> list[Track]:
-        """The tracks from top to bottom."""
         editing, pins, frame = self.editing, self.pins, playback.frame
         fixed, lit = bool(editing.fixed), (mark_at(tracks.prompts, frame), mark_at(tracks.gaits, frame))
         state = tracks, playback.take, playback.shown, pins.selected, editing.part_tracks, fixed, lit
@@ -103,7 +102,7 @@ class TakeTracks:
             rows.append(
                 Track(
                     f"pins {number}", "" if number else "Pins", ROW, marks, (PIN_TINT,), PIN_HINT, lit,
-                    press=lambda mark: pins.select(mark.of[0]), move=pins.move,
+                    press=lambda mark: setattr(pins, "selected", mark.of[0]), move=pins.move,
                 )
             )  # fmt: skip
         return [*rows, self._feet(0), self._feet(1)]

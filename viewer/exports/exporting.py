@@ -43,7 +43,6 @@ class ExportForm(ExportOptions):
 
     @property
     def format(self) -> Format:
-        """What is written."""
         return FORMATS[self.suffix]
 
     def chosen(self, fps: float) -> dict[str, Any]:
@@ -55,7 +54,6 @@ class ExportForm(ExportOptions):
         }  # fmt: skip
 
     def has(self, name: str) -> bool:
-        """Whether the format has an option of the form."""
         return self.suffix in spec_of(self, name).formats
 
 
@@ -72,15 +70,12 @@ def form_from_json(value: Mapping[str, Any]) -> ExportForm:
 
 
 def _shown() -> list[str]:
-    """The fields that the window shows."""
     specs = {entry.name: spec_of(ExportForm, entry.name) for entry in fields(ExportForm)}
     return [name for name, spec in specs.items() if spec.label and spec.formats]
 
 
 @dataclass
 class ExportState:
-    """The export window."""
-
     open: bool = False
     form: ExportForm = ExportForm()
     path: str = ""  # the field
@@ -92,7 +87,6 @@ class ExportState:
     saved: Path | None = None  # what it wrote
 
     def choose(self, **values: Any) -> None:
-        """Change options of the form."""
         self.form = replace(self.form, **values)
 
 
@@ -104,8 +98,6 @@ SLOT = Slot("export", "one take by its window")
 
 @dataclass
 class Exporting:
-    """Actions of the export window."""
-
     takes: Takes
     scene: Scene
     messages: Messages
@@ -123,16 +115,13 @@ class Exporting:
         self.state.form = form_from_json(kept if isinstance(kept, dict) else {})
 
     def remember(self) -> None:
-        """Keep what is chosen with the settings."""
         self.takes.settings.export_form = json.dumps(form_to_json(self.state.form))
 
     @property
     def busy(self) -> bool:
-        """Whether a take is being written."""
         return self.jobs.busy(SLOT)
 
     def open(self) -> None:
-        """Show the window for the selected take."""
         if self.takes.session.current is None:
             self.messages.warn(
                 "Nothing to export yet: record a take with R, or keep the last seconds with T."
@@ -169,7 +158,6 @@ class Exporting:
             self.propose()
 
     def browse(self) -> None:
-        """Choose where to write by a dialog."""
 
         def chosen(path: Path) -> None:
             if path.suffix.lower() in FORMATS:
@@ -185,7 +173,6 @@ class Exporting:
     # --- writing
 
     def export(self) -> None:
-        """Write the selected take as chosen."""
         take = self.takes.session.current
         if take is None or self.busy:
             return

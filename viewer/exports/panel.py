@@ -23,7 +23,6 @@ VALUES = {"quality": ("software", "high")}  # of toggles that are not False and 
 
 
 def panel(exporting: Exporting) -> Panel:
-    """The export window."""
 
     def draw(_: Rect) -> None:
         take = exporting.takes.session.current
@@ -110,7 +109,6 @@ def _toggles(exporting: Exporting, trimmed: bool) -> None:
 
 
 def _strides(state: ExportState) -> None:
-    """How many strides a loop has."""
     form = state.form
     if form.loop and form.has("loop"):
         spec = spec_of(form, "strides")

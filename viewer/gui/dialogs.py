@@ -24,8 +24,6 @@ Filters = Sequence[str]  # in turns a name and its patterns: ["Projects", "*.spo
 
 
 class DialogKind(Enum):
-    """What a dialog asks for."""
-
     OPEN = "Open"
     SAVE = "Save"
     FOLDER = "Choose"
@@ -33,8 +31,6 @@ class DialogKind(Enum):
 
 @dataclass
 class PendingDialog:
-    """One dialog that waits for an answer."""
-
     kind: DialogKind
     title: str
     start: Path  # folder, or file to propose
@@ -125,7 +121,6 @@ class Dialogs:
         return question is not None
 
     def panel(self) -> Panel:
-        """The line to type into, as a window of the shell."""
         return Panel("Path", PanelPlace.WINDOW, lambda _: self.draw(), close=self.close)
 
     def draw(self) -> None:

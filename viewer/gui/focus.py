@@ -46,7 +46,6 @@ class Focus:
             self.use = Use.UNSURE
 
     def update(self) -> None:
-        """Notice what became of the keys in a frame that was drawn."""
         context = imgui.get_current_context()
         drawn = [window.name for window in context.windows if window.active]
         over = tuple(name for name in drawn if name.endswith(OVER))

@@ -54,12 +54,10 @@ def colors(values: Mapping[int, Color]) -> Iterator[None]:
 
 
 def color(role: int, value: Color) -> AbstractContextManager[None]:
-    """Draw with another colour for one role."""
     return colors({role: value})
 
 
 def muted(text: str, wrap: bool = False) -> None:
-    """Secondary text."""
     with color(imgui.Col_.text, theme.MUTED):
         imgui.text_wrapped(text) if wrap else imgui.text_unformatted(text)
 
@@ -73,7 +71,6 @@ def label(text: str, tint: Color = theme.MUTED) -> None:
 
 
 def heading(fonts: theme.Fonts, icon: str, text: str) -> None:
-    """A panel's title."""
     imgui.push_font(fonts.bold, theme.FONT_SIZE * 1.1)
     with color(imgui.Col_.text, theme.ACCENT):
         imgui.text_unformatted(icon)
@@ -339,7 +336,6 @@ def combo(name: str, options: Sequence[tuple[object, str]], value: object) -> ob
 
 
 def setting_slider(settings: Settings, name: str) -> None:
-    """A slider of a number."""
     spec = spec_of(settings, name)
     moved, value = slider(
         f"##{name}",
@@ -363,7 +359,6 @@ def setting_drag(settings: Settings, name: str) -> None:
 
 
 def setting_toggle(settings: Settings, name: str, width: float) -> None:
-    """A button that stays lit while a setting is on."""
     spec = spec_of(settings, name)
     setattr(settings, name, toggle(spec.label, getattr(settings, name), width, spec.hint))
 

@@ -111,8 +111,6 @@ VIEW_ACTIONS = (Action.FRONT, Action.SIDE, Action.THREE_QUARTERS, Action.FEET, A
 
 
 class Drag(Enum):
-    """What the mouse does to the view."""
-
     ORBIT = auto()
     PAN = auto()
     ZOOM = auto()

@@ -24,7 +24,6 @@ NAME_WIDTH = 150.0  # of the project's joints
 
 
 def panel(mapping: JointMapping) -> Panel:
-    """The joints window."""
 
     def draw(_: Rect) -> None:
         if mapping.guess is None:
@@ -69,7 +68,6 @@ def _found(state: JointMapping, guess: JointGuess, room: float) -> None:
 
 
 def _file_joints(state: JointMapping, guess: JointGuess) -> None:
-    """The tree of the file, each joint with what it plays."""
     played = {state.plays(joint): joint for joint in SPORT_SKELETON.names if state.plays(joint)}
     for k, depth in _ordered(guess):
         name, plays = printable(guess.names[k]), played.get(guess.names[k], "")

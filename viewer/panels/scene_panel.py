@@ -27,8 +27,6 @@ _SHOWN = ("show_trajectory", "show_skeleton", "show_contacts", "show_grid", "sho
 
 @dataclass
 class ScenePanel:
-    """What the panel is drawn from."""
-
     scene: Scene
     takes: Takes
     path: PathTool
@@ -37,7 +35,6 @@ class ScenePanel:
     draw_pins: Callable[[float], None]  # the button, of a width, for pins of the live character
 
     def panel(self) -> Panel:
-        """The scene panel."""
         return Panel("Scene", PanelPlace.RIGHT_TOP, self._draw, ICON.scene, actions=self.scene.actions)
 
     def _draw(self, _: Rect) -> None:

@@ -35,8 +35,6 @@ _SAVE_AS = _SHIFT | _SAVE
 
 @dataclass
 class SessionBar:
-    """What the bar is drawn from."""
-
     sessions: Sessions
     exporting: Exporting
     guide: Guide

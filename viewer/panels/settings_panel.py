@@ -56,7 +56,6 @@ class SettingsWindow:
         return not self.shown
 
     def panel(self) -> Panel:
-        """The settings window."""
         return Panel(
             "Settings",
             PanelPlace.WINDOW,
@@ -147,7 +146,6 @@ class SettingsWindow:
                 settings.pad_buttons = changed_buttons(settings.pad_buttons, action, chosen)
 
     def _model(self) -> None:
-        """The list, and a button for another folder."""
         scene = self.scene
         widgets.row("Model", "Takes that were recorded stay with the model that made them")
         now = model_folder(scene.model_folder)

@@ -27,7 +27,6 @@ def _begin_typing(editing: Resimulation) -> None:
 
 
 def draw(editing: Resimulation) -> None:
-    """Contents of the panel."""
     tracks, playback = editing.tracks, editing.playback
     if tracks is None or playback is None:
         return
@@ -51,7 +50,6 @@ def draw(editing: Resimulation) -> None:
 
 
 def _fill(editing: Resimulation, mark: Mark) -> None:
-    """Put the span's words into the fields."""
     event = mark.of.event
     words = words_of(event)
     editing.shown, editing.prompt = mark, title(event)

@@ -29,7 +29,6 @@ TINTS = (theme.CLEAR, (0.85, 0.35, 0.35, 1.0), (0.85, 0.72, 0.3, 1.0), (0.42, 0.
 def panel(
     takes: Takes, references: ReferenceCard, export_window: Callable[[], None], sessions: Sessions
 ) -> Panel:
-    """The list of takes; `export_window` opens the other formats."""
     return Panel(
         "Takes",
         PanelPlace.RIGHT_BOTTOM,
@@ -52,7 +51,6 @@ def sign(takes: Takes) -> Panel:
 def draw(
     takes: Takes, references: ReferenceCard, export_window: Callable[[], None], sessions: Sessions
 ) -> None:
-    """Contents of the panel."""
     _record(takes)
     _cut_off(sessions)
     line, room = imgui.get_frame_height_with_spacing(), imgui.get_content_region_avail().y
@@ -165,7 +163,7 @@ def _row(takes: Takes, references: ReferenceCard, take: Take) -> None:
     playback = takes.playback
     playing = playback is not None and playback.number == take.number and playback.playing
     if _small(ICON.pause if playing else ICON.play, square, "Pause" if playing else "Play (P)"):
-        takes.play_row(take.number)
+        takes.play_or_pause(take.number)
     first, last = take.range
     seconds = widgets.clock((last - first) / take.made.header.fps)
     seconds = f"{ICON.check} {seconds}" if takes.saved(take) else seconds

@@ -97,7 +97,6 @@ class LanguageModel:
             self.apply()
 
     def test(self) -> None:
-        """Ask the language model one question and report."""
         if self.testing:
             return
         self.report = ""

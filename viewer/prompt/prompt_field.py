@@ -50,7 +50,7 @@ def draw(
     field_id, found, chosen = imgui.get_id(name), (), None
     active = is_active(field_id)
     if active:
-        found = suggester.suggestions(box) if box.suggesting else ()
+        found = suggester.suggestions(box)
         chosen = _keys(box, found, suggester, field_id)
         unchanged = chosen is None and box.text == controller.prompt.prompt(side)
         undo_keys(field_id, unchanged, controller.editor)
@@ -85,7 +85,6 @@ def _submit(controller: PromptController, side: Side, entered: bool, left: bool)
 
 
 def is_active(field_id: int) -> bool:
-    """Whether a text field has the keyboard."""
     return bool(imgui.internal.get_active_id() == field_id)
 
 

@@ -52,8 +52,6 @@ _ANSWERED = {  # by the source of an answer
 
 @dataclass
 class PromptPanel:
-    """What the prompt panel is drawn from."""
-
     settings: Settings
     controller: PromptController
     language_model: LanguageModel
@@ -79,7 +77,6 @@ class PromptPanel:
         self.language_model.use(loaded, given, again)
 
     def panel(self, shown: Callable[[], bool]) -> Panel:
-        """The panel of the live prompt."""
         return Panel(
             "Prompt", PanelPlace.LEFT, self._draw, ICON.prompt, shown,
             tools=self._tools, tools_width=TOOLS_WIDTH, begin_typing=self._begin_typing,
@@ -245,7 +242,6 @@ def _named(part: str) -> str:
 
 
 def _mark(text: str, tint: theme.Color) -> None:
-    """A word after the name of a body part."""
     imgui.same_line(0, px(6))
     widgets.label(text, tint)
 

@@ -33,7 +33,6 @@ class ShaderSource:
 
     @property
     def text(self) -> str:
-        """What the compiler gets."""
         return "\n".join(self.lines) + "\n"
 
     def add(self, line: str, file: str, number: int) -> None:

@@ -25,7 +25,6 @@ class TrajectoryOverlay:
 
 
 def trajectory_overlay(controller: Controller) -> TrajectoryOverlay:
-    """The trajectory of a live character."""
     view = controller.trajectory
     return TrajectoryOverlay(view.positions, view.directions, np.arange(len(view.positions)) < PAST_SAMPLES)
 
@@ -71,7 +70,6 @@ class Figure:
 
     @property
     def casts(self) -> bool:
-        """Whether it casts a shadow."""
         return not (self.ghost or self.on_top)
 
 

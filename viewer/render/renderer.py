@@ -159,6 +159,5 @@ class Renderer:
             self._overlays.draw_on_top(pin_strokes(overlays.pins, pixel_scale))
 
     def release(self) -> None:
-        """Free all GPU objects."""
         release(self._uniforms, self._sky, self._scene, self._shadow_map)
         release(self._terrain, self._characters, self._figure, self._overlays)

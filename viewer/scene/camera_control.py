@@ -68,7 +68,6 @@ class CameraControl:
 
     @property
     def current(self) -> OrbitCamera:
-        """The camera in use."""
         return self.follow if self.mode == "follow" else self.orbit
 
     def use(self, mode: str) -> None:

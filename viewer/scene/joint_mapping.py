@@ -86,7 +86,6 @@ class JointMapping:
         self.chosen, self.selected, self.problem = chosen, joint, ""
 
     def guess_all(self) -> None:
-        """Drop everything that was chosen."""
         self.chosen, self.problem = {}, ""
 
     def apply(self) -> None:

@@ -72,8 +72,6 @@ def describe(summary: SessionSummary) -> str:
 
 @dataclass
 class Sessions:
-    """Actions of the session menu."""
-
     editor: Editor
     settings: Settings
     messages: Messages
@@ -92,13 +90,7 @@ class Sessions:
     _said: str = ""
 
     @property
-    def files(self) -> dict[str, Callable[[Path], None]]:
-        """What opens a file, by its suffix."""
-        return {SUFFIX: self.open}
-
-    @property
     def untitled_folder(self) -> Path:
-        """Where sessions lie that have no name."""
         return self.folder / "sessions"
 
     @property
@@ -115,7 +107,6 @@ class Sessions:
 
     @property
     def name(self) -> str:
-        """What the menu calls the session."""
         return "Untitled" if self.path is None else self.path.stem
 
     @property
@@ -144,7 +135,6 @@ class Sessions:
         self.messages.note(f"A new session. {problem}".strip())
 
     def ask_open(self) -> None:
-        """Choose a session to open."""
         self.dialogs.ask(DialogKind.OPEN, "Open a session", self._home(), self.open, FILTERS)
 
     def open(self, path: Path) -> None:
@@ -180,7 +170,6 @@ class Sessions:
         (self.messages.warn if said or more else self.messages.note)(text + more)
 
     def open_last(self) -> None:
-        """Open the named session that was open last."""
         if self.recent:
             self.open(self.recent[0])
         else:
@@ -198,12 +187,10 @@ class Sessions:
             )
 
     def ask_save(self) -> None:
-        """Choose under which name to go on."""
         start = self.path or self._home() / f"session{SUFFIX}"
         self.dialogs.ask(DialogKind.SAVE, "Save the session as", start, self.save_as, FILTERS)
 
     def ask_copy(self) -> None:
-        """Choose where a copy goes."""
         start = self._home() / f"{self.name} copy{SUFFIX}"
         self.dialogs.ask(DialogKind.SAVE, "Save a copy", start, self.save_copy, FILTERS)
 

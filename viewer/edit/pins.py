@@ -397,7 +397,7 @@ def _draw_times(pins: Pins, pin: Pin, clip: Clip) -> None:
         now = pins.pin
         if moved and now is not None:
             value = max(value / fps if frames else value, now.start if name == "end" else 0.0)
-            pins.try_change(partial(replace, now, **{name: value}))  # type: ignore[arg-type]
+            pins.try_change(partial(replace, now, **{name: value}))
     imgui.pop_item_width()
     far = 0.0 if pins.editor.dragging else pins.reach()
     if far:

@@ -166,9 +166,9 @@ class ReferenceCard:
         limits, frames = (round(low * fps), round(high * fps)), round(self.reference.reference.offset_s * fps)
         hint = "How many frames later the reference is. Drag, or double-click to type."
         text = "%+d frames" if wide else "%+d"
-        moved, frames = widgets.drag("##reference offset", frames, limits, text, hint, 0.3)
+        moved, later = widgets.drag("##reference offset", frames, limits, text, hint, 0.3)
         if moved:
-            self.reference.set(held=True, offset_s=frames / fps)
+            self.reference.set(held=True, offset_s=later / fps)
 
     def _aside(self, wide: bool) -> None:
         reference, limits = self.reference.reference, LIMITS["aside_m"]

@@ -217,10 +217,8 @@ class Timeline:
     def whole(self) -> bool:
         return self.shown.frames >= self.shown.end
 
-    def _follow(self, playback: Playback, busy: bool) -> None:
+    def _follow(self, playback: Playback) -> None:
         """Keep the range within the take, and the frame in it when it goes on or is sought."""
-        if self.held is not None and self.held.dropped and not busy:
-            self.held = None  # the tracks are those of the edit, or it failed
         (take, before), end, now = self._of, max(playback.frames - 1.0, 1.0), playback.frame
         if take != playback.number or (end != self.shown.end and self.whole):
             self.shown = Range(0.0, end, end)
@@ -237,11 +235,11 @@ class Timeline:
 
         A button shows the frames of the `selection`.
         """
-        self._follow(playback, busy)
+        self._follow(playback)
+        if self.held is not None and self.held.dropped and not busy:
+            self.held = None  # the tracks are those of the edit, or it failed
         room = imgui.get_content_region_avail()
-        high = sum(track.height for track in tracks) + 2.0
-        fits = (room.y / px(1.0) - RULER - (len(tracks) + 1) * SPACING) / high
-        tracks = [track for track in tracks if fits >= 1.0 or not track.optional]
+        tracks, tall = _fitting(tracks, room.y / px(1.0))
         imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(SPACING)))
         corner, names = imgui.get_cursor_screen_pos(), px(NAMES_WIDTH) if room.x >= px(NAMES_FROM) else 0.0
         # the ruler above the tracks is as wide as they are, also where they scroll
@@ -253,7 +251,7 @@ class Timeline:
         over_names = imgui.get_io().mouse_pos.x < corner.x + names
         flags = 0 if over_names else imgui.WindowFlags_.no_scroll_with_mouse
         if imgui.begin_child("tracks", imgui.ImVec2(0, 0), window_flags=flags):
-            self._rows("tracks", tracks, playback, min(max(fits, 1.0), TALLEST), 0.0)
+            self._rows("tracks", tracks, playback, tall, 0.0)
             self._bar = imgui.get_style().scrollbar_size * (imgui.get_scroll_max_y() > 0.0)
         imgui.end_child()
         imgui.pop_style_var()
@@ -436,6 +434,14 @@ class Timeline:
         elif track.menu is not None:
             self._menu = track.key, mark, frame
             imgui.open_popup(f"menu of {track.key}")
+
+
+def _fitting(tracks: Sequence[Track], room: float) -> tuple[Sequence[Track], float]:
+    """The tracks for which there is room, and how much taller than they need they are drawn."""
+    fits = (room - RULER - (len(tracks) + 1) * SPACING) / (sum(track.height for track in tracks) + 2.0)
+    if fits < 1.0:
+        return [track for track in tracks if not track.optional], 1.0
+    return tracks, min(fits, TALLEST)
 
 
 def _draw_mark(shapes: Shapes, row: Row, mark: Mark, tint: Color, lit: bool) -> None:

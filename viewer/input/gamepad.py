@@ -97,12 +97,13 @@ class GlfwGamepads:
         triggers, right = ((2, 5), 3) if count >= 6 else ((), 2)
         live = self._live_axes.setdefault(pad, set())
         axes = [_axis(i, float(pointer[i]), i in triggers, live) for i in range(count)]
+        pulled = ((axes[2] + 1) / 2, (axes[5] + 1) / 2) if triggers else (0.0, 0.0)
         buttons = zip(BUTTONS[:8], button_pointer[:button_count], strict=False)
         return GamepadState(
             _text(self.glfw.get_joystick_name(pad)) + " (unmapped)",
             (axes[0], -axes[1]),
             (axes[right], -axes[right + 1]),
-            *([(axes[i] + 1) / 2 for i in triggers] or (0.0, 0.0)),
+            *pulled,
             frozenset(button for button, down in buttons if down),
         )
 

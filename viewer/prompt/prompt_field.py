@@ -47,18 +47,18 @@ def draw(
     box, name = controller.boxes[side], f"##prompt {side.name}"
     if box.focus_requested:
         imgui.set_keyboard_focus_here()
-    field_id, found, chosen = imgui.get_id(name), (), None
+    field_id, chosen = imgui.get_id(name), None
+    found: Sequence[Suggestion] = ()
     active = is_active(field_id)
     if active:
-        found = suggester.suggestions(box)
+        found = suggester.suggestions(box) if box.suggesting else ()
         chosen = _keys(box, found, suggester, field_id)
         unchanged = chosen is None and box.text == controller.prompt.prompt(side)
         undo_keys(field_id, unchanged, controller.editor)
     before, corner = box.text, imgui.get_cursor_screen_pos()
     entered, box.text, size = wrapped_text(name, box.text, lines)
     left, width = imgui.is_item_deactivated(), size.x
-    _follow(box, before, field_id)
-    _hint_over_item("" if box.text or active else hint)
+    _follow(box, before, field_id, hint)
     if found and chosen is None:  # also in the frame whose click on the list took the keyboard away
         position = imgui.ImVec2(corner.x, corner.y + size.y + below + px(3))
         chosen = _list(name, found, box, position, width)
@@ -163,7 +163,7 @@ def _lock(keys: Iterable[imgui.Key], field_id: int) -> None:
         imgui.internal.set_key_owner(key, owner, imgui.internal.InputFlagsPrivate_.lock_this_frame)
 
 
-def _follow(box: PromptText, before: str, field_id: int) -> None:
+def _follow(box: PromptText, before: str, field_id: int, hint: str) -> None:
     """Open and close the list as the field is entered, typed into and left."""
     if imgui.is_item_activated():
         box.suggesting, box.picked, box.recalled = not box.text, -1, -1
@@ -175,6 +175,8 @@ def _follow(box: PromptText, before: str, field_id: int) -> None:
         box.suggesting, box.picked, box.recalled = True, -1, -1
     if imgui.is_item_deactivated():
         box.suggesting = False
+    if not box.text and not is_active(field_id):
+        _hint_over_item(hint)
 
 
 def _list(

@@ -62,8 +62,6 @@ class Suggester:
         self.ready, self.library = prompts
 
     def suggestions(self, box: PromptText) -> tuple[Suggestion, ...]:
-        if not box.suggesting:
-            return ()
         typed, history = box.text, self.settings.prompt_history
         self._look_up(box, typed)
         near = box.near if box.near_to and _continues(typed, box.near_to) else ()

@@ -10,8 +10,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from tests.helpers.app_driver import Start, click_on, message, run, run_until
 from viewer.app import App
 from viewer.jobs import Jobs
@@ -104,22 +102,6 @@ def test_two_windows_keep_what_the_other_one_changed_meanwhile(tmp_path: Path) -
     assert keep_b.finish(0.0)
     found, _ = load_settings(tmp_path)
     assert (found.camera, found.dead_zone, found.show_grid) == ("orbit", 0.4, False)
-
-
-def test_a_setting_that_is_dragged_is_written_once_a_second(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    writes: list[float] = []
-    monkeypatch.setattr(
-        "viewer.settings.save_settings", lambda settings, *_: writes.append(settings.strength)
-    )
-    now = [10.0]
-    settings, keep, _ = kept(tmp_path, now)
-    for step in range(240):  # two seconds and two more in which nothing changes
-        now[0] = 10.0 + step / 60.0
-        settings.strength = min(step, 120) / 100.0
-        keep.watch()
-    assert writes == [0.0, 0.6, 1.2]
 
 
 def test_a_folder_that_cannot_be_written_is_said_once_and_at_the_end(tmp_path: Path) -> None:

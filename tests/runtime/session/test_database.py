@@ -21,7 +21,6 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from runtime.assets import PROJECT_ROOT
 from runtime.errors import FileError
-from runtime.session import database as module
 from runtime.session.database import Database, FileInUse, Writer
 from runtime.session.sqlite_file import SEAL, installation_key, lock_of, side_files
 
@@ -301,18 +300,6 @@ def test_a_defect_of_one_change_is_said_and_holds_up_no_other(session: Database)
     again.close()
 
 
-def test_what_waits_is_bounded(session: Database, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "MAX_WAITING", 3)
-    held = threading.Event()
-    session.submit(lambda writer: held.wait(5.0) and None)
-    for number in range(5):
-        session.submit(step(number))
-    assert "in memory only" in session.problem
-    held.set()
-    assert not session.flush()
-    assert [number for number, _ in session.steps()] == [0, 1]  # no hole: all before, nothing after
-
-
 # --- processes
 
 
@@ -569,25 +556,6 @@ def test_a_denied_folder_is_named_and_read_all_the_same(session: Database, tmp_p
     for line, name in zip(said, names, strict=True):
         assert f"{name}.sport: " in line
         assert line.count(". ") == 1, line
-
-
-def test_a_disk_that_fails_for_a_moment(session: Database, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fails(_database: Database) -> None:
-        raise OSError(5, "Input/output error")
-
-    monkeypatch.setattr(Database, "_keep_there", fails)
-    session.submit(fill)
-    wait(lambda: session.problem)
-    assert session.problem.startswith(f"{session.path}: Input/output error. Make room")
-    monkeypatch.undo()
-    wait(lambda: session.problem == "")  # by itself
-    assert session.steps() == [(1, "Record")]
-    session._connection().execute("PRAGMA query_only = ON")
-    session.submit(step(2))
-    assert not session.flush()
-    assert "must not be written" in session.problem
-    session._connection().execute("PRAGMA query_only = OFF")
-    assert session.flush()
 
 
 def test_a_disk_that_hangs_is_left_alone(tmp_path: Path) -> None:

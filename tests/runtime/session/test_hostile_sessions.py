@@ -425,14 +425,3 @@ def test_a_file_that_claims_to_be_ours_is_checked_all_the_same(whole: Path, tmp_
         connection.execute("CREATE TRIGGER evil AFTER INSERT ON meta BEGIN DELETE FROM steps; END")
     with pytest.raises(FileError, match="its tables are others"):
         SessionFile.open(path, whole.parent / "cache")
-
-
-def test_what_is_refused_stays_as_it_was(path: Path) -> None:
-    document(path, setting("counter", to=-1))
-    before = path.read_bytes()
-    rows = value_of(path, "SELECT group_concat(document) FROM steps")
-    with pytest.raises(FileError):
-        SessionFile.open(path, path.parent)
-    assert value_of(path, "SELECT group_concat(document) FROM steps") == rows
-    assert len(before) > 0
-    assert not path.with_name(f".{path.name}.lock").exists()

@@ -87,21 +87,6 @@ def test_an_fbx_is_written_where_blender_is(start: Start, tmp_path: Path) -> Non
     assert path.read_bytes().startswith(b"Kaydara FBX Binary")
 
 
-def test_a_format_that_lacks_its_program_says_so_in_the_window(
-    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(fbx, "find_blender", lambda: None)
-    app = start()
-    run(app, 2)
-    app.takes.save_last()
-    app.exporting.open()
-    app.exporting.choose_format(".fbx")
-    run(app, 2)
-    assert "SPORT_BLENDER" in app.exporting.state.missing
-    app.exporting.choose_format(".glb")
-    assert app.exporting.state.missing == ""
-
-
 def test_any_export_can_be_cancelled_while_it_is_written(start: Start, tmp_path: Path) -> None:
     app = start(services=REAL)
     exporting = app.exporting

@@ -18,7 +18,7 @@ import pytest
 from PIL import Image
 
 from runtime.character.character import load_character
-from runtime.errors import FileError, UsageError
+from runtime.errors import UsageError
 from runtime.formats.prepare import ExportOptions, prepare
 from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
@@ -123,17 +123,6 @@ def test_a_cancelled_film_leaves_nothing(tmp_path: Path, suffix: str) -> None:
     assert path.read_bytes() == b"the film before"
 
 
-def test_a_film_is_made_on_a_worker_thread_too(tmp_path: Path) -> None:
-    done: list[int] = []
-    worker = threading.Thread(
-        target=lambda: done.append(make_film(CLIP.trim(0, 20), FLAT, tmp_path / "a.mp4", SMALL))
-    )
-    worker.start()
-    worker.join(60)
-    assert done
-    assert len(decoded(tmp_path / "a.mp4")[0]) == done[0] == 10
-
-
 def test_a_film_is_made_in_a_process_of_its_own(tmp_path: Path) -> None:
     path, seen = tmp_path / "walk.mp4", []
     take, film = prepare(CLIP, ExportOptions(), FLAT), FilmOptions(48, 32, 4.0, quality="software")
@@ -166,19 +155,6 @@ def test_a_film_whose_process_does_not_answer_is_given_up_at_once(tmp_path: Path
     assert film_in_process(take, FLAT, tmp_path / "a.mp4", ExportOptions(), film, stop, cancel) == ""
     assert time.monotonic() - times[0] < 5.0
     assert not list(tmp_path.iterdir())
-
-
-def test_what_the_writer_meets_ends_the_film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def no_space(frame: np.ndarray) -> None:
-        raise FileError("a.mp4: no space left.", "Choose another folder.")
-
-    @contextmanager
-    def full(*_: Any) -> Iterator[Any]:
-        yield no_space
-
-    monkeypatch.setattr("viewer.filming.film.open_writer", full)
-    with pytest.raises(FileError, match="no space left"):
-        make_film(CLIP, FLAT, tmp_path / "a.mp4", SMALL, open_studio=paper)
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from enum import Enum
 from functools import cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -51,6 +52,7 @@ from runtime.takes.input_recording import (
 from runtime.takes.metadata import PromptEvent
 from runtime.takes.own_skeleton import OwnSkeleton
 from runtime.takes.pins import MAX_PINS
+from runtime.takes.pose_layer import PoseLayer
 from runtime.terrain.files import MAX_HEIGHT_M
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.mesh import MAX_SIDE
@@ -250,9 +252,12 @@ class DocumentReader:
     def _record(self, kind: Any, value: Json) -> Any:
         longest = math.inf if kind in _LONG_TEXTS else MAX_TEXT
         schema = _schema(kind)
-        if kind is not MotionHeader and set(value) != {name for name, _ in schema}:
+        if kind is not MotionHeader and not set(value) <= {name for name, _ in schema}:
             raise ValueError(f"not the fields of a {kind.__name__}")
-        made = kind(**{name: self._value(hint, value[name], longest) for name, hint in schema})
+        # a field that came later has its default in an older file
+        made = kind(
+            **{name: self._value(hint, value[name], longest) for name, hint in schema if name in value}
+        )
         return _CHECKS.get(kind, lambda _: None)(made) or made
 
     def _value(self, hint: Any, value: Json, longest: float) -> Any:
@@ -387,7 +392,7 @@ def _check_session(session: Session) -> Session:
 
 def _check_take(take: Take) -> None:
     many = len(take.cameras) > MAX_KEYS or len(take.path) > MAX_POINTS
-    edits = take.poses.pins, take.poses.footplants
+    edits = take.poses.pins, take.poses.footplants, take.poses.layer.keys
     _refuse("edits without end", many or max(map(len, edits)) > MAX_PINS)
     _refuse("a trim that keeps nothing", take.trim is not None and take.trim[0] >= take.trim[1])
 
@@ -396,6 +401,11 @@ def _check_footplant(edit: FootplantEdit) -> None:
     spans = [span for span in (edit.old, edit.new) if span is not None]
     fits = edit.foot in (0, 1) and all(first < end < MAX_FRAME for first, end in spans)
     _refuse("a footplant of no foot or frames", not fits)
+
+
+def _check_layer(layer: PoseLayer) -> None:
+    times = [key.seconds for key in layer.keys]
+    _refuse("pose keys in no order", any(a >= b for a, b in pairwise(times)))
 
 
 def _check_blend(blend: PromptBlend) -> PromptBlend:
@@ -429,6 +439,7 @@ _CHECKS: dict[Any, Callable[[Any], Any]] = {
     Session: _check_session,
     Take: _check_take,
     FootplantEdit: _check_footplant,
+    PoseLayer: _check_layer,
     PromptBlend: _check_blend,
     Answer: _check_answer,
     PromptEvent: _check_event,

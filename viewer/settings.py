@@ -9,7 +9,7 @@ import json
 import os
 import reprlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -17,7 +17,6 @@ from typing import Any
 
 from runtime.atomic import write_atomic
 from runtime.errors import FileError
-from runtime.file_lock import open_locked
 from runtime.motion.controller import TEMPERATURE
 from runtime.options import spec_of, specified
 from runtime.prompts.gpt.settings import has_credentials
@@ -29,7 +28,6 @@ MAX_LIST = 50  # entries of a list
 MAX_TEXT = 4096  # characters of a text
 FILE_NAME = "settings.json"
 INTERVAL_S = 1.0
-LOCK_NAME = "settings.lock"
 MAPPINGS_NAME = "gamecontrollerdb.txt"
 _SLOT = Slot("settings")
 
@@ -244,24 +242,13 @@ def save_settings(settings: Settings, directory: Path, before: Settings | None =
     if has_credentials(settings.gpt_base_url):
         values["gpt_base_url"] = ""
     path = directory / FILE_NAME
-    if before is None:
+    content: dict[str, Any] = {}
+    if before is not None:
+        with contextlib.suppress(FileError):  # said at the start
+            content = _read(path)
+        values = {**content, **_changes(values, dataclasses.asdict(before), content)}
+    if values != content:  # else there is nothing to complain about where nothing can be written
         write_atomic(path, json.dumps(values, indent=2) + "\n")
-        return
-    if not _merged(path, values, before)[1]:
-        return  # nothing to write, nothing to complain about where nothing can be written
-    with _held(directory):
-        merged, _ = _merged(path, values, before)
-        write_atomic(path, json.dumps(merged, indent=2) + "\n")
-
-
-def _merged(path: Path, values: dict[str, Any], before: Settings) -> tuple[dict[str, Any], bool]:
-    """The content of the file with this run's changes, and whether it differs from what is there."""
-    try:
-        content = _read(path)
-    except FileError:
-        content = {}  # said at the start
-    merged = {**content, **_changes(values, dataclasses.asdict(before), content)}
-    return merged, merged != content
 
 
 def _changes(values: dict[str, Any], before: dict[str, Any], content: dict[str, Any]) -> dict[str, Any]:
@@ -280,19 +267,3 @@ def _joined(ours: list[str], theirs: list[str], before: list[str]) -> list[str]:
     """This run's list, then what another run has added to it since."""
     added = [text for text in theirs if text not in before and text not in ours]
     return [*ours, *added][:MAX_LIST]
-
-
-@contextlib.contextmanager
-def _held(directory: Path) -> Iterator[None]:
-    """No other run writes the settings within it; where no lock can be had, the last one to write wins."""
-    path = directory / LOCK_NAME
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        handle = open_locked(path, create=True, wait=True)
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror or error}.", "Make the folder writable.") from error
-    try:
-        yield
-    finally:
-        if handle is not None:
-            os.close(handle)

@@ -393,7 +393,9 @@ def _draw_times(pins: Pins, pin: Pin, clip: Clip) -> None:
         if number % 2:
             widgets.same_line()
         frames = isinstance(value, int)
-        moved, value = widgets.drag(f"##pin {text.split()[0]}", value, limits, text, hint, 0.3 if frames else 0.005)
+        moved, value = widgets.drag(
+            f"##pin {text.split()[0]}", value, limits, text, hint, 0.3 if frames else 0.005
+        )
         now = pins.pin
         if moved and now is not None:
             value = max(value / fps if frames else value, now.start if name == "end" else 0.0)

@@ -74,22 +74,6 @@ def _shown() -> list[str]:
     return [name for name, spec in specs.items() if spec.label and spec.formats]
 
 
-@dataclass
-class ExportState:
-    open: bool = False
-    form: ExportForm = ExportForm()
-    path: str = ""  # the field
-    missing: str = ""  # what the format needs and is not installed, and how to get it
-    progress: tuple[int, int] = (0, 0)  # frames of film done, and in all
-    report: str = ""  # what became of the last export
-    shown_report: str = ""  # the one of the frame before
-    report_good: bool = True
-    saved: Path | None = None  # what it wrote
-
-    def choose(self, **values: Any) -> None:
-        self.form = replace(self.form, **values)
-
-
 if TYPE_CHECKING:
     from runtime.takes.clip import Clip
 
@@ -103,7 +87,15 @@ class Exporting:
     messages: Messages
     jobs: Jobs
     dialogs: Dialogs
-    state: ExportState = field(default_factory=ExportState)
+    shown: bool = False
+    form: ExportForm = ExportForm()
+    path: str = ""  # the field
+    missing: str = ""  # what the format needs and is not installed, and how to get it
+    progress: tuple[int, int] = (0, 0)  # frames of film done, and in all
+    report: str = ""  # what became of the last export
+    shown_report: str = ""  # the one of the frame before
+    report_good: bool = True
+    saved: Path | None = None  # what it wrote
     _cancel: threading.Event = field(default_factory=threading.Event)
     _proposed: str = ""
 
@@ -112,10 +104,13 @@ class Exporting:
             kept = parse_json(self.takes.settings.export_form or "{}")
         except ValueError:
             kept = {}
-        self.state.form = form_from_json(kept if isinstance(kept, dict) else {})
+        self.form = form_from_json(kept if isinstance(kept, dict) else {})
+
+    def choose(self, **values: Any) -> None:
+        self.form = replace(self.form, **values)
 
     def remember(self) -> None:
-        self.takes.settings.export_form = json.dumps(form_to_json(self.state.form))
+        self.takes.settings.export_form = json.dumps(form_to_json(self.form))
 
     @property
     def busy(self) -> bool:
@@ -127,12 +122,12 @@ class Exporting:
                 "Nothing to export yet: record a take with R, or keep the last seconds with T."
             )
             return
-        self.state.open = True
+        self.shown = True
         self.propose()
 
     def close(self) -> bool:
         """Close the window; whether it was open."""
-        was, self.state.open = self.state.open, False
+        was, self.shown = self.shown, False
         return was
 
     def propose(self) -> None:
@@ -141,19 +136,19 @@ class Exporting:
         if take is None:
             return
         folder = Path(self.takes.settings.export_folder)
-        name = free_path(folder.expanduser() / f"{file_stem(take.title)}{self.state.form.suffix}").name
-        self.state.path = self._proposed = printable(folder / name)
+        name = free_path(folder.expanduser() / f"{file_stem(take.title)}{self.form.suffix}").name
+        self.path = self._proposed = printable(folder / name)
 
     def choose_format(self, suffix: str) -> None:
         """Write another format; a path that was typed keeps its name."""
-        typed, self.state.missing = self.state.path != self._proposed, ""
-        self.state.choose(suffix=suffix)
+        typed, self.missing = self.path != self._proposed, ""
+        self.choose(suffix=suffix)
         try:
             FORMATS[suffix].check_program(Path(f"take{suffix}"))
         except UsageError as error:
-            self.state.missing = str(error).partition(": ")[2]
+            self.missing = str(error).partition(": ")[2]
         if typed:
-            self.state.path = str(Path(self.state.path).with_suffix(suffix))
+            self.path = str(Path(self.path).with_suffix(suffix))
         else:
             self.propose()
 
@@ -161,11 +156,11 @@ class Exporting:
 
         def chosen(path: Path) -> None:
             if path.suffix.lower() in FORMATS:
-                self.state.choose(suffix=path.suffix.lower())
-            self.state.path = printable(path)
+                self.choose(suffix=path.suffix.lower())
+            self.path = printable(path)
 
-        suffix = self.state.form.suffix
-        start = Path(self.state.path).expanduser()
+        suffix = self.form.suffix
+        start = Path(self.path).expanduser()
         self.dialogs.ask(
             DialogKind.SAVE, "Export the take", start, chosen, (FORMATS[suffix].name, f"*{suffix}")
         )
@@ -177,7 +172,7 @@ class Exporting:
         if take is None or self.busy:
             return
         try:
-            path, form = self._path(), self.state.form
+            path, form = self._path(), self.form
             options = self._options(form, take, path)
             work, held = self._work(take, path, form, options), _held(take, form, options)
         except SportError as error:
@@ -193,7 +188,7 @@ class Exporting:
             except UsageError as error:
                 raise _named(error) from error
 
-        self.state.report, self.state.progress, self.state.saved = "", (0, 0), None
+        self.report, self.progress, self.saved = "", (0, 0), None
         self._cancel.clear()
         self.jobs.submit(
             SLOT,
@@ -214,10 +209,10 @@ class Exporting:
             raise ExportCancelled("The export was cancelled.")
 
     def _path(self) -> Path:
-        form = self.state.form
-        if self.state.path == self._proposed:
+        form = self.form
+        if self.path == self._proposed:
             self.propose()  # another program may have taken the name since
-        text = self.state.path.strip().strip('"')
+        text = self.path.strip().strip('"')
         if not text or "\0" in text:
             raise UsageError("Export: the path is empty.", "Write a path such as ~/sport-clips/walk.glb.")
         path = Path(text).expanduser()
@@ -292,7 +287,7 @@ class Exporting:
         from viewer.filming.process import film_in_process
 
         def progress(done: int, total: int) -> None:
-            self.state.progress = (done, total)
+            self.progress = (done, total)
 
         take = prepare(on_its_ground(clip), replace(export, fps=clip.fps), terrain)
         make = film_of_take if self.jobs.blocking else film_in_process
@@ -302,18 +297,18 @@ class Exporting:
 
     def _done(self, take: Take, held: Take | None, path: Path, text: str) -> None:
         if not text:
-            self.state.report, self.state.report_good = "Cancelled: nothing was written.", True
+            self.report, self.report_good = "Cancelled: nothing was written.", True
             self.messages.note(f"The export of {take.title} was cancelled.")
             return
         self.takes.note_file(path, take.number, held)
         self.takes.settings.export_folder = str(path.parent)
-        self.state.report, self.state.report_good = f"Saved {printable(text)}", True
-        self.state.saved = path
+        self.report, self.report_good = f"Saved {printable(text)}", True
+        self.saved = path
         self.messages.note(f"Saved {text}", path)
         self.propose()
 
     def _failed(self, error: Exception) -> None:
-        self.state.report, self.state.report_good = printable(error), False
+        self.report, self.report_good = printable(error), False
 
 
 def _held(take: Take, form: ExportForm, options: ExportOptions) -> Take | None:

@@ -21,7 +21,7 @@ from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.scene.scene import Scene
-from viewer.session.takes import Takes, file_stem, free_path
+from viewer.session.takes import Takes, export_target, file_stem, free_path
 
 GROUNDS = {"": "No ground", "inside": "Ground inside", ".obj": "OBJ file", ".glb": "GLB file"}
 
@@ -172,7 +172,9 @@ class Exporting:
         if take is None or self.busy:
             return
         try:
-            path, form = self._path(), self.form
+            if self.path == self._proposed:
+                self.propose()  # another program may have taken the name since
+            form, path = self.form, export_target(self.path, self.form.suffix)
             options = self._options(form, take, path)
             work, held = self._work(take, path, form, options), _held(take, form, options)
         except SportError as error:
@@ -207,18 +209,6 @@ class Exporting:
         """Called on the worker: ends an export that was cancelled."""
         if self._cancel.is_set():
             raise ExportCancelled("The export was cancelled.")
-
-    def _path(self) -> Path:
-        form = self.form
-        if self.path == self._proposed:
-            self.propose()  # another program may have taken the name since
-        text = self.path.strip().strip('"')
-        if not text or "\0" in text:
-            raise UsageError("Export: the path is empty.", "Write a path such as ~/sport-clips/walk.glb.")
-        path = Path(text).expanduser()
-        if path.is_dir():
-            raise UsageError(f"Export: {path} is a folder.", "Add the name of a file.")
-        return path if path.suffix.lower() == form.suffix else path.with_name(path.name + form.suffix)
 
     def _work(self, take: Take, path: Path, form: ExportForm, options: ExportOptions) -> Callable[[], str]:
         """What the worker does, with everything it needs; UsageError for options that do not go together."""

@@ -507,15 +507,15 @@ def _content(take: Take) -> tuple[object, ...]:
     return take.motion, take.mirrored, take.poses, take.range
 
 
-def export_target(text: str) -> Path:
-    """The path in the export field; UsageError when it names no BVH file."""
+def export_target(text: str, suffix: str = ".bvh") -> Path:
+    """The path that was typed, with an ending; UsageError when it names no file."""
     text = text.strip().strip('"')
     if not text or "\0" in text:
-        raise UsageError("Export: the path is empty.", "Write a path such as ~/sport-clips/walk.bvh.")
+        raise UsageError("Export: the path is empty.", f"Write a path such as ~/sport-clips/walk{suffix}.")
     path = Path(text).expanduser()
     if path.is_dir():
-        raise UsageError(f"Export: {path} is a folder.", "Add a file name, for example walk.bvh.")
-    return path if path.suffix.lower() == ".bvh" else path.with_name(path.name + ".bvh")
+        raise UsageError(f"Export: {path} is a folder.", f"Add a file name, for example walk{suffix}.")
+    return path if path.suffix.lower() == suffix else path.with_name(path.name + suffix)
 
 
 def file_stem(name: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -42,7 +43,7 @@ def test_japanese_is_drawn_with_a_font_of_the_system(
     pytest.importorskip("fontTools")
     (tmp_path / "NotoSansCJK-Regular.ttc").write_bytes(b"no font at all")
     write_font(tmp_path / "ipag.ttf", TEXT)
-    monkeypatch.setattr(system_fonts, "font_folders", lambda *_: [tmp_path])
+    monkeypatch.setitem(system_fonts.FOLDERS, sys.platform, (str(tmp_path),))
     app = start(panels=True)
     run(app, 2)
     regular = app.shell.fonts.regular

@@ -38,7 +38,6 @@ from runtime.session.sqlite_file import (
     copy_rows,
     drop_lock,
     file_errors,
-    is_own,
     lock_of,
     new_file,
     real_path,
@@ -139,9 +138,6 @@ class Database:
 
     path: Path  # without links
     budget: Budget
-    home: Path | None = (
-        None  # folder of this installation's secret; without one every file counts as from elsewhere
-    )
     _handle: int = -1  # of the lock; -1 for reading only
     _reader: sqlite3.Connection | None = None
     _writer: sqlite3.Connection | None = None
@@ -166,25 +162,25 @@ class Database:
     _thread: threading.Thread | None = None
 
     @staticmethod
-    def create(path: Path, home: Path | None = None) -> Database:
+    def create(path: Path) -> Database:
         """A new file, locked; FileError, also where a file of this name is."""
         path = real_path(path)
         handle = take_lock(path)
         try:
             if path.exists():
                 raise FileError(f"{path}: this file exists.", "Choose another name.")
-            with new_file(path, home):
+            with new_file(path):
                 pass
-            return Database(path, Budget.for_file(0), home, handle)._begin()
+            return Database(path, Budget.for_file(0), handle)._begin()
         except BaseException:
             drop_lock(handle, path)
             raise
 
     @staticmethod
-    def open(path: Path, home: Path | None = None) -> Database:
+    def open(path: Path) -> Database:
         """A file that is there, checked and locked; FileError in one sentence, FileInUse.
 
-        One that this installation did not make is replaced by a new file with its rows.
+        A new file with its rows takes its place.
         """
         path = real_path(path)
         check_files(path)
@@ -197,11 +193,10 @@ class Database:
                 with contextlib.closing(connect(path, mode)) as connection:
                     check_schema(connection)
                     check_content(connection)
-                    if not is_own(connection, home):
-                        with new_file(path, home) as target:
-                            copy_rows(connection, target)
-                            connection.close()  # before the file is replaced
-            return Database(path, Budget.for_file(size), home, handle)._begin()
+                    with new_file(path) as target:
+                        copy_rows(connection, target)
+                        connection.close()  # before the file is replaced
+            return Database(path, Budget.for_file(size), handle)._begin()
         except BaseException:
             drop_lock(handle, path)
             raise
@@ -302,7 +297,7 @@ class Database:
             source = self._reader if self._thread is None else self._connection()
             if source is None:
                 raise FileError(f"{self.path}: it is closed.")
-            with new_file(path, self.home) as target, file_errors(self.path):
+            with new_file(path) as target, file_errors(self.path):
                 copy_rows(source, target)
                 writer = Writer(target, self._counted)
                 for work in works:
@@ -382,7 +377,7 @@ class Database:
         with contextlib.suppress(FileNotFoundError):
             if self._present() == self._files:
                 return
-        with new_file(self.path, self.home) as target:
+        with new_file(self.path) as target:
             copy_rows(connection, target)
             if not lock_of(self.path).exists():
                 os.close(self._handle)

@@ -64,7 +64,7 @@ class SessionFile:
     """The file of the session that is open."""
 
     database: Database
-    cache: Path  # folder for the files of characters; in its parent is what this installation knows its own files by
+    cache: Path  # folder for the files of characters
     _documents: DocumentWriter = field(init=False)
     _written: dict[int, Session] = field(default_factory=dict)  # steps of the file, by their numbers
     _known: set[str] = field(default_factory=set)  # blobs, motions and characters that the file has
@@ -83,12 +83,12 @@ class SessionFile:
 
     @staticmethod
     def create(path: Path, cache: Path) -> SessionFile:
-        return SessionFile(Database.create(path, cache.parent), cache)
+        return SessionFile(Database.create(path), cache)
 
     @staticmethod
     def open(path: Path, cache: Path) -> tuple[SessionFile, History]:
         """An existing file and its history, as untrusted; FileError, FileInUse."""
-        database = Database.open(path, cache.parent)
+        database = Database.open(path)
         try:
             file, history = _opened(database, cache)
             file._remove_unused()

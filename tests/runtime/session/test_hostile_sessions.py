@@ -17,7 +17,6 @@ import pytest
 
 from runtime.errors import FileError, SportError
 from runtime.session.session_file import INPUT, SessionFile
-from runtime.session.sqlite_file import SEAL
 from tests.helpers.full_session import full_session, history_of, written
 
 DEEP = "[" * 100_000
@@ -414,14 +413,3 @@ def test_a_character_that_lies_is_one_sentence_and_nothing_is_written_outside(
         file.close()
     assert not list(tmp_path.rglob("evil*"))
     assert not list((tmp_path / "cache").rglob("*.glb"))
-
-
-def test_a_file_that_claims_to_be_ours_is_checked_all_the_same(whole: Path, tmp_path: Path) -> None:
-    """The seal of a real one, on other rows."""
-    path = tmp_path / "a.sport"
-    path.write_bytes(whole.read_bytes())
-    assert value_of(path, f"SELECT count(*) FROM meta WHERE name = '{SEAL}'") == 1
-    with closing(sqlite3.connect(path)) as connection, connection:
-        connection.execute("CREATE TRIGGER evil AFTER INSERT ON meta BEGIN DELETE FROM steps; END")
-    with pytest.raises(FileError, match="its tables are others"):
-        SessionFile.open(path, whole.parent / "cache")

@@ -320,6 +320,3 @@ def test_the_origin_names_the_step_graph_that_ran():
     found = origin_of(SimpleNamespace(model=model, seed=3, temperature=1.0, strength=1.0), "hill.png")
     assert found == Origin("m", "b", "int8", 3, 1.0, 1.0, None)
     assert origin_of(None, "hills") == Origin(terrain_seed=0)
-
-
-# --- atomic files ----------------------------------------------------------------------------------------------------

@@ -78,11 +78,6 @@ def test_the_skeleton_is_announced_with_names_and_hierarchy(addon: ModuleType) -
     assert found.number == NUMBER
 
 
-def test_messages_fit_into_one_datagram_that_no_network_splits() -> None:
-    assert len(pose_message(some_pose(), NUMBER, 0, 0.0)) == 532
-    assert len(skeleton_message(JOINTS, J, 0)) < 1200
-
-
 @pytest.mark.parametrize(
     ("change", "said"),
     [

@@ -9,7 +9,7 @@ from pathlib import Path
 from runtime.atomic import sweep
 from runtime.motion.controller import Controller
 from runtime.pose import Pose
-from runtime.session.database import SUFFIX
+from runtime.session.sqlite_file import SUFFIX
 from runtime.takes.input_recording import InputRecorder
 from viewer.compare import panel as compare_panel
 from viewer.compare.compare_view import CompareView

@@ -20,15 +20,11 @@ from typing import Any
 
 from runtime.errors import FileError
 from runtime.session.sqlite_file import (
-    APPLICATION_ID,
     LARGE_BYTES,
     MAX_TEXT_BYTES,
     REMEDY,
     ROOM,
-    SCHEMA_VERSION,
-    SUFFIX,
     Budget,
-    FileInUse,
     check_content,
     check_files,
     check_schema,
@@ -45,8 +41,6 @@ from runtime.session.sqlite_file import (
     side_files,
     take_lock,
 )
-
-__all__ = ["APPLICATION_ID", "SCHEMA_VERSION", "SUFFIX", "Budget", "Database", "FileInUse", "Writer"]
 
 GATHER_S = 0.05  # that works wait for others before they are written
 IDLE_S = 1.0  # without work until the log goes into the file, and between two attempts where the disk takes nothing

@@ -29,7 +29,7 @@ from runtime.session.character_files import (
     read_character_files,
     write_character_files,
 )
-from runtime.session.database import Budget, Database, Writer
+from runtime.session.database import Database, Writer
 from runtime.session.document import (
     DocumentReader,
     DocumentWriter,
@@ -42,7 +42,7 @@ from runtime.session.frames import BYTES, CLIP_BYTES, packed_frames, pieces, unp
 from runtime.session.history import History, Step
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.session import CharacterChoice, Session, Take
-from runtime.session.sqlite_file import file_errors
+from runtime.session.sqlite_file import Budget, file_errors
 from runtime.skeleton import J
 from runtime.takes.clip import Clip, are_poses
 from runtime.takes.input_recording import COLUMNS, InputFrames, InputRecording

@@ -14,12 +14,11 @@ from typing import Any
 from runtime.assets import model_folder
 from runtime.errors import SportError
 from runtime.session import library
-from runtime.session.database import SUFFIX
 from runtime.session.history import History
 from runtime.session.library import SessionSummary
 from runtime.session.session import ModelName
 from runtime.session.session_file import SessionFile
-from runtime.session.sqlite_file import FileInUse
+from runtime.session.sqlite_file import SUFFIX, FileInUse
 from runtime.takes.metadata import origin_of
 from runtime.takes.pose_edits import NO_EDITS
 from viewer.editor import Editor

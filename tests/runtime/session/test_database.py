@@ -21,8 +21,8 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from runtime.assets import PROJECT_ROOT
 from runtime.errors import FileError
-from runtime.session.database import Database, FileInUse, Writer
-from runtime.session.sqlite_file import lock_of, side_files
+from runtime.session.database import Database, Writer
+from runtime.session.sqlite_file import FileInUse, lock_of, side_files
 
 RIGHTS = "-dac_override,-dac_read_search,-fowner"  # of root, to whom nothing is denied
 ROOT = hasattr(os, "geteuid") and os.geteuid() == 0

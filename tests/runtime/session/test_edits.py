@@ -18,7 +18,6 @@ from runtime.takes.clip import Clip
 from runtime.takes.pins import Pin, Pinned
 from runtime.takes.pose_edits import PoseEdits
 
-names = st.text("aB7 \n\t,öТ歩", max_size=90)
 whole = st.integers(-50, 50)
 
 

@@ -114,7 +114,7 @@ def test_a_folder_that_cannot_be_written_is_said_once_and_at_the_end(tmp_path: P
         keep.watch()
     assert len(messages.recent) == 1
     assert not keep.finish(time.monotonic() + 5.0)
-    assert "Make the folder writable" in messages.recent[-1].text
+    assert "Choose a folder that can be written" in messages.recent[-1].text
 
 
 def test_what_changed_in_the_last_second_is_written_at_the_end(start: Start) -> None:

@@ -114,7 +114,7 @@ DOCUMENTS: dict[str, Callable[[Any], Any]] = {
     "no object": lambda _: [1],
     "deep": lambda _: DEEP,
     "a long number": lambda _: f'{{"takes": {HUGE}}}',
-    "no takes": lambda d: d.pop("takes") and d,
+    "a field of another program": setting("other", to=1),
     "takes that are none": setting("takes", to=5),
     "takes as text": setting("takes", to="abc"),
     "a take that is not there": setting("takes", to=["|u1 5 " + "0" * 32]),

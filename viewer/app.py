@@ -278,7 +278,6 @@ class App(Workspace):
 
     @property
     def finished(self) -> bool:
-        """Whether the main loop should end."""
         wanted = self.options.frames or (1 if self.options.offscreen else None)
         enough = wanted is not None and self.frames_shown >= wanted
         return self.interrupted or self.window.close_requested or enough
@@ -305,7 +304,6 @@ class App(Workspace):
         return int(lost)
 
     def close(self) -> None:
-        """Stop workers and close the window."""
         self.window.hide()
         self.editor.file.close(END_S)
         self.jobs.close()

@@ -127,7 +127,6 @@ class DocumentWriter:
         ]
 
     def session(self, session: Session) -> str:
-        """The text of a session."""
         return json.dumps(self._record(session), ensure_ascii=True)
 
     def inputs(self, inputs: InputRecording) -> Json:
@@ -154,7 +153,6 @@ class DocumentWriter:
         return [self._text_of(value) if isinstance(value, Take) else self._value(value) for value in values]
 
     def _text_of(self, take: Take) -> str:
-        """The reference of a take's text."""
         return self._once.get("take", take, lambda: self.blobs.text(json.dumps(self._record(take))))
 
     def _terrain(self, terrain: Terrain) -> Json:
@@ -219,7 +217,6 @@ class DocumentReader:
         }
 
     def session(self, text: str) -> Session:
-        """A session of its text."""
         return self.checked(lambda: self._record(Session, parse_json(text, MAX_ITEMS)))
 
     def header(self, text: str) -> tuple[MotionHeader, bool]:
@@ -343,7 +340,6 @@ class DocumentReader:
         return StyleChange(at, self._style(value["style"]), read_number(value["seconds"], 1e6), event, note)
 
     def _style(self, value: Json) -> Any:
-        """A style code, or a mix of codes."""
         if not isinstance(value, list):
             return self._code(value)
         number, parts, legs = value

@@ -7,7 +7,7 @@ the feet: where the hips move, the feet stay planted.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -56,6 +56,13 @@ class JointValue:
         return np.array([self.x, self.y, self.z])
 
 
+def _fit(values: Sequence[JointValue], joints: Collection[int], limit: float) -> bool:
+    """Whether the values are of these joints, one of each, and none is larger than a limit."""
+    named = {value.joint for value in values}
+    largest = np.abs([value.vector for value in values]).max(initial=0.0)
+    return named <= set(joints) and len(named) == len(values) and bool(largest <= limit)
+
+
 @dataclass(frozen=True)
 class PoseKey:
     """What is added to the motion at a time; UsageError for values that no body reaches."""
@@ -66,16 +73,8 @@ class PoseKey:
     tangent: Tangent = Tangent.SMOOTH
 
     def __post_init__(self) -> None:
-        known = all(0 <= value.joint < J for value in self.turns) and all(
-            v.joint in MOVED for v in self.moves
-        )
-        joints = [value.joint for value in self.turns], [value.joint for value in self.moves]
-        once = all(len(set(each)) == len(each) for each in joints)
-        sizes = (
-            np.abs([value.vector for value in values]).max(initial=0.0) for values in (self.turns, self.moves)
-        )
-        small = all(size <= limit for size, limit in zip(sizes, (MAX_TURN, MAX_MOVE_M), strict=True))
-        if not (known and once and small and 0.0 <= self.seconds <= MAX_TIME_S):
+        turns = _fit(self.turns, range(J), MAX_TURN)
+        if not (turns and _fit(self.moves, MOVED, MAX_MOVE_M) and 0.0 <= self.seconds <= MAX_TIME_S):
             raise UsageError(f"A pose key at {self.seconds:g} s with values of no body.", REMEDY)
 
     def __bool__(self) -> bool:

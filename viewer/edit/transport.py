@@ -22,6 +22,7 @@ from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.input.bindings import Action
+from viewer.prompt.prompt_field import undo_buttons
 from viewer.session.playback import Playback
 
 SPEEDS = (0.1, 2.0)
@@ -29,7 +30,7 @@ WIDE = 520.0  # pixels at scale 1: words next to the icons
 TINY = 400.0  # in less only what has no other way stays
 PROMPT_POPUP, GAIT_POPUP, PIN_POPUP, COMPARE_POPUP = "new prompt", "new gait", "new pin", "compare"
 CUT_POPUP, CUT_HINT = "cut", "Split, cut, repeat the take, or join another one to it"
-PIN_HINT = "Hold a hand, a foot, the look or the pose from this frame on, or key the camera"
+NEW_PIN_HINT = "Hold a hand, a foot, the look or the pose from this frame on, or key the camera"
 PROMPTS, ROW, FEET = 21.0, 15.0, 8.0  # heights at scale 1, where there is no more room
 PROMPT_TINTS = (theme.ACCENT_FILL, (0.36, 0.55, 0.78, 0.42))
 GAIT_TINT, GROUND_TINT = (0.78, 0.62, 0.34, 0.42), (0.55, 0.58, 0.62, 0.35)
@@ -55,7 +56,6 @@ class TakeTracks:
         self._rows: list[Track] = []
 
     def rows(self, tracks: Tracks, playback: Playback) -> list[Track]:
-        """The tracks from top to bottom."""
         editing, pins, frame = self.editing, self.pins, playback.frame
         fixed, lit = bool(editing.fixed), (mark_at(tracks.prompts, frame), mark_at(tracks.gaits, frame))
         state = tracks, playback.take, playback.shown, pins.selected, editing.part_tracks, fixed, lit
@@ -116,7 +116,7 @@ class TakeTracks:
             rows.append(
                 Track(
                     f"pins {number}", "" if number else "Pins", ROW, marks, (PIN_TINT,), PIN_HINT, lit,
-                    press=lambda mark: pins.select(mark.of[0]), move=pins.move,
+                    press=lambda mark: setattr(pins, "selected", mark.of[0]), move=pins.move,
                 )
             )  # fmt: skip
         return [*rows, self._feet(0), self._feet(1)]
@@ -127,9 +127,9 @@ class TakeTracks:
 
         def menu(mark: Mark | None, frame: int) -> None:
             half = NEW_FOOTPLANT_FRAMES // 2
-            if mark is not None and imgui.menu_item("Lift the foot here", "", False)[0]:
+            if mark is not None and widgets.item("Lift the foot here"):
                 pins.set_footplant(foot, mark.of, None)
-            if mark is None and imgui.menu_item("Plant the foot here", "", False)[0]:
+            if mark is None and widgets.item("Plant the foot here"):
                 pins.set_footplant(foot, None, (frame - half, frame + half))
 
         def move(mark: Mark, start: int, end: int) -> None:
@@ -270,29 +270,29 @@ class Transport:
         for text, hint, popup, why in (
             ("+ Prompt", "Another prompt from this frame on", PROMPT_POPUP, fixed),
             ("+ Gait", gait_hint, GAIT_POPUP, fixed),
-            ("+ Pin", PIN_HINT, PIN_POPUP, self.pins.fixed),
+            ("+ Pin", NEW_PIN_HINT, PIN_POPUP, self.pins.fixed),
             ("Cut…", CUT_HINT, CUT_POPUP, self.pins.fixed),
         ):
-            imgui.begin_disabled(bool(why))
-            if widgets.button(text, 0.0, why or hint):
+            if widgets.button(text, 0.0, why or hint, enabled=not why):
                 editing.new_prompt = ""
                 imgui.open_popup(popup)
-            imgui.end_disabled()
             imgui.same_line(0, gap)
-        self._popups()
+        for popup, draw in (
+            (PROMPT_POPUP, self._new_prompt),
+            (GAIT_POPUP, self._new_gait),
+            (CUT_POPUP, self.cutting.menu),
+            (PIN_POPUP, self._new_pin),
+        ):
+            if imgui.begin_popup(popup):
+                draw()
+                imgui.end_popup()
         posing = self.posing
         imgui.begin_disabled(bool(self.pins.fixed))
         if widgets.toggle("Pose", posing.open, px(42), POSING_HINT) != posing.open:
             posing.toggle()
         imgui.end_disabled()
         imgui.same_line(0, gap)
-        editor = takes.editor
-        undo, redo = editor.undo_label, editor.redo_label
-        if widgets.icon_button(ICON.undo, "take undo", f"Undo {undo} (Ctrl+Z)", theme.TEXT, bool(undo)):
-            editor.undo()
-        imgui.same_line(0, 0)
-        if widgets.icon_button(ICON.redo, "take redo", f"Redo {redo} (Ctrl+Y)", theme.TEXT, bool(redo)):
-            editor.redo()
+        undo_buttons(takes.editor, "take ", 0.0)
         if self._wide:
             self._more(references)
         self._go_on(fixed)
@@ -322,38 +322,29 @@ class Transport:
         text = next((t for t in texts if imgui.calc_text_size(t).x + padding <= room), texts[-1])
         width = imgui.calc_text_size(text).x + padding
         imgui.same_line(end - width)
-        imgui.begin_disabled(bool(fixed))
         hint = fixed or "Drive the live character from this frame of the take"
-        if widgets.button(f"{text}###go on", width, hint):
+        if widgets.button(f"{text}###go on", width, hint, enabled=not fixed):
             self.editing.go_on()
-        imgui.end_disabled()
 
-    def _popups(self) -> None:
+    def _new_prompt(self) -> None:
         editing = self.editing
-        if imgui.begin_popup(PROMPT_POPUP):
-            if imgui.is_window_appearing():
-                imgui.set_keyboard_focus_here()
-            imgui.set_next_item_width(px(260))
-            flags = imgui.InputTextFlags_.enter_returns_true
-            entered, editing.new_prompt = imgui.input_text_with_hint(
-                "##new prompt", "Prompt from here; Enter resimulates", editing.new_prompt, flags
-            )
-            if entered:
-                editing.insert_prompt(editing.new_prompt)
-                imgui.close_current_popup()
-            imgui.end_popup()
-        if imgui.begin_popup(GAIT_POPUP):
-            for gait in REQUESTS:
-                if imgui.selectable(f"{gait.label.capitalize()}##gait", False)[0]:
-                    editing.insert_gait(gait)
-            imgui.end_popup()
-        if imgui.begin_popup(CUT_POPUP):
-            self.cutting.menu()
-            imgui.end_popup()
-        if imgui.begin_popup(PIN_POPUP):
-            for what in Pinned:
-                if imgui.selectable(f"{str(what).capitalize()}##pin", False)[0]:
-                    self.pins.add(what)
-            imgui.separator()
-            self.cameras.menu()
-            imgui.end_popup()
+        if imgui.is_window_appearing():
+            imgui.set_keyboard_focus_here()
+        imgui.set_next_item_width(px(260))
+        hint = "Prompt from here; Enter resimulates"
+        entered, editing.new_prompt = widgets.input_text("##new prompt", editing.new_prompt, hint)
+        if entered:
+            editing.insert_prompt(editing.new_prompt)
+            imgui.close_current_popup()
+
+    def _new_gait(self) -> None:
+        for gait in REQUESTS:
+            if imgui.selectable(f"{gait.label.capitalize()}##gait", False)[0]:
+                self.editing.insert_gait(gait)
+
+    def _new_pin(self) -> None:
+        for what in Pinned:
+            if imgui.selectable(f"{str(what).capitalize()}##pin", False)[0]:
+                self.pins.add(what)
+        imgui.separator()
+        self.cameras.menu()

@@ -46,27 +46,22 @@ class Playback:
 
     @property
     def number(self) -> int:
-        """The take's number."""
         return self.take.number
 
     @property
     def frames(self) -> int:
-        """Frames of the whole clip."""
         return self.clip.hips_positions.shape[0]
 
     @property
     def frame(self) -> int:
-        """The frame shown."""
         return min(max(round(self.time_s * self.clip.fps), 0), self.frames - 1)
 
     @property
     def start_s(self) -> float:
-        """Time of the first frame kept."""
         return self.first / self.clip.fps
 
     @property
     def end_s(self) -> float:
-        """Time of the last frame kept."""
         return self.last / self.clip.fps
 
     def advance(self, seconds: float) -> None:
@@ -90,7 +85,6 @@ class Playback:
         self.playing = not self.playing
 
     def seek(self, frame: int) -> None:
-        """Show a frame and pause."""
         self.playing = False
         self.time_s = min(max(frame, 0), self.frames - 1) / self.clip.fps
 

@@ -16,7 +16,7 @@ from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain.courses import Obstacle
 from runtime.traversal.climb import Climb, Descend
 from runtime.traversal.keyframes import Track, slerp
-from training.evaluation.metrics.crossing import CAPSULES, capsule_points, hands_on_edge, on_top_after
+from training.evaluation.metrics.traversal import CAPSULES, capsule_points, hands_on_edge, on_top_after
 
 FPS = 60
 RISES = st.floats(0.55, 1.5)

@@ -19,7 +19,7 @@ from runtime.motion.snapshot import Snapshot, take_snapshot
 from runtime.terrain.courses import Obstacle, raise_obstacles
 from runtime.terrain.height_map import Terrain
 from runtime.traversal.traversal import Traversal, seen_heights
-from training.evaluation.metrics import crossing
+from training.evaluation.metrics import traversal
 
 FORWARD = Controls((0.0, 1.0))
 
@@ -77,10 +77,10 @@ def test_a_wall_is_climbed_and_left_again(model: MotionModel) -> None:
     on_top = positions[:, 0, 1].max()
     assert on_top == pytest.approx(1.93, abs=0.15)
     assert positions[-1, 0, 1] == pytest.approx(0.93, abs=0.1)
-    depths = crossing.depths(positions, controller.terrain, np.ones(len(positions), bool))
+    depths = traversal.depths(positions, controller.terrain, np.ones(len(positions), bool))
     assert depths["sole_p99"] < 0.5
     assert depths["joint_deep"] <= 0.01
-    assert crossing.hands_on_edge(positions, [wall])[0] > 0.5
+    assert traversal.hands_on_edge(positions, [wall])[0] > 0.5
     assert np.linalg.norm(np.diff(positions, axis=0), axis=-1).max() < 0.25
 
 

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from runtime.easing import spring
 from tests.helpers.render_scene import hills
 from viewer.render.camera import Camera, FollowCamera, OrbitCamera
 from viewer.render.frame import make_frame
@@ -110,26 +109,6 @@ def test_zoom_stays_in_range() -> None:
     assert camera.distance == camera.MIN_DISTANCE
     camera.zoom(-1000)
     assert camera.distance == camera.MAX_DISTANCE
-
-
-@untimed
-@given(st.floats(-5, 5), st.floats(-5, 5), st.floats(-5, 5), st.floats(0.02, 1.0), st.floats(0.001, 0.2))
-def test_spring_does_not_depend_on_the_frame_rate(value, velocity, goal, half_life, dt) -> None:
-    arguments = np.array(goal), half_life
-    once = spring(np.array(value), np.array(velocity), *arguments, dt)
-    first = spring(np.array(value), np.array(velocity), *arguments, dt / 2)
-    twice = spring(*first, *arguments, dt / 2)
-    np.testing.assert_allclose(once, twice, atol=1e-6 * max(1.0, 1.0 / half_life))
-
-
-def test_spring_arrives_without_overshoot() -> None:
-    value, velocity = np.array(0.0), np.array(0.0)
-    values = []
-    for _ in range(120):
-        value, velocity = spring(value, velocity, np.array(1.0), 0.1, 1 / 60)
-        values.append(float(value))
-    assert np.all(np.diff(values) >= 0)
-    assert values[-1] == pytest.approx(1.0, abs=1e-3)
 
 
 def test_follow_camera_arrives_at_its_target_and_keeps_its_heading() -> None:

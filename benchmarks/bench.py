@@ -123,11 +123,7 @@ def _step_times(network: MotionModel, frames: int) -> dict[str, float]:
     alone = times_ms(lambda: network.step(x, noise, style), frames, WARM_UP)
     controller = Controller(network, Terrain.flat())
     steps = times_ms(lambda: controller.step(FORWARD), frames, WARM_UP)
-    return {
-        **_summary("model_ms", alone),
-        "model_ms_fastest": min(alone),
-        "step_ms": float(np.median(steps)),
-    }
+    return {**_summary("model_ms", alone), "model_ms_fastest": min(alone), "step_ms": float(np.median(steps))}
 
 
 def _crowd_times(network: MotionModel, frames: int) -> dict[str, float]:

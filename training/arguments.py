@@ -47,29 +47,24 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--out", type=Path, required=True, help="folder for checkpoints and the exported model"
     )
-    parser.add_argument("--styles", type=Path, help="style descriptions (default: the shipped ones)")
     parser.add_argument(
         "--text-encoder", type=Path, metavar="DIR", help="folder of a text encoder (default: the shipped one)"
     )
     parser.add_argument("--device", default="", help="cpu or cuda (default: cuda where there is one)")
     parser.add_argument("--no-half", action="store_true", help="no bf16 mixed precision")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--limit", type=int, help="use at most this many clips (for a trial)")
     for name, value in vars(StageSteps()).items():
         parser.add_argument(
             f"--{name}-steps" if name != "batch" else "--batch", dest=name, type=int, default=value
         )
     parser.add_argument(
-        "--processes",
-        type=int,
-        default=1,
-        help="that train stages 2 and 3 together, such as one a core",
+        "--processes", type=int, default=1, help="that train stages 2 and 3 together, such as one a core"
     )
     parser.add_argument(
         "--course-minutes",
         type=float,
         default=0.0,
-        help="of the model's own crossings, which the stage ground learns from (default: none, and no such stage)",
+        help="of the model's own traversals, which the stage ground learns from (default: none, and no such stage)",
     )
     parser.add_argument("--max-minutes", type=float, help="time limit of each stage")
     return parser

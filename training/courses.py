@@ -33,7 +33,7 @@ from runtime.motion.style import Style
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from training.data.clips import Patches, TrainingClip
-from training.evaluation.metrics.crossing import first_problem
+from training.evaluation.metrics.traversal import first_problem
 from training.evaluation.motion.driving import Recorder
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
 
@@ -254,9 +254,7 @@ def _clip(walked: Walked, piece: slice, name: str) -> TrainingClip:
     first = max(0, int((hips[:, 2].min() - 3.5 - terrain.origin[1]) / CELL_M))
     last = int((hips[:, 2].max() + 4.5 - terrain.origin[1]) / CELL_M)
     patches = Patches(
-        terrain.heights[None, :, first:last],
-        (terrain.origin[0], terrain.origin[1] + first * CELL_M),
-        CELL_M,
+        terrain.heights[None, :, first:last], (terrain.origin[0], terrain.origin[1] + first * CELL_M), CELL_M
     )
     content = f"{walked.gait.label} over {walked.course.kind}"
     contacts = (walked.contacts[piece] > 0.5).astype(np.uint8)

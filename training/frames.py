@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -252,26 +250,18 @@ _ARRAYS = {
 }
 
 
-def load_frames(
-    clips: Path, folder: Path | None = None, workers: int = 2, limit: int | None = None
-) -> FrameTable:
+def load_frames(clips: Path, folder: Path) -> FrameTable:
     """The table of every `*.npz` under `clips`; FileError when there is none.
 
-    With `folder` the arrays are written there once, and mapped into memory from then on: the table is gigabytes, and a
+    Its arrays are written into `folder` once, and mapped into memory from then on: the table is gigabytes, and a
     resumed run, or another of the same clips, begins at once.
     """
-    paths = sorted(clips.glob("*.npz"))[:limit]
+    paths = sorted(clips.glob("*.npz"))
     if not paths:
         raise FileError(f"{clips}: no clips (*.npz).", "Run `sport train import --data DIR --out DIR` first.")
-    if folder is None:
-        with TemporaryDirectory() as temporary:
-            table = load_frames(clips, Path(temporary), workers, limit)
-            for name in _ARRAYS:
-                setattr(table, name, np.array(getattr(table, name)))
-            return table
     files = _files(paths)
     if _stored_files(folder) != files:
-        _write_table(paths, files, folder, workers)
+        _write_table(paths, files, folder)
     return _mapped(folder)
 
 
@@ -292,18 +282,14 @@ def _stored_files(folder: Path) -> object:
         return None
 
 
-def _write_table(paths: list[Path], files: list[list[Any]], folder: Path, workers: int) -> None:
+def _write_table(paths: list[Path], files: list[list[Any]], folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "table.json").unlink(missing_ok=True)
     clips: list[dict[str, Any]] = []
     with ExitStack() as stack:
         outputs = {name: stack.enter_context((folder / f"{name}.bin").open("wb")) for name in _ARRAYS}
-        if workers > 1:
-            pool = stack.enter_context(ProcessPoolExecutor(workers))
-            parts: Iterable[ClipFrames] = pool.map(clip_frames, paths, chunksize=16)
-        else:
-            parts = map(clip_frames, paths)
-        for part in parts:
+        pool = stack.enter_context(ProcessPoolExecutor(2))
+        for part in pool.map(clip_frames, paths, chunksize=16):
             for name, output in outputs.items():
                 array = getattr(part, name)
                 if name in ("heights", "ground", "previous_ground"):  # fewer patches: the first is repeated

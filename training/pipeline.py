@@ -34,11 +34,11 @@ from training.augmentation.build import LAYERS, build_layers
 from training.batches import FrameTensors
 from training.data import sources
 from training.export.calibrate import calibrate, phase_signs
-from training.export.crossings import measure_crossings
 from training.export.graph import store_model_in_half
 from training.export.model import Trained, export_model
 from training.export.pace import rest_rhythm, start_state, style_speeds
 from training.export.quantize import quantize_model
+from training.export.traversals import measure_traversals
 from training.frames import load_frames
 from training.networks.diffusion import Schedule, reverse_steps
 from training.packed_run import History
@@ -97,7 +97,7 @@ def import_clips(args: argparse.Namespace) -> None:
 def edit_and_describe(args: argparse.Namespace) -> None:
     """Stage layer, once: clips with edits of parts, and captions measured on the captured ones."""
     from training.styles import CAPTIONS
-    from training.text.captions import write_clip_captions
+    from training.text.clip_measures import write_clip_captions
 
     clips = args.clips or args.out / "clips"
     if args.layers and not (clips / LAYERS).exists():
@@ -209,7 +209,7 @@ def export(run: Run) -> None:
             log.warning("%s: not calibrated, no clip has its mirror image", folder)
         else:
             calibrate(folder, signs, run.args.text_encoder)
-        measure_crossings(folder)
+        measure_traversals(folder)
 
 
 def trained(run: Run, stage: str, decoder: str) -> Trained:

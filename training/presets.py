@@ -35,7 +35,6 @@ class ModelConfig:
     content_layers: int = 1  # temporal transformer and sequence decoder (paper 6)
     content_heads: int = 4
     content_feedforward: int = 256  # paper 1024
-    diffusion: bool = True  # False: the one-layer MoE decoder alone (w/o-Diffusion)
     content_encoder: bool = True  # False: raw text embeddings as Z^t
     part_contrast: bool = True  # False: stage 1 contrasts the whole body only
     pose_statistics: bool = (
@@ -113,11 +112,7 @@ ABLATIONS: dict[str, dict[str, Any]] = {
     "joined-hips": {"joined_hips": True},
     "4-experts": {"experts": 4},
     "4-content-experts": {"content_experts": 4},
-    "no-content-encoder": {
-        "content_encoder": False,
-        "direction_words": False,
-        "one_sided_words": False,
-    },
+    "no-content-encoder": {"content_encoder": False, "direction_words": False, "one_sided_words": False},
     "6-content-layers": {"content_layers": 6},
     "no-direction-words": {"direction_words": False},
     "distilled-diffusion": {"residual_diffusion": False},  # Eq. 14 as it stands in the paper

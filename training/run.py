@@ -100,7 +100,7 @@ class Run:
     @cached_property
     def table(self) -> FrameTable:
         """All frames of the clips."""
-        return load_frames(self.clips, self.out / "frames", limit=self.args.limit)
+        return load_frames(self.clips, self.out / "frames")
 
     @cached_property
     def texts(self) -> StyleTexts:
@@ -110,8 +110,7 @@ class Run:
     def texts_of(self, table: FrameTable, clips: Path | None) -> StyleTexts:
         """Descriptions of the clips of a table; `clips` is their folder, where it holds descriptions."""
         words = self.config.direction_words, self.config.one_sided_words
-        styles = self.args.styles or asset_path("prompts/styles.json")
-        return load_style_texts(table, styles, self.encoder, clips, *words)
+        return load_style_texts(table, asset_path("prompts/styles.json"), self.encoder, clips, *words)
 
     @cached_property
     def weights(self) -> np.ndarray:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import torch
 from torch import Tensor, nn
@@ -18,9 +18,6 @@ from torch import Tensor, nn
 from runtime.atomic import write_atomic
 from runtime.errors import FileError
 from training import parallel
-
-if TYPE_CHECKING:
-    from torch.utils.tensorboard import SummaryWriter
 
 log = logging.getLogger("sport.train")
 
@@ -160,7 +157,7 @@ Losses = dict[str, Tensor]
 
 
 class TrainingProgress:
-    """Running means of a stage's losses: in the log every 15 seconds, as TensorBoard scalars, and the last as a text file.
+    """Running means of a stage's losses: in the log every 15 seconds, and the last as a text file.
 
     Of several processes only the first writes.
     """
@@ -168,7 +165,6 @@ class TrainingProgress:
     def __init__(self, folder: Path, name: str, length: StageLength, first: int) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self._leads = parallel.rank() == 0
-        self._writer = _writer(folder / name) if self._leads else None
         self._text_file, self._name, self._length, self._first = folder / f"{name}.txt", name, length, first
         self._started = self._shown = time.monotonic()
         self._means: dict[str, float] = {}
@@ -180,11 +176,6 @@ class TrainingProgress:
             self._means[key] = 0.98 * self._means.get(key, now) + 0.02 * now
         if self._leads and (time.monotonic() - self._shown > 15.0 or step == self._length.steps):
             self._show(step)
-
-    def close(self) -> None:
-        """End the thread that writes the curves."""
-        if self._writer is not None:
-            self._writer.close()
 
     def _show(self, step: int) -> None:
         self._shown = time.monotonic()
@@ -199,9 +190,6 @@ class TrainingProgress:
             (self._length.steps - step) / rate / 60,
             text,
         )
-        if self._writer is not None:
-            for key, value in self._means.items():
-                self._writer.add_scalar(key, value, step)
         self._text_file.write_text(f"step {step} of {self._length.steps}, losses {text}\n", encoding="utf-8")
 
 
@@ -227,7 +215,7 @@ def train(
 ) -> None:
     """Optimise for `length`; `losses` of a batch and a step returns named terms of which "total" is minimised.
 
-    Logs samples/s and the time left, writes TensorBoard scalars, and a checkpoint `name.pt` every four minutes.
+    Logs samples/s and the time left, and writes a checkpoint `name.pt` every four minutes.
     """
     checkpoint = session.out / f"{name}.pt"
     if state.restore(checkpoint):
@@ -253,7 +241,6 @@ def train(
         if length.max_minutes is not None and parallel.anyone(now - started > 60 * length.max_minutes):
             log.info("%s: stopped after %.1f minutes at step %d", name, length.max_minutes, state.step)
             break
-    progress.close()
     state.save(checkpoint)
     _add_hours(session.out, name, time.monotonic() - saved)
 
@@ -266,12 +253,3 @@ def _add_hours(out: Path, name: str, seconds: float) -> None:
     hours = json.loads(path.read_text("utf-8")) if path.exists() else {}
     hours[name] = round(hours.get(name, 0.0) + seconds / 3600, 4)
     write_atomic(path, json.dumps(hours, indent=1) + "\n")
-
-
-def _writer(folder: Path) -> SummaryWriter | None:
-    try:
-        from torch.utils.tensorboard import SummaryWriter
-    except ImportError:
-        log.info("tensorboard is not installed: curves are only logged as text")
-        return None
-    return SummaryWriter(str(folder))

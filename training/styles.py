@@ -21,10 +21,7 @@ from training.augmentation.catalogue import PartEdit, part_edits
 from training.data.sources import style_library
 from training.frames import FrameTable
 
-LAYERS, CAPTIONS = (
-    "layers.json",
-    "captions.json",
-)  # next to the clips: of edited ones, and measured on captured ones
+LAYERS, CAPTIONS = "layers.json", "captions.json"  # next to the clips: of edited ones, and of captured ones
 PARAPHRASES = 8
 MEASURED = 2  # of these for a captured clip with captions of its own
 MIX = 0.4  # fraction of draws in which every part takes a paraphrase of its own
@@ -111,19 +108,17 @@ def load_style_texts(
     descriptions: list[list[PartDescriptions]] = []
     keys: list[list[str]] = []
     for name, style, mirrored in zip(table.names, table.styles, table.mirrored, strict=True):
-        if name in layers:
-            chosen = layers[name]["descriptions"]
+        if name in layers:  # those of edited clips are written for each image
+            descriptions.append(_parsed(layers[name]["descriptions"]))
             keys.append(layers[name]["keys"])
-        elif style in library:
-            measured = captions.get(name.removesuffix("_m"), [])[:MEASURED]
-            written, room = library[style]["descriptions"], PARAPHRASES - len(measured)
-            chosen = [written[int(k)] for k in random.permutation(len(written))[:room]] + measured
-            keys.append([style + ("_m" if mirrored else "")] * len(PART_NAMES))
-        else:
+            continue
+        if style not in library:
             raise FileError(f"{path}: no descriptions for the style '{style}'.", "Add an entry for it.")
-        parts = map(PartDescriptions.from_mapping, chosen)
-        swapped = mirrored and name not in layers  # those of edited clips are written for each image
-        descriptions.append([d.mirrored() if swapped else d for d in parts])
+        measured = captions.get(name.removesuffix("_m"), [])[:MEASURED]
+        written, room = library[style]["descriptions"], PARAPHRASES - len(measured)
+        own = _parsed([written[int(k)] for k in random.permutation(len(written))[:room]] + measured)
+        descriptions.append([d.mirrored() for d in own] if mirrored else own)
+        keys.append([style + ("_m" if mirrored else "")] * len(PART_NAMES))
     names, numbers = np.unique(np.array(keys), return_inverse=True)
     sentences, columns = zip(*(_sentences(descriptions, k) for k in range(len(PART_NAMES))), strict=True)
     embeddings = [
@@ -134,6 +129,10 @@ def load_style_texts(
     return StyleTexts(list(sentences), embeddings, index, numbers.reshape(len(keys), -1), names.tolist())
 
 
+def _parsed(mappings: list[dict[str, str]]) -> list[PartDescriptions]:
+    return [PartDescriptions.from_mapping(m) for m in mappings]
+
+
 def _sentences(descriptions: list[list[PartDescriptions]], k: int) -> tuple[list[str], np.ndarray]:
     """The distinct sentences of part k, and which of them every clip has, `(clips, PARAPHRASES)`."""
     texts = [[row[p % len(row)].as_tuple()[k] for p in range(PARAPHRASES)] for row in descriptions]
@@ -141,14 +140,12 @@ def _sentences(descriptions: list[list[PartDescriptions]], k: int) -> tuple[list
     return distinct.tolist(), index.reshape(len(texts), PARAPHRASES)
 
 
-def _read(path: Path, remedy: str) -> dict[str, Any]:
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise FileError(f"{path}: not a readable JSON file.", remedy) from error
-
-
 def _optional(folder: Path | None, name: str) -> dict[str, Any]:
     if folder is None or not (folder / name).exists():
         return {}
-    return _read(folder / name, "Build it again, or delete it.")
+    try:
+        return json.loads((folder / name).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise FileError(
+            f"{folder / name}: not a readable JSON file.", "Build it again, or delete it."
+        ) from error

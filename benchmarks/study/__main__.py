@@ -38,8 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for package in options.needs:
         if find_spec(package) is None:
             raise UsageError(
-                f"study: the Python package '{package}' is not installed.",
-                "Run pip install -e '.[study]'.",
+                f"study: the Python package '{package}' is not installed.", "Run pip install -e '.[study]'."
             )
     options.command(options)
     return 0

@@ -148,6 +148,13 @@ def _scenes(methods: dict[str, Path], clips: Path | None, seconds: float) -> Ite
         for motion in _captured_obstacles(capture, course.name, 2):
             clip = clip_of(_middle(motion, seconds))
             yield Scene(CAPTURE, "obstacle", course.title, clip, motion.terrain)
+    yield from _style_scenes(models, capture, seconds)
+
+
+def _style_scenes(
+    models: dict[str, EvaluatedModel], capture: Sequence[ClipInfo], seconds: float
+) -> Iterator[Scene]:
+    """Walks in styles along the path of their own capture."""
     for style in STYLES:
         title, path = style.replace("_", " "), _captured_walk(capture, style)
         for name, evaluated in models.items():

@@ -65,14 +65,17 @@ def read_answers(files: Sequence[Path], key: Path, synthetic: bool = False) -> p
 def _is_key(secret: dict[str, Any]) -> bool:
     """Whether all films of a key are described, each by one of its methods."""
     methods, clips = secret.get("methods"), secret.get("clips")
+    if secret.get("format") != f"{FORMAT}-key" or not (isinstance(methods, list) and isinstance(clips, dict)):
+        return False
+    distinct = all(map(is_text, methods)) and len(set(methods)) == len(methods)
+    return distinct and all(_is_film(clip, methods) for clip in clips.values())
+
+
+def _is_film(clip: Any, methods: list[str]) -> bool:
     return (
-        secret.get("format") == f"{FORMAT}-key"
-        and isinstance(methods, list)
-        and all(map(is_text, methods))
-        and len(set(methods)) == len(methods)
-        and isinstance(clips, dict)
-        and all(isinstance(clip, dict) and clip.get("method") in methods for clip in clips.values())
-        and all(is_text(clip.get(name)) for clip in clips.values() for name in ("kind", "title"))
+        isinstance(clip, dict)
+        and clip.get("method") in methods
+        and all(is_text(clip.get(name)) for name in ("kind", "title"))
     )
 
 

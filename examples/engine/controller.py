@@ -224,16 +224,7 @@ class Controller:
         for joint, parent in enumerate(self.parents[1:], 1):
             joints[joint] = joints[parent] + world[parent] @ self.offsets[joint]
         speed = np.linalg.norm((joints - self.joints)[LIMBS], axis=-1) * FPS
-        turning = abs(angle(self.wish_yaw - self.wanted_yaw)) > 0.03
-        changes = np.abs(self.gait[PRESENT] - self.gait[PRESENT - 1]).max() > 0.03
-        free = self.wished == 0 and self.clock_share.max() == 0 and not turning
-        if not free:
-            self.usual = np.maximum(np.maximum(self.usual * kept(2.0), speed), 1.0)
-        self.asked = self.asked + DT if free and self.requested < 0.25 and not changes else 0.0
-        settled = self.calm * kept(0.12)
-        if not (y["contacts"].reshape(2, 2).max(-1) > 0.5).all():  # until both feet stand it steps on
-            settled = max(settled, min(self.calm, 0.6))
-        self.calm = settled if self.asked > 0.2 else 1 + (self.calm - 1) * kept(0.05)
+        self.calm_down(speed, y["contacts"])
         limit = np.maximum(self.calm * self.usual, AT_REST)
         rate = min((limit / np.maximum(speed, 1e-9)).min(), 1.0)
         self.rate = rate + (self.rate - rate) * kept(0.05 * max(self.calm, 1e-3))
@@ -246,6 +237,19 @@ class Controller:
             world[joint] = world[parent] @ world[joint]
         self.seen = world = matrices(np.concatenate([world[..., 0], world[..., 1]], -1))  # without rounding
         return self.joints[0] + self.rate * (y["joints"][0] - self.joints[0]), world
+
+    def calm_down(self, speed, contacts):
+        """How fast limbs may be that move at `speed`: `self.calm` of their usual speed, less and less of it at rest."""
+        turning = abs(angle(self.wish_yaw - self.wanted_yaw)) > 0.03
+        changes = np.abs(self.gait[PRESENT] - self.gait[PRESENT - 1]).max() > 0.03
+        free = self.wished == 0 and self.clock_share.max() == 0 and not turning
+        if not free:
+            self.usual = np.maximum(np.maximum(self.usual * kept(2.0), speed), 1.0)
+        self.asked = self.asked + DT if free and self.requested < 0.25 and not changes else 0.0
+        settled = self.calm * kept(0.12)
+        if not (contacts.reshape(2, 2).max(-1) > 0.5).all():  # until both feet stand it steps on
+            settled = max(settled, min(self.calm, 0.6))
+        self.calm = settled if self.asked > 0.2 else 1 + (self.calm - 1) * kept(0.05)
 
     def slowed(self, local):
         """Local rotations with arms that turn by 20 rad/s at most, 0.15 at rest: what is too fast comes later, by a damped spring."""

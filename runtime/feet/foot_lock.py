@@ -69,7 +69,8 @@ class PelvisOffset:
         """Metres that the hips rise over `offset` so that legs which bend no faster do not press their feet `depths` into the ground."""
         s = SETTINGS
         needed = min(max(depths), s.max_room, self.room + s.room_speed * dt)
-        self.room = max(self.room * 0.5 ** (dt / s.room_half_life), needed)
+        room = max(self.room * 0.5 ** (dt / s.room_half_life), needed)
+        self.room = room if room > s.least_room else 0.0
         return self.room
 
 
@@ -163,18 +164,20 @@ class FootLock:
                 self.knees, incoming, hips, targets, self.feet, strict=True
             )
         ]
-        spans = zip(self.feet, hips, targets, reaches, strict=True)
-        depths = [foot.spanned(hip, target, reach, ground)[3] for foot, hip, target, reach in spans]
-        drop -= self.pelvis.make_room(depths, dt)
-        for foot, knee, leg, target, reach in zip(
-            self.feet, self.knees, incoming, targets, reaches, strict=True
+        spans = list(zip(self.feet, hips, targets, reaches, strict=True))
+        spanned = [foot.spanned(hip, target, reach, ground) for foot, hip, target, reach in spans]
+        room = self.pelvis.make_room([depth for *_, depth in spanned], dt)
+        if room > 0.0:
+            drop -= room
+            hips = [(x, y + room, z) for x, y, z in hips]
+            spanned = [
+                foot.spanned(hip, target, reach, ground)
+                for (foot, _, target, reach), hip in zip(spans, hips, strict=True)
+            ]
+        for foot, knee, leg, hip, (joint, ankle, rotation, up) in zip(
+            self.feet, self.knees, incoming, hips, spanned, strict=True
         ):
-            first, toe, hip = (
-                foot.bones.joints[1],
-                foot.bones.joints[4],
-                (leg.hip[0], leg.hip[1] - drop, leg.hip[2]),
-            )
-            joint, ankle, rotation, up = foot.spanned(hip, target, reach, ground)
+            first, toe = foot.bones.joints[1], foot.bones.joints[4]
             ankle = (ankle[0], ankle[1] + up, ankle[2])
             knee.bend_to(leg, hip, ankle, foot.bones, dt)
             result[first : first + 3] = leg_inverse(leg, ankle, rotation, drop)

@@ -67,6 +67,7 @@ class FootLockSettings:
     max_rise: float = 0.02  # m that they may be carried up
     carry_half_life: float = 0.02  # in which the hips follow
     max_room: float = 0.012  # m that they make room for a knee that bends no faster
+    least_room: float = 1e-5  # m; less is none
     room_speed: float = 0.3  # m/s in which they do
     room_half_life: float = 0.05
     max_free_rise: float = 0.01  # m that a foot in the air may carry them, up or down

@@ -160,6 +160,9 @@ class Settling:
     def between(self, local: Array, yaw: Array) -> Array:
         """Local rotations `(N, 31, 4)` on the way from the last frame's to these, by the rates; remembers them."""
         here = _turned(local, -yaw)
+        if (self.rate == 1.0).all():
+            self.local = here
+            return local
         turn = rotations.to_rotation_vector(rotations.multiply(here, rotations.inverse(self.local)))
         part = rotations.from_rotation_vector(turn * self.rate[:, None, None])
         slow = (self.rate < 1.0)[:, None, None]

@@ -36,6 +36,7 @@ CROUCH_HALF_LIFE = 0.35  # of the label of a crouch: knees and elbows snap where
 STILL_SPEED = 0.15  # m/s: slower is standing, as the training's labels have it
 JOG_SHARE = 0.75  # of a slow jog's speed from which it is a jog
 AHEAD = np.arange(61) / FPS  # seconds of the coming frames, the present one first
+_LABEL_FADE = 0.5 ** ((AHEAD + 1.0 / FPS) / LABEL_HALF_LIFE)
 
 
 @dataclass(frozen=True)
@@ -93,13 +94,16 @@ def labels(speeds: Array, now: Array, gait: NDArray[np.integer], jog_from: Array
     plan[..., Gait.STAND] = 1.0 - moves
     plan[..., Gait.WALK] = moves * (1.0 - jogs)
     plan[..., Gait.JOG] = moves * jogs
-    own = np.isin(gait, (Gait.CROUCH, Gait.JUMP, Gait.OTHER))
-    plan[own] = np.eye(GAITS)[gait[own], None]
+    own = gait >= Gait.CROUCH
+    if own.any():
+        plan[own] = np.eye(GAITS)[gait[own], None]
     change = now - plan[:, 0]
-    crouches = np.abs(change[:, Gait.CROUCH, None, None]) > 0.02
-    slow = np.maximum(CROUCH_HALF_LIFE * GAME ** response[:, None, None], LABEL_HALF_LIFE)
-    half_life = np.where(crouches, slow, LABEL_HALF_LIFE)
-    return plan + change[:, None] * 0.5 ** ((AHEAD[:, None] + 1.0 / FPS) / half_life)
+    fade = np.broadcast_to(_LABEL_FADE, (len(gait), len(AHEAD)))
+    crouches = np.abs(change[:, Gait.CROUCH]) > 0.02
+    if crouches.any():
+        slow = np.maximum(CROUCH_HALF_LIFE * GAME**response, LABEL_HALF_LIFE)
+        fade = np.where(crouches[:, None], 0.5 ** ((AHEAD + 1.0 / FPS) / slow[:, None]), fade)
+    return plan + change[:, None] * fade[..., None]
 
 
 def _over(speeds: Array, threshold: Array | float) -> Array:

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from enum import Enum
 from functools import cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -51,6 +52,8 @@ from runtime.takes.input_recording import (
 from runtime.takes.metadata import PromptEvent
 from runtime.takes.own_skeleton import OwnSkeleton
 from runtime.takes.pins import MAX_PINS
+from runtime.takes.pose_edits import PoseEdits
+from runtime.takes.pose_layer import PoseLayer
 from runtime.terrain.files import MAX_HEIGHT_M
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.mesh import MAX_SIDE
@@ -69,6 +72,7 @@ STRUCTURE_ERRORS = (
     KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, RecursionError, MemoryError,
 )  # fmt: skip
 _NOT_KEPT = {(PromptBlend, "shares"), (Answer, "milliseconds"), (Answer, "final"), (Answer, "question")}
+_LATER = {(PoseEdits, "layer")}  # fields that older files lack
 _LONG_TEXTS = (PromptEvent, Answer)  # records whose texts are prompts
 
 
@@ -123,7 +127,6 @@ class DocumentWriter:
         ]
 
     def session(self, session: Session) -> str:
-        """The text of a session."""
         return json.dumps(self._record(session), ensure_ascii=True)
 
     def inputs(self, inputs: InputRecording) -> Json:
@@ -150,7 +153,6 @@ class DocumentWriter:
         return [self._text_of(value) if isinstance(value, Take) else self._value(value) for value in values]
 
     def _text_of(self, take: Take) -> str:
-        """The reference of a take's text."""
         return self._once.get("take", take, lambda: self.blobs.text(json.dumps(self._record(take))))
 
     def _terrain(self, terrain: Terrain) -> Json:
@@ -215,7 +217,6 @@ class DocumentReader:
         }
 
     def session(self, text: str) -> Session:
-        """A session of its text."""
         return self.checked(lambda: self._record(Session, parse_json(text, MAX_ITEMS)))
 
     def header(self, text: str) -> tuple[MotionHeader, bool]:
@@ -253,6 +254,7 @@ class DocumentReader:
     def _record(self, kind: Any, value: Json) -> Any:
         longest = math.inf if kind in _LONG_TEXTS else MAX_TEXT
         schema = _schema(kind)
+        schema = tuple(entry for entry in schema if entry[0] in value or (kind, entry[0]) not in _LATER)
         if kind is not MotionHeader and set(value) != {name for name, _ in schema}:
             raise ValueError(f"not the fields of a {kind.__name__}")
         made = kind(**{name: self._value(hint, value[name], longest) for name, hint in schema})
@@ -338,7 +340,6 @@ class DocumentReader:
         return StyleChange(at, self._style(value["style"]), read_number(value["seconds"], 1e6), event, note)
 
     def _style(self, value: Json) -> Any:
-        """A style code, or a mix of codes."""
         if not isinstance(value, list):
             return self._code(value)
         number, parts, legs = value
@@ -391,7 +392,7 @@ def _check_session(session: Session) -> Session:
 
 def _check_take(take: Take) -> None:
     many = len(take.cameras) > MAX_KEYS or len(take.path) > MAX_POINTS
-    edits = take.poses.pins, take.poses.footplants
+    edits = take.poses.pins, take.poses.footplants, take.poses.layer.keys
     _refuse("edits without end", many or max(map(len, edits)) > MAX_PINS)
     _refuse("a trim that keeps nothing", take.trim is not None and take.trim[0] >= take.trim[1])
 
@@ -400,6 +401,11 @@ def _check_footplant(edit: FootplantEdit) -> None:
     spans = [span for span in (edit.old, edit.new) if span is not None]
     fits = edit.foot in (0, 1) and all(first < end < MAX_FRAME for first, end in spans)
     _refuse("a footplant of no foot or frames", not fits)
+
+
+def _check_layer(layer: PoseLayer) -> None:
+    times = [key.seconds for key in layer.keys]
+    _refuse("pose keys in no order", any(a >= b for a, b in pairwise(times)))
 
 
 def _check_blend(blend: PromptBlend) -> PromptBlend:
@@ -433,6 +439,7 @@ _CHECKS: dict[Any, Callable[[Any], Any]] = {
     Session: _check_session,
     Take: _check_take,
     FootplantEdit: _check_footplant,
+    PoseLayer: _check_layer,
     PromptBlend: _check_blend,
     Answer: _check_answer,
     PromptEvent: _check_event,

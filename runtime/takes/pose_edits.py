@@ -1,4 +1,4 @@
-"""What is done to the poses of a take over the motion that was driven: plants of the feet, then pins. Nothing is baked in."""
+"""What is done to the poses of a take over the motion that was driven: plants of the feet, the pose layer, then pins. Nothing is baked in."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from runtime.takes.clip import Clip
 from runtime.takes.footplants import FootplantEdit, replanted
 from runtime.takes.pinned import pinned
 from runtime.takes.pins import Pin
+from runtime.takes.pose_layer import NO_LAYER, PoseLayer, layered
 
 
 @dataclass(frozen=True)
@@ -16,15 +17,21 @@ class PoseEdits:
 
     pins: tuple[Pin, ...] = ()
     footplants: tuple[FootplantEdit, ...] = ()
+    layer: PoseLayer = NO_LAYER
 
     def __bool__(self) -> bool:
-        return bool(self.pins or self.footplants)
+        return bool(self.pins or self.footplants or self.layer)
 
     def apply(self, clip: Clip) -> Clip:
         """The clip as it is shown; the same object without edits."""
-        if self.footplants:
-            clip = replanted(clip, self.footplants)
+        clip = self.below_layer(clip)
+        if self.layer:
+            clip = layered(clip, self.layer)
         return pinned(clip, self.pins) if self.pins else clip
+
+    def below_layer(self, clip: Clip) -> Clip:
+        """The motion that the pose layer adds to."""
+        return replanted(clip, self.footplants) if self.footplants else clip
 
 
 NO_EDITS = PoseEdits()

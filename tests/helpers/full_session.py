@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, reduce
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +41,7 @@ from runtime.takes.metadata import Origin, PromptEvent, gait_of
 from runtime.takes.own_skeleton import OwnSkeleton
 from runtime.takes.pins import Pin, Pinned
 from runtime.takes.pose_edits import PoseEdits
+from runtime.takes.pose_layer import JointValue, PoseKey, PoseLayer, Tangent
 from runtime.takes.recorder import ClipRecorder
 from runtime.terrain.height_map import Terrain
 from tests.helpers.gltf_characters import user_character
@@ -121,6 +122,13 @@ def full_session(cache: Path, source: Path) -> Session:
             FootplantEdit(1, None, (20, 25)),
             FootplantEdit(1, (40, 44), None),
         ),
+        PoseLayer(
+            (
+                PoseKey(0.25, (JointValue(16, 0.0, 0.5, 0.0),), (JointValue(0, 0.0, -0.25, 0.0),)),
+                PoseKey(0.5, (JointValue(16, 0.25, 0.0, 0.0),), tangent=Tangent.LINEAR),
+            ),
+            keeps=True,
+        ),
     )
     path = (Waypoint(0.0, 0.0), Waypoint(1.0, 2.5, 0.5, Gait.JOG))
     blend = PromptBlend(
@@ -136,7 +144,7 @@ def full_session(cache: Path, source: Path) -> Session:
         Take(motion=Motion.of(replace(still(20, "of a file"), placed=None, size=0.5)), recorded=False,
              own=OwnSkeleton((-1, 0, 1, 1), points)),
     ]  # fmt: skip
-    session = edits.with_takes(Session(), takes)
+    session = reduce(edits.with_new_take, takes, Session())
     session = edits.mirrored_copy(session, 1)
     return replace(
         session,

@@ -60,7 +60,7 @@ def table(tmp_path_factory) -> FrameTable:
             name, hips, local, contacts.astype(np.uint8), np.eye(6)[np.ones(FRAMES, int)], style, content, "jlpm",
             "held_out" if held_out else "train", "exact", flat_patch(SPORT_SKELETON.forward_kinematics(hips, local)[0]),
         ).save(folder)  # fmt: skip
-    return load_frames(folder, workers=1)
+    return load_frames(folder, folder / "frames")
 
 
 @pytest.fixture(scope="module")

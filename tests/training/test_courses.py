@@ -1,4 +1,4 @@
-"""Clips of a model's own crossings: made ground, what is rounded off, and which stretches are kept."""
+"""Clips of a model's own traversals: made ground, what is rounded off, and which stretches are kept."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from runtime.terrain.obstacle_detection import ObstacleKind, obstacle_ahead
 from tests.helpers.shipped import shipped_model
 from training import courses as clips
 from training.courses import Course, LevelSight, Walked, kept, random_course, smoothed, walk
-from training.evaluation.metrics.crossing import first_problem
-from training.export.crossings import obstacle_ground
+from training.evaluation.metrics.traversal import first_problem
+from training.export.traversals import obstacle_ground
 
 FRAMES = 700
 

@@ -56,11 +56,24 @@ def test_a_log_without_steps_is_named(run) -> None:
         History.of_run(run)
 
 
-def test_the_card_adds_up_the_models_that_went_on() -> None:
-    metadata = json.loads(asset_path("models/compact/metadata.json").read_text("utf-8"))
+@pytest.fixture
+def metadata() -> dict:
+    return json.loads(asset_path("models/compact/metadata.json").read_text("utf-8"))
+
+
+def test_the_card_adds_up_the_models_that_went_on(metadata) -> None:
     metadata["notes"]["steps"] = {"phase": [5], "stage2": [7000, 20]}
-    card = model_card(metadata, {})
+    card = model_card(metadata, {"phase": "step 3 of 3, losses total 0.5"})
     assert "phase 5, stage2 7000 + 20." in card
+    assert "step 3 of 3" in card
     assert "went on from the weights of the one before" in card
     metadata["notes"]["steps"] = {"phase": [5]}
     assert "went on" not in model_card(metadata, {})
+
+
+def test_a_card_tells_of_its_8_bit_graph(metadata) -> None:
+    assert "8-bit" not in model_card(metadata | {"quantised": {}}, {})
+    kept = metadata["quantised"] | {"kept": ["linear_3"], "relative_error": 0.0086, "frames": 480}
+    card = model_card(metadata | {"quantised": kept}, {})
+    assert "8-bit weights, but for linear_3;" in card
+    assert "480 frames of its own walks it is 0.86% from" in card

@@ -39,8 +39,8 @@ def clips(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def small_table(clips):
-    return load_frames(clips, workers=1)
+def small_table(clips, tmp_path_factory):
+    return load_frames(clips, tmp_path_factory.mktemp("frames"))
 
 
 @pytest.fixture
@@ -152,7 +152,7 @@ def test_the_whole_pipeline_from_clips_to_a_character_that_can_be_driven(
         return {"stairs kept": 2}
 
     monkeypatch.setattr("training.courses.make_all", cross)
-    monkeypatch.setattr("training.pipeline.measure_crossings", measured.append)
+    monkeypatch.setattr("training.pipeline.measure_traversals", measured.append)
     counts = [f"--{stage}-steps={count}" for stage, count in steps.items()]
     assert main(["all", *common, *counts, "--layers", "0", "--course-minutes", "1"]) == 0
     assert len(crossed) == 1

@@ -54,7 +54,7 @@ def build_layer(
 ) -> tuple[TrainingClip, dict[str, object]] | None:
     """One edited clip and its entry of `layers.json`; None when no clip was found that shows the drawn edits."""
     source, motion = _piece(pool, NEUTRAL, random)
-    texts = {part: _style_texts(styles, source, part, random) for part in PART_NAMES}
+    texts = _style_texts(styles, source, random)
     standing = bool(np.asarray(motion.gait)[:, Gait.STAND].mean() > 0.5)
     edits = recipes.draw(random, standing)
     if not _suits(source, motion, edits):
@@ -62,7 +62,7 @@ def build_layer(
         if found is None:
             return None
         source, motion = found
-        texts = {part: _style_texts(styles, source, part, random) for part in PART_NAMES}
+        texts = _style_texts(styles, source, random)
     keys = dict.fromkeys(PART_NAMES, source.key)
     for edit_name in edits:
         edit = part_edits()[edit_name]
@@ -86,8 +86,8 @@ def build_layer(
         mirrored=source.mirrored,
     )
     entry = {
-        "descriptions": [{p: texts[p][k % len(texts[p])] for p in PART_NAMES} for k in range(PARAPHRASES)],
-        "keys": [keys[p] for p in PART_NAMES],
+        "descriptions": [{p: own[k % len(own)] for p, own in texts.items()} for k in range(PARAPHRASES)],
+        "keys": list(keys.values()),
         "base": source.name,
         "edits": list(edits),
     }
@@ -104,13 +104,14 @@ def _piece(pool: Pool, neutral: float, random: np.random.Generator) -> tuple[Sou
 
 
 def _style_texts(
-    styles: dict[str, dict], source: Source, part: str, random: np.random.Generator
-) -> list[str]:
+    styles: dict[str, dict], source: Source, random: np.random.Generator
+) -> dict[str, list[str]]:
+    """Descriptions of a captured style, by part, each in an order of its own."""
     descriptions = [PartDescriptions.from_mapping(d) for d in styles[source.style]["descriptions"]]
     if source.mirrored:
         descriptions = [d.mirrored() for d in descriptions]
-    order = random.permutation(len(descriptions))
-    return [getattr(descriptions[int(k)], part) for k in order[:PARAPHRASES]]
+    orders = {part: random.permutation(len(descriptions))[:PARAPHRASES] for part in PART_NAMES}
+    return {part: [getattr(descriptions[int(k)], part) for k in own] for part, own in orders.items()}
 
 
 def _suits(source: Source, motion: EditedMotion, edits: tuple[str, ...]) -> bool:
@@ -223,12 +224,6 @@ def report(entries: dict[str, dict], captured: int, rhythm: str = "") -> str:
     rows = ([k, str(v), next(iter(catalogue[k].phrases.values()))[0]] for k, v in sorted(edits.items()))
     lines = [
         "# Augmentation",
-        "",
-        "Written by `python -m training.augmentation.build --clips DIR --report docs/results/augmentation.md`. Edited clips"
-        " are imported ones with edits whose descriptions are exact, the feet kept by inverse kinematics; while training"
-        " their parts are put on other clips, and those of other clips on them (`training/composition.py`). Every clip has six"
-        " descriptions of its own. The edits are defined in `training/augmentation/edits.toml`; those that are held out"
-        " never enter training.",
         "",
         f"- {captured} captured styles",
         f"- {len(edits)} parametric part edits of {len(catalogue)} ({len(catalogue) - len(edits)} held out)",

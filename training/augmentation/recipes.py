@@ -16,14 +16,7 @@ RHYTHM = ("steps", "line", "stance", "hesitation", "stagger", "landing")
 BOTH_SWING = 0.5  # arms that swing more or less mostly do so together
 LEGS_RHYTHM = 0.55  # fraction of the legs' edits that are of rhythm and weight
 # Edits that change a movement, not a posture, show in a part of every step only: they are drawn more often.
-_OF_MOVEMENT = (
-    "swing",
-    "foot_lift",
-    "knee_bend",
-    "foot_pitch",
-    "turn_range",
-    "pitch_range",
-)  # what shows them
+_OF_MOVEMENT = ("swing", "foot_lift", "knee_bend", "foot_pitch", "turn_range", "pitch_range")  # measures
 _MOVEMENT_WEIGHT = 3.0
 
 
@@ -58,11 +51,9 @@ def _drawn(slot: str, chosen: list[str], random: np.random.Generator, standing: 
 
 
 def _choose(slot: str, random: np.random.Generator, standing: bool) -> str | None:
-    edits = [e for e in catalogue().trained if e.slot == slot]
-    if slot == "legs":
-        edits = _edits_of_legs(random, standing)
+    edits = _edits_of_legs(random, standing) if slot == "legs" else _edits_of((slot,))
     if standing:
-        edits = [e for e in edits if e.kind != "leg" and not e.of_steps and e.name != "torso.bounce"]
+        edits = [e for e in edits if _shows_standing(e)]
     if not edits:
         return None
     weight = np.array([_MOVEMENT_WEIGHT if e.measure[1] in _OF_MOVEMENT else 1.0 for e in edits])
@@ -74,7 +65,15 @@ def _edits_of_legs(random: np.random.Generator, standing: bool) -> list[PartEdit
     rhythm = not standing and random.random() < LEGS_RHYTHM
     one = not standing and random.random() >= (BOTH_RHYTHM if rhythm else BOTH)
     slots = ("left_leg", "right_leg") if one else ("legs",)
-    return [e for e in catalogue().trained if e.slot in slots and (e.kind in RHYTHM) == rhythm]
+    return [e for e in _edits_of(slots) if (e.kind in RHYTHM) == rhythm]
+
+
+def _edits_of(slots: tuple[str, ...]) -> list[PartEdit]:
+    return [e for e in catalogue().trained if e.slot in slots]
+
+
+def _shows_standing(edit: PartEdit) -> bool:
+    return edit.kind != "leg" and not edit.of_steps and edit.name != "torso.bounce"
 
 
 def _twin(name: str) -> str | None:

@@ -12,17 +12,10 @@ from itertools import product
 
 from training.augmentation.catalogue import PartEdit, catalogue
 
-_MOVEMENTS = (  # measures of a movement; the others are of a posture
-    "swing",
-    "side_swing",
-    "hand_level_range",
-    "foot_lift",
-    "roll_range",
-    "turn_range",
-    "pitch_range",
-    "twist_range",
-    "bounce",
-)
+# measures of a movement; the others are of a posture
+_MOVEMENTS = (
+    "swing", "side_swing", "hand_level_range", "foot_lift", "roll_range", "turn_range", "pitch_range", "twist_range", "bounce",
+)  # fmt: skip
 _ACROSS = ("turn", "roll")  # measures of what goes to one side; the others are of forward and back
 
 
@@ -67,11 +60,12 @@ def _with_clauses() -> Iterator[LongerSentence]:
 
 def _two_postures(slot: str) -> Iterator[LongerSentence]:
     """One of forward and back, and one of what goes to a side."""
-    postures = [
-        e for e in catalogue().trained if e.slot == slot and e.measure[1] not in _MOVEMENTS and not e.of_steps
-    ]
-    upright = [p for e in postures if e.measure[1] not in _ACROSS for p in e.phrases[slot]]
-    sideways = [p for e in postures if e.measure[1] in _ACROSS for p in e.phrases[slot]]
+    upright: list[str] = []
+    sideways: list[str] = []
+    for edit in catalogue().trained:
+        field = edit.measure[1]
+        if edit.slot == slot and field not in _MOVEMENTS and not edit.of_steps:
+            (sideways if field in _ACROSS else upright).extend(edit.phrases[slot])
     return _either_order(slot, upright, sideways)
 
 

@@ -281,11 +281,14 @@ class MatchingModel:
         row = place // STEP
         query = self._query(x, row)
         found = self._nearest(query, label)
-        if place < last and base.style[row] == label:
-            near = base.last[found] == base.last[row] and abs(found - row) < NEAR_ROWS
-            if near or self._cost(row, query) <= self._cost(found, query):
-                return Playing(place, 0, changes)
+        if place < last and base.style[row] == label and not self._is_change(row, found, query):
+            return Playing(place, 0, changes)
         return Playing(STEP * found, 0, (*changes, (place, STEP * found, 0))[-CHANGES:])
+
+    def _is_change(self, row: int, found: int, query: Array) -> bool:
+        """Whether a row that was found is another place than the one that is played, and a nearer one."""
+        near = self.database.last[found] == self.database.last[row] and abs(found - row) < NEAR_ROWS
+        return not near and self._cost(row, query) > self._cost(found, query)
 
     def _query(self, x: Array, row: int | None) -> Array:
         """Normalised features `(33,)`: the requested path of x, and the pose of a row (of x where nothing is played)."""

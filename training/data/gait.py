@@ -107,10 +107,9 @@ def measure(joints: GaitJoints, mask: NDArray[np.bool_] | None = None) -> dict[s
     side = np.cross(_UP, heading)
     result = _pace(p, heading, m, fps)
     result |= _trunk(p, forward, heading, side, m, fps)
-    result |= _limbs(p, heading, side, m)
+    result |= _limbs(p, heading, m)
     if "lt" in p:
         result |= _feet(p, m)
-    result["restless"] = _fast_fraction(p, m, fps)
     return result | _variation(p, heading, side, m, fps)
 
 
@@ -119,7 +118,7 @@ def _pace(p: dict[str, Array], heading: Array, m: NDArray[np.bool_], fps: float)
     ahead = ahead - ahead.mean()
     steps = int((np.diff(np.signbit(ahead).astype(np.int8)) != 0).sum())
     speed, cadence = float(np.median(_speed(p["hips"], fps)[m])), 60.0 * steps / (m.sum() / fps)
-    return {"speed": speed, "cadence": cadence, "step_m": speed / max(cadence / 60.0, 1e-6)}
+    return {"speed": speed, "cadence": cadence}
 
 
 def _trunk(
@@ -130,34 +129,29 @@ def _trunk(
     hips, shoulders = p["lh"] - p["rh"], p["ls"] - p["rs"]
     turn = np.degrees(np.arctan2(_dot(shoulders, heading), _dot(shoulders, side)))
     up = p["neck"] - p["hips"] if "neck" in p else p["head"] - p["hips"]
-    lowest = np.minimum(p["la"][:, 1], p["ra"][:, 1])
     return {
         "bob_cm": 100.0 * _range((height - _second(height, fps))[m]),
         "pelvis_yaw": _range(yaw[m]),
         "pelvis_roll": _range(np.degrees(np.arcsin(hips[:, 1] / _norm(hips)))[m]),
         "shoulder_yaw": _range((turn - _second(turn, fps))[m]),
         "lean": float(np.median(np.degrees(np.arctan2(_dot(up, heading), up[:, 1]))[m])),
-        "hip_height_cm": 100.0 * float(np.median((height - lowest)[m])),
     }
 
 
-def _limbs(p: dict[str, Array], heading: Array, side: Array, m: NDArray[np.bool_]) -> dict[str, float]:
-    result, swings, elbows, spread = {}, [], [], []
-    for c, sign in (("l", 1.0), ("r", -1.0)):
+def _limbs(p: dict[str, Array], heading: Array, m: NDArray[np.bool_]) -> dict[str, float]:
+    swings, elbows, knees = [], [], []
+    for c in "lr":
         swings.append(100.0 * _range(_dot(p[c + "w"] - p[c + "s"], heading)[m]))
         knee = _angle(p[c + "k"] - p[c + "h"], p[c + "a"] - p[c + "k"])[m]
-        result["knee_min_" + c], result["knee_max_" + c] = _percentiles(knee)
+        knees.append(_percentiles(knee))
         elbows.append(_angle(p[c + "e"] - p[c + "s"], p[c + "w"] - p[c + "e"])[m])
-        arm = p[c + "e"] - p[c + "s"]
-        spread.append(np.degrees(np.arctan2(sign * _dot(arm, side), -arm[:, 1]))[m])
-    both = {k: 0.5 * (result[f"knee_{k}_l"] + result[f"knee_{k}_r"]) for k in ("min", "max")}
+    knee_min, knee_max = (0.5 * (left + right) for left, right in zip(*knees, strict=True))
     clearance = [_range(p[a][:, 1][m]) for a in ("la", "ra")]
-    return result | {
-        "knee_min": both["min"],
-        "knee_max": both["max"],
+    return {
+        "knee_min": knee_min,
+        "knee_max": knee_max,
         "arm_swing_cm": float(np.mean(swings)),
         "elbow": float(np.median(np.concatenate(elbows))),
-        "arm_spread": float(np.median(np.concatenate(spread))),
         "clearance_cm": 100.0 * float(np.mean(clearance)),
     }
 
@@ -169,21 +163,7 @@ def _feet(p: dict[str, Array], m: NDArray[np.bool_]) -> dict[str, float]:
         pitch.append(np.degrees(np.arctan2(foot[:, 1], _norm(foot[:, [0, 2]])))[m])
     both = np.stack(pitch)
     both = both - np.median(both)
-    down, up = _percentiles(both)
-    return {"foot_up": up, "foot_down": down}
-
-
-def _fast_fraction(p: dict[str, Array], m: NDArray[np.bool_], fps: float) -> float:
-    """Percent of the energy of velocities (0.3 to 14 Hz) that lies between 6 and 14 Hz."""
-    fractions = []
-    for key in ("lw", "rw", "head", "la", "ra"):
-        q = (p[key] - p["hips"])[m]
-        spectrum = np.abs(np.fft.rfft((q - q.mean(0)) * np.hanning(len(q))[:, None], axis=0)) ** 2
-        rate = np.fft.rfftfreq(len(q), 1 / fps)
-        energy = spectrum * (rate**2)[:, None]
-        whole = energy[(rate > 0.3) & (rate < 14)].sum()
-        fractions.append(100.0 * energy[(rate > 6) & (rate < 14)].sum() / max(whole, 1e-12))
-    return float(np.mean(fractions))
+    return {"foot_up": _percentiles(both)[1]}
 
 
 def _variation(

@@ -21,7 +21,7 @@ from training.data import gait
 from training.data.clips import TrainingClip
 from training.data.labels import FOOT_JOINTS
 from training.data.retarget import FPS
-from training.data.sources import BY_NAME, DATA_SETS, ClipSource, Refusal, list_clips
+from training.data.sources import BY_NAME, ClipSource, Refusal, list_clips
 from training.markdown import table
 
 
@@ -61,7 +61,7 @@ class Report:
         path.write_text(json.dumps(content, indent=1), encoding="utf-8")
 
     def markdown(self) -> str:
-        """The report with what a reader must know about it."""
+        """The tables, and the calibration of the feet."""
         rows = [
             [
                 key,
@@ -72,7 +72,8 @@ class Report:
         ]
         head = ("Skeleton", "foot turn YXZ, degrees", "toe offset, m", "ankle height, m")
         calibration = "\n".join(table(head, rows))
-        return f"{_preface()}\n{self.text()}\n{_CALIBRATION}\n{calibration}"
+        title = "Calibration of the feet (left; the right mirrors it), measured where they stand flat:"
+        return f"# Training data\n\n{self.text()}\n{title}\n\n{calibration}"
 
     def text(self) -> str:
         """The report as Markdown tables."""
@@ -108,43 +109,6 @@ def _row(name: str, group: list[ClipSummary]) -> list[str]:
     return [name, str(len(group)), *(f"{m / 60:.1f}" for m in minutes), f"{contact:.2f}", f"{skating:.3f}"]
 
 
-_PREFACE = """# Training data
-
-Written by `python -m training.data.importer --data DIR --out DIR --report docs/results/data.md`. `python -m training.data.contact_sheet`
-draws a contact sheet of every source: left limbs orange, right limbs blue, contacts green, the ground as a grid.
-
-Clips are retargeted by calibrated rest poses, brought to 60 Hz, cut (lead-ins, T-poses, spikes) and their feet locked
-to the ground by two-bone IK. "Skating" is the horizontal travel of joints in contact, cm per frame. Names that end in
-`_t` are copies of clips captured on a floor, put on random hills (up to 20 degrees) or stairs by IK: their feet are
-right, their posture is that of level ground. Names that end in `_m` are mirror images, which the tables leave out.
-
-**Heads.** Retargeted as they are, the heads of some captures look at the ground. Their faces are tilted up by a constant
-angle, a third of it in the neck and two thirds in the head, which brings the median face pitch of neutral walks from
-between -11 and -29 to about -6 degrees: {head_lifts}.
-
-**Terrain.** There is about a minute of captured stairs and uneven ground (`cmu`), with a ground fitted to the feet.
-`pfnn_rollouts` is distilled motion of a published network, not capture. No clip shows real climbing over walls.
-The root translation of some `100style` clips (tier `estimated_root`) was estimated from foot contacts.
-
-**Held out.** Takes of 100STYLE and JLPM longer than 20 s give their last 8 % (2 s apart from the rest); elsewhere whole
-clips, about 8 %, never the only one of its style and content. Copies and mirror images follow their original.
-
-**Credits.** {credits}.
-"""
-_CALIBRATION = """Calibration of the feet (left; the right mirrors it), measured where they stand flat:
-"""
-
-
-def _preface() -> str:
-    lifts = ", ".join(
-        f"`{capture}` {degrees:g}"
-        for record in DATA_SETS
-        for capture, degrees in record.head_lift_degrees.items()
-    )
-    credits = ". ".join(dict.fromkeys(record.credit for record in DATA_SETS))
-    return _PREFACE.replace("{head_lifts}", lifts).replace("{credits}", credits)
-
-
 def _kind(reason: str) -> str:
     """A reason without its numbers."""
     return reason.split(":")[0].split(" left of ")[0]
@@ -167,7 +131,6 @@ def summarise(clip: TrainingClip) -> ClipSummary:
 
 
 FILES = 4  # of each source and style at most, evenly spread
-BEGIN, END = "<!-- raw:begin -->", "<!-- raw:end -->"
 _WALKS = ("walk forward", "mixed walk jog", "mixed locomotion")
 COLUMNS = {
     "knee_min": "knee least", "knee_max": "knee most", "foot_up": "toes up", "lean": "lean", "elbow": "elbow",
@@ -220,24 +183,11 @@ def _median(items: list[Measures]) -> Measures:
     return {k: float(np.median([m[k] for m in items if k in m])) for k in COLUMNS if k in items[0]}
 
 
-def _comparison_table(rows: Mapping[tuple[str, str], tuple[Measures, Measures]]) -> str:
-    """A row for every source and style, raw > imported."""
-    cells = [
-        [source, style, *(f"{raw[k]:.3g} > {own[k]:.3g}" if k in raw and k in own else "" for k in COLUMNS)]
-        for (source, style), (raw, own) in rows.items()
-    ]
-    return "\n".join(table(("source", "style", *COLUMNS.values()), cells)[:-1])
-
-
 def comparison(data: Path, clips: Path) -> str:
-    """Raw capture against what the import made of it, written as BVH; between markers."""
-    return f"{_TITLE}\n{BEGIN}\n{_comparison_table(compare(data, clips))}\n{END}\n"
-
-
-_TITLE = """## Raw and imported
-
-Medians over forward walks on a floor, measured by `training.data.gait` on the source files and on the imported clips
-written as BVH (raw > imported; degrees, or as named, on a leg of 0.82 m). Angles of knees, trunk and elbows are the
-source's. Arms keep their angles, so hands swing as far as our shorter arms let them. Feet stand still and have our
-length: a heel over standing toes rises until the knee has the source's angle.
-"""
+    """Medians over forward walks on a floor, raw > imported: degrees, or as named, on a leg of 0.82 m."""
+    rows = [
+        [source, style, *(f"{raw[k]:.3g} > {own[k]:.3g}" if k in raw and k in own else "" for k in COLUMNS)]
+        for (source, style), (raw, own) in compare(data, clips).items()
+    ]
+    lines = table(("source", "style", *COLUMNS.values()), rows)
+    return "\n".join(["## Raw and imported", "", *lines])

@@ -115,10 +115,7 @@ class Retargeted:
 
 
 def load_source(
-    motion: BvhMotion,
-    skeleton: SourceSkeleton,
-    first_frame: int = 0,
-    reference: BvhMotion | None = None,
+    motion: BvhMotion, skeleton: SourceSkeleton, first_frame: int = 0, reference: BvhMotion | None = None
 ) -> SourceMotion:
     """World motion of `motion` from `first_frame` on, resampled to 60 Hz and scaled to our legs.
 

@@ -252,16 +252,17 @@ def distances_table(results: dict[str, dict[str, Any]]) -> str:
     Seeds of one model are in one row: means, and deviations of the distance.
     """
     sets = sorted({name for r in results.values() for name in r["fmd"]})
-    groups: dict[str, list[str]] = {}
-    for label in results:
-        groups.setdefault(SEED_IN_NAME.sub("", label), []).append(label)
-    rows = []
-    for name, labels in groups.items():
-        seeds = [results[label] for label in labels]
-        title = labels[0] if len(labels) == 1 else f"{name}, {len(labels)} seeds"
-        scores = [v for r in seeds for v in r["recognition"]["score"].values()]
-        rows.append([title, *(_distances([r["fmd"][n] for r in seeds]) for n in sets), percent(mean(scores))])
+    groups: dict[str, dict[str, dict[str, Any]]] = {}
+    for label, found in results.items():
+        groups.setdefault(SEED_IN_NAME.sub("", label), {})[label] = found
+    rows = [_distances_row(name, seeds, sets) for name, seeds in groups.items()]
     return "\n".join(table(["model", *(f"FMD, {n} (halves)" for n in sets), "styles recognised, mean"], rows))
+
+
+def _distances_row(name: str, seeds: dict[str, dict[str, Any]], sets: list[str]) -> list[str]:
+    title = next(iter(seeds)) if len(seeds) == 1 else f"{name}, {len(seeds)} seeds"
+    scores = [v for r in seeds.values() for v in r["recognition"]["score"].values()]
+    return [title, *(_distances([r["fmd"][n] for r in seeds.values()]) for n in sets), percent(mean(scores))]
 
 
 def _distances(seeds: Sequence[dict[str, Any]]) -> str:

@@ -488,12 +488,14 @@ def moment_table(figures: dict[str, Any]) -> str:
 
 def _raw(row: Row, raw: dict[str, Raw]) -> str:
     """The range of a measure in raw takes of the row's kinds, of its gait where such takes are."""
-    kinds = row.kinds or ("whole",)
-    wanted = {*kinds, *(f"{kind} {row.gait}" for kind in kinds)}
-    names = [name for name in raw if name in wanted or (not row.gait and name.split()[0] in kinds)]
-    values = [v for name in names for v in raw[name].get(row.key, [])]
-    ends = dict.fromkeys(f"{v:.{row.digits}f}" for v in (min(values), max(values))) if values else ["–"]
-    return " to ".join(ends)
+    values: Values = []
+    for name, measures in raw.items():
+        kind, _, gait = name.partition(" ")
+        if kind in (row.kinds or ("whole",)) and (row.gait in ("", gait) or not gait):
+            values += measures.get(row.key, [])
+    if not values:
+        return "–"
+    return " to ".join(dict.fromkeys(f"{v:.{row.digits}f}" for v in (min(values), max(values))))
 
 
 def _sensible(args: Arguments) -> None:

@@ -20,7 +20,7 @@ from runtime.terrain.courses import BEAM, BEAM_RAMP_M, GAPS, HURDLES, WALLS, Obs
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
 from training.evaluation.experiment import SEED, Experiment, Setting, command_of, option
-from training.evaluation.metrics import crossing
+from training.evaluation.metrics import traversal
 from training.evaluation.metrics.classifiers import StyleClassifier, merged
 from training.evaluation.metrics.features import window_set
 from training.evaluation.metrics.feet import foot_skating
@@ -101,29 +101,41 @@ def score_run(run: ObstacleRun) -> dict[str, Any]:
     """Figures of one run as plain data; depths in cm, before and after foot lock."""
     course, motion, ground = run.course, run.motion, run.motion.terrain
     assert motion.unlocked is not None
-    inside = [crossing.crossing_frames(run.root, o) for o in course.obstacles]
-    within = np.any(inside, axis=0)
-    passed = [crossing.seconds_over(run.root, o) for o in course.obstacles]
-    over = [(w, *p) for w, p in zip(inside, passed, strict=True) if p is not None]
-    sound = [w for w, _, _ in over if w.any() and not crossing.first_problem(motion.positions[w], ground)]
+    within = np.any([traversal.traversal_frames(run.root, o) for o in course.obstacles], axis=0)
     result: dict[str, Any] = {
-        "obstacles": len(passed),
-        "passed": len(over),
-        "sound": len(sound),
-        "own": sum(not run.keyed[w].any() for w in sound),
-        "seconds_each": float(np.mean([seconds for _, seconds, _ in over])) if over else None,
-        "slowest_m_s": min((slowest for _, _, slowest in over), default=None),
+        "obstacles": len(course.obstacles),
+        **_passed(run),
         "requested_m_s": float(run.requested_speed.max()),
-        "frozen_s": crossing.frozen_seconds(motion.positions, run.root, run.requested_speed),
+        "frozen_s": traversal.frozen_seconds(motion.positions, run.root, run.requested_speed),
         "skating": foot_skating(motion.positions, ground, np.ones(len(motion), bool)).soles,
         "keyed_s": float(run.keyed.sum() / FPS),
         "keyed_fraction": float(run.keyed[within].mean()) if within.any() else None,
     }
     for name, positions in (("before", motion.unlocked), ("after", motion.positions)):
-        result[name] = crossing.depths(positions, ground, within) | own_measures(
+        result[name] = traversal.depths(positions, ground, within) | own_measures(
             course, positions, motion.contacts
         )
     return result
+
+
+def _passed(run: ObstacleRun) -> dict[str, Any]:
+    """How many obstacles were passed, by how many traversals that pass every check, how long each took and how slow it was."""
+    motion, frames, paces = run.motion, [], []
+    for obstacle in run.course.obstacles:
+        pace = traversal.seconds_over(run.root, obstacle)
+        if pace is not None:
+            frames.append(traversal.traversal_frames(run.root, obstacle))
+            paces.append(pace)
+    sound = [
+        w for w in frames if w.any() and not traversal.first_problem(motion.positions[w], motion.terrain)
+    ]
+    return {
+        "passed": len(paces),
+        "sound": len(sound),
+        "own": sum(not run.keyed[w].any() for w in sound),
+        "seconds_each": float(np.mean([seconds for seconds, _ in paces])) if paces else None,
+        "slowest_m_s": min((slowest for _, slowest in paces), default=None),
+    }
 
 
 def own_measures(course: ObstacleCourse, positions: Array, contacts: Array) -> dict[str, Any]:
@@ -133,27 +145,27 @@ def own_measures(course: ObstacleCourse, positions: Array, contacts: Array) -> d
 
 
 def _hurdles(course: ObstacleCourse, positions: Array, contacts: Array) -> dict[str, Any]:
-    values = np.array(crossing.clearances(positions, course.obstacles))
+    values = np.array(traversal.clearances(positions, course.obstacles))
     if not len(values):
         return {"clearance": None, "touched": None}
     return {"clearance": float(np.median(values)), "touched": float((values < 1.0).mean())}
 
 
 def _beam(course: ObstacleCourse, positions: Array, contacts: Array) -> dict[str, Any]:
-    on, off = crossing.beam_contacts(positions, contacts, BEAM, BEAM_RAMP_M)
+    on, off = traversal.beam_contacts(positions, contacts, BEAM, BEAM_RAMP_M)
     fraction = on / (on + off) if on + off else None
-    return {"on_beam": fraction, "falls": crossing.falls(positions, contacts, BEAM, BEAM_RAMP_M)}
+    return {"on_beam": fraction, "falls": traversal.falls(positions, contacts, BEAM, BEAM_RAMP_M)}
 
 
 def _platforms(course: ObstacleCourse, positions: Array, contacts: Array) -> dict[str, Any]:
     gaps = [g for g in pairwise(course.obstacles) if positions[-1, 0, 2] > g[1].begin]
-    flown, clean = crossing.flights(positions, contacts, gaps)
+    flown, clean = traversal.flights(positions, contacts, gaps)
     return {"gaps": len(gaps), "flown": flown, "not_stepped_into": clean}
 
 
 def _walls(course: ObstacleCourse, positions: Array, contacts: Array) -> dict[str, Any]:
-    tops = [crossing.on_top_after(positions, wall) for wall in course.obstacles]
-    return {"hands_s": crossing.hands_on_edge(positions, course.obstacles), "on_top_s": tops}
+    tops = [traversal.on_top_after(positions, wall) for wall in course.obstacles]
+    return {"hands_s": traversal.hands_on_edge(positions, course.obstacles), "on_top_s": tops}
 
 
 _OWN_MEASURES = {"hurdles": _hurdles, "beam": _beam, "platforms": _platforms, "wall": _walls}
@@ -219,7 +231,7 @@ def markdown(results: dict[str, Any]) -> str:
     lines = [
         f"`{results['command']}`",
         "",
-        *_overview(found, crossing.mean_of(results["level"], "recognised")),
+        *_overview(found, traversal.mean_of(results["level"], "recognised")),
     ]
     for title, rows in found.items():
         lines += [f"### {title[0].upper()}{title[1:]}", "", *_course(rows)]
@@ -230,7 +242,7 @@ def _overview(found: dict[str, list[Row]], level: float) -> list[str]:
     """A row for each course: means over styles and gaits."""
     rows = []
     for title, runs in found.items():
-        known, obstacles = crossing.mean_of(runs, "recognised"), sum(r["obstacles"] for r in runs)
+        known, obstacles = traversal.mean_of(runs, "recognised"), sum(r["obstacles"] for r in runs)
         limbs = [_both(runs, f"{limb}_deep", percent) for limb in ("thighs", "shins", "hands")]
         rows.append(
             [
@@ -240,21 +252,21 @@ def _overview(found: dict[str, list[Row]], level: float) -> list[str]:
                 _both(runs, "joint_inside", percent),
                 _both(runs, "joint_deep", percent),
                 *limbs,
-                number(crossing.mean_of(runs, "skating"), 2),
+                number(traversal.mean_of(runs, "skating"), 2),
                 str(sum(r["frozen_s"] for r in runs)),
-                percent(crossing.mean_of(runs, "keyed_fraction")),
+                percent(traversal.mean_of(runs, "keyed_fraction")),
                 *(percent(sum(r[key] for r in runs) / obstacles) for key in ("sound", "own")),
                 percent(known) + ("" if isnan(known / level) else f" ({known / level:.2f})"),
             ]
         )
     head = ["means over styles and gaits; before > after foot lock", "got over", "soles sunk p99, cm"]
     head += ["joint inside", "over 3 cm", "thigh over 3 cm", "shin", "hand", "soles slide, cm a frame"]
-    head += ["frozen s", "keyed", "crossings that pass every check", "by the network alone"]
+    head += ["frozen s", "keyed", "traversals that pass every check", "by the network alone"]
     return table([*head, f"recognised (of level ground's {percent(level)})"], rows)
 
 
 def _both(rows: Sequence[Row], key: str, show: Any = number) -> str:
-    return " > ".join(show(crossing.mean_of([r[side] for r in rows], key)) for side in ("before", "after"))
+    return " > ".join(show(traversal.mean_of([r[side] for r in rows], key)) for side in ("before", "after"))
 
 
 def _course(rows: Sequence[Row]) -> list[str]:

@@ -1,17 +1,14 @@
 """What a model shows of the catalogue's edits: on which side better, and drawn out how far wholly (`runtime.motion.calibration`).
 
-    python -m training.export.calibrate --run RUN --model FOLDER
-
 The first sentence of every edit is walked once, on each side where it has two, and compared with what the edit does to the
 model's own neutral walk; what is shown in part is walked again, drawn out farther. The same is done among other edits
 on the other parts, where many are shown less. Edits that are held out are not looked at: a side that training never saw
 is taken to be the weaker one, and has the gain of the other. Sentences that rules make of a prompt beyond these are
-measured by what they claim. `RUN` holds the frames and phases of the training, for the signs of the phases.
+measured by what they claim.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -24,7 +21,6 @@ import numpy as np
 
 from runtime.arrays import Float32Array
 from runtime.atomic import write_atomic
-from runtime.errors import FileError, run_command
 from runtime.feet.leg_edit import OUTWARD
 from runtime.motion.features import C
 from runtime.motion.model import MotionModel, load_model
@@ -39,7 +35,7 @@ from training.augmentation.catalogue import catalogue, part_edits
 from training.augmentation.measured_edits import Summary
 from training.evaluation.text.prompt_adherence import SECONDS, described_edits, edit_fraction, neutral_motion
 from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker
-from training.frames import FrameTable, load_frames
+from training.frames import FrameTable
 from training.text.claims import claims, sentence_fraction
 
 log = logging.getLogger("sport.train")
@@ -269,38 +265,16 @@ def _rows(
         }
 
 
-def calibrate(folder: Path, signs: Sequence[int], text_encoder: Path | None = None, workers: int = 1) -> None:
+def calibrate(folder: Path, signs: Sequence[int], text_encoder: Path | None = None) -> None:
     """Measure a model folder as it is without calibration, and write that into its metadata."""
     metadata = read_metadata(folder)
     if metadata.pop("calibration", None) is not None:
         _write(folder, metadata)
     model = load_model(folder)
     prompter = Prompter(model, text_encoder=text_encoder, phrasing=ModelPhrasing())
-    codes = calibrated(model, prompter, Walker(folder, workers, SECONDS), phrasing_of(model.name))
+    codes = calibrated(model, prompter, Walker(folder, 1, SECONDS), phrasing_of(model.name))
     _write(folder, metadata | {"calibration": {"phase": list(signs), "codes": codes}})
 
 
 def _write(folder: Path, metadata: dict[str, Any]) -> None:
     write_atomic(folder / "metadata.json", json.dumps(metadata, indent=1) + "\n")
-
-
-def main(argv: Sequence[str] | None = None) -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description="Measure what a model shows of the catalogue's edits.")
-    parser.add_argument("--run", type=Path, required=True, metavar="RUN", help="folder of the training")
-    parser.add_argument("--clips", type=Path, metavar="DIR", help="default: RUN/clips")
-    parser.add_argument("--model", type=Path, required=True, metavar="FOLDER")
-    parser.add_argument("--workers", type=int, default=2, metavar="N")
-    args = parser.parse_args(argv)
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
-    table = load_frames(args.clips or args.run / "clips", args.run / "frames")
-    signs = phase_signs(table, np.load(args.run / "phase.npy", mmap_mode="r"))
-    if signs is None:
-        raise FileError(
-            f"{args.run}: no clip has its mirror image.", "Import the clips with `sport train import`."
-        )
-    calibrate(args.model, signs, None, args.workers)
-
-
-if __name__ == "__main__":
-    raise SystemExit(run_command("calibrate", main))

@@ -1,19 +1,8 @@
-"""The model card that travels with the exported networks.
-
-    python -m training.export.model_card FOLDER --text text.json --motion evaluation.json --gait gait.json
-
-puts measured figures into an exported model's metadata and card.
-"""
+"""The model card that travels with the exported networks."""
 
 from __future__ import annotations
 
-import argparse
-import json
-from pathlib import Path
 from typing import Any
-
-from runtime.atomic import write_atomic
-from runtime.errors import FileError, run_command
 
 
 def model_card(metadata: dict[str, Any], curves: dict[str, str]) -> str:
@@ -41,9 +30,6 @@ def model_card(metadata: dict[str, Any], curves: dict[str, str]) -> str:
         f"- ONNX against torch, largest difference: {max(metadata['onnx_error'].values()):.1e}",
         "- Analytic-DPM variance per step of tau: "
         + ", ".join(f"{v:.4f}" for v in metadata["sigma_bar_squared"]),
-        "",
-        "## Metrics",
-        *(metadata.get("metrics") or ["Not measured yet."]),
         "",
         "## Limits",
         *_limits(metadata),
@@ -92,56 +78,3 @@ def _eight_bits(quantised: dict[str, Any]) -> list[str]:
         f" full precision, joints {quantised['joint_error_mm']:.1f} mm on average and"
         f" {quantised['joint_error_max_mm']:.1f} mm at most.",
     ]
-
-
-def text_metrics(text: dict[str, Any]) -> list[str]:
-    """Lines from the JSON of `sport evaluate --text`."""
-    from training.evaluation.text.command import bars
-
-    return [f"- {bar}: {measured}" for bar, measured, _ in bars(text)]
-
-
-def motion_metrics(motion: dict[str, Any]) -> list[str]:
-    """Lines from the JSON of `sport evaluate`, of its first model."""
-    from training.evaluation.motion.tables import check
-
-    found = check(motion["models"][0], motion["held_out"])
-    return [f"- {bar.name}: {bar.met} of {bar.cases} cases" for bar in found]
-
-
-def gait_metrics(gait: dict[str, Any]) -> list[str]:
-    """Lines from the JSON of `training.evaluation gait`, of its last model."""
-    from training.evaluation.on_straight_walks import ROWS, cell
-
-    ours = gait["models"][list(gait["models"])[-1]]
-    found = [f"{row.title} {cell(row, gait['raw'], ours)}" for row in ROWS]
-    return ["- straight walks, ours and raw capture, median; styles within the bar: " + ", ".join(found)]
-
-
-def main(argv: list[str] | None = None) -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description="Put measured figures into a model's card.")
-    parser.add_argument("model", type=Path, help="folder of an exported model")
-    sources = {"text": text_metrics, "motion": motion_metrics, "gait": gait_metrics}
-    for name in sources:
-        parser.add_argument(f"--{name}", type=Path, help=f"JSON of the {name} measurement")
-    args = parser.parse_args(argv)
-    metadata = _read(args.model / "metadata.json")
-    lines: list[str] = []
-    for name, lines_of in sources.items():
-        if getattr(args, name) is not None:
-            lines += lines_of(_read(getattr(args, name)))
-    metadata["metrics"] = lines
-    write_atomic(args.model / "metadata.json", json.dumps(metadata, indent=1) + "\n")
-    write_atomic(args.model / "README.md", model_card(metadata, metadata.get("curves", {})))
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise FileError(f"{path}: not a readable JSON file.", "Run the measurement again.") from error
-
-
-if __name__ == "__main__":
-    raise SystemExit(run_command("model card", main))

@@ -22,14 +22,7 @@ from training.networks.content import (
     StatisticsReader,
 )
 from training.presets import ModelConfig
-from training.session import (
-    MovingAverage,
-    Session,
-    StageLength,
-    TrainingState,
-    save_checkpoint,
-    train,
-)
+from training.session import MovingAverage, Session, StageLength, TrainingState, save_checkpoint, train
 from training.styles import StyleTable, StyleTexts, pick_paraphrases
 from training.text.clip_measures import clip_values
 
@@ -104,11 +97,7 @@ class DrawnWindows:
     """Endless batches of windows inside one clip."""
 
     def __init__(
-        self,
-        frames: FrameTensors,
-        weights: np.ndarray,
-        batch: int,
-        generator: torch.Generator,
+        self, frames: FrameTensors, weights: np.ndarray, batch: int, generator: torch.Generator
     ) -> None:
         long_enough = (frames.last - frames.first).cpu().numpy() >= SPAN
         self._rows = RandomRows(weights * long_enough, batch, 0, frames.last, generator)

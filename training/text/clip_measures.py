@@ -1,9 +1,10 @@
-"""Measures of imported clips: made comparable between captures for captions, standardised part by part for training."""
+"""Measures of imported clips: captions of each in the words of prompts, and what training reads off codes."""
 
 from __future__ import annotations
 
+import json
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import astuple, dataclass, replace
 from functools import partial
@@ -12,37 +13,26 @@ from pathlib import Path
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.controls import Gait
+from runtime.atomic import write_atomic
 from runtime.errors import FileError
 from runtime.safe_read import open_npz
 from runtime.skeleton import PART_NAMES
+from training.text.descriptions import describe
 from training.text.measure import FPS, BodyMeasures, average, measure, measure_names
 
-MIN_FRAMES = 90
-# a gesture is described whole, standing; of locomotion, forward walking tells a style best
-_GESTURE = ("hand",)
+PARAPHRASES = 4
+_GESTURE = "hand"  # in the contents of what is captured standing
 _NOT_FORWARD = (
-    "back",
-    "left",
-    "right",
-    "side",
-    "jump",
-    "terrain",
-    "transition",
-    "idle",
-    "run",
-    "dash",
-    "navigate",
-)
+    "back", "left", "right", "side", "jump", "terrain", "transition", "idle", "run", "dash", "navigate",
+)  # fmt: skip
 MAX_TILT_CORRECTION = 10.0  # degrees; a neutral walk that looks down by more does look down
 MOST = 4.0  # deviations: what a clip that turns or jumps does beyond that says nothing more
 _ONE_SIDED = ("roll", "turn")  # of torso and head: these change their sign in the mirror image
-VARIANTS = 4  # up to so many forward clips, each is a performance of its own and gets its own words
 
 
 @dataclass(frozen=True)
 class ClipMeasures:
-    """One clip: `capture` is the data set it comes from, `forward` whether it tells its style best."""
+    """One clip: `capture` is the data set it comes from, `forward` whether it walks ahead."""
 
     name: str
     capture: str
@@ -52,63 +42,40 @@ class ClipMeasures:
     body: BodyMeasures
 
 
-def measure_clips(directory: Path, every_clip: bool = False) -> list[ClipMeasures]:
+def measure_clips(directory: Path) -> list[ClipMeasures]:
     """Measures of the unmirrored training clips in `directory`; FileError when it holds none.
 
-    Only forward walking and gestures, unless `every_clip`. What a capture's neutral walk shows as a lean or a bowed
-    head is the retargeting's, not the style's, and is subtracted.
+    What a capture's neutral walk shows as a lean or a bowed head is the retargeting's, not the style's, and is subtracted.
     """
     paths = sorted(
         p for p in directory.glob("*.npz") if not p.stem.endswith("_m") and not p.stem.startswith("layer_")
     )
     if not paths:
         raise FileError(f"{directory}: holds no clips (*.npz).", "Run the importer first.")
-    clips = [clip for path in paths for clip in _read(path, every_clip)]
-    return _relative_to_neutral(clips)
+    return _relative_to_neutral([clip for clip in map(_read, paths) if clip is not None])
 
 
-def styles_of(clips: Iterable[ClipMeasures]) -> dict[str, list[BodyMeasures]]:
-    """Style → one average, or one entry for each performance where there are few."""
-    grouped: dict[str, list[ClipMeasures]] = defaultdict(list)
-    for clip in clips:
-        if clip.forward:
-            grouped[clip.style].append(clip)
-    found = {}
-    for style, items in sorted(grouped.items()):
-        longest = max(clip.seconds for clip in items)
-        items = [clip for clip in items if clip.seconds > 0.3 * longest]  # stubs are no performance
-        if len(items) <= VARIANTS and not style.startswith("neutral"):
-            found[style] = [clip.body for clip in items]
-        else:
-            found[style] = [average((clip.body, clip.seconds) for clip in items)]
-    return found
+def write_clip_captions(clips: Path, path: Path) -> None:
+    """Write {clip name: descriptions measured on it} of every captured training clip."""
+    captions = {clip.name: captions_of(clip.body) for clip in measure_clips(clips)}
+    write_atomic(path, json.dumps(captions, indent=1, ensure_ascii=False) + "\n")
 
 
-def _read(path: Path, every_clip: bool) -> list[ClipMeasures]:
+def captions_of(body: BodyMeasures) -> list[dict[str, str]]:
+    """Up to `PARAPHRASES` different descriptions of a motion."""
+    found = [describe(body, k).to_mapping() for k in range(PARAPHRASES)]
+    return [caption for i, caption in enumerate(found) if caption not in found[:i]]
+
+
+def _read(path: Path) -> ClipMeasures | None:
     with open_npz(path, "Run the importer again.") as clip:
         if bool(clip["mirrored"]) or str(clip["split"]) != "train":
-            return []
+            return None
         style, content = str(clip["style"]), str(clip["content"])
-        gesture = any(word in content for word in _GESTURE)
-        forward = gesture or not any(word in content for word in _NOT_FORWARD)
-        if not (forward or every_clip):
-            return []
         hips, local, contacts = clip["hips_positions"], clip["local_rotations"], clip["contacts"]
-        gait = clip["gait"]
-    whole = gesture or every_clip
-    spans = [(0, len(gait))] if whole else _walking(gait)
-    parts = [(measure(hips[a:b], local[a:b], contacts[a:b]), (b - a) / FPS) for a, b in spans]
-    if not parts:
-        return []
-    capture = path.stem.split("_")[0]
-    return [ClipMeasures(path.stem, capture, style, forward, sum(s for _, s in parts), average(parts))]
-
-
-def _walking(gait: np.ndarray) -> list[tuple[int, int]]:
-    """Runs of at least `MIN_FRAMES` frames of walking."""
-    walking = np.concatenate([[False], np.argmax(gait, axis=1) == Gait.WALK, [False]])
-    edges = np.flatnonzero(np.diff(walking.astype(int)))
-    return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= MIN_FRAMES]
+    forward = _GESTURE in content or not any(word in content for word in _NOT_FORWARD)
+    capture, body = path.stem.split("_")[0], measure(hips, local, contacts)
+    return ClipMeasures(path.stem, capture, style, forward, len(hips) / FPS, body)
 
 
 def _relative_to_neutral(clips: list[ClipMeasures]) -> list[ClipMeasures]:

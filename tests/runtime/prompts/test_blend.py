@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import runtime.generate as generate_module
@@ -27,8 +27,6 @@ from runtime.takes.metadata import PromptEvent
 from sport import cli
 from tests.helpers.walker import WalkerModel
 
-settings.register_profile("blend", max_examples=40, deadline=None, derandomize=True)
-settings.load_profile("blend")
 codes = st.integers(0, 2**32).map(
     lambda seed: 3.0 * np.random.default_rng(seed).standard_normal((6, 64), np.float32)
 )
@@ -149,6 +147,7 @@ def walker(monkeypatch):
     monkeypatch.setattr(generate_module, "Prompter", StandIn)
 
 
+@pytest.mark.usefixtures("quick_blends")
 def test_generate_blends(walker, tmp_path):
     def written(*arguments):
         out = tmp_path / "clip.bvh"

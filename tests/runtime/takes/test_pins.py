@@ -15,38 +15,17 @@ from runtime.session.history import History
 from runtime.session.motion import Motion
 from runtime.session.session import Session, Take
 from runtime.session.session_file import SessionFile
-from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, J
+from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON
 from runtime.takes.clip import Clip
 from runtime.takes.footplants import FootplantEdit, fitted_footplant, footplants, replanted, unfitted
 from runtime.takes.pinned import along_with, farthest, pinned
-from runtime.takes.pins import Pin, Pinned, parse_pins
+from runtime.takes.pins import parse_pins
 from runtime.takes.pose_edits import PoseEdits
 
-FRAMES, SPEED = 180, 0.6
+FRAMES, SPEED = 180, 0.6  # of `walk`
 LEFT_HAND, HEAD, LEFT_FOOT = (SPORT_SKELETON.index(name) for name in ("LeftHand", "Head", "LeftFoot"))
 coordinates = st.floats(-50.0, 50.0).map(lambda v: round(v, 3))
 points = st.tuples(coordinates, coordinates, coordinates)
-
-
-@pytest.fixture(scope="module")
-def walk() -> Clip:
-    """Legs and arms swing once a second; each foot bears while its leg swings back."""
-    t = np.arange(FRAMES) / 60.0
-    local = np.tile(rotations.identity((J,)), (FRAMES, 1, 1)).astype(float)
-    x, z, swing = np.eye(3)[0], np.eye(3)[2], 0.35 * np.sin(2 * np.pi * t)
-    for name, sign in (("LeftUpLeg", 1.0), ("RightUpLeg", -1.0)):
-        local[:, SPORT_SKELETON.index(name)] = rotations.from_axis_angle(x, sign * swing)
-    for name in ("LeftLeg", "RightLeg"):
-        local[:, SPORT_SKELETON.index(name)] = rotations.from_axis_angle(x, np.full(FRAMES, 0.25))
-    for name, angle, sign in (("LeftArm", -1.2, -1.0), ("RightArm", 1.2, 1.0)):
-        down = rotations.from_axis_angle(z, np.full(FRAMES, angle))
-        local[:, SPORT_SKELETON.index(name)] = rotations.multiply(
-            rotations.from_axis_angle(x, sign * swing), down
-        )
-    hips = np.stack([0 * t, np.full(FRAMES, REST_HIPS_HEIGHT - 0.03), SPEED * t], -1)
-    back = np.gradient(swing) > 0
-    contacts = np.stack([back, back, ~back, ~back], -1)
-    return Clip("walk", 60.0, *(a.astype(np.float32) for a in (hips, local, contacts)))
 
 
 def largest_step(clip: Clip) -> float:
@@ -112,17 +91,6 @@ def test_a_point_beside_a_character_turns_with_it() -> None:
     turn = rotations.from_yaw(np.pi / 2)
     beside = along_with(np.array([5.0, 1.0, 1.0]), np.array([4.0, REST_HIPS_HEIGHT, 1.0]), turn)
     assert np.allclose(beside, [0.0, 1.0, 1.0], atol=1e-6)  # one metre ahead of who looks towards +X
-
-
-@given(
-    st.sampled_from([what for what in Pinned if what is not Pinned.POSE]), points, st.none() | points, st.booleans(),
-    st.floats(0.0, 10.0).map(lambda v: round(v, 2)), st.floats(0.0, 5.0).map(lambda v: round(v, 2)),
-)  # fmt: skip
-def test_pins_are_read_as_they_are_written(what, point, rail, along, start, ease) -> None:  # type: ignore[no-untyped-def]
-    pin = Pin(what, point, start, start + 1.5, ease, 0.25, rail, along)
-    (read,) = parse_pins(pin.to_text())
-    assert np.allclose(read.point, point, rtol=1e-4)
-    assert (read.what, read.along, read.ease_out) == (what, along, 0.25)
 
 
 @pytest.mark.parametrize(

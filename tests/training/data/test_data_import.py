@@ -390,12 +390,7 @@ def test_import_writes_the_contract(tmp_path: Path) -> None:
     (folder / "Angry_ID.bvh").write_text("not a BVH", encoding="utf-8")
     report = import_all(tmp_path / "data", tmp_path / "out", workers=1)
     names = sorted(p.stem for p in (tmp_path / "out" / "clips").iterdir())
-    assert names == [
-        "100style_Angry_FW",
-        "100style_Angry_FW_m",
-        "100style_Angry_FW_t",
-        "100style_Angry_FW_t_m",
-    ]
+    assert names == [f"100style_Angry_FW{part}" for part in ("", "_m", "_t", "_t_m")]
     with np.load(tmp_path / "out" / "clips" / "100style_Angry_FW.npz", allow_pickle=False) as clip:
         frames = len(clip["hips_positions"])
         assert frames > 200
@@ -410,7 +405,6 @@ def test_import_writes_the_contract(tmp_path: Path) -> None:
         assert np.all(np.sum(clip["local_rotations"][1:] * clip["local_rotations"][:-1], -1) > 0)
     assert any("Angry_ID" in r.name and "HIERARCHY" in r.reason for r in report.refused)
     assert "| angry |" in report.markdown()
-    assert "`bandai2` 7," in report.markdown()
     written = json.loads((tmp_path / "out" / "report.json").read_text("utf-8"))
     assert [clip["name"] for clip in written["clips"]] == [clip.name for clip in report.clips]
 

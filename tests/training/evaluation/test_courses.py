@@ -14,8 +14,8 @@ pytest.importorskip("sklearn")
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.courses import BEAM, BEAM_RAMP_M, GAPS, HURDLES, WALLS, Obstacle
 from runtime.terrain.height_map import Terrain
-from training.evaluation.metrics import crossing
-from training.evaluation.metrics.crossing import capsule_points, depth_inside, limb_depths
+from training.evaluation.metrics import traversal
+from training.evaluation.metrics.traversal import capsule_points, depth_inside, limb_depths
 from training.evaluation.on_obstacles import COURSES, markdown, score_obstacles
 
 BLOCK = Obstacle(2.0, 4.0, 1.0, 3.0)
@@ -66,14 +66,14 @@ def test_limbs_in_a_wall_are_seen_and_those_beside_it_are_not():
 
 def test_depths_of_a_figure_sunk_by_a_known_amount():
     positions, _ = standing(height=-0.10)
-    figures = crossing.depths(positions, Terrain.flat(), np.ones(len(positions), bool))
+    figures = traversal.depths(positions, Terrain.flat(), np.ones(len(positions), bool))
     exact, _ = standing()
-    resting = crossing.depths(exact, Terrain.flat(), np.ones(len(exact), bool))
+    resting = traversal.depths(exact, Terrain.flat(), np.ones(len(exact), bool))
     assert figures["sole_p99"] - resting["sole_p99"] == pytest.approx(10.0, abs=0.5)
     assert figures["joint_max"] == pytest.approx(10.0 - 2.8, abs=1.5)  # the toe joint
     assert figures["joint_inside"] == 1.0
     assert resting["joint_deep"] == 0.0
-    assert crossing.depths(exact, Terrain.flat(), np.zeros(len(exact), bool)) == {}
+    assert traversal.depths(exact, Terrain.flat(), np.zeros(len(exact), bool)) == {}
 
 
 def test_clearance_is_that_of_the_lowest_point_over_the_bar():
@@ -81,36 +81,36 @@ def test_clearance_is_that_of_the_lowest_point_over_the_bar():
     positions, _ = standing(z=bar.begin, height=bar.top + 0.12)
     track = positions - [0.0, 0.0, 1.0]
     track[:, [5, 10], 2] = bar.begin + 0.05  # both toes over the bar, the heels before it
-    assert crossing.clearances(track, HURDLES) == pytest.approx([12.0, 12.0], abs=1.5)
-    assert crossing.clearances(track + np.array([0.0, 0.0, 1.0]), HURDLES) == []
+    assert traversal.clearances(track, HURDLES) == pytest.approx([12.0, 12.0], abs=1.5)
+    assert traversal.clearances(track + np.array([0.0, 0.0, 1.0]), HURDLES) == []
 
 
 def test_contacts_on_a_beam_and_falls():
     positions, contacts = standing(z=8.0, height=BEAM.top)
-    on, beside = crossing.beam_contacts(positions, contacts, BEAM, BEAM_RAMP_M)
+    on, beside = traversal.beam_contacts(positions, contacts, BEAM, BEAM_RAMP_M)
     assert (on, beside) == (120, 0)  # feet at 7.5 cm from the middle
     away = positions + np.array([0.1, 0.0, 0.0])  # the left foot at 17.5, the right at 2.5 cm
-    assert crossing.beam_contacts(away, contacts, BEAM, BEAM_RAMP_M) == (60, 60)
-    assert crossing.falls(away, contacts, BEAM, BEAM_RAMP_M) == 0
+    assert traversal.beam_contacts(away, contacts, BEAM, BEAM_RAMP_M) == (60, 60)
+    assert traversal.falls(away, contacts, BEAM, BEAM_RAMP_M) == 0
     away[10:20, :, 1] -= BEAM.top
-    assert crossing.falls(away, contacts, BEAM, BEAM_RAMP_M) == 1
+    assert traversal.falls(away, contacts, BEAM, BEAM_RAMP_M) == 1
 
 
 def test_hands_count_where_both_rest_on_the_edge():
     wall = WALLS[1]
     positions, _ = standing(120, z=wall.begin - 0.4)
-    for hand in crossing.HANDS:
+    for hand in traversal.HANDS:
         positions[30:75, hand, 1:] = [wall.top + 0.02, wall.begin + 0.03]
-    seconds = crossing.hands_on_edge(positions, WALLS)
+    seconds = traversal.hands_on_edge(positions, WALLS)
     assert seconds == pytest.approx([0.0, 0.75, 0.0], abs=0.05)
 
 
 def test_time_and_pace_over_an_obstacle():
     z = np.concatenate([np.linspace(0.0, 2.0, 121), np.full(60, 2.0), np.linspace(2.0, 6.0, 241)])
-    seconds, slowest = crossing.seconds_over(np.stack([0 * z, z], -1), BLOCK)
+    seconds, slowest = traversal.seconds_over(np.stack([0 * z, z], -1), BLOCK)
     assert seconds == pytest.approx(0.5 + 1.0 + 2.5, abs=0.1)
     assert slowest == pytest.approx(0.0, abs=0.01)
-    assert crossing.seconds_over(np.stack([0 * z, 0.5 * z], -1), BLOCK) is None
+    assert traversal.seconds_over(np.stack([0 * z, 0.5 * z], -1), BLOCK) is None
 
 
 def test_a_gap_is_flown_over_or_stepped_into():
@@ -122,10 +122,10 @@ def test_a_gap_is_flown_over_or_stepped_into():
     lifted, free = track.copy(), contacts.copy()
     lifted[20:45, :, 1] += 0.1
     free[20:45] = 0.0
-    assert crossing.flights(lifted, free, [(first, second)]) == (1, 1)
+    assert traversal.flights(lifted, free, [(first, second)]) == (1, 1)
     sunk = track.copy()
     sunk[20:45, :, 1] -= first.top
-    assert crossing.flights(sunk, contacts, [(first, second)]) == (0, 0)
+    assert traversal.flights(sunk, contacts, [(first, second)]) == (0, 0)
 
 
 def test_a_figure_that_glides_is_frozen():
@@ -133,10 +133,10 @@ def test_a_figure_that_glides_is_frozen():
     z = np.arange(181) / 60.0
     root = np.stack([0 * z, z], -1)
     glides = positions + np.stack([0 * z, 0 * z, z], -1)[:, None]
-    assert crossing.frozen_seconds(glides, root, np.full(181, 1.0)) == 3
+    assert traversal.frozen_seconds(glides, root, np.full(181, 1.0)) == 3
     hips, local, _ = walk(181)
     walks = SPORT_SKELETON.forward_kinematics(hips, local)[0]
-    assert crossing.frozen_seconds(walks, hips[:, [0, 2]], np.full(181, 1.1)) == 0
+    assert traversal.frozen_seconds(walks, hips[:, [0, 2]], np.full(181, 1.1)) == 0
 
 
 @pytest.mark.parametrize("course", COURSES, ids=lambda c: c.name)

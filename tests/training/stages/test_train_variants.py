@@ -91,7 +91,7 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.setattr(StatisticsReader, "measure", lambda self, joints: measure(self, joints[:256]))
         patch.setattr("training.stages.words._error", lambda *_: 0.0)  # of thousands of sentences, four times
         patch.setattr(pipeline, "quantize_model", lambda *_args, **_options: None)
-        patch.setattr(pipeline, "measure_crossings", lambda _folder: None)
+        patch.setattr(pipeline, "measure_traversals", lambda _folder: None)
         for name in ("estimate_variance", "measure_codes"):
             patch.setattr(stage_motion, name, functools.partial(getattr(stage_motion, name), batches=1))
         patch.setattr(stage_motion, "measure", functools.partial(stage_motion.measure, count=2000))

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from runtime import rotations
-from runtime.errors import FileError, UsageError
+from runtime.errors import FileError
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import SPORT_SKELETON, mirror_motion
-from training.text.captions import main, measured_captions, merge_captions
-from training.text.clip_measures import measure_clips, styles_of
+from training.text.clip_measures import captions_of, measure_clips, write_clip_captions
 from training.text.descriptions import describe
 from training.text.measure import average, measure, smoothed_facing
 
@@ -88,10 +87,8 @@ def test_a_mirrored_motion_has_mirrored_words() -> None:
     assert "leaning to the right" in back.torso
 
 
-def test_pace_is_told_only_when_asked_for() -> None:
-    body = measure(*_motion(HANGING, speed=3.0))
-    assert "running" in describe(body, 0, pace=True).left_leg
-    assert "running" not in describe(body, 0).left_leg
+def test_pace_is_told() -> None:
+    assert "running" in describe(measure(*_motion(HANGING, speed=3.0)), 0).left_leg
 
 
 def test_the_average_is_a_weighted_median() -> None:
@@ -101,21 +98,10 @@ def test_the_average_is_a_weighted_median() -> None:
 
 
 def test_wordings_differ_and_are_usable() -> None:
-    captions = measured_captions([measure(*_motion(HANGING, speed=1.2))])
+    captions = captions_of(measure(*_motion(HANGING, speed=1.2)))
     assert len(captions) >= 3
     for caption in captions:
         assert PartDescriptions.from_mapping(caption).to_mapping() == caption
-
-
-def test_merging_keeps_what_is_written_by_hand_and_is_idempotent() -> None:
-    library = {"a": {"prompt": "p", "descriptions": [{"head": "by hand"}]}}
-    captions = {"a": [{"head": "one"}, {"head": "two"}], "cmu_long_stride": [{"head": "three"}]}
-    merged = merge_captions(library, captions)
-    assert [d["head"] for d in merged["a"]["descriptions"]] == ["by hand", "one", "two"]
-    assert merged["cmu_long_stride"]["prompt"] == "long stride"
-    assert merge_captions(merged, captions) == merged
-    fewer = merge_captions(merged, {"a": [{"head": "new"}]})
-    assert [d["head"] for d in fewer["a"]["descriptions"]] == ["by hand", "new"]
 
 
 def _clip(directory: Path, name: str, style: str, turns: dict, **changed: object) -> None:
@@ -138,37 +124,17 @@ def test_a_capture_s_own_neutral_is_no_style(tmp_path: Path) -> None:
     _clip(tmp_path, "cap_neutral", "neutral", bias)
     _clip(tmp_path, "cap_sad", "sad", {**HANGING, "Head": (X, 30.0)})
     _clip(tmp_path, "other_happy", "happy", bias)
-    styles = styles_of(measure_clips(tmp_path))
-    assert styles["neutral"][0].head.pitch == pytest.approx(0.0, abs=0.1)
-    assert styles["sad"][0].head.pitch == pytest.approx(21.0, abs=0.1)
-    assert styles["happy"][0].head.pitch == pytest.approx(9.0, abs=0.1)
+    pitches = {clip.style: clip.body.head.pitch for clip in measure_clips(tmp_path)}
+    assert pitches == pytest.approx({"neutral": 0.0, "sad": 21.0, "happy": 9.0}, abs=0.1)
 
 
-def test_only_unmirrored_training_clips_are_described(tmp_path: Path) -> None:
+def test_unmirrored_training_clips_are_described(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="clips"):
+        write_clip_captions(tmp_path, tmp_path / "captions.json")
     _clip(tmp_path, "a_1", "kept", HANGING)
     _clip(tmp_path, "a_2", "held", HANGING, split="held_out")
     _clip(tmp_path, "a_3_m", "mirrored", HANGING, mirrored=True)
-    _clip(tmp_path, "a_4", "backward", HANGING, content="walk backward")
-    assert set(styles_of(measure_clips(tmp_path))) == {"kept"}
-
-
-def test_command_line(tmp_path: Path) -> None:
-    clips = tmp_path / "clips"
-    clips.mkdir()
-    with pytest.raises(FileError, match="clips"):
-        main(["--clips", str(clips), "--out", str(tmp_path / "styles.json")])
-    with pytest.raises(UsageError):
-        main(["--clips", str(clips)])
-    _clip(clips, "a_1", "kept", HANGING)
-    main(
-        [
-            "--clips",
-            str(clips),
-            "--out",
-            str(tmp_path / "styles.json"),
-            "--per-clip",
-            str(tmp_path / "c.json"),
-        ]
-    )
-    assert set(json.loads((tmp_path / "styles.json").read_text())) == {"kept"}
-    assert "evenly" in json.loads((tmp_path / "c.json").read_text())["a_1"][0]["left_leg"]
+    write_clip_captions(tmp_path, tmp_path / "captions.json")
+    written = json.loads((tmp_path / "captions.json").read_text())
+    assert set(written) == {"a_1"}
+    assert "evenly" in written["a_1"][0]["left_leg"]

@@ -272,17 +272,22 @@ def score_held_out(plan: EvaluationPlan, report: Report) -> dict[str, Any]:
     """The capture's own held-out clips, scored by the same code."""
     report("held-out capture")
     styles = [g for g in plan.groups if g != TERRAIN_GROUP and len(plan.held_out[g])]
-    skating = {gait: Skating() for gait in GAITS}
-    for clip in (clip for group in styles for clip in plan.capture.of(group, True)):
-        motion = load_motion(clip.path)
-        for name, gait in GAITS.items():
-            skating[name] += foot_skating(motion.positions, motion.terrain, motion.gait == gait)
     return {
         "name": "held-out capture",
         "fmd": {n: _split_distance(plan, n, styles) for n in plan.feature_sets},
-        "skating": {g: s.as_dict() for g, s in skating.items()},
+        "skating": _held_out_skating(plan, styles),
         "recognition": _recognition(plan, {g: plan.held_out[g] for g in styles}),
     }
+
+
+def _held_out_skating(plan: EvaluationPlan, styles: list[str]) -> dict[str, dict[str, float]]:
+    """By gait, of the held-out clips of these styles."""
+    skating = {gait: Skating() for gait in GAITS}
+    for clip in (clip for style in styles for clip in plan.capture.of(style, True)):
+        motion = load_motion(clip.path)
+        for name, gait in GAITS.items():
+            skating[name] += foot_skating(motion.positions, motion.terrain, motion.gait == gait)
+    return {gait: found.as_dict() for gait, found in skating.items()}
 
 
 def _split_distance(plan: EvaluationPlan, name: str, styles: list[str]) -> dict[str, float]:

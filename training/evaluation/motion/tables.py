@@ -150,11 +150,7 @@ MAX_NORMAL_SKATING_CM = 0.05
 ROUGH_RATIO = 1.5
 HALVES_RATIO = 2.0
 RECOGNITION_FRACTION = 0.8
-MEASURES = {
-    "soles": "under toes and heels",
-    "toe_soles": "under the toes",
-    "toes": "the paper's formula",
-}
+MEASURES = {"soles": "under toes and heels", "toe_soles": "under the toes", "toes": "the paper's formula"}
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,11 @@ from runtime.assets import asset_path
 from runtime.errors import UsageError
 from runtime.motion.model import load_model
 from runtime.prompts.english.library_data import load_styles
+from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.prompter import Prompter
 from runtime.prompts.text_encoder import TextEncoder
 from training.augmentation.measured_edits import CapturedReference, Summary, load_reference
 from training.evaluation.experiment import Arguments, Experiment, Setting, command_of, option
-from training.evaluation.metrics.features import has_encoder
 from training.evaluation.text import edits
 from training.evaluation.text.edits import FREE_PROMPTS, Case, by_slot, independence, seed_changes
 from training.evaluation.text.retrieval import BAR as RETRIEVAL_BAR
@@ -41,11 +41,6 @@ def words_and_motion(setting: Setting) -> dict[str, Any]:
 
 
 def _retrieval(args: Arguments, folder: Path, words: TextEncoder) -> dict[str, Any]:
-    """The figures, or why there are none: models of version 0.1 hold no motion encoder."""
-    if not has_encoder(folder):
-        return {
-            "missing": "The model folder holds no motion.onnx: export it again with `sport train export`."
-        }
     styles = load_styles(asset_path("prompts/styles.json"))
     return evaluate_retrieval(folder, args.clips, {n: list(s.descriptions) for n, s in styles.items()}, words)
 
@@ -57,19 +52,11 @@ def _edits(setting: Setting, prompter: Prompter) -> dict[str, Any]:
     neutral = prompter.expand(PLAIN_PROMPT).descriptions
     cases = edits.catalogue_cases(neutral, trained=not args.quick)
     cases += [edits.free_case(p, names, prompter.expand(p).descriptions) for p, names in FREE_PROMPTS.items()]
-    walker = Walker(setting.folders[0], args.workers, 3.0 if args.quick else SECONDS)
-    requested = [Walk.of(prompter(neutral), seed) for seed in range(edits.SEEDS)]
-    requested += [Walk.of(prompter(d), s) for c in cases for d, s in zip(c.variants, c.seeds, strict=True)]
-    setting.report(f"{len(set(requested))} walks")
-    made = iter(walker.make(requested))
-    neutral_walks = {seed: next(made) for seed in range(edits.SEEDS)}
-    rows, independent, unmeasured = [], [], []
-    for case in cases:
-        summaries = [next(made) for _ in case.variants]
-        row, own = _case_result(case, summaries, neutral_walks, reference)
-        rows += [] if row is None else [row]
-        unmeasured += [case.name] if row is None else []
-        independent += [] if own is None else [own]
+    neutral_walks, walks = _walked(setting, prompter, neutral, cases)
+    found = [_case_result(c, own, neutral_walks, reference) for c, own in zip(cases, walks, strict=True)]
+    rows = [row for row, _ in found if row is not None]
+    independent = [own for _, own in found if own is not None]
+    unmeasured = [case.name for case, (row, _) in zip(cases, found, strict=True) if row is None]
     return {
         "edits": {"rows": rows, "unmeasured": unmeasured, "summary": _summaries(rows)},
         "independence": {
@@ -80,15 +67,27 @@ def _edits(setting: Setting, prompter: Prompter) -> dict[str, Any]:
     }
 
 
+def _walked(
+    setting: Setting, prompter: Prompter, neutral: PartDescriptions, cases: Sequence[Case]
+) -> tuple[dict[int, Summary], list[list[Summary]]]:
+    """The neutral walks by seed, and those of every case's variants."""
+    args = setting.args
+    walker = Walker(setting.folders[0], args.workers, 3.0 if args.quick else SECONDS)
+    plain = [Walk.of(prompter(neutral), seed) for seed in range(edits.SEEDS)]
+    walks = [[Walk.of(prompter(d), s) for d, s in zip(c.variants, c.seeds, strict=True)] for c in cases]
+    requested = [*plain, *(walk for own in walks for walk in own)]
+    setting.report(f"{len(set(requested))} walks")
+    made = dict(zip(requested, walker.make(requested), strict=True))
+    return {walk.seed: made[walk] for walk in plain}, [[made[walk] for walk in own] for own in walks]
+
+
 def _case_result(
     case: Case, summaries: Sequence[Summary], neutral: dict[int, Summary], reference: CapturedReference
 ) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
     """The case's score, None where its measure shows nothing; and its independence, for single edits."""
     pairs = reference.edited(case.edits)
     described = reference.described(pairs, case.edits)
-    row = None
-    if described:
-        row = edits.score(case, summaries, neutral, described)
+    row = edits.score(case, summaries, neutral, described) if described else None
     single = len(case.edits) == 1 and case.kind != "free words"
     return row, independence(case, summaries, neutral, pairs) if single else None
 
@@ -103,16 +102,13 @@ def _summaries(rows: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:
 # --- tables -----------------------------------------------------------------------------------------------------------
 
 
-Bar = tuple[
-    str, str, bool | None
-]  # what is required, what was measured, and whether it is met (None: not measured)
+Bar = tuple[str, str, bool]  # what is required, what was measured, and whether it is met
 DIRECTIONS = {"text_to_motion": "text→motion", "motion_to_text": "motion→text"}
 
 
 def markdown(results: dict[str, Any]) -> str:
     """All tables of `results`, what `--json` holds."""
-    met = {True: "yes", False: "**no**", None: "–"}
-    rows = [[required, measured, met[ok]] for required, measured, ok in bars(results)]
+    rows = [[required, measured, "yes" if ok else "**no**"] for required, measured, ok in bars(results)]
     lines = [f"`{results['command']}`, model `{results['model']}`", ""]
     lines += table(["Bar", "Measured", "Met"], rows)
     if "retrieval" in results:
@@ -127,11 +123,9 @@ def bars(results: dict[str, Any]) -> list[Bar]:
     """Every demand."""
     found: list[Bar] = []
     for key, words in DIRECTIONS.items() if "retrieval" in results else ():
-        r1 = results["retrieval"].get(key, {}).get("r1")
+        r1 = results["retrieval"][key]["r1"]
         name = f"{words} R@1 on held-out captured clips: at least {percent(RETRIEVAL_BAR)}"
-        found.append(
-            (name, "not measured" if r1 is None else percent(r1), None if r1 is None else r1 >= RETRIEVAL_BAR)
-        )
+        found.append((name, percent(r1), r1 >= RETRIEVAL_BAR))
     if "edits" in results:
         rhythm = (edits.RHYTHM_RIGHT_BAR, edits.RHYTHM_ENOUGH_BAR)
         for kind, name, least in (
@@ -159,8 +153,6 @@ def _edit_bars(name: str, scores: dict[str, float], least: tuple[float, float]) 
 
 
 def _retrieval_table(scores: dict[str, Any]) -> list[str]:
-    if "missing" in scores:
-        return [scores["missing"], ""]
     rows = []
     for suffix, words in (("", ""), ("_alike", ", look-alike styles as one")):
         for key, name in DIRECTIONS.items():

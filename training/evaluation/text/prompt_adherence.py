@@ -105,10 +105,7 @@ class Found:
 
 
 def measure_adherence(
-    model: MotionModel,
-    prompter: Prompter,
-    walker: Walker,
-    entries: Sequence[PartDescriptions],
+    model: MotionModel, prompter: Prompter, walker: Walker, entries: Sequence[PartDescriptions]
 ) -> Found:
     """Walk the library's `entries` and the catalogue's phrases once each."""
     neutral = prompter.expand(PLAIN_PROMPT).descriptions

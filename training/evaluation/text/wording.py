@@ -17,6 +17,8 @@ import logging
 import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
+from math import inf
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +57,7 @@ PARTS = {
 ARMS = ("left_arm", "right_arm")
 Key = tuple[str, str]  # group and words, of a limb as of the left one
 NEUTRAL: Key = ("", "")
+Likeness = Callable[[Sequence[str]], Array]
 
 
 def walk(model: MotionModel, codes: Sequence[Array], seed: int = 0) -> list[BodyMeasures]:
@@ -92,50 +95,53 @@ def _said(plain: PartDescriptions, group: str, words: str) -> PartDescriptions:
 
 
 def better_wordings(
-    walks: Mapping[Key, BodyMeasures], captured: frozenset[Key], likeness: Callable[[Sequence[str]], Array]
+    walks: Mapping[Key, BodyMeasures], captured: frozenset[Key], likeness: Likeness
 ) -> dict[str, dict[str, str]]:
     """By group, each weakly shown sentence with the one in its place; `captured` sentences keep their words.
 
     `likeness` gives unit vectors of sentences.
     """
-    neutral = walks[NEUTRAL]
-    table: dict[str, dict[str, str]] = {}
-    for group, part in PARTS.items():
+    table = {}
+    for group in PARTS:
         bodies = {words: body for (own, words), body in walks.items() if own == group}
-        shown = {words: sentence_fraction(part, words, neutral, body) for words, body in bodies.items()}
-        strong = [words for words in bodies if not _weak(shown[words])]
-        weak = [w for w in bodies if _weak(shown[w]) and (as_left_limb("", part)[0], w) not in captured]
-        vectors = dict(zip(bodies, likeness(list(bodies)), strict=True)) if weak else {}
-        for words in weak:
-            alike = {
-                w: float(vectors[words] @ vectors[w]) for w in strong if _stands_for(group, part, w, words)
-            }
-            best = _best(
-                part, words, (shown[words] or 0.0) + GAIN, neutral, {w: (bodies[w], alike[w]) for w in alike}
-            )
-            if best is not None:
-                table.setdefault(group, {})[words] = best
+        own = _better_of(group, bodies, walks[NEUTRAL], likeness)
+        limb = as_left_limb("", PARTS[group])[0]
+        own = {words: best for words, best in own.items() if (limb, words) not in captured}
+        if own:
+            table[group] = own
     return table
 
 
-def _best(
-    part: str,
-    words: str,
-    least: float,
-    neutral: BodyMeasures,
-    others: Mapping[str, tuple[BodyMeasures, float]],
-) -> str | None:
-    """The sentence whose walk shows at least so much of another one; others' changes and unlike words count against it."""
-    worth = {}
-    for other, (body, alike) in others.items():
-        fraction = sentence_fraction(part, words, neutral, body)
-        if fraction is not None and fraction >= least:
-            worth[other] = fraction - CHANGE * unclaimed_change(part, words, neutral, body) + ALIKE * alike
-    return max(worth, key=worth.__getitem__, default=None)
+def _better_of(
+    group: str, bodies: Mapping[str, BodyMeasures], neutral: BodyMeasures, likeness: Likeness
+) -> dict[str, str]:
+    """Each weakly shown sentence of a group with the one in its place; `bodies` are what is walked by each sentence."""
+    part = PARTS[group]
+    shown = {words: sentence_fraction(part, words, neutral, body) for words, body in bodies.items()}
+    weak = {words: fraction for words, fraction in shown.items() if fraction is not None and fraction < WEAK}
+    if not weak:
+        return {}
+    vectors = dict(zip(bodies, likeness(list(bodies)), strict=True))
+
+    def worth(words: str, other: str) -> float:
+        value = _worth(part, words, weak[words] + GAIN, neutral, bodies[other])
+        return value + ALIKE * float(vectors[words] @ vectors[other])
+
+    found = {}
+    for words in weak:
+        others = [w for w in bodies if w not in weak and _stands_for(group, part, w, words)]
+        best, value = max(((w, worth(words, w)) for w in others), key=itemgetter(1), default=("", -inf))
+        if value > -inf:
+            found[words] = best
+    return found
 
 
-def _weak(fraction: float | None) -> bool:
-    return fraction is not None and fraction < WEAK
+def _worth(part: str, words: str, least: float, neutral: BodyMeasures, body: BodyMeasures) -> float:
+    """What a walk shows of a sentence less what else it changes; minus infinity where it shows less than `least`."""
+    fraction = sentence_fraction(part, words, neutral, body)
+    if fraction is None or fraction < least:
+        return -inf
+    return fraction - CHANGE * unclaimed_change(part, words, neutral, body)
 
 
 _PLACE = re.compile(r" (?:behind|of|on|at) the \w+$")

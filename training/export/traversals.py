@@ -1,4 +1,4 @@
-"""Which obstacles a model's network crosses by itself: `python -m training.export.crossings --model FOLDER`.
+"""Which obstacles a model's network crosses by itself: `python -m training.export.traversals --model FOLDER`.
 
 Bars, gaps and steps are walked and jogged at, without keys, in several styles. A size counts as crossed where most ways
 over it pass every check; what is larger, or of another kind, is keyed. The sizes go into the model's metadata.
@@ -26,7 +26,7 @@ from runtime.motion.model_files import read_metadata
 from runtime.terrain.courses import CELL_M
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacle_detection import ObstacleAhead, ObstacleKind
-from training.evaluation.metrics.crossing import first_problem
+from training.evaluation.metrics.traversal import first_problem
 from training.evaluation.motion.driving import Recorder
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
 
@@ -54,7 +54,7 @@ class _WithoutKeys(MotionModel):
         return True
 
 
-def measure_crossings(folder: Path) -> dict[str, float]:
+def measure_traversals(folder: Path) -> dict[str, float]:
     """Measure a model folder, and write the largest size of each kind that is crossed into its metadata."""
     evaluated = EvaluatedModel(folder, style_texts(STYLES))
     model = copy(evaluated.model)
@@ -112,9 +112,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--model", type=Path, required=True, help="folder of an exported model")
     args = parser.parse_args(argv)
-    for kind, size in measure_crossings(args.model).items():
+    for kind, size in measure_traversals(args.model).items():
         print(f"{kind}: {size} m")
 
 
 if __name__ == "__main__":
-    raise SystemExit(run_command("crossings", main))
+    raise SystemExit(run_command("traversals", main))

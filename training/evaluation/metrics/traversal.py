@@ -16,7 +16,7 @@ from runtime.terrain.height_map import Terrain
 
 Mask = NDArray[np.bool_]
 
-MARGIN_M = 0.5  # before and behind an obstacle that counts as crossing it
+MARGIN_M = 0.5  # before and behind an obstacle that counts as its traversal
 TOLERANCE_M = 0.005  # that is not yet inside
 DEEP_M = 0.03
 # Of a path that passes every check: the deepest sole, joint and limb, and the acceleration of a joint; captured jogs
@@ -32,15 +32,15 @@ OFF_BEAM_M = 0.1  # under the beam's top: a foot that stands so low has left it
 FLIGHT_M, FLIGHT_S = 0.03, 0.08  # both soles so high over the ground below or the last hold, for so long
 
 
-def crossing_frames(xz: Array, obstacle: Obstacle) -> Mask:
+def traversal_frames(xz: Array, obstacle: Obstacle) -> Mask:
     """Frames `(T,)` in which a root `(T, 2)` is on an obstacle or within `MARGIN_M` of it."""
     along = (xz[:, 1] > obstacle.begin - MARGIN_M) & (xz[:, 1] < obstacle.end + MARGIN_M)
     return along & (np.abs(xz[:, 0]) < obstacle.half_width + MARGIN_M)
 
 
-def depths(positions: Array, terrain: Terrain, crossing: Mask) -> dict[str, float]:
-    """Depth of soles (vertical), joints and limbs in the ground over the frames `crossing`, cm and fractions of them."""
-    chosen = positions[crossing]
+def depths(positions: Array, terrain: Terrain, traversal: Mask) -> dict[str, float]:
+    """Depth of soles (vertical), joints and limbs in the ground over the frames `traversal`, cm and fractions of them."""
+    chosen = positions[traversal]
     if not len(chosen):
         return {}
     soles = feet.joint_heights(chosen, terrain, feet.SOLE_POINTS) - np.array(feet.SOLE_HEIGHTS)

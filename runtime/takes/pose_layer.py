@@ -1,0 +1,368 @@
+"""The pose layer of a take: keyed turns of joints, and shifts of hips and feet, added to the motion below.
+
+Every joint has a curve of its own through the keys that hold a value for it, so that a head turned at 2 s and a hand raised
+at 8 s know nothing of each other. A curve eases in before its first key and out after its last one. Legs are solved to
+the feet: where the hips move, the feet stay planted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from runtime import rotations
+from runtime.arrays import Array
+from runtime.errors import UsageError
+from runtime.feet.ik import LEG_FEET, solve_legs, two_bone
+from runtime.skeleton import MIRROR_JOINTS, SPORT_SKELETON, J
+from runtime.takes.clip import Clip
+
+HIPS = 0
+MOVED = (HIPS, *LEG_FEET.tolist())  # joints that are shifted; every joint can be turned
+HANDS = {20: (18, 19), 27: (25, 26)}  # hand: upper arm and forearm
+ELBOWS = {19: (18, 20), 26: (25, 27)}  # forearm: upper arm and hand
+KNEES = {3: (2, 4), 8: (7, 9)}  # shin: thigh and foot
+LEG_M = float(np.linalg.norm(SPORT_SKELETON.offsets[[3, 4]], axis=1).sum())
+DEFAULT_EASE_S, MAX_EASE_S, MAX_TIME_S = 0.3, 60.0, 36_000.0
+MAX_KEYS = 1000
+MAX_TURN, MAX_MOVE_M = 7.0, 10.0  # radians, metres
+REMEDY = "Undo, or delete the key and set it again."
+
+
+class Tangent(StrEnum):
+    """How a curve passes a key."""
+
+    SMOOTH = "smooth"  # without overshoot: flat where the curve turns back
+    FLAT = "flat"
+    LINEAR = "linear"  # straight to the next key
+    STEP = "step"  # the value stays until the next key
+
+
+@dataclass(frozen=True)
+class JointValue:
+    """A rotation vector (radians, in the joint's own frame), or a shift (metres, to the left, up and ahead of the hips)."""
+
+    joint: int
+    x: float
+    y: float
+    z: float
+
+    @property
+    def vector(self) -> Array:
+        """`(3,)`."""
+        return np.array([self.x, self.y, self.z])
+
+
+def _fit(values: Sequence[JointValue], joints: Collection[int], limit: float) -> bool:
+    """Whether the values are of these joints, one of each, and none is larger than a limit."""
+    named = {value.joint for value in values}
+    largest = np.abs([value.vector for value in values]).max(initial=0.0)
+    return named <= set(joints) and len(named) == len(values) and bool(largest <= limit)
+
+
+@dataclass(frozen=True)
+class PoseKey:
+    """What is added to the motion at a time; UsageError for values that no body reaches."""
+
+    seconds: float
+    turns: tuple[JointValue, ...] = ()
+    moves: tuple[JointValue, ...] = ()
+    tangent: Tangent = Tangent.SMOOTH
+
+    def __post_init__(self) -> None:
+        turns = _fit(self.turns, range(J), MAX_TURN)
+        if not (turns and _fit(self.moves, MOVED, MAX_MOVE_M) and 0.0 <= self.seconds <= MAX_TIME_S):
+            raise UsageError(f"A pose key at {self.seconds:g} s with values of no body.", REMEDY)
+
+    def __bool__(self) -> bool:
+        return bool(self.turns or self.moves)
+
+    def turn(self, joint: int) -> Array:
+        """The rotation vector `(3,)` of a joint; zeros where it has none."""
+        return next((value.vector for value in self.turns if value.joint == joint), np.zeros(3))
+
+    def move(self, joint: int) -> Array:
+        """The shift `(3,)` of hips or a foot."""
+        return next((value.vector for value in self.moves if value.joint == joint), np.zeros(3))
+
+    def with_turn(self, joint: int, vector: Array) -> PoseKey:
+        """The key with another turn of a joint."""
+        return replace(self, turns=_with(self.turns, joint, vector))
+
+    def with_move(self, joint: int, vector: Array) -> PoseKey:
+        """The key with another shift of hips or a foot."""
+        return replace(self, moves=_with(self.moves, joint, vector))
+
+    def without(self, joint: int) -> PoseKey:
+        """The key without the values of a joint."""
+        turns, moves = (tuple(v for v in values if v.joint != joint) for values in (self.turns, self.moves))
+        return replace(self, turns=turns, moves=moves)
+
+
+def _with(values: tuple[JointValue, ...], joint: int, vector: Array) -> tuple[JointValue, ...]:
+    kept = [value for value in values if value.joint != joint]
+    x, y, z = (float(v) for v in vector)
+    return tuple(sorted([*kept, JointValue(joint, x, y, z)], key=lambda value: value.joint))
+
+
+@dataclass(frozen=True)
+class PoseLayer:
+    """Keys in the order of their times. `keeps`: what the last key of a joint says holds to the end of the take."""
+
+    keys: tuple[PoseKey, ...] = ()
+    ease_in: float = DEFAULT_EASE_S  # seconds
+    ease_out: float = DEFAULT_EASE_S
+    keeps: bool = False
+
+    def __post_init__(self) -> None:
+        if not (0.0 <= self.ease_in <= MAX_EASE_S and 0.0 <= self.ease_out <= MAX_EASE_S):
+            raise UsageError(
+                f"A pose layer that eases in {self.ease_in:g} and {self.ease_out:g} s.",
+                f"Choose 0 to {MAX_EASE_S:g} s.",
+            )
+
+    def __bool__(self) -> bool:
+        return bool(self.keys)
+
+    def with_key(self, key: PoseKey, fps: float) -> PoseLayer:
+        """The layer with another key, in the place of one at the same frame; UsageError for more than MAX_KEYS."""
+        kept = [k for k in self.keys if round(k.seconds * fps) != round(key.seconds * fps)]
+        if len(kept) >= MAX_KEYS:
+            raise UsageError(f"A pose layer of {MAX_KEYS} keys is full.", "Delete keys first.")
+        return replace(self, keys=tuple(sorted([*kept, key], key=lambda k: k.seconds)))
+
+    def key_at(self, frame: int, fps: float) -> PoseKey | None:
+        """The key at a frame."""
+        return next((key for key in self.keys if round(key.seconds * fps) == frame), None)
+
+    def turned_joints(self) -> list[int]:
+        """Joints with a curve of turns."""
+        return sorted({value.joint for key in self.keys for value in key.turns})
+
+    def moved_joints(self) -> list[int]:
+        """Joints with a curve of shifts."""
+        return sorted({value.joint for key in self.keys for value in key.moves})
+
+    def turns(self, joint: int, seconds: Array) -> Array:
+        """The curve of a joint's turn at times `(T,)`: rotation vectors `(T, 3)`."""
+        return self._curve([(key, key.turn(joint)) for key in self.keys if _holds(key.turns, joint)], seconds)
+
+    def moves(self, joint: int, seconds: Array) -> Array:
+        """The curve of a shift at times `(T,)`: metres `(T, 3)`."""
+        return self._curve([(key, key.move(joint)) for key in self.keys if _holds(key.moves, joint)], seconds)
+
+    def between(self, seconds: float) -> PoseKey:
+        """What the layer adds at a time, as a key."""
+        at, key = np.array([seconds]), PoseKey(seconds)
+        for joint in self.turned_joints():
+            key = key.with_turn(joint, self.turns(joint, at)[0])
+        for joint in self.moved_joints():
+            key = key.with_move(joint, self.moves(joint, at)[0])
+        return key
+
+    def edited(self, frame: int, fps: float, change: Callable[[PoseKey], PoseKey]) -> PoseLayer:
+        """The layer with a key at a frame for what `change` makes of the pose that is shown there; UsageError as of keys."""
+        key = self.key_at(frame, fps) or PoseKey(frame / fps)
+        shown = self.between(key.seconds)
+        made = change(shown)
+        for value in made.turns:
+            if value not in shown.turns:
+                key = key.with_turn(value.joint, value.vector)
+        for value in made.moves:
+            if value not in shown.moves:
+                key = key.with_move(value.joint, value.vector)
+        return self.with_key(key, fps)
+
+    def without_key(self, key: PoseKey) -> PoseLayer:
+        """The layer without a key."""
+        return replace(self, keys=tuple(one for one in self.keys if one is not key))
+
+    def _curve(self, points: list[tuple[PoseKey, Array]], seconds: Array) -> Array:
+        if not points:
+            return np.zeros((len(seconds), 3))
+        times = [key.seconds for key, _ in points]
+        values = [value for _, value in points]
+        tangents = [key.tangent for key, _ in points]
+        ends = [(times[0] - max(self.ease_in, 1e-6), 0)]
+        if not self.keeps:
+            ends.append((times[-1] + max(self.ease_out, 1e-6), len(times) + 1))
+        for time, place in ends:
+            times.insert(place, time)
+            values.insert(place, np.zeros(3))
+            tangents.insert(place, Tangent.FLAT)
+        if self.keeps and tangents[-1] is Tangent.SMOOTH:
+            tangents[-1] = Tangent.FLAT
+        return _hermite(np.array(times), np.array(values), tangents, seconds)
+
+
+NO_LAYER = PoseLayer()
+
+
+def _holds(values: Iterable[JointValue], joint: int) -> bool:
+    return any(value.joint == joint for value in values)
+
+
+def _hermite(times: Array, values: Array, tangents: Sequence[Tangent], at: Array) -> Array:
+    """Cubics through values `(K, 3)` at times `(T,)`; constant before the first and after the last."""
+    rises = np.diff(values, axis=0) / np.diff(times)[:, None]
+    slopes = np.zeros_like(values)
+    before, after = rises[:-1], rises[1:]
+    # Fritsch and Butland 1984: the harmonic mean of both sides does not overshoot
+    same = before * after > 0.0
+    mean = 2.0 * before * after / np.where(same, before + after, 1.0)
+    slopes[1:-1] = np.where(same, mean, 0.0)
+    slopes[[tangent is not Tangent.SMOOTH for tangent in tangents]] = 0.0
+    k = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
+    span = np.diff(times)[k][:, None]
+    t = np.clip((at - times[k])[:, None] / span, 0.0, 1.0)
+    straight = values[k] + t * (values[k + 1] - values[k])
+    a, b = 2 * t**3 - 3 * t**2 + 1, t**3 - 2 * t**2 + t
+    c, d = 3 * t**2 - 2 * t**3, t**3 - t**2
+    smooth = a * values[k] + b * span * slopes[k] + c * values[k + 1] + d * span * slopes[k + 1]
+    kinds = np.array([list(Tangent).index(tangent) for tangent in tangents])[k][:, None]
+    linear, step = (list(Tangent).index(kind) for kind in (Tangent.LINEAR, Tangent.STEP))
+    stays = np.where(t < 1.0, values[k], values[k + 1])
+    return np.where(kinds == linear, straight, np.where(kinds == step, stays, smooth))
+
+
+def layered(clip: Clip, layer: PoseLayer, only: int | None = None) -> Clip:
+    """The clip with the layer added, to all frames or to `only` one; others stay bit by bit as they were."""
+    seconds = np.arange(len(clip)) / clip.fps
+    turns = {joint: layer.turns(joint, seconds) for joint in layer.turned_joints()}
+    moves = {joint: layer.moves(joint, seconds) for joint in layer.moved_joints()}
+    changed = np.zeros(len(clip), bool)
+    for curve in (*turns.values(), *moves.values()):
+        changed |= (curve != 0.0).any(-1)
+    if only is not None:
+        changed &= np.arange(len(clip)) == only
+    if not changed.any():
+        return clip
+    hips, local = clip.hips_positions.copy(), clip.local_rotations.copy()
+    hips[changed], local[changed] = added(
+        hips[changed].astype(float),
+        local[changed].astype(float),
+        {joint: curve[changed] for joint, curve in turns.items()},
+        {joint: curve[changed] for joint, curve in moves.items()},
+    )
+    return replace(clip, hips_positions=hips, local_rotations=local)
+
+
+def added(hips: Array, local: Array, turns: dict[int, Array], moves: dict[int, Array]) -> tuple[Array, Array]:
+    """Hips `(T, 3)` and local rotations `(T, 31, 4)` with turns and moves `(T, 3)` of joints added.
+
+    Turns of the legs set where the feet and the planes of the knees are; then the hips go, and the legs follow to the feet.
+    """
+    heading = rotations.from_yaw(rotations.yaw_of(local[:, HIPS]))
+    made = local.copy()
+    for joint, vectors in turns.items():
+        if joint != HIPS:
+            made[:, joint] = rotations.multiply(local[:, joint], rotations.from_rotation_vector(vectors))
+    if HIPS not in turns and not moves:
+        return hips, rotations.normalize(made)
+    positions, world = SPORT_SKELETON.forward_kinematics(hips, made)
+    targets = positions[:, LEG_FEET].copy()
+    for side, foot in enumerate(LEG_FEET.tolist()):
+        if foot in moves:
+            targets[:, side] += rotations.rotate(heading, moves[foot])
+    if HIPS in moves:
+        hips = hips + rotations.rotate(heading, moves[HIPS])
+    if HIPS in turns:
+        made[:, HIPS] = rotations.multiply(local[:, HIPS], rotations.from_rotation_vector(turns[HIPS]))
+    return hips, solve_legs(hips, rotations.normalize(made), targets, world[:, LEG_FEET])
+
+
+# --- what a hand on a gizmo makes of a key; `positions` (31, 3) and `world` (31, 4) are of the pose that is shown
+
+
+def turned(key: PoseKey, joint: int, world: Array, turn: Array) -> PoseKey:
+    """The key with a joint turned further by a quaternion of the world `(4,)`."""
+    own = rotations.multiply(rotations.multiply(rotations.inverse(world[joint]), turn), world[joint])
+    total = rotations.multiply(rotations.from_rotation_vector(key.turn(joint)), own)
+    return key.with_turn(joint, rotations.to_rotation_vector(total))
+
+
+def posed_by(joint: int) -> tuple[int, ...]:
+    """The joints whose values `turned` and `dragged` change for a joint, itself first."""
+    if joint in MOVED:
+        return (joint,)
+    limb = HANDS.get(joint) or (ELBOWS.get(joint) or KNEES.get(joint) or (SPORT_SKELETON.parents[joint],))[:1]
+    return (joint, *limb)
+
+
+def dragged(key: PoseKey, joint: int, positions: Array, world: Array, by: Array) -> PoseKey:
+    """The key with a joint moved further by metres of the world `(3,)`.
+
+    Hips and feet shift. An arm follows its hand, and an elbow or a knee swings about the line between the ends of its limb.
+    Any other joint swings about its parent.
+    """
+    if joint in MOVED:
+        if joint != HIPS:
+            by = _within_reach(positions[joint - 2], positions[joint] + by) - positions[joint]
+        heading = rotations.inverse(rotations.from_yaw(rotations.yaw_of(world[HIPS])))
+        return key.with_move(joint, key.move(joint) + rotations.rotate(heading, by))
+    goal = positions[joint] + by
+    if joint in HANDS:
+        upper, fore = HANDS[joint]
+        first, second = two_bone(positions[upper], positions[fore], positions[joint], goal)
+        key = turned(key, upper, world, first)
+        # the forearm has been turned by its parent already
+        return turned(key, fore, world, rotations.multiply(rotations.inverse(first), second))
+    if joint in ELBOWS or joint in KNEES:
+        start, end = ELBOWS.get(joint) or KNEES[joint]
+        return turned(key, start, world, _swing(positions[start], positions[end], positions[joint], goal))
+    parent = SPORT_SKELETON.parents[joint]
+    now, wanted = positions[joint] - positions[parent], goal - positions[parent]
+    if np.linalg.norm(now) < 1e-4:
+        return key
+    turn = rotations.between(rotations.normalize(now), rotations.normalize(wanted))
+    return turned(key, parent, world, turn)
+
+
+def _within_reach(hip: Array, goal: Array) -> Array:
+    """The goal of an ankle, no farther from its hip than the leg is long."""
+    away = goal - hip
+    return np.asarray(hip + away * min(1.0, 0.999 * LEG_M / max(float(np.linalg.norm(away)), 1e-6)))
+
+
+def _swing(start: Array, end: Array, joint: Array, goal: Array) -> Array:
+    """The turn about the line from `start` to `end` that brings a joint nearest to `goal`."""
+    axis = rotations.normalize(end - start)
+    now, wanted = (point - start - np.dot(point - start, axis) * axis for point in (joint, goal))
+    angle = np.arctan2(np.dot(np.cross(now, wanted), axis), np.dot(now, wanted))
+    return rotations.from_axis_angle(axis, np.asarray(angle))
+
+
+def pose_as_key(hips: Array, local: Array, below: Clip, frame: int) -> PoseKey:
+    """A key that brings a pose, hips `(3,)` and local rotations `(31, 4)`, onto a frame of the motion below the layer.
+
+    The body keeps its place and its heading there.
+    """
+    base_hips, base = below.hips_positions[frame].astype(float), below.local_rotations[frame].astype(float)
+    wanted = np.array(local, float)
+    about = rotations.from_yaw(rotations.yaw_of(base[HIPS]) - rotations.yaw_of(wanted[HIPS]))
+    wanted[HIPS] = rotations.multiply(about, wanted[HIPS])
+    turns = rotations.to_rotation_vector(rotations.multiply(rotations.inverse(base), wanted))
+    key = PoseKey(frame / below.fps)
+    for joint in range(J):
+        key = key.with_turn(joint, turns[joint])
+    place = np.array([base_hips[0], hips[1], base_hips[2]])
+    goals = SPORT_SKELETON.forward_kinematics(place, wanted)[0][LEG_FEET]
+    legs_alone = base.copy()
+    legs_alone[1:] = wanted[1:]
+    feet = SPORT_SKELETON.forward_kinematics(base_hips, legs_alone)[0][LEG_FEET]
+    heading = rotations.inverse(rotations.from_yaw(rotations.yaw_of(base[HIPS])))
+    key = key.with_move(HIPS, rotations.rotate(heading, place - base_hips))
+    for side, foot in enumerate(LEG_FEET.tolist()):
+        key = key.with_move(foot, rotations.rotate(heading, goals[side] - feet[side]))
+    return key
+
+
+def mirrored_pose(local: Array) -> Array:
+    """Local rotations `(31, 4)` of a pose with left and right exchanged, at the same heading."""
+    yaw = rotations.yaw_of(local[HIPS])
+    made = local[MIRROR_JOINTS] * np.array([1.0, 1.0, -1.0, -1.0])
+    made[HIPS] = rotations.multiply(rotations.from_yaw(2.0 * yaw), made[HIPS])
+    return np.asarray(made)

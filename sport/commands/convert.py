@@ -43,8 +43,8 @@ def run(options: argparse.Namespace) -> int:
         export = replace(export, unit=opened.unit)
     terrain = ground_of(clip, options.take, options.terrain)
     check_outputs(options.out, export)
-    reference = opened.reference and f"{options.take.name}{opened.reference.describe()}."
-    for text in filter(None, (opened.note, reference, terrain.note)):
+    other = "" if opened.reference is None else f"{options.take.name}{opened.reference.describe()}."
+    for text in filter(None, (opened.note, other, terrain.note)):
         note(text)
     for out in options.out:
         write_take(clip, out, export, terrain)

@@ -8,12 +8,14 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pygltflib as g
 
 from runtime.character.glb_buffer import ARRAY_BUFFER, ELEMENT_BUFFER, GlbBuffer
+
+if TYPE_CHECKING:
+    import pygltflib as g
 
 MAX_NODES, MAX_VERTICES = 20_000, 6_000_000  # of a file; the latter are corners of faces
 INFLUENCES = 8  # joints of a vertex, the strongest
@@ -55,6 +57,7 @@ def _kept(value: Any) -> Any:
 
 def convert(source: Path) -> bytes:
     """What an FBX shows at rest as GLB, in metres, Y up."""
+    import pygltflib as g
     import ufbx
 
     loaded = ufbx.load_file(
@@ -82,6 +85,8 @@ def convert(source: Path) -> bytes:
 
 
 def _node(document: GlbBuffer, node: Any, nodes: dict[int, int], materials: dict[int, int]) -> g.Node:
+    import pygltflib as g
+
     t = node.local_transform
     made = g.Node(
         name=node.name or "root",
@@ -115,6 +120,8 @@ def _triangles(mesh: Any) -> tuple[Any, Any]:
 
 
 def _mesh(document: GlbBuffer, node: Any, materials: dict[int, int]) -> int:
+    import pygltflib as g
+
     mesh = node.mesh
     corners, parts = _triangles(mesh)
     weights = _weights(mesh)
@@ -130,6 +137,8 @@ def _mesh(document: GlbBuffer, node: Any, materials: dict[int, int]) -> int:
 
 def _primitive(document: GlbBuffer, mesh: Any, corners: Any, weights: tuple[Any, Any] | None) -> g.Primitive:
     """A primitive of some corners: one vertex for those that are alike in everything."""
+    import pygltflib as g
+
     layers = {"POSITION": mesh.vertex_position, "NORMAL": mesh.vertex_normal,
               "TEXCOORD_0": mesh.vertex_uv, "COLOR_0": mesh.vertex_color}  # fmt: skip
     layers = {name: layer for name, layer in layers.items() if layer.exists}
@@ -169,6 +178,8 @@ def _weights(mesh: Any) -> tuple[Any, Any] | None:
 
 
 def _skin(document: GlbBuffer, mesh: Any, nodes: dict[int, int]) -> int | None:
+    import pygltflib as g
+
     if not len(mesh.skin_deformers) or not len(mesh.skin_deformers[0].clusters):
         return None
     clusters = mesh.skin_deformers[0].clusters
@@ -182,6 +193,8 @@ def _skin(document: GlbBuffer, mesh: Any, nodes: dict[int, int]) -> int | None:
 
 
 def _material(document: GlbBuffer, material: Any, source: Path) -> int:
+    import pygltflib as g
+
     color = material.pbr.base_color
     value = color.value_vec4
     image = None if color.texture is None else _image(color.texture, source)

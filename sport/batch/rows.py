@@ -80,13 +80,15 @@ def _csv_rows(path: Path, text: str) -> list[BatchRow]:
         if len(set(names)) != len(names) or "" in names:
             raise FileError(f"{path}: a column without a name, or two with the same one.", _REMEDY)
         reader.fieldnames = names
-        rows = []
-        for number, cells in enumerate(reader, 1):
-            values = {name: cell.strip() for name, cell in cells.items() if name and cell and cell.strip()}
-            rows.append(BatchRow(number, values, "more cells than the header has" if "" in cells else ""))
-        return rows
+        return [_csv_row(k, cells) for k, cells in enumerate(reader, 1)]
     except csv.Error as error:
         raise FileError(f"{path}: not CSV ({error}).", _REMEDY) from error
+
+
+def _csv_row(number: int, cells: dict[str, Any]) -> BatchRow:
+    error = "more cells than the header has" if "" in cells else ""
+    values = {name: cell.strip() for name, cell in cells.items() if name and cell and cell.strip()}
+    return BatchRow(number, values, error)
 
 
 def _json_row(number: int, line: str) -> BatchRow:

@@ -16,7 +16,7 @@ import signal
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from functools import lru_cache
@@ -200,8 +200,7 @@ def make_row(task: Task) -> Made:
         paths = sorted(path for path in folder.rglob("*") if path.is_file())
         files = {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
     hashes = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
-    out = task.options.out.as_posix()  # of several files the first
-    main = out if out in files else min((f for f in files if not f.endswith(".json")), default=min(files))
+    main = _main_file(task.options.out.as_posix(), files)
     notes = [line for line in printed.getvalue().splitlines() if not _PROGRESS.search(line)]
     line = entry(
         task, file=main, sha256=hashes[main], files=hashes, seconds=round(time.perf_counter() - begin, 3),
@@ -228,3 +227,8 @@ def _model_and_prompter(folder: Path | None, expander: str, text_encoder: Path |
 
     model = load_model(folder)
     return model, Prompter(model, expander, text_encoder=text_encoder)
+
+
+def _main_file(name: str, files: Collection[str]) -> str:
+    """The file of that name, else the first of several."""
+    return name if name in files else min((f for f in files if not f.endswith(".json")), default=min(files))

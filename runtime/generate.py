@@ -152,7 +152,7 @@ def generate_clip(
     poses, gaits = _walk(controller, script, styles, first_gait, round(seconds * FPS), o.transition_seconds)
     events = _described(events, requested, meant, o.transition_seconds)
     spec = str(terrain) if not isinstance(terrain, Terrain) else terrain.name
-    origin, durations = origin_of(controller, spec), tuple(gait_seconds(gaits, FPS).items())
+    origin, durations = origin_of(controller, spec), gait_seconds(gaits, FPS)
     clip = clip_of(poses, o.name, events, spec)
     clip = replace(clip, origin=origin, gaits=gaits, gait_seconds=durations, size=o.size)
     return pinned(clip, held) if held else clip

@@ -245,7 +245,7 @@ class App(Workspace):
     def _move_camera(self, pose: Pose, intent: Intent, dt: float) -> None:
         camera, ground = self.scene.camera, self.takes.ground_to_show().terrain
         self.scene.draw_ground(ground)
-        pinning = self.pins.use_mouse(camera.current)
+        pinning = self.posing.use_mouse(camera.current) or self.pins.use_mouse(camera.current)
         drawing = pinning or self.path.use_mouse(camera.current, ground)
         dragging = camera.use_mouse(drawing, self.settings.navigation)
         moving = intent.move != (0.0, 0.0) and not intent.strafe and not dragging
@@ -278,7 +278,6 @@ class App(Workspace):
 
     @property
     def finished(self) -> bool:
-        """Whether the main loop should end."""
         wanted = self.options.frames or (1 if self.options.offscreen else None)
         enough = wanted is not None and self.frames_shown >= wanted
         return self.interrupted or self.window.close_requested or enough
@@ -305,7 +304,6 @@ class App(Workspace):
         return int(lost)
 
     def close(self) -> None:
-        """Stop workers and close the window."""
         self.window.hide()
         self.editor.file.close(END_S)
         self.jobs.close()

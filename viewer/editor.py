@@ -104,7 +104,6 @@ class Editor:
         return "" if self._draft is not None else self.history.redo_label
 
     def undo(self) -> None:
-        """Take the last edit back."""
         self.finish_drag()
         if any([take_back() for take_back in self.withdraw]):
             return

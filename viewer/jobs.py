@@ -85,29 +85,24 @@ class Jobs:
         `reading` is the name of a file that is read: `cancel_reading` ends that. `writing` says what is written, in words
         for the user. `cancel` makes a job that runs end early.
         """
-        before = [job.future for job in self._jobs if job.slot == slot and job.writing]
+        before = [job.future for job in self._of(slot, writing=True)]
         if not writing:
-            self._drop([job for job in self._jobs if job.slot == slot and not job.writing])
+            self._drop(self._of(slot, writing=False))
         future: Future[Any] = Future()
         self._jobs.append(_Job(slot, future, done, failed, reading, writing, cancel))
 
         def run() -> None:
-            if writing:
-                wait(before)
+            wait(before if writing else ())
             with contextlib.nullcontext() if reading or writing else self._turn:
-                if future.set_running_or_notify_cancel():
-                    try:
-                        future.set_result(work())
-                    except (
-                        BaseException
-                    ) as error:  # whatever it is, it is raised where the result is requested
-                        future.set_exception(error)
+                _run(work, future)
 
-        kind = "reading" if reading else "writing" if writing else "work"
-        threading.Thread(target=run, daemon=True, name=f"sport {kind}").start()
+        threading.Thread(target=run, daemon=True, name=f"sport {'reading' if reading else slot.what}").start()
         if self.blocking:
             wait([future])
             self.deliver()
+
+    def _of(self, slot: Slot, writing: bool) -> list[_Job]:
+        return [job for job in self._jobs if job.slot == slot and bool(job.writing) is writing]
 
     def _drop(self, jobs: list[_Job]) -> None:
         """End jobs whose results are not needed, as far as they let themselves be ended."""
@@ -137,7 +132,6 @@ class Jobs:
                 job.failed(ReadingCancelled(f"{job.reading}: cancelled."))
 
     def busy(self, slot: Slot) -> bool:
-        """Whether a job of the slot is running or waiting."""
         return any(job.slot == slot for job in self._jobs)
 
     def deliver(self) -> None:
@@ -156,15 +150,7 @@ class Jobs:
         except CancelledError:
             return
         except Exception as error:  # whatever a loader meets becomes a message; the window lives on
-            if isinstance(error, SportError):
-                known = error
-            elif isinstance(error, MemoryError):
-                known = SportError(
-                    f"{job.words}: not enough memory.", "Close other programs, or use a smaller file."
-                )
-            else:
-                _LOG.exception("job %s failed", job.words)
-                known = _for_animators(job, error)
+            known = error if isinstance(error, SportError) else _for_animators(job, error)
             self.messages.error(known, job.slot)
             self.first_error = self.first_error or known
             if job.failed is not None:
@@ -185,15 +171,13 @@ class Jobs:
 
         What is not done at the time `until` (of `time.monotonic`) is given up.
         """
-        waiting = [job for job in self._jobs if job.writing and job.slot.what == kind]
-        if not all(job.future.done() for job in waiting):
-            self.messages.note(f"Waiting for {', '.join(job.writing for job in waiting)}.")
-        wait([job.future for job in waiting], None if until is None else max(until - time.monotonic(), 0.0))
-        late = [job for job in waiting if not job.future.done()]
-        done = [job for job in waiting if job not in late]
-        self._give_up(late)
+        jobs = {job.future: job for job in self._jobs if job.writing and job.slot.what == kind}
+        if wait(jobs, 0.0).not_done:
+            self.messages.note(f"Waiting for {', '.join(job.writing for job in jobs.values())}.")
+        done, late = wait(jobs, None if until is None else max(until - time.monotonic(), 0.0))
+        self._give_up([jobs[future] for future in late])
         self.deliver()
-        return not late and not any(job.future.exception() for job in done)
+        return not late and not any(future.exception() for future in done)
 
     def _give_up(self, late: list[_Job]) -> None:
         """The program ends without these."""
@@ -211,8 +195,19 @@ class Jobs:
         self.abandoned = self.abandoned or any(job.future.running() for job in self._jobs)
 
 
+def _run(work: Callable[[], Any], future: Future[Any]) -> None:
+    if future.set_running_or_notify_cancel():
+        try:
+            future.set_result(work())
+        except BaseException as error:  # whatever it is, it is raised where the result is requested
+            future.set_exception(error)
+
+
 def _for_animators(job: _Job, error: Exception) -> SportError:
     """What to say of an unforeseen error; its own words are in the log."""
+    _LOG.exception("job %s failed", job.words)
+    if isinstance(error, MemoryError):
+        return SportError(f"{job.words}: not enough memory.", "Close other programs, or use a smaller file.")
     if job.reading:
         return SportError(
             f"{job.reading} cannot be read: it is damaged, empty, or not what its ending says.",

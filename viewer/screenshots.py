@@ -14,8 +14,6 @@ from viewer.window import Window
 
 @dataclass
 class Screenshots:
-    """Writes the frames of a window."""
-
     settings: Settings
     messages: Messages
     jobs: Jobs
@@ -23,11 +21,9 @@ class Screenshots:
     _next: Path | None = None  # where the next frame is written
 
     def ask(self) -> None:
-        """Save the next frame in the folder of exports."""
         self._next = screenshot_path(self.settings.export_folder)
 
     def capture(self, window: Window, number: int) -> None:
-        """Write the finished frame where it is wanted."""
         if self.folder is not None:
             save_png(window.read_pixels(), self.folder / f"frame_{number:05d}.png")
         if self._next is not None:

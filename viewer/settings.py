@@ -9,7 +9,7 @@ import json
 import os
 import reprlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -17,7 +17,6 @@ from typing import Any
 
 from runtime.atomic import write_atomic
 from runtime.errors import FileError
-from runtime.file_lock import open_locked
 from runtime.motion.controller import TEMPERATURE
 from runtime.options import spec_of, specified
 from runtime.prompts.gpt.settings import has_credentials
@@ -29,7 +28,6 @@ MAX_LIST = 50  # entries of a list
 MAX_TEXT = 4096  # characters of a text
 FILE_NAME = "settings.json"
 INTERVAL_S = 1.0
-LOCK_NAME = "settings.lock"
 MAPPINGS_NAME = "gamecontrollerdb.txt"
 _SLOT = Slot("settings")
 
@@ -54,27 +52,18 @@ class Settings:
     quality: str = specified("", choices=QUALITIES, label="Quality")
     terrain: str = "hills"
     height_map_cell_m: float = specified(
-        0.1,
-        0.01,
-        10.0,
-        label="Pixel %.2f m",
-        speed=0.005,
+        0.1, 0.01, 10.0, label="Pixel %.2f m", speed=0.005,
         hint="Distance between neighbouring pixels. Drag, or double-click to type.",
-    )
+    )  # fmt: skip
     height_map_height_m: float = specified(
-        2.0,
-        0.01,
-        100.0,
-        label="White %.2f m",
-        speed=0.02,
+        2.0, 0.01, 100.0, label="White %.2f m", speed=0.02,
         hint="Height of a white pixel; black lies at 0. Drag, or double-click to type.",
-    )
+    )  # fmt: skip
     camera: str = specified("follow", choices=CAMERAS, label="Camera")
     fit_to_motion: bool = specified(
-        False,
-        label="Fit to the motion",
+        False, label="Fit to the motion",
         hint="The character gets the size of the motion. Off: it keeps its own, with steps and speed to match",
-    )
+    )  # fmt: skip
     show_grid: bool = specified(True, label="Grid", hint="A metre grid on the ground (F5)")
     show_trajectory: bool = specified(
         True, label="Trajectory", hint="The path the character intends, one second back and ahead (F2)"
@@ -105,10 +94,9 @@ class Settings:
         hint="How far the style goes from plain walking: 0 leaves it out, more than 100 exaggerates it",
     )  # fmt: skip
     exact_legs: bool = specified(
-        True,
-        label="Exact legs",
+        True, label="Exact legs",
         hint="Legs do what their words say: what the network does not show of the line of the feet, hips, heels,\ntoes and knees is edited. Off: the network alone",
-    )
+    )  # fmt: skip
     blend_seconds: float = specified(
         0.8, 0.1, 5.0, label="change over %.1f s", logarithmic=True,
         hint="How long the character takes to change from one style to the next",
@@ -254,24 +242,13 @@ def save_settings(settings: Settings, directory: Path, before: Settings | None =
     if has_credentials(settings.gpt_base_url):
         values["gpt_base_url"] = ""
     path = directory / FILE_NAME
-    if before is None:
+    content: dict[str, Any] = {}
+    if before is not None:
+        with contextlib.suppress(FileError):  # said at the start
+            content = _read(path)
+        values = {**content, **_changes(values, dataclasses.asdict(before), content)}
+    if values != content:  # else there is nothing to complain about where nothing can be written
         write_atomic(path, json.dumps(values, indent=2) + "\n")
-        return
-    if not _merged(path, values, before)[1]:
-        return  # nothing to write, nothing to complain about where nothing can be written
-    with _held(directory):
-        merged, _ = _merged(path, values, before)
-        write_atomic(path, json.dumps(merged, indent=2) + "\n")
-
-
-def _merged(path: Path, values: dict[str, Any], before: Settings) -> tuple[dict[str, Any], bool]:
-    """The content of the file with this run's changes, and whether it differs from what is there."""
-    try:
-        content = _read(path)
-    except FileError:
-        content = {}  # said at the start
-    merged = {**content, **_changes(values, dataclasses.asdict(before), content)}
-    return merged, merged != content
 
 
 def _changes(values: dict[str, Any], before: dict[str, Any], content: dict[str, Any]) -> dict[str, Any]:
@@ -290,19 +267,3 @@ def _joined(ours: list[str], theirs: list[str], before: list[str]) -> list[str]:
     """This run's list, then what another run has added to it since."""
     added = [text for text in theirs if text not in before and text not in ours]
     return [*ours, *added][:MAX_LIST]
-
-
-@contextlib.contextmanager
-def _held(directory: Path) -> Iterator[None]:
-    """No other run writes the settings within it; where no lock can be had, the last one to write wins."""
-    path = directory / LOCK_NAME
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        handle = open_locked(path, create=True, wait=True)
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror or error}.", "Make the folder writable.") from error
-    try:
-        yield
-    finally:
-        if handle is not None:
-            os.close(handle)

@@ -31,8 +31,6 @@ _COLUMNS = (PanelPlace.LEFT, PanelPlace.RIGHT_TOP, PanelPlace.RIGHT_BOTTOM)
 
 @dataclass
 class ShellState:
-    """What lies around the panels."""
-
     stats: status.Stats = field(default_factory=status.Stats)
     device: str = KEYBOARD  # or the name of the gamepad
     crouching: bool = False  # the toggle is on
@@ -44,8 +42,6 @@ class ShellState:
 
 @dataclass
 class Shell:
-    """Draws the panels of all tools, and what lies around them."""
-
     state: ShellState
     settings: Settings
     messages: Messages
@@ -85,7 +81,6 @@ class Shell:
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
-        """What keys and buttons do here."""
         return {
             Action.HELP: self._toggle_help,
             Action.PANELS: self._toggle_panels,
@@ -100,7 +95,6 @@ class Shell:
         self.state.panels_open = not self.state.panels_open
 
     def focus_prompt(self) -> None:
-        """Begin to type a prompt."""
         self.state.panels_open = True
         for panel in self.panels:
             if panel.begin_typing is not None and panel.shown():

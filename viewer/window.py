@@ -109,7 +109,6 @@ class Window:
 
     @property
     def pixels(self) -> tuple[int, int]:
-        """Width and height of the framebuffer; (0, 0) while minimised."""
         width, height = glfw.get_framebuffer_size(self.handle)
         return int(width), int(height)
 
@@ -120,7 +119,6 @@ class Window:
 
     @property
     def close_requested(self) -> bool:
-        """Whether the user closed the window."""
         return bool(glfw.window_should_close(self.handle))
 
     @property
@@ -225,7 +223,6 @@ class Window:
     # --- requests
 
     def resize(self, width: int, height: int) -> None:
-        """Ask for another size in screen units."""
         glfw.set_window_size(self.handle, width, height)
 
     def hide(self) -> None:
@@ -234,7 +231,6 @@ class Window:
             glfw.hide_window(self.handle)
 
     def close(self) -> None:
-        """Ask the main loop to end."""
         glfw.set_window_should_close(self.handle, True)
 
     def toggle_full_screen(self) -> None:
@@ -275,7 +271,6 @@ class Window:
         imgui.backends.glfw_key_callback(self._address, KEY_CODES[name], 0, glfw.REPEAT, 0)
 
     def inject_text(self, text: str) -> None:
-        """Behave as if text was typed."""
         for character in text:
             imgui.backends.glfw_char_callback(self._address, ord(character))
 

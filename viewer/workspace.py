@@ -9,6 +9,7 @@ from pathlib import Path
 from runtime.atomic import sweep
 from runtime.motion.controller import Controller
 from runtime.pose import Pose
+from runtime.session.sqlite_file import SUFFIX
 from runtime.takes.input_recording import InputRecorder
 from viewer.compare import panel as compare_panel
 from viewer.compare.compare_view import CompareView
@@ -17,6 +18,7 @@ from viewer.edit.cutting import Cutting
 from viewer.edit.ghosts import Trails, ghosts
 from viewer.edit.path import PathTool
 from viewer.edit.pins import Pins
+from viewer.edit.posing import Posing
 from viewer.edit.reference import References
 from viewer.edit.reference_card import ReferenceCard
 from viewer.edit.resimulation import Resimulation
@@ -90,10 +92,11 @@ class Workspace:
         self.language_model = LanguageModel(settings, jobs, services, prompting)
         self.editing = editing = Resimulation(takes, prompting)
         self.pins = Pins(editor, editing, scene)
+        self.posing = Posing(editor, takes, scene.camera, self.pins)
         self.path = PathTool(editor, editing, scene)
         self.camera_keys = CameraKeys(editor, takes, scene.camera)
         self.cutting = Cutting(takes)
-        self.transport = Transport(editing, self.pins, self.camera_keys, self.cutting)
+        self.transport = Transport(editing, self.pins, self.posing, self.camera_keys, self.cutting)
         self.references = References(editor, takes)
         self.compare = CompareView(editor, settings, messages, scene, takes, self.path, prompting)
         self.prompt = PromptPanel(
@@ -127,7 +130,10 @@ class Workspace:
         """Every panel, from the left to the right and from the back to the front."""
         compare, editing, pins, export = self.compare, self.editing, self.pins, self.exporting.open
         references = ReferenceCard(
-            self.references, self._browse, self.window.ctx, corner_taken=lambda: pins.pin is not None
+            self.references,
+            self._browse,
+            self.window.ctx,
+            corner_taken=lambda: pins.pin is not None or self.posing.shown,
         )
         bar = SessionBar(self.sessions, self.exporting, self.guide, self.settings_window, self.window.ctx)
         return [
@@ -144,6 +150,7 @@ class Workspace:
             takes_panel.sign(self.takes),
             bar.panel(),
             pins.panel(),
+            self.posing.panel(),
             references.panel(),
             guide.panel(self.guide, covered=lambda: compare.open),
             self.settings_window.panel(),
@@ -158,23 +165,29 @@ class Workspace:
         self.prompt.suggester.load_library(scene.services.library_prompts)
         self.state.panels_open, self.state.clocked = options.panels, not options.offscreen
         self.state.bare = options.saves_pictures and not options.panels
-        settings.fit_to_motion = settings.fit_to_motion or options.fit_to_motion
+        settings.fit_to_motion |= options.fit_to_motion
         scene.begin(options.camera or settings.camera, options.live_link, options.vmc)
         scene.open_character(options.character, options.joint_map, step=False)
         scene.load_terrain(options.terrain or settings.terrain)
-        self.load_model(options.model or self.settings_window.chosen_model(options.offscreen), options.seed)
+        remembered = None if options.offscreen else self.settings_window.chosen_model()
+        self.load_model(options.model or remembered, options.seed)
         prompting.begin(options.prompt, options.blend, options.blend_weights)
         self.prompt.tab_requested = "" if options.blend is None else "blend"
         if options.clip is not None:
             self.takes.open(options.clip, keep_ground=options.terrain is not None)
-        if not options.offscreen:
-            self.jobs.submit(Slot("sweep"), self._sweep, lambda _: None)
-            if not settings.first_minute_seen:
-                self.guide.begin()
         self.sessions.begin(options.session, looking=not options.offscreen)
-        failure = self.jobs.first_error or prompting.first_error
-        if options.offscreen and failure is not None:
-            raise failure  # there is no status line to read it in
+        (self._check if options.offscreen else self._begin)()
+
+    def _check(self) -> None:
+        """Raise what went wrong without a display: there is no status line to read it in."""
+        failure = self.jobs.first_error or self.prompting.first_error
+        if failure is not None:
+            raise failure
+
+    def _begin(self) -> None:
+        self.jobs.submit(Slot("sweep"), self._sweep, lambda _: None)
+        if not self.settings.first_minute_seen:
+            self.guide.begin()
 
     def _sweep(self) -> None:
         """Remove what a killed program has left half written in the folders that are written to."""
@@ -183,11 +196,9 @@ class Workspace:
             sweep(folder)
 
     def _browse_all(self) -> None:
-        """Choose a file of any kind that is opened here."""
         self._browse("Open a file", sorted(self._files), lambda path: self.open_files([path]))
 
     def _browse(self, title: str, endings: Sequence[str], done: Callable[[Path], None]) -> None:
-        """Choose a file with one of these endings."""
         start = Path(self.settings.export_folder).expanduser()
         filters = [title, " ".join(f"*{ending}" for ending in endings), "All files", "*"]
         start = start if start.is_dir() else Path.home()
@@ -207,7 +218,7 @@ class Workspace:
 
     def frame_selection(self) -> None:
         """Bring the selected pin into the middle, or the whole character."""
-        point = self.pins.place
+        point = self.posing.place if self.posing.shown else self.pins.place
         if point is None:
             self.scene.frame_character()
         else:
@@ -225,9 +236,8 @@ class Workspace:
 
     @property
     def _files(self) -> dict[str, Callable[[Path], None]]:
-        """What opens a file, by its suffix."""
         films = dict.fromkeys(VIDEOS, self.references.open_video)
-        return {**self.scene.files, **self.takes.files, **films, **self.sessions.files}
+        return {**self.scene.files, ".bvh": self.takes.open, **films, SUFFIX: self.sessions.open}
 
     def open_files(self, paths: list[Path]) -> None:
         """Open dropped files by what their names say they are."""

@@ -7,28 +7,25 @@ from __future__ import annotations
 
 import hashlib
 import math
+import re
 import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import FileError
+from runtime.session.sqlite_file import Budget
 
-KINDS = ("<f4", "<f8", "|i1", "|u1")
 MAX_SIDE = 1 << 29
 REMEDY = "Choose another file, or a copy of this one."
 Made = TypeVar("Made")
-
-
-class Spends(Protocol):
-    """What may still be made of a file: `runtime.session.database.Budget`."""
-
-    def spend(self, count: int) -> None:
-        """Count bytes that are about to be made; ValueError where it is too much."""
+_REFERENCE = re.compile(
+    r"(<f4|<f8|\|i1|\|u1) ((?:[0-9]{1,10}(?:x[0-9]{1,10})*)?) ([^ ]*)"
+)  # kind, shape, hash
 
 
 class Once:
@@ -54,7 +51,7 @@ class BlobWriter:
     put: Callable[[str, bytes], None]
 
     def array(self, values: Any, kind: str = "<f4") -> str:
-        """The reference of an array of one of `KINDS`."""
+        """The reference of an array of a kind that `_REFERENCE` names."""
         plain = np.ascontiguousarray(values, np.dtype(kind))
         content = plain.tobytes()
         key = hashlib.blake2b(content, digest_size=16).hexdigest()
@@ -62,11 +59,9 @@ class BlobWriter:
         return f"{plain.dtype.str} {'x'.join(map(str, plain.shape))} {key}"
 
     def data(self, content: bytes) -> str:
-        """The reference of bytes."""
         return self.array(np.frombuffer(content, np.uint8), "|u1")
 
     def text(self, content: str) -> str:
-        """The reference of text."""
         return self.data(content.encode("utf-8", "surrogatepass"))
 
 
@@ -76,7 +71,7 @@ class BlobReader:
 
     path: Path
     fetch: Callable[[str], bytes]
-    budget: Spends
+    budget: Budget
     _made: dict[Any, Any] = field(default_factory=dict)
 
     def once(self, what: str, key: Any, make: Callable[[], Made]) -> Made:
@@ -103,7 +98,6 @@ class BlobReader:
         return self.once("array", reference, made)
 
     def data(self, reference: Any) -> bytes:
-        """Bytes."""
         return self.array(reference, "|u1", (None,)).tobytes()
 
     def text(self, reference: Any) -> str:
@@ -116,13 +110,12 @@ class BlobReader:
         return math.prod(sides) * np.dtype(kind).itemsize
 
     def _parts(self, reference: Any) -> tuple[str, list[int], str]:
-        parts = reference.split(" ") if isinstance(reference, str) and len(reference) < 200 else []
-        if len(parts) != 3 or parts[0] not in KINDS:
+        found = (
+            _REFERENCE.fullmatch(reference) if isinstance(reference, str) and len(reference) < 200 else None
+        )
+        if found is None:
             raise FileError(f"{self.path}: {str(reference)[:40]!r} names no content.", REMEDY)
-        texts = parts[1].split("x") if parts[1] else []
-        if not all(text.isdecimal() and len(text) < 11 for text in texts):
-            raise FileError(f"{self.path}: {str(reference)[:40]!r} names no content.", REMEDY)
-        sides = [int(text) for text in texts]
+        sides = [int(text) for text in found[2].split("x") if text]
         if math.prod(sides) > MAX_SIDE:
             raise FileError(f"{self.path}: content of {math.prod(sides)} values.", REMEDY)
-        return parts[0], sides, parts[2]
+        return found[1], sides, found[3]

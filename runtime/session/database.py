@@ -20,15 +20,11 @@ from typing import Any
 
 from runtime.errors import FileError
 from runtime.session.sqlite_file import (
-    APPLICATION_ID,
     LARGE_BYTES,
     MAX_TEXT_BYTES,
     REMEDY,
     ROOM,
-    SCHEMA_VERSION,
-    SUFFIX,
     Budget,
-    FileInUse,
     check_content,
     check_files,
     check_schema,
@@ -38,7 +34,6 @@ from runtime.session.sqlite_file import (
     copy_rows,
     drop_lock,
     file_errors,
-    is_own,
     lock_of,
     new_file,
     real_path,
@@ -46,8 +41,6 @@ from runtime.session.sqlite_file import (
     side_files,
     take_lock,
 )
-
-__all__ = ["APPLICATION_ID", "SCHEMA_VERSION", "SUFFIX", "Budget", "Database", "FileInUse", "Writer"]
 
 GATHER_S = 0.05  # that works wait for others before they are written
 IDLE_S = 1.0  # without work until the log goes into the file, and between two attempts where the disk takes nothing
@@ -90,7 +83,6 @@ class Writer:
         self._run("INSERT OR REPLACE INTO frames VALUES (?, ?, ?, ?, ?)", values)
 
     def drop_frames(self, key: str) -> None:
-        """Remove the frames of a motion; its header stays."""
         self._run("DELETE FROM frames WHERE motion = ?", (key,))
 
     def put_step(self, number: int, label: str, document: str) -> None:
@@ -103,7 +95,6 @@ class Writer:
         self._run("DELETE FROM steps WHERE number >= ? OR number < ?", (first, before))
 
     def set_meta(self, name: str, value: str | bytes) -> None:
-        """Keep a value under a name."""
         self._counted.add(("meta", name))
         self._run("INSERT OR REPLACE INTO meta VALUES (?, ?)", (name, value))
 
@@ -141,9 +132,6 @@ class Database:
 
     path: Path  # without links
     budget: Budget
-    home: Path | None = (
-        None  # folder of this installation's secret; without one every file counts as from elsewhere
-    )
     _handle: int = -1  # of the lock; -1 for reading only
     _reader: sqlite3.Connection | None = None
     _writer: sqlite3.Connection | None = None
@@ -168,25 +156,25 @@ class Database:
     _thread: threading.Thread | None = None
 
     @staticmethod
-    def create(path: Path, home: Path | None = None) -> Database:
+    def create(path: Path) -> Database:
         """A new file, locked; FileError, also where a file of this name is."""
         path = real_path(path)
         handle = take_lock(path)
         try:
             if path.exists():
                 raise FileError(f"{path}: this file exists.", "Choose another name.")
-            with new_file(path, home):
+            with new_file(path):
                 pass
-            return Database(path, Budget.for_file(0), home, handle)._begin()
+            return Database(path, Budget.for_file(0), handle)._begin()
         except BaseException:
             drop_lock(handle, path)
             raise
 
     @staticmethod
-    def open(path: Path, home: Path | None = None) -> Database:
+    def open(path: Path) -> Database:
         """A file that is there, checked and locked; FileError in one sentence, FileInUse.
 
-        One that this installation did not make is replaced by a new file with its rows.
+        A new file with its rows takes its place.
         """
         path = real_path(path)
         check_files(path)
@@ -199,11 +187,10 @@ class Database:
                 with contextlib.closing(connect(path, mode)) as connection:
                     check_schema(connection)
                     check_content(connection)
-                    if not is_own(connection, home):
-                        with new_file(path, home) as target:
-                            copy_rows(connection, target)
-                            connection.close()  # before the file is replaced
-            return Database(path, Budget.for_file(size), home, handle)._begin()
+                    with new_file(path) as target:
+                        copy_rows(connection, target)
+                        connection.close()  # before the file is replaced
+            return Database(path, Budget.for_file(size), handle)._begin()
         except BaseException:
             drop_lock(handle, path)
             raise
@@ -304,7 +291,7 @@ class Database:
             source = self._reader if self._thread is None else self._connection()
             if source is None:
                 raise FileError(f"{self.path}: it is closed.")
-            with new_file(path, self.home) as target, file_errors(self.path):
+            with new_file(path) as target, file_errors(self.path):
                 copy_rows(source, target)
                 writer = Writer(target, self._counted)
                 for work in works:
@@ -384,7 +371,7 @@ class Database:
         with contextlib.suppress(FileNotFoundError):
             if self._present() == self._files:
                 return
-        with new_file(self.path, self.home) as target:
+        with new_file(self.path) as target:
             copy_rows(connection, target)
             if not lock_of(self.path).exists():
                 os.close(self._handle)
@@ -399,9 +386,9 @@ class Database:
         logged = False
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._queue or self._urgent or self._ending, IDLE_S)
-                if self._queue and not self._trouble:
-                    self._changed.wait_for(lambda: self._urgent or self._ending, GATHER_S)
+                self._changed.wait_for(lambda: self._queue or self._hurried, IDLE_S)
+                if self._queue:  # a disk that takes nothing is tried again after a while
+                    self._changed.wait_for(lambda: self._hurried, IDLE_S if self._trouble else GATHER_S)
                 ending, idle, self._urgent = self._ending, not self._queue, False
             with self._turn:
                 self._write()
@@ -411,9 +398,11 @@ class Database:
                 logged = not idle
             if ending:
                 return
-            if self._trouble:
-                with self._changed:
-                    self._changed.wait_for(lambda: self._urgent or self._ending, IDLE_S)
+
+    @property
+    def _hurried(self) -> bool:
+        """Whether nothing is to be waited for."""
+        return self._urgent or self._ending
 
     def _write(self) -> bool:
         """Write all that waits as one transaction; False where it still waits. A work that is at fault is left out."""
@@ -477,7 +466,6 @@ class Database:
     # --- reading
 
     def steps(self) -> list[tuple[int, str]]:
-        """Numbers and labels of the steps, in order."""
         return self._rows(
             "steps", "number, label", (int, str), "16 + length(CAST(label AS BLOB))", "1 ORDER BY number"
         )
@@ -514,7 +502,6 @@ class Database:
         return sum(count for (count,) in self._rows("frames", "count", (int,), "8", "motion = ?", key))
 
     def meta(self, name: str, default: str = "") -> str:
-        """The text under a name."""
         rows = self._rows("meta", "value", (str,), "length(CAST(value AS BLOB))", "name = ?", name)
         return rows[0][0] if rows else default
 

@@ -52,6 +52,7 @@ from runtime.takes.input_recording import (
 from runtime.takes.metadata import PromptEvent
 from runtime.takes.own_skeleton import OwnSkeleton
 from runtime.takes.pins import MAX_PINS
+from runtime.takes.pose_edits import PoseEdits
 from runtime.takes.pose_layer import PoseLayer
 from runtime.terrain.files import MAX_HEIGHT_M
 from runtime.terrain.height_map import Terrain
@@ -71,6 +72,7 @@ STRUCTURE_ERRORS = (
     KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, RecursionError, MemoryError,
 )  # fmt: skip
 _NOT_KEPT = {(PromptBlend, "shares"), (Answer, "milliseconds"), (Answer, "final"), (Answer, "question")}
+_LATER = {(PoseEdits, "layer")}  # fields that older files lack
 _LONG_TEXTS = (PromptEvent, Answer)  # records whose texts are prompts
 
 
@@ -125,7 +127,6 @@ class DocumentWriter:
         ]
 
     def session(self, session: Session) -> str:
-        """The text of a session."""
         return json.dumps(self._record(session), ensure_ascii=True)
 
     def inputs(self, inputs: InputRecording) -> Json:
@@ -152,7 +153,6 @@ class DocumentWriter:
         return [self._text_of(value) if isinstance(value, Take) else self._value(value) for value in values]
 
     def _text_of(self, take: Take) -> str:
-        """The reference of a take's text."""
         return self._once.get("take", take, lambda: self.blobs.text(json.dumps(self._record(take))))
 
     def _terrain(self, terrain: Terrain) -> Json:
@@ -217,7 +217,6 @@ class DocumentReader:
         }
 
     def session(self, text: str) -> Session:
-        """A session of its text."""
         return self.checked(lambda: self._record(Session, parse_json(text, MAX_ITEMS)))
 
     def header(self, text: str) -> tuple[MotionHeader, bool]:
@@ -255,12 +254,10 @@ class DocumentReader:
     def _record(self, kind: Any, value: Json) -> Any:
         longest = math.inf if kind in _LONG_TEXTS else MAX_TEXT
         schema = _schema(kind)
-        if kind is not MotionHeader and not set(value) <= {name for name, _ in schema}:
+        schema = tuple(entry for entry in schema if entry[0] in value or (kind, entry[0]) not in _LATER)
+        if kind is not MotionHeader and set(value) != {name for name, _ in schema}:
             raise ValueError(f"not the fields of a {kind.__name__}")
-        # a field that came later has its default in an older file
-        made = kind(
-            **{name: self._value(hint, value[name], longest) for name, hint in schema if name in value}
-        )
+        made = kind(**{name: self._value(hint, value[name], longest) for name, hint in schema})
         return _CHECKS.get(kind, lambda _: None)(made) or made
 
     def _value(self, hint: Any, value: Json, longest: float) -> Any:
@@ -343,7 +340,6 @@ class DocumentReader:
         return StyleChange(at, self._style(value["style"]), read_number(value["seconds"], 1e6), event, note)
 
     def _style(self, value: Json) -> Any:
-        """A style code, or a mix of codes."""
         if not isinstance(value, list):
             return self._code(value)
         number, parts, legs = value

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from runtime.session.motion import Motion
@@ -89,7 +88,6 @@ def resimulated(session: Session, number: int, motion: Motion) -> Session:
 
 
 def moved(session: Session, number: int, by: int) -> Session:
-    """A take goes up or down in the list."""
     at = session.index(number)
     to = at + by
     if at < 0 or not 0 <= to < len(session.takes):
@@ -100,13 +98,5 @@ def moved(session: Session, number: int, by: int) -> Session:
 
 
 def selected(session: Session, number: int) -> Session:
-    """Another take is the selected one."""
     known = number == LIVE or session.take(number) is not None
     return replace(session, selected=number) if known else session
-
-
-def with_takes(session: Session, takes: Sequence[Take]) -> Session:
-    """Several new takes at the end, the last one selected."""
-    for take in takes:
-        session = with_new_take(session, take)
-    return session

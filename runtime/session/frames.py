@@ -26,7 +26,6 @@ CLIP_BYTES = 4 * (3 + 4 * J + 4) + 1  # of a frame in memory
 
 
 def pieces(count: int) -> Iterator[slice]:
-    """The pieces of a clip of `count` frames."""
     for first in range(0, count, PIECE):
         yield slice(first, min(first + PIECE, count))
 

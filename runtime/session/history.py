@@ -28,7 +28,6 @@ class History:
 
     @property
     def present(self) -> Step:
-        """The step in force."""
         return self.steps[self.at]
 
     @property

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from runtime.errors import FileError
-from runtime.session.database import SUFFIX, Budget, Database
-from runtime.session.sqlite_file import drop_lock, is_held, side_files, take_lock
+from runtime.session.database import Database
+from runtime.session.sqlite_file import SUFFIX, Budget, drop_lock, is_held, side_files, take_lock
 
 SUMMARY_BYTES = 8 << 20  # that a summary may cost
 _NAME = re.compile(r"(\d{8}-\d{6})-(\d{4})-")

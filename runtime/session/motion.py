@@ -40,7 +40,6 @@ class MotionHeader:
 
     @staticmethod
     def of(clip: Clip, inputs: InputRecording | None) -> MotionHeader:
-        """The header of a clip."""
         return MotionHeader(
             clip.name, clip.fps, len(clip), clip.terrain, clip.prompts, clip.origin, clip.gait_seconds,
             clip.placed, clip.size, clip.gaits is not None, inputs is not None,
@@ -48,7 +47,6 @@ class MotionHeader:
 
     @property
     def seconds(self) -> float:
-        """Time from the first to the last frame."""
         return (self.frames - 1) / self.fps
 
     def describe(self) -> str:
@@ -56,7 +54,6 @@ class MotionHeader:
         return describe(self.terrain, self.prompts, self.origin, dict(self.gait_seconds))
 
     def clip(self, hips: Array, rotations: Array, contacts: Array, gaits: NDArray[np.int8]) -> Clip:
-        """The clip of this header with its frames."""
         return Clip(
             self.name, self.fps, hips, rotations, contacts, self.prompts, self.terrain, self.origin,
             self.gait_seconds, gaits if self.has_gaits else None, self.placed, self.size,
@@ -92,7 +89,6 @@ class Motion:
 
     @staticmethod
     def of(clip: Clip, inputs: InputRecording | None = None) -> Motion:
-        """A new motion."""
         return Motion(uuid.uuid4().hex, MotionHeader.of(clip, inputs), clip, inputs)
 
     def __eq__(self, other: object) -> bool:
@@ -140,7 +136,6 @@ class Motion:
 
     @property
     def is_stored(self) -> bool:
-        """Whether a file holds it."""
         return self._source is not None
 
     def _loaded_from(self) -> MotionSource:

@@ -34,12 +34,10 @@ class PromptBlend:
 
     @property
     def a(self) -> Answer | None:
-        """The prompt's answer."""
         return self.answers[Side.A]
 
     @property
     def b(self) -> Answer | None:
-        """The answer of the prompt that is blended in."""
         return self.answers[Side.B]
 
     def prompt(self, side: Side) -> str:
@@ -48,7 +46,6 @@ class PromptBlend:
         return "" if answer is None else answer.prompt
 
     def with_answer(self, side: Side, answer: Answer | None) -> PromptBlend:
-        """Another answer on one side."""
         answers = (answer, self.b) if side is Side.A else (self.a, answer)
         return dataclasses.replace(self, answers=answers, shares=LINEAR)
 
@@ -113,7 +110,6 @@ class PromptBlend:
         return BlendedPrompt(self.a.words, self.b.words, self.weights).to_json()
 
     def with_weight(self, part: str, weight: float) -> PromptBlend:
-        """Another weight of prompt B in one part."""
         i = PART_NAMES.index(part)
         return dataclasses.replace(self, weights=(*self.weights[:i], weight, *self.weights[i + 1 :]))
 

@@ -38,7 +38,6 @@ class Ground:
 
     @staticmethod
     def of(spec: str, terrain: Terrain) -> Ground:
-        """A ground that was loaded."""
         about = f"{terrain.name} {terrain.cell_m} {terrain.origin} {terrain.unit_m} {terrain.heights.shape}"
         digest = hashlib.blake2b(terrain.heights.tobytes(), digest_size=16, key=about.encode()[:64])
         return Ground(spec, terrain, digest.hexdigest())
@@ -107,7 +106,6 @@ class Take:
 
     @property
     def title(self) -> str:
-        """The name it was given, or the motion's."""
         name = "Live" if self.motion is None else self.motion.header.name
         return self.name or (f"{name}, mirrored" if self.mirrored else name)
 
@@ -120,7 +118,6 @@ class Take:
 
     @property
     def frames(self) -> int:
-        """Frames of its motion."""
         return self.made.header.frames
 
     @property
@@ -145,7 +142,6 @@ class Take:
 
     @property
     def clip(self) -> Clip:
-        """All of its frames as they are shown."""
         return _posed(self.made, self.mirrored, self.poses) if self.poses else self.base_clip
 
     @property

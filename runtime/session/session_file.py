@@ -29,7 +29,7 @@ from runtime.session.character_files import (
     read_character_files,
     write_character_files,
 )
-from runtime.session.database import Budget, Database, Writer
+from runtime.session.database import Database, Writer
 from runtime.session.document import (
     DocumentReader,
     DocumentWriter,
@@ -42,7 +42,7 @@ from runtime.session.frames import BYTES, CLIP_BYTES, packed_frames, pieces, unp
 from runtime.session.history import History, Step
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.session import CharacterChoice, Session, Take
-from runtime.session.sqlite_file import file_errors
+from runtime.session.sqlite_file import Budget, file_errors
 from runtime.skeleton import J
 from runtime.takes.clip import Clip, are_poses
 from runtime.takes.input_recording import COLUMNS, InputFrames, InputRecording
@@ -64,7 +64,7 @@ class SessionFile:
     """The file of the session that is open."""
 
     database: Database
-    cache: Path  # folder for the files of characters; in its parent is what this installation knows its own files by
+    cache: Path  # folder for the files of characters
     _documents: DocumentWriter = field(init=False)
     _written: dict[int, Session] = field(default_factory=dict)  # steps of the file, by their numbers
     _known: set[str] = field(default_factory=set)  # blobs, motions and characters that the file has
@@ -83,13 +83,12 @@ class SessionFile:
 
     @staticmethod
     def create(path: Path, cache: Path) -> SessionFile:
-        """A new file; FileError."""
-        return SessionFile(Database.create(path, cache.parent), cache)
+        return SessionFile(Database.create(path), cache)
 
     @staticmethod
     def open(path: Path, cache: Path) -> tuple[SessionFile, History]:
         """An existing file and its history, as untrusted; FileError, FileInUse."""
-        database = Database.open(path, cache.parent)
+        database = Database.open(path)
         try:
             file, history = _opened(database, cache)
             file._remove_unused()
@@ -109,7 +108,6 @@ class SessionFile:
 
     @property
     def path(self) -> Path:
-        """Where it is."""
         return self.database.path
 
     @property
@@ -347,7 +345,6 @@ class SessionFile:
         self.database.save_as(path)
 
     def save_copy(self, path: Path) -> None:
-        """Write a copy; FileError, FileInUse."""
         self.database.save_copy(path)
 
     def flush(self, seconds: float | None = None) -> bool:
@@ -421,28 +418,29 @@ class Recording:
         return motion
 
 
+def _character_keys(session: Session) -> list[str]:
+    return [f"character {choice.key}" for choice in _characters(session)]
+
+
 def _characters(session: Session) -> list[CharacterChoice]:
-    """The characters of a session that have files."""
     choices = (session.character, None if session.reference is None else session.reference.character)
     return [choice for choice in choices if choice is not None and choice.key]
 
 
 def _used(writer: Writer, held: Iterable[str]) -> tuple[set[str], set[str]]:
     """Keys of the motions and blobs that steps, or motions that are `held`, refer to."""
-    takes, blobs, motions = set[str](), set[str](), set(held)
+    takes, characters, blobs, motions = set[str](), set[str](), set[str](), set(held)
     for document in writer.documents():
         takes.update(_TAKE.findall(document))
         blobs.update(_REFERENCE.findall(document))
-        blobs.update(f"character {key}" for key in _CHARACTER.findall(document))
-    texts = {key: writer.blob(key).decode("utf-8", "replace") for key in takes}
-    for text in texts.values():
+        characters.update(f"character {key}" for key in _CHARACTER.findall(document))
+    texts = [writer.blob(key).decode("utf-8", "replace") for key in takes | characters]
+    for text in texts:
         motions.update(_MOTION.findall(text))
-    characters = [
-        writer.blob(key).decode("utf-8", "replace") for key in blobs if key.startswith("character ")
-    ]
-    for text in (*texts.values(), *characters, *(writer.motion(key + INPUT) for key in motions)):
+    texts += [writer.motion(key + INPUT) for key in motions]
+    for text in texts:
         blobs.update(_REFERENCE.findall(text))
-    return {key + part for key in motions for part in ("", INPUT, TAIL)}, blobs
+    return {key + part for key in motions for part in ("", INPUT, TAIL)}, blobs | characters
 
 
 def _opened(database: Database, cache: Path) -> tuple[SessionFile, History]:
@@ -452,17 +450,12 @@ def _opened(database: Database, cache: Path) -> tuple[SessionFile, History]:
     known: dict[str, Motion] = {}
     reader = DocumentReader(blobs, lambda key: file._motion(key, known))
     steps = [Step(number, label, reader.session(database.step(number))) for number, label in database.steps()]
-    history = History()
-    if steps:
-        numbers, at = [str(step.number) for step in steps], database.meta("at")
-        present = numbers.index(at) if at in numbers else len(steps) - 1
-        history = History(steps, present)
+    places = {str(step.number): i for i, step in enumerate(steps)}
+    history = History(steps, places.get(database.meta("at"), len(steps) - 1)) if steps else History()
     motions = {key for key in database.motions() if not key.endswith(INPUT)}
     file._written = {step.number: step.session for step in steps}
-    file._known = set(motions)
+    file._known = motions.union(*map(_character_keys, file._written.values()))
     file._held.update(known)
-    for step in steps:
-        file._known |= {f"character {choice.key}" for choice in _characters(step.session)}
     for key in sorted(motions - set(known)):
         header, cut_off = reader.header(database.motion(key))
         if cut_off:
@@ -484,8 +477,7 @@ def _recover(file: SessionFile, history: History, key: str, header: MotionHeader
     except FileError:
         whole = False
     clip = file.load_clip(key, header)
-    seconds = () if clip.gaits is None else tuple(gait_seconds(clip.gaits, clip.fps).items())
-    header = replace(header, gait_seconds=seconds, resimulable=whole)
+    header = replace(header, gait_seconds=gait_seconds(clip.gaits, clip.fps), resimulable=whole)
     motion = Motion(key, header, source=file)
     session = with_new_take(
         history.present.session, Take(motion=motion, ground=history.present.session.ground)

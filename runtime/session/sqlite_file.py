@@ -1,16 +1,13 @@
 """The SQLite file of a session: its tables, how it is made whole, opened, and checked as untrusted.
 
-Of a file that this installation did not write only the rows are used: they are copied into a new file. No SQL of a file
-runs, as its schema must be the text below and nothing else.
+Of a file that is opened only the rows are used: they are copied into a new file. No SQL of a file runs, as its schema must
+be the text below and nothing else.
 """
 
 from __future__ import annotations
 
 import contextlib
-import hashlib
-import hmac
 import os
-import secrets
 import sqlite3
 import stat
 import zlib
@@ -22,7 +19,7 @@ from urllib.parse import quote
 from runtime.atomic import atomic_path
 from runtime.errors import FileError
 from runtime.file_lock import open_locked
-from runtime.safe_read import read_bounded, reason
+from runtime.safe_read import reason
 
 SUFFIX = ".sport"
 APPLICATION_ID = 0x53504F52  # "SPOR"
@@ -36,8 +33,6 @@ MAX_OPERATIONS = 400_000_000  # of SQLite's machine while a file is checked: a m
 SMALL_BYTES, PER_BYTE, LARGE_BYTES = 128 << 20, 16, 3 << 29
 REMEDY = "Choose another file, or an older copy of it."
 ROOM = "Make room on the disk, or save a copy elsewhere."
-KEY_FILE = "session.key"  # what this installation knows its own files by
-SEAL = ".seal"  # the row of `meta` that proves it
 TABLES = {
     "meta": "name TEXT PRIMARY KEY, value",
     "steps": "number INTEGER PRIMARY KEY, label TEXT, document TEXT",
@@ -86,7 +81,6 @@ class Budget:
 
     @staticmethod
     def for_file(size: int) -> Budget:
-        """The budget of a file of `size` bytes."""
         most = min(SMALL_BYTES + PER_BYTE * size, LARGE_BYTES)
         return Budget(most, most)
 
@@ -284,10 +278,10 @@ def _schema() -> list[tuple[str | None, ...]]:
 
 
 @contextlib.contextmanager
-def new_file(path: Path, home: Path | None) -> Iterator[sqlite3.Connection]:
+def new_file(path: Path) -> Iterator[sqlite3.Connection]:
     """A connection to a new file that takes the place of `path`, its log included, when the block ends; FileError.
 
-    It has the tables and the seal of this installation, and is checked like one from elsewhere first.
+    It has the tables, and is checked like one that is opened first.
     """
     with atomic_path(path) as temporary, file_errors(path, ROOM):
         with contextlib.closing(connect(temporary, "rw")) as connection:
@@ -296,11 +290,6 @@ def new_file(path: Path, home: Path | None) -> Iterator[sqlite3.Connection]:
             connection.execute("PRAGMA synchronous = OFF")
             connection.execute("BEGIN")
             _create(connection)
-            key = installation_key(home)
-            if key:
-                connection.execute(
-                    "INSERT INTO meta VALUES (?, ?)", (SEAL, _seal(key, secrets.token_bytes(16)))
-                )
             yield connection
             connection.execute("COMMIT")
             connection.execute("PRAGMA journal_mode = WAL")
@@ -317,7 +306,7 @@ def copy_rows(source: sqlite3.Connection, target: sqlite3.Connection) -> None:
     source.execute("BEGIN")
     try:
         for table in TABLES:
-            rows = source.execute(f"SELECT * FROM {table}" + f" WHERE name <> '{SEAL}'" * (table == "meta"))
+            rows = source.execute(f"SELECT * FROM {table}")
             first = rows.fetchone()
             if first is not None:
                 insert = f"INSERT INTO {table} VALUES ({', '.join('?' * len(first))})"
@@ -325,34 +314,3 @@ def copy_rows(source: sqlite3.Connection, target: sqlite3.Connection) -> None:
                 target.executemany(insert, rows)
     finally:
         source.execute("COMMIT")
-
-
-def installation_key(home: Path | None) -> bytes:
-    """The secret of this installation, made when there is none; b"" where it cannot be kept: no file is its own then."""
-    if home is None:
-        return b""
-    path = home / KEY_FILE
-    with contextlib.suppress(OSError, FileError):
-        home.mkdir(parents=True, exist_ok=True)
-        with contextlib.suppress(FileExistsError):
-            handle = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY | getattr(os, "O_BINARY", 0), 0o600)
-            with open(handle, "wb") as file:
-                file.write(secrets.token_bytes(32))
-        key = read_bounded(path, 32)
-        return key if len(key) == 32 else b""
-    return b""
-
-
-def _seal(key: bytes, number: bytes) -> bytes:
-    return number + hmac.digest(key, number, hashlib.sha256)
-
-
-def is_own(connection: sqlite3.Connection, home: Path | None) -> bool:
-    """Whether this installation made the file."""
-    key = installation_key(home)
-    row = connection.execute(
-        "SELECT value FROM meta WHERE name = ? AND length(value) = 48", (SEAL,)
-    ).fetchone()
-    return bool(
-        key and row and type(row[0]) is bytes and hmac.compare_digest(_seal(key, row[0][:16]), row[0])
-    )

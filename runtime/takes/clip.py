@@ -63,7 +63,6 @@ class Clip:
 
     @property
     def seconds(self) -> float:
-        """Time from the first to the last frame."""
         return (len(self) - 1) / self.fps
 
     def describe(self) -> str:
@@ -84,7 +83,6 @@ class Clip:
         return SPORT_SKELETON.forward_kinematics(self.hips_positions, self.local_rotations)
 
     def trim(self, first: int, last: int) -> Clip:
-        """Frames `first` to `last`, both included."""
         if not 0 <= first <= last < len(self):
             raise UsageError(
                 f"trim {first} to {last}: the clip has frames 0 to {len(self) - 1}.", "Choose others."
@@ -94,7 +92,7 @@ class Clip:
         return replace(
             self,
             gaits=gaits,
-            gait_seconds=() if gaits is None else tuple(gait_seconds(gaits, self.fps).items()),
+            gait_seconds=gait_seconds(gaits, self.fps),
             hips_positions=self.hips_positions[keep],
             local_rotations=self.local_rotations[keep],
             contacts=self.contacts[keep],
@@ -102,7 +100,6 @@ class Clip:
         )
 
     def resampled(self, fps: float) -> Clip:
-        """The same motion at another rate, from the same first frame."""
         if not 0.0 < fps <= MAX_FPS:
             raise UsageError(f"{fps} frames per second: expected 0 to {MAX_FPS:.0f}.", "Try 60 or 30.")
         if fps == self.fps:

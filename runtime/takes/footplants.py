@@ -47,8 +47,12 @@ def fitted_footplant(clip: Clip, foot: int, old: Frames | None, start: int, end:
     """Where a plant may go that is to last from `start` to `end`; UsageError where there is no room."""
     others = [p for p in footplants(clip.contacts[:, 2 * foot : 2 * foot + 2]) if p != old]
     middle = (start + end) / 2 if old is None else (old[0] + old[1]) / 2
-    low = max((b + MIN_FRAMES for a, b in others if (a + b) / 2 <= middle), default=0)
-    high = min((a - MIN_FRAMES for a, b in others if (a + b) / 2 > middle), default=len(clip))
+    low, high = 0, len(clip)
+    for a, b in others:
+        if (a + b) / 2 <= middle:
+            low = b + MIN_FRAMES
+        else:
+            high = min(high, a - MIN_FRAMES)
     inside = old is None and any(a <= middle < b for a, b in others)
     if inside or high - low < MIN_FRAMES:
         raise UsageError("A plant there: the foot bears already.", "Choose frames in which it swings.")
@@ -85,22 +89,22 @@ def _replanted(clip: Clip, edit: FootplantEdit, known: list[Frames]) -> Clip:
     bends = clip.local_rotations[:, toe].astype(float)
     contacts = clip.contacts.copy()
     ours = contacts[:, 2 * edit.foot : 2 * edit.foot + 2]  # a view
-    if edit.old is None and edit.new is not None:
-        path, turns = _put_down(path, turns, edit.new)
-        ours[edit.new[0] : edit.new[1]] = 1.0
-    elif edit.new is None and edit.old is not None:
-        first, end = edit.old
-        rise = np.sin(np.linspace(0.0, np.pi, end - first)) ** 2
-        path[first:end, 1] += LIFT_M * rise
-        ours[first:end] = 0.0
-    elif edit.old is not None and edit.new is not None:
-        before = max((b for a, b in known if b <= edit.old[0]), default=0)
-        after = min((a for a, b in known if a >= edit.old[1]), default=len(clip))
-        at = _retimed(len(clip), before, edit.old, edit.new, after)
+    old, new = edit.old, edit.new
+    if old is None and new is not None:
+        path, turns = _put_down(path, turns, new)
+        ours[slice(*new)] = 1.0
+    elif new is None and old is not None:
+        path[slice(*old), 1] += LIFT_M * np.sin(np.linspace(0.0, np.pi, old[1] - old[0])) ** 2
+        ours[slice(*old)] = 0.0
+    elif old is not None and new is not None:
+        place = known.index(old)
+        before = known[place - 1][1] if place else 0
+        after = known[place + 1][0] if place + 1 < len(known) else len(clip)
+        at = _retimed(len(clip), before, old, new, after)
         path, turns, bends = _sampled(path, at), _turned(turns, at), _turned(bends, at)
         ours[:] = ours[np.clip(np.round(at).astype(int), 0, len(clip) - 1)]
-        ours[before : edit.new[0]], ours[edit.new[1] : after] = 0.0, 0.0
-        still = ours[edit.new[0] : edit.new[1]]
+        ours[before : new[0]], ours[new[1] : after] = 0.0, 0.0
+        still = ours[slice(*new)]
         still[:] = np.where((still > CONTACT).any(axis=1, keepdims=True), still, 1.0)
     targets, feet = positions[:, LEG_FEET].astype(float), world[:, LEG_FEET].astype(float)
     changed = np.any(np.abs(path - targets[:, edit.foot]) > 1e-6, axis=1) | np.any(

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from array import array
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, MutableSequence, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from typing import Any, Protocol, overload
@@ -64,7 +64,6 @@ class InputFrames(Sequence[InputFrame]):
 
     @staticmethod
     def of(frames: Iterable[InputFrame]) -> InputFrames:
-        """Frames one by one."""
         return InputFrames(np.array([frame.row for frame in frames], np.float64).reshape(-1, COLUMNS))
 
     def __len__(self) -> int:
@@ -87,7 +86,6 @@ class InputFrames(Sequence[InputFrame]):
     __hash__ = None  # type: ignore[assignment]
 
     def __add__(self, later: InputFrames) -> InputFrames:
-        """These frames and then others."""
         return InputFrames(np.concatenate([self.rows, later.rows]))
 
     def gaits(self) -> NDArray[np.int8]:
@@ -107,28 +105,6 @@ def are_asked(rows: NDArray[np.float64]) -> bool:
         and np.isin(gait, [float(each) for each in Gait]).all()
         and (np.abs(settings) <= LARGEST_SETTING).all()
     )
-
-
-class KeptFrames:
-    """The newest frames while they are made."""
-
-    def __init__(self) -> None:
-        self._numbers = array("d")
-
-    def __len__(self) -> int:
-        return len(self._numbers) // COLUMNS
-
-    def add(self, frame: InputFrame) -> None:
-        """One frame more."""
-        self._numbers.extend(frame.row)
-
-    def drop(self, count: int) -> None:
-        """Forget the oldest frames."""
-        del self._numbers[: count * COLUMNS]
-
-    def since(self, first: int) -> InputFrames:
-        """The frames from one on, counted from the oldest that is kept."""
-        return InputFrames(np.array(self._numbers[first * COLUMNS :]).reshape(-1, COLUMNS))
 
 
 class Steppable(Protocol):
@@ -165,7 +141,6 @@ class StyleChange:
     note: Any = None
 
     def apply(self, controller: Steppable) -> None:
-        """Hand the style over."""
         controller.set_style(self.z, self.seconds)
 
 
@@ -178,7 +153,6 @@ class GroundChange:
     terrain: Terrain
 
     def apply(self, controller: Steppable) -> None:
-        """Put the ground under the character."""
         controller.set_terrain(self.terrain)
 
 
@@ -192,7 +166,6 @@ class Restart:
     yaw: float
 
     def apply(self, controller: Steppable) -> None:
-        """Put the character there."""
         controller.reset(self.x, self.z, self.yaw)
         controller.step(Controls())
 
@@ -225,11 +198,9 @@ class InputRecording:
         return self.keyframes[0].frame
 
     def __len__(self) -> int:
-        """Frames of the clip."""
         return len(self.frames) + self.start
 
     def frame(self, number: int) -> InputFrame:
-        """What frame `number` requested."""
         return self.frames[number - self.start]
 
     def ground(self, number: int) -> GroundChange | None:
@@ -301,20 +272,27 @@ def started(
     key.snapshot.restore(controller)  # type: ignore[arg-type]
     keyframes = [k for k in inputs.keyframes if k.frame < first_frame]
     later = _changes_after(inputs, key.frame, first_frame)
+    for number in range(key.frame, first_frame):
+        for change in later.get(number, ()):
+            change.apply(controller)
+        _step(controller, inputs.frame(number))
     poses: list[Pose] = []
-    for number in count(key.frame):
-        frame = inputs.frame(min(number, len(inputs) - 1))
-        controls = frame.controls if number < first_frame else stick(number, poses[-1] if poses else None)
+    for number in count(first_frame):
+        controls = stick(number, poses[-1] if poses else None)
         if controls is None:
             break
         for change in later.get(number, ()):
             change.apply(controller)
-        if number >= first_frame and (not keyframes or number - keyframes[-1].frame >= KEYFRAME_STEPS):
-            keyframes.append(Keyframe(number, take_snapshot(controller)))  # type: ignore[arg-type]
-        pose = _step(controller, replace(frame, controls=controls))
-        if number >= first_frame:
-            poses.append(pose)
+        _keep_state(keyframes, number, controller)
+        frame = inputs.frame(min(number, len(inputs) - 1))
+        poses.append(_step(controller, replace(frame, controls=controls)))
     return poses, tuple(keyframes)
+
+
+def _keep_state(keyframes: MutableSequence[Keyframe], number: int, controller: Steppable) -> None:
+    """Add a keyframe when it is time."""
+    if not keyframes or number - keyframes[-1].frame >= KEYFRAME_STEPS:
+        keyframes.append(Keyframe(number, take_snapshot(controller)))  # type: ignore[arg-type]
 
 
 def _changes_after(inputs: InputRecording, key: int, first_frame: int) -> dict[int, list[Change]]:
@@ -334,10 +312,7 @@ def keyframe_for(inputs: InputRecording, frame: int) -> Keyframe:
 
 
 def _step(controller: Steppable, frame: InputFrame) -> Pose:
-    if controller.temperature != frame.temperature:
-        controller.temperature = frame.temperature
-    if controller.response != frame.response:
-        controller.response = frame.response
+    controller.temperature, controller.response = frame.temperature, frame.response
     if controller.strength != frame.strength:  # setting it folds the style anew
         controller.strength = frame.strength
     return controller.step(frame.controls)
@@ -367,7 +342,7 @@ def with_poses(clip: Clip, inputs: InputRecording, poses: Sequence[Pose], first_
         contacts=_joined(clip.contacts, first_frame, [p.contacts for p in poses]),
         prompts=inputs.prompts(),
         gaits=gaits,
-        gait_seconds=tuple(gait_seconds(gaits, clip.fps).items()),
+        gait_seconds=gait_seconds(gaits, clip.fps),
     )
 
 
@@ -398,25 +373,23 @@ class InputRecorder:
 
     def __init__(self) -> None:
         self._first = 0  # number of the oldest frame kept
-        self._frames = KeptFrames()
+        self._numbers = array("d")  # of the frames kept: `COLUMNS` each
         self._changes: list[Change] = []
         self._keyframes: deque[Keyframe] = deque()
 
     @property
     def next_frame(self) -> int:
         """Number of the frame that comes next, counted since the program's start."""
-        return self._first + len(self._frames)
+        return self._first + len(self._numbers) // COLUMNS
 
     def before_steps(self, controller: Steppable) -> None:
         """Keep the state of `controller` when it is time."""
-        number = self.next_frame
-        if not self._keyframes or number - self._keyframes[-1].frame >= KEYFRAME_STEPS:
-            self._keyframes.append(Keyframe(number, take_snapshot(controller)))  # type: ignore[arg-type]
+        _keep_state(self._keyframes, self.next_frame, controller)
 
     def add(self, controls: Controls, controller: Steppable) -> None:
         """Remember what one simulated step of `controller` requested."""
         frame = InputFrame(controls, controller.temperature, controller.strength, controller.response)
-        self._frames.add(frame)
+        self._numbers.extend(frame.row)
 
     def mark_style(self, style: StyleChange, holds: bool = False) -> None:
         """A style came into force now, whatever its frame is; or it `holds` already in the controller's state."""
@@ -426,7 +399,6 @@ class InputRecorder:
         self._changes.append(replace(style, frame=self.next_frame - holds, z=z))
 
     def mark_ground(self, name: str, terrain: Terrain) -> None:
-        """Another ground came under the character."""
         self._changes.append(GroundChange(self.next_frame, name, terrain))
 
     def mark_restart(self, x: float, z: float, yaw: float) -> None:
@@ -436,7 +408,7 @@ class InputRecorder:
     def forget(self) -> None:
         """Something happened that cannot be made again: takes that began before it cannot be resimulated."""
         self._first = self.next_frame
-        self._frames = KeptFrames()
+        self._numbers = array("d")
         self._keyframes.clear()
         self._changes = self._still_holding(self._first)
 
@@ -448,7 +420,7 @@ class InputRecorder:
             popped = True
         if popped:
             first = self._keyframes[0].frame
-            self._frames.drop(first - self._first)
+            del self._numbers[: (first - self._first) * COLUMNS]
             self._first = first
             self._changes = self._still_holding(first) + [c for c in self._changes if c.frame > first]
 
@@ -465,7 +437,12 @@ class InputRecorder:
 
     def sticks(self, first_frame: int) -> NDArray[np.float64] | None:
         """Sticks and settings `(T, 8)` from `first_frame` to the newest; None where they are not known."""
-        return None if first_frame < self._first else self._frames.since(first_frame - self._first).rows
+        return None if first_frame < self._first else self._since(first_frame).rows
+
+    def _since(self, number: int) -> InputFrames:
+        """The kept frames from a number on."""
+        numbers = np.array(self._numbers[(number - self._first) * COLUMNS :])
+        return InputFrames(numbers.reshape(-1, COLUMNS))
 
     def cut(self, first_frame: int) -> InputRecording | None:
         """The inputs of a clip from `first_frame` to the newest frame; None when its state there is not known."""
@@ -474,7 +451,7 @@ class InputRecorder:
             return None
         start = keys[-1].frame
         return InputRecording(
-            self._frames.since(start - self._first),
+            self._since(start),
             tuple(replace(c, frame=c.frame - first_frame) for c in self._changes),
             tuple(
                 replace(k, frame=k.frame - first_frame)

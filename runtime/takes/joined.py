@@ -7,6 +7,8 @@ their poses is an offset, which goes to zero with the velocity that it has.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import reduce
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +16,11 @@ from numpy.typing import NDArray
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.errors import UsageError
-from runtime.feet.ik import LEG_FEET, LEG_SHINS, LEG_THIGHS, LEG_TOES, solve_legs
+from runtime.feet.ik import LEG_FEET, LEG_TOES
 from runtime.takes.clip import Clip
 from runtime.takes.footplants import CONTACT
-from runtime.takes.metadata import UNKNOWN, gait_seconds
+from runtime.takes.loop import led_legs
+from runtime.takes.metadata import UNKNOWN, PromptEvent, gait_seconds
 from runtime.takes.root import Placement, root_track
 
 BLEND_S = 0.4  # in which the body's offset goes to zero
@@ -26,7 +29,6 @@ SAME = 1e-4  # metres and parts of a quaternion within which pieces of one take 
 HELD_M = 0.2  # farther from where the second take has it, a foot that stands takes a step
 LIFT, MAX_LIFT_M = 0.2, 0.06  # of such a step, over its length
 FASTEST, FASTEST_TURN = 2.0, 6.0  # m/s and rad/s of an offset at the seam
-_LEGS = np.concatenate([LEG_THIGHS, LEG_SHINS, LEG_FEET])
 
 
 def joined(first: Clip, second: Clip) -> Clip:
@@ -34,38 +36,36 @@ def joined(first: Clip, second: Clip) -> Clip:
     if first.size != second.size:
         raise UsageError("The takes are of bodies of different sizes.", "Join takes of one character.")
     second = second.resampled(first.fps)
-    same = all(
-        np.allclose(after[0], before[-1], atol=SAME)
-        for before, after in (
-            (first.hips_positions, second.hips_positions),
-            (first.local_rotations, second.local_rotations),
-        )
-    )
-    if len(first) > 1 and len(second) > 1 and not same:
+    same = _meet(first, second)
+    if not same and min(len(first), len(second)) > 1:
         second = _continued(first, _placed(first, second))
-    at = (len(first) - 1) / first.fps
-    known = None if first.gaits is None or second.gaits is None else (first.gaits, second.gaits[1:])
-    gaits = None if known is None else np.concatenate(known)
-    events = (*first.prompts, *(replace(event, seconds=event.seconds + at) for event in second.prompts))
+    gaits = None
+    if first.gaits is not None and second.gaits is not None:
+        gaits = np.concatenate([first.gaits, second.gaits[1:]])
+    later = [replace(event, seconds=event.seconds + first.seconds) for event in second.prompts]
     return replace(
         first,
         hips_positions=np.concatenate([first.hips_positions, second.hips_positions[1:]]),
         local_rotations=np.concatenate([first.local_rotations, second.local_rotations[1:]]),
         contacts=np.concatenate([first.contacts, second.contacts[1:]]),
-        prompts=tuple(e for i, e in enumerate(events) if not i or _words(e) != _words(events[i - 1])),
+        prompts=tuple(next(same_words) for _, same_words in groupby([*first.prompts, *later], _words)),
         gaits=gaits,
-        gait_seconds=() if gaits is None else tuple(gait_seconds(gaits, first.fps).items()),
+        gait_seconds=gait_seconds(gaits, first.fps),
         origin=first.origin if first.origin == second.origin else UNKNOWN,
         placed=first.placed if same else None,
     )
 
 
+def _meet(first: Clip, second: Clip) -> bool:
+    """Whether the second begins in the pose and place in which the first ends."""
+    return np.allclose(second.hips_positions[0], first.hips_positions[-1], atol=SAME) and np.allclose(
+        second.local_rotations[0], first.local_rotations[-1], atol=SAME
+    )
+
+
 def repeated(clip: Clip, times: int) -> Clip:
     """The clip so many times, each going on where the one before ends."""
-    result = clip
-    for _ in range(times - 1):
-        result = joined(result, clip)
-    return result
+    return reduce(joined, [clip] * times)
 
 
 def without(clip: Clip, first: int, last: int) -> Clip:
@@ -77,8 +77,8 @@ def without(clip: Clip, first: int, last: int) -> Clip:
     return joined(*kept) if len(kept) == 2 else kept[0]
 
 
-def _words(event: object) -> tuple[str, str]:
-    return event.prompt, event.words  # type: ignore[attr-defined]
+def _words(event: PromptEvent) -> tuple[str, str]:
+    return event.prompt, event.words
 
 
 def _placed(first: Clip, second: Clip) -> Clip:
@@ -134,11 +134,8 @@ def _with_feet(first: Clip, second: Clip, hips: Array, local: Array) -> Clip:
         toe = LEG_TOES[side]
         bend, _ = _turn_gap(first.local_rotations[-2:, toe].astype(np.float64), now[:, toe], fps)
         local[:, toe] = rotations.multiply(rotations.from_rotation_vector(fade[:, None] * bend), now[:, toe])
-    solved = solve_legs(hips, local, targets, goals)
-    # what the solver alone changes: it bends legs that are almost straight
-    eased = solve_legs(second.hips_positions.astype(np.float64), now, ankles, feet)
-    change = rotations.multiply(rotations.inverse(eased[:, _LEGS]), now[:, _LEGS])
-    solved[:, _LEGS] = rotations.multiply(solved[:, _LEGS], change)
+    before = second.hips_positions.astype(np.float64), now
+    solved = led_legs((hips, local), (targets, goals), before, (ankles, feet))
     return replace(
         second,
         hips_positions=hips.astype(np.float32),

@@ -73,18 +73,9 @@ def make_loop(clip: Clip, root: RootTrack, strides: int = 1) -> tuple[Clip, Root
         )
     closed = close_seam(cycle, track)
     seam_m, seam_radians = seam_error(closed, track)
-    step, usual = seam_steps(closed, track)
-    report = LoopReport(
-        first,
-        last,
-        closed.seconds,
-        ends_m * 100.0,
-        float(np.rad2deg(ends_radians)),
-        seam_m * 100.0,
-        float(np.rad2deg(seam_radians)),
-        step * 100.0,
-        usual * 100.0,
-    )
+    degrees, seam_degrees = float(np.rad2deg(ends_radians)), float(np.rad2deg(seam_radians))
+    apart, seam, step, usual = (metres * 100.0 for metres in (ends_m, seam_m, *seam_steps(closed, track)))
+    report = LoopReport(first, last, closed.seconds, apart, degrees, seam, seam_degrees, step, usual)
     return closed, track, report
 
 
@@ -187,8 +178,7 @@ def close_seam(cycle: Clip, root: RootTrack) -> Clip:
     targets = ankles + swing[..., None] * (goal(ankles[0]) - ankles[-1])
     feet_goal = _world_toward(feet, rotations.multiply(turn, feet[0]), swing)
     new_local[:, LEG_TOES] = _toward(local[:, LEG_TOES], wanted[LEG_TOES], swing)
-    solved = solve_legs(new_hips, new_local, targets, feet_goal)
-    _take_back(solved, solve_legs(hips, local, ankles, feet), local)
+    solved = led_legs((new_hips, new_local), (targets, feet_goal), (hips, local), (ankles, feet))
     solved[-1], new_hips[-1] = wanted, goal(hips[0])
     contacts = cycle.contacts.copy()
     contacts[-1] = contacts[0]
@@ -200,10 +190,18 @@ def close_seam(cycle: Clip, root: RootTrack) -> Clip:
     )
 
 
-def _take_back(solved: Array, eased: Array, local: Array) -> None:
-    """Undo in `solved`, in place, what the solver alone changes (`eased` of `local`): it bends legs that are almost straight."""
-    change = rotations.multiply(rotations.inverse(eased[:, _LEGS]), local[:, _LEGS])
+Pair = tuple[Array, Array]
+
+
+def led_legs(body: Pair, feet: Pair, old_body: Pair, old_feet: Pair) -> Array:
+    """Local rotations whose legs reach the `feet`: hips `(T, 3)` with rotations, ankles `(T, 2, 3)` with rotations.
+
+    What the solver alone changes in the `old_body` with its `old_feet` is undone: it bends legs that are almost straight.
+    """
+    solved, eased = solve_legs(*body, *feet), solve_legs(*old_body, *old_feet)
+    change = rotations.multiply(rotations.inverse(eased[:, _LEGS]), old_body[1][:, _LEGS])
     solved[:, _LEGS] = rotations.multiply(solved[:, _LEGS], change)
+    return solved
 
 
 def _toward(q: Array, wanted: Array, fraction: Array) -> Array:

@@ -80,9 +80,11 @@ def gait_of(controls: Controls) -> int:
     return int(controls.gait if controls.gait == Gait.JUMP or any(controls.move) else Gait.STAND)
 
 
-def gait_seconds(gaits: NDArray[np.integer], fps: float) -> dict[str, float]:
-    """Seconds of each gait requested in frames `(T,)` of gait numbers; empty where nothing is known of them."""
-    return {gait.label: int(n) / fps for gait in Gait if (n := np.count_nonzero(gaits == gait))}
+def gait_seconds(gaits: NDArray[np.integer] | None, fps: float) -> tuple[tuple[str, float], ...]:
+    """Seconds of each gait requested in frames `(T,)` of gait numbers; () where nothing is known of them."""
+    if gaits is None:
+        return ()
+    return tuple((gait.label, int(n) / fps) for gait in Gait if (n := np.count_nonzero(gaits == gait)))
 
 
 def gait_changes(gaits: NDArray[np.integer] | None, fps: float) -> tuple[tuple[float, str], ...]:

@@ -24,8 +24,6 @@ FORM = 'Write "left hand 0.3 1.1 0.4 from 2 to 4", "look 0 1.6 5 from 0 to 3" or
 
 
 class Pinned(StrEnum):
-    """What a pin moves."""
-
     LEFT_HAND = "left hand"
     RIGHT_HAND = "right hand"
     LEFT_FOOT = "left foot"
@@ -78,14 +76,6 @@ class Pin:
         """When it ends in a clip of a length."""
         return min(self.end, seconds)
 
-    def to_text(self) -> str:
-        """The pin as `parse_pins` reads it."""
-        place = f"{self.of:g}" if self.what is Pinned.POSE else _triple(self.point)
-        rail = f" rail {_triple(self.rail)}" if self.rail is not None else ""
-        along = " along" if self.along else ""
-        ease = f" ease {self.ease_in:g} {self.ease_out:g}"
-        return f"{self.what} {place}{rail}{along} from {self.start:g} to {self.end:g}{ease}"
-
 
 _NUMBER = r"-?\d{1,6}(?:\.\d{1,9})?"
 _POINT = rf"({_NUMBER})[ ,]+({_NUMBER})[ ,]+({_NUMBER})"
@@ -109,38 +99,29 @@ def _parse(entry: str) -> Pin:
     names = [str(name) for name in Pinned]
     if found is None or found["what"] not in names:
         raise UsageError(f"pin '{entry[:60]}': expected what ({', '.join(names)}), a point and times.", FORM)
-    what = Pinned(found["what"])
-    if (found["of"] is not None) != (what is Pinned.POSE):
+    what, place = Pinned(found["what"]), _point(found["point"])
+    if (place is None) != (what is Pinned.POSE):
         raise UsageError(f"pin '{entry[:60]}': a point is three numbers, a pose one time.", FORM)
-
-    def point(name: str) -> tuple[float, float, float]:
-        x, y, z = (float(part) for part in re.findall(_NUMBER, found[name]))
-        return x, y, z
-
     timed = found["start"] is not None
-    ease_in = float(found["ease_in"] or (DEFAULT_EASE_S if timed else 0.0))
+    start, end, ease = (found["start"], found["end"], DEFAULT_EASE_S) if timed else (0.0, MAX_TIME_S, 0.0)
+    ease_in = float(found["ease_in"] or ease)
     return Pin(
-        what,
-        point("point") if found["point"] else (0.0, 0.0, 0.0),
-        float(found["start"]) if timed else 0.0,
-        float(found["end"]) if timed else MAX_TIME_S,
-        ease_in,
-        float(found["ease_out"] or ease_in),
-        point("rail") if found["rail"] else None,
-        found["along"] is not None,
-        float(found["of"] or 0.0),
-    )
+        what, place or (0.0, 0.0, 0.0), float(start), float(end), ease_in, float(found["ease_out"] or ease_in),
+        _point(found["rail"]), found["along"] is not None, float(found["of"] or 0.0),
+    )  # fmt: skip
 
 
-def _triple(point: Sequence[float]) -> str:
-    return " ".join(f"{value:g}" for value in point)
+def _point(text: str | None) -> tuple[float, float, float] | None:
+    if text is None:
+        return None
+    x, y, z = (float(part) for part in re.findall(_NUMBER, text))
+    return x, y, z
 
 
 # --- pins of the live character: in seconds of the program's own count of frames, a held one ends at `MAX_TIME_S`
 
 
 def held_pins(pins: Sequence[Pin]) -> tuple[Pin, ...]:
-    """Those that hold now."""
     return tuple(pin for pin in pins if pin.end >= MAX_TIME_S)
 
 

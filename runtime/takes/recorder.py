@@ -37,7 +37,6 @@ class ClipRecorder:
 
     @property
     def recording(self) -> bool:
-        """Whether a take is running."""
         return self._begin is not None
 
     @property
@@ -47,7 +46,6 @@ class ClipRecorder:
 
     @property
     def first_frame(self) -> int:
-        """Number of the oldest frame kept."""
         return self._first
 
     @property
@@ -142,7 +140,7 @@ class ClipRecorder:
             prompts=self.events(begin),
             terrain=terrain,
             origin=origin or UNKNOWN,
-            gait_seconds=tuple(gait_seconds(gaits, self.fps).items()),
+            gait_seconds=gait_seconds(gaits, self.fps),
             gaits=gaits,
         )
 

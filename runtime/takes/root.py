@@ -24,11 +24,9 @@ class RootTrack:
     yaw: Array
 
     def cut(self, first: int, last: int) -> RootTrack:
-        """Frames `first` to `last`, both included."""
         return RootTrack(self.positions[first : last + 1], self.yaw[first : last + 1])
 
     def moved(self, placement: Placement) -> RootTrack:
-        """The track after a placement."""
         return RootTrack(placement.points(self.positions), self.yaw + placement.yaw)
 
 
@@ -41,7 +39,6 @@ class Placement:
 
     @property
     def identity(self) -> bool:
-        """Whether everything stays where it is."""
         return self == Placement()
 
     def points(self, points: Array) -> Array:
@@ -50,20 +47,17 @@ class Placement:
         return turned + np.array(self.offset)
 
     def matrix(self) -> Array:
-        """The same as a `(4, 4)` matrix."""
         result = np.eye(4)
         result[:3, :3] = rotations.to_matrix(rotations.from_yaw(self.yaw))
         result[:3, 3] = self.offset
         return result
 
     def inverse(self) -> Placement:
-        """The way back."""
         turned = rotations.rotate(rotations.from_yaw(-self.yaw), np.array(self.offset))
         x, y, z = (0.0 - float(v) for v in turned)
         return Placement(-self.yaw, (x, y, z))
 
     def clip(self, clip: Clip) -> Clip:
-        """The clip in its new place."""
         local = np.array(clip.local_rotations, np.float64)
         local[:, 0] = rotations.multiply(rotations.from_yaw(self.yaw), local[:, 0])
         return replace(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, reduce
 from pathlib import Path
 
 import numpy as np
@@ -144,7 +144,7 @@ def full_session(cache: Path, source: Path) -> Session:
         Take(motion=Motion.of(replace(still(20, "of a file"), placed=None, size=0.5)), recorded=False,
              own=OwnSkeleton((-1, 0, 1, 1), points)),
     ]  # fmt: skip
-    session = edits.with_takes(Session(), takes)
+    session = reduce(edits.with_new_take, takes, Session())
     session = edits.mirrored_copy(session, 1)
     return replace(
         session,

@@ -7,10 +7,8 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from benchmarks import frames
@@ -76,16 +74,6 @@ def test_a_shown_window_has_scene_and_panels_at_every_size(tmp_path: Path) -> No
     assert done.returncode == 0, done.stderr
 
 
-def test_two_runs_show_the_same_picture(start: Start) -> None:
-    pictures = []
-    for _ in range(2):
-        app = start(real_renderer=True, width=320, height=240, panels=False, keys="w 1")
-        run(app, 8)
-        pictures.append(app.window.read_pixels()[: 240 - 32])  # without the status line: it shows times
-        app.close()
-    assert np.array_equal(*pictures)
-
-
 @pytest.mark.parametrize("size", [(333, 217), (1921, 1081), (64, 64), (2000, 200)])
 def test_resize_to_odd_sizes(start: Start, size: tuple[int, int]) -> None:
     app = start()
@@ -94,20 +82,6 @@ def test_resize_to_odd_sizes(start: Start, size: tuple[int, int]) -> None:
     run(app, 3)
     assert app.window.framebuffer.size == size
     assert app.window.read_pixels().shape == (size[1], size[0], 3)
-
-
-def test_without_a_display_every_picture_is_drawn_to_its_end(
-    start: Start, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Else the graphics library keeps the buffers of all of them: 200 MB in some minutes."""
-    app = start(panels=True)
-    run(app, 1)
-    drawn: list[int] = []
-    context = app.window.ctx
-    monkeypatch.setattr(app.window, "ctx", SimpleNamespace(finish=lambda: drawn.append(1)))
-    app.window.present()
-    monkeypatch.setattr(app.window, "ctx", context)
-    assert drawn == [1]
 
 
 def test_change_of_scale_does_not_add_up(start: Start) -> None:
@@ -120,18 +94,6 @@ def test_change_of_scale_does_not_add_up(start: Start) -> None:
         app.window.wanted_scale = scale
         run(app)
     assert imgui.get_style().window_padding.x == before
-
-
-def test_the_status_line_tells_the_true_rates(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
-    app = start()
-    run(app, 3)
-    clock = SimpleNamespace(now=100.0)
-    monkeypatch.setattr("viewer.app.time", SimpleNamespace(perf_counter=lambda: clock.now))
-    for frame in range(400):
-        clock.now += 0.01 if frame % 2 else 0.04  # an uneven machine: 40 pictures a second
-        run(app)
-    assert app.state.stats.fps == pytest.approx(40.0, rel=0.1)  # not the 60 steps that they simulate
-    assert app.state.stats.steps_per_s == pytest.approx(app.state.stats.fps)  # offscreen: one in each picture
 
 
 @pytest.mark.parametrize("panels", [True, False])

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from runtime.character.shape import BodyShape
 from runtime.formats.bvh_clip import load_clip_bvh
 from runtime.session.session import Session
-from runtime.takes.pins import Pinned
 from tests.helpers.app_driver import Start, click, click_on, drawn, message, place, press, run
 from viewer import services
 from viewer.app import App
-from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
 
 
@@ -85,28 +82,6 @@ def saved_and_opened(app: App, path: Path) -> Session:
 
 
 # --- trims
-
-
-def test_a_trim_stays_whatever_plays_and_over_save_and_open(start: Start, tmp_path: Path) -> None:
-    app = start()
-    record(app)
-    record(app)
-    play_row(app, 0)
-    trim_start(app, 0.5)
-    kept = trims(app)
-    assert 17 <= kept[0][0] <= 22
-    assert kept[1] == (0, 39)
-    play_row(app, 1)
-    assert trims(app) == kept
-    press(app, "escape")
-    run(app, 5)
-    assert app.takes.playback is None
-    assert trims(app) == kept
-    play_row(app, 0)
-    assert app.takes.playback is not None
-    assert app.takes.playback.first == kept[0][0] <= app.takes.playback.frame
-    saved_and_opened(app, tmp_path / "a.sport")
-    assert trims(app) == kept
 
 
 @pytest.mark.parametrize("then", ["another plays", "live", "opened"])
@@ -217,46 +192,6 @@ def test_undo_removes_the_camera_key_and_not_the_pin_before_it(start: Start) -> 
     assert (len(take.poses.pins), len(take.cameras)) == (1, 0)
     undo(app)
     assert not app.editor.session.takes[0].poses
-
-
-def ground_at(app: App, x: float, z: float) -> tuple[float, float]:
-    found = on_screen(app.scene.camera.current, np.array([x, 0.0, z]), imgui.get_io().display_size)
-    assert found is not None
-    return found
-
-
-def test_a_drawn_path_is_undone_point_by_point_and_kept(start: Start, tmp_path: Path) -> None:
-    app = start()
-    app.scene.camera.current.yaw = 0.0
-    run(app, 5)
-    click_on(app, "Draw a path")
-    for place_ in ((0.0, 2.0), (0.6, 3.0), (-0.5, 3.5)):
-        click(app, *ground_at(app, *place_))
-    path = app.editor.session.live.path
-    assert len(path) == 3
-    assert saved_and_opened(app, tmp_path / "a.sport").live.path == path
-    undo(app)
-    assert app.editor.session.live.path == path[:2]
-    press(app, "ctrl", "y")
-    assert app.editor.session.live.path == path
-
-
-def test_live_pins_are_undone_and_kept(start: Start, tmp_path: Path) -> None:
-    app = start()
-    run(app, 5)
-    for entry in ("Left hand", "Look"):
-        click_on(app, next(label for label, _ in drawn(app) if label.startswith("Hold")))
-        click_on(app, entry)
-        press(app, "escape")
-        run(app, 2)
-    assert [pin.what for pin in app.pins.pins] == [Pinned.LEFT_HAND, Pinned.LOOK]
-    undo(app)
-    assert [pin.what for pin in app.pins.pins] == [Pinned.LEFT_HAND]
-    kept = app.pins.pins[0].point
-    saved_and_opened(app, tmp_path / "a.sport")
-    assert [(pin.what, pin.point) for pin in app.pins.pins] == [(Pinned.LEFT_HAND, kept)]
-    undo(app)
-    assert app.pins.pins == ()
 
 
 # --- body and ground

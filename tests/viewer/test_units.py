@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +13,6 @@ from runtime.controls import Controls
 from runtime.errors import UsageError
 from runtime.terrain.height_map import Terrain
 from tests.helpers.viewer_fakes import FakeController
-from viewer.app import simulated_seconds
 from viewer.gui.layout import Rect, arrange, framing
 from viewer.gui.status import Stats
 from viewer.gui.widgets import clock
@@ -24,28 +20,7 @@ from viewer.messages import Messages
 from viewer.scene.simulation import MAX_STEPS, Simulation, interpolate
 from viewer.session.playback import Playback
 from viewer.session.takes import export_target, file_stem, free_path
-from viewer.settings import Settings, config_directory, load_settings
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("blend_seconds", "long"),
-        ("blend_seconds", 99),
-        ("export_fps", 25),
-        ("vsync", 1),
-        ("terrain", 5),
-        ("camera", "side"),
-        ("width", math.inf),
-    ],
-)
-def test_one_bad_setting_keeps_the_others(tmp_path: Path, name: str, value: Any) -> None:
-    (tmp_path / "settings.json").write_text(json.dumps({name: value, "dead_zone": 0.3}), encoding="utf-8")
-    settings, complaints = load_settings(tmp_path)
-    assert settings.dead_zone == 0.3
-    assert getattr(settings, name) == getattr(Settings(), name)
-    assert len(complaints) == 1
-    assert name in complaints[0]
+from viewer.settings import config_directory
 
 
 def test_config_directory_obeys_the_environment() -> None:
@@ -134,7 +109,6 @@ def test_simulation_steps_at_60_hz_whatever_the_display() -> None:
         fake = simulation.controller
         assert isinstance(fake, FakeController)
         begin = fake.steps
-        from runtime.controls import Controls
 
         for _ in range(round(rate * 2)):
             simulation.advance(1.0 / rate, Controls(move=(0.0, 1.0)))
@@ -145,7 +119,6 @@ def test_simulation_steps_at_60_hz_whatever_the_display() -> None:
 def test_interpolated_poses_keep_bone_lengths() -> None:
     ground = Terrain.flat()
     fake = FakeController(ground)
-    from runtime.controls import Controls
 
     a = fake.step(Controls())
     b = fake.step(Controls(move=(1.0, 0.0)))
@@ -157,7 +130,6 @@ def test_interpolated_poses_keep_bone_lengths() -> None:
 
 
 def test_playback_loops_between_its_marks() -> None:
-    from runtime.controls import Controls
     from runtime.session.motion import Motion
     from runtime.session.session import Take
     from runtime.takes.recorder import ClipRecorder
@@ -198,19 +170,3 @@ def test_a_length_in_the_list_is_the_one_that_messages_say() -> None:
         seconds = frames / 60
         minutes, rest = divmod(float(f"{seconds:.1f}"), 60)
         assert clock(seconds) == f"{minutes:.0f}:{rest:04.1f}"
-
-
-def test_long_frames_drop_pictures_and_keep_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock = SimpleNamespace(perf_counter=lambda: 0.0)  # a step on a busy machine may be slow
-    monkeypatch.setattr("viewer.scene.simulation.time", clock)
-    assert simulated_seconds(0.02, 0.02) == 0.02
-    assert simulated_seconds(5.0, 0.02) == 0.25  # a pause
-    assert simulated_seconds(0.35, 0.33) == 0.35  # three frames a second, always
-    assert simulated_seconds(5.0, 5.0) == 1.0
-    controller = FakeController(Terrain.flat())
-    simulation = Simulation.standing(Terrain.flat())
-    simulation.use(controller)
-    begun = controller.steps
-    for _ in range(10):
-        simulation.advance(0.4, Controls())
-    assert controller.steps - begun == 240  # 4 s

@@ -138,7 +138,6 @@ class CompareView:
 
     @property
     def variants(self) -> tuple[Variant, ...]:
-        """Who is compared."""
         return self.editor.session.variants
 
     @property
@@ -148,7 +147,6 @@ class CompareView:
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
-        """What keys and buttons do here."""
         reset = lambda: (self.line_up if self.open else self.scene.reset_character)()  # noqa: E731
         return {Action.COMPARE: self.toggle, Action.RESET: reset}
 
@@ -174,7 +172,6 @@ class CompareView:
         return 0 if self.scene.controller is None else self.scene.controller.seed
 
     def seeds(self) -> None:
-        """The live prompt with as many seeds."""
         blend = self.prompting.prompt
         self._compare(
             f"variants of {quoted(blend.prompt(Side.A))}",
@@ -182,7 +179,6 @@ class CompareView:
         )
 
     def blends(self) -> None:
-        """Steps from prompt A to prompt B."""
         blend, last = self.prompting.prompt, self._count - 1
         weights = [(k / last,) * len(blend.weights) for k in range(self._count)]
         label = f"steps from {quoted(blend.prompt(Side.A))} to {quoted(blend.prompt(Side.B))}"
@@ -237,7 +233,6 @@ class CompareView:
         self.editor.drag(f"seed of variant {index + 1}", change)
 
     def ask(self, index: int, text: str) -> None:
-        """Another prompt for one of them; its answer is a step."""
         label = f"prompt {quoted(text)} of variant {index + 1}"
         self._ask(self.variants[index].number, text, partial(self.editor.do, label))
 

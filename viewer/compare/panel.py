@@ -32,7 +32,6 @@ def panel(compare: CompareView) -> Panel:
 
 
 def draw(compare: CompareView) -> None:
-    """Contents of the panel."""
     _lineups(compare)
     kept = removed = -1
     height = -2 * imgui.get_frame_height_with_spacing()
@@ -52,21 +51,18 @@ def draw(compare: CompareView) -> None:
 
 
 def _lineups(compare: CompareView) -> None:
-    """What to compare."""
     widgets.muted("One stick drives all. Click one to keep it.", wrap=True)
     third = widgets.column_width(3)
     if widgets.button("Seeds", third, "The live prompt, with a seed for each"):
         compare.seeds()
     widgets.same_line()
-    imgui.begin_disabled(compare.prompting.prompt.b is None)
-    if widgets.button("Blend", third, "From prompt A to prompt B in equal steps"):
+    hint = "From prompt A to prompt B in equal steps"
+    if widgets.button("Blend", third, hint, enabled=compare.prompting.prompt.b):
         compare.blends()
-    imgui.end_disabled()
     widgets.same_line()
-    imgui.begin_disabled(len(compare.settings.prompt_history) < FEWEST)
-    if widgets.button("Prompts", third, "The live prompt and the last ones before it"):
+    enough = len(compare.settings.prompt_history) >= FEWEST
+    if widgets.button("Prompts", third, "The live prompt and the last ones before it", enabled=enough):
         compare.last_prompts()
-    imgui.end_disabled()
 
 
 def _row(compare: CompareView, index: int, variant: Variant) -> tuple[bool, bool]:
@@ -103,12 +99,8 @@ def _prompt(compare: CompareView, index: int, variant: Variant) -> None:
     if is_active(field_id):
         undo_keys(field_id, variant.number not in compare.texts, compare.editor)
     widgets.full_width()
-    entered, text = imgui.input_text_with_hint(
-        name,
-        "A prompt, then Enter",
-        compare.texts.get(variant.number, prompt),
-        imgui.InputTextFlags_.enter_returns_true,
-    )
+    typed = compare.texts.get(variant.number, prompt)
+    entered, text = widgets.input_text(name, typed, "A prompt, then Enter")
     compare.texts[variant.number] = text
     if text == prompt and variant.number not in compare.pending:
         del compare.texts[variant.number]
@@ -118,10 +110,9 @@ def _prompt(compare: CompareView, index: int, variant: Variant) -> None:
 
 def _buttons(compare: CompareView) -> None:
     half = widgets.column_width(2)
-    imgui.begin_disabled(len(compare.variants) >= MOST)
-    if widgets.button(f"{ICON.plus} Add", half, "One more, with the live prompt and the next seed"):
+    hint = "One more, with the live prompt and the next seed"
+    if widgets.button(f"{ICON.plus} Add", half, hint, enabled=len(compare.variants) < MOST):
         compare.add()
-    imgui.end_disabled()
     widgets.same_line()
     if widgets.button("Line up", half, "In a line again, across the view (Home)"):
         compare.line_up()

@@ -13,6 +13,7 @@ from runtime.takes.camera_keys import MAX_KEYS, CameraKey, view_at, with_key
 from runtime.terrain.height_map import Terrain
 from viewer.editor import Editor
 from viewer.gl_bindings import imgui
+from viewer.gui import widgets
 from viewer.render.camera import looked_at
 from viewer.scene.camera_control import CameraControl
 from viewer.session.takes import Takes
@@ -20,8 +21,6 @@ from viewer.session.takes import Takes
 
 @dataclass
 class CameraKeys:
-    """Actions on the keys of the take that plays."""
-
     editor: Editor
     takes: Takes
     control: CameraControl
@@ -29,12 +28,10 @@ class CameraKeys:
 
     @property
     def take(self) -> Take | None:
-        """The take that plays."""
         return self.takes.played
 
     @property
     def keys(self) -> tuple[CameraKey, ...]:
-        """Its keys."""
         return () if self.take is None else self.take.cameras
 
     def add(self) -> None:
@@ -71,7 +68,6 @@ class CameraKeys:
         change(label, lambda session: session.with_take(number, cameras=keys))
 
     def remove(self, key: CameraKey) -> None:
-        """Take a key away."""
         if self.take is not None:
             kept = tuple(one for one in self.keys if one is not key)
             self._put(f"removal of a camera key of {self.take.title}", kept)
@@ -99,8 +95,7 @@ class CameraKeys:
             camera.target = looked_at(pose.hips_position, terrain) + np.array([key.x, key.y, key.z])
 
     def menu(self) -> None:
-        """Its part of the menu that adds to a take."""
         if imgui.selectable("Camera view##key", False)[0]:
             self.add()
-        if self.keys and imgui.menu_item("Look through the keys", "", self.through)[0]:
+        if self.keys and widgets.item("Look through the keys", chosen=self.through):
             self.through = not self.through

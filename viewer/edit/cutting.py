@@ -26,8 +26,6 @@ JOIN_HINT = "A new take: this one, then another one from where it ends"
 
 @dataclass
 class Cutting:
-    """Actions that make takes of the one that plays."""
-
     takes: Takes
 
     def split(self) -> None:
@@ -82,25 +80,23 @@ class Cutting:
         self.takes.jobs.submit(SLOT, work, done)
 
     def menu(self) -> None:
-        """The entries."""
         take = self.takes.played
-        if take is None:
-            return
-        hints = ((SPLIT_HINT, "Split here", self.split), (CUT_HINT, "Cut out the trim", self.cut))
-        for hint, text, act in hints:
-            if imgui.menu_item(text, "", False)[0]:
-                act()
-            widgets.tooltip(hint)
+        others = [other for other in self.takes.session.takes if other is not take]
+        if widgets.item("Split here", SPLIT_HINT):
+            self.split()
+        if widgets.item("Cut out the trim", CUT_HINT):
+            self.cut()
+        self._several(others)
+
+    def _several(self, others: list[Take]) -> None:
+        """Of one take several times, and of two."""
         if imgui.begin_menu("Repeat"):
             for times in TIMES:
-                if imgui.menu_item(f"{times} times", "", False)[0]:
+                if widgets.item(f"{times} times", REPEAT_HINT):
                     self.repeat(times)
-                widgets.tooltip(REPEAT_HINT)
             imgui.end_menu()
-        others = [other for other in self.takes.session.takes if other.number != take.number]
         if imgui.begin_menu("Join with", bool(others)):
             for other in others:
-                if imgui.menu_item(f"{other.title}##join {other.number}", "", False)[0]:
+                if widgets.item(f"{other.title}##join {other.number}", JOIN_HINT):
                     self.join(other.number)
-                widgets.tooltip(JOIN_HINT)
             imgui.end_menu()

@@ -27,6 +27,11 @@ from viewer.render.overlays import PathOverlay
 from viewer.scene.scene import Scene
 
 DRAWN_M = 0.7  # between two points of a path that is drawn by a drag
+DRAW_HINT = (
+    "A drag on the ground draws the path, a click adds a point. Drag a point to move it, Delete removes it."
+)
+TAKE_HINT = "The path of the take: drag its points, choose speed and gait of each leg, delete the last ones to end there"
+WALK_HINT = "From where the character stands; any key of yours ends it"
 GAITS = [(gait, gait.label.capitalize()) for gait in (Gait.WALK, Gait.JOG, Gait.CROUCH)]
 
 
@@ -52,7 +57,6 @@ class PathTool:
 
     @property
     def take(self) -> Take:
-        """The take whose path this is."""
         return self.editing.take or self.editor.session.live
 
     @property
@@ -94,7 +98,6 @@ class PathTool:
             )
 
     def overlay(self) -> PathOverlay | None:
-        """What is drawn on the ground."""
         if not (self.active or self.walk is not None) or not self.points:
             return None
         return PathOverlay(np.array([(p.x, p.z) for p in self.points]), self.selected if self.active else -1)
@@ -130,7 +133,6 @@ class PathTool:
             self.selected = max(i - 1, 0) if len(points) > 1 else -1
 
     def clear(self) -> None:
-        """Remove every point."""
         self._put("removal of the path", ())
         self.selected = -1
 
@@ -186,11 +188,9 @@ class PathTool:
             self._time_s, self._begun = 0.0, True
 
     def stop(self) -> None:
-        """Give the stick back."""
         self.walk = None
 
     def walk_began(self) -> bool:
-        """Whether a walk began since the last call."""
         begun, self._begun = self._begun, False
         return begun
 
@@ -219,28 +219,20 @@ class PathTool:
         """Draw or edit it, walk it, and speed and gait of the selected leg; `draw_pins` fills the row's end, of a width."""
         third = (imgui.get_content_region_avail().x - 2 * px(4)) / 3
         of_take = self.of_take
-        hint = "A drag on the ground draws the path, a click adds a point. Drag a point to move it, Delete removes it."
-        if of_take:
-            hint = "The path of the take: drag its points, choose speed and gait of each leg, delete the last ones to end there"
-        text = "Edit its path" if of_take else "Draw a path"
+        text, hint = ("Edit its path", TAKE_HINT) if of_take else ("Draw a path", DRAW_HINT)
         self.active = widgets.toggle(text, self.active, third, hint)
-        imgui.same_line(0, px(4))
+        widgets.same_line()
+        enabled = self.points and (self.active or not of_take)
         if of_take:
-            text, hint, act = (
-                "Resimulate###drive path",
-                "Resimulate the take along these points",
-                self.resimulate,
-            )
+            hint = "Resimulate the take along these points"
+            if widgets.button("Resimulate###drive path", third, hint, enabled=enabled):
+                self.resimulate()
         elif self.walk is not None:
-            text, hint, act = f"{ICON.stop} Stop###walk path", "Give the stick back", self.stop
-        else:
-            hint = "From where the character stands; any key of yours ends it"
-            text, act = f"{ICON.walk} Walk it###walk path", self.start
-        imgui.begin_disabled(not self.points or (of_take and not self.active))
-        if widgets.button(text, third, hint):
-            act()
-        imgui.end_disabled()
-        imgui.same_line(0, px(4))
+            if widgets.button(f"{ICON.stop} Stop###walk path", third, "Give the stick back", enabled=enabled):
+                self.stop()
+        elif widgets.button(f"{ICON.walk} Walk it###walk path", third, WALK_HINT, enabled=enabled):
+            self.start()
+        widgets.same_line()
         draw_pins(third)
         if self.active:
             self._draw_selected()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from runtime.pose import Pose
 from runtime.session.session import LIVE, Session, Take
 from runtime.takes.clip import Clip
 from runtime.takes.footplants import FootplantEdit, Frames, fitted_footplant, footplants, replanted
-from runtime.takes.pinned import along_with, farthest, in_world, point_of
+from runtime.takes.pinned import ARMS, along_with, farthest, in_world, point_of
 from runtime.takes.pins import DEFAULT_EASE_S, MAX_TIME_S, Pin, Pinned, held_pins, released
 from viewer.edit.handles import Handles, dragged
 from viewer.edit.resimulation import Resimulation
@@ -37,7 +38,6 @@ WIDTH, SMALL_WIDTH = 214.0, 158.0  # of the card, pixels at scale 1
 SMALL_VIEW = 520.0  # in a narrower one the card is small, so that it does not hide the character
 MIN_VIEW = 230.0
 HELD_LIVE = (Pinned.LEFT_HAND, Pinned.RIGHT_HAND, Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT, Pinned.LOOK)
-FEET = (Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT)
 
 
 @dataclass
@@ -50,24 +50,21 @@ class Pins:
     selected: int = -1  # of `pins`
     _subject: int = LIVE  # the take whose pins `selected` counts
     _handles: Handles = field(default_factory=Handles)
-    _planted: tuple[Take, Clip] | None = None
+    _planted: tuple[object, Clip] | None = None  # and of which motion and footplants it is
 
     def __post_init__(self) -> None:
         self.editor.followers.append(self.follow)
 
     @property
     def playback(self) -> Playback | None:
-        """What plays; None while the character is live."""
         return self.editing.playback
 
     @property
     def take(self) -> Take:
-        """The take that plays, or the live character."""
         return self.editor.session.live if self.playback is None else self.playback.take
 
     @property
     def live(self) -> bool:
-        """Whether the pins are those of the live character."""
         return self.playback is None
 
     @property
@@ -83,7 +80,6 @@ class Pins:
 
     @property
     def pin(self) -> Pin | None:
-        """The selected one."""
         return self.pins[self.selected] if 0 <= self.selected < len(self.pins) else None
 
     def follow(self, before: Session, now: Session) -> None:
@@ -127,10 +123,6 @@ class Pins:
         else:
             self.selected = at
             self.delete()
-
-    def select(self, index: int) -> None:
-        """Show the fields of a pin."""
-        self.selected = index
 
     def delete(self) -> None:
         """Remove the selected pin; a live one is let go, and stays in what was recorded of it."""
@@ -217,15 +209,9 @@ class Pins:
         if self.playback is None:
             return None
         take, known = self.playback.shown, self._planted
-        if known is None or known[0] is not take:
-            same = known is not None and (known[0].motion, known[0].mirrored, known[0].poses.footplants) == (
-                take.motion, take.mirrored, take.poses.footplants,
-            )  # fmt: skip
-            clip = (
-                known[1] if same and known is not None else replanted(take.base_clip, take.poses.footplants)
-            )
-            self._planted = take, clip
-            return clip
+        key = take.made, take.mirrored, take.poses.footplants
+        if known is None or known[0] != key:
+            known = self._planted = key, replanted(take.base_clip, take.poses.footplants)
         return known[1]
 
     def footplants(self, foot: int) -> list[Frames]:
@@ -281,7 +267,6 @@ class Pins:
         return next((place for i, _, place in self._points() if i == self.selected), None)
 
     def overlay(self) -> PinOverlay | None:
-        """The points of all pins, with their rails."""
         points = self._points()
         if not points:
             return None
@@ -320,18 +305,17 @@ class Pins:
     def draw_live(self, key_camera: Callable[[], None], width: float) -> None:
         """A button for what the live character holds; chosen parts are pinned where they are, and dragged in the view."""
         held = [pin.what for pin in self.pins] if self.live else []
-        imgui.begin_disabled(not self.live)
         hint = "A hand, a foot or the look stays at a point, which is dragged in the view"
         text = "Hold…" if not held else f"Holds {len(held)}"
-        if widgets.toggle(text, bool(held), width, hint) != bool(held):
-            imgui.open_popup("hold")
-        imgui.end_disabled()
+        with widgets.disabled(not self.live):
+            if widgets.toggle(text, bool(held), width, hint) != bool(held):
+                imgui.open_popup("hold")
         if imgui.begin_popup("hold"):
             for what in HELD_LIVE:
-                if imgui.menu_item(str(what).capitalize(), "", what in held)[0]:
+                if widgets.item(str(what).capitalize(), chosen=what in held):
                     self.toggle_live(what)
             imgui.separator()
-            if imgui.menu_item("Key the camera", "", False)[0]:
+            if widgets.item("Key the camera"):
                 key_camera()
             imgui.end_popup()
 
@@ -357,11 +341,8 @@ def _draw_card(pins: Pins, view: Rect) -> None:
         )
         if pin.what is not Pinned.POSE:
             _draw_points(pins, pin)
-        if not pins.live:
-            _draw_times(pins, pin)
-            far = 0.0 if pins.editor.dragging else pins.reach()
-            if far:
-                widgets.muted(f"{far:.2f} m out of reach at worst", wrap=True)
+        if pins.playback is not None:
+            _draw_times(pins, pin, pins.playback.clip)
         if pressed:
             (pins.delete if pressed == "remove" else pins.close)()
 
@@ -374,61 +355,52 @@ def _draw_points(pins: Pins, pin: Pin) -> None:
     if widgets.toggle("Along", pin.along, half, hint) != pin.along:
         pins.put_along(pin, not pin.along)
     widgets.same_line()
-    imgui.begin_disabled(pin.what is Pinned.LOOK or pin.what in FEET)
     hint = "It slides along a straight rail to a second point"
-    if widgets.toggle("Rail", pin.rail is not None, half, hint) != (pin.rail is not None):
-        pins.put_rail(pin, pin.rail is None)
-    imgui.end_disabled()
+    with widgets.disabled(pin.what not in ARMS):
+        if widgets.toggle("Rail", pin.rail is not None, half, hint) != (pin.rail is not None):
+            pins.put_rail(pin, pin.rail is None)
     current = pins.pin
     if current is not None and current.rail is not None:
         _draw_triple(pins, current, "rail")
 
 
 def _draw_triple(pins: Pins, pin: Pin, name: str) -> None:
-    """The three numbers of a pin's point or rail."""
     value, changed = getattr(pin, name), []
-    third = widgets.column_width(3)
     hints = ("To its left" if pin.along else "X", "Up", "Ahead" if pin.along else "Z")
+    imgui.push_item_width(widgets.column_width(3))
     for number, (axis, hint) in enumerate(zip("xyz", hints, strict=True)):
         if number:
             widgets.same_line()
-        imgui.set_next_item_width(third)
-        _, entry = imgui.drag_float(f"##pin {name} {axis}", value[number], 0.005, -1000.0, 1000.0, "%.2f")
-        widgets.tooltip(f"{hint}, metres. Drag, or double-click to type.")
-        changed.append(entry if abs(entry - value[number]) > 1e-6 else value[number])
+        hint = f"{hint}, metres. Drag, or double-click to type."
+        moved, entry = widgets.drag(f"##pin {name} {axis}", value[number], (-1000.0, 1000.0), "%.2f", hint)
+        changed.append(entry if moved else value[number])
+    imgui.pop_item_width()
     pins.try_change(lambda: replace(pin, **{name: tuple(changed)}))  # type: ignore[arg-type]
 
 
-def _draw_times(pins: Pins, pin: Pin) -> None:
-    """From which frame to which, and how slowly it comes and goes."""
-    playback = pins.playback
-    if playback is None:
-        return
-    clip, half, speed = playback.clip, widgets.column_width(2), 0.3
+def _draw_times(pins: Pins, pin: Pin, clip: Clip) -> None:
+    """From which frame to which, how slowly it comes and goes, and how far off it stays."""
     fps, last = clip.fps, len(clip) - 1
     first, end = round(pin.start * fps), round(pin.end_in(clip.seconds) * fps)
-    imgui.set_next_item_width(half)
-    _, new_first = imgui.drag_int("##pin from", first, speed, 0, end, "from %d")
-    widgets.tooltip("The first frame in which it holds fully")
-    widgets.same_line()
-    imgui.set_next_item_width(half)
-    _, new_end = imgui.drag_int("##pin to", end, speed, first, last, "to %d")
-    widgets.tooltip("The last frame in which it holds fully")
-    imgui.set_next_item_width(half)
-    _, ease_in = imgui.drag_float("##pin in", pin.ease_in, 0.005, 0.0, 5.0, "in %.2f s")
-    widgets.tooltip("How long it comes before")
-    widgets.same_line()
-    imgui.set_next_item_width(half)
-    _, ease_out = imgui.drag_float("##pin out", pin.ease_out, 0.005, 0.0, 5.0, "out %.2f s")
-    widgets.tooltip("How long it goes after")
-    changes: dict[str, float] = {}
-    if new_first != first:
-        changes["start"] = new_first / fps
-    if new_end != end:
-        changes["end"] = max(new_end / fps, changes.get("start", pin.start))
-    for name, value in (("ease_in", ease_in), ("ease_out", ease_out)):
-        if abs(value - getattr(pin, name)) > 1e-6:
-            changes[name] = max(value, 0.0)
-    now = pins.pin
-    if now is not None and changes:
-        pins.try_change(lambda: replace(now, **changes))  # type: ignore[arg-type]
+    fields: tuple[tuple[str, float, tuple[float, float], str, str], ...] = (
+        ("start", first, (0, end), "from %d", "The first frame in which it holds fully"),
+        ("end", end, (first, last), "to %d", "The last frame in which it holds fully"),
+        ("ease_in", pin.ease_in, (0.0, 5.0), "in %.2f s", "How long it comes before"),
+        ("ease_out", pin.ease_out, (0.0, 5.0), "out %.2f s", "How long it goes after"),
+    )
+    imgui.push_item_width(widgets.column_width(2))
+    for number, (name, value, limits, text, hint) in enumerate(fields):
+        if number % 2:
+            widgets.same_line()
+        frames = isinstance(value, int)
+        moved, value = widgets.drag(
+            f"##pin {text.split()[0]}", value, limits, text, hint, 0.3 if frames else 0.005
+        )
+        now = pins.pin
+        if moved and now is not None:
+            value = max(value / fps if frames else value, now.start if name == "end" else 0.0)
+            pins.try_change(partial(replace, now, **{name: value}))
+    imgui.pop_item_width()
+    far = 0.0 if pins.editor.dragging else pins.reach()
+    if far:
+        widgets.muted(f"{far:.2f} m out of reach at worst", wrap=True)

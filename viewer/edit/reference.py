@@ -66,7 +66,6 @@ class References:
 
     @property
     def reference(self) -> Reference:
-        """What the session says."""
         return self.editor.session.reference or Reference()
 
     @property
@@ -86,7 +85,6 @@ class References:
 
     @property
     def shown(self) -> bool:
-        """Whether there is one to show."""
         playback = self.takes.playback
         if playback is None or self.editor.session.reference is None:
             return False
@@ -94,14 +92,12 @@ class References:
 
     @property
     def name(self) -> str:
-        """What it is called."""
         if self.reference.video:
             return Path(self.reference.video).name
         return "" if self.take is None else self.take.title
 
     @property
     def looks(self) -> tuple[Look, ...]:
-        """Who can show it now."""
         own = (Look.SKELETON,) if self.take is not None and self.take.own is not None else ()
         return (Look.TAKE, *own, *((Look.CHARACTER,) if self.character is not None else ()))
 
@@ -118,7 +114,6 @@ class References:
             self.editor.do(f"reference {take.title}", lambda session: replace(session, reference=made))
 
     def close(self) -> None:
-        """Show the take alone."""
         if self.editor.session.reference is not None:
             self.editor.do("end of the comparison", lambda session: replace(session, reference=None))
 

@@ -39,7 +39,6 @@ class ReferenceCard:
     _shown: tuple[Video, int] | None = field(default=None, init=False)
 
     def panel(self) -> Panel:
-        """The card, while there is a reference."""
 
         def close() -> bool:
             was = self.reference.shown
@@ -59,18 +58,17 @@ class ReferenceCard:
         others = [take for take in reference.takes.session.takes if played and take.number != played.number]
         for take in others:
             text, chosen = widgets.elided(take.title, px(220)), reference.take == take
-            if imgui.menu_item(f"{text}##compare {take.number}", "", chosen)[0]:
+            if widgets.item(f"{text}##compare {take.number}", chosen=chosen):
                 reference.show(take.number)
         if others:
             imgui.separator()
-        if imgui.menu_item("A take or film from a file…", "", False)[0]:
+        hint = "BVH of any two-legged skeleton, MP4, WebM, GIF, WebP"
+        if widgets.item("A take or film from a file…", hint):
             self.browse("Compare the take with", (".bvh", *VIDEOS), self.open)
-        widgets.tooltip("BVH of any two-legged skeleton, MP4, WebM, GIF, WebP")
-        if reference.shown and imgui.menu_item("Nothing", "", False)[0]:
+        if reference.shown and widgets.item("Nothing"):
             reference.close()
 
     def open(self, path: Path) -> None:
-        """Show a file with the take that plays."""
         if path.suffix.lower() == ".bvh":
             self.reference.takes.open_reference(path)
         else:
@@ -80,7 +78,6 @@ class ReferenceCard:
 
     @property
     def _film(self) -> Video | None:
-        """The film that is shown in the card."""
         return None if self.reference.reference.over else self.reference.video
 
     def _film_width(self, view: Rect) -> float:
@@ -143,30 +140,18 @@ class ReferenceCard:
 
     def _fields(self, playback: Playback, wide: bool, spare: float = 0.0) -> None:
         """When and where it is, and who shows it, in one line that leaves `spare` screen units of its room."""
-        reference, fps = self.reference, playback.clip.fps
+        reference = self.reference
         side, over = imgui.get_frame_height(), px(60 if wide else 44)
         others = over + px(widgets.GAP) + (side + px(widgets.GAP) if reference.video is None else 0.0)
         each = (imgui.get_content_region_avail().x - spare - others - px(widgets.GAP)) / 2
-        imgui.set_next_item_width(each)
-        low, high = LIMITS["offset_s"]
-        text = "%+d frames" if wide else "%+d"
-        moved, frames = imgui.drag_int(
-            "##reference offset",
-            round(reference.reference.offset_s * fps),
-            0.3,
-            round(low * fps),
-            round(high * fps),
-            text,
-        )
-        if moved:
-            reference.set(held=True, offset_s=frames / fps)
-        widgets.tooltip("How many frames later the reference is. Drag, or double-click to type.")
+        imgui.push_item_width(each)
+        self._offset(playback.clip.fps, wide)
         widgets.same_line()
-        imgui.set_next_item_width(each)
         if reference.video is None:
             self._aside(wide)
         else:
-            self._share("opacity" if reference.reference.over else "size", wide)
+            self._fraction("opacity" if reference.reference.over else "size", wide)
+        imgui.pop_item_width()
         widgets.same_line()
         hint = "In the same place, translucent" if reference.video is None else "Across the view, translucent"
         is_over = reference.reference.over
@@ -174,24 +159,29 @@ class ReferenceCard:
             reference.set(over=not is_over)
         if reference.video is None:
             widgets.same_line()
-            if widgets.icon_button(
-                ICON.more, "reference look", "Who shows it: another character, its own skeleton"
-            ):
-                imgui.open_popup("look")
             self._looks()
 
-    def _aside(self, wide: bool) -> None:
-        reference, (low, high) = self.reference, LIMITS["aside_m"]
-        imgui.begin_disabled(reference.reference.over)
-        text = "%.1f m aside" if wide else "%.1f m"
-        aside_m = reference.reference.aside_m
-        moved, aside_m = imgui.drag_float("##reference aside", aside_m, 0.01, low, high, text)
+    def _offset(self, fps: float, wide: bool) -> None:
+        low, high = LIMITS["offset_s"]
+        limits, frames = (round(low * fps), round(high * fps)), round(self.reference.reference.offset_s * fps)
+        hint = "How many frames later the reference is. Drag, or double-click to type."
+        text = "%+d frames" if wide else "%+d"
+        moved, later = widgets.drag("##reference offset", frames, limits, text, hint, 0.3)
         if moved:
-            reference.set(held=True, aside_m=min(max(aside_m, low), high))
-        imgui.end_disabled()
-        widgets.tooltip("How far to the right of the take. Drag, or double-click to type.")
+            self.reference.set(held=True, offset_s=later / fps)
 
-    def _share(self, name: str, wide: bool) -> None:
+    def _aside(self, wide: bool) -> None:
+        reference, limits = self.reference.reference, LIMITS["aside_m"]
+        text, hint = (
+            "%.1f m aside" if wide else "%.1f m",
+            "How far to the right of the take. Drag, or double-click to type.",
+        )
+        with widgets.disabled(reference.over):
+            moved, aside_m = widgets.drag("##reference aside", reference.aside_m, limits, text, hint, 0.01)
+        if moved:
+            self.reference.set(held=True, aside_m=min(max(aside_m, limits[0]), limits[1]))
+
+    def _fraction(self, name: str, wide: bool) -> None:
         """A fraction of the film's picture, as a percentage."""
         (low, high), text = LIMITS[name], f"{name} %.0f %%" if wide else "%.0f %%"
         value = getattr(self.reference.reference, name) * 100.0
@@ -201,17 +191,20 @@ class ReferenceCard:
         widgets.tooltip(f"The picture's {name}")
 
     def _looks(self) -> None:
-        """Who moves as the reference does."""
+        """The button and the menu of who moves as the reference does."""
         reference, choice = self.reference, self.reference.reference.character
+        hint = "Who shows it: another character, its own skeleton"
+        if widgets.icon_button(ICON.more, "reference look", hint):
+            imgui.open_popup("look")
         if not imgui.begin_popup("look"):
             return
         for look in reference.looks:
             own = look is Look.CHARACTER and choice is not None
             name = Path(choice.path).name if own and choice is not None else str(look)
-            if imgui.menu_item(f"{name}##look {look}", "", look is reference.look)[0]:
+            if widgets.item(f"{name}##look {look}", chosen=look is reference.look):
                 reference.set(look=str(look))
         imgui.separator()
-        if imgui.menu_item("Another character…", "", False)[0]:
+        if widgets.item("Another character…"):
             self.browse("The reference's character", tuple(CHARACTERS), reference.open_character)
         imgui.end_popup()
 
@@ -222,15 +215,10 @@ class ReferenceCard:
         by = min(view.width / video.size[0], view.height / video.size[1])
         wide, high = video.size[0] * by, video.size[1] * by
         left, top = view.x + (view.width - wide) / 2, view.y + (view.height - high) / 2
-        tint = imgui.get_color_u32(imgui.ImVec4(1.0, 1.0, 1.0, self.reference.reference.opacity))
-        imgui.get_background_draw_list().add_image(
-            self._picture(video, playback),
-            imgui.ImVec2(left, top),
-            imgui.ImVec2(left + wide, top + high),
-            imgui.ImVec2(0, 0),
-            imgui.ImVec2(1, 1),
-            tint,
-        )
+        tint = widgets.packed((1.0, 1.0, 1.0, self.reference.reference.opacity))
+        low, end = imgui.ImVec2(left, top), imgui.ImVec2(left + wide, top + high)
+        corners = imgui.ImVec2(0, 0), imgui.ImVec2(1, 1)  # of the picture
+        imgui.get_background_draw_list().add_image(self._picture(video, playback), low, end, *corners, tint)
 
     def _picture(self, video: Video, playback: Playback) -> Any:
         """The texture with the picture of the time that is shown."""

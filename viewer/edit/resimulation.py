@@ -58,18 +58,15 @@ class Resimulation:
 
     @property
     def playback(self) -> Playback | None:
-        """What plays."""
         return self.takes.playback
 
     @property
     def take(self) -> Take | None:
-        """The take that plays."""
         playback = self.takes.playback
         return None if playback is None else playback.take
 
     @property
     def busy(self) -> bool:
-        """Whether a take is being resimulated."""
         return self.takes.jobs.busy(SLOT)
 
     @property
@@ -104,7 +101,6 @@ class Resimulation:
 
     @property
     def tracks(self) -> Tracks | None:
-        """What lies on the tracks of the take that plays."""
         playback = self.takes.playback
         if playback is None:
             return None
@@ -130,7 +126,6 @@ class Resimulation:
         self._again(label, edit)
 
     def reword_part(self, index: int, part: str, text: str) -> None:
-        """Other words for one part of a prompt of the take."""
         mark = self.tracks and self.tracks.prompts[index]
         words = mark and words_of(mark.of.event)
         if not words:
@@ -180,7 +175,6 @@ class Resimulation:
         self._again("move of a prompt", lambda inputs: input_edits.move_prompt(inputs, index, start, end))
 
     def move_gait(self, index: int, start: int, end: int) -> None:
-        """The same of a gait."""
         self._again("move of a gait", lambda inputs: input_edits.move_gait(inputs, index, start, end))
 
     # --- resimulating

@@ -45,8 +45,10 @@ class Range:
 
     @property
     def frames(self) -> float:
-        """From the left to the right."""
         return self.last - self.first
+
+    def __contains__(self, frame: float) -> bool:
+        return self.first <= frame <= self.last
 
     def fitted(self, first: float, last: float) -> Range:
         """These frames, or as many that lie within the take."""
@@ -55,7 +57,6 @@ class Range:
         return replace(self, first=first, last=first + frames)
 
     def scrolled(self, frames: float) -> Range:
-        """So many frames on."""
         return self.fitted(self.first + frames, self.last + frames)
 
     def zoomed(self, at: float, steps: float) -> Range:
@@ -136,7 +137,6 @@ class Row:
 
     @property
     def right(self) -> float:
-        """Where it ends."""
         return self.left + self.width
 
     def ends(self, mark: Mark) -> tuple[float, float]:
@@ -146,7 +146,6 @@ class Row:
         return left - max(more, 0.0), right + max(more, 0.0)
 
     def x(self, frame: float) -> float:
-        """Screen position of a frame."""
         return self.left + (frame - self.shown.first) / max(self.shown.frames, 1.0) * self.width
 
     def frame_at(self, x: float) -> int:
@@ -169,7 +168,6 @@ class Shapes:
     def rect(
         self, left: float, top: float, right: float, bottom: float, tint: Color, rounding: float
     ) -> None:
-        """A filled rectangle in screen units."""
         low, high = imgui.ImVec2(left, top), imgui.ImVec2(right, bottom)
         self.rects.append((low, high, widgets.packed(tint), rounding))
 
@@ -204,6 +202,7 @@ class Timeline:
     held: Held | None = None
     shown: Range = Range(0.0, 1.0, 1.0)
     _of: tuple[int, int] = (-1, 0)  # the take of that range and the frame shown last
+    _bar: float = 0.0  # width of the scrollbar in the frame before
     _scrolling: bool = False  # the middle button holds the tracks
     _menu: tuple[str, Mark | None, int] = ("", None, 0)  # what a right click was on
     _kept: dict[str, tuple[Any, Shapes]] = field(default_factory=dict)
@@ -216,7 +215,6 @@ class Timeline:
 
     @property
     def whole(self) -> bool:
-        """Whether the whole take is shown."""
         return self.shown.frames >= self.shown.end
 
     def _follow(self, playback: Playback) -> None:
@@ -225,8 +223,8 @@ class Timeline:
         if take != playback.number or (end != self.shown.end and self.whole):
             self.shown = Range(0.0, end, end)
         shown = self.shown = replace(self.shown, end=end).fitted(self.shown.first, self.shown.last)
-        seen = shown.first <= before <= shown.last or not playback.playing
-        if now != before and seen and not shown.first <= now <= shown.last:
+        seen = before in shown or not playback.playing
+        if now != before and seen and now not in shown:
             self.shown = shown.scrolled(now - shown.first - 0.1 * shown.frames)
         self._of = playback.number, now
 
@@ -240,29 +238,22 @@ class Timeline:
         self._follow(playback)
         if self.held is not None and self.held.dropped and not busy:
             self.held = None  # the tracks are those of the edit, or it failed
-        unit, room = px(1.0), imgui.get_content_region_avail()
-        high = sum(track.height for track in tracks) + 2.0
-        fits = (room.y / unit - RULER - (len(tracks) + 1) * SPACING) / high
-        if fits < 1.0:
-            tracks = [track for track in tracks if not track.optional]
-        imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, unit * SPACING))
-        # the ruler above the tracks is as wide as they are, also where they scroll (known from the frame before)
-        storage, key = imgui.get_state_storage(), imgui.get_id("tracks scroll")
-        bar = imgui.get_style().scrollbar_size if storage.get_bool(key) else 0.0
-        corner = imgui.get_cursor_screen_pos()
-        named = room.x >= unit * NAMES_FROM
-        self._rows("ruler", [self._ruler(playback)], playback, 1.0, bar)
+        room = imgui.get_content_region_avail()
+        tracks, tall = _fitting(tracks, room.y / px(1.0))
+        imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(SPACING)))
+        corner, names = imgui.get_cursor_screen_pos(), px(NAMES_WIDTH) if room.x >= px(NAMES_FROM) else 0.0
+        # the ruler above the tracks is as wide as they are, also where they scroll
+        self._rows("ruler", [self._ruler(playback)], playback, 1.0, self._bar)
         below = imgui.get_cursor_pos()
-        if named:
+        if names:
             self._fit_buttons(corner, selection)
         imgui.set_cursor_pos(below)
-        scrolls, names = False, corner.x + (unit * NAMES_WIDTH if named else 0.0)
-        flags = imgui.WindowFlags_.no_scroll_with_mouse if imgui.get_io().mouse_pos.x >= names else 0
+        over_names = imgui.get_io().mouse_pos.x < corner.x + names
+        flags = 0 if over_names else imgui.WindowFlags_.no_scroll_with_mouse
         if imgui.begin_child("tracks", imgui.ImVec2(0, 0), window_flags=flags):
-            self._rows("tracks", tracks, playback, min(max(fits, 1.0), TALLEST), 0.0)
-            scrolls = imgui.get_scroll_max_y() > 0.0
+            self._rows("tracks", tracks, playback, tall, 0.0)
+            self._bar = imgui.get_style().scrollbar_size * (imgui.get_scroll_max_y() > 0.0)
         imgui.end_child()
-        storage.set_bool(key, scrolls)
         imgui.pop_style_var()
 
     def _rows(self, name: str, tracks: Sequence[Track], playback: Playback, tall: float, bar: float) -> None:
@@ -284,7 +275,6 @@ class Timeline:
         known[1].draw(*([(low, high, widgets.packed(theme.TEXT), 0.0)] if inside else []))
 
     def _fit_buttons(self, corner: imgui.ImVec2, selection: tuple[int, int]) -> None:
-        """In place of the ruler's name."""
         imgui.set_cursor_screen_pos(corner)
         size = imgui.ImVec2(px(BUTTON_WIDTH), px(RULER - 4))
         imgui.push_style_var(imgui.StyleVar_.frame_padding, imgui.ImVec2(0, 0))
@@ -305,29 +295,31 @@ class Timeline:
         imgui.set_cursor_screen_pos(imgui.ImVec2(row.left - edge, row.top))
         imgui.invisible_button(f"##{key}", imgui.ImVec2(max(row.outer, 1.0), max(row.height, 1.0)))
         self._navigate(row)
-        mine = self.held is not None and self.held.key == key and not self.held.dropped
-        if mine or imgui.is_item_active() or imgui.is_item_hovered():
+        if self._holds(row.track) or imgui.is_item_active() or imgui.is_item_hovered():
             self._use_mouse(row, playback)
         if self._menu[0] == key and row.track.menu is not None and imgui.begin_popup(f"menu of {key}"):
             row.track.menu(*self._menu[1:])
             imgui.end_popup()
 
+    def _holds(self, track: Track) -> Held | None:
+        held = self.held
+        return held if held is not None and held.key == track.key and not held.dropped else None
+
     def _navigate(self, row: Row) -> None:
         """Zoom and scroll by the wheel and the middle button over the row whose item was just made."""
         io, per_pixel = imgui.get_io(), self.shown.frames / max(row.width, 1.0)
-        hovered = imgui.is_item_hovered()
+        hovered, shown = imgui.is_item_hovered(), self.shown
         begins = imgui.is_mouse_clicked(2)  # how the mouse came to where it was pressed is no drag
-        self._scrolling = (begins and hovered) or (self._scrolling and imgui.is_mouse_down(2))
-        if self._scrolling and not begins and row.track.key == "timeline":  # once a frame
-            self.shown = self.shown.scrolled(-io.mouse_delta.x * per_pixel)
-        wheel = io.mouse_wheel or io.mouse_wheel_h  # Shift turns the wheel of some systems
-        if not hovered or not wheel:
-            return
-        if io.key_shift:
-            self.shown = self.shown.scrolled(-wheel * SCROLL_PER_STEP * self.shown.frames)
-        else:
-            at = self.shown.first + (io.mouse_pos.x - row.left) * per_pixel
-            self.shown = self.shown.zoomed(min(max(at, self.shown.first), self.shown.last), wheel)
+        self._scrolling = (self._scrolling or (begins and hovered)) and imgui.is_mouse_down(2)
+        if self._scrolling and row.track.key == "timeline":  # once a frame
+            shown = shown.scrolled(-io.mouse_delta.x * per_pixel * (not begins))
+        wheel = (io.mouse_wheel or io.mouse_wheel_h) * hovered  # Shift turns the wheel of some systems
+        if wheel and io.key_shift:
+            shown = shown.scrolled(-wheel * SCROLL_PER_STEP * shown.frames)
+        elif wheel:
+            at = shown.first + (io.mouse_pos.x - row.left) * per_pixel
+            shown = shown.zoomed(min(max(at, shown.first), shown.last), wheel)
+        self.shown = shown
 
     # --- what it looks like
 
@@ -354,23 +346,8 @@ class Timeline:
             marks.sort(key=lambda each: each[1].start - each[1].end)
         for i, mark in marks:
             tint, (left, right) = track.tints[i % len(track.tints)], row.ends(mark)
-            if right < row.left or left > row.right:
-                continue
-            if mark.start == mark.end:
-                half = row.height / 2
-                shapes.points.append(
-                    (imgui.ImVec2(left, row.top + half), half * 0.95, widgets.packed(tint), 4)
-                )
-                continue
-            short = right - left < px(LEAST_WIDTH) + 1 and track.adjacent
-            left = max(left, row.left)
-            right = max(min(right, row.right) - px(1), left + 1)
-            if track.adjacent:
-                shapes.rect(left, row.top, right, bottom, theme.FIELD, px(3))
-            fill = (*tint[:3], min(tint[3] + 0.12 * (i == track.lit) + 0.3 * short, 1.0))
-            shapes.rect(left, row.top, right, bottom, fill, px(3) if mark.text else px(1))
-            if mark.text:
-                shapes.text(left + px(5), row, mark.text, theme.TEXT, right - left - px(8))
+            if left <= row.right and right >= row.left:
+                _draw_mark(shapes, row, mark, tint, i == track.lit)
 
     def _moved(self, track: Track) -> Sequence[Mark]:
         """The marks as they would lie after the drag in hand; of others than adjacent ones the session has that."""
@@ -407,8 +384,8 @@ class Timeline:
         waits = self.held is not None and self.held.dropped
         if imgui.is_item_activated() and hit is not None and not waits:
             self._press(track, *hit, frame)
-        held = self.held
-        if held is not None and held.key == track.key and not held.dropped:
+        held = self._holds(track)
+        if held is not None:
             self._carry(held, row, frame)
             if imgui.is_item_deactivated():
                 self._let_go(track, frame, playback)
@@ -424,7 +401,6 @@ class Timeline:
             track.press(mark)
 
     def _carry(self, held: Held, row: Row, frame: int) -> None:
-        """Move what is held with the mouse."""
         track, by = row.track, frame - held.grabbed
         if track.fixed or not (track.move or track.drop) or not (by or held.moved):
             return
@@ -458,6 +434,31 @@ class Timeline:
         elif track.menu is not None:
             self._menu = track.key, mark, frame
             imgui.open_popup(f"menu of {track.key}")
+
+
+def _fitting(tracks: Sequence[Track], room: float) -> tuple[Sequence[Track], float]:
+    """The tracks for which there is room, and how much taller than they need they are drawn."""
+    fits = (room - RULER - (len(tracks) + 1) * SPACING) / (sum(track.height for track in tracks) + 2.0)
+    if fits < 1.0:
+        return [track for track in tracks if not track.optional], 1.0
+    return tracks, min(fits, TALLEST)
+
+
+def _draw_mark(shapes: Shapes, row: Row, mark: Mark, tint: Color, lit: bool) -> None:
+    left, right = row.ends(mark)
+    bottom, half, adjacent = row.top + row.height, row.height / 2, row.track.adjacent
+    if mark.start == mark.end:
+        shapes.points.append((imgui.ImVec2(left, row.top + half), half * 0.95, widgets.packed(tint), 4))
+        return
+    short = right - left < px(LEAST_WIDTH) + 1 and adjacent
+    left = max(left, row.left)
+    right = max(min(right, row.right) - px(1), left + 1)
+    if adjacent:
+        shapes.rect(left, row.top, right, bottom, theme.FIELD, px(3))
+    fill = (*tint[:3], min(tint[3] + 0.12 * lit + 0.3 * short, 1.0))
+    shapes.rect(left, row.top, right, bottom, fill, px(3) if mark.text else px(1))
+    if mark.text:
+        shapes.text(left + px(5), row, mark.text, theme.TEXT, right - left - px(8))
 
 
 def _base(row: Row) -> float:

@@ -11,6 +11,7 @@ from runtime.takes.pins import Pin, Pinned
 from viewer.edit.camera_keys import CameraKeys
 from viewer.edit.cutting import Cutting
 from viewer.edit.pins import Pins
+from viewer.edit.posing import Posing
 from viewer.edit.reference_card import ReferenceCard
 from viewer.edit.resimulation import Resimulation
 from viewer.edit.timeline import Mark, Timeline, Track
@@ -21,6 +22,7 @@ from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.input.bindings import Action
+from viewer.prompt.prompt_field import undo_buttons
 from viewer.session.playback import Playback
 
 SPEEDS = (0.1, 2.0)
@@ -28,14 +30,17 @@ WIDE = 520.0  # pixels at scale 1: words next to the icons
 TINY = 400.0  # in less only what has no other way stays
 PROMPT_POPUP, GAIT_POPUP, PIN_POPUP, COMPARE_POPUP = "new prompt", "new gait", "new pin", "compare"
 CUT_POPUP, CUT_HINT = "cut", "Split, cut, repeat the take, or join another one to it"
-PIN_HINT = "Hold a hand, a foot, the look or the pose from this frame on, or key the camera"
+NEW_PIN_HINT = "Hold a hand, a foot, the look or the pose from this frame on, or key the camera"
 PROMPTS, ROW, FEET = 21.0, 15.0, 8.0  # heights at scale 1, where there is no more room
 PROMPT_TINTS = (theme.ACCENT_FILL, (0.36, 0.55, 0.78, 0.42))
 GAIT_TINT, GROUND_TINT = (0.78, 0.62, 0.34, 0.42), (0.55, 0.58, 0.62, 0.35)
+POSE_TINT = (0.62, 0.78, 0.40, 1.0)
 PART_TINT, PIN_TINT = (0.36, 0.55, 0.78, 0.28), (0.86, 0.48, 0.62, 0.45)
 NEW_FOOTPLANT_FRAMES = 8
 CAMERA_HINT = "Views of the camera, for a film by “keyed”.\nDrag a key; right-click removes it"
 PIN_HINT = "A click shows the pin's fields; drag it or its ends"
+POSING_HINT = "Pose joints by hand over the motion: click one in the view and drag its handles"
+POSE_HINT = "Keys of the pose layer.\nDrag a key; right-click removes it"
 FEET_HINT = (
     "When a foot bears: the left one above, the right one below.\n"
     "Drag a footplant or its ends; right-click adds or removes one"
@@ -45,13 +50,12 @@ FEET_HINT = (
 class TakeTracks:
     """Gathers the tracks of all tools; the same ones again until something changes."""
 
-    def __init__(self, editing: Resimulation, pins: Pins, cameras: CameraKeys) -> None:
-        self.editing, self.pins, self.cameras = editing, pins, cameras
+    def __init__(self, editing: Resimulation, pins: Pins, posing: Posing, cameras: CameraKeys) -> None:
+        self.editing, self.pins, self.posing, self.cameras = editing, pins, posing, cameras
         self._state: tuple[Any, ...] = ()
         self._rows: list[Track] = []
 
     def rows(self, tracks: Tracks, playback: Playback) -> list[Track]:
-        """The tracks from top to bottom."""
         editing, pins, frame = self.editing, self.pins, playback.frame
         fixed, lit = bool(editing.fixed), (mark_at(tracks.prompts, frame), mark_at(tracks.gaits, frame))
         state = tracks, playback.take, playback.shown, pins.selected, editing.part_tracks, fixed, lit
@@ -96,13 +100,23 @@ class TakeTracks:
                     move=lambda mark, start, _: cameras.move(mark.of, start),
                 )
             )  # fmt: skip
+        poses = [Mark(at, at, of=key) for key in take.poses.layer.keys for at in (round(key.seconds * fps),)]
+        if poses:
+            posing = self.posing
+            rows.append(
+                Track(
+                    "poses", "Pose", ROW, poses, (POSE_TINT,), POSE_HINT,
+                    press=lambda mark: playback.seek(mark.start), remove=lambda mark: posing.remove(mark.of),
+                    move=lambda mark, start, _: posing.move_key(mark.of, start),
+                )
+            )  # fmt: skip
         for number, lane in enumerate(lanes(take.poses.pins)):
             marks = [_pin(i, take.poses.pins[i], playback) for i in lane]
             lit = lane.index(pins.selected) if pins.selected in lane else -1
             rows.append(
                 Track(
                     f"pins {number}", "" if number else "Pins", ROW, marks, (PIN_TINT,), PIN_HINT, lit,
-                    press=lambda mark: pins.select(mark.of[0]), move=pins.move,
+                    press=lambda mark: setattr(pins, "selected", mark.of[0]), move=pins.move,
                 )
             )  # fmt: skip
         return [*rows, self._feet(0), self._feet(1)]
@@ -113,9 +127,9 @@ class TakeTracks:
 
         def menu(mark: Mark | None, frame: int) -> None:
             half = NEW_FOOTPLANT_FRAMES // 2
-            if mark is not None and imgui.menu_item("Lift the foot here", "", False)[0]:
+            if mark is not None and widgets.item("Lift the foot here"):
                 pins.set_footplant(foot, mark.of, None)
-            if mark is None and imgui.menu_item("Plant the foot here", "", False)[0]:
+            if mark is None and widgets.item("Plant the foot here"):
                 pins.set_footplant(foot, None, (frame - half, frame + half))
 
         def move(mark: Mark, start: int, end: int) -> None:
@@ -141,6 +155,7 @@ class Transport:
 
     editing: Resimulation
     pins: Pins
+    posing: Posing
     cameras: CameraKeys
     cutting: Cutting
     timeline: Timeline = field(init=False)
@@ -151,7 +166,7 @@ class Transport:
     def __post_init__(self) -> None:
         trim = lambda first, last: self.editing.takes.trim(first, last, held=True)  # noqa: E731
         self.timeline = Timeline(trim)
-        self._tracks = TakeTracks(self.editing, self.pins, self.cameras)
+        self._tracks = TakeTracks(self.editing, self.pins, self.posing, self.cameras)
 
     def panel(self, references: ReferenceCard) -> Panel:
         """The bar; Escape in the view leaves the take."""
@@ -255,23 +270,29 @@ class Transport:
         for text, hint, popup, why in (
             ("+ Prompt", "Another prompt from this frame on", PROMPT_POPUP, fixed),
             ("+ Gait", gait_hint, GAIT_POPUP, fixed),
-            ("+ Pin", PIN_HINT, PIN_POPUP, self.pins.fixed),
+            ("+ Pin", NEW_PIN_HINT, PIN_POPUP, self.pins.fixed),
             ("Cut…", CUT_HINT, CUT_POPUP, self.pins.fixed),
         ):
-            imgui.begin_disabled(bool(why))
-            if widgets.button(text, 0.0, why or hint):
+            if widgets.button(text, 0.0, why or hint, enabled=not why):
                 editing.new_prompt = ""
                 imgui.open_popup(popup)
-            imgui.end_disabled()
             imgui.same_line(0, gap)
-        self._popups()
-        editor = takes.editor
-        undo, redo = editor.undo_label, editor.redo_label
-        if widgets.icon_button(ICON.undo, "take undo", f"Undo {undo} (Ctrl+Z)", theme.TEXT, bool(undo)):
-            editor.undo()
-        imgui.same_line(0, 0)
-        if widgets.icon_button(ICON.redo, "take redo", f"Redo {redo} (Ctrl+Y)", theme.TEXT, bool(redo)):
-            editor.redo()
+        for popup, draw in (
+            (PROMPT_POPUP, self._new_prompt),
+            (GAIT_POPUP, self._new_gait),
+            (CUT_POPUP, self.cutting.menu),
+            (PIN_POPUP, self._new_pin),
+        ):
+            if imgui.begin_popup(popup):
+                draw()
+                imgui.end_popup()
+        posing = self.posing
+        imgui.begin_disabled(bool(self.pins.fixed))
+        if widgets.toggle("Pose", posing.open, px(42), POSING_HINT) != posing.open:
+            posing.toggle()
+        imgui.end_disabled()
+        imgui.same_line(0, gap)
+        undo_buttons(takes.editor, "take ", 0.0)
         if self._wide:
             self._more(references)
         self._go_on(fixed)
@@ -301,38 +322,29 @@ class Transport:
         text = next((t for t in texts if imgui.calc_text_size(t).x + padding <= room), texts[-1])
         width = imgui.calc_text_size(text).x + padding
         imgui.same_line(end - width)
-        imgui.begin_disabled(bool(fixed))
         hint = fixed or "Drive the live character from this frame of the take"
-        if widgets.button(f"{text}###go on", width, hint):
+        if widgets.button(f"{text}###go on", width, hint, enabled=not fixed):
             self.editing.go_on()
-        imgui.end_disabled()
 
-    def _popups(self) -> None:
+    def _new_prompt(self) -> None:
         editing = self.editing
-        if imgui.begin_popup(PROMPT_POPUP):
-            if imgui.is_window_appearing():
-                imgui.set_keyboard_focus_here()
-            imgui.set_next_item_width(px(260))
-            flags = imgui.InputTextFlags_.enter_returns_true
-            entered, editing.new_prompt = imgui.input_text_with_hint(
-                "##new prompt", "Prompt from here; Enter resimulates", editing.new_prompt, flags
-            )
-            if entered:
-                editing.insert_prompt(editing.new_prompt)
-                imgui.close_current_popup()
-            imgui.end_popup()
-        if imgui.begin_popup(GAIT_POPUP):
-            for gait in REQUESTS:
-                if imgui.selectable(f"{gait.label.capitalize()}##gait", False)[0]:
-                    editing.insert_gait(gait)
-            imgui.end_popup()
-        if imgui.begin_popup(CUT_POPUP):
-            self.cutting.menu()
-            imgui.end_popup()
-        if imgui.begin_popup(PIN_POPUP):
-            for what in Pinned:
-                if imgui.selectable(f"{str(what).capitalize()}##pin", False)[0]:
-                    self.pins.add(what)
-            imgui.separator()
-            self.cameras.menu()
-            imgui.end_popup()
+        if imgui.is_window_appearing():
+            imgui.set_keyboard_focus_here()
+        imgui.set_next_item_width(px(260))
+        hint = "Prompt from here; Enter resimulates"
+        entered, editing.new_prompt = widgets.input_text("##new prompt", editing.new_prompt, hint)
+        if entered:
+            editing.insert_prompt(editing.new_prompt)
+            imgui.close_current_popup()
+
+    def _new_gait(self) -> None:
+        for gait in REQUESTS:
+            if imgui.selectable(f"{gait.label.capitalize()}##gait", False)[0]:
+                self.editing.insert_gait(gait)
+
+    def _new_pin(self) -> None:
+        for what in Pinned:
+            if imgui.selectable(f"{str(what).capitalize()}##pin", False)[0]:
+                self.pins.add(what)
+        imgui.separator()
+        self.cameras.menu()

@@ -47,7 +47,6 @@ class Video:
             return np.asarray(image.convert("RGB"))
 
     def describe(self) -> str:
-        """What a person should know of it."""
         more = f", the first {self.seconds:.0f} s of it" if self.cut else ""
         return f"{self.path.name}: {len(self.pictures)} pictures, {self.seconds:.1f} s{more}"
 

@@ -21,7 +21,7 @@ from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.scene.scene import Scene
-from viewer.session.takes import Takes, file_stem, free_path
+from viewer.session.takes import Takes, export_target, file_stem, free_path
 
 GROUNDS = {"": "No ground", "inside": "Ground inside", ".obj": "OBJ file", ".glb": "GLB file"}
 
@@ -43,11 +43,17 @@ class ExportForm(ExportOptions):
 
     @property
     def format(self) -> Format:
-        """What is written."""
         return FORMATS[self.suffix]
 
+    def chosen(self, fps: float) -> dict[str, Any]:
+        """The values of the format's options for a take of `fps` frames a second."""
+        bones = bool(self.engine and ENGINES[self.engine].bones)
+        return {name: getattr(self, name) for name in self.format.options} | {
+            "fps": self.fps or fps, "strides": self.strides if self.loop else 1,
+            "humanoid_names": self.humanoid_names and bones, "with_ground": self.ground == "inside",
+        }  # fmt: skip
+
     def has(self, name: str) -> bool:
-        """Whether the format has an option of the form."""
         return self.suffix in spec_of(self, name).formats
 
 
@@ -64,28 +70,8 @@ def form_from_json(value: Mapping[str, Any]) -> ExportForm:
 
 
 def _shown() -> list[str]:
-    """The fields that the window shows."""
     specs = {entry.name: spec_of(ExportForm, entry.name) for entry in fields(ExportForm)}
     return [name for name, spec in specs.items() if spec.label and spec.formats]
-
-
-@dataclass
-class ExportState:
-    """The export window."""
-
-    open: bool = False
-    form: ExportForm = ExportForm()
-    path: str = ""  # the field
-    missing: str = ""  # what the format needs and is not installed, and how to get it
-    progress: tuple[int, int] = (0, 0)  # frames of film done, and in all
-    report: str = ""  # what became of the last export
-    shown_report: str = ""  # the one of the frame before
-    report_good: bool = True
-    saved: Path | None = None  # what it wrote
-
-    def choose(self, **values: Any) -> None:
-        """Change options of the form."""
-        self.form = replace(self.form, **values)
 
 
 if TYPE_CHECKING:
@@ -96,14 +82,20 @@ SLOT = Slot("export", "one take by its window")
 
 @dataclass
 class Exporting:
-    """Actions of the export window."""
-
     takes: Takes
     scene: Scene
     messages: Messages
     jobs: Jobs
     dialogs: Dialogs
-    state: ExportState = field(default_factory=ExportState)
+    shown: bool = False
+    form: ExportForm = ExportForm()
+    path: str = ""  # the field
+    missing: str = ""  # what the format needs and is not installed, and how to get it
+    progress: tuple[int, int] = (0, 0)  # frames of film done, and in all
+    report: str = ""  # what became of the last export
+    shown_report: str = ""  # the one of the frame before
+    report_good: bool = True
+    saved: Path | None = None  # what it wrote
     _cancel: threading.Event = field(default_factory=threading.Event)
     _proposed: str = ""
 
@@ -112,30 +104,30 @@ class Exporting:
             kept = parse_json(self.takes.settings.export_form or "{}")
         except ValueError:
             kept = {}
-        self.state.form = form_from_json(kept if isinstance(kept, dict) else {})
+        self.form = form_from_json(kept if isinstance(kept, dict) else {})
+
+    def choose(self, **values: Any) -> None:
+        self.form = replace(self.form, **values)
 
     def remember(self) -> None:
-        """Keep what is chosen with the settings."""
-        self.takes.settings.export_form = json.dumps(form_to_json(self.state.form))
+        self.takes.settings.export_form = json.dumps(form_to_json(self.form))
 
     @property
     def busy(self) -> bool:
-        """Whether a take is being written."""
         return self.jobs.busy(SLOT)
 
     def open(self) -> None:
-        """Show the window for the selected take."""
         if self.takes.session.current is None:
             self.messages.warn(
                 "Nothing to export yet: record a take with R, or keep the last seconds with T."
             )
             return
-        self.state.open = True
+        self.shown = True
         self.propose()
 
     def close(self) -> bool:
         """Close the window; whether it was open."""
-        was, self.state.open = self.state.open, False
+        was, self.shown = self.shown, False
         return was
 
     def propose(self) -> None:
@@ -144,32 +136,31 @@ class Exporting:
         if take is None:
             return
         folder = Path(self.takes.settings.export_folder)
-        name = free_path(folder.expanduser() / f"{file_stem(take.title)}{self.state.form.suffix}").name
-        self.state.path = self._proposed = printable(folder / name)
+        name = free_path(folder.expanduser() / f"{file_stem(take.title)}{self.form.suffix}").name
+        self.path = self._proposed = printable(folder / name)
 
     def choose_format(self, suffix: str) -> None:
         """Write another format; a path that was typed keeps its name."""
-        typed, self.state.missing = self.state.path != self._proposed, ""
-        self.state.choose(suffix=suffix)
+        typed, self.missing = self.path != self._proposed, ""
+        self.choose(suffix=suffix)
         try:
             FORMATS[suffix].check_program(Path(f"take{suffix}"))
         except UsageError as error:
-            self.state.missing = str(error).partition(": ")[2]
+            self.missing = str(error).partition(": ")[2]
         if typed:
-            self.state.path = str(Path(self.state.path).with_suffix(suffix))
+            self.path = str(Path(self.path).with_suffix(suffix))
         else:
             self.propose()
 
     def browse(self) -> None:
-        """Choose where to write by a dialog."""
 
         def chosen(path: Path) -> None:
             if path.suffix.lower() in FORMATS:
-                self.state.choose(suffix=path.suffix.lower())
-            self.state.path = printable(path)
+                self.choose(suffix=path.suffix.lower())
+            self.path = printable(path)
 
-        suffix = self.state.form.suffix
-        start = Path(self.state.path).expanduser()
+        suffix = self.form.suffix
+        start = Path(self.path).expanduser()
         self.dialogs.ask(
             DialogKind.SAVE, "Export the take", start, chosen, (FORMATS[suffix].name, f"*{suffix}")
         )
@@ -177,12 +168,13 @@ class Exporting:
     # --- writing
 
     def export(self) -> None:
-        """Write the selected take as chosen."""
         take = self.takes.session.current
         if take is None or self.busy:
             return
         try:
-            path, form = self._path(), self.state.form
+            if self.path == self._proposed:
+                self.propose()  # another program may have taken the name since
+            form, path = self.form, export_target(self.path, self.form.suffix)
             options = self._options(form, take, path)
             work, held = self._work(take, path, form, options), _held(take, form, options)
         except SportError as error:
@@ -198,7 +190,7 @@ class Exporting:
             except UsageError as error:
                 raise _named(error) from error
 
-        self.state.report, self.state.progress, self.state.saved = "", (0, 0), None
+        self.report, self.progress, self.saved = "", (0, 0), None
         self._cancel.clear()
         self.jobs.submit(
             SLOT,
@@ -218,18 +210,6 @@ class Exporting:
         if self._cancel.is_set():
             raise ExportCancelled("The export was cancelled.")
 
-    def _path(self) -> Path:
-        form = self.state.form
-        if self.state.path == self._proposed:
-            self.propose()  # another program may have taken the name since
-        text = self.state.path.strip().strip('"')
-        if not text or "\0" in text:
-            raise UsageError("Export: the path is empty.", "Write a path such as ~/sport-clips/walk.glb.")
-        path = Path(text).expanduser()
-        if path.is_dir():
-            raise UsageError(f"Export: {path} is a folder.", "Add the name of a file.")
-        return path if path.suffix.lower() == form.suffix else path.with_name(path.name + form.suffix)
-
     def _work(self, take: Take, path: Path, form: ExportForm, options: ExportOptions) -> Callable[[], str]:
         """What the worker does, with everything it needs; UsageError for options that do not go together."""
         ground = self._ground_of(take)
@@ -241,12 +221,8 @@ class Exporting:
 
     def _options(self, form: ExportForm, take: Take, path: Path) -> ExportOptions:
         """The options of the form that its format has, for a take that goes to a path."""
-        fps, bones = take.made.header.fps, form.engine and ENGINES[form.engine].bones
-        chosen: dict[str, Any] = {name: getattr(form, name) for name in form.format.options} | {
-            "fps": form.fps or fps,
-            "strides": form.strides if form.loop else 1,
-            "humanoid_names": form.humanoid_names and bool(bones),
-            "with_ground": form.ground == "inside",
+        fps = take.made.header.fps
+        chosen = form.chosen(fps) | {
             "character": self.scene.character_path if form.own_character else None,
             "fit_to_motion": self.scene.settings.fit_to_motion,
         }
@@ -301,7 +277,7 @@ class Exporting:
         from viewer.filming.process import film_in_process
 
         def progress(done: int, total: int) -> None:
-            self.state.progress = (done, total)
+            self.progress = (done, total)
 
         take = prepare(on_its_ground(clip), replace(export, fps=clip.fps), terrain)
         make = film_of_take if self.jobs.blocking else film_in_process
@@ -311,18 +287,18 @@ class Exporting:
 
     def _done(self, take: Take, held: Take | None, path: Path, text: str) -> None:
         if not text:
-            self.state.report, self.state.report_good = "Cancelled: nothing was written.", True
+            self.report, self.report_good = "Cancelled: nothing was written.", True
             self.messages.note(f"The export of {take.title} was cancelled.")
             return
         self.takes.note_file(path, take.number, held)
         self.takes.settings.export_folder = str(path.parent)
-        self.state.report, self.state.report_good = f"Saved {printable(text)}", True
-        self.state.saved = path
+        self.report, self.report_good = f"Saved {printable(text)}", True
+        self.saved = path
         self.messages.note(f"Saved {text}", path)
         self.propose()
 
     def _failed(self, error: Exception) -> None:
-        self.state.report, self.state.report_good = printable(error), False
+        self.report, self.report_good = printable(error), False
 
 
 def _held(take: Take, form: ExportForm, options: ExportOptions) -> Take | None:

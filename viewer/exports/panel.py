@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from runtime.formats.engines import ENGINES
 from runtime.options import spec_of
-from viewer.exports.exporting import Exporting, ExportState
+from viewer.exports.exporting import Exporting
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.layout import Rect
@@ -23,82 +23,78 @@ VALUES = {"quality": ("software", "high")}  # of toggles that are not False and 
 
 
 def panel(exporting: Exporting) -> Panel:
-    """The export window."""
 
     def draw(_: Rect) -> None:
         take = exporting.takes.session.current
         if take is None:
             exporting.close()
             return
-        state, header = exporting.state, take.made.header
-        first, last = take.range if state.form.trimmed else (0, take.frames - 1)
+        header = take.made.header
+        first, last = take.range if exporting.form.trimmed else (0, take.frames - 1)
         length = f"{(last - first + 1) / header.fps:.1f} s, on {header.terrain.rsplit('/', 1)[-1]}"
         widgets.muted(widgets.elided(f"{take.title}: {length}", imgui.get_content_region_avail().x))
-        imgui.begin_disabled(exporting.busy)
-        _target(exporting)
-        _lists_and_sliders(state)
-        _toggles(exporting, take.trimmed)
-        imgui.end_disabled()
+        with widgets.disabled(exporting.busy):
+            _target(exporting)
+            _lists_and_sliders(exporting)
+            _toggles(exporting, take.trimmed)
+            _strides(exporting)
         _end(exporting)
         exporting.remember()
 
     return Panel(
-        "Export", PanelPlace.WINDOW, draw, ICON.save, lambda: exporting.state.open, WIDTH,
+        "Export", PanelPlace.WINDOW, draw, ICON.save, lambda: exporting.shown, WIDTH,
         close=exporting.close,
     )  # fmt: skip
 
 
 def _target(exporting: Exporting) -> None:
-    state = exporting.state
-    chosen = _list(state, "suffix", "##export format")
-    if chosen != state.form.suffix:
+    chosen = _list(exporting, "suffix", "##export format")
+    if chosen != exporting.form.suffix:
         exporting.choose_format(str(chosen))
     widgets.row("File")
     imgui.set_next_item_width(imgui.get_content_region_avail().x - imgui.get_frame_height() - px(4))
     flags = imgui.InputTextFlags_.elide_left
-    state.path = imgui.input_text("##export file", state.path, flags)[1]
+    exporting.path = imgui.input_text("##export file", exporting.path, flags)[1]
     widgets.same_line()
     if widgets.icon_button(ICON.folder, "browse export", "Choose by a dialog", theme.TEXT):
         exporting.browse()
 
 
-def _list(state: ExportState, name: str, widget: str) -> object:
+def _list(exporting: Exporting, name: str, widget: str) -> object:
     """A row with the choices of an option; the chosen one."""
-    spec = spec_of(state.form, name)
+    spec = spec_of(exporting.form, name)
     widgets.row(spec.label, spec.hint)
     choices = [
         (value, text)
         for value, text in (spec.choices or {}).items()
-        if value != "inside" or state.form.has("with_ground")
+        if value != "inside" or exporting.form.has("with_ground")
     ]
-    return widgets.combo(widget, choices, getattr(state.form, name))
+    return widgets.combo(widget, choices, getattr(exporting.form, name))
 
 
-def _lists_and_sliders(state: ExportState) -> None:
+def _lists_and_sliders(exporting: Exporting) -> None:
     """The options that the format has, except for toggles."""
-    if state.form.ground == "inside" and not state.form.has("with_ground"):
-        state.choose(ground="")
-    for name in filter(state.form.has, LISTS):
-        state.choose(**{name: _list(state, name, f"##export {name}")})
+    if exporting.form.ground == "inside" and not exporting.form.has("with_ground"):
+        exporting.choose(ground="")
+    for name in filter(exporting.form.has, LISTS):
+        exporting.choose(**{name: _list(exporting, name, f"##export {name}")})
     for name, least, text in SLIDERS:
-        if state.form.has(name):
-            spec, value = spec_of(state.form, name), getattr(state.form, name)
+        if exporting.form.has(name):
+            spec, value = spec_of(exporting.form, name), getattr(exporting.form, name)
             widgets.row(spec.label, spec.hint)
             moved, value = widgets.slider(
                 f"##export {name}", value, spec.low, spec.high, text if value else "as usual"
             )
             if moved:
-                state.choose(**{name: value if value >= least else 0.0})
+                exporting.choose(**{name: value if value >= least else 0.0})
 
 
 def _toggles(exporting: Exporting, trimmed: bool) -> None:
-    """What is on or off, in two columns, and the strides of a loop."""
-    state, form, own = exporting.state, exporting.state.form, exporting.scene.character_path
+    """What is on or off, in two columns."""
+    form, own = exporting.form, exporting.scene.character_path
     applies = {
-        "humanoid_names": bool(form.engine and ENGINES[form.engine].bones),
-        "trimmed": trimmed,
-        "own_character": own is not None,
-    }
+        "humanoid_names": form.engine and ENGINES[form.engine].bones, "trimmed": trimmed, "own_character": own,
+    }  # fmt: skip
     hints = {"own_character": f"{own.name if own else ''} in the place of the mannequin"}
     names = [name for name in TOGGLES if form.has(name) and applies.get(name, True)]
     width = widgets.column_width(2)
@@ -108,34 +104,43 @@ def _toggles(exporting: Exporting, trimmed: bool) -> None:
         if number % 2:
             widgets.same_line()
         if widgets.toggle(spec.label, on, width, hints.get(name, spec.hint)) != on:
-            state.choose(**{name: values[not on]})
-    if state.form.loop and state.form.has("loop"):
+            exporting.choose(**{name: values[not on]})
+
+
+def _strides(exporting: Exporting) -> None:
+    form = exporting.form
+    if form.loop and form.has("loop"):
         spec = spec_of(form, "strides")
         widgets.row(spec.label, spec.hint)
-        state.choose(strides=widgets.segmented("strides", list((spec.choices or {}).items()), form.strides))
+        exporting.choose(
+            strides=widgets.segmented("strides", list((spec.choices or {}).items()), form.strides)
+        )
 
 
 def _end(exporting: Exporting) -> None:
     """Progress and the buttons, and what became of the last export."""
-    state = exporting.state
     imgui.separator()
     if exporting.busy:
-        done, total = state.progress
+        done, total = exporting.progress
         fraction, text = (done / total, f"{done} of {total} frames") if total else (0.0, "Exporting…")
         imgui.progress_bar(fraction, imgui.ImVec2(-px(90), 0), text)
         widgets.same_line()
         if widgets.button("Cancel##cancel export", -1, "Cancel; no file is kept"):
             exporting.cancel()
-    elif state.missing:
+    elif exporting.missing:
         with widgets.color(imgui.Col_.text, theme.ERROR):
-            imgui.text_wrapped(state.missing)
+            imgui.text_wrapped(exporting.missing)
     elif widgets.button(f"{ICON.save} Export##export now", -1, primary=True):
         exporting.export()
-    if state.report:
-        with widgets.color(imgui.Col_.text, theme.TEXT if state.report_good else theme.ERROR):
-            imgui.text_wrapped(state.report)
-        if state.saved and widgets.button("Show in folder##show export", -1):
-            exporting.messages.show_in_folder(state.saved)
-        if state.report != state.shown_report:  # in a low window it lies below the edge
-            imgui.set_scroll_here_y(1.0)
-    state.shown_report = state.report
+    if exporting.report:
+        _report(exporting)
+    exporting.shown_report = exporting.report
+
+
+def _report(exporting: Exporting) -> None:
+    with widgets.color(imgui.Col_.text, theme.TEXT if exporting.report_good else theme.ERROR):
+        imgui.text_wrapped(exporting.report)
+    if exporting.saved and widgets.button("Show in folder##show export", -1):
+        exporting.messages.show_in_folder(exporting.saved)
+    if exporting.report != exporting.shown_report:  # in a low window it lies below the edge
+        imgui.set_scroll_here_y(1.0)

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ from viewer.filming.writers import Frame, check_writer, open_writer
 from viewer.render.camera import Camera
 from viewer.render.offscreen import OffscreenTarget
 from viewer.render.overlays import Overlays
-from viewer.render.quality import HIGH, Quality
+from viewer.render.quality import PRESETS
 from viewer.render.renderer import Renderer
 
 SMALLEST = 8  # letters, pixels
@@ -81,27 +81,24 @@ def draw_caption(size: tuple[int, int], text: str) -> tuple[int, int, NDArray[np
     return left, top, np.asarray(done.crop((left, top, right, bottom)), np.float32)
 
 
-Image = NDArray[np.uint8]
+Draw = Callable[[Camera, Pose], Frame]
 
 
 @contextmanager
 def studio(
-    size: tuple[int, int],
-    terrain: Terrain,
-    character: Character | None = None,
-    quality: Quality = HIGH,
-) -> Iterator[Callable[[Camera, Pose], Image]]:
+    size: tuple[int, int], terrain: Terrain, character: Character | None = None, quality: str = "high"
+) -> Iterator[Draw]:
     """A function that draws a pose of `character` (None: the shipped one) as seen by a camera: `(H, W, 3)`, sRGB.
 
     DisplayError without OpenGL.
     """
     target = OffscreenTarget(*size)
-    renderer = Renderer(target.ctx, quality)
+    renderer = Renderer(target.ctx, PRESETS[quality])
     try:
         renderer.set_terrain(terrain)
         renderer.set_character(character or load_character(asset_path(DEFAULT_CHARACTER)))
 
-        def draw(camera: Camera, pose: Pose) -> Image:
+        def draw(camera: Camera, pose: Pose) -> Frame:
             renderer.render(target.framebuffer, camera, pose, Overlays())
             return target.read()
 
@@ -111,22 +108,11 @@ def studio(
         target.release()
 
 
-Draw = Callable[[Camera, Pose], Frame]
 Progress = Callable[[int, int], None]  # frames done, frames in all
-OpenStudio = Callable[[FilmOptions, Terrain, Any], AbstractContextManager[Draw]]
+OpenStudio = Callable[[tuple[int, int], Terrain, Any, str], AbstractContextManager[Draw]]
 
 MAX_FRAMES = 216_000  # an hour at 60 frames a second
 QUEUED = 6  # frames drawn ahead of the writer
-
-
-@dataclass(frozen=True)
-class FilmResult:
-    """What became of a film: frames written, or none of it where it was cancelled."""
-
-    path: Path
-    frames: int
-    seconds: float
-    cancelled: bool = False
 
 
 def count_frames(clip: Clip, fps: float) -> int:
@@ -153,13 +139,6 @@ def film_frames(
         yield frame
 
 
-def open_studio(options: FilmOptions, terrain: Terrain, character: Any) -> AbstractContextManager[Draw]:
-    """A studio that draws the frames of such a film."""
-    from viewer.render.quality import HIGH, SOFTWARE
-
-    return studio(options.size, terrain, character, SOFTWARE if options.quality == "software" else HIGH)
-
-
 def make_film(
     clip: Clip,
     terrain: Terrain,
@@ -169,9 +148,9 @@ def make_film(
     character: Any = None,
     progress: Progress = lambda done, total: None,
     cancel: threading.Event | None = None,
-    open_studio: OpenStudio = open_studio,
-) -> FilmResult:
-    """Write a film of a clip on its ground; its length follows from the clip, its form from the ending of `path`.
+    open_studio: OpenStudio = studio,
+) -> int:
+    """Write a film of a clip on its ground: its frames, 0 where it was cancelled. Its form follows from the ending of `path`.
 
     `character` is a `runtime.character.character.Character` (None: the mannequin). `progress` is called on the calling thread after
     each drawn frame; when `cancel` is set, what was written is taken away. The OpenGL context is made on the calling
@@ -187,7 +166,7 @@ def make_film(
         with (
             open_writer(path, options.size, options.fps) as write,
             ThreadPoolExecutor(1, "sport-film") as writer,
-            open_studio(options, terrain, character) as draw,
+            open_studio(options.size, terrain, character, options.quality) as draw,
         ):
             for done, frame in enumerate(film_frames(clip, terrain, options, draw, camera), 1):
                 writing.append(writer.submit(write, frame))
@@ -199,8 +178,8 @@ def make_film(
             for future in writing:
                 future.result()
     except _Cancelled:
-        return FilmResult(path, 0, 0.0, cancelled=True)
-    return FilmResult(path, total, total / options.fps)
+        return 0
+    return total
 
 
 class _Cancelled(Exception):
@@ -218,14 +197,12 @@ def film_of_take(
 ) -> str:
     """Write a film of a prepared take, on its ground, with the character of its options; a sentence about it, "" when cancelled."""
     from runtime.character.character import load_character
-    from runtime.character.joint_map import read_joint_map
 
-    joint_map = None if export.joint_map is None else read_joint_map(export.joint_map)
     character = None
     if export.character is not None:
-        character = load_character(export.character, joint_map, export.character_unit)
-    done = make_film(take.clip, terrain, path, film, character=character, progress=progress, cancel=cancel)
-    if done.cancelled:
+        character = load_character(export.character, export.joint_map, export.character_unit)
+    frames = make_film(take.clip, terrain, path, film, character=character, progress=progress, cancel=cancel)
+    if not frames:
         return ""
-    text = f"{path}: {done.frames} frames at {film.fps:g} fps, {done.seconds:.1f} s"
+    text = f"{path}: {frames} frames at {film.fps:g} fps, {frames / film.fps:.1f} s"
     return text if take.loop is None else f"{text}; {take.loop.describe()}"

@@ -83,7 +83,6 @@ class FilmOptions:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height in pixels."""
         return self.width, self.height
 
 
@@ -114,7 +113,6 @@ def _path_by_name(options: FilmOptions, clip: Clip, terrain: Terrain, size: floa
 
 
 def _moving(shot: Shot, options: FilmOptions, clip: Clip, terrain: Terrain, size: float) -> CameraPath:
-    """A camera that goes along."""
     frame = 0
 
     def aim(pose: Pose) -> float:

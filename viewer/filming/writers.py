@@ -126,7 +126,6 @@ def _numbered(path: Path, _size: tuple[int, int], _fps: float) -> Iterator[Frame
 
 @contextmanager
 def _animation(path: Path, _size: tuple[int, int], fps: float) -> Iterator[FrameWriter]:
-    """All frames as one endless animation."""
     from PIL import Image
 
     frames: list[Any] = []

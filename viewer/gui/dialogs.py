@@ -24,8 +24,6 @@ Filters = Sequence[str]  # in turns a name and its patterns: ["Projects", "*.spo
 
 
 class DialogKind(Enum):
-    """What a dialog asks for."""
-
     OPEN = "Open"
     SAVE = "Save"
     FOLDER = "Choose"
@@ -33,8 +31,6 @@ class DialogKind(Enum):
 
 @dataclass
 class PendingDialog:
-    """One dialog that waits for an answer."""
-
     kind: DialogKind
     title: str
     start: Path  # folder, or file to propose
@@ -52,6 +48,14 @@ class PendingDialog:
         target = Path(path).expanduser()
         ending = self.filters[-1].removeprefix("*") if self.filters else ""
         return target.is_file() or target.with_name(target.name + ending).is_file()
+
+    def accept(self) -> str | None:
+        """The path that was typed; None where there is none, or where the user is warned of a file first."""
+        path = self.typed.strip().strip('"').replace("\0", "")
+        if path != self.replacing and self.would_replace(path):
+            self.replacing = path
+            return None
+        return path or None
 
 
 def has_native_dialogs() -> bool:
@@ -117,7 +121,6 @@ class Dialogs:
         return question is not None
 
     def panel(self) -> Panel:
-        """The line to type into, as a window of the shell."""
         return Panel("Path", PanelPlace.WINDOW, lambda _: self.draw(), close=self.close)
 
     def draw(self) -> None:
@@ -147,17 +150,12 @@ class Dialogs:
         if not question.shown:
             imgui.set_keyboard_focus_here()
         question.shown = True
-        flags = imgui.InputTextFlags_.enter_returns_true
-        entered, question.typed = imgui.input_text("##dialog path", question.typed, flags)
+        entered, question.typed = widgets.input_text("##dialog path", question.typed)
         if question.replacing and question.replacing == question.typed.strip():
             widgets.muted("This file exists. Click again to overwrite.")
         half = widgets.column_width(2)
-        path = question.typed.strip().strip('"').replace("\0", "")
         if widgets.button(f"{question.kind.value}###dialog ok", half, primary=True) or entered:
-            if path != question.replacing and question.would_replace(path):
-                question.replacing = path
-                return None
-            return path or None
+            return question.accept()
         widgets.same_line()
         escaped = imgui.is_window_focused() and imgui.is_key_pressed(imgui.Key.escape)
         return "" if widgets.button("Cancel###dialog cancel", half) or escaped else None

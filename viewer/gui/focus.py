@@ -46,17 +46,20 @@ class Focus:
             self.use = Use.UNSURE
 
     def update(self) -> None:
-        """Notice what became of the keys in a frame that was drawn."""
         context = imgui.get_current_context()
         drawn = [window.name for window in context.windows if window.active]
         over = tuple(name for name in drawn if name.endswith(OVER))
         opened, self.windows = [name for name in over if name not in self.windows], over
         use = _use_of(context)
-        if use is not Use.NONE:
-            if not any(map(imgui.is_mouse_clicked, range(3))):  # which ImGui acts on at the end of the frame
-                self.holder = _owner(context.nav_window) or self.holder
-            self.use = use
+        if use is Use.NONE:
+            self._settle(context, opened, drawn)
             return
+        if not any(map(imgui.is_mouse_clicked, range(3))):  # which ImGui acts on at the end of the frame
+            self.holder = _owner(context.nav_window) or self.holder
+        self.use = use
+
+    def _settle(self, context: Any, opened: list[str], drawn: list[str]) -> None:
+        """Nothing is in use: what was opened gets the keys, and what closed gives them back."""
         if opened:
             self.holder = opened[-1]
         elif self.use is Use.OPEN or (self.holder and self.holder not in drawn):

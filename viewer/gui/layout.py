@@ -21,8 +21,6 @@ MIN_VIEW_SHARE = 0.2  # of the window's width; in less nothing is centred
 
 @dataclass(frozen=True)
 class Rect:
-    """A rectangle in screen units."""
-
     x: float
     y: float
     width: float

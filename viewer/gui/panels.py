@@ -72,7 +72,6 @@ def draw_window(name: str, rect: Rect, contents: Callable[[], None], flags: int 
 
 
 def draw_titled(panel: Panel, rect: Rect, fonts: Fonts) -> None:
-    """A panel under its title."""
     top, start = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
     widgets.heading(fonts, panel.icon, panel.name)
     _tools(panel, imgui.ImVec2(top.x, top.y - px(3)), start)
@@ -80,7 +79,6 @@ def draw_titled(panel: Panel, rect: Rect, fonts: Fonts) -> None:
 
 
 def draw_tabs(panels: Sequence[Panel], rect: Rect) -> None:
-    """Several panels in one place."""
     top, width = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
     if not imgui.begin_tab_bar("panels"):
         return

@@ -26,8 +26,6 @@ FPS_HALF_LIFE_S = 0.5
 
 @dataclass
 class Stats:
-    """Smoothed times of frames by the clock."""
-
     frame_ms: float = 0.0  # work of one frame, without waiting
     fps: float = 0.0  # frames shown a second
     steps_per_s: float = 0.0  # simulation steps a second; 60 is real time

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -39,27 +39,16 @@ FIRST = 0x0250  # the first character that may be missing
 _LOG = logging.getLogger("sport.viewer")
 
 
-def find_fonts(platform: str = sys.platform, environment: Mapping[str, str] | None = None) -> list[Path]:
+def find_fonts() -> list[Path]:
     """Installed fonts of `NAMES`, in their order; those of the user before those of the system."""
     known = [name for names in NAMES.values() for name in names]
     found: dict[str, Path] = {}
-    for folder in font_folders(platform, os.environ if environment is None else environment):
-        for root, _, files in os.walk(folder):
+    for folder in FOLDERS.get(sys.platform, FOLDERS["linux"]):
+        for root, _, files in os.walk(os.path.expanduser(os.path.expandvars(folder))):
             for name in files:
                 if name.lower() in known:
                     found.setdefault(name.lower(), Path(root) / name)
     return [found[name] for name in known if name in found]
-
-
-def font_folders(platform: str, environment: Mapping[str, str]) -> list[Path]:
-    """Where a platform keeps fonts; what its environment does not name is left out."""
-    folders = []
-    for template in FOLDERS.get(platform, FOLDERS["linux"]):
-        for name, value in environment.items():
-            template = template.replace(f"${{{name}}}", value)
-        if "${" not in template:
-            folders.append(Path(template).expanduser())
-    return folders
 
 
 @dataclass

@@ -54,12 +54,10 @@ def colors(values: Mapping[int, Color]) -> Iterator[None]:
 
 
 def color(role: int, value: Color) -> AbstractContextManager[None]:
-    """Draw with another colour for one role."""
     return colors({role: value})
 
 
 def muted(text: str, wrap: bool = False) -> None:
-    """Secondary text."""
     with color(imgui.Col_.text, theme.MUTED):
         imgui.text_wrapped(text) if wrap else imgui.text_unformatted(text)
 
@@ -73,7 +71,6 @@ def label(text: str, tint: Color = theme.MUTED) -> None:
 
 
 def heading(fonts: theme.Fonts, icon: str, text: str) -> None:
-    """A panel's title."""
     imgui.push_font(fonts.bold, theme.FONT_SIZE * 1.1)
     with color(imgui.Col_.text, theme.ACCENT):
         imgui.text_unformatted(icon)
@@ -132,14 +129,12 @@ def icon_button(
 ) -> bool:
     """A button of an icon alone, without a background until the mouse is over it; `size` is its side at scale 1."""
     side = px(size) if size else imgui.get_frame_height()
-    imgui.begin_disabled(not enabled)
     # padding as in a frame of this height, or the line would grow to keep the baselines level
     padding = max((side - imgui.get_text_line_height()) / 2, 0.0)
     imgui.push_style_var(imgui.StyleVar_.frame_padding, imgui.ImVec2(0, padding))
-    with color(imgui.Col_.button, theme.CLEAR), color(imgui.Col_.text, tint):
+    with colors({imgui.Col_.button: theme.CLEAR, imgui.Col_.text: tint}), disabled(not enabled):
         clicked = bool(imgui.button(f"{icon}##{name}", imgui.ImVec2(side, side)))
     imgui.pop_style_var()
-    imgui.end_disabled()
     tooltip(hint)
     return clicked
 
@@ -162,12 +157,47 @@ def packed(value: Color) -> int:
     return int(imgui.get_color_u32(imgui.ImVec4(*value)))
 
 
-def button(text: str, width: float = 0.0, hint: str = "", primary: bool = False) -> bool:
+@contextmanager
+def disabled(when: object = True) -> Iterator[None]:
+    """Items that take no mouse and no keys where `when` is true."""
+    imgui.begin_disabled(bool(when))
+    try:
+        yield
+    finally:
+        imgui.end_disabled()
+
+
+def button(
+    text: str, width: float = 0.0, hint: str = "", primary: bool = False, enabled: object = True
+) -> bool:
     """A button; `primary` is filled with the accent, width -1 takes the rest of the line."""
-    with colors(_PRIMARY if primary else {}):
+    with colors(_PRIMARY if primary else {}), disabled(not enabled):
         clicked = bool(imgui.button(text, imgui.ImVec2(width, 0)))
     tooltip(hint)
     return clicked
+
+
+def item(text: str, hint: str = "", chosen: bool = False, enabled: object = True) -> bool:
+    """A line of a menu; whether it was clicked."""
+    clicked = bool(imgui.menu_item(text, "", chosen, bool(enabled))[0])
+    tooltip(hint)
+    return clicked
+
+
+def drag(
+    name: str, value: float, limits: tuple[float, float], text: str, hint: str = "", speed: float = 0.005
+) -> tuple[bool, float]:
+    """A number that is dragged or, after a double click, typed, and shows `text` (a format); a whole one where `value` is."""
+    kind = imgui.drag_int if isinstance(value, int) else imgui.drag_float
+    moved, value = kind(name, value, speed, *limits, text)  # type: ignore[arg-type]
+    tooltip(hint)
+    return bool(moved), value
+
+
+def input_text(name: str, value: str, hint: str = "", flags: int = 0) -> tuple[bool, str]:
+    """A field of one line; whether Enter was pressed, and what stands in it."""
+    flags |= imgui.InputTextFlags_.enter_returns_true
+    return imgui.input_text_with_hint(name, hint, value, flags)
 
 
 def toggle(text: str, on: bool, width: float, hint: str = "") -> bool:
@@ -306,7 +336,6 @@ def combo(name: str, options: Sequence[tuple[object, str]], value: object) -> ob
 
 
 def setting_slider(settings: Settings, name: str) -> None:
-    """A slider of a number."""
     spec = spec_of(settings, name)
     moved, value = slider(
         f"##{name}",
@@ -330,7 +359,6 @@ def setting_drag(settings: Settings, name: str) -> None:
 
 
 def setting_toggle(settings: Settings, name: str, width: float) -> None:
-    """A button that stays lit while a setting is on."""
     spec = spec_of(settings, name)
     setattr(settings, name, toggle(spec.label, getattr(settings, name), width, spec.hint))
 

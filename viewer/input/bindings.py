@@ -106,13 +106,11 @@ class Action(Enum):
     NEXT_PANEL = "f6 tab"
 
 
-# Views of the character, in the order of `viewer.scene.views.VIEWS`.
+# Views of the character, in the order of `viewer.scene.camera_control.VIEWS`.
 VIEW_ACTIONS = (Action.FRONT, Action.SIDE, Action.THREE_QUARTERS, Action.FEET, Action.TOP)
 
 
 class Drag(Enum):
-    """What the mouse does to the view."""
-
     ORBIT = auto()
     PAN = auto()
     ZOOM = auto()

@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
+from runtime.errors import FileError
+from runtime.safe_read import read_bounded
+
 BUTTONS = (
     "a", "b", "x", "y", "left_bumper", "right_bumper", "back", "start", "guide",
     "left_thumb", "right_thumb", "dpad_up", "dpad_right", "dpad_down", "dpad_left",
@@ -93,43 +96,43 @@ class GlfwGamepads:
             return None  # a wheel, a sensor or a keyboard that calls itself a joystick
         triggers, right = ((2, 5), 3) if count >= 6 else ((), 2)
         live = self._live_axes.setdefault(pad, set())
-        axes = [float(pointer[i]) for i in range(count)]
-        for i, value in enumerate(axes):
-            if value < _RELEASED if i in triggers else abs(value) < _REST:
-                live.add(i)
-            elif i not in live:
-                axes[i] = -1.0 if i in triggers else 0.0
+        axes = [_axis(i, float(pointer[i]), i in triggers, live) for i in range(count)]
         pulled = ((axes[2] + 1) / 2, (axes[5] + 1) / 2) if triggers else (0.0, 0.0)
+        buttons = zip(BUTTONS[:8], button_pointer[:button_count], strict=False)
         return GamepadState(
             _text(self.glfw.get_joystick_name(pad)) + " (unmapped)",
             (axes[0], -axes[1]),
             (axes[right], -axes[right + 1]),
             *pulled,
-            frozenset(BUTTONS[i] for i in range(min(button_count, 8)) if button_pointer[i]),
+            frozenset(button for button, down in buttons if down),
         )
 
     def add_mappings(self, path: Path) -> str:
         """Add the user's SDL mapping file when there is one; the complaint about it, or ""."""
-        try:
-            with path.open("rb") as file:
-                data = file.read(MAX_MAPPING_BYTES + 1)
-        except FileNotFoundError:
+        if not path.exists():
             return ""
-        except OSError as error:
-            return f"{path}: cannot be read ({error.strerror}); the built-in gamepad mappings are used."
-        lines = [line for line in data.decode("utf-8", "replace").splitlines() if line.strip()]
-        good = [line for line in lines if _is_mapping(line)]
-        bad = sum(not line.startswith("#") for line in lines) - len(good)
+        try:
+            lines = read_bounded(path, MAX_MAPPING_BYTES).decode("utf-8", "replace").splitlines()
+        except FileError as error:
+            return f"{error.problem} The built-in gamepad mappings are used."
+        said = [line for line in lines if line.strip() and not line.startswith("#")]
+        good = list(filter(_is_mapping, said))
         if good:
             self.glfw.update_gamepad_mappings("\n".join(good) + "\n")
-        if bad or len(data) > MAX_MAPPING_BYTES:
-            return f"{path}: {bad} lines are no SDL gamepad mapping and were left out."
-        return ""
+        bad = len(said) - len(good)
+        return f"{path}: {bad} lines are no SDL gamepad mapping and were left out." if bad else ""
+
+
+def _axis(number: int, value: float, trigger: bool, live: set[int]) -> float:
+    """The value of a raw axis, or that of one at rest until it was seen there."""
+    if value < _RELEASED if trigger else abs(value) < _REST:
+        live.add(number)
+    return value if number in live else -float(trigger)
 
 
 def _is_mapping(line: str) -> bool:
     """Whether a line looks like a mapping: glfw answers success for garbage too."""
-    return not line.startswith("#") and line.count(",") >= 2 and "\0" not in line
+    return line.count(",") >= 2 and "\0" not in line
 
 
 def _from_mapping(name: str, mapped: Any) -> GamepadState:

@@ -116,7 +116,6 @@ class LiveLink:
 
     @property
     def on(self) -> bool:
-        """Whether poses are sent."""
         return self._socket is not None
 
     def begin(self, typed: str | None) -> None:
@@ -143,13 +142,11 @@ class LiveLink:
             self.messages.warn(f"{self.name}: poses leave this computer, to {self.address}.")
 
     def stop(self) -> None:
-        """Send no more."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
 
     def switch(self) -> None:
-        """On or off."""
         if not self.on:
             try:
                 self.start()

@@ -33,8 +33,6 @@ MIN_HEIGHT = 330.0  # a lower view keeps its room
 
 @dataclass
 class Guide:
-    """Which steps are done."""
-
     settings: Settings
     editor: Editor
     takes: Takes
@@ -61,7 +59,6 @@ class Guide:
         return "" if answer is None else answer.prompt
 
     def is_done(self, step: int) -> bool:
-        """Whether a step was taken."""
         return bool(self.done >> step & 1)
 
     def watch(self, dt: float, moving: bool) -> None:
@@ -97,7 +94,6 @@ def panel(guide: Guide, covered: Callable[[], bool]) -> Panel:
 
 
 def _draw(guide: Guide, view: Rect) -> None:
-    """The card under the session's bar."""
     small = min(view.height, view.width) < px(SMALL_VIEW)
     # in a small view next to the feet, where it covers no head
     width = SMALL_WIDTH if small else WIDTH

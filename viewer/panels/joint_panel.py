@@ -24,35 +24,30 @@ NAME_WIDTH = 150.0  # of the project's joints
 
 
 def panel(mapping: JointMapping) -> Panel:
-    """The joints window."""
 
     def draw(_: Rect) -> None:
-        state = mapping
-        if state.guess is None:
+        if mapping.guess is None:
             return
         room = imgui.get_content_region_avail().x
-        _found(state, state.guess, room)
+        _found(mapping, mapping.guess, room)
         height = max(min(px(HEIGHT), imgui.get_io().display_size.y) - px(AROUND), px(80))
         left, x = 0.42 * room, imgui.get_cursor_pos_x()
         widgets.label("Joints of the file")
         imgui.same_line(x + left + px(8))
         widgets.label("Joint mapping")
         if imgui.begin_child("file joints", imgui.ImVec2(left, height)):
-            _file_joints(state, state.guess)
+            _file_joints(mapping, mapping.guess)
         imgui.end_child()
         imgui.same_line(0, px(8))
         if imgui.begin_child("our joints", imgui.ImVec2(0, height)):
             for joint in range(len(SPORT_SKELETON)):
-                _mapped_joint(mapping, state.guess, joint)
+                _mapped_joint(mapping, mapping.guess, joint)
         imgui.end_child()
         _end(mapping)
 
-    def close() -> bool:
-        was_open = mapping.open
-        mapping.close()
-        return was_open
-
-    return Panel("Joints", PanelPlace.WINDOW, draw, ICON.person, lambda: mapping.open, WIDTH, close=close)
+    return Panel(
+        "Joints", PanelPlace.WINDOW, draw, ICON.person, lambda: mapping.open, WIDTH, close=mapping.close
+    )
 
 
 def _found(state: JointMapping, guess: JointGuess, room: float) -> None:
@@ -73,7 +68,6 @@ def _found(state: JointMapping, guess: JointGuess, room: float) -> None:
 
 
 def _file_joints(state: JointMapping, guess: JointGuess) -> None:
-    """The tree of the file, each joint with what it plays."""
     played = {state.plays(joint): joint for joint in SPORT_SKELETON.names if state.plays(joint)}
     for k, depth in _ordered(guess):
         name, plays = printable(guess.names[k]), played.get(guess.names[k], "")
@@ -86,10 +80,10 @@ def _file_joints(state: JointMapping, guess: JointGuess) -> None:
         widgets.tooltip(f"{name} plays {plays or 'none of our joints'}")
 
 
-def _mapped_joint(mapping: JointMapping, guess: JointGuess, joint: int) -> None:
+def _mapped_joint(state: JointMapping, guess: JointGuess, joint: int) -> None:
     """One of the project's joints with the list of those that may play it."""
-    state, name = mapping, SPORT_SKELETON.names[joint]
-    x, plays, by_hand = imgui.get_cursor_pos_x(), state.plays(name), name in state.chosen
+    name, x = SPORT_SKELETON.names[joint], imgui.get_cursor_pos_x()
+    plays, by_hand = state.plays(name), name in state.chosen
     lost = name in NEEDED and not plays
     imgui.set_cursor_pos_x(x + px(INDENT) * 0.8 * _depth(joint))
     imgui.align_text_to_frame_padding()
@@ -103,7 +97,7 @@ def _mapped_joint(mapping: JointMapping, guess: JointGuess, joint: int) -> None:
     with widgets.color(imgui.Col_.text, theme.ERROR if lost else theme.ACCENT if by_hand else theme.TEXT):
         opened = imgui.begin_combo(f"##joint {name}", shown, imgui.ComboFlags_.height_large)
     if opened:
-        _choices(mapping, guess, name, plays)
+        _choices(state, guess, name, plays)
         imgui.end_combo()
 
 
@@ -114,39 +108,34 @@ def _depth(joint: int) -> int:
     return 0 if parent < 0 else 1 + _depth(parent)
 
 
-def _choices(mapping: JointMapping, guess: JointGuess, name: str, plays: str) -> None:
-    state = mapping
+def _choices(state: JointMapping, guess: JointGuess, name: str, plays: str) -> None:
     text = f"As guessed: {printable(state.guessed(name)) or 'none'}"
     if imgui.selectable(f"{text}##as guessed", name not in state.chosen)[0]:
-        mapping.choose(name, None)
+        state.choose(name, None)
     if imgui.selectable("None of them##none", name in state.chosen and not plays)[0]:
-        mapping.choose(name, "")
+        state.choose(name, "")
     imgui.separator()
     for k, depth in _ordered(guess):
         label = f"{'  ' * min(depth, 12)}{printable(guess.names[k])}##{k}"
         chosen = guess.names[k] == plays
         if imgui.selectable(label, chosen)[0]:
-            mapping.choose(name, guess.names[k])
+            state.choose(name, guess.names[k])
         if chosen and imgui.is_window_appearing():
             imgui.set_scroll_here_y(0.5)
 
 
-def _end(mapping: JointMapping) -> None:
-    state = mapping
+def _end(state: JointMapping) -> None:
     if state.problem:
         with widgets.color(imgui.Col_.text, theme.ERROR):
             imgui.text_wrapped(printable(state.problem))
     half = widgets.column_width(2)
-    imgui.begin_disabled(not state.chosen)
-    if widgets.button("As guessed##guess all", half, "Drops everything that was chosen by hand"):
-        mapping.guess_all()
-    imgui.end_disabled()
+    hint = "Drops everything that was chosen by hand"
+    if widgets.button("As guessed##guess all", half, hint, enabled=state.chosen):
+        state.guess_all()
     widgets.same_line()
-    imgui.begin_disabled(bool(state.missing))
     hint = "Kept in the file's folder, and used whenever it is opened"
-    if widgets.button(f"{ICON.check} Apply##apply joints", half, hint, primary=True):
-        mapping.apply()
-    imgui.end_disabled()
+    if widgets.button(f"{ICON.check} Apply##apply joints", half, hint, True, not state.missing):
+        state.apply()
 
 
 def _ordered(guess: JointGuess) -> list[tuple[int, int]]:

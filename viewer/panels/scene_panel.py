@@ -27,8 +27,6 @@ _SHOWN = ("show_trajectory", "show_skeleton", "show_contacts", "show_grid", "sho
 
 @dataclass
 class ScenePanel:
-    """What the panel is drawn from."""
-
     scene: Scene
     takes: Takes
     path: PathTool
@@ -37,7 +35,6 @@ class ScenePanel:
     draw_pins: Callable[[float], None]  # the button, of a width, for pins of the live character
 
     def panel(self) -> Panel:
-        """The scene panel."""
         return Panel("Scene", PanelPlace.RIGHT_TOP, self._draw, ICON.scene, actions=self.scene.actions)
 
     def _draw(self, _: Rect) -> None:
@@ -60,9 +57,7 @@ class ScenePanel:
         scene = self.scene
         load_width = px(60)
         imgui.set_next_item_width(-load_width - imgui.get_frame_height() - px(8))
-        entered, scene.file_path = imgui.input_text_with_hint(
-            "##path", "PNG, OBJ, GLB, VRM, BVH", scene.file_path, imgui.InputTextFlags_.enter_returns_true
-        )
+        entered, scene.file_path = widgets.input_text("##path", scene.file_path, "PNG, OBJ, GLB, VRM, BVH")
         widgets.same_line()
         if widgets.icon_button(ICON.folder, "browse file", "Choose by a dialog", theme.TEXT):
             self.browse()

@@ -35,8 +35,6 @@ _SAVE_AS = _SHIFT | _SAVE
 
 @dataclass
 class SessionBar:
-    """What the bar is drawn from."""
-
     sessions: Sessions
     exporting: Exporting
     guide: Guide
@@ -123,7 +121,7 @@ class SessionBar:
         imgui.separator()
         _items(
             ("Export the take…", "Ctrl+E", self.exporting.open),
-            ("Settings…", "", self.settings_window.open),
+            ("Settings…", "", self.settings_window.toggle),
             ("First minute", "", self.guide.begin),
         )
         imgui.end_popup()
@@ -133,14 +131,12 @@ class SessionBar:
         recent = [path for path in sessions.recent if path != sessions.path]
         if not recent:
             return
-        if imgui.menu_item(f"Reopen {printable(recent[0].stem)}", "", False)[0]:
+        if widgets.item(f"Reopen {printable(recent[0].stem)}", printable(recent[0])):
             sessions.open(recent[0])
-        widgets.tooltip(printable(recent[0]))
         if len(recent) > 1 and imgui.begin_menu("Recent"):
             for number, path in enumerate(recent):
-                if imgui.menu_item(f"{printable(path.stem)}##{number}", "", False)[0]:
+                if widgets.item(f"{printable(path.stem)}##{number}", printable(path)):
                     sessions.open(path)
-                widgets.tooltip(printable(path))
             imgui.end_menu()
 
     def _earlier(self) -> None:
@@ -152,10 +148,10 @@ class SessionBar:
             imgui.push_id(number)
             self._picture(left)
             text = describe(left) + ("" if left.ended else ", cut off")
-            if imgui.menu_item(printable(text), "", False)[0]:
+            if widgets.item(printable(text)):
                 sessions.open(left.path)
             if imgui.begin_popup_context_item("earlier"):
-                if imgui.menu_item("Discard", "", False)[0]:
+                if widgets.item("Discard"):
                     sessions.discard(left)
                 imgui.end_popup()
             imgui.pop_id()

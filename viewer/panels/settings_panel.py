@@ -50,34 +50,29 @@ class SettingsWindow:
     use_scale: Callable[[float], None]  # of the interface
     shown: bool = False
 
-    def open(self) -> None:
-        """Show it."""
-        self.shown = True
-
-    def toggle(self) -> None:
-        """Open or close it."""
+    def toggle(self) -> bool:
+        """Open or close it; whether it was open."""
         self.shown = not self.shown
-
-    def close(self) -> bool:
-        """Close it; whether it was open."""
-        was, self.shown = self.shown, False
-        return was
+        return not self.shown
 
     def panel(self) -> Panel:
-        """The settings window."""
         return Panel(
-            "Settings", PanelPlace.WINDOW, self._draw, ICON.gear, lambda: self.shown, WIDTH, close=self.close
+            "Settings",
+            PanelPlace.WINDOW,
+            self._draw,
+            ICON.gear,
+            lambda: self.shown,
+            WIDTH,
+            close=lambda: self.shown and self.toggle(),
         )
 
-    def chosen_model(self, offscreen: bool) -> Path | None:
+    def chosen_model(self) -> Path | None:
         """The model to begin with: the one chosen in the settings, as long as it is there."""
         text = self.settings.model_folder
-        if not text or offscreen:
-            return None
-        if not model_folder(text).is_dir():
-            self.messages.warn(f"The model {text} is not there any more: {DEFAULT_MODEL} is used.")
-            return None
-        return model_folder(text)
+        if not text or model_folder(text).is_dir():
+            return model_folder(text) if text else None
+        self.messages.warn(f"The model {text} is not there any more: {DEFAULT_MODEL} is used.")
+        return None
 
     def choose_model(self, folder: Path | None) -> None:
         """Load another model, now and at the next start; None is the default."""
@@ -151,17 +146,15 @@ class SettingsWindow:
                 settings.pad_buttons = changed_buttons(settings.pad_buttons, action, chosen)
 
     def _model(self) -> None:
-        """The list, and a button for another folder."""
         scene = self.scene
         widgets.row("Model", "Takes that were recorded stay with the model that made them")
         now = model_folder(scene.model_folder)
         options: list[tuple[object, str]] = list(choices())
         if now not in dict(options):
             options.append((now, printable(f"{scene.model_name or 'none'}: {now}")))
-        imgui.begin_disabled(self.jobs.busy(Slot("model")))
         imgui.set_next_item_width(imgui.get_content_region_avail().x - imgui.get_frame_height() - px(4))
-        chosen = widgets.combo("##model", options, now)
-        imgui.end_disabled()
+        with widgets.disabled(self.jobs.busy(Slot("model"))):
+            chosen = widgets.combo("##model", options, now)
         if chosen != now:
             self.choose_model(Path(str(chosen)))
         widgets.same_line()

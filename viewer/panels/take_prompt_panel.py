@@ -8,10 +8,10 @@ from viewer.edit.resimulation import Resimulation
 from viewer.edit.timeline import Mark
 from viewer.edit.tracks import mark_at, words_of
 from viewer.gl_bindings import imgui
-from viewer.gui import theme, widgets
+from viewer.gui import widgets
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
-from viewer.prompt.prompt_field import WRAPPED
+from viewer.prompt.prompt_field import wrapped_text
 
 
 def panel(editing: Resimulation) -> Panel:
@@ -27,7 +27,6 @@ def _begin_typing(editing: Resimulation) -> None:
 
 
 def draw(editing: Resimulation) -> None:
-    """Contents of the panel."""
     tracks, playback = editing.tracks, editing.playback
     if tracks is None or playback is None:
         return
@@ -44,15 +43,13 @@ def draw(editing: Resimulation) -> None:
     room = imgui.get_content_region_avail().x - imgui.calc_text_size(frames).x
     widgets.muted("" if take is None else widgets.elided(take.title, room) + frames)
     fixed = editing.fixed
-    imgui.begin_disabled(bool(fixed))
-    _prompt(editing, index)
-    imgui.end_disabled()
+    with widgets.disabled(fixed):
+        _prompt(editing, index)
     widgets.muted(fixed or "Enter resimulates it with the same stick.", wrap=True)
     _parts(editing, index, mark, bool(fixed))
 
 
 def _fill(editing: Resimulation, mark: Mark) -> None:
-    """Put the span's words into the fields."""
     event = mark.of.event
     words = words_of(event)
     editing.shown, editing.prompt = mark, title(event)
@@ -63,11 +60,7 @@ def _prompt(editing: Resimulation, index: int) -> None:
     if editing.focus_requested:
         imgui.set_keyboard_focus_here()
     editing.focus_requested = False
-    size = imgui.ImVec2(
-        imgui.get_content_region_avail().x,
-        2 * imgui.get_text_line_height() + 2 * imgui.get_style().frame_padding.y,
-    )
-    entered, editing.prompt = imgui.input_text_multiline("##take prompt", editing.prompt, size, WRAPPED)
+    entered, editing.prompt, _ = wrapped_text("##take prompt", editing.prompt)
     _hold(editing)
     if widgets.button(f"{ICON.wand} Apply to the take", -1, primary=True) or entered:
         editing.reword(index, editing.prompt)
@@ -81,18 +74,13 @@ def _parts(editing: Resimulation, index: int, mark: Mark, fixed: bool) -> None:
         )
         return
     if imgui.begin_child("take parts", imgui.ImVec2(0, 0)):
-        imgui.begin_disabled(fixed)
-        height = 2 * imgui.get_text_line_height() + 2 * imgui.get_style().frame_padding.y
         for part in PART_NAMES:
-            widgets.label(part.replace("_", " ").capitalize(), theme.MUTED)
-            size = imgui.ImVec2(imgui.get_content_region_avail().x, height)
-            entered, editing.parts[part] = imgui.input_text_multiline(
-                f"##take {part}", editing.parts[part], size, WRAPPED
-            )
+            widgets.label(part.replace("_", " ").capitalize())
+            with widgets.disabled(fixed):
+                entered, editing.parts[part], _ = wrapped_text(f"##take {part}", editing.parts[part])
             _hold(editing)
             if entered:
                 editing.reword_part(index, part, editing.parts[part])
-        imgui.end_disabled()
     imgui.end_child()
 
 

@@ -29,7 +29,6 @@ TINTS = (theme.CLEAR, (0.85, 0.35, 0.35, 1.0), (0.85, 0.72, 0.3, 1.0), (0.42, 0.
 def panel(
     takes: Takes, references: ReferenceCard, export_window: Callable[[], None], sessions: Sessions
 ) -> Panel:
-    """The list of takes; `export_window` opens the other formats."""
     return Panel(
         "Takes",
         PanelPlace.RIGHT_BOTTOM,
@@ -52,7 +51,6 @@ def sign(takes: Takes) -> Panel:
 def draw(
     takes: Takes, references: ReferenceCard, export_window: Callable[[], None], sessions: Sessions
 ) -> None:
-    """Contents of the panel."""
     _record(takes)
     _cut_off(sessions)
     line, room = imgui.get_frame_height_with_spacing(), imgui.get_content_region_avail().y
@@ -80,13 +78,12 @@ def _cut_off(sessions: Sessions) -> None:
     imgui.text_unformatted(widgets.elided(text, width - px(26)))
     widgets.tooltip(text)
     half = (width - px(4)) / 2
-    imgui.begin_disabled(sessions.jobs.busy(OPENING))
-    if widgets.button("Reopen", half, "Open it again with all that was recorded", True):
-        sessions.open(left.path)
-    widgets.same_line()
-    if widgets.button("Discard", half, "Remove it for good"):
-        sessions.discard(left)
-    imgui.end_disabled()
+    with widgets.disabled(sessions.jobs.busy(OPENING)):
+        if widgets.button("Reopen", half, "Open it again with all that was recorded", True):
+            sessions.open(left.path)
+        widgets.same_line()
+        if widgets.button("Discard", half, "Remove it for good"):
+            sessions.discard(left)
     imgui.separator()
 
 
@@ -135,12 +132,10 @@ def _list(takes: Takes, references: ReferenceCard) -> None:
 
 def _export_all(takes: Takes, width: float) -> None:
     busy = takes.jobs.busy(EXPORT_ALL)
-    imgui.begin_disabled(busy)
     hint = f"Every take as BVH into {printable(takes.settings.export_folder)}"
     text = "…" if busy else f"All {len(takes.session.takes)}"
-    if widgets.button(f"{text}###export all", width, hint):
+    if widgets.button(f"{text}###export all", width, hint, enabled=not busy):
         takes.export_all()
-    imgui.end_disabled()
 
 
 def _name_field(takes: Takes, take: Take) -> None:
@@ -168,7 +163,7 @@ def _row(takes: Takes, references: ReferenceCard, take: Take) -> None:
     playback = takes.playback
     playing = playback is not None and playback.number == take.number and playback.playing
     if _small(ICON.pause if playing else ICON.play, square, "Pause" if playing else "Play (P)"):
-        takes.play_row(take.number)
+        takes.play_or_pause(take.number)
     first, last = take.range
     seconds = widgets.clock((last - first) / take.made.header.fps)
     seconds = f"{ICON.check} {seconds}" if takes.saved(take) else seconds
@@ -201,20 +196,18 @@ def _row_ground(takes: Takes, take: Take, corner: imgui.ImVec2, width: float) ->
     if chosen and _newly_selected(take):  # of the row that was just drawn
         imgui.set_scroll_here_y(1.0 if corner.y > imgui.get_window_pos().y + height else 0.0)
     hovered = imgui.is_item_hovered()
-    if hovered and imgui.is_mouse_double_clicked(0):
-        takes.begin_rename(take.number)
-    if imgui.is_item_clicked(imgui.MouseButton_.right):
-        imgui.open_popup(MENU)
     if hovered:
         _about(takes, take)
+        if imgui.is_mouse_double_clicked(0):
+            takes.begin_rename(take.number)
+        elif imgui.is_mouse_clicked(imgui.MouseButton_.right):
+            imgui.open_popup(MENU)
     drawing, bottom = imgui.get_window_draw_list(), corner.y + height
-    if hovered or chosen:
-        fill = widgets.packed(theme.ACCENT_DIM if chosen else theme.FIELD)
-        end = imgui.ImVec2(corner.x + width, bottom)
-        drawing.add_rect_filled(corner, end, fill, imgui.get_style().frame_rounding)
-    if take.color:
-        tint = widgets.packed(TINTS[take.color % len(TINTS)])
-        drawing.add_rect_filled(corner, imgui.ImVec2(corner.x + px(3), bottom), tint)
+    ground = theme.ACCENT_DIM if chosen else theme.FIELD if hovered else theme.CLEAR
+    end = imgui.ImVec2(corner.x + width, bottom)
+    drawing.add_rect_filled(corner, end, widgets.packed(ground), imgui.get_style().frame_rounding)
+    tint = widgets.packed(TINTS[take.color % len(TINTS)])
+    drawing.add_rect_filled(corner, imgui.ImVec2(corner.x + px(3), bottom), tint)
 
 
 def _about(takes: Takes, take: Take) -> None:
@@ -237,23 +230,22 @@ def _newly_selected(take: Take) -> bool:
 
 def _take_menu(takes: Takes, references: ReferenceCard, take: Take) -> None:
     number = take.number
-    if imgui.menu_item("Rename", "", False)[0]:
+    if widgets.item("Rename"):
         takes.begin_rename(number)
-    if imgui.menu_item("Mirror", "", False)[0]:
+    if widgets.item("Mirror", "A second take with left and right exchanged"):
         takes.mirror(number)
-    widgets.tooltip("A second take with left and right exchanged")
     _compare(takes, references, take)
     if imgui.begin_menu("Color"):
         for color, name in enumerate(COLORS):
-            if imgui.menu_item(name, "", take.color == color)[0]:
+            if widgets.item(name, chosen=take.color == color):
                 takes.set_color(number, color)
         imgui.end_menu()
     at, last = takes.session.index(number), len(takes.session.takes) - 1
-    if imgui.menu_item("Move up", "", False, at > 0)[0]:
+    if widgets.item("Move up", enabled=at > 0):
         takes.move(number, -1)
-    if imgui.menu_item("Move down", "", False, at < last)[0]:
+    if widgets.item("Move down", enabled=at < last):
         takes.move(number, 1)
-    if imgui.menu_item("Remove", "", False)[0]:
+    if widgets.item("Remove"):
         takes.remove(number)
 
 
@@ -264,7 +256,7 @@ def _compare(takes: Takes, references: ReferenceCard, take: Take) -> None:
         if imgui.begin_menu("Compare with"):
             references.menu()
             imgui.end_menu()
-    elif imgui.menu_item("Compare", "", references.reference.take == take, playback is not None)[0]:
+    elif widgets.item("Compare", "", references.reference.take == take, playback):
         references.reference.show(take.number)
     widgets.tooltip("Play another take to compare it with" if playback is None else "")
 
@@ -282,8 +274,6 @@ def _small(icon: str, width: float, hint: str) -> bool:
 
 def _rate_and_unit(settings: Settings) -> None:
     half = (imgui.get_content_region_avail().x - px(10)) / 2
-    imgui.begin_group()
-    imgui.push_item_width(half)
     if imgui.begin_child("fps", imgui.ImVec2(half, imgui.get_frame_height())):
         widgets.setting_choice(settings, "export_fps")
     imgui.end_child()
@@ -291,8 +281,6 @@ def _rate_and_unit(settings: Settings) -> None:
     if imgui.begin_child("unit", imgui.ImVec2(half, imgui.get_frame_height())):
         widgets.setting_choice(settings, "export_unit")
     imgui.end_child()
-    imgui.pop_item_width()
-    imgui.end_group()
 
 
 def _export_height(short: bool) -> float:
@@ -300,29 +288,25 @@ def _export_height(short: bool) -> float:
 
 
 def _export(takes: Takes, take: Take, export_window: Callable[[], None], short: bool) -> None:
-    settings = takes.settings
     imgui.separator()
     widgets.full_width()
-    entered, takes.export_path = imgui.input_text_with_hint(
-        "##export path",
-        "~/sport-clips/walk.bvh",
-        takes.export_path,
-        imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.elide_left,
+    flags = imgui.InputTextFlags_.elide_left
+    entered, takes.export_path = widgets.input_text(
+        "##export path", takes.export_path, "~/sport-clips/walk.bvh", flags
     )
     widgets.tooltip(f"Where to write {Path(takes.export_path).name}: type another path if you like")
     if not short:
-        _rate_and_unit(settings)
+        _rate_and_unit(takes.settings)
     busy, several = takes.jobs.busy(Slot("export", take.number)), len(takes.session.takes) > 1
-    text = "Export trimmed BVH" if take.trimmed and not several else "Export BVH"
-    more, every = px(64), px(52) + px(4) if several else 0.0
-    width = imgui.get_content_region_avail().x - more - px(4) - every
-    what = "what lies between the trim handles" if take.trimmed else "the take"
+    text, what = "Export BVH", "the take"
+    if take.trimmed:
+        text, what = text if several else "Export trimmed BVH", "what lies between the trim handles"
+    more = px(64)
+    width = imgui.get_content_region_avail().x - more - px(4) - several * px(56)
     hint = f"Write {what} for Blender, Maya, MotionBuilder"
-    imgui.begin_disabled(busy)
     text = f"{ICON.save} {'Exporting…' if busy else text}###export"
-    if widgets.button(text, width, hint, True) or entered:
+    if widgets.button(text, width, hint, True, not busy) or entered:
         takes.export()
-    imgui.end_disabled()
     widgets.same_line()
     if several:
         _export_all(takes, px(52))

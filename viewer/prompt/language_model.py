@@ -97,7 +97,6 @@ class LanguageModel:
             self.apply()
 
     def test(self) -> None:
-        """Ask the language model one question and report."""
         if self.testing:
             return
         self.report = ""
@@ -139,7 +138,6 @@ class LanguageModel:
 
 POPUP = "who answers"
 WIDTH = 340.0  # pixels at scale 1
-_ENTER = imgui.InputTextFlags_.enter_returns_true
 
 
 def draw(model: LanguageModel, corner: imgui.ImVec2) -> None:
@@ -195,16 +193,14 @@ def _fields(model: LanguageModel) -> None:
 
 def _text(name: str, hint: str, value: str, flags: int = 0) -> tuple[bool, str]:
     widgets.full_width()
-    _, value = imgui.input_text_with_hint(name, hint, value, flags | _ENTER)
+    _, value = widgets.input_text(name, value, hint, flags)
     return bool(imgui.is_item_deactivated_after_edit()), value
 
 
 def _test(model: LanguageModel) -> None:
-    imgui.begin_disabled(model.testing)
     text = f"{ICON.clock} Asking…" if model.testing else f"{ICON.check} Test"
-    if widgets.button(f"{text}###test", -1, "Ask the language model for one prompt", primary=True):
+    if widgets.button(f"{text}###test", -1, "Ask the language model for one prompt", True, not model.testing):
         model.test()
-    imgui.end_disabled()
     said, good = model.report or model.problem, model.report_good and bool(model.report)
     if not said and model.name:
         said, good = f"{model.name}, from the next prompt on", True

@@ -183,7 +183,6 @@ class PromptController:
 
     @property
     def prompt(self) -> PromptBlend:
-        """What the character moves by."""
         return self.editor.session.live.prompt
 
     @property
@@ -193,7 +192,6 @@ class PromptController:
 
     @property
     def texts(self) -> list[str]:
-        """All that is typed into the fields."""
         return [*(box.text for box in self.boxes), *self.parts.values()]
 
     def applied(self, part: str) -> str:
@@ -489,7 +487,6 @@ class PromptController:
                 self._ask(side, question)
 
     def lose_model(self) -> None:
-        """There is no model to answer."""
         self.available = self.loading = False
 
     def use_expander(self, expander: Expander) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from runtime.session.prompt_blend import Side
 from viewer.editor import Editor
@@ -47,20 +47,18 @@ def draw(
     box, name = controller.boxes[side], f"##prompt {side.name}"
     if box.focus_requested:
         imgui.set_keyboard_focus_here()
-    width = imgui.get_content_region_avail().x
-    size = imgui.ImVec2(width, imgui.get_text_line_height() * lines + 2 * imgui.get_style().frame_padding.y)
-    field_id = imgui.get_id(name)
+    field_id, chosen = imgui.get_id(name), None
+    found: Sequence[Suggestion] = ()
     active = is_active(field_id)
-    found = suggester.suggestions(box) if active and box.suggesting else ()
-    chosen = _keys(box, found, suggester, field_id) if active else None
-    if active and chosen is None:
-        undo_keys(field_id, box.text == controller.prompt.prompt(side), controller.editor)
+    if active:
+        found = suggester.suggestions(box) if box.suggesting else ()
+        chosen = _keys(box, found, suggester, field_id)
+        unchanged = chosen is None and box.text == controller.prompt.prompt(side)
+        undo_keys(field_id, unchanged, controller.editor)
     before, corner = box.text, imgui.get_cursor_screen_pos()
-    entered, box.text = imgui.input_text_multiline(name, box.text, size, WRAPPED)
-    left = imgui.is_item_deactivated()
-    _follow(box, before, field_id)
-    if not box.text and not active:
-        _hint_over_item(hint)
+    entered, box.text, size = wrapped_text(name, box.text, lines)
+    left, width = imgui.is_item_deactivated(), size.x
+    _follow(box, before, field_id, hint)
     if found and chosen is None:  # also in the frame whose click on the list took the keyboard away
         position = imgui.ImVec2(corner.x, corner.y + size.y + below + px(3))
         chosen = _list(name, found, box, position, width)
@@ -68,6 +66,13 @@ def draw(
         box.text, box.suggesting = chosen, False
         imgui.internal.clear_active_id()
     _submit(controller, side, chosen is not None or entered, left)
+
+
+def wrapped_text(name: str, text: str, lines: int = 2) -> tuple[bool, str, imgui.ImVec2]:
+    """A field of so many lines as wide as its place: whether Enter was pressed, what stands in it, and its size."""
+    height = imgui.get_text_line_height() * lines + 2 * imgui.get_style().frame_padding.y
+    size = imgui.ImVec2(imgui.get_content_region_avail().x, height)
+    return *imgui.input_text_multiline(name, text, size, WRAPPED), size
 
 
 def _submit(controller: PromptController, side: Side, entered: bool, left: bool) -> None:
@@ -80,7 +85,6 @@ def _submit(controller: PromptController, side: Side, entered: bool, left: bool)
 
 
 def is_active(field_id: int) -> bool:
-    """Whether a text field has the keyboard."""
     return bool(imgui.internal.get_active_id() == field_id)
 
 
@@ -90,10 +94,21 @@ def undo_keys(field_id: int, unchanged: bool, editor: Editor) -> None:
         return
     undo, redo = pressed_undo()
     if undo or redo:
-        for key in (imgui.Key.z, imgui.Key.y):
-            _lock(key, field_id)
+        _lock((imgui.Key.z, imgui.Key.y), field_id)
         imgui.internal.clear_active_id()
         (editor.undo if undo else editor.redo)()
+
+
+def undo_buttons(editor: Editor, name: str, gap: float, size: float = 0.0, waits: bool = False) -> None:
+    """Undo and redo of the session as icons of a `size`; what `waits` for an answer can be undone too."""
+    undo, redo = editor.undo_label, editor.redo_label
+    hint, active = f"Undo {undo} (Ctrl+Z)", bool(undo) or waits
+    if widgets.icon_button(ICON.undo, f"{name}undo", hint, theme.TEXT, active, size):
+        editor.undo()
+    imgui.same_line(0, gap)
+    hint = f"Redo {redo} (Ctrl+Y)"
+    if widgets.icon_button(ICON.redo, f"{name}redo", hint, theme.TEXT, bool(redo), size):
+        editor.redo()
 
 
 def pressed_undo() -> tuple[bool, bool]:
@@ -107,32 +122,29 @@ def _keys(box: PromptText, found: Sequence[Suggestion], suggester: Suggester, fi
     if _recall(box, suggester.settings.prompt_history, field_id) or not found:
         return None
     # a locked key is pressed for no one
-    pressed = {key: imgui.is_key_pressed(key, key in _REPEATED) for key in _TAKEN}
-    picked = box.picked + pressed[imgui.Key.down_arrow] - pressed[imgui.Key.up_arrow]
+    pressed = {key for key in _TAKEN if imgui.is_key_pressed(key, key in _REPEATED)}
+    picked = box.picked + (imgui.Key.down_arrow in pressed) - (imgui.Key.up_arrow in pressed)
     box.picked = min(max(picked, -1), len(found) - 1)
-    for key in _TAKEN if box.picked >= 0 else _TAKEN[:-2]:
-        _lock(key, field_id)
-    if pressed[imgui.Key.tab]:
+    _lock(_TAKEN if box.picked >= 0 else _TAKEN[:-2], field_id)
+    if imgui.Key.tab in pressed:
         _put(box, found[max(box.picked, 0)].text, field_id)
-    elif pressed[imgui.Key.escape]:
+    elif imgui.Key.escape in pressed:
         box.suggesting, box.picked = False, -1
-    elif box.picked >= 0 and any(pressed[key] for key in _TAKEN[-2:]):
+    elif box.picked >= 0 and pressed.intersection(_TAKEN[-2:]):
         return found[box.picked].text
     return None
 
 
 def _recall(box: PromptText, history: Sequence[str], field_id: int) -> bool:
     """Up in an empty field puts the last prompt there, further presses go back and forth; whether a key was taken."""
-    up, down = imgui.is_key_pressed(imgui.Key.up_arrow), imgui.is_key_pressed(imgui.Key.down_arrow)
-    recalls = box.recalled >= 0
-    begins = up and not box.text and box.picked < 0
-    if not history or not (begins or (recalls and (up or down))):
+    by = int(imgui.is_key_pressed(imgui.Key.up_arrow)) - int(imgui.is_key_pressed(imgui.Key.down_arrow))
+    begins = by > 0 and not box.text and box.picked < 0
+    if not history or not by or not (begins or box.recalled >= 0):
         return False
-    recalled = min(box.recalled + (1 if up else -1), len(history) - 1)
+    recalled = min(box.recalled + by, len(history) - 1)
     _put(box, history[recalled] if recalled >= 0 else "", field_id)
     box.recalled = recalled
-    for key in (imgui.Key.up_arrow, imgui.Key.down_arrow):
-        _lock(key, field_id)
+    _lock(_REPEATED, field_id)
     return True
 
 
@@ -144,13 +156,14 @@ def _put(box: PromptText, text: str, field_id: int) -> None:
         state.reload_user_buf_and_move_to_end()
 
 
-def _lock(key: imgui.Key, field_id: int) -> None:
-    """Keep a key from the text field, and from moving the focus, in this frame."""
+def _lock(keys: Iterable[imgui.Key], field_id: int) -> None:
+    """Keep keys from the text field, and from moving the focus, in this frame."""
     owner = field_id ^ 1  # anybody but the field
-    imgui.internal.set_key_owner(key, owner, imgui.internal.InputFlagsPrivate_.lock_this_frame)
+    for key in keys:
+        imgui.internal.set_key_owner(key, owner, imgui.internal.InputFlagsPrivate_.lock_this_frame)
 
 
-def _follow(box: PromptText, before: str, field_id: int) -> None:
+def _follow(box: PromptText, before: str, field_id: int, hint: str) -> None:
     """Open and close the list as the field is entered, typed into and left."""
     if imgui.is_item_activated():
         box.suggesting, box.picked, box.recalled = not box.text, -1, -1
@@ -162,6 +175,8 @@ def _follow(box: PromptText, before: str, field_id: int) -> None:
         box.suggesting, box.picked, box.recalled = True, -1, -1
     if imgui.is_item_deactivated():
         box.suggesting = False
+    if not box.text and not is_active(field_id):
+        _hint_over_item(hint)
 
 
 def _list(

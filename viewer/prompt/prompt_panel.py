@@ -27,6 +27,11 @@ from viewer.settings import Settings
 
 HINT = "How should the character move?\nFor example: an exhausted soldier"
 HINT_B = "A second prompt to blend with"
+EXACT_HINT = (
+    "What the network shows of these words is measured as it walks; an edit adds what is missing."
+    " “Exact legs” in Settings turns it off."
+)
+WEAK_HINT = "On a walk the body did this little of what these words say. Other words may do more."
 NEAREST_ROWS = 3  # in a tall panel, else one
 GOOD_MATCH = 0.6  # cosine similarity from which a library prompt is near
 MIN_LINES, MAX_LINES = 2, 3  # of the field of a body part
@@ -47,8 +52,6 @@ _ANSWERED = {  # by the source of an answer
 
 @dataclass
 class PromptPanel:
-    """What the prompt panel is drawn from."""
-
     settings: Settings
     controller: PromptController
     language_model: LanguageModel
@@ -74,7 +77,6 @@ class PromptPanel:
         self.language_model.use(loaded, given, again)
 
     def panel(self, shown: Callable[[], bool]) -> Panel:
-        """The panel of the live prompt."""
         return Panel(
             "Prompt", PanelPlace.LEFT, self._draw, ICON.prompt, shown,
             tools=self._tools, tools_width=TOOLS_WIDTH, begin_typing=self._begin_typing,
@@ -85,16 +87,8 @@ class PromptPanel:
 
     def _tools(self) -> None:
         """Undo, redo and who answers, in the line of the panel's title."""
-        editor, model = self.controller.editor, self.language_model
-        undoing, redoing = editor.undo_label, editor.redo_label
-        active = bool(undoing or self.controller.pending)
-        if widgets.icon_button(ICON.undo, "undo", f"Undo {undoing} (Ctrl+Z)", theme.TEXT, active, 26.0):
-            editor.undo()
-        widgets.same_line()
-        if widgets.icon_button(
-            ICON.redo, "redo", f"Redo {redoing} (Ctrl+Y)", theme.TEXT, bool(redoing), 26.0
-        ):
-            editor.redo()
+        controller, model = self.controller, self.language_model
+        prompt_field.undo_buttons(controller.editor, "", px(widgets.GAP), 26.0, bool(controller.pending))
         widgets.same_line()
         hint = model.problem or f"Who answers prompts: {model.name or 'the library'}"
         tint = theme.WARNING if model.problem else theme.TEXT
@@ -174,28 +168,28 @@ class PromptPanel:
         answer, locked = blend.a, part in blend.locked
         edited = answer is not None and part in answer.edited
         widgets.label(_named(part).capitalize(), theme.TEXT if locked else theme.MUTED)
-        applies, weak = self.controller.parts[part] == words, self._weak[part]
-        if not applies:
+        if self.controller.parts[part] != words:
             _mark("Enter applies", theme.WARNING)
-        elif edited:
-            _mark("kept" if locked else "edited", theme.ACCENT)
-        if applies and self.settings.exact_legs and part in self._exact:
-            _mark("by an exact edit", theme.MUTED)
-            widgets.tooltip(
-                "What the network shows of these words is measured as it walks; an edit adds what is missing."
-                " “Exact legs” in Settings turns it off."
-            )
-        elif applies and weak is not None:
-            _mark(f"hardly shown ({weak:.0%})", theme.WARNING)
-            widgets.tooltip(
-                "On a walk the body did this little of what these words say. Other words may do more."
-            )
+        else:
+            if edited:
+                _mark("kept" if locked else "edited", theme.ACCENT)
+            self._adherence(part)
         weight = blend.weights[PART_NAMES.index(part)]
         if blend.b is not None and weight > 0.0:
             _mark(f"{weight:.0%} of B", theme.MUTED)
         said = getattr(answer.said, part) if answer is not None and edited else ""
         _part_buttons(part, said, locked, imgui.ImVec2(top.x + width, top.y - px(2)), self.controller)
         imgui.set_cursor_pos(imgui.ImVec2(top.x, top.y + px(LABEL_HEIGHT + 2)))
+
+    def _adherence(self, part: str) -> None:
+        """How far the body does what the words say, where that is worth a mark."""
+        weak = self._weak[part]
+        if self.settings.exact_legs and part in self._exact:
+            _mark("by an exact edit", theme.MUTED)
+            widgets.tooltip(EXACT_HINT)
+        elif weak is not None:
+            _mark(f"hardly shown ({weak:.0%})", theme.WARNING)
+            widgets.tooltip(WEAK_HINT)
 
     def _ready(self) -> None:
         """The user's last prompts and one for each style that the model knows."""
@@ -248,7 +242,6 @@ def _named(part: str) -> str:
 
 
 def _mark(text: str, tint: theme.Color) -> None:
-    """A word after the name of a body part."""
     imgui.same_line(0, px(6))
     widgets.label(text, tint)
 
@@ -438,11 +431,10 @@ def _blend(controller: PromptController, suggester: Suggester) -> None:
     widgets.label("Prompt A")
     imgui.same_line(imgui.get_cursor_start_pos().x + right)
     widgets.label("Prompt B")
-    imgui.begin_disabled(len(blend.locked) == len(PART_NAMES))
-    moved, weight = _weight_slider("All", "all", blend.master_weight)
+    with widgets.disabled(len(blend.locked) == len(PART_NAMES)):
+        moved, weight = _weight_slider("All", "all", blend.master_weight)
     if moved:
         controller.set_all_weights(weight)
-    imgui.end_disabled()
     widgets.tooltip("Every part that is not locked")
     imgui.separator()
     words, words_b = part_words(blend), blend.b.words
@@ -454,10 +446,9 @@ def _blend(controller: PromptController, suggester: Suggester) -> None:
 
 def _part_weight(part: str, weight: float, words: str, controller: PromptController) -> None:
     locked = part in controller.prompt.locked
-    imgui.begin_disabled(locked)
     spare = imgui.get_frame_height() + px(2)
-    moved, value = _weight_slider(_named(part).capitalize(), part, weight, spare)
-    imgui.end_disabled()
+    with widgets.disabled(locked):
+        moved, value = _weight_slider(_named(part).capitalize(), part, weight, spare)
     if moved:
         controller.set_weight(part, value)
     widgets.tooltip(words)
@@ -481,11 +472,9 @@ def _weight_slider(text: str, name: str, weight: float, spare: float = 0.0) -> t
 
 def _blend_buttons(controller: PromptController) -> None:
     half = widgets.column_width(2)
-    imgui.begin_disabled(bool(controller.pending))
     hint = "Prompt B becomes prompt A, whose words can be edited; the character moves on as it does"
-    if widgets.button(f"{ICON.exchange} Swap A and B", half, hint):
+    if widgets.button(f"{ICON.exchange} Swap A and B", half, hint, enabled=not controller.pending):
         controller.swap()
-    imgui.end_disabled()
     widgets.same_line()
     if widgets.button(f"{ICON.close} No blend", half, "Back to prompt A alone"):
         controller.drop_blend()

@@ -62,7 +62,6 @@ class Suggester:
         self.ready, self.library = prompts
 
     def suggestions(self, box: PromptText) -> tuple[Suggestion, ...]:
-        """The list for what stands in a field now."""
         typed, history = box.text, self.settings.prompt_history
         self._look_up(box, typed)
         near = box.near if box.near_to and _continues(typed, box.near_to) else ()

@@ -99,11 +99,9 @@ class Camera:
 
     @property
     def position(self) -> Array:
-        """Eye position `(3,)` in metres."""
         return self.target - self.distance * self.forward
 
     def view_matrix(self) -> Array:
-        """World to camera, `(4, 4)`."""
         return look_at(self.position, self.target)
 
     def projection_matrix(self, aspect: float) -> Array:

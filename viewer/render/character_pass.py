@@ -44,8 +44,6 @@ class SkinnedMesh(Protocol):
 
 @dataclass(frozen=True)
 class CharacterDraw:
-    """One character in one frame."""
-
     pose: Pose
     opacity: float = 1.0  # less: a ghost
     matrices: Array | None = None  # of the joints, where they do not follow from the pose
@@ -53,7 +51,6 @@ class CharacterDraw:
 
     @property
     def ghost(self) -> bool:
-        """Whether it is translucent."""
         return self.opacity < 1.0
 
 
@@ -177,7 +174,6 @@ class CharacterPass:
         self._arrays, self._buffers = {}, []
 
     def release(self) -> None:
-        """Free the GPU objects."""
         self._free_mesh()
         release(self._joints, *self._programs.values())
 

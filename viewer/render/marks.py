@@ -239,5 +239,4 @@ class OverlayPass:
             array.render(moderngl.TRIANGLE_STRIP, vertices=4, instances=len(strokes))
 
     def release(self) -> None:
-        """Free the GPU objects."""
         release(self._on_ground, self._on_top, self._strokes)

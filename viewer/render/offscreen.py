@@ -72,7 +72,6 @@ class OffscreenTarget:
         return np.frombuffer(data, np.uint8).reshape(height, width, 3)[::-1].copy()
 
     def release(self) -> None:
-        """Free the framebuffer and the context."""
         self.framebuffer.release()
         self._color.release()
         self.ctx.release()

@@ -25,7 +25,6 @@ class TrajectoryOverlay:
 
 
 def trajectory_overlay(controller: Controller) -> TrajectoryOverlay:
-    """The trajectory of a live character."""
     view = controller.trajectory
     return TrajectoryOverlay(view.positions, view.directions, np.arange(len(view.positions)) < PAST_SAMPLES)
 
@@ -60,7 +59,7 @@ class PinOverlay:
 class Figure:
     """A character of another mesh: `matrices` `(K, 4, 4)` of its joints, and the pose of ours that casts its shadow.
 
-    A ghost is translucent; what is `on_top` nothing hides. Neither casts a shadow.
+    A ghost is translucent; what is `on_top` nothing hides.
     """
 
     mesh: Any  # a `SkinnedMesh`
@@ -68,6 +67,10 @@ class Figure:
     pose: Pose
     ghost: bool = False
     on_top: bool = False
+
+    @property
+    def casts(self) -> bool:
+        return not (self.ghost or self.on_top)
 
 
 @dataclass(frozen=True)

@@ -72,8 +72,7 @@ class Renderer:
         """Draw one frame into `target`; without a pose only the ground."""
         figure = overlays.figure
         solid = overlays.extra_poses if pose is None else [pose, *overlays.extra_poses]
-        casts = figure is not None and not (figure.ghost or figure.on_top)
-        standing = [*solid, figure.pose] if figure is not None and casts else solid
+        standing = [*solid, figure.pose] if figure is not None and figure.casts else solid
         scene = self._scene.begin(shown_size(target))
         reach = SHADOW_REACH_M if self.quality.terrain_casts_shadow else 0.0
         frame = make_frame(camera, scene.size, standing, reach, self.quality.shadow_map_size)
@@ -83,9 +82,8 @@ class Renderer:
         draws = [CharacterDraw(p) for p in solid] + ghost_draws(overlays.ghosts, pose, camera.position)
         draws += [CharacterDraw(p, GHOST_OPACITY, behind=True) for p in overlays.frames]
         self._characters.prepare(draws)
-        other = self._prepare_figure(figure)
-        on_top = other if figure is not None and figure.on_top else None
-        passes = [self._characters] if other is None or on_top else [self._characters, other]
+        among, on_top = self._prepare_figure(figure)
+        passes = [self._characters, *among]
 
         self._draw_shadow_map(frame, passes)
         scene.use()
@@ -98,16 +96,16 @@ class Renderer:
         self._draw_ground_overlays(scene, pose, overlays)
         for characters in reversed(passes):  # the character's own last: nothing is drawn over it afterwards
             characters.draw_ghosts(scene)
-        if on_top is not None:
-            on_top.draw(self._shadow_map.texture, on_top=True)
+        for characters in on_top:
+            characters.draw(self._shadow_map.texture, on_top=True)
         self._draw_top_overlays(frame, pose, overlays)
         self._scene.present(target, frame.screen_box(frame.cast, SHADOW_MARGIN_M))
         self.ctx.enable_only(moderngl.NOTHING)
 
-    def _prepare_figure(self, figure: Figure | None) -> CharacterPass | None:
-        """The pass of a figure of another mesh."""
+    def _prepare_figure(self, figure: Figure | None) -> tuple[list[CharacterPass], list[CharacterPass]]:
+        """The pass of a figure of another mesh, among the characters or on top of everything."""
         if figure is None:
-            return None
+            return [], []
         if self._figure is None:
             self._figure = CharacterPass(self.ctx, self.quality)
         if self._figure_mesh is not figure.mesh:
@@ -115,7 +113,7 @@ class Renderer:
             self._figure_mesh = figure.mesh
         opacity = FIGURE_OPACITY if figure.ghost else 1.0
         self._figure.prepare([CharacterDraw(figure.pose, opacity, figure.matrices)])
-        return self._figure
+        return ([], [self._figure]) if figure.on_top else ([self._figure], [])
 
     def _draw_shadow_map(self, frame: RenderFrame, passes: list[CharacterPass]) -> None:
         self._shadow_map.framebuffer.use()
@@ -161,6 +159,5 @@ class Renderer:
             self._overlays.draw_on_top(pin_strokes(overlays.pins, pixel_scale))
 
     def release(self) -> None:
-        """Free all GPU objects."""
         release(self._uniforms, self._sky, self._scene, self._shadow_map)
         release(self._terrain, self._characters, self._figure, self._overlays)

@@ -21,7 +21,6 @@ class ShadowMap:
         self.framebuffer = ctx.framebuffer(depth_attachment=self.texture)
 
     def release(self) -> None:
-        """Free the GPU objects."""
         release(self.framebuffer, self.texture)
 
 
@@ -89,7 +88,6 @@ class SceneTarget:
         release(self._picture, self._softened_picture, self._depth, self._color)
 
     def release(self) -> None:
-        """Free the GPU objects."""
         self._free_images()
         release(self._stretch, self._smooth_edges)
 

@@ -42,7 +42,6 @@ class TerrainWindow:
 
     @property
     def tiles(self) -> tuple[int, int]:
-        """Number of tiles along x and z."""
         return (self.heights.shape[0] - 3) // TILE, (self.heights.shape[1] - 3) // TILE
 
     @property
@@ -206,7 +205,6 @@ class TerrainMesh:
             pixels *= 1.4
 
     def visible(self, view_projection: Array) -> NDArray[np.bool_]:
-        """Tiles that touch the view frustum."""
         planes = np.concatenate(
             [view_projection[3] + view_projection[:3], view_projection[3] - view_projection[:3]]
         )

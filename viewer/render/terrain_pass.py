@@ -102,7 +102,6 @@ class TerrainPass:
             self._arrays[name].render(moderngl.TRIANGLES, vertices=len(indices))
 
     def draw(self, frame: RenderFrame, show_grid: bool) -> None:
-        """Draw the visible ground."""
         mesh, terrain = self._mesh, self._terrain
         if mesh is None or terrain is None:
             return
@@ -144,5 +143,4 @@ class TerrainPass:
             self._draw("shadow", mesh.indices(self._levels, chosen))
 
     def release(self) -> None:
-        """Free the GPU objects."""
         release(*self._arrays.values(), *self._programs.values(), self._indices, self._vertices)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,7 +20,6 @@ from viewer.render.camera import (
     FollowCamera,
     OrbitCamera,
 )
-from viewer.scene.views import OPENING_TURN, StageView
 
 CHEST_SHARE = 0.55  # of the way from the ground to the hips' height: keeps the whole body in view
 ORBIT_PIXELS_PER_SECOND = 420.0  # what a full stick is worth in the orbit camera
@@ -29,7 +29,30 @@ FRAME_DISTANCE_M = 4.0  # the whole body, with air above and below
 POINT_DISTANCE_M = 1.6  # a hand or a foot, and the limb that leads to it
 PIXELS_PER_STEP = 40.0  # of a drag that zooms
 BUTTONS = ("left", "right", "middle")  # as ImGui counts them
+OPENING_TURN = -0.62  # radians from the walker's back, on the side that the sun lights
+NEAR_M, FAR_M, STEP_M = 1.0, 15.0, 0.25  # where obstacles are looked for
+DIRECTIONS = 16
+CLIMB_M = 0.15  # up and down along the way; less is level
 _TRACKING = np.array([TARGET_HALF_LIFE, TARGET_HEIGHT_HALF_LIFE, TARGET_HALF_LIFE])
+
+
+@dataclass(frozen=True)
+class StageView:
+    """A place to look from: `turn` radians from the facing, and what is looked at, `height` metres over the ground (0: the body)."""
+
+    turn: float
+    pitch: float
+    distance: float
+    height: float = 0.0
+
+
+VIEWS = {
+    "front": StageView(math.pi, 0.10, 4.0),
+    "side": StageView(-0.5 * math.pi, 0.10, 4.0),
+    "three_quarters": StageView(math.pi - 0.65, 0.20, 4.0),
+    "feet": StageView(-0.5 * math.pi - 0.55, 0.16, 1.7, 0.20),
+    "top": StageView(0.0, math.radians(88.0), 5.0),
+}
 
 
 @dataclass
@@ -45,7 +68,6 @@ class CameraControl:
 
     @property
     def current(self) -> OrbitCamera:
-        """The camera in use."""
         return self.follow if self.mode == "follow" else self.orbit
 
     def use(self, mode: str) -> None:
@@ -116,10 +138,7 @@ class CameraControl:
         size, mouse = io.display_size, io.mouse_pos
         if io.mouse_wheel:
             self.zoom_at(io.mouse_wheel, mouse.x, mouse.y, size.x, size.y)
-        modifier = "shift" if io.key_shift else "ctrl" if io.key_ctrl else "alt" if io.key_alt else ""
-        held = next((BUTTONS[i] for i in range(taken, 3) if imgui.is_mouse_down(i)), "")
-        table = NAVIGATION[navigation]
-        drag = table.get((held, modifier), table.get((held, "")))
+        drag = _drag_of(NAVIGATION[navigation], taken)
         # how the mouse came to where it was pressed is no drag
         begins = any(imgui.is_mouse_clicked(button) for button in range(3))
         if drag is Drag.ZOOM and not begins:
@@ -193,3 +212,23 @@ class CameraControl:
         ground, hips = float(pose.root_position[1]), float(pose.hips_position[1])
         height = ground + max(hips - ground, 0.4) * 2 * CHEST_SHARE * 0.85
         return float(pose.hips_position[0]), height, float(pose.hips_position[2])
+
+
+def _drag_of(table: Mapping[tuple[str, str], Drag], taken: bool) -> Drag | None:
+    """What the button that is held does with the modifier that is; `taken`: not the left one."""
+    io = imgui.get_io()
+    modifiers = {"shift": io.key_shift, "ctrl": io.key_ctrl, "alt": io.key_alt}
+    modifier = next((name for name, down in modifiers.items() if down), "")
+    held = next((BUTTONS[i] for i in range(taken, 3) if imgui.is_mouse_down(i)), "")
+    return table.get((held, modifier), table.get((held, "")))
+
+
+def start_yaw(terrain: Terrain) -> float:
+    """Where a character at the origin looks, in radians: along +Z, or where the first obstacles are if none are there."""
+    yaws = math.tau * np.arange(DIRECTIONS) / DIRECTIONS
+    along = np.arange(NEAR_M, FAR_M, STEP_M)
+    heights = terrain.height(np.outer(np.sin(yaws), along), np.outer(np.cos(yaws), along))
+    climbs = np.abs(np.diff(heights, axis=1)).sum(axis=1)
+    best = int(np.argmax(climbs))
+    ahead = climbs[0] >= CLIMB_M or climbs[best] < CLIMB_M
+    return 0.0 if ahead else math.remainder(float(yaws[best]), math.tau)

@@ -38,11 +38,6 @@ class JointMapping:
     selected: str = ""  # the SPORT joint whose row was used last
     problem: str = ""  # why it could not be applied
 
-    @property
-    def changed(self) -> bool:
-        """Whether something was chosen that is not kept yet."""
-        return self.chosen != self.saved
-
     def guessed(self, joint: str) -> str:
         """The joint of the file that names or rest pose tell, "" for none."""
         found = {} if self.guess is None else self.guess.found
@@ -91,7 +86,6 @@ class JointMapping:
         self.chosen, self.selected, self.problem = chosen, joint, ""
 
     def guess_all(self) -> None:
-        """Drop everything that was chosen."""
         self.chosen, self.problem = {}, ""
 
     def apply(self) -> None:
@@ -118,9 +112,10 @@ class JointMapping:
         """The character could not be shown by what was chosen, or that not be kept."""
         self.problem = str(error)
 
-    def close(self) -> None:
-        """Leave the window; what was not applied is forgotten."""
-        self.open = False
+    def close(self) -> bool:
+        """Leave the window; what was not applied is forgotten. Whether it was open."""
+        was, self.open = self.open, False
+        return was
 
 
 def read_joints(path: Path) -> FileJoints:

@@ -32,10 +32,9 @@ from viewer.jobs import Jobs, Slot
 from viewer.live.link import LiveLink
 from viewer.live.vmc import VmcLink
 from viewer.messages import Messages
-from viewer.scene.camera_control import CameraControl
+from viewer.scene.camera_control import VIEWS, CameraControl, start_yaw
 from viewer.scene.joint_mapping import JointMapping
 from viewer.scene.simulation import Simulation, make_pose
-from viewer.scene.views import VIEWS, start_yaw
 from viewer.services import Loaded, Services
 from viewer.settings import Settings
 
@@ -90,12 +89,10 @@ class Scene:
 
     @property
     def controller(self) -> Controller | None:
-        """What moves the character; None until a model is loaded."""
         return self.simulation.controller
 
     @property
     def terrain_spec(self) -> str:
-        """Name or file of the live ground."""
         ground = self.editor.session.ground
         return "" if ground is None else ground.spec
 
@@ -128,7 +125,6 @@ class Scene:
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
-        """What keys and buttons do here."""
         return {
             Action.RESET: self.reset_character,
             Action.CAMERA: lambda: self.use_camera("orbit" if self.camera.mode == "follow" else "follow"),
@@ -142,9 +138,7 @@ class Scene:
 
     @property
     def files(self) -> dict[str, Callable[[Path], None]]:
-        """What opens a file, by its suffix."""
-        grounds = {suffix: self._load_ground for suffix in GROUNDS}
-        return {**grounds, **dict.fromkeys(GLTF_SUFFIXES, self._open_gltf)}
+        return {**dict.fromkeys(GROUNDS, self.load_terrain), **dict.fromkeys(GLTF_SUFFIXES, self._open_gltf)}
 
     def _toggle(self, name: str) -> None:
         setattr(self.settings, name, not getattr(self.settings, name))
@@ -170,7 +164,6 @@ class Scene:
         self.settings.camera = self.camera.mode
 
     def frame_character(self) -> None:
-        """Bring the whole character into the middle."""
         self.camera.frame_character(self.shown())
 
     def advance(self, seconds: float, controls: Controls) -> list[Pose]:
@@ -216,18 +209,14 @@ class Scene:
 
     # --- loading
 
-    def load_terrain(self, spec: str) -> None:
+    def load_terrain(self, name: str | Path) -> None:
         """Show and walk on a terrain, by name or file; the old one stays until the new one is there."""
-        spec = str(Path(spec).expanduser()) if spec.startswith("~") else spec
+        spec = str(Path(name).expanduser()) if str(name).startswith("~") else str(name)
         self.loading = spec
-        cell, height = self.settings.height_map_cell_m, self.settings.height_map_height_m
         self.jobs.submit(
-            Slot("terrain"),
-            lambda: self.services.load_terrain(spec, cell, height),
-            lambda terrain: self._take_terrain(spec, terrain),
-            lambda _: self._stop_loading(),
-            reading=Path(spec).name,
-        )
+            Slot("terrain"), partial(self.read_ground, spec), partial(self._take_terrain, spec),
+            lambda _: setattr(self, "loading", ""), reading=Path(spec).name,
+        )  # fmt: skip
 
     def read_ground(self, spec: str) -> Terrain:
         """A ground by name or file, on any thread; TerrainError, FileError."""
@@ -241,11 +230,8 @@ class Scene:
             self.renderer.set_terrain(terrain)
             self._drawn = terrain
 
-    def _load_ground(self, path: Path) -> None:
-        self.load_terrain(str(path))
-
     def _take_terrain(self, spec: str, terrain: Terrain) -> None:
-        self._stop_loading()
+        self.loading = ""
         ground, known = Ground.of(spec, terrain), self.editor.session.ground is not None
         set_ground = partial(replace, ground=ground)
         if known:
@@ -292,14 +278,11 @@ class Scene:
         self.simulation.go_on_from(pose)
         self.inputs.forget()
 
-    def _stop_loading(self) -> None:
-        self.loading = ""
-
     def _open_gltf(self, path: Path) -> None:
         """A mesh with a skin is a character, one without is a ground."""
 
         def load(skinned: bool) -> None:
-            (self.open_character if skinned else self._load_ground)(path)
+            (self.open_character if skinned else self.load_terrain)(path)
 
         self.jobs.submit(Slot("open", path), lambda: has_skin(path), load, reading=path.name)
 
@@ -359,7 +342,6 @@ class Scene:
 
     @property
     def shape(self) -> BodyShape:
-        """The mannequin's."""
         return self.editor.session.character.shape
 
     def set_shape(self, shape: BodyShape, held: bool = False) -> None:
@@ -369,7 +351,6 @@ class Scene:
 
     @property
     def characters(self) -> Path:
-        """The folder of the files of characters."""
         return self.folder / "characters"
 
     @property

@@ -72,7 +72,6 @@ def interpolate(a: Pose, b: Pose, t: float) -> Pose:
 
 
 def is_finite(pose: Pose) -> bool:
-    """Whether a pose can be shown."""
     return bool(np.isfinite(pose.hips_position).all() and np.isfinite(pose.positions).all())
 
 

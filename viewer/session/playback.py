@@ -13,7 +13,7 @@ from runtime.session.session import Take
 from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputRecording
 from runtime.takes.pinned import pinned
-from runtime.takes.pose_edits import PoseEdits
+from runtime.takes.pose_layer import layered
 from runtime.terrain.height_map import Terrain
 
 
@@ -46,27 +46,22 @@ class Playback:
 
     @property
     def number(self) -> int:
-        """The take's number."""
         return self.take.number
 
     @property
     def frames(self) -> int:
-        """Frames of the whole clip."""
         return self.clip.hips_positions.shape[0]
 
     @property
     def frame(self) -> int:
-        """The frame shown."""
         return min(max(round(self.time_s * self.clip.fps), 0), self.frames - 1)
 
     @property
     def start_s(self) -> float:
-        """Time of the first frame kept."""
         return self.first / self.clip.fps
 
     @property
     def end_s(self) -> float:
-        """Time of the last frame kept."""
         return self.last / self.clip.fps
 
     def advance(self, seconds: float) -> None:
@@ -90,7 +85,6 @@ class Playback:
         self.playing = not self.playing
 
     def seek(self, frame: int) -> None:
-        """Show a frame and pause."""
         self.playing = False
         self.time_s = min(max(frame, 0), self.frames - 1) / self.clip.fps
 
@@ -115,14 +109,15 @@ class Playback:
         """The pose of a frame, standing on the terrain shown."""
         if not self._newer:
             return self.standing(self.clip.pose(frame))
-        planted = PoseEdits((), self.take.poses.footplants).apply(self.take.base_clip)
-        return self.standing(pinned(planted, self.take.poses.pins, only=frame).pose(frame))
+        edits = self.take.poses
+        clip = layered(edits.below_layer(self.take.base_clip), edits.layer, only=frame)
+        return self.standing(pinned(clip, edits.pins, only=frame).pose(frame))
 
     @property
     def _newer(self) -> bool:
-        """Whether pins were changed whose frames are not made yet; plants are looked at when they are made."""
+        """Whether pins or pose keys were changed whose frames are not made yet; plants are looked at when they are made."""
         return (
-            self.take.poses.pins != self.shown.poses.pins
+            self.take.poses != self.shown.poses
             and self.take.poses.footplants == self.shown.poses.footplants
             and self.take.motion == self.shown.motion
         )

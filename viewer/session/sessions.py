@@ -14,12 +14,11 @@ from typing import Any
 from runtime.assets import model_folder
 from runtime.errors import SportError
 from runtime.session import library
-from runtime.session.database import SUFFIX
 from runtime.session.history import History
 from runtime.session.library import SessionSummary
 from runtime.session.session import ModelName
 from runtime.session.session_file import SessionFile
-from runtime.session.sqlite_file import FileInUse
+from runtime.session.sqlite_file import SUFFIX, FileInUse
 from runtime.takes.metadata import origin_of
 from runtime.takes.pose_edits import NO_EDITS
 from viewer.editor import Editor
@@ -72,8 +71,6 @@ def describe(summary: SessionSummary) -> str:
 
 @dataclass
 class Sessions:
-    """Actions of the session menu."""
-
     editor: Editor
     settings: Settings
     messages: Messages
@@ -92,13 +89,7 @@ class Sessions:
     _said: str = ""
 
     @property
-    def files(self) -> dict[str, Callable[[Path], None]]:
-        """What opens a file, by its suffix."""
-        return {SUFFIX: self.open}
-
-    @property
     def untitled_folder(self) -> Path:
-        """Where sessions lie that have no name."""
         return self.folder / "sessions"
 
     @property
@@ -115,7 +106,6 @@ class Sessions:
 
     @property
     def name(self) -> str:
-        """What the menu calls the session."""
         return "Untitled" if self.path is None else self.path.stem
 
     @property
@@ -144,7 +134,6 @@ class Sessions:
         self.messages.note(f"A new session. {problem}".strip())
 
     def ask_open(self) -> None:
-        """Choose a session to open."""
         self.dialogs.ask(DialogKind.OPEN, "Open a session", self._home(), self.open, FILTERS)
 
     def open(self, path: Path) -> None:
@@ -180,7 +169,6 @@ class Sessions:
         (self.messages.warn if said or more else self.messages.note)(text + more)
 
     def open_last(self) -> None:
-        """Open the named session that was open last."""
         if self.recent:
             self.open(self.recent[0])
         else:
@@ -198,12 +186,10 @@ class Sessions:
             )
 
     def ask_save(self) -> None:
-        """Choose under which name to go on."""
         start = self.path or self._home() / f"session{SUFFIX}"
         self.dialogs.ask(DialogKind.SAVE, "Save the session as", start, self.save_as, FILTERS)
 
     def ask_copy(self) -> None:
-        """Choose where a copy goes."""
         start = self._home() / f"{self.name} copy{SUFFIX}"
         self.dialogs.ask(DialogKind.SAVE, "Save a copy", start, self.save_copy, FILTERS)
 
@@ -294,19 +280,11 @@ class Sessions:
     def _view(self) -> dict[str, Any]:
         """How the session is looked at: no step of undo, but kept."""
         camera, pose = self.scene.camera, self.scene.simulation.current
-        now = camera.current
+        now, (x, _, z) = camera.current, pose.root_position
+        numbers = (x, z, pose.root_yaw, now.yaw, now.pitch, now.distance)  # in the order of `PLACES`
         view = {name: getattr(self.settings, name) for name in KEPT_SETTINGS}
-        place = {
-            "x": float(pose.root_position[0]),
-            "z": float(pose.root_position[2]),
-            "facing": pose.root_yaw,
-        }
-        look = {"yaw": float(now.yaw), "pitch": float(now.pitch), "distance": float(now.distance)}
-        return (
-            view
-            | {"camera": camera.mode, "name": self.name}
-            | {k: round(v, 3) for k, v in (place | look).items()}
-        )
+        view |= {name: round(float(value), 3) for name, value in zip(PLACES, numbers, strict=True)}
+        return view | {"camera": camera.mode, "name": self.name}
 
     def _write_view(self, ended: bool = False) -> None:
         self._viewed, self._viewed_s = self._view(), time.monotonic()
@@ -321,16 +299,11 @@ class Sessions:
                 setattr(self.settings, name, value)
         if view.get("camera") in CAMERAS:
             camera.use(str(view["camera"]))
-        known = {
-            name: min(max(float(view[name]), low), high)
-            for name, (low, high) in PLACES.items()
-            if isinstance(view.get(name), int | float)
-        }
+        known = _places(view)
         if "x" in known and "z" in known:
-            self.scene.put_character(known["x"], known["z"], known.get("facing", 0.0))
-        for name in ("yaw", "pitch", "distance"):
-            if name in known:
-                setattr(camera.current, name, known[name])
+            self.scene.put_character(known.pop("x"), known.pop("z"), known.pop("facing", 0.0))
+        for name in known.keys() & {"yaw", "pitch", "distance"}:
+            setattr(camera.current, name, known[name])
         if not self._has_model(self.editor.session.model):
             self.prompting.ask_again()
 
@@ -409,6 +382,15 @@ class Sessions:
             writing="the session in the temporary folder",
         )
         self.jobs.finish(ELSEWHERE.what, time.monotonic() + ELSEWHERE_S)
+
+
+def _places(view: dict[str, Any]) -> dict[str, float]:
+    """The numbers of a view, within their limits."""
+    return {
+        name: min(max(float(view[name]), low), high)
+        for name, (low, high) in PLACES.items()
+        if isinstance(view.get(name), int | float)
+    }
 
 
 def _with_suffix(path: Path) -> Path:

@@ -43,8 +43,6 @@ RECORDED_FRAMES = 10  # that are written down together: six times a second
 
 @dataclass
 class Takes:
-    """Actions of the takes panel."""
-
     editor: Editor
     settings: Settings
     messages: Messages
@@ -71,25 +69,22 @@ class Takes:
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
-        """What keys and buttons do here."""
         return {
             Action.RECORD: self.toggle_recording,
             Action.SAVE_LAST: self.save_last,
             Action.PLAY: self.play_or_pause,
-            Action.FRAME_BACK: lambda: self.step(-1),
-            Action.FRAME_ON: lambda: self.step(1),
-            Action.FIRST_FRAME: lambda: self.seek_end(first=True),
-            Action.LAST_FRAME: lambda: self.seek_end(first=False),
+            Action.FRAME_BACK: partial(self._played, lambda playback: playback.step(-1)),
+            Action.FRAME_ON: partial(self._played, lambda playback: playback.step(1)),
+            Action.FIRST_FRAME: partial(self._played, lambda playback: playback.seek(playback.first)),
+            Action.LAST_FRAME: partial(self._played, lambda playback: playback.seek(playback.last)),
         }
 
     @property
     def session(self) -> Session:
-        """What holds now."""
         return self.editor.session
 
     @property
     def played(self) -> Take | None:
-        """The take that plays."""
         return None if self.playback is None else self.playback.take
 
     def follow(self, before: Session, now: Session) -> None:
@@ -190,7 +185,6 @@ class Takes:
 
     @property
     def recording(self) -> bool:
-        """Whether a take is being recorded."""
         return self.recorder.recording
 
     def toggle_recording(self) -> None:
@@ -213,7 +207,6 @@ class Takes:
         self._keep("Take", self.recorder.stop, recording)
 
     def end_recording(self) -> None:
-        """Keep the take that is being recorded."""
         if self.recorder.recording:
             self.toggle_recording()
 
@@ -305,19 +298,12 @@ class Takes:
         change(f"trim of {take.title}", lambda session: edits.trimmed(session, take.number, *wanted))
 
     def move(self, number: int, by: int) -> None:
-        """A take goes up or down in the list."""
         self.editor.do("order of the takes", lambda session: edits.moved(session, number, by))
 
     def set_color(self, number: int, color: int) -> None:
-        """Another color for a take's row; 0 for none."""
         self.editor.do("color of a take", lambda session: session.with_take(number, color=color))
 
     # --- opening
-
-    @property
-    def files(self) -> dict[str, Callable[[Path], None]]:
-        """What opens a file, by its suffix."""
-        return {".bvh": self.open}
 
     def open(self, path: Path, keep_ground: bool = False) -> None:
         """Add a BVH file to the list and play it, on its own ground unless `keep_ground`."""
@@ -361,7 +347,6 @@ class Takes:
     # --- playback
 
     def play(self, number: int) -> None:
-        """Show a take instead of the live character."""
         take = self.session.take(number)
         if take is None or take.motion is None:
             return
@@ -402,32 +387,19 @@ class Takes:
             terrain = self._seen[1]
         return Ground(spec, terrain, "")
 
-    def play_row(self, number: int) -> None:
-        """Play a take of the list, or pause it when it is the one that plays."""
-        if self.playback is not None and self.playback.number == number:
+    def play_or_pause(self, number: int = LIVE) -> None:
+        """Play a take, the shown or the selected one for LIVE; pause it when it is the one that plays."""
+        if self.playback is not None and number in (LIVE, self.playback.number):
             self.playback.toggle()
         else:
-            self.play(number)
+            self.play(number or self.session.selected)
 
-    def play_or_pause(self) -> None:
-        """Toggle the take that is shown, or begin with the current one."""
+    def _played(self, act: Callable[[Playback], None]) -> None:
+        """Act on the take that plays, if any does."""
         if self.playback is not None:
-            self.playback.toggle()
-        elif self.session.current is not None:
-            self.play(self.session.selected)
-
-    def step(self, frames: int) -> None:
-        """Go so many frames on in the take that plays, or back."""
-        if self.playback is not None:
-            self.playback.step(frames)
-
-    def seek_end(self, first: bool) -> None:
-        """Go to the first or the last frame that is kept of the take that plays."""
-        if self.playback is not None:
-            self.playback.seek(self.playback.first if first else self.playback.last)
+            act(self.playback)
 
     def close_playback(self) -> None:
-        """Back to the live character."""
         self.playback = None
 
     # --- export
@@ -535,15 +507,15 @@ def _content(take: Take) -> tuple[object, ...]:
     return take.motion, take.mirrored, take.poses, take.range
 
 
-def export_target(text: str) -> Path:
-    """The path in the export field; UsageError when it names no BVH file."""
+def export_target(text: str, suffix: str = ".bvh") -> Path:
+    """The path that was typed, with an ending; UsageError when it names no file."""
     text = text.strip().strip('"')
     if not text or "\0" in text:
-        raise UsageError("Export: the path is empty.", "Write a path such as ~/sport-clips/walk.bvh.")
+        raise UsageError("Export: the path is empty.", f"Write a path such as ~/sport-clips/walk{suffix}.")
     path = Path(text).expanduser()
     if path.is_dir():
-        raise UsageError(f"Export: {path} is a folder.", "Add a file name, for example walk.bvh.")
-    return path if path.suffix.lower() == ".bvh" else path.with_name(path.name + ".bvh")
+        raise UsageError(f"Export: {path} is a folder.", f"Add a file name, for example walk{suffix}.")
+    return path if path.suffix.lower() == suffix else path.with_name(path.name + suffix)
 
 
 def file_stem(name: str) -> str:

@@ -54,7 +54,6 @@ def save_sheet(path: Path, rows: Sequence[NDArray[np.uint8]], labels: Sequence[s
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Draw a sheet of BVH files."""
     from runtime.formats.bvh_clip import load_clip_bvh
     from runtime.formats.ground import ground_of
     from runtime.formats.prepare import on_its_ground

@@ -15,7 +15,7 @@ import numpy as np
 from runtime.atomic import check_target
 from runtime.errors import UsageError, run_command
 from runtime.takes.clip import Clip
-from viewer.filming.film import film_frames, open_studio, write_caption
+from viewer.filming.film import film_frames, studio, write_caption
 from viewer.filming.shots import VIEW, FilmOptions, Shot
 from viewer.filming.writers import Frame, check_writer, open_writer
 
@@ -41,7 +41,7 @@ def _frames(path: Path, label: str, options: FilmOptions, args: argparse.Namespa
 
     clip = load_clip_bvh(path)
     ground, clip = ground_of(clip, path, args.terrain), cut(on_its_ground(clip), args.start, args.seconds)
-    with open_studio(options, ground, None) as draw:
+    with studio(options.size, ground) as draw:
         frames = list(film_frames(clip, ground, options, draw))
     for frame in frames:
         write_caption(frame, label)
@@ -49,7 +49,6 @@ def _frames(path: Path, label: str, options: FilmOptions, args: argparse.Namespa
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Draw a film of one or more BVH files."""
     parser = argparse.ArgumentParser(prog="python -m viewer.tools.film", description=__doc__)
     parser.add_argument("clips", type=Path, nargs="+", metavar="BVH", help="several are drawn side by side")
     parser.add_argument("--labels", nargs="+", help="under each clip, in place of its prompts")

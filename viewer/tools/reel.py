@@ -95,7 +95,6 @@ def draw_rows(clip: Clip, terrain: Terrain, seconds: float, yaw: float) -> NDArr
 
 
 def save_rows(path: Path, rows: Sequence[tuple[str, NDArray[np.uint8]]]) -> None:
-    """Write titled rows, one below the other."""
     labels = [f"{title}, {view}" for title, _ in rows for view, _ in VIEWS]
     save_sheet(path, [drawn for _, drawn in rows], labels)
 
@@ -129,7 +128,6 @@ def of_captures(data: Path, out: Path, terrain: Terrain) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Draw the reel."""
     from runtime.terrain.library import load_terrain
 
     parser = argparse.ArgumentParser(prog="python -m viewer.tools.reel", description=__doc__)

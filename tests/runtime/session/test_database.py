@@ -21,9 +21,8 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from runtime.assets import PROJECT_ROOT
 from runtime.errors import FileError
-from runtime.session import database as module
-from runtime.session.database import Database, FileInUse, Writer
-from runtime.session.sqlite_file import SEAL, installation_key, lock_of, side_files
+from runtime.session.database import Database, Writer
+from runtime.session.sqlite_file import FileInUse, lock_of, side_files
 
 RIGHTS = "-dac_override,-dac_read_search,-fowner"  # of root, to whom nothing is denied
 ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
@@ -42,7 +41,7 @@ def files(tmp_path: Path) -> Iterator[list[Database]]:
 
 @pytest.fixture
 def session(tmp_path: Path, files: list[Database]) -> Database:
-    files.append(Database.create(tmp_path / "folder" / "a.sport", tmp_path / "home"))
+    files.append(Database.create(tmp_path / "folder" / "a.sport"))
     return files[0]
 
 
@@ -98,8 +97,8 @@ class Model(RuleBasedStateMachine):
         import tempfile
 
         self.folder = Path(tempfile.mkdtemp(prefix="session-"))
-        self.home, self.count = self.folder / "home", 0
-        self.database = Database.create(self.folder / "0.sport", self.home)
+        self.count = 0
+        self.database = Database.create(self.folder / "0.sport")
         self.steps: dict[int, tuple[str, str]] = {}
         self.blobs: dict[str, bytes] = {}
         self.motions: dict[str, str] = {}
@@ -160,13 +159,13 @@ class Model(RuleBasedStateMachine):
         self.frames = {at: piece for at, piece in self.frames.items() if at[0] in motions}
         self.blobs = {key: piece for key, piece in self.blobs.items() if key in blobs}
 
-    @rule(elsewhere=st.booleans())
-    def open_again(self, elsewhere: bool) -> None:
+    @rule()
+    def open_again(self) -> None:
         assert self.database.close()
         assert not any(
             file.exists() for file in (*side_files(self.database.path), lock_of(self.database.path))
         )
-        self.database = Database.open(self.database.path, None if elsewhere else self.home)
+        self.database = Database.open(self.database.path)
 
     @rule()
     def kill(self) -> None:
@@ -174,20 +173,20 @@ class Model(RuleBasedStateMachine):
         path = copied(self.database, self.folder / f"killed-{self.count}")
         self.count += 1
         self.database.close()
-        self.database = Database.open(path, self.home)
+        self.database = Database.open(path)
 
     @rule()
     def save_as(self) -> None:
         before = self.database.path
         self.database.save_as(self.fresh())
         assert self.database.path == self.folder / f"{self.count}.sport"
-        Database.open(before, self.home).close()  # nothing holds it
+        Database.open(before).close()  # nothing holds it
 
     @rule()
     def save_copy(self) -> None:
         path = self.fresh()
         self.database.save_copy(path)
-        copy = Database.open(path, self.home)
+        copy = Database.open(path)
         self.check(copy)
         copy.close()
 
@@ -301,18 +300,6 @@ def test_a_defect_of_one_change_is_said_and_holds_up_no_other(session: Database)
     again.close()
 
 
-def test_what_waits_is_bounded(session: Database, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "MAX_WAITING", 3)
-    held = threading.Event()
-    session.submit(lambda writer: held.wait(5.0) and None)
-    for number in range(5):
-        session.submit(step(number))
-    assert "in memory only" in session.problem
-    held.set()
-    assert not session.flush()
-    assert [number for number, _ in session.steps()] == [0, 1]  # no hole: all before, nothing after
-
-
 # --- processes
 
 
@@ -320,7 +307,7 @@ RECORD = """
 import sys, time
 from pathlib import Path
 from runtime.session.database import Database
-database = Database.create(Path(sys.argv[1]), Path(sys.argv[2]))
+database = Database.create(Path(sys.argv[1]))
 database.submit(lambda writer: writer.put_motion("m", ""))
 for number in range(10_000):
     database.submit(lambda writer, number=number: writer.put_frames("m", number, 15, bytes([number % 256]) * 3300))
@@ -330,9 +317,9 @@ for number in range(10_000):
 
 
 @contextlib.contextmanager
-def recording(path: Path, home: Path) -> Iterator[subprocess.Popen[str]]:
+def recording(path: Path) -> Iterator[subprocess.Popen[str]]:
     process = subprocess.Popen(
-        [sys.executable, "-c", RECORD, str(path), str(home)],
+        [sys.executable, "-c", RECORD, str(path)],
         cwd=PROJECT_ROOT, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
     assert process.stdout is not None
@@ -354,7 +341,7 @@ def check_frames(database: Database) -> int:
 def test_a_killed_process_loses_a_quarter_of_a_second_and_its_lock(tmp_path: Path) -> None:
     path = tmp_path / "a.sport"
     for seconds in (0.2, 0.35):
-        with recording(path, tmp_path / "home") as process:
+        with recording(path) as process:
             with pytest.raises(FileInUse, match="another window"):
                 Database.open(path)
             copy = Database.read(path)  # while it is written
@@ -365,7 +352,7 @@ def test_a_killed_process_loses_a_quarter_of_a_second_and_its_lock(tmp_path: Pat
             killed = time.monotonic()
             assert process.stdout is not None
             submitted = [float(line.split()[1]) for line in process.stdout]
-        database = Database.open(path, tmp_path / "home")
+        database = Database.open(path)
         missing = submitted[check_frames(database) - 1 :]  # the first line was read before
         assert not missing or killed - missing[0] < 0.25
         assert database.close()
@@ -373,7 +360,7 @@ def test_a_killed_process_loses_a_quarter_of_a_second_and_its_lock(tmp_path: Pat
 
 
 def test_two_windows(session: Database, tmp_path: Path, files: list[Database]) -> None:
-    other = Database.create(tmp_path / "b.sport", tmp_path / "home")
+    other = Database.create(tmp_path / "b.sport")
     files.append(other)
     session.submit(fill)
     other.submit(step(9))
@@ -395,7 +382,7 @@ def test_a_log_that_was_left_is_not_read_as_that_of_a_new_file(session: Database
     session.submit(step(7))
     session.flush()
     left = copied(session, tmp_path / "left")
-    other = Database.create(tmp_path / "other.sport", tmp_path / "home")
+    other = Database.create(tmp_path / "other.sport")
     other.submit(fill)
     other.save_as(left)
     assert other.close()
@@ -420,22 +407,6 @@ def test_reading_only(session: Database, tmp_path: Path) -> None:
     assert reader.close()
     with pytest.raises(FileError, match="closed"):
         reader.steps()
-
-
-def test_only_files_of_this_installation_are_used_as_they_are(session: Database, tmp_path: Path) -> None:
-    session.submit(fill)
-    assert session.close()
-    inode = session.path.stat().st_ino
-    for home, same in ((tmp_path / "home", True), (tmp_path / "other", False), (tmp_path / "home", False)):
-        database = Database.open(session.path, home)
-        assert database.steps() == [(1, "Record")]
-        assert (session.path.stat().st_ino == inode) == same
-        assert database.meta_bytes(SEAL)[:16] != b""
-        inode = session.path.stat().st_ino
-        database.close()
-    assert len(installation_key(tmp_path / "home")) == 32
-    (tmp_path / "home" / "session.key").write_bytes(b"short")
-    assert installation_key(tmp_path / "home") == b""
 
 
 def test_what_was_removed_does_not_leave_with_the_file(session: Database) -> None:
@@ -483,7 +454,7 @@ import resource, signal, sys
 from pathlib import Path
 from runtime.session.database import Database
 folder = Path(sys.argv[1])
-database = Database.create(folder / "a.sport", folder / "home")
+database = Database.create(folder / "a.sport")
 database.submit(lambda writer: writer.put_step(1, "", "{}"))
 assert database.flush(), database.problem
 resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, -1))
@@ -516,7 +487,7 @@ def test_a_full_disk_is_said_and_what_waits_is_written_when_there_is_room(tmp_pa
         assert done.returncode == 0, done.stderr
         assert "a.sport: " in done.stdout
         assert "Make room on the disk" in done.stdout
-        database = Database.open(folder / "a.sport", folder / "home")
+        database = Database.open(folder / "a.sport")
         assert len(database.steps()) == (199 if words else 1)
         database.close()
 
@@ -527,7 +498,7 @@ from pathlib import Path
 from runtime.errors import FileError
 from runtime.session.database import Database
 folder = Path(sys.argv[1])
-own = Database.create(folder / "own.sport", folder / "home")
+own = Database.create(folder / "own.sport")
 own.submit(lambda writer: writer.put_step(1, "", "{}"))
 for use in (
     lambda: Database.create(folder / "denied" / "a.sport"),
@@ -569,25 +540,6 @@ def test_a_denied_folder_is_named_and_read_all_the_same(session: Database, tmp_p
     for line, name in zip(said, names, strict=True):
         assert f"{name}.sport: " in line
         assert line.count(". ") == 1, line
-
-
-def test_a_disk_that_fails_for_a_moment(session: Database, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fails(_database: Database) -> None:
-        raise OSError(5, "Input/output error")
-
-    monkeypatch.setattr(Database, "_keep_there", fails)
-    session.submit(fill)
-    wait(lambda: session.problem)
-    assert session.problem.startswith(f"{session.path}: Input/output error. Make room")
-    monkeypatch.undo()
-    wait(lambda: session.problem == "")  # by itself
-    assert session.steps() == [(1, "Record")]
-    session._connection().execute("PRAGMA query_only = ON")
-    session.submit(step(2))
-    assert not session.flush()
-    assert "must not be written" in session.problem
-    session._connection().execute("PRAGMA query_only = OFF")
-    assert session.flush()
 
 
 def test_a_disk_that_hangs_is_left_alone(tmp_path: Path) -> None:

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from runtime.session import edits
 from runtime.session.history import MAX_STEPS, History
 from runtime.session.motion import Motion
-from runtime.session.session import LIVE, MIN_FRAMES, Reference, Session, Take
+from runtime.session.session import LIVE, Reference, Session, Take
 from runtime.skeleton import J
 from runtime.takes.clip import Clip
 from runtime.takes.pins import Pin, Pinned
 from runtime.takes.pose_edits import PoseEdits
 
-names = st.text("aB7 \n\t,öТ歩", max_size=90)
 whole = st.integers(-50, 50)
 
 
@@ -31,160 +30,7 @@ def motion(frames: int, name: str = "Take") -> Motion:
 
 
 def session_of(*frames: int) -> Session:
-    return edits.with_takes(Session(), [Take(motion=motion(count)) for count in frames])
-
-
-class Edits(RuleBasedStateMachine):
-    """Any edits, undone and done again in between."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.history = History()
-        self.given: set[int] = set()  # numbers that takes of this line of steps have, or had
-        self.seen: dict[int, tuple[Session, set[int]]] = {0: (self.history.present.session, set())}
-
-    @property
-    def session(self) -> Session:
-        return self.history.present.session
-
-    def number(self, which: int) -> int:
-        """The number of a take of the list, or one that none has."""
-        takes = self.session.takes
-        return takes[which % len(takes)].number if takes and which >= 0 else which - 1000
-
-    def step(self, label: str, session: Session) -> None:
-        if session == self.session:
-            return
-        self.history.push(label, session)
-        assert self.history.undo_label == label
-        assert self.history.redo_label == ""
-        self.seen[self.history.present.number] = session, set(self.given)
-
-    @rule(frames=st.integers(2, 40))
-    def add(self, frames: int) -> None:
-        before = self.session
-        session = edits.with_new_take(before, Take(motion=motion(frames)))
-        assert session.takes[:-1] == before.takes
-        assert session.selected == session.counter not in self.given
-        self.given.add(session.counter)
-        self.step("recording", session)
-
-    @rule(which=whole)
-    def remove(self, which: int) -> None:
-        number, before = self.number(which), self.session
-        session = edits.without_take(before, number)
-        assert session.take(number) is None
-        if number != before.selected:
-            assert session.selected == before.selected
-        if before.reference is not None and before.reference.take == number and before.take(number):
-            assert session.reference is None
-        else:
-            assert session.reference == before.reference
-        self.step("removal", session)
-
-    @rule(which=whole)
-    def mirror(self, which: int) -> None:
-        number = self.number(which)
-        session = edits.mirrored_copy(self.session, number)
-        take = self.session.take(number)
-        if take is not None:
-            made = session.takes[-1]
-            assert (made.motion, made.mirrored) == (take.motion, not take.mirrored)
-            assert made.number not in self.given
-            self.given.add(made.number)
-        self.step("mirror image", session)
-
-    @rule(which=whole, name=names)
-    def rename(self, which: int, name: str) -> None:
-        number = self.number(which)
-        session = edits.renamed(self.session, number, name)
-        take = session.take(number)
-        if take is not None:
-            assert take.title
-            assert len(take.name) <= edits.MAX_NAME
-            assert take.title == " ".join(name.split())[: edits.MAX_NAME] or not name.split()
-        self.step("name", session)
-
-    @rule(which=whole, first=whole, last=whole)
-    def trim(self, which: int, first: int, last: int) -> None:
-        self.step("trim", edits.trimmed(self.session, self.number(which), first, last))
-
-    @rule(which=whole, frames=st.integers(2, 40))
-    def resimulate(self, which: int, frames: int) -> None:
-        number = self.number(which)
-        before = self.session.take(number)
-        session = edits.resimulated(self.session, number, motion(frames))
-        after = session.take(number)
-        if before is not None and after is not None and before.range[1] == before.frames - 1:
-            assert after.range[1] == frames - 1, "a trim that kept the end keeps the new one"
-        self.step("resimulation", session)
-
-    @rule(which=whole, by=st.integers(-3, 3))
-    def move(self, which: int, by: int) -> None:
-        number, before = self.number(which), self.session
-        session = edits.moved(before, number, by)
-        at = before.index(number)
-        if at >= 0 and 0 <= at + by < len(before.takes):
-            assert session.index(number) == at + by
-        assert sorted(t.number for t in session.takes) == sorted(t.number for t in before.takes)
-        self.step("order", session)
-
-    @rule(which=whole)
-    def compare(self, which: int) -> None:
-        self.step("reference", replace(self.session, reference=Reference(take=self.number(which))))
-
-    @rule(which=whole)
-    def select(self, which: int) -> None:
-        """No step of its own: it changes the one that is there."""
-        session = edits.selected(self.session, self.number(which))
-        self.history.replace(session)
-        self.seen[self.history.present.number] = session, set(self.given)
-
-    @precondition(lambda self: self.history.undo_label)
-    @rule()
-    def undo(self) -> None:
-        label, number = self.history.undo_label, self.history.present.number
-        assert self.history.go(-1)
-        assert self.history.redo_label == label
-        assert self.history.present.number == number - 1
-        self.same_as_seen()
-
-    @precondition(lambda self: self.history.redo_label)
-    @rule()
-    def redo(self) -> None:
-        label = self.history.redo_label
-        assert self.history.go(1)
-        assert self.history.undo_label == label
-        self.same_as_seen()
-
-    def same_as_seen(self) -> None:
-        session, self.given = self.seen[self.history.present.number]
-        self.given = set(self.given)
-        assert self.session is session
-
-    @invariant()
-    def numbers_are_given_once(self) -> None:
-        numbers = [take.number for take in self.session.takes]
-        assert len(numbers) == len(set(numbers))
-        assert all(LIVE < number <= self.session.counter for number in numbers)
-        assert set(numbers) <= self.given
-
-    @invariant()
-    def the_selected_take_is_there(self) -> None:
-        assert self.session.selected == LIVE or self.session.current is not None
-
-    @invariant()
-    def trims_keep_frames_of_the_motion(self) -> None:
-        for take in self.session.takes:
-            first, last = take.range
-            assert first >= 0
-            assert last < take.frames
-            assert last - first + 1 >= MIN_FRAMES
-            assert take.trimmed == ((first, last) != (0, take.frames - 1))
-
-
-TestEdits = Edits.TestCase
-TestEdits.settings = settings(max_examples=60, stateful_step_count=30, deadline=None)
+    return reduce(edits.with_new_take, [Take(motion=motion(count)) for count in frames], Session())
 
 
 @settings(deadline=None)

@@ -14,7 +14,6 @@ from pathlib import Path
 import pytest
 
 from runtime.errors import FileError
-from runtime.session import sqlite_file
 from runtime.session.database import Database, Writer
 from runtime.session.sqlite_file import lock_of, side_files
 
@@ -204,16 +203,6 @@ def test_a_long_text(path: Path) -> None:
         with pytest.raises(FileError, match="unfolds to more than"):
             use()
     database.close()
-
-
-def test_many_rows(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    rows = "WITH RECURSIVE c(x) AS (SELECT 100 UNION ALL SELECT x + 1 FROM c WHERE x < 110000)"
-    change(path, f"INSERT INTO steps {rows} SELECT x, '', '' FROM c")
-    database = Database.read(path)
-    assert len(database.steps()) > 100_000
-    database.close()
-    monkeypatch.setattr(sqlite_file, "MAX_ROWS", 100_000)
-    refused(path, "more than 100000 rows")
 
 
 def test_rows_that_an_index_does_not_know(path: Path) -> None:

@@ -17,7 +17,6 @@ import pytest
 
 from runtime.errors import FileError, SportError
 from runtime.session.session_file import INPUT, SessionFile
-from runtime.session.sqlite_file import SEAL
 from tests.helpers.full_session import full_session, history_of, written
 
 DEEP = "[" * 100_000
@@ -115,7 +114,7 @@ DOCUMENTS: dict[str, Callable[[Any], Any]] = {
     "no object": lambda _: [1],
     "deep": lambda _: DEEP,
     "a long number": lambda _: f'{{"takes": {HUGE}}}',
-    "no takes": lambda d: d.pop("takes") and d,
+    "a field of another program": setting("other", to=1),
     "takes that are none": setting("takes", to=5),
     "takes as text": setting("takes", to="abc"),
     "a take that is not there": setting("takes", to=["|u1 5 " + "0" * 32]),
@@ -414,25 +413,3 @@ def test_a_character_that_lies_is_one_sentence_and_nothing_is_written_outside(
         file.close()
     assert not list(tmp_path.rglob("evil*"))
     assert not list((tmp_path / "cache").rglob("*.glb"))
-
-
-def test_a_file_that_claims_to_be_ours_is_checked_all_the_same(whole: Path, tmp_path: Path) -> None:
-    """The seal of a real one, on other rows."""
-    path = tmp_path / "a.sport"
-    path.write_bytes(whole.read_bytes())
-    assert value_of(path, f"SELECT count(*) FROM meta WHERE name = '{SEAL}'") == 1
-    with closing(sqlite3.connect(path)) as connection, connection:
-        connection.execute("CREATE TRIGGER evil AFTER INSERT ON meta BEGIN DELETE FROM steps; END")
-    with pytest.raises(FileError, match="its tables are others"):
-        SessionFile.open(path, whole.parent / "cache")
-
-
-def test_what_is_refused_stays_as_it_was(path: Path) -> None:
-    document(path, setting("counter", to=-1))
-    before = path.read_bytes()
-    rows = value_of(path, "SELECT group_concat(document) FROM steps")
-    with pytest.raises(FileError):
-        SessionFile.open(path, path.parent)
-    assert value_of(path, "SELECT group_concat(document) FROM steps") == rows
-    assert len(before) > 0
-    assert not path.with_name(f".{path.name}.lock").exists()

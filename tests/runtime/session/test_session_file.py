@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 import sqlite3
-import threading
 import time
 from contextlib import closing
 from dataclasses import replace
-from functools import partial
+from functools import partial, reduce
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from runtime.errors import FileError
-from runtime.session import database, edits
-from runtime.session.database import Database, FileInUse
+from runtime.session import edits
+from runtime.session.database import Database
 from runtime.session.frames import packed_frames, unpacked_frames
 from runtime.session.history import MAX_STEPS, History
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.prompt_blend import PromptBlend
 from runtime.session.session import Session, Take
-from runtime.session.session_file import DROPPED_STEPS, INPUT, RECORDED_PIECE, SessionFile
+from runtime.session.session_file import DROPPED_STEPS, RECORDED_PIECE, SessionFile
 from runtime.takes import input_edits
 from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputRecording, StyleChange, resimulated_take
@@ -96,27 +93,6 @@ def test_a_session_with_one_of_everything_comes_back(tmp_path: Path) -> None:
     again, history = reopened(other, elsewhere)  # what came from a file goes into another one
     assert text_of(history.present.session) == before
     again.close()
-
-
-def test_thirty_steps_come_back_with_those_that_were_undone(tmp_path: Path) -> None:
-    session = full_session(tmp_path / "cache", tmp_path)
-    history = history_of(*(edits.renamed(session, 1, f"name {n}") for n in range(30)))
-    for _ in range(12):
-        history.go(-1)
-    written(tmp_path / "a.sport", history, tmp_path / "cache")
-    file, found = reopened(tmp_path / "a.sport", tmp_path / "cache")
-    assert (found.at, found.undo_label, found.redo_label) == (
-        history.at,
-        history.undo_label,
-        history.redo_label,
-    )
-    assert [(s.number, s.label, text_of(s.session)) for s in found.steps] == [
-        (s.number, s.label, text_of(s.session)) for s in history.steps
-    ]
-    assert (
-        found.steps[3].session.takes[1] is found.steps[4].session.takes[1]
-    )  # what steps have in common is made once
-    file.close()
 
 
 def test_a_take_is_resimulated_after_opening_as_before_bit_by_bit(tmp_path: Path) -> None:
@@ -397,58 +373,6 @@ def test_save_as_and_copies_have_all_of_it_also_what_is_not_written_yet(tmp_path
         other.close()
 
 
-def test_a_file_that_is_open_is_opened_by_nobody_else_but_can_be_copied(tmp_path: Path) -> None:
-    clip, inputs = driven_take()
-    session = edits.with_new_take(Session(), Take(motion=Motion.of(clip, inputs)))
-    file = SessionFile.create(tmp_path / "a.sport", tmp_path)
-    file.write(history_of(session))
-    recording, _ = record(file, clip, inputs)  # it goes on meanwhile
-    assert file.flush(20.0)
-    with pytest.raises(FileInUse, match="another window"):
-        SessionFile.open(tmp_path / "a.sport", tmp_path)
-    SessionFile.copy(tmp_path / "a.sport", tmp_path / "b.sport")
-    other, found = reopened(tmp_path / "b.sport", tmp_path)
-    assert [take.title for take in found.present.session.takes] == ["Take 1", "Take 1"]
-    assert close(found.present.session.takes[0].made.clip, clip)
-    other.close()
-    motion = recording.finish(clip, inputs)  # type: ignore[attr-defined]
-    file.write(history_of(session, edits.with_new_take(session, Take(motion=motion))))
-    assert file.close()
-    file, found = reopened(tmp_path / "a.sport", tmp_path)
-    assert len(found.present.session.takes) == 2
-    file.close()
-
-
-def test_a_file_is_not_closed_under_a_copy_that_is_being_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    copying, go_on = threading.Event(), threading.Event()
-
-    def slow(*about: Any) -> None:
-        copying.set()
-        go_on.wait(20)
-        real(*about)
-
-    real = database.copy_rows
-    monkeypatch.setattr(database, "copy_rows", slow)
-    file = SessionFile.create(tmp_path / "a.sport", tmp_path)
-    file.write(history_of(Session(counter=3)))
-    thread = threading.Thread(target=file.save_copy, args=[tmp_path / "b.sport"])
-    thread.start()
-    assert copying.wait(20)
-    assert not file.close(0.1)
-    go_on.set()
-    thread.join(20)
-    assert file.close()
-    other, found = reopened(tmp_path / "b.sport", tmp_path)
-    assert found.present.session.counter == 3
-    other.close()
-    for late in (file.save_copy, file.save_as):
-        with pytest.raises(FileError, match="it is closed"):
-            late(tmp_path / "c.sport")
-    assert not (tmp_path / "c.sport").exists()
-
-
 def test_a_transaction_that_is_rolled_back_is_written_again_whole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -500,7 +424,7 @@ def test_an_edit_of_five_hundred_takes_costs_the_frame_little_and_opening_them_a
     takes = [Take(motion=Motion.of(still(3, f"{n}", n))) for n in range(500)]
     file = SessionFile.create(tmp_path / "a.sport", tmp_path)
     editor = Editor(Messages(), file)
-    editor.do("takes", lambda session: edits.with_takes(session, takes))
+    editor.do("takes", lambda session: reduce(edits.with_new_take, takes, session))
     assert file.flush(60.0)
     spent = []
     for number in range(50):
@@ -514,19 +438,3 @@ def test_an_edit_of_five_hundred_takes_costs_the_frame_little_and_opening_them_a
     assert time.thread_time() - begun < 1.0
     assert len(history.present.session.takes) == 500
     again.close()
-
-
-def test_damaged_frames_are_one_sentence_when_a_take_is_looked_at(tmp_path: Path) -> None:
-    clip, inputs = driven_take()
-    session = edits.with_new_take(Session(), Take(motion=Motion.of(clip, inputs)))
-    path = written(tmp_path / "a.sport", history_of(session), tmp_path)
-    with closing(sqlite3.connect(path)) as connection, connection:
-        connection.execute("UPDATE frames SET content = zeroblob(30)")
-        connection.execute(f"UPDATE motions SET header = '[1' WHERE key LIKE '%{INPUT}'")
-    file, found = reopened(path, tmp_path)
-    (take,) = found.present.session.takes
-    with pytest.raises(FileError, match=r"a\.sport: "):
-        _ = take.made.clip
-    with pytest.raises(FileError, match=r"a\.sport: "):
-        _ = take.made.inputs
-    file.close()

@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 
 from runtime.assets import PROJECT_ROOT
-from runtime.session import library
 from runtime.session.database import Database, Writer
 from runtime.session.library import find, keep_newest, new_path, remove
 
@@ -62,17 +61,6 @@ def test_what_is_shown_of_a_session(tmp_path: Path) -> None:
         b"",
     )
     assert find(tmp_path / "none") == []
-
-
-def test_names_sort_by_time_also_where_the_clock_was_set_back(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    paths = []
-    for stamp in ("20300101-000000", "20300101-000000", "20200101-000000", "20300101-000001"):
-        monkeypatch.setattr(library.time, "strftime", lambda _format, stamp=stamp: stamp)
-        paths.append(untitled(tmp_path).path)
-    assert paths == sorted(paths)
-    assert [summary.path for summary in find(tmp_path)] == paths[::-1]
 
 
 def test_a_session_that_is_open_is_not_found_nor_removed(tmp_path: Path) -> None:

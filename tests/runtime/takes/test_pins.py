@@ -19,7 +19,7 @@ from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON
 from runtime.takes.clip import Clip
 from runtime.takes.footplants import FootplantEdit, fitted_footplant, footplants, replanted, unfitted
 from runtime.takes.pinned import along_with, farthest, pinned
-from runtime.takes.pins import Pin, Pinned, parse_pins
+from runtime.takes.pins import parse_pins
 from runtime.takes.pose_edits import PoseEdits
 
 FRAMES, SPEED = 180, 0.6  # of `walk`
@@ -91,17 +91,6 @@ def test_a_point_beside_a_character_turns_with_it() -> None:
     turn = rotations.from_yaw(np.pi / 2)
     beside = along_with(np.array([5.0, 1.0, 1.0]), np.array([4.0, REST_HIPS_HEIGHT, 1.0]), turn)
     assert np.allclose(beside, [0.0, 1.0, 1.0], atol=1e-6)  # one metre ahead of who looks towards +X
-
-
-@given(
-    st.sampled_from([what for what in Pinned if what is not Pinned.POSE]), points, st.none() | points, st.booleans(),
-    st.floats(0.0, 10.0).map(lambda v: round(v, 2)), st.floats(0.0, 5.0).map(lambda v: round(v, 2)),
-)  # fmt: skip
-def test_pins_are_read_as_they_are_written(what, point, rail, along, start, ease) -> None:  # type: ignore[no-untyped-def]
-    pin = Pin(what, point, start, start + 1.5, ease, 0.25, rail, along)
-    (read,) = parse_pins(pin.to_text())
-    assert np.allclose(read.point, point, rtol=1e-4)
-    assert (read.what, read.along, read.ease_out) == (what, along, 0.25)
 
 
 @pytest.mark.parametrize(

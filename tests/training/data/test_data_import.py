@@ -81,7 +81,7 @@ def march(fps: float = 60.0, metres_per_second: float = 0.6) -> str:
             np.array([0, 0, 1.0]), np.array(angle)
         )
     hips = np.stack([np.zeros_like(t), np.full_like(t, 1.05), metres_per_second * t], -1)
-    return format_bvh(skeleton, hips, local, fps, order="YXZ")
+    return format_bvh(skeleton, {0: hips}, local, fps, order="YXZ")
 
 
 def retargeted(text: str):
@@ -186,7 +186,7 @@ def test_a_data_set_is_added_by_one_record(tmp_path: Path, monkeypatch: pytest.M
     assert ("mine_sit", "no walk") in [(one.name, one.reason) for one in left_out]
     assert credits_of({"mine"}) == ["Me (MIT)"]
     root = Skeleton(("MyRoot",), (-1,), np.zeros((1, 3), np.float32))
-    motion = parse_bvh(format_bvh(root, np.zeros((2, 3)), rotations.identity((2, 1)), 60))
+    motion = parse_bvh(format_bvh(root, {0: np.zeros((2, 3))}, rotations.identity((2, 1)), 60))
     assert skeleton_of(found[0], motion).name == "mine"
     with pytest.raises(FileError, match="none of"):
         list_clips(tmp_path, free_only=True)

@@ -116,7 +116,7 @@ def test_a_reference_pose_corrects_whatever_axes_a_rig_has() -> None:
         bones[j] = rotations.rotate(back, places[j] - places[parent])
         local[j] = rotations.multiply(back, axes[j])
     rig = Skeleton(names, parents, bones.astype(np.float32))
-    motion = parse_bvh(format_bvh(rig, places[[0, 0]], np.stack([local] * 2), 60.0))
+    motion = parse_bvh(format_bvh(rig, {0: places[[0, 0]]}, np.stack([local] * 2), 60.0))
     source = SourceSkeleton("odd", frozenset(names), {n: SourceJoint(n) for n in names}, reference="")
     wanted = standing_rotations(dict(zip(names, places, strict=True)))
     _, world = motion.world()

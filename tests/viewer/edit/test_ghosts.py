@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -17,7 +15,6 @@ from tests.helpers.app_driver import Start, click_on, run
 from tests.helpers.walker import walk
 from tests.viewer.edit.test_timeline import record, seek
 from viewer.edit.ghosts import JOINTS, Trails, ghosts, speeds
-from viewer.render.character_pass import COVERING_OPACITY, GHOST_OPACITY, ghost_draws
 from viewer.render.marks import trail_strokes
 from viewer.session.playback import Playback
 
@@ -47,18 +44,6 @@ def test_trails_go_through_the_joints_and_know_their_speeds() -> None:
     assert len(trail_strokes(trails, 1.0)) == (len(trails.points) - 1) * len(JOINTS)
     straight = np.arange(30)[:, None, None] * np.array([0.0, 0.0, 2.0 / 60.0])
     assert speeds(straight, 60.0) == pytest.approx(2.0)
-
-
-def test_ghosts_before_the_character_hide_it_no_more_than_one_does() -> None:
-    pose, eye = paused().pose_at(45), np.zeros(3)
-    for count in (1, 3, 6):
-        near = [dataclasses.replace(pose, hips_position=0.2 * pose.hips_position)] * count
-        drawn = ghost_draws(
-            [*near, dataclasses.replace(pose, hips_position=3.0 * pose.hips_position)], pose, eye
-        )
-        left = np.prod([1.0 - draw.opacity for draw in drawn[:count]])
-        assert left == pytest.approx(1.0 - COVERING_OPACITY)
-        assert drawn[-1].opacity == GHOST_OPACITY
 
 
 def test_a_mirror_image_twice_is_the_take() -> None:

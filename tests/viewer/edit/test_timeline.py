@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import threading
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +11,6 @@ from runtime.controls import Gait
 from runtime.session.frames import HIPS_STEP_M
 from runtime.session.session import Take
 from runtime.takes.clip import Clip
-from runtime.takes.input_recording import resimulated_take
 from tests.helpers.app_driver import (
     Start,
     click_on,
@@ -24,11 +21,9 @@ from tests.helpers.app_driver import (
     press,
     prompt,
     run,
-    run_until,
     type_prompt,
 )
 from viewer.app import App
-from viewer.edit import resimulation
 from viewer.gl_bindings import imgui
 from viewer.services import Services
 
@@ -90,26 +85,6 @@ def same(a: Clip, b: Clip, first: int = 0, last: int | None = None) -> bool:
 
 def prompts(app: App) -> list[tuple[str, int]]:
     return [(event.prompt, round(event.seconds * 60)) for event in take(app).clip.prompts]
-
-
-def test_single_steps_speed_and_loop(start: Start) -> None:
-    app = start()
-    record(app)
-    click_on(app, "##frame on")
-    assert frame(app) == 1
-    press(app, "period")
-    press(app, "comma")
-    press(app, "comma")
-    assert frame(app) == 0
-    click_on(app, "##frame back")
-    assert frame(app) == len(app.editor.session.takes[0].clip) - 1  # it loops
-    playback = app.takes.playback
-    assert playback is not None
-    playback.speed = 0.1
-    seek(app, 0)
-    press(app, "p")
-    run(app, 18)
-    assert frame(app) == 2
 
 
 def test_the_keys_of_a_take(start: Start) -> None:
@@ -300,32 +275,3 @@ def test_the_ruler_lies_over_the_tracks(start: Start, size: tuple[int, int]) -> 
     rows = {label: box for label, box in drawn(app) if label in ("##timeline", "##prompts", "##gaits")}
     assert len(rows) == 3
     assert len({(left, right) for left, _, right, _ in rows.values()}) == 1
-
-
-def test_a_span_stays_where_it_was_dropped_while_the_take_is_driven(
-    start: Start, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    app = start()
-    record(app)
-    go, real = threading.Event(), resimulated_take
-
-    def slow(*given: Any) -> Any:
-        given[-1](0.25)  # the progress
-        go.wait(10)
-        return real(*given)
-
-    monkeypatch.setattr(resimulation, "resimulated_take", slow)
-    app.jobs.blocking = False
-    drag(app, "##prompts", 0.5, 0.25)
-    assert app.editing.busy
-    run_until(app, lambda: app.editing.progress == 0.25)
-    held = app.transport.timeline.held
-    assert held is not None
-    assert held.dropped
-    assert 18 <= held.end <= 22
-    place_before = prompts(app)
-    go.set()
-    run_until(app, lambda: not app.editing.busy)
-    run(app, 2)
-    assert app.transport.timeline.held is None
-    assert prompts(app) != place_before

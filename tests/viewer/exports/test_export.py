@@ -33,14 +33,14 @@ def export(app: App, folder: Path, suffix: str, **form: object) -> Path:
     app.takes.toggle_recording()
     run(app, 2)
     click_on(app, "##more formats")
-    if app.exporting.state.form.suffix != suffix:
+    if app.exporting.form.suffix != suffix:
         click_on(app, "##export format")
         click_on(app, FORMATS[suffix].name)
-    app.exporting.state.choose(**form)
+    app.exporting.choose(**form)
     run(app, 2)
     click_on(app, "##export now")
     run(app, 2)
-    report = app.exporting.state
+    report = app.exporting
     assert report.report_good, report.report
     return folder / f"take-1{suffix}"
 
@@ -76,7 +76,7 @@ def test_an_mp4_has_a_frame_for_each_thirtieth_second(start: Start, tmp_path: Pa
         assert (stream.width, stream.height, stream.codec_context.name) == (640, 360, "h264")
         assert stream.average_rate == 30
     assert len(pictures) == FRAMES // 2
-    assert app.exporting.state.progress == (FRAMES // 2, FRAMES // 2)
+    assert app.exporting.progress == (FRAMES // 2, FRAMES // 2)
     assert np.std(pictures[0]) > 10.0, "something is drawn"
     assert np.abs(pictures[0].astype(int) - pictures[-1]).max() > 30, "it moves"
 
@@ -85,21 +85,6 @@ def test_an_mp4_has_a_frame_for_each_thirtieth_second(start: Start, tmp_path: Pa
 def test_an_fbx_is_written_where_blender_is(start: Start, tmp_path: Path) -> None:
     path = export(start(services=REAL), tmp_path, ".fbx")
     assert path.read_bytes().startswith(b"Kaydara FBX Binary")
-
-
-def test_a_format_that_lacks_its_program_says_so_in_the_window(
-    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(fbx, "find_blender", lambda: None)
-    app = start()
-    run(app, 2)
-    app.takes.save_last()
-    app.exporting.open()
-    app.exporting.choose_format(".fbx")
-    run(app, 2)
-    assert "SPORT_BLENDER" in app.exporting.state.missing
-    app.exporting.choose_format(".glb")
-    assert app.exporting.state.missing == ""
 
 
 def test_any_export_can_be_cancelled_while_it_is_written(start: Start, tmp_path: Path) -> None:
@@ -119,6 +104,6 @@ def test_any_export_can_be_cancelled_while_it_is_written(start: Start, tmp_path:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(type(exporting), "_ground_of", lambda self, item: cancelled_meanwhile)
             exporting.export()
-        assert app.exporting.state.report == "Cancelled: nothing was written."
+        assert app.exporting.report == "Cancelled: nothing was written."
         assert not list(tmp_path.glob("last-seconds*"))
     assert not exporting.busy

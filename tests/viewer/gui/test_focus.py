@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from tests.helpers.app_driver import (
     Start,
@@ -20,31 +18,13 @@ from tests.helpers.app_driver import (
 )
 from viewer.app import App
 from viewer.gl_bindings import imgui
-from viewer.gui.layout import Layout, Rect, arrange
+from viewer.gui.layout import Layout, Rect
 
 LETTERS = "abcdefghijklmnopqrstuvwxyz0123456789"
 
 
 def panels_of(layout: Layout) -> set[str]:
     return {name for name, rect in vars(layout).items() if rect is not None}
-
-
-@given(
-    st.floats(320, 3840),
-    st.floats(240, 2160),
-    st.floats(0.75, 3.0),
-    st.booleans(),
-    st.lists(st.floats(1, 3000), min_size=2, max_size=5),
-)
-def test_which_panels_there_are_does_not_depend_on_what_they_hold(
-    width: float, height: float, scale: float, playing: bool, heights: list[float]
-) -> None:
-    layouts = [arrange(width, height, scale, True, playing, needed) for needed in (0.0, *heights)]
-    assert len({frozenset(panels_of(layout)) for layout in layouts}) == 1
-    assert len({(layout.view, layout.prompt, layout.transport) for layout in layouts}) == 1
-    for layout in layouts:
-        if layout.clips is not None:
-            assert layout.clips.height >= 210.0 * scale - 1e-3
 
 
 @pytest.mark.parametrize(("size", "scale"), [((1280, 720), 1.0), ((1920, 1080), 1.25), ((800, 500), 0.75)])

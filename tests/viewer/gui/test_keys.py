@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, settings
-from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, invariant, rule, run_state_machine_as_test
 
-from tests.helpers.app_driver import click, click_on, controller, drawn, message, place, press, run, run_until
-from viewer import jobs
+from tests.helpers.app_driver import click, click_on, controller, message, place, press, run
 from viewer.app import App
 from viewer.gl_bindings import imgui
 from viewer.gui.focus import Use, window_at
-from viewer.gui.theme import ICON
 
 PATH = "Path##overlay"  # the dialog is its field
 
@@ -254,142 +247,4 @@ def test_a_click_on_the_view_leaves_a_list_or_field_and_has_the_keys(steps: str,
     assert walks(app)
 
 
-class Keys(RuleBasedStateMachine):
-    """Anything is opened, used and left in any order, by mouse and keys."""
-
-    app: App
-
-    def click(self, data: st.DataObject, button: int, twice: bool) -> None:
-        rects = [rect for label, rect in drawn(self.app) if "Discard" not in label]
-        left, top, right, bottom = data.draw(st.sampled_from(rects))
-        x, y = (left + right) / 2, (top + bottom) / 2
-        for down in (False, True, False, True, False)[: 5 if twice else 3]:
-            self.app.window.inject_mouse(x, y, button, down)
-            run(self.app, 2)
-
-    @rule(data=st.data(), button=st.sampled_from((0, 0, 0, 1)), twice=st.booleans())
-    def use(self, data: st.DataObject, button: int, twice: bool) -> None:
-        self.click(data, button, twice)
-
-    @rule(label=st.sampled_from(("##session", "##settings", "##take menu", "##terrain", "##prompt A")))
-    def use_what_opens(self, label: str) -> None:
-        if any(label in full.replace("###", "##") for full, _ in drawn(self.app)):
-            click_on(self.app, label)
-
-    @rule(
-        keys=st.sampled_from(
-            [
-                "f6",
-                "f6",
-                "tab",
-                "tab",
-                "down",
-                "up",
-                "right",
-                "enter",
-                "space",
-                "f1",
-                "p",
-                "v",
-                "delete",
-                "ctrl+e",
-                "ctrl+o",
-                "ctrl+s",
-                "ctrl+z",
-            ]
-        )
-    )
-    def key(self, keys: str) -> None:
-        press(self.app, *keys.split("+"))
-
-    @rule()
-    def escape(self) -> None:
-        escape(self.app)
-
-    @rule()
-    def click_the_view(self) -> None:
-        spot = view_spot()
-        if spot is not None:
-            click(self.app, *spot)
-            run(self.app, 2)
-            assert self.app.shell.focus.in_view
-            assert walks(self.app)
-
-    @invariant()
-    def the_view_has_the_keys_when_nothing_is_open(self) -> None:
-        run(self.app, 3)
-        self.app.settings.ui_scale = self.app.window.wanted_scale = 0.0  # places stay within the window
-        if "has the keys" in message(self.app):
-            assert not self.app.shell.focus.in_view
-        if not things(self.app):
-            assert self.app.shell.focus.in_view
-            assert walks(self.app)
-
-    def teardown(self) -> None:
-        for _ in range(len(things(self.app))):
-            escape(self.app)
-        assert things(self.app) == []
-        assert walks(self.app)
-
-
-def test_whatever_is_opened_and_left_the_keys_come_back(app: App) -> None:
-    Keys.app = app
-    quick = settings(
-        max_examples=2,
-        stateful_step_count=10,
-        deadline=None,
-        derandomize=True,
-        database=None,
-        suppress_health_check=list(HealthCheck),
-    )
-    run_state_machine_as_test(Keys, settings=quick)
-
-
 # --- exports under way
-
-
-def test_an_export_goes_on_in_the_status_line_when_its_window_is_closed(
-    app: App, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(jobs, "PATIENCE_S", 0.0)
-    monkeypatch.setattr(app.jobs, "blocking", False)
-    cancelled = app.exporting._cancel
-
-    def film(*_: Any) -> Callable[[], str]:
-        return lambda: "" if cancelled.wait(60) else "never"
-
-    monkeypatch.setattr(app.exporting, "_work", film)
-    do(app, "key ctrl+e")
-    app.exporting.choose_format(".mp4")
-    run(app, 3)
-    do(app, "click ##export now; key escape")
-    assert things(app) == []
-    assert app.exporting.busy
-    labels: list[str] = []
-    small, text = imgui.small_button, imgui.text_unformatted
-    monkeypatch.setattr(imgui, "text_unformatted", lambda t: labels.append(t) or text(t))
-    run(app, 60)
-    assert sum(label.startswith(f"{ICON.clock} Writing the export of ") for label in labels) >= 60, (
-        "in every frame"
-    )
-    assert walks(app)
-    monkeypatch.setattr(imgui, "small_button", lambda label: small(label) or label.startswith("Cancel"))
-    run_until(app, lambda: not app.exporting.busy)
-    assert "cancelled" in message(app)
-    labels.clear()
-    run(app, 2)
-    assert not any(f"{ICON.clock} Exporting" in label for label in labels)
-
-
-def test_an_export_that_cannot_be_cancelled_is_shown_without_a_button(
-    app: App, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(jobs, "PATIENCE_S", 0.0)
-    monkeypatch.setattr(app.jobs, "blocking", False)
-    done = threading.Event()
-    monkeypatch.setattr(app.exporting, "_work", lambda *_: lambda: "walk.bvh" if done.wait(60) else "")
-    do(app, "key ctrl+e; click ##export format; click BVH: motion; click ##export now; key escape")
-    assert app.jobs.shown() == (f"Writing the export of {app.editor.session.takes[0].title}", None)
-    done.set()
-    run_until(app, lambda: not app.exporting.busy)
-    assert "walk.bvh" in message(app)

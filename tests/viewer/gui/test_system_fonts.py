@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
 
 from tests.helpers.app_driver import Start, message, run
 from viewer.gui import system_fonts
-from viewer.gui.system_fonts import find_fonts, font_folders
 
 TEXT = "元気に歩く"
 
@@ -43,7 +43,7 @@ def test_japanese_is_drawn_with_a_font_of_the_system(
     pytest.importorskip("fontTools")
     (tmp_path / "NotoSansCJK-Regular.ttc").write_bytes(b"no font at all")
     write_font(tmp_path / "ipag.ttf", TEXT)
-    monkeypatch.setattr(system_fonts, "font_folders", lambda *_: [tmp_path])
+    monkeypatch.setitem(system_fonts.FOLDERS, sys.platform, (str(tmp_path),))
     app = start(panels=True)
     run(app, 2)
     regular = app.shell.fonts.regular
@@ -53,28 +53,3 @@ def test_japanese_is_drawn_with_a_font_of_the_system(
     run(app, 3)
     assert all(regular.is_glyph_in_font(ord(c)) for c in TEXT)
     assert "No font" not in message(app)
-
-
-def test_without_such_a_font_it_is_said_once(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(system_fonts, "font_folders", lambda *_: [])
-    app = start()
-    run(app, 2)
-    app.prompting.boxes[0].text = TEXT
-    run(app)
-    assert "No font of this system has U+" in message(app)
-    app.messages.note("later")
-    run(app, 3)
-    assert message(app) == "later"
-
-
-def test_folders_by_platform(tmp_path: Path) -> None:
-    windows = font_folders("win32", {"WINDIR": "C:/Windows"})
-    assert windows == [Path("C:/Windows/Fonts")]
-    assert Path("/System/Library/Fonts") in font_folders("darwin", {})
-    assert Path("/usr/share/fonts") in font_folders("linux", {})
-    for name in ("meiryo.ttc", "deep/YuGothM.ttc", "deep/other.ttf", "segoeui.ttf"):
-        path = tmp_path / "Fonts" / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(b"")
-    found = find_fonts("win32", {"WINDIR": str(tmp_path)})
-    assert [path.name for path in found] == ["YuGothM.ttc", "meiryo.ttc", "segoeui.ttf"]

@@ -26,7 +26,7 @@ from viewer.input.bindings import (
     to_controls,
 )
 from viewer.input.devices import KeyScript
-from viewer.input.gamepad import BUTTONS, GamepadState, GlfwGamepads, radial_dead_zone
+from viewer.input.gamepad import GamepadState, GlfwGamepads, radial_dead_zone
 
 KEYS = frozenset({"w", "a", "s", "d", "shift", "r"})
 DT = 1 / 60
@@ -148,17 +148,6 @@ def test_typing_does_not_drive_but_function_keys_work() -> None:
     assert keyboard.take_pressed() == ["f1"]
     keyboard.key("f1", False, typing=True)
     assert not keyboard.held
-
-
-def test_no_key_or_button_does_two_things() -> None:
-    keys = [key for action in Action for key in action.keys]
-    buttons = [action.button for action in Action if action.button]
-    assert len(set(keys)) == len(keys)
-    assert len(set(buttons)) == len(buttons)
-    assert set(buttons) <= set(BUTTONS)
-    assert all(action.keys or action.take_key for action in Action)
-    take_keys = [action.take_key for action in Action if action.take_key]
-    assert len(set(take_keys)) == len(take_keys)
 
 
 def test_a_take_has_some_keys_while_it_is_shown() -> None:

@@ -117,7 +117,7 @@ def test_what_became_of_an_export_is_in_view(start: Start, tmp_path: Path, size:
     run(app, 3)
     click_on(app, "##export now")
     run(app, 5)
-    exports = app.exporting.state
+    exports = app.exporting
     assert exports.report_good, exports.report
     window, size_y = imgui.internal.find_window_by_name("Export##overlay"), imgui.get_io().display_size.y
     assert window.pos.y + window.size.y <= size_y - STATUS_HEIGHT, "the status line can be read"
@@ -129,7 +129,7 @@ def test_the_export_window_writes_what_the_command_writes(start: Start, tmp_path
     app.settings.export_folder = str(tmp_path)
     record(app, 40)
     click_on(app, "##more formats")
-    exports = app.exporting.state
+    exports = app.exporting
     app.exporting.choose_format(".bvh")
     exports.choose(fps=30.0, rest_frame=True, ground=".obj")
     run(app, 3)
@@ -137,14 +137,14 @@ def test_the_export_window_writes_what_the_command_writes(start: Start, tmp_path
     run(app, 2)
     assert len(load_clip_bvh(tmp_path / "take-1.bvh")) == 21  # 40 frames at half the rate, and the rest pose
     assert (tmp_path / "take-1-ground.obj").is_file()
-    assert "21 frames at 30 fps" in app.exporting.state.report
+    assert "21 frames at 30 fps" in app.exporting.report
     (take,) = app.editor.session.takes
     assert app.takes.exported(take) == tmp_path / "take-1.bvh"
     assert app.takes.saved(take) is None  # half the frames
     exports.choose(in_place=True)
     click_on(app, "##export now")
     run(app, 2)
-    assert "In place with a ground next to it" in app.exporting.state.report
+    assert "In place with a ground next to it" in app.exporting.report
     press(app, "escape")
     run(app, 2)
     assert "##export now" not in labels(app)
@@ -181,7 +181,7 @@ def test_another_model_is_loaded_by_a_dialog_and_remembered(start: Start, tmp_pa
     assert app.settings.model_folder == str(tmp_path)
     assert app.scene.controller is not before
     app.settings.model_folder = str(tmp_path / "gone")
-    assert app.settings_window.chosen_model(offscreen=False) is None
+    assert app.settings_window.chosen_model() is None
     assert "is not there any more" in said(app)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from runtime.prompts.blend import read_words, write_words
 from runtime.session.prompt_blend import Side
-from tests.helpers.app_driver import Start, click_on, controller, message, place, press, run, style, words
+from tests.helpers.app_driver import Start, click_on, controller, place, press, run, style, words
 from tests.helpers.viewer_fakes import FakeEncoder, FakeLibrary
 
 
@@ -27,49 +27,6 @@ def test_a_blend_moves_each_part_by_its_share(start: Start) -> None:
     assert np.allclose(style(app)[5], 0.75 * king[5] + 0.25 * duck[5])
     run(app, 3)
     assert len(controller(app).styles) == styles + 1  # and none without a change
-
-
-def test_the_slider_for_all_leaves_locked_parts(start: Start) -> None:
-    app = start(prompt="a proud king")
-    run(app)
-    app.prompting.submit_prompt("a duck", Side.B)
-    app.prompting.toggle_lock("head")
-    app.prompting.set_all_weights(1.0)
-    assert app.editor.session.live.prompt.weights == (1.0,) * 5 + (0.5,)
-    assert app.editor.session.live.prompt.master_weight == 1.0
-
-
-def test_a_locked_part_takes_nothing_of_prompt_b(start: Start) -> None:
-    app = start(prompt="a proud king")
-    run(app)
-    king = style(app)
-    app.prompting.toggle_lock("head")
-    app.prompting.submit_prompt("a duck", Side.B)
-    app.prompting.set_weight("head", 1.0)
-    run(app)
-    assert app.editor.session.live.prompt.weights == (0.5,) * 5 + (0.0,)
-    assert np.array_equal(style(app)[5], king[5])
-    assert not np.array_equal(style(app)[4], king[4])
-
-
-def test_a_part_that_is_locked_with_a_share_of_b_keeps_it(start: Start) -> None:
-    app = start(prompt="a proud king")
-    run(app)
-    app.prompting.submit_prompt("a duck", Side.B)
-    run(app)
-    app.prompting.toggle_lock("head")
-    blended = style(app)
-    app.prompting.submit_prompt("an old horse", Side.B)
-    run(app)
-    assert np.array_equal(style(app)[5], blended[5])
-    app.prompting.drop_blend()
-    run(app)
-    assert np.array_equal(style(app)[5], blended[5])
-    assert "head" in message(app)
-    app.prompting.toggle_lock("head")
-    app.prompting.drop_blend()
-    run(app)
-    assert app.editor.session.live.prompt.b is None
 
 
 def test_a_blend_is_undone_swapped_dropped_and_kept_in_takes(start: Start) -> None:

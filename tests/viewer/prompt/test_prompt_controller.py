@@ -222,14 +222,6 @@ def test_a_lock_is_no_new_style(room: Room) -> None:
     assert len(room.styles) == styles
 
 
-def test_the_first_prompt_is_not_withdrawn() -> None:
-    room = Room()
-    room.controller.begin("a king")
-    room.editor.undo()
-    room.give()
-    assert room.prompt.prompt(Side.A) == "a king"
-
-
 def test_the_end_of_a_blend_keeps_locked_parts(room: Room) -> None:
     room.submit("a duck", Side.B)
     room.controller.toggle_lock("head")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 
 import numpy as np
-import pytest
 
 from runtime.session.prompt_blend import Side
 from runtime.skeleton import PART_NAMES
@@ -20,12 +19,11 @@ from tests.helpers.app_driver import (
     prompt,
     run,
     run_until,
-    style,
     type_prompt,
     typing,
     words,
 )
-from tests.helpers.viewer_fakes import FakeEncoder, FakeLibrary
+from tests.helpers.viewer_fakes import FakeLibrary
 
 # typing
 
@@ -109,23 +107,6 @@ def test_enter_changes_the_shipped_models_style_at_the_next_frame_after_the_answ
 # the six fields
 
 
-def test_an_edited_part_is_encoded_again(start: Start) -> None:
-    app = start()
-    run(app)
-    styles = len(controller(app).styles)
-    app.prompting.parts["left_arm"] = "left arm raised"
-    app.prompting.submit_part("left_arm")
-    run(app)
-    assert len(controller(app).styles) == styles + 1
-    assert style(app)[0] == pytest.approx(FakeEncoder.code("left arm raised"))
-    assert app.editor.session.live.prompt.a.edited == ("left_arm",)
-    assert app.editor.session.live.prompt.a.source == "library"  # the other five are still its
-    app.prompting.parts["left_arm"] = "x" * 400
-    app.prompting.submit_part("left_arm")
-    assert "left_arm" in message(app)
-    assert len(controller(app).styles) == styles + 1
-
-
 def test_a_field_goes_back_to_what_was_said_when_it_is_reset_or_emptied(start: Start) -> None:
     app = start()
     run(app)
@@ -155,66 +136,11 @@ def test_a_field_is_applied_when_it_is_left(start: Start) -> None:
     assert "slowly" in words(app)["head"]
 
 
-def test_an_edited_field_is_locked_and_survives_the_next_prompt(start: Start) -> None:
-    app = start()
-    run(app)
-    app.prompting.parts["head"] = "head shaking"
-    app.prompting.submit_part("head")
-    assert app.editor.session.live.prompt.locked == {"head"}
-    app.prompting.submit_prompt("a proud king")
-    assert "Locked, so kept: head." in message(app)
-    app.editor.undo()
-    app.editor.undo()  # of the edit, and of its lock with it
-    assert app.editor.session.live.prompt.locked == frozenset()
-    app.editor.redo()
-    app.editor.redo()
-    assert words(app)["head"] == app.prompting.parts["head"] == "head shaking"
-    assert words(app)["torso"] == "torso of a proud king"
-    assert style(app)[5] == pytest.approx(FakeEncoder.code("head shaking"))
-    app.prompting.reset_part("head")
-    assert words(app)["head"] == "head of a proud king"
-    app.prompting.submit_prompt("a duck")  # a reset gives the field back to the prompts
-    assert words(app)["head"] == "head of a duck"
-
-
 def duck() -> dict[str, str]:
     return FakeLibrary().expand("a duck").descriptions.to_mapping()
 
 
 # undo
-
-
-def test_undo_and_redo_of_prompts_edits_and_locks(start: Start) -> None:
-    app = start(prompt="a proud king")
-    run(app)
-    states = [(words(app), frozenset(), style(app))]
-    app.prompting.submit_prompt("a duck")
-    states.append((words(app), frozenset(), style(app)))
-    app.prompting.parts["torso"] = "torso twisting"
-    app.prompting.submit_part("torso")
-    states.append((words(app), frozenset({"torso"}), style(app)))
-    app.prompting.toggle_lock("head")
-    states.append((words(app), frozenset({"head", "torso"}), style(app)))
-
-    def check(index: int) -> None:
-        run(app)
-        expected, locked, z = states[index]
-        assert words(app) == app.prompting.parts == expected
-        assert app.editor.session.live.prompt.locked == locked
-        assert np.array_equal(style(app), z)
-        assert app.prompting.boxes[Side.A].text == ("a proud king" if index == 0 else "a duck")
-
-    check(3)
-    for index in (2, 1, 0, 0):
-        press(app, "ctrl", "z")
-        check(index)
-    for keys, index in ((("ctrl", "y"), 1), (("ctrl", "shift", "z"), 2), (("ctrl", "y"), 3)):
-        press(app, *keys)
-        check(index)
-    press(app, "ctrl", "z")
-    app.prompting.submit_prompt("a goose")
-    press(app, "ctrl", "y")  # a new step forgets what was undone
-    assert prompt(app) == "a goose"
 
 
 def test_undo_in_a_field_takes_typing_back_first(start: Start) -> None:

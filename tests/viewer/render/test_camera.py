@@ -6,22 +6,19 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.easing import spring
 from tests.helpers.render_scene import hills
 from viewer.render.camera import Camera, FollowCamera, OrbitCamera
 from viewer.render.frame import make_frame
 
-untimed = settings(deadline=None)  # a busy machine must not fail them
 yaws = st.floats(-math.pi, math.pi)
 pitches = st.floats(-0.3, 1.4)
 distances = st.floats(0.7, 40.0)
 ndc = st.floats(-0.95, 0.95)
 
 
-@untimed
 @given(yaws, pitches, distances)
 def test_view_is_a_rigid_motion_that_looks_at_the_target(yaw: float, pitch: float, distance: float) -> None:
     camera = OrbitCamera((1.0, 2.0, -3.0), yaw, pitch, distance)
@@ -31,7 +28,6 @@ def test_view_is_a_rigid_motion_that_looks_at_the_target(yaw: float, pitch: floa
     np.testing.assert_allclose(view @ [1.0, 2.0, -3.0, 1.0], [0, 0, -distance, 1], atol=1e-4 * distance)
 
 
-@untimed
 @given(yaws, pitches, distances)
 def test_heading_is_the_ground_direction_of_the_view(yaw: float, pitch: float, distance: float) -> None:
     camera = OrbitCamera((0.0, 1.0, 0.0), yaw, pitch, distance)
@@ -49,7 +45,6 @@ def view_ray(camera: Camera, x: float, y: float, aspect: float) -> tuple[np.ndar
     return camera.position, direction / np.linalg.norm(direction)
 
 
-@untimed
 @given(yaws, pitches, ndc, ndc, st.floats(0.5, 3.0), st.sampled_from([0.0, 0.4]))
 def test_ray_goes_through_the_point_that_projects_there(yaw, pitch, x, y, aspect, shift) -> None:
     camera = OrbitCamera((0.5, 1.0, 0.2), yaw, pitch, 5.0)
@@ -92,7 +87,6 @@ def test_orbit_drags_the_scene() -> None:
     assert camera.pitch == camera.MAX_PITCH
 
 
-@untimed
 @given(yaws, pitches, st.floats(-200, 200), st.floats(-200, 200))
 def test_pan_keeps_the_target_under_the_pointer(yaw: float, pitch: float, dx: float, dy: float) -> None:
     camera = OrbitCamera((0.0, 1.0, 0.0), yaw, pitch, 4.0)
@@ -110,26 +104,6 @@ def test_zoom_stays_in_range() -> None:
     assert camera.distance == camera.MIN_DISTANCE
     camera.zoom(-1000)
     assert camera.distance == camera.MAX_DISTANCE
-
-
-@untimed
-@given(st.floats(-5, 5), st.floats(-5, 5), st.floats(-5, 5), st.floats(0.02, 1.0), st.floats(0.001, 0.2))
-def test_spring_does_not_depend_on_the_frame_rate(value, velocity, goal, half_life, dt) -> None:
-    arguments = np.array(goal), half_life
-    once = spring(np.array(value), np.array(velocity), *arguments, dt)
-    first = spring(np.array(value), np.array(velocity), *arguments, dt / 2)
-    twice = spring(*first, *arguments, dt / 2)
-    np.testing.assert_allclose(once, twice, atol=1e-6 * max(1.0, 1.0 / half_life))
-
-
-def test_spring_arrives_without_overshoot() -> None:
-    value, velocity = np.array(0.0), np.array(0.0)
-    values = []
-    for _ in range(120):
-        value, velocity = spring(value, velocity, np.array(1.0), 0.1, 1 / 60)
-        values.append(float(value))
-    assert np.all(np.diff(values) >= 0)
-    assert values[-1] == pytest.approx(1.0, abs=1e-3)
 
 
 def test_follow_camera_arrives_at_its_target_and_keeps_its_heading() -> None:

@@ -11,8 +11,7 @@ from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import TERRAIN_NAMES, make_terrain
 from tests.helpers.app_driver import Start, click_on, controller, press, run
 from viewer.app import App
-from viewer.scene.camera_control import CameraControl
-from viewer.scene.views import VIEWS, start_yaw
+from viewer.scene.camera_control import VIEWS, CameraControl, start_yaw
 
 
 def shown_at(app: App, point: np.ndarray) -> np.ndarray:

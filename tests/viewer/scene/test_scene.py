@@ -10,13 +10,10 @@ import pytest
 from PIL import Image
 
 from runtime.assets import asset_path
-from runtime.character.character import load_character
-from runtime.character.shape import BodyShape
 from runtime.controls import Controls
 from runtime.errors import SportError
 from tests.helpers.app_driver import InjectedPads, Start, controller, message, run
 from tests.helpers.viewer_fakes import FakeRenderer, fake_services
-from viewer import services
 from viewer.app import App
 from viewer.messages import Level
 from viewer.options import ViewOptions
@@ -194,19 +191,3 @@ def test_the_motion_keeps_its_own_time_at_five_frames_a_second(start: Start) -> 
     assert controller(app).steps - steps == pytest.approx(120, abs=1)
     simulation.model_ms = 100.0  # a model that is slow itself must not hold the display up for ever
     assert len(app.scene.advance(0.2, Controls())) == 6
-
-
-def test_the_mannequin_takes_another_shape_and_its_own_again(start: Start) -> None:
-    app = start(services={"load_character": services.load_character})
-    run(app)
-    assert app.scene.size == 1.0
-    app.scene.set_shape(BodyShape(height=0.8, shoulders=1.2))
-    run(app)
-    assert app.scene.is_mannequin
-    assert app.scene.size == pytest.approx(0.8, abs=0.01)  # the motion has its size
-    assert app.scene.character_path is not None  # what exports and projects take along
-    assert load_character(app.scene.character_path).size == app.scene.size
-    app.scene.set_shape(BodyShape())
-    run(app)
-    assert app.scene.character_path is None
-    assert app.scene.size == 1.0

@@ -73,7 +73,7 @@ def test_the_habits_of_other_programs(
     start: Start, program: str, orbit: tuple, pan: tuple, zoom: tuple
 ) -> None:
     app = start(camera="orbit")
-    app.settings_window.open()
+    app.settings_window.toggle()
     run(app, 2)
     click_on(app, program)
     press(app, "escape")

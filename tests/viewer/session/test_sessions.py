@@ -21,14 +21,11 @@ from runtime.session.library import find
 from runtime.session.motion import Motion
 from runtime.session.session import Session, Take
 from runtime.session.session_file import SessionFile
-from runtime.takes.pins import Pinned
-from runtime.takes.pose_edits import NO_EDITS
 from runtime.terrain.files import write_height_png
 from tests.helpers.app_driver import Start, click_on, drawn, press, prompt, run, run_until
 from tests.helpers.full_session import history_of, still, text_of, written
 from tests.helpers.gltf_characters import user_character
 from viewer.app import App
-from viewer.jobs import Jobs
 
 
 def said(app: App) -> str:
@@ -155,41 +152,6 @@ def test_each_take_is_in_the_session_in_which_it_was_recorded(start: Start, tmp_
     assert app.sessions.earlier == []
 
 
-def test_the_last_ten_untitled_sessions_are_kept(start: Start, tmp_path: Path) -> None:
-    app = start()
-    for number in range(13):
-        record(app, 5)
-        app.takes.rename(1, f"of {number}")
-        app.sessions.new()
-    assert len(app.sessions.earlier) == 10
-    titles = [in_file(left.path, tmp_path).takes[0].title for left in app.sessions.earlier]
-    assert titles == [f"of {number}" for number in range(12, 2, -1)]
-
-
-def test_a_new_session_is_on_the_same_ground_and_can_be_left_by_undo_of_nothing(start: Start) -> None:
-    app = start()
-    app.scene.load_terrain("stairs")
-    record(app)
-    app.sessions.new()
-    run(app, 3)
-    assert app.scene.terrain_spec == "stairs"
-    assert app.editor.session.ground is not None
-    app.editor.undo()
-    assert said(app) == "There is nothing to undo."
-    assert app.editor.session.takes == ()
-
-
-def test_a_new_session_holds_no_hand_and_has_no_path(start: Start) -> None:
-    app = start()
-    app.pins.toggle_live(Pinned.LEFT_HAND)
-    app.path.add(1.0, 2.0)
-    app.sessions.new()
-    run(app, 3)
-    assert app.pins.pins == ()
-    assert app.editor.session.live.poses == NO_EDITS
-    assert app.path.points == ()
-
-
 def test_a_camera_key_is_dragged_past_another_one_and_never_onto_it(start: Start) -> None:
     app = start()
     record(app, 60)
@@ -217,40 +179,6 @@ def test_save_as_of_an_untitled_session_removes_the_untitled_file(start: Start, 
     record(app)
     app.close()
     assert [len(in_file(tmp_path / f"{name}.sport", tmp_path).takes) for name in ("named", "other")] == [2, 3]
-
-
-def test_a_copy_stays_as_it_is_while_the_session_goes_on(start: Start, tmp_path: Path) -> None:
-    app = start()
-    record(app)
-    app.sessions.save_copy(tmp_path / "copy")
-    assert said(app) == f"Saved a copy as {tmp_path / 'copy.sport'}."
-    assert app.sessions.path is None
-    record(app)
-    assert len(in_file(tmp_path / "copy.sport", tmp_path).takes) == 1
-    app.sessions.save_copy(tmp_path / "copy")  # once more, over it
-    assert len(in_file(tmp_path / "copy.sport", tmp_path).takes) == 2
-
-
-def test_a_session_is_reverted_to_when_it_was_opened_and_that_is_undone(start: Start, tmp_path: Path) -> None:
-    app = start()
-    record(app)
-    app.sessions.save_as(tmp_path / "a.sport")
-    app.sessions.new()
-    app.sessions.open(tmp_path / "a.sport")
-    before = text_of(app.editor.session)
-    app.sessions.revert()
-    assert said(app) == "Nothing was changed since it was opened."
-    app.takes.rename(1, "other")
-    record(app)
-    after = text_of(app.editor.session)
-    app.sessions.revert()
-    assert text_of(app.editor.session) == before
-    app.editor.undo()
-    assert text_of(app.editor.session) == after
-    app.editor.redo()
-    assert text_of(app.editor.session) == before
-    app.close()
-    assert text_of(in_file(tmp_path / "a.sport", tmp_path / "config" / "characters")) == before
 
 
 def test_two_windows_on_one_session_the_second_has_a_copy(start: Start, tmp_path: Path) -> None:
@@ -336,23 +264,6 @@ def test_a_named_session_that_was_cut_off_has_it_all_when_it_is_opened(start: St
     app.sessions.open_last()
     assert titles(app) == ["after it was saved", "Take 2"]
     assert "Recovery of Take 2: it was cut off." in said(app)
-
-
-def test_an_older_session_that_was_cut_off_never_overwrites_the_named_file(
-    start: Start, tmp_path: Path
-) -> None:
-    killed = start()
-    record(killed)
-    killed.close()
-    app = start()
-    app.sessions.open(make_named(tmp_path / "a.sport"))
-    app.sessions.look()
-    assert app.sessions.cut_off is not None
-    app.sessions.open(app.sessions.cut_off.path)
-    app.takes.rename(1, "of the cut off one")
-    assert app.sessions.path is None
-    app.close()
-    assert in_file(tmp_path / "a.sport", tmp_path).takes[0].title == "named"
 
 
 # --- the disk
@@ -575,22 +486,3 @@ def test_a_name_that_is_no_text_kills_nothing(start: Start, tmp_path: Path) -> N
     assert app.end() == 0
     app.close()
     assert [take.title for take in in_file(path, tmp_path).takes] == wanted
-
-
-def test_a_session_is_opened_while_frames_are_shown_and_the_one_before_is_kept(
-    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """With threads, as in a window: what is done while another session is read belongs to the one before."""
-    monkeypatch.setattr("viewer.workspace.Jobs", lambda messages, blocking: Jobs(messages))
-    app = start()
-    run_until(app, lambda: app.scene.controller is not None and app.editor.session.ground is not None)
-    record(app)
-    mine = app.editor.file.path
-    app.sessions.open(make_named(tmp_path / "a.sport"))
-    app.takes.rename(1, "while it is read")
-    run_until(app, lambda: app.sessions.name == "a")
-    app.takes.rename(1, "renamed")
-    run_until(app, lambda: any(left.path == mine for left in app.sessions.earlier))
-    app.close()
-    assert in_file(mine, tmp_path).takes[0].title == "while it is read"
-    assert in_file(tmp_path / "a.sport", tmp_path).takes[0].title == "renamed"

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
-import signal
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -19,11 +16,7 @@ from runtime.motion.controller import TEMPERATURE
 from runtime.session.frames import HIPS_STEP_M
 from runtime.session.session_file import SessionFile
 from tests.helpers.app_driver import Start, click_on, message, run
-from tests.helpers.viewer_fakes import fake_services
-from viewer import app as app_module
 from viewer.app import App
-from viewer.options import ViewOptions
-from viewer.session.sessions import Sessions
 
 
 def record(app: App, frames: int = 30) -> None:
@@ -194,65 +187,6 @@ def kept(folder: Path) -> list[str]:
     file, history = SessionFile.open(path, folder / "characters")
     file.close()
     return [take.title for take in history.present.session.takes]
-
-
-def test_a_defect_does_not_cost_the_take(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def frame(app: App) -> None:
-        if app.frames_shown == 0:
-            app.takes.toggle_recording()
-        if app.frames_shown == 10:
-            raise ZeroDivisionError
-        original(app)
-
-    original = App.frame
-    monkeypatch.setattr(App, "frame", frame)
-    with pytest.raises(ZeroDivisionError):
-        app_module.run(ViewOptions(offscreen=True, frames=20, terrain="flat"), fake_services(), tmp_path)
-    assert kept(tmp_path) == ["Take 1"]
-
-
-@pytest.fixture(params=["SIGTERM", "SIGHUP", "SIGINT"])
-def ending_signal(request: pytest.FixtureRequest) -> Iterator[signal.Signals]:
-    """A signal that ends programs, with a handler that must be there again afterwards."""
-    number = getattr(signal, request.param, None)
-    if number is None:
-        pytest.skip(f"this platform has no {request.param}")
-    found = signal.signal(number, signal.default_int_handler if number == signal.SIGINT else unexpected)
-    before = signal.getsignal(number)
-    yield number
-    assert signal.signal(number, found) is before
-
-
-def unexpected(*_: object) -> None:
-    raise AssertionError("the viewer did not take the signal")
-
-
-def test_a_signal_ends_the_run_and_does_not_cost_the_take(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending_signal: signal.Signals
-) -> None:
-    frames = 0
-
-    def frame(app: App) -> None:
-        nonlocal frames
-        frames = app.frames_shown
-        if frames == 0:
-            app.takes.toggle_recording()
-        if frames == 10:
-            os.kill(os.getpid(), ending_signal)
-        draw(app)
-
-    def finish(sessions: Sessions, keep: bool, seconds: float) -> None:
-        if ending_signal != signal.SIGINT:  # closing a terminal sends it more than once
-            os.kill(os.getpid(), ending_signal)
-        write(sessions, keep, seconds)
-
-    draw, write = App.frame, Sessions.finish
-    monkeypatch.setattr(App, "frame", frame)
-    monkeypatch.setattr(Sessions, "finish", finish)
-    options = ViewOptions(offscreen=True, frames=200, terrain="flat")
-    assert app_module.run(options, fake_services(), tmp_path) == 0
-    assert frames == 10
-    assert kept(tmp_path) == ["Take 1"]
 
 
 def test_a_screenshot_that_fails_costs_neither_takes_nor_settings(start: Start, tmp_path: Path) -> None:

@@ -189,7 +189,7 @@ def _attach_to_limbs(found: Mapping[str, int], anchor: NDArray[np.int64], parent
             node = k
             while node >= 0 and node != carrier:
                 node = parents[node]
-            if min(k, carrier) >= 0 > node and bone != "HandIndex1":
+            if k >= 0 and carrier >= 0 and node < 0 and bone != "HandIndex1":
                 anchor[k] = carrier
 
 

@@ -21,6 +21,7 @@ from typing import Any
 
 from runtime.takes.pins import Pinned
 from runtime.terrain.files import write_height_png
+from tests.helpers import hand
 from tests.helpers.viewer_fakes import FakeRenderer, fake_services
 from viewer.app import App
 from viewer.input.bindings import Action
@@ -142,11 +143,11 @@ class Monkey:
         x, y = self.rng.uniform(0, width), self.rng.uniform(0, height)
         self.done[-1] = f"click {x:.0f} {y:.0f}"
         for down in (False, True, False):
-            self.app.window.inject_mouse(x, y, 0 if down else None, down)
+            hand.mouse(self.app.window, x, y, 0 if down else None, down)
             self.frame()
 
     def do_type(self) -> None:
-        self.app.window.inject_text(self.rng.choice(WORDS))
+        hand.text(self.app.window, self.rng.choice(WORDS))
 
     def do_walk(self) -> None:
         self.app.window.inject_key("w", True)

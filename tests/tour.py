@@ -15,6 +15,7 @@ import numpy as np
 
 from runtime.character.shape import BodyShape, shaped_file
 from sport.commands.arguments import size
+from tests.helpers import hand
 from tests.helpers.app_driver import (
     InjectedPads,
     click,
@@ -87,7 +88,7 @@ class Tour:
             self.frames(2)
 
     def write(self, text: str, enter: bool = True) -> None:
-        self.app.window.inject_text(text)
+        hand.text(self.app.window, text)
         self.frames(3)
         if enter:
             self.press("enter")
@@ -101,13 +102,13 @@ class Tour:
 
     def right_click_at(self, x: float, y: float) -> None:
         for down in (None, True, False):
-            self.app.window.inject_mouse(x, y, None if down is None else 1, bool(down))
+            hand.mouse(self.app.window, x, y, None if down is None else 1, bool(down))
             self.frames(2)
 
     def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
         middle = tuple((a + b) / 2 for a, b in zip(start, end, strict=True))
         for at, down in ((start, None), (start, True), (middle, True), (end, True), (end, False)):
-            self.app.window.inject_mouse(*at, None if down is None else 0, bool(down))  # type: ignore[misc]
+            hand.mouse(self.app.window, *at, None if down is None else 0, bool(down))  # type: ignore[misc]
             self.frames(2)
         self.frames(2)
 
@@ -149,7 +150,7 @@ class Tour:
     def leave(self) -> None:
         """Move the mouse to a place where nothing is explained."""
         width, height = self.app.window.framebuffer.size
-        self.app.window.inject_mouse(width * 0.5, height * 0.28)
+        hand.mouse(self.app.window, width * 0.5, height * 0.28)
         self.frames(2)
 
 

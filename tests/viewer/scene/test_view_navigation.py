@@ -97,12 +97,12 @@ def test_the_wheel_zooms_at_the_pointer(start: Start, steps: float) -> None:
     app = start(camera="orbit", panels=False)
     run(app, 60)
     size = imgui.get_io().display_size
-    hand = app.scene.simulation.current.positions[-1]
+    point = app.scene.simulation.current.positions[-1]
     camera = app.scene.camera.current
-    depth = camera.view_matrix().astype(float) @ np.append(hand, 1.0)
+    depth = camera.view_matrix().astype(float) @ np.append(point, 1.0)
     target = camera.view_matrix().astype(float) @ np.append(camera.target, 1.0)
-    hand = hand + (depth[2] - target[2]) * -camera.view_matrix()[2, :3]  # as far away as the target
-    at = on_screen(camera, hand, size)
+    point = point + (depth[2] - target[2]) * -camera.view_matrix()[2, :3]  # as far away as the target
+    at = on_screen(camera, point, size)
     assert at is not None
     hand.mouse(app.window, *at)
     run(app, 2)
@@ -110,7 +110,7 @@ def test_the_wheel_zooms_at_the_pointer(start: Start, steps: float) -> None:
     hand.wheel(app.window, steps)
     run(app, 2)
     assert (camera.distance < before) == (steps > 0)
-    assert on_screen(camera, hand, size) == pytest.approx(at, abs=3.0)
+    assert on_screen(camera, point, size) == pytest.approx(at, abs=3.0)
 
 
 def test_f_frames_the_selected_pin_and_0_the_character(start: Start) -> None:

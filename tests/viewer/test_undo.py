@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from runtime.character.shape import BodyShape
-from runtime.formats.bvh_clip import load_clip_bvh
 from runtime.session.session import Session
 from tests.helpers import hand
 from tests.helpers.app_driver import Start, click, click_on, drawn, message, place, press, run
@@ -123,21 +122,6 @@ def test_one_drag_of_a_handle_is_one_step(start: Start) -> None:
     hand.mouse(app.window, xs[-1] + 2.0, y, 0, False)
     run(app, 2)
     assert app.editor.history.present.number == steps + 1
-
-
-def test_export_all_writes_what_the_trims_keep(start: Start, tmp_path: Path) -> None:
-    app = start()
-    app.settings.export_folder = str(tmp_path)
-    record(app)
-    record(app)
-    play_row(app, 0)
-    trim_start(app, 0.5)
-    play_row(app, 1)
-    click_on(app, "##export all")
-    run(app, 2)
-    first, last = trims(app)[0]
-    assert len(load_clip_bvh(tmp_path / "take-1.bvh")) == last - first + 1 < 25
-    assert len(load_clip_bvh(tmp_path / "take-2.bvh")) == 40
 
 
 # --- the list

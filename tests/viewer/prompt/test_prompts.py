@@ -24,7 +24,6 @@ from tests.helpers.app_driver import (
     typing,
     words,
 )
-from tests.helpers.viewer_fakes import FakeLibrary
 
 # typing
 
@@ -135,10 +134,6 @@ def test_a_field_is_applied_when_it_is_left(start: Start) -> None:
     click(app, app.window.size[0] / 2, app.window.size[1] / 2)  # the scene
     run(app)
     assert "slowly" in words(app)["head"]
-
-
-def duck() -> dict[str, str]:
-    return FakeLibrary().expand("a duck").descriptions.to_mapping()
 
 
 # undo

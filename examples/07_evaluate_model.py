@@ -19,7 +19,7 @@ from training.evaluation.metrics.frechet import Projection, frechet_distance
 from training.evaluation.metrics.motion import Motion, mean_speed, window_starts
 
 PROMPTS = ("a proud queen", "a frail old man", "a child pretending to be an aeroplane")
-SEEDS, SECONDS, LEAD_IN_S, HOP = (0, 1), 3, 1, 5
+SEEDS, SECONDS, LEAD_IN_S, HOP = (0, 1), 2, 1, 5
 
 
 def walk(model: MotionModel, z: np.ndarray, seed: int) -> tuple[Motion, float]:

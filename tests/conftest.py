@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import settings
 
 from tests.helpers.browser import browser  # noqa: F401  (fixture)
 from tests.helpers.gpt_endpoint import endpoint, expander_of, settings_of  # noqa: F401  (fixtures)
 from tests.helpers.slow_model import asking, model  # noqa: F401  (fixtures)
+
+# every run has the same few examples; `pytest --hypothesis-profile long` looks for more
+settings.register_profile("quick", max_examples=20, deadline=None, derandomize=True)
+settings.register_profile("long", max_examples=1000, deadline=None)
+settings.load_profile("quick")
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -32,38 +39,42 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         yield folder
 
 
+def opened(config: Path, options: dict[str, Any], services: Any, drawn: bool) -> Any:
+    """The viewer offscreen on flat ground; panels are laid out, and put into the picture only where `drawn`."""
+    from tests.helpers.app_driver import InjectedPads
+    from viewer.app import App
+    from viewer.options import ViewOptions
+
+    chosen = {"offscreen": True, "terrain": "flat", **options}
+    app = App(ViewOptions(**chosen), services, InjectedPads(), config)
+    if not drawn:
+        app.window.draw_interface = lambda: None  # type: ignore[method-assign]
+    return app
+
+
 @pytest.fixture
 def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Any]]:
     """Opens the viewer offscreen on flat ground with a fake model; closes what the test leaves open.
 
     `start(real_renderer=False, drawn=real_renderer, services={}, **options)`: `services` are loaders in place of the
-    fakes, by name; panels are laid out in every frame, but put into the picture, which takes time, only where `drawn`.
+    fakes, by name.
     """
-    import dataclasses
-
-    from tests.helpers.app_driver import InjectedPads
     from tests.helpers.viewer_fakes import fake_services
-    from viewer.app import App
-    from viewer.options import ViewOptions
 
     for name in ("OPENAI_API_KEY", "OPENAI_BASE_URL", "SPORT_GPT_MODEL", "SPORT_GPT_TIMEOUT"):
         monkeypatch.delenv(name, raising=False)
-    apps: list[App] = []
+    apps: list[Any] = []
 
     def open_app(
         real_renderer: bool = False,
         services: dict[str, Any] | None = None,
         drawn: bool | None = None,
         **options: Any,
-    ) -> App:
-        chosen = {"offscreen": True, "terrain": "flat", **options}
+    ) -> Any:
         drawn = real_renderer if drawn is None else drawn
         loaders = dataclasses.replace(fake_services(real_renderer, drawn=drawn), **(services or {}))
-        app = App(ViewOptions(**chosen), loaders, InjectedPads(), tmp_path / "config")
-        if not drawn:
-            app.window.draw_interface = lambda: None  # type: ignore[method-assign]
-        apps.append(app)
-        return app
+        apps.append(opened(tmp_path / "config", options, loaders, drawn))
+        return apps[-1]
 
     yield open_app
     for app in apps:
@@ -72,17 +83,21 @@ def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[
 
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    """One viewer offscreen on flat ground with a fake model for every test of a file; each test clears what it needs."""
-    from tests.helpers.app_driver import InjectedPads
+    """One such viewer for every test of a file; each test clears what it needs."""
     from tests.helpers.viewer_fakes import fake_services
-    from viewer.app import App
-    from viewer.options import ViewOptions
 
-    options = ViewOptions(offscreen=True, terrain="flat")
-    app = App(options, fake_services(drawn=False), InjectedPads(), tmp_path_factory.mktemp("config"))
-    app.window.draw_interface = lambda: None  # type: ignore[method-assign]
+    app = opened(tmp_path_factory.mktemp("config"), {}, fake_services(drawn=False), False)
     yield app
     app.close()
+
+
+@pytest.fixture
+def quick_blends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The change within a pair of styles is measured on a third of a second in place of six."""
+    from runtime.motion import perceptual_weights
+
+    monkeypatch.setattr(perceptual_weights, "LEAD_IN", 5)
+    monkeypatch.setattr(perceptual_weights, "FRAMES", 15)
 
 
 @pytest.fixture(scope="session")

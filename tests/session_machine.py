@@ -16,7 +16,13 @@ from typing import Any
 
 from hypothesis import HealthCheck, Phase, seed, settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, precondition, rule, run_state_machine_as_test
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    invariant,
+    precondition,
+    rule,
+    run_state_machine_as_test,
+)
 
 from runtime.session.prompt_blend import Side
 from runtime.session.session import Session
@@ -81,6 +87,15 @@ class Model:
         return Model([dict(step) for step in self.steps], self.at, dict(self.opened), dict(self.seen))
 
 
+def of_a_take(**drawn: Any) -> Any:
+    """A rule on one of the takes, where there is one."""
+
+    def marked(act: Any) -> Any:
+        return precondition(lambda self: self.session.takes)(rule(place=st.integers(0, 9), **drawn)(act))
+
+    return marked
+
+
 class SessionMachine(RuleBasedStateMachine):
     """Drives the real application without a display."""
 
@@ -108,6 +123,7 @@ class SessionMachine(RuleBasedStateMachine):
         self.app.close()
         shutil.rmtree(self.folder, ignore_errors=True)
 
+    @invariant()
     def check(self) -> None:
         """After every step: what holds, and what undo and redo would do."""
         run(self.app, 2)
@@ -148,13 +164,11 @@ class SessionMachine(RuleBasedStateMachine):
         self.app.window.inject_key("w", False)
         self.app.takes.toggle_recording()
         self._new_take()
-        self.check()
 
     @rule()
     def keep_last(self) -> None:
         self.app.takes.save_last()
         self._new_take()
-        self.check()
 
     def _new_take(self) -> None:
         take = shown(self.session)["takes"][-1]
@@ -164,8 +178,7 @@ class SessionMachine(RuleBasedStateMachine):
         assert (take[3], take[6], take[7]) == ((0, take[2] - 1), 0, False)
         self.model.edit(takes=[*known, take])
 
-    @precondition(lambda self: self.session.takes)
-    @rule(place=st.integers(0, 9), first=st.integers(1, 9))
+    @of_a_take(first=st.integers(1, 9))
     def trim(self, place: int, first: int) -> None:
         take = self.pick(place)
         self.app.takes.play(take.number)
@@ -174,48 +187,38 @@ class SessionMachine(RuleBasedStateMachine):
         begin = min(first, end - 1)
         if (begin, end) != take.range:
             self.model.edit(takes=self.replaced(take.number, range=(begin, end)))
-        self.check()
 
-    @precondition(lambda self: self.session.takes)
-    @rule(place=st.integers(0, 9), name=st.sampled_from(("walk", "the king", "näher")))
+    @of_a_take(name=st.sampled_from(("walk", "the king", "näher")))
     def rename(self, place: int, name: str) -> None:
         take = self.pick(place)
         self.app.takes.rename(take.number, name)
         if name != take.title:
             self.model.edit(takes=self.replaced(take.number, title=name))
-        self.check()
 
-    @precondition(lambda self: self.session.takes)
-    @rule(place=st.integers(0, 9), color=st.integers(0, 5))
+    @of_a_take(color=st.integers(0, 5))
     def recolor(self, place: int, color: int) -> None:
         take = self.pick(place)
         self.app.takes.set_color(take.number, color)
         if color != take.color:
             self.model.edit(takes=self.replaced(take.number, color=color))
-        self.check()
 
-    @precondition(lambda self: self.session.takes)
-    @rule(place=st.integers(0, 9))
+    @of_a_take()
     def remove(self, place: int) -> None:
         take = self.pick(place)
         self.app.takes.remove(take.number)
         kept = [each for each in self.model.now["takes"] if each[0] != take.number]
         reference = self.model.now["reference"]
         self.model.edit(takes=kept, reference=0 if reference == take.number else reference)
-        self.check()
 
-    @precondition(lambda self: self.session.takes)
-    @rule(place=st.integers(0, 9))
+    @of_a_take()
     def mirror(self, place: int) -> None:
         take = self.pick(place)
         self.app.takes.mirror(take.number)
         made = shown(self.session)["takes"][-1]
         assert (made[2], made[4], made[7]) == (take.frames, 0, not take.mirrored)
         self.model.edit(takes=[*self.model.now["takes"], made])
-        self.check()
 
-    @precondition(lambda self: self.session.takes)
-    @rule(place=st.integers(0, 9), frame=st.integers(1, 9))
+    @of_a_take(frame=st.integers(1, 9))
     def split(self, place: int, frame: int) -> None:
         take = self.pick(place)
         self.app.takes.play(take.number)
@@ -230,10 +233,8 @@ class SessionMachine(RuleBasedStateMachine):
             assert (made[2], made[3], made[4]) == (take.frames, (frame, last), len(take.poses.pins))
             takes.insert(at + 1, made)
             self.model.edit(takes=takes)
-        self.check()
 
-    @precondition(lambda self: self.session.takes)
-    @rule(place=st.integers(0, 9), other=st.integers(0, 9), times=st.integers(1, 3))
+    @of_a_take(other=st.integers(0, 9), times=st.integers(1, 3))
     def join(self, place: int, other: int, times: int) -> None:
         """A take with another one, or several times after itself."""
         take, second = self.pick(place), self.pick(other)
@@ -247,7 +248,6 @@ class SessionMachine(RuleBasedStateMachine):
         lengths = [t.range[1] - t.range[0] for t in ((take, second) if times == 1 else (take,) * times)]
         assert made[2] == sum(lengths) + 1
         self.model.edit(takes=[*self.model.now["takes"], made])
-        self.check()
 
     @precondition(lambda self: len(self.session.takes) > 1)
     @rule(place=st.integers(0, 9), by=st.sampled_from((-1, 1)))
@@ -258,19 +258,15 @@ class SessionMachine(RuleBasedStateMachine):
         if 0 <= at + by < len(takes):
             takes.insert(at + by, takes.pop(at))
             self.model.edit(takes=takes)
-        self.check()
 
-    @precondition(lambda self: self.session.takes)
-    @rule(place=st.integers(0, 9), what=st.sampled_from((Pinned.LEFT_HAND, Pinned.LOOK, Pinned.POSE)))
+    @of_a_take(what=st.sampled_from((Pinned.LEFT_HAND, Pinned.LOOK, Pinned.POSE)))
     def pin(self, place: int, what: Pinned) -> None:
         take = self.pick(place)
         self.app.takes.play(take.number)
         self.app.pins.add(what)
         self.model.edit(takes=self.replaced(take.number, pins=len(take.poses.pins) + 1))
-        self.check()
 
-    @precondition(lambda self: self.session.takes)
-    @rule(place=st.integers(0, 9), frame=st.integers(0, 4))
+    @of_a_take(frame=st.integers(0, 4))
     def camera_key(self, place: int, frame: int) -> None:
         take = self.pick(place)
         self.app.takes.play(take.number)
@@ -284,7 +280,6 @@ class SessionMachine(RuleBasedStateMachine):
         assert len(after.cameras) == len(frames)
         if after != take:
             self.model.edit(takes=self.replaced(take.number, cameras=len(frames)))
-        self.check()
 
     @precondition(lambda self: len(self.session.takes) > 1)
     @rule(place=st.integers(0, 9))
@@ -293,7 +288,6 @@ class SessionMachine(RuleBasedStateMachine):
         self.app.references.show(take.number)
         before = self.model.now["reference"]
         self.model.edit(reference=0 if before == take.number else take.number)
-        self.check()
 
     # --- the live character
 
@@ -306,7 +300,6 @@ class SessionMachine(RuleBasedStateMachine):
             self.model.edit(prompt=text)
         elif self.app.editor.history.at != self.model.at:
             self.model.edit()  # the same words, answered anew
-        self.check()
 
     @rule(what=st.sampled_from((Pinned.LEFT_HAND, Pinned.RIGHT_HAND, Pinned.LOOK)))
     def hold(self, what: Pinned) -> None:
@@ -314,7 +307,6 @@ class SessionMachine(RuleBasedStateMachine):
         self.app.pins.toggle_live(what)
         held = set(self.model.now["held"]) ^ {str(what)}
         self.model.edit(held=sorted(held))
-        self.check()
 
     @rule(x=st.integers(-5, 5), z=st.integers(-5, 5))
     def path_point(self, x: int, z: int) -> None:
@@ -322,14 +314,12 @@ class SessionMachine(RuleBasedStateMachine):
         run(self.app, 1)
         self.app.path.add(float(x), float(z))
         self.model.edit(path=self.model.now["path"] + 1)
-        self.check()
 
     @rule(name=st.sampled_from(GROUNDS))
     def ground(self, name: str) -> None:
         self.app.scene.load_terrain(name)
         if name != self.model.now["ground"]:
             self.model.edit(ground=name)
-        self.check()
 
     @rule(text=st.sampled_from(PROMPTS))
     def prompt_b(self, text: str) -> None:
@@ -340,7 +330,6 @@ class SessionMachine(RuleBasedStateMachine):
             self.model.edit(blended=text, weights=shown(self.session)["weights"])
         elif self.app.editor.history.at != self.model.at:
             self.model.edit()
-        self.check()
 
     @precondition(lambda self: self.model.now["blended"])
     @rule(part=st.sampled_from(PART_NAMES), weight=st.sampled_from((0.0, 0.25, 1.0)))
@@ -353,13 +342,11 @@ class SessionMachine(RuleBasedStateMachine):
         now = self.model.now["weights"]
         if part not in self.model.now["locked"] and now[at] != weight:
             self.model.edit(weights=(*now[:at], weight, *now[at + 1 :]))
-        self.check()
 
     @rule(part=st.sampled_from(PART_NAMES[:2]))
     def lock(self, part: str) -> None:
         self.app.prompting.toggle_lock(part)
         self.model.edit(locked=sorted(set(self.model.now["locked"]) ^ {part}))
-        self.check()
 
     @rule(part=st.sampled_from(PART_NAMES[:2]), words=st.sampled_from(("raised high", "hanging")))
     def part(self, part: str, words: str) -> None:
@@ -371,7 +358,6 @@ class SessionMachine(RuleBasedStateMachine):
         run(self.app, 2)
         if words != before:
             self.model.edit(locked=sorted({*self.model.now["locked"], part}))
-        self.check()
 
     @rule(height=st.sampled_from((0.8, 1.0, 1.2)))
     def shape(self, height: float) -> None:
@@ -379,33 +365,26 @@ class SessionMachine(RuleBasedStateMachine):
         self.app.scene.set_shape(shape)
         if shape != self.model.now["shape"]:
             self.model.edit(shape=shape)
-        self.check()
 
     # --- what is no edit
 
-    @precondition(lambda self: self.session.takes)
-    @rule(place=st.integers(0, 9))
+    @of_a_take()
     def select(self, place: int) -> None:
         self.app.takes.select(self.pick(place).number)
-        self.check()
 
-    @precondition(lambda self: self.session.takes)
-    @rule(place=st.integers(0, 9))
+    @of_a_take()
     def play(self, place: int) -> None:
         self.app.takes.play(self.pick(place).number)
-        self.check()
 
     @rule()
     def go_live(self) -> None:
         self.app.takes.close_playback()
-        self.check()
 
     @rule()
     def walk(self) -> None:
         self.app.window.inject_key("w", True)
         run(self.app, 5)
         self.app.window.inject_key("w", False)
-        self.check()
 
     # --- history and files
 
@@ -414,14 +393,12 @@ class SessionMachine(RuleBasedStateMachine):
         for _ in range(count):
             self.app.editor.undo()
             self.model.at = max(self.model.at - 1, 0)
-        self.check()
 
     @rule(count=st.integers(1, 4))
     def redo(self, count: int) -> None:
         for _ in range(count):
             self.app.editor.redo()
             self.model.at = min(self.model.at + 1, len(self.model.steps) - 1)
-        self.check()
 
     @rule()
     def revert(self) -> None:
@@ -429,7 +406,6 @@ class SessionMachine(RuleBasedStateMachine):
         self.app.sessions.revert()
         if self.session != before:
             self.model.edit(**self.model.opened)
-        self.check()
 
     def _name(self) -> Path:
         self.files += 1
@@ -443,14 +419,12 @@ class SessionMachine(RuleBasedStateMachine):
         assert self.app.sessions.path == path
         if before is not None:
             self.kept[before] = model  # stays as it was
-        self.check()
 
     @rule()
     def save_copy(self) -> None:
         path = self._name()
         self.app.sessions.save_copy(path)
         self.kept[path] = self.model.copy()
-        self.check()
 
     @rule()
     def new(self) -> None:
@@ -460,7 +434,6 @@ class SessionMachine(RuleBasedStateMachine):
         self.app.sessions.new()
         self.model = Model([{**shown(Session()), **{name: self.model.now[name] for name in kept}}])
         self.model.opened = self.model.now
-        self.check()
 
     @precondition(lambda self: self.kept)
     @rule(place=st.integers(0, 9))
@@ -472,7 +445,6 @@ class SessionMachine(RuleBasedStateMachine):
         run(self.app, 3)
         self.model = self.kept.pop(path)
         self.model.opened = self.model.now
-        self.check()
 
     @rule()
     def close(self) -> None:
@@ -493,7 +465,6 @@ class SessionMachine(RuleBasedStateMachine):
             self.app.sessions.open(path)
             run(self.app, 3)
         self.model.opened = self.model.now
-        self.check()
 
     @rule(recording=st.booleans())
     def kill(self, recording: bool) -> None:
@@ -524,7 +495,6 @@ class SessionMachine(RuleBasedStateMachine):
             assert 20 - made[2] <= RECORDED_FRAMES
             self.model.edit(takes=[*self.model.now["takes"], made])
         self.model.opened = self.model.now
-        self.check()
 
 
 def run_machine(steps: int, number: int, examples: int) -> None:

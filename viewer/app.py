@@ -245,7 +245,7 @@ class App(Workspace):
     def _move_camera(self, pose: Pose, intent: Intent, dt: float) -> None:
         camera, ground = self.scene.camera, self.takes.ground_to_show().terrain
         self.scene.draw_ground(ground)
-        pinning = self.pins.use_mouse(camera.current)
+        pinning = self.posing.use_mouse(camera.current) or self.pins.use_mouse(camera.current)
         drawing = pinning or self.path.use_mouse(camera.current, ground)
         dragging = camera.use_mouse(drawing, self.settings.navigation)
         moving = intent.move != (0.0, 0.0) and not intent.strafe and not dragging

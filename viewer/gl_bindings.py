@@ -11,6 +11,7 @@ from runtime.errors import DisplayError
 
 try:
     from imgui_bundle import imgui
+    from imgui_bundle.imguizmo import im_guizmo
     import glfw
     import moderngl
 except ImportError as error:  # a missing shared library of the system surfaces as ImportError too
@@ -19,4 +20,4 @@ except ImportError as error:  # a missing shared library of the system surfaces 
         "Install libgl1, libegl1, libx11-6 and libxext6 (apt) or your system's OpenGL, and `pip install sport-viewer` again.",
     ) from error
 
-__all__ = ["glfw", "imgui", "moderngl"]
+__all__ = ["glfw", "im_guizmo", "imgui", "moderngl"]

@@ -18,6 +18,7 @@ from viewer.edit.cutting import Cutting
 from viewer.edit.ghosts import Trails, ghosts
 from viewer.edit.path import PathTool
 from viewer.edit.pins import Pins
+from viewer.edit.posing import Posing
 from viewer.edit.reference import References
 from viewer.edit.reference_card import ReferenceCard
 from viewer.edit.resimulation import Resimulation
@@ -91,10 +92,11 @@ class Workspace:
         self.language_model = LanguageModel(settings, jobs, services, prompting)
         self.editing = editing = Resimulation(takes, prompting)
         self.pins = Pins(editor, editing, scene)
+        self.posing = Posing(editor, takes, scene.camera, self.pins)
         self.path = PathTool(editor, editing, scene)
         self.camera_keys = CameraKeys(editor, takes, scene.camera)
         self.cutting = Cutting(takes)
-        self.transport = Transport(editing, self.pins, self.camera_keys, self.cutting)
+        self.transport = Transport(editing, self.pins, self.posing, self.camera_keys, self.cutting)
         self.references = References(editor, takes)
         self.compare = CompareView(editor, settings, messages, scene, takes, self.path, prompting)
         self.prompt = PromptPanel(
@@ -128,7 +130,10 @@ class Workspace:
         """Every panel, from the left to the right and from the back to the front."""
         compare, editing, pins, export = self.compare, self.editing, self.pins, self.exporting.open
         references = ReferenceCard(
-            self.references, self._browse, self.window.ctx, corner_taken=lambda: pins.pin is not None
+            self.references,
+            self._browse,
+            self.window.ctx,
+            corner_taken=lambda: pins.pin is not None or self.posing.shown,
         )
         bar = SessionBar(self.sessions, self.exporting, self.guide, self.settings_window, self.window.ctx)
         return [
@@ -145,6 +150,7 @@ class Workspace:
             takes_panel.sign(self.takes),
             bar.panel(),
             pins.panel(),
+            self.posing.panel(),
             references.panel(),
             guide.panel(self.guide, covered=lambda: compare.open),
             self.settings_window.panel(),
@@ -212,7 +218,7 @@ class Workspace:
 
     def frame_selection(self) -> None:
         """Bring the selected pin into the middle, or the whole character."""
-        point = self.pins.place
+        point = self.posing.place if self.posing.shown else self.pins.place
         if point is None:
             self.scene.frame_character()
         else:

@@ -61,7 +61,7 @@ class OpenedTake:
 
 
 def open_take(path: Path) -> OpenedTake:
-    """A BVH of our skeleton, or of any two-legged one as `load_reference_bvh` reads it. FileError."""
+    """A BVH of our skeleton, or of any two-legged one whose joints can be found, as a clip of ours. FileError."""
     motion = read_bvh(path)
     try:
         return OpenedTake(*clip_of_motion(motion, path), note=motion.note)
@@ -70,17 +70,11 @@ def open_take(path: Path) -> OpenedTake:
         return OpenedTake(reference.clip, nearest_unit(reference.scale), reference, motion.note)
 
 
-def load_reference_bvh(path: str | Path) -> ReferenceMotion:
-    """A BVH of any two-legged skeleton whose joints can be found, as a clip of ours that begins at the origin.
-
-    It goes in the world as the file does. FileError when it cannot be read, when joints are missing, or when it stands
-    on four legs. Joints are those that `guess_skeleton` tells, and those of `FILE.joints.json` next to it.
-    """
-    path = Path(path)
-    return _reference(read_bvh(path), path)
-
-
 def _reference(motion: BvhMotion, path: Path) -> ReferenceMotion:
+    """A clip that begins at the origin and goes in the world as the file does.
+
+    Joints are those that `guess_skeleton` tells, and those of `FILE.joints.json` next to it. FileError.
+    """
     fps = video_rate(motion.fps)
     if not 0.0 < fps <= MAX_FPS:
         raise FileError(f"{path}: {fps:g} frames per second; expected at most {MAX_FPS:.0f}.", "Resample it.")

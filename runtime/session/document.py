@@ -52,6 +52,7 @@ from runtime.takes.input_recording import (
 from runtime.takes.metadata import PromptEvent
 from runtime.takes.own_skeleton import OwnSkeleton
 from runtime.takes.pins import MAX_PINS
+from runtime.takes.pose_edits import PoseEdits
 from runtime.takes.pose_layer import PoseLayer
 from runtime.terrain.files import MAX_HEIGHT_M
 from runtime.terrain.height_map import Terrain
@@ -71,6 +72,7 @@ STRUCTURE_ERRORS = (
     KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, RecursionError, MemoryError,
 )  # fmt: skip
 _NOT_KEPT = {(PromptBlend, "shares"), (Answer, "milliseconds"), (Answer, "final"), (Answer, "question")}
+_LATER = {(PoseEdits, "layer")}  # fields that older files lack
 _LONG_TEXTS = (PromptEvent, Answer)  # records whose texts are prompts
 
 
@@ -252,12 +254,10 @@ class DocumentReader:
     def _record(self, kind: Any, value: Json) -> Any:
         longest = math.inf if kind in _LONG_TEXTS else MAX_TEXT
         schema = _schema(kind)
-        if kind is not MotionHeader and not set(value) <= {name for name, _ in schema}:
+        schema = tuple(entry for entry in schema if entry[0] in value or (kind, entry[0]) not in _LATER)
+        if kind is not MotionHeader and set(value) != {name for name, _ in schema}:
             raise ValueError(f"not the fields of a {kind.__name__}")
-        # a field that came later has its default in an older file
-        made = kind(
-            **{name: self._value(hint, value[name], longest) for name, hint in schema if name in value}
-        )
+        made = kind(**{name: self._value(hint, value[name], longest) for name, hint in schema})
         return _CHECKS.get(kind, lambda _: None)(made) or made
 
     def _value(self, hint: Any, value: Json, longest: float) -> Any:

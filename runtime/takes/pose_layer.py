@@ -7,7 +7,7 @@ the feet: where the hips move, the feet stay planted.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -25,6 +25,7 @@ MOVED = (HIPS, *LEG_FEET.tolist())  # joints that are shifted; every joint can b
 HANDS = {20: (18, 19), 27: (25, 26)}  # hand: upper arm and forearm
 ELBOWS = {19: (18, 20), 26: (25, 27)}  # forearm: upper arm and hand
 KNEES = {3: (2, 4), 8: (7, 9)}  # shin: thigh and foot
+LEG_M = float(np.linalg.norm(SPORT_SKELETON.offsets[[3, 4]], axis=1).sum())
 DEFAULT_EASE_S, MAX_EASE_S, MAX_TIME_S = 0.3, 60.0, 36_000.0
 MAX_KEYS = 1000
 MAX_TURN, MAX_MOVE_M = 7.0, 10.0  # radians, metres
@@ -162,6 +163,23 @@ class PoseLayer:
             key = key.with_move(joint, self.moves(joint, at)[0])
         return key
 
+    def edited(self, frame: int, fps: float, change: Callable[[PoseKey], PoseKey]) -> PoseLayer:
+        """The layer with a key at a frame for what `change` makes of the pose that is shown there; UsageError as of keys."""
+        key = self.key_at(frame, fps) or PoseKey(frame / fps)
+        shown = self.between(key.seconds)
+        made = change(shown)
+        for value in made.turns:
+            if value not in shown.turns:
+                key = key.with_turn(value.joint, value.vector)
+        for value in made.moves:
+            if value not in shown.moves:
+                key = key.with_move(value.joint, value.vector)
+        return self.with_key(key, fps)
+
+    def without_key(self, key: PoseKey) -> PoseLayer:
+        """The layer without a key."""
+        return replace(self, keys=tuple(one for one in self.keys if one is not key))
+
     def _curve(self, points: list[tuple[PoseKey, Array]], seconds: Array) -> Array:
         if not points:
             return np.zeros((len(seconds), 3))
@@ -210,14 +228,16 @@ def _hermite(times: Array, values: Array, tangents: Sequence[Tangent], at: Array
     return np.where(kinds == linear, straight, np.where(kinds == step, stays, smooth))
 
 
-def layered(clip: Clip, layer: PoseLayer) -> Clip:
-    """The clip with the layer added; frames to which it adds nothing stay bit by bit as they were."""
+def layered(clip: Clip, layer: PoseLayer, only: int | None = None) -> Clip:
+    """The clip with the layer added, to all frames or to `only` one; others stay bit by bit as they were."""
     seconds = np.arange(len(clip)) / clip.fps
     turns = {joint: layer.turns(joint, seconds) for joint in layer.turned_joints()}
     moves = {joint: layer.moves(joint, seconds) for joint in layer.moved_joints()}
     changed = np.zeros(len(clip), bool)
     for curve in (*turns.values(), *moves.values()):
         changed |= (curve != 0.0).any(-1)
+    if only is not None:
+        changed &= np.arange(len(clip)) == only
     if not changed.any():
         return clip
     hips, local = clip.hips_positions.copy(), clip.local_rotations.copy()
@@ -264,6 +284,14 @@ def turned(key: PoseKey, joint: int, world: Array, turn: Array) -> PoseKey:
     return key.with_turn(joint, rotations.to_rotation_vector(total))
 
 
+def posed_by(joint: int) -> tuple[int, ...]:
+    """The joints whose values `turned` and `dragged` change for a joint, itself first."""
+    if joint in MOVED:
+        return (joint,)
+    limb = HANDS.get(joint) or (ELBOWS.get(joint) or KNEES.get(joint) or (SPORT_SKELETON.parents[joint],))[:1]
+    return (joint, *limb)
+
+
 def dragged(key: PoseKey, joint: int, positions: Array, world: Array, by: Array) -> PoseKey:
     """The key with a joint moved further by metres of the world `(3,)`.
 
@@ -271,6 +299,8 @@ def dragged(key: PoseKey, joint: int, positions: Array, world: Array, by: Array)
     Any other joint swings about its parent.
     """
     if joint in MOVED:
+        if joint != HIPS:
+            by = _within_reach(positions[joint - 2], positions[joint] + by) - positions[joint]
         heading = rotations.inverse(rotations.from_yaw(rotations.yaw_of(world[HIPS])))
         return key.with_move(joint, key.move(joint) + rotations.rotate(heading, by))
     goal = positions[joint] + by
@@ -289,6 +319,12 @@ def dragged(key: PoseKey, joint: int, positions: Array, world: Array, by: Array)
         return key
     turn = rotations.between(rotations.normalize(now), rotations.normalize(wanted))
     return turned(key, parent, world, turn)
+
+
+def _within_reach(hip: Array, goal: Array) -> Array:
+    """The goal of an ankle, no farther from its hip than the leg is long."""
+    away = goal - hip
+    return np.asarray(hip + away * min(1.0, 0.999 * LEG_M / max(float(np.linalg.norm(away)), 1e-6)))
 
 
 def _swing(start: Array, end: Array, joint: Array, goal: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The user study: a page filled in by a scripted browser, and a report that equals the textbook and statsmodels.
+"""The user study: a page filled in by a scripted browser, and a report that equals the textbook.
 
 Every answer here is made up by the test and marked as synthetic.
 """
@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import os
 import random
-import shutil
 import time
 from pathlib import Path
 from typing import Any
@@ -21,9 +20,9 @@ from benchmarks.study.__main__ import main
 from benchmarks.study.make import Scene, write_study
 from runtime.errors import FileError, UsageError, run_command
 from runtime.terrain.height_map import Terrain
+from tests.helpers.browser import needs_browser
 
 METHODS = ("ours", "rival", "capture")
-SIZES = {"phone": (390, 844), "desktop": (1280, 900)}
 
 
 def study(folder: Path, titles: int = 2, data: bytes = b"film") -> dict[str, Any]:
@@ -84,13 +83,10 @@ def test_a_study_needs_two_methods_and_a_new_folder(tmp_path: Path) -> None:
 RATINGS = np.array([[4, 3, 5], [3, 2, 5], [4, 2, 4], [5, 3, 5], [3, 3, 4], [4, 1, 5]])
 
 
-def test_the_anova_is_the_textbooks_and_statsmodels(tmp_path: Path) -> None:
+def test_the_anova_is_the_textbooks(tmp_path: Path) -> None:
     """Sums of squares by hand: F = (SS_methods / (m - 1)) / (SS_rest / ((m - 1)(p - 1)))."""
     pytest.importorskip("statsmodels")
-    import pandas
     from scipy import stats
-    from statsmodels.stats.anova import AnovaRM
-    from statsmodels.stats.multicomp import pairwise_tukeyhsd
 
     from benchmarks.study.report import read_answers, significance
 
@@ -106,18 +102,8 @@ def test_the_anova_is_the_textbooks_and_statsmodels(tmp_path: Path) -> None:
     assert tests["anova"]["F"] == pytest.approx(f)
     assert tests["anova"]["df"] == (m - 1, (m - 1) * (p - 1))
     assert tests["anova"]["p"] == pytest.approx(stats.f.sf(f, m - 1, (m - 1) * (p - 1)))
-    frame = pandas.DataFrame({"y": RATINGS.ravel(), "who": np.repeat(range(p), m), "by": np.tile(METHODS, p)})
-    row = AnovaRM(frame, "y", "who", within=["by"]).fit().anova_table.iloc[0]
-    assert tests["anova"]["F"] == pytest.approx(row["F Value"])
-    tukey = pairwise_tukeyhsd(frame["y"], frame["by"])
-    assert [t["p"] for t in tests["tukey"]] == pytest.approx(list(tukey.pvalues))
     assert tests["tukey"][0]["pair"] == ("capture", "ours")
     assert tests["tukey"][0]["difference"] == pytest.approx(RATINGS[:, 0].mean() - RATINGS[:, 2].mean())
-    twice = [
-        np.repeat(RATINGS[:, k], 2).astype(float) for k in range(m)
-    ]  # every film of a method was rated alike, two a kind
-    assert tests["kruskal_wallis"].statistic == pytest.approx(stats.kruskal(*twice).statistic)
-    assert tests["bartlett"].statistic == pytest.approx(stats.bartlett(*twice).statistic)
 
 
 def test_counts_means_and_bars(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -179,7 +165,7 @@ def test_hostile_files_end_in_one_sentence(tmp_path: Path, capsys: pytest.Captur
 
     assert code(answers=pipe) == code(secret=pipe) == 2
     rng = random.Random(0)
-    for number in range(100):
+    for number in range(30):
         damaged = (file, key_file)[number % 2]
         content = json.loads(texts[damaged])
         place: Any = content
@@ -219,24 +205,6 @@ def test_the_later_answer_to_a_film_shown_again_counts(tmp_path: Path) -> None:
 # --- in a browser -----------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory):  # type: ignore[no-untyped-def]
-    selenium = pytest.importorskip("selenium.webdriver")
-    program, driver = shutil.which("chromium"), shutil.which("chromedriver")
-    if program is None or driver is None:
-        pytest.skip("chromium and chromedriver are not installed")
-    options = selenium.ChromeOptions()
-    options.binary_location = program
-    for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"):
-        options.add_argument(argument)
-    folder = tmp_path_factory.mktemp("downloads")
-    options.add_experimental_option("prefs", {"download.default_directory": str(folder)})
-    window = selenium.Chrome(options, selenium.ChromeService(driver))
-    window.downloads = folder
-    yield window
-    window.quit()
-
-
 def shown(window: Any) -> dict[str, Any]:
     return window.execute_script(
         "return {...state.queue[state.at], at: state.at, length: state.queue.length}"
@@ -253,26 +221,30 @@ def reopened(window: Any, at: int) -> dict[str, Any]:
     return shown(window)
 
 
-def downloaded(window: Any) -> Path:
+def downloaded(window: Any, folder: Path) -> Path:
     """The answers behind the link, written as the browser would save them."""
     text = window.execute_async_script(
         "const done = arguments[0]; fetch(document.getElementById('download').href).then(r => r.text()).then(done)"
     )
-    path = window.downloads / window.find_element("id", "download").get_attribute("download")
+    path = folder / window.find_element("id", "download").get_attribute("download")
     content = json.loads(text)
     assert content["synthetic"] is False  # what a page writes is somebody's answer; this one is the test's
     path.write_text(json.dumps(content | {"synthetic": True}), encoding="utf-8")
     return path
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("keys", [False, True], ids=["mouse", "keyboard"])
-def test_a_page_is_filled_in_from_first_to_last(browser: Any, tmp_path: Path, size: str, keys: bool) -> None:
+@needs_browser
+@pytest.mark.parametrize(
+    ("size", "keys"), [((390, 844), False), ((1280, 900), True)], ids=["phone", "desktop"]
+)
+def test_a_page_is_filled_in_from_first_to_last(
+    browser: Any, tmp_path: Path, size: tuple[int, int], keys: bool
+) -> None:
     pytest.importorskip("statsmodels")
     from benchmarks.study.report import read_answers
 
     key = study(tmp_path, titles=1)
-    browser.set_window_size(*SIZES[size])
+    browser.set_window_size(*size)
     browser.get((tmp_path / make.PAGE).as_uri())
     body = browser.find_element("tag name", "body")
     browser.find_element("id", "begin").click()
@@ -306,7 +278,7 @@ def test_a_page_is_filled_in_from_first_to_last(browser: Any, tmp_path: Path, si
     assert len(order) == len(key["clips"]) + 1
     assert set(order) == set(key["clips"])
     assert order[-1] == low
-    path = downloaded(browser)
+    path = downloaded(browser, tmp_path)
     answers = read_answers([path], tmp_path / make.KEY, synthetic=True)
     assert dict(zip(answers["clip"], answers["rating"], strict=True)) == given
     assert answers.again.sum() == 1

@@ -153,30 +153,6 @@ def display_gone(folder: Path, seconds: float) -> Outcome:
         return _killed(recorder, takes=1)
 
 
-def window_killed(folder: Path, seconds: float) -> Outcome:
-    """The window's connection is cut by another program, as xkill does."""
-    with display() as (_, name):
-        recorder = Recorder(folder, "--window", env={"DISPLAY": name, "WAYLAND_DISPLAY": ""})
-        recorder.until(seconds)
-        subprocess.run([sys.executable, "-c", _XKILL, name], check=True)
-        return _killed(recorder, takes=1)
-
-
-_XKILL = """
-import ctypes, sys
-x = ctypes.CDLL("libX11.so.6")
-x.XOpenDisplay.restype = ctypes.c_void_p
-display = ctypes.c_void_p(x.XOpenDisplay(sys.argv[1].encode()))
-x.XDefaultRootWindow.restype = ctypes.c_ulong
-root, parent, children, count = ctypes.c_ulong(), ctypes.c_ulong(), ctypes.POINTER(ctypes.c_ulong)(), ctypes.c_uint()
-x.XQueryTree(display, ctypes.c_ulong(x.XDefaultRootWindow(display)), ctypes.byref(root), ctypes.byref(parent),
-             ctypes.byref(children), ctypes.byref(count))
-assert count.value
-x.XKillClient(display, ctypes.c_ulong(children[count.value - 1]))
-x.XSync(display, 0)
-"""
-
-
 @contextlib.contextmanager
 def display() -> Iterator[tuple[subprocess.Popen[bytes], str]]:
     """A display server of its own and its name."""
@@ -270,7 +246,7 @@ def all_faults() -> dict[str, Callable[[Path, float], Outcome]]:
     faults = {f"killed by {name}": signalled(getattr(signal, name)) for name in names}
     faults["killed while editing"] = signalled(signal.SIGKILL, "--edits")
     if shutil.which("Xvfb"):
-        faults |= {"display gone": display_gone, "window killed": window_killed}
+        faults["display gone"] = display_gone
     return {
         **faults,
         "folder of sessions removed, then SIGKILL": folder_removed,

@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 import base64
-import hashlib
 import io
 import json
 import struct
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
 from runtime.character.character import load_character
 from runtime.character.joint_map import read_joint_map
-from runtime.character.writer import write_character
 from runtime.errors import SportError
 from runtime.formats.bvh import MAX_VALUE, format_bvh, read_bvh
 from runtime.formats.bvh_clip import OtherSkeleton, load_clip_bvh, save_bvh
-from runtime.formats.reference import load_reference_bvh
-from runtime.formats.sidecar import format_metadata, read_metadata
+from runtime.formats.reference import open_take
+from runtime.formats.sidecar import format_metadata
 from runtime.pose import Pose
 from runtime.prompts.blend import read_words
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 from runtime.takes.clip import MAX_DISTANCE_M, Clip
 from runtime.takes.metadata import Origin, PromptEvent, title
 from runtime.terrain.files import MAX_HEIGHT_M, read_terrain, write_height_png
+from tests.helpers.gltf_characters import character_glb, make_pose, split_glb, textured
 
 from .mutate import damaged_bytes, damaged_glb, damaged_json, damaged_png, damaged_text
 from .target import Target, put
@@ -55,7 +55,7 @@ def clip(frames: int = 4) -> Clip:
 def _bvh_seeds(folder: Path) -> list[bytes]:
     ours = save_bvh(clip(), folder / "seed.bvh").read_bytes()
     take = clip(2)
-    other = format_bvh(SPORT_SKELETON, take.hips_positions, take.local_rotations, 30.0, order="XYZ")
+    other = format_bvh(SPORT_SKELETON, {0: take.hips_positions}, take.local_rotations, 30.0, order="XYZ")
     small = (
         "HIERARCHY\nROOT Hips\n{\n OFFSET 0 0 0\n CHANNELS 6 Xposition Yposition Zposition Zrotation Yrotation"
         " Xrotation\n JOINT Spine\n {\n  OFFSET 0 10 0\n  CHANNELS 3 Zrotation Yrotation Xrotation\n  End Site\n"
@@ -77,7 +77,7 @@ def _read_bvh(folder: Path, data: bytes) -> None:
     try:
         take = load_clip_bvh(path)
     except OtherSkeleton:
-        take = load_reference_bvh(path).clip
+        take = open_take(path).reference.clip
     assert np.abs(take.hips_positions).max() <= MAX_DISTANCE_M
     assert np.isfinite(take.pose(0).positions).all()
     if take.seconds < 100.0:
@@ -91,11 +91,10 @@ def _metadata_seeds(folder: Path) -> list[bytes]:
 
 def _read_metadata(folder: Path, data: bytes) -> None:
     put(folder, "input.bvh.json", data)
-    found = read_metadata(folder / "input.bvh")
     take = load_clip_bvh(folder / "input.bvh")
     take.describe().encode()
     format_metadata(take, "").encode()
-    for event in found.prompts:
+    for event in take.prompts:
         assert np.isfinite([event.seconds, event.transition_seconds]).all()
         title(event).encode()
         for words in (event.prompt, event.words):
@@ -108,58 +107,18 @@ def _read_metadata(folder: Path, data: bytes) -> None:
 # --- characters
 
 
-def _character(folder: Path) -> bytes:
-    from tests.helpers.gltf_characters import user_character
-
-    write_character(folder / "seed.glb", user_character())
-    return (folder / "seed.glb").read_bytes()
-
-
-def _textured(folder: Path) -> tuple[dict, bytes]:
-    """A character with texture coordinates, and a texture that is still to be set."""
-    from tests.helpers.gltf_characters import split_glb
-
-    document, blob = split_glb(_character(folder))
-    count = document["accessors"][0]["count"]
-    document["bufferViews"].append({"buffer": 0, "byteOffset": len(blob), "byteLength": count * 8})
-    document["accessors"].append(
-        {
-            "bufferView": len(document["bufferViews"]) - 1,
-            "componentType": 5126,
-            "count": count,
-            "type": "VEC2",
-        }
-    )
-    primitive = document["meshes"][0]["primitives"][0]
-    primitive["attributes"]["TEXCOORD_0"] = len(document["accessors"]) - 1
-    document["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
-    blob += bytes(count * 8)
-    document["buffers"][0]["byteLength"] = len(blob)
-    return document | {"textures": [{"source": 0}]}, blob
-
-
-def _glb_seeds(folder: Path) -> list[bytes]:
-    from tests.helpers.gltf_characters import join_glb
-
-    document, blob = _textured(folder)
+def _glb_seeds(_folder: Path) -> list[bytes]:
     image = base64.b64encode(_image("PNG")).decode()
-    return [
-        _character(folder),
-        join_glb(document | {"images": [{"uri": f"data:image/png;base64,{image}"}]}, blob),
-    ]
+    return [character_glb(), textured({"uri": f"data:image/png;base64,{image}"})]
 
 
-def _gltf_seeds(folder: Path) -> list[bytes]:
-    from tests.helpers.gltf_characters import split_glb
-
-    document, blob = split_glb(_character(folder))
+def _gltf_seeds(_folder: Path) -> list[bytes]:
+    document, blob = split_glb(character_glb())
     document["buffers"][0]["uri"] = "data:;base64," + base64.b64encode(blob).decode()
     return [json.dumps(document).encode()]
 
 
 def _load(path: Path) -> None:
-    from tests.helpers.gltf_characters import make_pose
-
     character = load_character(path)
     pose: Pose = make_pose(1)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -169,8 +128,6 @@ def _load(path: Path) -> None:
 
 
 def _image(kind: str) -> bytes:
-    from PIL import Image
-
     out = io.BytesIO()
     pixels = np.random.default_rng(2).integers(0, 255, (16, 16, 3), np.uint8)
     Image.fromarray(pixels).save(out, kind)
@@ -178,19 +135,13 @@ def _image(kind: str) -> bytes:
 
 
 def _texture_seeds(folder: Path) -> list[bytes]:
-    document, blob = _textured(folder)
-    (folder / "document.json").write_text(json.dumps(document), encoding="utf-8")
-    (folder / "blob.bin").write_bytes(blob)
+    put(folder, "input.glb", textured({"uri": "image.png"}))
     return [_image("PNG"), _image("JPEG"), _image("JPEG"), b"%!PS\n/x 1 def showpage\n", _image("GIF")]
 
 
 def _read_texture(folder: Path, data: bytes) -> None:
-    from tests.helpers.gltf_characters import join_glb
-
-    document = json.loads((folder / "document.json").read_text(encoding="utf-8"))
-    blob = (folder / "blob.bin").read_bytes()
     put(folder, "image.png", data)
-    _load(put(folder, "input.glb", join_glb(document | {"images": [{"uri": "image.png"}]}, blob)))
+    _load(folder / "input.glb")
 
 
 def _map_seeds(_folder: Path) -> list[bytes]:
@@ -208,8 +159,6 @@ def _ground(suffix: str, data: bytes, folder: Path) -> None:
 
 
 def _png_seeds(folder: Path) -> list[bytes]:
-    from PIL import Image
-
     heights = np.random.default_rng(3).random((12, 9))
     write_height_png(folder / "seed.png", heights)
     eight = io.BytesIO()
@@ -275,11 +224,6 @@ def _sidecar_of(rng, data: bytes) -> bytes:
         return json.dumps(value).encode()
     except (ValueError, RecursionError):
         return out
-
-
-def digest(data: bytes) -> str:
-    """SHA-256 as model folders write it."""
-    return hashlib.sha256(data).hexdigest()
 
 
 TARGETS = (

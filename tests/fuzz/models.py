@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import random
 import shutil
@@ -21,7 +22,6 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.text_encoder import TextEncoder, text_encoder_of
 from runtime.terrain.height_map import Terrain
 
-from .files import digest
 from .mutate import damaged_bytes, damaged_json, damaged_text
 from .networks import GRAPHS, write_model, write_text_encoder
 from .target import Target
@@ -70,7 +70,7 @@ def _read_graph(folder: Path, data: bytes) -> None:
     graph = damaged_bytes(random.Random(seed), (good / f"{name}.onnx").read_bytes())
     (target / f"{name}.onnx").write_bytes(graph)
     metadata = json.loads((good / "metadata.json").read_text("utf-8"))
-    metadata["sha256"][name] = digest(graph)
+    metadata["sha256"][name] = hashlib.sha256(graph).hexdigest()
     (target / "metadata.json").write_text(json.dumps(metadata), encoding="utf-8")
     _walk(target)
 

@@ -7,7 +7,6 @@ import json
 from pathlib import Path
 
 import numpy as np
-import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 from runtime.assets import asset_path
@@ -21,7 +20,7 @@ def _graph(
     outputs: dict[str, tuple[np.ndarray, list[int | str]]],
     source: str,
 ) -> bytes:
-    """A graph whose outputs are constants plus a millionth of the sum of the input `source` along its last axis."""
+    """A graph whose outputs are constants, plus a millionth of the mean of the input `source` where they have rows."""
     nodes = [
         helper.make_node("Cast", [source], ["real"], to=TensorProto.FLOAT),
         helper.make_node("ReduceMean", ["real"], ["mean"], axes=[-1], keepdims=1),
@@ -30,56 +29,39 @@ def _graph(
     weights = [numpy_helper.from_array(np.array(1e-6, np.float32), "small")]
     for name, (value, _) in outputs.items():
         weights.append(numpy_helper.from_array(value.astype(np.float32), f"{name}_value"))
-        nodes.append(helper.make_node("Add", ["little", f"{name}_value"], [name]))
-    graph = helper.make_graph(
-        nodes,
-        "tiny",
-        [helper.make_tensor_value_info(name, kind, shape) for name, (kind, shape) in inputs.items()],
-        [
-            helper.make_tensor_value_info(name, TensorProto.FLOAT, shape)
-            for name, (_, shape) in outputs.items()
-        ],
-        weights,
-    )
-    return onnx.helper.make_model(
-        graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8
-    ).SerializeToString()
+        added = ("Identity", [f"{name}_value"]) if value.ndim == 1 else ("Add", ["little", f"{name}_value"])
+        nodes.append(helper.make_node(*added, [name]))
+    info = helper.make_tensor_value_info
+    taken = [info(name, kind, shape) for name, (kind, shape) in inputs.items()]
+    given = [info(name, TensorProto.FLOAT, shape) for name, (_, shape) in outputs.items()]
+    graph = helper.make_graph(nodes, "tiny", taken, given, weights)
+    opset = [helper.make_opsetid("", 13)]
+    return helper.make_model(graph, opset_imports=opset, ir_version=8).SerializeToString()
 
 
 def write_model(folder: Path) -> Path:
     """A model folder in `folder` that stands still, with its text encoder in the folder of that."""
     metadata = json.loads(asset_path("models/compact/metadata.json").read_text("utf-8"))
     real, start = TensorProto.FLOAT, np.array(metadata["start"]["output"], np.float32)
-    graphs = {
-        "prompt": _graph(
-            {"embeddings": (real, ["batch", 6, DIMENSIONS])},
-            {"z": (np.zeros((1, 6, 64)), ["batch", 6, 64])},
-            "embeddings",
-        ),
-        "style": _graph(
-            {"z": (real, [6, 64])},
-            {
-                "front_bias": (np.zeros((6, 4)), [6, 4]),
-                "content_weight": (np.zeros((6, 4)), [6, 4]),
-                "content_bias": (np.zeros((6, 4)), [6, 4]),
-                "speeds": (np.ones((6, 1)), [6, 1]),
-            },
-            "z",
-        ),
-        "step": _graph(
-            {
-                "x": (real, ["batch", 472]),
-                "noise": (real, ["batch", 5, 8, 473]),
-                **{
-                    name: (real, ["styles", 6, 4])
-                    for name in ("front_bias", "content_weight", "content_bias")
-                },
-            },
-            {"y": (start[None], ["batch", 473]), "alpha": (np.full((1, 8), 0.125), ["batch", 8])},
-            "x",
-        ),
+    folded: dict[str, tuple[np.ndarray, list[int | str]]] = {
+        "front_bias": (np.zeros((6, 4)), [6, 4]),
+        "content_weight": (np.zeros((6, 4)), [6, 4]),
+        "content_bias": (np.zeros((6, 4)), [6, 4]),
     }
-    graphs["style"] = _with_speeds(graphs["style"])
+    seen: dict[str, tuple[int, list[int | str]]] = {
+        "x": (real, ["batch", 472]),
+        "noise": (real, ["batch", 5, 8, 473]),
+    }
+    shown: dict[str, tuple[np.ndarray, list[int | str]]] = {
+        "y": (start[None], ["batch", 473]),
+        "alpha": (np.full((1, 8), 0.125), ["batch", 8]),
+    }
+    words = {"embeddings": (real, ["batch", 6, DIMENSIONS])}
+    graphs = {
+        "prompt": _graph(words, {"z": (np.zeros((1, 6, 64)), ["batch", 6, 64])}, "embeddings"),
+        "style": _graph({"z": (real, [6, 64])}, folded | {"speeds": (np.array([1.2, 2.5]), [2])}, "z"),
+        "step": _graph(seen | {name: (real, ["styles", 6, 4]) for name in folded}, shown, "x"),
+    }
     folder.mkdir(parents=True, exist_ok=True)
     for name, data in graphs.items():
         (folder / f"{name}.onnx").write_bytes(data)
@@ -93,21 +75,6 @@ def write_model(folder: Path) -> Path:
     (folder / "metadata.json").write_text(json.dumps(metadata), encoding="utf-8")
     write_text_encoder(folder / "text_encoder")
     return folder
-
-
-def _with_speeds(data: bytes) -> bytes:
-    """The style's graph with two speeds, which do not depend on its input."""
-    model = onnx.load_from_string(data)
-    nodes = [node for node in model.graph.node if node.output[0] != "speeds"]
-    del model.graph.node[:]
-    model.graph.node.extend([*nodes, helper.make_node("Identity", ["speeds_value"], ["speeds"])])
-    for weight in model.graph.initializer:
-        if weight.name == "speeds_value":
-            weight.CopyFrom(numpy_helper.from_array(np.array([1.2, 2.5], np.float32), "speeds_value"))
-    for output in model.graph.output:
-        if output.name == "speeds":
-            output.CopyFrom(helper.make_tensor_value_info("speeds", TensorProto.FLOAT, [2]))
-    return model.SerializeToString()
 
 
 def write_text_encoder(folder: Path) -> Path:

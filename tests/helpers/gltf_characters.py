@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import struct
+import tempfile
+from pathlib import Path
 
 import numpy as np
 
 from runtime import rotations
 from runtime.character.character import Character
 from runtime.character.joints import align, match_names
+from runtime.character.writer import write_character
 from runtime.pose import Pose
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 
@@ -88,3 +91,31 @@ def join_glb(document: dict, blob: bytes) -> bytes:
     text += b" " * (-len(text) % 4)
     body = struct.pack("<I", len(text)) + b"JSON" + text + struct.pack("<I", len(blob)) + b"BIN\0" + blob
     return b"glTF" + struct.pack("<II", 2, 12 + len(body)) + body
+
+
+def character_glb() -> bytes:
+    """The user's character as a GLB."""
+    with tempfile.TemporaryDirectory() as folder:
+        write_character(Path(folder) / "plain.glb", user_character())
+        return (Path(folder) / "plain.glb").read_bytes()
+
+
+def textured(image: dict, extra: bytes = b"") -> bytes:
+    """A GLB of a character whose colours come from one image: `image` of its document, or `extra` in the file itself."""
+    document, blob = split_glb(character_glb())
+    count = document["accessors"][0]["count"]
+    document["bufferViews"] += [
+        {"buffer": 0, "byteOffset": len(blob), "byteLength": count * 8},
+        {"buffer": 0, "byteOffset": len(blob) + count * 8, "byteLength": len(extra)},
+    ]
+    view = len(document["bufferViews"]) - 1
+    coordinates = {"bufferView": view - 1, "componentType": 5126, "count": count, "type": "VEC2"}
+    document["accessors"].append(coordinates)
+    primitive = document["meshes"][0]["primitives"][0]
+    primitive["attributes"]["TEXCOORD_0"] = len(document["accessors"]) - 1
+    del primitive["attributes"]["COLOR_0"]
+    document["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
+    blob += bytes(count * 8) + extra
+    document["buffers"][0]["byteLength"] = len(blob)
+    image = {"bufferView": view} if extra else image
+    return join_glb(document | {"textures": [{"source": 0}], "images": [image]}, blob)

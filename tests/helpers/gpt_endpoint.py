@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import socket
 import threading
@@ -140,20 +141,25 @@ class Endpoint(ThreadingHTTPServer):
         return [request[3] for request in self.requests]
 
 
-@pytest.fixture
-def endpoint(monkeypatch):
+@contextlib.contextmanager
+def serving(server, patch):
+    """The server answers on a thread, and no proxy stands before it."""
     pytest.importorskip("openai")
-    monkeypatch.setattr(runtime.prompts.gpt.expander, "load_structured_prompt", lambda: INSTRUCTIONS)
     for name in ("HTTP_PROXY", "HTTPS_PROXY", "ALL_PROXY"):
-        monkeypatch.delenv(name, raising=False)
-        monkeypatch.delenv(name.lower(), raising=False)
-    server = Endpoint()
-    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True)
-    thread.start()
+        patch.delenv(name, raising=False)
+        patch.delenv(name.lower(), raising=False)
+    threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True).start()
     yield server
     server.released.set()
     server.shutdown()
     server.server_close()
+
+
+@pytest.fixture
+def endpoint(monkeypatch):
+    monkeypatch.setattr(runtime.prompts.gpt.expander, "load_structured_prompt", lambda: INSTRUCTIONS)
+    with serving(Endpoint(), monkeypatch) as server:
+        yield server
 
 
 @pytest.fixture

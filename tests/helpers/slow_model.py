@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import threading
 from collections.abc import Callable, Iterator
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +11,7 @@ import pytest
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.service import PromptWorker
 from runtime.skeleton import PART_NAMES
+from tests.helpers.gpt_endpoint import Endpoint, Handler, fail, say, serving
 from viewer.jobs import Slot
 
 if TYPE_CHECKING:
@@ -24,65 +22,33 @@ if TYPE_CHECKING:
 ANSWER = PartDescriptions(*(f"{part} as the model says" for part in PART_NAMES))
 
 
-class Model(ThreadingHTTPServer):
+class Model(Endpoint):
     """A chat completion endpoint that answers once `released`, with `status`; repeats the key in what it refuses."""
 
-    daemon_threads = True
-    block_on_close = False
-
     def __init__(self) -> None:
-        super().__init__(("127.0.0.1", 0), Handler)
-        self.released = threading.Event()
-        self.status = 200
-        self.asked: list[dict[str, Any]] = []
-        self.keys: set[str] = set()
+        super().__init__()
+        self.status, self.script = 200, [self._answer]
+
+    def _answer(self, handler: Handler) -> None:
+        self.released.wait(30.0)
+        if self.status == 200:
+            say(ANSWER.to_json())(handler)
+        else:
+            fail(self.status, f"refused {handler.headers['Authorization']}")(handler)
+
+    asked = Endpoint.bodies
 
     @property
-    def url(self) -> str:
-        return f"http://127.0.0.1:{self.server_port}/v1"
-
-
-class Handler(BaseHTTPRequestHandler):
-    server: Model
-
-    def do_POST(self) -> None:
-        body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
-        self.server.keys.add(self.headers["Authorization"])
-        self.server.asked.append(body)
-        self.server.released.wait(30.0)
-        said: dict[str, Any] = {
-            "choices": [{"index": 0, "message": {"role": "assistant", "content": ANSWER.to_json()}}]
-        }
-        if self.server.status != 200:
-            said = {"error": {"message": f"refused {self.headers['Authorization']}", "code": None}}
-        data = json.dumps({"id": "1", "object": "chat.completion", "model": "m", **said}).encode()
-        try:
-            self.send_response(self.server.status)
-            self.send_header("Content-Type", "application/json")
-            self.send_header("Content-Length", str(len(data)))
-            self.end_headers()
-            self.wfile.write(data)
-        except OSError:
-            self.close_connection = True  # the client went away, as it may
-
-    def log_message(self, *_: Any) -> None:
-        pass
+    def keys(self) -> set[str]:
+        return {headers["authorization"] for _, _, headers, _ in self.requests}
 
 
 @pytest.fixture
 def model(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Model]:
-    """The endpoint, without a proxy and with a cache of its own."""
-    pytest.importorskip("openai")
+    """The endpoint, with a cache of its own."""
     monkeypatch.setenv("SPORT_CACHE_DIR", str(tmp_path / "cache"))
-    for name in ("HTTP_PROXY", "HTTPS_PROXY", "ALL_PROXY"):
-        monkeypatch.delenv(name, raising=False)
-        monkeypatch.delenv(name.lower(), raising=False)
-    server = Model()
-    threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True).start()
-    yield server
-    server.released.set()
-    server.shutdown()
-    server.server_close()
+    with serving(Model(), monkeypatch) as server:
+        yield server
 
 
 def load_model(directory: Any, terrain: Any, seed: int, gpt: Any) -> Loaded:

@@ -200,7 +200,7 @@ def defined(module: str) -> set[str] | None:
     return names
 
 
-@pytest.mark.parametrize("package", [*PACKAGES, "sport", "tests", "examples"])
+@pytest.mark.parametrize("package", [*PACKAGES, "sport", "examples"])
 def test_every_import_of_the_project_leads_somewhere(package: str) -> None:
     """Also those inside functions, which no test of the module itself meets."""
     for path in sources(package):
@@ -285,20 +285,6 @@ def test_modules_hold_no_state_and_swallow_no_exception(package: str) -> None:
             if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("suppress"):
                 names = {ast.unparse(argument) for argument in node.args}
                 assert not names & {"Exception", "BaseException"}, f"{path}:{node.lineno}"
-
-
-def test_an_exception_that_is_swallowed_is_found() -> None:
-    def handler(body: str) -> ast.ExceptHandler:
-        found = ast.parse(f"try:\n    f()\nexcept Exception as e:\n    {body}").body[0]
-        assert isinstance(found, ast.Try)
-        return found.handlers[0]
-
-    assert [swallowed(handler(body)) for body in ("pass", "x = None", "raise", "log(e)")] == [
-        True,
-        True,
-        False,
-        False,
-    ]
 
 
 def shipped() -> list[Path]:

@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import threading
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from runtime.motion.features import INPUT, OUTPUT
 from runtime.motion.model import MotionModel, load_model
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.library import load_terrain
-from tests.helpers.browser import Browser, needs_browser
+from tests.helpers.browser import needs_browser, script, until
 from tests.helpers.documents import ROOT, text_of
 from tests.helpers.shipped import shipped_model
 
@@ -124,18 +125,18 @@ def test_the_step_runs_in_node() -> None:
 
 @needs_package
 @needs_browser
-def test_the_step_runs_in_a_browser(browser: Browser) -> None:
+def test_the_step_runs_in_a_browser(browser: Any) -> None:
     handler = functools.partial(_Quiet, directory=str(ROOT))
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
-        browser.send("/url", {"url": f"http://127.0.0.1:{server.server_port}/examples/engine/index.html"})
-        browser.until("window.found", 90.0)
+        browser.get(f"http://127.0.0.1:{server.server_port}/examples/engine/index.html")
+        until(browser, "window.found", 90.0)
         server.shutdown()
-    assert browser.script("return found.error") is None
-    assert browser.script("return found.worst") < 1e-4
-    assert "ms a step" in browser.script("return document.getElementById('result').textContent")
-    assert browser.script("return document.querySelectorAll('svg line').length") == 90
-    assert browser.script("return document.documentElement.scrollWidth <= innerWidth")
+    assert script(browser, "found.error") is None
+    assert script(browser, "found.worst") < 1e-4
+    assert "ms a step" in script(browser, "document.getElementById('result').textContent")
+    assert script(browser, "document.querySelectorAll('svg line').length") == 90
+    assert script(browser, "document.documentElement.scrollWidth <= innerWidth")
 
 
 class _Quiet(http.server.SimpleHTTPRequestHandler):

@@ -88,6 +88,7 @@ def test_04_own_character(tmp_path: Path, run: Callable[[str], str]) -> None:
     assert all((tmp_path / f"posed_{frame}.obj").stat().st_size > 100_000 for frame in (0, 30, 60))
 
 
+@pytest.mark.usefixtures("quick_blends")
 def test_05_blending(tmp_path: Path, run: Callable[[str], str]) -> None:
     heights = [float(cm) for cm in re.findall(r"hands +([-+][\d.]+) cm", run("05_blending.py"))]
     assert len(heights) == 7

@@ -73,14 +73,3 @@ def test_the_table_in_the_document_has_every_reader_and_adds_up() -> None:
     assert list(figures) == list(TARGETS)
     assert [sum(column) for column in zip(*figures.values(), strict=True)] == total
     assert all(read + refused + failed == inputs for inputs, read, refused, failed in figures.values())
-
-
-def test_a_run_of_some_readers_never_becomes_the_table(tmp_path: Path) -> None:
-    document = tmp_path / "page.md"
-    document.write_text("<!-- damaged input: begin -->\n<!-- damaged input: end -->\n", encoding="utf-8")
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.fuzz", "--only=--parts", "--markdown", str(document)],
-        cwd=PROJECT_ROOT, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 2
-    assert "leave --only out" in done.stderr

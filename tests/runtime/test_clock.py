@@ -3,55 +3,21 @@
 from __future__ import annotations
 
 import random
-import subprocess
-import sys
 import time
 from itertools import cycle
 from pathlib import Path
 
 import pytest
 
-from runtime.assets import PROJECT_ROOT
 from runtime.atomic import atomic_path, sweep
 from runtime.formats.bvh_clip import load_clip_bvh
 from runtime.session import library
 from runtime.session.library import SessionSummary
-from runtime.session.session_file import SessionFile
 from tests.helpers.app_driver import Start, run
 from viewer.session.sessions import describe
 
 YEAR_S = 365 * 86400.0
 JUMPS = (0.0, -5.0, 1.0, 4e9, 1e12, 1.5e9, -1e9)
-
-
-BESIDE = """
-import sys
-import time
-sys.path.insert(0, sys.argv[1])
-from pathlib import Path
-from tests.helpers.viewer_fakes import fake_services
-from viewer.app import App
-from viewer.options import ViewOptions
-folder = Path(sys.argv[2])
-app = App(ViewOptions(offscreen=True, terrain="flat"), fake_services(), config=folder / "config")
-app.settings.export_folder = str(folder / "clips")
-app.takes.toggle_recording()
-for _ in range(int(sys.argv[3])):
-    app.frame()
-app.takes.toggle_recording()
-for _ in range(10):
-    app.sessions.save_as(folder / "both.sport")
-    app.takes.export()
-    app.frame()
-(folder / f"saved {sys.argv[3]}").touch()
-end = time.monotonic() + 200.0
-while len(list(folder.glob("saved *"))) < 2 and time.monotonic() < end:  # neither closes the file before the other asks
-    app.frame()
-app.interrupt()
-code = app.end()
-app.close()
-sys.exit(code)
-"""
 
 
 @pytest.fixture
@@ -116,28 +82,3 @@ def test_what_a_running_program_writes_is_not_swept(tmp_path: Path, monkeypatch:
         monkeypatch.setattr(time, "time", lambda: now + YEAR_S)
         assert sweep(tmp_path) == []
     assert (tmp_path / "film.mp4").read_bytes() == b"half"
-
-
-def frames(path: Path) -> int:
-    """Of the one take of a session."""
-    file, history = SessionFile.open(path, path.parent)
-    (take,) = history.present.session.takes
-    assert len(take.clip) == take.frames
-    file.close(1.0)
-    return take.frames
-
-
-def test_two_programs_share_a_folder(tmp_path: Path) -> None:
-    """Settings, sessions and one named file of both: each keeps its own, and the file is that of one of the two, whole."""
-    command = [sys.executable, "-c", BESIDE, str(PROJECT_ROOT), str(tmp_path)]
-    both = [subprocess.Popen([*command, str(20 + k)], stderr=subprocess.PIPE, text=True) for k in range(2)]
-    for process in both:
-        _, said = process.communicate(timeout=300)
-        assert process.returncode == 0, said
-        assert "Traceback" not in said, said
-    found = [tmp_path / "both.sport", *(tmp_path / "config" / "sessions").glob("*.sport")]
-    assert sorted(frames(path) for path in found) == [20, 21]
-    lengths = [len(load_clip_bvh(path)) for path in (tmp_path / "clips").glob("*.bvh")]
-    assert sorted(set(lengths)) == [20, 21]
-    left = [path for path in tmp_path.rglob("*") if "-sport-" in path.name]
-    assert left == []

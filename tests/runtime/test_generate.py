@@ -118,10 +118,10 @@ def test_prompts_with_times_are_parsed_and_sorted():
             parse_prompts(bad)
 
 
-@pytest.mark.parametrize("terrain", ["flat", "hills", "stairs"])
+@pytest.mark.parametrize("terrain", ["hills", "stairs"])
 def test_a_clip_has_the_asked_length_and_moves(walker, terrain):
-    clip = generate_clip("a proud queen", terrain, "forward", "walk", seconds=3.0, name="queen")
-    assert (clip.name, clip.fps, len(clip), clip.terrain) == ("queen", 60.0, 180, terrain)
+    clip = generate_clip("a proud queen", terrain, "forward", "walk", seconds=2.5, name="queen")
+    assert (clip.name, clip.fps, len(clip), clip.terrain) == ("queen", 60.0, 150, terrain)
     assert clip.prompts == (PromptEvent(0.0, "a proud queen"),)
     assert clip.hips_positions[-1, 2] - clip.hips_positions[0, 2] > 1.5 * WALK_SPEED
     assert np.isfinite(clip.world()[0]).all()
@@ -129,7 +129,7 @@ def test_a_clip_has_the_asked_length_and_moves(walker, terrain):
 
 def test_equal_arguments_give_equal_bytes_and_seeds_and_prompts_differ(walker):
     def make(prompt="calm", seed=0):
-        clip = generate_clip(prompt, "flat", "random", "walk", seconds=2.0, seed=seed)
+        clip = generate_clip(prompt, "flat", "random", "walk", seconds=0.5, seed=seed)
         return clip.hips_positions.tobytes() + clip.local_rotations.tobytes()
 
     assert make() == make()
@@ -138,18 +138,20 @@ def test_equal_arguments_give_equal_bytes_and_seeds_and_prompts_differ(walker):
 
 
 def test_a_later_prompt_blends_in_at_its_time(walker):
-    one = generate_clip("calm", path="forward", seconds=3.0)
-    two = generate_clip(parse_prompts("0:calm; 1:drunk"), path="forward", seconds=3.0, transition_seconds=1.0)
+    one = generate_clip("calm", path="forward", seconds=2.0)
+    two = generate_clip(
+        parse_prompts("0:calm; 0.5:drunk"), path="forward", seconds=2.0, transition_seconds=1.0
+    )
     different = np.abs(one.local_rotations - two.local_rotations).max(axis=(1, 2))
-    assert different[:60].max() == 0.0
-    assert 0.0 < different[75] < different[150]
+    assert different[:30].max() == 0.0
+    assert 0.0 < different[45] < different[115]
 
 
 def test_before_the_first_prompt_somebody_walks_by_the_default_one(walker):
-    clip = generate_clip(parse_prompts("1:drunk"), path="forward", seconds=2.0)
+    clip = generate_clip(parse_prompts("0.2:drunk"), path="forward", seconds=0.4)
     assert [(event.seconds, event.prompt) for event in clip.prompts] == [
         (0.0, DEFAULT_PROMPT),
-        (1.0, "drunk"),
+        (0.2, "drunk"),
     ]
 
 
@@ -165,19 +167,14 @@ def test_a_clip_tells_what_it_was_made_with(walker, monkeypatch):
         return Told()
 
     monkeypatch.setattr(generate_module, "Prompter", prompter)
-    prompts = parse_prompts("0:calm; 1:drunk")
-    clip = generate_clip(prompts, "hills", gait="jog", seconds=2.0, seed=5, transition_seconds=0.5)
+    prompts = parse_prompts("0:calm; 0.2:drunk")
+    clip = generate_clip(prompts, "hills", gait="jog", seconds=0.5, seed=5, transition_seconds=0.5)
     assert clip.prompts == (
         PromptEvent(0.0, "calm", 0.0, parts.to_json()),
-        PromptEvent(1.0, "drunk", 0.5, parts.to_json()),
+        PromptEvent(0.2, "drunk", 0.5, parts.to_json()),
     )
     assert (clip.origin.seed, clip.origin.strength, clip.origin.terrain_seed) == (5, 1.0, 0)
-    assert dict(clip.gait_seconds) == {"jog": 2.0}
-
-
-def test_standing_stands(walker):
-    clip = generate_clip("calm", path="circle", gait="stand", seconds=2.0)
-    assert np.ptp(clip.hips_positions[:, [0, 2]], axis=0).max() < 0.05
+    assert dict(clip.gait_seconds) == {"jog": 0.5}
 
 
 @pytest.mark.parametrize(

@@ -8,13 +8,11 @@ import stat
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from runtime.atomic import check_target, write_atomic, write_new
 from runtime.errors import FileError
 from runtime.safe_read import printable
-from viewer.render.offscreen import save_png
 
 posix = pytest.mark.skipif(os.name != "posix", reason="modes, links and pipes of POSIX")
 
@@ -37,12 +35,6 @@ def test_a_disk_without_hard_links_takes_names_as_well(
     assert write_new(tmp_path / "a.txt", "1").name == "a.txt"
     assert write_new(tmp_path / "a.txt", "2").name == "a-2.txt"
     assert (tmp_path / "a.txt").read_text("utf-8") == "1"
-
-
-def test_three_screenshots_of_a_second_are_three_files(tmp_path: Path) -> None:
-    pixels = np.zeros((4, 4, 3), np.uint8)
-    names = [save_png(pixels, tmp_path / "shot.png", new=True).name for _ in range(3)]
-    assert names == ["shot.png", "shot-2.png", "shot-3.png"]
 
 
 @posix

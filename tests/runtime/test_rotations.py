@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -10,8 +10,6 @@ from runtime import rotations as R
 
 ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 shapes = hnp.array_shapes(min_dims=0, max_dims=3, max_side=4)
-settings.register_profile("math", max_examples=40, deadline=None, derandomize=True)
-settings.load_profile("math")
 
 
 def random_quaternions(seed, shape):

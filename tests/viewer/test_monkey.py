@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import pytest
-
 from tests import monkey
+from tests.helpers.viewer_fakes import fake_services
 
 
-@pytest.mark.parametrize("seed", [1])
-def test_random_actions_raise_nothing(seed: int) -> None:
-    found = monkey.run(25, seed, say=lambda _: None)
+def test_random_actions_raise_nothing() -> None:
+    found = monkey.run(25, 1, fake_services(), say=lambda _: None)
     assert len(found.done) == 12

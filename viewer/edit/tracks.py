@@ -121,5 +121,5 @@ def lanes(pins: Sequence[Pin]) -> list[list[int]]:
 
 def extra_rows(take: Take | None, parts: bool) -> int:
     """How many tracks a take has besides those that every one has."""
-    own = 0 if take is None else len(lanes(take.poses.pins)) + bool(take.cameras)
+    own = 0 if take is None else len(lanes(take.poses.pins)) + bool(take.cameras) + bool(take.poses.layer)
     return own + (len(PART_NAMES) if parts else 0)

@@ -11,6 +11,7 @@ from runtime.takes.pins import Pin, Pinned
 from viewer.edit.camera_keys import CameraKeys
 from viewer.edit.cutting import Cutting
 from viewer.edit.pins import Pins
+from viewer.edit.posing import Posing
 from viewer.edit.reference_card import ReferenceCard
 from viewer.edit.resimulation import Resimulation
 from viewer.edit.timeline import Mark, Timeline, Track
@@ -33,10 +34,13 @@ NEW_PIN_HINT = "Hold a hand, a foot, the look or the pose from this frame on, or
 PROMPTS, ROW, FEET = 21.0, 15.0, 8.0  # heights at scale 1, where there is no more room
 PROMPT_TINTS = (theme.ACCENT_FILL, (0.36, 0.55, 0.78, 0.42))
 GAIT_TINT, GROUND_TINT = (0.78, 0.62, 0.34, 0.42), (0.55, 0.58, 0.62, 0.35)
+POSE_TINT = (0.62, 0.78, 0.40, 1.0)
 PART_TINT, PIN_TINT = (0.36, 0.55, 0.78, 0.28), (0.86, 0.48, 0.62, 0.45)
 NEW_FOOTPLANT_FRAMES = 8
 CAMERA_HINT = "Views of the camera, for a film by “keyed”.\nDrag a key; right-click removes it"
 PIN_HINT = "A click shows the pin's fields; drag it or its ends"
+POSING_HINT = "Pose joints by hand over the motion: click one in the view and drag its handles"
+POSE_HINT = "Keys of the pose layer.\nDrag a key; right-click removes it"
 FEET_HINT = (
     "When a foot bears: the left one above, the right one below.\n"
     "Drag a footplant or its ends; right-click adds or removes one"
@@ -46,8 +50,8 @@ FEET_HINT = (
 class TakeTracks:
     """Gathers the tracks of all tools; the same ones again until something changes."""
 
-    def __init__(self, editing: Resimulation, pins: Pins, cameras: CameraKeys) -> None:
-        self.editing, self.pins, self.cameras = editing, pins, cameras
+    def __init__(self, editing: Resimulation, pins: Pins, posing: Posing, cameras: CameraKeys) -> None:
+        self.editing, self.pins, self.posing, self.cameras = editing, pins, posing, cameras
         self._state: tuple[Any, ...] = ()
         self._rows: list[Track] = []
 
@@ -96,6 +100,16 @@ class TakeTracks:
                     move=lambda mark, start, _: cameras.move(mark.of, start),
                 )
             )  # fmt: skip
+        poses = [Mark(at, at, of=key) for key in take.poses.layer.keys for at in (round(key.seconds * fps),)]
+        if poses:
+            posing = self.posing
+            rows.append(
+                Track(
+                    "poses", "Pose", ROW, poses, (POSE_TINT,), POSE_HINT,
+                    press=lambda mark: playback.seek(mark.start), remove=lambda mark: posing.remove(mark.of),
+                    move=lambda mark, start, _: posing.move_key(mark.of, start),
+                )
+            )  # fmt: skip
         for number, lane in enumerate(lanes(take.poses.pins)):
             marks = [_pin(i, take.poses.pins[i], playback) for i in lane]
             lit = lane.index(pins.selected) if pins.selected in lane else -1
@@ -141,6 +155,7 @@ class Transport:
 
     editing: Resimulation
     pins: Pins
+    posing: Posing
     cameras: CameraKeys
     cutting: Cutting
     timeline: Timeline = field(init=False)
@@ -151,7 +166,7 @@ class Transport:
     def __post_init__(self) -> None:
         trim = lambda first, last: self.editing.takes.trim(first, last, held=True)  # noqa: E731
         self.timeline = Timeline(trim)
-        self._tracks = TakeTracks(self.editing, self.pins, self.cameras)
+        self._tracks = TakeTracks(self.editing, self.pins, self.posing, self.cameras)
 
     def panel(self, references: ReferenceCard) -> Panel:
         """The bar; Escape in the view leaves the take."""
@@ -271,6 +286,12 @@ class Transport:
             if imgui.begin_popup(popup):
                 draw()
                 imgui.end_popup()
+        posing = self.posing
+        imgui.begin_disabled(bool(self.pins.fixed))
+        if widgets.toggle("Pose", posing.open, px(42), POSING_HINT) != posing.open:
+            posing.toggle()
+        imgui.end_disabled()
+        imgui.same_line(0, gap)
         undo_buttons(takes.editor, "take ", 0.0)
         if self._wide:
             self._more(references)

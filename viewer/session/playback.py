@@ -13,7 +13,7 @@ from runtime.session.session import Take
 from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputRecording
 from runtime.takes.pinned import pinned
-from runtime.takes.pose_edits import PoseEdits
+from runtime.takes.pose_layer import layered
 from runtime.terrain.height_map import Terrain
 
 
@@ -109,14 +109,15 @@ class Playback:
         """The pose of a frame, standing on the terrain shown."""
         if not self._newer:
             return self.standing(self.clip.pose(frame))
-        planted = PoseEdits((), self.take.poses.footplants).apply(self.take.base_clip)
-        return self.standing(pinned(planted, self.take.poses.pins, only=frame).pose(frame))
+        edits = self.take.poses
+        clip = layered(edits.below_layer(self.take.base_clip), edits.layer, only=frame)
+        return self.standing(pinned(clip, edits.pins, only=frame).pose(frame))
 
     @property
     def _newer(self) -> bool:
-        """Whether pins were changed whose frames are not made yet; plants are looked at when they are made."""
+        """Whether pins or pose keys were changed whose frames are not made yet; plants are looked at when they are made."""
         return (
-            self.take.poses.pins != self.shown.poses.pins
+            self.take.poses != self.shown.poses
             and self.take.poses.footplants == self.shown.poses.footplants
             and self.take.motion == self.shown.motion
         )

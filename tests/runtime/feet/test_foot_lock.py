@@ -273,24 +273,3 @@ def test_a_body_that_turns_over_a_held_heel_steps():
     positions, held = planted(hips, local, contacts, Terrain.flat())
     assert ("heel", "heel") in held
     assert max(near_ground(positions[:, joint]) for joint in TOES) < 0.06
-
-
-def test_a_new_one_knows_nothing_and_equal_input_gives_equal_output():
-    hips, local, contacts = walk(2 * CYCLE_FRAMES, (0.1, 0.1))
-    lock = FootLock()
-    first, _ = planted(hips, local, contacts, Terrain.flat(), lock)
-    again, _ = planted(hips + np.float32([3.0, 0.0, 0.0]), local, contacts, Terrain.flat(), lock)
-    lock = FootLock()
-    third, _ = planted(hips, local, contacts, Terrain.flat(), lock)
-    np.testing.assert_array_equal(first, third)
-    assert not np.array_equal(first, again)
-
-
-def test_types_and_inputs_are_left_as_they_were():
-    hips, local, contacts = standing(1)
-    copies = hips.copy(), local.copy()
-    result = FootLock().apply(hips[0], local[0], contacts[0], slope(), DT)
-    assert result.hips_position.dtype == np.float32
-    assert result.local_rotations.shape == (J, 4)
-    np.testing.assert_array_equal(hips, copies[0])
-    np.testing.assert_array_equal(local, copies[1])

@@ -2,20 +2,18 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime import rotations, scalar_math
+from runtime import rotations
 from runtime.easing import spring
 from runtime.feet import ik
 from runtime.feet.leg import leg_bones, leg_forward, leg_inverse
-from runtime.scalar_math import damp, damp_vector
+from runtime.scalar_math import damp
 from runtime.skeleton import SPORT_SKELETON, J
 
 LEG = 0.4118 + 0.4233
 ANKLES, KNEES, HIPS, TOES = [4, 9], [3, 8], [2, 7], [5, 10]
-settings.register_profile("ik", max_examples=40, deadline=None, derandomize=True)
-settings.load_profile("ik")
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -132,13 +130,6 @@ def test_the_knee_does_not_pop_when_the_leg_straightens():
     assert degrees_per_millimetre.max() < 3.0  # without easing the rate is unbounded
 
 
-@given(st.floats(0.0, 3.0), st.floats(0.0, 0.01))
-def test_soft_reach_never_falls_and_never_exceeds_the_leg(distance, more):
-    first, second = ik.soft_reach(np.array(distance), 1.0), ik.soft_reach(np.array(distance + more), 1.0)
-    assert ik.MIN_REACH <= first <= second <= ik.MAX_REACH + 1e-12
-    assert second - first <= more + 1e-12
-
-
 def test_two_bone_without_a_pole_keeps_the_plane_of_a_bent_limb():
     hip, knee, ankle = np.array([0.0, 1, 0]), np.array([0.3, 0.6, 0]), np.array([0.0, 0.2, 0])
     target = np.array([0.0, 0.4, 0])
@@ -147,13 +138,6 @@ def test_two_bone_without_a_pole_keeps_the_plane_of_a_bent_limb():
     np.testing.assert_allclose(new_knee + rotations.rotate(lower, ankle - knee), target, atol=1e-9)
     assert new_knee[0] > 0.3
     assert abs(new_knee[2]) < 1e-9
-
-
-def test_a_straight_limb_without_a_pole_still_bends():
-    hip, knee, ankle = np.array([0.0, 2, 0]), np.array([0.0, 1, 0]), np.zeros(3)
-    upper, lower = ik.two_bone(hip, knee, ankle, np.array([0.0, 0.5, 0]))
-    end = hip + rotations.rotate(upper, knee - hip) + rotations.rotate(lower, ankle - knee)
-    np.testing.assert_allclose(end, [0, 0.5, 0], atol=1e-9)
 
 
 @given(seeds)
@@ -172,14 +156,6 @@ def test_scalar_legs_agree_with_the_arrays(seed):
         solved = leg_inverse(leg, tuple(targets[side].tolist()), tuple(feet[side].tolist()))
         first = bones.joints[1]
         assert rotations.angle_between(np.array(solved), expected[first : first + 3]).max() < 1e-5
-
-
-@given(seeds)
-def test_rotation_vectors_round_trip(seed):
-    q = rotations.normalize(np.random.default_rng(seed).normal(size=4))
-    back = scalar_math.from_vector(scalar_math.to_vector(tuple(q.tolist())))
-    assert rotations.angle_between(np.array(back), q) < 1e-6
-    assert scalar_math.from_vector((0.0, 0.0, 0.0)) == (1.0, 0.0, 0.0, 0.0)
 
 
 @given(st.floats(-2.0, 2.0), st.floats(-10.0, 10.0), st.floats(0.05, 0.5))
@@ -208,10 +184,3 @@ def test_the_spring_is_exact_over_any_step(value, velocity, half_life):
     rest, speed = damp(value, velocity, 0.5, half_life, 40 * half_life)
     assert abs(rest - 0.5) < 1e-6
     assert abs(speed) < 1e-4
-
-
-def test_the_spring_of_vectors_is_that_of_their_numbers():
-    value, velocity, goal = (0.1, -0.2, 0.3), (1.0, 0.0, -2.0), (0.0, 0.5, 0.3)
-    together = damp_vector(value, velocity, goal, 0.07, 0.02)
-    alone = [damp(*each, 0.07, 0.02) for each in zip(value, velocity, goal, strict=True)]
-    np.testing.assert_allclose(np.array(together).T, alone, atol=1e-12)

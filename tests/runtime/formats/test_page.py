@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from runtime.formats.table import save_motion
 from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
 from runtime.terrain.library import load_terrain
-from tests.helpers.browser import Browser, needs_browser
+from tests.helpers.browser import key, needs_browser, picture, script, until
 from tests.helpers.walker import walk
 
 CLIP = Clip("</script><b>walk", 60.0, *walk(120),
@@ -36,44 +37,38 @@ def test_the_page_is_one_small_file_that_needs_no_network(page: Path) -> None:
 
 
 @needs_browser
-def test_a_browser_shows_plays_and_obeys(page: Path, browser: Browser) -> None:
-    browser.send("/window/rect", {"width": 640, "height": 520})
-    browser.send("/url", {"url": page.as_uri()})
-    browser.until("window.take && window.take.ready")
-    if browser.script("return take.playing"):
-        browser.key(" ")
-    assert browser.script("return take.playing") is False
-    browser.key("\ue011")  # Home
-    assert browser.script("return take.seconds") == 0
-    first = browser.picture()
+def test_a_browser_shows_plays_and_obeys(page: Path, browser: Any) -> None:
+    browser.set_window_size(640, 520)
+    browser.get(page.as_uri())
+    until(browser, "window.take && window.take.ready")
+    if script(browser, "take.playing"):
+        key(browser, " ")
+    assert script(browser, "take.playing") is False
+    key(browser, "\ue011")  # Home
+    assert script(browser, "take.seconds") == 0
+    first = picture(browser)
     middle = first[60:300, 220:420]
     assert middle.std() > 15.0, "somebody stands in the middle"
-    browser.key(".")
-    assert browser.script("return take.seconds") == pytest.approx(1 / 60, abs=1e-4)
-    browser.key("\ue010")  # End
-    assert browser.script("return take.seconds") == pytest.approx(119 / 60, abs=1e-3)
-    assert "drunk" in browser.script("return document.getElementById('words').textContent")
-    browser.key("2")
-    assert browser.script("return take.camera") == "side"
-    side = browser.picture()
+    key(browser, ".")
+    assert script(browser, "take.seconds") == pytest.approx(1 / 60, abs=1e-4)
+    key(browser, "\ue010")  # End
+    assert script(browser, "take.seconds") == pytest.approx(119 / 60, abs=1e-3)
+    assert "drunk" in script(browser, "document.getElementById('words').textContent")
+    key(browser, "2")
+    assert script(browser, "take.camera") == "side"
+    side = picture(browser)
     assert np.abs(side - first).max() > 60, "another pose from another side"
     light = side[2, 300].mean()
-    browser.key("t")
-    assert abs(browser.picture()[2, 300].mean() - light) > 100, "dark and light"
-    assert browser.script("return document.querySelectorAll('#marks button').length") == 2
-    browser.script("document.querySelectorAll('#marks button')[1].click()")
-    assert browser.script("return take.seconds") == pytest.approx(1.0)
-    browser.key(" ")
-    browser.until("take.seconds !== 1")
-    severe = [
-        entry["message"]
-        for entry in browser.send("/se/log", {"type": "browser"})
-        if entry["level"] == "SEVERE"
-    ]
+    key(browser, "t")
+    assert abs(picture(browser)[2, 300].mean() - light) > 100, "dark and light"
+    assert script(browser, "document.querySelectorAll('#marks button').length") == 2
+    script(browser, "document.querySelectorAll('#marks button')[1].click()")
+    assert script(browser, "take.seconds") == pytest.approx(1.0)
+    key(browser, " ")
+    until(browser, "take.seconds !== 1")
+    severe = [entry["message"] for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
     assert severe == []
-    browser.send("/window/rect", {"width": 500, "height": 844})
-    assert browser.script("return document.documentElement.scrollWidth <= innerWidth")
-    footer = browser.script(
-        "return document.querySelector('footer').getBoundingClientRect().top / innerHeight"
-    )
+    browser.set_window_size(500, 844)
+    assert script(browser, "document.documentElement.scrollWidth <= innerWidth")
+    footer = script(browser, "document.querySelector('footer').getBoundingClientRect().top / innerHeight")
     assert footer > 0.6, "the take has most of a narrow window"

@@ -11,7 +11,7 @@ from runtime.assets import model_folder
 from runtime.errors import ModelError
 from runtime.motion.calibration import FADE, Calibration
 from runtime.motion.features import C
-from runtime.motion.mirror import Ways, mirrored_code
+from runtime.motion.mirror import mirrored_code
 from runtime.motion.model import load_model
 
 SPREAD = 0.3  # of the sentences of every code here
@@ -101,23 +101,6 @@ def test_neutral_stays_neutral() -> None:
     measured = calibration((0, NEAR, -0.9, 2.0))
     assert not measured.drawn_out(np.zeros((6, 64), np.float32)).any()
     assert not measured.side_leads(np.zeros((6, 64), np.float32)).any()
-
-
-def test_which_ways_round_a_code_is_walked() -> None:
-    both = calibration()
-    for leads, mirrored, twice in (
-        ((0, 0, 0, 0, 0, 0), False, ()),
-        ((-0.6, 0, 0, 0, 0, 0), True, ()),
-        ((0.6, 0, 0, 0, 0, 0), False, ()),
-        ((-0.6, 0.6, 0, 0, 0, 0), False, (0,)),  # both arms do what was seen on the right
-        ((0.6, -0.6, 0, 0, -0.4, 0), True, (0,)),
-        ((-0.25, 0, 0, 0, 0, 0), False, ()),  # may be chance
-        ((0.1, -0.45, 0, 0, 0, 0), True, ()),  # a second call costs more than it brings
-        ((0, 0, 0.9, -0.8, 0, 0), False, (3,)),
-    ):
-        values = np.array(leads, np.float32)
-        assert both.ways(values) == Ways(mirrored, bool(twice)), leads
-        assert both.other_limbs(values, mirrored) == tuple(float(k in twice) for k in range(4)), leads
 
 
 CODE = {"part": "head", "lead": 0.0, "gain": 1.0, "gain_beside": 1.0, "spread": 0.2, "code": [0.0] * 64}

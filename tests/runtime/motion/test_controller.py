@@ -33,41 +33,34 @@ def speed(poses):
 @pytest.mark.parametrize("gait", [Gait.WALK, Gait.JOG, Gait.CROUCH])
 def test_root_keeps_the_asked_speed_and_direction(model, gait):
     controller = Controller(model, Terrain.flat(size_m=200.0))
-    drive(controller, Controls((0.0, 1.0), gait=gait), 120)
-    poses = drive(controller, Controls((0.0, 1.0), gait=gait), 90)
+    drive(controller, Controls((0.0, 1.0), gait=gait), 90)
+    poses = drive(controller, Controls((0.0, 1.0), gait=gait), 60)
     assert speed(poses) == pytest.approx(controller.requested_speed, rel=0.15)
     assert abs(poses[-1].root_yaw) < 0.3
 
 
 def test_feet_step_while_it_walks_and_it_stops_and_stays(model):
     controller = Controller(model, Terrain.flat())
-    drive(controller, FORWARD, 60)
-    poses = drive(controller, FORWARD, 90)
+    drive(controller, FORWARD, 40)
+    poses = drive(controller, FORWARD, 70)
     assert (np.ptp([p.positions[[4, 9], 1] for p in poses], axis=0) > 0.03).all()
     assert 0.15 < (np.array([p.contacts for p in poses]) > 0.5).mean() < 0.9
     drive(controller, Controls(), 120)
-    assert speed(drive(controller, Controls(), 60)) < 0.05
+    assert speed(drive(controller, Controls(), 20)) < 0.05
 
 
 def test_it_turns_towards_the_stick(model):
     controller = Controller(model, Terrain.flat())
-    drive(controller, FORWARD, 90)
+    drive(controller, FORWARD, 40)
     poses = drive(controller, Controls((1.0, 0.0)), 120)
     assert poses[-1].root_yaw == pytest.approx(np.pi / 2, abs=0.4)
-
-
-def test_the_stick_is_felt_within_two_frames(model):
-    still, moved = (Controller(model, Terrain.flat(), seed=1) for _ in range(2))
-    drive(still, Controls(), 60), drive(moved, Controls(), 60)
-    a, b = drive(still, Controls(), 2)[-1], drive(moved, FORWARD, 2)[-1]
-    assert np.abs(a.positions - b.positions).max() > 1e-4
 
 
 def test_same_seed_same_bytes_and_bones_never_stretch(model):
     runs = []
     for _ in range(2):
         controller = Controller(model, make_terrain("hills"), seed=5)
-        runs.append(drive(controller, FORWARD, 90))
+        runs.append(drive(controller, FORWARD, 60))
     for a, b in zip(*runs, strict=True):
         assert a.positions.tobytes() == b.positions.tobytes()
     parents = np.array(SPORT_SKELETON.parents[1:])
@@ -80,7 +73,7 @@ def test_toes_stay_above_the_ground_on_stairs_and_hills(model):
     for name in ("stairs", "hills"):
         terrain = make_terrain(name)
         controller = Controller(model, terrain)
-        toes = np.array([p.positions[[5, 10]] for p in drive(controller, FORWARD, 300)])
+        toes = np.array([p.positions[[5, 10]] for p in drive(controller, FORWARD, 150)])
         sunk = terrain.height(toes[..., 0], toes[..., 2]) - toes[..., 1]
         assert np.percentile(sunk, 99) < 0.02
 
@@ -99,9 +92,9 @@ def test_a_style_blends_over_its_transition_and_changes_the_pose(model):
 
 
 def test_temperature_zero_ignores_the_seed(model):
-    poses = [drive(Controller(model, Terrain.flat(), seed, 0.0), FORWARD, 60)[-1] for seed in (1, 2)]
+    poses = [drive(Controller(model, Terrain.flat(), seed, 0.0), FORWARD, 20)[-1] for seed in (1, 2)]
     assert np.array_equal(poses[0].positions, poses[1].positions)
-    warm = [drive(Controller(model, Terrain.flat(), seed, 1.0), FORWARD, 60)[-1] for seed in (1, 2)]
+    warm = [drive(Controller(model, Terrain.flat(), seed, 1.0), FORWARD, 20)[-1] for seed in (1, 2)]
     assert not np.array_equal(warm[0].positions, warm[1].positions)
 
 
@@ -187,10 +180,10 @@ def test_settled_it_stands_in_its_style_and_sets_off_without_flying_hands(model)
         if settled:
             pose = controller.settle()
             assert np.allclose(pose.root_position[[0, 2]], [1.0, 2.0])
-        poses = drive(controller, FORWARD, 240)
+        poses = drive(controller, FORWARD, 150)
         moved = np.linalg.norm(np.diff([p.positions[hands] for p in poses], axis=0), axis=-1) * 60
         assert np.allclose(poses[0].root_position[[0, 2]], [1.0, 2.0], atol=0.05)
-        return moved[:10].max(), moved[120:].max()
+        return moved[:10].max(), moved[80:].max()
 
     for settled in (True, False):
         begins, own = fastest(settled)

@@ -11,19 +11,6 @@ from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 
 
-def test_sizes_are_the_papers():
-    assert features.INPUT_SIZE == 472
-    assert features.PAPER_OUTPUT_SIZE == 287
-    assert features.OUTPUT_SIZE == 473
-    assert features.MOTION_INPUT_SIZE == 342
-
-
-def test_rest_pose_faces_plus_z_and_left_is_plus_x():
-    rest = SPORT_SKELETON.rest_positions
-    assert abs(features.facing_yaw(rest)) < 1e-6
-    assert rest[SPORT_SKELETON.index("LeftArm"), 0] > 0
-
-
 @given(st.floats(-3.0, 3.0))
 def test_turning_the_rest_pose_turns_the_facing(yaw):
     turned = rotations.rotate(rotations.from_yaw(yaw), SPORT_SKELETON.rest_positions)

@@ -1,11 +1,10 @@
 """Arms that jump while styles blend are shown on their way; anything else is shown as it is."""
 
 import numpy as np
-import pytest
 
 from runtime import rotations
 from runtime.motion.features import FPS
-from runtime.motion.pose_smoothing import FASTEST, FASTEST_EVER, JOINTS, Inertialization
+from runtime.motion.pose_smoothing import FASTEST, FASTEST_EVER, Inertialization
 from runtime.skeleton import SPORT_SKELETON
 
 ARM = SPORT_SKELETON.index("LeftArm")
@@ -38,12 +37,6 @@ def test_an_arm_that_jumps_while_styles_blend_is_shown_on_its_way():
     assert rotations.angle_between(shown[-1], _pose(2.5)[ARM]) < 0.01
 
 
-def test_it_arrives_soon():
-    away = rotations.angle_between(_shown(JUMP, True), _pose(2.5)[ARM])
-    assert away[29 + int(0.25 * FPS)] < 0.6 * 2.5
-    assert away[29 + int(0.8 * FPS)] < 0.03 * 2.5
-
-
 def test_an_arm_that_swings_is_shown_as_it_is():
     swing = 0.8 * np.sin(2 * np.pi * np.arange(120) / FPS)  # 5 rad/s at most
     expected = np.array([_pose(a)[ARM] for a in swing])
@@ -58,11 +51,6 @@ def test_without_a_blend_only_what_no_arm_does_is_held_back():
     assert FASTEST < speed.max() < 1.2 * FASTEST_EVER
 
 
-def test_a_jump_just_after_a_blend_is_held_back_too():
-    shown = _shown(JUMP, np.arange(len(JUMP)) < 25)
-    assert (rotations.angle_between(shown[1:], shown[:-1]) * FPS).max() < 1.2 * FASTEST
-
-
 def test_at_rest_an_arm_settles_calmly_and_breathing_stays():
     still = _shown(JUMP, False, rest=1.0)
     assert (rotations.angle_between(still[1:], still[:-1]) * FPS).max() < FASTEST
@@ -72,13 +60,6 @@ def test_at_rest_an_arm_settles_calmly_and_breathing_stays():
     swing = 0.4 * np.sin(2 * np.pi * np.arange(240) / FPS)
     kept = rotations.angle_between(_shown(swing, False, rest=1.0), _pose(0.0)[ARM])[120:]
     assert kept.max() < 0.4 * 0.4
-
-
-@pytest.mark.parametrize("name", ["LeftUpLeg", "LeftFoot", "LeftHand"])
-def test_other_joints_are_left_alone(name):
-    joint = SPORT_SKELETON.index(name)
-    assert joint not in JOINTS
-    np.testing.assert_array_equal(_shown(JUMP, True, joint), [_pose(a, joint)[joint] for a in JUMP])
 
 
 def test_characters_are_apart():

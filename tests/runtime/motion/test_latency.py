@@ -18,8 +18,8 @@ CHANGES = {
     "start": (STAND, AHEAD, 20),
     "jog": (STAND, Controls(move=(0.0, 1.0), gait=Gait.JOG), 20),
     "turn on the spot": (STAND, Controls(facing=(1.0, 0.0)), 20),
-    "turn": (AHEAD, Controls(move=(1.0, 0.0)), 60),
-    "stop": (AHEAD, STAND, 60),
+    "turn": (AHEAD, Controls(move=(1.0, 0.0)), 40),
+    "stop": (AHEAD, STAND, 40),
 }
 
 

@@ -1,10 +1,8 @@
 """The network in the mirror: mirror images of what it reads and writes, and what is walked that way."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.controls import Controls
@@ -47,7 +45,6 @@ def drawn(model: MotionModel, count: int) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 @given(seed=st.integers(0, 2**31))
-@settings(max_examples=20)
 def test_twice_mirrored_is_what_it_was(seed: int) -> None:
     random = np.random.default_rng(seed)
     x, y = (random.standard_normal((3, size)).astype(np.float32) for size in (INPUT_SIZE, OUTPUT_SIZE))
@@ -59,7 +56,6 @@ def test_twice_mirrored_is_what_it_was(seed: int) -> None:
 
 
 @given(seed=st.integers(0, 2**31))
-@settings(max_examples=20)
 def test_the_mirrored_input_is_the_input_of_the_mirrored_world(seed: int) -> None:
     def parts(sign: float) -> InputParts:
         drawn = np.random.default_rng(seed)
@@ -123,38 +119,6 @@ def test_a_mirrored_style_sees_the_mirror_image(model: MotionModel) -> None:
     np.testing.assert_allclose(got, MIRROR.of_output(expected), rtol=0, atol=1e-6)
 
 
-def test_a_style_of_both_ways_has_limbs_of_the_other(model: MotionModel) -> None:
-    x, noise, z = drawn(model, 1)
-    folder = StyleFolder(model.fold_style, 1.0, model.calibration)
-    ways = [folder.fold(z, Ways(mirrored, False)) for mirrored in (False, True)]
-    plain, other = (model.step(x, noise, style)[0] for style in ways)
-    both = replace(ways[0], opposite=ways[1], limbs=(0.0, 1.0, 0.0, 0.0))
-    for styles in (both, [both]):  # alone, and in a list of styles
-        got = split_output(model.step(x, noise, styles)[0])
-        arm = list(PART_JOINTS["right_arm"])
-        np.testing.assert_allclose(
-            got.joint_rotations[:, arm], split_output(other).joint_rotations[:, arm], rtol=1e-5
-        )
-        np.testing.assert_array_equal(got.root, split_output(plain).root)
-
-
-def test_no_second_call_where_no_limb_is_borrowed(
-    model: MotionModel, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    x, noise, z = drawn(model, 1)
-    folder, calls = StyleFolder(model.fold_style, 1.0, model.calibration), []
-    both = folder.fold(z, Ways(False, True))
-    step = model._one_way
-    monkeypatch.setattr(model, "_one_way", lambda *args, **options: calls.append(1) or step(*args, **options))
-    for limbs, expected in (
-        ((0.0,) * 4, 1),
-        ((0.0, 0.0, 0.2, 0.0), 2),
-    ):  # after a blend from two hands to one
-        calls.clear()
-        model.step(x, noise, replace(both, limbs=limbs))
-        assert len(calls) == expected
-
-
 def test_blends_are_the_same_ways_round_at_both_ends(model: MotionModel, prompter: Prompter) -> None:
     controller = Controller(model, Terrain.flat(), 0)
     neutral, one = prompter("a person walking normally"), prompter("left hand behind the back")
@@ -199,10 +163,10 @@ def test_what_was_trained_on_one_side_is_shown_on_both(
     controller.set_style(prompter(f"{prompt} behind the back"), 0.5)
     hands = [hand for side, hand in (("left", LEFT_HAND), ("right", RIGHT_HAND)) if side in prompt]
     places = []
-    for _ in range(240):
+    for _ in range(170):
         pose = controller.step(Controls(move=(0.0, 1.0)))
         places.append(pose.positions[hands or [LEFT_HAND, RIGHT_HAND]] - pose.hips_position)
-    held = np.median(places[140:], axis=0)
+    held = np.median(places[110:], axis=0)
     assert (held[:, 2] < -0.08).all()
     assert (np.abs(held[:, 0]) < 0.2).all()
 
@@ -220,11 +184,3 @@ def test_going_into_the_mirror_and_out_of_it_is_smooth(model: MotionModel, promp
     at = np.arange(198 - 100, len(jumps), 100)
     near = np.max([jumps[at + k] for k in range(4)], axis=0)
     assert near.max() < 1.5 * np.percentile(jumps, 99)
-
-
-def test_a_mirrored_frame_is_a_mirrored_pose(model: MotionModel) -> None:
-    start = np.array(model.metadata["start"]["output"], np.float32)[None]
-    there = split_output(MIRROR.of_output(start))
-    here = split_output(start)
-    np.testing.assert_array_equal(there.joint_positions, here.joint_positions[:, MIRROR_JOINTS] * ACROSS)
-    np.testing.assert_array_equal(there.contacts, here.contacts[:, [2, 3, 0, 1]])

@@ -34,21 +34,6 @@ def test_a_body_turns_the_shorter_way(now: float, wish: float) -> None:
     assert abs(yaws[-1] - now) <= np.pi + 1e-9
 
 
-def test_a_walk_starts_and_stops_in_the_time_of_captures_and_a_game_at_once() -> None:
-    walk = np.array([1.3])
-    capture, game = (float(trajectory.change_seconds(walk, np.array([r]))[0]) for r in (0.0, 1.0))
-    assert 0.7 < capture < 1.6
-    assert game < 0.15
-
-
-def test_a_turn_takes_the_time_of_captures_and_runners_turn_faster() -> None:
-    speeds, walk = np.array([0.0, 1.3, 2.6, 9.0]), np.full(4, 1.3)
-    stands, walks, runs, races = trajectory.turn_seconds(speeds, walk, np.zeros(4))
-    assert walks > stands > runs == races
-    assert 0.85 < walks < 2.4  # seconds of captured turns of 90 degrees in a walk
-    assert trajectory.turn_seconds(speeds, walk, np.ones(4)).max() < 0.2
-
-
 def test_labels_follow_the_planned_speed() -> None:
     speeds = np.linspace(0.0, 3.0, 61)[None]
     now = np.eye(trajectory.GAITS)[[Gait.STAND]]

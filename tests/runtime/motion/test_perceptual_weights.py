@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.motion import perceptual_weights
-from runtime.motion.style import LINEAR, StyleMix, even_weights, mixes, turned_round
+from runtime.motion.style import LINEAR, StyleMix, even_weights, turned_round
 from runtime.prompts.blend import BlendedPrompt
 from runtime.prompts.prompter import Prompter
 from runtime.session.prompt_blend import Side
@@ -36,11 +36,6 @@ def test_the_other_way_round_is_the_same_mix(shares: tuple[float, ...], weight: 
     (there,) = even_weights(shares, (weight,))
     (back,) = even_weights(turned_round(shares), (1.0 - weight,))
     assert there + back == pytest.approx(1.0, abs=1e-9) or len(set(shares)) < len(shares)
-
-
-def test_only_parts_of_both_styles_need_a_measurement() -> None:
-    assert not mixes((0.0, 1.0, 1.0))
-    assert mixes((0.0, 0.5, 1.0))
 
 
 def test_six_steps_of_a_measured_blend_are_nearly_equal(monkeypatch: pytest.MonkeyPatch) -> None:

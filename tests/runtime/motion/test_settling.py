@@ -53,23 +53,13 @@ def test_what_is_slower_than_the_limit_is_shown_as_it_is() -> None:
     assert speeds(settling, 120, ONE, ONE, 0.001) == pytest.approx([0.06] * 120)
 
 
-def test_it_turns_joints_as_far_as_the_time_goes() -> None:
-    settling = Settling.awake(LOCAL, np.array([0.4]))
-    settling.rate = np.array([0.25])
-    there = LOCAL.copy()
-    there[0, 5] = np.cos(0.2), np.sin(0.2), 0.0, 0.0
-    found = settling.between(there, np.array([0.4]))
-    assert found[0, 5] == pytest.approx([np.cos(0.05), np.sin(0.05), 0.0, 0.0])
-    assert found[0, 0] == pytest.approx(LOCAL[0, 0])
-
-
 def test_an_exhausted_body_stands_still_after_a_walk() -> None:
     model = shipped_model()
     controller = Controller(model, Terrain.flat(), seed=1)
     controller.set_style(shipped_prompter()("an exhausted soldier, left arm hanging"), 0.0)
-    for _ in range(120):
+    for _ in range(60):
         controller.step(Controls((0.0, 1.0)))
-    poses = [controller.step(Controls()) for _ in range(240)][130:]
+    poses = [controller.step(Controls()) for _ in range(190)][130:]
     hands = np.array([p.positions[[20, 27]] - p.positions[:1] for p in poses])
     feet = np.array([p.positions[[4, 9]] for p in poses])
     for points, most in ((hands, 0.15), (feet, 0.06)):

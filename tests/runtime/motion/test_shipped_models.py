@@ -38,7 +38,7 @@ def test_names_and_folders() -> None:
 @pytest.mark.parametrize("name", shipped_models())
 def test_every_shipped_model_walks(name: str) -> None:
     controller = Controller(load_model(name), Terrain.flat(), seed=1)
-    for _ in range(120):
+    for _ in range(90):
         pose = controller.step(Controls(move=(0.0, 1.0)))
     assert controller.model.name == name
     assert np.linalg.norm(pose.root_position[[0, 2]]) > 1.0

@@ -62,13 +62,6 @@ def walked(middle: tuple[Controller, Snapshot]) -> Controller:
     return controller
 
 
-def test_what_follows_is_the_same_again(walked: Controller) -> None:
-    snapshot = take_snapshot(walked)
-    once = play(walked, 110, 170)
-    snapshot.restore(walked)
-    assert same(play(walked, 110, 170), once)
-
-
 def test_the_same_in_another_controller_from_bytes(walked: Controller, model: MotionModel) -> None:
     data = take_snapshot(walked).to_bytes()
     once = play(walked, 110, 170)

@@ -1,12 +1,11 @@
 """The regulator of the root's speed, on bodies that follow late, too fast, too slowly or not at all."""
 
 import numpy as np
-import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.motion.features import FPS
-from runtime.motion.pace import GAIN_RANGE, STANDING_GAIN, SpeedRegulator
+from runtime.motion.pace import SpeedRegulator
 
 LATE, SLUGGISH = (
     round(0.25 * FPS),
@@ -28,7 +27,6 @@ def walk(pace: float, asked: float, seconds: float = 12.0) -> np.ndarray:
     return np.array(speeds)
 
 
-@settings(max_examples=30, deadline=None)
 @given(pace=st.floats(0.6, 1.4), asked=st.floats(0.3, 3.0))
 def test_the_asked_speed_is_reached_and_kept(pace: float, asked: float):
     speeds = walk(pace, asked) / asked
@@ -36,20 +34,6 @@ def test_the_asked_speed_is_reached_and_kept(pace: float, asked: float):
     settled = speeds[8 * FPS :]
     assert abs(settled.mean() - 1.0) < 0.03
     assert np.ptp(settled) < 0.1
-
-
-@pytest.mark.parametrize(("pace", "most"), [(0.0, STANDING_GAIN), (0.45, GAIN_RANGE[1])])
-def test_only_what_stands_is_asked_for_more_than_twice_its_speed(pace: float, most: float):
-    regulator = SpeedRegulator.at_rest()
-    gains = [gain(regulator, 0.5, pace * 0.5) for _ in range(4 * FPS)]
-    assert gains[-1] == pytest.approx(most)
-
-
-@given(speeds=st.lists(st.floats(0.0, 20.0), min_size=1, max_size=50), asked=st.floats(0.0, 8.0))
-def test_the_gain_keeps_its_bounds(speeds: list[float], asked: float):
-    regulator = SpeedRegulator.at_rest()
-    for speed in speeds:
-        assert GAIN_RANGE[0] <= gain(regulator, asked, speed) <= STANDING_GAIN
 
 
 def test_a_stop_forgets_the_walk_before():

@@ -30,41 +30,6 @@ STICKS = st.builds(
 RESTS = st.builds(
     StickSegment, st.sampled_from([Gait.STAND, Gait.JUMP]), st.floats(0.001, 600).map(lambda x: round(x, 6))
 )
-NUMBER, AMOUNT, SECONDS = (
-    st.from_regex(form, fullmatch=True)
-    for form in (
-        r"[-+]?[0-9]{1,9}(\.[0-9]{0,9})?",
-        r"[+]?0{1,8}(\.[0-9]{0,9})?|[+]?1(\.0{0,9})?",
-        r"[+]?0{0,4}[1-9][0-9]{0,3}(\.[0-9]{0,9})?",
-    )
-)
-OPTIONS = st.tuples(
-    *(
-        st.just("") | number.map(sign.__add__)
-        for sign, number in (("@", NUMBER), ("*", AMOUNT), (">", NUMBER))
-    )
-).map("".join)
-SPACE = st.text(" \t\n", min_size=1, max_size=3)
-SEGMENTS = st.tuples(
-    st.sampled_from(["stand", "jump", "Stand", "JUMP"])
-    | st.tuples(st.sampled_from(["walk", "jog", "crouch", "Walk", "JOG"]), OPTIONS).map("".join),
-    SPACE,
-    SECONDS,
-).map("".join)
-TEXTS = st.lists(SEGMENTS, min_size=1, max_size=8).flatmap(
-    lambda parts: st.sampled_from([";", " ; ", ";;\n"]).map(lambda between: between.join(parts) + between)
-)
-
-
-@given(TEXTS)
-def test_all_texts_of_the_grammar_are_read_and_each_segment_has_its_time(text: str) -> None:
-    script, start = parse_stick(text), 0.0
-    assert len(script.segments) == sum(bool(part.strip()) for part in text.split(";"))
-    for segment in script.segments:
-        controls = script(start + 0.5 * segment.seconds)
-        assert segment.gait == Gait.JUMP or controls == segment.controls
-        start += segment.seconds
-    assert script(start + 1.0).move == (0.0, 0.0)
 
 
 def test_a_script_of_the_greatest_length_is_looked_up_at_once() -> None:

@@ -100,7 +100,7 @@ def studio(model: MotionModel) -> Studio:
     studio.style(2, 0.1)
     studio.walk(4)
     studio.style(3, 0.1)
-    studio.walk(KEYFRAME_STEPS)
+    studio.walk(KEYFRAME_STEPS - 110)  # the next keyframe lies 24 frames before the end
     return studio
 
 

@@ -48,9 +48,7 @@ def test_heights_of_the_way_end_at_what_one_can_climb():
     assert within_steps(slope[None], 6)[0].tolist() == np.minimum(slope, 1.5).tolist()
 
 
-@pytest.mark.parametrize(
-    ("height", "gait"), [(-8.0, Gait.WALK), (6.0, Gait.JOG), (8.0, Gait.WALK), (20.0, Gait.JOG)]
-)
+@pytest.mark.parametrize(("height", "gait"), [(-8.0, Gait.WALK), (6.0, Gait.JOG)])
 def test_a_cliff_stops_the_walker_who_says_so_and_goes_back(height, gait):
     controller = Controller(shipped_model(), cliff(height, z=2.5))
     hips, said = [], set()

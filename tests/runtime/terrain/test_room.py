@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.random_play import play, spikes
@@ -30,7 +30,6 @@ CLIFF = Terrain("cliff", RISE[:, None].repeat(201, 1), 0.1, (-10.0, -10.0))
 angles = st.floats(-np.pi, np.pi)
 
 
-@settings(max_examples=40, deadline=None)
 @given(angle=angles, away=st.floats(0.12, 2.0), z=st.floats(-5, 5))
 def test_a_root_leaves_a_cliff_and_never_goes_into_it(angle: float, away: float, z: float) -> None:
     velocity = np.array([np.cos(angle), np.sin(angle)])
@@ -42,7 +41,6 @@ def test_a_root_leaves_a_cliff_and_never_goes_into_it(angle: float, away: float,
         assert (kept == 0.0).all()
 
 
-@settings(max_examples=30, deadline=None)
 @given(x=st.floats(-3, 3), z=st.floats(-3, 3))
 def test_the_nearest_place_has_room(x: float, z: float) -> None:
     place = nearest_place(CLIFF, x, z)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
@@ -22,7 +22,6 @@ def bumpy():
     )
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
 @given(places, places)
 def test_heights_are_bilinear_and_go_on_at_the_edges(x, z):
     t = bumpy()
@@ -56,11 +55,6 @@ def test_ready_terrains_are_finite_large_and_level_where_one_starts(name):
     np.testing.assert_array_equal(make_terrain(name, 3).heights, t.heights)
 
 
-@pytest.mark.parametrize("name", ["hills", "rough", "platforms"])
-def test_seeds_change_grown_terrains(name):
-    assert not np.array_equal(make_terrain(name, 1).heights, make_terrain(name, 2).heights)
-
-
 def test_hills_are_walkable_slopes():
     t = make_terrain("hills")
     gradient = np.hypot(*np.gradient(t.heights.astype(float), t.cell_m))
@@ -83,14 +77,6 @@ def test_stairs_have_treads_and_crisp_risers():
     np.testing.assert_allclose(
         t.height(z, np.zeros_like(z)), heights, atol=1e-5
     )  # rings: the same in every direction
-
-
-def test_platforms_have_ramps_and_steps():
-    t = make_terrain("platforms")
-    assert t.heights.max() == pytest.approx(0.6)
-    down_x, down_z = np.abs(np.diff(t.heights, axis=0)).max(), np.abs(np.diff(t.heights, axis=1)).max()
-    assert down_x == pytest.approx(0.15, abs=0.01)  # one step in one cell
-    assert down_z < 0.16
 
 
 def test_an_unknown_name_lists_the_names():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.terrain.courses import Obstacle as Block
@@ -22,7 +22,6 @@ def ground(*blocks: Block, base: float = 0.0) -> Terrain:
 
 
 @given(top=st.floats(0.15, 1.4), begin=st.floats(2.5, 3.5), base=st.floats(-3.0, 3.0))
-@settings(max_examples=30, deadline=None)
 def test_a_bar_has_two_edges_and_a_height(top: float, begin: float, base: float) -> None:
     found = obstacle_ahead(ground(Block(begin, begin + 0.1, top, 4.0), base=base), 0.0, 1.0, AHEAD, 3.0)
     assert found is not None
@@ -79,7 +78,6 @@ def test_a_dip_as_deep_as_a_stair_is_walked_through(
 
 
 @given(angle=st.floats(-0.6, 0.6))
-@settings(max_examples=20, deadline=None)
 def test_an_edge_that_is_met_aslant_says_how_far_to_turn(angle: float) -> None:
     way = np.array([np.sin(angle), np.cos(angle)])
     found = obstacle_ahead(ground(Block(3.0, 6.0, 1.0, 4.0)), 0.0, 1.0, way, 3.0)

@@ -8,12 +8,10 @@ import pytest
 from runtime.controls import Controls, Gait
 from runtime.motion.controller import Controller
 from runtime.motion.model import MotionModel
-from runtime.motion.snapshot import Snapshot, take_snapshot
 from runtime.pose import FPS, Pose
 from runtime.skeleton import TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import load_terrain
-from runtime.traversal.jump import Jump
 from tests.helpers.shipped import shipped_model
 
 TOES = (5, 10)
@@ -47,7 +45,7 @@ def soles(poses: list[Pose], terrain: Terrain | None = None) -> np.ndarray:
     return toes[..., 1] - ground - TOE_HEIGHT
 
 
-@pytest.mark.parametrize(("stick", "frames"), [(STAND, 20), (WALK, 110), (WALK, 125), (JOG, 150), (JOG, 160)])
+@pytest.mark.parametrize(("stick", "frames"), [(STAND, 20), (WALK, 110), (JOG, 150)])
 def test_a_jump_leaves_the_ground_at_once_flies_as_a_body_and_gives_way(
     stick: Controls, frames: int, model: MotionModel
 ) -> None:
@@ -106,30 +104,3 @@ def test_a_jump_comes_down_on_the_ground_that_is_there(model: MotionModel) -> No
     heights = soles(jump(controller, WALK), hills)
     assert heights.min() > -0.03
     assert np.abs(heights[55:]).min() < 0.02
-
-
-def test_a_jump_goes_on_from_a_snapshot(model: MotionModel) -> None:
-    controller = ready(model, WALK, 100)
-    jump(controller, WALK, 30)
-    again = Controller(model, load_terrain("flat"), seed=1)
-    Snapshot.from_bytes(take_snapshot(controller).to_bytes()).restore(again)
-    for _ in range(20):
-        one, other = controller.step(WALK), again.step(WALK)
-        assert (one.local_rotations == other.local_rotations).all()
-        assert (one.hips_position == other.hips_position).all()
-
-
-def test_the_rhythm_changes_by_little_from_frame_to_frame() -> None:
-    """A rhythm that is held back or let go at once bends an elbow's course by 8 degrees in a frame."""
-    jump = Jump.standing(0.95, 0.0)
-    jump.stage, jump.foot, jump.rate, jump.ripe = "push", 0, 2.0, True
-    paces = [1.0]
-    for _ in range(120):
-        jump.advance(0.95, 0.0, (0.0, 3.0))
-        paces.append(jump.pace)
-        if jump.stage == "land":
-            break
-    assert jump.stage == "land"
-    assert min(paces) < 0.2  # held back in flight
-    assert paces[-2] > 0.9  # and let go before it comes down
-    assert np.abs(np.diff(paces)).max() < 0.25

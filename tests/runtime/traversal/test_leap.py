@@ -59,10 +59,10 @@ def soles(positions: np.ndarray) -> np.ndarray:
     return positions[:, joints] - np.array([[0, ANKLE_HEIGHT, 0]] * 2 + [[0, TOE_HEIGHT, 0]] * 2)
 
 
+@settings(max_examples=10)
 @given(
     top=st.floats(0.15, 0.7), speed=st.floats(0.5, 2.3), stance=st.integers(0, 1), farther=st.floats(0.0, 0.4)
 )
-@settings(max_examples=25, deadline=None)
 def test_soles_pass_over_a_bar_and_come_down_behind_it(
     top: float, speed: float, stance: int, farther: float
 ) -> None:
@@ -79,8 +79,8 @@ def test_soles_pass_over_a_bar_and_come_down_behind_it(
     assert contacts[-1].any()
 
 
+@settings(max_examples=10)
 @given(length=st.floats(0.3, 1.0), speed=st.floats(0.6, 2.8), beyond=st.floats(-0.3, 0.2))
-@settings(max_examples=25, deadline=None)
 def test_a_gap_is_flown_over(length: float, speed: float, beyond: float) -> None:
     leap = Leap(ObstacleKind.GAP, length, 0.0, beyond, stride(ObstacleKind.GAP, 0.0, speed))
     positions, contacts = walked(leap)

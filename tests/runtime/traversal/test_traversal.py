@@ -18,7 +18,6 @@ from runtime.motion.model import MotionModel, load_model
 from runtime.motion.snapshot import Snapshot, take_snapshot
 from runtime.terrain.courses import Obstacle, raise_obstacles
 from runtime.terrain.height_map import Terrain
-from runtime.traversal.traversal import Traversal, seen_heights
 from training.evaluation.metrics import traversal
 
 FORWARD = Controls((0.0, 1.0))
@@ -84,22 +83,6 @@ def test_a_wall_is_climbed_and_left_again(model: MotionModel) -> None:
     assert np.linalg.norm(np.diff(positions, axis=0), axis=-1).max() < 0.25
 
 
-def test_the_network_sees_no_obstacle_that_is_crossed() -> None:
-    """Before a bar and while it leaps: level ground; a hill stays what it is."""
-    state = Traversal()
-    points = np.zeros((12, 3, 2))
-    points[..., 1] = np.arange(12)[:, None] * 0.25
-    heights = np.where(points[..., 1] > 2.0, 0.4, 0.0)
-    terrain = ground(Obstacle(2.0, 2.1, 0.4, 4.0))
-    probe = state.probe(terrain, np.zeros(2), np.array([0.0, 1.2]), 1.2)
-    assert not probe.stops
-    assert seen_heights(state, points, heights, 0, probe.ahead).max() == 0.0
-    slope = points[..., 1] * 0.2
-    probe = state.probe(Terrain.flat(), np.zeros(2), np.array([0.0, 1.2]), 1.2)
-    assert probe.ahead is None
-    assert seen_heights(state, points, slope, 0, None) is slope
-
-
 @pytest.mark.parametrize(
     ("obstacle", "words"),
     [(Obstacle(2.5, 2.6, 1.0, 4.0), "bar of 1.0 m"), (Obstacle(2.5, 5.0, 2.0, 4.0), "step up of 2.0 m")],
@@ -108,7 +91,7 @@ def test_what_nobody_crosses_stops_the_walker_who_says_so(
     model: MotionModel, obstacle: Obstacle, words: str
 ) -> None:
     controller = Controller(model, ground(obstacle))
-    positions, kinds = walked(controller, 4.0, 5.0)
+    positions, kinds = walked(controller, 4.0, 3.5)
     assert kinds == []
     assert positions[-1, 0, 2] < 2.5
     assert controller.blocked is not None

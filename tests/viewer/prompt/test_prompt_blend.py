@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.prompts.blend import ALL_A
@@ -14,9 +14,6 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.session.prompt_blend import Answer, PromptBlend
 from runtime.skeleton import PART_NAMES
 from viewer.prompt.suggestions import MAX_HISTORY, MAX_SUGGESTIONS, matching, remember, suggest
-
-settings.register_profile("edits", max_examples=40, deadline=None, derandomize=True)
-settings.load_profile("edits")
 
 SAID = PartDescriptions(*(f"{part} swinging" for part in PART_NAMES))
 PROMPTS = ("a proud king", "proud peacock", "an old king", "someone limping on the right leg")

@@ -6,21 +6,19 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.helpers.render_scene import hills
 from viewer.render.camera import Camera, FollowCamera, OrbitCamera
 from viewer.render.frame import make_frame
 
-untimed = settings(deadline=None)  # a busy machine must not fail them
 yaws = st.floats(-math.pi, math.pi)
 pitches = st.floats(-0.3, 1.4)
 distances = st.floats(0.7, 40.0)
 ndc = st.floats(-0.95, 0.95)
 
 
-@untimed
 @given(yaws, pitches, distances)
 def test_view_is_a_rigid_motion_that_looks_at_the_target(yaw: float, pitch: float, distance: float) -> None:
     camera = OrbitCamera((1.0, 2.0, -3.0), yaw, pitch, distance)
@@ -30,7 +28,6 @@ def test_view_is_a_rigid_motion_that_looks_at_the_target(yaw: float, pitch: floa
     np.testing.assert_allclose(view @ [1.0, 2.0, -3.0, 1.0], [0, 0, -distance, 1], atol=1e-4 * distance)
 
 
-@untimed
 @given(yaws, pitches, distances)
 def test_heading_is_the_ground_direction_of_the_view(yaw: float, pitch: float, distance: float) -> None:
     camera = OrbitCamera((0.0, 1.0, 0.0), yaw, pitch, distance)
@@ -48,7 +45,6 @@ def view_ray(camera: Camera, x: float, y: float, aspect: float) -> tuple[np.ndar
     return camera.position, direction / np.linalg.norm(direction)
 
 
-@untimed
 @given(yaws, pitches, ndc, ndc, st.floats(0.5, 3.0), st.sampled_from([0.0, 0.4]))
 def test_ray_goes_through_the_point_that_projects_there(yaw, pitch, x, y, aspect, shift) -> None:
     camera = OrbitCamera((0.5, 1.0, 0.2), yaw, pitch, 5.0)
@@ -91,7 +87,6 @@ def test_orbit_drags_the_scene() -> None:
     assert camera.pitch == camera.MAX_PITCH
 
 
-@untimed
 @given(yaws, pitches, st.floats(-200, 200), st.floats(-200, 200))
 def test_pan_keeps_the_target_under_the_pointer(yaw: float, pitch: float, dx: float, dy: float) -> None:
     camera = OrbitCamera((0.0, 1.0, 0.0), yaw, pitch, 4.0)

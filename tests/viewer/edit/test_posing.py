@@ -1,0 +1,139 @@
+"""The real application without a display: a joint is picked and dragged in the view, and the take's pose layer is keyed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from runtime.feet.ik import LEG_FEET
+from runtime.takes.pose_layer import PoseLayer, Tangent
+from tests.helpers import hand
+from tests.helpers.app_driver import Start, click, click_on, place, press, run
+from tests.viewer.edit.test_timeline import record, seek
+from viewer.app import App
+from viewer.edit.handles import on_screen
+from viewer.gl_bindings import imgui
+
+SIZES = ((1280, 720), (1920, 1080), (800, 500))
+HIPS, HEAD = 0, 16
+
+
+def at(app: App, joint: int) -> tuple[float, float]:
+    playback = app.takes.playback
+    assert playback is not None
+    where = on_screen(app.scene.camera.current, playback.pose().positions[joint], imgui.get_io().display_size)
+    assert where is not None
+    return where
+
+
+def drag(app: App, start: tuple[float, float], by: tuple[float, float]) -> None:
+    places = [(start[0] + by[0] * step / 6, start[1] + by[1] * step / 6) for step in range(7)]
+    hand.mouse(app.window, *start)
+    run(app, 2)
+    hand.mouse(app.window, *start, 0, True)
+    for where in places:
+        run(app, 1)
+        hand.mouse(app.window, *where)
+    run(app, 1)
+    hand.mouse(app.window, *places[-1], 0, False)
+    run(app, 4)
+
+
+def layer(app: App) -> PoseLayer:
+    take = app.takes.played
+    assert take is not None
+    return take.poses.layer
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_the_hips_are_dragged_down_and_the_feet_stay(start: Start, size: tuple[int, int]) -> None:
+    app = start(width=size[0], height=size[1])
+    record(app)
+    seek(app, 30)
+    click_on(app, "Pose")
+    click_on(app, "Move")
+    click(app, *at(app, HIPS))
+    run(app, 8)
+    playback = app.takes.playback
+    assert playback is not None
+    before = playback.pose().positions
+    drag(app, at(app, HIPS), (0.0, 0.04 * size[1]))
+    after = playback.pose().positions
+    assert after[HIPS, 1] < before[HIPS, 1] - 0.04
+    assert np.abs(after[LEG_FEET] - before[LEG_FEET]).max() < 0.01
+    (key,) = layer(app).keys
+    assert key.seconds == pytest.approx(30 / 60)
+    assert np.allclose(playback.clip.pose(30).positions, after, atol=1e-4)  # its frames are made
+    untouched = playback.take.base_clip
+    assert np.array_equal(playback.clip.hips_positions[60:], untouched.hips_positions[60:])
+    press(app, "ctrl", "z")
+    assert not layer(app)
+    press(app, "ctrl", "y")
+    assert layer(app).keys == (key,)
+
+
+def test_a_joint_is_turned_released_copied_and_mirrored(start: Start) -> None:
+    app = start()
+    record(app)
+    seek(app, 20)
+    click_on(app, "Pose")
+    click(app, *at(app, HEAD))
+    run(app, 8)
+    x, y = at(app, HEAD)
+    rings = [radius for radius in range(66, 84, 2) if _turned(app, x, y, radius)]
+    assert rings  # the outer ring is taken at some distance
+    assert layer(app).turned_joints() == [HEAD]
+    click_on(app, "Copy")
+    seek(app, 50)
+    click_on(app, "Mirror")
+    run(app, 4)
+    assert [round(key.seconds * 60) for key in layer(app).keys] == [20, 50]
+    assert set(layer(app).turned_joints()) == set(range(31))
+    seek(app, 65)
+    click_on(app, "Release")
+    run(app, 4)
+    assert np.allclose(layer(app).turns(HEAD, np.array([65 / 60])), 0.0)
+    click_on(app, "Delete")
+    run(app, 4)
+    assert len(layer(app).keys) == 2
+    seek(app, 50)
+    click_on(app, "##tangent")
+    run(app, 2)
+    click_on(app, "Step")
+    run(app, 2)
+    assert layer(app).keys[-1].tangent is Tangent.STEP
+    click_on(app, "Keep on")
+    assert layer(app).keeps
+    press(app, "escape")
+    press(app, "escape")
+    assert not app.posing.open
+    assert app.takes.playback is not None
+
+
+def _turned(app: App, x: float, y: float, radius: float) -> bool:
+    if layer(app):
+        return False
+    drag(app, (x + 0.7 * radius, y - 0.7 * radius), (0.3 * radius, 0.7 * radius))
+    return bool(layer(app))
+
+
+def test_keys_are_dragged_and_removed_on_their_track(start: Start) -> None:
+    app = start()
+    record(app)
+    seek(app, 30)
+    click_on(app, "Pose")
+    click(app, *at(app, HIPS))
+    run(app, 2)
+    click_on(app, "Key")
+    run(app, 4)
+    left, y = place(app, "##poses", share=0.0)
+    right, _ = place(app, "##poses", share=1.0)
+    per_frame = (right - left - 8) / 79
+    drag(app, (left + 4 + 30 * per_frame, y), (20 * per_frame, 0.0))
+    (key,) = layer(app).keys
+    assert 47 <= key.seconds * 60 <= 53
+    x = left + 4 + key.seconds * 60 * per_frame
+    for button, down in ((None, False), (1, True), (1, False)):
+        hand.mouse(app.window, x, y, button, down)
+        run(app, 2)
+    assert not layer(app)

@@ -1,0 +1,413 @@
+"""Posing by hand: a joint is picked in the view and turned or moved by a gizmo, which keys the take's pose layer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+
+from runtime import rotations
+from runtime.arrays import Array
+from runtime.errors import SportError
+from runtime.pose import Pose
+from runtime.session.session import Take
+from runtime.takes.clip import Clip
+from runtime.takes.pose_layer import (
+    MAX_EASE_S,
+    PoseKey,
+    PoseLayer,
+    Tangent,
+    dragged,
+    mirrored_pose,
+    pose_as_key,
+    posed_by,
+    turned,
+)
+from viewer.edit.handles import Handles, on_screen
+from viewer.edit.handles import dragged as handles_moved
+from viewer.edit.pins import MIN_VIEW, SMALL_VIEW, SMALL_WIDTH, WIDTH, Pins
+from viewer.editor import Editor
+from viewer.gl_bindings import im_guizmo, imgui
+from viewer.gui import panels, theme, widgets
+from viewer.gui.layout import Rect
+from viewer.gui.panels import Panel, PanelPlace
+from viewer.gui.widgets import px
+from viewer.render.camera import Camera
+from viewer.scene.camera_control import CameraControl
+from viewer.session.playback import Playback
+from viewer.session.takes import Takes
+
+_SIDES = (("Left", 0, 0), ("Right", 5, 7))  # with what its leg and its arm add to the index of a joint
+_LEG, _ARM = (
+    ((2, "hip"), (3, "knee"), (4, "foot"), (5, "toes")),
+    ((18, "shoulder"), (19, "elbow"), (20, "hand")),
+)
+# joints that can be picked; the others lie at the same places
+NAMES = {0: "Hips", 12: "Waist", 13: "Chest", 15: "Neck", 16: "Head"} | {
+    joint + more: f"{side} {name}"
+    for side, leg, arm in _SIDES
+    for names, more in ((_LEG, leg), (_ARM, arm))
+    for joint, name in names
+}
+JOINTS = tuple(NAMES)
+GIZMO_SIZE = 0.1  # of the width of the view, about
+CURVE_HEIGHT = 44.0  # pixels at scale 1
+CHANNELS = ((0.90, 0.40, 0.38, 1.0), (0.55, 0.80, 0.42, 1.0), (0.42, 0.62, 0.95, 1.0))  # x, y, z
+STILL = 1e-6
+
+
+@dataclass
+class Posing:
+    """The tool: whether it is open, the joint that is picked, and what the gizmo does."""
+
+    editor: Editor
+    takes: Takes
+    camera: CameraControl
+    pins: Pins
+    open: bool = False
+    joint: int = -1  # of the skeleton; -1 for none
+    moves: bool = False  # the gizmo moves the joint; else it turns it
+    world: bool = True  # the gizmo's axes are those of the world; else the joint's own
+    _copied: tuple[Array, Array] | None = None  # hips and local rotations
+    _handles: Handles = field(default_factory=Handles)
+
+    @property
+    def playback(self) -> Playback | None:
+        """What plays."""
+        return self.takes.playback
+
+    @property
+    def shown(self) -> bool:
+        """Whether a take can be posed in the view now."""
+        return self.open and self.playback is not None and self.pins.pin is None and not self.pins.fixed
+
+    @property
+    def place(self) -> Array | None:
+        """Where the picked joint is `(3,)`."""
+        playback = self.playback
+        return None if playback is None or self.joint < 0 else playback.pose().positions[self.joint]
+
+    @property
+    def layer(self) -> PoseLayer:
+        """The pose layer of the take that plays."""
+        return PoseLayer() if self.playback is None else self.playback.take.poses.layer
+
+    @property
+    def key(self) -> PoseKey | None:
+        """The key at the frame shown."""
+        playback = self.playback
+        return None if playback is None else self.layer.key_at(playback.frame, playback.clip.fps)
+
+    def toggle(self) -> None:
+        """Begin to pose, or end it."""
+        self.open = not self.open
+        if self.open:
+            self.pins.close()
+            if self.playback is not None:
+                self.playback.seek(self.playback.frame)
+
+    def close(self) -> bool:
+        """Pick no joint, then end it; whether anything was open."""
+        was, self.open = self.shown, self.joint >= 0 and self.open
+        self.joint = -1
+        return was
+
+    # --- edits
+
+    def edit(self, label: str, change: Callable[[PoseKey], PoseKey], held: bool = False) -> None:
+        """Key what `change` makes of the pose shown; `held`: while the mouse holds the gizmo."""
+        playback = self.playback
+        if playback is not None:
+            fps = playback.clip.fps
+            self.put(label, lambda layer: layer.edited(playback.frame, fps, change), held)
+
+    def put(self, label: str, change: Callable[[PoseLayer], PoseLayer], held: bool = False) -> None:
+        playback = self.playback
+        if playback is None or self.pins.fixed:
+            return
+        take = playback.take
+        try:
+            poses = replace(take.poses, layer=change(take.poses.layer))
+        except SportError as error:
+            self.editor.messages.error(error)
+            return
+        act = self.editor.drag if held else self.editor.do
+        act(f"{label} of {take.title}", lambda session: session.with_take(take.number, poses=poses))
+
+    def set_key(self, release: bool = False) -> None:
+        """Key the picked joint as it is, or `release` it: from this key on it follows the motion again."""
+        joint, playback = self.joint, self.playback
+        if joint < 0 or playback is None:
+            return
+        seconds, fps = playback.frame / playback.clip.fps, playback.clip.fps
+
+        def change(layer: PoseLayer) -> PoseLayer:
+            key, shown = layer.key_at(playback.frame, fps) or PoseKey(seconds), layer.between(seconds)
+            gain = 0.0 if release else 1.0
+            for one in posed_by(joint):
+                if one in layer.turned_joints() or (one == joint and not release):
+                    key = key.with_turn(one, gain * shown.turn(one))
+                if one in layer.moved_joints():
+                    key = key.with_move(one, gain * shown.move(one))
+            return layer.with_key(key, fps)
+
+        self.put(f"{'release' if release else 'key'} of the {NAMES[joint].lower()}", change)
+
+    def remove(self, key: PoseKey) -> None:
+        """Take a key away."""
+        self.put("removal of a pose key", lambda layer: layer.without_key(key))
+
+    def remove_joint(self) -> None:
+        """Take the picked joint out of the key at the frame shown, and a key that holds nothing more away."""
+        key, joint, playback = self.key, self.joint, self.playback
+        if key is not None and playback is not None:
+            left = key
+            for one in posed_by(joint) if joint >= 0 else ():
+                left = left.without(one)
+            self.put(
+                f"removal of the {NAMES[joint].lower()}'s key" if joint >= 0 else "removal of a pose key",
+                lambda layer: (
+                    layer.with_key(left, playback.clip.fps) if left and joint >= 0 else layer.without_key(key)
+                ),
+            )
+
+    def move_key(self, key: PoseKey, frame: int) -> None:
+        """Put a key, as it was when the mouse took it, to another frame; a frame that has a key keeps its own."""
+        playback, before = self.playback, self.editor.history.present.session
+        take = None if playback is None else before.take(playback.number)
+        if take is None or playback is None:
+            return
+        fps, others = playback.clip.fps, take.poses.layer.without_key(key)
+        if others.key_at(frame, fps) is None:
+            moved = others.with_key(replace(key, seconds=frame / fps), fps)
+            self.put("move of a pose key", lambda _: moved, held=True)
+            playback.seek(frame)
+
+    def set_tangent(self, tangent: Tangent) -> None:
+        """How the curves pass the key at the frame shown."""
+        key, playback = self.key, self.playback
+        if key is not None and playback is not None and key.tangent is not tangent:
+            made = replace(key, tangent=tangent)
+            self.put("tangent of a pose key", lambda layer: layer.with_key(made, playback.clip.fps))
+
+    # --- poses
+
+    def copy(self) -> None:
+        """Remember the pose shown."""
+        playback = self.playback
+        if playback is not None:
+            pose = playback.pose()
+            self._copied = np.array(pose.hips_position), np.array(pose.local_rotations)
+            self.editor.messages.note("Pose copied. Paste it at another frame, or into another take.")
+
+    def paste(self, mirror: bool = False) -> None:
+        """Key the copied pose at the frame shown, or its mirror image."""
+        playback = self.playback
+        if playback is None or self._copied is None:
+            self.editor.messages.note("Copy a pose first.")
+            return
+        hips, local = self._copied
+        local = mirrored_pose(local) if mirror else local
+        key = pose_as_key(hips, local, _below(playback.take), playback.frame)
+        self.put("pasted pose", lambda layer: layer.with_key(key, playback.clip.fps))
+
+    # --- in the view
+
+    def use_mouse(self, camera: Camera) -> bool:
+        """Pick a joint in this frame; whether the left button is in use here."""
+        playback = self.playback
+        if not self.shown or playback is None:
+            return False
+        pose, handles = playback.pose(), self._handles
+        drawn = self.joint >= 0 and handles.held < 0  # else it says what it said last
+        if drawn and (im_guizmo.is_using_any() or _hovers_gizmo()):
+            return True
+        moves = handles.use_mouse(camera, pose.positions[list(JOINTS)])
+        if handles.held < 0:
+            return False
+        if handles.pressed:
+            self.joint = JOINTS[handles.held]
+            playback.seek(playback.frame)
+        if moves:
+            place = pose.positions[self.joint].astype(float)
+            self._move(pose, handles_moved(camera, place) - place)
+        return True
+
+    def panel(self) -> Panel:
+        """The card, with dots and gizmo in the view; Escape lets the joint go, then closes it."""
+        return Panel("Pose", PanelPlace.VIEW, self._draw, shown=lambda: self.shown, close=self.close)
+
+    def _draw(self, view: Rect) -> None:
+        playback = self.playback
+        if playback is None:
+            return
+        pose = playback.pose()
+        self._draw_joints(pose)
+        if self.joint >= 0 and self._handles.held < 0:
+            self._gizmo(pose)
+        if view.width >= px(MIN_VIEW):
+            _draw_card(self, playback, view)
+
+    def _draw_joints(self, pose: Pose) -> None:
+        drawing, size = imgui.get_background_draw_list(), imgui.get_io().display_size
+        held = {value.joint for key in self.layer.keys for value in (*key.turns, *key.moves)}
+        for joint in JOINTS:
+            place = on_screen(self.camera.current, pose.positions[joint], size)
+            if place is not None:
+                tint = theme.ACCENT if joint == self.joint or joint in held else theme.TEXT
+                radius = px(5.5 if joint == self.joint else 3.5)
+                drawing.add_circle_filled(imgui.ImVec2(*place), radius + px(1), widgets.packed(theme.PANEL))
+                drawing.add_circle_filled(imgui.ImVec2(*place), radius, widgets.packed(tint))
+
+    def _gizmo(self, pose: Pose) -> None:
+        """Draw the gizmo at the picked joint, and key what it does."""
+        size, camera = imgui.get_io().display_size, self.camera.current
+        before = np.eye(4)
+        before[:3, :3] = rotations.to_matrix(pose.world_rotations[self.joint].astype(float))
+        before[:3, 3] = pose.positions[self.joint]
+        matrix = _matrix(before)
+        im_guizmo.begin_frame()
+        im_guizmo.set_rect(0.0, 0.0, size.x, size.y)
+        im_guizmo.set_gizmo_size_clip_space(GIZMO_SIZE)
+        im_guizmo.manipulate(
+            _matrix(camera.view_matrix()),
+            _matrix(camera.projection_matrix(size.x / max(size.y, 1.0))),
+            im_guizmo.OPERATION.translate if self.moves else im_guizmo.OPERATION.rotate,
+            im_guizmo.MODE.world if self.world else im_guizmo.MODE.local,
+            matrix,
+        )
+        after = np.array(matrix.values, float).reshape(4, 4).T
+        if not im_guizmo.is_using_any():
+            return
+        joint, world = self.joint, pose.world_rotations.astype(float)
+        by = after[:3, 3] - before[:3, 3]
+        turn = rotations.from_matrix(after[:3, :3] @ before[:3, :3].T)
+        if self.moves and np.abs(by).max() > STILL:
+            self._move(pose, by)
+        elif not self.moves and turn[0] < 1.0 - STILL**2:
+            label = f"turn of the {NAMES[joint].lower()}"
+            self.edit(label, lambda key: turned(key, joint, world, turn), held=True)
+
+    def _move(self, pose: Pose, by: Array) -> None:
+        """Key the picked joint moved by metres of the world `(3,)`, while the mouse holds it."""
+        joint, positions, world = self.joint, pose.positions.astype(float), pose.world_rotations.astype(float)
+        label = f"move of the {NAMES[joint].lower()}"
+        self.edit(label, lambda key: dragged(key, joint, positions, world, by), held=True)
+
+
+def _matrix(values: Array) -> im_guizmo.Matrix16:
+    """Column by column, as ImGuizmo reads it."""
+    return im_guizmo.Matrix16([float(value) for value in np.asarray(values).T.ravel()])
+
+
+def _below(take: Take) -> Clip:
+    return take.poses.below_layer(take.base_clip)
+
+
+def _draw_card(posing: Posing, playback: Playback, view: Rect) -> None:
+    with panels.card("Pose", view, SMALL_WIDTH if view.width < px(SMALL_VIEW) else WIDTH, right=True):
+        if panels.card_title(NAMES.get(posing.joint, "Click a joint"), "pose"):
+            posing.open, posing.joint = False, -1
+        half, third = widgets.column_width(2), widgets.column_width(3)
+        posing.moves = widgets.segmented("gizmo", ((False, "Turn"), (True, "Move")), posing.moves)
+        posing.world = widgets.segmented("axes", ((True, "World"), (False, "Local")), posing.world)
+        imgui.begin_disabled(posing.joint < 0)
+        for text, hint, act in (
+            ("Key", "Key the joint as it is at this frame", posing.set_key),
+            (
+                "Release",
+                "From this key on the joint follows the motion",
+                lambda: posing.set_key(release=True),
+            ),
+            ("Delete", "Take the joint out of the key at this frame", posing.remove_joint),
+        ):
+            if widgets.button(f"{text}##pose", third, hint):
+                act()
+            widgets.same_line()
+        imgui.new_line()
+        imgui.end_disabled()
+        for text, hint, act in (
+            ("Copy", "Copy the whole pose", posing.copy),
+            ("Paste", "Key the copied pose here", posing.paste),
+            ("Mirror", "Key the mirror image of the copied pose here", lambda: posing.paste(mirror=True)),
+        ):
+            if widgets.button(f"{text}##pose", third, hint):
+                act()
+            widgets.same_line()
+        imgui.new_line()
+        _draw_layer(posing, half)
+        if posing.joint >= 0:
+            _draw_curve(posing, playback)
+
+
+def _draw_layer(posing: Posing, half: float) -> None:
+    """Eases of the layer, and the tangent of the key at the frame shown."""
+    layer = posing.layer
+    made = layer
+    for name, text, hint in (
+        ("ease_in", "in %.2f s", "How long a joint comes to its first key"),
+        ("ease_out", "out %.2f s", "How long it goes after its last key"),
+    ):
+        imgui.set_next_item_width(half)
+        _, value = imgui.drag_float(f"##pose {name}", getattr(layer, name), 0.005, 0.0, MAX_EASE_S, text)
+        widgets.tooltip(hint)
+        widgets.same_line()
+        if abs(value - getattr(layer, name)) > STILL:
+            made = replace(made, **{name: min(max(value, 0.0), MAX_EASE_S)})  # type: ignore[arg-type]
+    imgui.new_line()
+    if made is not layer:
+        posing.put("ease of the pose layer", lambda _: made, held=True)
+    hint = "The last key of each joint holds to the end of the take"
+    if widgets.toggle("Keep on", layer.keeps, half, hint) != layer.keeps:
+        posing.put("keeping of the pose layer", lambda layer: replace(layer, keeps=not layer.keeps))
+    widgets.same_line()
+    key = posing.key
+    imgui.begin_disabled(key is None)
+    imgui.set_next_item_width(half)
+    options = [(tangent, str(tangent).capitalize()) for tangent in Tangent]
+    chosen = widgets.combo("##tangent", options, Tangent.SMOOTH if key is None else key.tangent)
+    widgets.tooltip("How the curves pass this key")
+    imgui.end_disabled()
+    if key is not None and isinstance(chosen, Tangent):
+        posing.set_tangent(chosen)
+
+
+def _draw_curve(posing: Posing, playback: Playback) -> None:
+    """The curves of the picked joint over the take: degrees, or centimetres where it is moved."""
+    layer = posing.layer
+    curves = {*layer.turned_joints(), *layer.moved_joints()}
+    joint = next((one for one in posed_by(posing.joint) if one in curves), posing.joint)
+    moved = joint in layer.moved_joints() and (posing.moves or joint not in layer.turned_joints())
+    times = np.linspace(0.0, playback.clip.seconds, 120)
+    values = layer.moves(joint, times) * 100.0 if moved else np.degrees(layer.turns(joint, times))
+    most = max(float(np.abs(values).max()), 1.0)
+    corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
+    height, drawing = px(CURVE_HEIGHT), imgui.get_window_draw_list()
+    imgui.dummy(imgui.ImVec2(width, height))
+    widgets.tooltip(
+        f"Left and right, up and down, ahead and back: {'centimetres' if moved else 'degrees'} about x, y and z"
+    )
+    end = imgui.ImVec2(corner.x + width, corner.y + height)
+    drawing.add_rect_filled(corner, end, widgets.packed(theme.FIELD), px(3))
+    for channel, tint in enumerate(CHANNELS):
+        x = corner.x + width * np.linspace(0.0, 1.0, len(times))
+        y = corner.y + height * (0.5 - 0.42 * values[:, channel] / most)
+        points = [(float(a), float(b)) for a, b in zip(x, y, strict=True)]
+        for a, b in pairwise(points):
+            drawing.add_line(a, b, widgets.packed(tint), px(1.2))
+    for key in layer.keys:
+        if any(value.joint == joint for value in (*key.turns, *key.moves)):
+            at = corner.x + width * key.seconds / max(playback.clip.seconds, 1e-6)
+            drawing.add_circle_filled(
+                imgui.ImVec2(at, corner.y + height / 2), px(3), widgets.packed(theme.ACCENT)
+            )
+    now = corner.x + width * playback.time_s / max(playback.clip.seconds, 1e-6)
+    drawing.add_line(imgui.ImVec2(now, corner.y), imgui.ImVec2(now, end.y), widgets.packed(theme.TEXT))
+    widgets.muted(f"±{most:.0f} {'cm' if moved else '°'}")
+
+
+def _hovers_gizmo() -> bool:
+    """Whether the mouse is over one of its handles."""
+    return im_guizmo.get_hovered_handle_type() is not im_guizmo.MOVETYPE.mt_none

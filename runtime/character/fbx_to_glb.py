@@ -1,6 +1,6 @@
 """An FBX character becomes a GLB, by the library ufbx in a process of its own (`native_worker`).
 
-Meshes, skins, nodes, base colours and textures are kept; animations are not.
+Meshes, skins, nodes, base colours and textures are kept; of animations the first one, where motion is wanted.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 MAX_NODES, MAX_VERTICES = 20_000, 6_000_000  # of a file; the latter are corners of faces
+MAX_SAMPLES = 3_000_000  # of the nodes of an animation
 INFLUENCES = 8  # joints of a vertex, the strongest
 _TYPES = {"f": (5126, np.float32), "u": (5125, np.uint32), "i": (5123, np.uint16)}
 _WIDTHS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
@@ -95,8 +96,8 @@ class Document:
         return head + text + struct.pack("<I4s", len(self.blob), b"BIN\0") + self.blob
 
 
-def convert(source: Path) -> bytes:
-    """What an FBX shows at rest as GLB, in metres, Y up."""
+def convert(source: Path, motion: bool) -> bytes:
+    """What an FBX shows at rest as GLB, in metres, Y up; with `motion` its first animation too."""
     import ufbx
 
     loaded = ufbx.load_file(
@@ -134,8 +135,34 @@ def convert(source: Path) -> bytes:
             if skin is not None:
                 entry["skin"] = skin
         document.append("nodes", entry)
+    if motion:
+        _animate(document, ufbx.evaluate_transform, scene, nodes)
     document.gltf["scenes"] = [{"nodes": [nodes[scene.root_node.typed_id]]}]
     return document.to_bytes()
+
+
+def _animate(document: Document, evaluate: Any, scene: Any, nodes: dict[int, int]) -> None:
+    """The first animation, sampled at the rate of the file; the others by their names alone."""
+    for number, stack in enumerate(scene.anim_stacks):
+        entry: dict[str, Any] = {"name": stack.name, "channels": [], "samplers": []}
+        document.append("animations", entry)
+        if number:
+            continue
+        fps = min(max(float(scene.settings.frames_per_second), 1.0), 240.0)
+        count = int(max(stack.time_end - stack.time_begin, 0.0) * fps + 1e-3) + 1
+        if count * len(nodes) > MAX_SAMPLES:
+            raise ValueError(f"an animation of {count} frames and {len(nodes)} nodes")
+        times = np.arange(count) / fps
+        input_ = document.add(times[:, None])
+        for node in scene.nodes:
+            moved = [evaluate(stack.anim.value, node.value, stack.time_begin + t) for t in times.tolist()]
+            for path, fields in (("translation", "xyz"), ("rotation", "xyzw"), ("scale", "xyz")):
+                values = np.array([[getattr(getattr(m, path), axis) for axis in fields] for m in moved])
+                output = document.add(values)
+                sampler = {"input": input_, "output": output, "interpolation": "LINEAR"}
+                entry["samplers"].append(sampler)
+                target = {"node": nodes[node.typed_id], "path": path}
+                entry["channels"].append({"sampler": len(entry["samplers"]) - 1, "target": target})
 
 
 def _unit(q: list[float]) -> list[float]:

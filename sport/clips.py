@@ -30,13 +30,7 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
     export = export_options(options)
     outputs = _outputs(options)
     controls, seconds = _controls(options)
-    arguments: dict[str, Any] = {
-        "prompt": _prompt(options), "terrain": options.terrain, "path": options.path or "forward",
-        "gait": options.gait or "walk", "controls": controls, "transition_seconds": options.transition,
-        "speed": 1.0 if options.speed is None else options.speed, "strength": options.strength,
-        "response": options.response, "expander": options.expander, "text_encoder": options.text_encoder,
-        "report": note, "pins": "; ".join(options.pin), "exact_legs": not options.network_legs,
-    }  # fmt: skip
+    arguments = _arguments(options, controls)
     if any(out.suffix.lower() == ".bvh" for out in outputs):
         check_bvh_length(seconds, export.fps)
     check_outputs(outputs, export)
@@ -59,15 +53,26 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
         write_take(clip, out, export, terrain)
 
 
+def _arguments(options: argparse.Namespace, controls: StickScript | None) -> dict[str, Any]:
+    """Those of `generate_clip` that all variants have."""
+    from sport.commands.export import note
+
+    return {
+        "prompt": _prompt(options), "terrain": options.terrain, "path": options.path or "forward",
+        "gait": options.gait or "walk", "controls": controls, "transition_seconds": options.transition,
+        "speed": 1.0 if options.speed is None else options.speed, "strength": options.strength,
+        "response": options.response, "expander": options.expander, "text_encoder": options.text_encoder,
+        "report": note, "pins": "; ".join(options.pin), "exact_legs": not options.network_legs,
+    }  # fmt: skip
+
+
 def _size_of(export: ExportOptions) -> float:
     """How large the character of an export is, that the motion be made for it; 1 for the mannequin. FileError."""
     from runtime.character.character import load_character
-    from runtime.character.joint_map import read_joint_map
 
     if export.character is None or export.fit_to_motion:
         return 1.0
-    joint_map = None if export.joint_map is None else read_joint_map(export.joint_map)
-    return load_character(export.character, joint_map, export.character_unit).size
+    return load_character(export.character, export.joint_map, export.character_unit).size
 
 
 def _outputs(options: argparse.Namespace) -> list[Path]:

@@ -80,7 +80,7 @@ def make_renderer(ctx: Any, quality: str) -> Any:
 def library_prompts() -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Prompts of the shipped library: one for each style, to choose from, and all of them, to suggest."""
     styles = load_styles(asset_path(STYLES))
-    entries = load_library(asset_path(LIBRARY), styles)
+    entries = load_library(asset_path(LIBRARY), styles).entries
     prompts = [entry.prompt for entry in entries] + [text for entry in entries for text in entry.also]
     once = {" ".join(text.casefold().split()): text for text in reversed(prompts)}
     return tuple(dict.fromkeys(style.prompt for style in styles.values())), tuple(once.values())[::-1]

@@ -464,15 +464,18 @@ def guess_joints(names):
     starts = [name[: cut.end()] for name in names for cut in re.finditer(r"[-_:|. ]", name)]
     prefix = max((p for p in set(starts) if starts.count(p) > 0.6 * len(names)), key=len, default="")
     best = {}
-    for strip in ("", prefix):
-        index = {}
-        for name in names:
-            index.setdefault(_simple_name(name.removeprefix(strip)), name)
-        for convention in CONVENTIONS:
-            found = _named_joints(convention, index)
-            if sum(j in found for j in NEEDED) > sum(j in best for j in NEEDED):
-                best = found
+    for strip in ("", prefix):  # of equal names the first counts
+        index = {_simple_name(name.removeprefix(strip)): name for name in reversed(names)}
+        found = [best, *(_named_joints(convention, index) for convention in CONVENTIONS)]
+        best = max(found, key=lambda joints: len(joints.keys() & set(NEEDED)))
     return best
+
+
+def check_joints(name, found):
+    """ValueError says which bones a rig lacks."""
+    missing = [joint for joint in NEEDED if joint not in found]
+    if missing:
+        raise ValueError(f"{name}: no bone found for {', '.join(missing)}; rename them as in Mixamo")
 
 
 def _simple_name(name):
@@ -494,24 +497,17 @@ def _named_joints(convention, index):
 class Retarget:
     """Turns poses of the viewer into channels of a rig with other names, axes, proportions and rest pose.
 
-    Limbs turn onto the viewer's rest directions, so that an A-pose is no hindrance; the rig keeps its own size. ValueError
-    says which bones are missing.
+    Limbs turn onto the viewer's rest directions, so that an A-pose is no hindrance; the rig keeps its own size. The bones
+    `found` have all of `NEEDED`.
     """
 
     def __init__(self, armature, skeleton, found):
-        missing = [joint for joint in NEEDED if joint not in found]
-        if missing:
-            raise ValueError(
-                f"{armature.name}: no bone found for {', '.join(missing)}; rename them as in Mixamo"
-            )
         self.skeleton, bones = skeleton, armature.pose.bones
         self.joint = {name: skeleton.names.index(name) for name in found if name in skeleton.names}
         self.bone = {found[name]: name for name in self.joint}
-        rest = {bone.name: bone.bone.matrix_local for bone in bones}
-        place = {name: rest[found[name]].to_translation() for name in self.joint}
-        self.facing = _axes(place)
-        place = {name: self.facing @ at for name, at in place.items()}
-        heads = rest_heads(skeleton)
+        rest, heads = {bone.name: bone.bone.matrix_local for bone in bones}, rest_heads(skeleton)
+        self.facing = _axes({name: rest[found[name]].to_translation() for name in self.joint})
+        place = {name: self.facing @ rest[found[name]].to_translation() for name in self.joint}
         self.ours = {name: heads[joint] for name, joint in self.joint.items()}
         self.scale = _leg(place) / _leg(self.ours)
         self.turns = {name: self._turn(name, place) for name in self.joint}
@@ -522,14 +518,13 @@ class Retarget:
 
     def _turn(self, name, place):
         """What turns a bone of the rig from its rest direction onto that of the viewer's skeleton."""
-        side = next((s for s in SIDES if name.startswith(s)), "")
-        bone = name[len(side) :]
-        if bone == "ToeBase":
-            bone, name = "Foot", f"{side}Foot"
+        side, bone = re.findall("(Left|Right|)(.+)", name)[0]
         aim = side + AIMS.get(bone, "")
-        if side and bone == "Hand" and aim not in place:
+        if bone == "ToeBase":
+            return self._turn(side + "Foot", place)
+        if bone == "Hand" and aim not in place:
             return self._turn(side + "ForeArm", place)
-        if not side or name not in place or aim not in place:
+        if not side or not {name, aim} <= place.keys():
             return Quaternion()
         theirs, wanted = place[aim] - place[name], self.ours[aim] - self.ours[name]
         if bone == "Foot":
@@ -636,6 +631,7 @@ class LiveLink:
         self._number = skeleton.number
         if len(self._bones) < len(skeleton.names):  # a rig of its own
             found = guess_joints([bone.name for bone in bones])
+            check_joints(self.name, found)
             self._retarget = Retarget(self.armature, skeleton, found)
             for name in found.values():
                 bones[name].rotation_mode = "QUATERNION"
@@ -659,13 +655,7 @@ class LiveLink:
         render = self._context.scene.render
         fps = render.fps / render.fps_base
         by_frame = {first_frame + round((pose.seconds - poses[0].seconds) * fps): pose for pose in poses}
-        keys = {}
-        for frame, pose in sorted(by_frame.items()):
-            for bone, turn, place in self._channels(pose):
-                location = () if place is None else place
-                for path, values in (("rotation_quaternion", turn), ("location", location)):
-                    for index, value in enumerate(values):
-                        keys.setdefault((bone.name, path, index), []).extend((float(frame), value))
+        keys = self._keys(sorted(by_frame.items()))
         action = bpy.data.actions.new(f"{thing.name} take")
         (thing.animation_data or thing.animation_data_create()).action = action
         for (name, path, index), values in keys.items():
@@ -674,6 +664,17 @@ class LiveLink:
             curve.keyframe_points.foreach_set("co", values)
             curve.update()
         return len(by_frame)
+
+    def _keys(self, poses):
+        """Frames and values of each curve, by bone, path and index."""
+        keys = {}
+        for frame, pose in poses:
+            for bone, turn, place in self._channels(pose):
+                location = () if place is None else place
+                for path, values in (("rotation_quaternion", turn), ("location", location)):
+                    for index, value in enumerate(values):
+                        keys.setdefault((bone.name, path, index), []).extend((float(frame), value))
+        return keys
 
     def close(self):
         """Stop listening."""

@@ -14,7 +14,7 @@ from runtime.arrays import AnyArray
 from runtime.character.body_surface import BodySurface, fit_surface
 from runtime.character.guess import JointGuess, guess_joints, require
 from runtime.character.hand_contact import clear_hands
-from runtime.character.joint_map import saved_joint_map
+from runtime.character.joint_map import read_joint_map, saved_joint_map
 from runtime.character.joints import Alignment, align
 from runtime.character.mesh import MeshData, read_meshes
 from runtime.character.planted_feet import Soles, find_soles, plant_feet
@@ -71,12 +71,12 @@ class Character(SkinnedMesh):
 
 
 def load_character(
-    path: str | Path, joint_map: Mapping[str, str] | None = None, unit: str | None = None
+    path: str | Path, joint_map: Mapping[str, str] | Path | None = None, unit: str | None = None
 ) -> Character:
     """Load a skinned .glb, .gltf or .vrm; FileError names the file, what is wrong and what to do.
 
     Joints are found by known names or by the tree and the rest pose (`guess_joints`). `joint_map` (SPORT joint name ->
-    joint name in the file, "" for none) overrides them one by one; by default it is the one next to the file.
+    joint name in the file, "" for none), or its file, overrides them one by one; by default it is the one next to the file.
     `unit` is a key of `NAMED_UNITS`; None: metres, or what fits the height of the body.
     """
     with _reading(path) as file:
@@ -100,10 +100,13 @@ def _reading(path: str | Path) -> Iterator[GltfFile]:
         raise file.error(f"damaged glTF structure ({reason(error)}).") from error
 
 
-def _guessed(file: GltfFile, joint_map: Mapping[str, str] | None) -> tuple[JointGuess, MeshData]:
+def _guessed(file: GltfFile, joint_map: Mapping[str, str] | Path | None) -> tuple[JointGuess, MeshData]:
     data = read_meshes(file)
-    chosen = saved_joint_map(file.path) if joint_map is None else joint_map
-    return guess_joints(file.path, data, _names(file, data), chosen)
+    if joint_map is None:
+        joint_map = saved_joint_map(file.path)
+    elif isinstance(joint_map, Path):
+        joint_map = read_joint_map(joint_map)
+    return guess_joints(file.path, data, _names(file, data), joint_map)
 
 
 def _names(file: GltfFile, data: MeshData) -> tuple[str, ...]:

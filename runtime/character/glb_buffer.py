@@ -56,12 +56,7 @@ class GlbBuffer:
         for number, image in enumerate(gltf.images):
             if image.uri is not None or image.mimeType not in _IMAGE_TYPES.values():
                 self._embed_image(file, image, f"image {number}")
-        for texture, read in zip(gltf.textures, file.gltf.textures or [], strict=True):
-            texture.source = texture_source(read)
-            for name in EXTENSIONS:
-                (texture.extensions or {}).pop(name, None)
-        for names in (gltf.extensionsUsed, gltf.extensionsRequired):
-            names[:] = [name for name in names or [] if name not in EXTENSIONS]
+        _without_extensions(gltf, file)
 
     def _embed_image(self, file: GltfFile, image: Any, what: str) -> None:
         data = image_bytes(file, image, what)
@@ -97,15 +92,19 @@ class GlbBuffer:
         self._blob.extend(data)
         return start
 
+    def append(self, field: str, entry: Any) -> int:
+        """The index of a new entry of a list of the document."""
+        entries = getattr(self.gltf, field)
+        entries.append(entry)
+        return len(entries) - 1
+
     def add_view(self, data: bytes, target: int | None = None) -> int:
         """The index of a new buffer view that holds `data`."""
         import pygltflib as g
 
         start = self._append(data)
-        self.gltf.bufferViews.append(
-            g.BufferView(buffer=0, byteOffset=start, byteLength=len(data), target=target)
-        )
-        return len(self.gltf.bufferViews) - 1
+        view = g.BufferView(buffer=0, byteOffset=start, byteLength=len(data), target=target)
+        return self.append("bufferViews", view)
 
     def add(
         self, values: AnyArray, target: int | None = None, *, bounds: bool = False, normalized: bool = False
@@ -123,8 +122,7 @@ class GlbBuffer:
         )
         if bounds:
             accessor.min, accessor.max = values.min(axis=0).tolist(), values.max(axis=0).tolist()
-        self.gltf.accessors.append(accessor)
-        return len(self.gltf.accessors) - 1
+        return self.append("accessors", accessor)
 
     def _drop_unused(self) -> None:
         """Take out accessors and buffer views that nothing uses, such as those of old animations, and their bytes.
@@ -159,6 +157,17 @@ class GlbBuffer:
         return b"".join(self.gltf.save_to_bytes())
 
 
+def _without_extensions(gltf: GLTF2, file: GltfFile) -> None:
+    """Textures name their images themselves."""
+    for texture, read in zip(gltf.textures, file.gltf.textures or [], strict=True):
+        texture.source = texture_source(read)
+        for name in EXTENSIONS:
+            (texture.extensions or {}).pop(name, None)
+    for names in (gltf.extensionsUsed, gltf.extensionsRequired):
+        if names:
+            names[:] = [name for name in names if name not in EXTENSIONS]
+
+
 def _as_png(data: bytes, file: GltfFile, what: str) -> bytes:
     """An image of another form as PNG; FileError where it is damaged or too large."""
     from PIL import Image
@@ -180,14 +189,14 @@ def _primitives(gltf: GLTF2) -> Iterator[Any]:
 
 
 def _accessor_references(gltf: GLTF2) -> Iterator[Reference]:
-    yield from ((vars(skin), "inverseBindMatrices") for skin in gltf.skins or [])
+    yield from ((vars(skin), "inverseBindMatrices") for skin in gltf.skins)
     for primitive in _primitives(gltf):
         yield vars(primitive), "indices"
-        for attributes in (primitive.attributes, *(primitive.targets or [])):
-            named = attributes if isinstance(attributes, dict) else vars(attributes)
-            yield from ((named, name) for name in named)
-    samplers = [sampler for animation in gltf.animations or [] for sampler in animation.samplers]
-    yield from ((vars(sampler), end) for sampler in samplers for end in ("input", "output"))
+        attributes = [vars(primitive.attributes), *(primitive.targets or [])]
+        yield from ((named, name) for named in attributes for name in named)
+    yield from (
+        (vars(s), end) for a in gltf.animations or [] for s in a.samplers for end in ("input", "output")
+    )
 
 
 def _view_references(gltf: GLTF2) -> Iterator[Reference]:

@@ -146,7 +146,8 @@ class _Seen:
         points = (points[..., :, None, :, :] - self.places[..., None, :, None, :]) @ self.axes[
             ..., None, :, :, :
         ]
-        middle = _seen(middle[..., :, None, :] - self.places[..., None, :, :], self.axes)
+        middle = middle[..., :, None, :] - self.places[..., None, :, :]
+        middle = (middle[..., None, :] @ self.axes[..., None, :, :, :])[..., 0, :]
         out = (self.axes[..., None, :, :, :] @ self.body.outward(middle)[..., None])[..., 0]
         return self.body.depth(points).max(axis=-1)[..., None], out
 
@@ -202,11 +203,6 @@ def _turned(
         moved = wrist + rotations.rotate(turn[..., None, :], positions[..., below, :] - wrist)
         at[..., below, :] = np.where(free, positions[..., below, :], moved)
     return at, world
-
-
-def _seen(vectors: AnyArray, axes: AnyArray) -> AnyArray:
-    """Vectors `(..., sides, tables, 3)` in the axes `(..., tables, 3, 3)` of the tables."""
-    return np.asarray((vectors[..., None, :] @ axes[..., None, :, :, :])[..., 0, :])
 
 
 def _bent(

@@ -255,24 +255,18 @@ def _turns(
     turns = rotations.identity((len(source),)).astype(np.float64)
     rest = SPORT_SKELETON.rest_positions
     for k in order:
-        name = SPORT_SKELETON.names[source[k]]
-        side = next((s for s in _SIDED if name.startswith(s)), "")
-        bone = name[len(side) :]
+        side, bone = re.findall("(Left|Right|)(.+)", SPORT_SKELETON.names[source[k]])[0]
         if not side or bone in ("Shoulder", "HipJoint", "ToeBase"):
             continue
         aim = side + _AIM.get(bone, "")
         turns[k] = rotations.identity() if bone == "Foot" else turns[anchor[k]]
         if aim in found:
             level = np.array((1, 0, 1) if bone == "Foot" else (1, 1, 1))
-            wanted = (rest[SPORT_SKELETON.index(aim)] - rest[source[k]]) * level
-            turns[k] = _aimed(turns[k], (position[found[aim]] - position[k]) * level, wanted)
+            wanted = rotations.normalize((rest[SPORT_SKELETON.index(aim)] - rest[source[k]]) * level)
+            theirs = rotations.normalize((position[found[aim]] - position[k]) * level)
+            turn = rotations.between(rotations.rotate(turns[k], theirs), wanted)
+            turns[k] = rotations.multiply(turn, turns[k])
     for side in _SIDED:  # toes keep the foot's alignment
         if side + "ToeBase" in found:
             turns[found[side + "ToeBase"]] = turns[found[side + "Foot"]]
     return turns
-
-
-def _aimed(inherited: Array, theirs: Array, wanted: Array) -> Array:
-    """The turn that brings a bone `theirs` to the direction `wanted`, from an inherited one on."""
-    theirs = rotations.rotate(inherited, rotations.normalize(theirs))
-    return rotations.multiply(rotations.between(theirs, rotations.normalize(wanted)), inherited)

@@ -12,13 +12,15 @@ from numpy.typing import NDArray
 from runtime import rotations
 from runtime.arrays import AnyArray
 from runtime.character.joints import CONVENTIONS
-from runtime.character.nodes import ancestors, nearest_of, node_world_matrices
 from runtime.character.read import (
     MAX_PRIMITIVES,
     REMEDY,
     Entry,
     GltfFile,
     accessor_count,
+    ancestors,
+    nearest_of,
+    node_world_matrices,
     read_accessor,
 )
 from runtime.character.skinned_mesh import Surface
@@ -152,14 +154,13 @@ class _Reader:
 
 def read_meshes(file: GltfFile) -> MeshData:
     """Merge every skinned primitive of the file; FileError when there is none or it is damaged."""
-    nodes = file.gltf.nodes or []
     if not file.gltf.skins:
         raise file.error("it has no skin.", "Export the character with its skeleton and skin weights.")
     order, parents = ancestors(file)
     world = node_world_matrices(file, order, parents)
     palette, reader = _Palette(file), _Reader(file)
     parts: list[Surface] = []
-    meshes = [(i, node) for i, node in enumerate(nodes) if node.mesh is not None]
+    meshes = [(i, node) for i, node in enumerate(file.gltf.nodes) if node.mesh is not None]
     for _, node in meshes:
         if node.skin is not None:
             parts += reader.read(node.mesh, palette.slots(node.skin), None)
@@ -191,7 +192,8 @@ def _read_primitive(
 ) -> Surface:
     """One primitive; `rigid` `(4, 4)` carries a mesh without weights to the bind space of its only joint."""
     attributes = primitive.attributes
-    positions = _vectors(file, attributes.POSITION, f"POSITION of {what}", 3)
+    count = accessor_count(file, attributes.POSITION)
+    positions = _matching(file, attributes.POSITION, f"POSITION of {what}", 3, count).astype(np.float32)
     if primitive.indices is None:
         indices = np.arange(len(positions))
     else:
@@ -202,7 +204,7 @@ def _read_primitive(
     if attributes.NORMAL is None:
         normals = vertex_normals(positions, triangles)
     else:
-        normals = _matching(file, attributes.NORMAL, f"NORMAL of {what}", (3,), len(positions))
+        normals = _matching(file, attributes.NORMAL, f"NORMAL of {what}", 3, count)
     if rigid is None:
         joints, weights = _influences(file, attributes, slots, what, len(positions))
     else:
@@ -221,17 +223,11 @@ def _read_primitive(
     )
 
 
-def _vectors(file: GltfFile, index: Any, what: str, width: int) -> AnyArray:
+def _matching(file: GltfFile, index: Any, what: str, width: int, count: int) -> AnyArray:
+    """Values `(count, width)` of an accessor; FileError where it has others."""
     values = read_accessor(file, index, what)
-    if values.shape[1] != width:
-        raise file.error(f"{what} has {values.shape[1]} components; expected {width}.")
-    return values.astype(np.float32)
-
-
-def _matching(file: GltfFile, index: Any, what: str, widths: tuple[int, ...], count: int) -> AnyArray:
-    values = read_accessor(file, index, what)
-    if len(values) != count or values.shape[1] not in widths:
-        raise file.error(f"{what} is {values.shape[0]} x {values.shape[1]}; expected {count} rows.")
+    if values.shape != (count, width):
+        raise file.error(f"{what} is {values.shape[0]} x {values.shape[1]}; expected {count} x {width}.")
     return values
 
 
@@ -253,8 +249,8 @@ def _influences(
         j = getattr(attributes, f"JOINTS_{channel}", None)
         w = getattr(attributes, f"WEIGHTS_{channel}", None)
         if channel == "0" or (j is not None and w is not None):
-            joints.append(_matching(file, j, f"JOINTS_{channel} of {what}", (4,), count).astype(np.int64))
-            weights.append(_matching(file, w, f"WEIGHTS_{channel} of {what}", (4,), count).astype(np.float64))
+            joints.append(_matching(file, j, f"JOINTS_{channel} of {what}", 4, count).astype(np.int64))
+            weights.append(_matching(file, w, f"WEIGHTS_{channel} of {what}", 4, count).astype(np.float64))
     all_joints, all_weights = np.concatenate(joints, axis=1), np.concatenate(weights, axis=1)
     used = all_weights > 0
     if all_joints.min() < 0 or np.any(all_joints[used] >= len(slots)):

@@ -58,13 +58,13 @@ def find_soles(mesh: SkinnedMesh, rest: AnyArray, pivots: AnyArray) -> Soles:
     joint_of = {int(s): k for k, s in enumerate(alignment.source) if s >= 0}
     lead = mesh.joint_indices[np.arange(len(rest)), mesh.joint_weights.argmax(axis=1)]
     owner = alignment.source[alignment.driver[lead]]
-    hips = 0.5 * sum(pivots[joint_of[upper]] for upper, *_ in LEGS)
+    hips = pivots[[joint_of[upper] for upper, *_ in LEGS]].mean(axis=0)
     sides = []
     for upper, _, foot, toe in LEGS:
         ankle = pivots[joint_of[foot]]
         own, tip = rest[owner == foot] - ankle, rest[owner == toe] - ankle
         if not len(own):
-            own = np.array([(0.0, float(rest[:, 1].min() - ankle[1]), z) for z in (OUR_HEEL[2], OUR_BALL[2])])
+            own = np.array([OUR_HEEL, OUR_BALL]) * (1, 0, 1) + (0, rest[:, 1].min() - ankle[1], 0)
         depth, back, front = _sole(np.concatenate([own, tip]))
         joint = pivots[joint_of[toe]] - ankle if toe in joint_of else np.array([0.0, -depth, front])
         aside = (pivots[joint_of[upper]] - hips) * (1, 0, 0)
@@ -78,7 +78,7 @@ def find_soles(mesh: SkinnedMesh, rest: AnyArray, pivots: AnyArray) -> Soles:
                 joint,
             )
         )
-    joints = np.array([[joint_of[j] for j in leg[:3]] for leg in LEGS])
+    joints = np.array([[joint_of[upper], joint_of[lower], joint_of[foot]] for upper, lower, foot, _ in LEGS])
     return Soles(joints, *(np.stack(each) for each in zip(*sides, strict=True)))
 
 

@@ -1,9 +1,10 @@
-"""glTF container and accessor reading with bounds on everything; turns what damage raises into FileError."""
+"""glTF container, accessors and node hierarchy read with bounds on everything; what damage raises is a FileError."""
 
 from __future__ import annotations
 
 import base64
 import struct
+from collections.abc import Container
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from runtime import rotations
 from runtime.arrays import AnyArray
 from runtime.character.native import HEADS, fbx_as_glb
 from runtime.character.unpack import COMPONENTS, MESHOPT, unpack
@@ -150,10 +152,9 @@ def _check_document(gltf: Entry, path: Path) -> None:
 def _load_buffers(path: Path, gltf: Entry, blob: memoryview) -> list[memoryview]:
     buffers, total = list[memoryview](), 0
     for i, buffer in enumerate(gltf.buffers or []):
-        packed = any((buffer.extensions or {}).get(name) for name in MESHOPT)
         data = blob if not buffer.uri else memoryview(read_uri(path, buffer.uri, "buffer"))
-        if packed and not buffer.uri and i:
-            data = memoryview(b"")  # what readers without the extension would read
+        if i and _is_fallback(buffer):
+            data = memoryview(b"")
         elif not isinstance(buffer.byteLength, int) or not 0 <= buffer.byteLength <= len(data):
             wanted = str(buffer.byteLength)[:40]
             raise FileError(f"{path}: buffer {i} has {len(data)} bytes; expected {wanted}.", REMEDY)
@@ -162,6 +163,11 @@ def _load_buffers(path: Path, gltf: Entry, blob: memoryview) -> list[memoryview]
             raise FileError(f"{path}: its buffers are larger than {MAX_FILE_BYTES >> 20} MB.", REMEDY)
         buffers.append(data)
     return buffers
+
+
+def _is_fallback(buffer: Entry) -> bool:
+    """Whether a buffer without bytes stands for what readers without compression would read."""
+    return not buffer.uri and any((buffer.extensions or {}).get(name) for name in MESHOPT)
 
 
 def read_uri(path: Path, uri: Any, what: str) -> bytes:
@@ -250,3 +256,70 @@ def _accessor_values(file: GltfFile, accessor: Entry, what: str) -> AnyArray:
         raise file.error(f"{what} reaches beyond its buffer view.")
     values: AnyArray = np.ndarray((count, width), dtype, data, offset, (stride, dtype.itemsize))
     return np.ascontiguousarray(values)
+
+
+def ancestors(file: GltfFile) -> tuple[list[int], list[int]]:
+    """All nodes with parents before their children, and the parent of each node, -1 at roots. FileError."""
+    nodes, parents = file.gltf.nodes or [], _parents(file)
+    order = [i for i, parent in enumerate(parents) if parent < 0]
+    for i in order:  # which grows meanwhile
+        order.extend(nodes[i].children or [])
+    if len(order) < len(nodes):
+        first = min(set(range(len(nodes))) - set(order))
+        raise file.error(f"the node hierarchy has a cycle at node {first}.")
+    return order, parents
+
+
+def _parents(file: GltfFile) -> list[int]:
+    nodes = file.gltf.nodes or []
+    parents = [-1] * len(nodes)
+    for i, node in enumerate(nodes):
+        for child in node.children or []:
+            known = isinstance(child, int) and 0 <= child < len(nodes) and child != i
+            if not known or parents[child] >= 0:
+                raise file.error(f"the children of node {i} do not form a tree.")
+            parents[child] = i
+    return parents
+
+
+def nearest_of(order: list[int], parents: list[int], wanted: Container[int]) -> list[int]:
+    """For each node the nearest of the `wanted` ones among itself and its ancestors, -1 where there is none."""
+    nearest = [-1] * len(parents)
+    for i in order:
+        nearest[i] = i if i in wanted else nearest[parents[i]] if parents[i] >= 0 else -1
+    return nearest
+
+
+def node_world_matrices(file: GltfFile, order: list[int], parents: list[int]) -> AnyArray:
+    """Rest transforms `(nodes, 4, 4)` in scene space, float64, of nodes as `ancestors` gives them."""
+    world, local = np.zeros((len(parents), 4, 4)), _local_matrices(file)
+    for i in order:
+        world[i] = local[i] if parents[i] < 0 else world[parents[i]] @ local[i]
+    if not np.all(np.abs(world) < MAX_VALUE):
+        raise file.error(f"its nodes lie further than {MAX_VALUE:.0e} away.")
+    return world
+
+
+def _local_matrices(file: GltfFile) -> AnyArray:
+    """Every node's transform in its parent's space `(nodes, 4, 4)`."""
+
+    def values(name: str, default: tuple[float, ...]) -> AnyArray:
+        given = [default if (value := node.get(name)) is None else value for node in nodes]
+        rows = np.zeros((len(nodes), len(default)))
+        for i, value in enumerate(given):
+            array = np.array(value, np.float64)
+            if array.shape != (len(default),) or not np.all(np.abs(array) < MAX_VALUE):
+                raise file.error(f"the {name} of node {i} is not {len(default)} finite numbers.")
+            rows[i] = array
+        return rows
+
+    nodes = file.gltf.nodes
+    matrices = values("matrix", tuple(np.eye(4).ravel())).reshape(-1, 4, 4).transpose(0, 2, 1)
+    turns = rotations.to_matrix(
+        rotations.normalize(values("rotation", (0.0, 0.0, 0.0, 1.0))[:, [3, 0, 1, 2]])
+    )
+    parts = np.tile(np.eye(4), (len(nodes), 1, 1))
+    parts[:, :3, :3] = turns * values("scale", (1.0, 1.0, 1.0))[:, None]
+    parts[:, :3, 3] = values("translation", (0.0, 0.0, 0.0))
+    whole = np.array([node.get("matrix") is not None for node in nodes])
+    return np.where(whole[:, None, None], matrices, parts)

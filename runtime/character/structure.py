@@ -14,10 +14,8 @@ NEAR_GROUND = 0.2  # ends of legs
 HIGH = 0.25  # tops of legs
 LEG = 0.2  # from top to end
 ANKLE = 0.15  # the first joint of a leg below this is its ankle
-BUTTOCK = (
-    0.01,
-    0.2,
-)  # of the way from the first joint to the knee: there the thigh begins, beyond are twists
+# of the way from the first joint to the knee: there the thigh begins, beyond are twists
+BUTTOCK = (0.01, 0.2)
 TOE = 0.03  # from ankle to toe, along the ground
 TOLERANCE = 0.1  # between left and right
 # shares of an arm from its first joint to its tip
@@ -199,10 +197,7 @@ def _arms(
 ) -> tuple[int, tuple[list[int], list[int]]]:
     """The joint where the arms fork, and the chain of each arm to its farthest end; -1 where there are none."""
     middle = 0.5 * (tree.positions[legs[0].top] + tree.positions[legs[1].top])
-    in_legs = _joints_in_legs(tree, legs)
-    top = _trunk_root(tree, hips, in_legs)
-    ends = [joint for joint in tree.under(top) if not tree.children[joint] and joint not in in_legs]
-    ends = [joint for joint in ends if len(tree.chain(top, joint)) > 3]
+    ends = _arm_ends(tree, hips, legs)
     nothing: tuple[int, tuple[list[int], list[int]]] = (-1, ([], []))
     if not ends:
         return nothing
@@ -216,6 +211,14 @@ def _arms(
         return nothing
     above = min(float(tree.positions[chain[0], 1]) for chain in arms) - middle[1] > 0.1 * tree.size
     return (chest, arms) if above else nothing
+
+
+def _arm_ends(tree: JointTree, hips: int, legs: tuple[_Leg, ...]) -> list[int]:
+    """Ends of limbs that are no legs, some joints from where the trunk begins."""
+    in_legs = _joints_in_legs(tree, legs)
+    top = _trunk_root(tree, hips, in_legs)
+    ends = [joint for joint in tree.under(top) if not tree.children[joint] and joint not in in_legs]
+    return [joint for joint in ends if len(tree.chain(top, joint)) > 3]
 
 
 def _joints_in_legs(tree: JointTree, legs: tuple[_Leg, ...]) -> set[int]:
@@ -261,9 +264,8 @@ def _free_arm(tree: JointTree, chain: list[int]) -> dict[str, int]:
 
 def _wrist(tree: JointTree, chain: list[int], share: AnyArray) -> int:
     """The first joint of the outer half with several fingers, else the first one near the tip."""
-    below = tree.heights[0]
     for i in range(2, len(chain)):
-        fingers = sum(below[child] >= 1 for child in tree.children[chain[i]])
+        fingers = sum(tree.heights[child] >= 1 for child in tree.children[chain[i]])
         if share[i] > 0.5 and fingers >= 2:
             return i
     return next(i for i in range(2, len(chain)) if 1.0 - share[i] < FINGERS or i == len(chain) - 1)
@@ -286,7 +288,7 @@ def _trunk(
         found |= dict(zip(names, picks, strict=False))
     elif chest != hips:
         found["Spine1"] = chest
-    limbs = {joint for chain in arms for joint in tree.under(chain[0])} | _joints_in_legs(tree, legs)
+    limbs = _joints_in_legs(tree, legs).union(*(tree.under(chain[0]) for chain in arms))
     above = [joint for joint in tree.under(chest) if joint not in limbs and joint != chest]
     if not above:
         return found
@@ -303,4 +305,4 @@ def _head(tree: JointTree, chain: list[int], low: float, vertices: AnyArray) -> 
     crown = float(tree.positions[chain[-1], 1])
     crown = max(float(vertices[:, 1].max()) if len(vertices) else 0.0, crown)
     below = [j for j in chain if tree.positions[j, 1] - low <= HEAD_JOINT * (crown - low)] or chain[:1]
-    return next((j for j in below if sum(tree.heights[0][c] > 0 for c in tree.children[j]) > 1), below[-1])
+    return next((j for j in below if sum(tree.heights[c] > 0 for c in tree.children[j]) > 1), below[-1])

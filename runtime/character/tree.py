@@ -35,15 +35,12 @@ class JointTree:
         return [joint for joint, children in enumerate(self.children) if not children]
 
     @cached_property
-    def heights(self) -> tuple[list[int], list[int]]:
-        """For each joint how many joints lie on its longest way down, and how many above it."""
-        below, above = [0] * len(self.parents), [0] * len(self.parents)
-        for joint in self.order:
-            parent = self.parents[joint]
-            above[joint] = above[parent] + 1 if parent >= 0 else 0
+    def heights(self) -> list[int]:
+        """For each joint how many joints lie on its longest way down."""
+        below = [0] * len(self.parents)
         for joint in reversed(self.order):
             below[joint] = max((below[child] + 1 for child in self.children[joint]), default=0)
-        return below, above
+        return below
 
     @cached_property
     def floor(self) -> float:

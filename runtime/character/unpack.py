@@ -38,20 +38,19 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 def unpack(path: Path, gltf: Any, buffers: list[memoryview]) -> list[memoryview]:
     """Buffers with what was unpacked behind them; the document names plain accessors then. FileError."""
-    named = {name for name in gltf.extensionsUsed or [] if isinstance(name, str)}
-    if not named & {DRACO, *MESHOPT}:
+    packed = {DRACO, *MESHOPT}
+    if packed.isdisjoint(map(str, gltf.extensionsUsed or [])):
         return buffers
     made = list(buffers)
     try:
         for name in MESHOPT:
             _unpack_meshopt(path, gltf, made, name)
-        if DRACO in named:
-            _unpack_draco(path, gltf, made)
+        _unpack_draco(path, gltf, made)
     except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
         raise FileError(f"{path}: its compressed meshes are damaged ({reason(error)}).", _REMEDY) from error
     for field in ("extensionsUsed", "extensionsRequired"):
         if gltf.get(field):
-            gltf[field] = [name for name in gltf[field] if name not in (DRACO, *MESHOPT)]
+            gltf[field] = [name for name in gltf[field] if str(name) not in packed]
     return made
 
 
@@ -78,7 +77,7 @@ def _unpack_meshopt(path: Path, gltf: Any, buffers: list[memoryview], name: str)
     facts, parts, size = [], [], 0
     for view in views:
         packed = view.extensions[name]
-        _check_meshopt(gltf, view, packed)
+        _check_meshopt(view, packed)
         parts.append(_part(buffers, packed))
         facts.append({"mode": packed.mode, "filter": packed.filter or "NONE", "count": packed.count,
                       "stride": packed.byteStride, "length": len(parts[-1])})  # fmt: skip
@@ -92,41 +91,34 @@ def _unpack_meshopt(path: Path, gltf: Any, buffers: list[memoryview], name: str)
     buffers.append(memoryview(data))
 
 
-def _check_meshopt(gltf: Any, view: Any, packed: Any) -> None:
+def _check_meshopt(view: Any, packed: Any) -> None:
     """ValueError for what the extension forbids: the decoder believes its arguments."""
     mode, count, stride = packed.mode, packed.count, packed.byteStride
-    strides = STRIDES.get((mode, packed.filter or "NONE"))
-    if strides is None or type(stride) is not int or stride not in strides:
+    strides = STRIDES.get((mode, packed.filter or "NONE"), ())
+    if type(stride) is not int or stride not in strides:
         raise ValueError(
             f"mode {str(mode)[:20]}, filter {str(packed.filter)[:20]}, byteStride {str(stride)[:20]}"
         )
     if type(count) is not int or count < 1 or (mode == "TRIANGLES" and count % 3):
         raise ValueError(f"count {str(count)[:20]}")
-    start, whole = view.byteOffset or 0, gltf.buffers[view.buffer or 0].byteLength
-    if view.byteLength != count * stride or not 0 <= start <= start + view.byteLength <= whole:
+    if view.byteLength != count * stride:
         raise ValueError("the size of a buffer view is not that of its elements")
 
 
 def _unpack_draco(path: Path, gltf: Any, buffers: list[memoryview]) -> None:
     """The attributes and indices of every compressed primitive become accessors with buffers of their own."""
-    primitives = [primitive for mesh in gltf.meshes or [] for primitive in mesh.primitives]
-    primitives = [primitive for primitive in primitives if DRACO in (primitive.extensions or {})]
+    primitives = _packed_by_draco(gltf)
     if not primitives:
         return
+    size = sum(_unpacked_bytes(gltf, primitive) for primitive in primitives)
+    _check_size(path, size)
     wanted: dict[int, set[int]] = {}  # attributes of each buffer view
-    size = 0
     for primitive in primitives:
         packed = primitive.extensions[DRACO]
         wanted.setdefault(packed.bufferView, set()).update(map(int, packed.attributes.values()))
-        accessors = (primitive.indices, *(primitive.attributes[name] for name in packed.attributes))
-        size += sum(4 * _WIDTHS[gltf.accessors[k].type] * gltf.accessors[k].count for k in accessors)
-        _check_size(path, size)
-    parts = [_part(buffers, gltf.bufferViews[view]) for view in wanted]
-    facts = [
-        {"length": len(part), "attributes": sorted(ids)}
-        for part, ids in zip(parts, wanted.values(), strict=True)
-    ]
-    data = decode("draco", path, {"parts": facts, "size": size}, b"".join(parts), _REMEDY)
+    parts = {view: _part(buffers, gltf.bufferViews[view]) for view in wanted}
+    facts = [{"length": len(part), "attributes": sorted(wanted[view])} for view, part in parts.items()]
+    data = decode("draco", path, {"parts": facts, "size": size}, b"".join(parts.values()), _REMEDY)
     _check_size(path, len(data) // 2)  # of 64-bit numbers at most
     with np.load(io.BytesIO(data), allow_pickle=False) as decoded:
         for primitive in primitives:
@@ -135,6 +127,20 @@ def _unpack_draco(path: Path, gltf: Any, buffers: list[memoryview]) -> None:
             _set_accessor(gltf, buffers, primitive.indices, decoded[f"{part}.indices"])
             for name, number in packed.attributes.items():
                 _set_accessor(gltf, buffers, primitive.attributes[name], decoded[f"{part}.{int(number)}"])
+
+
+def _packed_by_draco(gltf: Any) -> list[Any]:
+    meshes = gltf.meshes or []
+    return [p for mesh in meshes for p in mesh.primitives if DRACO in (p.extensions or {})]
+
+
+def _unpacked_bytes(gltf: Any, primitive: Any) -> int:
+    """How large the attributes and indices of a packed primitive become, four bytes a number."""
+    accessors = (
+        primitive.indices,
+        *(primitive.attributes[n] for n in primitive.extensions[DRACO].attributes),
+    )
+    return sum(4 * _WIDTHS[gltf.accessors[k].type] * gltf.accessors[k].count for k in accessors)
 
 
 def _set_accessor(gltf: Any, buffers: list[memoryview], index: int, values: AnyArray) -> None:

@@ -160,17 +160,13 @@ class _Hierarchy:
     def _channels(self, tokens: list[str]) -> bool:
         if not self.names:
             return False
-        self.channels[-1] = [channel.lower() for channel in tokens[2:]]
-        _check_channels(self.channels[-1], tokens, self._line, self._name)
+        self.channels[-1] = channels = [channel.lower() for channel in tokens[2:]]
+        known = {a + kind for a in "xyz" for kind in ("position", "rotation")}
+        if tokens[1:2] != [str(len(channels))] or not set(channels) <= known:
+            raise FileError(f"{self._name}, line {self._line}: CHANNELS count or names are wrong.", _REMEDY)
+        if len(set(channels)) != len(channels):
+            raise FileError(f"{self._name}, line {self._line}: a channel stands twice in CHANNELS.", _REMEDY)
         return True
-
-
-def _check_channels(channels: list[str], tokens: list[str], line: int, name: str) -> None:
-    known = {a + kind for a in "xyz" for kind in ("position", "rotation")}
-    if tokens[1:2] != [str(len(channels))] or not set(channels) <= known:
-        raise FileError(f"{name}, line {line}: CHANNELS count or names are wrong.", _REMEDY)
-    if len(set(channels)) != len(channels):
-        raise FileError(f"{name}, line {line}: a channel stands twice in CHANNELS.", _REMEDY)
 
 
 def _read_motion(h: _Hierarchy, data: bytes, at: int, name: str) -> BvhMotion:
@@ -279,10 +275,9 @@ def _unreadable(data: bytes, at: int, end: int, name: str) -> FileError:
     """The error that names the first value of a block that is none."""
     for match in re.finditer(rb"\S+", data[at:end]):
         try:
-            usable = abs(float(match[0])) <= MAX_VALUE
+            if not abs(float(match[0])) <= MAX_VALUE:
+                break
         except ValueError:
-            usable = False
-        if not usable:
             break
     line, text = _line_of(data, at + match.start()), match[0][:40].decode("ascii", "replace")
     return FileError(
@@ -310,28 +305,26 @@ def _fill(motion: BvhMotion, channels: list[list[str]], frames: Array, first: in
 
 def format_bvh(
     skeleton: Skeleton,
-    hips_positions: Array,
+    places: Mapping[int, Array],
     local_rotations: Array,
     fps: float,
     *,
     units_per_metre: float = 100.0,
     order: str | None = None,
     end_offsets: dict[int, Array] | None = None,
-    moving: dict[int, Array] | None = None,
 ) -> str:
-    """BVH text of a motion: `hips_positions` `(T, 3)` in metres, `local_rotations` `(T, J, 4)`.
+    """BVH text of a motion: `local_rotations` `(T, J, 4)`, and `places` of the first joint and others that move.
 
-    `moving` has positions `(T, 3)` against the parent, in metres, of joints other than the first that move against it.
+    Places are positions `(T, 3)` against the parent, in metres, by the joint.
     `order` is that of all rotations; None: `MOVING_ORDER` for the joints with positions, whose heading may be any,
     and `JOINT_ORDER` for the others.
     """
-    places = {0: np.asarray(hips_positions), **(moving or {})}
     orders = [order or (MOVING_ORDER if j in places else JOINT_ORDER) for j in range(len(skeleton))]
     lines, joints = _hierarchy(skeleton, units_per_metre, orders, end_offsets or {}, places)
-    lines += ["MOTION", f"Frames: {len(hips_positions)}", f"Frame Time: {1.0 / fps:.10f}", ""]
+    lines += ["MOTION", f"Frames: {len(local_rotations)}", f"Frame Time: {1.0 / fps:.10f}", ""]
     before: Array | None = None  # the angles from which the next block goes on
     blocks = ["\n".join(lines)]
-    for first in range(0, len(hips_positions), _WRITTEN_FRAMES):
+    for first in range(0, len(local_rotations), _WRITTEN_FRAMES):
         rows = slice(first, first + _WRITTEN_FRAMES)
         local: Array = np.asarray(local_rotations[rows], np.float64)
         angles: Array = np.stack([rotations.to_euler(local[:, j], orders[j]) for j in joints], axis=1)

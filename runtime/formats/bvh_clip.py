@@ -14,12 +14,11 @@ from runtime.errors import FileError
 from runtime.formats.bvh import BvhMotion, check_size, format_bvh, read_bvh
 from runtime.formats.options import UNITS_PER_METRE, ExportOptions
 from runtime.formats.prepare import Check, PreparedTake
-from runtime.formats.sidecar import read_metadata, write_sidecar
+from runtime.formats.sidecar import format_metadata, read_metadata, sidecar_path
 from runtime.pose import MAX_FPS, video_rate
 from runtime.safe_read import printable
 from runtime.skeleton import SPORT_SKELETON, J, Skeleton
 from runtime.takes.clip import MAX_DISTANCE_M, Clip
-from runtime.takes.metadata import gait_numbers
 from runtime.takes.root import RootTrack
 
 ROOT = "Root"
@@ -80,14 +79,14 @@ def _write(clip: Clip, path: Path, text: str, new: bool = False) -> Path:
         path = write_new(path, text)
     else:
         write_atomic(path, text)
-    write_sidecar(clip, path, text)
+    write_atomic(sidecar_path(path), format_metadata(clip, text))
     return path
 
 
 def _text(clip: Clip, unit: str, order: str | None, root: RootTrack | None = None) -> str:
     """The BVH text; a `root` is one more joint, on the ground above the hips."""
-    skeleton, place, local, above = SPORT_SKELETON, clip.hips_positions, clip.local_rotations, 0
-    moving = {}
+    skeleton, local, above = SPORT_SKELETON, clip.local_rotations, 0
+    places = {0: clip.hips_positions}
     if root is not None:
         skeleton = Skeleton(
             (ROOT, *SPORT_SKELETON.names),
@@ -98,17 +97,18 @@ def _text(clip: Clip, unit: str, order: str | None, root: RootTrack | None = Non
         back = rotations.inverse(turn)
         local = np.concatenate([turn[:, None], clip.local_rotations], axis=1)
         local[:, 1] = rotations.multiply(back, clip.local_rotations[:, 0])
-        place, above = root.positions, 1
-        moving = {1: rotations.rotate(back, clip.hips_positions - root.positions)}
+        places, above = (
+            {0: root.positions, 1: rotations.rotate(back, clip.hips_positions - root.positions)},
+            1,
+        )
     return format_bvh(
         skeleton,
-        place,
+        places,
         local,
         clip.fps,
         units_per_metre=UNITS_PER_METRE[unit] * clip.size,
         order=order,
         end_offsets={joint + above: offset for joint, offset in END_OFFSETS.items()},
-        moving=moving,
     )
 
 
@@ -133,24 +133,8 @@ def clip_of_motion(motion: BvhMotion, path: Path) -> tuple[Clip, str]:
     hips = hips * scale
     if not np.abs(hips).max() <= MAX_DISTANCE_M:
         raise FileError(f"{path}: the hips are further than {MAX_DISTANCE_M / 1000:.0f} km away.", _OWN_BVH)
-    made = read_metadata(path)
-    contacts = made.contacts
-    if contacts is None or len(contacts) != len(hips):
-        contacts = np.zeros((len(hips), 4), np.float32)
-    clip = Clip(
-        name=printable(path.stem),
-        fps=fps,
-        hips_positions=hips.astype(np.float32),
-        local_rotations=local,
-        contacts=contacts,
-        prompts=made.prompts,
-        terrain=made.terrain,
-        origin=made.origin,
-        gait_seconds=made.gait_seconds,
-        gaits=gait_numbers(made.gait_changes, len(motion.positions), fps),
-        placed=made.placed,
-        size=made.size,
-    )
+    known = {"contacts": np.zeros((len(hips), 4), np.float32)} | read_metadata(path, fps, len(hips))
+    clip = Clip(printable(path.stem), fps, hips.astype(np.float32), local, **known)
     return clip, nearest_unit(scale)
 
 

@@ -22,6 +22,14 @@ from runtime.terrain.height_map import Terrain
 
 BLENDER_VARIABLE = "SPORT_BLENDER"
 TIMEOUT_S, POLL_S = 600.0, 0.05
+_HEADLESS = [
+    "--background",
+    "--factory-startup",
+    "--python-use-system-env",
+    "--python-exit-code",
+    "1",
+    "--python",
+]
 _SCRIPT = Path(__file__).with_name("blender_fbx.py")
 
 
@@ -33,23 +41,11 @@ def find_blender() -> list[str] | None:
     """
     named = os.environ.get(BLENDER_VARIABLE)
     if named:
-        return [named] if "python" in Path(named).name.lower() else _headless(named)
+        return [named] if "python" in Path(named).name.lower() else [named, *_HEADLESS]
     if importlib.util.find_spec("bpy") is not None:
         return [sys.executable]
     found = shutil.which("blender")
-    return None if found is None else _headless(found)
-
-
-def _headless(blender: str) -> list[str]:
-    return [
-        blender,
-        "--background",
-        "--factory-startup",
-        "--python-use-system-env",
-        "--python-exit-code",
-        "1",
-        "--python",
-    ]
+    return None if found is None else [found, *_HEADLESS]
 
 
 def check_fbx(path: Path) -> list[str]:

@@ -11,10 +11,8 @@ from runtime.arrays import Array
 from runtime.assets import asset_path
 from runtime.character.character import Character, load_character
 from runtime.character.glb_buffer import GlbBuffer
-from runtime.character.joint_map import read_joint_map
 from runtime.character.mesh import read_meshes
 from runtime.character.read import open_gltf
-from runtime.formats.engines import engine_of
 from runtime.formats.glb_skeleton import (
     Rig,
     joint_worlds,
@@ -61,16 +59,15 @@ def glb_document(
     ground_margin_m: float = MARGIN_M,
 ) -> tuple[GlbBuffer, int]:
     """The document of `save_glb`, and the number of its node of the hips. FileError."""
-    source = asset_path(MANNEQUIN) if options.character is None else Path(options.character)
-    joint_map = None if options.joint_map is None else read_joint_map(options.joint_map)
-    character, file = load_character(source, joint_map, options.character_unit), open_gltf(source)
+    source = options.character or asset_path(MANNEQUIN)
+    character, file = load_character(source, options.joint_map, options.character_unit), open_gltf(source)
     buffer = GlbBuffer.of_file(file)
     buffer.gltf.asset.generator = "SPORT viewer"
     size, plain = body_size(take.clip, options, character), options.plain or options.engine is not None
     rig = open_rig(buffer, file, character, read_meshes(file), options.rooted, plain, size)
     _animate_all(rig, buffer, [take, *_further_takes(options, terrain)], check)
-    if options.engine is not None and options.humanoid_names:
-        rename_bones(rig, engine_of(options.engine))
+    if options.humanoid_names:
+        rename_bones(rig, options.bones)
     if options.animation_only:
         _drop_meshes(buffer)
     if options.with_ground and terrain is not None:
@@ -100,8 +97,8 @@ def _animate_all(rig: Rig, buffer: GlbBuffer, takes: list[PreparedTake], check: 
     """Add the takes as animations to the document, whose names are each there once."""
     names = [take.clip.name for take in takes]
     buffer.gltf.animations = []
-    for k, (take, name) in enumerate(zip(takes, names, strict=True)):
-        _animate(rig, buffer, take, name if name not in names[:k] else f"{name}-{k + 1}", check)
+    for k, name in enumerate(names):
+        _animate(rig, buffer, takes[k], name if name not in names[:k] else f"{name}-{k + 1}", check)
 
 
 def _drop_meshes(buffer: GlbBuffer) -> None:

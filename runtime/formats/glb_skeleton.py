@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -13,9 +13,7 @@ from runtime.arrays import Array
 from runtime.character.character import Character
 from runtime.character.glb_buffer import GlbBuffer
 from runtime.character.mesh import MeshData, skin_joints
-from runtime.character.nodes import ancestors, node_world_matrices
-from runtime.character.read import GltfFile
-from runtime.formats.engines import Engine
+from runtime.character.read import GltfFile, ancestors, node_world_matrices
 from runtime.formats.prepare import PreparedTake
 from runtime.skeleton import SPORT_SKELETON
 
@@ -107,15 +105,21 @@ def _set_plain_scene(rig: Rig) -> None:
             gltf.nodes[parents[node]].children.remove(node)
         parents[node] = count
     _append_node(rig, g.Node(name="Armature", children=[*heads, *loose]), -1, np.eye(4))
-    for node in range(count):
+    _set_plain_locals(rig, moving, loose)
+    gltf.scenes, gltf.scene = [g.Scene(name="take", nodes=[count])], 0
+
+
+def _set_plain_locals(rig: Rig, moving: set[int], loose: list[int]) -> None:
+    """Transforms of joints without scales, of meshes under no joint, and of what hangs on joints."""
+    nodes, parents = rig.gltf.nodes, rig.parents
+    for node in range(len(nodes) - 1):
         if node in moving:
-            set_local(gltf.nodes[node], local_rest(rig, node))
+            set_local(nodes[node], local_rest(rig, node))
         elif node in loose:
-            set_local(gltf.nodes[node], np.eye(4) if gltf.nodes[node].skin is not None else rig.rest[node])
+            set_local(nodes[node], np.eye(4) if nodes[node].skin is not None else rig.rest[node])
         elif parents[node] in moving:
             above = written(rig, rig.rest[parents[node]])
-            set_local(gltf.nodes[node], np.linalg.inv(above) @ rig.rest[node])
-    gltf.scenes, gltf.scene = [g.Scene(name="take", nodes=[count])], 0
+            set_local(nodes[node], np.linalg.inv(above) @ rig.rest[node])
 
 
 def _bind_to_scaleless_joints(rig: Rig) -> None:
@@ -161,20 +165,24 @@ def _set_scene(rig: Rig) -> None:
 
     gltf = rig.gltf
     carried = {_line(rig.parents, joint)[-1] for joint in rig.joints}
-    tops = [node for node, parent in enumerate(rig.parents) if parent < 0]
-    moved = [top for top in tops if top in carried]
-    alone = [top for top in tops if top not in carried and not gltf.nodes[top].children]
-    skinned = [top for top in alone if gltf.nodes[top].skin is not None]
+    moved = sorted(carried)
+    skinned = [top for top in _alone(rig) if top not in carried and gltf.nodes[top].skin is not None]
     if np.allclose(rig.space, np.eye(4), atol=SAME):
         rig.space = np.eye(4)
     else:
         turn, scale = _split(rig.space)
-        node = g.Node(name="Character", children=moved, rotation=_xyzw(turn), scale=scale.tolist())
-        number = _append_node(rig, node, -1, rig.space)
+        above = g.Node(name="Character", children=moved, rotation=_xyzw(turn), scale=scale.tolist())
+        number = _append_node(rig, above, -1, rig.space)
         for top in moved:
             rig.parents[top] = number
         moved = [number]
     gltf.scenes, gltf.scene = [g.Scene(name="take", nodes=[*moved, *skinned])], 0
+
+
+def _alone(rig: Rig) -> list[int]:
+    """Nodes without a parent or a child."""
+    nodes = rig.gltf.nodes
+    return [top for top, parent in enumerate(rig.parents) if parent < 0 and not nodes[top].children]
 
 
 def _append_node(rig: Rig, node: Node, parent: int, rest: Array) -> int:
@@ -198,17 +206,22 @@ def _add_root(rig: Rig, hips: int) -> None:
     frame[:3, 3] = rig.ground_point
     if rig.plain:  # Blender joins the hips to a root whose tail meets them, and drops where they go
         frame[2, 3] -= OFF_THE_HIPS_M
-    taken = {node.name for node in gltf.nodes}
-    name = next((n for n in ROOT_NAMES if n not in taken), ROOT_NAMES[-1])
+    free = set(ROOT_NAMES) - {node.name for node in gltf.nodes}
+    name = min(free or {ROOT_NAMES[-1]}, key=ROOT_NAMES.index)
     rig.root_node = _append_node(rig, g.Node(name=name, children=[hips]), above, frame)
     siblings = gltf.nodes[above].children if above >= 0 else gltf.scenes[0].nodes
     siblings[siblings.index(hips)] = rig.root_node
     rig.parents[hips] = rig.root_node
     for node in (rig.root_node, hips):
         set_local(gltf.nodes[node], local_rest(rig, node))
+    _bind_root(rig, hips, frame)
+
+
+def _bind_root(rig: Rig, hips: int, frame: Array) -> None:
+    """Make the root joint at `frame` a joint of every skin of the hips."""
     inverse_bind = np.linalg.inv(np.linalg.inv(rig.space) @ written(rig, frame))
     inverse_bind[3] = (0.0, 0.0, 0.0, 1.0)
-    for index, skin in enumerate(gltf.skins):
+    for index, skin in enumerate(rig.gltf.skins):
         if hips in skin.joints:
             rig.binds[index] = np.concatenate([rig.binds[index], inverse_bind[None]])
             skin.joints.append(rig.root_node)
@@ -288,14 +301,14 @@ def _root_worlds(rig: Rig, take: PreparedTake, frames: slice) -> Array:
     return matrices
 
 
-def rename_bones(rig: Rig, engine: Engine) -> None:
-    """Give the joints of a rig the names of an engine's humanoid, those that it has none for keep theirs."""
+def rename_bones(rig: Rig, bones: Mapping[str, str]) -> None:
+    """Give the joints of a rig the names of an engine's humanoid, those that `bones` has none for keep theirs."""
     node_of = {
         SPORT_SKELETON.names[j]: n for n, k in rig.joints.items() if (j := rig.character.sport_joints[k]) >= 0
     }
     node_of["Root"] = rig.root_node
     wanted: dict[int, str] = {}
-    for name, bone in engine.bones.items():
+    for name, bone in bones.items():
         if node_of.get(name, -1) >= 0:
             wanted.setdefault(node_of[name], bone)
     taken = set(wanted.values())

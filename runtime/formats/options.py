@@ -196,6 +196,11 @@ class ExportOptions:
         """Whether there is a root joint on the ground: by itself, or since the engine wants it."""
         return self.ground_root or (self.engine is not None and engine_of(self.engine).ground_root)
 
+    @property
+    def bones(self) -> Mapping[str, str]:
+        """What the engine's humanoid calls our joints; empty without an engine."""
+        return {} if self.engine is None else engine_of(self.engine).bones
+
     def check(self) -> None:
         """UsageError names the option that cannot be used."""
         for name, usable, problem, remedy in _RULES:
@@ -203,13 +208,9 @@ class ExportOptions:
                 raise UsageError(problem(self), remedy, name)
 
 
-def _bones(options: ExportOptions) -> Mapping[str, str]:
-    return engine_of(options.engine).bones if options.engine is not None else {}
-
-
 _Rule = tuple[str, Callable[[ExportOptions], bool], Callable[[ExportOptions], str], str]
 _RULES: tuple[_Rule, ...] = (  # an option, whether it can be used, what is wrong, what to do
-    ("humanoid_names", lambda o: bool(_bones(o)) or not o.humanoid_names,
+    ("humanoid_names", lambda o: bool(o.bones) or not o.humanoid_names,
      lambda o: ": these names are those of an engine.", "Add --for unreal, unity, godot or maya."),
     ("fps", lambda o: 1.0 <= o.fps <= MAX_FPS,
      lambda o: f" {o.fps:g}: expected 1 to {MAX_FPS:.0f} frames per second.", "Try 60 or 30."),

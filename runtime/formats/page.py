@@ -6,6 +6,7 @@ import base64
 import gzip
 import html
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -49,10 +50,6 @@ def save_page(
         "script": asset_path("web/take.js").read_text(encoding="utf-8"),
     }
     page = asset_path("web/page.html").read_text(encoding="utf-8")
-    pieces = page.split("{{")
-    text = pieces[0]
-    for piece in pieces[1:]:
-        name, _, rest = piece.partition("}}")
-        text += parts[name] + rest
+    text = re.sub(r"\{\{(\w+)\}\}", lambda name: parts[name[1]], page)
     check()
     write_atomic(path, text)

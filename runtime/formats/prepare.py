@@ -47,10 +47,8 @@ def prepare(clip: Clip, options: ExportOptions, terrain: Terrain | None = None) 
     terrain = None if terrain is None else terrain.seen_by(clip.size)
     at_rate = with_contacts(on_its_ground(clip), terrain).resampled(options.fps)
     track = root_track(at_rate, terrain)
-    first, last = _frames(at_rate, options)
-    taken, report = at_rate, None
-    if (first, last) != (0, len(at_rate) - 1):
-        taken, track = at_rate.trim(first, last), track.cut(first, last)
+    taken, track = _in_range(at_rate, track, options)
+    report = None
     if options.loop:
         taken, track, report = make_loop(taken, track, options.strides)
     placement = _to_origin(track) if options.at_origin else there
@@ -86,7 +84,7 @@ def with_contacts(clip: Clip, terrain: Terrain | None) -> Clip:
     return replace(clip, contacts=measured_contacts(clip.world()[0], clip.fps, ground))
 
 
-def _frames(clip: Clip, options: ExportOptions) -> tuple[int, int]:
+def _in_range(clip: Clip, track: RootTrack, options: ExportOptions) -> tuple[Clip, RootTrack]:
     first = round(options.start_s * clip.fps)
     last = len(clip) - 1 if options.end_s is None else min(round(options.end_s * clip.fps), len(clip) - 1)
     if not 0 <= first <= last:
@@ -95,7 +93,8 @@ def _frames(clip: Clip, options: ExportOptions) -> tuple[int, int]:
             "Choose an earlier start.",
             "start_s",
         )
-    return first, last
+    whole = (first, last) == (0, len(clip) - 1)
+    return (clip, track) if whole else (clip.trim(first, last), track.cut(first, last))
 
 
 def _to_origin(track: RootTrack) -> Placement:

@@ -63,7 +63,7 @@ class OpenedTake:
 
 
 def open_take(path: Path) -> OpenedTake:
-    """A motion of our skeleton, or of any two-legged one as `load_reference_bvh` reads it: BVH, glTF or FBX. FileError."""
+    """A motion of our skeleton, or of any two-legged one whose joints can be found, as a clip of ours: BVH, glTF or FBX. FileError."""
     motion = read_motion(path)
     try:
         return OpenedTake(*clip_of_motion(motion, path), note=motion.note)
@@ -83,17 +83,11 @@ def read_motion(path: Path) -> BvhMotion:
     return read_bvh(path) if is_bvh(path) else read_gltf_motion(path)
 
 
-def load_reference_bvh(path: str | Path) -> ReferenceMotion:
-    """A motion of any two-legged skeleton whose joints can be found, as a clip of ours that begins at the origin.
-
-    It goes in the world as the file does. FileError when it cannot be read, when joints are missing, or when it stands
-    on four legs. Joints are those that `guess_skeleton` tells, and those of `FILE.joints.json` next to it.
-    """
-    path = Path(path)
-    return _reference(read_motion(path), path)
-
-
 def _reference(motion: BvhMotion, path: Path) -> ReferenceMotion:
+    """A clip that begins at the origin and goes in the world as the file does.
+
+    Joints are those that `guess_skeleton` tells, and those of `FILE.joints.json` next to it. FileError.
+    """
     fps = video_rate(motion.fps)
     if not 0.0 < fps <= MAX_FPS:
         raise FileError(f"{path}: {fps:g} frames per second; expected at most {MAX_FPS:.0f}.", "Resample it.")

@@ -10,7 +10,7 @@ import hashlib
 import itertools
 import json
 import logging
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.arrays import Array
-from runtime.atomic import write_atomic
 from runtime.checked import number_field, read_number, text_field
 from runtime.controls import Gait
 from runtime.errors import FileError
@@ -28,12 +27,11 @@ from runtime.safe_read import parse_json, printable, read_bounded
 from runtime.takes.clip import MAX_SIZE, MIN_SIZE, Clip
 from runtime.takes.metadata import (
     MAX_EVENTS,
-    UNKNOWN,
     UNMOVED,
-    Origin,
     PromptEvent,
     event_from,
     gait_changes,
+    gait_numbers,
     origin_from,
     title,
 )
@@ -100,34 +98,15 @@ def foot_phases(clip: Clip) -> NDArray[np.float32]:
     return phases
 
 
-def write_sidecar(clip: Clip, path: Path, text: str) -> None:
-    """Write what is known of the clip next to its BVH of this text; FileError when it cannot be written."""
-    write_atomic(sidecar_path(path), format_metadata(clip, text))
+def read_metadata(bvh: Path, fps: float, frames: int) -> dict[str, Any]:
+    """Fields of a `Clip` that the file next to a BVH tells; those that are missing or of another type have their defaults.
 
-
-@dataclass(frozen=True)
-class TakeMetadata:
-    """What the file next to a BVH tells; fields that are missing or of another type have their defaults."""
-
-    terrain: str = "flat"
-    prompts: tuple[PromptEvent, ...] = ()
-    origin: Origin = UNKNOWN
-    gait_seconds: tuple[tuple[str, float], ...] = ()
-    gait_changes: tuple[tuple[float, str], ...] = ()
-    placed: tuple[float, ...] | None = UNMOVED
-    size: float = 1.0
-    contacts: Array | None = None  # (T, 4)
-
-
-def read_metadata(bvh: Path) -> TakeMetadata:
-    """The metadata of a BVH file. Without a file of this form that belongs to that very BVH, nothing is known.
-
-    A take from an older program has none, and a motion can be opened whatever stands next to it: damage is a warning
-    in the log.
+    Without a file of this form that belongs to that very BVH, nothing is known: a take from an older program has none,
+    and a motion can be opened whatever stands next to it. Damage is a warning in the log.
     """
     path = sidecar_path(bvh)
     if not path.is_file():
-        return TakeMetadata()
+        return {}
     try:
         value = parse_json(read_bounded(path, MAX_BYTES))
         if not isinstance(value, dict) or value.get("format") != _FORMAT:
@@ -136,19 +115,20 @@ def read_metadata(bvh: Path) -> TakeMetadata:
             raise ValueError(f"made for another file than {bvh.name} as it is now")
     except (ValueError, FileError) as error:
         _LOG.warning("%s: not used (%s).", path, error)
-        return TakeMetadata()
+        return {}
     gaits = value.get("gait_seconds")
     gaits = gaits if isinstance(gaits, dict) else {}
-    return TakeMetadata(
-        terrain=text_field(value, "terrain", "flat"),
-        prompts=_prompts(value.get("prompts"), path),
-        origin=origin_from(value),
-        gait_seconds=tuple((g.label, number_field(gaits, g.label, 0.0)) for g in Gait if g.label in gaits),
-        gait_changes=_gait_changes(value.get("gaits")),
-        placed=_placed(value.get("placed", UNMOVED)),
-        size=min(max(number_field(value, "size", 1.0), MIN_SIZE), MAX_SIZE),
-        contacts=_contacts(value.get("contacts")),
-    )
+    found = {
+        "terrain": text_field(value, "terrain", "flat"),
+        "prompts": _prompts(value.get("prompts"), path),
+        "origin": origin_from(value),
+        "gait_seconds": tuple((g.label, number_field(gaits, g.label, 0.0)) for g in Gait if g.label in gaits),
+        "gaits": gait_numbers(_gait_changes(value.get("gaits")), frames, fps),
+        "placed": _placed(value.get("placed", UNMOVED)),
+        "size": min(max(number_field(value, "size", 1.0), MIN_SIZE), MAX_SIZE),
+    }
+    contacts = _contacts(value.get("contacts"), frames)
+    return found if contacts is None else found | {"contacts": contacts}
 
 
 def _prompts(value: Any, path: Path) -> tuple[PromptEvent, ...]:
@@ -169,13 +149,13 @@ def _gait_changes(value: Any) -> tuple[tuple[float, str], ...]:
     return tuple(found)
 
 
-def _contacts(value: Any) -> Array | None:
-    """Contacts `(T, 4)` of a track of each sole point; None where they are none."""
+def _contacts(value: Any, frames: int) -> Array | None:
+    """Contacts `(frames, 4)` of a track of each sole point; None where they are none."""
     try:
         contacts = np.array([value[name] for name in CONTACTS], np.float32).T
     except (TypeError, ValueError, KeyError, OverflowError):
         return None
-    usable = contacts.ndim == 2 and len(contacts) > 0 and bool(((contacts >= 0.0) & (contacts <= 1.0)).all())
+    usable = contacts.shape == (frames, 4) and bool(((contacts >= 0.0) & (contacts <= 1.0)).all())
     return np.ascontiguousarray(contacts) if usable else None
 
 

@@ -22,8 +22,16 @@ from runtime import rotations
 from runtime.arrays import AnyArray
 from runtime.atomic import atomic_path
 from runtime.character.mesh import skin_joints
-from runtime.character.nodes import ancestors, nearest_of, node_world_matrices
-from runtime.character.read import Entry, GltfFile, buffer_view_bytes, open_gltf, read_accessor
+from runtime.character.read import (
+    Entry,
+    GltfFile,
+    ancestors,
+    buffer_view_bytes,
+    nearest_of,
+    node_world_matrices,
+    open_gltf,
+    read_accessor,
+)
 from runtime.errors import FileError, UsageError
 from runtime.formats.glb import glb_document
 from runtime.formats.options import ExportOptions
@@ -33,7 +41,6 @@ from runtime.terrain.height_map import Terrain
 
 ROOT = "/take"
 PACKED_S = 1e9  # the time of every file in a package: equal takes are equal files
-BIND_SAME = 1e-4  # of the elements of inverse bind matrices that are one
 
 
 def check_usd(path: Path) -> None:
@@ -94,7 +101,7 @@ class _Stage:
         self.order, self.parents = ancestors(file)
         self.world = node_world_matrices(file, self.order, self.parents)
         skins = file.gltf.skins or []
-        self.joints = self._joint_nodes()
+        self.joints = self._joint_nodes(skins)
         self.names = unique_names([self.file.gltf.nodes[node].name or "" for node in self.joints])
         self.slot = {node: k for k, node in enumerate(self.joints)}
         self.carriers = nearest_of(self.order, self.parents, self.slot)
@@ -109,11 +116,10 @@ class _Stage:
         self.skins = [self._skin(k) for k in range(len(skins))]
         self._materials: dict[int, Any] = {}
 
-    def _joint_nodes(self) -> list[int]:
+    def _joint_nodes(self, skins: list[Entry]) -> list[int]:
         """Nodes of the skeleton, parents first: those that move, those of skins, and what lies between."""
-        gltf = self.file.gltf
-        wanted = {node for skin in gltf.skins or [] for node in skin.joints}
-        wanted |= {channel.target.node for channel in gltf.animations[0].channels}
+        wanted = {node for skin in skins for node in skin.joints}
+        wanted |= {channel.target.node for channel in self.file.gltf.animations[0].channels}
         for node in reversed(self.order):
             parent = self.parents[node]
             if node in wanted and parent >= 0 and self.parents[parent] >= 0:
@@ -145,9 +151,6 @@ class _Stage:
         slots = np.array([self.slot[node] for node in joints])
         bind = self.world[self.joints].copy()
         bind[slots] = np.linalg.inv(inverse[: len(slots)].astype(np.float64))
-        for k, known in enumerate(self.skins if hasattr(self, "skins") else []):
-            if np.allclose(known.inverse_bind, np.linalg.inv(bind), atol=BIND_SAME):
-                return _Skin(self.skins[k].path, known.inverse_bind, slots)
         return _Skin(f"{ROOT}/skeleton" + (f"_{index}" if index else ""), np.linalg.inv(bind), slots)
 
     def write(self) -> None:
@@ -161,9 +164,8 @@ class _Stage:
         local = self._local_rest()
         if not self.skins:  # the motion alone
             self.skins = [_Skin(f"{ROOT}/skeleton", np.linalg.inv(self.world[self.joints]), np.zeros(0, int))]
-        for path in dict.fromkeys(skin.path for skin in self.skins):
-            skin = next(each for each in self.skins if each.path == path)
-            skeleton = UsdSkel.Skeleton.Define(self.stage, path)
+        for skin in self.skins:
+            skeleton = UsdSkel.Skeleton.Define(self.stage, skin.path)
             skeleton.CreateJointsAttr(Vt.TokenArray(self._joint_paths()))
             skeleton.CreateBindTransformsAttr(self._matrices(np.linalg.inv(skin.inverse_bind)))
             skeleton.CreateRestTransformsAttr(self._matrices(local))

@@ -21,7 +21,6 @@ Words = str | PartDescriptions  # a prompt, or what the six parts do
 Weights = tuple[float, ...]  # one for each of PART_NAMES: 0 is prompt A, 1 is prompt B
 
 ALL_A: Weights = (0.0,) * len(PART_NAMES)
-ALL_B: Weights = (1.0,) * len(PART_NAMES)
 _FORM = f"Write left_arm=1,torso=0.5; the parts are {', '.join(PART_NAMES)}."
 
 
@@ -108,10 +107,7 @@ def write_words(words: Words | BlendedPrompt) -> str:
 
 
 def read_words(text: str) -> Words | BlendedPrompt:
-    """What a prompt event of a take asks for: a prompt, six descriptions, or a blend of two.
-
-    PromptError when it is a JSON object but neither of the latter.
-    """
+    """What a prompt event of a take asks for: a prompt, six descriptions, or a blend of two. PromptError."""
     try:
         value = parse_json(text)
     except ValueError:

@@ -117,11 +117,6 @@ def direction_words(texts: Sequence[str]) -> NDArray[np.float32]:
     return found
 
 
-def with_direction_words(texts: Sequence[str], vectors: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Embeddings `(N, D)` of `texts` with their direction words behind: `(N, D + len(GROUPS))`."""
-    return np.concatenate([vectors, direction_words(texts)], axis=1)
-
-
 _SIDE = re.compile(r"\b(left|right)(?:wards?)?\b", re.IGNORECASE)
 _BOTH = re.compile(
     r"\b(?:left (?:and|or|to|then) (?:the )?right|right (?:and|or|to|then) (?:the )?left)\b", re.IGNORECASE
@@ -171,5 +166,5 @@ def part_inputs(
         texts, signs = [text for text, _ in sided], [sign for _, sign in sided]
     vectors = np.asarray(encoder.encode(texts), np.float32)
     if words:
-        vectors = with_direction_words(texts, vectors)
+        vectors = np.concatenate([vectors, direction_words(texts)], axis=1)
     return np.concatenate([vectors, np.asarray(signs, np.float32)[:, None]], axis=1) if side else vectors

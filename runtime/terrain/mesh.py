@@ -144,8 +144,7 @@ def _obj_geometry(text: str, path: Path) -> tuple[Array, NDArray[np.int64]]:
 
 def _gltf_geometry(path: Path) -> tuple[Array, NDArray[np.int64]]:
     """All triangles of a glTF where its nodes put them; materials and textures are not looked at."""
-    from runtime.character.nodes import ancestors, node_world_matrices
-    from runtime.character.read import open_gltf, read_accessor
+    from runtime.character.read import ancestors, node_world_matrices, open_gltf, read_accessor
 
     file = open_gltf(path)
     world = node_world_matrices(file, *ancestors(file))

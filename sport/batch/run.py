@@ -8,11 +8,11 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, TextIO
+from typing import IO
 
 from runtime.atomic import write_atomic
 from runtime.errors import FileError, UsageError
@@ -25,7 +25,6 @@ LOCK = ".sport-batch.lock"
 MANIFEST = "manifest.jsonl"
 MAX_MANIFEST_BYTES = 1024 * 1024 * 1024
 MAX_WORKERS = 1024
-WIDTH = 24  # signs of the bar of progress
 
 
 def run_batch(options: argparse.Namespace, parser: RowParser) -> int:
@@ -41,19 +40,27 @@ def run_batch(options: argparse.Namespace, parser: RowParser) -> int:
         progress = BatchProgress(len(rows), len(tasks) - len(missing))
         if progress.kept:
             print(f"sport: {progress.kept} of {len(rows)} clips are there already", file=sys.stderr)
-        try:
-            lines = itertools.chain((entry(row, row.error) for row in refused), _lines(missing, options))
-            for line in lines:
-                manifest.add(line)
-                progress.add(failed=bool(line["error"]))
-            manifest.finish(row.number for row in rows)
-        except KeyboardInterrupt:
-            print("\nsport: stopped; the same command goes on from here", file=sys.stderr)
-            raise
-        finally:
-            manifest.close()
+        _make(
+            itertools.chain((entry(row, row.error) for row in refused), _lines(missing, options)),
+            manifest,
+            progress,
+        )
+        manifest.finish(row.number for row in rows)
         _report(manifest, [row.number for row in rows], progress)
     return int(progress.failed > 0)
+
+
+def _make(lines: Iterator[Line], manifest: Manifest, progress: BatchProgress) -> None:
+    """Put lines into the manifest as they come."""
+    try:
+        for line in lines:
+            manifest.add(line)
+            progress.add(failed=bool(line["error"]))
+    except KeyboardInterrupt:
+        print("\nsport: stopped; the same command goes on from here", file=sys.stderr)
+        raise
+    finally:
+        manifest.close()
 
 
 def _lines(tasks: list[Task], options: argparse.Namespace) -> Iterator[Line]:
@@ -72,10 +79,11 @@ def _report(manifest: Manifest, numbers: list[int], progress: BatchProgress) -> 
         line = manifest.lines[number]
         if line["error"]:
             print(f"sport: row {number}: {printable(line['error'])}", file=sys.stderr)
-    made = len(numbers) - progress.failed
     failed = f", {progress.failed} failed" if progress.failed else ""
     new = f", {progress.made} of them new, {progress.per_minute:.1f} a minute" if progress.made else ""
-    print(printable(f"{manifest.path}: {made} of {len(numbers)} clips{new}{failed}"))
+    print(
+        printable(f"{manifest.path}: {len(numbers) - progress.failed} of {len(numbers)} clips{new}{failed}")
+    )
 
 
 @contextmanager
@@ -130,7 +138,6 @@ class Manifest:
 
     def finish(self, numbers: Iterable[int]) -> None:
         """One line for each of these rows, in their order; older ones go."""
-        self.close()
         write_atomic(self.path, "".join(_text(self.lines[n]) for n in sorted(numbers) if n in self.lines))
 
     def close(self) -> None:
@@ -161,45 +168,28 @@ def _text(line: Line) -> str:
 
 @dataclass
 class BatchProgress:
-    """A bar on a terminal, a line every tenth in a log; `kept` are those that were there already."""
+    """One line on a terminal, a line every tenth in a log; `kept` are those that were there already."""
 
     total: int
     kept: int = 0
-    stream: TextIO = field(default_factory=lambda: sys.stderr)
-    clock: Callable[[], float] = time.monotonic
     made: int = 0
     failed: int = 0
-    _begun_s: float = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._begun_s = self.clock()
+    begun_s: float = field(default_factory=time.monotonic)
 
     @property
     def per_minute(self) -> float:
         """Rows a minute since the start."""
-        return 60.0 * (self.made + self.failed) / max(self.clock() - self._begun_s, 1e-6)
+        return 60.0 * (self.made + self.failed) / max(time.monotonic() - self.begun_s, 1e-6)
 
     def add(self, failed: bool) -> None:
-        """One row is done."""
-        before = self._tenth()
+        """One row is done: counts, rows a minute, and the time that is left."""
         self.failed, self.made = self.failed + failed, self.made + (not failed)
-        if self.stream.isatty():
-            end = "\n" if self._done() == self.total else ""
-            print(f"\r{self.text()}\x1b[K", end=end, file=self.stream, flush=True)
-        elif self._tenth() != before:
-            print(f"sport: {self.text()}", file=self.stream, flush=True)
-
-    def text(self) -> str:
-        """Bar, counts, rows a minute, and the time that is left."""
-        done, speed = self._done(), self.per_minute
-        full = WIDTH * done // self.total
-        left_s = (self.total - done) / max(speed, 1e-6) * 60.0
+        done = self.kept + self.made + self.failed
+        left_s = (self.total - done) / max(self.per_minute, 1e-6) * 60.0
         left = f"{left_s / 60.0:.0f} min" if left_s >= 90.0 else f"{left_s:.0f} s"
-        failed = f", {self.failed} failed" if self.failed else ""
-        return f"[{'#' * full}{'.' * (WIDTH - full)}] {done} of {self.total} clips{failed}, {speed:.1f} a minute, {left} left"
-
-    def _done(self) -> int:
-        return self.kept + self.made + self.failed
-
-    def _tenth(self) -> int:
-        return 10 * self._done() // self.total
+        counts = f"{done} of {self.total} clips" + (f", {self.failed} failed" if self.failed else "")
+        text = f"sport: {counts}, {self.per_minute:.1f} a minute, {left} left"
+        if sys.stderr.isatty():
+            print(f"\r{text}\x1b[K", end="\n" * (done == self.total), file=sys.stderr, flush=True)
+        elif 10 * done // self.total != 10 * (done - 1) // self.total:
+            print(text, file=sys.stderr, flush=True)

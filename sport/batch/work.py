@@ -16,7 +16,7 @@ import signal
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from functools import lru_cache
@@ -125,8 +125,8 @@ def make_rows(
         with _closed(executor()) as pool:
             under_way: dict[Future[Made], Task] = {}
             while under_way or (waiting and not died):
-                while waiting and not died and len(under_way) < AHEAD * workers:
-                    _submit(pool, waiting.pop(), under_way, died)
+                if not died:
+                    died += _submit(pool, waiting, under_way, AHEAD * workers)
                 for future in wait(under_way, return_when=FIRST_COMPLETED).done:
                     task = under_way.pop(future)
                     if isinstance(future.exception(), BrokenProcessPool):
@@ -138,11 +138,17 @@ def make_rows(
                 yield _placed(task, pool.submit(make_row, task), target)
 
 
-def _submit(pool: Executor, task: Task, under_way: dict[Future[Made], Task], died: list[Task]) -> None:
-    try:
-        under_way[pool.submit(make_row, task)] = task
-    except BrokenProcessPool:
-        died.append(task)
+def _submit(
+    pool: Executor, waiting: list[Task], under_way: dict[Future[Made], Task], most: int
+) -> list[Task]:
+    """Begin tasks until `most` are under way; the one that a broken pool refuses."""
+    while waiting and len(under_way) < most:
+        task = waiting.pop()
+        try:
+            under_way[pool.submit(make_row, task)] = task
+        except BrokenProcessPool:
+            return [task]
+    return []
 
 
 @contextlib.contextmanager
@@ -194,7 +200,7 @@ def make_row(task: Task) -> Made:
         paths = sorted(path for path in folder.rglob("*") if path.is_file())
         files = {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
     hashes = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
-    main = _main_file(task.options, hashes)
+    main = _main_file(task.options.out.as_posix(), files)
     notes = [line for line in printed.getvalue().splitlines() if not _PROGRESS.search(line)]
     line = entry(
         task, file=main, sha256=hashes[main], files=hashes, seconds=round(time.perf_counter() - begin, 3),
@@ -214,22 +220,15 @@ def _write_clips(task: Task, folder: Path) -> None:
     write_clips(options, lambda o: _model_and_prompter(o.model, o.expander, o.text_encoder))
 
 
-@lru_cache(maxsize=1)
-def _model(folder: Path | None) -> Any:
-    from runtime.motion.model import load_model
-
-    return load_model(folder)
-
-
 @lru_cache(maxsize=1)  # rows mostly have the model and the text encoder of the row before
 def _model_and_prompter(folder: Path | None, expander: str, text_encoder: Path | None) -> tuple[Any, Any]:
+    from runtime.motion.model import load_model
     from runtime.prompts.prompter import Prompter
 
-    model = _model(folder)
+    model = load_model(folder)
     return model, Prompter(model, expander, text_encoder=text_encoder)
 
 
-def _main_file(options: argparse.Namespace, files: dict[str, str]) -> str:
-    """The main file; the first of several."""
-    name = options.out.as_posix()
+def _main_file(name: str, files: Collection[str]) -> str:
+    """The file of that name, else the first of several."""
     return name if name in files else min((f for f in files if not f.endswith(".json")), default=min(files))

@@ -37,18 +37,15 @@ def run(options: argparse.Namespace) -> int:
         raise UsageError(" with several files: their units may differ.", "Convert one by one.", "ground_out")
     opened = open_take(options.take)
     clip = opened.clip
-    if opened.note:
-        note(opened.note)
-    if opened.reference is not None:
-        note(f"{options.take.name}{opened.reference.describe()}.")
     if options.fps is None:  # rate and unit stay as in the file
         export = replace(export, fps=clip.fps)
     if options.unit is None:
         export = replace(export, unit=opened.unit)
     terrain = ground_of(clip, options.take, options.terrain)
     check_outputs(options.out, export)
-    if terrain.note:
-        note(terrain.note)
+    other = "" if opened.reference is None else f"{options.take.name}{opened.reference.describe()}."
+    for text in filter(None, (opened.note, other, terrain.note)):
+        note(text)
     for out in options.out:
         write_take(clip, out, export, terrain)
     return 0

@@ -57,29 +57,21 @@ def parse_range(text: str) -> tuple[float, float | None]:
 
 def check_outputs(paths: list[Path], options: ExportOptions) -> None:
     """Everything about the files that can be known before the work; missing folders are made, and said so."""
+    from runtime.character.character import load_character
+
     for path in paths:
         check_export(path, options)
         if format_of(path).film:
             film_options(options)
     if options.character is not None and not options.fit_to_motion:
-        _say_size(options)
+        guessed = load_character(options.character, options.joint_map, options.character_unit).note
+        if guessed:
+            note(guessed)
     for path in (*paths, *([options.ground_out] if options.ground_out is not None else [])):
         new = not os.path.exists(path.parent)  # not Path's: that raises where a name is too long
         check_target(path)
         if new:
             note(f"{path.parent}: this folder is new.")
-
-
-def _say_size(options: ExportOptions) -> None:
-    """A remark about a character whose size was guessed."""
-    from runtime.character.character import load_character
-    from runtime.character.joint_map import read_joint_map
-
-    assert options.character is not None
-    joint_map = None if options.joint_map is None else read_joint_map(options.joint_map)
-    guessed = load_character(options.character, joint_map, options.character_unit).note
-    if guessed:
-        note(guessed)
 
 
 def write_take(clip: Clip, path: Path, options: ExportOptions, terrain: Terrain) -> None:

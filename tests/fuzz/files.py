@@ -16,8 +16,8 @@ from runtime.character.joint_map import read_joint_map
 from runtime.errors import SportError
 from runtime.formats.bvh import MAX_VALUE, format_bvh, read_bvh
 from runtime.formats.bvh_clip import OtherSkeleton, load_clip_bvh, save_bvh
-from runtime.formats.reference import load_reference_bvh
-from runtime.formats.sidecar import format_metadata, read_metadata
+from runtime.formats.reference import open_take
+from runtime.formats.sidecar import format_metadata
 from runtime.pose import Pose
 from runtime.prompts.blend import read_words
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
@@ -55,7 +55,7 @@ def clip(frames: int = 4) -> Clip:
 def _bvh_seeds(folder: Path) -> list[bytes]:
     ours = save_bvh(clip(), folder / "seed.bvh").read_bytes()
     take = clip(2)
-    other = format_bvh(SPORT_SKELETON, take.hips_positions, take.local_rotations, 30.0, order="XYZ")
+    other = format_bvh(SPORT_SKELETON, {0: take.hips_positions}, take.local_rotations, 30.0, order="XYZ")
     small = (
         "HIERARCHY\nROOT Hips\n{\n OFFSET 0 0 0\n CHANNELS 6 Xposition Yposition Zposition Zrotation Yrotation"
         " Xrotation\n JOINT Spine\n {\n  OFFSET 0 10 0\n  CHANNELS 3 Zrotation Yrotation Xrotation\n  End Site\n"
@@ -77,7 +77,7 @@ def _read_bvh(folder: Path, data: bytes) -> None:
     try:
         take = load_clip_bvh(path)
     except OtherSkeleton:
-        take = load_reference_bvh(path).clip
+        take = open_take(path).reference.clip
     assert np.abs(take.hips_positions).max() <= MAX_DISTANCE_M
     assert np.isfinite(take.pose(0).positions).all()
     if take.seconds < 100.0:
@@ -91,11 +91,10 @@ def _metadata_seeds(folder: Path) -> list[bytes]:
 
 def _read_metadata(folder: Path, data: bytes) -> None:
     put(folder, "input.bvh.json", data)
-    found = read_metadata(folder / "input.bvh")
     take = load_clip_bvh(folder / "input.bvh")
     take.describe().encode()
     format_metadata(take, "").encode()
-    for event in found.prompts:
+    for event in take.prompts:
         assert np.isfinite([event.seconds, event.transition_seconds]).all()
         title(event).encode()
         for words in (event.prompt, event.words):

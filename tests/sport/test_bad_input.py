@@ -54,7 +54,7 @@ def worm_bvh(folder: Path) -> Path:
     skeleton = Skeleton(
         tuple(f"ring{k}" for k in range(9)), tuple(range(-1, 8)), np.full((9, 3), 0.1, np.float32)
     )
-    text = format_bvh(skeleton, np.zeros((2, 3)), rotations.identity((2, 9)), 60.0)
+    text = format_bvh(skeleton, {0: np.zeros((2, 3))}, rotations.identity((2, 9)), 60.0)
     (folder / "worm.bvh").write_text(text, encoding="utf-8")
     return folder / "worm.bvh"
 

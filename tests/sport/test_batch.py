@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
-import io
 import json
 import os
 import signal
@@ -263,21 +262,17 @@ def test_arguments_of_a_batch_need_one(
     assert f"{words[0]}: works with --batch only" in capsys.readouterr().err
 
 
-def test_progress_tells_speed_and_time_left() -> None:
-    class Terminal(io.StringIO):
-        def isatty(self) -> bool:
-            return True
-
-    times = iter([0.0, *[30.0] * 10])
-    progress = run.BatchProgress(8, 2, Terminal(), lambda: next(times))
-    progress.add(failed=False)
-    progress.add(failed=True)
-    shown = progress.stream.getvalue()
-    assert "[############............] 4 of 8 clips, 1 failed, 4.0 a minute, 60 s left" in shown
-    log = run.BatchProgress(30, 0, io.StringIO())
-    for _ in range(30):
-        log.add(failed=False)
-    assert log.stream.getvalue().count("\n") == 10
+@pytest.mark.parametrize("terminal", [True, False])
+def test_progress_tells_speed_and_time_left(
+    terminal: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
+    progress = run.BatchProgress(32, 2, begun_s=time.monotonic() - 30.0)
+    for number in range(30):
+        progress.add(failed=number == 1)
+    shown = capsys.readouterr().err
+    assert "16 of 32 clips, 1 failed, 28.0 a minute, 34 s left" in shown
+    assert shown.count("\n") == (1 if terminal else 10)
 
 
 class Deadly:

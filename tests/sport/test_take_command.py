@@ -135,9 +135,7 @@ def test_an_ending_that_nothing_writes_is_refused_with_those_that_are(
         (["x.mp4", "--camera", "moon"], "--camera moon"),
         (["x.glb", "--range", "5"], "--range 5"),
         (["x.glb", "--range", "9:"], "--range 9: the clip lasts"),
-        (["x.glb", "--fps", "0"], "--fps 0"),
         (["x.glb", "--character", "gone.glb"], "gone.glb"),
-        (["x.glb", "--terrain", "lava"], "lava"),
         (["x.glb", "--in-place", "--with-ground"], "--in-place"),
         (
             ["x.bvh", "--with-ground"],

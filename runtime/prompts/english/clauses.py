@@ -7,23 +7,12 @@ from dataclasses import dataclass
 
 from runtime.prompts.english.grammar import Match, grammar, replaced
 from runtime.prompts.english.sides import OPPOSITE, name_sides, only_side
-from runtime.prompts.english.words import continuous
+from runtime.prompts.english.words import continuous, word_set
 from runtime.prompts.parts import MAX_CHARACTERS
 from runtime.skeleton import PART_NAMES
 
 _LIMBS = ("arm", "leg")
-_OF_A_PERSON = {
-    "left",
-    "right",
-    "both",
-    "two",
-    "his",
-    "her",
-    "their",
-    "its",
-    "my",
-    "your",
-}  # owners of a limb
+_OF_A_PERSON = word_set("left right both two his her their its my your")  # owners of a limb
 _PAIRS = {"arms": "arm", "legs": "leg", "one_leg": "leg"}  # targets of phrases, and whose actions they are
 
 
@@ -127,16 +116,15 @@ def _noun_parts(match: Match, action: str, verbatim: bool) -> dict[str, str]:
     noun, owners = match["noun"], match["owners"].split()
     if rules["no_clause"].search(match["rest"].strip()):  # "hand in hand"
         return {}
-    group = next(name for name, group in rules.groups.items() if group.nouns.fullmatch(noun))
+    group = rules.group_of(noun)
     # "hands", "feet" and "both" mean two sides; a single limb without a side is the right one
     plural = noun == "feet" or match.string[match.end("noun") :].startswith("s")
     sides = _sides(owners, plural)
-    stated = _described(
-        group, sides, _denial(match) + (f"{noun} " if rules["own_actions"].fullmatch(noun) else "") + action
-    )
+    own = f"{noun} " if rules["own_actions"].fullmatch(noun) else ""
+    stated = _described(group, sides, f"{_denial(match)}{own}{action}")
     if stated or not verbatim or not (owners or plural):
         return stated
-    template = f"{'{s} ' if group in _LIMBS else ''}{'foot' if noun == 'feet' else noun} {action}"
+    template = f"{'{s} ' if group in _LIMBS else ''}{noun.replace('feet', 'foot')} {action}"
     return _sided(group, sides, template[: MAX_CHARACTERS - 3])
 
 

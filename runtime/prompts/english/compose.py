@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,27 +36,16 @@ _BUSY_LEG = re.compile(
 Worth = Callable[[int, str], float]  # of an entry's sentence of a part, up to 1: how much of it a walk shows
 
 
-def worth_alike(_entry: int, _part: str) -> float:
-    """Nothing is known of what is shown."""
-    return 1.0
-
-
-@dataclass(frozen=True)
-class Composition:
-    """Six descriptions, and the entry that each part's words come from."""
-
-    descriptions: PartDescriptions
-    sources: dict[str, int]
-
-
 def compose_elements(
     elements: Sequence[Element],
     entries: tuple[LibraryEntry, ...],
     embeddings: LibraryEmbeddings,
     neutral: int,
-    worth: Worth = worth_alike,
-) -> Composition:
-    """Figures, moods, loads and grounds on one body: each part from the strongest entry that defines it.
+    worth: Worth,
+) -> dict[str, int]:
+    """The entry that each part's words come from: figures, moods, loads and grounds on one body.
+
+    Each part is of the strongest entry that defines it.
 
     Of entries alike in strength the one whose sentence is shown wins. Without a figure the strongest entry moves the whole body, unless "slightly".
     """
@@ -67,20 +56,29 @@ def compose_elements(
         sources = _figure_parts(figures, entries, embeddings, neutral)
     else:
         sources = dict.fromkeys(PART_NAMES, _base(modifiers, entries, neutral))
-    for part in PART_NAMES:
-        telling = [e for e in modifiers if part in entries[e.entry].defines]
-        if telling:
-            strongest = max(telling, key=lambda e: _strength(e, entries) * worth(e.entry, part))
-            sources[part] = strongest.entry
+    sources |= _modified(modifiers, entries, worth)
     _show_all(sources, modifiers, entries)
     for element in elements:
         sources.update(dict.fromkeys(element.only, element.entry))
-    return Composition(_words(sources, entries), sources)
+    return sources
 
 
 def _base(modifiers: Sequence[Element], entries: tuple[LibraryEntry, ...], neutral: int) -> int:
     strongest = max(modifiers, key=lambda e: _strength(e, entries), default=None)
     return neutral if strongest is None or strongest.degree <= SLIGHTLY else strongest.entry
+
+
+def _modified(
+    modifiers: Sequence[Element], entries: tuple[LibraryEntry, ...], worth: Worth
+) -> dict[str, int]:
+    """For each part that moods, loads and the like define, the strongest of them."""
+    strongest = {}
+    for part in PART_NAMES:
+        telling = [e for e in modifiers if part in entries[e.entry].defines]
+        if telling:
+            best = max(telling, key=lambda e: _strength(e, entries) * worth(e.entry, part))
+            strongest[part] = best.entry
+    return strongest
 
 
 def _show_all(
@@ -113,8 +111,9 @@ def _figure_parts(
         return sources
     second = others[0].entry
     unusual = 1.0 - np.einsum("npd,pd->np", embeddings.parts, embeddings.parts[neutral])
+    more = unusual[second] - unusual[ranked[0].entry]
     gains = {
-        name: _gain(unusual, ranked[0].entry, second, parts)
+        name: float(more[[PART_NAMES.index(part) for part in parts]].mean())
         for name, parts in _GROUPS.items()
         if set(parts) <= set(entries[second].defines)
     }
@@ -126,19 +125,12 @@ def _figure_parts(
     return sources
 
 
-def _gain(unusual: NDArray[np.float32], first: int, second: int, parts: tuple[str, ...]) -> float:
-    """By how much more unusual some parts of the second entry are than those of the first."""
-    columns = [PART_NAMES.index(part) for part in parts]
-    return float(unusual[second, columns].mean() - unusual[first, columns].mean())
-
-
 def compose_neighbours(
     ranked: Sequence[tuple[int, float]],
-    entries: tuple[LibraryEntry, ...],
     embeddings: LibraryEmbeddings,
-    worth: Worth = worth_alike,
-) -> Composition:
-    """For each part the words that the neighbours (entry, similarity) agree on most, weighted by similarity and worth.
+    worth: Worth,
+) -> dict[str, int]:
+    """For each part the neighbour whose words the neighbours (entry, similarity) agree on most, weighted by similarity and worth.
 
     Both arms, and both legs, are those of one neighbour: they move against each other.
     """
@@ -153,7 +145,7 @@ def compose_neighbours(
     for parts in _GROUPS.values():
         best = int(np.argmax(sum(scores[part] for part in parts)))
         sources.update(dict.fromkeys(parts, indices[best]))
-    return Composition(_words(sources, entries), sources)
+    return sources
 
 
 def sources_note(
@@ -199,7 +191,8 @@ def _figure_strength(element: Element, entries: tuple[LibraryEntry, ...]) -> flo
     return element.similarity * element.degree * figure * (1.3 if element.after_like else 1.0)
 
 
-def _words(sources: dict[str, int], entries: tuple[LibraryEntry, ...]) -> PartDescriptions:
+def words_of_parts(sources: dict[str, int], entries: tuple[LibraryEntry, ...]) -> PartDescriptions:
+    """Six descriptions, each of the entry of its part."""
     return PartDescriptions(**{part: getattr(entries[i].descriptions, part) for part, i in sources.items()})
 
 

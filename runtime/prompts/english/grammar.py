@@ -38,14 +38,7 @@ class Grammar:
         self._patterns = {name.upper(): _joined(text) for name, text in file["patterns"].items()}
         names = ("arm", "leg", "torso", "head")
         self._patterns["NOUNS"] = "|".join(file[name]["nouns"] for name in names)
-        self.groups = {
-            name: Group(
-                self._compiled(file[name]["nouns"]),
-                self._rules(file[name]["actions"]),
-                self._rules(file[name]["denied"]),
-            )
-            for name in names
-        }
+        self.groups = {name: self._group(**file[name]) for name in names}
         self.phrases = [(self._compiled(p), (target, words)) for p, target, words in file["phrases"]["rules"]]
         self.before, self.after = (
             [(self._compiled(pattern), words) for pattern, words in file["relations"][key]]
@@ -59,6 +52,10 @@ class Grammar:
             self._found[name] = self._compiled(self._patterns[name.upper()])
         return self._found[name]
 
+    def group_of(self, noun: str) -> str:
+        """The name of the group that a noun belongs to."""
+        return next(name for name, group in self.groups.items() if group.nouns.fullmatch(noun))
+
     def sentence(self, rules: Rules, words: str) -> str | None:
         """The sentence of the rule with the longest match, in the degree that the words give it."""
         found = [(*_rank(match), said) for pattern, said in rules for match in pattern.finditer(words)]
@@ -69,6 +66,9 @@ class Grammar:
         if self["slightly"].search(words):
             return slightly
         return far if self["far"].search(words) else plainly
+
+    def _group(self, nouns: str, actions: list[list[Any]], denied: list[list[Any]]) -> Group:
+        return Group(self._compiled(nouns), self._rules(actions), self._rules(denied))
 
     def _rules(self, rules: list[list[Any]]) -> Rules:
         return tuple((self._compiled(pattern), self._named(said)) for pattern, said in rules)

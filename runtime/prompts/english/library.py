@@ -22,6 +22,7 @@ from runtime.prompts.english.compose import (
     lame_on,
     on_side,
     sources_note,
+    words_of_parts,
 )
 from runtime.prompts.english.library_data import (
     NEUTRAL_STYLE,
@@ -31,11 +32,11 @@ from runtime.prompts.english.library_data import (
     embed_library,
     library_hash,
     load_embeddings,
-    load_prompt_library,
+    load_library,
     load_styles,
 )
 from runtime.prompts.english.other_languages import OtherLanguages
-from runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, Reading, read_phrases
+from runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, Reading, numbers_of, read_phrases
 from runtime.prompts.english.sides import OPPOSITE, SIDE, named_side
 from runtime.prompts.english.spelling import ENGLISH, Spelling, is_foreign, knows_no_word
 from runtime.prompts.english.words import PERSONS, PLACES, Word, plain_denials, words_of
@@ -49,9 +50,7 @@ from runtime.skeleton import PART_NAMES
 NEAR = 0.62  # the best entry is taken whole
 GUESS = 0.56  # below, neighbours are a guess that is wrong more often than not
 WHOLE = 0.3  # words that an entry must explain more than the phrases found do, to be taken in place of them
-CERTAIN = (
-    0.85  # an entry about body parts that has only a part's name in common with the prompt needs as much
-)
+CERTAIN = 0.85  # what an entry needs that has only a part's name in common with the prompt
 ONE_WORD = 0.72  # the same where that is a single word, whose neighbours are many
 CLOSE = 0.8  # so near an entry a prompt is about a body, whatever the bodily score
 PLAIN = 0.2  # neutral walks are like everything that "walks": a style is none
@@ -107,10 +106,10 @@ class LibraryExpander:
         note = ", ".join(f"“{wrong}” read as “{right}”" for wrong, right in read.items())
         return replace(expansion, note=f"{note[0].upper()}{note[1:]}. {expansion.note}".strip())
 
-    def _in_another_language(self, prompt: str, least: float = other_languages.NEAR) -> Expansion:
+    def _in_another_language(self, prompt: str) -> Expansion:
         """The entry nearest by meaning, where its multilingual encoder is installed; else neutral with the remedy."""
         ranked = self._languages.nearest(prompt)
-        if ranked and ranked[0][1] >= least:
+        if ranked and ranked[0][1] >= other_languages.NEAR:
             near = self._near(ranked)
             note = (
                 f"“{_short(prompt)}” is not English: nearest by meaning is “{near[0][0]}” ({near[0][1]:.0%})."
@@ -156,14 +155,12 @@ class LibraryExpander:
         if not elements or self._nearest_says_more(words, reading, elements, ranked[0]):
             return self._by_neighbours(text, ranked, entries, parsed.parts, note)
         library = self._library
-        made = compose_elements(elements, entries, library.embeddings, library.neutral, self._worth)
+        chosen = compose_elements(elements, entries, library.embeddings, library.neutral, self._worth)
         # no similarity of single words: next to that of the whole prompt it is another figure for the same entry
-        sources = (
-            sources_note(made.sources, library.entries, {}) if len(set(made.sources.values())) > 1 else ""
-        )
+        sources = sources_note(chosen, library.entries, {}) if len(set(chosen.values())) > 1 else ""
         notes = (sources and f"{sources}.", note, _unread_limbs(words, reading, elements))
         return self._expansion(
-            made.descriptions, self._near(ranked), parsed.parts, " ".join(filter(None, notes))
+            words_of_parts(chosen, entries), self._near(ranked), parsed.parts, " ".join(filter(None, notes))
         )
 
     def _nothing_bodily(self, text: str, words: list[Word], reading: Reading, best: float) -> str:
@@ -186,8 +183,8 @@ class LibraryExpander:
         figure = self._library.entries[entry].category in FIGURES and entry in {e.entry for e in elements}
         if figure or any(e.only for e in elements) or entry in reading.mentioned:
             return False
-        explained = sum(_saying(words, e) * e.similarity for e in elements)
-        said = sum(words[i].says for i in reading.left) + sum(_saying(words, e) for e in reading.elements)
+        explained = _explained(words, elements)
+        said = sum(words[i].says for i in reading.left) + _explained(words, reading.elements)
         return similarity >= NEAR and said * similarity >= explained + WHOLE
 
     def _by_neighbours(
@@ -205,10 +202,10 @@ class LibraryExpander:
             return self._neutral(near, stated, f"{reason} {note}".strip())
         if best >= NEAR:
             return self._expansion(entries[ranked[0][0]].descriptions, near, stated, note)
-        made = compose_neighbours(ranked[:NEIGHBOURS], entries, self._library.embeddings, self._worth)
-        parts = sources_note(made.sources, self._library.entries, dict(ranked))
+        chosen = compose_neighbours(ranked[:NEIGHBOURS], self._library.embeddings, self._worth)
+        parts = sources_note(chosen, self._library.entries, dict(ranked))
         note = f"Composed from the nearest prompts, {best:.0%} like it at best: {parts}. {note}".strip()
-        return self._expansion(made.descriptions, near, stated, note)
+        return self._expansion(words_of_parts(chosen, entries), near, stated, note)
 
     def _denied(self, denials: tuple[int, ...], stated: dict[str, str], note: str) -> Expansion:
         """A prompt that only says what is not: the opposite where the library has one, else neutral."""
@@ -251,10 +248,8 @@ class LibraryExpander:
             entry, similarity = self._rank(_text(words[start:end]))[0]
             neighbours = [e for e in named if start in (e.start, e.end) or end == e.start]
             # "a basketball player dribbling" does one sport, which is named
-            other = self._library.entries[entry].category in self._categories(neighbours) & {
-                "dances",
-                "sports",
-            }
+            named_sport = self._categories(neighbours) & {"dances", "sports"}
+            other = self._library.entries[entry].category in named_sport
             if not other and self._names(words[start:end], entry, similarity):
                 elements.append(Element(entry, start, end, similarity))
         return elements
@@ -330,7 +325,7 @@ class LibraryExpander:
     @cached_property
     def _library(self) -> _Library:
         styles = load_styles(self._path.with_name("styles.json"))
-        content = load_prompt_library(self._path, styles)
+        content = load_library(self._path, styles)
         path, digest = self._path.with_suffix(".npz"), library_hash(content)
         embeddings = load_embeddings(path, digest, self._encoder, len(content.entries))
         embeddings = embeddings or embed_library(content, self._encoder)
@@ -362,13 +357,14 @@ def _runs(words: list[Word], left: tuple[int, ...]) -> list[tuple[int, int]]:
     ]
 
 
-def _saying(words: list[Word], element: Element) -> int:
-    return sum(word.says for word in words[element.start : element.end])
+def _explained(words: list[Word], elements: Iterable[Element]) -> float:
+    """Saying words of some elements, weighted by their similarity."""
+    return sum(sum(word.says for word in words[e.start : e.end]) * e.similarity for e in elements)
 
 
 def _unread_limbs(words: list[Word], reading: Reading, elements: Sequence[Element]) -> str:
     """What is said of a body part that no rule and no phrase took, or ""."""
-    taken = {i for e in elements for i in range(e.start, e.end)}
+    taken = numbers_of(elements)
     unread = [
         _text(words[start:end])
         for start, end in _runs(words, tuple(i for i in reading.left if i not in taken))

@@ -86,8 +86,8 @@ class LibraryEmbeddings:
 def load_styles(path: Path) -> dict[str, LibraryStyle]:
     """The training styles of styles.json; FileError naming the style when one is malformed."""
     styles = {}
-    for key, value in _read_object(path).items():
-        with _checked(path, f"style {key!r}"):
+    for key, value in read_object(path).items():
+        with checked(path, f"style {key!r}"):
             descriptions = tuple(PartDescriptions.from_mapping(d) for d in value["descriptions"])
             if not descriptions:
                 raise ValueError("no descriptions")
@@ -97,27 +97,22 @@ def load_styles(path: Path) -> dict[str, LibraryStyle]:
     return styles
 
 
-def load_library(path: Path, styles: Mapping[str, LibraryStyle]) -> tuple[LibraryEntry, ...]:
-    """The entries of library.json with references to `styles` resolved; FileError naming a malformed entry."""
-    return load_prompt_library(path, styles).entries
-
-
-def load_prompt_library(path: Path, styles: Mapping[str, LibraryStyle]) -> PromptLibrary:
+def load_library(path: Path, styles: Mapping[str, LibraryStyle]) -> PromptLibrary:
     """library.json with references to `styles` resolved; FileError naming a malformed entry."""
-    file = _read_object(path)
-    with _checked(path, "'categories', 'alone' or 'nothing'"):
+    file = read_object(path)
+    with checked(path, "'categories', 'alone' or 'nothing'"):
         defines = {name: _parts(value["defines"]) for name, value in file.get("categories", {}).items()}
         alone = frozenset(check_text(word, "word", 40) for word in file.get("alone", ()))
         nothing = tuple(check_text(text, "prompt about nothing", 300) for text in file.get("nothing", ()))
-    with _checked(path, "'entries'"):
+    with checked(path, "'entries'"):
         values = list(file["entries"])
     entries = []
     for number, value in enumerate(values):
-        with _checked(path, f"entry {number}"):
+        with checked(path, f"entry {number}"):
             entries.append(_entry(value, styles, defines))
     prompts = {entry.prompt for entry in entries}
     for number, entry in enumerate(entries):
-        with _checked(path, f"entry {number}"):
+        with checked(path, f"entry {number}"):
             if entry.opposite and entry.opposite not in prompts:
                 raise ValueError(f"opposite {entry.opposite!r}, expected another entry's prompt")
     return PromptLibrary(tuple(entries), alone, nothing)
@@ -236,8 +231,9 @@ def unit_vectors(stored: NDArray[np.int8]) -> NDArray[np.float32]:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1.0), np.float32)
 
 
-def _read_object(path: Path) -> dict[str, Any]:
-    with _checked(path, "the JSON"):
+def read_object(path: Path) -> dict[str, Any]:
+    """The JSON object of a file; FileError."""
+    with checked(path, "the JSON"):
         value = parse_json(read_bounded(path, MAX_BYTES))
         if not isinstance(value, dict):
             raise ValueError("not an object")
@@ -245,7 +241,7 @@ def _read_object(path: Path) -> dict[str, Any]:
 
 
 @contextmanager
-def _checked(path: Path, what: str) -> Iterator[None]:
+def checked(path: Path, what: str) -> Iterator[None]:
     """FileError where a part of a file is malformed."""
     try:
         yield

@@ -28,13 +28,8 @@ class OtherLanguages:
         self._path = folder / FILE
         self._library = library
 
-    @property
-    def available(self) -> bool:
-        """Whether the package is installed and the vectors belong to this library."""
-        return self._encoder is not None and self._stored is not None
-
     def nearest(self, prompt: str, count: int = 5) -> list[tuple[int, float]]:
-        """(entry, centred cosine) of the nearest entries, best first; none where `available` is False."""
+        """(entry, centred cosine) of the nearest entries, best first; none without the package or vectors of this library."""
         if self._encoder is None or self._stored is None:
             return []
         vectors, entry_of, mean = self._stored

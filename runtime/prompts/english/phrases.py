@@ -64,6 +64,11 @@ class Element:
     only: tuple[str, ...] = ()
 
 
+def numbers_of(elements: Sequence[Element]) -> set[int]:
+    """Numbers of the words that some elements are of."""
+    return {i for e in elements for i in range(e.start, e.end)}
+
+
 class PhraseIndex:
     """The library's prompts by their words."""
 
@@ -88,7 +93,7 @@ class PhraseIndex:
     @staticmethod
     def _names_a_way(words: list[Word], entry: LibraryEntry) -> bool:
         plain_walk = entry.style.startswith(NEUTRAL_STYLE)
-        return any(word.says for word in words) or (len(words) > 1 and not plain_walk)
+        return _says(words) or (len(words) > 1 and not plain_walk)
 
     def only_alone(self, words: list[Word]) -> bool:
         """Whether the words are one that names an entry only as a whole prompt."""
@@ -164,14 +169,14 @@ class Reading:
 
     def affirmed(self, words: list[Word]) -> str:
         """The prompt without what it denies, "" where nothing is left that says anything."""
-        kept = sorted({*self.left, *(i for e in self.elements for i in range(e.start, e.end))})
+        kept = sorted({*self.left, *numbers_of(self.elements)})
         return " ".join(words[i].text for i in kept) if any(words[i].says for i in kept) else ""
 
 
 def read_phrases(words: list[Word], index: PhraseIndex) -> Reading:
     """The entries that a prompt names, without what it denies ("not angry") and whom it only mentions."""
     found = index.find(words)
-    covered = {i for e in found for i in range(e.start, e.end)}
+    covered = numbers_of(found)
     gone, denied, denials = _denials(words, found, covered)
     kept = [e for e in found if gone.isdisjoint(range(e.start, e.end))]
     left = tuple(i for i in range(len(words)) if i not in gone | covered)
@@ -256,23 +261,25 @@ def _subjects(
 def _without_objects(
     words: list[Word], elements: list[Element], entries: tuple[LibraryEntry, ...]
 ) -> list[Element]:
-    covered = {i for e in elements for i in range(e.start, e.end)}
-    objects = _zone(words, covered, _opens_object)
-    places = _zone(words, covered, _opens_place)
+    covered = numbers_of(elements)
+    objects, places = _zone(words, covered, _opens_object), _zone(words, covered, _opens_place)
     kept: list[Element] = []
     dropped_at = -1
     for element in reversed(elements):  # an adjective goes with the noun behind it
         category = entries[element.entry].category
         follows = words[element.end : element.end + 1]
         figure = category in (*FIGURES, "ages") or element.end == dropped_at or _any_in(follows, PERSONS)
-        of_thing = element.end not in covered and any(word.says for word in follows)
-        if element.only:
-            kept.insert(0, element)
-        elif element.start in objects and figure:
+        if element.start in objects and figure and not element.only:
             dropped_at = element.start
-        elif not (element.start in places and category in _QUALITIES and of_thing):
-            kept.insert(0, element)  # all but "in an old house"
+            continue
+        of_thing = category in _QUALITIES and element.end not in covered and _says(follows)
+        if element.only or element.start not in places or not of_thing:  # all but "in an old house"
+            kept.insert(0, element)
     return kept
+
+
+def _says(words: Sequence[Word]) -> bool:
+    return any(word.says for word in words)
 
 
 def _any_in(words: Sequence[Word], texts: frozenset[str]) -> bool:

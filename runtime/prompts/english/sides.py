@@ -174,13 +174,12 @@ class _Limbs:
 
 def _with_side(match: Match, owners: list[str], side: str) -> str:
     """The words of one limb with its side, "" for none, in place of "one", "other", "same" and the like."""
-    dropped = {*_RELATIVE, *OPPOSITE}
-    single = not match["plural"] and not {"both", "two"} & set(owners)
-    if side and single and set(owners) & set(_RELATIVE):
+    said, dropped = match.groupdict(""), {*_RELATIVE, *OPPOSITE}
+    if side and not said["plural"] and {*owners} & {*_RELATIVE} and not {"both", "two"} & {*owners}:
         dropped |= {"the", "a", "an"}
     words = [word for word in owners if word not in dropped] + [side] * bool(side)
-    before = f"{match['at'] or ''}{''.join(f'{word} ' for word in words)}{match['adjective'] or ''}"
-    return f"{before}{match['noun']}{match['plural'] or ''}"
+    before = "".join(f"{word} " for word in words)
+    return f"{said['at']}{before}{said['adjective']}{said['noun']}{said['plural']}"
 
 
 def named_side(text: str) -> str:

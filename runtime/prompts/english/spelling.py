@@ -53,7 +53,7 @@ class Spelling:
 
     def __init__(self, known: Iterable[str], others: Iterable[str] = ()) -> None:
         self._known = frozenset(known)
-        self._others = frozenset(others)
+        self._right = self._known.union(others)
 
     def corrected(self, text: str) -> tuple[str, dict[str, str]]:
         """The text with its typing errors corrected, and what was read as what."""
@@ -71,7 +71,7 @@ class Spelling:
 
     def nearest(self, word: str) -> str | None:
         """The known word that a lower-case word is one letter off, or None for what is no typing error."""
-        right = word in self._known or word in self._others or self._inflected(word)
+        right = word in self._right or self._inflected(word)
         if right or len(word) < SHORTEST or not word.isascii():
             return None
         found = {known for form in (word, *_shortened(word)) for known in self._forms.get(form, ())}
@@ -127,5 +127,4 @@ def is_foreign(text: str, known: frozenset[str]) -> bool:
 
 def knows_no_word(text: str, known: frozenset[str]) -> bool:
     """Whether no word of a prompt is a known English one."""
-    words = re.findall(r"[^\W\d_]+", text.lower())
-    return not any(word in known or word in ENGLISH for word in words)
+    return (known | ENGLISH).isdisjoint(re.findall(r"[^\W\d_]+", text.lower()))

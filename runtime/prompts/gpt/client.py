@@ -7,15 +7,14 @@ endless one gets further than its limit, and a prompt goes to one host only.
 from __future__ import annotations
 
 import logging
-import queue
 import re
 import threading
 import time
-import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, wait
 from email.utils import parsedate_to_datetime
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from runtime.errors import PromptError
 from runtime.prompts.expander import PromptCancelledError
@@ -26,13 +25,10 @@ if TYPE_CHECKING:
     from openai import OpenAI
 
 _log = logging.getLogger(__name__)
-Result = TypeVar("Result")
 Message = dict[str, str]
 
 INSTALL = "Run pip install 'sport-viewer[gpt]'."
-MAX_BODY_BYTES = 1_000_000  # after decompression
-MAX_REDIRECTS = 3
-_PIECE = 64 * 1024
+MAX_BODY_BYTES = 1_000_000
 STOP_SECONDS = 0.02  # how soon a stop is noticed
 _RETRIED = (408, 409, 425, 429)  # and 5xx
 _TRANSPORT = ("httpx", "httpx2", "httpcore", "httpcore2", "anyio")  # openai 2 and 3 bring different ones
@@ -91,7 +87,10 @@ class ChatClient:
             except EndpointError as error:
                 failure = error
             except TimeoutError:  # an endpoint that drips or hangs will do so again
-                raise self._too_slow(time.monotonic() - begun) from None
+                remedy = f"Try again, choose a faster model, or raise {TIMEOUT}."
+                raise self._error(
+                    f"gave no answer within {time.monotonic() - begun:.1f} s.", remedy
+                ) from None
             pause = wait if failure.wait_s is None else failure.wait_s
             hopeless = pause > settings.longest_wait_s or time.monotonic() + pause >= until
             if not failure.retry or hopeless or attempt == settings.attempts:
@@ -102,35 +101,27 @@ class ChatClient:
             wait *= 2.0
         raise AssertionError("the last attempt returns or raises")
 
-    def _within(self, call: Callable[[], Result], seconds: float, stop: threading.Event) -> Result:
+    def _within(self, call: Callable[[], str], seconds: float, stop: threading.Event) -> str:
         """Result of `call` in a thread of its own, left to itself after `seconds` (TimeoutError) or at `stop`.
 
         A socket that waits cannot be interrupted from outside; its own time-out ends the thread soon after.
         """
-        box: queue.SimpleQueue[tuple[Result | None, BaseException | None]] = queue.SimpleQueue()
-
-        given_up = threading.Event()
+        result, given_up, end = Future[str](), threading.Event(), time.monotonic() + seconds
 
         def work() -> None:
-            self._waiting.until, self._waiting.given_up = time.monotonic() + seconds, given_up
+            self._waiting.until, self._waiting.given_up = end, given_up
             try:
-                box.put((call(), None))
+                result.set_result(call())
             except BaseException as error:  # raised again where the result is awaited
-                box.put((None, error))
+                result.set_exception(error)
 
         threading.Thread(target=work, name="language model", daemon=True).start()
-        end = time.monotonic() + seconds
         try:
             while not stop.is_set():
-                try:
-                    result, error = box.get(timeout=STOP_SECONDS)
-                except queue.Empty:
-                    if time.monotonic() < end:
-                        continue
-                    raise TimeoutError from None
-                if error is not None:
-                    raise error
-                return result  # type: ignore[return-value]
+                if wait([result], STOP_SECONDS).done:
+                    return result.result()
+                if time.monotonic() >= end:
+                    raise TimeoutError
             raise PromptCancelledError
         finally:
             given_up.set()
@@ -185,10 +176,6 @@ class ChatClient:
     def _error(self, problem: str, remedy: str, **details: Any) -> EndpointError:
         return EndpointError(f"{self._settings.host} {problem}", remedy, **details)
 
-    def _too_slow(self, seconds: float) -> EndpointError:
-        remedy = f"Try again, choose a faster model, or raise {TIMEOUT}."
-        return self._error(f"gave no answer within {seconds:.1f} s.", remedy)
-
     def _broken(self, cause: BaseException) -> EndpointError | TimeoutError:
         if "Timeout" in type(cause).__name__:
             return TimeoutError()
@@ -202,12 +189,11 @@ class ChatClient:
         status = int(error.status_code)
         body = error.body if isinstance(error.body, dict) else {}
         said = self._clean(body.get("message") or error.message)
-        if status in (401, 403):
-            # what it says may repeat the key
-            return self._error(f"refuses the key ({status}).", f"Check {KEY}.", status=status)
-        if status == 404:
-            problem = f"knows no model {self._settings.model!r} at this address (404)."
-            return self._error(problem, f"Check {MODEL} and {URL}.", status=status)
+        key = f"refuses the key ({status}).", f"Check {KEY}."  # what it says may repeat the key
+        model = f"knows no model {self._settings.model!r} at this address (404).", f"Check {MODEL} and {URL}."
+        known = {401: key, 403: key, 404: model}
+        if status in known:
+            return self._error(*known[status], status=status)
         if status == 429 and error.code == "insufficient_quota":
             return self._error("says that the account's quota is used up (429).", "Top it up.", status=status)
         if status >= 500 or status in _RETRIED:
@@ -258,66 +244,36 @@ def bounded_client(waiting: Waiting) -> Any:
 
     class BoundedClient(DefaultHttpxClient):  # of httpx or httpx2, as the library has it
         def send(self, request: Any, **options: Any) -> Any:
-            options |= {"stream": True, "follow_redirects": False}
-            for _ in range(MAX_REDIRECTS):
-                # an answer that is not compressed needs no trust in what it will become
-                request.headers["accept-encoding"] = "identity"
-                response = super().send(request, **options)
-                try:
-                    if response.next_request is None:
-                        return _whole(response, waiting)
-                    request = _followed(request, response.next_request)
-                finally:
-                    response.close()
-            raise AnswerError("sends the prompt on again and again")
+            # an answer that is not compressed needs no trust in what it will become
+            request.headers["accept-encoding"] = "identity"
+            response = super().send(request, **options | {"stream": True, "follow_redirects": False})
+            try:
+                return _whole(response, waiting)
+            finally:
+                response.close()
 
     return BoundedClient()
 
 
-def _followed(request: Any, following: Any) -> Any:
-    """The next request of a redirect; AnswerError where it goes to another host, or would be no question any more."""
-    old, new = request.url, following.url
-    same = (old.scheme, old.host, old.port) == (new.scheme, new.host, new.port)
-    safer = (old.scheme, new.scheme) == ("http", "https") and old.host == new.host and new.port is None
-    if following.method != request.method or not (same or safer):
-        place = new.host + (f":{new.port}" if new.port else "")
-        raise AnswerError(f"sends the prompt on to {place}, which is another address")
-    return following
-
-
 def _whole(response: Any, waiting: Waiting) -> Any:
-    """The same response with its whole body; AnswerError or TimeoutError where it goes on."""
+    """The same response with its whole body; AnswerError or TimeoutError where it goes on, or elsewhere."""
+    if response.next_request is not None:
+        url = response.next_request.url
+        place = (
+            f"{url.scheme}://{url.netloc.decode('ascii')}{url.path}"  # without a name, a password or a query
+        )
+        raise AnswerError(f"sends the prompt on to {place}, which is another address")
+    coding = response.headers.get("content-encoding", "identity").strip().lower()
+    if coding not in ("identity", ""):
+        raise AnswerError(f"answers in the coding {coding[:20]!r}, which was not asked for")
     body = bytearray()
-    for piece in _decoded(response, waiting):
+    for piece in response.iter_raw():
+        waiting.check()
         body += piece
         if len(body) > MAX_BODY_BYTES:
             raise AnswerError("answers without end")
-    gone = (b"content-encoding", b"content-length", b"transfer-encoding")
+    gone = (b"content-length", b"transfer-encoding")
     headers = [(name, value) for name, value in response.headers.raw if name.lower() not in gone]
     return type(response)(
         response.status_code, headers=headers, content=bytes(body), request=response.request
     )
-
-
-def _decoded(response: Any, waiting: Waiting) -> Iterator[bytes]:
-    """Pieces of the body: gzip and deflate, which some servers send unasked, are decompressed a bounded piece at a time."""
-    coding = response.headers.get("content-encoding", "identity").strip().lower()
-    if coding not in ("identity", "", "gzip", "x-gzip", "deflate"):
-        raise AnswerError(f"answers in the coding {coding[:20]!r}, which was not asked for")
-    stream = None if coding in ("identity", "") else zlib.decompressobj(wbits=47 if "gzip" in coding else 15)
-    received = 0
-    for piece in response.iter_raw():
-        waiting.check()
-        received += len(piece)
-        if received > MAX_BODY_BYTES:
-            raise AnswerError("answers without end")
-        if stream is None:
-            yield piece
-            continue
-        while piece:
-            try:
-                yield stream.decompress(piece, _PIECE)
-            except zlib.error as error:
-                raise AnswerError("answers with damaged data") from error
-            piece = stream.unconsumed_tail
-            waiting.check()

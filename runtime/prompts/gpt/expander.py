@@ -60,7 +60,22 @@ class GptExpander:
         PromptError when the prompt cannot be used, when the model gives no usable answer even after one repair, or as
         PromptCancelledError when `stop` is set meanwhile. UsageError when it is not configured.
         """
-        return self._expand(check_prompt(prompt), threading.Event() if stop is None else stop)
+        prompt, stop = check_prompt(prompt), threading.Event() if stop is None else stop
+        stored = self._cache.get(prompt)
+        if stored is not None:
+            return Expansion(stored, "gpt")
+        self._check_ready()
+        self._client.prepare()
+        started = time.monotonic()
+        try:
+            descriptions = self._ask(prompt, started + self._settings.deadline_s, stop)
+        except EndpointError as failure:
+            if time.monotonic() - started > self._settings.costly_s:
+                self._left_alone_until = time.monotonic() + self._settings.pause_s
+                self._last_failure = failure
+            raise
+        self._cache.put(prompt, descriptions)
+        return Expansion(descriptions, "gpt")
 
     def stored(self, prompt: str) -> Expansion | None:
         """The answer of an earlier time, without asking; None when there is none or nothing is configured."""
@@ -79,23 +94,6 @@ class GptExpander:
             self._check_ready()
             self._client.prepare()
             _ = self._cache.version
-
-    def _expand(self, prompt: str, stop: threading.Event) -> Expansion:
-        stored = self._cache.get(prompt)
-        if stored is not None:
-            return Expansion(stored, "gpt")
-        self._check_ready()
-        self._client.prepare()
-        started = time.monotonic()
-        try:
-            descriptions = self._ask(prompt, started + self._settings.deadline_s, stop)
-        except EndpointError as failure:
-            if time.monotonic() - started > self._settings.costly_s:
-                self._left_alone_until = time.monotonic() + self._settings.pause_s
-                self._last_failure = failure
-            raise
-        self._cache.put(prompt, descriptions)
-        return Expansion(descriptions, "gpt")
 
     def _check_ready(self) -> None:
         if importlib.util.find_spec("openai") is None:

@@ -15,17 +15,16 @@ from pathlib import Path
 from typing import Any
 
 from runtime.assets import asset_path
-from runtime.errors import FileError, PromptError
-from runtime.prompts.english.library_data import load_library, load_styles
+from runtime.errors import PromptError
+from runtime.prompts.english.library_data import checked, load_library, load_styles, read_object
 from runtime.prompts.expander import MAX_PROMPT_CHARACTERS
-from runtime.prompts.parts import MAX_CHARACTERS, PartDescriptions, check_text
+from runtime.prompts.parts import PartDescriptions, check_text
 from runtime.skeleton import PART_NAMES
 
 Message = dict[str, str]
 
 LISTS = ("joints", "verbs", "adverbs", "adjectives")  # what the paper lists
 CONNECTIVES = "connectives"  # what holds them together; read with the lists, not printed
-MAX_BYTES = 200_000
 MAX_ANSWER_CHARACTERS = 8000
 LEAST_ENGLISH = 1 / 3  # fraction of words that are in the vocabulary; the shipped descriptions have 0.98
 
@@ -136,18 +135,7 @@ def _object(answer: str) -> dict[str, Any]:
         value, _ = json.JSONDecoder().raw_decode(text[start:])
     except (ValueError, RecursionError) as error:
         raise PromptError(f"it is not valid JSON ({str(error)[:80]}).") from error
-    return _six_strings(value)
-
-
-def _six_strings(value: dict[str, Any]) -> dict[str, Any]:
-    missing = [part for part in PART_NAMES if part not in value]
-    if missing:
-        count = f"{len(PART_NAMES) - len(missing)} of six body parts"
-        raise PromptError(f"it describes {count}, without {', '.join(missing)}.")
-    for part in PART_NAMES:
-        if not isinstance(value[part], str) or len(value[part]) > MAX_CHARACTERS:
-            raise PromptError(f"{part} is not a string of at most {MAX_CHARACTERS} characters.")
-    return value
+    return dict(value)
 
 
 def load_structured_prompt(path: Path | None = None) -> StructuredPrompt:
@@ -156,10 +144,8 @@ def load_structured_prompt(path: Path | None = None) -> StructuredPrompt:
     FileError names what is missing or malformed.
     """
     path = asset_path("prompts/vocabulary.json") if path is None else path
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise FileError(f"{path}: larger than {MAX_BYTES} bytes.", "Restore the file.")
-        value = json.loads(path.read_text("utf-8"))
+    value = read_object(path)
+    with checked(path, f"a vocabulary with {', '.join(LISTS)} and examples"):
         words = {
             name: tuple(check_text(word, f"word of {name}", 40) for word in value[name])
             for name in (*LISTS, CONNECTIVES)
@@ -167,17 +153,13 @@ def load_structured_prompt(path: Path | None = None) -> StructuredPrompt:
         examples = _examples(value["examples"], path)
         if not examples or not all(words.values()):
             raise ValueError("an empty list")
-    except (OSError, ValueError, KeyError, TypeError, PromptError, RecursionError) as error:
-        raise FileError(
-            f"{path}: no vocabulary with {', '.join(LISTS)} and examples ({error!r}).", "Restore the file."
-        ) from error
     return StructuredPrompt(words, examples)
 
 
 def _examples(values: list[Mapping[str, str]], path: Path) -> tuple[tuple[str, PartDescriptions], ...]:
     """(question, answer) of `{"style": key}` or `{"library": prompt}`; "ask" words the question differently."""
     styles = load_styles(path.with_name("styles.json"))
-    entries = {e.prompt: e.descriptions for e in load_library(path.with_name("library.json"), styles)}
+    entries = {e.prompt: e.descriptions for e in load_library(path.with_name("library.json"), styles).entries}
     examples = []
     for value in values:
         if "style" in value:

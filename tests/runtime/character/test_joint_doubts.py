@@ -11,12 +11,11 @@ from hypothesis import strategies as st
 
 from runtime import rotations
 from runtime.character.character import joints_of, load_character
-from runtime.character.doubts import doubts, on_four_legs
-from runtime.character.guess import JointsUnknown, NotUpright, guess_skeleton
+from runtime.character.guess import JointsUnknown, NotUpright, guess_skeleton, on_four_legs, refusals
 from runtime.character.tree import JointTree
 from runtime.errors import FileError
 from runtime.formats.bvh import format_bvh
-from runtime.formats.reference import load_reference_bvh
+from runtime.formats.reference import open_take
 from runtime.skeleton import SPORT_SKELETON, Skeleton
 from tests.helpers.odd_rigs import HELPED, PLAIN, Points, _both, write_odd
 
@@ -80,8 +79,8 @@ def test_knees_of_43_joints_bend_as_in_the_file(tmp_path: Path, known: bool) -> 
         local[:, names.index(f"{side} k")] = rotations.from_axis_angle(axis, bend)
     hips = np.tile([0.0, 97.0, 0.0], (30, 1))
     path = tmp_path / "walk.bvh"
-    path.write_text(format_bvh(skeleton, hips, local, 30.0))
-    clip = load_reference_bvh(path).clip
+    path.write_text(format_bvh(skeleton, {0: hips}, local, 30.0))
+    clip = open_take(path).reference.clip
     theirs, _ = skeleton.forward_kinematics(hips, local)
     ours, _ = SPORT_SKELETON.forward_kinematics(clip.hips_positions, clip.local_rotations)
     for side, ending in (("L", "Left"), ("R", "Right")):  # ours is straight at rest, theirs nearly
@@ -170,7 +169,7 @@ def test_bones_that_cannot_be_a_leg_are_named(tmp_path: Path) -> None:
     assert guess.names[guess.found["LeftLeg"]] != "LeftLeg" or "LeftLeg" in guess.missing
     tree, order = tree_of(lame)
     told = {name: order.index(key) for key, name in both.items()}
-    reasons = doubts(told, tree)
+    reasons = refusals(told, tree)
     assert set(reasons) == {"LeftLeg", "RightLeg"}
     assert "% of the length" in reasons["LeftLeg"]
 
@@ -181,14 +180,14 @@ def test_sides_that_do_not_fit_the_toes_are_not_believed() -> None:
             "LeftToeBase": "L ball", "LeftArm": "L arm", "LeftForeArm": "L fore", "LeftHand": "L wrist"}  # fmt: skip
     told |= {"Right" + key[4:]: "R" + name[1:] for key, name in told.items() if key.startswith("Left")}
     right = {joint: names.index(name) for joint, name in told.items()}
-    assert doubts(right, tree) == {}
+    assert refusals(right, tree) == {}
     assert not on_four_legs(right, tree)
     crossed = right | {
         joint: right[_other(joint)] for joint in right if joint[4:] in ("Arm", "ForeArm") or "Hand" in joint
     }
-    assert set(doubts(crossed, tree)) == {"LeftArm", "RightArm"}
+    assert set(refusals(crossed, tree)) == {"LeftArm", "RightArm"}
     mirrored = {_other(joint): k for joint, k in right.items()}
-    assert {"LeftUpLeg", "RightUpLeg"} <= set(doubts(mirrored, tree))
+    assert {"LeftUpLeg", "RightUpLeg"} <= set(refusals(mirrored, tree))
 
 
 def _other(joint: str) -> str:

@@ -48,7 +48,7 @@ def test_written_motion_reads_back(order, units):
     rng = np.random.default_rng(1)
     hips = rng.normal(size=(7, 3)) * 5
     local = rotations.normalize(rng.normal(size=(7, J, 4)))
-    text = format_bvh(SPORT_SKELETON, hips, local, 60.0, units_per_metre=units, order=order)
+    text = format_bvh(SPORT_SKELETON, {0: hips}, local, 60.0, units_per_metre=units, order=order)
     back = parse_bvh(text)
     joints = [back.skeleton.index(name) for name in SPORT_SKELETON.names]
     expected, _ = SPORT_SKELETON.forward_kinematics(hips, local)

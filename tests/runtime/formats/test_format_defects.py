@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from runtime import rotations
 from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
 from runtime.formats.prepare import ExportOptions, prepare
-from runtime.formats.reference import load_reference_bvh
+from runtime.formats.reference import open_take
 from runtime.formats.table import save_motion
 from runtime.pose import video_rate
 from runtime.takes.clip import Clip
@@ -144,7 +144,7 @@ def test_a_loop_in_place_stands_at_the_origin() -> None:
 @pytest.mark.parametrize("yaw", [0.0, 95.0, 179.0])
 def test_a_motion_of_another_skeleton_keeps_its_way_in_the_world(tmp_path: Path, yaw: float) -> None:
     turn = rotations.from_yaw(np.deg2rad(yaw))
-    clip = load_reference_bvh(foreign(tmp_path / "other.bvh", turn)).clip
+    clip = open_take(foreign(tmp_path / "other.bvh", turn)).reference.clip
     way = clip.hips_positions[-1] - clip.hips_positions[1]
     wanted = rotations.rotate(turn, np.array([0.0, 0.0, 1.0]))
     assert np.dot(way / np.linalg.norm(way), wanted) > 0.995

@@ -13,7 +13,7 @@ from runtime.errors import FileError
 from runtime.formats.bvh import format_bvh
 from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
 from runtime.formats.prepare import ExportOptions, prepare
-from runtime.formats.reference import load_reference_bvh
+from runtime.formats.reference import open_take
 from runtime.skeleton import SPORT_SKELETON, Skeleton
 from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
@@ -50,13 +50,13 @@ def foreign(path: Path, turn: np.ndarray, names: tuple[str, ...] = NAMES, stand:
         local = rotations.multiply(rotations.multiply(rotations.inverse(above), local), heap)
     skeleton = Skeleton(names, SPORT_SKELETON.parents, offsets.astype(np.float32))
     places = rotations.rotate(turn, hips * 1.5) + np.array([3.0, 0.5, -2.0])
-    path.write_text(format_bvh(skeleton, places, local, 60.0), encoding="utf-8")
+    path.write_text(format_bvh(skeleton, {0: places}, local, 60.0), encoding="utf-8")
     return path
 
 
 @pytest.mark.parametrize(("axes", "stand"), [*((axes, True) for axes in TURNS), ("as ours", False)])
 def test_another_skeleton_moves_ours_as_it_moved(tmp_path: Path, axes: str, stand: bool) -> None:
-    reference = load_reference_bvh(foreign(tmp_path / "other.bvh", TURNS[axes], stand=stand))
+    reference = open_take(foreign(tmp_path / "other.bvh", TURNS[axes], stand=stand)).reference
     assert reference.scale == pytest.approx(0.01 / 1.5, rel=1e-3)
     hips, local, _ = walk(90)
     wanted, _ = SPORT_SKELETON.forward_kinematics(hips - hips[0] * (1, 0, 1), local)
@@ -72,13 +72,13 @@ def test_another_skeleton_moves_ours_as_it_moved(tmp_path: Path, axes: str, stan
 def test_joints_are_named_beside_the_file(tmp_path: Path) -> None:
     names = tuple(f"n{k}" for k in range(31))
     path = foreign(tmp_path / "other.bvh", TURNS["as ours"], names)
-    told = load_reference_bvh(path)
+    told = open_take(path).reference
     assert told.origin == "tree and rest pose"
     save_joint_map(path, {"LeftHand": "n21"})
-    assert load_reference_bvh(path).joints == told.joints
+    assert open_take(path).reference.joints == told.joints
     save_joint_map(path, {"Head": ""})
     with pytest.raises(FileError, match=r"no joints found for Head.*other\.bvh\.joints\.json"):
-        load_reference_bvh(path)
+        open_take(path)
 
 
 def test_a_foreign_file_is_dropped_and_plays_on_flat_ground(start: Start, tmp_path: Path) -> None:
@@ -92,7 +92,7 @@ def test_a_foreign_file_is_dropped_and_plays_on_flat_ground(start: Start, tmp_pa
     path = tmp_path / "worm.bvh"
     skeleton = Skeleton(names, (-1, *range(30)), np.tile(np.float32([0, 0, 0.1]), (31, 1)))
     path.write_text(
-        format_bvh(skeleton, np.zeros((2, 3)), rotations.identity((2, 31)), 60.0), encoding="utf-8"
+        format_bvh(skeleton, {0: np.zeros((2, 3))}, rotations.identity((2, 31)), 60.0), encoding="utf-8"
     )
     app.open_files([path])
     run(app, 2)
@@ -163,5 +163,5 @@ def test_convert_puts_another_skeleton_onto_ours(tmp_path: Path, capsys: pytest.
     assert cli.main(["convert", str(source), str(made), str(tmp_path / "ours.glb")]) == 0
     assert "other.bvh, another skeleton: 31 of 31 joints" in capsys.readouterr().err
     assert (tmp_path / "ours.glb").read_bytes()[:4] == b"glTF"
-    ours, wanted = load_clip_bvh(made).world()[0], load_reference_bvh(source).clip.world()[0]
+    ours, wanted = load_clip_bvh(made).world()[0], open_take(source).reference.clip.world()[0]
     assert ours == pytest.approx(wanted, abs=1e-3)

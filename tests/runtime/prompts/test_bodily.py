@@ -12,7 +12,7 @@ import pytest
 from runtime.assets import asset_path
 from runtime.prompts.english import other_languages
 from runtime.prompts.english.library import LibraryExpander
-from runtime.prompts.english.library_data import load_prompt_library, load_styles
+from runtime.prompts.english.library_data import load_library, load_styles
 from tests.helpers.shipped import shipped_encoder, shipped_library
 
 
@@ -90,7 +90,7 @@ def test_other_languages_are_neutral_and_named(prompt: str, monkeypatch: pytest.
 
 def test_with_a_multilingual_encoder_the_nearest_entry_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     folder = asset_path("prompts/library.json").parent
-    content = load_prompt_library(folder / "library.json", load_styles(folder / "styles.json"))
+    content = load_library(folder / "library.json", load_styles(folder / "styles.json"))
     clown = next(i for i, entry in enumerate(content.entries) if entry.prompt == "clown")
     with np.load(folder / other_languages.FILE) as data:
         row = list(data["entry_of"]).index(clown)

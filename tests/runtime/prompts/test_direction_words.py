@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from runtime.prompts.content import GROUPS, PRESENT, PromptEncoder, direction_words, with_direction_words
+from runtime.prompts.content import GROUPS, PRESENT, PromptEncoder, direction_words
 
 NAMES = [name for name, _ in GROUPS]
 
@@ -37,16 +37,6 @@ def test_no_word_is_in_both_groups_of_a_pair():
     )
     for first, second in (pair.split() for pair in pairs):
         assert not groups[first] & groups[second]
-
-
-def test_they_are_appended_to_the_embedding():
-    vectors = np.random.default_rng(0).normal(size=(2, 5)).astype(np.float32)
-    both = with_direction_words(["left", "nothing of the kind"], vectors)
-    assert both.shape == (2, 5 + len(GROUPS))
-    assert both.dtype == np.float32
-    assert np.array_equal(both[:, :5], vectors)
-    assert both[0, 5 + NAMES.index("left")] == np.float32(PRESENT)
-    assert not both[1, 5:].any()
 
 
 def _network(path, size):

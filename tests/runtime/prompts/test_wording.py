@@ -12,7 +12,7 @@ from runtime.assets import asset_path
 from runtime.errors import FileError
 from runtime.prompts.content import PromptEncoder
 from runtime.prompts.parts import PartDescriptions
-from runtime.prompts.phrasing import PHRASINGS, ModelPhrasing, as_left_limb, load_phrasings, phrasing_of
+from runtime.prompts.phrasing import ModelPhrasing, as_left_limb, load_phrasings, phrasing_of
 from tests.helpers.shipped import shipped_encoder, shipped_model
 
 PLAIN = PartDescriptions(
@@ -85,8 +85,3 @@ def test_a_damaged_table_is_named(tmp_path):
         path.write_text(text)
         with pytest.raises(FileError, match=r"wording\.json.*Restore"):
             load_phrasings(path)
-
-
-def test_a_model_without_a_table_is_told_what_was_said():
-    assert phrasing_of("no such model").followed(PLAIN) == PLAIN
-    assert asset_path(PHRASINGS).is_file()

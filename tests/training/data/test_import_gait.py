@@ -116,7 +116,7 @@ def test_a_reference_pose_corrects_whatever_axes_a_rig_has() -> None:
         bones[j] = rotations.rotate(back, places[j] - places[parent])
         local[j] = rotations.multiply(back, axes[j])
     rig = Skeleton(names, parents, bones.astype(np.float32))
-    motion = parse_bvh(format_bvh(rig, places[[0, 0]], np.stack([local] * 2), 60.0))
+    motion = parse_bvh(format_bvh(rig, {0: places[[0, 0]]}, np.stack([local] * 2), 60.0))
     source = SourceSkeleton("odd", frozenset(names), {n: SourceJoint(n) for n in names}, reference="")
     wanted = standing_rotations(dict(zip(names, places, strict=True)))
     _, world = motion.world()
@@ -171,7 +171,4 @@ def test_strides_that_are_alike_vary_by_nothing_and_a_hand_that_wanders_by_its_d
     np.testing.assert_allclose(found["hands_vary_cm"], 5.0 / np.sqrt(2), rtol=0.15)
     np.testing.assert_allclose(found["tops_vary_cm"], 5.0 / np.sqrt(2), rtol=0.3)
     assert found["steps_vary_cm"] < 0.2
-
-
-def test_gait_says_nothing_of_somebody_who_stands() -> None:
     assert gait.measure(walker(0.1, speed=0.0)) is None

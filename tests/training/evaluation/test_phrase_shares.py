@@ -97,10 +97,6 @@ def test_tables_are_read_and_damage_is_named(tmp_path: Path) -> None:
 
 
 def test_the_library_prefers_the_sentence_that_is_shown() -> None:
-    entries = tuple(
-        LibraryEntry(name, (), PartDescriptions(**{p: f"{name} {p}" for p in PART_NAMES}))
-        for name in ("a", "b")
-    )
     parts = np.tile(np.array([[1.0, 0.0], [0.98, 0.2]], np.float32)[:, None], (1, 6, 1))
     embeddings = LibraryEmbeddings(parts[:, 0], np.arange(2), parts, np.zeros(3, np.float32))
     ranked = [(0, 0.6), (1, 0.6)]
@@ -108,16 +104,16 @@ def test_the_library_prefers_the_sentence_that_is_shown() -> None:
     def worth(entry: int, part: str) -> float:
         return 0.8 if entry == chosen and part == "head" else 1.0
 
-    plain = compose_neighbours(ranked, entries, embeddings)
-    chosen = plain.sources["head"]
-    made = compose_neighbours(ranked, entries, embeddings, worth)
-    assert made.sources["head"] != chosen
-    assert all(made.sources[p] == plain.sources[p] for p in PART_NAMES if p != "head")
+    plain = compose_neighbours(ranked, embeddings, lambda entry, part: 1.0)
+    chosen = plain["head"]
+    made = compose_neighbours(ranked, embeddings, worth)
+    assert made["head"] != chosen
+    assert all(made[p] == plain[p] for p in PART_NAMES if p != "head")
 
     def of_one_leg(entry: int, part: str) -> float:
         return 0.0 if (entry, part) in ((chosen, "left_leg"), (1 - chosen, "right_leg")) else 1.0
 
-    legs = compose_neighbours(ranked, entries, embeddings, of_one_leg).sources
+    legs = compose_neighbours(ranked, embeddings, of_one_leg)
     assert legs["left_leg"] == legs["right_leg"], "nobody walks on the legs of two"
 
 
@@ -194,7 +190,8 @@ def synthetic(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(prompt_adherence, "Prompter", Prompter)
     monkeypatch.setattr(prompt_adherence, "load_model", lambda folder: WalkerModel())
     monkeypatch.setattr(prompt_adherence, "part_edits", lambda: kept)
-    monkeypatch.setattr(prompt_adherence, "SECONDS", 2.0)
+    monkeypatch.setattr(prompt_adherence, "SECONDS", 1.5)
+    monkeypatch.setattr(text_walks, "LEAD_SECONDS", 0.5)
     monkeypatch.setattr(text_walks, "_model", lambda folder: WalkerModel())
     said = PLAIN.replace("head", "head tilted to the right").replace(
         "left_arm", "left arm overhead, elbow bent"

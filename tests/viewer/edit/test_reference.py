@@ -10,7 +10,7 @@ import pytest
 
 from runtime.character.shape import BodyShape, shaped_file
 from runtime.errors import FileError
-from runtime.formats.reference import load_reference_bvh
+from runtime.formats.reference import open_take
 from runtime.session.session import Reference
 from runtime.takes.own_skeleton import STEP_M, OwnSkeleton
 from runtime.takes.pins import Pinned
@@ -81,7 +81,7 @@ def brightness(app: App) -> float:
 
 
 def test_another_skeleton_keeps_its_own_points(tmp_path: Path) -> None:
-    reference = load_reference_bvh(foreign(tmp_path / "other.bvh", TURNS["Z up"]))
+    reference = open_take(foreign(tmp_path / "other.bvh", TURNS["Z up"])).reference
     own, ours = reference.own, reference.clip.world()[0]
     assert own.points.shape[:2] == (len(reference.clip), len(own.parents))
     gap = own.points[:, :31] - ours  # it has our proportions, at another size and with other axes

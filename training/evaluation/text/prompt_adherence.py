@@ -201,7 +201,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     model = load_model(args.model)
     prompter = Prompter(model)
     styles = load_styles(asset_path("prompts/styles.json"))
-    entries = load_library(asset_path("prompts/library.json"), styles)
+    entries = load_library(asset_path("prompts/library.json"), styles).entries
     walker = Walker(args.model, args.workers, SECONDS)
     found = measure_adherence(model, prompter, walker, [e.descriptions for e in entries])
     found.add_plain(styles)

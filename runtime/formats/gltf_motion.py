@@ -11,8 +11,15 @@ from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.arrays import Array
-from runtime.character.nodes import ancestors, nearest_of, node_world_matrices
-from runtime.character.read import STRUCTURE_ERRORS, GltfFile, open_gltf, read_accessor
+from runtime.character.read import (
+    STRUCTURE_ERRORS,
+    GltfFile,
+    ancestors,
+    nearest_of,
+    node_world_matrices,
+    open_gltf,
+    read_accessor,
+)
 from runtime.errors import FileError
 from runtime.formats.bvh import MAX_FRAMES, MAX_JOINT_FRAMES, MAX_JOINTS, BvhMotion
 from runtime.pose import MAX_FPS

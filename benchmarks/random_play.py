@@ -102,9 +102,8 @@ class Count:
     """What was seen in one run."""
 
     frames: int = 0
-    under: Counter[str] = field(
-        default_factory=Counter
-    )  # frames with a joint under the ground, of each ground
+    # frames with a joint under the ground, of each ground
+    under: Counter[str] = field(default_factory=Counter)
     fast: Counter[str] = field(default_factory=Counter)  # frames with a joint too fast
     deepest_m: float = 0.0
     fastest: float = 0.0  # m/s

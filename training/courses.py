@@ -1,7 +1,5 @@
 """Clips of a model's own characters on random courses, crossed by keys: what a network learns to cross them from.
 
-    python -m training.courses --model RUN/model --out CLIPS/courses [--minutes 60] [--seed 0]
-
 No capture shows a style on stairs, a beam or over a hurdle. As PARC (Xu et al. 2025) grows its terrain data, the
 controller leads characters of many styles over made ground: the network walks as on level ground, foot lock and keys put
 its legs where the ground asks for them. A stretch is kept where it passes every check, with the ground as it is.
@@ -9,7 +7,6 @@ its legs where the ground asks for them. A stretch is kept where it passes every
 
 from __future__ import annotations
 
-import argparse
 import logging
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -24,7 +21,7 @@ import numpy as np
 from runtime import rotations
 from runtime.arrays import Array, Float32Array
 from runtime.controls import Controls, Gait
-from runtime.errors import FileError, run_command
+from runtime.errors import FileError
 from runtime.motion.control_scripts import LOOK_AHEAD_M
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS, INPUT
@@ -308,21 +305,3 @@ def make_all(folder: Path, out: Path, minutes: float, seed: int, processes: int)
         return make(*jobs[0])
     with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
         return sum(pool.map(make, *zip(*jobs, strict=True)), Counter())
-
-
-def main(argv: Sequence[str] | None = None) -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--model", type=Path, required=True, help="folder of an exported model")
-    parser.add_argument("--out", type=Path, required=True, help="folder for the clips")
-    parser.add_argument("--minutes", type=float, default=60.0, help="to keep, without the mirrored ones")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--processes", type=int, default=1)
-    args = parser.parse_args(argv)
-    seen = make_all(args.model, args.out, args.minutes, args.seed, args.processes)
-    for kind, count in sorted(seen.items()):
-        print(f"{kind}: {count}")
-
-
-if __name__ == "__main__":
-    raise SystemExit(run_command("course clips", main))

@@ -291,9 +291,8 @@ class Controller:
         """Plan the coming second towards the request, as fast as a body changes, and blend it into the path."""
         self.wish = velocity + (self.wish - velocity) * kept(0.1) ** (1 / self.game)
         change, walk = self.velocity - self.wish, self.full[WALK]
-        quarter = np.interp(
-            np.hypot(*self.velocity) / walk, (0, 1, 2), (0.95, 1.25, 0.75)
-        )  # seconds of a turn
+        # seconds of a turn
+        quarter = np.interp(np.hypot(*self.velocity) / walk, (0, 1, 2), (0.95, 1.25, 0.75))
         missing = np.hypot(*change)
         plan = self.wish + (left(missing, walk, self.change_s) / max(missing, 1e-9))[:, None] * change
         facing = self.wanted_yaw if facing is None else facing
@@ -379,9 +378,8 @@ class Controller:
         self.speed = float(np.hypot(*velocity))
         self.measured += (self.speed - self.measured) * (1 - kept(0.25))
         self.carry(weights.sum(), float(np.hypot(*back)))
-        if (
-            self.measured > 0.5 * self.requested and self.requested > 0.12
-        ):  # strides a little longer or shorter
+        # strides a little longer or shorter
+        if self.measured > 0.5 * self.requested and self.requested > 0.12:
             there = self.smooth / max(self.requested, 1e-9)  # a start is not overshot
             going, settled = (np.clip(v, self.response, 1) for v in (2 * there - 1, 10 * there - 9))
             longer = np.clip(self.smooth / max(self.measured, 1e-9), 0.65, 1 + 0.25 * going)

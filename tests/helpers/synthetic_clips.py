@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from runtime import rotations
+from runtime.arrays import Array
+from runtime.controls import Gait
 from runtime.motion import features
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON, J
-from training.data.clips import Patches
+from training.data.clips import Patches, TrainingClip
 
 SPEED = 1.2  # m/s
 LENGTH = 260
@@ -43,3 +45,13 @@ def flat_patch(positions: np.ndarray) -> Patches:
     places = positions[..., [0, 2]].reshape(-1, 2)
     low, high = places.min(0) - 1.5, places.max(0) + 1.5
     return Patches(np.zeros((1, 2, 2)), (float(low[0]), float(low[1])), float((high - low).max()))
+
+
+def save_motion(
+    folder: Path, name: str, motion: tuple[Array, Array, Array], gait: Gait = Gait.WALK, **changes: object
+) -> None:
+    """A clip of hips, local rotations and contacts on level ground: by default a neutral walk to train on."""
+    values = {"style": "neutral", "content": "walk", "source": "100style", "split": "train", "tier": "exact"}
+    flat = Patches(np.zeros((1, 3, 3), np.float16), (-200.0, -200.0), 200.0)
+    labels = np.eye(6)[np.full(len(motion[0]), gait)]
+    TrainingClip(name, *motion, labels, **{"patches": flat, **values, **changes}).save(folder)  # type: ignore[arg-type]

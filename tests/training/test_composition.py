@@ -15,12 +15,11 @@ from hypothesis import strategies as st  # noqa: E402
 from runtime import rotations  # noqa: E402
 from runtime.motion.features import FPS, OUTPUT  # noqa: E402
 from runtime.skeleton import PART_JOINTS, PART_NAMES, SPORT_SKELETON, J  # noqa: E402
-from tests.helpers.synthetic_clips import flat_patch  # noqa: E402
+from tests.helpers.synthetic_clips import flat_patch, save_motion  # noqa: E402
 from tests.helpers.walker import walk  # noqa: E402
 from training.augmentation.catalogue import catalogue, part_edits  # noqa: E402
 from training.batches import FrameTensors  # noqa: E402
 from training.composition import PARTS, Composer, CompositionPlan, acts_on_base  # noqa: E402
-from training.data.clips import TrainingClip  # noqa: E402
 from training.frames import FIRST_OF_UPPER, LAYERED, FrameTable, load_frames  # noqa: E402
 from training.kinematics import shown_joints  # noqa: E402
 from training.sampling import moments, sampling_weights, sprint_starts  # noqa: E402
@@ -56,10 +55,11 @@ def table(tmp_path_factory) -> FrameTable:
     folder = tmp_path_factory.mktemp("composition")
     for number, (name, style, content, held_out, start, _) in enumerate(CLIPS):
         hips, local, contacts = _clip(number, start)
-        TrainingClip(
-            name, hips, local, contacts.astype(np.uint8), np.eye(6)[np.ones(FRAMES, int)], style, content, "jlpm",
-            "held_out" if held_out else "train", "exact", flat_patch(SPORT_SKELETON.forward_kinematics(hips, local)[0]),
-        ).save(folder)  # fmt: skip
+        save_motion(
+            folder, name, (hips, local, contacts.astype(np.uint8)), style=style, content=content, source="jlpm",
+            split="held_out" if held_out else "train",
+            patches=flat_patch(SPORT_SKELETON.forward_kinematics(hips, local)[0]),
+        )  # fmt: skip
     return load_frames(folder, folder / "frames")
 
 

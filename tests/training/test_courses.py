@@ -117,11 +117,11 @@ def test_the_checks_name_what_does_not_pass() -> None:
     assert first_problem(positions, Terrain("bar", bar, 0.05, (-2.0, -3.0)), 100.0) == "soles"
 
 
-def test_a_walk_over_stairs_comes_to_their_end(model: MotionModel) -> None:
+def test_a_walk_gets_on_over_stairs(model: MotionModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(clips, "MINUTES_EACH", 0.1)
     course = random_course("stairs", np.random.default_rng(3))
-    code = model.neutral
-    walked = walk(model, course, "neutral", code, Gait.JOG, 1)
-    assert walked.hips[-1, 2] > 15.0
+    walked = walk(model, course, "neutral", model.neutral, Gait.JOG, 1)
+    assert walked.hips[-1, 2] > clips.START_M + 1.0
     assert np.isfinite(walked.local).all()
 
 

@@ -1,4 +1,4 @@
-"""Restless rollouts, the pace of straight walks, and the bounds of the Analytic-DPM variance."""
+"""Losses of rollouts, the pace of straight walks, paths as a stick gives them, and the Analytic-DPM variance."""
 
 import numpy as np
 import pytest
@@ -7,8 +7,16 @@ torch = pytest.importorskip("torch")
 
 from runtime import rotations  # noqa: E402
 from runtime.controls import Gait  # noqa: E402
-from runtime.motion import features  # noqa: E402
-from runtime.motion.features import INPUT, INPUT_SIZE, MOTION_INPUT_SIZE, OUTPUT, OUTPUT_SIZE, L  # noqa: E402
+from runtime.motion.features import (  # noqa: E402
+    FPS,
+    INPUT,
+    INPUT_SIZE,
+    MOTION_INPUT_SIZE,
+    OUTPUT,
+    OUTPUT_SIZE,
+    TRAJECTORY_OFFSETS,
+    L,
+)
 from runtime.skeleton import SPORT_SKELETON, J  # noqa: E402
 from tests.training.test_training import clips, frames, small_table  # noqa: E402, F401
 from training import losses  # noqa: E402
@@ -18,7 +26,7 @@ from training.frames import LAYERED, FrameTable  # noqa: E402
 from training.kinematics import KNEES, knee_flexion, shown_joints, turns  # noqa: E402
 from training.networks.generator import Generator  # noqa: E402
 from training.presets import preset  # noqa: E402
-from training.rollouts import MOVEMENTS, RolloutLanes  # noqa: E402
+from training.rollouts import MOVEMENTS, RolloutLanes, steered  # noqa: E402
 from training.session import Session  # noqa: E402
 from training.stages.motion import MotionData, estimate_variance, from_other_poses  # noqa: E402
 from training.styles import StyleTable  # noqa: E402
@@ -39,7 +47,7 @@ def test_a_lane_that_predicts_the_truth_moves_by_its_velocity(frames, monkeypatc
         assert lanes.age.tolist() == [k, k]
         truth = frames.outputs(rows + k, lanes.patch)
         moved = truth[:, OUTPUT["joint_positions"]] - lanes.previous_joints().flatten(1)
-        assert torch.allclose(moved * features.FPS, truth[:, OUTPUT["joint_velocities"]], atol=0.15)
+        assert torch.allclose(moved * FPS, truth[:, OUTPUT["joint_velocities"]], atol=0.15)
         lanes.advance(truth, truth)
 
 
@@ -251,7 +259,57 @@ def test_a_share_of_captured_samples_comes_from_the_pose_of_another():
     rows = changed.any(1)
     assert 0.3 < rows.float().mean() < 0.5
     assert torch.equal(changed[rows], pose.expand(int(rows.sum()), -1))
-    assert (
-        found[:, pose].amax(1) == found[:, pose].amin(1)
-    ).all()  # positions and velocities of the same one
+    # positions and velocities of the same one
+    assert (found[:, pose].amax(1) == found[:, pose].amin(1)).all()
     assert torch.equal(from_other_poses(x, 0.0), x)
+
+
+def test_pairs_with_the_same_text_are_no_negatives():
+    torch.manual_seed(2)
+    motion = torch.randn(4, 8)
+    text = motion.clone()
+    text[1] = text[0]
+    motion[1] = motion[0]
+    same = torch.eye(4, dtype=torch.bool)
+    punished = losses.contrastive(motion, text, same)
+    same[0, 1] = same[1, 0] = True
+    assert losses.contrastive(motion, text, same) < punished
+
+
+# --- captured paths as a stick gives them: straight or round, without the sway of steps ---
+
+TIME = np.asarray(TRAJECTORY_OFFSETS) / FPS
+
+
+def one_path(across: np.ndarray, ahead: np.ndarray, yaw: np.ndarray, count: int = 400) -> torch.Tensor:
+    """Rows of x with one path and facing."""
+    x = torch.rand(1, INPUT_SIZE).expand(count, -1).clone()
+    for name, pair in (
+        ("trajectory_positions", (across, ahead)),
+        ("trajectory_directions", (np.sin(yaw), np.cos(yaw))),
+    ):
+        x[:, INPUT[name]] = torch.as_tensor(np.stack(pair, -1).ravel(), dtype=torch.float32)
+    return x
+
+
+def path(x: torch.Tensor) -> np.ndarray:
+    return x[:, INPUT["trajectory_positions"]].reshape(len(x), L, 2).numpy()
+
+
+def test_an_even_path_stays_and_so_does_all_that_is_no_path():
+    x = one_path(0.1 * TIME**2, 1.3 * TIME, np.zeros(L))
+    y = steered(x)
+    np.testing.assert_allclose(y.numpy(), x.numpy(), atol=1e-5)
+
+
+def test_the_sway_of_steps_shrinks_by_random_shares_and_some_rows_keep_it(monkeypatch):
+    torch.manual_seed(0)
+    x = one_path(0.03 * np.sin(2 * np.pi * TIME), 1.3 * TIME, 0.1 * np.sin(2 * np.pi * TIME))
+    y = steered(x)
+    sway = np.ptp(path(y)[..., 0], axis=1) / np.ptp(path(x)[..., 0], axis=1)
+    assert 0.25 < (sway > 0.999).mean() < 0.45  # EXACT
+    assert sway.min() < 0.6
+    facing = y[:, INPUT["trajectory_directions"]].reshape(len(y), L, 2).norm(dim=-1)
+    np.testing.assert_allclose(facing.numpy(), 1.0, atol=1e-5)
+    monkeypatch.setattr("training.rollouts.EXACT", 1.0)
+    assert torch.equal(steered(x)[:, INPUT["trajectory_positions"]], x[:, INPUT["trajectory_positions"]])

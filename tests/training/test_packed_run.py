@@ -1,16 +1,19 @@
-"""A packed run gives its weights back, and stage 2 can begin with them."""
+"""A packed run gives its weights and its history back, which reaches the card; stage 2 can begin with them."""
 
+import json
 import shutil
 
 import pytest
 
 torch = pytest.importorskip("torch")
 
+from runtime.assets import asset_path  # noqa: E402
 from runtime.errors import FileError, UsageError  # noqa: E402
 from tests.helpers.tiny_model import tiny_trained  # noqa: E402
 from training.export.graph import store_model_in_half  # noqa: E402
+from training.export.model_card import model_card  # noqa: E402
 from training.networks.generator import Generator  # noqa: E402
-from training.packed_run import START, pack, unpack  # noqa: E402
+from training.packed_run import BEFORE, START, History, pack, unpack  # noqa: E402
 from training.presets import preset  # noqa: E402
 from training.session import load_checkpoint, save_checkpoint  # noqa: E402
 
@@ -26,6 +29,8 @@ def run(tmp_path):
     )
     save_checkpoint(folder / "phase_final.pt", {"module": {"w": torch.randn(3)}})
     save_checkpoint(folder / "scales.pt", {"x_mean": torch.tensor([1e-7, 3.14159274])})
+    (folder / "logs").mkdir()
+    (folder / "logs" / "stage2.txt").write_text("step 900 of 1000, losses rec 0.06\n")
     return folder
 
 
@@ -44,6 +49,7 @@ def test_weights_come_back_in_half_precision_and_scales_exactly(run, tmp_path) -
         load_checkpoint(run / "scales.pt")["x_mean"],
     )
     assert load_checkpoint(tmp_path / "new" / "content_final.pt")["config"] == {"name": "tiny"}
+    assert History.of_run(tmp_path / "new").steps == {"stage2": [900]}
 
 
 def test_what_the_graphs_hold_is_read_from_them(run, exported_tiny, tmp_path) -> None:
@@ -79,3 +85,55 @@ def test_a_run_is_never_overwritten(run, tmp_path) -> None:
     pack(run, tmp_path / "packed.pt")
     with pytest.raises(UsageError, match="empty folder"):
         unpack(tmp_path / "packed.pt", run)
+
+
+# --- history ---
+
+
+def test_a_run_from_nothing_knows_its_own_steps(run) -> None:
+    history = History.of_run(run)
+    assert history.steps == {"stage2": [900]}
+    assert history.losses == {"stage2": "step 900 of 1000, losses rec 0.06"}
+
+
+def test_a_run_that_goes_on_adds_its_steps_and_keeps_the_others(run) -> None:
+    History({"phase": [5], "stage2": [7000, 20]}, {"phase": "step 5 of 5"}).write(run)
+    history = History.of_run(run)
+    assert history.steps == {"phase": [5], "stage2": [7000, 20, 900]}
+    assert history.losses["phase"] == "step 5 of 5"
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"steps": {"stage2": 5}, "losses": {}}'])
+def test_a_damaged_history_is_named(run, text) -> None:
+    (run / BEFORE).write_text(text)
+    with pytest.raises(FileError, match=BEFORE):
+        History.of_run(run)
+
+
+def test_a_log_without_steps_is_named(run) -> None:
+    (run / "logs" / "stage2.txt").write_text("nothing")
+    with pytest.raises(FileError, match=r"stage2\.txt"):
+        History.of_run(run)
+
+
+@pytest.fixture
+def metadata() -> dict:
+    return json.loads(asset_path("models/compact/metadata.json").read_text("utf-8"))
+
+
+def test_the_card_adds_up_the_models_that_went_on(metadata) -> None:
+    metadata["notes"]["steps"] = {"phase": [5], "stage2": [7000, 20]}
+    card = model_card(metadata, {"phase": "step 3 of 3, losses total 0.5"})
+    assert "phase 5, stage2 7000 + 20." in card
+    assert "step 3 of 3" in card
+    assert "went on from the weights of the one before" in card
+    metadata["notes"]["steps"] = {"phase": [5]}
+    assert "went on" not in model_card(metadata, {})
+
+
+def test_a_card_tells_of_its_8_bit_graph(metadata) -> None:
+    assert "8-bit" not in model_card(metadata | {"quantised": {}}, {})
+    kept = metadata["quantised"] | {"kept": ["linear_3"], "relative_error": 0.0086, "frames": 480}
+    card = model_card(metadata | {"quantised": kept}, {})
+    assert "8-bit weights, but for linear_3;" in card
+    assert "480 frames of its own walks it is 0.86% from" in card

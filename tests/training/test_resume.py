@@ -70,6 +70,7 @@ def run(stage: str, out: Path, frames, table, texts) -> bytes:  # noqa: F811
 def test_a_killed_stage_goes_on_to_the_same_bytes(stage, frames, table, texts, tmp_path, monkeypatch):  # noqa: F811
     monkeypatch.setattr(motion, "measure_codes", lambda *_, **__: None)
     monkeypatch.setattr(phase, "encode_table", lambda *_: None)
+    monkeypatch.setattr(content, "STATISTICS_WINDOWS", 16)
     whole = run(stage, tmp_path / "whole", frames, table, texts)
     optimise = training_session._optimise
     done = []

@@ -1,31 +1,18 @@
-"""Frames from clips, rollout lanes, and the whole pipeline on two small synthetic clips."""
-
-import shutil
-from functools import partial
-from pathlib import Path
+"""Frames from clips, and rollout lanes on them."""
 
 import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
-pytest.importorskip("onnxscript")
 
-from runtime.controls import Controls  # noqa: E402
 from runtime.motion import features  # noqa: E402
-from runtime.motion.controller import Controller  # noqa: E402
 from runtime.motion.features import INPUT, OUTPUT  # noqa: E402
-from runtime.motion.model import load_model  # noqa: E402
-from runtime.motion.model_files import exact_8_bit_products  # noqa: E402
-from runtime.skeleton import PART_NAMES, REST_HIPS_HEIGHT  # noqa: E402
-from runtime.terrain.height_map import Terrain  # noqa: E402
+from runtime.skeleton import REST_HIPS_HEIGHT  # noqa: E402
 from tests.helpers.synthetic_clips import LENGTH, SPEED, write_clip  # noqa: E402
-from training.augmentation.sentences import longer_sentences  # noqa: E402
 from training.batches import FrameTensors  # noqa: E402
 from training.frames import clip_frames, load_frames  # noqa: E402
-from training.pipeline import main  # noqa: E402
 from training.rollouts import RolloutLanes  # noqa: E402
 from training.sampling import sampling_weights  # noqa: E402
-from training.stages import motion as stage_motion  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -116,71 +103,3 @@ def test_lanes_restart_at_the_end_of_their_clip(frames):
     lanes = RolloutLanes(frames, 1, 1e9, iter([torch.tensor([end - 1]), torch.tensor([50])]))
     lanes.advance(torch.zeros(1, 473), torch.zeros(1, 473))
     assert lanes.rows.tolist() == [50]
-
-
-def arguments(clips: Path, out: Path) -> list[str]:
-    common = {"preset": "tiny", "clips": clips, "out": out, "batch": 16, "device": "cpu"}
-    return [text for key, value in common.items() for text in (f"--{key}", str(value))]
-
-
-@pytest.fixture
-def short_work(monkeypatch):
-    """What takes long without being another case: all longer sentences, variances of many batches, six courses."""
-    few = [s for part in PART_NAMES for s in longer_sentences() if s.part == part][::60]
-    monkeypatch.setattr("training.stages.words.longer_sentences", lambda: few)
-    for name in ("estimate_variance", "measure_codes"):
-        monkeypatch.setattr(stage_motion, name, partial(getattr(stage_motion, name), batches=1))
-    courses = (("a proud queen", "random", "jog", "flat"),)
-    monkeypatch.setattr("training.export.quantize.COURSES", courses)
-
-
-def test_the_whole_pipeline_from_clips_to_a_character_that_can_be_driven(
-    clips, tmp_path, short_work, monkeypatch, caplog
-):
-    clips = shutil.copytree(clips, tmp_path / "clips")
-    out = tmp_path / "run"
-    common = arguments(clips, out)
-    steps = {"phase": 2, "content": 2, "words": 2, "stage2": 3, "stage3": 3, "ground": 2}
-    crossed, measured = [], []
-
-    def cross(model: Path, folder: Path, *_: object) -> dict[str, int]:
-        """In place of walks over courses, which this network cannot do: two clips."""
-        crossed.append(load_model(model).name)
-        folder.mkdir(parents=True)
-        for name in "ac":
-            shutil.copy(clips / f"{name}.npz", folder)
-        return {"stairs kept": 2}
-
-    monkeypatch.setattr("training.courses.make_all", cross)
-    monkeypatch.setattr("training.pipeline.measure_traversals", measured.append)
-    counts = [f"--{stage}-steps={count}" for stage, count in steps.items()]
-    assert main(["all", *common, *counts, "--layers", "0", "--course-minutes", "1"]) == 0
-    assert len(crossed) == 1
-    assert measured == [out / "model"]
-    before, after = (torch.load(out / f"{stage}_final.pt")["module"] for stage in ("stage3", "ground"))
-    changed = {name.split(".")[0] for name in before if not torch.equal(before[name], after[name])}
-    assert changed == {"encoder", "modulator", "mixture_decoder"}
-    model = load_model(out / "model")
-    if exact_8_bit_products():
-        assert load_model(out / "model", precision="int8").metadata["quantised"]["relative_error"] > 0.0
-    else:
-        assert "without an 8-bit twin" in caplog.text
-    assert (out / "model" / "README.md").read_text().startswith("# Model")
-    poses = []
-    for _ in range(2):
-        controller = Controller(model, Terrain.flat(), seed=3)
-        poses.append([controller.step(Controls((0.0, 1.0))) for _ in range(20)])
-    for first, second in zip(*poses, strict=True):
-        assert np.isfinite(first.positions).all()
-        assert first.local_rotations.tobytes() == second.local_rotations.tobytes()
-
-
-def test_a_stage_resumes_where_it_stopped(clips, tmp_path, caplog):
-    out = tmp_path / "run"
-    common = arguments(clips, out)
-    main(["phase", *common, "--phase-steps", "2"])
-    (out / "phase.npy").unlink()
-    (out / "phase_final.pt").unlink()
-    with caplog.at_level("INFO"):
-        main(["phase", *common, "--phase-steps", "3"])
-    assert "resumed at step 2" in caplog.text

@@ -186,9 +186,8 @@ class PhaseFunctioned(Baseline):
         phase = torch.atan2(now[:, 0], now[:, 1])
         h = scaled[:, :MOTION_INPUT_SIZE]
         for number, (w, b) in enumerate(zip(self.weights, self.biases, strict=True)):
-            blend = catmull_rom(
-                torch.eye(KNOTS, device=x.device), phase
-            )  # the knots' weights: it is linear in them
+            # the knots' weights: it is linear in them
+            blend = catmull_rom(torch.eye(KNOTS, device=x.device), phase)
             h = blended(w, b, blend, self.dropout(h))
             if number < len(self.weights) - 1:
                 h = functional.elu(h)
@@ -205,9 +204,8 @@ def footstep_window(phase: Tensor, change: Tensor) -> Tensor:
     ahead = 1.0 + 10.0 * torch.arange(HALF + 1, device=phase.device, dtype=phase.dtype)
     angle = phase[:, None] + change[:, None] * ahead
     footstep = torch.stack([torch.sin(angle), torch.cos(angle)], -1)[:, :, None]
-    still = torch.zeros_like(footstep).expand(
-        -1, -1, C - 1, -1
-    )  # `len` would fix the batch of an exported graph
+    # `len` would fix the batch of an exported graph
+    still = torch.zeros_like(footstep).expand(-1, -1, C - 1, -1)
     return torch.cat([still, footstep], 2).flatten(1)
 
 

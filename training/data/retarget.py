@@ -52,9 +52,8 @@ def _wrapped(angle: Array) -> Array:
 
 
 LEG_LENGTH = float(-(SPORT_SKELETON.offsets[3][1] + SPORT_SKELETON.offsets[4][1]))
-HIP_CENTRE = np.array(
-    [0.0, *SPORT_SKELETON.offsets[2][1:]], np.float64
-)  # hips joint to middle of the hip joints
+# hips joint to middle of the hip joints
+HIP_CENTRE = np.array([0.0, *SPORT_SKELETON.offsets[2][1:]], np.float64)
 COLLAR_LENGTH = float(np.linalg.norm(SPORT_SKELETON.offsets[18]))
 TRUNK = SPORT_SKELETON.offsets[12:14].astype(np.float64)  # hips to Spine, Spine to the base of the neck
 STANCE_SPEED = 0.25  # m/s

@@ -15,7 +15,7 @@ from runtime.feet.ik import LEG_FEET
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import ANKLE_HEIGHT, PART_NAMES, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
-from tests.helpers.synthetic_clips import flat_patch
+from tests.helpers.synthetic_clips import flat_patch, save_motion
 from tests.helpers.walker import CYCLE_FRAMES, walk
 from training import augmentation
 from training.augmentation import recipes
@@ -24,7 +24,6 @@ from training.augmentation.catalogue import catalogue, load_catalogue, part_edit
 from training.augmentation.edits import apply
 from training.augmentation.gait import left_landings, step_phase
 from training.augmentation.motion import EditedMotion, keep_feet
-from training.data.clips import TrainingClip
 from training.text.measure import BodyMeasures, measure
 
 
@@ -103,14 +102,6 @@ def test_a_dragged_foot_slides_flat_over_the_ground_and_not_through_it() -> None
     assert np.allclose(low[~swing][:, [ankle, toe]], high[~swing][:, [ankle, toe]], atol=0.01)
 
 
-def test_nobody_limps_on_both_legs() -> None:
-    random = np.random.default_rng(1)
-    drawn = [recipes.draw(random, standing=False) for _ in range(3000)]
-    limping = [edits for edits in drawn if any(e.endswith("limping") for e in edits)]
-    assert limping
-    assert all(sum(e.endswith("limping") for e in edits) == 1 for edits in limping)
-
-
 def test_an_arm_edit_touches_that_arm_alone() -> None:
     before = walker(120)
     after = apply(before, part_edits()["left_arm.on_hip"], np.random.default_rng(0))
@@ -139,6 +130,11 @@ def test_recipes_never_show_what_is_held_out() -> None:
     assert shown == {e.name for e in catalogue().trained}, "an edit is never drawn"
     slots = [[part_edits()[name].slot for name in edits] for edits in drawn]
     assert all(len(set(s)) == len(s) for s in slots)
+    assert {sum(e.endswith("limping") for e in edits) for edits in drawn} == {0, 1}  # never on both legs
+    arms = [n for k, edits in enumerate(drawn) if k % 4 for n in edits if n.startswith("left_arm.")]
+    movement = [n for n in arms if part_edits()[n].measure[1] == "swing"]
+    postures = [n for n in arms if part_edits()[n].measure[1] != "swing"]
+    assert len(movement) / len(set(movement)) > 2.4 * len(postures) / len(set(postures))  # drawn more often
 
 
 def test_phrases_are_usable_descriptions() -> None:
@@ -154,19 +150,11 @@ def test_phrases_are_usable_descriptions() -> None:
 def test_layered_clips_are_written_with_their_words(tmp_path) -> None:
     for k, style in enumerate(("neutral", "angry", "proud")):
         motion = walker(420)
-        TrainingClip(
-            name=f"c{k}",
-            hips=motion.hips,
-            local=motion.local,
-            contacts=motion.contacts,
-            gait=np.eye(6)[np.ones(420, int)],
-            style=style,
-            content="walk forward",
-            source="cmu",
-            split="train",
-            tier="exact",
-            patches=flat_patch(SPORT_SKELETON.forward_kinematics(motion.hips, motion.local)[0]),
-        ).save(tmp_path)
+        flat = flat_patch(SPORT_SKELETON.forward_kinematics(motion.hips, motion.local)[0])
+        save_motion(
+            tmp_path, f"c{k}", (motion.hips, motion.local, motion.contacts), style=style,
+            content="walk forward", source="cmu", patches=flat,
+        )  # fmt: skip
     build_layers(tmp_path, tmp_path, 12, seed=2)
     entries = json.loads((tmp_path / LAYERS).read_text())
     assert len(entries) == 12
@@ -183,15 +171,6 @@ def test_layered_clips_are_written_with_their_words(tmp_path) -> None:
     lines = [json.dumps([name, entries[name]]) for name in sorted(entries)[:5]]
     (again / "layers.jsonl").write_text("\n".join([*lines, '["layer_00']))
     assert build_layers(tmp_path, again, 12, seed=2) == entries
-
-
-def test_edits_of_a_movement_are_drawn_more_often_than_those_of_a_posture() -> None:
-    random = np.random.default_rng(0)
-    drawn = [name for _ in range(3000) for name in recipes.draw(random, standing=False)]
-    arms = [n for n in drawn if n.startswith("left_arm.")]
-    movement = [n for n in arms if part_edits()[n].measure[1] == "swing"]
-    postures = [n for n in arms if part_edits()[n].measure[1] != "swing"]
-    assert len(movement) / len(set(movement)) > 2.4 * len(postures) / len(set(postures))
 
 
 EDITS_FILE = Path(augmentation.__file__).with_name("edits.toml")

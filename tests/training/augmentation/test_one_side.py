@@ -102,9 +102,8 @@ def test_inputs_hold_what_their_length_says():
     assert sided[:, -1].tolist() == [1, 1, 1, 1, -1, 0]
     assert np.array_equal(sided[1, :-1], encoder.encode(["left arm hanging"])[0])
     words = part_inputs(encoder, ["right_arm"], ["right arm hanging"], True, True)[0, 6:-1]
-    assert (
-        words[[name for name, _ in GROUPS].index("right")] == 0.0
-    )  # the direction words are those of the left, too
+    # the direction words are those of the left, too
+    assert words[[name for name, _ in GROUPS].index("right")] == 0.0
 
 
 def test_the_code_of_mirrored_words_is_the_mirrored_code():

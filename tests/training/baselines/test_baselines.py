@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.helpers.synthetic_clips import save_motion
 from tests.helpers.walker import walk
 
 pytest.importorskip("torch")
@@ -15,7 +16,7 @@ pytest.importorskip("torch")
 import torch
 
 from runtime.assets import model_folder
-from runtime.controls import Controls, Gait
+from runtime.controls import Controls
 from runtime.motion.controller import Controller
 from runtime.motion.features import INPUT, INPUT_SIZE, OUTPUT, OUTPUT_SIZE
 from runtime.motion.model import load_model
@@ -30,7 +31,6 @@ from training.baselines.networks import (
     footstep_window,
 )
 from training.baselines.train import BaselineStepGraph
-from training.data.clips import Patches, TrainingClip
 from training.evaluation.motion.evaluated_model import count_parameters
 from training.presets import preset
 
@@ -97,9 +97,8 @@ def test_pfnn_moves_its_phase_on_by_what_it_predicts():
     x = torch.randn(2, INPUT_SIZE)
     x[1, : INPUT["phase"].start] = x[0, : INPUT["phase"].start]
     first, second = network(x, torch.ones(2, 1))
-    assert not torch.allclose(
-        first[: OUTPUT["phase"].start], second[: OUTPUT["phase"].start]
-    )  # another phase, other weights
+    # another phase, other weights
+    assert not torch.allclose(first[: OUTPUT["phase"].start], second[: OUTPUT["phase"].start])
 
 
 def test_style_by_label_differs_by_label_alone():
@@ -133,11 +132,8 @@ def test_from_clips_to_a_folder_that_walks(tmp_path, monkeypatch):
 
     clips = tmp_path / "clips"
     clips.mkdir()
-    flat = Patches(np.zeros((1, 3, 3), np.float16), (-200.0, -200.0), 200.0)
     for name, style in (("a", "neutral"), ("b", "old")):
-        hips, local, contacts = walk(240)
-        gait = np.eye(6)[np.full(240, Gait.WALK)]
-        TrainingClip(name, hips, local, contacts, gait, style, "walk", "100style", "train", "exact", flat).save(clips)  # fmt: skip
+        save_motion(clips, name, walk(240), style=style)
     out, shipped = tmp_path / "model", model_folder()
     args = argparse.Namespace(method="mason2022", clips=clips, out=out, model=shipped, steps=40, seed=0)
     losses = []

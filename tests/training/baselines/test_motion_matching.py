@@ -23,11 +23,11 @@ from runtime.motion.model import load_model
 from runtime.skeleton import SPORT_SKELETON, J
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
+from tests.helpers.synthetic_clips import save_motion
 from tests.helpers.walker import walk
 from training.baselines import matching
 from training.baselines.matching import STEP, Database, MatchingModel, Playing, feature_vectors
 from training.baselines.motion_matching import build, clip_rows, export, standing
-from training.data.clips import Patches, TrainingClip
 from training.frames import clip_frames
 
 FRAMES = 360
@@ -43,11 +43,7 @@ def save_clip(folder, name, style, speed_share=1.0, turn=0.0, still=False):
         steps = features.to_world(np.diff(hips[:, [0, 2]], axis=0, prepend=hips[:1, [0, 2]]), yaw)
         hips[:, [0, 2]] = np.cumsum(steps, axis=0)
         local[:, 0] = rotations.multiply(rotations.from_yaw(yaw), local[:, 0].astype(np.float64))
-    flat = Patches(np.zeros((1, 3, 3), np.float16), (-200.0, -200.0), 200.0)
-    gait = np.eye(6)[np.full(FRAMES, Gait.STAND if still else Gait.WALK)]
-    TrainingClip(
-        name, hips, local, contacts, gait, style, "walk", "100style", "train", "exact", flat
-    ).save(folder)  # fmt: skip
+    save_motion(folder, name, (hips, local, contacts), Gait.STAND if still else Gait.WALK, style=style)
 
 
 @pytest.fixture(scope="module")

@@ -101,9 +101,8 @@ def index(name: str) -> int:
 def test_retarget_keeps_sides_posture_and_ground() -> None:
     _, positions, world = retargeted(march(metres_per_second=0.0))
     assert np.all(positions[:, index("LeftHand"), 0] > positions[:, index("RightHand"), 0])
-    assert np.all(
-        positions[:, index("LeftHand"), 1] > positions[:, index("LeftArm"), 1] + 0.1
-    )  # the raised arm
+    # the raised arm
+    assert np.all(positions[:, index("LeftHand"), 1] > positions[:, index("LeftArm"), 1] + 0.1)
     assert np.all(positions[:, index("RightHand"), 1] < positions[:, index("RightArm"), 1] - 0.3)
     knee_forward = positions[:, index("LeftLeg"), 2] - 0.5 * (
         positions[:, index("LeftUpLeg"), 2] + positions[:, index("LeftFoot"), 2]
@@ -147,9 +146,8 @@ def test_head_lift_is_local_so_a_turned_head_keeps_its_symmetry() -> None:
     motion = parse_bvh(march())
     source = load_source(motion, BY_NAME["100style"].of_capture(recognise(motion, "march"), "100style"))
     feet = calibrate_feet([source])
-    neck, head = (
-        rotations.from_axis_angle(y, np.array(a)) for a in (0.5, 0.9)
-    )  # neck turned left, head farther
+    # neck turned left, head farther
+    neck, head = (rotations.from_axis_angle(y, np.array(a)) for a in (0.5, 0.9))
     turned = dict(source.rotations)
     turned["Neck1"], turned["Head"] = (np.tile(q, (len(source.ankles), 1)) for q in (neck, head))
     result = retarget(replace(source, rotations=turned), feet, None, flex_toes=False)
@@ -168,10 +166,6 @@ def test_head_lift_belongs_to_the_capture(tmp_path: Path) -> None:
     (clip,), _ = BY_NAME["100style_more"].clips(tmp_path)
     motion = parse_bvh(march())
     assert skeleton_of(clip, motion).head_lift_degrees == 16.0
-    lifts = {capture: d for record in DATA_SETS for capture, d in record.head_lift_degrees.items()}
-    assert lifts == {
-        "100style": 16.0, "bandai2": 7.0, "jlpm": 5.0, "pfnn": 20.0, "o3de": 10.0, "accad_male1": 8.0,
-    }  # fmt: skip
 
 
 def test_a_data_set_is_added_by_one_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -171,7 +171,4 @@ def test_strides_that_are_alike_vary_by_nothing_and_a_hand_that_wanders_by_its_d
     np.testing.assert_allclose(found["hands_vary_cm"], 5.0 / np.sqrt(2), rtol=0.15)
     np.testing.assert_allclose(found["tops_vary_cm"], 5.0 / np.sqrt(2), rtol=0.3)
     assert found["steps_vary_cm"] < 0.2
-
-
-def test_gait_says_nothing_of_somebody_who_stands() -> None:
     assert gait.measure(walker(0.1, speed=0.0)) is None

@@ -1,10 +1,17 @@
-"""The prompts of animators: lists, expectations against measures, and the table."""
+"""Lists of prompts: each has an answer; expectations of animators against measures, and their table."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
+from runtime.errors import FileError
+from tests.helpers.shipped import shipped_prompter
 from training.evaluation.text.animators import PROMPTS, animators_table, outcome, sections
+from training.evaluation.text.untuned_prompts import LISTS, read, read_prompts
+
+SHIPPED = [PROMPTS.with_name(f"{name}_prompts.txt") for name in ("animator", "forty", "many_parts")]
 
 NEUTRAL = {"head.pitch": 2.0, "torso.twist": 0.0, "left_leg.knee_bend": 20.0}
 
@@ -28,12 +35,25 @@ def test_a_line_that_is_no_expectation_is_named() -> None:
         outcome("head down | very low", NEUTRAL, NEUTRAL)
 
 
-@pytest.mark.parametrize("name", ["animator_prompts.txt", "forty_prompts.txt", "many_parts_prompts.txt"])
-def test_every_shipped_list_has_lines_with_expectations(name: str) -> None:
-    found = sections(PROMPTS.with_name(name))
-    lines = [line for section in found.values() for line in section]
-    assert len(lines) >= 40
-    assert all(" | " in line for line in lines)
+@pytest.mark.parametrize("path", [*LISTS, *SHIPPED], ids=lambda path: path.stem)
+def test_prompts_of_the_shipped_lists_are_read(path: Path) -> None:
+    """Every tenth: each has six descriptions, and expectations where the list is of these."""
+    if path in SHIPPED:
+        lines = [line for section in sections(path).values() for line in section]
+        assert lines
+        assert all(" | " in line for line in lines)
+    else:
+        library = shipped_prompter().library
+        wrong = {
+            prompt: problem for prompt in read_prompts(path)[::10] if (problem := read(prompt, library)[1])
+        }
+        assert wrong == {}
+
+
+def test_a_list_without_prompts_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "empty.txt").write_text("# nothing\n", encoding="utf-8")
+    with pytest.raises(FileError, match="no prompt"):
+        read_prompts(tmp_path / "empty.txt")
 
 
 def test_the_table_counts_expectations_and_whole_prompts() -> None:

@@ -11,6 +11,7 @@ from tests.helpers.walker import WalkerModel, walk
 
 pytest.importorskip("sklearn")
 
+from runtime.controls import Gait
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.courses import BEAM, BEAM_RAMP_M, GAPS, HURDLES, WALLS, Obstacle
 from runtime.terrain.height_map import Terrain
@@ -57,9 +58,8 @@ def test_limbs_in_a_wall_are_seen_and_those_beside_it_are_not():
     assert max(v.max() for v in limb_depths(positions, ground).values()) < 1e-3
     for knee, ankle in ((3, 4), (8, 9)):
         positions[:, knee], positions[:, ankle] = [0.0, 0.5, 2.1], [0.0, 0.1, 2.1]
-    depth = limb_depths(
-        positions, ground
-    )  # the face slants from z = 1.95 to 2, the shin has 4.5 cm around its bone
+    # the face slants from z = 1.95 to 2, the shin has 4.5 cm around its bone
+    depth = limb_depths(positions, ground)
     assert depth["shins"].max() == pytest.approx(2.1 + 0.045 - 1.955, abs=0.02)
     assert depth["hands"].max() < 1e-3
 
@@ -157,7 +157,9 @@ def results():
     evaluated = SimpleNamespace(
         model=WalkerModel(), style=lambda style, number: np.zeros((6, 64), np.float32)
     )
-    found = score_obstacles(evaluated, 0, ["neutral"], [course], None, lambda text: None)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("training.evaluation.on_obstacles.GAITS", (Gait.WALK,))
+        found = score_obstacles(evaluated, 0, ["neutral"], [course], None, lambda text: None)
     return {"command": "sport evaluate --courses", **found}
 
 

@@ -1,11 +1,11 @@
 """The evaluation from clip files to tables, with a synthetic walker in the place of captured people and of a model."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from tests.helpers.synthetic_clips import save_motion
 from tests.helpers.walker import WalkerModel, walk
 
 pytest.importorskip("sklearn")
@@ -14,9 +14,9 @@ from runtime.controls import Gait
 from runtime.errors import FileError, SportError, UsageError
 from runtime.motion.features import OUTPUT
 from runtime.terrain.height_map import Terrain
-from training.data.clips import Patches, TrainingClip
 from training.evaluation.command import MOTION, main
 from training.evaluation.metrics.motion import load_motion
+from training.evaluation.motion import driving, evaluated_model, scores
 from training.evaluation.motion.capture import (
     TERRAIN_GROUP,
     Options,
@@ -33,14 +33,9 @@ from training.frames import clip_frames
 Z = np.zeros((6, 64), np.float32)
 
 
-def write_clip(folder, name, style, frames=300, held_out=False, source="100style", share=1.0, **changes):
-    hips, local, contacts = walk(frames, speed_share=share)
-    flat = Patches(np.zeros((1, 3, 3), np.float16), (-200.0, -200.0), 200.0)
-    gait = np.eye(6)[np.full(frames, Gait.WALK)]
-    clip = TrainingClip(
-        name, hips, local, contacts, gait, style, "walk", source, "held_out" if held_out else "train", "exact", flat
-    )  # fmt: skip
-    replace(clip, **changes).save(folder)
+def write_clip(folder, name, style, frames=300, held_out=False, share=1.0, **changes):
+    split = "held_out" if held_out else "train"
+    save_motion(folder, name, walk(frames, speed_share=share), style=style, split=split, **changes)
 
 
 @pytest.fixture(scope="module")
@@ -91,15 +86,20 @@ class FakeModel:
 
 @pytest.fixture(scope="module")
 def results(clips):
-    options = Options(5.0, 1.0, 1.0, 1, 1, 1)
-    plan = make_plan(clips, None, options, None, lambda _: None)
-    held_out = score_held_out(plan, lambda _: None)
-    return {
-        "command": "sport evaluate",
-        "feature_sets": plan.feature_sets,
-        "held_out": held_out,
-        "models": [score_model(plan, FakeModel(), lambda _: None)],
-    }
+    """Of walks as short as their scores allow."""
+    plan = make_plan(clips, None, Options(3.0, 1.0, 1.0, 1, 1, 1), None, lambda _: None)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scores, "TERRAINS", ("stairs",))
+        patch.setattr(scores, "DIVERSITY_FRAMES", 40)
+        patch.setattr(scores, "DIVERSITY_LEAD_IN", 20)
+        patch.setattr(evaluated_model, "TIMED_FRAMES", 10)
+        patch.setattr(driving, "LEAD_IN_FRAMES", 60)
+        return {
+            "command": "sport evaluate",
+            "feature_sets": plan.feature_sets,
+            "held_out": score_held_out(plan, lambda _: None),
+            "models": [score_model(plan, FakeModel(), lambda _: None)],
+        }
 
 
 def test_catalogue_knows_captured_clips_only(clips):
@@ -164,9 +164,8 @@ def test_replay_takes_the_clips_controls_and_seeds_matter_only_with_temperature(
     model.step = lambda x, noise, style: (seen.append(x[0]), step(x, noise, style))[1]
     replay(model, clip, Z, 1, 0.0, 20)
     frames = clip_frames(clips / "a_1.npz")
-    assert (
-        np.abs(seen[70][:48] - frames.x[70][:48].astype(np.float32)).max() < 0.02
-    )  # t^p and t^d of the clip
+    # t^p and t^d of the clip
+    assert np.abs(seen[70][:48] - frames.x[70][:48].astype(np.float32)).max() < 0.02
 
 
 def test_scores_of_a_walker_are_those_of_a_walker(results):

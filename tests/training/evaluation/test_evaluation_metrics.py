@@ -181,25 +181,21 @@ def test_jerk_of_a_cubic_is_its_third_derivative():
     assert jerk(positions)[:, 1] == pytest.approx(np.zeros(27), abs=1e-5)
 
 
-def test_transition_jerk_is_the_ratio_around_the_change():
+def shaken(begin, end):
+    """Joints of six seconds that go up and down, three times as far within a stretch; continuous at whole seconds."""
     t = np.arange(360) / 60.0
-    rough = np.where((t >= 3.0) & (t < 4.0), 3.0, 1.0)
     positions = np.zeros((360, J, 3))
-    positions[:, :, 1] = (rough * 0.01 * np.sin(2 * np.pi * 5.0 * t))[
-        :, None
-    ]  # continuous: a zero at 3 and 4 s
-    result = transition_jerk(positions, 180)
-    assert result == pytest.approx(3.0, rel=0.05)
+    far = np.where((t >= begin) & (t < end), 3.0, 1.0)
+    positions[:, :, 1] = (far * 0.01 * np.sin(2 * np.pi * 5.0 * t))[:, None]
+    return positions
+
+
+def test_transition_jerk_is_the_ratio_around_the_change():
+    positions = shaken(3.0, 4.0)
+    assert transition_jerk(positions, 180) == pytest.approx(3.0, rel=0.05)
+    assert transition_jerk(shaken(4.0, 4.4), 180) > 2.0  # a jump after the blend counts as part of the change
     with pytest.raises(ValueError, match="too few"):
         transition_jerk(positions[:200], 180)
-
-
-def test_a_jump_after_the_blend_counts_as_part_of_the_change():
-    t = np.arange(360) / 60.0
-    late = np.where((t >= 4.0) & (t < 4.4), 3.0, 1.0)
-    positions = np.zeros((360, J, 3))
-    positions[:, :, 1] = (late * 0.01 * np.sin(2 * np.pi * 5.0 * t))[:, None]
-    assert transition_jerk(positions, 180) > 2.0
 
 
 def test_diversity_is_the_norm_of_the_pose_difference():

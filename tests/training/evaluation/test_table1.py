@@ -12,7 +12,7 @@ pytest.importorskip("sklearn")
 
 from runtime.errors import FileError
 from training.evaluation import compared_models as table1
-from training.evaluation.compared_models import CAPTURE, ROWS, SHIPPED, TABLE1
+from training.evaluation.compared_models import CAPTURE, ROWS, SHIPPED, TABLE1, distances_table
 from training.evaluation.experiment import run
 
 CELLS = dict.fromkeys(table1.COLUMNS, 2.0)
@@ -61,9 +61,8 @@ def test_a_stopped_run_goes_on_and_rows_without_training_say_so(
     text = capsys.readouterr().out
     lines = {line.split(" | ")[0].strip("| "): line for line in text.splitlines() if line.startswith("| ")}
     ours = next(line for line in text.splitlines() if line.startswith("| ours | 3 |"))
-    assert (
-        "| 6.3 ± 2.1 |" in ours
-    )  # 4, 7 and 8, as the row without diffusion came between: seeds' mean and deviation
+    # 4, 7 and 8, as the row without diffusion came between: seeds' mean and deviation
+    assert "| 6.3 ± 2.1 |" in ours
     assert "| without diffusion | 1 |" in text
     for row in ROWS:
         if row.title not in ("ours", "without diffusion"):
@@ -86,3 +85,31 @@ def test_a_store_of_other_options_is_not_mixed_in(tmp_path: Path, measured: list
     store.write_text("[]", encoding="utf-8")
     with pytest.raises(FileError, match="of these options"):
         run(TABLE1, ["--clips", str(tmp_path), "--store", str(store)], "table1")
+
+
+RESULT = {
+    "fmd": {
+        "encoder": {"distance": 109.64, "ratio": 1.9, "takes": {"distance": 98.07, "ratio": 1.2}},
+        "kinematic": {"distance": 31.1, "ratio": 1.1, "takes": {"distance": 29.4, "ratio": 0.8}},
+    },
+    "recognition": {"score": {"angry": 1.0, "old": 0.5}},
+}
+
+
+def test_a_row_for_each_model_with_its_reference():
+    lines = distances_table({"ours (diffusion)": RESULT, "other (mixture)": RESULT}).splitlines()
+    assert len(lines) == 4
+    assert lines[2] == "| ours (diffusion) | 98.07 (1.2 x, 1.9 x) | 29.40 (0.8 x, 1.1 x) | 75 % |"
+    assert len({line.count("|") for line in lines}) == 1
+
+
+def test_seeds_of_a_model_share_a_row():
+    other = {
+        **RESULT,
+        "fmd": {n: {**f, "takes": {"distance": 100.07, "ratio": 1.4}} for n, f in RESULT["fmd"].items()},
+    }
+    lines = distances_table({"full (diffusion)": RESULT, "full seed1 (diffusion)": other}).splitlines()
+    assert len(lines) == 3
+    assert lines[2].startswith("| full (diffusion), 2 seeds | 99.07 ± 1.41 (1.3 x, 1.9 x) |")
+    alone = distances_table({"full seed1 (diffusion)": RESULT}).splitlines()
+    assert alone[2].startswith("| full seed1 (diffusion) | 98.07 (1.2 x, 1.9 x) |")

@@ -6,9 +6,13 @@ What is said of the twin's numbers holds where 8-bit products are exact; elsewhe
 import json
 import shutil
 import time
+from pathlib import Path
 
 import numpy as np
+import onnx
+import onnxruntime
 import pytest
+from onnx import TensorProto, helper, numpy_helper
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("onnxscript")
@@ -17,6 +21,7 @@ from runtime.errors import FileError, ModelError  # noqa: E402
 from runtime.motion.features import OUTPUT  # noqa: E402
 from runtime.motion.model import load_model  # noqa: E402
 from runtime.motion.model_files import exact_8_bit_products  # noqa: E402
+from training.export.graph import store_in_half  # noqa: E402
 from training.export.quantize import (  # noqa: E402
     KEPT,
     CalibrationFrames,
@@ -71,18 +76,11 @@ def test_a_style_for_each_character_is_as_if_each_were_alone(folder, frames):
     assert np.abs(together - alone).max() < 1e-4
     assert alpha.shape == (8, 8)
     assert np.abs(alone - model.step(frames.x[:8], frames.noise[:8], frames.styles[0])[0])[1:].max() > 1e-3
-
-
-def test_one_style_serves_all_characters(folder, frames):
-    model = load_model(folder)
     shared, _ = model.step(frames.x[:8], frames.noise[:8], frames.styles[3])
     listed, _ = model.step(frames.x[:8], frames.noise[:8], [frames.styles[3]] * 8)
     assert np.abs(shared - listed).max() < 1e-4
-
-
-def test_styles_must_be_as_many_as_characters(folder, frames):
     with pytest.raises(ModelError, match="3 styles for 4 characters"):
-        load_model(folder).step(frames.x[:4], frames.noise[:4], frames.styles[:3])
+        model.step(frames.x[:4], frames.noise[:4], frames.styles[:3])
 
 
 def test_the_unrolled_frame_is_the_plain_one(frames):
@@ -115,8 +113,6 @@ def test_the_8_bit_twin_is_near_and_says_how_near(quantised, frames):
 
 
 def test_what_is_sensitive_stays_in_full_precision(quantised):
-    import onnx
-
     model = onnx.load(quantised[0] / "step_int8.onnx")
     floats = {t.name for t in model.graph.initializer if t.data_type == onnx.TensorProto.FLOAT}
     eight = {t.name for t in model.graph.initializer if t.data_type == onnx.TensorProto.INT8}
@@ -128,18 +124,16 @@ def test_what_is_sensitive_stays_in_full_precision(quantised):
 
 
 @needs_exact_products
-@pytest.mark.parametrize(("limit", "kept"), [(1.0, []), (0.0, ["linear_0"])])
 def test_where_8_bits_cost_too_much_the_last_product_stays_in_full_precision(
-    folder, frames, tmp_path, monkeypatch, limit, kept
+    folder, frames, quantised, tmp_path, monkeypatch
 ):
-    import onnx
-
-    monkeypatch.setattr("training.export.quantize.LIMIT", limit)
-    copy = tmp_path / "model"
-    shutil.copytree(folder, copy)
-    assert quantize_model(copy, frames=frames)["kept"] == kept
-    floats = {t.name for t in onnx.load(copy / "step_int8.onnx").graph.initializer}
-    assert ("linear_0" in floats) == bool(kept)
+    monkeypatch.setattr("training.export.quantize.LIMIT", 0.0)
+    copy = shutil.copytree(folder, tmp_path / "model")
+    sections = quantised[1], quantize_model(copy, frames=frames)
+    for path, section, kept in zip((quantised[0], copy), sections, ([], ["linear_0"]), strict=True):
+        assert section["kept"] == kept
+        names = {t.name for t in onnx.load(path / "step_int8.onnx").graph.initializer}
+        assert ("linear_0" in names) == bool(kept)
 
 
 def test_the_metadata_say_what_auto_means(quantised, frames, tmp_path):
@@ -238,3 +232,43 @@ def test_products_added_in_16_bits_are_found_out(monkeypatch):
 
     assert answer(exact)
     assert not answer(saturated)
+
+
+# --- weights in half precision ---
+
+SIZE = 96
+
+
+def write_graph(path: Path, weights: np.ndarray) -> None:
+    x = helper.make_tensor_value_info("x", TensorProto.FLOAT, [None, SIZE])
+    y = helper.make_tensor_value_info("y", TensorProto.FLOAT, [None, SIZE])
+    bias = numpy_helper.from_array(np.ones(SIZE, np.float32), "bias")
+    nodes = [helper.make_node("MatMul", ["x", "w"], ["p"]), helper.make_node("Add", ["p", "bias"], ["y"])]
+    graph = helper.make_graph(nodes, "g", [x], [y], [numpy_helper.from_array(weights, "w"), bias])
+    onnx.save(helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9), str(path))
+
+
+def output_of(path: Path, x: np.ndarray) -> np.ndarray:
+    return onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"]).run(None, {"x": x})[0]
+
+
+def test_half_the_bytes_and_nearly_the_same_numbers(tmp_path: Path) -> None:
+    path = tmp_path / "g.onnx"
+    generator = np.random.default_rng(0)
+    write_graph(path, generator.normal(size=(SIZE, SIZE)).astype(np.float32))
+    x = generator.normal(size=(5, SIZE)).astype(np.float32)
+    before, size = output_of(path, x), path.stat().st_size
+    assert store_in_half(path) == 1  # the weights, not the bias
+    assert path.stat().st_size < 0.55 * size
+    error = np.linalg.norm(output_of(path, x) - before) / np.linalg.norm(before)
+    assert 0.0 < error < 1e-3
+
+
+def test_weights_beyond_the_range_of_half_precision_and_half_ones_stay(tmp_path: Path) -> None:
+    path = tmp_path / "g.onnx"
+    for most, stored in ((1e5, 0), (1.0, 1)):
+        write_graph(path, np.full((SIZE, SIZE), most, np.float32))
+        assert store_in_half(path) == stored
+        before = path.read_bytes()
+        assert store_in_half(path) == 0
+        assert path.read_bytes() == before

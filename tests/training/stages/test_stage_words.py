@@ -8,7 +8,7 @@ torch = pytest.importorskip("torch")
 from runtime.prompts.content import part_inputs  # noqa: E402
 from runtime.skeleton import PART_NAMES  # noqa: E402
 from training.augmentation.catalogue import catalogue, part_edits  # noqa: E402
-from training.augmentation.sentences import LongerSentence, longer_sentences  # noqa: E402
+from training.augmentation.sentences import LongerSentence, longer_sentences, other_sentences  # noqa: E402
 from training.networks.content import ContentEncoder  # noqa: E402
 from training.presets import preset  # noqa: E402
 from training.stages.words import codes_of, disturbed, learn_longer_sentences  # noqa: E402
@@ -56,11 +56,14 @@ def test_a_clause_that_adds_nothing_leaves_one_phrase_and_two_postures_leave_two
     assert not any("held still" in s.text and "swinging widely" in s.text for s in sentences)
 
 
-def test_longer_sentences_are_learnt_and_the_others_kept():
+def test_longer_sentences_are_learnt_and_the_others_kept(monkeypatch):
+    few, others = longer_sentences()[::8], other_sentences()[::8]
+    monkeypatch.setattr("training.stages.words.longer_sentences", lambda: few)
+    monkeypatch.setattr("training.stages.words.other_sentences", lambda: others)
     torch.manual_seed(0)
     config, encoder = preset("tiny"), BagOfWords()
     content = ContentEncoder(config)
-    known = [sorted({s.of[0] for s in longer_sentences() if s.part == part})[:20] for part in PART_NAMES]
+    known = [sorted({s.of[0] for s in few if s.part == part})[:20] for part in PART_NAMES]
     inputs = [
         part_inputs(encoder, [p] * len(s), s, True, True) for p, s in zip(PART_NAMES, known, strict=True)
     ]

@@ -1,4 +1,7 @@
-"""Presets and the ablations of other shapes take a step of each stage, are exported, and the runtime walks them."""
+"""The pipeline from clips to models that the runtime walks: the whole of it once, then presets and ablations.
+
+The tests have one run of all stages in common; each takes a step or two.
+"""
 
 from __future__ import annotations
 
@@ -23,17 +26,23 @@ from runtime.errors import FileError, ModelError, UsageError  # noqa: E402
 from runtime.motion.controller import Controller  # noqa: E402
 from runtime.motion.features import PAPER_OUTPUT_SIZE  # noqa: E402
 from runtime.motion.model import load_model  # noqa: E402
+from runtime.motion.model_files import exact_8_bit_products  # noqa: E402
+from runtime.pose import Pose  # noqa: E402
 from runtime.prompts.content import PromptEncoder  # noqa: E402
 from runtime.prompts.parts import PartDescriptions  # noqa: E402
-from runtime.skeleton import PART_NAMES  # noqa: E402
+from runtime.skeleton import PART_NAMES, SPORT_SKELETON  # noqa: E402
 from runtime.terrain.height_map import Terrain  # noqa: E402
 from tests.helpers.synthetic_clips import write_clip  # noqa: E402
 from tests.training.stages.test_stage_words import BagOfWords  # noqa: E402
 from training import ablations, pipeline  # noqa: E402
+from training.ablations import SHARED  # noqa: E402
 from training.augmentation.sentences import longer_sentences  # noqa: E402
 from training.export import model as export_module  # noqa: E402
+from training.export import quantize  # noqa: E402
 from training.networks.content import StatisticsReader  # noqa: E402
-from training.presets import PRESETS  # noqa: E402
+from training.networks.generator import Generator  # noqa: E402
+from training.networks.phase import PeriodicAutoencoder, two_hop_neighbours  # noqa: E402
+from training.presets import ABLATIONS, PRESETS, ablation, preset  # noqa: E402
 from training.stages import motion as stage_motion  # noqa: E402
 
 NARROW = {  # of the tiny preset; everything else stays as the preset has it
@@ -55,8 +64,8 @@ class Words(BagOfWords):
 def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A folder of clips, and what makes a step of everything short: few sentences, few windows, a quick exporter.
 
-    torch's exporter takes seconds for a graph and has tests of its own (`test_networks.py`, `test_training.py`); its
-    forerunner writes the same graphs at once.
+    torch's exporter takes seconds for a graph and has a test of its own (`test_networks.py`); its forerunner writes the
+    same graphs at once.
     """
     folder = tmp_path_factory.mktemp("clips")
     write_clip(folder / "a.npz", "neutral", 0.0)
@@ -90,8 +99,10 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.setattr("training.run.TextEncoder", Words)
         patch.setattr(StatisticsReader, "measure", lambda self, joints: measure(self, joints[:256]))
         patch.setattr("training.stages.words._error", lambda *_: 0.0)  # of thousands of sentences, four times
-        patch.setattr(pipeline, "quantize_model", lambda *_args, **_options: None)
-        patch.setattr(pipeline, "measure_traversals", lambda _folder: None)
+        record, courses = quantize.record_frames, (("a proud queen", "random", "jog", "flat"),)
+        patch.setattr(quantize, "record_frames", functools.partial(record, seconds=1.0))
+        patch.setattr(quantize, "COURSES", courses)
+        patch.setattr(pipeline, "measure_traversals", lambda folder: (folder / "traversed").touch())
         for name in ("estimate_variance", "measure_codes"):
             patch.setattr(stage_motion, name, functools.partial(getattr(stage_motion, name), batches=1))
         patch.setattr(stage_motion, "measure", functools.partial(stage_motion.measure, count=2000))
@@ -113,39 +124,58 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 def train(clips: Path, out: Path, preset: str, *more: str) -> None:
     """One step of each stage and an export."""
-    options = [
-        "--preset",
-        preset,
-        "--clips",
-        str(clips),
-        "--out",
-        str(out),
-        "--batch",
-        "16",
-        "--device",
-        "cpu",
-    ]
-    steps = [f"--{stage}-steps=1" for stage in STAGES]
-    pipeline.main(["all", *options, *steps, "--layers", "0", *more])
+    common = {"preset": preset, "clips": clips, "out": out, "batch": 16, "device": "cpu", "layers": 0}
+    options = [text for key, value in common.items() for text in (f"--{key}", str(value))]
+    pipeline.main(["all", *options, *(f"--{stage}-steps=1" for stage in STAGES), *more])
 
 
 @pytest.fixture(scope="module")
 def full(short: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The run of the full model, whose phases and content encoder ablations share."""
+    """The run of the model that is played, whose phases and content encoder ablations share."""
     out = tmp_path_factory.mktemp("full")
-    train(short, out, "compact", "--ablation", "full")
+
+    def cross(model: Path, folder: Path, *_: object) -> dict[str, int]:
+        """In place of walks over courses, which this network cannot do: a clip."""
+        assert load_model(model).name == "compact"
+        folder.mkdir(parents=True)
+        shutil.copy(short / "a.npz", folder)
+        return {"stairs kept": 1}
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("training.courses.make_all", cross)
+        train(short, out, "compact", "--ground-steps=1", "--course-minutes=1")
     return out
 
 
 def walks(folder: Path) -> None:
-    """The runtime loads a model, encodes a prompt and walks it."""
+    """The runtime loads a model, encodes a prompt and walks it, twice in the same way."""
     model = load_model(folder)
     z = PromptEncoder(Words(), model.prompt_path).encode(NEUTRAL)
-    controller = Controller(model, Terrain.flat(), seed=3)
-    controller.set_style(z, 0.1)
-    poses = [controller.step(Controls((0.0, 1.0))) for _ in range(6)]
+
+    def walk() -> list[Pose]:
+        controller = Controller(model, Terrain.flat(), seed=3)
+        controller.set_style(z, 0.1)
+        return [controller.step(Controls((0.0, 1.0))) for _ in range(6)]
+
+    poses = walk()
     assert all(np.isfinite(pose.positions).all() for pose in poses)
     assert not np.array_equal(poses[0].positions, poses[-1].positions)
+    for first, second in zip(poses, walk(), strict=True):
+        assert first.local_rotations.tobytes() == second.local_rotations.tobytes()
+
+
+def test_the_whole_pipeline_ends_in_a_model_that_is_walked(full: Path) -> None:
+    before, after = (
+        torch.load(full / f"{stage}_final.pt", weights_only=True)["module"] for stage in ("stage3", "ground")
+    )
+    changed = {name.split(".")[0] for name in before if not torch.equal(before[name], after[name])}
+    assert changed == {"encoder", "modulator", "mixture_decoder"}
+    walks(full / "model")
+    assert (full / "model" / "traversed").exists()
+    assert (full / "model" / "README.md").read_text().startswith("# Model")
+    if exact_8_bit_products():
+        small = load_model(full / "model", precision="int8")
+        assert small.metadata["quantised"]["relative_error"] > 0.0
 
 
 @pytest.mark.parametrize("name", ["pae", "4-experts", "no-content-encoder"])
@@ -157,28 +187,24 @@ def test_an_ablation_is_trained_exported_and_walked(
     walks(tmp_path / "run" / "model")
 
 
-def test_the_full_model_is_walked(full: Path) -> None:
-    walks(full / "model")
-
-
 def test_stage_2_alone_is_exported(short: Path, full: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its graph has a test of its own (`test_export_ablation.py`); this is the command of "w/o diffusion"."""
+    """Its graph has a test of its own (`test_networks.py`); this is the command of "w/o diffusion"."""
     exported = []
     monkeypatch.setattr(pipeline, "write_model", lambda trained, _run, to: exported.append((trained, to)))
     options = ["--preset", "compact", "--clips", str(short), "--out", str(full), "--device", "cpu"]
-    assert pipeline.main(["export", *options, "--decoder", "mixture"]) == 0
+    assert pipeline.main(["export", *options, "--ablation", "full", "--decoder", "mixture"]) == 0
     ((trained, to),) = exported
     assert (trained.decoder, to) == ("mixture", full / "model-mixture")
     saved = torch.load(full / "stage2_final.pt", map_location="cpu", weights_only=True)["module"]
-    assert all(
-        torch.equal(value, saved[name])
-        for name, value in trained.generator.state_dict().items()
-        if name in saved
-    )
+    weights = trained.generator.state_dict()
+    assert all(torch.equal(weights[name], saved[name]) for name in weights.keys() & saved.keys())
     assert not trained.sigma_bar_squared.any()
 
 
-def test_paper_rotations_is_trained_exported_and_walked(short: Path, tmp_path: Path) -> None:
+def test_paper_rotations_is_trained_exported_and_walked(
+    short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pipeline, "quantize_model", lambda *_args, **_options: None)
     train(short, tmp_path, "paper-rotations")
     walks(tmp_path / "model")
 
@@ -209,3 +235,57 @@ def test_the_open_model_refuses_clips_that_bind_it(tmp_path: Path) -> None:
         np.savez(clips / "b.npz", **{**clip, "source": "bandai_namco"})
     with pytest.raises(FileError, match=r"bandai_namco.*non-commercial"):
         pipeline.main(["phase", "--preset", "open", "--clips", str(clips), "--out", str(tmp_path / "out")])
+
+
+# --- ablations ---
+
+
+@pytest.mark.parametrize("name", ABLATIONS)
+def test_every_variant_makes_a_frame(name: str) -> None:
+    config = ablation(preset("tiny"), name)
+    generator = Generator(config).eval()
+    y, _, alpha = generator.decode_mixture(torch.randn(3, 472), torch.randn(3, config.style_size))
+    assert y.shape == (3, config.output_size)
+    assert alpha.shape == (3, config.experts)
+
+
+def test_the_variants_change_what_they_are_named_for() -> None:
+    full = preset("tiny")
+    count = {n: sum(p.numel() for p in Generator(ablation(full, n)).parameters()) for n in ABLATIONS}
+    assert count["4-experts"] < count["4-content-experts"] < count["full"] < count["no-content-encoder"]
+    assert ablation(full, "no-content-encoder").style_size == 6 * full.text_size
+    has_graph = [
+        any("graph" in n for n, _ in PeriodicAutoencoder(ablation(full, name)).named_parameters())
+        for name in ("full", "pae")
+    ]
+    assert has_graph == [True, False]
+    joined = two_hop_neighbours(True) - two_hop_neighbours()
+    hips = sorted(SPORT_SKELETON.index(f"{side}UpLeg") for side in ("Left", "Right"))
+    assert torch.nonzero(joined).tolist() == [hips, hips[::-1]]
+
+
+def test_shared_stages_are_copied_and_missed(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    run.mkdir()
+    for file in SHARED["full"]:
+        (run / file).write_bytes(b"x")
+    ablations.prepare(run, tmp_path / "out", "pae", tmp_path)
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["content_final.pt"]
+    (run / "phase.npy").unlink()
+    with pytest.raises(FileError, match=r"phase\.npy"):
+        ablations.prepare(run, tmp_path / "other", "full", tmp_path)
+
+
+def test_the_table_of_frames_is_shared_by_variants_of_the_same_clips_alone(tmp_path: Path) -> None:
+    run, clips = tmp_path / "run", tmp_path / "clips"
+    for folder in (run / "frames", clips):
+        folder.mkdir(parents=True)
+    (clips / "walk.npz").write_bytes(b"walk")
+    (run / "frames" / "table.json").write_text('{"files": [["walk.npz", 4]]}', encoding="utf-8")
+    for file in SHARED["full"]:
+        (run / file).write_bytes(b"x")
+    ablations.prepare(run, tmp_path / "same", "full", clips)
+    assert (tmp_path / "same" / "frames").resolve() == (run / "frames").resolve()
+    (clips / "jog.npz").write_bytes(b"jog")
+    ablations.prepare(run, tmp_path / "other", "full", clips)
+    assert not (tmp_path / "other" / "frames").exists()

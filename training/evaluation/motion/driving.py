@@ -24,9 +24,8 @@ from training.data.labels import STAND_SPEED
 from training.evaluation.metrics.motion import Motion
 from training.frames import PAD, extrapolate, repeat_ends, root_motion, smooth
 
-LEAD_IN_FRAMES = (
-    2 * FPS
-)  # simulated before the scored part, so that standing still and the start pose are over
+# simulated before the scored part, so that standing still and the start pose are over
+LEAD_IN_FRAMES = 2 * FPS
 STEADY_FRAMES = 3 * FPS  # on either side of a change of prompt
 REQUEST_SIGMA = 15.0  # frames; a thumb does not follow the sway of every step
 CORRECTION_PER_S = 1.0  # a player also steers back to where the clip went
@@ -83,7 +82,7 @@ class Requests:
     gait: NDArray[np.integer]  # (N,)
 
 
-def requests_of(clip: Motion, lead_in: int = LEAD_IN_FRAMES) -> Requests:
+def requests_of(clip: Motion, lead_in: int) -> Requests:
     """Smoothed root velocity, facing and gait of a clip; the lead-in goes on backwards at the first velocity."""
     xz, yaw = root_motion(clip.positions.astype(np.float64))
     velocity = smooth(np.gradient(xz, axis=0) * FPS, REQUEST_SIGMA)
@@ -106,7 +105,7 @@ def follow(
     The stick asks for the clip's velocity at the same time and steers back to its path; it cannot ask for more than the
     style's own walking or jogging speed. Facing and gait are the clip's.
     """
-    requests = requests_of(clip)
+    requests = requests_of(clip, LEAD_IN_FRAMES)
     # a captured velocity has a body's momentum already
     controller = Controller(model, clip.terrain, seed, temperature, response=MAX_RESPONSE)
     controller.set_style(z, 0.0)

@@ -26,9 +26,8 @@ from training.markdown import table
 PROMPTS = Path(__file__).parent / "data" / "animator_prompts.txt"
 LEAD, SECONDS = 2.0, 7.0  # walked before measuring, and in all
 _EXPECTATION = re.compile(r"(\w+)\.(\w+) ([<>]) (n\*|n\+|n(?=-))?(-?[\d.]+)")
-Outcome = dict[
-    str, Any
-]  # a prompt, how many expectations it has, and those that do not hold with what was measured
+# a prompt, how many expectations it has, and those that do not hold with what was measured
+Outcome = dict[str, Any]
 
 
 def measured(path: Path) -> dict[str, float]:

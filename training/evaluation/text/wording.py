@@ -123,17 +123,15 @@ def _better_of(
         return {}
     vectors = dict(zip(bodies, likeness(list(bodies)), strict=True))
 
-    def worth(words: str, other: str) -> float:
-        value = _worth(part, words, weak[words] + GAIN, neutral, bodies[other])
-        return value + ALIKE * float(vectors[words] @ vectors[other])
+    def best(words: str) -> tuple[float, str]:
+        """The first of the sentences of most worth, and this; minus infinity where none shows more."""
+        others = (w for w in bodies if w not in weak and _stands_for(group, part, w, words))
+        worths = {w: _worth(part, words, weak[words] + GAIN, neutral, bodies[w]) for w in others}
+        worths = {w: value + ALIKE * float(vectors[words] @ vectors[w]) for w, value in worths.items()}
+        return max(((value, w) for w, value in worths.items()), key=itemgetter(0), default=(-inf, ""))
 
-    found = {}
-    for words in weak:
-        others = [w for w in bodies if w not in weak and _stands_for(group, part, w, words)]
-        best, value = max(((w, worth(words, w)) for w in others), key=itemgetter(1), default=("", -inf))
-        if value > -inf:
-            found[words] = best
-    return found
+    found = {words: best(words) for words in weak}
+    return {words: other for words, (value, other) in found.items() if value > -inf}
 
 
 def _worth(part: str, words: str, least: float, neutral: BodyMeasures, body: BodyMeasures) -> float:

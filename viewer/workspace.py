@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from runtime.atomic import sweep
+from runtime.character.read import SUFFIXES
 from runtime.motion.controller import Controller
 from runtime.pose import Pose
 from runtime.session.sqlite_file import SUFFIX
@@ -237,7 +238,22 @@ class Workspace:
     @property
     def _files(self) -> dict[str, Callable[[Path], None]]:
         films = dict.fromkeys(VIDEOS, self.references.open_video)
-        return {**self.scene.files, ".bvh": self.takes.open, **films, SUFFIX: self.sessions.open}
+        models = dict.fromkeys(SUFFIXES, self._open_gltf)
+        return {**self.scene.files, **models, ".bvh": self.takes.open, **films, SUFFIX: self.sessions.open}
+
+    def _open_gltf(self, path: Path) -> None:
+        """A skin is a character, an animation a take; a file that has neither is a ground."""
+
+        from runtime.formats.gltf_motion import contents
+
+        def opened(found: tuple[bool, bool]) -> None:
+            skinned, animated = found
+            if skinned or not animated:
+                (self.scene.open_character if skinned else self.scene.load_terrain)(path)
+            if animated:
+                self.takes.open(path)
+
+        self.jobs.submit(Slot("open", path), lambda: contents(path), opened, reading=path.name)
 
     def open_files(self, paths: list[Path]) -> None:
         """Open dropped files by what their names say they are."""
@@ -249,7 +265,7 @@ class Workspace:
             else:
                 self.messages.error(
                     f"{path.name}: nothing here opens {suffix or 'a file without an ending'}."
-                    " Drop a session, a BVH clip, a GLB or VRM character, or a PNG, NPY or mesh ground."
+                    " Drop a session, a BVH clip, a GLB, FBX or VRM character or animation, or a PNG, NPY or mesh ground."
                 )
 
     def overlays(self, live: Controller | None, others: list[Pose]) -> Overlays:

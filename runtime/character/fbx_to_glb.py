@@ -1,6 +1,6 @@
 """An FBX character becomes a GLB, by the library ufbx in a process of its own (`native_worker`).
 
-Meshes, skins, nodes, base colours and textures are kept; animations are not.
+Meshes, skins, nodes, base colours and textures are kept; of animations the first one, where motion is wanted.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import pygltflib as g
 
 MAX_NODES, MAX_VERTICES = 20_000, 6_000_000  # of a file; the latter are corners of faces
+MAX_SAMPLES = 3_000_000  # of the nodes of an animation
 INFLUENCES = 8  # joints of a vertex, the strongest
 _KEPT: list[Any] = []
 
@@ -55,8 +56,8 @@ def _kept(value: Any) -> Any:
     return value if value is None or isinstance(value, bool | int | float | str | bytes) else Kept(value)
 
 
-def convert(source: Path) -> bytes:
-    """What an FBX shows at rest as GLB, in metres, Y up."""
+def convert(source: Path, motion: bool) -> bytes:
+    """What an FBX shows at rest as GLB, in metres, Y up; with `motion` its first animation too."""
     import pygltflib as g
     import ufbx
 
@@ -80,6 +81,8 @@ def convert(source: Path) -> bytes:
     materials = {m.typed_id: _material(document, m, source) for m in scene.materials}
     for node in scene.nodes:
         document.append("nodes", _node(document, node, nodes, materials))
+    if motion:
+        _animate(document, ufbx.evaluate_transform, scene, nodes)
     document.append("scenes", g.Scene(nodes=[nodes[scene.root_node.typed_id]]))
     return document.to_bytes()
 
@@ -99,6 +102,31 @@ def _node(document: GlbBuffer, node: Any, nodes: dict[int, int], materials: dict
         made.mesh = _mesh(document, node, materials)
         made.skin = _skin(document, node.mesh, nodes)
     return made
+
+
+def _animate(document: GlbBuffer, evaluate: Any, scene: Any, nodes: dict[int, int]) -> None:
+    """The first animation, sampled at the rate of the file; the others by their names alone."""
+    import pygltflib as g
+
+    for number, stack in enumerate(scene.anim_stacks):
+        made = g.Animation(name=stack.name)
+        document.append("animations", made)
+        if number:
+            continue
+        fps = min(max(float(scene.settings.frames_per_second), 1.0), 240.0)
+        count = int(max(stack.time_end - stack.time_begin, 0.0) * fps + 1e-3) + 1
+        if count * len(nodes) > MAX_SAMPLES:
+            raise ValueError(f"an animation of {count} frames and {len(nodes)} nodes")
+        times = np.arange(count) / fps
+        keys = document.add(times[:, None])
+        for node in scene.nodes:
+            moved = [evaluate(stack.anim.value, node.value, stack.time_begin + t) for t in times.tolist()]
+            for path, axes in (("translation", "xyz"), ("rotation", "xyzw"), ("scale", "xyz")):
+                values = np.array([[getattr(getattr(m, path), axis) for axis in axes] for m in moved])
+                output = document.add(values)
+                made.samplers.append(g.AnimationSampler(input=keys, output=output))
+                target = g.AnimationChannelTarget(node=nodes[node.typed_id], path=path)
+                made.channels.append(g.AnimationChannel(sampler=len(made.samplers) - 1, target=target))
 
 
 def _unit(q: list[float]) -> list[float]:

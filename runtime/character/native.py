@@ -45,10 +45,15 @@ def decode(kind: str, path: Path, facts: Any, data: bytes, remedy: str) -> bytes
         raise FileError(f"{path}: damaged ({what}: {error}).", remedy) from error
 
 
-def fbx_as_glb(path: Path) -> bytes:
-    """The GLB of an FBX; FileError says how to get the library, or what is wrong with the file."""
+def fbx_as_glb(path: Path, motion: bool = False) -> bytes:
+    """The GLB of an FBX, with its `motion` where that is wanted; FileError says how to get the library, or what is wrong with the file."""
     known = path.stat()
-    facts = {"path": str(path.resolve()), "modified": known.st_mtime_ns, "size": known.st_size}
+    facts = {
+        "path": str(path.resolve()),
+        "modified": known.st_mtime_ns,
+        "size": known.st_size,
+        "motion": motion,
+    }
     return decode("fbx", path, facts, b"", "Export it again as binary FBX, or as .glb.")
 
 

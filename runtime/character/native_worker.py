@@ -108,12 +108,12 @@ def _ktx2() -> Decoder:
 
 
 def _fbx() -> Decoder:
-    """Facts: the `path` of an FBX. It as GLB."""
+    """Facts: the `path` of an FBX, and whether its `motion` is wanted. It as GLB."""
     import ufbx  # noqa: F401 (before memory is bounded)
 
     from runtime.character.fbx_to_glb import convert
 
-    return lambda facts, source: convert(Path(facts["path"]))
+    return lambda facts, source: convert(Path(facts["path"]), facts["motion"])
 
 
 DECODERS = {"meshopt": _meshopt, "draco": _draco, "ktx2": _ktx2, "fbx": _fbx}

@@ -80,11 +80,11 @@ class GltfFile:
         return FileError(f"{self.name}: {problem}", remedy)
 
 
-def open_gltf(path: Path) -> GltfFile:
-    """Read a .glb, .gltf or .fbx with its buffers, unpacked; FileError when it is missing, too large or damaged."""
+def open_gltf(path: Path, motion: bool = False) -> GltfFile:
+    """Read a .glb, .gltf or .fbx with its buffers, unpacked; `motion`: with the animation of an FBX. FileError when it is missing, too large or damaged."""
     data = _read(path)
     if data.startswith(HEADS):
-        data = fbx_as_glb(path)
+        data = fbx_as_glb(path, motion)
     if data[:4] == b"glTF":
         text, blob = _chunks(data, path)
     elif data.lstrip()[:1] == b"{" or data[:3] == b"\xef\xbb\xbf":

@@ -12,10 +12,12 @@ from runtime.arrays import Array
 from runtime.character.guess import JointGuess, NotUpright, guess_skeleton
 from runtime.character.joint_map import joint_map_path, saved_joint_map
 from runtime.character.joints import align, canonical_axes
+from runtime.character.read import SUFFIXES
 from runtime.character.tree import JointTree
 from runtime.errors import FileError
 from runtime.formats.bvh import BvhMotion, read_bvh
 from runtime.formats.bvh_clip import OtherSkeleton, clip_of_motion, nearest_unit
+from runtime.formats.gltf_motion import read_gltf_motion
 from runtime.pose import MAX_FPS, video_rate
 from runtime.safe_read import printable
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON, J
@@ -61,13 +63,24 @@ class OpenedTake:
 
 
 def open_take(path: Path) -> OpenedTake:
-    """A BVH of our skeleton, or of any two-legged one whose joints can be found, as a clip of ours. FileError."""
-    motion = read_bvh(path)
+    """A motion of our skeleton, or of any two-legged one whose joints can be found, as a clip of ours: BVH, glTF or FBX. FileError."""
+    motion = read_motion(path)
     try:
         return OpenedTake(*clip_of_motion(motion, path), note=motion.note)
     except OtherSkeleton:
         reference = _reference(motion, path)
-        return OpenedTake(reference.clip, nearest_unit(reference.scale), reference, motion.note)
+        unit = nearest_unit(reference.scale) if is_bvh(path) else "cm"
+        return OpenedTake(reference.clip, unit, reference, motion.note)
+
+
+def is_bvh(path: Path) -> bool:
+    """Whether a motion is read as BVH: all that is no other format of motion."""
+    return path.suffix.lower() not in SUFFIXES
+
+
+def read_motion(path: Path) -> BvhMotion:
+    """The motion in a file, by its ending. FileError."""
+    return read_bvh(path) if is_bvh(path) else read_gltf_motion(path)
 
 
 def _reference(motion: BvhMotion, path: Path) -> ReferenceMotion:

@@ -18,7 +18,7 @@ def add(commands: Subparsers) -> None:
         description="The ground is the one that the JSON next to the take names; rate and unit stay as in the take.",
     )
     convert.set_defaults(command=run)
-    convert.add_argument("take", type=Path, metavar="BVH")
+    convert.add_argument("take", type=Path, metavar="TAKE", help="BVH, GLB, VRM or FBX")
     convert.add_argument("out", type=Path, nargs="+", metavar="FILE", help=OUT_HELP)
     convert.add_argument("--terrain", metavar="NAME|FILE", help="another ground than the take's own")
     add_export_arguments(convert)

@@ -24,7 +24,7 @@ def add(commands: Subparsers) -> None:
     view.add_argument(
         "--fit-to-motion", action="store_true", help="the character gets the size of the motion, not its own"
     )
-    view.add_argument("--clip", type=Path, metavar="BVH", help="clip to open")
+    view.add_argument("--clip", type=Path, metavar="FILE", help="motion to open: BVH, GLB, VRM, FBX")
     view.add_argument("--session", metavar="FILE", help='session to open, or "last"')
     view.add_argument("--size", metavar="WxH", help="window in pixels, e.g. 1280x720")
     view.add_argument("--ui-scale", type=float, metavar="S", help="size of the interface, 1 is 96 dpi")

@@ -62,14 +62,14 @@ class ReferenceCard:
                 reference.show(take.number)
         if others:
             imgui.separator()
-        hint = "BVH of any two-legged skeleton, MP4, WebM, GIF, WebP"
+        hint = "BVH, GLB or FBX of any two-legged skeleton, MP4, WebM, GIF, WebP"
         if widgets.item("A take or film from a file…", hint):
-            self.browse("Compare the take with", (".bvh", *VIDEOS), self.open)
+            self.browse("Compare the take with", (".bvh", *CHARACTERS, *VIDEOS), self.open)
         if reference.shown and widgets.item("Nothing"):
             reference.close()
 
     def open(self, path: Path) -> None:
-        if path.suffix.lower() == ".bvh":
+        if path.suffix.lower() in (".bvh", *CHARACTERS):
             self.reference.takes.open_reference(path)
         else:
             self.reference.open_video(path)

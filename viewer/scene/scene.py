@@ -11,7 +11,6 @@ from typing import Any
 from runtime.assets import model_name
 from runtime.character.guess import JointsUnknown
 from runtime.character.joint_map import joint_map_path
-from runtime.character.read import SUFFIXES as GLTF_SUFFIXES
 from runtime.character.shape import BodyShape, shaped_file
 from runtime.controls import Controls
 from runtime.motion.controller import Controller
@@ -138,7 +137,7 @@ class Scene:
 
     @property
     def files(self) -> dict[str, Callable[[Path], None]]:
-        return {**dict.fromkeys(GROUNDS, self.load_terrain), **dict.fromkeys(GLTF_SUFFIXES, self._open_gltf)}
+        return dict.fromkeys(GROUNDS, self.load_terrain)
 
     def _toggle(self, name: str) -> None:
         setattr(self.settings, name, not getattr(self.settings, name))
@@ -277,14 +276,6 @@ class Scene:
         snapshot.restore(self.controller)
         self.simulation.go_on_from(pose)
         self.inputs.forget()
-
-    def _open_gltf(self, path: Path) -> None:
-        """A mesh with a skin is a character, one without is a ground."""
-
-        def load(skinned: bool) -> None:
-            (self.open_character if skinned else self.load_terrain)(path)
-
-        self.jobs.submit(Slot("open", path), lambda: has_skin(path), load, reading=path.name)
 
     # --- characters
 
@@ -440,10 +431,3 @@ class Scene:
         self.renderer.release()
         self.renderer = renderer
         self.quality = renderer.quality.name
-
-
-def has_skin(path: Path) -> bool:
-    """Whether a glTF file holds a skin; FileError when it cannot be read."""
-    from runtime.character.read import open_gltf
-
-    return bool(open_gltf(path).gltf.skins)

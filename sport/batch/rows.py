@@ -115,9 +115,10 @@ def plan(
 ) -> tuple[list[Task], list[BatchRow]]:
     """Tasks of the rows that can be made, and the others with their errors; UsageError for a column that is no argument.
 
-    `parser` knows the arguments of `sport generate`, `base` has those that stand for every row.
+    `parser` knows the arguments of `sport generate`, `base` has those of the command, which stand for every row.
     """
     known = {a.dest: a for a in parser._actions if a.option_strings and a.dest not in NOT_COLUMNS}
+    kept = {name: value for name, value in vars(base).items() if name not in (*NOT_COLUMNS, "command")}
     unknown = sorted({name for row in rows for name in row.values} - set(known))
     if unknown:
         names = ", ".join(sorted(known))
@@ -128,7 +129,7 @@ def plan(
     _fingerprint.cache_clear()
     for row in rows:
         try:
-            options = _options(row, parser, known, base)
+            options = _options(row, parser, known, argparse.Namespace(**kept))
             _check_targets(options, row.number, writers)
             tasks.append(Task(row.number, row.values, options, _key(options)))
         except UsageError as error:

@@ -118,7 +118,6 @@ def plan(
     `parser` knows the arguments of `sport generate`, `base` has those of the command, which stand for every row.
     """
     known = {a.dest: a for a in parser._actions if a.option_strings and a.dest not in NOT_COLUMNS}
-    kept = {name: value for name, value in vars(base).items() if name not in (*NOT_COLUMNS, "command")}
     unknown = sorted({name for row in rows for name in row.values} - set(known))
     if unknown:
         names = ", ".join(sorted(known))
@@ -129,7 +128,7 @@ def plan(
     _fingerprint.cache_clear()
     for row in rows:
         try:
-            options = _options(row, parser, known, argparse.Namespace(**kept))
+            options = _options(row, parser, known, base)
             _check_targets(options, row.number, writers)
             tasks.append(Task(row.number, row.values, options, _key(options)))
         except UsageError as error:
@@ -143,7 +142,8 @@ def _options(
     """The arguments of a row over those of the command."""
     if row.error:
         raise UsageError(row.error)
-    options = argparse.Namespace(**vars(base) | {"out": None})
+    kept = {name: value for name, value in vars(base).items() if name not in (*NOT_COLUMNS, "command")}
+    options = argparse.Namespace(**kept | {"out": None})
     if any(name in row.values for name in STYLES):
         vars(options).update(dict.fromkeys(STYLES))
     words = []

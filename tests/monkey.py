@@ -17,6 +17,7 @@ from pathlib import Path
 
 from runtime.takes.pins import Pinned
 from runtime.terrain.files import write_height_png
+from tests.helpers import hand
 from tests.helpers.app_driver import run as show
 from tests.helpers.viewer_fakes import fake_services
 from viewer.app import App
@@ -60,7 +61,7 @@ class Monkey:
             "key": lambda: self.key(choice(sorted(set(KEY_CODES) - {"f11"})), 1),
             "walk": lambda: self.key("w", 10),
             "click": self.click,
-            "type": lambda: app.window.inject_text(choice(WORDS)),
+            "type": lambda: hand.text(app.window, choice(WORDS)),
             "prompt": lambda: app.prompting.submit_prompt(choice(WORDS)),
             "record": takes.toggle_recording,
             "last seconds": takes.save_last,
@@ -108,7 +109,7 @@ class Monkey:
         x, y = self.rng.uniform(0, width), self.rng.uniform(0, height)
         self.done[-1] = f"click {x:.0f} {y:.0f}"
         for down in (False, True, False):
-            self.app.window.inject_mouse(x, y, 0 if down else None, down)
+            hand.mouse(self.app.window, x, y, 0 if down else None, down)
             show(self.app)
 
     def trim(self) -> None:

@@ -80,11 +80,6 @@ def give_back_large_blocks() -> None:
     _call_glibc("mallopt", _MMAP_THRESHOLD, MAPPED_BYTES)
 
 
-def give_back_freed() -> None:
-    """Hand what was freed in between back to the system: some milliseconds, and with glibc only."""
-    _call_glibc("malloc_trim", 0)
-
-
 def _call_glibc(name: str, *values: int) -> None:
     if sys.platform.startswith("linux"):
         function = getattr(ctypes.CDLL(None), name, None)
@@ -111,6 +106,6 @@ class MemoryWatch:
         """Measure, and give back what was freed if that is much; call about once a second."""
         self.mb = resident_mb()
         if self.mb > self._trimmed_mb + GROWN_MB:
-            give_back_freed()
+            _call_glibc("malloc_trim", 0)  # some milliseconds, and with glibc only
             self.mb = self._trimmed_mb = resident_mb()
         self._trimmed_mb = min(self._trimmed_mb, self.mb)  # what shrinks by itself may not grow back unseen

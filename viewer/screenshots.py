@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
-from viewer.render.offscreen import save_png, screenshot_path
+from viewer.render.offscreen import save_png
 from viewer.settings import Settings
 from viewer.window import Window
 
@@ -21,7 +22,8 @@ class Screenshots:
     _next: Path | None = None  # where the next frame is written
 
     def ask(self) -> None:
-        self._next = screenshot_path(self.settings.export_folder)
+        name = time.strftime("sport-%Y%m%d-%H%M%S.png")  # another of the same second may have it
+        self._next = Path(self.settings.export_folder).expanduser() / name
 
     def capture(self, window: Window, number: int) -> None:
         if self.folder is not None:

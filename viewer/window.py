@@ -222,9 +222,6 @@ class Window:
 
     # --- requests
 
-    def resize(self, width: int, height: int) -> None:
-        glfw.set_window_size(self.handle, width, height)
-
     def hide(self) -> None:
         """Take the window off the screen while the program finishes its work."""
         if self.handle is not None:
@@ -258,37 +255,13 @@ class Window:
             self._on_key(None, code, 0, action, 0)
             imgui.get_io().add_key_event(getattr(imgui.Key, name), down)
             return
-        imgui.backends.glfw_key_callback(self._address, code, 0, action, 0)
-        self._hold_modifiers()
+        imgui.backends.glfw_key_callback(self.address, code, 0, action, 0)
+        self.hold_modifiers()
 
-    def _hold_modifiers(self) -> None:
+    def hold_modifiers(self) -> None:
         """The backend looks for modifiers at the real keyboard, at each key and button."""
         for modifier in self._injected:
             imgui.get_io().add_key_event(_MODIFIERS[modifier], True)
-
-    def inject_repeat(self, name: str) -> None:
-        """Behave as if a key that is down repeated itself."""
-        imgui.backends.glfw_key_callback(self._address, KEY_CODES[name], 0, glfw.REPEAT, 0)
-
-    def inject_text(self, text: str) -> None:
-        for character in text:
-            imgui.backends.glfw_char_callback(self._address, ord(character))
-
-    def inject_mouse(self, x: float, y: float, button: int | None = None, down: bool = False) -> None:
-        """Behave as if the mouse moved to x, y (screen units) and a button changed."""
-        imgui.backends.glfw_cursor_enter_callback(self._address, 1)
-        imgui.backends.glfw_cursor_pos_callback(self._address, x, y)
-        if button is not None:
-            imgui.backends.glfw_mouse_button_callback(self._address, button, int(down), 0)
-            self._hold_modifiers()
-
-    def inject_wheel(self, steps: float) -> None:
-        """Behave as if the wheel turned; positive is away from the user."""
-        imgui.backends.glfw_scroll_callback(self._address, 0.0, steps)
-
-    def inject_focus(self, focused: bool) -> None:
-        """Behave as if the window gained or lost the focus."""
-        imgui.backends.glfw_window_focus_callback(self._address, int(focused))
 
     def destroy(self) -> None:
         """Close everything; the object is of no use afterwards, a second call does nothing."""
@@ -345,8 +318,8 @@ class Window:
         io.config_error_recovery_enable_assert = False
         io.config_flags |= imgui.ConfigFlags_.nav_enable_keyboard
         io.config_error_recovery_enable_tooltip = False  # it is logged; the user cannot repair it
-        self._address = ctypes.cast(self.handle, ctypes.c_void_p).value or 0  # as ImGui's backend wants it
-        imgui.backends.glfw_init_for_opengl(self._address, True)
+        self.address = ctypes.cast(self.handle, ctypes.c_void_p).value or 0  # as ImGui's backend wants it
+        imgui.backends.glfw_init_for_opengl(self.address, True)
         imgui.backends.opengl3_init("#version 330")
 
     def _match_framebuffer(self) -> None:

@@ -170,19 +170,27 @@ def align(found: Mapping[str, int], parents: Sequence[int], rest_world: Array, v
     )
 
 
+# the joint that a limb's bone points to
+_AIM = {
+    "Arm": "ForeArm",
+    "ForeArm": "Hand",
+    "Hand": "HandIndex1",
+    "UpLeg": "Leg",
+    "Leg": "Foot",
+    "Foot": "ToeBase",
+}
+
+
 def _attach_to_limbs(found: Mapping[str, int], anchor: NDArray[np.int64], parents: Sequence[int]) -> None:
     """Carry feet and hands that hang on the root, as targets of a rig do, by their limbs."""
     for side in _SIDED:
-        for bone, above in _LIMBS:
+        for above, bone in _AIM.items():
             k, carrier = found.get(side + bone, -1), found.get(side + above, -1)
             node = k
             while node >= 0 and node != carrier:
                 node = parents[node]
-            if k >= 0 and carrier >= 0 and node < 0:
+            if k >= 0 and carrier >= 0 and node < 0 and bone != "HandIndex1":
                 anchor[k] = carrier
-
-
-_LIMBS = (("Leg", "UpLeg"), ("Foot", "Leg"), ("ToeBase", "Foot"), ("ForeArm", "Arm"), ("Hand", "ForeArm"))
 
 
 def canonical_axes(found: Mapping[str, int], position: Array) -> Array:
@@ -232,16 +240,6 @@ def _carriers_first(joints: list[int], anchor: NDArray[np.int64], hips: int) -> 
         if depths[k] > len(joints):
             anchor[k], depths[k] = hips, 1
     return (hips, *sorted((k for k in joints if k != hips), key=lambda k: depths[k]))
-
-
-_AIM = {
-    "Arm": "ForeArm",
-    "ForeArm": "Hand",
-    "Hand": "HandIndex1",
-    "UpLeg": "Leg",
-    "Leg": "Foot",
-    "Foot": "ToeBase",
-}
 
 
 def _turns(

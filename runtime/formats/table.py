@@ -29,8 +29,7 @@ class Format:
     """A format of a take: its ending, its name in the window, and what the file is.
 
     `write` names a function of `runtime.formats` that writes a take, with the ending at its end; "" for a film. `check`
-    names one that says before the work what is missing. `keeps_motion`: the take can be read or played from the file, so
-    that it counts as saved.
+    names one that says before the work what is missing.
     """
 
     suffix: str
@@ -38,7 +37,6 @@ class Format:
     text: str
     write: str = ""
     check: str = ""
-    keeps_motion: bool = False
 
     @property
     def options(self) -> frozenset[str]:
@@ -58,9 +56,9 @@ class Format:
 
 
 _TABLE = (
-    Format(".bvh", "BVH: motion", "motion of the 31-joint skeleton", "bvh_clip.save_take_bvh", keeps_motion=True),
-    Format(".glb", "GLB: character with motion", "character with motion (glTF binary)", "glb.save_glb", keeps_motion=True),
-    Format(".fbx", "FBX: through Blender", "character with motion, through Blender", "fbx.save_fbx", "fbx.check_fbx", True),
+    Format(".bvh", "BVH: motion", "motion of the 31-joint skeleton", "bvh_clip.save_take_bvh"),
+    Format(".glb", "GLB: character with motion", "character with motion (glTF binary)", "glb.save_glb"),
+    Format(".fbx", "FBX: through Blender", "character with motion, through Blender", "fbx.save_fbx", "fbx.check_fbx"),
     Format(".usdz", "USDZ: character with motion", "character with motion and textures (UsdSkel, packed)", "usd.save_usd", "usd.check_usd"),
     Format(".usd", "USD: character with motion", "the same without textures, one binary layer", "usd.save_usd", "usd.check_usd"),
     Format(".html", "HTML: page to look at", "page with character and ground, plays in any browser", "page.save_page"),

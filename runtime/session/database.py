@@ -316,12 +316,6 @@ class Database:
         try:
             if self._writer is not None:
                 with contextlib.suppress(sqlite3.Error):  # what is committed is on disk, if in two files
-                    free, pages = (
-                        self._writer.execute(f"PRAGMA {n}").fetchone()[0]
-                        for n in ("freelist_count", "page_count")
-                    )
-                    if 4 * free > pages:
-                        self._writer.execute("VACUUM")
                     self._writer.execute("PRAGMA wal_checkpoint(TRUNCATE)")
             self._disconnect()
             if self._handle >= 0:

@@ -31,27 +31,23 @@ class ClipRecorder:
         self._keep = max(1, round(max_seconds * fps))
         self._limit = max(self._keep, round(self.MAX_TAKE_SECONDS * fps))
         self._frames: deque[Array] = deque()
-        self._first = 0  # number of the oldest frame kept; frames count from 0 since the program's start
-        self._begin: int | None = None  # number of the take's first frame
+        self.first_frame = 0  # number of the oldest frame kept; frames count from 0 since the program's start
+        self.take_first: int | None = None  # number of the take's first frame
         self._prompts: deque[tuple[int, PromptEvent]] = deque()
 
     @property
     def recording(self) -> bool:
-        return self._begin is not None
+        return self.take_first is not None
 
     @property
     def next_frame(self) -> int:
         """Number of the frame that comes next, counted since the program's start."""
-        return self._first + len(self._frames)
-
-    @property
-    def first_frame(self) -> int:
-        return self._first
+        return self.first_frame + len(self._frames)
 
     @property
     def take_seconds(self) -> float:
         """Length of the running take, 0 without one."""
-        return 0.0 if self._begin is None else (self._first + len(self._frames) - self._begin) / self.fps
+        return 0.0 if self.take_first is None else (self.next_frame - self.take_first) / self.fps
 
     @property
     def seconds(self) -> float:
@@ -67,12 +63,12 @@ class ClipRecorder:
         """Remember one frame as `(132,)` float32: hips, local rotations, contacts, gait. It must not be changed later."""
         self._frames.append(row)
         keep = self._keep
-        if self._begin is not None:
-            keep = min(max(keep, self._first + len(self._frames) - self._begin), self._limit)
+        if self.take_first is not None:
+            keep = min(max(keep, self.next_frame - self.take_first), self._limit)
         while len(self._frames) > keep:
             self._frames.popleft()
-            self._first += 1
-        while len(self._prompts) > 1 and self._prompts[1][0] <= self._first:
+            self.first_frame += 1
+        while len(self._prompts) > 1 and self._prompts[1][0] <= self.first_frame:
             self._prompts.popleft()  # no frame that is kept was made by it
 
     def mark_prompt(
@@ -83,7 +79,7 @@ class ClipRecorder:
         Of live changes within `LIVE_SECONDS` only the last is kept, at the time of the first.
         """
         event = PromptEvent(0.0, prompt, transition_seconds, words, typed)
-        frame = self._first + len(self._frames)
+        frame = self.next_frame
         if self._prompts and _is_live(event):
             before, last = self._prompts[-1]
             if _is_live(last) and frame - before < round(LIVE_SECONDS * self.fps):
@@ -91,14 +87,9 @@ class ClipRecorder:
                 return
         self._prompts.append((frame, event))
 
-    @property
-    def take_first(self) -> int | None:
-        """Number of the first frame of the running take; None without one."""
-        return self._begin
-
     def rows(self, first: int) -> Array:
         """Frames `(T, 132)` from the number `first` to the newest."""
-        rows = list(islice(self._frames, first - self._first, None))
+        rows = list(islice(self._frames, first - self.first_frame, None))
         return np.stack(rows) if rows else np.zeros((0, 132), np.float32)
 
     def events(self, first: int) -> tuple[PromptEvent, ...]:
@@ -108,14 +99,14 @@ class ClipRecorder:
 
     def start(self) -> None:
         """Begin a take with the next frame; a running take goes on."""
-        if self._begin is None:
-            self._begin = self._first + len(self._frames)
+        if self.take_first is None:
+            self.take_first = self.next_frame
 
     def stop(self, name: str = "take", terrain: str = "flat", origin: Origin | None = None) -> Clip:
         """End the take; UsageError when none is running or it has no frame yet."""
-        if self._begin is None:
+        if self.take_first is None:
             raise UsageError("no take is running.", "Start recording first.")
-        begin, self._begin = self._begin, None
+        begin, self.take_first = self.take_first, None
         return self._clip(begin, name, terrain, origin)
 
     def last(
@@ -123,10 +114,10 @@ class ClipRecorder:
     ) -> Clip:
         """The last `seconds` (at most what is remembered) as a clip; a running take goes on."""
         count = max(1, round(seconds * self.fps))
-        return self._clip(self._first + len(self._frames) - count, name, terrain, origin)
+        return self._clip(self.next_frame - count, name, terrain, origin)
 
     def _clip(self, begin: int, name: str, terrain: str, origin: Origin | None) -> Clip:
-        begin = max(begin, self._first)
+        begin = max(begin, self.first_frame)
         table = self.rows(begin)
         if not len(table):
             raise UsageError("nothing is recorded yet.", "Let the character move first.")

@@ -9,21 +9,18 @@ Each batch is a process of its own, so that one that crashes or is killed for me
 from __future__ import annotations
 
 import argparse
-import dataclasses
-import json
-import subprocess
+import multiprocessing
 import sys
 import tempfile
-import time
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 from training.markdown import check_section, write_section
 
-from . import files, lists, models, sessions, words
-from .run import HUNG_SECONDS, Tally, damaged, run
+from .run import TARGETS, Tally, damaged, run_apart
 from .target import Target
 
-TARGETS = (*files.TARGETS, *words.TARGETS, *models.TARGETS, *sessions.TARGETS, *lists.TARGETS)
 BATCH = 2000
 SHOWN = 10  # failures of a target
 SECTION = "damaged input"
@@ -41,24 +38,18 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0, help="number of the first input")
     parser.add_argument("--keep", type=Path, help="write this one input to a file instead of reading it")
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="put the table into this document")
-    parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
-    chosen = [target for target in TARGETS if options.only in ("", target.name)]
+    chosen = [target for target in TARGETS.values() if options.only in ("", target.name)]
     if not chosen:
-        parser.error(f"--only: choose one of {', '.join(target.name for target in TARGETS)}")
+        parser.error(f"--only: choose one of {', '.join(TARGETS)}")
     if options.markdown is not None:
         if options.only:
             parser.error("--markdown: the table is of all readers; leave --only out.")
         check_section(options.markdown, SECTION)
-    with tempfile.TemporaryDirectory(prefix="sport-fuzz-") as folder:
-        place = Path(folder)
-        if options.keep is not None:
-            options.keep.write_bytes(damaged(chosen[0], chosen[0].seeds(place), options.first))
-            return 0
-        if options.worker:
-            tally = run(chosen[0], place, options.first, options.count, _progress())
-            print("\n" + json.dumps(dataclasses.asdict(tally)))
-            return 0
+    if options.keep is not None:
+        with tempfile.TemporaryDirectory(prefix="sport-fuzz-") as folder:
+            options.keep.write_bytes(damaged(chosen[0], chosen[0].seeds(Path(folder)), options.first))
+        return 0
     lines, failed = _table(chosen, options.first, options.count)
     if options.markdown is not None:
         write_section(options.markdown, SECTION, "\n".join(lines))
@@ -86,10 +77,6 @@ def _table(chosen: list[Target], first: int, count: int) -> tuple[list[str], int
     return lines, len(total.failures)
 
 
-def _progress() -> Path:
-    return Path(sys.stdin.readline().strip())
-
-
 def row(name: str, tally: Tally) -> str:
     """A line of the table."""
     return (
@@ -113,24 +100,15 @@ def _in_batches(name: str, first: int, count: int) -> Tally:
 
 def _batch(name: str, first: int, count: int, progress: Path) -> tuple[Tally, int]:
     """What came of a batch and how many of its inputs were tried: a crash ends it at the input that did it."""
-    command = [sys.executable, "-m", "tests.fuzz", "--worker", f"--only={name}"]
-    started = time.monotonic()
-    done = subprocess.run(
-        [*command, "--first", str(first), "--count", str(count)],
-        input=f"{progress}\n",
-        capture_output=True,
-        text=True,
-        errors="replace",
-        timeout=60 + count * HUNG_SECONDS,
-    )
-    if done.returncode == 0:
-        return Tally(**json.loads(done.stdout.splitlines()[-1])), count
-    if not progress.is_file():  # not one input: a mistake of the target itself
-        raise SystemExit(f"{name}: {done.stderr[-2000:]}")
-    number = int(progress.read_text(encoding="utf-8"))
-    reason = f"the process ended with {done.returncode} after {time.monotonic() - started:.0f} s"
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        try:
+            return pool.submit(run_apart, name, first, count, progress).result(), count
+        except BrokenProcessPool as error:
+            if not progress.is_file():  # not one input: a mistake of the target itself
+                raise
+            number, reason = int(progress.read_text(encoding="utf-8")), str(error)
     before = _batch(name, first, number - first, progress)[0] if number > first else Tally()
-    before.add(Tally(inputs=1, failures=[(number, f"{reason}: {done.stderr[-300:]}")]))
+    before.add(Tally(inputs=1, failures=[(number, reason)]))
     return before, number - first + 1
 
 

@@ -7,6 +7,7 @@ import logging
 import os
 import random
 import signal
+import tempfile
 import time
 import traceback
 import warnings
@@ -17,8 +18,13 @@ from types import FrameType
 
 from runtime.errors import SportError
 
+from . import files, lists, models, sessions, words
 from .target import Target
 
+TARGETS = {
+    target.name: target
+    for target in (*files.TARGETS, *words.TARGETS, *models.TARGETS, *sessions.TARGETS, *lists.TARGETS)
+}
 MAX_MB = 500.0
 HUNG_SECONDS = 30  # by the clock; and no less than 15 for each second that a target may take
 MAX_INPUT_BYTES = 4_000_000  # damage repeats damage; large files are tests of their own
@@ -46,7 +52,7 @@ class Tally:
         self.refused += other.refused
         self.slowest_s = max(self.slowest_s, other.slowest_s)
         self.most_mb = max(self.most_mb, other.most_mb)
-        self.failures += [tuple(failure) for failure in other.failures]
+        self.failures += other.failures
 
 
 def damaged(target: Target, seeds: list[bytes], number: int) -> bytes:
@@ -69,6 +75,12 @@ def run(
     with quiet_environment(home), warnings.catch_warnings(), _no_log():
         warnings.simplefilter("ignore")
         return _run(target, folder, first, count, before, seconds or target.seconds)
+
+
+def run_apart(name: str, first: int, count: int, before: Path) -> Tally:
+    """The same for a process of its own."""
+    with tempfile.TemporaryDirectory(prefix="sport-fuzz-") as folder:
+        return run(TARGETS[name], Path(folder), first, count, before)
 
 
 @contextlib.contextmanager

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from runtime.motion.style import StyleMix
+from tests.helpers import hand
 from tests.helpers.viewer_fakes import FakeController
 from viewer.app import App
 from viewer.gl_bindings import imgui
@@ -120,7 +121,7 @@ def click_on(app: App, label: str, index: int = 0) -> None:
 
 def click(app: App, x: float, y: float) -> None:
     for down in (False, True, False):
-        app.window.inject_mouse(x, y, 0 if down or app.frames_shown else None, down)
+        hand.mouse(app.window, x, y, 0 if down or app.frames_shown else None, down)
         run(app, 2)
 
 
@@ -142,7 +143,7 @@ def type_prompt(app: App, text: str) -> None:
     """Go to the prompt's field, where everything is selected, and type."""
     app.shell.focus_prompt()
     run(app, 3)
-    app.window.inject_text(text)
+    hand.text(app.window, text)
     run(app, 3)
 
 

@@ -13,14 +13,8 @@ pytest.importorskip("openai")
 
 from runtime.assets import PROJECT_ROOT
 from runtime.errors import FileError
-from tests.fuzz import files, lists, models, sessions, words
-from tests.fuzz.run import Tally, run
+from tests.fuzz.run import TARGETS, Tally, run
 from tests.fuzz.target import Target
-
-TARGETS = {
-    target.name: target
-    for target in (*files.TARGETS, *words.TARGETS, *models.TARGETS, *sessions.TARGETS, *lists.TARGETS)
-}
 
 
 @pytest.mark.parametrize("name", TARGETS)

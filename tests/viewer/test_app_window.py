@@ -14,6 +14,7 @@ import pytest
 from benchmarks import frames
 from runtime.errors import DisplayError, UsageError
 from tests.faults.faults import display
+from tests.helpers import hand
 from tests.helpers.app_driver import InjectedPads, Start, run
 from tests.helpers.viewer_fakes import fake_services
 from viewer.app import App
@@ -45,7 +46,7 @@ from viewer.options import ViewOptions
 options = ViewOptions(width=480, height=320, terrain="flat", quality="software")
 app = App(options, fake_services(True), InjectedPads(), Path(sys.argv[1]))
 for size in ((480, 320), (610, 390)):
-    app.window.resize(*size)
+    hand.resize(app.window, *size)
     for _ in range(400):
         run(app)
         if app.frames_shown > 5 and app.window.pixels == size:
@@ -78,7 +79,7 @@ def test_a_shown_window_has_scene_and_panels_at_every_size(tmp_path: Path) -> No
 def test_resize_to_odd_sizes(start: Start, size: tuple[int, int]) -> None:
     app = start()
     run(app)
-    app.window.resize(*size)
+    hand.resize(app.window, *size)
     run(app, 3)
     assert app.window.framebuffer.size == size
     assert app.window.read_pixels().shape == (size[1], size[0], 3)

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from runtime.character.shape import BodyShape
-from runtime.formats.bvh_clip import load_clip_bvh
 from runtime.session.session import Session
+from tests.helpers import hand
 from tests.helpers.app_driver import Start, click, click_on, drawn, message, place, press, run
 from viewer import services
 from viewer.app import App
@@ -28,7 +28,7 @@ def record(app: App, frames: int = 40) -> None:
 
 def drag(app: App, start: tuple[float, float], end: tuple[float, float]) -> None:
     for at, down in ((start, None), (start, True), (end, True), (end, False)):
-        app.window.inject_mouse(*at, None if down is None else 0, bool(down))
+        hand.mouse(app.window, *at, None if down is None else 0, bool(down))
         run(app, 2)
     run(app, 2)
 
@@ -113,30 +113,15 @@ def test_one_drag_of_a_handle_is_one_step(start: Start) -> None:
     play_row(app, 0)
     steps = app.editor.history.present.number
     y, xs = place(app, "##timeline")[1] + 7.0, [place(app, "##timeline", share=k / 20)[0] for k in range(11)]
-    app.window.inject_mouse(xs[0] + 2.0, y)
+    hand.mouse(app.window, xs[0] + 2.0, y)
     run(app, 2)
     for x in xs:
-        app.window.inject_mouse(x + 2.0, y, 0, True)
+        hand.mouse(app.window, x + 2.0, y, 0, True)
         run(app)
     assert app.editor.history.present.number == steps, "it is no step while the mouse holds it"
-    app.window.inject_mouse(xs[-1] + 2.0, y, 0, False)
+    hand.mouse(app.window, xs[-1] + 2.0, y, 0, False)
     run(app, 2)
     assert app.editor.history.present.number == steps + 1
-
-
-def test_export_all_writes_what_the_trims_keep(start: Start, tmp_path: Path) -> None:
-    app = start()
-    app.settings.export_folder = str(tmp_path)
-    record(app)
-    record(app)
-    play_row(app, 0)
-    trim_start(app, 0.5)
-    play_row(app, 1)
-    click_on(app, "##export all")
-    run(app, 2)
-    first, last = trims(app)[0]
-    assert len(load_clip_bvh(tmp_path / "take-1.bvh")) == last - first + 1 < 25
-    assert len(load_clip_bvh(tmp_path / "take-2.bvh")) == 40
 
 
 # --- the list

@@ -64,19 +64,15 @@ class Pins:
         return self.editor.session.live if self.playback is None else self.playback.take
 
     @property
-    def live(self) -> bool:
-        return self.playback is None
-
-    @property
     def fixed(self) -> str:
         """Why nothing can be changed; "" when it can."""
-        return "It is being resimulated…" if not self.live and self.editing.busy else ""
+        return "It is being resimulated…" if self.playback is not None and self.editing.busy else ""
 
     @property
     def pins(self) -> tuple[Pin, ...]:
         """The pins of the take that plays, or those that the live character holds."""
         pins = self.take.poses.pins
-        return held_pins(pins) if self.live else pins
+        return held_pins(pins) if self.playback is None else pins
 
     @property
     def pin(self) -> Pin | None:
@@ -130,7 +126,7 @@ class Pins:
         if pin is not None:
             kept = (
                 released(pins, pin.what, self.scene.now)
-                if self.live
+                if self.playback is None
                 else tuple(p for p in pins if p is not pin)
             )
             self._put(f"removal of the {pin.what}'s pin", kept)
@@ -304,10 +300,10 @@ class Pins:
 
     def draw_live(self, key_camera: Callable[[], None], width: float) -> None:
         """A button for what the live character holds; chosen parts are pinned where they are, and dragged in the view."""
-        held = [pin.what for pin in self.pins] if self.live else []
+        held = [pin.what for pin in self.pins] if self.playback is None else []
         hint = "A hand, a foot or the look stays at a point, which is dragged in the view"
         text = "Hold…" if not held else f"Holds {len(held)}"
-        with widgets.disabled(not self.live):
+        with widgets.disabled(self.playback is not None):
             if widgets.toggle(text, bool(held), width, hint) != bool(held):
                 imgui.open_popup("hold")
         if imgui.begin_popup("hold"):
@@ -337,7 +333,7 @@ def _draw_card(pins: Pins, view: Rect) -> None:
         return
     with panels.card("Pin", view, SMALL_WIDTH if view.width < px(SMALL_VIEW) else WIDTH, right=True):
         pressed = panels.card_title(
-            str(pin.what).capitalize(), "pin", "Let go" if pins.live else "Remove the pin"
+            str(pin.what).capitalize(), "pin", "Let go" if pins.playback is None else "Remove the pin"
         )
         if pin.what is not Pinned.POSE:
             _draw_points(pins, pin)

@@ -273,8 +273,7 @@ class Exporting:
     def _film(self, clip: Clip, terrain: Terrain, path: Path, export: ExportOptions, film: Any) -> str:
         """Make a film on the worker; "" when it was given up."""
         from runtime.formats.prepare import on_its_ground, prepare
-        from viewer.filming.film import film_of_take
-        from viewer.filming.process import film_in_process
+        from viewer.filming.film import film_in_process, film_of_take
 
         def progress(done: int, total: int) -> None:
             self.progress = (done, total)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
+import multiprocessing
+import os
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.assets import asset_path
+from runtime.atomic import sweep_of
 from runtime.character.character import DEFAULT_CHARACTER, Character, load_character
-from runtime.errors import UsageError
+from runtime.errors import SportError, UsageError
 from runtime.formats.prepare import ExportOptions, PreparedTake
 from runtime.pose import Pose
 from runtime.takes.clip import Clip
@@ -206,3 +212,85 @@ def film_of_take(
         return ""
     text = f"{path}: {frames} frames at {film.fps:g} fps, {frames / film.fps:.1f} s"
     return text if take.loop is None else f"{text}; {take.loop.describe()}"
+
+
+# --- in a process of its own at low priority: the window goes on at its pace
+
+NICENESS = 10  # of the process: whatever the window needs comes first
+POLL_S = 0.1
+KILL_S = 0.2  # that a cancelled film may take to clean up by itself
+
+
+def film_in_process(
+    take: PreparedTake,
+    terrain: Terrain,
+    path: Path,
+    export: ExportOptions,
+    film: FilmOptions,
+    progress: Progress,
+    cancel: threading.Event,
+) -> str:
+    """As `film_of_take`, in another process; waits for it. SportError also when that process was ended from outside."""
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    make = partial(film_of_take, take, terrain, path, export, film)
+    process = context.Process(target=_work, args=(theirs, make), name="sport-film", daemon=True)
+    process.start()
+    theirs.close()
+    try:
+        return _follow(ours, progress, cancel, process.kill)
+    except (EOFError, ConnectionError) as error:
+        if cancel.is_set():
+            return ""
+        raise SportError(
+            f"{path}: the film was ended from outside.", "Free some memory, or choose a smaller size."
+        ) from error
+    finally:
+        ours.close()
+        process.join()
+        if cancel.is_set() and process.pid is not None:
+            sweep_of(process.pid, path.parent)
+
+
+def _follow(pipe: Connection, progress: Progress, cancel: threading.Event, kill: Callable[[], None]) -> str:
+    """Hand progress on until the film is done; its sentence. EOFError or ConnectionError when the process is gone."""
+    cancelled = 0.0
+    while True:
+        if cancel.is_set() and not cancelled:
+            cancelled = time.monotonic()
+            pipe.send("cancel")
+        elif cancelled and time.monotonic() - cancelled > KILL_S:
+            kill()  # it has no say in how long the program takes to end
+        if not pipe.poll(POLL_S):
+            continue
+        kind, value = pipe.recv()
+        if kind == "progress":
+            progress(*value)
+        elif kind == "failed":
+            raise value
+        else:
+            return str(value)
+
+
+def _work(pipe: Connection, make: Callable[[Progress, threading.Event], str]) -> None:
+    """The other process; when the window's is gone, the film is given up."""
+    if hasattr(os, "nice"):
+        os.nice(NICENESS)
+    cancel = threading.Event()
+
+    def report(kind: str, value: Any) -> None:
+        try:
+            pipe.send((kind, value))
+        except OSError:
+            cancel.set()
+
+    def progress(done: int, total: int) -> None:
+        if pipe.poll():
+            cancel.set()
+        report("progress", (done, total))
+
+    with contextlib.suppress(KeyboardInterrupt):  # Ctrl+C reaches both; the window's process decides
+        try:
+            report("done", make(progress, cancel))
+        except Exception as error:  # raised again where the film was wanted
+            report("failed", error)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import time
 from pathlib import Path
 from typing import Any
 
@@ -30,11 +29,6 @@ def save_png(pixels: NDArray[np.uint8], path: Path, new: bool = False) -> Path:
     with atomic_path(path) as temporary:
         Image.fromarray(pixels).save(temporary, format="PNG", compress_level=3)
     return path
-
-
-def screenshot_path(folder: str) -> Path:
-    """The name in the folder for a screenshot taken now; another of the same second may have it."""
-    return Path(folder).expanduser() / time.strftime("sport-%Y%m%d-%H%M%S.png")
 
 
 REMEDY = "Install the OpenGL libraries: apt-get install libegl1 libgl1 (or your system's Mesa packages)."

@@ -15,14 +15,6 @@ from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 
 
-@dataclass(frozen=True)
-class FileJoints:
-    """The joints of a character file: what is guessed without a map, and the map in its folder."""
-
-    guess: JointGuess
-    saved: dict[str, str]
-
-
 @dataclass
 class JointMapping:
     """The joints window; `chosen` are SPORT joints -> joints of the file, "" for none of them. `load` shows a character."""
@@ -34,7 +26,6 @@ class JointMapping:
     path: Path | None = None
     guess: JointGuess | None = None
     chosen: dict[str, str] = field(default_factory=dict)
-    saved: dict[str, str] = field(default_factory=dict)
     selected: str = ""  # the SPORT joint whose row was used last
     problem: str = ""  # why it could not be applied
 
@@ -60,16 +51,17 @@ class JointMapping:
     def begin(self, path: Path) -> None:
         """Open the window with what is found in a character file."""
         self.jobs.submit(
-            Slot("joints", path), lambda: read_joints(path), lambda found: self._show(path, found)
+            Slot("joints", path),
+            lambda: (joints_of(path, {}), saved_joint_map(path)),
+            lambda found: self._show(path, *found),
         )
 
-    def _show(self, path: Path, found: FileJoints) -> None:
-        known = {joint: name for joint, name in found.saved.items() if not name or name in found.guess.names}
-        lost = len(found.saved) - len(known)
-        self.open, self.path, self.guess, self.chosen = True, path, found.guess, dict(known)
-        self.saved, self.selected, self.problem = known, "", ""
+    def _show(self, path: Path, guess: JointGuess, saved: dict[str, str]) -> None:
+        known = {joint: name for joint, name in saved.items() if not name or name in guess.names}
+        lost = len(saved) - len(known)
+        self.open, self.path, self.guess, self.chosen = True, path, guess, known
+        self.selected = self.problem = ""
         if lost:
-            self.saved = found.saved
             self.problem = f"{lost} names of {joint_map_path(path).name} are not in the skeleton."
 
     def choose(self, joint: str, name: str | None) -> None:
@@ -101,7 +93,6 @@ class JointMapping:
             return None
 
         def kept(written: Path | None) -> None:
-            self.saved = chosen
             where = f"Joints of {path.name} kept in {written.name}." if written else "Joints as guessed."
             self.messages.note(where)
             self.load(path)
@@ -116,8 +107,3 @@ class JointMapping:
         """Leave the window; what was not applied is forgotten. Whether it was open."""
         was, self.open = self.open, False
         return was
-
-
-def read_joints(path: Path) -> FileJoints:
-    """What is found in a character file by itself, and what is kept in its folder; FileError."""
-    return FileJoints(joints_of(path, {}), saved_joint_map(path))

@@ -106,11 +106,6 @@ def many(writer: Writer) -> None:
     writer.set_meta("takes", "many")
 
 
-def large(writer: Writer) -> None:
-    writer.put_step(0, "", "x" * 9999)
-    writer.put_blob("b", os.urandom(300_000))
-
-
 def heavy(writer: Writer) -> None:
     writer.put_step(0, "", "")
     writer.set_meta("picture", bytes(9 << 20))

@@ -219,8 +219,8 @@ def test_moved_gaits_still_fill_the_take(index: int, start: int, end: int) -> No
     assert edit.inputs.frames[before] == inputs.frames[before]
 
 
-def test_what_cannot_be_made_again_says_so_and_old_frames_are_let_go(model: MotionModel) -> None:
-    studio = Studio(Controller(model, make_terrain("flat")))
+def test_what_cannot_be_made_again_says_so_and_old_frames_are_let_go() -> None:
+    studio = Studio(Controller(WalkerModel(), make_terrain("flat")))
     studio.style(0)
     studio.walk(30)
     studio.inputs.forget()

@@ -24,8 +24,6 @@ from runtime.takes.pose_edits import PoseEdits
 
 FRAMES, SPEED = 180, 0.6  # of `walk`
 LEFT_HAND, HEAD, LEFT_FOOT = (SPORT_SKELETON.index(name) for name in ("LeftHand", "Head", "LeftFoot"))
-coordinates = st.floats(-50.0, 50.0).map(lambda v: round(v, 3))
-points = st.tuples(coordinates, coordinates, coordinates)
 
 
 def largest_step(clip: Clip) -> float:

@@ -7,6 +7,7 @@ import threading
 import numpy as np
 import pytest
 
+from tests.helpers import hand
 from tests.helpers.app_driver import (
     Start,
     click,
@@ -75,7 +76,7 @@ def test_a_kept_prompt_is_the_current_one_until_undo(start: Start) -> None:
     assert app.compare.open
     click_on(app, "##variant prompt", 1)
     press(app, "ctrl", "a")
-    app.window.inject_text("someone limping")
+    hand.text(app.window, "someone limping")
     run(app, 3)
     press(app, "enter")
     run(app, 3)

@@ -12,6 +12,7 @@ from runtime.session import edits
 from runtime.session.motion import Motion
 from runtime.session.session import Take
 from runtime.takes.pins import Pinned
+from tests.helpers import hand
 from tests.helpers.app_driver import Start, click, click_on, place, press, run
 from viewer.app import App
 from viewer.edit.timeline import Range
@@ -56,9 +57,9 @@ def shown(app: App) -> Range:
 
 
 def wheel(app: App, steps: float, label: str = "##timeline", share: float = 0.5) -> None:
-    app.window.inject_mouse(*place(app, label, share=share))
+    hand.mouse(app.window, *place(app, label, share=share))
     run(app, 2)
-    app.window.inject_wheel(steps)
+    hand.wheel(app.window, steps)
     run(app, 2)
 
 
@@ -81,11 +82,11 @@ def test_a_minute_is_zoomed_and_scrolled_by_the_mouse(start: Start, size: tuple[
     wheel(app, -2.0)
     app.window.inject_key("shift", False)
     assert shown(app).first == pytest.approx(first + 0.2 * (last - first), abs=2.0)
-    app.window.inject_mouse(x, y, 2, True)
+    hand.mouse(app.window, x, y, 2, True)
     run(app, 2)
-    app.window.inject_mouse(x + 60, y)
+    hand.mouse(app.window, x + 60, y)
     run(app, 2)
-    app.window.inject_mouse(x + 60, y, 2, False)
+    hand.mouse(app.window, x + 60, y, 2, False)
     run(app, 2)
     assert shown(app).first < first + 0.2 * (last - first)  # the ruler went along to the right
     assert app.editor.history.at == history  # what is shown is no edit
@@ -127,13 +128,13 @@ def test_a_jump_of_a_long_take_can_be_hit(start: Start, size: tuple[int, int]) -
     right = place(app, "##timeline", share=1.0)[0] - 4.0
     at = left + (JUMP + 4) / (FRAMES - 1) * (right - left)
     for aside in (-3.0, 0.0, 3.0):
-        app.window.inject_mouse(at + aside, y)
+        hand.mouse(app.window, at + aside, y)
         run(app, 2)
-        app.window.inject_mouse(at + aside, y, 0, True)
+        hand.mouse(app.window, at + aside, y, 0, True)
         run(app, 2)
         assert row.held is not None
         assert row.held.mark.text == "Jump"
-        app.window.inject_mouse(at + aside, y, 0, False)
+        hand.mouse(app.window, at + aside, y, 0, False)
         run(app, 2)
 
 

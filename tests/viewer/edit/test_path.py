@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from runtime.controls import Gait
+from tests.helpers import hand
 from tests.helpers.app_driver import Start, click, click_on, controller, message, press, run, run_until
 from viewer.app import App
 from viewer.edit.handles import on_screen
@@ -24,13 +25,13 @@ def test_a_drag_draws_a_path(start: Start) -> None:
     app.scene.camera.current.yaw = 0.0
     run(app, 5)
     click_on(app, "Draw a path")
-    app.window.inject_mouse(*screen(app, -1.0, 2.0))
+    hand.mouse(app.window, *screen(app, -1.0, 2.0))
     run(app, 2)
-    app.window.inject_mouse(*screen(app, -1.0, 2.0), 0, True)
+    hand.mouse(app.window, *screen(app, -1.0, 2.0), 0, True)
     for x in np.linspace(-1.0, 1.2, 23):
-        app.window.inject_mouse(*screen(app, float(x), 2.0 + 0.5 * (float(x) + 1.0)))
+        hand.mouse(app.window, *screen(app, float(x), 2.0 + 0.5 * (float(x) + 1.0)))
         run(app)
-    app.window.inject_mouse(*screen(app, 1.2, 3.1), 0, False)
+    hand.mouse(app.window, *screen(app, 1.2, 3.1), 0, False)
     run(app, 2)
     points = np.array([(p.x, p.z) for p in app.path.points])
     assert 3 <= len(points) <= 5
@@ -56,11 +57,11 @@ def test_a_path_is_drawn_changed_and_walked(start: Start) -> None:
     click(app, *screen(app, 0.6, 3.0))  # takes the point that is there
     assert (len(tool.points), tool.selected) == (3, 1)
     x, y = screen(app, 0.6, 3.0)
-    app.window.inject_mouse(x, y, 0, True)
+    hand.mouse(app.window, x, y, 0, True)
     run(app, 2)
-    app.window.inject_mouse(*screen(app, 1.0, 3.0))
+    hand.mouse(app.window, *screen(app, 1.0, 3.0))
     run(app, 2)
-    app.window.inject_mouse(*screen(app, 1.0, 3.0), 0, False)
+    hand.mouse(app.window, *screen(app, 1.0, 3.0), 0, False)
     run(app, 2)
     assert tool.points[1].x == pytest.approx(1.0, abs=0.05)
     click_on(app, "Jog")

@@ -17,6 +17,7 @@ from runtime.takes.clip import Clip
 from runtime.takes.footplants import FootplantEdit
 from runtime.takes.pinned import farthest
 from runtime.takes.pins import Pinned
+from tests.helpers import hand
 from tests.helpers.app_driver import click_on, message, place, press, run, texts
 from viewer.app import App
 from viewer.edit.handles import on_screen
@@ -73,7 +74,7 @@ def add_pin(app: App, what: str) -> None:
 
 def drag(app: App, start: tuple[float, float], end: tuple[float, float]) -> None:
     for at, down in ((start, None), (start, True), (end, True), (end, False)):
-        app.window.inject_mouse(*at, 0 if down is not None else None, bool(down))
+        hand.mouse(app.window, *at, 0 if down is not None else None, bool(down))
         run(app, 2)
     run(app, 2)
 
@@ -208,7 +209,7 @@ def test_a_plant_is_dragged_lifted_and_planted(app: App) -> None:
     assert bears == item(app).poses.footplants[0].new == (0, pytest.approx(40, abs=1))
     x, y = place(app, "##foot 0", share=50 / 59)
     for down in (None, True, False):
-        app.window.inject_mouse(x, y, None if down is None else 1, bool(down))
+        hand.mouse(app.window, x, y, None if down is None else 1, bool(down))
         run(app, 2)
     click_on(app, "Plant the foot here")
     run(app, 3)

@@ -7,6 +7,7 @@ import pytest
 
 from runtime.feet.ik import LEG_FEET
 from runtime.takes.pose_layer import PoseLayer, Tangent
+from tests.helpers import hand
 from tests.helpers.app_driver import Start, click, click_on, place, press, run
 from tests.viewer.edit.test_timeline import record, seek
 from viewer.app import App
@@ -27,14 +28,14 @@ def at(app: App, joint: int) -> tuple[float, float]:
 
 def drag(app: App, start: tuple[float, float], by: tuple[float, float]) -> None:
     places = [(start[0] + by[0] * step / 6, start[1] + by[1] * step / 6) for step in range(7)]
-    app.window.inject_mouse(*start)
+    hand.mouse(app.window, *start)
     run(app, 2)
-    app.window.inject_mouse(*start, 0, True)
+    hand.mouse(app.window, *start, 0, True)
     for where in places:
         run(app, 1)
-        app.window.inject_mouse(*where)
+        hand.mouse(app.window, *where)
     run(app, 1)
-    app.window.inject_mouse(*places[-1], 0, False)
+    hand.mouse(app.window, *places[-1], 0, False)
     run(app, 4)
 
 
@@ -133,6 +134,6 @@ def test_keys_are_dragged_and_removed_on_their_track(start: Start) -> None:
     assert 47 <= key.seconds * 60 <= 53
     x = left + 4 + key.seconds * 60 * per_frame
     for button, down in ((None, False), (1, True), (1, False)):
-        app.window.inject_mouse(x, y, button, down)
+        hand.mouse(app.window, x, y, button, down)
         run(app, 2)
     assert not layer(app)

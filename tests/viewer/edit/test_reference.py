@@ -14,6 +14,7 @@ from runtime.formats.reference import open_take
 from runtime.session.session import Reference
 from runtime.takes.own_skeleton import STEP_M, OwnSkeleton
 from runtime.takes.pins import Pinned
+from tests.helpers import hand
 from tests.helpers.app_driver import Start, click_on, drawn, message, place, press, run
 from tests.runtime.formats.test_reference import TURNS, foreign
 from viewer.app import App
@@ -44,7 +45,7 @@ def choose_file(app: App, entry: str, path: Path) -> None:
     click_on(app, entry)
     run(app, 3)
     press(app, "ctrl", "a")
-    app.window.inject_text(str(path))
+    hand.text(app.window, str(path))
     run(app, 3)
     press(app, "enter")
     run(app, 5)

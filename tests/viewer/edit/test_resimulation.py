@@ -15,6 +15,7 @@ from runtime.session.session_file import SessionFile
 from runtime.takes.camera_keys import CameraKey
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
+from tests.helpers import hand
 from tests.helpers.app_driver import click_on, place, press, run
 from viewer.app import App
 from viewer.exports.exporting import ExportForm
@@ -90,7 +91,7 @@ def test_a_reference_stands_beside_the_take_in_sync_and_over_it(app: App) -> Non
     assert len(app.overlays(None, []).ghosts) == 1
     x, y = place(app, "##reference offset")
     for at, down in ((x, None), (x, True), (x + 40.0, True), (x + 40.0, False)):
-        app.window.inject_mouse(at, y, None if down is None else 0, bool(down))
+        hand.mouse(app.window, at, y, None if down is None else 0, bool(down))
         run(app, 2)
     assert references.reference.offset_s > 0.1
     ahead = references.pose(playback)
@@ -115,7 +116,7 @@ def test_keys_of_the_camera_are_set_dragged_looked_through_and_kept(app: App, tm
     assert [round(key.seconds * 60) for key in keys(app)] == [10, 50]
     (x, y), (to, _) = (place(app, "##camera", share=share) for share in (50 / 69, 60 / 69))
     for at, down in ((x, None), (x, True), (to, True), (to, False)):
-        app.window.inject_mouse(at, y, None if down is None else 0, bool(down))
+        hand.mouse(app.window, at, y, None if down is None else 0, bool(down))
         run(app, 2)
     assert round(keys(app)[1].seconds * 60) == pytest.approx(60, abs=1)
     playback.seek(34)
@@ -134,8 +135,8 @@ def test_keys_of_the_camera_are_set_dragged_looked_through_and_kept(app: App, tm
     file, history = SessionFile.open(tmp_path / "a.sport", tmp_path)
     file.close()
     assert history.present.session.takes[0].cameras == keys(app)
-    app.window.inject_mouse(*place(app, "##camera", share=10 / 69), 1, True)
+    hand.mouse(app.window, *place(app, "##camera", share=10 / 69), 1, True)
     run(app, 2)
-    app.window.inject_mouse(*place(app, "##camera", share=10 / 69), 1, False)
+    hand.mouse(app.window, *place(app, "##camera", share=10 / 69), 1, False)
     run(app, 2)
     assert len(keys(app)) == 1

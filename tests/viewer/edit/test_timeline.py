@@ -11,6 +11,7 @@ from runtime.controls import Gait
 from runtime.session.frames import HIPS_STEP_M
 from runtime.session.session import Take
 from runtime.takes.clip import Clip
+from tests.helpers import hand
 from tests.helpers.app_driver import (
     Start,
     click_on,
@@ -66,14 +67,14 @@ def drag(app: App, label: str, first: float, last: float, down: float = 0.5) -> 
     right, _ = place(app, label, share=last)
     top = place(app, label)[1]
     y = top + (down - 0.5) * 26.0
-    app.window.inject_mouse(left, y)
+    hand.mouse(app.window, left, y)
     run(app, 2)
-    app.window.inject_mouse(left, y, 0, True)
+    hand.mouse(app.window, left, y, 0, True)
     run(app, 2)
     for share in (0.5, 1.0):
-        app.window.inject_mouse(left + (right - left) * share, y)
+        hand.mouse(app.window, left + (right - left) * share, y)
         run(app, 2)
-    app.window.inject_mouse(right, y, 0, False)
+    hand.mouse(app.window, right, y, 0, False)
     run(app, 3)
 
 
@@ -140,7 +141,7 @@ def test_another_prompt_is_inserted_by_mouse_and_keys_and_undone(start: Start) -
     seek(app, 20)
     click_on(app, "+ Prompt")
     run(app, 2)
-    app.window.inject_text("a zombie")
+    hand.text(app.window, "a zombie")
     run(app, 2)
     press(app, "enter")
     run(app, 3)
@@ -165,7 +166,7 @@ def test_a_prompt_is_moved_reworded_and_one_part_of_it_changed(start: Start) -> 
     run(app, 3)
     assert imgui.get_io().want_text_input
     press(app, "ctrl", "a")
-    app.window.inject_text("a goose")
+    hand.text(app.window, "a goose")
     run(app, 2)
     press(app, "enter")
     run(app, 3)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from tests.helpers import hand
 from tests.helpers.app_driver import (
     Start,
     click,
@@ -53,7 +54,7 @@ def type_everything(app: App) -> None:
     """Every letter and digit as a keyboard sends them, key and character, in one frame each."""
     for letter in LETTERS:
         app.window.inject_key(letter, True)
-        app.window.inject_text(letter)
+        hand.text(app.window, letter)
         app.window.inject_key(letter, False)
 
 
@@ -88,10 +89,10 @@ def test_a_field_that_was_clicked_has_the_keys_within_the_frame(start: Start, la
         click_on(app, "Ready prompts")
         run(app, 2)
     x, y = place(app, label)
-    app.window.inject_mouse(x, y)
+    hand.mouse(app.window, x, y)
     run(app)
-    app.window.inject_mouse(x, y, 0, True)  # all of it in one slow frame
-    app.window.inject_mouse(x, y, 0, False)
+    hand.mouse(app.window, x, y, 0, True)  # all of it in one slow frame
+    hand.mouse(app.window, x, y, 0, False)
     type_everything(app)
     run(app, 3)
     assert typing(app)
@@ -110,11 +111,11 @@ def test_what_a_held_key_repeats_is_no_text_of_the_prompt(start: Start, frames: 
     app = start()
     run(app, 3)
     app.window.inject_key("w", True)
-    app.window.inject_text("w")
+    hand.text(app.window, "w")
     run(app, frames)
     for _ in range(20):  # the keyboard repeats it
-        app.window.inject_repeat("w")
-        app.window.inject_text("w")
+        hand.repeat(app.window, "w")
+        hand.text(app.window, "w")
     run(app, frames)
     app.window.inject_key("w", False)
     app.window.inject_key("enter", True)
@@ -122,7 +123,7 @@ def test_what_a_held_key_repeats_is_no_text_of_the_prompt(start: Start, frames: 
     for letter in "tired waiter":
         name = "space" if letter == " " else letter
         app.window.inject_key(name, True)
-        app.window.inject_text(letter)
+        hand.text(app.window, letter)
         app.window.inject_key(name, False)
     run(app, 6)
     assert app.prompting.boxes[0].text == "tired waiter"

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.helpers import hand
 from tests.helpers.app_driver import click, click_on, controller, message, place, press, run
 from viewer.app import App
 from viewer.gl_bindings import imgui
@@ -75,7 +76,7 @@ def app(desk: App, tmp_path: Path) -> Iterator[App]:
 def double_click(app: App, label: str) -> None:
     x, y = place(app, label)
     for down in (False, True, False, True, False):
-        app.window.inject_mouse(x, y, 0 if down or app.frames_shown else None, down)
+        hand.mouse(app.window, x, y, 0 if down or app.frames_shown else None, down)
         run(app)
     run(app, 2)
 
@@ -83,7 +84,7 @@ def double_click(app: App, label: str) -> None:
 def ctrl_click(app: App, label: str) -> None:
     """As the window does it; its backend would look for Ctrl on a real keyboard."""
     x, y = place(app, label)
-    app.window.inject_mouse(x, y)
+    hand.mouse(app.window, x, y)
     run(app, 2)
     app.shell.focus.press(x, y)
     for down in (True, False):
@@ -105,7 +106,7 @@ def do(app: App, steps: str) -> None:
         elif verb == "ctrl-click":
             ctrl_click(app, what)
         elif verb == "type":
-            app.window.inject_text(what)
+            hand.text(app.window, what)
         elif verb == "play":
             app.takes.play(1)
         else:
@@ -219,11 +220,11 @@ def test_what_is_said_of_the_keys_goes_when_it_is_so_no_longer(app: App) -> None
 @pytest.mark.parametrize("label", ["Grid", "##temperature"])
 def test_a_key_pressed_in_the_slow_frame_of_a_click_acts(label: str, app: App) -> None:
     x, y = place(app, label)
-    app.window.inject_mouse(x, y)
+    hand.mouse(app.window, x, y)
     run(app)
     before = controller(app).z
-    app.window.inject_mouse(x, y, 0, True)
-    app.window.inject_mouse(x, y, 0, False)
+    hand.mouse(app.window, x, y, 0, True)
+    hand.mouse(app.window, x, y, 0, False)
     app.window.inject_key("w", True)
     run(app, 6)
     assert controller(app).z > before

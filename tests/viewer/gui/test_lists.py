@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from runtime.session.prompt_blend import Side
+from tests.helpers import hand
 from tests.helpers.app_driver import Start, click, click_on, drawn, place, press, run
 from viewer.app import App
 from viewer.gl_bindings import imgui
@@ -31,7 +32,7 @@ def test_escape_closes_a_list_and_the_next_click_takes_nothing_of_it(start: Star
 def typed_key(app: App, letter: str) -> None:
     """Key down, its character, key up: what a window sends."""
     app.window.inject_key(letter, True)
-    app.window.inject_text(letter)
+    hand.text(app.window, letter)
     app.window.inject_key(letter, False)
 
 
@@ -65,7 +66,7 @@ def test_tooltips_lie_beside_the_panel_and_say_what_cannot_be_read(
     app = start(prompt="a proud king", width=size[0], height=size[1])
     run(app, 2)
     x, y = place(app, "##words", 0)
-    app.window.inject_mouse(x, y)
+    hand.mouse(app.window, x, y)
     run(app, 90)
     assert tooltip_rect() is None  # these few words can be read in the field
     app.prompting.parts["left_arm"] = "swings wide and slow " * 20
@@ -87,7 +88,7 @@ def test_tooltips_of_the_timeline_lie_over_it(start: Start) -> None:
     app.takes.play(1)
     app.takes.playback.playing = False
     run(app, 3)
-    app.window.inject_mouse(*place(app, "##prompts"))
+    hand.mouse(app.window, *place(app, "##prompts"))
     run(app, 60)
     found = tooltip_rect()
     assert found is not None
@@ -120,8 +121,8 @@ def test_a_click_on_a_tab_counts_where_move_and_click_fall_into_one_frame(start:
     run(app, 3)
     takes, prompts = place(app, "Takes"), place(app, "Prompt")
     for tab, label in ((takes, "Takes"), (prompts, "Prompt")):
-        app.window.inject_mouse(*tab, 0, True)
+        hand.mouse(app.window, *tab, 0, True)
         run(app, 2)
-        app.window.inject_mouse(*tab, 0, False)
+        hand.mouse(app.window, *tab, 0, False)
         run(app, 2)
         assert ("##prompt A" in {full for full, _ in drawn(app)}) == (label == "Prompt")

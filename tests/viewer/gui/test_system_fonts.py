@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.helpers import hand
 from tests.helpers.app_driver import Start, message, run
 from viewer.gui import system_fonts
 
@@ -48,7 +49,7 @@ def test_japanese_is_drawn_with_a_font_of_the_system(
     run(app, 2)
     regular = app.shell.fonts.regular
     assert not regular.is_glyph_in_font(ord(TEXT[0]))
-    app.window.inject_text("x")  # no frame is lost
+    hand.text(app.window, "x")  # no frame is lost
     app.prompting.boxes[0].text = TEXT
     run(app, 3)
     assert all(regular.is_glyph_in_font(ord(c)) for c in TEXT)

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from runtime.formats.bvh_clip import load_clip_bvh
+from tests.helpers import hand
 from tests.helpers.app_driver import Start, click, click_on, drawn, place, press, run
 from viewer.app import App
 from viewer.gl_bindings import imgui
@@ -45,7 +46,7 @@ def test_a_take_is_renamed_in_its_row_and_exported_under_its_name(start: Start, 
     click(app, x, y)
     click(app, x, y)  # twice within the time of a double click
     run(app, 3)
-    app.window.inject_text("A proud walk")
+    hand.text(app.window, "A proud walk")
     run(app, 2)
     press(app, "enter")
     run(app, 2)

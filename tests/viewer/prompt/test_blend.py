@@ -6,6 +6,7 @@ import numpy as np
 
 from runtime.prompts.blend import read_words, write_words
 from runtime.session.prompt_blend import Side
+from tests.helpers import hand
 from tests.helpers.app_driver import Start, click_on, controller, place, press, run, style, words
 from tests.helpers.viewer_fakes import FakeEncoder, FakeLibrary
 
@@ -70,7 +71,7 @@ def test_the_blend_panel_is_used_by_mouse_and_keys(start: Start) -> None:
     run(app, 3)
     click_on(app, "Blend")
     click_on(app, "##prompt B")
-    app.window.inject_text("a duck")
+    hand.text(app.window, "a duck")
     run(app, 3)
     press(app, "enter")
     run(app, 2)
@@ -78,13 +79,13 @@ def test_the_blend_panel_is_used_by_mouse_and_keys(start: Start) -> None:
     assert app.editor.session.live.prompt.b.prompt == "a duck"
     assert app.editor.undo_label == "prompt B “a duck”"
     left, y = place(app, "##all")
-    app.window.inject_mouse(left, y, 0, True)
+    hand.mouse(app.window, left, y, 0, True)
     run(app, 2)
     for share in (0.6, 0.7, 0.9):
         right = place(app, "##all", share=share)[0]
-        app.window.inject_mouse(right, y)
+        hand.mouse(app.window, right, y)
         run(app, 2)
-    app.window.inject_mouse(right, y, 0, False)
+    hand.mouse(app.window, right, y, 0, False)
     run(app, 2)
     assert app.editor.session.live.prompt.master_weight > 0.8
     assert app.editor.undo_label == "blend of all parts"

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from runtime.session.prompt_blend import Side
+from tests.helpers import hand
 from tests.helpers.app_driver import Start, click_on, message, press, run, run_until
 from tests.helpers.slow_model import ANSWER, Model, load_model, source
 from viewer.app import App
@@ -88,7 +89,7 @@ def open_panel(app: App) -> None:
 
 def type_key(app: App, key: str) -> None:
     click_on(app, "##key")
-    app.window.inject_text(key)
+    hand.text(app.window, key)
     run(app, 3)
     press(app, "enter")
     run(app, 2)

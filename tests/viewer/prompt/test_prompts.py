@@ -8,6 +8,7 @@ import numpy as np
 
 from runtime.session.prompt_blend import Side
 from runtime.skeleton import PART_NAMES
+from tests.helpers import hand
 from tests.helpers.app_driver import (
     Start,
     click,
@@ -23,7 +24,6 @@ from tests.helpers.app_driver import (
     typing,
     words,
 )
-from tests.helpers.viewer_fakes import FakeLibrary
 
 # typing
 
@@ -33,9 +33,9 @@ def test_typing_fills_the_prompt_and_never_drives(start: Start) -> None:
     run(app, 2)
     click_prompt_box(app)
     app.window.inject_key("w", True)
-    app.window.inject_text("w")
+    hand.text(app.window, "w")
     app.window.inject_key("w", False)
-    app.window.inject_text("addling duck ")
+    hand.text(app.window, "addling duck ")
     run(app, 3)
     assert controller(app).z == 0.0
     assert "waddling duck" in app.prompting.boxes[Side.A].text
@@ -128,16 +128,12 @@ def test_a_field_is_applied_when_it_is_left(start: Start) -> None:
     app = start()
     run(app, 3)
     click_on(app, "##words", len(PART_NAMES) - 1)
-    app.window.inject_text(" slowly")
+    hand.text(app.window, " slowly")
     run(app, 3)
     assert words(app)["head"] != app.prompting.parts["head"]
     click(app, app.window.size[0] / 2, app.window.size[1] / 2)  # the scene
     run(app)
     assert "slowly" in words(app)["head"]
-
-
-def duck() -> dict[str, str]:
-    return FakeLibrary().expand("a duck").descriptions.to_mapping()
 
 
 # undo

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 
 from runtime.session.prompt_blend import Side
+from tests.helpers import hand
 from tests.helpers.app_driver import (
     Start,
     click_on,
@@ -38,7 +39,7 @@ def test_suggestions_show_while_typing_and_are_taken_by_keys(start: Start) -> No
     press(app, "tab")
     assert (box.text, box.suggesting, typing(app)) == ("proud peacock", False, True)
     assert len(controller(app).styles) == styles  # taken into the field, not yet asked
-    app.window.inject_text(", head down")
+    hand.text(app.window, ", head down")
     run(app, 2)
     assert box.text == "proud peacock, head down"
     press(app, "enter")

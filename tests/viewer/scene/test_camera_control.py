@@ -9,6 +9,7 @@ import pytest
 
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import TERRAIN_NAMES, make_terrain
+from tests.helpers import hand
 from tests.helpers.app_driver import Start, click_on, controller, press, run
 from viewer.app import App
 from viewer.scene.camera_control import VIEWS, CameraControl, start_yaw
@@ -50,13 +51,13 @@ def test_a_drag_ends_the_first_view_and_forward_is_where_the_camera_looks(start:
 
 def test_a_click_far_from_where_the_mouse_was_does_not_turn_the_view(start: Start) -> None:
     app = start(panels=False)
-    app.window.inject_mouse(100, 100)
+    hand.mouse(app.window, 100, 100)
     run(app, 2)
     before = app.scene.camera.current.yaw, app.scene.camera.current.pitch
-    app.window.inject_mouse(500, 400, 0, True)  # both between two frames: few are drawn on a slow machine
+    hand.mouse(app.window, 500, 400, 0, True)  # both between two frames: few are drawn on a slow machine
     run(app, 2)
     assert (app.scene.camera.current.yaw, app.scene.camera.current.pitch) == before
-    app.window.inject_mouse(540, 400, 0, True)
+    hand.mouse(app.window, 540, 400, 0, True)
     run(app, 2)
     assert app.scene.camera.current.yaw != before[0]
 

@@ -8,6 +8,7 @@ import pytest
 
 from runtime.session.prompt_blend import Side
 from runtime.traversal.traversal import KINDS
+from tests.helpers import hand
 from tests.helpers.app_driver import Start, controller, message, run
 from viewer.gl_bindings import imgui
 from viewer.input.gamepad import GamepadState
@@ -70,7 +71,7 @@ def test_keys_that_follow_enter_at_once_are_words(start: Start) -> None:
     run(app, 2)
     for letter in "drunk":
         press_down(letter, True)
-        app.window.inject_text(letter)
+        hand.text(app.window, letter)
         press_down(letter, False)
         run(app)
     run(app, 3)
@@ -84,7 +85,7 @@ def test_focus_loss_releases_keys(start: Start) -> None:
     run(app, 2)
     app.window.inject_key("w", True)
     run(app, 2)
-    app.window.inject_focus(False)
+    hand.focus(app.window, False)
     before = controller(app).z
     run(app, 5)
     assert controller(app).z == before > 0.0

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from runtime.takes.pins import Pinned
+from tests.helpers import hand
 from tests.helpers.app_driver import Start, click_on, press, run
 from viewer.app import App
 from viewer.edit.handles import on_screen
@@ -21,13 +22,13 @@ def drag(app: App, button: int, *held: str, dx: float = 40.0, dy: float = 0.0) -
     x, y = 0.55 * size.x, 0.4 * size.y
     for key in held:
         app.window.inject_key(key, True)
-    app.window.inject_mouse(x, y)
+    hand.mouse(app.window, x, y)
     run(app, 2)
-    app.window.inject_mouse(x, y, button, True)
+    hand.mouse(app.window, x, y, button, True)
     run(app, 3)
-    app.window.inject_mouse(x + dx, y + dy)
+    hand.mouse(app.window, x + dx, y + dy)
     run(app, 2)
-    app.window.inject_mouse(x + dx, y + dy, button, False)
+    hand.mouse(app.window, x + dx, y + dy, button, False)
     run(app, 2)
     for key in held:
         app.window.inject_key(key, False)
@@ -96,20 +97,20 @@ def test_the_wheel_zooms_at_the_pointer(start: Start, steps: float) -> None:
     app = start(camera="orbit", panels=False)
     run(app, 60)
     size = imgui.get_io().display_size
-    hand = app.scene.simulation.current.positions[-1]
+    point = app.scene.simulation.current.positions[-1]
     camera = app.scene.camera.current
-    depth = camera.view_matrix().astype(float) @ np.append(hand, 1.0)
+    depth = camera.view_matrix().astype(float) @ np.append(point, 1.0)
     target = camera.view_matrix().astype(float) @ np.append(camera.target, 1.0)
-    hand = hand + (depth[2] - target[2]) * -camera.view_matrix()[2, :3]  # as far away as the target
-    at = on_screen(camera, hand, size)
+    point = point + (depth[2] - target[2]) * -camera.view_matrix()[2, :3]  # as far away as the target
+    at = on_screen(camera, point, size)
     assert at is not None
-    app.window.inject_mouse(*at)
+    hand.mouse(app.window, *at)
     run(app, 2)
     before = camera.distance
-    app.window.inject_wheel(steps)
+    hand.wheel(app.window, steps)
     run(app, 2)
     assert (camera.distance < before) == (steps > 0)
-    assert on_screen(camera, hand, size) == pytest.approx(at, abs=3.0)
+    assert on_screen(camera, point, size) == pytest.approx(at, abs=3.0)
 
 
 def test_f_frames_the_selected_pin_and_0_the_character(start: Start) -> None:

@@ -22,6 +22,7 @@ from runtime.session.motion import Motion
 from runtime.session.session import Session, Take
 from runtime.session.session_file import SessionFile
 from runtime.terrain.files import write_height_png
+from tests.helpers import hand
 from tests.helpers.app_driver import Start, click_on, drawn, press, prompt, run, run_until
 from tests.helpers.full_session import history_of, still, text_of, written
 from tests.helpers.gltf_characters import user_character
@@ -415,7 +416,7 @@ def test_without_a_dialog_program_the_path_is_typed(start: Start, tmp_path: Path
     record(app)
     press(app, "ctrl", "s")
     run(app, 3)
-    app.window.inject_text(str(tmp_path / "typed"))
+    hand.text(app.window, str(tmp_path / "typed"))
     run(app, 2)
     click_on(app, "##dialog ok")
     run(app, 2)

@@ -1,0 +1,41 @@
+"""What a hand does to the application's window: mouse, wheel, text, and the window itself."""
+
+from __future__ import annotations
+
+from viewer.gl_bindings import glfw, imgui
+from viewer.window import KEY_CODES, Window
+
+
+def mouse(window: Window, x: float, y: float, button: int | None = None, down: bool = False) -> None:
+    """Move to x, y (screen units), where a button changes."""
+    imgui.backends.glfw_cursor_enter_callback(window.address, 1)
+    imgui.backends.glfw_cursor_pos_callback(window.address, x, y)
+    if button is not None:
+        imgui.backends.glfw_mouse_button_callback(window.address, button, int(down), 0)
+        window.hold_modifiers()
+
+
+def wheel(window: Window, steps: float) -> None:
+    """Turn the wheel; positive is away from the user."""
+    imgui.backends.glfw_scroll_callback(window.address, 0.0, steps)
+
+
+def text(window: Window, text: str) -> None:
+    """Type text."""
+    for character in text:
+        imgui.backends.glfw_char_callback(window.address, ord(character))
+
+
+def repeat(window: Window, name: str) -> None:
+    """A key that is down repeats itself."""
+    imgui.backends.glfw_key_callback(window.address, KEY_CODES[name], 0, glfw.REPEAT, 0)
+
+
+def focus(window: Window, focused: bool) -> None:
+    """The window gains or loses the focus."""
+    imgui.backends.glfw_window_focus_callback(window.address, int(focused))
+
+
+def resize(window: Window, width: int, height: int) -> None:
+    """The window gets another size, in screen units."""
+    glfw.set_window_size(window.handle, width, height)

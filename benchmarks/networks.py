@@ -54,11 +54,11 @@ class Variant:
     styles: str
 
 
-def read_bandwidth(threads: int, repeats: int = 8) -> float:
-    """GB/s at which `threads` threads read together: the best of `repeats` searches for a maximum."""
+def read_bandwidth(threads: int) -> float:
+    """GB/s at which `threads` threads read together: the best of eight searches for a maximum."""
     parts = np.array_split(np.ones(BYTES // 4, np.int32), threads)
     with ThreadPoolExecutor(threads) as pool:
-        return BYTES / min(times_ms(lambda: list(pool.map(np.max, parts)), repeats)) / 1e6
+        return BYTES / min(times_ms(lambda: list(pool.map(np.max, parts)), 8)) / 1e6
 
 
 def main(argv: list[str] | None = None) -> int:

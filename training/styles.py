@@ -56,17 +56,13 @@ class StyleTexts:
         return np.array([edit is not None and what(edit) for edit in edits])[self.keys].any(1)
 
 
-def pick_paraphrases(index: Tensor, clips: Tensor, generator: torch.Generator | None = None) -> Tensor:
+def pick_paraphrases(index: Tensor, clips: Tensor) -> Tensor:
     """Sentence indices `(B, 6)` out of `index` `(clips, P, 6)` for clips `(B,)`, or `(B, 6)` of every part's own."""
     count, parts = index.shape[1:]
     whose = clips if clips.ndim == 2 else clips[:, None]
-
-    def random(*shape: int) -> Tensor:
-        return torch.rand(shape, generator=generator).to(clips.device)
-
-    own = (random(len(clips), parts) * count).long()
+    own = (torch.rand(len(clips), parts).to(clips.device) * count).long()
     same = own[:, :1].expand(-1, parts)
-    choice = torch.where(random(len(clips), 1) < MIX, own, same)
+    choice = torch.where(torch.rand(len(clips), 1).to(clips.device) < MIX, own, same)
     return index[whose, choice, torch.arange(parts, device=clips.device)]
 
 
@@ -90,12 +86,7 @@ class StyleTable:
 
 
 def load_style_texts(
-    table: FrameTable,
-    path: Path,
-    encoder: TextEncoderLike,
-    clips: Path | None = None,
-    words: bool = False,
-    side: bool = False,
+    table: FrameTable, path: Path, encoder: TextEncoderLike, clips: Path | None, words: bool, side: bool
 ) -> StyleTexts:
     """Gather and embed every description; FileError names a style of the data that has none.
 

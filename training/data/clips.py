@@ -117,10 +117,10 @@ def wrapped_height(heights: Array, cell: float, x: Array, z: Array) -> Array:
     return low * (1 - fv) + (heights[i, j1] * (1 - fu) + heights[i1, j1] * fu) * fv
 
 
-def crop_rollout(heights: Array, cell: float, positions: Array, out_cell: float = 0.1) -> Patches:
-    """The part of a wrapping height map that lies around a clip."""
-    origin, (n, m) = grid_under(positions, RELIEF_MARGIN_M, out_cell)
-    x = origin[0] + np.arange(n)[:, None] * out_cell
-    z = origin[1] + np.arange(m)[None, :] * out_cell
+def crop_rollout(heights: Array, cell: float, positions: Array) -> Patches:
+    """The part of a wrapping height map that lies around a clip, in cells of 10 cm."""
+    origin, (n, m) = grid_under(positions, RELIEF_MARGIN_M, 0.1)
+    x = origin[0] + np.arange(n)[:, None] * 0.1
+    z = origin[1] + np.arange(m)[None, :] * 0.1
     x, z = np.broadcast_arrays(x, z)
-    return Patches(wrapped_height(heights, cell, x, z)[None], origin, out_cell)
+    return Patches(wrapped_height(heights, cell, x, z)[None], origin, 0.1)

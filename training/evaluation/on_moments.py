@@ -62,9 +62,9 @@ class Moment:
     figures: dict[str, float]
 
 
-def read_points(path: Path, first_frame: int = 0) -> Points:
+def read_points(path: Path) -> Points:
     """Joints of a BVH of any known skeleton, resampled to 60 frames a second."""
-    joints = GaitJoints.of(read_bvh(path), first_frame)
+    joints = GaitJoints.of(read_bvh(path))
     count = len(joints.points["hips"])
     if abs(joints.fps - FPS) < 1.0:
         return joints.points

@@ -197,7 +197,7 @@ MARGIN = 10  # frames at both ends, where the periodic autoencoder sees half a w
 SHORTEST = FPS  # frames
 
 
-def rest_rhythm(table: FrameTable, phase: np.ndarray, style: StyleTable, ridge: float = 0.5) -> np.ndarray:
+def rest_rhythm(table: FrameTable, phase: np.ndarray, style: StyleTable) -> np.ndarray:
     """Ridge regression `(n + 1, 2 C)` from the n numbers of Z^t to each channel's amplitude and, after these, turns a second at rest.
 
     A standing body has no steps to keep time by. Of a hand that waves the network knows how it moves at each phase, but its
@@ -209,7 +209,7 @@ def rest_rhythm(table: FrameTable, phase: np.ndarray, style: StyleTable, ridge: 
     index = torch.as_tensor(clips * REST_DRAWS, device=style.index.device, dtype=torch.long)
     inputs = style.draw(index).cpu().numpy()  # (0, n) where no clip stands
     values, weights = np.tile(found, (REST_DRAWS, 1)), np.ones(len(index))
-    columns = [ridge_regression(inputs, values[:, k], weights, ridge, 0.0) for k in range(2 * C)]
+    columns = [ridge_regression(inputs, values[:, k], weights, 0.5, 0.0) for k in range(2 * C)]
     return np.stack(columns, 1).astype(np.float32)
 
 

@@ -53,6 +53,7 @@ COURSES = (  # prompt, path, gait, terrain of the walks that the error is measur
     ("an old man with a bad back", "forward", "walk", "flat"),
     ("sneak carefully, head down", "random", "crouch", "flat"),
 )
+SECONDS = 4.0  # of each
 
 
 @dataclass(frozen=True)
@@ -182,7 +183,7 @@ class _Recorder(MotionModel):
         return super().step(x, noise, style)
 
 
-def record_frames(folder: Path, text_encoder: Path | None = None, seconds: float = 4.0) -> CalibrationFrames:
+def record_frames(folder: Path, text_encoder: Path | None) -> CalibrationFrames:
     """What the networks of a folder meet while they walk, jog and sneak in six styles, in full precision."""
     model = _Recorder(folder)
     to_style = Prompter(model, text_encoder=text_encoder)
@@ -190,7 +191,7 @@ def record_frames(folder: Path, text_encoder: Path | None = None, seconds: float
         controller = Controller(model, load_terrain(terrain), seed)
         controller.set_style(to_style(prompt), 0.0)
         script, pose = control_script(path, gait, 1.0, seed), controller.pose
-        for frame in range(round(seconds * FPS)):
+        for frame in range(round(SECONDS * FPS)):
             x, _, z = pose.root_position
             pose = controller.step(script(frame / FPS, PlanarPose(float(x), float(z), pose.root_yaw)))
     xs, noises, styles = zip(*model.frames, strict=True)

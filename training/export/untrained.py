@@ -31,10 +31,10 @@ from training.networks.generator import Generator
 from training.presets import ModelConfig, preset
 
 
-def export_untrained(config: ModelConfig, folder: Path, seed: int = 0) -> None:
+def export_untrained(config: ModelConfig, folder: Path) -> None:
     """Write the graphs of `config` with the weights that training would begin with."""
     folder.mkdir(parents=True, exist_ok=True)
-    torch.manual_seed(seed)
+    torch.manual_seed(0)
     generator = Generator(config).eval()
     size = config.output_size
     normal = Normalisation(

@@ -39,17 +39,15 @@ class PartAttention(nn.Module):
 
     blocked: Tensor
 
-    def __init__(self, feedforward: int = 256, dropout: float = 0.1) -> None:
+    def __init__(self) -> None:
         super().__init__()
         self.project = nn.Linear(JOINT_FEATURES, PART_SIZE)
         self.project_global = nn.Linear(3, PART_SIZE)
         self.joint_embedding = nn.Parameter(0.1 * torch.randn(J + 1, PART_SIZE))
         self.part_token = nn.Parameter(0.1 * torch.randn(PARTS, PART_SIZE))
-        self.attention = nn.MultiheadAttention(PART_SIZE, 1, dropout=dropout, batch_first=True)
+        self.attention = nn.MultiheadAttention(PART_SIZE, 1, dropout=0.1, batch_first=True)
         self.norm_1, self.norm_2 = nn.LayerNorm(PART_SIZE), nn.LayerNorm(PART_SIZE)
-        self.feedforward = nn.Sequential(
-            nn.Linear(PART_SIZE, feedforward), nn.GELU(), nn.Linear(feedforward, PART_SIZE)
-        )
+        self.feedforward = nn.Sequential(nn.Linear(PART_SIZE, 256), nn.GELU(), nn.Linear(256, PART_SIZE))
         blocked = torch.ones(PARTS, J + 1, dtype=torch.bool)
         for number, name in enumerate(PART_NAMES):
             blocked[number, list(PART_JOINTS[name])] = False

@@ -33,9 +33,9 @@ def blend_codes(codes: Tensor, alpha: Tensor) -> Tensor:
     return torch.einsum("bk,bko->bo", alpha, codes)
 
 
-def step_embedding(step: Tensor, size: int = 64) -> Tensor:
-    """Sinusoidal embedding `(B, size)` of the diffusion step index `(B,)`."""
-    frequency = torch.exp(-math.log(10000.0) * torch.arange(size // 2, device=step.device) / (size // 2))
+def step_embedding(step: Tensor) -> Tensor:
+    """Sinusoidal embedding `(B, 64)` of the diffusion step index `(B,)`."""
+    frequency = torch.exp(-math.log(10000.0) * torch.arange(32, device=step.device) / 32)
     angle = step.float()[:, None] * frequency
     return torch.cat([angle.sin(), angle.cos()], dim=-1)
 

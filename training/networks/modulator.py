@@ -10,10 +10,10 @@ from training.networks.mixture import ExpertLinear, Gating
 from training.presets import ModelConfig
 
 
-def instance_norm(w: Tensor, epsilon: float = 1e-5) -> Tensor:
+def instance_norm(w: Tensor) -> Tensor:
     """W `(B, n)` with its own mean and deviation removed: the normalisation inside AdaIN."""
     centred = w - w.mean(-1, keepdim=True)
-    return centred * torch.rsqrt(centred.square().mean(-1, keepdim=True) + epsilon)
+    return centred * torch.rsqrt(centred.square().mean(-1, keepdim=True) + 1e-5)
 
 
 class ContentModulator(nn.Module):

@@ -105,12 +105,12 @@ def signs_of(part: str) -> tuple[float, ...]:
     return tuple(-1.0 if name in _ONE_SIDED else 1.0 for name in measure_names(part))
 
 
-def clip_values(folder: Path, names: Sequence[str], workers: int = 2) -> list[Array]:
+def clip_values(folder: Path, names: Sequence[str]) -> list[Array]:
     """Six arrays `(clips, n)` of the clips called `names`, standardised over them and at most `MOST` from their mean.
 
     FileError of numpy's where a clip is missing. Signs survive: what changes its sign in the mirror image has mean 0.
     """
-    with ProcessPoolExecutor(workers) as pool:
+    with ProcessPoolExecutor(2) as pool:
         rows = list(pool.map(partial(_measured, folder), names, chunksize=64))
     return [_standardised(np.array([row[k] for row in rows]), part) for k, part in enumerate(PART_NAMES)]
 

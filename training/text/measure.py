@@ -153,12 +153,12 @@ def landings(down: NDArray[np.bool_]) -> NDArray[np.intp]:
     return np.flatnonzero(np.diff(closed(down).astype(int)) == 1) + 1
 
 
-def closed(down: NDArray[np.bool_], frames: int = _FLICKER) -> NDArray[np.bool_]:
-    """Contact flags with gaps of up to `frames` frames filled."""
+def closed(down: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Contact flags with gaps of up to `_FLICKER` frames filled."""
     filled = down.copy()
     edges = np.flatnonzero(np.diff(down.astype(int)))
     for a, b in pairwise(edges):
-        if not down[a + 1] and b - a <= frames:
+        if not down[a + 1] and b - a <= _FLICKER:
             filled[a + 1 : b + 1] = True
     return filled
 

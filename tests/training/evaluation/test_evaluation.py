@@ -10,6 +10,7 @@ from tests.helpers.walker import WalkerModel, walk
 
 pytest.importorskip("sklearn")
 
+from runtime.assets import asset_path
 from runtime.controls import Gait
 from runtime.errors import FileError, SportError, UsageError
 from runtime.motion.features import OUTPUT
@@ -24,7 +25,7 @@ from training.evaluation.motion.capture import (
     make_plan,
     read_capture,
 )
-from training.evaluation.motion.driving import follow, replay, requests_of, run_course, transition
+from training.evaluation.motion.driving import follow, replay, requests_of, run_course
 from training.evaluation.motion.evaluated_model import style_texts
 from training.evaluation.motion.scores import score_held_out, score_model
 from training.evaluation.motion.tables import check, markdown
@@ -129,7 +130,7 @@ def test_root_features_are_those_that_training_sees(clips):
 
 
 def test_following_goes_where_the_clip_goes_at_its_time(clips):
-    clip = load_motion(clips / "a_1.npz")
+    clip = load_motion(clips / "a_1.npz").cut(0, 150)
     requests = requests_of(clip, lead_in=60)
     assert len(requests.xz) == len(clip) + 60
     assert np.diff(requests.xz[:61, 1]) == pytest.approx(np.full(60, requests.velocity[0, 1] / 60))
@@ -144,18 +145,16 @@ def test_a_network_that_fails_stops_the_evaluation(clips):
         follow(WalkerModel(broken_at=150), load_motion(clips / "a_1.npz"), Z)
 
 
-def test_courses_stay_on_the_ring_and_transitions_tell_their_frame():
-    run = run_course(WalkerModel(), Terrain.flat(), "neutral", Z, Gait.WALK, 3.0, seed=3)
-    assert len(run.motion) == len(run.path_error) == 180
+def test_courses_stay_on_the_ring():
+    run = run_course(WalkerModel(), Terrain.flat(), "neutral", Z, Gait.WALK, 2.0, seed=3)
+    assert len(run.motion) == len(run.path_error) == 120
     assert run.path_error.mean() < 0.3
-    positions, change = transition(WalkerModel(), Z, Z + 0.1, 0)
-    assert (len(positions), change) == (360, 180)
 
 
 def test_replay_takes_the_clips_controls_and_seeds_matter_only_with_temperature(clips):
-    clip = load_motion(clips / "a_1.npz").cut(0, 90)
+    clip = load_motion(clips / "a_1.npz").cut(0, 60)
     runs = {(t, s): replay(NoisyWalker(), clip, Z, s, t, 20) for t in (0.0, 1.0) for s in (1, 2)}
-    assert runs[0.0, 1].shape == (70, 31, 3)
+    assert runs[0.0, 1].shape == (40, 31, 3)
     assert np.array_equal(runs[0.0, 1], runs[0.0, 2])
     assert not np.array_equal(runs[1.0, 1], runs[1.0, 2])
     seen = []
@@ -165,7 +164,7 @@ def test_replay_takes_the_clips_controls_and_seeds_matter_only_with_temperature(
     replay(model, clip, Z, 1, 0.0, 20)
     frames = clip_frames(clips / "a_1.npz")
     # t^p and t^d of the clip
-    assert np.abs(seen[70][:48] - frames.x[70][:48].astype(np.float32)).max() < 0.02
+    assert np.abs(seen[50][:48] - frames.x[50][:48].astype(np.float32)).max() < 0.02
 
 
 def test_scores_of_a_walker_are_those_of_a_walker(results):
@@ -198,25 +197,16 @@ def test_tables_hold_the_capture_and_every_model(results):
     assert "| walker (diffusion) |" in text
 
 
-def test_styles_that_only_the_data_sets_have_are_described():
-    assert all(style_texts({"twitching", "walking_stick"}).values())
-
-
 def test_style_texts_take_written_and_measured_descriptions_in_turn():
-    library = json.loads((style_path()).read_text(encoding="utf-8"))["drunk"]
+    library = json.loads(asset_path("prompts/styles.json").read_text(encoding="utf-8"))["drunk"]
     written = len(library["descriptions"]) - library["measured"]
     texts = style_texts({"drunk"})["drunk"]
     assert len(texts) == len(library["descriptions"])
     assert texts[0].head == library["descriptions"][0]["head"]
     assert texts[1].head == library["descriptions"][written]["head"]
+    assert all(style_texts({"twitching", "walking_stick"}).values())  # which the data sets alone have
     with pytest.raises(FileError, match="sleepy"):
         style_texts({"sleepy"})
-
-
-def style_path():
-    from runtime.assets import asset_path
-
-    return asset_path("prompts/styles.json")
 
 
 def test_options_that_cannot_be_met_are_named(tmp_path):
@@ -224,10 +214,5 @@ def test_options_that_cannot_be_met_are_named(tmp_path):
         main(["--clips", str(tmp_path), "--model", "./m", "--seconds", "1"])
     with pytest.raises(FileError, match="no clips"):
         main(["--clips", str(tmp_path), "--model", "./m", "--quick"])
-    assert (
-        MOTION.parser("sport evaluate")
-        .parse_args(["--clips", "c", "--model", "./a", "--model", "./b"])
-        .model[1]
-        .name
-        == "b"
-    )
+    options = MOTION.parser("sport evaluate").parse_args(["--clips", "c", "--model", "./a", "--model", "./b"])
+    assert options.model[1].name == "b"

@@ -1,5 +1,7 @@
 """Longer sentences mean what their phrases mean, and what was known stays."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -15,17 +17,19 @@ from training.stages.words import codes_of, disturbed, learn_longer_sentences  #
 from training.styles import StyleTexts  # noqa: E402
 
 
+@cache
+def vector_of(word):
+    return np.random.default_rng(list(word.encode())).normal(size=384)
+
+
 class BagOfWords:
     """A sentence is the sum of a vector for each word."""
 
     name, dimensions = "stand-in", 384
 
     def encode(self, texts):
-        sums = [sum(self._word(w) for w in t.replace(",", " ").lower().split()) for t in texts]
+        sums = [sum(vector_of(w) for w in t.replace(",", " ").lower().split()) for t in texts]
         return np.stack([s / np.linalg.norm(s) for s in sums]).astype("f4")
-
-    def _word(self, word):
-        return np.random.default_rng(list(word.encode())).normal(size=384)
 
 
 def test_longer_sentences_are_made_of_trained_phrases_alone():

@@ -99,9 +99,8 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.setattr("training.run.TextEncoder", Words)
         patch.setattr(StatisticsReader, "measure", lambda self, joints: measure(self, joints[:256]))
         patch.setattr("training.stages.words._error", lambda *_: 0.0)  # of thousands of sentences, four times
-        record, courses = quantize.record_frames, (("a proud queen", "random", "jog", "flat"),)
-        patch.setattr(quantize, "record_frames", functools.partial(record, seconds=1.0))
-        patch.setattr(quantize, "COURSES", courses)
+        patch.setattr(quantize, "COURSES", (("a proud queen", "random", "jog", "flat"),))
+        patch.setattr(quantize, "SECONDS", 1.0)
         patch.setattr(pipeline, "measure_traversals", lambda folder: (folder / "traversed").touch())
         for name in ("estimate_variance", "measure_codes"):
             patch.setattr(stage_motion, name, functools.partial(getattr(stage_motion, name), batches=1))

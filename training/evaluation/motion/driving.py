@@ -195,9 +195,9 @@ def transition(model: MotionModel, first: Array, second: Array, seed: int) -> tu
     return np.stack(positions[LEAD_IN_FRAMES:]), STEADY_FRAMES
 
 
-def flat_ground(size_m: float = 400.0) -> Terrain:
+def flat_ground() -> Terrain:
     """Level ground that no course leaves."""
-    return Terrain.flat(size_m=size_m, cell_m=10.0)
+    return Terrain.flat(size_m=400.0, cell_m=10.0)
 
 
 RADIUS_M, WAVE_M, WAVES = 8.0, 1.2, 3  # beyond the level start of every terrain, within its 40 m

@@ -78,9 +78,9 @@ def _case(name: str, kind: str, edits: tuple[str, ...], neutral: PartDescription
     return Case(name, kind, edits, tuple(variants), tuple(k % SEEDS for k in range(count)))
 
 
-def free_case(prompt: str, edits: tuple[str, ...], expanded: PartDescriptions, walks: int = 2) -> Case:
-    """A free prompt as it was expanded, with `walks` seeds."""
-    return Case(prompt, "free words", edits, (expanded,) * walks, tuple(range(walks)))
+def free_case(prompt: str, edits: tuple[str, ...], expanded: PartDescriptions) -> Case:
+    """A free prompt as it was expanded, with two seeds."""
+    return Case(prompt, "free words", edits, (expanded, expanded), (0, 1))
 
 
 # --- what came of it --------------------------------------------------------------------------------------------------

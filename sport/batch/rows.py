@@ -115,7 +115,7 @@ def plan(
 ) -> tuple[list[Task], list[BatchRow]]:
     """Tasks of the rows that can be made, and the others with their errors; UsageError for a column that is no argument.
 
-    `parser` knows the arguments of `sport generate`, `base` has those that stand for every row.
+    `parser` knows the arguments of `sport generate`, `base` has those of the command, which stand for every row.
     """
     known = {a.dest: a for a in parser._actions if a.option_strings and a.dest not in NOT_COLUMNS}
     unknown = sorted({name for row in rows for name in row.values} - set(known))
@@ -142,7 +142,8 @@ def _options(
     """The arguments of a row over those of the command."""
     if row.error:
         raise UsageError(row.error)
-    options = argparse.Namespace(**vars(base) | {"out": None})
+    kept = {name: value for name, value in vars(base).items() if name not in (*NOT_COLUMNS, "command")}
+    options = argparse.Namespace(**kept | {"out": None})
     if any(name in row.values for name in STYLES):
         vars(options).update(dict.fromkeys(STYLES))
     words = []

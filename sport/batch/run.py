@@ -18,7 +18,7 @@ from runtime.atomic import write_atomic
 from runtime.errors import FileError, UsageError
 from runtime.file_lock import open_locked
 from runtime.safe_read import parse_json, printable, read_bounded
-from sport.batch.rows import NOT_COLUMNS, RowParser, Task, plan, read_rows, sha256
+from sport.batch.rows import RowParser, Task, plan, read_rows, sha256
 from sport.batch.work import Line, RayExecutor, below, cores, entry, make_rows, processes
 
 LOCK = ".sport-batch.lock"
@@ -32,8 +32,7 @@ def run_batch(options: argparse.Namespace, parser: RowParser) -> int:
     if options.workers is not None and not 1 <= options.workers <= MAX_WORKERS:
         raise UsageError(f" {options.workers}: expected 1 to {MAX_WORKERS}.", "Try 2.", "workers")
     rows = read_rows(options.batch)
-    base = {name: value for name, value in vars(options).items() if name not in (*NOT_COLUMNS, "command")}
-    tasks, refused = plan(rows, parser, argparse.Namespace(**base))
+    tasks, refused = plan(rows, parser, options)
     with _held(options.out):
         manifest = Manifest(options.out)
         missing = [task for task in tasks if not manifest.done(task)]

@@ -26,10 +26,7 @@ from sport.commands import generate
 
 
 def base(*words: str) -> argparse.Namespace:
-    options = cli.build_parser().parse_args(["generate", "--batch", "list.csv", "--out", "clips", *words])
-    return argparse.Namespace(
-        **{k: v for k, v in vars(options).items() if k not in ("batch", "ray", "workers", "command")}
-    )
+    return cli.build_parser().parse_args(["generate", "--batch", "list.csv", "--out", "clips", *words])
 
 
 def write(path: Path, text: str) -> Path:

@@ -374,21 +374,27 @@ def _draw_layer(posing: Posing, half: float) -> None:
         posing.set_tangent(chosen)
 
 
+def _shown_curve(posing: Posing) -> tuple[int, bool]:
+    """The joint whose curves are drawn, and whether they are those of its shifts."""
+    turned, moved = posing.layer.turned_joints(), posing.layer.moved_joints()
+    curves = {*turned, *moved}
+    joint = next((one for one in posed_by(posing.joint) if one in curves), posing.joint)
+    return joint, joint in moved and (posing.moves or joint not in turned)
+
+
 def _draw_curve(posing: Posing, playback: Playback) -> None:
     """The curves of the picked joint over the take: degrees, or centimetres where it is moved."""
-    layer = posing.layer
-    curves = {*layer.turned_joints(), *layer.moved_joints()}
-    joint = next((one for one in posed_by(posing.joint) if one in curves), posing.joint)
-    moved = joint in layer.moved_joints() and (posing.moves or joint not in layer.turned_joints())
+    layer, (joint, moved) = posing.layer, _shown_curve(posing)
     times = np.linspace(0.0, playback.clip.seconds, 120)
-    values = layer.moves(joint, times) * 100.0 if moved else np.degrees(layer.turns(joint, times))
+    if moved:
+        values, words, unit = layer.moves(joint, times) * 100.0, "centimetres", "cm"
+    else:
+        values, words, unit = np.degrees(layer.turns(joint, times)), "degrees", "°"
     most = max(float(np.abs(values).max()), 1.0)
     corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     height, drawing = px(CURVE_HEIGHT), imgui.get_window_draw_list()
     imgui.dummy(imgui.ImVec2(width, height))
-    widgets.tooltip(
-        f"Left and right, up and down, ahead and back: {'centimetres' if moved else 'degrees'} about x, y and z"
-    )
+    widgets.tooltip(f"Left and right, up and down, ahead and back: {words} about x, y and z")
     end = imgui.ImVec2(corner.x + width, corner.y + height)
     drawing.add_rect_filled(corner, end, widgets.packed(theme.FIELD), px(3))
     for channel, tint in enumerate(CHANNELS):
@@ -397,15 +403,14 @@ def _draw_curve(posing: Posing, playback: Playback) -> None:
         points = [(float(a), float(b)) for a, b in zip(x, y, strict=True)]
         for a, b in pairwise(points):
             drawing.add_line(a, b, widgets.packed(tint), px(1.2))
-    for key in layer.keys:
-        if any(value.joint == joint for value in (*key.turns, *key.moves)):
-            at = corner.x + width * key.seconds / max(playback.clip.seconds, 1e-6)
-            drawing.add_circle_filled(
-                imgui.ImVec2(at, corner.y + height / 2), px(3), widgets.packed(theme.ACCENT)
-            )
+    keyed = [key for key in layer.keys if any(value.joint == joint for value in (*key.turns, *key.moves))]
+    for key in keyed:
+        at = corner.x + width * key.seconds / max(playback.clip.seconds, 1e-6)
+        place = imgui.ImVec2(at, corner.y + height / 2)
+        drawing.add_circle_filled(place, px(3), widgets.packed(theme.ACCENT))
     now = corner.x + width * playback.time_s / max(playback.clip.seconds, 1e-6)
     drawing.add_line(imgui.ImVec2(now, corner.y), imgui.ImVec2(now, end.y), widgets.packed(theme.TEXT))
-    widgets.muted(f"±{most:.0f} {'cm' if moved else '°'}")
+    widgets.muted(f"±{most:.0f} {unit}")
 
 
 def _hovers_gizmo() -> bool:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from runtime.controls import REQUESTS
@@ -28,8 +29,8 @@ from viewer.session.playback import Playback
 SPEEDS = (0.1, 2.0)
 WIDE = 520.0  # pixels at scale 1: words next to the icons
 TINY = 400.0  # in less only what has no other way stays
-PROMPT_POPUP, GAIT_POPUP, PIN_POPUP, COMPARE_POPUP = "new prompt", "new gait", "new pin", "compare"
-CUT_POPUP, CUT_HINT = "cut", "Split, cut, repeat the take, or join another one to it"
+COMPARE_POPUP = "compare"
+CUT_HINT = "Split, cut, repeat the take, or join another one to it"
 NEW_PIN_HINT = "Hold a hand, a foot, the look or the pose from this frame on, or key the camera"
 PROMPTS, ROW, FEET = 21.0, 15.0, 8.0  # heights at scale 1, where there is no more room
 PROMPT_TINTS = (theme.ACCENT_FILL, (0.36, 0.55, 0.78, 0.42))
@@ -90,26 +91,14 @@ class TakeTracks:
 
     def _of_edits(self, playback: Playback) -> list[Track]:
         take, fps, pins, cameras = playback.take, playback.clip.fps, self.pins, self.cameras
-        keys = [Mark(at, at, of=key) for key in take.cameras for at in (round(key.seconds * fps),)]
-        rows = []
-        if keys:
-            rows.append(
-                Track(
-                    "camera", "Camera", ROW, keys, (theme.ACCENT,), CAMERA_HINT,
-                    press=lambda mark: playback.seek(mark.start), remove=lambda mark: cameras.remove(mark.of),
-                    move=lambda mark, start, _: cameras.move(mark.of, start),
-                )
-            )  # fmt: skip
-        poses = [Mark(at, at, of=key) for key in take.poses.layer.keys for at in (round(key.seconds * fps),)]
-        if poses:
-            posing = self.posing
-            rows.append(
-                Track(
-                    "poses", "Pose", ROW, poses, (POSE_TINT,), POSE_HINT,
-                    press=lambda mark: playback.seek(mark.start), remove=lambda mark: posing.remove(mark.of),
-                    move=lambda mark, start, _: posing.move_key(mark.of, start),
-                )
-            )  # fmt: skip
+        posing, rows = self.posing, []
+        if take.cameras:
+            track = Track("camera", "Camera", ROW, _points(take.cameras, fps), (theme.ACCENT,), CAMERA_HINT)
+            rows.append(_keyed(track, playback, cameras.remove, cameras.move))
+        if take.poses.layer.keys:
+            marks = _points(take.poses.layer.keys, fps)
+            track = Track("poses", "Pose", ROW, marks, (POSE_TINT,), POSE_HINT)
+            rows.append(_keyed(track, playback, posing.remove, posing.move_key))
         for number, lane in enumerate(lanes(take.poses.pins)):
             marks = [_pin(i, take.poses.pins[i], playback) for i in lane]
             lit = lane.index(pins.selected) if pins.selected in lane else -1
@@ -139,6 +128,21 @@ class TakeTracks:
         return Track(
             f"foot {foot}", name, FEET, marks, (theme.ACCENT,), FEET_HINT, fixed=fixed, move=move, menu=menu
         )
+
+
+def _points(keys: Sequence[Any], fps: float) -> list[Mark]:
+    """The marks of keys at times."""
+    return [Mark(at, at, of=key) for key in keys for at in (round(key.seconds * fps),)]
+
+
+def _keyed(
+    track: Track, playback: Playback, remove: Callable[[Any], None], move: Callable[[Any, int], None]
+) -> Track:
+    """A track of keys that are sought, dragged and removed."""
+    return replace(
+        track, press=lambda mark: playback.seek(mark.start), remove=lambda mark: remove(mark.of),
+        move=lambda mark, start, _: move(mark.of, start),
+    )  # fmt: skip
 
 
 def _pin(index: int, pin: Pin, playback: Playback) -> Mark:
@@ -267,35 +271,31 @@ class Transport:
                 takes.trim(last=playback.frame)
             imgui.same_line(0, px(8))
         gait_hint = "Another gait from this frame to the end of the one that is there"
-        for text, hint, popup, why in (
-            ("+ Prompt", "Another prompt from this frame on", PROMPT_POPUP, fixed),
-            ("+ Gait", gait_hint, GAIT_POPUP, fixed),
-            ("+ Pin", NEW_PIN_HINT, PIN_POPUP, self.pins.fixed),
-            ("Cut…", CUT_HINT, CUT_POPUP, self.pins.fixed),
+        for text, hint, draw, why in (
+            ("+ Prompt", "Another prompt from this frame on", self._new_prompt, fixed),
+            ("+ Gait", gait_hint, self._new_gait, fixed),
+            ("+ Pin", NEW_PIN_HINT, self._new_pin, self.pins.fixed),
+            ("Cut…", CUT_HINT, self.cutting.menu, self.pins.fixed),
         ):
             if widgets.button(text, 0.0, why or hint, enabled=not why):
                 editing.new_prompt = ""
-                imgui.open_popup(popup)
+                imgui.open_popup(f"{text} menu")
             imgui.same_line(0, gap)
-        for popup, draw in (
-            (PROMPT_POPUP, self._new_prompt),
-            (GAIT_POPUP, self._new_gait),
-            (CUT_POPUP, self.cutting.menu),
-            (PIN_POPUP, self._new_pin),
-        ):
-            if imgui.begin_popup(popup):
+            if imgui.begin_popup(f"{text} menu"):
                 draw()
                 imgui.end_popup()
-        posing = self.posing
-        imgui.begin_disabled(bool(self.pins.fixed))
-        if widgets.toggle("Pose", posing.open, px(42), POSING_HINT) != posing.open:
-            posing.toggle()
-        imgui.end_disabled()
+        self._pose_button()
         imgui.same_line(0, gap)
         undo_buttons(takes.editor, "take ", 0.0)
         if self._wide:
             self._more(references)
         self._go_on(fixed)
+
+    def _pose_button(self) -> None:
+        posing = self.posing
+        with widgets.disabled(self.pins.fixed):
+            if widgets.toggle("Pose", posing.open, px(42), POSING_HINT) != posing.open:
+                posing.toggle()
 
     def _more(self, references: ReferenceCard) -> None:
         """Tracks of body parts, and what the take is compared with."""

@@ -11,7 +11,6 @@ from runtime.skeleton import J
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacle_detection import step_ahead, within_steps
 from tests.helpers.shipped import shipped_model
-from tests.helpers.walker import WalkerModel
 
 NORTH = np.array([0.0, 1.0])
 
@@ -66,13 +65,6 @@ def test_a_cliff_stops_the_walker_who_says_so_and_goes_back(height, gait):
     assert np.abs(np.diff(hips, axis=0)).max() < 0.08
     assert hips[:, 1].min() > 0.5
     assert hips[:, 1].max() < 1.3
-
-
-def test_an_open_way_blocks_nobody():
-    controller = Controller(WalkerModel(), Terrain.flat())
-    for _ in range(30):
-        controller.step(Controls((0.0, 1.0)))
-    assert controller.blocked is None
 
 
 @pytest.mark.parametrize("height", [8.0, 1e4, -1e4])

@@ -196,7 +196,8 @@ def synthetic(monkeypatch: pytest.MonkeyPatch) -> None:
     said = PLAIN.replace("head", "head tilted to the right").replace(
         "left_arm", "left arm overhead, elbow bent"
     )
-    monkeypatch.setattr(library_data, "load_library", lambda *_: (LibraryEntry("one", (), said),))
+    library = library_data.PromptLibrary((LibraryEntry("one", (), said),))
+    monkeypatch.setattr(library_data, "load_library", lambda *_: library)
 
 
 def test_phrases_are_walked_once_and_what_is_not_done_is_said(synthetic: None, tmp_path: Path) -> None:

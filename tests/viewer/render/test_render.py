@@ -85,10 +85,6 @@ def everything(terrain: Terrain) -> Overlays:
     return Overlays(trajectory(terrain), show_skeleton=True, show_contacts=True)
 
 
-def test_golden_flat(render: Render) -> None:
-    check_golden("flat_software", render())
-
-
 def test_golden_stairs_with_overlays(render: Render) -> None:
     check_golden("stairs_overlays_software", render(stairs(), everything(stairs()), yaw=0.5))
 

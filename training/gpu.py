@@ -93,9 +93,7 @@ class GradientStep:
         self._recordings = {k: r for k, r in self._recordings.items() if k[1:] == variant[1:]}
         graph, item = torch.cuda.CUDAGraph(), item.clone()
         # other threads, such as those of NCCL, may go on meanwhile
-        with torch.cuda.graph(
-            graph, stream=torch.cuda.current_stream(), capture_error_mode="thread_local"
-        ):
+        with torch.cuda.graph(graph, stream=torch.cuda.current_stream(), capture_error_mode="thread_local"):
             terms = self._computed(item)
         recording = _Recording(graph, item, terms, [p.grad for p in self._parameters])
         self._recordings[variant] = recording

@@ -12,7 +12,6 @@ from runtime.motion.features import OUTPUT
 from runtime.skeleton import SPORT_SKELETON, J
 from training.gpu import constant
 
-
 _PARENTS = [max(parent, 0) for parent in SPORT_SKELETON.parents]
 
 

@@ -16,7 +16,7 @@ from typing import ParamSpec
 
 import torch
 import torch.distributed as distributed
-from torch import Tensor, nn
+from torch import nn
 
 from runtime.errors import UsageError
 

@@ -234,7 +234,7 @@ def steered(x: Tensor) -> Tensor:
     free = (torch.rand(count, 1, device=x.device) >= EXACT).float()
     past = free * torch.rand(count, 1, device=x.device)
     coming = free * (1.5 * torch.rand(count, 1, device=x.device)).clamp_max(1.0)
-    ahead = constant([offset > 0 for offset in TRAJECTORY_OFFSETS], x.device, torch.bool)
+    ahead = constant((TRAJECTORY_OFFSETS > 0).tolist(), x.device)
     weight = torch.where(ahead, coming, past)[..., None]
     result = x.clone()
     for name, fit in zip(("trajectory_positions", "trajectory_directions"), _fits(x.device), strict=True):

@@ -32,13 +32,11 @@ class Session:
         default_factory=lambda: torch.device("cuda" if torch.cuda.is_available() else "cpu")
     )
     half: bool = True  # bf16 autocast
-    recorded: bool | None = None  # steps run as CUDA graphs (`training.gpu`); None: on a GPU
+    recorded: bool = False  # steps run as CUDA graphs (`training.gpu`)
     seed: int = 0
     checkpoint_seconds: float = 240.0
 
     def __post_init__(self) -> None:
-        if self.recorded is None:
-            self.recorded = self.device.type == "cuda"
         # a processor without bf16 products computes them many times slower than those of single precision
         if self.device.type == "cpu" and not torch.ops.mkldnn._is_mkldnn_bf16_supported():
             self.half = False
@@ -106,12 +104,12 @@ class Resumable(Protocol):
 class StageLength:
     """How long a stage trains: `steps` of `batch` samples in each process.
 
-    With `minutes` it trains for so long, whatever steps it does: its schedule goes from 0 to `steps` by time.
+    With `ends`, seconds of `time.monotonic`, it trains until then: its schedule goes from 0 to `steps` by time.
     """
 
     steps: int
     batch: int
-    minutes: float | None = None
+    ends: float | None = None
 
 
 class StageSchedule:
@@ -123,9 +121,9 @@ class StageSchedule:
 
     def at(self, step: int) -> float:
         """Of the first process, where several train together: they must go and stop alike."""
-        if self.length.minutes is None:
+        if self.length.ends is None:
             return step
-        gone = (time.monotonic() - self._started) / max(60.0 * self.length.minutes, 1e-3)
+        gone = (time.monotonic() - self._started) / max(self.length.ends - self._started, 1e-3)
         return parallel.of_first(self._begun + (self.length.steps - self._begun) * min(gone, 1.0))
 
 
@@ -218,7 +216,7 @@ class TrainingProgress:
             (steps - state.at) / max(pace, 1e-9) / 60,
             text,
         )
-        whole = state.step if self._length.minutes is not None else steps
+        whole = state.step if self._length.ends is not None else steps
         self._text_file.write_text(f"step {state.step} of {whole}, losses {text}\n", encoding="utf-8")
 
 
@@ -257,11 +255,11 @@ def train(
             return losses(item)
 
     progress = TrainingProgress(session.out / "logs", name, length, state)
-    gradients = GradientStep(state.module, terms_of, bool(session.recorded))
+    gradients = GradientStep(state.module, terms_of, session.recorded)
     saved = time.monotonic()
     schedule = StageSchedule(length, state.at)
     state.module.train()
-    with own_stream(session.device, bool(session.recorded)):
+    with own_stream(session.device, session.recorded):
         while (at := schedule.at(state.step)) < length.steps:
             for group in state.optimizer.param_groups:
                 group["lr"] = learning_rate(at)

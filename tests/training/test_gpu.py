@@ -39,7 +39,9 @@ class Graph(TorchDispatchMode):
             assert not any(i is not None and i.dtype == torch.bool for i in args[1])
         for argument, value in zip(function._schema.arguments, args, strict=False):
             writes = argument.alias_info is not None and argument.alias_info.is_write
-            if writes or argument.name.startswith("running_"):  # means of a norm, whose schema does not say so
+            if writes or argument.name.startswith(
+                "running_"
+            ):  # means of a norm, whose schema does not say so
                 self.before += [(t, t.detach().clone()) for t in tree_leaves(value)]
         result = function(*args, **kwargs)
         self.calls.append((function, args, kwargs, result))
@@ -57,7 +59,10 @@ class Graph(TorchDispatchMode):
         for function, args, kwargs, result in self.calls:
             again = function(*args, **kwargs)
             for old, new in zip(tree_leaves(result), tree_leaves(again), strict=True):
-                if torch.is_tensor(old) and old.untyped_storage().data_ptr() != new.untyped_storage().data_ptr():
+                if (
+                    torch.is_tensor(old)
+                    and old.untyped_storage().data_ptr() != new.untyped_storage().data_ptr()
+                ):
                     old.copy_(new)
 
 

@@ -100,10 +100,22 @@ def test_lanes_can_begin_in_the_pose_of_another_clip(frames, monkeypatch):
 
 def test_lanes_restart_at_the_end_of_their_clip(frames):
     end, y = int(frames.last[0]), torch.zeros(1, 473)
-    lanes = RolloutLanes(frames, 1, 1e9, iter([torch.tensor([end - 6]), torch.tensor([40]), torch.tensor([50])]))
+    lanes = RolloutLanes(
+        frames, 1, 1e9, iter([torch.tensor([end - 6]), torch.tensor([40]), torch.tensor([50])])
+    )
     seen = []
     for _ in range(9):
         lanes.draw()
         seen.append(int(lanes.rows[0]))
         lanes.advance(y, y)
-    assert seen == [end - 6, end - 5, end - 4, end - 3, 40, 41, 42, 43, 44]  # every fourth frame, before the end
+    assert seen == [
+        end - 6,
+        end - 5,
+        end - 4,
+        end - 3,
+        40,
+        41,
+        42,
+        43,
+        44,
+    ]  # every fourth frame, before the end

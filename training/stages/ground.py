@@ -13,8 +13,8 @@ from torch import Tensor
 from torch.nn.functional import mse_loss
 
 from training.batches import RandomRows
-from training.networks.generator import Generator
 from training.gpu import Losses
+from training.networks.generator import Generator
 from training.session import Resumable, Session, StageLength, train
 from training.stages import motion as stage_motion
 from training.stages.motion import MotionData

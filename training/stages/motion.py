@@ -18,13 +18,13 @@ from training import losses as terms
 from training import parallel
 from training.batches import FrameTensors, Normalisation, RandomRows, loss_weights
 from training.composition import CompositionPlan
+from training.gpu import Losses, constant
 from training.kinematics import TURNS, knee_flexion, shown_joints, turns
 from training.networks.decoder import blend_codes
 from training.networks.diffusion import Schedule, add_noise, analytic_variance, noise_estimate
 from training.networks.generator import Generator
 from training.packed_run import START
 from training.presets import ModelConfig
-from training.gpu import Losses, constant
 from training.rollouts import ENERGY_FRAMES, RENEWED, SWING_FRAMES, RolloutLanes, movements, steered
 from training.session import (
     MovingAverage,

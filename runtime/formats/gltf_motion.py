@@ -102,7 +102,8 @@ class _Rig:
         """
         world = _world(self, times)
         shape = len(times), len(self.joints)
-        places, turns = np.empty((*shape, 3)), np.empty((*shape, 4))
+        places: Array = np.empty((*shape, 3))
+        turns: Array = np.empty((*shape, 4))
         for j, node in enumerate(self.joints):
             places[:, j], turns[:, j] = world[node][..., :3, 3], _turns(world[node])
         turns = rotations.multiply(turns, rotations.inverse(_turns(self.bind)))

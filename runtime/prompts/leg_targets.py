@@ -48,8 +48,8 @@ PHRASES: dict[str, dict[str, float | None]] = {
     },
     "knee": {
         "stiff and straight": 25.0, "leg stiff": 25.0, "knee stiff": 25.0, "not bending": 25.0, "hardly bending": 32.0,
-        "with a straight knee": 25.0, "knee straight": 25.0, "knee straight at landing": None, "leg stiff and heavy": 30.0,
-        "standing still": None, "kicking": None,
+        "with a straight knee": 25.0, "knee straight": 25.0, "knee straight at landing": None, "knee straightening": None, "leg stiff and heavy": 30.0,
+        "standing still": None,
     },
 }  # fmt: skip
 

@@ -16,6 +16,7 @@ from runtime.formats.prepare import ExportOptions, prepare
 from runtime.formats.reference import open_take
 from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
+from tests.fuzz.files import keys_glb
 from tests.helpers.foreign_rigs import RIGS
 from tests.helpers.gltf_characters import join_glb, split_glb
 from tests.helpers.walker import walk
@@ -65,29 +66,8 @@ def test_other_rigs_are_references(clip: Clip, rig: str, tmp_path: Path) -> None
 
 
 def test_cubic_and_stepped_keys_are_read_as_specified(tmp_path: Path) -> None:
-    times = np.array([0.0, 1.0], "<f4")
-    cubic = np.array([[0, 0, 0], [0, 0, 0], [3, 0, 0], [0, 0, 0], [3, 0, 0], [0, 0, 0]], "<f4")
-    step = np.array([[0, 0, 0, 1], [0, 1, 0, 0]], "<f4")
-    blob = b"".join(array.tobytes() for array in (times, cubic, step))
-    views = [{"buffer": 0, "byteOffset": at, "byteLength": size} for at, size in ((0, 8), (8, 72), (80, 32))]
-    accessors = [
-        {"bufferView": k, "componentType": 5126, "count": count, "type": kind}
-        for k, (count, kind) in enumerate(((2, "SCALAR"), (6, "VEC3"), (2, "VEC4")))
-    ]
-    samplers = [
-        {"input": 0, "output": k, "interpolation": kind} for k, kind in ((1, "CUBICSPLINE"), (2, "STEP"))
-    ]
-    channels = [
-        {"sampler": k, "target": {"node": 0, "path": path}}
-        for k, path in enumerate(("translation", "rotation"))
-    ]
-    document = {
-        "asset": {"version": "2.0"}, "nodes": [{"name": "Hips"}], "scenes": [{"nodes": [0]}],
-        "buffers": [{"byteLength": len(blob)}], "bufferViews": views, "accessors": accessors,
-        "animations": [{"samplers": samplers, "channels": channels}],
-    }  # fmt: skip
     path = tmp_path / "keys.glb"
-    path.write_bytes(join_glb(document, blob))
+    path.write_bytes(keys_glb())
     motion = read_gltf_motion(path)
     assert motion.fps == pytest.approx(24.0)
     middle = motion.positions[12, 0, 0]
@@ -96,9 +76,41 @@ def test_cubic_and_stepped_keys_are_read_as_specified(tmp_path: Path) -> None:
     )  # half of the way, and the tangent's part
     assert np.allclose(motion.local_rotations[23, 0], [1, 0, 0, 0])
     assert np.allclose(np.abs(motion.local_rotations[24, 0]), [0, 0, 1, 0])
-    document["animations"][0]["samplers"][0]["output"] = 2  # type: ignore[index]
+
+
+def _change(document: dict, what: str, value: object) -> None:
+    *way, last = what.split(".")
+    for step in way:
+        document = document[int(step) if step.isdigit() else step]
+    document[int(last) if last.isdigit() else last] = value
+
+
+@pytest.mark.parametrize(
+    ("what", "value", "message"),
+    [
+        ("animations.0.samplers.0.output", 2, "damaged"),
+        ("animations.0.samplers.0.interpolation", "LINEAR", "keys of an animation that do not fit"),
+        ("animations.0.samplers", [], "damaged"),
+        ("animations.0.channels", [{"sampler": 0, "target": {"node": 7, "path": "scale"}}], "moves no node"),
+        ("animations", {"0": 1}, "its list of animations is damaged"),
+        ("accessors.0.count", 10**9, "more keys than"),
+        ("nodes", [{"children": [1]}, {"children": [0]}], "cycle"),
+        ("times", [1.0, 0.0], "keys of an animation that do not fit"),
+        ("times", [0.0, np.nan], "not finite"),
+        ("times", [0.0, 9e8], "an animation of"),
+        ("nodes", [{}, {"scale": [9e8, 9e8, 9e8], "children": [0]}], "moves joints further than"),
+        ("skins", [{"joints": [0] * 60_000, "inverseBindMatrices": 0}], "bind matrices"),
+    ],
+)
+def test_damage_is_one_sentence(what: str, value: object, message: str, tmp_path: Path) -> None:
+    document, blob = split_glb(keys_glb())
+    if what == "times":
+        blob = np.array(value, "<f4").tobytes() + blob[8:]
+    else:
+        _change(document, what, value)
+    path = tmp_path / "keys.glb"
     path.write_bytes(join_glb(document, blob))
-    with pytest.raises(FileError, match="keys"):
+    with pytest.raises(FileError, match=message):
         read_gltf_motion(path)
 
 

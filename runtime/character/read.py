@@ -27,16 +27,8 @@ MAX_PRIMITIVES = 4096
 REMEDY = "Export it again as glTF binary (.glb), or choose another file."
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _LISTS = (
-    "accessors",
-    "buffers",
-    "bufferViews",
-    "images",
-    "materials",
-    "meshes",
-    "nodes",
-    "skins",
-    "textures",
-)
+    "accessors", "animations", "buffers", "bufferViews", "images", "materials", "meshes", "nodes", "skins", "textures",
+)  # fmt: skip
 # what numpy and attribute access raise on JSON of the wrong shape or values out of range
 STRUCTURE_ERRORS = (
     KeyError,

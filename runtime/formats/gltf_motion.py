@@ -23,7 +23,7 @@ from runtime.character.read import (
     read_accessor,
 )
 from runtime.errors import FileError
-from runtime.formats.bvh import MAX_FRAMES, MAX_JOINT_FRAMES, MAX_JOINTS, BvhMotion
+from runtime.formats.bvh import MAX_FRAMES, MAX_JOINT_FRAMES, MAX_JOINTS, MAX_VALUE, BvhMotion
 from runtime.pose import MAX_FPS, VIDEO_RATES
 from runtime.safe_read import printable, reason
 from runtime.skeleton import Skeleton
@@ -39,6 +39,9 @@ NTSC = {
     rate * 1.001: rate / 1.001 for rate in (24.0, 30.0, 60.0)
 }  # what Blender writes for it, and what it is
 CHUNK = 1024  # frames whose transforms are worked out at once
+# nodes x frames, and keys, that any file may have; and more for each byte of it
+MAX_UNBAKED, FOR_A_BYTE = 500_000, 0.5
+MAX_NAME, MAX_BOUND = 200, 50_000
 REMEDY = "Export it again with its animation baked, or as BVH."
 _PATHS = {"translation": 3, "rotation": 4, "scale": 3}
 
@@ -137,16 +140,20 @@ def _motion(file: GltfFile, wanted: str) -> BvhMotion:
     joints = animation.joints
     needed = nodes.with_ancestors(joints)
     channels = {(node, path): keys for (node, path), keys in animation.channels.items() if node in needed}
-    times, fps = _times(file, channels, len(joints))
+    times, fps = _times(file, channels, len(needed))
     bind = _bind(nodes, joints)
     positions = np.empty((len(times), len(joints), 3), np.float32)
     local = np.empty((len(times), len(joints), 4), np.float32)
     motion = BvhMotion(_skeleton(nodes, joints, bind), positions, local, 1.0 / fps, {}, note)
     moving = _Moving(needed, nodes.parents, local_matrices(file), channels)
-    for first in range(0, len(times), CHUNK):
-        rows = slice(first, first + CHUNK)
-        world = moving.world(times[rows])
-        _fill(motion, rows, np.stack([world[j] for j in joints], axis=1), bind)
+    with np.errstate(all="ignore"):  # what comes of it is checked
+        for first in range(0, len(times), CHUNK):
+            rows = slice(first, first + CHUNK)
+            world = moving.world(times[rows])
+            _fill(motion, rows, np.stack([world[j] for j in joints], axis=1), bind)
+    furthest = max(np.abs(positions).max(), np.abs(motion.skeleton.offsets).max())
+    if not furthest <= MAX_VALUE or not np.isfinite(local).all():
+        raise file.error(f"its animation moves joints further than {MAX_VALUE:.0e} away.", REMEDY)
     return motion
 
 
@@ -156,7 +163,7 @@ def _skeleton(nodes: _Nodes, joints: list[int], bind: Array) -> Skeleton:
     parents = tuple(joints.index(node) if node >= 0 else -1 for node in above)
     at_rest = bind[:, :3, 3]
     offsets = [at_rest[k] - (at_rest[p] if p >= 0 else 0.0) for k, p in enumerate(parents)]
-    names = tuple(str(nodes.file.gltf.nodes[j].name or f"node {j}") for j in joints)
+    names = tuple(printable(str(nodes.file.gltf.nodes[j].name or f"node {j}"))[:MAX_NAME] for j in joints)
     return Skeleton(names, parents, np.array(offsets, np.float32))
 
 
@@ -175,18 +182,17 @@ def _fill(motion: BvhMotion, rows: slice, world: Array, bind: Array) -> None:
 def _chosen(nodes: _Nodes, wanted: str) -> tuple[_Animation, str]:
     """The animation of a name, else the first one that moves a body, with what to say of the others. FileError."""
     animations = _named(nodes.file)
-    if wanted and wanted not in animations:
+    chosen = {wanted: animations.get(wanted)} if wanted else animations
+    if None in chosen.values():
         names = ", ".join(list(animations)[:40])
         raise nodes.file.error(f"no animation {wanted!r}.", f"It has {names}.")
-    read = (_animation(nodes, name, animations[name]) for name in ([wanted] if wanted else animations))
-    found = [animation for animation in read if animation.channels]
-    if not found:
-        raise nodes.file.error("its animation moves no node.", REMEDY)
-    # a camera, and the empty takes of some programs, come first too
+    found = [_animation(nodes, name, animation) for name, animation in chosen.items()]
     most = max(animation.moved for animation in found)
-    first = next(animation for animation in found if animation.moved >= most / 2)
-    several = not wanted and len(animations) > 1
-    return first, f"{len(animations)} animations; {first.name} is read." if several else ""
+    # a camera, and the empty takes of some programs, come first too
+    first = next((a for a in found if a.channels and a.moved >= most / 2), None)
+    if first is None:
+        raise nodes.file.error("its animation moves no node.", REMEDY)
+    return first, f"{len(found)} animations; {first.name} is read." if len(found) > 1 else ""
 
 
 def _named(file: GltfFile) -> dict[str, Any]:
@@ -196,7 +202,20 @@ def _named(file: GltfFile) -> dict[str, Any]:
         animations.setdefault(printable(str(animation.name or f"animation {k + 1}"))[:60], animation)
     if not animations:
         raise file.error("it has no animation.", "Choose a file with one, or open it as a character.")
+    channels = [
+        (animation, channel) for animation in animations.values() for channel in animation.channels or []
+    ]
+    entries = [animation.samplers[channel.sampler] for animation, channel in channels]
+    if sum(accessor_count(file, key) for entry in entries for key in (entry.input, entry.output)) > _room(
+        file
+    ):
+        raise file.error("more keys than a file of its size has.", REMEDY)
     return animations
+
+
+def _room(file: GltfFile) -> float:
+    """How many keys, and nodes x frames, a file of this size may have."""
+    return MAX_UNBAKED + FOR_A_BYTE * sum(map(len, file.buffers))
 
 
 def _animation(nodes: _Nodes, name: str, animation: Any) -> _Animation:
@@ -210,12 +229,13 @@ def _animation(nodes: _Nodes, name: str, animation: Any) -> _Animation:
 
 def _channels(file: GltfFile, animation: Any) -> _Channels:
     """Keys by node and property."""
+    nodes = range(len(file.gltf.nodes or []))
     return {
         (channel.target.node, channel.target.path): _keys(
             file, animation.samplers[channel.sampler], channel.target.path
         )
         for channel in animation.channels or []
-        if channel.target.path in _PATHS and isinstance(channel.target.node, int)
+        if channel.target.path in _PATHS and channel.target.node in nodes
     }
 
 
@@ -283,7 +303,7 @@ def _top(nodes: _Nodes, bones: set[int], most: float) -> int:
     return top
 
 
-def _times(file: GltfFile, channels: _Channels, joints: int) -> tuple[NDArray[np.float64], float]:
+def _times(file: GltfFile, channels: _Channels, nodes: int) -> tuple[NDArray[np.float64], float]:
     """Even times from the first key to the last one, and their rate: a usual one with all keys on its frames, else the keys'."""
     keys = np.unique(np.concatenate([channel.times for channel in channels.values()]))
     first, keys = keys[0], keys - keys[0]
@@ -293,8 +313,8 @@ def _times(file: GltfFile, channels: _Channels, joints: int) -> tuple[NDArray[np
     rate = 1.0 / max(float(np.median(steps)), 1e-6) if len(steps) else USUAL_FPS
     fps = next(usual, rate if LOWEST_FPS <= rate <= MAX_FPS else USUAL_FPS)
     count = int(np.floor(keys[-1] * fps + 1e-3)) + 1
-    if count > MAX_FRAMES or count * joints > MAX_JOINT_FRAMES:
-        raise file.error(f"an animation of {count} frames.", "Split the clip.")
+    if count > MAX_FRAMES or count * nodes > min(MAX_JOINT_FRAMES, _room(file)):
+        raise file.error(f"an animation of {count} frames.", "Split the clip, or export it baked.")
     return np.asarray(first + np.arange(count) / fps), NTSC.get(fps, fps)
 
 
@@ -367,14 +387,18 @@ def _bind(nodes: _Nodes, joints: list[int]) -> Array:
 
 def _bound(file: GltfFile) -> dict[int, Array]:
     """The bind pose of joints in the space of their mesh, by the largest skin that has them."""
-    known: dict[int, Array] = {}
+    known, count = dict[int, Array](), 0
     for skin in sorted(file.gltf.skins or [], key=lambda skin: len(skin.joints)):
         if skin.inverseBindMatrices is None:
             continue
+        count += max(len(skin.joints), accessor_count(file, skin.inverseBindMatrices))
+        if count > MAX_BOUND:
+            raise file.error(f"more than {MAX_BOUND} bind matrices.", REMEDY)
         inverse = read_accessor(file, skin.inverseBindMatrices, "the bind pose").astype(float)
-        for joint, matrix in zip(skin.joints, inverse.reshape(-1, 4, 4).transpose(0, 2, 1), strict=False):
-            if abs(np.linalg.det(matrix)) > 1e-15:
-                known[joint] = np.linalg.inv(matrix)
+        matrices = inverse.reshape(-1, 4, 4).transpose(0, 2, 1)[: len(skin.joints)]
+        usable = np.flatnonzero(np.abs(np.linalg.det(matrices)) > 1e-15)
+        joints = [skin.joints[k] for k in usable]
+        known.update(zip(joints, np.linalg.inv(matrices[usable]), strict=True))
     return known
 
 

@@ -33,6 +33,7 @@ _SLOT = Slot("settings")
 
 
 QUALITIES = {"": "Automatic", "fast": "Fast", "software": "Software", "high": "High"}
+LOOKS = {"own": "Own", "contrast": "Contrast", "parts": "Parts"}  # of the character
 CAMERAS = {"follow": "Follow", "orbit": "Orbit"}
 # of the orbit camera
 VIEWS = {"front": "Front", "side": "Side", "three_quarters": "3/4", "feet": "Feet", "top": "Top"}
@@ -60,6 +61,10 @@ class Settings:
         hint="Height of a white pixel; black lies at 0. Drag, or double-click to type.",
     )  # fmt: skip
     camera: str = specified("follow", choices=CAMERAS, label="Camera")
+    look: str = specified(
+        "own", choices=LOOKS, label="Look",
+        hint="The character's own colours, light and dark, or a colour for each part that a prompt describes",
+    )  # fmt: skip
     fit_to_motion: bool = specified(
         False, label="Fit to the motion",
         hint="The character gets the size of the motion. Off: it keeps its own, with steps and speed to match",

@@ -33,6 +33,7 @@ _SLOT = Slot("settings")
 
 
 QUALITIES = {"": "Automatic", "fast": "Fast", "software": "Software", "high": "High"}
+LOOKS = {"own": "Own", "contrast": "Contrast", "parts": "Parts"}  # of the character
 CAMERAS = {"follow": "Follow", "orbit": "Orbit"}
 TAKE_ORDERS = {"": "In their order", "name": "By name", "length": "By length", "rating": "By rating"}
 # of the orbit camera
@@ -61,6 +62,10 @@ class Settings:
         hint="Height of a white pixel; black lies at 0. Drag, or double-click to type.",
     )  # fmt: skip
     camera: str = specified("follow", choices=CAMERAS, label="Camera")
+    look: str = specified(
+        "own", choices=LOOKS, label="Look",
+        hint="The character's own colours, light and dark, or a colour for each part that a prompt describes",
+    )  # fmt: skip
     fit_to_motion: bool = specified(
         False, label="Fit to the motion",
         hint="The character gets the size of the motion. Off: it keeps its own, with steps and speed to match",

@@ -22,6 +22,7 @@ from viewer.prompt import language_model, prompt_field
 from viewer.prompt.language_model import LanguageModel
 from viewer.prompt.prompt_controller import PromptController, part_words
 from viewer.prompt.suggestions import Suggester
+from viewer.render.looks import packed_tint
 from viewer.services import Loaded
 from viewer.settings import Settings
 
@@ -169,7 +170,10 @@ class PromptPanel:
         top, width = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
         answer, locked = blend.a, part in blend.locked
         edited = answer is not None and part in answer.edited
-        widgets.label(_named(part).capitalize(), theme.TEXT if locked else theme.MUTED)
+        tint = theme.TEXT if locked else theme.MUTED
+        if self.settings.look == "parts":
+            tint = packed_tint(PART_NAMES.index(part))
+        widgets.label(_named(part).capitalize(), tint)
         if self.controller.parts[part] != words:
             _mark("Enter applies", theme.WARNING)
         else:

@@ -286,7 +286,7 @@ def nearest_of(order: list[int], parents: list[int], wanted: Container[int]) -> 
 
 def node_world_matrices(file: GltfFile, order: list[int], parents: list[int]) -> AnyArray:
     """Rest transforms `(nodes, 4, 4)` in scene space, float64, of nodes as `ancestors` gives them."""
-    world, local = np.zeros((len(parents), 4, 4)), _local_matrices(file)
+    world, local = np.zeros((len(parents), 4, 4)), local_matrices(file)
     for i in order:
         world[i] = local[i] if parents[i] < 0 else world[parents[i]] @ local[i]
     if not np.all(np.abs(world) < MAX_VALUE):
@@ -294,7 +294,7 @@ def node_world_matrices(file: GltfFile, order: list[int], parents: list[int]) ->
     return world
 
 
-def _local_matrices(file: GltfFile) -> AnyArray:
+def local_matrices(file: GltfFile) -> AnyArray:
     """Every node's transform in its parent's space `(nodes, 4, 4)`."""
 
     def values(name: str, default: tuple[float, ...]) -> AnyArray:

@@ -32,7 +32,7 @@ from runtime.session.character_files import safe_name
 from runtime.session.frames import packed_table, unpacked_table
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.prompt_blend import Answer, PromptBlend
-from runtime.session.session import CharacterChoice, Ground, Session, Take
+from runtime.session.session import MAX_RATING, CharacterChoice, Ground, Session, Take
 from runtime.skeleton import PART_NAMES
 from runtime.takes.camera_keys import MAX_KEYS
 from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, MAX_SIZE, MIN_SIZE
@@ -70,7 +70,7 @@ STRUCTURE_ERRORS = (
     KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, RecursionError, MemoryError,
 )  # fmt: skip
 _NOT_KEPT = {(PromptBlend, "shares"), (Answer, "milliseconds"), (Answer, "final"), (Answer, "question")}
-_LATER = {(PoseEdits, "layer")}  # fields that older files lack
+_LATER = {(PoseEdits, "layer"), (Take, "rating"), (Take, "note")}  # fields that older files lack
 _LONG_TEXTS = (PromptEvent, Answer)  # records whose texts are prompts
 
 
@@ -392,6 +392,7 @@ def _check_take(take: Take) -> None:
     many = len(take.cameras) > MAX_KEYS or len(take.path) > MAX_POINTS
     edits = take.poses.pins, take.poses.footplants, take.poses.layer.keys
     _refuse("edits without end", many or max(map(len, edits)) > MAX_PINS)
+    _refuse("a rating", not 0 <= take.rating <= MAX_RATING)
     _refuse("a trim that keeps nothing", take.trim is not None and take.trim[0] >= take.trim[1])
 
 

@@ -94,11 +94,16 @@ def _schema(kind: Any) -> tuple[tuple[str, Any, Any], ...]:
 def read_record(kind: type[Record], tree: Tree, arrays: typing.Sequence[np.ndarray], path: str) -> Record:
     """The record that `write_record` made; FileError names the field that is no such value."""
     schema = _schema(typing.cast(Any, kind))
-    if not isinstance(tree, dict) or set(tree) != {name for name, _, _ in schema}:
+    if not isinstance(tree, dict) or not set(tree) <= {name for name, _, _ in schema}:
         raise _error(path, f"not the fields of a {kind.__name__}")
     made: Record = object.__new__(kind)
     for name, hint, metadata in schema:
-        made.__dict__[name] = _read(hint, tree[name], arrays, f"{path}.{name}", metadata)
+        if name in tree:
+            made.__dict__[name] = _read(hint, tree[name], arrays, f"{path}.{name}", metadata)
+        elif isinstance(getattr(kind, name, None), float):  # a number that came later begins as it does
+            made.__dict__[name] = getattr(kind, name)
+        else:
+            raise _error(path, f"not the fields of a {kind.__name__}")
     return made
 
 

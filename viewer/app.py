@@ -43,7 +43,9 @@ LONGEST_PAUSE_S, LONGEST_FRAME_S = 0.25, 1.0
 MINIMISED_WAIT_S = 0.1
 MEMORY_FRAMES = 60  # between two looks at the memory
 PATIENCE_S = 0.2  # with the encoder of a prompt, after which the process ends with it
-END_S = 1.0  # what is written when the program ends may take so long; what is kept otherwise is then given up
+# From the user's close on, with what Python needs to end two seconds. What is not written by then is for the next start
+# or given up: exports first, settings last.
+END_S, SESSION_S, SETTINGS_S = 1.5, 1.1, 0.2
 
 
 def run(options: ViewOptions, services: Services | None = None, config: Path | None = None) -> int:
@@ -63,7 +65,7 @@ def run(options: ViewOptions, services: Services | None = None, config: Path | N
                 app.interrupt()  # a frame that did not end
             except Exception:
                 ending.saving = True
-                app.sessions.finish(keep=True, seconds=END_S)  # a defect must not cost what was recorded
+                app.sessions.finish(keep=True, until=app.until())  # a defect must not cost what was recorded
                 raise
             ending.saving = True
             code = app.end()
@@ -94,6 +96,7 @@ class App(Workspace):
         self.config = config or config_directory()
         settings, complaints = load_settings(self.config)
         self.frames_shown = 0
+        self._until = 0.0
         self.interrupted = False  # from outside: by a signal or Ctrl+C
         self.memory = MemoryWatch()
         self._was_moving = False
@@ -282,6 +285,12 @@ class App(Workspace):
         enough = wanted is not None and self.frames_shown >= wanted
         return self.interrupted or self.window.close_requested or enough
 
+    def until(self) -> float:
+        """When the program is to have ended, by `time.monotonic`; the first call begins the end."""
+        if not self._until:
+            self._until = time.monotonic() + END_S
+        return self._until
+
     def interrupt(self) -> None:
         """End the main loop after the frame in hand."""
         self.interrupted = True
@@ -292,24 +301,26 @@ class App(Workspace):
         What the user made comes first: a screenshot that cannot be written must not cost it. An offscreen run that
         ends as planned keeps no untitled session. The code is 1 when anything was lost or went elsewhere.
         """
-        until = time.monotonic() + END_S
+        until = self.until()
         self.jobs.end()
-        lost = not self.jobs.finish("export", until)
+        lost = not self.jobs.finish("export", until - SESSION_S)
         keep = self.interrupted or not self.options.offscreen
-        self.sessions.finish(keep, max(until - time.monotonic(), 0.5))
+        self.sessions.finish(keep, until - SETTINGS_S)
         lost = lost or self.sessions.incomplete
-        lost = not self.kept.finish(time.monotonic() + END_S) or lost
+        lost = not self.kept.finish(until) or lost
         if self.options.screenshot is not None:
             save_png(self.window.read_pixels(), self.options.screenshot)
         return int(lost)
 
     def close(self) -> None:
+        until = self.until()
         self.window.hide()
-        self.editor.file.close(END_S)
-        self.jobs.close()
+        file = self.editor.file
+        file.close(max(until - time.monotonic(), 0.0))
+        self.jobs.close(until)
         self.language_model.close()
         stopped = self.prompting.close(CLOSE_SECONDS if self.options.offscreen else PATIENCE_S)
-        self.jobs.abandoned = self.jobs.abandoned or not stopped
+        self.jobs.abandoned = self.jobs.abandoned or not stopped or file.database.closing
         self.scene.live.stop()
         self.scene.vmc.stop()
         if self.window.handle is not None:

@@ -67,6 +67,7 @@ class Jobs:
     blocking: bool = False
     first_error: SportError | None = None
     abandoned: bool = False  # a job was still running when the program ended
+    progress: dict[Slot, str] = field(default_factory=dict)  # how far what is written is; any thread
     _turn: threading.Semaphore = field(default_factory=lambda: threading.Semaphore(AT_ONCE))
     _jobs: list[_Job] = field(default_factory=list)
 
@@ -118,7 +119,9 @@ class Jobs:
             if job.begun < late and not job.dropped and job.reading:
                 return f"Reading {job.reading}", self.cancel_reading
             if job.begun < late and not job.dropped and job.writing:
-                return f"Writing {job.writing}", job.cancel
+                return ": ".join(
+                    filter(None, (f"Writing {job.writing}", self.progress.get(job.slot)))
+                ), job.cancel
         return "", None
 
     def cancel_reading(self) -> None:
@@ -139,6 +142,7 @@ class Jobs:
         finished = [job for job in self._jobs if job.future.done()]
         self._jobs = [job for job in self._jobs if job not in finished]
         for job in finished:
+            self.progress.pop(job.slot, None)
             if not job.dropped:
                 self._hand_over(job)
 
@@ -166,12 +170,12 @@ class Jobs:
                 job.cancel()
         self._jobs = [job for job in self._jobs if job.writing or not job.future.cancelled()]
 
-    def finish(self, kind: str, until: float | None = None) -> bool:
-        """Wait for what is written in slots of a kind, hand it over, and say whether none failed.
+    def finish(self, kind: str = "", until: float | None = None) -> bool:
+        """Wait for what is written in slots of a kind, or in all, hand it over, and say whether none failed.
 
         What is not done at the time `until` (of `time.monotonic`) is given up.
         """
-        jobs = {job.future: job for job in self._jobs if job.writing and job.slot.what == kind}
+        jobs = {job.future: job for job in self._jobs if job.writing and kind in ("", job.slot.what)}
         if wait(jobs, 0.0).not_done:
             self.messages.note(f"Waiting for {', '.join(job.writing for job in jobs.values())}.")
         done, late = wait(jobs, None if until is None else max(until - time.monotonic(), 0.0))
@@ -188,10 +192,10 @@ class Jobs:
         self._jobs = [job for job in self._jobs if job not in late]
         self.abandoned = self.abandoned or any(not job.future.done() for job in late)
 
-    def close(self) -> None:
-        """Finish what is written; drop everything else."""
+    def close(self, until: float) -> None:
+        """Finish what is written, until a time of `time.monotonic`; drop everything else."""
         self.end()
-        wait([job.future for job in self._jobs if job.writing])
+        self.finish(until=until)
         self.abandoned = self.abandoned or any(job.future.running() for job in self._jobs)
 
 

@@ -33,7 +33,9 @@ _SLOT = Slot("settings")
 
 
 QUALITIES = {"": "Automatic", "fast": "Fast", "software": "Software", "high": "High"}
+LOOKS = {"own": "Own", "contrast": "Contrast", "parts": "Parts"}  # of the character
 CAMERAS = {"follow": "Follow", "orbit": "Orbit"}
+TAKE_ORDERS = {"": "In their order", "name": "By name", "length": "By length", "rating": "By rating"}
 # of the orbit camera
 VIEWS = {"front": "Front", "side": "Side", "three_quarters": "3/4", "feet": "Feet", "top": "Top"}
 # what the mouse does in the view, see `viewer.input.bindings.NAVIGATION`
@@ -60,6 +62,10 @@ class Settings:
         hint="Height of a white pixel; black lies at 0. Drag, or double-click to type.",
     )  # fmt: skip
     camera: str = specified("follow", choices=CAMERAS, label="Camera")
+    look: str = specified(
+        "own", choices=LOOKS, label="Look",
+        hint="The character's own colours, light and dark, or a colour for each part that a prompt describes",
+    )  # fmt: skip
     fit_to_motion: bool = specified(
         False, label="Fit to the motion",
         hint="The character gets the size of the motion. Off: it keeps its own, with steps and speed to match",
@@ -102,6 +108,7 @@ class Settings:
         hint="How long the character takes to change from one style to the next",
     )  # fmt: skip
     keep_seconds: float = specified(10.0, 1.0, 300.0, label="%.0f seconds", whole=True, logarithmic=True)
+    takes_order: str = specified("", choices=TAKE_ORDERS)
     export_folder: str = "~/sport-clips"
     export_fps: int = specified(60, choices={60: "60 fps", 30: "30 fps"})
     export_unit: str = specified("cm", choices={"cm": "cm", "m": "m"})

@@ -1,6 +1,6 @@
 """An FBX character becomes a GLB, by the library ufbx in a process of its own (`native_worker`).
 
-Meshes, skins, nodes, base colours and textures are kept; of animations the first one, where motion is wanted.
+Meshes, skins, nodes, base colours and textures are kept; animations where motion is wanted.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     import pygltflib as g
 
 MAX_NODES, MAX_VERTICES = 20_000, 6_000_000  # of a file; the latter are corners of faces
-MAX_SAMPLES = 3_000_000  # of the nodes of an animation
+MAX_SAMPLES = 3_000_000  # of the nodes of its animations
+STILL = 1e-7  # metres, or of a quaternion: what is nearer to rest is not moved
 INFLUENCES = 8  # joints of a vertex, the strongest
 _KEPT: list[Any] = []
 
@@ -57,7 +58,7 @@ def _kept(value: Any) -> Any:
 
 
 def convert(source: Path, motion: bool) -> bytes:
-    """What an FBX shows at rest as GLB, in metres, Y up; with `motion` its first animation too."""
+    """What an FBX shows at rest as GLB, in metres, Y up; with `motion` its animations too."""
     import pygltflib as g
     import ufbx
 
@@ -105,28 +106,50 @@ def _node(document: GlbBuffer, node: Any, nodes: dict[int, int], materials: dict
 
 
 def _animate(document: GlbBuffer, evaluate: Any, scene: Any, nodes: dict[int, int]) -> None:
-    """The first animation, sampled at the rate of the file; the others by their names alone."""
+    """The animations as far as MAX_SAMPLES, of nodes that they move, sampled at the rate of the file; others by name."""
     import pygltflib as g
 
+    fps, left = min(max(float(scene.settings.frames_per_second), 1.0), 240.0), MAX_SAMPLES
     for number, stack in enumerate(scene.anim_stacks):
         made = g.Animation(name=stack.name)
         document.append("animations", made)
-        if number:
-            continue
-        fps = min(max(float(scene.settings.frames_per_second), 1.0), 240.0)
-        count = int(max(stack.time_end - stack.time_begin, 0.0) * fps + 1e-3) + 1
-        if count * len(nodes) > MAX_SAMPLES:
+        begin, end = _span(stack)
+        count = int((end - begin) * fps + 1e-3) + 1
+        left -= count * len(nodes)
+        if left < 0 and number == 0:
             raise ValueError(f"an animation of {count} frames and {len(nodes)} nodes")
-        times = np.arange(count) / fps
-        keys = document.add(times[:, None])
+        if left < 0:
+            continue
+        times = begin + np.arange(count) / fps
+        keys = document.add((times - begin)[:, None])
         for node in scene.nodes:
-            moved = [evaluate(stack.anim.value, node.value, stack.time_begin + t) for t in times.tolist()]
-            for path, axes in (("translation", "xyz"), ("rotation", "xyzw"), ("scale", "xyz")):
-                values = np.array([[getattr(getattr(m, path), axis) for axis in axes] for m in moved])
-                output = document.add(values)
-                made.samplers.append(g.AnimationSampler(input=keys, output=output))
+            moved = [evaluate(stack.anim.value, node.value, t) for t in times.tolist()]
+            for path, values in _moved(node, moved):
+                sampler = g.AnimationSampler(input=keys, output=document.add(values))
+                made.samplers.append(sampler)
                 target = g.AnimationChannelTarget(node=nodes[node.typed_id], path=path)
                 made.channels.append(g.AnimationChannel(sampler=len(made.samplers) - 1, target=target))
+
+
+def _moved(node: Any, transforms: list[Any]) -> Iterator[tuple[str, Any]]:
+    """The properties of a node that are not always as at rest, with their values `(T, 3 or 4)`."""
+    for path, axes in (("translation", "xyz"), ("rotation", "xyzw"), ("scale", "xyz")):
+        rows = [getattr(t, path) for t in (node.local_transform, *transforms)]
+        values = np.array([[getattr(row, axis) for axis in axes] for row in rows])
+        if np.abs(values[1:] - values[0]).max() > STILL:
+            yield path, values[1:]
+
+
+def _span(stack: Any) -> tuple[float, float]:
+    """When an animation begins and ends: as it says, or where it does not by its keys."""
+    if stack.time_end > stack.time_begin:
+        return float(stack.time_begin), float(stack.time_end)
+    values = [value for layer in stack.layers for value in layer.anim_values]
+    curves = [
+        curve for value in values for curve in value.curves if curve is not None and len(curve.keyframes)
+    ]
+    begin = min((float(curve.min_time) for curve in curves), default=0.0)
+    return begin, max((float(curve.max_time) for curve in curves), default=begin)
 
 
 def _unit(q: list[float]) -> list[float]:

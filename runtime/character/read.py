@@ -27,16 +27,8 @@ MAX_PRIMITIVES = 4096
 REMEDY = "Export it again as glTF binary (.glb), or choose another file."
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _LISTS = (
-    "accessors",
-    "buffers",
-    "bufferViews",
-    "images",
-    "materials",
-    "meshes",
-    "nodes",
-    "skins",
-    "textures",
-)
+    "accessors", "animations", "buffers", "bufferViews", "images", "materials", "meshes", "nodes", "skins", "textures",
+)  # fmt: skip
 # what numpy and attribute access raise on JSON of the wrong shape or values out of range
 STRUCTURE_ERRORS = (
     KeyError,
@@ -206,6 +198,8 @@ def buffer_view_bytes(file: GltfFile, index: Any, what: str) -> memoryview:
         raise file.error(f"the buffer view of {what} is missing.")
     view = views[index]
     start, length = view.byteOffset or 0, view.byteLength
+    if not all(isinstance(number, int) for number in (view.buffer, start, length)):
+        raise file.error(f"the buffer view of {what} is damaged.")
     if not 0 <= view.buffer < len(file.buffers):
         raise file.error(f"the buffer of {what} is missing.")
     data = file.buffers[view.buffer]
@@ -292,7 +286,7 @@ def nearest_of(order: list[int], parents: list[int], wanted: Container[int]) -> 
 
 def node_world_matrices(file: GltfFile, order: list[int], parents: list[int]) -> AnyArray:
     """Rest transforms `(nodes, 4, 4)` in scene space, float64, of nodes as `ancestors` gives them."""
-    world, local = np.zeros((len(parents), 4, 4)), _local_matrices(file)
+    world, local = np.zeros((len(parents), 4, 4)), local_matrices(file)
     for i in order:
         world[i] = local[i] if parents[i] < 0 else world[parents[i]] @ local[i]
     if not np.all(np.abs(world) < MAX_VALUE):
@@ -300,7 +294,7 @@ def node_world_matrices(file: GltfFile, order: list[int], parents: list[int]) ->
     return world
 
 
-def _local_matrices(file: GltfFile) -> AnyArray:
+def local_matrices(file: GltfFile) -> AnyArray:
     """Every node's transform in its parent's space `(nodes, 4, 4)`."""
 
     def values(name: str, default: tuple[float, ...]) -> AnyArray:

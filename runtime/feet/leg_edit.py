@@ -37,10 +37,8 @@ MOST = (0.3, 0.4, 50.0, 50.0, 90.0)  # of each, that is added
 BOTH = (2, len(TARGETS), 2)  # shape: both legs, each target with its weight (0 to 1) and its value times that
 HALF_LIFE = 0.2  # seconds in which an edit follows its measure
 MEASURE_HALF_LIFE = 0.25  # seconds in which a measure follows the pose
-STRIDE_HALF_LIFE, WALKS = (
-    0.5,
-    0.3,
-)  # seconds in which the line of the feet is measured, and from which speed on, m/s
+STRIDE_HALF_LIFE = 0.5  # seconds in which the line of the feet is measured
+WALKS = 0.3  # m/s, from which on it is
 CLEAR_M, PASSING_M = 0.1, 0.3  # a foot passes the other at this distance, while it is so near along the way
 RISE_HALF_LIFE, MOST_RISE = 0.1, 0.05  # seconds, metres: the hips go with legs that stand elsewhere
 TIPTOE_RISE = 0.1  # metres that hips rise per radian of a raised heel: half of what the ankles do
@@ -67,7 +65,8 @@ class LegEdit:
     """What was measured of the network's legs of a character, and the edits in force."""
 
     across: float = 0.0  # m of the left ankle from the right one across the way, times `known`
-    known: float = 0.0  # how well the former is known, 0 to 1
+    middle: float = 0.0  # m of both ankles to the left of the hips, times `known`
+    known: float = 0.0  # how well the former two are known, 0 to 1
     height: float = 0.0  # m of the hips over the ground; 0 before the first frame
     pitch: tuple[float, float] = (0.0, 0.0)  # degrees of a planted foot, heel up
     yaw: tuple[float, float] = (0.0, 0.0)  # degrees of a planted foot, outward
@@ -125,9 +124,14 @@ class LegEdit:
         x, z = request.velocity
         speed = hypot(x, z)
         if speed > WALKS:
-            apart = subtract(legs[0].ankle, legs[1].ankle)
+            left, right = (
+                (z * (leg.ankle[0] - middle[0]) - x * (leg.ankle[2] - middle[2])) / speed
+                for middle in (scale(add(legs[0].hip, legs[1].hip), 0.5),)
+                for leg in legs
+            )
             seen = 1.0 - decay(STRIDE_HALF_LIFE)
-            self.across += seen * ((z * apart[0] - x * apart[2]) / speed - self.across)
+            self.across += seen * (left - right - self.across)
+            self.middle += seen * (0.5 * (left + right) - self.middle)
             self.known += seen * (1.0 - self.known)
         follow = 1.0 - decay(MEASURE_HALF_LIFE)
         self.height = height if self.height == 0.0 else self.height + follow * (height - self.height)
@@ -155,8 +159,8 @@ class LegEdit:
             setattr(self, name, _NOTHING if done else now)
 
     def _missing(self, targets: list[list[float]], leg: int) -> list[float]:
-        half = 0.5 * self.across / max(self.known, 1e-6)
-        shown = (half, UPRIGHT - self.height, self.pitch[leg], self.yaw[leg], 0.0)
+        beside = 0.5 * self.across + (-self.middle if leg else self.middle)
+        shown = (beside / max(self.known, 1e-6), UPRIGHT - self.height, self.pitch[leg], self.yaw[leg], 0.0)
         wanted = []
         for k, ((weight, weighted), has, most) in enumerate(zip(targets, shown, MOST, strict=True)):
             value = weighted / weight if weight > 1e-6 else 0.0

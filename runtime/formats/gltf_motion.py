@@ -14,21 +14,34 @@ from runtime.arrays import Array
 from runtime.character.read import (
     STRUCTURE_ERRORS,
     GltfFile,
+    accessor_count,
     ancestors,
+    local_matrices,
     nearest_of,
     node_world_matrices,
     open_gltf,
     read_accessor,
 )
 from runtime.errors import FileError
-from runtime.formats.bvh import MAX_FRAMES, MAX_JOINT_FRAMES, MAX_JOINTS, BvhMotion
-from runtime.pose import MAX_FPS
+from runtime.formats.bvh import MAX_FRAMES, MAX_JOINT_FRAMES, MAX_JOINTS, MAX_VALUE, BvhMotion
+from runtime.pose import MAX_FPS, VIDEO_RATES
 from runtime.safe_read import printable, reason
 from runtime.skeleton import Skeleton
 
-RATES = (24.0, 25.0, 30.0, 48.0, 50.0, 60.0, 120.0)  # of which the nearest to the keys' is taken
 USUAL_FPS = 30.0  # of an animation that does not tell
+RATES = (USUAL_FPS, 24.0, 25.0, 60.0, 48.0, 50.0, *VIDEO_RATES, 100.0, 240.0)  # in the order they are tried
+LOWEST_FPS = 15.0  # that a motion is read at
+ON_FRAME = 2e-4  # frames: how near to one a key lies that is on it; 29.97 and 30 differ by 1e-3
+AT_KEY = 1e-5  # seconds: what is that little before a key is at it
+BODY = 0.8  # share of the moved nodes that hang on the top of a body, cameras and props apart
 NEAR = 0.3  # of a body's size: as near a bind pose lies to the pose at rest
+NTSC = {
+    rate * 1.001: rate / 1.001 for rate in (24.0, 30.0, 60.0)
+}  # what Blender writes for it, and what it is
+CHUNK = 1024  # frames whose transforms are worked out at once
+# nodes x frames, and keys, that any file may have; and more for each byte of it
+MAX_UNBAKED, FOR_A_BYTE = 500_000, 0.5
+MAX_NAME, MAX_BOUND = 200, 50_000
 REMEDY = "Export it again with its animation baked, or as BVH."
 _PATHS = {"translation": 3, "rotation": 4, "scale": 3}
 
@@ -43,12 +56,13 @@ class _Channel:
 
     def at(self, seconds: Array) -> Array:
         """Values `(T, width)` at times, as the specification interpolates them; those of the ends beyond them."""
-        k = np.clip(np.searchsorted(self.times, seconds, side="right") - 1, 0, max(len(self.times) - 2, 0))
+        k = np.searchsorted(self.times, seconds + AT_KEY, side="right") - 1
+        k = np.clip(k, 0, max(len(self.times) - 2, 0))
         after = np.minimum(k + 1, len(self.times) - 1)
         span = np.maximum(self.times[after] - self.times[k], 1e-9)
         t = np.clip((seconds - self.times[k]) / span, 0.0, 1.0)
         if self.kind == "STEP":
-            return self.values[np.where(t >= 1.0, after, k)]
+            return self.values[np.where(seconds + AT_KEY >= self.times[after], after, k)]
         if self.kind == "CUBICSPLINE":
             u, width = t[:, None], span[:, None]
             a, b = 2 * u**3 - 3 * u**2 + 1, u**3 - 2 * u**2 + u
@@ -60,182 +74,339 @@ class _Channel:
         return np.asarray(self.values[k] + t[:, None] * (self.values[after] - self.values[k]))
 
 
+_Channels = dict[tuple[int, str], _Channel]
+
+
+@dataclass(frozen=True)
+class _Nodes:
+    """The nodes of a file, parents first."""
+
+    file: GltfFile
+    order: list[int]
+    parents: list[int]
+
+    def children(self, node: int) -> list[int]:
+        return self.file.gltf.nodes[node].children or []
+
+    def with_ancestors(self, nodes: list[int]) -> list[int]:
+        """Some nodes and all above them, parents first."""
+        wanted = set(nodes)
+        for node in reversed(self.order):
+            if node in wanted:
+                wanted.add(self.parents[node])
+        return [node for node in self.order if node in wanted]
+
+
+@dataclass(frozen=True)
+class _Animation:
+    """An animation, the joints of the body that it moves, and how many of them it does."""
+
+    name: str
+    channels: _Channels
+    joints: list[int]
+    moved: int
+
+
 def contents(path: Path) -> tuple[bool, bool]:
     """Whether a file has a mesh with a skin, and whether it moves its nodes; FileError when it cannot be read."""
-    gltf = open_gltf(path, motion=True).gltf
-    skinned = any(node.mesh is not None and node.skin is not None for node in gltf.nodes or [])
-    return skinned, any(animation.channels for animation in gltf.animations or [])
+    file = open_gltf(path, motion=True)
+    skinned = any(node.mesh is not None and node.skin is not None for node in file.gltf.nodes or [])
+    try:
+        moves = any(
+            channel.target.path in _PATHS
+            and accessor_count(file, animation.samplers[channel.sampler].input) > 1
+            for animation in file.gltf.animations or []
+            for channel in animation.channels or []
+        )
+    except STRUCTURE_ERRORS:
+        moves = True  # reading it says what is wrong
+    return skinned, moves
 
 
-def read_gltf_motion(path: Path) -> BvhMotion:
-    """The first animation of a file, in metres. FileError where it has none, or is damaged."""
+def read_gltf_motion(path: Path, animation: str = "") -> BvhMotion:
+    """The animation of a name, or the first one that moves a body, in metres. FileError where there is none, or it is damaged."""
     file = open_gltf(path, motion=True)
     try:
-        return _motion(file)
+        return _motion(file, animation)
     except FileError:
         raise
     except STRUCTURE_ERRORS as error:
         raise file.error(f"its animation is damaged ({reason(error)}).", REMEDY) from error
 
 
-def _motion(file: GltfFile) -> BvhMotion:
-    animations = file.gltf.animations or []
-    if not animations:
-        raise file.error("it has no animation.", "Choose a file with one, or open it as a character.")
-    channels = _channels(file, animations[0])
-    order, parents = ancestors(file)
-    joints = _joints(file, order, parents, channels)
-    times = _times(file, channels, len(joints))
-    world = _world(file, order, parents, channels, times)
-    # each joint is seen from its bind pose, so that the hierarchy at rest turns nothing
-    bind = _bind(file, order, parents, joints)
-    nearest = nearest_of(order, parents, set(joints))
-    above = [nearest[parents[j]] if parents[j] >= 0 else -1 for j in joints]
-    own_parents = tuple(joints.index(k) if k >= 0 else -1 for k in above)
-    moving = world[:, joints]
-    places, turns = moving[..., :3, 3], _turns(moving)
-    turns = rotations.multiply(turns, rotations.inverse(_turns(bind)))
+def _motion(file: GltfFile, wanted: str) -> BvhMotion:
+    nodes = _Nodes(file, *ancestors(file))
+    animation, note = _chosen(nodes, wanted)
+    joints = animation.joints
+    needed = nodes.with_ancestors(joints)
+    channels = {(node, path): keys for (node, path), keys in animation.channels.items() if node in needed}
+    times, fps = _times(file, channels, len(needed))
+    bind = _bind(nodes, joints)
+    positions = np.empty((len(times), len(joints), 3), np.float32)
+    local = np.empty((len(times), len(joints), 4), np.float32)
+    motion = BvhMotion(_skeleton(nodes, joints, bind), positions, local, 1.0 / fps, {}, note)
+    moving = _Moving(needed, nodes.parents, local_matrices(file), channels)
+    with np.errstate(all="ignore"):  # what comes of it is checked
+        for first in range(0, len(times), CHUNK):
+            rows = slice(first, first + CHUNK)
+            world = moving.world(times[rows])
+            _fill(motion, rows, np.stack([world[j] for j in joints], axis=1), bind)
+    furthest = max(np.abs(positions).max(), np.abs(motion.skeleton.offsets).max())
+    if not furthest <= MAX_VALUE or not np.isfinite(local).all():
+        raise file.error(f"its animation moves joints further than {MAX_VALUE:.0e} away.", REMEDY)
+    return motion
+
+
+def _skeleton(nodes: _Nodes, joints: list[int], bind: Array) -> Skeleton:
+    nearest = nearest_of(nodes.order, nodes.parents, set(joints))
+    above = [nearest[nodes.parents[j]] if nodes.parents[j] >= 0 else -1 for j in joints]
+    parents = tuple(joints.index(node) if node >= 0 else -1 for node in above)
     at_rest = bind[:, :3, 3]
-    local, positions = turns.copy(), places.copy()
-    offsets = at_rest.copy()
-    for j, parent in enumerate(own_parents):
+    offsets = [at_rest[k] - (at_rest[p] if p >= 0 else 0.0) for k, p in enumerate(parents)]
+    names = tuple(printable(str(nodes.file.gltf.nodes[j].name or f"node {j}"))[:MAX_NAME] for j in joints)
+    return Skeleton(names, parents, np.array(offsets, np.float32))
+
+
+def _fill(motion: BvhMotion, rows: slice, world: Array, bind: Array) -> None:
+    """Write frames of world matrices `(T, J, 4, 4)`; each joint is seen from its bind pose, in which nothing turns."""
+    places = world[..., :3, 3]
+    turns = rotations.multiply(_turns(world), rotations.inverse(_turns(bind)))
+    motion.local_rotations[rows], motion.positions[rows] = turns, places
+    for j, parent in enumerate(motion.skeleton.parents):
         if parent >= 0:
             back = rotations.inverse(turns[:, parent])
-            local[:, j] = rotations.multiply(back, turns[:, j])
-            positions[:, j] = rotations.rotate(back, places[:, j] - places[:, parent])
-            offsets[j] = at_rest[j] - at_rest[parent]
-    names = tuple(str(file.gltf.nodes[j].name or f"node {j}") for j in joints)
-    several = len(animations) > 1
-    name = printable(str(animations[0].name or "without a name"))[:60]
-    note = f"{len(animations)} animations; the first one, {name}, is read." if several else ""
-    skeleton = Skeleton(names, own_parents, offsets.astype(np.float32))
-    step = float(times[1] - times[0]) if len(times) > 1 else 1.0 / USUAL_FPS
-    return BvhMotion(
-        skeleton, positions.astype(np.float32), rotations.normalize(local).astype(np.float32), step, {}, note
-    )
+            motion.local_rotations[rows, j] = rotations.normalize(rotations.multiply(back, turns[:, j]))
+            motion.positions[rows, j] = rotations.rotate(back, places[:, j] - places[:, parent])
 
 
-def _channels(file: GltfFile, animation: Any) -> dict[tuple[int, str], _Channel]:
+def _chosen(nodes: _Nodes, wanted: str) -> tuple[_Animation, str]:
+    """The animation of a name, else the first one that moves a body, with what to say of the others. FileError."""
+    animations = _named(nodes.file)
+    chosen = {wanted: animations.get(wanted)} if wanted else animations
+    if None in chosen.values():
+        names = ", ".join(list(animations)[:40])
+        raise nodes.file.error(f"no animation {wanted!r}.", f"It has {names}.")
+    found = [_animation(nodes, name, animation) for name, animation in chosen.items()]
+    most = max(animation.moved for animation in found)
+    # a camera, and the empty takes of some programs, come first too
+    first = next((a for a in found if a.channels and a.moved >= most / 2), None)
+    if first is None:
+        raise nodes.file.error("its animation moves no node.", REMEDY)
+    return first, f"{len(found)} animations; {first.name} is read." if len(found) > 1 else ""
+
+
+def _named(file: GltfFile) -> dict[str, Any]:
+    """The animations by their names, of those with one name the first. FileError where there is none."""
+    animations: dict[str, Any] = {}
+    for k, animation in enumerate(file.gltf.animations or []):
+        animations.setdefault(printable(str(animation.name or f"animation {k + 1}"))[:60], animation)
+    if not animations:
+        raise file.error("it has no animation.", "Choose a file with one, or open it as a character.")
+    channels = [
+        (animation, channel) for animation in animations.values() for channel in animation.channels or []
+    ]
+    entries = [animation.samplers[channel.sampler] for animation, channel in channels]
+    if sum(accessor_count(file, key) for entry in entries for key in (entry.input, entry.output)) > _room(
+        file
+    ):
+        raise file.error("more keys than a file of its size has.", REMEDY)
+    return animations
+
+
+def _room(file: GltfFile) -> float:
+    """How many keys, and nodes x frames, a file of this size may have."""
+    return MAX_UNBAKED + FOR_A_BYTE * sum(map(len, file.buffers))
+
+
+def _animation(nodes: _Nodes, name: str, animation: Any) -> _Animation:
+    channels = _channels(nodes.file, animation)
+    if not channels:
+        return _Animation(name, channels, [], 0)
+    joints = _joints(nodes, {node for node, _ in channels})
+    changed = {node for (node, _), channel in channels.items() if np.ptp(channel.values, axis=0).max() > 1e-6}
+    return _Animation(name, channels, joints, len(changed.intersection(joints)))
+
+
+def _channels(file: GltfFile, animation: Any) -> _Channels:
     """Keys by node and property."""
-    found: dict[tuple[int, str], _Channel] = {}
-    for channel in animation.channels:
-        node, path = channel.target.node, channel.target.path
-        if path not in _PATHS or not isinstance(node, int):
-            continue
-        sampler = animation.samplers[channel.sampler]
-        times = read_accessor(file, sampler.input, "the times of a key").astype(float)[:, 0]
-        values = read_accessor(file, sampler.output, f"a key's {path}").astype(float)
-        kind = sampler.interpolation or "LINEAR"
-        if path == "rotation":
-            values = values[:, [3, 0, 1, 2]]
-        if kind == "CUBICSPLINE":
-            values = values.reshape(len(times), 3, _PATHS[path])
-        if len(values) != len(times) or values.shape[-1] != _PATHS[path] or not (np.diff(times) > 0.0).all():
-            raise file.error("keys of an animation that do not fit its times.", REMEDY)
-        found[node, path] = _Channel(times, values, kind)
-    if not found:
-        raise file.error("its animation moves no node.", REMEDY)
-    return found
+    nodes = range(len(file.gltf.nodes or []))
+    return {
+        (channel.target.node, channel.target.path): _keys(
+            file, animation.samplers[channel.sampler], channel.target.path
+        )
+        for channel in animation.channels or []
+        if channel.target.path in _PATHS and channel.target.node in nodes
+    }
 
 
-def _joints(
-    file: GltfFile, order: list[int], parents: list[int], channels: dict[tuple[int, str], _Channel]
-) -> list[int]:
-    """Nodes that are joints, parents first: those of the largest skin, or without one all that are moved and those between."""
-    skins = [set(skin.joints) for skin in file.gltf.skins or []]
-    wanted = max(skins, key=len) if skins else {node for node, _ in channels}
-    if not skins:
-        top = next(node for node in order if node in wanted)
-        inside = nearest_of(order, parents, {top})
-        children = {parents[node] for node in order}
-        wanted = {node for node in order if inside[node] == top and (node in wanted or node in children)}
-    joints = [node for node in order if node in wanted]
-    if not 1 <= len(joints) <= MAX_JOINTS:
-        raise file.error(f"{len(joints)} joints; expected at most {MAX_JOINTS}.", REMEDY)
-    return joints
+def _keys(file: GltfFile, sampler: Any, path: str) -> _Channel:
+    times = read_accessor(file, sampler.input, "the times of a key").astype(float)[:, 0]
+    values = read_accessor(file, sampler.output, f"a key's {path}").astype(float)
+    kind = sampler.interpolation or "LINEAR"
+    if path == "rotation":
+        values = values[:, [3, 0, 1, 2]]
+    if kind == "CUBICSPLINE":
+        values = values.reshape(len(times), 3, _PATHS[path])
+        if path == "rotation":  # Blender writes both signs of a turn, between which a cubic turns astray
+            values = values * np.cumprod(np.sign(_dots(values[:, 1]) + 1e-12))[:, None, None]
+    if len(values) != len(times) or values.shape[-1] != _PATHS[path] or not (np.diff(times) >= 0.0).all():
+        raise file.error("keys of an animation that do not fit its times.", REMEDY)
+    return _Channel(times, values, kind)
 
 
-def _times(file: GltfFile, channels: dict[tuple[int, str], _Channel], joints: int) -> NDArray[np.float64]:
-    """Even times from the first key to the last one, at the usual rate that is nearest to the keys'."""
-    first = min(channel.times[0] for channel in channels.values())
-    last = max(channel.times[-1] for channel in channels.values())
+def _dots(quaternions: Array) -> Array:
+    """Of each quaternion `(K,)` with the one before; one for the first."""
+    return np.concatenate([[1.0], (quaternions[1:] * quaternions[:-1]).sum(-1)])
+
+
+def _joints(nodes: _Nodes, moved: set[int]) -> list[int]:
+    """Nodes that are joints, parents first: all below the top of the largest skin, or without one of what is moved.
+
+    Those are more than a skin names, which many programs write without joints that hold no vertex; what has a mesh, a
+    camera or a light at the end of a branch is none.
+    """
+    skins = [set(skin.joints) for skin in nodes.file.gltf.skins or []]
+    bones = max(skins, key=len) if skins else moved
+    kept = _below(nodes, _top(nodes, bones, len(bones) * (1.0 if skins else BODY)), bones)
+    if not 1 <= len(kept) <= MAX_JOINTS:
+        raise nodes.file.error(f"{len(kept)} joints; expected at most {MAX_JOINTS}.", REMEDY)
+    return [node for node in nodes.order if node in kept]
+
+
+def _below(nodes: _Nodes, top: int, bones: set[int]) -> set[int]:
+    """A node and what hangs on it, but for ends of branches that show or light something."""
+    inside, kept = nearest_of(nodes.order, nodes.parents, {top}), set[int]()
+    for node in reversed(nodes.order):
+        entry = nodes.file.gltf.nodes[node]
+        bare = (
+            entry.mesh is None
+            and entry.camera is None
+            and not (entry.extensions or {}).get("KHR_lights_punctual")
+        )
+        if inside[node] == top and (bare or node in bones or not kept.isdisjoint(nodes.children(node))):
+            kept.add(node)
+    return kept
+
+
+def _top(nodes: _Nodes, bones: set[int], most: float) -> int:
+    """The lowest node that is a bone, or above so many of them."""
+    below = [int(node in bones) for node in range(len(nodes.parents))]
+    for node in reversed(nodes.order):
+        if nodes.parents[node] >= 0:
+            below[nodes.parents[node]] += below[node]
+    top = max((node for node in nodes.order if nodes.parents[node] < 0), key=lambda node: below[node])
+    while top not in bones:
+        deeper = [child for child in nodes.children(top) if below[child] >= most]
+        if not deeper:
+            break
+        top = deeper[0]
+    return top
+
+
+def _times(file: GltfFile, channels: _Channels, nodes: int) -> tuple[NDArray[np.float64], float]:
+    """Even times from the first key to the last one, and their rate: a usual one with all keys on its frames, else the keys'."""
+    keys = np.unique(np.concatenate([channel.times for channel in channels.values()]))
+    first, keys = keys[0], keys - keys[0]
+    near = ON_FRAME * (1.0 + keys[-1] / 60.0)  # times have 24 bits
+    usual = (fps for fps in (*RATES, *NTSC) if np.abs(keys * fps - np.round(keys * fps)).max() < near)
     steps = np.concatenate([np.diff(channel.times) for channel in channels.values()])
-    rate = 1.0 / float(np.median(steps)) if len(steps) else USUAL_FPS
-    near = min(RATES, key=lambda usual: abs(np.log(usual / rate)))
-    exact = len(steps) and abs(near / rate - 1.0) > 0.005 and near / 2 < rate <= MAX_FPS
-    fps = rate if exact else near
-    count = int(np.floor((last - first) * fps + 1e-3)) + 1
-    if count > MAX_FRAMES or count * joints > MAX_JOINT_FRAMES:
-        raise file.error(f"an animation of {count} frames.", "Split the clip.")
-    return np.asarray(first + np.arange(count) / fps)
+    rate = 1.0 / max(float(np.median(steps)), 1e-6) if len(steps) else USUAL_FPS
+    fps = next(usual, rate if LOWEST_FPS <= rate <= MAX_FPS else USUAL_FPS)
+    count = int(np.floor(keys[-1] * fps + 1e-3)) + 1
+    if count > MAX_FRAMES or count * nodes > min(MAX_JOINT_FRAMES, _room(file)):
+        raise file.error(f"an animation of {count} frames.", "Split the clip, or export it baked.")
+    return np.asarray(first + np.arange(count) / fps), NTSC.get(fps, fps)
 
 
-def _world(
-    file: GltfFile,
-    order: list[int],
-    parents: list[int],
-    channels: dict[tuple[int, str], _Channel],
-    times: Array,
-) -> Array:
-    """World matrices `(T, nodes, 4, 4)` of moved nodes and of what they carry; others rest."""
-    rest = node_world_matrices(file, order, parents)
-    moved = {node for node, _ in channels}
-    world = np.broadcast_to(rest, (len(times), *rest.shape)).copy()
-    for node in order:
-        parent = parents[node]
-        above = world[:, parent] if parent >= 0 else np.eye(4)
-        resting = np.linalg.inv(rest[parent]) @ rest[node] if parent >= 0 else rest[node]
-        local = resting
-        if node in moved:
-            local = np.broadcast_to(resting, (len(times), 4, 4)).copy()
-            turn, size = _parts(resting)
-            turns, sizes = (
-                channels[node, path].at(times) if (node, path) in channels else still
-                for path, still in (("rotation", turn), ("scale", size))
-            )
-            matrix = rotations.to_matrix(rotations.normalize(turns))
-            local[:, :3, :3] = matrix * np.asarray(sizes)[..., None, :]
-            if (node, "translation") in channels:
-                local[:, :3, 3] = channels[node, "translation"].at(times)
-        world[:, node] = above @ local
-    return world
+class _Moving:
+    """Nodes, parents first, with what moves them."""
+
+    def __init__(self, nodes: list[int], parents: list[int], resting: Array, channels: _Channels) -> None:
+        self.nodes, self.parents, self.resting, self.channels = nodes, parents, resting, channels
+
+    def world(self, seconds: Array) -> dict[int, Array]:
+        """World matrices `(T, 4, 4)` of each node at times."""
+        made: dict[int, Array] = {}
+        for node in self.nodes:
+            local = self._local(node, seconds)
+            made[node] = local if self.parents[node] < 0 else made[self.parents[node]] @ local
+        return made
+
+    def _local(self, node: int, seconds: Array) -> Array:
+        resting = self.resting[node]
+        local = np.tile(resting, (len(seconds), 1, 1))
+        moved = {
+            path: self.channels[node, path].at(seconds) for path in _PATHS if (node, path) in self.channels
+        }
+        if "rotation" in moved or "scale" in moved:
+            turn, size = rotations.from_matrix(_proper(resting)), np.linalg.norm(resting[:3, :3], axis=0)
+            size = size * np.sign(np.linalg.det(resting[:3, :3]))
+            matrix = rotations.to_matrix(rotations.normalize(moved.get("rotation", turn)))
+            local[:, :3, :3] = matrix * np.asarray(moved.get("scale", size))[..., None, :]
+        if "translation" in moved:
+            local[:, :3, 3] = moved["translation"]
+        return local
 
 
-def _parts(matrix: Array) -> tuple[Array, Array]:
-    """The turn and the scale of a node's transform."""
-    size = np.linalg.norm(matrix[:3, :3], axis=0)
-    return rotations.from_matrix(matrix[:3, :3] / np.maximum(size, 1e-12)), size
+def _proper(matrices: Array) -> Array:
+    """The rotations `(..., 3, 3)` of transforms `(..., 4, 4)` that may scale or mirror."""
+    matrix = matrices[..., :3, :3]
+    size = np.linalg.norm(matrix, axis=-2, keepdims=True)
+    flat = size.min(axis=(-2, -1), keepdims=True) < 1e-9  # scaled away, as hidden parts are
+    turn = np.where(flat, np.eye(3), matrix / np.maximum(size, 1e-12))
+    return np.asarray(turn * np.where(np.linalg.det(turn) < 0.0, -1.0, 1.0)[..., None, None])
 
 
 def _turns(matrices: Array) -> Array:
-    """The rotations `(..., 4)` of transforms `(..., 4, 4)` that may scale."""
-    size = np.linalg.norm(matrices[..., :3, :3], axis=-2, keepdims=True)
-    return rotations.normalize(rotations.from_matrix(matrices[..., :3, :3] / np.maximum(size, 1e-12)))
+    """The rotations `(..., 4)` of transforms `(..., 4, 4)`."""
+    return rotations.normalize(rotations.from_matrix(_proper(matrices)))
 
 
-def _bind(file: GltfFile, order: list[int], parents: list[int], joints: list[int]) -> Array:
+def _bind(nodes: _Nodes, joints: list[int]) -> Array:
     """Transforms `(joints, 4, 4)` in the world at rest: the bind pose where a skin tells it, else the nodes as they are.
 
     A skin tells it in the space of its mesh, which lies in the world as the node above the joints does, or not at all
-    moved; where the joints then are nowhere near their nodes, as the uppermost one does.
+    moved; where the joints then are nowhere near their nodes, as the uppermost one does. What no skin tells lies to the
+    joint above it, or below, as at rest.
     """
-    rest = node_world_matrices(file, order, parents)
-    known: dict[int, Array] = {}
-    for skin in sorted(file.gltf.skins or [], key=lambda skin: len(skin.joints)):
-        if skin.inverseBindMatrices is None:
-            continue
-        inverse = read_accessor(file, skin.inverseBindMatrices, "the bind pose").astype(float)
-        for joint, matrix in zip(skin.joints, inverse.reshape(-1, 4, 4).transpose(0, 2, 1), strict=False):
-            if abs(np.linalg.det(matrix)) > 1e-15:
-                known[joint] = np.linalg.inv(matrix)
+    rest = node_world_matrices(nodes.file, nodes.order, nodes.parents)
+    known = _bound(nodes.file)
     told = [joint for joint in joints if joint in known]
     if not told:
         return rest[joints]
-    bind, nodes, top = np.array([known[joint] for joint in told]), rest[told], parents[told[0]]
-    size = float(np.linalg.norm(np.ptp(nodes[:, :3, 3], axis=0)))
-    for space in (rest[top] if top >= 0 else np.eye(4), np.eye(4), nodes[0] @ np.linalg.inv(bind[0])):
+    at = rest[told]
+    placed = _placed(np.array([known[joint] for joint in told]), at, rest, nodes.parents[told[0]])
+    # from where a node rests to where it was bound
+    moved = dict(zip(told, placed @ np.linalg.inv(at), strict=True))
+    for node in nodes.with_ancestors(told)[::-1]:
+        moved.setdefault(nodes.parents[node], moved[node])
+    for node in nodes.order:
+        moved.setdefault(node, moved[nodes.parents[node]])
+    return np.array([moved[joint] @ rest[joint] for joint in joints])
+
+
+def _bound(file: GltfFile) -> dict[int, Array]:
+    """The bind pose of joints in the space of their mesh, by the largest skin that has them."""
+    known, count = dict[int, Array](), 0
+    for skin in sorted(file.gltf.skins or [], key=lambda skin: len(skin.joints)):
+        if skin.inverseBindMatrices is None:
+            continue
+        count += max(len(skin.joints), accessor_count(file, skin.inverseBindMatrices))
+        if count > MAX_BOUND:
+            raise file.error(f"more than {MAX_BOUND} bind matrices.", REMEDY)
+        inverse = read_accessor(file, skin.inverseBindMatrices, "the bind pose").astype(float)
+        matrices = inverse.reshape(-1, 4, 4).transpose(0, 2, 1)[: len(skin.joints)]
+        usable = np.flatnonzero(np.abs(np.linalg.det(matrices)) > 1e-15)
+        joints = [skin.joints[k] for k in usable]
+        known.update(zip(joints, np.linalg.inv(matrices[usable]), strict=True))
+    return known
+
+
+def _placed(bind: Array, at: Array, rest: Array, top: int) -> Array:
+    """A bind pose `(K, 4, 4)` in the world, where its joints rest `at` and hang on the node `top`."""
+    size = float(np.linalg.norm(np.ptp(at[:, :3, 3], axis=0)))
+    for space in (rest[top] if top >= 0 else np.eye(4), np.eye(4)):
         placed = space @ bind
-        if np.linalg.norm(placed[:, :3, 3] - nodes[:, :3, 3], axis=-1).mean() < NEAR * size:
-            break
-    rest[told] = placed
-    return rest[joints]
+        if np.linalg.norm(placed[:, :3, 3] - at[:, :3, 3], axis=-1).mean() < NEAR * size:
+            return placed
+    return at[0] @ np.linalg.inv(bind[0]) @ bind

@@ -115,7 +115,7 @@ class ExportOptions:
         hint="The skeleton and its motion, without meshes", help="GLB or FBX without meshes",
     )  # fmt: skip
     with_takes: tuple[Path, ...] = option(
-        (), SKINNED | {".html"}, "--with-take", ignored_by=frozenset(), parse=Path, metavar="BVH",
+        (), SKINNED | {".html"}, "--with-take", ignored_by=frozenset(), parse=Path, metavar="TAKE",
         help="a further take in the same GLB or FBX",
     )  # fmt: skip
     start_s: float = option(

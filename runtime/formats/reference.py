@@ -62,9 +62,12 @@ class OpenedTake:
     note: str = ""  # of a file that is damaged
 
 
-def open_take(path: Path) -> OpenedTake:
-    """A motion of our skeleton, or of any two-legged one whose joints can be found, as a clip of ours: BVH, glTF or FBX. FileError."""
-    motion = read_motion(path)
+def open_take(path: Path, animation: str = "") -> OpenedTake:
+    """A motion of our skeleton, or of any two-legged one whose joints can be found, as a clip of ours. FileError.
+
+    BVH, glTF or FBX; of several animations the one of a name, else the first that moves a body.
+    """
+    motion = read_bvh(path) if is_bvh(path) else read_gltf_motion(path, animation)
     try:
         return OpenedTake(*clip_of_motion(motion, path), note=motion.note)
     except OtherSkeleton:
@@ -76,11 +79,6 @@ def open_take(path: Path) -> OpenedTake:
 def is_bvh(path: Path) -> bool:
     """Whether a motion is read as BVH: all that is no other format of motion."""
     return path.suffix.lower() not in SUFFIXES
-
-
-def read_motion(path: Path) -> BvhMotion:
-    """The motion in a file, by its ending. FileError."""
-    return read_bvh(path) if is_bvh(path) else read_gltf_motion(path)
 
 
 def _reference(motion: BvhMotion, path: Path) -> ReferenceMotion:

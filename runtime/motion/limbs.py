@@ -5,7 +5,7 @@ Only what is shown: the network goes on with its own pose. On ground without wal
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -49,7 +49,8 @@ LIMBS = (
     Limb(2, 3, (4, 5), (0.06, 0.0), 0.2, (0.0, None), steps=True),
     Limb(7, 8, (9, 10), (0.06, 0.0), 0.2, (0.0, None), steps=True),
 )
-LEGS = LIMBS[2:]
+# while keyframed: hands hold on to edges, and arms are as fast as they must be
+KEYFRAMED = (*(replace(arm, free_m=(0.0,), sunk_m=0.15, turns=(TURN_MOST,)) for arm in LIMBS[:2]), *LIMBS[2:])
 
 
 def resolve_penetration(
@@ -61,7 +62,7 @@ def resolve_penetration(
     faster than `TURN_MOST`.
     """
     result = no_faster(local, before)
-    if limbs is LIMBS:  # arms that are keyframed are as fast as they must be
+    if limbs is LIMBS:
         result = _slowed(result, before, _ARMS, ARM_TURN)
     positions, world = SPORT_SKELETON.forward_kinematics(hips, result)
     for limb in limbs:
@@ -85,7 +86,10 @@ def resolve_penetration(
                     result[moved] = round_it
                     continue
         turned = rotations.angle_between(before[moved], tries[:, moved]).sum(-1)
-        result[moved] = tries[_best(depths, turned, limb)][moved]
+        best = _best(depths, turned, limb)
+        if best is None:
+            best = -len(SHARES) * (1 + _bend_to_hang_with(terrain, hips, result, world, limb))
+        result[moved] = tries[best][moved]
     return result
 
 
@@ -99,11 +103,11 @@ def _depths(terrain: Terrain, limb: Limb, poses: Array, hips: Array) -> Array:
     return np.asarray(np.maximum.accumulate(depths[::-1])[::-1])
 
 
-def _best(depths: Array, turned: Array, limb: Limb) -> int:
+def _best(depths: Array, turned: Array, limb: Limb) -> int | None:
     """Of N tries that are free of walls at the greatest distance `(M, N)` at which one is, the one `turned` least.
 
-    Else the least deep one; an arm goes as far as it can out of a high wall: every way down is deeper first. A leg that
-    did so would stand in the ground.
+    Else the least deep one; None for an arm that is deep in a wall: it goes on to where it is out of it, deeper at first. A
+    leg that did so would stand in the ground.
     """
     for at_distance in depths:
         free = at_distance <= limb.sunk_m
@@ -111,7 +115,15 @@ def _best(depths: Array, turned: Array, limb: Limb) -> int:
             return int(np.argmin(np.where(free, turned, np.inf)))
     least = int(np.argmin(depths[-1]))
     stays = limb.steps or depths[-1, least] < SHALLOW_M
-    return least if stays else depths.shape[1] - len(SHARES)
+    return least if stays else None
+
+
+def _bend_to_hang_with(terrain: Terrain, hips: Array, local: Array, world: Array, limb: Limb) -> int:
+    """Which of its `bends` a limb hangs with in a wall: straight, or where that is deep as it is least deep."""
+    goals = _tries(local, local, world, limb, np.inf)[len(SHARES) - 1 :: len(SHARES)][: len(limb.bends)]
+    placed, _ = SPORT_SKELETON.forward_kinematics(np.broadcast_to(hips, (len(goals), 3)), goals)
+    depths = _depths(terrain, limb, placed, placed[0, 0])[-1]
+    return 0 if depths[0] <= SHALLOW_M else int(np.argmin(depths))
 
 
 def _tries(local: Array, before: Array, world: Array, limb: Limb, most: float) -> Array:

@@ -11,14 +11,16 @@ import logging
 import os
 import sqlite3
 import threading
+import time
 import zlib
 from collections import deque
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from runtime.errors import FileError
+from runtime.session import unwritten
 from runtime.session.sqlite_file import (
     LARGE_BYTES,
     MAX_TEXT_BYTES,
@@ -34,96 +36,24 @@ from runtime.session.sqlite_file import (
     copy_rows,
     drop_lock,
     file_errors,
+    in_memory,
     lock_of,
     new_file,
     real_path,
     said,
     side_files,
     take_lock,
+    unwritten_files,
 )
+from runtime.session.writer import Writer
 
 GATHER_S = 0.05  # that works wait for others before they are written
 IDLE_S = 1.0  # without work until the log goes into the file, and between two attempts where the disk takes nothing
 MAX_WAITING = 20_000  # works that wait for a disk; of a recording an hour and more
-LEVEL = 1  # of zlib
 _LOG = logging.getLogger("sport.session")
-Work = Callable[["Writer"], None]
-
-
-class Writer:
-    """What a work may change, one for each transaction. Only within `Database.submit`; nothing of it lasts unless all does."""
-
-    def __init__(self, connection: sqlite3.Connection, counted: set[tuple[Any, ...]]) -> None:
-        self._run = connection.execute
-        self._many = connection.executemany
-        self._counted = counted
-        # called once all of it lasts; not where it is rolled back
-        self.committed: list[Callable[[], None]] = []
-
-    def put_blob(self, key: str, content: bytes) -> None:
-        """Keep bytes under the hash of their content; once is enough."""
-        self._counted.add(("blobs", key))
-        if self._run("SELECT 1 FROM blobs WHERE key = ?", (key,)).fetchone() is None:
-            self._run(
-                "INSERT INTO blobs VALUES (?, ?, ?)", (key, len(content), zlib.compress(content, LEVEL))
-            )
-
-    def put_motion(self, key: str, header: str) -> None:
-        """Keep the header of a motion, or replace it; its place in the order stays."""
-        self._counted.add(("motions", key))
-        self._run(
-            "INSERT INTO motions (key, header) VALUES (?, ?) ON CONFLICT (key) DO UPDATE SET header = excluded.header",
-            (key, header),
-        )
-
-    def put_frames(self, key: str, number: int, count: int, content: bytes) -> None:
-        """Keep piece `number` of a motion, of `count` frames, or replace it."""
-        self._counted.add(("frames", key, number))
-        values = key, number, count, len(content), zlib.compress(content, LEVEL)
-        self._run("INSERT OR REPLACE INTO frames VALUES (?, ?, ?, ?, ?)", values)
-
-    def drop_frames(self, key: str) -> None:
-        self._run("DELETE FROM frames WHERE motion = ?", (key,))
-
-    def put_step(self, number: int, label: str, document: str) -> None:
-        """Keep a step of the session's history, or replace it."""
-        self._counted.add(("steps", number))
-        self._run("INSERT OR REPLACE INTO steps VALUES (?, ?, ?)", (number, label, document))
-
-    def drop_steps(self, first: int | None = None, before: int | None = None) -> None:
-        """Remove the steps from `first` on, and those before `before`."""
-        self._run("DELETE FROM steps WHERE number >= ? OR number < ?", (first, before))
-
-    def set_meta(self, name: str, value: str | bytes) -> None:
-        self._counted.add(("meta", name))
-        self._run("INSERT OR REPLACE INTO meta VALUES (?, ?)", (name, value))
-
-    def documents(self) -> Iterator[str]:
-        """The texts of all steps as this transaction has them, one after the other."""
-        for (number,) in self._run("SELECT number FROM steps").fetchall():
-            yield self._run("SELECT document FROM steps WHERE number = ?", (number,)).fetchone()[0]
-
-    def motion(self, key: str) -> str:
-        """The header of a motion as this transaction has it; "" where there is none."""
-        found = self._run("SELECT header FROM motions WHERE key = ?", (key,)).fetchone()
-        return "" if found is None else found[0]
-
-    def blob(self, key: str) -> bytes:
-        """Bytes by their key as this transaction has them, as many as a text may have; b"" where there are none."""
-        found = self._run("SELECT content FROM blobs WHERE key = ?", (key,)).fetchone()
-        return b"" if found is None else zlib.decompressobj().decompress(found[0], MAX_TEXT_BYTES)
-
-    def keep_only(self, motions: Collection[str], blobs: Collection[str]) -> None:
-        """Remove all other motions with their frames, and all other blobs."""
-        for table, column, kept in (
-            ("motions", "key", motions),
-            ("frames", "motion", motions),
-            ("blobs", "key", blobs),
-        ):
-            found = self._run(f"SELECT DISTINCT {column} FROM {table}").fetchall()
-            self._many(
-                f"DELETE FROM {table} WHERE {column} = ?", [row for row in found if row[0] not in kept]
-            )
+HAND_OVER_PART = 0.4  # of the time of an end, for what the file does not take
+HAND_OVER_S = 10.0  # where the end has no time
+Work = Callable[[Writer], None]
 
 
 @dataclass
@@ -148,10 +78,15 @@ class Database:
     _full: bool = False  # nothing is taken any more
     _urgent: bool = False
     _ending: bool = False
+    _stopping: bool = False  # the works under way
+    handed_over: Path | None = None  # what has the changes that the file has not taken
+    # those of an earlier run, as long as the session is in memory only
+    _unwritten: list[unwritten.Change] = field(default_factory=list)
     _changed: threading.Condition = field(
         default_factory=threading.Condition
     )  # guards the queue and what counts it
     _turn: threading.Lock = field(default_factory=threading.Lock)  # of who writes
+    _working: threading.Lock = field(default_factory=threading.Lock)  # works run one at a time
     _reading: threading.RLock = field(default_factory=threading.RLock)
     _thread: threading.Thread | None = None
 
@@ -174,23 +109,31 @@ class Database:
     def open(path: Path) -> Database:
         """A file that is there, checked and locked; FileError in one sentence, FileInUse.
 
-        A new file with its rows takes its place.
+        A new file with its rows takes its place. Where the disk has no room for that it is in memory until there is.
         """
         path = real_path(path)
         check_files(path)
         handle = take_lock(path)
         try:
-            size = check_files(path)
-            with file_errors(path):
-                log = side_files(path)[0]
-                mode = "ro" if log.exists() and log.stat().st_size else "immutable"
-                with contextlib.closing(connect(path, mode)) as connection:
-                    check_schema(connection)
-                    check_content(connection)
-                    with new_file(path) as target:
-                        copy_rows(connection, target)
-                        connection.close()  # before the file is replaced
-            return Database(path, Budget.for_file(size), handle)._begin()
+            database = Database(path, Budget.for_file(check_files(path)), handle)
+            log = side_files(path)[0]
+            mode = "ro" if log.exists() and log.stat().st_size else "immutable"
+            try:
+                with (
+                    file_errors(path),
+                    contextlib.closing(_checked(connect(path, mode))) as connection,
+                    new_file(path) as target,
+                ):
+                    copy_rows(connection, target)
+                    unwritten.make(unwritten.read(path), target)
+                    connection.close()  # before the file is replaced
+            except FileError as error:
+                if not _is_of_the_disk(error.__cause__):
+                    raise
+                with file_errors(path), contextlib.closing(_checked(connect(path, mode))) as connection:
+                    database._unwritten = unwritten.read(path)
+                    database._reader = database._writer = _memory_of(connection, database._unwritten)
+            return database._begin()
         except BaseException:
             drop_lock(handle, path)
             raise
@@ -204,15 +147,12 @@ class Database:
         path = real_path(path)
         database = Database(path, Budget.for_file(check_files(path)))
         with file_errors(path):
-            database._reader = connect_reader(path)
-            try:
-                check_schema(database._reader)
-                if thorough:
-                    check_content(database._reader)
-                database._reader.set_progress_handler(None, 0)
-            except BaseException:
-                database._reader.close()
-                raise
+            reader = _checked(connect_reader(path), thorough)
+            if any(file.exists() for file in unwritten_files(path)):
+                with contextlib.closing(reader):
+                    reader = _memory_of(reader, unwritten.read(path))
+            database._reader = reader
+            reader.set_progress_handler(None, 0)
         return database
 
     @property
@@ -268,6 +208,7 @@ class Database:
             with self._reading:
                 before, self.path = self.path, path
                 self._handle, old = handle, self._handle
+                self._unwritten = []
                 self._disconnect()
                 drop_lock(old, before)
                 self._connect()
@@ -294,26 +235,57 @@ class Database:
             with new_file(path) as target, file_errors(self.path):
                 copy_rows(source, target)
                 writer = Writer(target, self._counted)
-                for work in works:
-                    work(writer)
+                with self._working:
+                    for work in works:
+                        work(writer)
         except BaseException:
             drop_lock(handle, path)
             raise
         return handle, len(works), writer.committed
 
     def close(self, seconds: float | None = None) -> bool:
-        """Flush, put the log into the file, let go; False where not all is on disk. A disk that hangs longer is left alone."""
-        written = self._thread is None or self.flush(seconds)
+        """Flush and let go of the file, within so many seconds; whether all is in it.
+
+        What it has not taken by then is put where the next `open` finds it. A disk that hangs is left alone.
+        """
+        if self._thread is None:
+            self._let_go()
+            return True
+        until = None if seconds is None else time.monotonic() + seconds
+        if not self._ending and not self.flush(None if seconds is None else (1 - HAND_OVER_PART) * seconds):
+            self._hand_over(HAND_OVER_S if until is None else 0.8 * (until - time.monotonic()))
         with self._changed:
             self._ending = True
             self._changed.notify_all()
-        if self._thread is not None:
-            self._thread.join(seconds)
-            if self._thread.is_alive():
-                return False
-        if not self._turn.acquire(timeout=-1 if seconds is None else seconds):  # a copy is being written
-            return False
+        self._thread.join(None if until is None else max(until - time.monotonic(), 0.0))
+        return self._written >= self._submitted and not self.problem
+
+    @property
+    def closing(self) -> bool:
+        """Whether its thread still waits for the disk."""
+        return self._thread is not None and self._thread.is_alive()
+
+    def _hand_over(self, seconds: float) -> None:
+        """Keep what waits elsewhere, for the next one that opens the file."""
+        self._stopping, log, begun = True, unwritten.ChangeLog(), time.monotonic()
+        if not self._working.acquire(timeout=max(seconds, 0.0)):
+            return
         try:
+            with self._changed:
+                works = list(self._queue)
+            for work in works:
+                work(cast(Writer, log))
+        except Exception as error:
+            self._defect(error)
+        finally:
+            self._stopping = False
+            self._working.release()
+        left = seconds - (time.monotonic() - begun)
+        self.handed_over = unwritten.keep(self.path, [*self._unwritten, *log.changes], left)
+
+    def _let_go(self) -> None:
+        """Put the log into the file and close it."""
+        with self._turn:
             if self._writer is not None:
                 with contextlib.suppress(sqlite3.Error):  # what is committed is on disk, if in two files
                     self._writer.execute("PRAGMA wal_checkpoint(TRUNCATE)")
@@ -321,12 +293,10 @@ class Database:
             if self._handle >= 0:
                 drop_lock(self._handle, self.path)
                 self._handle = -1
-        finally:
-            self._turn.release()
-        return written
 
     def _begin(self) -> Database:
-        self._connect()
+        if self._reader is None:
+            self._connect()
         self._thread = threading.Thread(target=self._run, name="sport-session", daemon=True)
         self._thread.start()
         return self
@@ -371,6 +341,7 @@ class Database:
                 os.close(self._handle)
                 self._handle = -1
                 self._handle = take_lock(self.path)
+        self._unwritten = []
         with self._reading:
             self._disconnect()
             self._connect()
@@ -391,6 +362,7 @@ class Database:
                         self._writer.execute("PRAGMA wal_checkpoint(PASSIVE)")
                 logged = not idle
             if ending:
+                self._let_go()
                 return
 
     @property
@@ -410,14 +382,17 @@ class Database:
                 connection = self._connection()
                 writer = Writer(connection, self._counted)
                 connection.execute("BEGIN IMMEDIATE")
-                for work in works:
-                    work(writer)
+                with self._working:
+                    for work in works:
+                        if self._stopping:
+                            raise FileError(f"{self.path}: the program ends.")
+                        work(writer)
                 work = None
                 connection.execute("COMMIT")
                 committed = writer.committed
         except Exception as error:
             self._roll_back()
-            if work is not None and not _of_the_disk(error):  # a defect must not hold up what others did
+            if work is not None and not _is_of_the_disk(error):  # a defect must not hold up what others did
                 self._defect(error)
                 with self._changed:
                     self._queue.remove(work)
@@ -546,9 +521,29 @@ class Database:
         return rows
 
 
-def _of_the_disk(error: Exception) -> bool:
+def _is_of_the_disk(error: BaseException | None) -> bool:
     """Whether another try may succeed."""
     return (
         isinstance(error, OSError | FileError | sqlite3.OperationalError)
         or type(error) is sqlite3.DatabaseError
     )
+
+
+def _checked(connection: sqlite3.Connection, thorough: bool = True) -> sqlite3.Connection:
+    """A connection to a file that is what it must be; else it is closed, ValueError or sqlite3.Error."""
+    try:
+        check_schema(connection)
+        if thorough:
+            check_content(connection)
+    except BaseException:
+        connection.close()
+        raise
+    return connection
+
+
+def _memory_of(connection: sqlite3.Connection, changes: Sequence[unwritten.Change]) -> sqlite3.Connection:
+    """The rows of a file with changes that it has not taken."""
+    memory = in_memory()
+    copy_rows(connection, memory)
+    unwritten.make(changes, memory)
+    return _checked(memory)

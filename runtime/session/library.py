@@ -12,7 +12,15 @@ from pathlib import Path
 
 from runtime.errors import FileError
 from runtime.session.database import Database
-from runtime.session.sqlite_file import SUFFIX, Budget, drop_lock, is_held, side_files, take_lock
+from runtime.session.sqlite_file import (
+    SUFFIX,
+    Budget,
+    drop_lock,
+    is_held,
+    side_files,
+    take_lock,
+    unwritten_files,
+)
 
 SUMMARY_BYTES = 8 << 20  # that a summary may cost
 _NAME = re.compile(r"(\d{8}-\d{6})-(\d{4})-")
@@ -66,7 +74,7 @@ def remove(path: Path) -> None:
     with contextlib.suppress(FileError, OSError):
         handle = take_lock(path)
         try:
-            for file in (path, *side_files(path)):
+            for file in (path, *side_files(path), *unwritten_files(path)):
                 file.unlink(missing_ok=True)
         finally:
             drop_lock(handle, path)

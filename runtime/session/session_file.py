@@ -29,7 +29,7 @@ from runtime.session.character_files import (
     read_character_files,
     write_character_files,
 )
-from runtime.session.database import Database, Writer
+from runtime.session.database import Database
 from runtime.session.document import (
     DocumentReader,
     DocumentWriter,
@@ -43,6 +43,7 @@ from runtime.session.history import History, Step
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.session import CharacterChoice, Session, Take
 from runtime.session.sqlite_file import Budget, file_errors
+from runtime.session.writer import Writer
 from runtime.skeleton import J
 from runtime.takes.clip import Clip, are_poses
 from runtime.takes.input_recording import COLUMNS, InputFrames, InputRecording
@@ -352,7 +353,7 @@ class SessionFile:
         return self.database.flush(seconds)
 
     def close(self, seconds: float | None = None) -> bool:
-        """Write what is left and let go of the file; whether all is on disk."""
+        """Write what is left and let go of the file, within so many seconds; whether all is in it."""
         return self.database.close(seconds)
 
 

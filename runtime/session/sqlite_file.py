@@ -7,9 +7,11 @@ be the text below and nothing else.
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import sqlite3
 import stat
+import tempfile
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -117,6 +119,13 @@ def side_files(path: Path) -> tuple[Path, Path]:
     return path.with_name(f"{path.name}-wal"), path.with_name(f"{path.name}-shm")
 
 
+def unwritten_files(path: Path) -> tuple[Path, Path]:
+    """Where changes lie that a session's file had not taken, see `unwritten`: next to it, and in the temporary folder."""
+    key = hashlib.sha256(os.fsencode(path)).hexdigest()[:16]
+    folder = Path(tempfile.gettempdir()) / "sport-sessions"
+    return path.with_name(f".{path.name}.unwritten"), folder / f"{key}.unwritten"
+
+
 def lock_of(path: Path) -> Path:
     """The small file whose lock says that a process has a session open."""
     return path.with_name(f".{path.name}.lock")
@@ -186,7 +195,7 @@ def check_files(path: Path) -> int:
 
 
 def connect(path: Path, mode: str) -> sqlite3.Connection:
-    """A connection of which every thread may make use, one at a time; `mode` is rw, rwc, ro or immutable.
+    """A connection of which every thread may make use, one at a time; `mode` is rw, rwc, ro, immutable or memory.
 
     sqlite3.Error where the file cannot be opened.
     """
@@ -277,6 +286,13 @@ def _schema() -> list[tuple[str | None, ...]]:
         return sorted(connection.execute("SELECT type, name, tbl_name, sql FROM sqlite_master"), key=str)
 
 
+def in_memory() -> sqlite3.Connection:
+    """An empty session that is no file."""
+    memory = connect(Path(":memory:"), "memory")
+    _create(memory)
+    return memory
+
+
 @contextlib.contextmanager
 def new_file(path: Path) -> Iterator[sqlite3.Connection]:
     """A connection to a new file that takes the place of `path`, its log included, when the block ends; FileError.
@@ -297,7 +313,10 @@ def new_file(path: Path) -> Iterator[sqlite3.Connection]:
             check_schema(connection)
             check_content(connection)
         check_files(temporary)
-        for file in side_files(path):  # a log that stayed would be read as the new file's
+        for file in (
+            *side_files(path),
+            *unwritten_files(path),
+        ):  # what stayed would be read as the new file's
             file.unlink(missing_ok=True)
 
 

@@ -1,4 +1,4 @@
-"""`sport convert`: a take (BVH) as another file."""
+"""`sport convert`: a take (BVH, GLB, VRM, FBX) as another file."""
 
 from __future__ import annotations
 
@@ -14,13 +14,19 @@ def add(commands: Subparsers) -> None:
     """Declare the arguments."""
     convert = commands.add_parser(
         "convert",
-        help="write a take (BVH, of any two-legged skeleton) as GLB, FBX, film, ground or another BVH",
+        help="write a take (BVH, GLB or FBX, of any two-legged skeleton) as GLB, FBX, film, ground or another BVH",
         description="The ground is the one that the JSON next to the take names; rate and unit stay as in the take.",
     )
     convert.set_defaults(command=run)
     convert.add_argument("take", type=Path, metavar="TAKE", help="BVH, GLB, VRM or FBX")
     convert.add_argument("out", type=Path, nargs="+", metavar="FILE", help=OUT_HELP)
     convert.add_argument("--terrain", metavar="NAME|FILE", help="another ground than the take's own")
+    convert.add_argument(
+        "--animation",
+        default="",
+        metavar="NAME",
+        help="which animation of a GLB, VRM or FBX; else the first of a body",
+    )
     add_export_arguments(convert)
 
 
@@ -35,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
         raise UsageError(f"{options.take}: would be written over itself.", "Choose another name.")
     if options.ground_out is not None and len(options.out) > 1:
         raise UsageError(" with several files: their units may differ.", "Convert one by one.", "ground_out")
-    opened = open_take(options.take)
+    opened = open_take(options.take, options.animation)
     clip = opened.clip
     if options.fps is None:  # rate and unit stay as in the file
         export = replace(export, fps=clip.fps)

@@ -8,11 +8,13 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from unittest.mock import patch
 
 from runtime.errors import SportError
 from runtime.session.session import Take
@@ -192,7 +194,8 @@ def disk_full(folder: Path, seconds: float) -> Outcome:
                     filler.write(bytes(512))
         recorder.until(seconds + 1.0)
         recorder.process.send_signal(signal.SIGTERM)
-        return _ended([recorder], recorder.temporary / "sport-sessions", expected=1, takes=2)
+        with patch.object(tempfile, "tempdir", str(recorder.temporary)):
+            return _ended([recorder], place, expected=1, takes=2)
     finally:
         if mounted:
             subprocess.run(["umount", str(place)], check=True)

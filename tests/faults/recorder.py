@@ -73,7 +73,8 @@ def _record(app_class: Any, options: argparse.Namespace) -> None:
 
 
 def _spoil_writing(options: argparse.Namespace) -> None:
-    from runtime.session.database import Database, Writer
+    from runtime.session.database import Database
+    from runtime.session.writer import Writer
 
     keep, put = Database._keep_there, Writer.put_frames
 

@@ -16,15 +16,19 @@ from runtime.character.joint_map import read_joint_map
 from runtime.errors import SportError
 from runtime.formats.bvh import MAX_VALUE, format_bvh, read_bvh
 from runtime.formats.bvh_clip import OtherSkeleton, load_clip_bvh, save_bvh
+from runtime.formats.glb import save_glb
+from runtime.formats.gltf_motion import contents, read_gltf_motion
+from runtime.formats.prepare import ExportOptions, prepare
 from runtime.formats.reference import open_take
 from runtime.formats.sidecar import format_metadata
+from runtime.formats.usd import save_usd
 from runtime.pose import Pose
 from runtime.prompts.blend import read_words
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 from runtime.takes.clip import MAX_DISTANCE_M, Clip
 from runtime.takes.metadata import Origin, PromptEvent, title
 from runtime.terrain.files import MAX_HEIGHT_M, read_terrain, write_height_png
-from tests.helpers.gltf_characters import character_glb, make_pose, split_glb, textured
+from tests.helpers.gltf_characters import character_glb, join_glb, make_pose, split_glb, textured
 
 from .mutate import damaged_bytes, damaged_glb, damaged_json, damaged_png, damaged_text
 from .target import Target, put
@@ -104,6 +108,50 @@ def _read_metadata(folder: Path, data: bytes) -> None:
                 continue
 
 
+def keys_glb() -> bytes:
+    """A node of cubic places and stepped turns: the least that is an animation."""
+    cubic = np.array([[0, 0, 0], [0, 0, 0], [3, 0, 0], [0, 0, 0], [3, 0, 0], [0, 0, 0]], "<f4")
+    step = np.array([[0, 0, 0, 1], [0, 1, 0, 0]], "<f4")
+    blob = np.array([0.0, 1.0], "<f4").tobytes() + cubic.tobytes() + step.tobytes()
+    accessors = [
+        {"bufferView": k, "componentType": 5126, "count": count, "type": kind}
+        for k, (count, kind) in enumerate(((2, "SCALAR"), (6, "VEC3"), (2, "VEC4")))
+    ]
+    kinds, paths = ("CUBICSPLINE", "STEP"), ("translation", "rotation")
+    document = {
+        "asset": {"version": "2.0"}, "nodes": [{"name": "Hips"}], "scenes": [{"nodes": [0]}],
+        "buffers": [{"byteLength": len(blob)}], "accessors": accessors,
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": at, "byteLength": size} for at, size in ((0, 8), (8, 72), (80, 32))
+        ],
+        "animations": [{
+            "samplers": [{"input": 0, "output": 1 + k, "interpolation": kind} for k, kind in enumerate(kinds)],
+            "channels": [{"sampler": k, "target": {"node": 0, "path": path}} for k, path in enumerate(paths)],
+        }],
+    }  # fmt: skip
+    return join_glb(document, blob)
+
+
+def _motion_seeds(folder: Path) -> list[bytes]:
+    put(folder, "seed.glb", character_glb())
+    options = ExportOptions(character=folder / "seed.glb", fps=30.0)
+    save_glb(prepare(clip(), options, None), folder / "moving.glb", options, None)
+    return [keys_glb(), (folder / "moving.glb").read_bytes()]
+
+
+def _read_motion(folder: Path, data: bytes) -> None:
+    path = put(folder, "input.glb", data)
+    contents(path)
+    motion = read_gltf_motion(path)
+    assert max(np.abs(motion.positions).max(), np.abs(motion.skeleton.offsets).max()) <= MAX_VALUE
+    assert np.isfinite(motion.local_rotations).all()
+    for name in motion.skeleton.names:
+        name.encode()
+    take = open_take(path).clip
+    assert np.abs(take.hips_positions).max() <= MAX_DISTANCE_M
+    assert np.isfinite(take.pose(0).positions).all()
+
+
 # --- characters
 
 
@@ -125,6 +173,11 @@ def _load(path: Path) -> None:
         character.skin_matrices(pose)
     for name in character.joint_names:
         name.encode()
+
+
+def _to_usd(folder: Path, data: bytes) -> None:
+    options = ExportOptions(character=put(folder, "input.glb", data), fps=30.0)
+    save_usd(prepare(clip(), options, None), folder / "take.usd", options, None)
 
 
 def _image(kind: str) -> bytes:
@@ -229,8 +282,10 @@ def _sidecar_of(rng, data: bytes) -> bytes:
 TARGETS = (
     Target("BVH", _bvh_seeds, damaged_text, _read_bvh, 2.0),
     Target("take metadata", _metadata_seeds, _sidecar_of, _read_metadata),
+    Target("motion .glb", _motion_seeds, damaged_glb, _read_motion),
     Target("character .glb", _glb_seeds, damaged_glb, lambda f, d: _load(put(f, "input.glb", d)), 2.0),
     Target("character .gltf", _gltf_seeds, damaged_json, lambda f, d: _load(put(f, "input.gltf", d))),
+    Target("character to USD", _glb_seeds, damaged_glb, _to_usd, 0.3),
     Target("texture", _texture_seeds, damaged_png, _read_texture),
     Target("joint map", _map_seeds, damaged_json, lambda f, d: read_joint_map(put(f, "input.json", d))),
     Target("ground .png", _png_seeds, damaged_png, lambda f, d: _ground(".png", d, f)),

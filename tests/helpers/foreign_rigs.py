@@ -36,7 +36,7 @@ def rest_points() -> dict[str, np.ndarray]:
     return {name: points[name] for name in BONES}
 
 
-class _Document:
+class Document:
     """A glTF document under construction."""
 
     def __init__(self) -> None:
@@ -101,7 +101,7 @@ def _boxes(
     return at, uv, joints, weights, triangles
 
 
-def _skin_mesh(doc: _Document, name: str, points: dict[str, np.ndarray], bones: list[str], order: list[str],
+def _skin_mesh(doc: Document, name: str, points: dict[str, np.ndarray], bones: list[str], order: list[str],
                nodes: list[int], worlds: np.ndarray, mesh_to_world: np.ndarray, size: float, seed: int) -> int:  # fmt: skip
     """A mesh with its own skin over all joints; the node that shows it."""
     at, uv, joints, weights, triangles = _boxes(points, bones, order, size)
@@ -121,7 +121,7 @@ def _skin_mesh(doc: _Document, name: str, points: dict[str, np.ndarray], bones: 
 
 
 def _joints(
-    doc: _Document, names: dict[str, str], worlds: dict[str, np.ndarray], above: np.ndarray
+    doc: Document, names: dict[str, str], worlds: dict[str, np.ndarray], above: np.ndarray
 ) -> list[int]:
     """Nodes of the bones below a space `above`, in the order of `BONES`."""
     first = len(doc.value["nodes"])
@@ -151,7 +151,7 @@ def _worlds(points: dict[str, np.ndarray], to_world: np.ndarray, seed: int) -> d
 
 def mixamo_rig(path: Path) -> Path:
     """Centimetre bones under a node that scales to metres and turns from Z up, as FBX converters write them."""
-    doc = _Document()
+    doc = Document()
     above = np.eye(4)
     above[:3, :3] = 0.01 * Z_UP.T
     points = {name: Z_UP @ point for name, point in rest_points().items()}
@@ -169,7 +169,7 @@ def mixamo_rig(path: Path) -> Path:
 
 def vrm_rig(path: Path) -> Path:
     """Metres, facing -Z, joints named by nothing but the VRM 0 humanoid, two meshes with a skin each."""
-    doc = _Document()
+    doc = Document()
     back = np.diag([-0.012, 0.012, -0.012])  # a tall one
     points = {name: back @ point for name, point in rest_points().items()}
     worlds = _worlds(points, np.eye(4), 2)
@@ -187,7 +187,7 @@ def vrm_rig(path: Path) -> Path:
 
 def centimetre_rig(path: Path) -> Path:
     """Unreal names, the file itself in centimetres and Z up, and a root joint above the pelvis that is turned."""
-    doc = _Document()
+    doc = Document()
     points = {name: Z_UP @ point for name, point in rest_points().items()}
     worlds = _worlds(points, np.eye(4), 4)
     root = np.eye(4)

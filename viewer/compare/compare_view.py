@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -77,18 +76,16 @@ def distance_to(poses: Sequence[Pose], camera: Camera, aspect: float) -> float:
 
 
 def names(variants: Sequence[Variant]) -> list[tuple[str, str]]:
-    """What each is called, in two: its prompt, which may be cut, and the seed where others have the same prompt."""
-    prompts = [_name(variant.prompt) for variant in variants]
-    count = Counter(prompts)
-    return [
-        (prompt, f", seed {variant.seed}" if count[prompt] > 1 else "")
-        for prompt, variant in zip(prompts, variants, strict=True)
-    ]
+    """What each is called, in two: its prompt, which may be cut, and the weight of prompt B and the seed that differ."""
+    weights, seeds = [weight_of(v.prompt) for v in variants], [f"seed {v.seed}" for v in variants]
+    rest = [texts for texts in (weights, seeds) if len(set(texts)) > 1]
+    prompts = [variant.prompt.prompt(Side.A) or "own words" for variant in variants]
+    return [(prompt, "".join(f", {t[i]}" for t in rest if t[i])) for i, prompt in enumerate(prompts)]
 
 
-def _name(blend: PromptBlend) -> str:
-    a, b = (blend.prompt(side) or "own words" for side in Side)
-    return f"{blend.master_weight:.0%} {b}, else {a}" if blend.blended else a
+def weight_of(blend: PromptBlend) -> str:
+    """How much of prompt B is in a blend; "" for none."""
+    return "" if blend.b is None else f"B {100 * blend.master_weight:.0f} %"
 
 
 FEWEST, MOST = 2, 9
@@ -142,8 +139,8 @@ class CompareView:
 
     @property
     def titles(self) -> list[str]:
-        """What stands over each: its prompt, with the seed where others have the same."""
-        return [name + seed for name, seed in names(self.variants)]
+        """What each is called: its prompt and what differs."""
+        return [name + rest for name, rest in names(self.variants)]
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:

@@ -9,7 +9,7 @@ import numpy as np
 from runtime.session.prompt_blend import Side
 from runtime.session.session import Variant
 from runtime.skeleton import SPORT_SKELETON
-from viewer.compare.compare_view import FEWEST, LONGEST_ROW, MOST, CompareView, names
+from viewer.compare.compare_view import FEWEST, LONGEST_ROW, MOST, CompareView, names, weight_of
 from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
@@ -98,9 +98,15 @@ def _prompt(compare: CompareView, index: int, variant: Variant) -> None:
     field_id = imgui.get_id(name)
     if is_active(field_id):
         undo_keys(field_id, variant.number not in compare.texts, compare.editor)
-    widgets.full_width()
+    weight = weight_of(variant.prompt)
+    imgui.set_next_item_width(-imgui.calc_text_size(weight).x - px(8) if weight else -1)
     typed = compare.texts.get(variant.number, prompt)
     entered, text = widgets.input_text(name, typed, "A prompt, then Enter")
+    if weight:
+        imgui.same_line(0, px(8))
+        imgui.align_text_to_frame_padding()
+        widgets.muted(weight)
+        widgets.tooltip(f"Prompt B: {variant.prompt.prompt(Side.B) or 'own words'}")
     compare.texts[variant.number] = text
     if text == prompt and variant.number not in compare.pending:
         del compare.texts[variant.number]
@@ -159,8 +165,11 @@ def _draw_name(
         text = f"{index + 1}"
     else:
         pending = compare.variants[index].number in compare.pending
-        name, seed = ("…", "") if pending else names(compare.variants)[index]
-        text = _fitted(f"{index + 1}", name, seed, (px(WIDEST) if hovered else width) - 2 * px(PAD))
+        found = names(compare.variants)
+        name, rest = ("…", "") if pending else found[index]
+        if rest and not hovered and len({prompt for prompt, _ in found}) == 1:
+            name = ""  # it tells nothing
+        text = _fitted(f"{index + 1}", name, rest, (px(WIDEST) if hovered else width) - 2 * px(PAD))
     # of two rows the first has its names under the feet: over the heads they would cover the second
     if foot is not None and index < (count + 1) // 2 and count > LONGEST_ROW:
         head = foot[0], foot[1] + 2.0 * imgui.get_text_line_height()
@@ -188,12 +197,12 @@ def _under_mouse(heads: list[Place | None], feet: list[Place | None]) -> int:
     return best[1]
 
 
-def _fitted(number: str, name: str, seed: str, width: float) -> str:
-    """The name cut to a width; the seed, which tells it from others of that name, stays whole."""
-    room = width - imgui.calc_text_size(seed).x
-    if room < px(LEAST_NAME):
-        return widgets.elided(f"{number}  {seed.lstrip(', ') or name}", width)
-    return widgets.elided(f"{number}  {name}", room) + seed
+def _fitted(number: str, name: str, rest: str, width: float) -> str:
+    """The name cut to a width; the rest, which tells it from others of that name, stays whole."""
+    room = width - imgui.calc_text_size(rest).x
+    if not name or room < px(LEAST_NAME):
+        return widgets.elided(f"{number}  {rest.lstrip(', ') or name}", width)
+    return widgets.elided(f"{number}  {name}", room) + rest
 
 
 def _label(text: str, head: Place, hovered: bool, view: Rect) -> None:

@@ -18,7 +18,7 @@ from viewer.gui.widgets import px
 from viewer.live.link import LiveLink
 from viewer.scene.scene import Scene
 from viewer.session.takes import Takes
-from viewer.settings import CAMERAS, QUALITIES, VIEWS, Settings
+from viewer.settings import CAMERAS, LOOKS, QUALITIES, VIEWS, Settings
 
 _SHAPES = {"height": "Height", "legs": "Legs", "shoulders": "Shoulders"}
 _SHAPE_RANGE = (60.0, 150.0)  # % of its own
@@ -96,6 +96,9 @@ def _character(scene: Scene) -> None:
     widgets.same_line()
     imgui.set_next_item_width(half)
     widgets.setting_drag(scene.settings, "height_map_height_m")
+    look = widgets.segmented("look", list(LOOKS.items()), scene.settings.look)
+    if look != scene.settings.look:
+        scene.set_look(look)
     if scene.is_mannequin:
         _shape(scene)
         if scene.shape != BodyShape() and widgets.button("Its own shape", -1):

@@ -22,6 +22,7 @@ from viewer.prompt import language_model, prompt_field
 from viewer.prompt.language_model import LanguageModel
 from viewer.prompt.prompt_controller import PromptController, part_words
 from viewer.prompt.suggestions import Suggester
+from viewer.render.looks import packed_tint
 from viewer.services import Loaded
 from viewer.settings import Settings
 
@@ -109,6 +110,8 @@ class PromptPanel:
         near = _answer(controller, blend, Side.A, rows)
         if near:
             controller.submit_prompt(near)
+        if blend.b is not None:
+            _no_blend(controller, blend)
         if not imgui.begin_tab_bar("prompt tabs"):
             return
         if widgets.tab("Body parts"):
@@ -167,7 +170,10 @@ class PromptPanel:
         top, width = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
         answer, locked = blend.a, part in blend.locked
         edited = answer is not None and part in answer.edited
-        widgets.label(_named(part).capitalize(), theme.TEXT if locked else theme.MUTED)
+        tint = theme.TEXT if locked else theme.MUTED
+        if self.settings.look == "parts":
+            tint = packed_tint(PART_NAMES.index(part))
+        widgets.label(_named(part).capitalize(), tint)
         if self.controller.parts[part] != words:
             _mark("Enter applies", theme.WARNING)
         else:
@@ -441,7 +447,9 @@ def _blend(controller: PromptController, suggester: Suggester) -> None:
     for part, weight in zip(PART_NAMES, blend.weights, strict=True):
         _part_weight(part, weight, f"A: {words[part] or '…'}\nB: {getattr(words_b, part)}", controller)
     imgui.dummy(imgui.ImVec2(0, px(1)))
-    _blend_buttons(controller)
+    hint = "Prompt B becomes prompt A, whose words can be edited; the character moves on as it does"
+    if widgets.button(f"{ICON.exchange} Swap A and B", -1, hint, enabled=not controller.pending):
+        controller.swap()
 
 
 def _part_weight(part: str, weight: float, words: str, controller: PromptController) -> None:
@@ -470,11 +478,15 @@ def _weight_slider(text: str, name: str, weight: float, spare: float = 0.0) -> t
     return moved, min(max(percent / 100.0, 0.0), 1.0)
 
 
-def _blend_buttons(controller: PromptController) -> None:
-    half = widgets.column_width(2)
-    hint = "Prompt B becomes prompt A, whose words can be edited; the character moves on as it does"
-    if widgets.button(f"{ICON.exchange} Swap A and B", half, hint, enabled=not controller.pending):
-        controller.swap()
-    widgets.same_line()
-    if widgets.button(f"{ICON.close} No blend", half, "Back to prompt A alone"):
+def _no_blend(controller: PromptController, blend: PromptBlend) -> None:
+    """What is blended in, and the button that ends it."""
+    width = px(96)
+    left = imgui.get_content_region_avail().x - width
+    text = f"B {100 * blend.master_weight:.0f} %: {blend.prompt(Side.B) or 'own words'}"
+    imgui.align_text_to_frame_padding()
+    shown = widgets.elided(text, left - px(8))
+    widgets.muted(shown)
+    widgets.tooltip(text if shown != text else "")
+    imgui.same_line(imgui.get_cursor_start_pos().x + left)
+    if widgets.button(f"{ICON.close} No blend", width, "Back to prompt A alone"):
         controller.drop_blend()

@@ -31,6 +31,7 @@ from viewer.jobs import Jobs, Slot
 from viewer.live.link import LiveLink
 from viewer.live.vmc import VmcLink
 from viewer.messages import Messages
+from viewer.render.looks import dressed
 from viewer.scene.camera_control import VIEWS, CameraControl, start_yaw
 from viewer.scene.joint_mapping import JointMapping
 from viewer.scene.simulation import Simulation, make_pose
@@ -357,7 +358,7 @@ class Scene:
             self.joints.begin(path)
 
     def _take_character(self, choice: CharacterChoice, path: Path | None, character: Any) -> None:
-        self.renderer.set_character(character)
+        self.renderer.set_character(dressed(character, self.settings.look))
         self._choice, self._character, self.character_path = choice, character, path
         if choice.path:
             self.messages.note(
@@ -413,6 +414,12 @@ class Scene:
         self._render_with(name)
         self.settings.quality = name
 
+    def set_look(self, look: str) -> None:
+        """Colour the character otherwise."""
+        self.settings.look = look
+        if self._character is not None:
+            self.renderer.set_character(dressed(self._character, look))
+
     def lower_quality(self, fps: float, dt: float) -> None:
         """Go to the fast preset where none was chosen and the processor shows too few frames a second for some time."""
         slow = not self.settings.quality and self.quality == "software" and 0.0 < fps < SLOW_FPS
@@ -427,7 +434,7 @@ class Scene:
         renderer = self.services.make_renderer(self.ctx, name)
         renderer.set_terrain(self.terrain)
         if self._character is not None:
-            renderer.set_character(self._character)
+            renderer.set_character(dressed(self._character, self.settings.look))
         self.renderer.release()
         self.renderer = renderer
         self.quality = renderer.quality.name

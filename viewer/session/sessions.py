@@ -37,7 +37,8 @@ KEPT_SESSIONS = 10  # untitled ones that can be opened again
 VIEW_S = 10.0  # between two times at which the view is written
 OPENING, CLOSING, COPYING = Slot("session"), Slot("closing of a session"), Slot("copy of the session")
 PROBLEM = Slot("file of the session")  # a topic of messages
-ELSEWHERE, ELSEWHERE_S = Slot("session elsewhere"), 5.0  # that the end of the program waits for it
+CLOSE_S = 1.0  # no more than an end of the program has
+MENTIONED_S = 0.2  # an end that waits longer says so
 KEPT_SETTINGS = (
     "temperature", "response", "strength", "blend_seconds", "show_grid", "show_trajectory", "show_skeleton",
     "show_contacts",
@@ -248,7 +249,7 @@ class Sessions:
             self._write_view(ended=True)
 
         def close() -> bool:
-            whole = file.close(5.0)
+            whole = file.close(CLOSE_S)
             if empty:
                 library.remove(file.path)
             library.keep_newest(self.untitled_folder, KEPT_SESSIONS)
@@ -354,34 +355,29 @@ class Sessions:
                 self._write_view()
             self._viewed_s = time.monotonic()
 
-    def finish(self, keep: bool, seconds: float) -> None:
-        """The program ends: all is in the file already, or goes to another place where that cannot be written."""
+    def finish(self, keep: bool, until: float) -> None:
+        """The program ends, at a time of `time.monotonic`: what the file has not taken by then is for the next start."""
         self.editor.finish_drag()
         self.takes.end_recording()
         file, empty = self.editor.file, self._is_empty or (not keep and self.path is None)
         if not empty:
             self._write_view(ended=True)
-            if not file.flush(seconds):
-                self._write_elsewhere(file)
-            elif self.path is None and file.path.parent != self.untitled_folder:
-                self.incomplete = True
-                self.messages.error(f"The session is in {file.path}.")
-        file.close(seconds)
+            if not file.flush(MENTIONED_S):
+                self.messages.note(f"Waiting for the session {self.name} to be written.")
+        whole = file.close(max(until - time.monotonic(), 0.0))
         if empty:
             library.remove(file.path)
+        elif not whole:
+            self._not_whole(file)
+        elif self.path is None and file.path.parent != self.untitled_folder:
+            self.incomplete = True
+            self.messages.error(f"The session is in {file.path}.")
 
-    def _write_elsewhere(self, file: SessionFile) -> None:
-        """What its file does not take goes to the temporary folder."""
+    def _not_whole(self, file: SessionFile) -> None:
         self.incomplete = True
-        problem = file.problem or f"{file.path}: the disk is too slow."
-        copy = library.new_path(Path(tempfile.gettempdir()) / "sport-sessions")
-        self.jobs.submit(
-            ELSEWHERE,
-            lambda: file.save_copy(copy),
-            lambda _: self.messages.error(f"{problem} The session is in {copy}."),
-            writing="the session in the temporary folder",
-        )
-        self.jobs.finish(ELSEWHERE.what, time.monotonic() + ELSEWHERE_S)
+        problem, kept = file.problem or f"{file.path}: its disk is too slow.", file.database.handed_over
+        left = "Its last changes are lost." if kept is None else f"The next start adds what is in {kept}."
+        self.messages.error(f"{problem} {left}")
 
 
 def _places(view: dict[str, Any]) -> dict[str, float]:

@@ -16,8 +16,11 @@ from runtime.formats.prepare import ExportOptions, prepare
 from runtime.formats.reference import open_take
 from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
-from tests.helpers.foreign_rigs import RIGS
-from tests.helpers.gltf_characters import join_glb, split_glb
+from tests.fuzz.files import keys_glb
+from tests.helpers.foreign_rigs import BONES as BONES_OF_FILE
+from tests.helpers.foreign_rigs import RIGS, Z_UP, Document, mixamo_rig, rest_points
+from tests.helpers.glb_playback import play
+from tests.helpers.gltf_characters import _MIXAMO_PARENTS, join_glb, split_glb
 from tests.helpers.walker import walk
 
 BONES = [("LeftUpLeg", "LeftLeg"), ("RightLeg", "RightFoot"), ("LeftArm", "LeftForeArm"), ("Hips", "Head")]
@@ -65,41 +68,300 @@ def test_other_rigs_are_references(clip: Clip, rig: str, tmp_path: Path) -> None
 
 
 def test_cubic_and_stepped_keys_are_read_as_specified(tmp_path: Path) -> None:
-    times = np.array([0.0, 1.0], "<f4")
-    cubic = np.array([[0, 0, 0], [0, 0, 0], [3, 0, 0], [0, 0, 0], [3, 0, 0], [0, 0, 0]], "<f4")
-    step = np.array([[0, 0, 0, 1], [0, 1, 0, 0]], "<f4")
-    blob = b"".join(array.tobytes() for array in (times, cubic, step))
-    views = [{"buffer": 0, "byteOffset": at, "byteLength": size} for at, size in ((0, 8), (8, 72), (80, 32))]
-    accessors = [
-        {"bufferView": k, "componentType": 5126, "count": count, "type": kind}
-        for k, (count, kind) in enumerate(((2, "SCALAR"), (6, "VEC3"), (2, "VEC4")))
-    ]
-    samplers = [
-        {"input": 0, "output": k, "interpolation": kind} for k, kind in ((1, "CUBICSPLINE"), (2, "STEP"))
-    ]
-    channels = [
-        {"sampler": k, "target": {"node": 0, "path": path}}
-        for k, path in enumerate(("translation", "rotation"))
-    ]
-    document = {
-        "asset": {"version": "2.0"}, "nodes": [{"name": "Hips"}], "scenes": [{"nodes": [0]}],
-        "buffers": [{"byteLength": len(blob)}], "bufferViews": views, "accessors": accessors,
-        "animations": [{"samplers": samplers, "channels": channels}],
-    }  # fmt: skip
     path = tmp_path / "keys.glb"
-    path.write_bytes(join_glb(document, blob))
+    path.write_bytes(keys_glb())
     motion = read_gltf_motion(path)
-    assert motion.fps == pytest.approx(24.0)
-    middle = motion.positions[12, 0, 0]
+    assert motion.fps == pytest.approx(30.0)
+    middle = motion.positions[15, 0, 0]
     assert middle == pytest.approx(
         0.5 * 3.0 + 0.125 * 3.0 + 0.0, abs=1e-5
     )  # half of the way, and the tangent's part
-    assert np.allclose(motion.local_rotations[23, 0], [1, 0, 0, 0])
-    assert np.allclose(np.abs(motion.local_rotations[24, 0]), [0, 0, 1, 0])
-    document["animations"][0]["samplers"][0]["output"] = 2  # type: ignore[index]
+    assert np.allclose(motion.local_rotations[29, 0], [1, 0, 0, 0])
+    assert np.allclose(np.abs(motion.local_rotations[30, 0]), [0, 0, 1, 0])
+
+
+def _change(document: dict, what: str, value: object) -> None:
+    *way, last = what.split(".")
+    for step in way:
+        document = document[int(step) if step.isdigit() else step]
+    document[int(last) if last.isdigit() else last] = value
+
+
+@pytest.mark.parametrize(
+    ("what", "value", "message"),
+    [
+        ("animations.0.samplers.0.output", 2, "damaged"),
+        ("animations.0.samplers.0.interpolation", "LINEAR", "keys of an animation that do not fit"),
+        ("animations.0.samplers", [], "damaged"),
+        ("animations.0.channels", [{"sampler": 0, "target": {"node": 7, "path": "scale"}}], "moves no node"),
+        ("animations", {"0": 1}, "its list of animations is damaged"),
+        ("accessors.0.count", 10**9, "more keys than"),
+        ("nodes", [{"children": [1]}, {"children": [0]}], "cycle"),
+        ("times", [1.0, 0.0], "keys of an animation that do not fit"),
+        ("times", [0.0, np.nan], "not finite"),
+        ("times", [0.0, 9e8], "an animation of"),
+        ("nodes", [{}, {"scale": [9e8, 9e8, 9e8], "children": [0]}], "moves joints further than"),
+        ("skins", [{"joints": [0] * 60_000, "inverseBindMatrices": 0}], "bind matrices"),
+    ],
+)
+def test_damage_is_one_sentence(what: str, value: object, message: str, tmp_path: Path) -> None:
+    document, blob = split_glb(keys_glb())
+    if what == "times":
+        blob = np.array(value, "<f4").tobytes() + blob[8:]
+    else:
+        _change(document, what, value)
+    path = tmp_path / "keys.glb"
     path.write_bytes(join_glb(document, blob))
-    with pytest.raises(FileError, match="keys"):
+    with pytest.raises(FileError, match=message):
         read_gltf_motion(path)
+
+
+Keys = tuple[int, str, list, list, str]  # node, property, times, values, interpolation
+
+
+def animated(path: Path, nodes: list[dict], *animations: tuple[str, list[Keys]], **more: object) -> Path:
+    """A GLB of nodes with animations, each a name and its keys."""
+    doc = Document()
+    children = {child for node in nodes for child in node.get("children", [])}
+    scene = {"nodes": [k for k in range(len(nodes)) if k not in children]}
+    doc.value |= {"nodes": nodes, "scenes": [scene], "animations": [], **more}
+    for name, keys in animations:
+        samplers = [
+            {"input": doc.array(np.float32(times)[:, None]), "output": doc.array(np.float32(values)), "interpolation": kind}
+            for _, _, times, values, kind in keys
+        ]  # fmt: skip
+        channels = [{"sampler": k, "target": {"node": key[0], "path": key[1]}} for k, key in enumerate(keys)]
+        doc.value["animations"].append({"name": name, "samplers": samplers, "channels": channels})
+    return doc.write(path)
+
+
+HIPS = [{"name": "Hips"}]
+
+
+@pytest.mark.parametrize(
+    ("rate", "every", "first", "wanted"),
+    [
+        (24.0, 1, 0, 24.0), (25.0, 1, 100, 25.0), (30.0, 1, 1, 30.0), (120.0, 1, 0, 120.0), (30.0, 10, 0, 30.0),
+        (30 / 1.001, 1, 1, 30 / 1.001), (24 / 1.001, 1, 0, 24 / 1.001), (60 / 1.001, 1, 0, 60 / 1.001),
+        (30 * 1.001, 1, 0, 30 / 1.001), (24 * 1.001, 1, 0, 24 / 1.001), (47.3, 1, 0, 47.3), (2.0, 1, 0, 30.0),
+    ],
+)  # fmt: skip
+def test_the_rate_is_the_one_that_has_the_keys_on_its_frames(
+    rate: float, every: int, first: int, wanted: float, tmp_path: Path
+) -> None:
+    times = (first + np.arange(0, 241, every)) / rate
+    keys = [(0, "translation", times, np.arange(0, 241, every)[:, None] * [1.0, 0, 0], "LINEAR")]
+    motion = read_gltf_motion(animated(tmp_path / "a.glb", HIPS, ("a", keys)))
+    assert motion.fps == pytest.approx(wanted, abs=2e-4)
+    assert len(motion.positions) == round(240 / rate * (rate if rate > 20 else wanted)) + 1
+    assert motion.positions[-1, 0, 0] == pytest.approx(240.0, abs=1e-2)
+
+
+@pytest.mark.parametrize("kind", ["LINEAR", "CUBICSPLINE"])
+def test_the_sign_of_a_quaternion_turns_nothing(kind: str, tmp_path: Path) -> None:
+    angles = np.linspace(0.0, 2.0, 5)
+    turns = np.stack([np.sin(angles / 2), 0 * angles, 0 * angles, np.cos(angles / 2)], -1)
+    found = []
+    for name, signs in (("a", [1, 1, 1, 1, 1]), ("b", [1, -1, -1, 1, -1])):
+        values = turns * np.array(signs)[:, None]
+        if kind == "CUBICSPLINE":
+            values = np.stack([0 * values, values, 0 * values], 1).reshape(-1, 4)
+        keys = [(0, "rotation", np.arange(5) / 2, values, kind)]
+        found.append(read_gltf_motion(animated(tmp_path / f"{name}.glb", HIPS, (name, keys))).local_rotations)
+    assert rotations.angle_between(*found).max() < 1e-3
+
+
+def body(frames: int = 31, fps: float = 30.0, moving: str = "Hips") -> tuple[list[dict], list[Keys]]:
+    """Centimetre bones of a body without a mesh, under a node that scales and turns it, walking."""
+    points, rng = rest_points(), np.random.default_rng(2)
+    turn = rotations.from_axis_angle(np.array([1.0, 0, 0]), np.array(-np.pi / 2))
+    nodes: list[dict] = [
+        {"name": "Armature", "scale": [0.01] * 3, "rotation": turn[[1, 2, 3, 0]].tolist(), "children": [1]}
+    ]
+    keys: list[Keys] = []
+    for name in BONES_OF_FILE:
+        above = _MIXAMO_PARENTS[name]
+        local = Z_UP @ (points[name] - points.get(above, 0.0))
+        children = [1 + BONES_OF_FILE.index(c) for c in BONES_OF_FILE if _MIXAMO_PARENTS[c] == name]
+        nodes.append({"name": f"mixamorig:{name}", "translation": local.tolist(), "children": children})
+        seconds = np.arange(frames) / fps
+        vectors = 0.3 * np.sin(4.0 * seconds[:, None] + rng.uniform(0, 6, 3))
+        if name not in ("Hips", "Head", "LeftHand"):
+            values = rotations.from_rotation_vector(vectors)[:, [1, 2, 3, 0]]
+            keys.append((len(nodes) - 1, "rotation", seconds, values, "LINEAR"))
+        if name == moving:
+            keys.append(
+                (
+                    len(nodes) - 1,
+                    "translation",
+                    seconds,
+                    local + 130.0 * seconds[:, None] * [0.0, 1, 0],
+                    "LINEAR",
+                )
+            )
+    if moving == "Armature":
+        keys.append((0, "translation", seconds, 1.3 * seconds[:, None] * [0.0, 0, 1], "LINEAR"))
+    return nodes, keys
+
+
+def camera(nodes: list[dict], times: list[float]) -> Keys:
+    nodes.append({"name": "Camera", "camera": 0})
+    values = np.array(times)[:, None] * [9.0, 0, 0]
+    return len(nodes) - 1, "translation", times, values.tolist(), "LINEAR"
+
+
+@pytest.mark.parametrize("moving", ["Hips", "Armature", "nothing"])
+def test_a_body_without_a_mesh_is_where_another_reader_has_it(moving: str, tmp_path: Path) -> None:
+    nodes, keys = body(moving=moving)
+    path = animated(tmp_path / "a.glb", nodes, ("walk", keys))
+    played, motion = play(path), read_gltf_motion(path)
+    at = motion.world()[0]
+    for name in ("Hips", "Head", "LeftHand", "RightToeBase"):
+        wanted = played.worlds[:, played.node(f"mixamorig:{name}"), :3, 3]
+        assert np.abs(at[:, motion.skeleton.index(f"mixamorig:{name}")] - wanted).max() < 1e-5
+    opened = open_take(path)
+    assert opened.reference is not None
+    assert opened.reference.joints >= 22
+    shot = camera(nodes, [0.0, 40.0])
+    beside = read_gltf_motion(
+        animated(tmp_path / "b.glb", nodes, ("walk", [shot, *keys]), cameras=[{"type": "perspective"}])
+    )
+    assert np.array_equal(beside.positions, motion.positions), "a camera that moves longer is not of the body"
+    assert "Camera" not in beside.skeleton.names
+
+
+def test_the_first_animation_of_a_body_is_read_or_the_one_that_is_named(tmp_path: Path) -> None:
+    nodes, keys = body()
+    shot = camera(nodes, [0.0, 1.0])
+    rest = [(node, path, [0.0], values[:1], kind) for node, path, _, values, kind in keys]
+    found = [("Take 001", []), ("shot", [shot]), ("T-pose", rest), ("walk", keys), ("again", [*keys[:-1]])]
+    path = animated(tmp_path / "a.glb", nodes, *found, cameras=[{"type": "perspective"}])
+    motion = read_gltf_motion(path)
+    assert len(motion.positions) == 31
+    assert "walk is read" in motion.note
+    assert len(read_gltf_motion(path, "T-pose").positions) == 1
+    assert open_take(path, "walk").note == ""
+    with pytest.raises(FileError, match=r"no animation 'run'.*walk") as raised:
+        open_take(path, "run")
+    assert "again" in raised.value.remedy
+
+
+def test_joints_that_no_skin_names_are_joints(clip: Clip, tmp_path: Path) -> None:
+    path = written(clip, tmp_path / "a.glb", mixamo_rig(tmp_path / "rig.glb"))
+    whole = read_gltf_motion(path)
+    document, blob = split_glb(path.read_bytes())
+    skin = document["skins"][0]
+    inverse = document["accessors"][skin.pop("inverseBindMatrices")]
+    left = [
+        k
+        for k, node in enumerate(skin["joints"])
+        if not document["nodes"][node]["name"].endswith(("Hips", "LeftHand"))
+    ]
+    at = document["bufferViews"][inverse["bufferView"]]["byteOffset"]
+    matrices = np.frombuffer(blob, "<f4", 16 * len(skin["joints"]), at).reshape(-1, 16)[left]
+    document["bufferViews"].append({"buffer": 0, "byteOffset": len(blob), "byteLength": matrices.nbytes})
+    document["accessors"].append({"bufferView": len(document["bufferViews"]) - 1, "componentType": 5126, "type": "MAT4",
+                                  "count": len(left)})  # fmt: skip
+    skin |= {
+        "joints": [skin["joints"][k] for k in left],
+        "inverseBindMatrices": len(document["accessors"]) - 1,
+    }
+    blob += matrices.tobytes()
+    document["buffers"][0]["byteLength"] = len(blob)
+    path.write_bytes(join_glb(document, blob))
+    motion = read_gltf_motion(path)
+    assert set(motion.skeleton.names) == set(whole.skeleton.names)
+    order = [motion.skeleton.index(name) for name in whole.skeleton.names]
+    assert np.abs(motion.world()[0][:, order] - whole.world()[0]).max() < 1e-5
+    assert np.abs(motion.skeleton.offsets[order] - whole.skeleton.offsets).max() < 1e-5
+
+
+def test_what_moves_no_body_is_no_take(tmp_path: Path) -> None:
+    weights = [(0, "weights", [0.0, 1.0], [[0.0], [1.0]], "LINEAR")]
+    one = [(0, "translation", [0.0], [[0.0, 1.0, 0.0]], "LINEAR")]
+    shapes = animated(tmp_path / "a.glb", HIPS, ("smile", weights))
+    pose = animated(tmp_path / "b.glb", HIPS, ("pose", one))
+    assert contents(shapes) == contents(pose) == (False, False)
+    with pytest.raises(FileError, match="moves no node"):
+        read_gltf_motion(shapes)
+    assert len(read_gltf_motion(pose).positions) == 1
+
+
+FBX = """; FBX 7.4.0 project file
+FBXHeaderExtension: {
+  FBXVersion: 7400
+}
+GlobalSettings: {
+  Properties70: {
+    P: "UnitScaleFactor", "double", "Number", "",1
+    P: "TimeMode", "enum", "", "",6
+  }
+}
+Objects: {
+  Model: 10, "Model::Hips", "LimbNode" {
+    Properties70: {
+      P: "Lcl Translation", "Lcl Translation", "", "A",0,100,0
+      P: "PreRotation", "Vector3D", "Vector", "",-90,0,0
+      P: "RotationActive", "bool", "", "",1
+    }
+  }
+  Model: 11, "Model::Spine", "LimbNode" {
+    Properties70: {
+      P: "Lcl Translation", "Lcl Translation", "", "A",0,0,20
+    }
+  }
+  AnimationStack: 20, "AnimStack::Take 001", "" {
+  }
+  AnimationLayer: 21, "AnimLayer::Base", "" {
+  }
+  AnimationStack: 30, "AnimStack::mixamo.com", "" {
+  }
+  AnimationLayer: 31, "AnimLayer::Base", "" {
+  }
+  AnimationCurveNode: 40, "AnimCurveNode::R", "" {
+  }
+  AnimationCurve: 41, "AnimCurve::", "" {
+    KeyTime: *2 {
+      a: 0,46186158000
+    }
+    KeyValueFloat: *2 {
+      a: 0,360
+    }
+    KeyAttrFlags: *1 {
+      a: 4
+    }
+    KeyAttrDataFloat: *4 {
+      a: 0,0,0,0
+    }
+    KeyAttrRefCount: *1 {
+      a: 2
+    }
+  }
+}
+Connections: {
+  C: "OO",10,0
+  C: "OO",11,10
+  C: "OO",21,20
+  C: "OO",31,30
+  C: "OO",40,31
+  C: "OP",40,10,"Lcl Rotation"
+  C: "OP",41,40,"d|X"
+}
+"""
+
+
+def test_an_fbx_of_euler_curves_turns_as_they_say(tmp_path: Path) -> None:
+    """A second of a whole turn about X, behind a take that is empty, that says no end; a bone of 20 cm that stands up at rest."""
+    pytest.importorskip("ufbx", reason="needs the extra [characters]")
+    path = tmp_path / "a.fbx"
+    path.write_text(FBX)
+    motion = read_gltf_motion(path)
+    assert (len(motion.positions), motion.fps) == (31, pytest.approx(30.0))
+    angle = 2 * np.pi * np.arange(31) / 30
+    spine = motion.world()[0][:, motion.skeleton.index("Spine")]
+    wanted = np.stack([0 * angle, 1.0 + 0.2 * np.cos(angle), 0.2 * np.sin(angle)], -1)
+    assert np.abs(spine - wanted).max() < 1e-5
+    assert "mixamo.com is read" in motion.note
 
 
 def test_a_file_without_animation_says_so(tmp_path: Path) -> None:

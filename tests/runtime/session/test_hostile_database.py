@@ -14,8 +14,9 @@ from pathlib import Path
 import pytest
 
 from runtime.errors import FileError
-from runtime.session.database import Database, Writer
+from runtime.session.database import Database
 from runtime.session.sqlite_file import lock_of, side_files
+from runtime.session.writer import Writer
 
 SECONDS = 2.0
 

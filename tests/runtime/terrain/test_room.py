@@ -99,6 +99,18 @@ def test_an_arm_in_a_wall_hangs_and_one_beside_level_ground_stays() -> None:
     assert (flat == stretched).all()
 
 
+def test_an_arm_that_can_only_hang_in_a_low_wall_is_folded_above_it() -> None:
+    low = Terrain("low wall", RISE[:, None].repeat(201, 1) * 0.38, 0.1, (-10.0, -10.0))
+    state = standing(WalkerModel(), Terrain.flat(), None, 0, 0.0, 0.0, 0.0)  # type: ignore[arg-type]
+    hips, local = state.poses.hips[0], state.poses.local[0].copy()
+    local[18] = rotations.from_axis_angle(np.eye(3)[2], np.asarray(-1.5))
+    before = local
+    for _ in range(12):
+        before = resolve_penetration(hips, local, before, low)
+    places = SPORT_SKELETON.forward_kinematics(hips, before)[0][18:24]
+    assert (low.height(places[:, 0], places[:, 2]) - places[:, 1]).max() < 0.2
+
+
 def test_an_arm_that_leaves_a_wall_comes_back_without_a_jerk() -> None:
     state = standing(WalkerModel(), CLIFF, None, 0, -0.45, 0.0, 0.0)  # type: ignore[arg-type]
     hips, before = state.poses.hips[0].copy(), state.poses.local[0]

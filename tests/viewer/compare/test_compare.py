@@ -19,10 +19,11 @@ from tests.helpers.app_driver import (
     prompt,
     run,
     run_until,
+    texts,
     type_prompt,
 )
 from viewer.app import App
-from viewer.compare.compare_view import SPACING_M, names, places
+from viewer.compare.compare_view import SPACING_M, places
 from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
 from viewer.jobs import Slot
@@ -80,7 +81,7 @@ def test_a_kept_prompt_is_the_current_one_until_undo(start: Start) -> None:
     run(app, 3)
     press(app, "enter")
     run(app, 3)
-    assert app.compare.titles[1] == "someone limping"
+    assert app.compare.titles[1] == "someone limping, seed 1"
     assert prompt(app) == "a proud king"
     click_on(app, "Keep", 1)
     assert prompt(app) == "someone limping"
@@ -94,12 +95,11 @@ def test_blends_steps_more_and_fewer(start: Start) -> None:
     app = start(prompt="a proud king", blend="someone limping", blend_weights=(0.5,) * 6)
     run(app, 3)
     press(app, "v")
-    found = [name for name, _ in names(app.compare.variants)]
-    assert found == [
-        "a proud king",
-        "50% someone limping, else a proud king",
-        "100% someone limping, else a proud king",
-    ]
+    assert app.compare.titles == [f"a proud king, B {percent} %" for percent in (0, 50, 100)]
+    assert [text for text in texts(app) if text.startswith("B ")] == ["B 0 %", "B 50 %", "B 100 %"]
+    click(app, *place(app, "##seed", 1, share=0.9))
+    assert app.compare.titles[1] == "a proud king, B 50 %, seed 1"
+    press(app, "ctrl", "z")
     click_on(app, "+ Add")
     for _ in range(6):  # the tenth is none
         app.compare.add()

@@ -7,7 +7,18 @@ import numpy as np
 from runtime.prompts.blend import read_words, write_words
 from runtime.session.prompt_blend import Side
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click_on, controller, place, press, run, style, words
+from tests.helpers.app_driver import (
+    Start,
+    click_on,
+    controller,
+    drawn,
+    place,
+    press,
+    run,
+    style,
+    texts,
+    words,
+)
 from tests.helpers.viewer_fakes import FakeEncoder, FakeLibrary
 
 
@@ -91,6 +102,12 @@ def test_the_blend_panel_is_used_by_mouse_and_keys(start: Start) -> None:
     assert app.editor.undo_label == "blend of all parts"
     press(app, "ctrl", "z")  # the drag is one step
     assert app.editor.session.live.prompt.weights == (0.5,) * 6
+    click_on(app, "Body parts")
+    assert "B 50 %: a duck" in texts(app)
+    click_on(app, "No blend")  # in reach under every tab
+    assert app.editor.session.live.prompt.b is None
+    assert app.editor.undo_label == "end of the blend"
+    assert "No blend" not in [label.split(" ", 1)[-1] for label, _ in drawn(app)]
 
 
 def test_an_emptied_prompt_b_ends_the_blend(start: Start) -> None:

@@ -309,30 +309,6 @@ def test_a_full_disk_is_said_with_a_remedy_and_nothing_is_lost_once_there_is_roo
     assert [t.title for t in in_file(left.path, tmp_path).takes] == ["Take 1", "meanwhile"]
 
 
-def test_what_cannot_be_written_at_the_end_goes_to_the_temporary_folder_and_the_code_says_so(
-    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "temporary").mkdir()
-    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path / "temporary"))
-    app = start()
-    record(app)
-    assert app.editor.file.flush(10.0)
-    full(monkeypatch)
-    record(app)
-    record(app, stop=False)
-    app.interrupt()
-    assert app.end() == 1
-    (path,) = (tmp_path / "temporary" / "sport-sessions").glob("*.sport")
-    assert str(path) in said(app)
-    app.close()
-    monkeypatch.undo()
-    file, history = SessionFile.open(path, tmp_path)
-    takes = history.present.session.takes
-    assert [take.title for take in takes] == ["Take 1", "Take 2", "Take 3"]
-    assert [len(take.made.clip) for take in takes] == [take.frames for take in takes]
-    file.close()
-
-
 def test_a_folder_that_cannot_be_made_puts_the_session_into_the_temporary_folder(
     start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,0 +1,120 @@
+"""Changes that a session's file had not taken when the program ended: the next one that opens it makes them.
+
+They are calls of `Writer` in their order, as JSON. To make them once more changes nothing, so a file that has taken some
+of them by then is brought to the same state.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import sqlite3
+import threading
+import time
+import zlib
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from runtime.errors import FileError
+from runtime.safe_read import parse_json, read_bounded
+from runtime.session.sqlite_file import MAX_BYTES, PER_BYTE, unwritten_files
+from runtime.session.writer import Writer
+
+Change = tuple[str, list[Any], dict[str, Any]]  # a method of `Writer` and what it gets
+CHANGES = ("put_blob", "put_motion", "put_frames", "drop_frames", "put_step", "drop_steps", "set_meta")
+SMALL_BYTES = 64 << 20  # a small file may unfold to so much, see `PER_BYTE`
+MAX_ITEMS = 1 << 25  # commas of texts are counted too
+REMEDY = "Move it away to open the session without its last changes."
+
+
+class ChangeLog:
+    """Has the methods of `Writer`, but only notes what is to be changed. Of the rows of a file it knows none."""
+
+    def __init__(self) -> None:
+        self.changes: list[Change] = []
+        self.committed: list[Callable[[], None]] = []
+
+    def __getattr__(self, name: str) -> Callable[..., None]:
+        if name not in CHANGES:
+            raise AttributeError(name)
+        return lambda *values, **named: self.changes.append((name, list(values), named))
+
+    def documents(self) -> Iterator[str]:
+        return iter(())
+
+    def motion(self, _key: str) -> str:
+        return ""
+
+    def blob(self, _key: str) -> bytes:
+        return b""
+
+    def keep_only(self, _motions: Collection[str], _blobs: Collection[str]) -> None:
+        """What is not used is removed when the session is opened."""
+
+
+def keep(path: Path, changes: Sequence[Change], seconds: float) -> Path | None:
+    """Put changes where the next one that opens `path` finds them; the file that has them, or None.
+
+    The first place is next to the session, the other in the temporary folder, for a disk that is full or hangs. They are
+    not synced: this process ends, the system does not.
+    """
+    text = json.dumps(changes, default=lambda data: {"bytes": base64.b64encode(data).decode("ascii")})
+    content, until = zlib.compress(text.encode("ascii"), 1), time.monotonic() + seconds
+    for file, patience in zip(unwritten_files(path), (0.5, 1.0), strict=True):
+        kept = threading.Event()
+        threading.Thread(target=_write, args=(file, content, kept), daemon=True).start()
+        if kept.wait(patience * max(until - time.monotonic(), 0.0)) and _is_there(file, content):
+            return file
+    return None
+
+
+def _write(file: Path, content: bytes, done: threading.Event) -> None:
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        temporary = file.with_name(f"{file.name}.new")
+        temporary.write_bytes(content)
+        temporary.replace(file)
+    except OSError:
+        pass  # `keep` sees that it is not there
+    done.set()
+
+
+def _is_there(file: Path, content: bytes) -> bool:
+    try:
+        return file.stat().st_size == len(content)
+    except OSError:
+        return False
+
+
+def read(path: Path) -> list[Change]:
+    """All that a session's file has not taken; FileError where that is damaged."""
+    files = [file for file in unwritten_files(path) if file.exists()]
+    changes: list[Change] = []
+    for file in sorted(files, key=lambda file: file.stat().st_mtime):
+        try:
+            unfold, content = zlib.decompressobj(), read_bounded(file, MAX_BYTES, REMEDY)
+            text = unfold.decompress(content, SMALL_BYTES + PER_BYTE * len(content))
+            if not unfold.eof:
+                raise ValueError("cut off, or it unfolds to more than it may")
+            changes += [_change(value) for value in parse_json(text, MAX_ITEMS)]
+        except (ValueError, TypeError, KeyError, zlib.error) as error:
+            raise FileError(f"{file}: damaged.", REMEDY) from error
+    return changes
+
+
+def _change(value: Any) -> Change:
+    name, values, named = value
+    if name not in CHANGES:
+        raise ValueError(name)
+    return name, [base64.b64decode(v["bytes"]) if isinstance(v, dict) else v for v in values], dict(named)
+
+
+def make(changes: Iterable[Change], connection: sqlite3.Connection) -> None:
+    """Make changes in a file; ValueError, sqlite3.Error."""
+    writer = Writer(connection, set())
+    try:
+        for name, values, named in changes:
+            getattr(writer, name)(*values, **named)
+    except TypeError as error:
+        raise ValueError("its last changes are damaged") from error

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
@@ -56,7 +55,7 @@ class FrameTensors:
             clip=tensor(clip.astype(np.int64)),
         )
 
-    def _window(self, rows: Tensor, offsets: Sequence[int]) -> Tensor:
+    def _window(self, rows: Tensor, offsets: np.ndarray) -> Tensor:
         index = rows[:, None] + constant(offsets, rows.device)
         index = torch.minimum(torch.maximum(index, self.first[rows, None]), self.last[rows, None])
         return self.phase[index].flatten(1)

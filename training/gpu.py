@@ -6,7 +6,7 @@ On a CPU nothing is recorded, and rows that nothing is done to are left out.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
@@ -18,7 +18,7 @@ Losses = dict[str, Tensor]
 WARM_STEPS = 4  # of each variant before it is recorded: libraries and constants are ready by then
 
 
-def constant(values: Sequence[float], device: torch.device, dtype: torch.dtype | None = None) -> Tensor:
+def constant(values: Iterable[float], device: torch.device, dtype: torch.dtype | None = None) -> Tensor:
     """Numbers or an index on `device`, copied there once: a list or an array in its place is copied in every step."""
     return _constant(tuple(values), device, dtype)
 

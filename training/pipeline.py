@@ -63,7 +63,7 @@ def main(argv: list[str] | None = None) -> int:
     args = build_parser().parse_args(argv)
     args.ends = None if args.minutes is None else time.monotonic() + 60.0 * (1.0 - WRITING) * args.minutes
     _log_progress()
-    wanted = STAGES if args.stage == "all" else (args.stage,)
+    wanted: tuple[str, ...] = STAGES if args.stage == "all" else (args.stage,)
     if args.stage == "all" and args.minutes is not None:
         wanted = wanted[: wanted.index("ground")]
     stages = [stage for stage in wanted if stage in TRAINING]

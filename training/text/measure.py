@@ -20,6 +20,7 @@ from runtime.skeleton import SPORT_SKELETON
 _FACING_SECONDS = 0.5
 _CYCLE_SECONDS = 1.1  # about a gait cycle, which facing and path are averaged over
 _LANDING = 8  # frames before a landing in which a foot comes down
+BRUSH = 0.5  # of the long strides of a walk: a landing nearer to the last one is none
 _FLICKER = 6
 
 
@@ -153,6 +154,18 @@ def landings(down: NDArray[np.bool_]) -> NDArray[np.intp]:
     return np.flatnonzero(np.diff(closed(down).astype(int)) == 1) + 1
 
 
+def _ends_of_strides(frames: NDArray[np.intp], path: Array) -> NDArray[np.intp]:
+    """Landings `(n,)` of a foot on its `path` `(T, 2)` without those where it brushed the ground in its swing."""
+    if len(frames) < 3:
+        return frames
+    longest = np.percentile(np.linalg.norm(np.diff(path[frames], axis=0), axis=1), 90)
+    kept = [frames[0]]
+    for frame in frames[1:]:
+        if np.linalg.norm(path[frame] - path[kept[-1]]) >= BRUSH * longest:
+            kept.append(frame)
+    return np.array(kept)
+
+
 def closed(down: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Contact flags with gaps of up to `_FLICKER` frames filled."""
     filled = down.copy()
@@ -221,8 +234,9 @@ def _leg(
     lift = np.degrees(np.arctan2((knee - hip)[:, 2], (hip - knee)[:, 1]))
     down, other = (np.asarray(contact.any(axis=1)) for contact in ground)
     stance = down if down.any() else np.ones(len(down), np.bool_)
-    before = landings(down) - 1  # the last frame in the air
-    foot = positions[before][:, at(f"{side}Foot")][:, [0, 2]]
+    path = positions[:, at(f"{side}Foot")][:, [0, 2]]
+    before = _ends_of_strides(landings(down) - 1, path)  # the last frame in the air
+    foot = path[before]
     strides = np.linalg.norm(np.diff(foot, axis=0), axis=1) if len(before) > 1 else np.zeros(1)
     seconds = (before[-1] - before[0]) / FPS if len(before) > 1 else 0.0
     toe = rotations.rotate(turned[:, at(f"{side}Foot")], np.array([0.0, 0.0, 1.0]))

@@ -18,7 +18,7 @@ from runtime.feet.foot_lock import Support
 from runtime.feet.leg_edit import LegRequest
 from runtime.motion import features
 from runtime.motion.features import DT, OUTPUT_SIZE, InputParts, OutputParts, split_output
-from runtime.motion.limbs import LEGS, resolve_penetration
+from runtime.motion.limbs import KEYFRAMED, resolve_penetration
 from runtime.motion.model import MotionModel, drifting_noise
 from runtime.motion.pace import CYCLES_PER_SECOND, STANDING_SECONDS, advance_by_cycles
 from runtime.motion.phase import advance_phase, at_rate
@@ -312,7 +312,7 @@ def _plant(
             state.jumps[i].cancel(float(hips[i, 1]))
             if walls:
                 shown_local[i] = resolve_penetration(
-                    shown_hips[i], shown_local[i], state.poses.local[i], terrain, LEGS
+                    shown_hips[i], shown_local[i], state.poses.local[i], terrain, KEYFRAMED
                 )
         else:
             jump = state.jumps[i]

@@ -14,7 +14,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from enum import Enum
 from functools import cache
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -53,7 +52,6 @@ from runtime.takes.metadata import PromptEvent
 from runtime.takes.own_skeleton import OwnSkeleton
 from runtime.takes.pins import MAX_PINS
 from runtime.takes.pose_edits import PoseEdits
-from runtime.takes.pose_layer import PoseLayer
 from runtime.terrain.files import MAX_HEIGHT_M
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.mesh import MAX_SIDE
@@ -404,11 +402,6 @@ def _check_footplant(edit: FootplantEdit) -> None:
     _refuse("a footplant of no foot or frames", not fits)
 
 
-def _check_layer(layer: PoseLayer) -> None:
-    times = [key.seconds for key in layer.keys]
-    _refuse("pose keys in no order", any(a >= b for a, b in pairwise(times)))
-
-
 def _check_blend(blend: PromptBlend) -> PromptBlend:
     fits = len(blend.weights) == len(PART_NAMES) and all(0.0 <= weight <= 1.0 for weight in blend.weights)
     _refuse("weights of a blend that are none", not fits)
@@ -440,7 +433,6 @@ _CHECKS: dict[Any, Callable[[Any], Any]] = {
     Session: _check_session,
     Take: _check_take,
     FootplantEdit: _check_footplant,
-    PoseLayer: _check_layer,
     PromptBlend: _check_blend,
     Answer: _check_answer,
     PromptEvent: _check_event,

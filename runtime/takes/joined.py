@@ -45,8 +45,7 @@ def joined(first: Clip, second: Clip, grounds: Grounds | None = None) -> Clip:
     second = second.resampled(first.fps)
     same = _meet(first, second)
     if not same and min(len(first), len(second)) > 1:
-        placed = _placed(first, second)
-        second = _continued(first, placed if grounds is None else _on_ground(placed, second, grounds))
+        second = _continued(first, _placed(first, second, grounds))
     gaits = None
     if first.gaits is not None and second.gaits is not None:
         gaits = np.concatenate([first.gaits, second.gaits[1:]])
@@ -84,20 +83,21 @@ def without(clip: Clip, first: int, last: int, ground: Terrain | None = None) ->
     if not kept:
         raise UsageError("Nothing would be left.", "Trim to the frames that are to be cut out.")
     grounds = None if ground is None else (ground, ground)
-    return joined(*kept, grounds) if len(kept) == 2 else kept[0]
+    return joined(kept[0], kept[1], grounds) if len(kept) == 2 else kept[0]
 
 
 def _words(event: PromptEvent) -> tuple[str, str]:
     return event.prompt, event.words
 
 
-def _placed(first: Clip, second: Clip) -> Clip:
-    """The second clip, turned and moved so that its root goes on from where the first one's ends."""
+def _placed(first: Clip, second: Clip, grounds: Grounds | None) -> Clip:
+    """The second clip, turned and moved so that its root goes on from where the first one's ends, on that ground."""
     before, after = root_track(first), root_track(second)
     turn = float(before.yaw[-1] - after.yaw[0])
     turned = Placement(turn).points(after.positions[0])
     x, y, z = (float(v) for v in before.positions[-1] - turned)
-    return Placement(turn, (x, y, z)).clip(second)
+    placed = Placement(turn, (x, y, z)).clip(second)
+    return placed if grounds is None else _on_ground(placed, second, grounds)
 
 
 def _on_ground(moved: Clip, before: Clip, grounds: Grounds) -> Clip:

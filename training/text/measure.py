@@ -20,7 +20,6 @@ from runtime.skeleton import SPORT_SKELETON
 _FACING_SECONDS = 0.5
 _CYCLE_SECONDS = 1.1  # about a gait cycle, which facing and path are averaged over
 _LANDING = 8  # frames before a landing in which a foot comes down
-BRUSH = 0.5  # of the long strides of a walk: a landing nearer to the last one is none
 _FLICKER = 6
 
 
@@ -154,16 +153,16 @@ def landings(down: NDArray[np.bool_]) -> NDArray[np.intp]:
     return np.flatnonzero(np.diff(closed(down).astype(int)) == 1) + 1
 
 
-def _ends_of_strides(frames: NDArray[np.intp], path: Array) -> NDArray[np.intp]:
-    """Landings `(n,)` of a foot on its `path` `(T, 2)` without those where it brushed the ground in its swing."""
-    if len(frames) < 3:
+def steps_of(own: NDArray[np.bool_], other: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Frames where a foot lands, of its contact and the other foot's `(T,)`.
+
+    Of several landings with none of the other foot between them the last one counts: before, it brushed the ground in its
+    swing. Of one that hops all count.
+    """
+    frames, others = landings(own), landings(other)
+    if len(others) < 2 or len(frames) == 0:
         return frames
-    longest = np.percentile(np.linalg.norm(np.diff(path[frames], axis=0), axis=1), 90)
-    kept = [frames[0]]
-    for frame in frames[1:]:
-        if np.linalg.norm(path[frame] - path[kept[-1]]) >= BRUSH * longest:
-            kept.append(frame)
-    return np.array(kept)
+    return frames[np.append(np.diff(np.searchsorted(others, frames)) > 0, True)]
 
 
 def closed(down: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -235,7 +234,7 @@ def _leg(
     down, other = (np.asarray(contact.any(axis=1)) for contact in ground)
     stance = down if down.any() else np.ones(len(down), np.bool_)
     path = positions[:, at(f"{side}Foot")][:, [0, 2]]
-    before = _ends_of_strides(landings(down) - 1, path)  # the last frame in the air
+    before = steps_of(down, other) - 1  # the last frame in the air
     foot = path[before]
     strides = np.linalg.norm(np.diff(foot, axis=0), axis=1) if len(before) > 1 else np.zeros(1)
     seconds = (before[-1] - before[0]) / FPS if len(before) > 1 else 0.0

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from runtime.safe_read import printable
@@ -198,11 +199,7 @@ def _row(takes: Takes, references: ReferenceCard, take: Take) -> None:
     playing = playback is not None and playback.number == take.number and playback.playing
     if _small(ICON.pause if playing else ICON.play, square, "Pause" if playing else "Play (P)"):
         takes.play_or_pause(take.number)
-    first, last = take.range
-    seconds = widgets.clock((last - first) / take.made.header.fps)
-    seconds = f"{ICON.check} {seconds}" if takes.saved(take) else seconds
-    seconds = f"{ICON.text} {seconds}" if take.note else seconds
-    seconds = f"{take.rating}{ICON.star} {seconds}" if take.rating else seconds
+    seconds = _facts(takes, take)
     time_width = imgui.calc_text_size(seconds).x
     imgui.same_line(0, px(2))
     imgui.align_text_to_frame_padding()
@@ -221,6 +218,14 @@ def _row(takes: Takes, references: ReferenceCard, take: Take) -> None:
         _take_menu(takes, references, take)
         imgui.end_popup()
     imgui.pop_style_var()
+
+
+def _facts(takes: Takes, take: Take) -> str:
+    """Rating, whether there is a note and a file, and the length."""
+    first, last = take.range
+    rating = f"{take.rating}{ICON.star}" if take.rating else ""
+    marks = rating, ICON.text * bool(take.note), ICON.check * bool(takes.saved(take))
+    return " ".join(filter(None, (*marks, widgets.clock((last - first) / take.made.header.fps))))
 
 
 def _row_ground(takes: Takes, take: Take, corner: imgui.ImVec2, width: float) -> None:
@@ -268,29 +273,36 @@ def _take_menu(takes: Takes, references: ReferenceCard, take: Take) -> None:
     number = take.number
     if widgets.item("Rename"):
         takes.begin_rename(number)
-    if imgui.begin_menu("Rating"):
-        for stars in range(MAX_RATING + 1):
-            if widgets.item(ICON.star * stars or "No rating", chosen=take.rating == stars):
-                takes.rate(number, stars)
-        imgui.end_menu()
+    ratings = [ICON.star * stars or "No rating" for stars in range(MAX_RATING + 1)]
+    _choice("Rating", ratings, take.rating, partial(takes.rate, number))
     if widgets.item("Note"):
         takes.begin_rename(number, noting=True)
     if widgets.item("Mirror", "A second take with left and right exchanged"):
         takes.mirror(number)
     _compare(takes, references, take)
-    if imgui.begin_menu("Color"):
-        for color, name in enumerate(COLORS):
-            if widgets.item(name, chosen=take.color == color):
-                takes.set_color(number, color)
-        imgui.end_menu()
-    at, last = takes.session.index(number), len(takes.session.takes) - 1
-    sorted_otherwise = takes.searchable and takes.settings.takes_order
-    if widgets.item("Move up", enabled=at > 0 and not sorted_otherwise):
-        takes.move(number, -1)
-    if widgets.item("Move down", enabled=at < last and not sorted_otherwise):
-        takes.move(number, 1)
+    _choice("Color", COLORS, take.color, partial(takes.set_color, number))
+    _move(takes, number)
     if widgets.item("Remove"):
         takes.remove(number)
+
+
+def _choice(name: str, choices: Sequence[str], chosen: int, choose: Callable[[int], None]) -> None:
+    """A menu with the numbers of some choices."""
+    if imgui.begin_menu(name):
+        for number, text in enumerate(choices):
+            if widgets.item(text, chosen=number == chosen):
+                choose(number)
+        imgui.end_menu()
+
+
+def _move(takes: Takes, number: int) -> None:
+    """Up and down in the list, unless that is sorted."""
+    at, last = takes.session.index(number), len(takes.session.takes) - 1
+    free = not (takes.searchable and takes.settings.takes_order)
+    if widgets.item("Move up", enabled=at > 0 and free):
+        takes.move(number, -1)
+    if widgets.item("Move down", enabled=at < last and free):
+        takes.move(number, 1)
 
 
 def _compare(takes: Takes, references: ReferenceCard, take: Take) -> None:

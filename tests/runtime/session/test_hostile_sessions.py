@@ -115,6 +115,7 @@ DOCUMENTS: dict[str, Callable[[Any], Any]] = {
     "deep": lambda _: DEEP,
     "a long number": lambda _: f'{{"takes": {HUGE}}}',
     "a field of another program": setting("other", to=1),
+    "no takes": lambda d: d.pop("takes") and d,
     "takes that are none": setting("takes", to=5),
     "a take that is not there": setting("takes", to=["|u1 5 " + "0" * 32]),
     "a take that is no text": lambda d: setting("takes", to=[d["ground"][1]["heights"]])(d),

@@ -23,8 +23,8 @@ def main() -> None:
     goals, pose = list(WAY_POINTS), controller.pose
     for frame in range(MAX_FRAMES):
         if frame == 90:  # the style changes over a second, while walking
-            controller.set_style(to_style("a drunk person"), transition_seconds=1.0)
-            recorder.mark_prompt("a drunk person", transition_seconds=1.0)
+            controller.set_style(to_style("a limping old man"), transition_seconds=1.0)
+            recorder.mark_prompt("a limping old man", transition_seconds=1.0)
         x, z, gait = goals[0]
         dx, dz = x - float(pose.root_position[0]), z - float(pose.root_position[2])
         distance = hypot(dx, dz)

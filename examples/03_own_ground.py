@@ -28,7 +28,7 @@ def main() -> None:
     same = load_terrain("ramp.npy", cell_m=CELL_M)
     assert np.allclose(same.heights, heights)
 
-    clip = generate_clip("an energetic, sporty person", terrain="ramp.npy", path="forward", seconds=5.0)
+    clip = generate_clip("a sneaking thief", terrain="ramp.npy", path="forward", seconds=5.0)
     save_bvh(clip, "ramp.bvh")
     positions, _ = clip.world()
     root = positions[:, 0]

@@ -37,7 +37,7 @@ def main() -> None:
         print(f"{share:.2f} of B: hands {100 * hands.mean():+5.1f} cm over the hips")
 
     weights = parse_weights("torso=1,head=0.5")  # parts that are not named stay with A
-    clip = generate_clip(BlendedPrompt("a proud queen", "a drunk person", weights), seconds=2.0)
+    clip = generate_clip(BlendedPrompt("a proud queen", "an exhausted soldier", weights), seconds=2.0)
     print(f"{save_bvh(clip, 'blend.bvh')}: {clip.seconds:.1f} s")
 
 

@@ -65,7 +65,7 @@ def load_parts(path: Path) -> PartDescriptions:
 
 
 def parse_prompts(script: str) -> tuple[PromptEvent, ...]:
-    """Prompts with their times: "0:walk calmly; 4:drunk" are two; PromptError shows the form."""
+    """Prompts with their times: "0:walk calmly; 4:a zombie" are two; PromptError shows the form."""
     if len(script) > MAX_SCRIPT_CHARACTERS:
         raise PromptError(
             f"Prompts with times: {len(script)} characters; expected at most {MAX_SCRIPT_CHARACTERS}.",
@@ -82,7 +82,7 @@ def parse_prompts(script: str) -> tuple[PromptEvent, ...]:
         if not colon or not prompt or not re.fullmatch(r"[0-9]{1,9}(\.[0-9]{1,9})?", seconds):
             raise PromptError(
                 f"Prompts with times: '{entry.strip()[:60]}' is not SECONDS:PROMPT.",
-                'Write "0:walk calmly; 4:drunk".',
+                'Write "0:walk calmly; 4:a zombie".',
             )
         if float(seconds) > MAX_SECONDS:
             raise PromptError(

@@ -17,8 +17,8 @@ _EXAMPLES = """examples:
   sport view --terrain stairs --prompt "an exhausted soldier, left arm hanging"
   sport view --offscreen --frames 120 --screenshot shot.png
   sport generate --prompt "a proud walk" --path circle --seconds 12 --out proud.bvh
-  sport generate --prompts "0:walk calmly; 4:drunk" --terrain hills --out change.bvh
-  sport generate --prompt "a proud walk" --blend drunk --blend-weights torso=1,head=0.5 --out blend.bvh
+  sport generate --prompts "0:walk calmly; 4:a zombie" --terrain hills --out change.bvh
+  sport generate --prompt "a proud walk" --blend "a zombie" --blend-weights torso=1,head=0.5 --out blend.bvh
   sport generate --character me.glb --loop --out walk.glb
   sport convert proud.bvh proud.glb proud.mp4
   sport bench --json bench.json

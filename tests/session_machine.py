@@ -44,7 +44,17 @@ KILLED_S = 0.3  # after which a process that is killed has lost nothing of an ed
 def shown(session: Session) -> dict[str, Any]:
     """What the model knows of a session, as plain values."""
     takes = [
-        (t.number, t.title, t.frames, t.range, len(t.poses.pins), len(t.cameras), t.color, t.mirrored)
+        (
+            t.number,
+            t.title,
+            t.frames,
+            t.range,
+            len(t.poses.pins),
+            len(t.cameras),
+            t.color,
+            t.mirrored,
+            len(t.poses.layer.keys),
+        )
         for t in session.takes
     ]
     live = session.live
@@ -145,7 +155,7 @@ class SessionMachine(RuleBasedStateMachine):
         return takes[place % len(takes)] if takes else None
 
     def replaced(self, number: int, **changes: Any) -> list[Any]:
-        names = ("number", "title", "frames", "range", "pins", "cameras", "color", "mirrored")
+        names = ("number", "title", "frames", "range", "pins", "cameras", "color", "mirrored", "poses")
         return [
             tuple(changes.get(name, value) for name, value in zip(names, take, strict=True))
             if take[0] == number
@@ -265,6 +275,25 @@ class SessionMachine(RuleBasedStateMachine):
         self.app.takes.play(take.number)
         self.app.pins.add(what)
         self.model.edit(takes=self.replaced(take.number, pins=len(take.poses.pins) + 1))
+
+    @of_a_take(frame=st.integers(0, 4), copied=st.booleans())
+    def pose_key(self, place: int, frame: int, copied: bool) -> None:
+        take, posing = self.pick(place), self.app.posing
+        self.app.takes.play(take.number)
+        assert self.app.takes.playback is not None
+        self.app.takes.playback.seek(frame)
+        posing.joint = 16
+        if copied:
+            posing.copy()
+            posing.paste()
+        else:
+            posing.set_key()
+        after = self.session.take(take.number)
+        assert after is not None
+        keys = {round(key.seconds * 60) for key in take.poses.layer.keys} | {frame}
+        assert len(after.poses.layer.keys) == len(keys)
+        if after != take:
+            self.model.edit(takes=self.replaced(take.number, poses=len(keys)))
 
     @of_a_take(frame=st.integers(0, 4))
     def camera_key(self, place: int, frame: int) -> None:

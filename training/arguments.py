@@ -8,19 +8,20 @@ from pathlib import Path
 
 from training.presets import ABLATIONS, PRESETS
 
+# of the time that --minutes leaves for them
+FRACTIONS = {"phase": 0.04, "content": 0.16, "words": 0.03, "stage2": 0.63, "stage3": 0.14}
 STAGES = ("import", "layer", "phase", "content", "words", "stage2", "stage3", "ground", "export")
 DECODERS = ("diffusion", "mixture")
 COUNT = 4600  # edited clips
-WORD_STEPS = 2000
 
 
 @dataclass
 class StageSteps:
-    """Optimiser steps (0: skip by loading what exists) and time limits in minutes of each stage."""
+    """Optimiser steps (0: skip by loading what exists) of each stage: the length of its schedule with --minutes."""
 
     phase: int = 1000
     content: int = 2500
-    words: int = WORD_STEPS
+    words: int = 2000
     stage2: int = 11000
     stage3: int = 1500
     ground: int = 3000
@@ -66,5 +67,14 @@ def build_parser() -> argparse.ArgumentParser:
         default=0.0,
         help="of the model's own traversals, which the stage ground learns from (default: none, and no such stage)",
     )
-    parser.add_argument("--max-minutes", type=float, help="time limit of each stage")
+    parser.add_argument(
+        "--minutes",
+        type=float,
+        metavar="N",
+        help="end after N minutes: every stage up to stage3 has its part of them, and its schedule goes by time;"
+        " `all` leaves ground and export for later",
+    )
+    parser.add_argument(
+        "--no-graphs", action="store_true", help="compute every step, in place of CUDA graphs on a GPU"
+    )
     return parser

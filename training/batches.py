@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import torch
@@ -13,6 +15,7 @@ from runtime.motion.features import INPUT, OUTPUT
 from runtime.skeleton import PART_JOINTS, SPORT_SKELETON, J
 from training.composition import Composer, CompositionPlan, UpperBodyPose
 from training.frames import FIRST_OF_UPPER, FrameTable
+from training.gpu import constant, rows_of
 
 
 @dataclass
@@ -53,7 +56,7 @@ class FrameTensors:
         )
 
     def _window(self, rows: Tensor, offsets: np.ndarray) -> Tensor:
-        index = rows[:, None] + torch.as_tensor(offsets, device=rows.device)
+        index = rows[:, None] + constant(offsets, rows.device)
         index = torch.minimum(torch.maximum(index, self.first[rows, None]), self.last[rows, None])
         return self.phase[index].flatten(1)
 
@@ -69,8 +72,9 @@ class FrameTensors:
         y = self.y[rows].float()
         y[:, OUTPUT["phase"]] = self._window(rows, features.FUTURE_PHASE_OFFSETS)
         if plan is not None and self.composer is not None:
-            at = plan.changed.any(1).nonzero()[:, 0]
-            _put(y, at, self.composer.poses(rows[at], plan[at])[0])
+            changed = plan.changed.any(1)
+            at = rows_of(changed)
+            _put(y, at, changed[at], self.composer.poses(rows[at], plan[at])[0])
         y[:, OUTPUT["joint_positions"]][:, 1::3] -= self.ground[rows, patch][:, None]
         return y
 
@@ -80,17 +84,13 @@ class FrameTensors:
         """x and y of the same frames, both with parts of other clips where `plan` has them."""
         x, y = self.inputs(rows, patch), self.outputs(rows, patch)
         if plan is not None and self.composer is not None:
-            at = plan.changed.any(1).nonzero()[:, 0]
+            changed = plan.changed.any(1)
+            at = rows_of(changed)
             now, previous = self.composer.poses(rows[at], plan[at], before=1)
-            _put(y, at, now, self.ground[rows[at], patch[at]])
-            for name, values in (
-                ("joint_positions", previous.positions),
-                ("joint_velocities", previous.velocities),
-            ):
-                if name == "joint_positions":
-                    values = _above(values, self.previous_ground[rows[at], patch[at]])
-                start = INPUT[name].start + 3 * FIRST_OF_UPPER
-                x[at, start : INPUT[name].stop] = values.flatten(1)
+            _put(y, at, changed[at], now, self.ground[rows[at], patch[at]])
+            positions = _above(previous.positions, self.previous_ground[rows[at], patch[at]])
+            _write(x, at, changed[at], INPUT["joint_positions"], positions)
+            _write(x, at, changed[at], INPUT["joint_velocities"], previous.velocities)
         return x, y
 
     def plan(self, rows: Tensor, ahead: int = 0, often: float = 1.0) -> CompositionPlan:
@@ -100,20 +100,28 @@ class FrameTensors:
         return self.composer.draw(rows, ahead, often)
 
 
-def _put(y: Tensor, at: Tensor, pose: UpperBodyPose, ground: Tensor | None = None) -> None:
-    """Write composed upper bodies into rows `at` of y `(B, 473)`, in place."""
+def _put(
+    y: Tensor, at: Tensor | slice, changed: Tensor, pose: UpperBodyPose, ground: Tensor | None = None
+) -> None:
+    """Write composed upper bodies into those rows `at` of y `(B, 473)` that are `changed` `(n,)`, in place."""
     positions = pose.positions if ground is None else _above(pose.positions, ground)
-    for name, values, size in (
-        ("joint_positions", positions, 3),
-        ("joint_velocities", pose.velocities, 3),
-        ("joint_rotations", pose.rotations, 6),
-    ):
-        y[at, OUTPUT[name].start + size * FIRST_OF_UPPER : OUTPUT[name].stop] = values.flatten(1)
+    _write(y, at, changed, OUTPUT["joint_positions"], positions)
+    _write(y, at, changed, OUTPUT["joint_velocities"], pose.velocities)
+    _write(y, at, changed, OUTPUT["joint_rotations"], pose.rotations)
+
+
+def _write(into: Tensor, at: Tensor | slice, changed: Tensor, field: slice, upper: Tensor) -> None:
+    """Values `(n, 20, m)` of the upper body into its columns of a `field` of all joints."""
+    columns = slice(field.start + upper.shape[2] * FIRST_OF_UPPER, field.stop)
+    into[at, columns] = torch.where(changed[:, None], upper.flatten(1), into[at, columns])
 
 
 def _above(positions: Tensor, ground: Tensor) -> Tensor:
     """Positions `(B, n, 3)` with their heights over `ground` `(B,)`."""
     return torch.stack([positions[..., 0], positions[..., 1] - ground[:, None], positions[..., 2]], dim=-1)
+
+
+DRAWN_BATCHES = 32
 
 
 class RandomRows:
@@ -122,25 +130,40 @@ class RandomRows:
     def __init__(
         self, weights: np.ndarray, batch: int, ahead: int, last: Tensor, generator: torch.Generator
     ) -> None:
-        self._cumulative = torch.as_tensor(np.cumsum(weights), dtype=torch.float64)
-        self._end, self._device = last.cpu(), last.device
-        self._batch, self._ahead, self._generator = batch, ahead, generator
+        self._cumulative = torch.as_tensor(np.cumsum(weights), dtype=torch.float64, device=last.device)
+        self._last, self._batch, self._ahead, self._generator = last, batch, ahead, generator
+        self._used = DRAWN_BATCHES
 
     def __iter__(self) -> RandomRows:
         return self
 
     def __next__(self) -> Tensor:
-        draw = torch.rand(self._batch, generator=self._generator, dtype=torch.float64) * self._cumulative[-1]
+        if self._used == DRAWN_BATCHES:
+            self._draw()
+        draw = self._drawn[self._used] * self._cumulative[-1]
+        self._used += 1
         rows = torch.searchsorted(self._cumulative, draw).clamp_max(len(self._cumulative) - 1)
-        return torch.minimum(rows, self._end[rows] - self._ahead).to(self._device)
+        return torch.minimum(rows, self._last[rows] - self._ahead)
 
-    def state_dict(self) -> dict[str, Tensor]:
+    def _draw(self) -> None:
+        """Random numbers for many batches: they are the same on every device, which is waited for once."""
+        self._before, self._used = self._generator.get_state(), 0
+        size = (DRAWN_BATCHES, self._batch)
+        drawn = torch.rand(size, generator=self._generator, dtype=torch.float64)
+        self._drawn = drawn.to(self._last.device)
+
+    def state_dict(self) -> dict[str, Any]:
         """Where the random numbers are."""
-        return {"generator": self._generator.get_state()}
+        if self._used == DRAWN_BATCHES:
+            return {"generator": self._generator.get_state(), "used": DRAWN_BATCHES}
+        return {"generator": self._before, "used": self._used}
 
-    def load_state_dict(self, state: dict[str, Tensor]) -> None:
+    def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on from there."""
         self._generator.set_state(state["generator"])
+        if state["used"] < DRAWN_BATCHES:
+            self._draw()
+        self._used = state["used"]
 
 
 @dataclass
@@ -215,6 +238,7 @@ def _field_deviation(values: Tensor, layout: dict[str, slice], scale: dict[str, 
     return deviation.clamp_min(1e-4)
 
 
+@lru_cache
 def loss_weights(device: torch.device) -> Tensor:
     """Weight of each entry of y in Eq. 11."""
     weights = torch.ones(features.OUTPUT_SIZE, device=device)

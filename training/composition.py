@@ -25,14 +25,15 @@ from training.augmentation.catalogue import PartEdit, catalogue, part_edits
 from training.augmentation.gait import left_landings, step_phase
 from training.frames import FIRST_OF_UPPER as FIRST
 from training.frames import FIXED_POINT, LAYERED, FrameTable, smooth
+from training.gpu import constant, rows_of
 from training.kinematics import matrices
 from training.styles import StyleTexts
 
 PARTS = ("left_arm", "right_arm", "torso", "head")  # that can come from another clip
 UPPER = J - FIRST
 CHEST = SPORT_SKELETON.index("Spine1") - FIRST
-TORSO = tuple(j - FIRST for j in PART_JOINTS["torso"] if j >= FIRST)
-JOINTS_OF = tuple(tuple(j - FIRST for j in PART_JOINTS[part] if j >= FIRST) for part in PARTS)
+JOINTS_OF = [[j - FIRST for j in PART_JOINTS[part] if j >= FIRST] for part in PARTS]
+_FROM_CHEST = [j for k, part in enumerate(PARTS) if part != "torso" for j in JOINTS_OF[k]]
 CLIP_SPAN = 4096.0  # clocks of two clips never meet
 FEWEST_LANDINGS = 3  # of the left foot, below which a clip does not step
 STEADY = 0.7  # of a clip's median moving speed, from which the upper body swings in full
@@ -44,7 +45,7 @@ EDITED = 0.5  # fraction of single parts that are exact edits; the others are ca
 MAX_TEMPO = 1.6  # ratio of two cadences up to which a part may be sped up or slowed down
 SHORTEST = FPS  # frames of a clip that gives parts
 _OF_HIPS = ("sway", "bounce")  # edits of posture that move the hips too
-_COLUMN = [PART_NAMES.index(part) for part in PARTS]
+_GIVEN = {part: k for k, part in enumerate(PARTS)}
 
 
 @dataclass
@@ -90,11 +91,10 @@ class UpperBody:
     def to(self, device: torch.device) -> UpperBody:
         return UpperBody(*(value.to(device) for value in vars(self).values()))
 
-    def at(self, low: Tensor, high: Tensor, weight: Tensor, joints: tuple[int, ...]) -> Tensor:
+    def at(self, low: Tensor, high: Tensor, weight: Tensor, joints: Tensor) -> Tensor:
         """6D rotations `(B, n, 6)` of joints between frames `low` and `high` `(B,)`, not orthonormal."""
-        index = list(joints)
-        a = self.hung[low][:, index].float()
-        b = self.hung[high][:, index].float()
+        a = self.hung[low[:, None], joints].float()
+        b = self.hung[high[:, None], joints].float()
         return torch.lerp(a, b, weight.float()[:, None, None]) / FIXED_POINT
 
 
@@ -127,11 +127,8 @@ class CompositionPlan:
         whole = torch.zeros(count, len(PARTS), device=device)
         return CompositionPlan(whole.bool(), whole.long(), whole.double())
 
-    def __getitem__(self, rows: Tensor) -> CompositionPlan:
+    def __getitem__(self, rows: Tensor | slice) -> CompositionPlan:
         return CompositionPlan(self.changed[rows], self.clips[rows], self.shift[rows])
-
-    def __setitem__(self, rows: Tensor, other: CompositionPlan) -> None:
-        self.changed[rows], self.clips[rows], self.shift[rows] = other.changed, other.clips, other.shift
 
     def repeated(self, times: int) -> CompositionPlan:
         """Every sample `times` times, one after the other."""
@@ -139,9 +136,8 @@ class CompositionPlan:
 
     def words(self, base: Tensor) -> Tensor:
         """Whose words each body part has: clips `(B, 6)` in the order of `PART_NAMES`."""
-        clips = base[:, None].repeat(1, len(PART_NAMES))
-        clips[:, _COLUMN] = torch.where(self.changed, self.clips, clips[:, _COLUMN])
-        return clips
+        given = torch.where(self.changed, self.clips, base[:, None])
+        return torch.stack([given[:, _GIVEN[part]] if part in _GIVEN else base for part in PART_NAMES], dim=1)
 
 
 @dataclass
@@ -168,7 +164,8 @@ class Composer:
         self.moments = torch.as_tensor(moments, device=device)
         self.keys = torch.as_tensor(texts.keys, device=device)
         self.fixed_torso = torch.as_tensor(_fixed_torsos(texts), device=device)
-        self.forbidden = _forbidden(texts)
+        # of pairs of edits that never enter training together: both their parts, and both their keys
+        self.forbidden = torch.as_tensor(_forbidden(texts), device=device).view(-1, 2, 2)
         self._captured, self._edited = _givers(table, texts, device)
         chains, offsets, parents = _upper_chains(device)
         self._chains, self._offsets, self._parents = chains, offsets, parents
@@ -194,8 +191,8 @@ class Composer:
         return self._allowed(rows, self._matched(rows, plan, ahead))
 
     def _draw_clips(self, count: int, device: torch.device) -> Tensor:
-        captured = _weighted(self._captured, (count, len(PARTS)))
-        edited = torch.stack([_weighted(own, (count,)) for own in self._edited], dim=1)
+        captured = weighted(self._captured, (count, len(PARTS)))
+        edited = torch.stack([weighted(own, (count,)) for own in self._edited], dim=1)
         clips = torch.where(torch.rand(count, len(PARTS), device=device) < EDITED, edited, captured)
         same = torch.rand(count, 1, device=device) < SAME_CLIP
         return torch.where(same, captured[:, :1], clips)
@@ -232,12 +229,10 @@ class Composer:
         base = self.clip[rows]
         changed = plan.changed.clone()
         changed[:, torso] &= ~(self.fixed_torso[base] | self.fixed_torso[plan.clips[:, torso]])
-        plan = replace(plan, changed=changed)
-        for (a, key_a), (b, key_b) in self.forbidden:
-            clips = plan.words(base)
-            both = (self.keys[clips[:, a], a] == key_a) & (self.keys[clips[:, b], b] == key_b)
-            changed[both] = False  # the base itself holds no such pair
-        return plan
+        clips = replace(plan, changed=changed).words(base)
+        keys = self.keys[clips, constant(range(len(PART_NAMES)), rows.device)]
+        pairs = (keys[:, self.forbidden[..., 0]] == self.forbidden[..., 1]).all(-1)  # (B, pairs)
+        return replace(plan, changed=changed & ~pairs.any(1)[:, None])  # the base itself holds no such pair
 
     def lasts(self, rows: Tensor, plan: CompositionPlan) -> Tensor:
         """Whether every changed part goes on at the base frames `rows`, `(B,)`."""
@@ -272,20 +267,17 @@ class Composer:
         """Facing-relative rotation matrices `(B, 20, 3, 3)` of the upper body at base frames `rows`."""
         upper = self.upper
         hung = upper.hung[rows].float() / FIXED_POINT
-        for k, joints in enumerate(JOINTS_OF):
-            at = plan.changed[:, k].nonzero()[:, 0]
-            if len(at):
-                hung[at[:, None], torch.as_tensor(joints, device=rows.device)] = self._given(
-                    rows[at], plan.clips[at, k], plan.shift[at, k], joints
-                )
+        for k, own in enumerate(JOINTS_OF):
+            at, joints = rows_of(plan.changed[:, k]), constant(own, rows.device)
+            body = hung[at]
+            given = self._given(rows[at], plan.clips[at, k], plan.shift[at, k], joints)
+            changed = plan.changed[at, k, None, None]
+            hung[at] = body.index_copy(1, joints, torch.where(changed, given, body[:, joints]))
         turned = matrices(hung)
-        chest = turned[:, CHEST, None]
-        hangs = [j for j in range(UPPER) if j not in TORSO]
-        result = turned.clone()
-        result[:, hangs] = chest @ turned[:, hangs]
-        return result
+        hangs = constant(_FROM_CHEST, rows.device)
+        return turned.index_copy(1, hangs, turned[:, CHEST, None] @ turned[:, hangs])
 
-    def _given(self, rows: Tensor, clips: Tensor, shift: Tensor, joints: tuple[int, ...]) -> Tensor:
+    def _given(self, rows: Tensor, clips: Tensor, shift: Tensor, joints: Tensor) -> Tensor:
         """What clips `(n,)` give at base frames `rows`: their pose there, nearer to its mean where a base stands."""
         upper = self.upper
         wanted = self._base_clock(rows, clips[:, None])[:, 0] + shift + clips * CLIP_SPAN
@@ -298,7 +290,7 @@ class Composer:
         swings = torch.where(
             upper.steps[self.clip[rows]][:, None, None] | ~upper.steps[clips][:, None, None], swings, 0.0
         )
-        return torch.lerp(upper.mean[clips][:, list(joints)], given, swings)
+        return torch.lerp(upper.mean[clips[:, None], joints], given, swings)
 
     def _posed(self, rows: Tensor, plan: CompositionPlan) -> tuple[Tensor, Tensor]:
         """6D rotations `(B, 20, 6)` and positions of the hips and these joints `(B, 21, 3)`, as the root sees them."""
@@ -334,7 +326,7 @@ def _upper_chains(device: torch.device) -> tuple[Tensor, Tensor, Tensor]:
     return chains.to(device), offsets.to(device), torch.as_tensor(parents, device=device)
 
 
-def _weighted(cumulative: Tensor, size: tuple[int, ...]) -> Tensor:
+def weighted(cumulative: Tensor, size: tuple[int, ...]) -> Tensor:
     """Random indices by cumulative weights."""
     draw = torch.rand(size, dtype=torch.float64, device=cumulative.device) * cumulative[-1]
     return torch.searchsorted(cumulative, draw).clamp_max(len(cumulative) - 1)
@@ -352,14 +344,14 @@ def _fixed_torsos(texts: StyleTexts) -> np.ndarray:
     return fixed[texts.keys[:, PART_NAMES.index("torso")]]
 
 
-def _forbidden(texts: StyleTexts) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """Pairs of (part, key) that never enter training together."""
+def _forbidden(texts: StyleTexts) -> np.ndarray:
+    """Pairs of (part, key) that never enter training together, `(pairs, 2, 2)`."""
     number = {name: k for k, name in enumerate(texts.names)}
     pairs = [
         [(PART_NAMES.index(e.split(".")[0]), number.get(e, -1)) for e in pair]
         for pair in catalogue().held_out_pairs.values()
     ]
-    return [(a, b) for a, b in pairs if a[1] >= 0 and b[1] >= 0]
+    return np.array([pair for pair in pairs if min(key for _, key in pair) >= 0], np.int64)
 
 
 def _givers(table: FrameTable, texts: StyleTexts, device: torch.device) -> tuple[Tensor, list[Tensor]]:
@@ -379,8 +371,8 @@ def _givers(table: FrameTable, texts: StyleTexts, device: torch.device) -> tuple
         weights[own] = length[own] / length[own].sum()
     is_edit = np.array([_edit(name) is not None for name in texts.names], bool)
     edited = []
-    for column in _COLUMN:
-        own = usable & layered & is_edit[texts.keys[:, column]]
+    for part in PARTS:
+        own = usable & layered & is_edit[texts.keys[:, PART_NAMES.index(part)]]
         edited.append((own if own.any() else weights).astype(np.float64))
     cumulative = [torch.as_tensor(np.cumsum(w), device=device) for w in (weights, *edited)]
     return cumulative[0], cumulative[1:]

@@ -288,7 +288,7 @@ def _write_table(paths: list[Path], files: list[list[Any]], folder: Path) -> Non
     clips: list[dict[str, Any]] = []
     with ExitStack() as stack:
         outputs = {name: stack.enter_context((folder / f"{name}.bin").open("wb")) for name in _ARRAYS}
-        pool = stack.enter_context(ProcessPoolExecutor(2))
+        pool = stack.enter_context(ProcessPoolExecutor())
         for part in pool.map(clip_frames, paths, chunksize=16):
             for name, output in outputs.items():
                 array = getattr(part, name)

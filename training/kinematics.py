@@ -10,6 +10,9 @@ from torch.nn.functional import normalize
 
 from runtime.motion.features import OUTPUT
 from runtime.skeleton import SPORT_SKELETON, J
+from training.gpu import constant
+
+_PARENTS = [max(parent, 0) for parent in SPORT_SKELETON.parents]
 
 
 def shown_joints(y: Tensor) -> Tensor:
@@ -20,7 +23,7 @@ def shown_joints(y: Tensor) -> Tensor:
     """
     chains, offsets = _skeleton(y.device)
     turned = matrices(y[:, OUTPUT["joint_rotations"]].unflatten(1, (J, 6)))
-    parents = torch.as_tensor(SPORT_SKELETON.parents, device=y.device).clamp_min(0)
+    parents = constant(_PARENTS, y.device)
     bones = (turned[:, parents] @ offsets[:, :, None])[..., 0]
     hips = y[:, OUTPUT["joint_positions"]][:, None, :3]
     return hips + chains @ bones
@@ -32,9 +35,10 @@ KNEES = [SPORT_SKELETON.index(name) for name in ("LeftLeg", "RightLeg")]
 def knee_flexion(y: Tensor) -> Tensor:
     """Angles `(B, 2)` in radians by which the shins are bent backwards from the thighs in real-valued y `(B, 473)`."""
     turned = matrices(y[:, OUTPUT["joint_rotations"]].unflatten(1, (J, 6)))
-    thighs = [SPORT_SKELETON.parents[knee] for knee in KNEES]
+    knees = constant(KNEES, y.device)
+    thighs = constant([_PARENTS[knee] for knee in KNEES], y.device)
     _, offsets = _skeleton(y.device)
-    shins = (turned[:, KNEES] @ offsets[[k + 1 for k in KNEES]].to(y)[:, :, None])[..., 0]
+    shins = (turned[:, knees] @ offsets[knees + 1].to(y)[:, :, None])[..., 0]
     seen = (turned[:, thighs].transpose(-1, -2) @ shins[..., None])[..., 0]  # from the thigh
     return torch.atan2(-seen[..., 2], -seen[..., 1])
 

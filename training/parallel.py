@@ -16,7 +16,7 @@ from typing import ParamSpec
 
 import torch
 import torch.distributed as distributed
-from torch import Tensor, nn
+from torch import nn
 
 from runtime.errors import UsageError
 
@@ -105,10 +105,10 @@ def wait() -> None:
         distributed.barrier()
 
 
-def anyone(flag: bool) -> bool:
-    """Whether any process says so: they must stop at the same step."""
+def of_first(number: float) -> float:
+    """The number of the first process, for all."""
     if workers() == 1:
-        return flag
-    votes = Tensor([float(flag)]).to("cuda" if torch.cuda.is_available() else "cpu")
-    distributed.all_reduce(votes)
-    return bool(votes.item() > 0)
+        return number
+    known = torch.tensor([number], device="cuda" if torch.cuda.is_available() else "cpu", dtype=torch.float64)
+    distributed.broadcast(known, 0)
+    return float(known.item())

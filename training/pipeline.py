@@ -18,6 +18,7 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -54,13 +55,17 @@ from training.stages import words as stage_words
 log = logging.getLogger("sport.train")
 
 PHASE_BATCH, CONTENT_BATCH = 128, 64
+WRITING = 0.01  # of --minutes, for the last checkpoint
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run one stage or all of them."""
     args = build_parser().parse_args(argv)
+    args.ends = None if args.minutes is None else time.monotonic() + 60.0 * (1.0 - WRITING) * args.minutes
     _log_progress()
-    wanted = STAGES if args.stage == "all" else (args.stage,)
+    wanted: tuple[str, ...] = STAGES if args.stage == "all" else (args.stage,)
+    if args.stage == "all" and args.minutes is not None:
+        wanted = wanted[: wanted.index("ground")]
     stages = [stage for stage in wanted if stage in TRAINING]
     if stages:
         _refuse_table_one(preset(args.preset))  # now: an import takes hours
@@ -131,10 +136,11 @@ def train_words(run: Run) -> None:
     stored = load_checkpoint(run.final("content"))
     if "longer_sentences" in stored:
         return
-    steps = run.args.words
+    length = run.length("words", stage_words.BATCH)
     learnt = stage_words.learn_longer_sentences(
-        content, run.config, run.texts, run.encoder, steps, run.args.seed
+        content, run.config, run.texts, run.encoder, length, run.args.seed
     )
+    steps = round(learnt.pop("steps"))
     distances = "  ".join(f"{name} {value:.3f}" for name, value in learnt.items())
     (run.out / "logs").mkdir(parents=True, exist_ok=True)
     (run.out / "logs" / "words.txt").write_text(

@@ -19,6 +19,7 @@ from runtime.motion import features
 from runtime.motion.features import FPS, INPUT, OUTPUT, TRAJECTORY_OFFSETS, L
 from training.batches import FrameTensors, RandomRows
 from training.composition import CompositionPlan
+from training.gpu import constant, rows_of
 from training.kinematics import TURNS, shown_joints, turns
 
 PRESENT = 60
@@ -29,13 +30,15 @@ FOREIGN_POSE = 0.5
 ENERGY_FRAMES = 45  # most of a gait cycle: over so many a lane is compared with its own clip
 MOVEMENTS = 93 + TURNS  # coordinates of the joints, then turns of trunk, head and feet
 PLANNED_FRAMES = 60  # that a part of another clip goes on at least
+RENEWED = 4  # steps from one to the next in which lanes may begin anew: they end so many frames before their clip does
 SWING_FRAMES = 15  # about a quarter of a gait cycle: over so many frames a swing is compared with the clip's
 
 
 class RolloutLanes:
     """`lanes` rollouts; each ends by chance after `mean_frames` on average, or with its clip.
 
-    Some carry parts of other clips all along, see `training.composition`.
+    Some carry parts of other clips all along, see `training.composition`. All that is remembered stays where it is in
+    memory (`training.gpu`).
     """
 
     def __init__(
@@ -61,31 +64,44 @@ class RolloutLanes:
         self._energy = torch.zeros(2, lanes, MOVEMENTS, device=device)  # of swings, the lanes' and the clips'
         self._offset = torch.zeros(lanes, MOVEMENTS, device=device)  # mean of the lanes' less the clips'
         self.plan = CompositionPlan.nothing(lanes, device)
+        self._coming = torch.zeros(lanes, dtype=torch.long, device=device)  # where lanes begin anew
+        self._steps, self._renews = 0, True
+        self.draw()
         self._restart(torch.ones(lanes, dtype=torch.bool, device=device))
 
+    def draw(self) -> bool:
+        """Before a step: whether lanes may begin anew in it, `RENEWED` steps after they last could, and where."""
+        self._renews = self._steps % RENEWED == 0
+        self._steps += 1
+        if self._renews:
+            self._coming.copy_(next(self._fresh)[: len(self._coming)])
+        return self._renews
+
     def _restart(self, ended: Tensor) -> None:
-        count = int(ended.sum())
-        if not count:
-            return
-        rows = next(self._fresh)[:count]
-        ended = ended.nonzero()[:, 0][: len(rows)]
-        self.plan[ended] = self.frames.plan(rows, PLANNED_FRAMES, self._often)
-        self.rows[ended] = rows
-        self.age[ended] = 0
-        self._energy[:, ended] = 0.0
-        self._offset[ended] = 0.0
-        self.patch[ended] = (torch.rand(len(rows), device=rows.device) * self.frames.patches[rows]).long()
-        x, _ = self.frames.pairs(rows, self.patch[ended], self.plan[ended])
+        """Begin the lanes that have `ended` `(lanes,)` anew."""
+        at = rows_of(ended)
+        began, rows = ended[at], self._coming[at]
+        plan = self.frames.plan(rows, PLANNED_FRAMES, self._often)
+        patch = (torch.rand(len(rows), device=rows.device) * self.frames.patches[rows]).long()
+        x, _ = self.frames.pairs(rows, patch, plan)
         foreign = torch.rand(len(rows), device=rows.device) < FOREIGN_POSE
         order = torch.arange(len(rows), device=rows.device)
-        order = torch.where(foreign, order[torch.randperm(len(rows), device=rows.device)], order)
-        for name in _POSE:
-            self.pose[name][ended] = x[order][:, INPUT[name]]
+        order = torch.where(foreign, torch.rand(len(rows), device=rows.device).argsort(), order)
         index = rows[:, None] - 1 + torch.arange(-PRESENT, PRESENT + 1, device=rows.device)
         index = torch.minimum(
             torch.maximum(index, self.frames.first[rows, None]), self.frames.last[rows, None]
         )
-        self.phase[ended] = self.frames.phase[index].flatten(2)
+        for own, new in (
+            (self.rows, rows),
+            (self.patch, patch),
+            (self.phase, self.frames.phase[index].flatten(2)),
+            *((self.pose[name], x[order][:, INPUT[name]]) for name in _POSE),
+            *zip(vars(self.plan).values(), vars(plan).values(), strict=True),
+        ):
+            own[at] = torch.where(began.view(-1, *[1] * (new.ndim - 1)), new, own[at])
+        self.age.masked_fill_(ended, 0)
+        self._energy.masked_fill_(ended[:, None], 0.0)
+        self._offset.masked_fill_(ended[:, None], 0.0)
 
     def inputs(self) -> Tensor:
         """x `(lanes, 472)`: the captured trajectory, the lane's own pose and phases."""
@@ -140,30 +156,31 @@ class RolloutLanes:
         As in the runtime, what is fed back is the pose shown: forward kinematics of the rotations.
         """
         shown = shown_joints(y)
-        self.pose["joint_positions"] = shown.flatten(1)
-        self.pose["joint_velocities"] = y[:, OUTPUT["joint_velocities"]].detach().clone()
+        self.pose["joint_positions"].copy_(shown.flatten(1))
+        self.pose["joint_velocities"].copy_(y[:, OUTPUT["joint_velocities"]])
         moved = torch.stack([movements(y, shown), movements(target, captured_joints(target))])
-        self._history = torch.cat([self._history[:, 1:], moved[:, None]], dim=1)
-        samples = y[:, OUTPUT["phase"]].detach().unflatten(1, (-1, 2 * features.C))
-        phase = torch.cat([self.phase[:, 1:], self.phase[:, -1:]], dim=1)
-        phase[:, PRESENT:] = _dense(samples)
-        self.phase = phase
-        self.rows, self.age = self.rows + 1, self.age + 1
-        self._restart(self._ended(y))
+        self._history.copy_(torch.cat([self._history[:, 1:], moved[:, None]], dim=1))
+        samples = y[:, OUTPUT["phase"]].unflatten(1, (-1, 2 * features.C))
+        self.phase.copy_(torch.cat([self.phase[:, 1 : PRESENT + 1], _dense(samples)], dim=1))
+        self.rows += 1
+        self.age += 1
+        if self._renews:
+            self._restart(self._ended())
 
-    def _ended(self, y: Tensor) -> Tensor:
-        """By chance, with the clip or a part's clip, or because the pose is lost; `(lanes,)`."""
-        rows = self.rows.clamp_max(len(self.frames.last) - 1)
-        ended = self.rows >= self.frames.last[rows]
+    def _ended(self) -> Tensor:
+        """By chance, soon with the clip or a part's clip, or because the pose is lost; `(lanes,)`."""
+        ahead = (self.rows + RENEWED - 1).clamp_max(len(self.frames.last) - 1)
+        ended = ahead >= self.frames.last[self.rows.clamp_max(len(self.frames.last) - 1)]
         if self.frames.composer is not None:
-            ended |= ~self.frames.composer.lasts(rows, self.plan)
-        chance = torch.rand(len(rows), device=rows.device) < 1.0 / self.mean_frames
-        lost = ~torch.isfinite(y).all(1) | (self.pose["joint_positions"].abs().amax(1) > 4.0)
-        return ended | chance | lost
+            ended |= ~self.frames.composer.lasts(ahead, self.plan)
+        chance = torch.rand(len(ahead), device=ahead.device) < RENEWED / self.mean_frames
+        kept = self.pose["joint_positions"].abs().amax(1) <= 4.0  # not a number is lost too
+        return ended | chance | ~kept
 
     def state_dict(self) -> dict[str, object]:
         """Everything that the next steps depend on."""
         return {name: getattr(self, name) for name in _STATE} | {
+            "steps": self._steps,
             "pose": self.pose,
             "plan": vars(self.plan),
             "fresh": self._fresh.state_dict() if isinstance(self._fresh, RandomRows) else {},
@@ -172,6 +189,7 @@ class RolloutLanes:
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on from there."""
         device = self.rows.device
+        self._steps = state["steps"]
         for name in _STATE:
             setattr(self, name, state[name].to(device))
         self.pose = {name: value.to(device) for name, value in state["pose"].items()}
@@ -216,7 +234,7 @@ def steered(x: Tensor) -> Tensor:
     free = (torch.rand(count, 1, device=x.device) >= EXACT).float()
     past = free * torch.rand(count, 1, device=x.device)
     coming = free * (1.5 * torch.rand(count, 1, device=x.device)).clamp_max(1.0)
-    ahead = torch.as_tensor(TRAJECTORY_OFFSETS > 0, device=x.device)
+    ahead = constant((TRAJECTORY_OFFSETS > 0).tolist(), x.device)
     weight = torch.where(ahead, coming, past)[..., None]
     result = x.clone()
     for name, fit in zip(("trajectory_positions", "trajectory_directions"), _fits(x.device), strict=True):

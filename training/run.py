@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import time
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,10 +13,11 @@ import numpy as np
 import torch
 
 from runtime.assets import asset_path
-from runtime.errors import FileError
+from runtime.errors import FileError, UsageError
 from runtime.motion.features import OUTPUT_SIZE
 from runtime.prompts.text_encoder import TextEncoder
 from training import parallel
+from training.arguments import FRACTIONS
 from training.batches import FrameTensors, Normalisation
 from training.composition import Composer
 from training.data import sources
@@ -56,6 +58,7 @@ class Run:
             session.device = device
         elif args.device:
             session.device = torch.device(args.device)
+        session.recorded = session.device.type == "cuda" and not args.no_graphs
         run = Run(args, session, config, encoder)
         run.check_licence()
         return run
@@ -82,7 +85,20 @@ class Run:
     def length(self, stage: str, batch: int | None = None) -> StageLength:
         """How long a stage trains; `batch` is by default that of stages 2 and 3, divided among the processes."""
         batch = batch or max(1, self.args.batch // parallel.workers())
-        return StageLength(getattr(self.args, stage), batch, self.args.max_minutes)
+        return StageLength(getattr(self.args, stage), batch, self._end_of(stage))
+
+    def _end_of(self, stage: str) -> float | None:
+        """When a stage has had its part of what --minutes has left; UsageError where that is nothing."""
+        if self.args.ends is None:
+            return None
+        now = time.monotonic()
+        if now >= self.args.ends:
+            raise UsageError(f"--minutes {self.args.minutes:g}: over before stage {stage}.", "Allow more.")
+        if self.args.stage != "all" or stage not in FRACTIONS:
+            return self.args.ends
+        names = list(FRACTIONS)
+        coming = sum(FRACTIONS[name] for name in names[names.index(stage) :])
+        return now + (self.args.ends - now) * FRACTIONS[stage] / coming
 
     def check_licence(self) -> None:
         """FileError for clips that must not enter a model which may be published; else logs how much there is."""

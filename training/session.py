@@ -18,6 +18,7 @@ from torch import Tensor, nn
 from runtime.atomic import write_atomic
 from runtime.errors import FileError
 from training import parallel
+from training.gpu import GradientStep, Losses, own_stream
 
 log = logging.getLogger("sport.train")
 
@@ -31,6 +32,7 @@ class Session:
         default_factory=lambda: torch.device("cuda" if torch.cuda.is_available() else "cpu")
     )
     half: bool = True  # bf16 autocast
+    recorded: bool = False  # steps run as CUDA graphs (`training.gpu`)
     seed: int = 0
     checkpoint_seconds: float = 240.0
 
@@ -63,11 +65,11 @@ class MovingAverage:
     def update(self, module: nn.Module, step: int) -> None:
         """Blend in the module's weights; the early average is short so that it forgets the start."""
         decay = min(self.decay, (step + 1) / (step + 10))
-        for name, value in module.state_dict().items():
-            if value.is_floating_point():
-                self.values[name].lerp_(value, 1.0 - decay)
-            else:
-                self.values[name].copy_(value)
+        current = module.state_dict()
+        names = [name for name, value in current.items() if value.is_floating_point()]
+        torch._foreach_lerp_([self.values[n] for n in names], [current[n] for n in names], 1.0 - decay)
+        for name in current.keys() - names:
+            self.values[name].copy_(current[name])
 
 
 def save_checkpoint(path: Path, state: dict) -> None:
@@ -100,11 +102,29 @@ class Resumable(Protocol):
 
 @dataclass(frozen=True)
 class StageLength:
-    """How long a stage trains: `steps` of `batch` samples in each process, and no longer than `max_minutes`."""
+    """How long a stage trains: `steps` of `batch` samples in each process.
+
+    With `ends`, seconds of `time.monotonic`, it trains until then: its schedule goes from 0 to `steps` by time.
+    """
 
     steps: int
     batch: int
-    max_minutes: float | None = None
+    ends: float | None = None
+
+
+class StageSchedule:
+    """Where a stage is on its schedule of `length.steps`: by its steps, or by time."""
+
+    def __init__(self, length: StageLength, begun: float = 0.0) -> None:
+        """`begun`: where an earlier process stopped, when this one goes by time."""
+        self.length, self._begun, self._started = length, begun, time.monotonic()
+
+    def at(self, step: int) -> float:
+        """Of the first process, where several train together: they must go and stop alike."""
+        if self.length.ends is None:
+            return step
+        gone = (time.monotonic() - self._started) / max(self.length.ends - self._started, 1e-3)
+        return parallel.of_first(self._begun + (self.length.steps - self._begun) * min(gone, 1.0))
 
 
 @dataclass
@@ -119,7 +139,10 @@ class TrainingState:
     optimizer: torch.optim.Optimizer
     average: MovingAverage
     sources: Mapping[str, Resumable] = field(default_factory=dict)
+    # called before every step with its place on the schedule; returns which variant of the step it is (`GradientStep`)
+    prepare: Callable[[float], tuple] = lambda at: ()
     step: int = 0
+    at: float = 0.0  # on the schedule, `StageSchedule`
 
     def restore(self, path: Path) -> bool:
         """Continue from a checkpoint when there is one, random numbers included."""
@@ -129,7 +152,7 @@ class TrainingState:
         self.module.load_state_dict(saved["module"])
         self.optimizer.load_state_dict(saved["optimizer"])
         self.average.values = {k: v.to(self.average.values[k]) for k, v in saved["average"].items()}
-        self.step = int(saved["step"])
+        self.step, self.at = int(saved["step"]), float(saved["at"])
         for name, part in self.sources.items():
             part.load_state_dict(saved["kept"][name])
         torch.set_rng_state(saved["random"])
@@ -146,14 +169,12 @@ class TrainingState:
                 "optimizer": self.optimizer.state_dict(),
                 "average": self.average.values,
                 "step": self.step,
+                "at": self.at,
                 "kept": {name: part.state_dict() for name, part in self.sources.items()},
                 "random": torch.get_rng_state(),
                 "random_cuda": torch.cuda.get_rng_state_all() if torch.cuda.is_available() else [],
             },
         )
-
-
-Losses = dict[str, Tensor]
 
 
 class TrainingProgress:
@@ -162,41 +183,45 @@ class TrainingProgress:
     Of several processes only the first writes.
     """
 
-    def __init__(self, folder: Path, name: str, length: StageLength, first: int) -> None:
+    def __init__(self, folder: Path, name: str, length: StageLength, state: TrainingState) -> None:
         folder.mkdir(parents=True, exist_ok=True)
-        self._leads = parallel.rank() == 0
-        self._text_file, self._name, self._length, self._first = folder / f"{name}.txt", name, length, first
+        self._text_file, self._name, self._length = folder / f"{name}.txt", name, length
+        self._first = state.step, state.at
         self._started = self._shown = time.monotonic()
-        self._means: dict[str, float] = {}
+        self._names: list[str] = []
 
-    def add(self, terms: Losses, step: int) -> None:
-        """The losses of a step; `step` have been done."""
-        for key, value in terms.items():
-            now = float(value.detach())
-            self._means[key] = 0.98 * self._means.get(key, now) + 0.02 * now
-        if self._leads and (time.monotonic() - self._shown > 15.0 or step == self._length.steps):
-            self._show(step)
+    def add(self, terms: Losses, state: TrainingState) -> None:
+        """The losses of a step that is done; they are waited for when they are shown only."""
+        values = torch.stack([value.float() for value in terms.values()])
+        if self._names != list(terms):  # some losses begin later
+            self._names, self._means = list(terms), values
+        self._means.lerp_(values, 0.02)
+        if time.monotonic() - self._shown > 15.0:
+            self.show(state)
 
-    def _show(self, step: int) -> None:
-        self._shown = time.monotonic()
-        rate = (step - self._first) / (self._shown - self._started)
-        text = "  ".join(f"{k} {v:.4f}" for k, v in self._means.items())
+    def show(self, state: TrainingState) -> None:
+        """Log and write how far the stage is."""
+        if parallel.rank() or not self._names:
+            return
+        self._shown, steps = time.monotonic(), self._length.steps
+        seconds = self._shown - self._started
+        rate, pace = (state.step - self._first[0]) / seconds, (state.at - self._first[1]) / seconds
+        means = zip(self._names, self._means.tolist(), strict=True)
+        text = "  ".join(f"{name} {mean:.4f}" for name, mean in means)
         log.info(
-            "%s %d/%d  %.0f samples/s  %.1f min left  %s",
+            "%s %d  %.0f samples/s  %.1f min left  %s",
             self._name,
-            step,
-            self._length.steps,
+            state.step,
             rate * self._length.batch * parallel.workers(),
-            (self._length.steps - step) / rate / 60,
+            (steps - state.at) / max(pace, 1e-9) / 60,
             text,
         )
-        self._text_file.write_text(f"step {step} of {self._length.steps}, losses {text}\n", encoding="utf-8")
+        whole = state.step if self._length.ends is not None else steps
+        self._text_file.write_text(f"step {state.step} of {whole}, losses {text}\n", encoding="utf-8")
 
 
-def _optimise(state: TrainingState, total: Tensor) -> None:
+def _optimise(state: TrainingState) -> None:
     """One step of the optimiser and of the moving average."""
-    state.optimizer.zero_grad(set_to_none=True)
-    total.backward()
     parallel.average_gradients(state.module.parameters())
     nn.utils.clip_grad_norm_(state.module.parameters(), 1.0)
     state.optimizer.step()
@@ -208,14 +233,15 @@ def train(
     session: Session,
     name: str,
     state: TrainingState,
-    batches: Iterator,
-    losses: Callable[[Any, int], Losses],
-    learning_rate: Callable[[int], float],
+    batches: Iterator[Tensor],
+    losses: Callable[[Tensor], Losses],
+    learning_rate: Callable[[float], float],
     length: StageLength,
 ) -> None:
-    """Optimise for `length`; `losses` of a batch and a step returns named terms of which "total" is minimised.
+    """Optimise for `length`; `losses` of a batch returns named terms of which "total" is minimised.
 
-    Logs samples/s and the time left, and writes a checkpoint `name.pt` every four minutes.
+    `learning_rate` is that of a place on the schedule, 0 to `length.steps`. Logs samples/s and the time left, and writes
+    a checkpoint `name.pt` every four minutes.
     """
     checkpoint = session.out / f"{name}.pt"
     if state.restore(checkpoint):
@@ -223,24 +249,32 @@ def train(
     parallel.same_weights(state.module)
     if parallel.rank():
         torch.manual_seed(torch.initial_seed() + parallel.rank())  # noise of its own
-    progress = TrainingProgress(session.out / "logs", name, length, state.step)
-    started = saved = time.monotonic()
-    state.module.train()
-    while state.step < length.steps:
-        for group in state.optimizer.param_groups:
-            group["lr"] = learning_rate(state.step)
+
+    def terms_of(item: Tensor) -> Losses:
         with session.autocast():
-            terms = losses(next(batches), state.step)
-        _optimise(state, terms["total"])
-        progress.add(terms, state.step)
-        now = time.monotonic()
-        if now - saved > session.checkpoint_seconds:
-            state.save(checkpoint)
-            _add_hours(session.out, name, now - saved)
-            saved = now
-        if length.max_minutes is not None and parallel.anyone(now - started > 60 * length.max_minutes):
-            log.info("%s: stopped after %.1f minutes at step %d", name, length.max_minutes, state.step)
-            break
+            return losses(item)
+
+    progress = TrainingProgress(session.out / "logs", name, length, state)
+    gradients = GradientStep(state.module, terms_of, session.recorded)
+    saved = time.monotonic()
+    schedule = StageSchedule(length, state.at)
+    state.module.train()
+    with own_stream(session.device, session.recorded):
+        while (at := schedule.at(state.step)) < length.steps:
+            for group in state.optimizer.param_groups:
+                group["lr"] = learning_rate(at)
+            variant = state.prepare(at)
+            terms = gradients(next(batches), variant)
+            _optimise(state)
+            state.at = at
+            progress.add(terms, state)
+            now = time.monotonic()
+            if now - saved > session.checkpoint_seconds:
+                state.save(checkpoint)
+                _add_hours(session.out, name, now - saved)
+                saved = now
+    state.at = float(length.steps)
+    progress.show(state)
     state.save(checkpoint)
     _add_hours(session.out, name, time.monotonic() - saved)
 

@@ -60,9 +60,9 @@ def pick_paraphrases(index: Tensor, clips: Tensor) -> Tensor:
     """Sentence indices `(B, 6)` out of `index` `(clips, P, 6)` for clips `(B,)`, or `(B, 6)` of every part's own."""
     count, parts = index.shape[1:]
     whose = clips if clips.ndim == 2 else clips[:, None]
-    own = (torch.rand(len(clips), parts).to(clips.device) * count).long()
+    own = (torch.rand(len(clips), parts, device=clips.device) * count).long()
     same = own[:, :1].expand(-1, parts)
-    choice = torch.where(torch.rand(len(clips), 1).to(clips.device) < MIX, own, same)
+    choice = torch.where(torch.rand(len(clips), 1, device=clips.device) < MIX, own, same)
     return index[whose, choice, torch.arange(parts, device=clips.device)]
 
 

@@ -45,7 +45,7 @@ MEMORY_FRAMES = 60  # between two looks at the memory
 PATIENCE_S = 0.2  # with the encoder of a prompt, after which the process ends with it
 # From the user's close on, with what Python needs to end two seconds. What is not written by then is for the next start
 # or given up: exports first, settings last.
-END_S, SESSION_S, SETTINGS_S = 1.5, 1.1, 0.2
+END_S, SESSION_S, SETTINGS_S = 1.4, 1.1, 0.2
 
 
 def run(options: ViewOptions, services: Services | None = None, config: Path | None = None) -> int:

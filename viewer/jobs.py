@@ -67,6 +67,7 @@ class Jobs:
     blocking: bool = False
     first_error: SportError | None = None
     abandoned: bool = False  # a job was still running when the program ended
+    progress: dict[Slot, str] = field(default_factory=dict)  # how far what is written is; any thread
     _turn: threading.Semaphore = field(default_factory=lambda: threading.Semaphore(AT_ONCE))
     _jobs: list[_Job] = field(default_factory=list)
 
@@ -118,7 +119,9 @@ class Jobs:
             if job.begun < late and not job.dropped and job.reading:
                 return f"Reading {job.reading}", self.cancel_reading
             if job.begun < late and not job.dropped and job.writing:
-                return f"Writing {job.writing}", job.cancel
+                return ": ".join(
+                    filter(None, (f"Writing {job.writing}", self.progress.get(job.slot)))
+                ), job.cancel
         return "", None
 
     def cancel_reading(self) -> None:
@@ -139,6 +142,7 @@ class Jobs:
         finished = [job for job in self._jobs if job.future.done()]
         self._jobs = [job for job in self._jobs if job not in finished]
         for job in finished:
+            self.progress.pop(job.slot, None)
             if not job.dropped:
                 self._hand_over(job)
 

@@ -35,6 +35,7 @@ _SLOT = Slot("settings")
 QUALITIES = {"": "Automatic", "fast": "Fast", "software": "Software", "high": "High"}
 LOOKS = {"own": "Own", "contrast": "Contrast", "parts": "Parts"}  # of the character
 CAMERAS = {"follow": "Follow", "orbit": "Orbit"}
+TAKE_ORDERS = {"": "In their order", "name": "By name", "length": "By length", "rating": "By rating"}
 # of the orbit camera
 VIEWS = {"front": "Front", "side": "Side", "three_quarters": "3/4", "feet": "Feet", "top": "Top"}
 # what the mouse does in the view, see `viewer.input.bindings.NAVIGATION`
@@ -107,6 +108,7 @@ class Settings:
         hint="How long the character takes to change from one style to the next",
     )  # fmt: skip
     keep_seconds: float = specified(10.0, 1.0, 300.0, label="%.0f seconds", whole=True, logarithmic=True)
+    takes_order: str = specified("", choices=TAKE_ORDERS)
     export_folder: str = "~/sport-clips"
     export_fps: int = specified(60, choices={60: "60 fps", 30: "30 fps"})
     export_unit: str = specified("cm", choices={"cm": "cm", "m": "m"})

@@ -133,7 +133,8 @@ class Shell:
         size, playing = imgui.get_io().display_size, self.editing.playback is not None
         tracks = extra_rows(self.editing.take, self.editing.part_tracks)
         panels = self.state.panels_open
-        self._layout = arrange(size.x, size.y, scale, panels, playing, self._scene_height, tracks)
+        kept = max(panel.least_height() for panel in self.panels)
+        self._layout = arrange(size.x, size.y, scale, panels, playing, self._scene_height, tracks, kept)
 
     def draw_at(self, scale: float) -> None:
         """Fit and draw every panel, for a pass that only takes input."""

@@ -15,11 +15,10 @@ from runtime.skeleton import SPORT_SKELETON
 TRUNK = ("Hips", "LowerBack", "Spine", "Spine1")
 HEAD = "Head"
 ARMS = ("Shoulder", "Arm", "ForeArm", "Hand", "FingerBase", "HandIndex1")
-AROUND, RISE_M, UP = (
-    32,
-    0.02,
-    16,
-)  # entries round the trunk, height of one, entries from under the head to its top
+# entries round the trunk, height of one, entries from under the head to its top
+AROUND = 32
+RISE_M = 0.02
+UP = 16
 CAP_M = 0.04  # the ends of a trunk's table are rounded over this height
 HEAD_UP_M = 0.06
 SAMPLES = 60_000  # points on the mesh

@@ -220,7 +220,7 @@ def _document(file: GltfFile) -> GLTF2:
     import pygltflib as g
 
     try:
-        gltf = g.GLTF2.gltf_from_json(json.dumps(file.gltf))
+        gltf = g.GLTF2.gltf_from_json(json.dumps(file.gltf, allow_nan=False))
         gltf.animations = []
         return gltf
     except STRUCTURE_ERRORS as error:

@@ -37,10 +37,8 @@ MOST = (0.3, 0.4, 50.0, 50.0, 90.0)  # of each, that is added
 BOTH = (2, len(TARGETS), 2)  # shape: both legs, each target with its weight (0 to 1) and its value times that
 HALF_LIFE = 0.2  # seconds in which an edit follows its measure
 MEASURE_HALF_LIFE = 0.25  # seconds in which a measure follows the pose
-STRIDE_HALF_LIFE, WALKS = (
-    0.5,
-    0.3,
-)  # seconds in which the line of the feet is measured, and from which speed on, m/s
+STRIDE_HALF_LIFE = 0.5  # seconds in which the line of the feet is measured
+WALKS = 0.3  # m/s, from which on it is
 CLEAR_M, PASSING_M = 0.1, 0.3  # a foot passes the other at this distance, while it is so near along the way
 RISE_HALF_LIFE, MOST_RISE = 0.1, 0.05  # seconds, metres: the hips go with legs that stand elsewhere
 TIPTOE_RISE = 0.1  # metres that hips rise per radian of a raised heel: half of what the ankles do

@@ -20,10 +20,9 @@ SOLE_HEIGHTS = (
     TOE_HEIGHT,
 )  # of SOLE_POINTS on a foot that stands flat
 SKATING_HEIGHT_M = 0.025  # H
-STANDING_M_PER_S, STANDING_M = (
-    0.25,
-    0.04,
-)  # of a sole that bears: its speed, and its height over its lowest places,
+# of a sole that bears: its speed, and its height over its lowest places,
+STANDING_M_PER_S = 0.25
+STANDING_M = 0.04
 RESTS = 0.05  # in this fraction of the frames
 
 

@@ -42,6 +42,7 @@ CHUNK = 1024  # frames whose transforms are worked out at once
 # nodes x frames, and keys, that any file may have; and more for each byte of it
 MAX_UNBAKED, FOR_A_BYTE = 500_000, 0.5
 MAX_NAME, MAX_BOUND = 200, 50_000
+MAX_ANIMATIONS, MAX_LOOKED_AT = 2000, 200_000  # and animations x nodes
 REMEDY = "Export it again with its animation baked, or as BVH."
 _PATHS = {"translation": 3, "rotation": 4, "scale": 3}
 
@@ -202,6 +203,9 @@ def _named(file: GltfFile) -> dict[str, Any]:
         animations.setdefault(printable(str(animation.name or f"animation {k + 1}"))[:60], animation)
     if not animations:
         raise file.error("it has no animation.", "Choose a file with one, or open it as a character.")
+    count, nodes = len(animations), len(file.gltf.nodes or [])
+    if count > MAX_ANIMATIONS or count * nodes > MAX_LOOKED_AT:
+        raise file.error(f"{count} animations of {nodes} nodes.", "Export fewer of them.")
     channels = [
         (animation, channel) for animation in animations.values() for channel in animation.channels or []
     ]

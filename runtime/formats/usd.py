@@ -76,7 +76,7 @@ def save_usd(
                 os.utime(part, (PACKED_S, PACKED_S))
             if textures is not None and not UsdUtils.CreateNewUsdzPackage(str(layer), str(packed)):
                 raise FileError(f"{path}: the package was not written.", "Write a .usd instead.")
-        except Tf.ErrorException as error:
+        except (Tf.ErrorException, np.linalg.LinAlgError) as error:
             raise FileError(f"{path}: USD refuses the take ({str(error)[:200]}).", "Write a .glb.") from error
         target.write_bytes((layer if textures is None else packed).read_bytes())
         return describe(take, path) + stage.renamed
@@ -275,7 +275,8 @@ class _Stage:
         skin = self.skins[number or 0]
         place = np.eye(4)
         if number is not None:
-            slots = skin.slots[self._influences(primitive, "JOINTS").astype(int)]
+            joints = self._influences(primitive, "JOINTS").astype(int)
+            slots = skin.slots[np.minimum(joints, len(skin.slots) - 1)]  # of no weight where there are fewer
             weights = self._influences(primitive, "WEIGHTS").astype(np.float64)
             weights /= np.maximum(weights.sum(1, keepdims=True), 1e-9)
         elif carrier >= 0:

@@ -18,7 +18,7 @@ from runtime.feet.foot_lock import Support
 from runtime.feet.leg_edit import LegRequest
 from runtime.motion import features
 from runtime.motion.features import DT, OUTPUT_SIZE, InputParts, OutputParts, split_output
-from runtime.motion.limbs import LEGS, resolve_penetration
+from runtime.motion.limbs import KEYFRAMED, resolve_penetration
 from runtime.motion.model import MotionModel, drifting_noise
 from runtime.motion.pace import CYCLES_PER_SECOND, STANDING_SECONDS, advance_by_cycles
 from runtime.motion.phase import advance_phase, at_rate
@@ -40,10 +40,8 @@ REST_TEMPERATURE = 0.35  # of the temperature, while standing: breathing and shi
 TAKE_OFF_FRAMES = 6  # whose mean velocity a body keeps in the air
 MIN_GAIT_SPEED = 0.3  # m/s; slower, feet may well rest for a while
 CROUCH_SPEED = 0.8  # m/s at full stick
-GATHERED, JOG_START_GAIN = (
-    0.8,
-    1.0,
-)  # fraction of the plan's speed, and the regulator's gain at most until then
+GATHERED = 0.8  # of the plan's speed: slower, a body that starts to jog is still gathering speed
+JOG_START_GAIN = 1.0  # of the regulator at most, until then
 SLOWEST_PLAN = 0.05  # m/s: a body that stops is regulated until then
 FASTEST_LIFT = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
 _PHASES = features.PHASE_OFFSETS + PRESENT
@@ -149,7 +147,7 @@ def _stick(controls: Controls) -> tuple[float, float, float]:
 def _probe(
     model: MotionModel, state: CharacterState, controls: Sequence[Controls], terrain: Terrain
 ) -> list[ObstacleProbe]:
-    """What lies on the ways of the sticks and is not the network's own; every traversal remembers whether it stops."""
+    """The obstacles on the sticks' paths that the network does not cross by itself; every traversal remembers whether it stops."""
     nothing = terrain.steepest * RUN_M < EDGE_M  # no slope of this ground is an edge
     sticks = np.array([_stick(each)[:2] for each in controls])
     size = np.sqrt((sticks * sticks).sum(-1, keepdims=True))
@@ -298,7 +296,10 @@ def _network(
 def _plant(
     state: CharacterState, hips: Array, local: Array, contacts: Array, terrain: Terrain
 ) -> tuple[Array, Array]:
-    """Write the poses to show for the network's, traversal an obstacle or with planted feet; hips and rotations before foot lock."""
+    """Write the poses to show: keyed over an obstacle, else the network's with planted feet.
+
+    Returns hips `(N, 3)` and local rotations `(N, 31, 4)` before the foot lock.
+    """
     unlocked_hips, unlocked_local = hips.copy(), local.copy()
     shown_hips, shown_local, walls = np.empty_like(hips), np.empty_like(local), has_walls(terrain)
     for i, (traversal, feet) in enumerate(zip(state.traversals, state.feet, strict=True)):
@@ -311,7 +312,7 @@ def _plant(
             state.jumps[i].cancel(float(hips[i, 1]))
             if walls:
                 shown_local[i] = resolve_penetration(
-                    shown_hips[i], shown_local[i], state.poses.local[i], terrain, LEGS
+                    shown_hips[i], shown_local[i], state.poses.local[i], terrain, KEYFRAMED
                 )
         else:
             jump = state.jumps[i]

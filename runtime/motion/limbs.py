@@ -5,7 +5,7 @@ Only what is shown: the network goes on with its own pose. On ground without wal
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -49,7 +49,8 @@ LIMBS = (
     Limb(2, 3, (4, 5), (0.06, 0.0), 0.2, (0.0, None), steps=True),
     Limb(7, 8, (9, 10), (0.06, 0.0), 0.2, (0.0, None), steps=True),
 )
-LEGS = LIMBS[2:]
+# while keyframed: hands hold on to edges, and arms are as fast as they must be
+KEYFRAMED = (*(replace(arm, free_m=(0.0,), sunk_m=0.15, turns=(TURN_MOST,)) for arm in LIMBS[:2]), *LIMBS[2:])
 
 
 def resolve_penetration(
@@ -61,7 +62,7 @@ def resolve_penetration(
     faster than `TURN_MOST`.
     """
     result = no_faster(local, before)
-    if limbs is LIMBS:  # arms that are keyframed are as fast as they must be
+    if limbs is LIMBS:
         result = _slowed(result, before, _ARMS, ARM_TURN)
     positions, world = SPORT_SKELETON.forward_kinematics(hips, result)
     for limb in limbs:

@@ -6,12 +6,14 @@ They get names that every system takes (`safe_name`); the glTF then refers to th
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import os
 import re
 import struct
 from pathlib import Path, PurePosixPath
 from typing import Any
+from unicodedata import normalize
 from urllib.parse import quote, unquote
 
 from runtime.atomic import write_atomic
@@ -31,16 +33,21 @@ def read_character_files(path: Path) -> Files:
     """The glTF file first, then buffers and images in its folder and settings of the same name; FileError."""
     main, left = _safe_form(path.name), MAX_ALL_BYTES
     files, names = {main: read_bounded(path, left)}, dict[str, str]()
+    taken = {_one_file(main)}
     for uri in _local_uris(path):
         name = unquote(uri)
-        names[uri] = name if safe_name(name) else f"file {len(names) + 1}{_safe_suffix(name)}"
+        if not safe_name(name) or _one_file(name) in taken:
+            others = (f"file {k}{_safe_suffix(name)}" for k in itertools.count(1))
+            names[uri] = next(other for other in others if other not in taken)
+        taken.add(_one_file(names.setdefault(uri, name)))
         left -= len(files[main])
         files[names[uri]] = read_bounded(path.parent / name, max(left, 0))
     if any(unquote(uri) != name for uri, name in names.items()):
         files[main] = _with_uris(files[main], {uri: quote(name) for uri, name in names.items()})
     for settings in sorted(path.parent.glob("*.json")):
         kept = _settings_name(settings.name, path, main)
-        if kept and kept not in files:
+        if kept and _one_file(kept) not in taken:
+            taken.add(_one_file(kept))
             files[kept] = read_bounded(settings, MAX_FILE_BYTES)
     return files
 
@@ -75,6 +82,11 @@ def _in_folder(path: Path, name: str) -> bool:
         return (path.parent / name).resolve().is_relative_to(path.parent.resolve())
     except (OSError, ValueError, RuntimeError):
         return False
+
+
+def _one_file(name: str) -> str:
+    """The same for names that are one file on some system: they differ in case or in the form of Unicode."""
+    return normalize("NFC", name).casefold()
 
 
 def _safe_form(name: str) -> str:

@@ -251,13 +251,15 @@ class Database:
         if self._thread is None:
             self._let_go()
             return True
-        until = None if seconds is None else time.monotonic() + seconds
-        if not self._ending and not self.flush(None if seconds is None else (1 - HAND_OVER_PART) * seconds):
-            self._hand_over(HAND_OVER_S if until is None else 0.8 * (until - time.monotonic()))
+        begun, limited = time.monotonic(), seconds is not None
+        limit = threading.TIMEOUT_MAX if seconds is None else seconds
+        if not self._ending and not self.flush((1 - HAND_OVER_PART) * limit):
+            self._hand_over(min(0.8 * (limit - (time.monotonic() - begun)), HAND_OVER_S))
         with self._changed:
             self._ending = True
             self._changed.notify_all()
-        self._thread.join(None if until is None else max(until - time.monotonic(), 0.0))
+        left = max(limit - (time.monotonic() - begun), 0.0)
+        self._thread.join(left if self.handed_over is None or not limited else min(left, GATHER_S))
         return self._written >= self._submitted and not self.problem
 
     @property

@@ -14,7 +14,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from enum import Enum
 from functools import cache
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -33,7 +32,7 @@ from runtime.session.character_files import safe_name
 from runtime.session.frames import packed_table, unpacked_table
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.prompt_blend import Answer, PromptBlend
-from runtime.session.session import CharacterChoice, Ground, Session, Take
+from runtime.session.session import MAX_RATING, CharacterChoice, Ground, Session, Take
 from runtime.skeleton import PART_NAMES
 from runtime.takes.camera_keys import MAX_KEYS
 from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, MAX_SIZE, MIN_SIZE
@@ -53,7 +52,6 @@ from runtime.takes.metadata import PromptEvent
 from runtime.takes.own_skeleton import OwnSkeleton
 from runtime.takes.pins import MAX_PINS
 from runtime.takes.pose_edits import PoseEdits
-from runtime.takes.pose_layer import PoseLayer
 from runtime.terrain.files import MAX_HEIGHT_M
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.mesh import MAX_SIDE
@@ -72,7 +70,7 @@ STRUCTURE_ERRORS = (
     KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, RecursionError, MemoryError,
 )  # fmt: skip
 _NOT_KEPT = {(PromptBlend, "shares"), (Answer, "milliseconds"), (Answer, "final"), (Answer, "question")}
-_LATER = {(PoseEdits, "layer")}  # fields that older files lack
+_LATER = {(PoseEdits, "layer"), (Take, "rating"), (Take, "note")}  # fields that older files lack
 _LONG_TEXTS = (PromptEvent, Answer)  # records whose texts are prompts
 
 
@@ -394,6 +392,7 @@ def _check_take(take: Take) -> None:
     many = len(take.cameras) > MAX_KEYS or len(take.path) > MAX_POINTS
     edits = take.poses.pins, take.poses.footplants, take.poses.layer.keys
     _refuse("edits without end", many or max(map(len, edits)) > MAX_PINS)
+    _refuse("a rating", not 0 <= take.rating <= MAX_RATING)
     _refuse("a trim that keeps nothing", take.trim is not None and take.trim[0] >= take.trim[1])
 
 
@@ -401,11 +400,6 @@ def _check_footplant(edit: FootplantEdit) -> None:
     spans = [span for span in (edit.old, edit.new) if span is not None]
     fits = edit.foot in (0, 1) and all(first < end < MAX_FRAME for first, end in spans)
     _refuse("a footplant of no foot or frames", not fits)
-
-
-def _check_layer(layer: PoseLayer) -> None:
-    times = [key.seconds for key in layer.keys]
-    _refuse("pose keys in no order", any(a >= b for a, b in pairwise(times)))
 
 
 def _check_blend(blend: PromptBlend) -> PromptBlend:
@@ -439,7 +433,6 @@ _CHECKS: dict[Any, Callable[[Any], Any]] = {
     Session: _check_session,
     Take: _check_take,
     FootplantEdit: _check_footplant,
-    PoseLayer: _check_layer,
     PromptBlend: _check_blend,
     Answer: _check_answer,
     PromptEvent: _check_event,

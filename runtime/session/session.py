@@ -24,6 +24,7 @@ from runtime.terrain.height_map import Terrain
 
 LIVE = 0  # the number of the live character among the takes
 MIN_FRAMES = 2  # that a trim keeps
+MAX_RATING = 5
 NO_SHAPE, NO_PROMPT = BodyShape(), PromptBlend()
 SHOWN_CLIPS = 6  # takes with pins, plants or mirrored whose frames are kept in memory
 
@@ -100,6 +101,8 @@ class Take:
     prompt: PromptBlend = NO_PROMPT  # of the live character; a motion has its own in its input
     mirrored: bool = False
     color: int = 0  # of its row; 0: none
+    rating: int = 0  # stars of `MAX_RATING`; 0: none
+    note: str = ""  # of the user
     recorded: bool = True  # here, not read from a file
     ground: Ground | None = None  # that it was made on, where that is known
     own: OwnSkeleton | None = field(default=None, compare=False)  # of its file, where another skeleton moved

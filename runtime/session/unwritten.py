@@ -18,11 +18,12 @@ from typing import Any
 
 from runtime.errors import FileError
 from runtime.safe_read import parse_json, read_bounded
-from runtime.session.sqlite_file import LARGE_BYTES, MAX_BYTES, unwritten_files
+from runtime.session.sqlite_file import MAX_BYTES, PER_BYTE, unwritten_files
 from runtime.session.writer import Writer
 
 Change = tuple[str, list[Any], dict[str, Any]]  # a method of `Writer` and what it gets
 CHANGES = ("put_blob", "put_motion", "put_frames", "drop_frames", "put_step", "drop_steps", "set_meta")
+SMALL_BYTES = 64 << 20  # a small file may unfold to so much, see `PER_BYTE`
 MAX_ITEMS = 1 << 25  # commas of texts are counted too
 REMEDY = "Move it away to open the session without its last changes."
 
@@ -92,8 +93,10 @@ def read(path: Path) -> list[Change]:
     changes: list[Change] = []
     for file in sorted(files, key=lambda file: file.stat().st_mtime):
         try:
-            unfold = zlib.decompressobj()
-            text = unfold.decompress(read_bounded(file, MAX_BYTES, REMEDY), LARGE_BYTES)
+            unfold, content = zlib.decompressobj(), read_bounded(file, MAX_BYTES, REMEDY)
+            text = unfold.decompress(content, SMALL_BYTES + PER_BYTE * len(content))
+            if not unfold.eof:
+                raise ValueError("cut off, or it unfolds to more than it may")
             changes += [_change(value) for value in parse_json(text, MAX_ITEMS)]
         except (ValueError, TypeError, KeyError, zlib.error) as error:
             raise FileError(f"{file}: damaged.", REMEDY) from error

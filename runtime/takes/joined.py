@@ -21,7 +21,8 @@ from runtime.takes.clip import Clip
 from runtime.takes.footplants import CONTACT
 from runtime.takes.loop import led_legs
 from runtime.takes.metadata import UNKNOWN, PromptEvent, gait_seconds
-from runtime.takes.root import Placement, root_track
+from runtime.takes.root import Placement, root_track, smooth
+from runtime.terrain.height_map import Terrain
 
 BLEND_S = 0.4  # in which the body's offset goes to zero
 STEP_S = 0.3  # of its time in the air in which a foot comes to its own place
@@ -31,14 +32,20 @@ LIFT, MAX_LIFT_M = 0.2, 0.06  # of such a step, over its length
 FASTEST, FASTEST_TURN = 2.0, 6.0  # m/s and rad/s of an offset at the seam
 
 
-def joined(first: Clip, second: Clip) -> Clip:
-    """The second clip after the first: its first frame is the first clip's last one. UsageError for other sizes."""
+Grounds = tuple[Terrain, Terrain]  # of the first clip, on which the result walks, and of the second
+
+
+def joined(first: Clip, second: Clip, grounds: Grounds | None = None) -> Clip:
+    """The second clip after the first: its first frame is the first clip's last one. UsageError for other sizes.
+
+    With `grounds` the second one's feet are as high over the first one's ground as they were over their own.
+    """
     if first.size != second.size:
         raise UsageError("The takes are of bodies of different sizes.", "Join takes of one character.")
     second = second.resampled(first.fps)
     same = _meet(first, second)
     if not same and min(len(first), len(second)) > 1:
-        second = _continued(first, _placed(first, second))
+        second = _continued(first, _placed(first, second, grounds))
     gaits = None
     if first.gaits is not None and second.gaits is not None:
         gaits = np.concatenate([first.gaits, second.gaits[1:]])
@@ -63,31 +70,57 @@ def _meet(first: Clip, second: Clip) -> bool:
     )
 
 
-def repeated(clip: Clip, times: int) -> Clip:
-    """The clip so many times, each going on where the one before ends."""
-    return reduce(joined, [clip] * times)
+def repeated(clip: Clip, times: int, ground: Terrain | None = None) -> Clip:
+    """The clip so many times, each going on where the one before ends, on its `ground`."""
+    grounds = None if ground is None else (ground, ground)
+    return reduce(lambda before, again: joined(before, again, grounds), [clip] * times)
 
 
-def without(clip: Clip, first: int, last: int) -> Clip:
+def without(clip: Clip, first: int, last: int, ground: Terrain | None = None) -> Clip:
     """The clip without the frames between `first` and `last`; UsageError where nothing is left."""
     kept = [clip.trim(0, first)] if first > 0 else []
     kept += [clip.trim(last, len(clip) - 1)] if last < len(clip) - 1 else []
     if not kept:
         raise UsageError("Nothing would be left.", "Trim to the frames that are to be cut out.")
-    return joined(*kept) if len(kept) == 2 else kept[0]
+    grounds = None if ground is None else (ground, ground)
+    return joined(kept[0], kept[1], grounds) if len(kept) == 2 else kept[0]
 
 
 def _words(event: PromptEvent) -> tuple[str, str]:
     return event.prompt, event.words
 
 
-def _placed(first: Clip, second: Clip) -> Clip:
-    """The second clip, turned and moved so that its root goes on from where the first one's ends."""
+def _placed(first: Clip, second: Clip, grounds: Grounds | None) -> Clip:
+    """The second clip, turned and moved so that its root goes on from where the first one's ends, on that ground."""
     before, after = root_track(first), root_track(second)
     turn = float(before.yaw[-1] - after.yaw[0])
     turned = Placement(turn).points(after.positions[0])
     x, y, z = (float(v) for v in before.positions[-1] - turned)
-    return Placement(turn, (x, y, z)).clip(second)
+    placed = Placement(turn, (x, y, z)).clip(second)
+    return placed if grounds is None else _on_ground(placed, second, grounds)
+
+
+def _on_ground(moved: Clip, before: Clip, grounds: Grounds) -> Clip:
+    """A clip that was moved, with its feet as high over the first ground as they were `before` over the second."""
+    (places, turns), was = moved.world(), before.world()[0][:, LEG_FEET].astype(np.float64)
+    ankles, feet = places[:, LEG_FEET].astype(np.float64), turns[:, LEG_FEET].astype(np.float64)
+    now, own = (ground.seen_by(moved.size) for ground in grounds)
+    targets = ankles.copy()
+    targets[..., 1] = was[..., 1] - own.height(was[..., 0], was[..., 2])
+    targets[..., 1] += now.height(ankles[..., 0], ankles[..., 2])
+    rises = targets[..., 1] - ankles[..., 1]
+    if np.abs(rises).max() < SAME:
+        return moved
+    hips = moved.hips_positions.astype(np.float64)
+    body = hips, moved.local_rotations.astype(np.float64)
+    raised = hips.copy()
+    raised[:, 1] += smooth(rises.min(axis=1)[:, None], moved.fps)[:, 0]
+    solved = led_legs((raised, body[1].copy()), (targets, feet), body, (ankles, feet))
+    return replace(
+        moved,
+        hips_positions=raised.astype(np.float32),
+        local_rotations=rotations.normalize(solved).astype(np.float32),
+    )
 
 
 def _continued(first: Clip, second: Clip) -> Clip:

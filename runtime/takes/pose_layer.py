@@ -7,9 +7,11 @@ the feet: where the hips move, the feet stay planted.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -28,6 +30,7 @@ KNEES = {3: (2, 4), 8: (7, 9)}  # shin: thigh and foot
 LEG_M = float(np.linalg.norm(SPORT_SKELETON.offsets[[3, 4]], axis=1).sum())
 DEFAULT_EASE_S, MAX_EASE_S, MAX_TIME_S = 0.3, 60.0, 36_000.0
 MAX_KEYS = 1000
+APART_S = 1e-6  # of two keys: a curve between nearer ones overflows
 MAX_TURN, MAX_MOVE_M = 7.0, 10.0  # radians, metres
 REMEDY = "Undo, or delete the key and set it again."
 
@@ -108,6 +111,9 @@ def _with(values: tuple[JointValue, ...], joint: int, vector: Array) -> tuple[Jo
     return tuple(sorted([*kept, JointValue(joint, x, y, z)], key=lambda value: value.joint))
 
 
+Point = tuple[PoseKey, Array]  # of a joint's curve: the key, and the value (3,)
+
+
 @dataclass(frozen=True)
 class PoseLayer:
     """Keys in the order of their times. `keeps`: what the last key of a joint says holds to the end of the take."""
@@ -123,6 +129,8 @@ class PoseLayer:
                 f"A pose layer that eases in {self.ease_in:g} and {self.ease_out:g} s.",
                 f"Choose 0 to {MAX_EASE_S:g} s.",
             )
+        if any(not after.seconds - key.seconds >= APART_S for key, after in pairwise(self.keys)):
+            raise UsageError("Pose keys at the same time, or in no order.", REMEDY)
 
     def __bool__(self) -> bool:
         return bool(self.keys)
@@ -140,19 +148,27 @@ class PoseLayer:
 
     def turned_joints(self) -> list[int]:
         """Joints with a curve of turns."""
-        return sorted({value.joint for key in self.keys for value in key.turns})
+        return sorted(self._turns)
 
     def moved_joints(self) -> list[int]:
         """Joints with a curve of shifts."""
-        return sorted({value.joint for key in self.keys for value in key.moves})
+        return sorted(self._moves)
 
     def turns(self, joint: int, seconds: Array) -> Array:
         """The curve of a joint's turn at times `(T,)`: rotation vectors `(T, 3)`."""
-        return self._curve([(key, key.turn(joint)) for key in self.keys if _holds(key.turns, joint)], seconds)
+        return self._curve(self._turns.get(joint, []), seconds)
 
     def moves(self, joint: int, seconds: Array) -> Array:
         """The curve of a shift at times `(T,)`: metres `(T, 3)`."""
-        return self._curve([(key, key.move(joint)) for key in self.keys if _holds(key.moves, joint)], seconds)
+        return self._curve(self._moves.get(joint, []), seconds)
+
+    @cached_property
+    def _turns(self) -> dict[int, list[Point]]:
+        return _by_joint([(key, key.turns) for key in self.keys])
+
+    @cached_property
+    def _moves(self) -> dict[int, list[Point]]:
+        return _by_joint([(key, key.moves) for key in self.keys])
 
     def between(self, seconds: float) -> PoseKey:
         """What the layer adds at a time, as a key."""
@@ -180,7 +196,7 @@ class PoseLayer:
         """The layer without a key."""
         return replace(self, keys=tuple(one for one in self.keys if one is not key))
 
-    def _curve(self, points: list[tuple[PoseKey, Array]], seconds: Array) -> Array:
+    def _curve(self, points: list[Point], seconds: Array) -> Array:
         if not points:
             return np.zeros((len(seconds), 3))
         times = [key.seconds for key, _ in points]
@@ -201,8 +217,12 @@ class PoseLayer:
 NO_LAYER = PoseLayer()
 
 
-def _holds(values: Iterable[JointValue], joint: int) -> bool:
-    return any(value.joint == joint for value in values)
+def _by_joint(keys: list[tuple[PoseKey, tuple[JointValue, ...]]]) -> dict[int, list[Point]]:
+    found: dict[int, list[Point]] = {}
+    for key, values in keys:
+        for value in values:
+            found.setdefault(value.joint, []).append((key, value.vector))
+    return found
 
 
 def _hermite(times: Array, values: Array, tangents: Sequence[Tangent], at: Array) -> Array:

@@ -41,11 +41,9 @@ from runtime.traversal.obstacle_probe import (
 SOON_S = 0.08  # the next landing takes at least so long: a step may be slower than the last ones
 SETTING_OFF = 0.3  # m/s: slower, the first steps are short and quick
 STRIDE_S = (0.5, 2.2)  # seconds that a stride of two steps may take
-WALKED_S, JOGGED_S, JOGS = (
-    1.05,
-    0.75,
-    1.8,
-)  # of a stride at a neutral walk, and a jog: faster than so many m/s
+WALKED_S = 1.05  # of a stride at a neutral walk,
+JOGGED_S = 0.75  # and at a jog,
+JOGS = 1.8  # which is faster than so many m/s
 SHORTEST_S = 0.25  # between two landings of one foot
 AGAIN = 0.8  # of a stride, until the same foot may come down twice running
 TURNING = 0.15  # fraction of a frame in the mean velocity

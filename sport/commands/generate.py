@@ -40,7 +40,7 @@ def add(commands: Subparsers) -> None:
 def _add_style(generate: argparse.ArgumentParser) -> None:
     style = generate.add_mutually_exclusive_group()
     style.add_argument("--prompt", metavar="TEXT", help="how the character moves")
-    style.add_argument("--prompts", metavar="LIST", help='prompts with times: "0:walk calmly; 4:drunk"')
+    style.add_argument("--prompts", metavar="LIST", help='prompts with times: "0:walk calmly; 4:a zombie"')
     style.add_argument("--parts", type=Path, metavar="JSON", help="file that says what six body parts do")
     add_blend(generate)
     generate.add_argument(

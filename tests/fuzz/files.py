@@ -21,6 +21,7 @@ from runtime.formats.gltf_motion import contents, read_gltf_motion
 from runtime.formats.prepare import ExportOptions, prepare
 from runtime.formats.reference import open_take
 from runtime.formats.sidecar import format_metadata
+from runtime.formats.usd import save_usd
 from runtime.pose import Pose
 from runtime.prompts.blend import read_words
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
@@ -174,6 +175,11 @@ def _load(path: Path) -> None:
         name.encode()
 
 
+def _to_usd(folder: Path, data: bytes) -> None:
+    options = ExportOptions(character=put(folder, "input.glb", data), fps=30.0)
+    save_usd(prepare(clip(), options, None), folder / "take.usd", options, None)
+
+
 def _image(kind: str) -> bytes:
     out = io.BytesIO()
     pixels = np.random.default_rng(2).integers(0, 255, (16, 16, 3), np.uint8)
@@ -279,6 +285,7 @@ TARGETS = (
     Target("motion .glb", _motion_seeds, damaged_glb, _read_motion),
     Target("character .glb", _glb_seeds, damaged_glb, lambda f, d: _load(put(f, "input.glb", d)), 2.0),
     Target("character .gltf", _gltf_seeds, damaged_json, lambda f, d: _load(put(f, "input.gltf", d))),
+    Target("character to USD", _glb_seeds, damaged_glb, _to_usd, 0.3),
     Target("texture", _texture_seeds, damaged_png, _read_texture),
     Target("joint map", _map_seeds, damaged_json, lambda f, d: read_joint_map(put(f, "input.json", d))),
     Target("ground .png", _png_seeds, damaged_png, lambda f, d: _ground(".png", d, f)),

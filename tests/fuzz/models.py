@@ -83,6 +83,11 @@ def _encoder_seeds(folder: Path) -> list[bytes]:
     return [name.encode() for name in _ENCODER_FILES]
 
 
+def _pieces_seeds(folder: Path) -> list[bytes]:
+    write_text_encoder(folder / "good", unigram=True)
+    return [b"tokenizer.json"]
+
+
 def _read_encoder(folder: Path, data: bytes) -> None:
     name, seed = (data.decode() + " 0").split()[:2]
     good, target = folder / "good", folder / "input"
@@ -93,7 +98,7 @@ def _read_encoder(folder: Path, data: bytes) -> None:
     (target / name).write_bytes(damage(random.Random(seed), (good / name).read_bytes()))
     encoder = TextEncoder(target)
     encoder.name.encode()
-    vectors = encoder.encode(["a proud walk", "left", "x " * 300])
+    vectors = encoder.encode(["a proud walk", "ein müder König, 疲れた", "x " * 300])
     assert np.isfinite(vectors).all()
     assert vectors.shape == (3, encoder.dimensions)
 
@@ -166,5 +171,6 @@ TARGETS = (
     Target("model metadata", _metadata_seeds, damaged_json, _read_metadata, 0.5),
     Target("model graphs", _graph_seeds, _damaged_graph, _read_graph, 0.5),
     Target("text encoder", _encoder_seeds, _damaged_graph, _read_encoder, 0.5),
+    Target("tokenizer of pieces", _pieces_seeds, _damaged_graph, _read_encoder, 0.5),
     Target("endpoint on the wire", _wire_seeds, damaged_text, _ask, 0.2),
 )

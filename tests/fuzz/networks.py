@@ -77,14 +77,22 @@ def write_model(folder: Path) -> Path:
     return folder
 
 
-def write_text_encoder(folder: Path) -> Path:
-    """A text encoder of `DIMENSIONS` numbers whose tokenizer knows a dozen words."""
-    from tokenizers import Tokenizer, models, pre_tokenizers
+def write_text_encoder(folder: Path, unigram: bool = False) -> Path:
+    """A text encoder of `DIMENSIONS` numbers whose tokenizer knows a dozen words; `unigram`: pieces, as for many languages."""
+    from tokenizers import Tokenizer, models, normalizers, pre_tokenizers
 
     folder.mkdir(parents=True, exist_ok=True)
     words = ["[UNK]", "a", "walk", "proud", "drunk", "left", "right", "arm", "leg", "torso", "head", "slowly"]
     tokenizer = Tokenizer(models.WordLevel({word: i for i, word in enumerate(words)}, unk_token="[UNK]"))
     tokenizer.pre_tokenizer = pre_tokenizers.Whitespace()
+    if unigram:
+        pieces = [(f"\u2581{word}", -1.0 - k / 10) for k, word in enumerate(words)] + [
+            ("é", -4.0),
+            ("a", -5.0),
+        ]
+        tokenizer = Tokenizer(models.Unigram([("<unk>", 0.0), *pieces], unk_id=0, byte_fallback=False))
+        tokenizer.normalizer = normalizers.NFKC()
+        tokenizer.pre_tokenizer = pre_tokenizers.Metaspace()
     (folder / "tokenizer.json").write_text(tokenizer.to_str(), encoding="utf-8")
     ids = (TensorProto.INT64, ["batch", "length"])
     graph = _graph(

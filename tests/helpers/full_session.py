@@ -139,7 +139,7 @@ def full_session(cache: Path, source: Path) -> Session:
     cameras = (CameraKey(0.0, 0.5, 0.25, 4.0), CameraKey(1.0, 1.5, 0.25, 3.0, 0.5, 0.0, 0.25))
     clip, inputs = driven_take()
     takes = [
-        Take(motion=Motion.of(clip, inputs), name="my take ü", trim=(3, 70), poses=poses, cameras=cameras, path=path,
+        Take(motion=Motion.of(clip, inputs), name="my take ü", rating=4, note="for the queen", trim=(3, 70), poses=poses, cameras=cameras, path=path,
              color=3, ground=ground),
         Take(motion=Motion.of(replace(still(20, "of a file"), placed=None, size=0.5)), recorded=False,
              own=OwnSkeleton((-1, 0, 1, 1), points)),

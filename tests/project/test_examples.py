@@ -15,6 +15,10 @@ import numpy as np
 import pytest
 
 from runtime.formats.bvh_clip import load_clip_bvh
+from runtime.motion.model import load_model
+from runtime.prompts.leg_targets import edited_legs
+from runtime.prompts.phrasing import adherence_of
+from runtime.prompts.prompter import Prompter
 from runtime.terrain.library import load_terrain
 from tests.helpers.documents import ROOT, text_of
 
@@ -69,7 +73,7 @@ def test_02_drive_by_code(tmp_path: Path, run: Callable[[str], str]) -> None:
     shown = run("02_drive_by_code.py")
     assert "0 way points left" in shown
     clip = load_clip_bvh(tmp_path / "way.bvh")
-    assert [event.prompt for event in clip.prompts] == ["a proud queen", "a drunk person"]
+    assert [event.prompt for event in clip.prompts] == ["a proud queen", "a limping old man"]
     assert clip.hips_positions[-1, 2] > 4.0
 
 
@@ -117,3 +121,14 @@ def test_07_evaluate_model(run: Callable[[str], str]) -> None:
     distances = re.findall(r": ([\d.]+), ([\d.]+)$", shown, re.M)
     assert len(distances) == 3
     assert all(float(seeds) < float(styles) for seeds, styles in distances)
+
+
+def test_prompts_of_the_documents_are_shown_by_the_shipped_model() -> None:
+    model = load_model()
+    library, adherence = Prompter(model).library, adherence_of(model.name)
+    documents = "".join(map(text_of, [ROOT / "README.md", *(ROOT / "docs" / "guide").glob("*.md")]))
+    prompts = set(re.findall(r'--(?:prompt|blend) "([^"]+)"', documents)) - {"ein müder Soldat"}
+    assert len(prompts) >= 5
+    for prompt in prompts:
+        words = library.expand(prompt).descriptions
+        assert adherence.note(words, edited_legs(words)) == "", prompt

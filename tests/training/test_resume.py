@@ -41,28 +41,28 @@ def with_words(texts):  # noqa: F811
     return replace(texts, sentences=[["a", "b"]] * 6, embeddings=[words] * 6, index=index)
 
 
-def run(stage: str, out: Path, frames, table, texts) -> bytes:  # noqa: F811
+def run(stage: str, out: Path, frames, table, texts, steps=STEPS, recorded=False) -> bytes:  # noqa: F811
     """What the stage leaves, as bytes."""
-    session = Session(out, torch.device("cpu"), checkpoint_seconds=0.0)
+    session = Session(out, torch.device("cpu"), recorded=recorded, checkpoint_seconds=0.0)
     weights = sampling_weights(table)
     if stage == "phase":
-        phase.run(session, CONFIG, table, weights, StageLength(STEPS, 8))
+        phase.run(session, CONFIG, table, weights, StageLength(steps, 8))
     elif stage == "content":
         known = content.ContentData(table, frames, weights, with_words(texts))
-        content.run(session, CONFIG, known, StageLength(STEPS, 4))
+        content.run(session, CONFIG, known, StageLength(steps, 4))
     elif stage == "stage2":
-        motion.run_stage2(session, CONFIG, data(frames, table), StageLength(STEPS, 16))
+        motion.run_stage2(session, CONFIG, data(frames, table), StageLength(steps, 16))
     elif stage == "ground":
         torch.manual_seed(4)
         neutral = np.zeros((6, CONFIG.style_size // 6), np.float32)
         known, courses = data(frames, table), data(frames, table)
-        ground.run_ground(session, known, courses, motion.Generator(CONFIG), neutral, StageLength(STEPS, 16))
+        ground.run_ground(session, known, courses, motion.Generator(CONFIG), neutral, StageLength(steps, 16))
     else:
         torch.manual_seed(4)
         generator = motion.Generator(CONFIG)
-        motion.run_stage3(session, data(frames, table), generator, StageLength(STEPS, 16))
+        motion.run_stage3(session, data(frames, table), generator, StageLength(steps, 16))
     saved = load_checkpoint(out / f"{stage}.pt")
-    assert saved["step"] == STEPS
+    assert saved["step"] == steps
     return b"".join(saved["average"][name].numpy().tobytes() for name in sorted(saved["average"]))
 
 
@@ -75,11 +75,11 @@ def test_a_killed_stage_goes_on_to_the_same_bytes(stage, frames, table, texts, t
     optimise = training_session._optimise
     done = []
 
-    def killed_at_the_fourth(state, total) -> None:
+    def killed_at_the_fourth(state) -> None:
         if len(done) == 3:
             raise Killed
         done.append(state.step)
-        optimise(state, total)
+        optimise(state)
 
     monkeypatch.setattr(training_session, "_optimise", killed_at_the_fourth)
     with pytest.raises(Killed):

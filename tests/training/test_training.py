@@ -99,7 +99,23 @@ def test_lanes_can_begin_in_the_pose_of_another_clip(frames, monkeypatch):
 
 
 def test_lanes_restart_at_the_end_of_their_clip(frames):
-    end = int(frames.last[0])
-    lanes = RolloutLanes(frames, 1, 1e9, iter([torch.tensor([end - 1]), torch.tensor([50])]))
-    lanes.advance(torch.zeros(1, 473), torch.zeros(1, 473))
-    assert lanes.rows.tolist() == [50]
+    end, y = int(frames.last[0]), torch.zeros(1, 473)
+    lanes = RolloutLanes(
+        frames, 1, 1e9, iter([torch.tensor([end - 6]), torch.tensor([40]), torch.tensor([50])])
+    )
+    seen = []
+    for _ in range(9):
+        lanes.draw()
+        seen.append(int(lanes.rows[0]))
+        lanes.advance(y, y)
+    assert seen == [
+        end - 6,
+        end - 5,
+        end - 4,
+        end - 3,
+        40,
+        41,
+        42,
+        43,
+        44,
+    ]  # every fourth frame, before the end

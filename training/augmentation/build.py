@@ -12,6 +12,8 @@ import argparse
 import json
 import logging
 from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -174,21 +176,19 @@ def _near(patches: Patches, hips: np.ndarray, margin: float = 2.5) -> Patches:
 
 
 def build_layers(clips: Path, out: Path, count: int, seed: int = 0) -> dict[str, dict]:
-    """Write `count` layered clips and `layers.json` into `out`; returns the entries by clip name.
+    """Write `count` layered clips and `layers.json` into `out`, on all cores; returns the entries by clip name.
 
     Each has random numbers of its own, so that a build that was interrupted goes on to the same clips.
     """
-    pool = Pool(clips)
-    styles = style_library(asset_path("prompts/styles.json"))
+    _sources(clips)  # read once, for all processes
     out.mkdir(parents=True, exist_ok=True)
     made = out / _MADE
     entries = _made_so_far(made)
-    with made.open("a", encoding="utf-8") as lines:
-        for number in range(len(entries), count):
-            clip, entry = _one_layer(pool, styles, number, seed)
-            clip.save(out)
-            entries[clip.name] = entry
-            lines.write(json.dumps([clip.name, entry]) + "\n")
+    with made.open("a", encoding="utf-8") as lines, ProcessPoolExecutor() as processes:
+        build = partial(_one_layer, clips, out, seed)
+        for name, entry in processes.map(build, range(len(entries), count), chunksize=8):
+            entries[name] = entry
+            lines.write(json.dumps([name, entry]) + "\n")
             lines.flush()
             if len(entries) % 200 == 0:
                 log.info("%d of %d layered clips", len(entries), count)
@@ -206,14 +206,19 @@ def _made_so_far(path: Path) -> dict[str, dict]:
     return dict(json.loads(line) for line in whole)
 
 
-def _one_layer(
-    pool: Pool, styles: dict[str, dict], number: int, seed: int
-) -> tuple[TrainingClip, dict[str, object]]:
-    random = np.random.default_rng([seed, number])
+@lru_cache(1)
+def _sources(clips: Path) -> tuple[Pool, dict[str, dict]]:
+    return Pool(clips), style_library(asset_path("prompts/styles.json"))
+
+
+def _one_layer(clips: Path, out: Path, seed: int, number: int) -> tuple[str, dict[str, object]]:
+    """Write a layered clip into `out`; its name and entry."""
+    random, (pool, styles) = np.random.default_rng([seed, number]), _sources(clips)
     while True:
         built = build_layer(pool, styles, f"layer_{number:05d}", random)
         if built is not None and np.isfinite(built[0].local).all():
-            return built
+            built[0].save(out)
+            return built[0].name, built[1]
 
 
 def report(entries: dict[str, dict], captured: int, rhythm: str = "") -> str:

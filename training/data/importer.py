@@ -1,4 +1,4 @@
-"""Import motion archives: `python -m training.data.importer --data DIR --out DIR [--workers 2]`.
+"""Import motion archives: `python -m training.data.importer --data DIR --out DIR`.
 
 Every file is read, retargeted, labelled, cut, its feet are cleaned, and ground is put under it. What differs between
 archives is in `training.data.sources`.
@@ -35,10 +35,10 @@ MAX_ARCHIVE_BYTES = 4 << 30  # unpacked
 _PFNN_GAITS = (Gait.STAND, Gait.WALK, Gait.JOG, Gait.JOG, Gait.CROUCH, Gait.JUMP, Gait.CROUCH, Gait.OTHER)
 
 
-def import_all(data: Path, out: Path, workers: int = 2, free_only: bool = False) -> Report:
+def import_all(data: Path, out: Path, workers: int | None = None, free_only: bool = False) -> Report:
     """Retarget everything below `data` to `out/clips` and write `out/report.json`. FileError when nothing is there.
 
-    `free_only` leaves out archives with a non-commercial licence.
+    `free_only` leaves out archives with a non-commercial licence. `workers` are processes, by default one a core.
     """
     clips, refused = list_clips(unpack(data, out / "unpacked"), free_only)
     folder = out / "clips"
@@ -84,8 +84,8 @@ def _unpack(archive: Path, target: Path) -> None:
         raise FileError(f"{archive}: {error}.", "Fetch the archive again.") from error
 
 
-def _run(jobs: list[ImportJob], workers: int) -> Iterable[tuple[list[ClipSummary], list[Refusal]]]:
-    if workers <= 1:
+def _run(jobs: list[ImportJob], workers: int | None) -> Iterable[tuple[list[ClipSummary], list[Refusal]]]:
+    if workers == 1:
         yield from map(import_clip, jobs)
         return
     with ProcessPoolExecutor(workers) as pool:
@@ -325,7 +325,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", type=Path, required=True, help="folder with the archives or their contents")
     parser.add_argument("--out", type=Path, required=True, help="where clips/ and report.json go")
-    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--workers", type=int, help="processes (default: one a core)")
     parser.add_argument("--report", type=Path, help="also write the report as Markdown to this file")
     options = parser.parse_args()
     report = import_all(options.data, options.out, options.workers)

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from runtime.skeleton import PART_JOINTS, PART_NAMES, J
+from training.gpu import constant
 from training.presets import ModelConfig
 from training.text.clip_measures import signs_of
 
@@ -190,7 +191,7 @@ def pose_statistics(joints: Tensor) -> list[Tensor]:
     """
     mean, deviation = joints.mean(1), joints.std(1)
     both = torch.cat([mean, deviation], dim=-1)
-    return [both[:, list(PART_JOINTS[name])].flatten(1) for name in PART_NAMES]
+    return [both[:, constant(PART_JOINTS[name], both.device)].flatten(1) for name in PART_NAMES]
 
 
 class StatisticsReader(nn.Module):

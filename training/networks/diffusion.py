@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from torch import Tensor
+
+from training.gpu import constant
 
 
 @dataclass(frozen=True)
@@ -22,6 +23,10 @@ class Schedule:
         beta = np.linspace(first, last, steps)
         return Schedule(np.concatenate([[1.0], np.cumprod(1.0 - beta)]))
 
+    def alpha_bars(self, like: Tensor) -> Tensor:
+        """`alpha_bar` `(N + 1,)` on the device and in the precision of `like`."""
+        return constant(self.alpha_bar.tolist(), like.device, like.dtype)
+
     def subsequence(self, count: int) -> NDArray[np.int64]:
         """tau: `count` evenly spaced steps that end at N."""
         n = len(self.alpha_bar) - 1
@@ -30,15 +35,13 @@ class Schedule:
 
 def add_noise(schedule: Schedule, clean: Tensor, step: Tensor, noise: Tensor) -> Tensor:
     """q(Z_n | Z_0): codes `(B, K, n)` at step `(B,)`."""
-    alpha_bar = torch.as_tensor(schedule.alpha_bar, dtype=clean.dtype, device=clean.device)[step]
-    alpha_bar = alpha_bar[:, None, None]
+    alpha_bar = schedule.alpha_bars(clean)[step][:, None, None]
     return alpha_bar.sqrt() * clean + (1.0 - alpha_bar).sqrt() * noise
 
 
 def noise_estimate(schedule: Schedule, noisy: Tensor, clean: Tensor, step: Tensor) -> Tensor:
     """epsilon_theta from the predicted Z_0, Eq. 6 solved for the noise."""
-    alpha_bar = torch.as_tensor(schedule.alpha_bar, dtype=noisy.dtype, device=noisy.device)[step]
-    alpha_bar = alpha_bar[:, None, None]
+    alpha_bar = schedule.alpha_bars(noisy)[step][:, None, None]
     return (noisy - alpha_bar.sqrt() * clean) / (1.0 - alpha_bar).sqrt()
 
 

@@ -12,8 +12,9 @@ from torch import Tensor
 from runtime.motion.features import OUTPUT
 from training import losses as terms
 from training.batches import FrameTensors, RandomRows
-from training.composition import Composer, CompositionPlan
+from training.composition import Composer, CompositionPlan, weighted
 from training.frames import FIRST_OF_UPPER, FrameTable
+from training.gpu import Losses, rows_of
 from training.networks.content import (
     SEQUENCE_LENGTH,
     ContentEncoder,
@@ -72,12 +73,14 @@ class Sequences:
         index = start[:, None] + STRIDE * torch.arange(SEQUENCE_LENGTH, device=start.device)
         joints, root = self._split(self.y[index].float(), self.ground[index])
         if plan is not None and self.composer is not None:
-            at = plan.changed.any(1).nonzero()[:, 0]
+            changed = plan.changed.any(1)
+            at = rows_of(changed)
             pose = self.composer.poses(index[at].flatten(), plan[at].repeated(SEQUENCE_LENGTH))[0]
             heights = self.ground[index[at]].flatten()
             pose.positions[..., 1] -= heights[:, None]
-            upper = torch.cat([pose.positions, pose.rotations], dim=-1)
-            joints[at, :, FIRST_OF_UPPER:] = upper.unflatten(0, (len(at), SEQUENCE_LENGTH))
+            upper = torch.cat([pose.positions, pose.rotations], dim=-1).unflatten(0, (-1, SEQUENCE_LENGTH))
+            own = joints[at, :, FIRST_OF_UPPER:]
+            joints[at, :, FIRST_OF_UPPER:] = torch.where(changed[at, None, None, None], upper, own)
         return (joints - self.joint_mean) / self.joint_deviation, root / self.root_deviation
 
 
@@ -92,46 +95,27 @@ class ContentWindows:
     plan: CompositionPlan
     clips: Tensor
 
-
-class DrawnWindows:
-    """Endless batches of windows inside one clip."""
-
-    def __init__(
-        self, frames: FrameTensors, weights: np.ndarray, batch: int, generator: torch.Generator
-    ) -> None:
-        long_enough = (frames.last - frames.first).cpu().numpy() >= SPAN
-        self._rows = RandomRows(weights * long_enough, batch, 0, frames.last, generator)
-        self._frames = frames
-
-    def __iter__(self) -> DrawnWindows:
-        return self
-
-    def __next__(self) -> ContentWindows:
-        frames, rows = self._frames, next(self._rows)
+    @staticmethod
+    def around(frames: FrameTensors, rows: Tensor) -> ContentWindows:
+        """Windows inside the clips of frames `rows` `(B,)`, composed at random."""
         start = torch.maximum(torch.minimum(rows, frames.last[rows] - SPAN), frames.first[rows])
         plan = frames.plan(start, SPAN)
         return ContentWindows(start, plan, plan.words(frames.clip[start]))
 
-    def state_dict(self) -> dict[str, Tensor]:
-        return self._rows.state_dict()
-
-    def load_state_dict(self, state: dict[str, Tensor]) -> None:
-        self._rows.load_state_dict(state)
-
 
 @dataclass
 class Measured:
-    """What every clip does, six tensors `(clips, n)`, and how often each clip is drawn."""
+    """What every clip does, six tensors `(clips, n)`, and cumulative weights `(clips,)` by which they are drawn."""
 
     values: list[Tensor]
-    weights: Tensor
+    cumulative: Tensor
 
     @staticmethod
     def read(folder: Path, table: FrameTable, weights: np.ndarray, device: torch.device) -> Measured:
         """Measure the clips of `table` in `folder`; those that hold many of the frames drawn count most."""
         values = [torch.as_tensor(v).to(device) for v in clip_values(folder, table.names)]
         of_clips = np.bincount(table.clip, weights, len(table.names))
-        return Measured(values, torch.as_tensor(of_clips, dtype=torch.float32, device=device))
+        return Measured(values, torch.as_tensor(np.cumsum(of_clips), dtype=torch.float64, device=device))
 
     def of(self, clips: Tensor) -> list[Tensor]:
         """The values of clips `(B,)`, or `(B, 6)` of every part's own."""
@@ -146,17 +130,19 @@ class ContentLosses:
         module: ContentEncoder,
         config: ModelConfig,
         sequences: Sequences,
-        batches: DrawnWindows,
+        batch: int,
         data: ContentData,
     ) -> None:
-        self.measured = data.measured
-        self.module, self.config, self.sequences, self.batches = module, config, sequences, batches
+        self.measured, self.frames, self.batch = data.measured, data.frames, batch
+        self.module, self.config, self.sequences = module, config, sequences
         device = sequences.y.device
         self.embeddings = [torch.as_tensor(e).to(device) for e in data.texts.embeddings]
         self.index = torch.as_tensor(data.texts.index).to(device)
         self.keys = torch.as_tensor(data.texts.keys).to(device)
 
-    def __call__(self, item: ContentWindows, step: int) -> dict[str, Tensor]:
+    def __call__(self, rows: Tensor) -> Losses:
+        """Of windows around the first `batch` frames; words are also read for those around the others."""
+        item = ContentWindows.around(self.frames, rows[: self.batch])
         clips = item.clips
         joints, root = self.sequences(item.start, item.plan)
         target = torch.cat([joints.flatten(-2), root], -1)
@@ -174,7 +160,8 @@ class ContentLosses:
         contrast, weights = 0.5 * whole + parts, (LAMBDA_CONTRAST, LAMBDA_KL, LAMBDA_EMBEDDING)
         result["total"] = terms.stage1(result["recon"], contrast, result["kl"], result["embedding"], weights)
         if self.module.statistics is not None:
-            result |= self._statistics(self.module.statistics, motion, joints)
+            others = ContentWindows.around(self.frames, rows[self.batch :])
+            result |= self._statistics(self.module.statistics, motion, joints, others)
             both = result["statistics"] + result["text_statistics"]
             result["total"] = result["total"] + LAMBDA_STATISTICS * both
         if self.module.measures is not None and self.measured is not None:
@@ -204,16 +191,16 @@ class ContentLosses:
     ) -> Tensor:
         """Of the windows' codes, and of the words of many clips."""
         own = terms.statistics(measured.of(clips), reader(motion.mean))
-        drawn = torch.multinomial(measured.weights, MEASURED_CLIPS, replacement=True)
+        drawn = weighted(measured.cumulative, (MEASURED_CLIPS,))
         return own + terms.statistics(measured.of(drawn), reader(self.text(drawn, MEASURED_NOISE).mean))
 
-    def _statistics(self, reader: StatisticsReader, motion: Gaussian, joints: Tensor) -> dict[str, Tensor]:
+    def _statistics(
+        self, reader: StatisticsReader, motion: Gaussian, joints: Tensor, others: ContentWindows
+    ) -> Losses:
         """Of motion, and of words on windows of their own: many, for nothing has to be encoded or decoded."""
         own = terms.statistics(reader.standardised(joints), reader(motion.mean))
-        drawn = [next(self.batches) for _ in range(TEXT_BATCHES)]
-        joints = torch.cat([self.sequences(d.start, d.plan)[0] for d in drawn])
-        read = reader(self.text(torch.cat([d.clips for d in drawn])).mean)
-        targets = reader.standardised(joints)
+        targets = reader.standardised(self.sequences(others.start, others.plan)[0])
+        read = reader(self.text(others.clips).mean)
         return {"statistics": own, "text_statistics": terms.statistics(targets, read)}
 
 
@@ -233,19 +220,23 @@ def run(session: Session, config: ModelConfig, data: ContentData, length: StageL
     device, steps, batch = session.device, length.steps, length.batch
     torch.manual_seed(session.seed + 1)
     sequences = Sequences(data.table, device, data.frames.composer)
-    windows = DrawnWindows(data.frames, data.weights, batch, session.batch_generator(2))
+    frames = data.frames
+    weights = data.weights * ((frames.last - frames.first).cpu().numpy() >= SPAN)
     module = ContentEncoder(config).to(device)
     if module.statistics is not None:
-        drawn = [next(windows) for _ in range(max(1, STATISTICS_WINDOWS // batch))]
-        module.statistics.measure(torch.cat([sequences(d.start, d.plan)[0] for d in drawn]))
-    optimizer = torch.optim.AdamW(module.parameters(), lr=5e-4, weight_decay=1e-4)
-    state = TrainingState(module, optimizer, MovingAverage(module, 0.995), {"windows": windows})
-    losses = ContentLosses(module, config, sequences, windows, data)
+        drawn = next(RandomRows(weights, STATISTICS_WINDOWS, 0, frames.last, session.batch_generator(10)))
+        windows = ContentWindows.around(frames, drawn)
+        module.statistics.measure(sequences(windows.start, windows.plan)[0])
+    count = batch * (1 + TEXT_BATCHES if config.pose_statistics else 1)
+    rows = RandomRows(weights, count, 0, frames.last, session.batch_generator(2))
+    optimizer = torch.optim.AdamW(module.parameters(), lr=5e-4, weight_decay=1e-4, fused=True)
+    state = TrainingState(module, optimizer, MovingAverage(module, 0.995), {"rows": rows})
+    losses = ContentLosses(module, config, sequences, batch, data)
 
-    def rate(step: int) -> float:
+    def rate(step: float) -> float:
         return 5e-4 * min(1.0, (step + 1) / 100, (steps - step) / (0.3 * steps) + 0.02)
 
-    train(session, "content", state, windows, losses, rate, length)
+    train(session, "content", state, rows, losses, rate, length)
     module.load_state_dict(state.average.values)
     save_checkpoint(
         session.out / "content_final.pt",
@@ -259,7 +250,7 @@ def _word_noise(words: Tensor, size: int, strengths: tuple[float, float]) -> Ten
     least, most = strengths
     strength = least + (most - least) * torch.rand_like(words[..., :1])
     noise = strength * torch.randn_like(words)
-    noise[..., size:] = 0.0
+    noise[..., size:].zero_()
     return noise
 
 

@@ -13,8 +13,9 @@ from torch import Tensor
 from torch.nn.functional import mse_loss
 
 from training.batches import RandomRows
+from training.gpu import Losses
 from training.networks.generator import Generator
-from training.session import Losses, Resumable, Session, StageLength, train
+from training.session import Resumable, Session, StageLength, train
 from training.stages import motion as stage_motion
 from training.stages.motion import MotionData
 
@@ -54,19 +55,21 @@ def run_ground(
     parameters = stage_motion.all_but_the_denoiser(module)
     state = stage_motion.generator_state(module, parameters, steps, sources)
 
-    def losses(item: Tensor, step: int) -> Losses:
-        mixed = stage_motion.mixed_batch(data, item, lanes)
+    def losses(item: Tensor) -> Losses:
+        mixed = stage_motion.mixed_batch(data, item[:held_rows], lanes)
         mixed.z = _drawn_out(mixed.z, plain)
         held, embedding = _held(data, teacher, module, mixed, lanes)
-        mixed = stage_motion.mixed_batch(courses, next(ahead), ahead_lanes)
+        mixed = stage_motion.mixed_batch(courses, item[held_rows:], ahead_lanes)
         new, _ = stage_motion.mixture_losses(courses, module, mixed, ahead_lanes)
         total = (1.0 - COURSES) * (held["total"] + EMBEDDING_WEIGHT * embedding) + COURSES * new["total"]
         return {"held_rec": held["rec"], "held_embedding": embedding} | new | {"total": total}
 
-    def rate(step: int) -> float:
+    def rate(step: float) -> float:
         return PEAK * stage_motion.warm_restarts(steps, stage_motion.peak_of(batch), 1)(step)
 
-    train(session, "ground", state, rows, losses, rate, length)
+    state.prepare = lambda at: (lanes.draw(), ahead_lanes.draw())
+    both = map(torch.cat, zip(rows, ahead, strict=True))
+    train(session, "ground", state, both, losses, rate, length)
     module.load_state_dict(state.average.values)
     return module.eval()
 

@@ -12,21 +12,21 @@ import torch
 from torch import Tensor, nn
 
 from runtime.feet.skating import SOLE_POINTS
-from runtime.motion.features import FPS, INPUT, OUTPUT
+from runtime.motion.features import FPS, INPUT, INPUT_SIZE, OUTPUT
 from runtime.skeleton import J
 from training import losses as terms
 from training import parallel
 from training.batches import FrameTensors, Normalisation, RandomRows, loss_weights
 from training.composition import CompositionPlan
+from training.gpu import Losses, constant
 from training.kinematics import TURNS, knee_flexion, shown_joints, turns
 from training.networks.decoder import blend_codes
 from training.networks.diffusion import Schedule, add_noise, analytic_variance, noise_estimate
 from training.networks.generator import Generator
 from training.packed_run import START
 from training.presets import ModelConfig
-from training.rollouts import ENERGY_FRAMES, SWING_FRAMES, RolloutLanes, movements, steered
+from training.rollouts import ENERGY_FRAMES, RENEWED, SWING_FRAMES, RolloutLanes, movements, steered
 from training.session import (
-    Losses,
     MovingAverage,
     Resumable,
     Session,
@@ -37,8 +37,6 @@ from training.session import (
     train,
 )
 from training.styles import StyleTable
-
-_FEET = list(SOLE_POINTS)
 
 
 @dataclass
@@ -91,14 +89,19 @@ def measure(frames: FrameTensors, weights: np.ndarray, session: Session, count: 
 def _corrupt(x: Tensor, level: float) -> Tensor:
     """Noise on what the network will feed back to itself, of a random strength per sample."""
     strength = level * torch.rand(len(x), 1, device=x.device)
-    noise = torch.randn_like(x) * strength
-    noise[:, INPUT["gait"]] = 0.0
-    noise[:, INPUT["heights"]] *= 0.3
-    noise[:, INPUT["trajectory_positions"]] *= 0.3
-    noise[:, INPUT["trajectory_directions"]] *= 0.3
-    noise[:, INPUT["joint_positions"]] *= 0.4  # the softened input scale of these fields
-    noise[:, INPUT["joint_velocities"]] *= 0.4
-    return x + noise
+    return x + torch.randn_like(x) * strength * _noise_scale(x.device)
+
+
+@lru_cache
+def _noise_scale(device: torch.device) -> Tensor:
+    """Strength of the noise on each entry of x `(472,)`."""
+    scale = torch.ones(INPUT_SIZE, device=device)
+    scale[INPUT["gait"]] = 0.0
+    for name in ("heights", "trajectory_positions", "trajectory_directions"):
+        scale[INPUT[name]] = 0.3
+    for name in ("joint_positions", "joint_velocities"):
+        scale[INPUT[name]] = 0.4  # the softened input scale of these fields
+    return scale
 
 
 def stage2_loss(data: MotionData, target: Tensor, predicted: Tensor) -> dict[str, Tensor]:
@@ -107,7 +110,7 @@ def stage2_loss(data: MotionData, target: Tensor, predicted: Tensor) -> dict[str
     normal = data.normal
     field = OUTPUT["joint_velocities"]
     velocity = predicted[:, field] * normal.y_deviation[field] + normal.y_mean[field]
-    feet = velocity.unflatten(-1, (-1, 3))[:, _FEET]
+    feet = velocity.unflatten(-1, (-1, 3))[:, constant(SOLE_POINTS, target.device)]
     field = OUTPUT["contacts"]
     labels = target[:, field] * normal.y_deviation[field] + normal.y_mean[field]
     return {"rec": reconstruction, "contact": terms.contact(labels, feet.square().sum(-1))}
@@ -161,11 +164,11 @@ def from_other_poses(x: Tensor, fraction: float) -> Tensor:
 
     Without them a network learns to keep the pose that it sees, and takes up a style late or never.
     """
-    changed = (torch.rand(len(x), device=x.device) < fraction).nonzero()[:, 0]
-    others = torch.randperm(len(x), device=x.device)[: len(changed)]
+    changed = torch.rand(len(x), 1, device=x.device) < fraction
+    others = torch.rand(len(x), device=x.device).argsort()
     result = x.clone()
     for name in ("joint_positions", "joint_velocities"):
-        result[changed, INPUT[name]] = x[others, INPUT[name]]
+        result[:, INPUT[name]] = torch.where(changed, x[others, INPUT[name]], x[:, INPUT[name]])
     return result
 
 
@@ -211,7 +214,7 @@ def _movement_losses(lanes: RolloutLanes, moved: tuple[Tensor, Tensor], scale: T
     """How far the lanes' `movements` swing, and where they are on average, against their clips'."""
     since = SETTLED_FRAMES + SWING_FRAMES
     kept = torch.ones_like(moved[0])
-    kept[:, -TURNS:] = TURN_WEIGHT
+    kept[:, -TURNS:].fill_(TURN_WEIGHT)
     swings, captured = lanes.swings(*moved)
     energies = lanes.energies(swings.detach(), captured, since)
     offsets = lanes.offsets(*moved, since)
@@ -281,7 +284,7 @@ def mixture_losses(
 
 def lanes_of(session: Session, data: MotionData, batch: int, salt: int) -> RolloutLanes:
     """The rollouts of a batch, begun at random frames."""
-    fresh = RandomRows(data.weights, batch, 2, data.frames.last, session.batch_generator(salt))
+    fresh = RandomRows(data.weights, batch, RENEWED, data.frames.last, session.batch_generator(salt))
     return RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh, COMPOSED)
 
 
@@ -314,13 +317,18 @@ def run_stage2(session: Session, config: ModelConfig, data: MotionData, length: 
     sources: dict[str, Resumable] = {"rows": rows, "lanes": lanes}
     state = generator_state(module, all_but_the_denoiser(module), steps, sources)
 
-    def losses(item: Tensor, step: int) -> Losses:
-        if step >= DROPOUT_STEPS * steps:
-            without_dropout(module)
+    def losses(item: Tensor) -> Losses:
         return mixture_losses(data, module, mixed_batch(data, item, lanes), lanes)[0]
+
+    def prepare(at: float) -> tuple:
+        late = at >= DROPOUT_STEPS * steps
+        if late:
+            without_dropout(module)
+        return lanes.draw(), late
 
     cycles = 3 if steps >= SHORT_STEPS else 1
     rate = warm_restarts(steps, peak_of(batch) * (0.5 if fine_tuned else 1.0), cycles)
+    state.prepare = prepare
     train(session, "stage2", state, rows, losses, rate, length)
     module.load_state_dict(state.average.values)
     save_checkpoint(
@@ -346,11 +354,11 @@ def peak_of(batch: int) -> float:
     return 1e-3 * math.sqrt(batch * parallel.workers() / 256)
 
 
-def warm_restarts(steps: int, peak: float, cycles: int = 3) -> Callable[[int], float]:
+def warm_restarts(steps: int, peak: float, cycles: int = 3) -> Callable[[float], float]:
     """Cosine annealing whose cycles double in length (factor 2.0), the last one ending at `steps`."""
     shortest = steps / (2**cycles - 1)
 
-    def rate(step: int) -> float:
+    def rate(step: float) -> float:
         start, length = 0.0, shortest
         while step >= start + length and length < steps:
             start, length = start + length, 2 * length
@@ -389,10 +397,10 @@ def _noised(schedule: Schedule, tau: Tensor, codes: Tensor) -> tuple[Tensor, Ten
     return n, add_noise(schedule, codes, n, torch.randn(codes.shape, device=codes.device))
 
 
-def _cosine(steps: int, peak: float) -> Callable[[int], float]:
+def _cosine(steps: int, peak: float) -> Callable[[float], float]:
     """Learning rate from `peak` down to a hundredth along a cosine; Sec. III-G begins at 4e-4."""
 
-    def rate(step: int) -> float:
+    def rate(step: float) -> float:
         return (
             peak * min(1.0, (step + 1) / 200) * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * step / steps)))
         )
@@ -421,9 +429,15 @@ def run_stage3(session: Session, data: MotionData, module: Generator, length: St
     rows = RandomRows(data.weights, batch, 1, data.frames.last, session.batch_generator(6))
     lanes = lanes_of(session, data, batch, 9)
     state = generator_state(module, parameters, steps, {"rows": rows, "lanes": lanes})
+    supervised = False
 
-    def losses(item: Tensor, step: int) -> Losses:
+    def prepare(at: float) -> tuple:
+        nonlocal supervised
+        supervised = at > 0.25 * steps
         module.eval()  # dropout stays off in the frozen part; the denoiser has none
+        return lanes.draw(), supervised
+
+    def losses(item: Tensor) -> Losses:
         with torch.no_grad():
             mixed = mixed_batch(data, item, lanes)
             e, alpha = module.embed(mixed.x, mixed.z)
@@ -436,10 +450,11 @@ def run_stage3(session: Session, data: MotionData, module: Generator, length: St
             motion = motion_losses(data, lanes, mixed, y)
             total = terms.codes(codes.float(), predicted)
             result = {"codes": total}
-            if step > 0.25 * steps:
+            if supervised:
                 result, total = result | motion, 0.1 * total + total_of(motion)
             return result | {"total": total}
 
+    state.prepare = prepare
     train(session, "stage3", state, rows, losses, _cosine(steps, peak_of(batch)), length)
     module.load_state_dict(state.average.values)
     return module.eval()

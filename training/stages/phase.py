@@ -14,10 +14,10 @@ from torch.nn.functional import mse_loss
 from runtime.motion.features import C
 from training.batches import RandomRows
 from training.frames import FrameTable
+from training.gpu import Losses
 from training.networks.phase import WINDOW, PeriodicAutoencoder
 from training.presets import ModelConfig
 from training.session import (
-    Losses,
     MovingAverage,
     Session,
     StageLength,
@@ -73,13 +73,13 @@ def run(
     torch.manual_seed(session.seed)
     batches = _Windows(session, table, weights, length.batch)
     module = PeriodicAutoencoder(config).to(session.device)
-    optimizer = torch.optim.AdamW(module.parameters(), lr=1e-3, weight_decay=1e-4)
+    optimizer = torch.optim.AdamW(module.parameters(), lr=1e-3, weight_decay=1e-4, fused=True)
     state = TrainingState(module, optimizer, MovingAverage(module, 0.99), {"windows": batches})
 
-    def losses(window: Tensor, step: int) -> Losses:
+    def losses(window: Tensor) -> Losses:
         return {"total": mse_loss(module(window).float(), window)}
 
-    def rate(step: int) -> float:
+    def rate(step: float) -> float:
         return 1e-3 * min(1.0, (length.steps - step) / (0.3 * length.steps) + 0.02)
 
     train(session, "phase", state, batches, losses, rate, length)

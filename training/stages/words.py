@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import logging
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,10 +18,10 @@ from torch import Tensor
 from runtime.prompts.content import part_inputs
 from runtime.prompts.text_encoder import TextEncoderLike
 from runtime.skeleton import PART_NAMES
-from training.arguments import WORD_STEPS
 from training.augmentation.sentences import LongerSentence, longer_sentences, other_sentences
 from training.networks.content import ContentEncoder, PartTextEncoder
 from training.presets import ModelConfig
+from training.session import StageLength, StageSchedule
 from training.styles import StyleTexts
 
 log = logging.getLogger("sport.train")
@@ -43,24 +44,25 @@ def learn_longer_sentences(
     config: ModelConfig,
     texts: StyleTexts,
     encoder: TextEncoderLike,
-    steps: int = WORD_STEPS,
+    length: StageLength,
     seed: int = 0,
 ) -> dict[str, float]:
-    """Train `content.text` in place; returns the mean distances (in deviations of the codes) before and after."""
+    """Train `content.text` in place; returns the mean distances (in deviations of the codes) before and after, and "steps"."""
     torch.manual_seed(seed + 5)
     network = content.text.cpu().train()
     goals = targets(copy.deepcopy(network).eval(), config, texts, encoder)
     before = {f"{name}_before": _error(network, goal) for name, goal in goals.items()}
     optimizer = torch.optim.AdamW(network.parameters(), lr=1e-3)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
-    for _ in range(steps):
+    schedule, steps = StageSchedule(length), 0
+    while (at := schedule.at(steps)) < length.steps:
+        optimizer.param_groups[0]["lr"] = 0.5e-3 * (1.0 + math.cos(math.pi * at / length.steps))
         loss = torch.stack([_distance(network, goal, noise=True) for goal in goals.values()]).sum()
         optimizer.zero_grad(set_to_none=True)
         loss.backward()
         optimizer.step()
-        schedule.step()
+        steps += 1
     network.eval()
-    result = before | {name: _error(network, goal) for name, goal in goals.items()}
+    result = before | {name: _error(network, goal) for name, goal in goals.items()} | {"steps": float(steps)}
     log.info("longer sentences: %s", "  ".join(f"{k} {v:.3f}" for k, v in result.items()))
     return result
 

@@ -52,7 +52,9 @@ def measure_clips(directory: Path) -> list[ClipMeasures]:
     )
     if not paths:
         raise FileError(f"{directory}: holds no clips (*.npz).", "Run the importer first.")
-    return _relative_to_neutral([clip for clip in map(_read, paths) if clip is not None])
+    with ProcessPoolExecutor() as pool:
+        measured = pool.map(_read, paths, chunksize=16)
+        return _relative_to_neutral([clip for clip in measured if clip is not None])
 
 
 def write_clip_captions(clips: Path, path: Path) -> None:
@@ -110,7 +112,7 @@ def clip_values(folder: Path, names: Sequence[str]) -> list[Array]:
 
     FileError of numpy's where a clip is missing. Signs survive: what changes its sign in the mirror image has mean 0.
     """
-    with ProcessPoolExecutor(2) as pool:
+    with ProcessPoolExecutor() as pool:
         rows = list(pool.map(partial(_measured, folder), names, chunksize=64))
     return [_standardised(np.array([row[k] for row in rows]), part) for k, part in enumerate(PART_NAMES)]
 

@@ -153,6 +153,18 @@ def landings(down: NDArray[np.bool_]) -> NDArray[np.intp]:
     return np.flatnonzero(np.diff(closed(down).astype(int)) == 1) + 1
 
 
+def steps_of(own: NDArray[np.bool_], other: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Frames where a foot lands, of its contact and the other foot's `(T,)`.
+
+    Of several landings with none of the other foot between them the last one counts: before, it brushed the ground in its
+    swing. Of one that hops all count.
+    """
+    frames, others = landings(own), landings(other)
+    if len(others) < 2 or len(frames) == 0:
+        return frames
+    return frames[np.append(np.diff(np.searchsorted(others, frames)) > 0, True)]
+
+
 def closed(down: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Contact flags with gaps of up to `_FLICKER` frames filled."""
     filled = down.copy()
@@ -221,8 +233,9 @@ def _leg(
     lift = np.degrees(np.arctan2((knee - hip)[:, 2], (hip - knee)[:, 1]))
     down, other = (np.asarray(contact.any(axis=1)) for contact in ground)
     stance = down if down.any() else np.ones(len(down), np.bool_)
-    before = landings(down) - 1  # the last frame in the air
-    foot = positions[before][:, at(f"{side}Foot")][:, [0, 2]]
+    path = positions[:, at(f"{side}Foot")][:, [0, 2]]
+    before = steps_of(down, other) - 1  # the last frame in the air
+    foot = path[before]
     strides = np.linalg.norm(np.diff(foot, axis=0), axis=1) if len(before) > 1 else np.zeros(1)
     seconds = (before[-1] - before[0]) / FPS if len(before) > 1 else 0.0
     toe = rotations.rotate(turned[:, at(f"{side}Foot")], np.array([0.0, 0.0, 1.0]))

@@ -164,16 +164,22 @@ def _draw_name(
     if width < px(NUMBERS_ALONE) and not hovered:  # the panel has the names
         text = f"{index + 1}"
     else:
-        pending = compare.variants[index].number in compare.pending
-        found = names(compare.variants)
-        name, rest = ("…", "") if pending else found[index]
-        if rest and not hovered and len({prompt for prompt, _ in found}) == 1:
-            name = ""  # it tells nothing
-        text = _fitted(f"{index + 1}", name, rest, (px(WIDEST) if hovered else width) - 2 * px(PAD))
+        name = _name_of(compare, index, hovered)
+        text = _fitted(f"{index + 1}", *name, (px(WIDEST) if hovered else width) - 2 * px(PAD))
     # of two rows the first has its names under the feet: over the heads they would cover the second
     if foot is not None and index < (count + 1) // 2 and count > LONGEST_ROW:
         head = foot[0], foot[1] + 2.0 * imgui.get_text_line_height()
     _label(text, head, hovered, view)
+
+
+def _name_of(compare: CompareView, index: int, whole: bool) -> tuple[str, str]:
+    """Its prompt and what differs; "" for a prompt that all have, unless the `whole` name is wanted."""
+    if compare.variants[index].number in compare.pending:
+        return "…", ""
+    found = names(compare.variants)
+    prompt, rest = found[index]
+    alike = len({one for one, _ in found}) == 1
+    return ("" if alike and rest and not whole else prompt), rest
 
 
 def _name_width(heads: list[Place]) -> float:

@@ -10,6 +10,7 @@ from runtime.session.motion import Motion
 from runtime.session.session import LIVE, Take
 from runtime.takes.clip import Clip
 from runtime.takes.joined import joined, repeated, without
+from runtime.terrain.height_map import Terrain
 from viewer.gl_bindings import imgui
 from viewer.gui import widgets
 from viewer.jobs import Slot
@@ -22,6 +23,10 @@ CUT_HINT = "A new take without the frames between the trim handles, blended over
 SPLIT_HINT = "Two takes of one; each keeps all frames outside its trim handles"
 REPEAT_HINT = "A new take: what the trim keeps, so many times, each going on where the last one ends"
 JOIN_HINT = "A new take: this one, then another one from where it ends"
+
+
+def _ground(take: Take) -> Terrain | None:
+    return None if take.ground is None else take.ground.terrain
 
 
 @dataclass
@@ -46,21 +51,26 @@ class Cutting:
             self.takes.messages.note("Put the trim handles around what is to be cut out.")
         elif take is not None:
             first, last = take.range
-            self._make(take, f"{take.title}, cut", lambda: without(take.clip, first, last), begin=0)
+            self._make(
+                take, f"{take.title}, cut", lambda: without(take.clip, first, last, _ground(take)), begin=0
+            )
 
     def repeat(self, times: int) -> None:
         """A new take of what the trim keeps, so many times."""
         take = self.takes.played
         if take is not None:
             name = f"{take.title} x {times}"
-            self._make(take, name, lambda: repeated(take.exported, times), take.range[0], times)
+            self._make(
+                take, name, lambda: repeated(take.exported, times, _ground(take)), take.range[0], times
+            )
 
     def join(self, number: int) -> None:
         """A new take: the one that plays, then another one."""
         take, other = self.takes.played, self.takes.session.take(number)
         if take is not None and other is not None and number != LIVE:
-            name = f"{take.title} + {other.title}"
-            self._make(take, name, lambda: joined(take.exported, other.exported), take.range[0])
+            name, own, theirs = f"{take.title} + {other.title}", _ground(take), _ground(other)
+            grounds = None if own is None or theirs is None else (own, theirs)
+            self._make(take, name, lambda: joined(take.exported, other.exported, grounds), take.range[0])
 
     def _make(self, take: Take, name: str, work: Callable[[], Clip], begin: int, times: int = 1) -> None:
         """Make a take of another one on a worker; its camera keys come along from the frame `begin` on."""

@@ -27,7 +27,7 @@ from runtime.takes.pose_layer import (
 )
 from viewer.edit.handles import Handles, on_screen
 from viewer.edit.handles import dragged as handles_moved
-from viewer.edit.pins import MIN_VIEW, SMALL_VIEW, SMALL_WIDTH, WIDTH, Pins
+from viewer.edit.pins import MIN_VIEW, SMALL_WIDTH, WIDTH, Pins
 from viewer.editor import Editor
 from viewer.gl_bindings import im_guizmo, imgui
 from viewer.gui import panels, theme, widgets
@@ -54,6 +54,7 @@ NAMES = {0: "Hips", 12: "Waist", 13: "Chest", 15: "Neck", 16: "Head"} | {
 JOINTS = tuple(NAMES)
 GIZMO_SIZE = 0.1  # of the width of the view, about
 CURVE_HEIGHT = 44.0  # pixels at scale 1
+NARROW, LOW = 520.0, 330.0  # in a narrower view the card is small, in a lower one it has no curves and eases
 CHANNELS = ((0.90, 0.40, 0.38, 1.0), (0.55, 0.80, 0.42, 1.0), (0.42, 0.62, 0.95, 1.0))  # x, y, z
 STILL = 1e-6
 
@@ -307,7 +308,7 @@ def _below(take: Take) -> Clip:
 
 
 def _draw_card(posing: Posing, playback: Playback, view: Rect) -> None:
-    with panels.card("Pose", view, SMALL_WIDTH if view.width < px(SMALL_VIEW) else WIDTH, right=True):
+    with panels.card("Pose", view, SMALL_WIDTH if view.width < px(NARROW) else WIDTH, right=True):
         if panels.card_title(NAMES.get(posing.joint, "Click a joint"), "pose"):
             posing.open, posing.joint = False, -1
         half, third = widgets.column_width(2), widgets.column_width(3)
@@ -317,11 +318,11 @@ def _draw_card(posing: Posing, playback: Playback, view: Rect) -> None:
         for text, hint, act in (
             ("Key", "Key the joint as it is at this frame", posing.set_key),
             (
-                "Release",
+                "Free",
                 "From this key on the joint follows the motion",
                 lambda: posing.set_key(release=True),
             ),
-            ("Delete", "Take the joint out of the key at this frame", posing.remove_joint),
+            ("Del", "Take the joint out of the key at this frame", posing.remove_joint),
         ):
             if widgets.button(f"{text}##pose", third, hint):
                 act()
@@ -337,6 +338,8 @@ def _draw_card(posing: Posing, playback: Playback, view: Rect) -> None:
                 act()
             widgets.same_line()
         imgui.new_line()
+        if view.height < px(LOW):
+            return
         _draw_layer(posing, half)
         if posing.joint >= 0:
             _draw_curve(posing, playback)

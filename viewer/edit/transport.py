@@ -263,7 +263,7 @@ class Transport:
         """What lies on the tracks: trim, new spans, undo, and going on from here."""
         editing, gap = self.editing, px(4)
         takes, fixed = editing.takes, editing.fixed
-        if not self._tiny:  # the handles of the ruler do the same
+        if self._wide:  # the handles of the ruler do the same
             if widgets.button("[ In", px(44), "Keep the clip from this frame"):
                 takes.trim(first=playback.frame)
             imgui.same_line(0, gap)

@@ -277,6 +277,7 @@ class Exporting:
 
         def progress(done: int, total: int) -> None:
             self.progress = (done, total)
+            self.jobs.progress[SLOT] = f"{done} of {total} frames"
 
         take = prepare(on_its_ground(clip), replace(export, fps=clip.fps), terrain)
         make = film_of_take if self.jobs.blocking else film_in_process

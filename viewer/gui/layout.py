@@ -52,11 +52,12 @@ def arrange(
     transport: bool = False,
     scene_height: float = 0.0,
     more_tracks: int = 0,
+    clips_height: float = 0.0,
 ) -> Layout:
     """Lay the panels out in a window of `width` x `height` screen units.
 
-    `scene_height` is what the scene panel's contents need, 0 before they were measured. It changes how the column is
-    divided, never which panels there are: contents look different in another panel, and would be measured anew.
+    `scene_height` is what the scene panel's contents need, 0 before they were measured, `clips_height` what the takes panel
+    keeps. They change how the column is divided, never which panels there are: contents look different in another panel.
     """
     m, status_height = MARGIN * scale, STATUS_HEIGHT * scale
     status = Rect(0.0, max(height - status_height, 0.0), width, min(status_height, height))
@@ -73,18 +74,19 @@ def arrange(
             view = Rect(x, 0.0, max(width - x, 1.0), view.height)
         else:
             prompt = replace(left, height=min(column_height, PROMPT_MAX_HEIGHT * scale))
-            columns = {"prompt": prompt, **_divided(right, scale, scene_height)}
+            columns = {"prompt": prompt, **_divided(right, scale, scene_height, clips_height)}
             view = Rect(m + left.width, 0.0, right.x - m - left.width, view.height)
     bar = _timeline(view, scale, more_tracks) if transport else None
     return Layout(status, view, bar, **columns)
 
 
-def _divided(column: Rect, scale: float, scene_height: float) -> dict[str, Rect]:
+def _divided(column: Rect, scale: float, scene_height: float, clips_height: float) -> dict[str, Rect]:
     """The panels of the right column: one over the other, or as tabs where it is too low for that."""
     m = MARGIN * scale
     most = column.height - m - CLIPS_MIN_HEIGHT * scale
     if most < SCENE_PANEL_HEIGHT * scale:
         return {"right_tabs": column}
+    most = column.height - m - max(CLIPS_MIN_HEIGHT * scale, clips_height)
     scene = replace(column, height=min(scene_height or SCENE_PANEL_HEIGHT * scale, most))
     rest = column.height - m - scene.height
     clips = Rect(column.x, scene.y + scene.height + m, column.width, min(rest, CLIPS_MAX_HEIGHT * scale))

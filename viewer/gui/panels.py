@@ -54,6 +54,7 @@ class Panel:
     begin_typing: Callable[[], None] | None = None  # Enter in the view goes to its field
     keys: Callable[[], None] | None = None  # acts on combinations with Ctrl, once a frame
     close: Callable[[], bool] | None = None  # Escape: close what is open; whether anything was
+    least_height: Callable[[], float] = lambda: 0.0  # that it keeps in a column, in screen units
     # how much of the view's left side it covers, in screen units
     covers: Callable[[Rect], float] = lambda _: 0.0
 

@@ -82,6 +82,9 @@ class Icons:
     gear: str = "\uf013"
     exchange: str = "\uf0ec"
     original: str = "\uf0e2"
+    star: str = "\uf005"
+    sort: str = "\uf0dc"
+    text: str = "\uf249"
 
 
 ICON = Icons()

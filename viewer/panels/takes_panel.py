@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from runtime.safe_read import printable
-from runtime.session.session import LIVE, Take
+from runtime.session.session import LIVE, MAX_RATING, Take
 from viewer.edit.reference_card import ReferenceCard
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
@@ -17,8 +18,10 @@ from viewer.gui.widgets import px
 from viewer.jobs import Slot
 from viewer.session.sessions import OPENING, Sessions, describe
 from viewer.session.takes import EXPORT_ALL, Takes
-from viewer.settings import Settings
+from viewer.settings import TAKE_ORDERS, Settings
 
+# the list keeps so many rows; pixels at scale 1 of a row, of the search, and of the rest of the panel in its low form
+ROWS, ROW, SEARCH, REST = 6, 25.0, 34.0, 168.0
 RENAME_HINT = "Double-click renames it"
 MENU = "take menu"
 COLORS = ("No color", "Red", "Yellow", "Green", "Blue", "Violet")
@@ -35,7 +38,12 @@ def panel(
         lambda _: draw(takes, references, export_window, sessions),
         ICON.clips,
         actions=takes.actions,
+        least_height=lambda: px(_rows(takes) * ROW + takes.searchable * SEARCH + REST),
     )
+
+
+def _rows(takes: Takes) -> int:
+    return min(len(takes.session.takes), ROWS)
 
 
 def sign(takes: Takes) -> Panel:
@@ -53,9 +61,11 @@ def draw(
 ) -> None:
     _record(takes)
     _cut_off(sessions)
+    if takes.searchable:
+        _search(takes)
     line, room = imgui.get_frame_height_with_spacing(), imgui.get_content_region_avail().y
     # in a low panel the list and the button matter; rate and unit are in the export window too
-    short = room < 5.0 * line
+    short = room < max(5.0 * line, _export_height(False) + _rows(takes) * px(ROW))
     current = takes.session.current
     height = max(room - (_export_height(short) if current is not None else 0.0), line)
     if imgui.begin_child("take list", imgui.ImVec2(0, height)):
@@ -122,34 +132,59 @@ def _list(takes: Takes, references: ReferenceCard) -> None:
         empty = "Nothing recorded yet. Record a take with R, keep the last seconds with T, or drop a BVH file here."
         widgets.muted("R ends the take; it appears here." if takes.recording else empty, wrap=True)
         return
+    found = takes.found
+    if not found:
+        widgets.muted("No take has these words in its name, note or prompts.", wrap=True)
+    padding = imgui.get_style().frame_padding.x
     imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(2)))
-    for take in session.takes:
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, imgui.ImVec2(padding, px(4)))
+    for take in found:
         imgui.push_id(take.number)
         _name_field(takes, take) if takes.renaming == take.number else _row(takes, references, take)
         imgui.pop_id()
-    imgui.pop_style_var()
+    imgui.pop_style_var(2)
+
+
+def _search(takes: Takes) -> None:
+    """The field of the search, and the order of the list."""
+    side = imgui.get_frame_height()
+    imgui.set_next_item_width(imgui.get_content_region_avail().x - side - px(4))
+    _, takes.search = imgui.input_text_with_hint("##search takes", f"{ICON.search} Search", takes.search)
+    widgets.tooltip("Words of names, notes and prompts; *** finds three stars and more")
+    widgets.same_line()
+    order = takes.settings.takes_order
+    tint = theme.ACCENT if order else theme.MUTED
+    if widgets.icon_button(ICON.sort, "order of takes", TAKE_ORDERS[order], tint):
+        imgui.open_popup("orders")
+    if imgui.begin_popup("orders"):
+        for name, text in TAKE_ORDERS.items():
+            if widgets.item(text, chosen=name == order):
+                takes.settings.takes_order = name
+        imgui.end_popup()
 
 
 def _export_all(takes: Takes, width: float) -> None:
-    busy = takes.jobs.busy(EXPORT_ALL)
-    hint = f"Every take as BVH into {printable(takes.settings.export_folder)}"
-    text = "…" if busy else f"All {len(takes.session.takes)}"
-    if widgets.button(f"{text}###export all", width, hint, enabled=not busy):
+    busy, count = takes.jobs.busy(EXPORT_ALL), len(takes.found)
+    what = "Every take" if count == len(takes.session.takes) else "Each take that was found"
+    hint = f"{what} as BVH into {printable(takes.settings.export_folder)}"
+    text = "…" if busy else f"All {count}"
+    if widgets.button(f"{text}###export all", width, hint, enabled=count and not busy):
         takes.export_all()
 
 
 def _name_field(takes: Takes, take: Take) -> None:
-    """The row as a field for another name: Enter takes it, Esc or a click elsewhere leaves it."""
+    """The row as a field for another name or a note: Enter takes it, Esc or a click elsewhere leaves it."""
     widgets.full_width()
     first = imgui.is_window_appearing() or takes.naming_begins
     if first:
         imgui.set_keyboard_focus_here()
     flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
-    entered, takes.new_name = imgui.input_text("##take name", takes.new_name, flags)
+    hint = "A note, then Enter" if takes.noting else ""
+    entered, takes.new_name = imgui.input_text_with_hint("##take name", hint, takes.new_name, flags)
     takes.naming_begins = False
     left = not first and imgui.is_item_deactivated()
     if entered:
-        takes.rename(take.number, takes.new_name)
+        (takes.set_note if takes.noting else takes.rename)(take.number, takes.new_name)
     if entered or left:
         takes.renaming = LIVE
 
@@ -164,9 +199,7 @@ def _row(takes: Takes, references: ReferenceCard, take: Take) -> None:
     playing = playback is not None and playback.number == take.number and playback.playing
     if _small(ICON.pause if playing else ICON.play, square, "Pause" if playing else "Play (P)"):
         takes.play_or_pause(take.number)
-    first, last = take.range
-    seconds = widgets.clock((last - first) / take.made.header.fps)
-    seconds = f"{ICON.check} {seconds}" if takes.saved(take) else seconds
+    seconds = _facts(takes, take)
     time_width = imgui.calc_text_size(seconds).x
     imgui.same_line(0, px(2))
     imgui.align_text_to_frame_padding()
@@ -175,7 +208,7 @@ def _row(takes: Takes, references: ReferenceCard, take: Take) -> None:
     imgui.align_text_to_frame_padding()
     widgets.muted(seconds)
     imgui.same_line(width - 2 * square)
-    if _small(f"{ICON.more}##take menu", square, "Rename, mirror, compare, color"):
+    if _small(f"{ICON.more}##take menu", square, "Rename, rate, note, mirror, compare, color"):
         imgui.open_popup(MENU)
     imgui.same_line(width - square)
     if _small(ICON.trash, square, "Remove from the list; exported files stay"):
@@ -185,6 +218,14 @@ def _row(takes: Takes, references: ReferenceCard, take: Take) -> None:
         _take_menu(takes, references, take)
         imgui.end_popup()
     imgui.pop_style_var()
+
+
+def _facts(takes: Takes, take: Take) -> str:
+    """Rating, whether there is a note and a file, and the length."""
+    first, last = take.range
+    rating = f"{take.rating}{ICON.star}" if take.rating else ""
+    marks = rating, ICON.text * bool(take.note), ICON.check * bool(takes.saved(take))
+    return " ".join(filter(None, (*marks, widgets.clock((last - first) / take.made.header.fps))))
 
 
 def _row_ground(takes: Takes, take: Take, corner: imgui.ImVec2, width: float) -> None:
@@ -216,7 +257,7 @@ def _about(takes: Takes, take: Take) -> None:
     lines = [f"Exported as {printable(saved)}" if saved else "Not exported as it is"]
     if exported not in (None, saved):
         lines.append(f"Exported before as {printable(exported)}")
-    lines += [RENAME_HINT, take.made.header.describe()]
+    lines += [take.note, RENAME_HINT, take.made.header.describe()]
     widgets.tooltip("\n".join(filter(None, lines)))
 
 
@@ -232,21 +273,36 @@ def _take_menu(takes: Takes, references: ReferenceCard, take: Take) -> None:
     number = take.number
     if widgets.item("Rename"):
         takes.begin_rename(number)
+    ratings = [ICON.star * stars or "No rating" for stars in range(MAX_RATING + 1)]
+    _choice("Rating", ratings, take.rating, partial(takes.rate, number))
+    if widgets.item("Note"):
+        takes.begin_rename(number, noting=True)
     if widgets.item("Mirror", "A second take with left and right exchanged"):
         takes.mirror(number)
     _compare(takes, references, take)
-    if imgui.begin_menu("Color"):
-        for color, name in enumerate(COLORS):
-            if widgets.item(name, chosen=take.color == color):
-                takes.set_color(number, color)
-        imgui.end_menu()
-    at, last = takes.session.index(number), len(takes.session.takes) - 1
-    if widgets.item("Move up", enabled=at > 0):
-        takes.move(number, -1)
-    if widgets.item("Move down", enabled=at < last):
-        takes.move(number, 1)
+    _choice("Color", COLORS, take.color, partial(takes.set_color, number))
+    _move(takes, number)
     if widgets.item("Remove"):
         takes.remove(number)
+
+
+def _choice(name: str, choices: Sequence[str], chosen: int, choose: Callable[[int], None]) -> None:
+    """A menu with the numbers of some choices."""
+    if imgui.begin_menu(name):
+        for number, text in enumerate(choices):
+            if widgets.item(text, chosen=number == chosen):
+                choose(number)
+        imgui.end_menu()
+
+
+def _move(takes: Takes, number: int) -> None:
+    """Up and down in the list, unless that is sorted."""
+    at, last = takes.session.index(number), len(takes.session.takes) - 1
+    free = not (takes.searchable and takes.settings.takes_order)
+    if widgets.item("Move up", enabled=at > 0 and free):
+        takes.move(number, -1)
+    if widgets.item("Move down", enabled=at < last and free):
+        takes.move(number, 1)
 
 
 def _compare(takes: Takes, references: ReferenceCard, take: Take) -> None:

@@ -6,8 +6,9 @@ import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
+from typing import Any
 
 from runtime.controls import Controls
 from runtime.errors import SportError, UsageError
@@ -35,7 +36,8 @@ from viewer.session.opening import read_take
 from viewer.session.playback import Playback
 from viewer.settings import Settings
 
-MAX_NAME = 60
+MAX_NAME, MAX_NOTE = 60, 500
+SEARCHED_FROM = 8  # takes from which on the list can be searched
 EXPORT_ALL = Slot("export", "all takes")
 SHOWING, PLAYING = Slot("frames of the take"), Slot("take")
 RECORDED_FRAMES = 10  # that are written down together: six times a second
@@ -52,7 +54,9 @@ class Takes:
     recorder: ClipRecorder = field(default_factory=ClipRecorder)
     playback: Playback | None = None
     export_path: str = ""  # the field
+    search: str = ""  # words that the list is searched for
     renaming: int = LIVE  # the take whose name is being typed
+    noting: bool = False  # its note in the place of its name
     new_name: str = ""
     naming_begins: bool = False
     _recording: Recording | None = None
@@ -255,11 +259,12 @@ class Takes:
             self.editor.do(f"removal of {take.title}", lambda session: edits.without_take(session, number))
             self.messages.note(f"{take.title} removed from the list. Ctrl+Z brings it back.")
 
-    def begin_rename(self, number: int) -> None:
-        """Let the name of a take be typed in its row."""
+    def begin_rename(self, number: int, noting: bool = False) -> None:
+        """Let the name of a take, or its note, be typed in its row."""
         take = self.session.take(number)
         if take is not None:
-            self.renaming, self.new_name, self.naming_begins = number, take.title, True
+            self.renaming, self.noting, self.naming_begins = number, noting, True
+            self.new_name = take.note if noting else take.title
 
     def rename(self, number: int, name: str) -> None:
         """Give a take another name; files that hold it keep theirs. An empty name brings the first one back."""
@@ -299,6 +304,26 @@ class Takes:
 
     def move(self, number: int, by: int) -> None:
         self.editor.do("order of the takes", lambda session: edits.moved(session, number, by))
+
+    @property
+    def searchable(self) -> bool:
+        return len(self.session.takes) >= SEARCHED_FROM
+
+    @property
+    def found(self) -> list[Take]:
+        """The takes that have every word of the search, in the order of the settings. *** finds three stars and more."""
+        words, order = self.search.lower().split() if self.searchable else [], self.settings.takes_order
+        found = [take for take in self.session.takes if all(word in _words(take) for word in words)]
+        if self.searchable and order:
+            found.sort(key=_ORDERS[order])
+        return found
+
+    def rate(self, number: int, stars: int) -> None:
+        self.editor.do("rating of a take", lambda session: session.with_take(number, rating=stars))
+
+    def set_note(self, number: int, text: str) -> None:
+        text = " ".join(printable(text).split())[:MAX_NOTE]
+        self.editor.do("note of a take", lambda session: session.with_take(number, note=text))
 
     def set_color(self, number: int, color: int) -> None:
         self.editor.do("color of a take", lambda session: session.with_take(number, color=color))
@@ -472,8 +497,8 @@ class Takes:
         self._files.clear()
 
     def export_all(self) -> None:
-        """Write what every take keeps as BVH under its own name into the export folder; no file is replaced."""
-        takes = self.session.takes
+        """Write what every take that was found keeps as BVH under its own name; no file is replaced."""
+        takes = self.found
         folder = Path(self.settings.export_folder).expanduser()
         fps, unit = self.settings.export_fps, self.settings.export_unit
 
@@ -491,6 +516,23 @@ class Takes:
             self.messages.note(f"Saved {len(paths)} takes in {folder}", folder)
 
         self.jobs.submit(EXPORT_ALL, work, done, writing="the export of all takes")
+
+
+_ORDERS: dict[str, Callable[[Take], Any]] = {
+    "name": lambda take: take.title.lower(),
+    "length": lambda take: take.range[0] - take.range[1],  # the longest first
+    "rating": lambda take: -take.rating,
+}
+
+
+def _words(take: Take) -> str:
+    """What the search looks at."""
+    return f"{take.title} {take.note} {'*' * take.rating} {_about(take.made.header)}".lower()
+
+
+@lru_cache(256)
+def _about(header: MotionHeader) -> str:
+    return header.describe()
 
 
 def _loaded(take: Take) -> tuple[Clip, InputRecording | None, SportError | None]:

@@ -49,7 +49,15 @@ class OtherLanguages:
         with open_npz(self._path, "Install the program again.") as data:
             if str(data["digest"]) != library_hash(self._library):
                 return None
-            return unit_vectors(data["prompts"]), data["entry_of"].astype(np.int64), data["mean"]
+            vectors, entry_of, mean = (
+                unit_vectors(data["prompts"]),
+                data["entry_of"].astype(np.int64),
+                data["mean"],
+            )
+            known = ((entry_of >= 0) & (entry_of < len(self._library.entries))).all()
+            if vectors.shape != (len(entry_of), len(mean)) or not known or not np.isfinite(mean).all():
+                raise ValueError("vectors that are none of these entries")
+            return vectors, entry_of, mean
 
 
 def open_e5() -> Any:

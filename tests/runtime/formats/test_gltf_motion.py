@@ -97,6 +97,7 @@ def _change(document: dict, what: str, value: object) -> None:
         ("animations", {"0": 1}, "its list of animations is damaged"),
         ("accessors.0.count", 10**9, "more keys than"),
         ("nodes", [{"children": [1]}, {"children": [0]}], "cycle"),
+        ("animations", [{"name": f"take {k}"} for k in range(3000)], "3000 animations"),
         ("times", [1.0, 0.0], "keys of an animation that do not fit"),
         ("times", [0.0, np.nan], "not finite"),
         ("times", [0.0, 9e8], "an animation of"),

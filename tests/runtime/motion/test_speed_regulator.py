@@ -7,10 +7,9 @@ from hypothesis import strategies as st
 from runtime.motion.features import FPS
 from runtime.motion.pace import SpeedRegulator
 
-LATE, SLUGGISH = (
-    round(0.25 * FPS),
-    0.7 * FPS,
-)  # frames until a changed request is noticed, and followed; as the trained network
+# frames until a changed request is noticed, and followed; as the trained network
+LATE = round(0.25 * FPS)
+SLUGGISH = 0.7 * FPS
 
 
 def gain(regulator: SpeedRegulator, asked: float, speed: float) -> float:

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from runtime.assets import asset_path
+from runtime.errors import FileError
 from runtime.prompts.english import other_languages
 from runtime.prompts.english.library import LibraryExpander
-from runtime.prompts.english.library_data import load_library, load_styles
+from runtime.prompts.english.library_data import library_hash, load_library, load_styles
 from tests.helpers.shipped import shipped_encoder, shipped_library
 
 
@@ -104,6 +105,19 @@ def test_with_a_multilingual_encoder_the_nearest_entry_is_taken(monkeypatch: pyt
     assert found.nearest[0] == ("clown", pytest.approx(1.0, abs=0.01))
     assert "is not English: nearest by meaning is “clown”" in found.note
     assert "is not English: neutral" in library.expand("die Steuer und der Preis").note
+
+
+@pytest.mark.parametrize("change", [{"entry_of": [999] * 3}, {"mean": [np.nan, 0.0]}, {"prompts": [[1, 0]]}])
+def test_damaged_vectors_of_other_languages_are_one_sentence(
+    change: dict[str, list[float]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = asset_path("prompts/library.json").parent
+    content = load_library(folder / "library.json", load_styles(folder / "styles.json"))
+    good = {"prompts": [[1, 0]] * 3, "entry_of": [0, 1, 2], "mean": [0.0, 0.0]} | change
+    np.savez(tmp_path / "languages.npz", digest=np.array(library_hash(content)), **good)
+    monkeypatch.setattr(other_languages, "open_e5", lambda: SimpleNamespace(query=lambda prompt: np.ones(2)))
+    with pytest.raises(FileError, match="none of these entries"):
+        other_languages.OtherLanguages(tmp_path, content).nearest("ein Narr")
 
 
 def test_nonsense_is_said_to_be_and_shows_no_match() -> None:

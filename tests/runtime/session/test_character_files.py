@@ -5,12 +5,17 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from unicodedata import normalize
+from urllib.parse import quote, unquote
 
 import pytest
 
 from runtime.character.character import load_character
 from runtime.character.writer import write_character
-from runtime.session.character_files import read_character_files, write_character_files
+from runtime.session.character_files import (
+    read_character_files,
+    write_character_files,
+)
 from runtime.session.session import CharacterChoice, Session
 from runtime.session.session_file import SessionFile
 from tests.helpers.full_session import history_of, written
@@ -52,6 +57,18 @@ def test_files_that_a_character_refers_to_get_names_that_can_be_kept(tmp_path: P
     files = read_character_files(source / "me.gltf")
     assert list(files) == ["me.gltf", "file 1.png"]
     assert json.loads(files["me.gltf"])["images"][0]["uri"] == "file%201.png"
+
+
+def test_names_that_are_one_file_elsewhere_are_kept_apart(tmp_path: Path) -> None:
+    names = ["skin.png", "SKIN.png", "é.png", "e\u0301.png", "file 1.png"]
+    for number, name in enumerate(names):
+        (tmp_path / name).write_bytes(bytes([number]))
+    document = {"asset": {"version": "2.0"}, "images": [{"uri": quote(name)} for name in names]}
+    (tmp_path / "me.gltf").write_text(json.dumps(document), encoding="utf-8")
+    files = read_character_files(tmp_path / "me.gltf")
+    assert len({normalize("NFC", name).casefold() for name in files}) == 1 + len(names)
+    uris = [image["uri"] for image in json.loads(files["me.gltf"])["images"]]
+    assert [files[unquote(uri)] for uri in uris] == [bytes([number]) for number in range(len(names))]
 
 
 def test_a_characters_files_come_out_in_a_folder_of_their_own(tmp_path: Path) -> None:

@@ -73,7 +73,7 @@ def take(path: Path, edit: Callable[[Any], None]) -> None:
         def text(content: bytes) -> bytes:
             value = json.loads(content)
             edit(value)
-            return json.dumps(value).encode()
+            return json.dumps(value).encode().ljust(len(content))  # other steps expect as many bytes
 
         document["takes"][0] = blob(path, document["takes"][0], text)
 
@@ -115,6 +115,7 @@ DOCUMENTS: dict[str, Callable[[Any], Any]] = {
     "deep": lambda _: DEEP,
     "a long number": lambda _: f'{{"takes": {HUGE}}}',
     "a field of another program": setting("other", to=1),
+    "no takes": lambda d: d.pop("takes") and d,
     "takes that are none": setting("takes", to=5),
     "a take that is not there": setting("takes", to=["|u1 5 " + "0" * 32]),
     "a take that is no text": lambda d: setting("takes", to=[d["ground"][1]["heights"]])(d),
@@ -161,6 +162,8 @@ TAKES: dict[str, Callable[[Any], None]] = {
     "a skeleton of strings": setting("own", to=[["a"], "x", "y"]),
     "a skeleton of other bytes": setting("own", to=[[-1, 0], "<f4 3x3 " + "0" * 32, "|u1 7 " + "0" * 32]),
     "a name with a null": setting("name", to="a\0"),
+    "six stars": setting("rating", to=6),
+    "a note without end": setting("note", to="x" * 5000),
 }
 HEADERS: dict[str, Callable[[Any], Any]] = {
     "no JSON": lambda _: "}",
@@ -206,6 +209,39 @@ def test_a_document_that_lies_is_one_sentence(case: str, path: Path) -> None:
 def test_a_take_that_lies_is_one_sentence(case: str, path: Path) -> None:
     take(path, TAKES[case])
     refused(path, "a.sport")
+
+
+def test_a_take_of_an_older_program_has_no_rating_and_no_note(path: Path) -> None:
+    def older(value: Any) -> None:
+        del value["rating"], value["note"]
+
+    take(path, older)
+    file, history = SessionFile.open(path, path.parent / "cache")
+    first = history.present.session.takes[0]
+    assert (first.title, first.rating, first.note) == ("my take ü", 0, "")
+    file.close()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"damaged",
+        zlib.compress(b"["),
+        zlib.compress(b"{}1"),
+        zlib.compress(b'[["keep_only", [[], []], {}]]'),
+        zlib.compress(b'[["put_step", [{"bytes": 5}], {}]]'),
+        zlib.compress(b'[["put_step", ["x", "y"], {"z": 1}]]'),
+        zlib.compress(b'[["put_step", [[], {}, []], {}]]'),
+        zlib.compress(b'[["set_meta", ["at", 5], {}]]'),
+        zlib.compress(bytes(2 << 30)),
+    ],
+)  # fmt: skip
+def test_changes_that_lie_are_one_sentence(content: bytes, path: Path) -> None:
+    path.with_name(f".{path.name}.unwritten").write_bytes(content)
+    refused(path)
+    path.with_name(f".{path.name}.unwritten").unlink()
+    SessionFile.open(path, path.parent / "cache")[0].close()
 
 
 @pytest.mark.parametrize("case", HEADERS)

@@ -11,6 +11,7 @@ from runtime.takes.clip import Clip
 from runtime.takes.joined import joined, repeated, without
 from runtime.takes.metadata import PromptEvent
 from runtime.takes.root import Placement
+from runtime.terrain.library import load_terrain
 from tests.helpers.walker import walk
 
 
@@ -56,6 +57,22 @@ def test_pieces_of_one_take_are_that_take_again() -> None:
     assert np.array_equal(made.hips_positions, clip.hips_positions)
     assert np.array_equal(made.local_rotations, clip.local_rotations)
     assert made.prompts == clip.prompts
+
+
+def test_feet_are_over_the_ground_as_they_were_over_their_own() -> None:
+    hills = load_terrain("hills")
+    clip = Clip("walk", 60.0, *walk(161, terrain=hills))
+
+    def over(made: Clip) -> np.ndarray:
+        ankles = made.world()[0][:, LEG_FEET].astype(np.float64)
+        return ankles[..., 1] - hills.height(ankles[..., 0], ankles[..., 2])
+
+    made = repeated(clip, 2, hills)
+    blended = 60  # frames in which a foot may still be on its way
+    wrong = np.abs(over(made)[len(clip) - 1 :] - over(clip))[blended:]
+    assert np.abs(over(repeated(clip, 2))[len(clip) - 1 :] - over(clip))[blended:].max() > 0.1
+    assert wrong.max() < 0.03
+    assert steps(made).max() < 2.5 * steps(clip).max()
 
 
 def test_a_take_is_repeated_and_frames_are_cut_out() -> None:

@@ -134,3 +134,5 @@ def test_values_of_no_body_are_refused() -> None:
         PoseKey(1.0, (JointValue(1, 0, 0, 0), JointValue(1, 0, 0, 0)))
     with pytest.raises(UsageError):
         PoseLayer(ease_in=-1.0)
+    with pytest.raises(UsageError):
+        PoseLayer((PoseKey(0.0), PoseKey(1e-320)))

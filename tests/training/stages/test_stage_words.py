@@ -13,6 +13,7 @@ from training.augmentation.catalogue import catalogue, part_edits  # noqa: E402
 from training.augmentation.sentences import LongerSentence, longer_sentences, other_sentences  # noqa: E402
 from training.networks.content import ContentEncoder  # noqa: E402
 from training.presets import preset  # noqa: E402
+from training.session import StageLength  # noqa: E402
 from training.stages.words import codes_of, disturbed, learn_longer_sentences  # noqa: E402
 from training.styles import StyleTexts  # noqa: E402
 
@@ -72,7 +73,7 @@ def test_longer_sentences_are_learnt_and_the_others_kept(monkeypatch):
         part_inputs(encoder, [p] * len(s), s, True, True) for p, s in zip(PART_NAMES, known, strict=True)
     ]
     texts = StyleTexts(known, inputs, np.zeros((1, 1, 6), int), np.zeros((1, 6), int), ["a"])
-    result = learn_longer_sentences(content, config, texts, encoder, steps=40)
+    result = learn_longer_sentences(content, config, texts, encoder, StageLength(40, 1))
     assert result["known_before"] == 0.0
     assert result["longer"] < 0.7 * result["longer_before"]
     assert result["known"] < 0.5

@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,7 @@ from tests.helpers.synthetic_clips import write_clip  # noqa: E402
 from tests.training.stages.test_stage_words import BagOfWords  # noqa: E402
 from training import ablations, pipeline  # noqa: E402
 from training.ablations import SHARED  # noqa: E402
+from training.arguments import StageSteps  # noqa: E402
 from training.augmentation.sentences import longer_sentences  # noqa: E402
 from training.export import model as export_module  # noqa: E402
 from training.export import quantize  # noqa: E402
@@ -175,6 +177,38 @@ def test_the_whole_pipeline_ends_in_a_model_that_is_walked(full: Path) -> None:
     if exact_8_bit_products():
         small = load_model(full / "model", precision="int8")
         assert small.metadata["quantised"]["relative_error"] > 0.0
+
+
+def test_a_run_of_some_minutes_ends_on_time_with_every_stage_whole(
+    short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now, rates = [1000.0], []
+
+    def monotonic() -> float:
+        now[0] += 0.5
+        return now[0]
+
+    for module in ("pipeline", "run", "session"):
+        monkeypatch.setattr(f"training.{module}.time", SimpleNamespace(monotonic=monotonic))
+    step = torch.optim.AdamW.step
+    monkeypatch.setattr(
+        torch.optim.AdamW, "step", lambda own: (rates.append(own.param_groups[0]["lr"]), step(own))
+    )
+    options = ["--clips", str(short), "--out", str(tmp_path), "--batch=16", "--device=cpu", "--layers=0"]
+    pipeline.main(["all", "--minutes=6", *options])
+    assert 0.97 * 360.0 < now[0] - 1000.0 <= 360.0
+    hours = json.loads((tmp_path / "hours.json").read_text())
+    assert hours["stage2"] == pytest.approx(4 * hours["stage3"], rel=0.25)
+    assert hours["content"] == pytest.approx(4 * hours["phase"], rel=0.25)
+    for stage in ("phase", "content", "stage2", "stage3"):
+        saved = torch.load(tmp_path / f"{stage}.pt", weights_only=True)
+        assert saved["step"] > 3
+        assert 1.0 < saved["at"] == getattr(StageSteps(), stage)  # the schedule is over, in fewer steps
+        assert (tmp_path / f"{stage}_final.pt").exists()
+    assert rates[-1] < 0.05 * max(rates[-20:])
+    assert not (tmp_path / "model").exists()
+    with pytest.raises(UsageError, match="over before stage"):
+        pipeline.main(["stage3", "--minutes=0", *options])
 
 
 @pytest.mark.parametrize("name", ["pae", "4-experts", "no-content-encoder"])

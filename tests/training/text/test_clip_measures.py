@@ -8,9 +8,10 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from runtime.skeleton import PART_NAMES  # noqa: E402
+from tests.helpers.walker import CYCLE_FRAMES, STRIDE_M, walk  # noqa: E402
 from training.networks.content import PARTS, MeasuresReader, odd_codes  # noqa: E402
 from training.text.clip_measures import MOST, _standardised, signs_of  # noqa: E402
-from training.text.measure import measure_names  # noqa: E402
+from training.text.measure import measure, measure_names  # noqa: E402
 
 LEFT, RIGHT, TORSO = (PART_NAMES.index(n) for n in ("left_leg", "right_leg", "torso"))
 
@@ -49,6 +50,17 @@ def test_mirrored_codes_are_read_as_the_mirrored_motion():
     assert torch.allclose(plain[LEFT], other[RIGHT], atol=1e-6)
     signs = torch.tensor(signs_of("torso"))
     assert torch.allclose(plain[TORSO] * signs, other[TORSO], atol=1e-5)
+
+
+@pytest.mark.parametrize("after", [12, 20])  # frames of the swing
+def test_a_foot_that_brushes_the_ground_in_its_swing_makes_no_step(after):
+    hips, local, contacts = walk(400)
+    contacts = contacts.copy()
+    for off in np.flatnonzero(np.diff(contacts[:, 0]) < 0):
+        contacts[off + after : off + after + 4, :2] = 1.0
+    leg = measure(hips, local, contacts).left_leg
+    assert leg.step_length == pytest.approx(STRIDE_M / 2, rel=0.05)
+    assert leg.cadence == pytest.approx(2 * 60 / CYCLE_FRAMES, rel=0.05)
 
 
 def _other(part: str) -> str:

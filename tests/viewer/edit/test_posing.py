@@ -90,10 +90,10 @@ def test_a_joint_is_turned_released_copied_and_mirrored(start: Start) -> None:
     assert [round(key.seconds * 60) for key in layer(app).keys] == [20, 50]
     assert set(layer(app).turned_joints()) == set(range(31))
     seek(app, 65)
-    click_on(app, "Release")
+    click_on(app, "Free")
     run(app, 4)
     assert np.allclose(layer(app).turns(HEAD, np.array([65 / 60])), 0.0)
-    click_on(app, "Delete")
+    click_on(app, "Del")
     run(app, 4)
     assert len(layer(app).keys) == 2
     seek(app, 50)

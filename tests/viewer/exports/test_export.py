@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -13,10 +14,11 @@ from runtime.character.writer import write_character
 from runtime.formats import fbx
 from runtime.formats.table import FORMATS
 from runtime.skeleton import SPORT_SKELETON
-from tests.helpers.app_driver import Start, click_on, run
+from tests.helpers.app_driver import Start, click_on, message, press, run, run_until, texts
 from tests.helpers.glb_playback import play
 from tests.helpers.gltf_characters import user_character
 from viewer.app import App
+from viewer.filming import film
 from viewer.services import Services
 
 FRAMES = 24
@@ -107,3 +109,25 @@ def test_any_export_can_be_cancelled_while_it_is_written(start: Start, tmp_path:
         assert app.exporting.report == "Cancelled: nothing was written."
         assert not list(tmp_path.glob("last-seconds*"))
     assert not exporting.busy
+
+
+def test_a_film_goes_on_without_its_window_and_is_cancelled_in_the_status_line(
+    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def half_done(*about: Any) -> str:
+        *_, progress, cancel = about
+        progress(5, 10)
+        return "" if cancel.wait(20.0) else "a film"
+
+    monkeypatch.setattr(film, "film_in_process", half_done)
+    app = start(services=REAL)
+    app.jobs.blocking = False
+    export(app, tmp_path, ".mp4")
+    press(app, "escape")
+    assert not app.exporting.shown
+    line = "Writing the export of Take 1: 5 of 10 frames…"
+    run_until(app, lambda: any(line in text for text in texts(app)))
+    click_on(app, "##doing")
+    run_until(app, lambda: not app.exporting.busy)
+    assert message(app) == "The export of Take 1 was cancelled."
+    assert not any("Writing" in text for text in texts(app))

@@ -234,3 +234,45 @@ def test_a_message_leaves_when_it_holds_no_longer() -> None:
     messages.warn("something")
     now[0] += WARNING_SECONDS + 0.1
     assert messages.current is None
+
+
+def test_takes_are_rated_noted_searched_sorted_and_exported_as_found(start: Start, tmp_path: Path) -> None:
+    app = start(width=1280, height=720)
+    app.settings.export_folder = str(tmp_path)
+    for number in range(7):
+        record(app, 4 + number)
+    assert "##search takes" not in dict(drawn(app))
+    record(app, 4)
+    run(app, 3)
+    click_on(app, "Open a file, shape the body")
+    run(app, 3)
+    window = next(w for w in imgui.get_current_context().windows if "take list" in w.name)
+    rows = [box for label, box in drawn(app) if label == "row"]
+    whole = [b for b in rows if b[1] >= window.pos.y and b[3] <= window.pos.y + window.size.y + 1]
+    assert len(whole) >= 6
+    click_on(app, "##take menu", index=6)
+    click_on(app, "Rating")
+    click_on(app, ICON.star * 4)
+    assert app.editor.session.takes[6].rating == 4
+    assert app.editor.undo_label == "rating of a take"
+    click_on(app, "##take menu", index=5)
+    click_on(app, "Note")
+    hand.text(app.window, "for the queen")
+    run(app, 2)
+    press(app, "enter")
+    run(app, 3)
+    assert app.editor.session.takes[5].note == "for the queen"
+    click_on(app, "##order of takes")
+    click_on(app, "By rating")
+    assert app.takes.found[0].title == "Take 7"
+    for text, found in (("***", ["Take 7"]), ("*****", []), ("QUEEN", ["Take 6"])):
+        click_on(app, "##search takes")
+        press(app, "ctrl", "a")
+        hand.text(app.window, text)
+        run(app, 3)
+        assert [take.title for take in app.takes.found] == found
+        assert len([label for label, _ in drawn(app) if label == "row"]) == len(found)
+    press(app, "enter")
+    click_on(app, "##export all")
+    run(app, 2)
+    assert [path.name for path in tmp_path.glob("*.bvh")] == ["take-6.bvh"]

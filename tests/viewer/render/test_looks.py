@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from runtime.assets import asset_path
 from runtime.character.character import load_character
 from runtime.formats.glb import MANNEQUIN
@@ -31,10 +33,12 @@ def test_looks_change_nothing_but_colours() -> None:
         assert made.colors.max() <= 1.0
 
 
-def test_a_look_is_chosen_and_kept(start: Start) -> None:
+def test_a_look_is_chosen_and_kept(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = []
+    monkeypatch.setattr("viewer.scene.scene.dressed", lambda character, look: shown.append(look) or character)
     app = start()
     click_on(app, "Open a file, shape the body")
     run(app, 3)
     click_on(app, "##parts")
     run(app, 3)
-    assert app.settings.look == "parts"
+    assert app.settings.look == shown[-1] == "parts"

@@ -12,7 +12,7 @@ import itertools
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -47,31 +47,41 @@ Read = dict[str, tuple[float, dict[str, AnyArray]]]
 def read_bvh(path: Path, unit: str) -> Read:
     """A BVH by the text alone: matrices of its channels, one after the other."""
     head, _, motion = path.read_text(encoding="utf-8").partition("MOTION")
-    joints, stack = list[dict[str, Any]](), list[Any]()
-    for words in map(str.split, head.splitlines()):
-        if words and words[0] in ("ROOT", "JOINT", "End"):
-            joints.append({"name": words[-1], "parent": stack[-1] if stack else None, "channels": []})
-        elif words and words[0] == "OFFSET":
-            joints[-1]["offset"] = np.array(words[1:], float)
-        elif words and words[0] == "CHANNELS":
-            joints[-1]["channels"] = words[2:]
-        elif words and words[0] in "{}":
-            stack.append(joints[-1]) if words[0] == "{" else stack.pop()
+    joints = _bvh_joints(head)
     lines = motion.strip().splitlines()
     values, columns = np.array([line.split() for line in lines[2:]], float).T, itertools.count()
     for joint in joints:
-        local = np.tile(np.eye(4), (values.shape[1], 1, 1))
-        local[:, :3, 3] = joint["offset"]
-        turning = [channel[0] for channel in joint["channels"] if channel.endswith("rotation")]
-        for channel in (channel for channel in joint["channels"] if channel.endswith("position")):
-            local[:, "XYZ".index(channel[0]), 3] = values[next(columns)]
-        if turning:  # which come last in what is written here
-            angles = np.stack([values[next(columns)] for _ in turning], -1)
-            local[:, :3, :3] = Rotation.from_euler("".join(turning), angles, degrees=True).as_matrix()
+        local = _bvh_local(joint, values, columns)
         joint["world"] = local if joint["parent"] is None else joint["parent"]["world"] @ local
     metres = 0.01 if unit == "cm" else 1.0
     places = {joint["name"]: joint["world"][:, :3, 3] * metres for joint in joints}
     return {"": (1.0 / float(lines[1].split()[-1]), places)}
+
+
+def _bvh_joints(head: str) -> list[dict[str, Any]]:
+    joints, stack = list[dict[str, Any]](), list[Any]()
+    for words in filter(None, map(str.split, head.splitlines())):
+        if words[0] in ("ROOT", "JOINT", "End"):
+            joints.append({"name": words[-1], "parent": stack[-1] if stack else None, "channels": []})
+        elif words[0] == "OFFSET":
+            joints[-1]["offset"] = np.array(words[1:], float)
+        elif words[0] == "CHANNELS":
+            joints[-1]["channels"] = words[2:]
+        elif words[0] in "{}":
+            stack.append(joints[-1]) if words[0] == "{" else stack.pop()
+    return joints
+
+
+def _bvh_local(joint: dict[str, Any], values: AnyArray, columns: Iterator[int]) -> AnyArray:
+    local = np.tile(np.eye(4), (values.shape[1], 1, 1))
+    local[:, :3, 3] = joint["offset"]
+    turning = [channel[0] for channel in joint["channels"] if channel.endswith("rotation")]
+    for channel in (channel for channel in joint["channels"] if channel.endswith("position")):
+        local[:, "XYZ".index(channel[0]), 3] = values[next(columns)]
+    if turning:  # which come last in what is written here
+        angles = np.stack([values[next(columns)] for _ in turning], -1)
+        local[:, :3, :3] = Rotation.from_euler("".join(turning), angles, degrees=True).as_matrix()
+    return local
 
 
 def read_glb(path: Path) -> Read:
@@ -129,11 +139,11 @@ def _ufbx(path: Path, target: Path) -> int:
     import ufbx
 
     scene = Kept(ufbx.load_file(str(path), target_axes=ufbx.axes_right_handed_y_up, target_unit_meters=1.0))
-    fps, found = scene.settings.frames_per_second, {}
+    fps, found = scene.settings.frames_per_second, dict[str, AnyArray]()
     for stack in scene.anim_stacks:
         frames = []
         for frame in range(round((stack.time_end - stack.time_begin) * fps) + 1):
-            seconds, world = stack.time_begin + frame / fps, {}
+            seconds, world = stack.time_begin + frame / fps, dict[int, AnyArray]()
             for node in scene.nodes:  # parents first
                 moved = ufbx.evaluate_transform(stack.anim.value, node.value, seconds)
                 t, q, s = moved.translation, moved.rotation, moved.scale
@@ -142,7 +152,7 @@ def _ufbx(path: Path, target: Path) -> int:
                 world[node.typed_id] = local if parent is None else world[parent.typed_id] @ local
             frames.append([world[node.typed_id][:3, 3] for node in scene.nodes])
         found[f"take {stack.name}"] = np.array(frames)
-    np.savez(target, names=np.array([node.name for node in scene.nodes]), fps=fps, **found)  # type: ignore[arg-type]
+    np.savez(target, names=np.array([node.name for node in scene.nodes]), fps=fps, **found)
     sys.stdout.flush()
     os._exit(0)
 
@@ -215,6 +225,24 @@ def _truth(take: Path, options: ExportOptions, suffix: str) -> dict[str, AnyArra
     return dict(zip(character.joint_names, matrices[..., :3, 3].swapaxes(0, 1), strict=True))
 
 
+def measure(wanted: list[Row]) -> tuple[list[list[str]], bool]:
+    """The lines of the table, and whether a cell failed."""
+    rows: list[list[str]] = []
+    failed = False
+    with tempfile.TemporaryDirectory() as folder:
+        clip = generate_clip("a proud walk", seconds=2.0)
+        parts = {"walk": clip, "on": clip.trim(20, 90), "back": replace(clip.trim(5, 60), fps=50.0)}
+        takes = [save_bvh(part, Path(folder) / f"{name}.bvh", part.fps) for name, part in parts.items()]
+        for row in wanted:
+            cells = [cell(row, rate, takes) for rate in RATES]
+            failed |= any(wrong or worst > 1.0 for worst, wrong in cells)
+            texts = [row[0], str(row[1]), "yes" if row[2] else "no", "own" if row[3] else "mannequin"]
+            texts += [wrong or f"{worst:.4f} mm" for worst, wrong in cells]
+            rows.append(texts)
+            print(*texts, sep=" | ", flush=True)
+    return rows, failed
+
+
 def main() -> int:
     """Write, read and compare every cell; 1 when one is over a millimetre or has other frames."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.read_back", description=__doc__)
@@ -227,19 +255,7 @@ def main() -> int:
     kinds = [kind for kind in READERS if args.format in (None, kind.partition(" ")[0])]
     there = {"fbx": find_blender() is not None, "usd": find_spec("pxr") is not None}
     head = ["file", "takes", "root", "character", *(f"{rate:.5g} fps" for rate in RATES)]
-    rows: list[list[str]] = []
-    failed = False
-    with tempfile.TemporaryDirectory() as folder:
-        clip = generate_clip("a proud walk", seconds=2.0)
-        parts = {"walk": clip, "on": clip.trim(20, 90), "back": replace(clip.trim(5, 60), fps=50.0)}
-        takes = [save_bvh(part, Path(folder) / f"{name}.bvh", part.fps) for name, part in parts.items()]
-        for row in (row for kind in kinds if there.get(kind[:3], True) for row in rows_of(kind)):
-            cells = [cell(row, rate, takes) for rate in RATES]
-            failed |= any(wrong or worst > 1.0 for worst, wrong in cells)
-            texts = [row[0], str(row[1]), "yes" if row[2] else "no", "own" if row[3] else "mannequin"]
-            texts += [wrong or f"{worst:.4f} mm" for worst, wrong in cells]
-            rows.append(texts)
-            print(*texts, sep=" | ", flush=True)
+    rows, failed = measure([row for kind in kinds if there.get(kind[:3], True) for row in rows_of(kind)])
     if args.markdown:
         write_section(args.markdown, "read back", "\n".join(table(head, rows)))
     return int(failed)

@@ -198,9 +198,8 @@ def buffer_view_bytes(file: GltfFile, index: Any, what: str) -> memoryview:
         raise file.error(f"the buffer view of {what} is missing.")
     view = views[index]
     start, length = view.byteOffset or 0, view.byteLength
-    if not all(isinstance(number, int) for number in (view.buffer, start, length)):
-        raise file.error(f"the buffer view of {what} is damaged.")
-    if not 0 <= view.buffer < len(file.buffers):
+    whole = all(isinstance(number, int) for number in (view.buffer, start, length))
+    if not whole or view.buffer not in range(len(file.buffers)):
         raise file.error(f"the buffer of {what} is missing.")
     data = file.buffers[view.buffer]
     if start < 0 or length < 0 or start + length > len(data):

@@ -36,18 +36,14 @@ def read_character_files(path: Path) -> Files:
     taken = {_one_file(main)}
     for uri in _local_uris(path):
         name = unquote(uri)
-        if not safe_name(name) or _one_file(name) in taken:
-            others = (f"file {k}{_safe_suffix(name)}" for k in itertools.count(1))
-            names[uri] = next(other for other in others if other not in taken)
-        taken.add(_one_file(names.setdefault(uri, name)))
+        names[uri] = _kept_name(name, taken)
         left -= len(files[main])
         files[names[uri]] = read_bounded(path.parent / name, max(left, 0))
     if any(unquote(uri) != name for uri, name in names.items()):
         files[main] = _with_uris(files[main], {uri: quote(name) for uri, name in names.items()})
     for settings in sorted(path.parent.glob("*.json")):
         kept = _settings_name(settings.name, path, main)
-        if kept and _one_file(kept) not in taken:
-            taken.add(_one_file(kept))
+        if kept and _kept_name(kept, taken) == kept:
             files[kept] = read_bounded(settings, MAX_FILE_BYTES)
     return files
 
@@ -82,6 +78,16 @@ def _in_folder(path: Path, name: str) -> bool:
         return (path.parent / name).resolve().is_relative_to(path.parent.resolve())
     except (OSError, ValueError, RuntimeError):
         return False
+
+
+def _kept_name(name: str, taken: set[str]) -> str:
+    """The name that a file is kept by: its own, or another where that is none or taken; it is taken then."""
+    kept = name
+    if not safe_name(name) or _one_file(name) in taken:
+        others = (f"file {k}{_safe_suffix(name)}" for k in itertools.count(1))
+        kept = next(other for other in others if _one_file(other) not in taken)
+    taken.add(_one_file(kept))
+    return kept
 
 
 def _one_file(name: str) -> str:

@@ -152,7 +152,7 @@ def _ufbx(path: Path, target: Path) -> int:
                 world[node.typed_id] = local if parent is None else world[parent.typed_id] @ local
             frames.append([world[node.typed_id][:3, 3] for node in scene.nodes])
         found[f"take {stack.name}"] = np.array(frames)
-    np.savez(target, names=np.array([node.name for node in scene.nodes]), fps=fps, **found)
+    np.savez(target, names=np.array([node.name for node in scene.nodes]), fps=fps, **found)  # type: ignore[arg-type]
     sys.stdout.flush()
     os._exit(0)
 

@@ -12,12 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.atomic import atomic_path, write_atomic
+from runtime.atomic import atomic_path
 from runtime.controls import Gait
 from runtime.errors import UsageError
 from runtime.formats.prepare import Check, PreparedTake
 from runtime.formats.sidecar import CONTACTS, FEET, foot_phases, markers
 from runtime.skeleton import SPORT_SKELETON
+from runtime.takes.clip import Clip
+
+ROWS = 1024  # of a table that are in memory at once
+ALL = slice(None)
 
 
 def take_arrays(take: PreparedTake) -> dict[str, NDArray[Any]]:
@@ -30,8 +34,6 @@ def take_arrays(take: PreparedTake) -> dict[str, NDArray[Any]]:
     """
     clip = take.clip
     positions, world = clip.world()
-    known = {int(gait): gait.label for gait in Gait}
-    gaits = np.full(len(clip), -1) if clip.gaits is None else clip.gaits
     return {
         "positions": (positions * clip.size).astype(np.float32),
         "rotations": world.astype(np.float32),
@@ -40,7 +42,7 @@ def take_arrays(take: PreparedTake) -> dict[str, NDArray[Any]]:
         "root_yaw": take.root.yaw.astype(np.float32),
         "contacts": clip.contacts.astype(np.float32),
         "phase": foot_phases(clip),
-        "gaits": np.array([known.get(int(gait), "") for gait in gaits]),
+        "gaits": gait_names(clip),
         "seconds": np.arange(len(clip)) / clip.fps,
         "fps": np.array(clip.fps),
         "names": np.array(SPORT_SKELETON.names),
@@ -61,14 +63,15 @@ def save_npz(take: PreparedTake, path: Path, options: object, terrain: object, c
 
 def save_csv(take: PreparedTake, path: Path, options: object, terrain: object, check: Check) -> None:
     """Write a row a frame: time, root, contacts, phase, gait, prompt, joint positions and rotations; FileError."""
-    columns, words = take_columns(take)
-    table = np.column_stack([values for _, values in columns])
-    lines = [",".join([name for name, _ in columns] + ["gait", "prompt"])]
-    for row, gait, prompt in zip(table.tolist(), *words, strict=True):
-        quoted = prompt.replace('"', '""')
-        lines.append(",".join("" if v != v else f"{v:.7g}" for v in row) + f',{gait},"{quoted}"')
-    check()
-    write_atomic(path, "\n".join(lines) + "\n")
+    with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+        for first in range(0, len(take.clip), ROWS):
+            check()
+            columns, words = take_columns(take, slice(first, first + ROWS))
+            if first == 0:
+                file.write(",".join([*columns, "gait", "prompt"]) + "\n")
+            for row, gait, prompt in zip(np.column_stack([*columns.values()]).tolist(), *words, strict=True):
+                quoted = prompt.replace('"', '""')
+                file.write(",".join("" if v != v else f"{v:.7g}" for v in row) + f',{gait},"{quoted}"\n')
 
 
 def check_parquet(path: Path) -> None:
@@ -87,7 +90,7 @@ def save_parquet(take: PreparedTake, path: Path, options: object, terrain: objec
     import pandas
 
     columns, (gaits, prompts) = take_columns(take)
-    frame = pandas.DataFrame({name: values.astype(np.float32) for name, values in columns})
+    frame = pandas.DataFrame({name: values.astype(np.float32) for name, values in columns.items()})
     frame["gait"], frame["prompt"] = gaits, prompts
     frame.attrs = {"fps": take.clip.fps, "name": take.clip.name}
     with atomic_path(path) as temporary:
@@ -95,20 +98,34 @@ def save_parquet(take: PreparedTake, path: Path, options: object, terrain: objec
         check()
 
 
-def take_columns(take: PreparedTake) -> tuple[list[tuple[str, NDArray[Any]]], tuple[list[str], list[str]]]:
-    """Named columns of numbers `(T,)`, and the gait and the prompt of each frame."""
-    arrays = take_arrays(take)
+def take_columns(
+    take: PreparedTake, rows: slice = ALL
+) -> tuple[dict[str, NDArray[Any]], tuple[list[str], list[str]]]:
+    """Columns of numbers by name, and the gait and the prompt of each frame, of some frames."""
+    clip = take.clip
+    positions, world = SPORT_SKELETON.forward_kinematics(
+        clip.hips_positions[rows], clip.local_rotations[rows]
+    )
+    seconds = np.arange(len(clip))[rows] / clip.fps
+    found: dict[str, NDArray[Any]] = {"seconds": seconds}
 
-    def columns(name: str, parts: Sequence[str], values: NDArray[Any]) -> list[tuple[str, NDArray[Any]]]:
-        return [(f"{name}{part}", values[:, k]) for k, part in enumerate(parts)]
+    def add(name: str, parts: Sequence[str], values: NDArray[Any]) -> None:
+        found.update((f"{name}{part}", values[:, k].astype(np.float32)) for k, part in enumerate(parts))
 
-    found = [("seconds", arrays["seconds"])]
-    found += [*columns("root_", "xyz", arrays["root_positions"]), ("root_yaw", arrays["root_yaw"])]
-    found += columns("", CONTACTS, arrays["contacts"]) + columns("phase_", FEET, arrays["phase"])
+    add("root_", "xyz", take.root.positions[rows] * clip.size)
+    found["root_yaw"] = take.root.yaw[rows].astype(np.float32)
+    add("", CONTACTS, clip.contacts[rows])
+    add("phase_", FEET, foot_phases(clip)[rows])
     for j, name in enumerate(SPORT_SKELETON.names):
-        found += columns(f"{name}_", "xyz", arrays["positions"][:, j])
-        found += columns(f"{name}_q", "wxyz", arrays["rotations"][:, j])
-    begun = [(m["seconds"], m["name"]) for m in markers(take.clip) if m["kind"] == "prompt"]
-    at = arrays["seconds"].tolist()
-    prompts = [next((name for when, name in reversed(begun) if when <= s + 1e-6), "") for s in at]
-    return found, (arrays["gaits"].tolist(), prompts)
+        add(f"{name}_", "xyz", positions[:, j] * clip.size)
+        add(f"{name}_q", "wxyz", world[:, j])
+    begun = [(m["seconds"], m["name"]) for m in markers(clip) if m["kind"] == "prompt"][::-1]
+    prompts = [next((name for when, name in begun if when <= s + 1e-6), "") for s in seconds.tolist()]
+    return found, (gait_names(clip)[rows].tolist(), prompts)
+
+
+def gait_names(clip: Clip) -> NDArray[Any]:
+    """The gait of each frame `(T,)`, "" where it is not known."""
+    known = {int(gait): gait.label for gait in Gait}
+    gaits = np.full(len(clip), -1) if clip.gaits is None else clip.gaits
+    return np.array([known.get(int(gait), "") for gait in gaits])

@@ -54,7 +54,7 @@ def check_fbx(path: Path) -> list[str]:
     if command is None:
         raise UsageError(
             f"{path}: FBX is written by Blender, and neither the Python module bpy nor a command blender is here.",
-            "Run pip install -e '.[fbx]' with Python 3.11, install Blender 4.2 or later, name one in"
+            "Run pip install -e '.[fbx]' with Python 3.11, install Blender 4.4 or later, name one in"
             f" {BLENDER_VARIABLE}, or write a .glb.",
         )
     return command

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 
 ROOT_NAMES = ("Root", "GroundRoot", "SportGroundRoot")
-OFF_THE_HIPS_M = 1e-3  # of a root joint at rest
+# of a root joint at rest: Blender joins the hips to one whose tail meets them, and drops where they go
+OFF_THE_HIPS_M = 1e-3
 SAME = 1e-4  # a character that needs less scaling and turning than this stands in our space already
 
 
@@ -81,6 +82,8 @@ def open_rig(
     for index, skin in enumerate(rig.gltf.skins):
         rig.binds[index] = skin_joints(file, index)[1][: len(skin.joints)].astype(np.float64)
     (_set_plain_scene if plain else _set_scene)(rig)
+    if plain:
+        _part_from_hips(rig, data.joint_nodes[hips])
     if ground_root:
         _add_root(rig, data.joint_nodes[hips])
     for index, skin in enumerate(rig.gltf.skins):
@@ -204,7 +207,7 @@ def _add_root(rig: Rig, hips: int) -> None:
     above, gltf = rig.parents[hips], rig.gltf
     frame = rig.rest[above].copy() if above >= 0 else np.eye(4)
     frame[:3, 3] = rig.ground_point
-    if rig.plain:  # Blender joins the hips to a root whose tail meets them, and drops where they go
+    if rig.plain:
         frame[2, 3] -= OFF_THE_HIPS_M
     free = set(ROOT_NAMES) - {node.name for node in gltf.nodes}
     name = min(free or {ROOT_NAMES[-1]}, key=ROOT_NAMES.index)
@@ -217,13 +220,30 @@ def _add_root(rig: Rig, hips: int) -> None:
     _bind_root(rig, hips, frame)
 
 
+def _part_from_hips(rig: Rig, hips: int) -> None:
+    """Move the character's own root a little at rest where the hips stand on its Y axis."""
+    root, nodes = rig.parents[hips], rig.gltf.nodes
+    frame = written(rig, rig.rest[root])
+    way = rig.rest[hips, :3, 3] - frame[:3, 3]
+    if root not in rig.joints or np.linalg.norm(frame[:3, 1] * np.linalg.norm(way) - way) > OFF_THE_HIPS_M:
+        return
+    rig.rest[root, 2, 3] -= OFF_THE_HIPS_M
+    moved = np.linalg.inv(written(rig, rig.rest[root])) @ frame
+    for index, skin in enumerate(rig.gltf.skins):
+        bound = np.array(skin.joints) == root
+        rig.binds[index][bound] = moved @ rig.binds[index][bound]
+    for node in (root, *nodes[root].children):
+        set_local(nodes[node], local_rest(rig, node))
+
+
 def _bind_root(rig: Rig, hips: int, frame: Array) -> None:
     """Make the root joint at `frame` a joint of every skin of the hips."""
-    inverse_bind = np.linalg.inv(np.linalg.inv(rig.space) @ written(rig, frame))
-    inverse_bind[3] = (0.0, 0.0, 0.0, 1.0)
+    back = np.linalg.inv(written(rig, frame)) @ written(rig, rig.rest[hips])
     for index, skin in enumerate(rig.gltf.skins):
-        if hips in skin.joints:
-            rig.binds[index] = np.concatenate([rig.binds[index], inverse_bind[None]])
+        if hips in skin.joints:  # in the space of the mesh, whose unit may be another
+            bind = back @ rig.binds[index][skin.joints.index(hips)]
+            bind[3] = (0.0, 0.0, 0.0, 1.0)
+            rig.binds[index] = np.concatenate([rig.binds[index], bind[None]])
             skin.joints.append(rig.root_node)
             skin.skeleton = None
 

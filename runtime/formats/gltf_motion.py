@@ -206,15 +206,15 @@ def _named(file: GltfFile) -> dict[str, Any]:
     count, nodes = len(animations), len(file.gltf.nodes or [])
     if count > MAX_ANIMATIONS or count * nodes > MAX_LOOKED_AT:
         raise file.error(f"{count} animations of {nodes} nodes.", "Export fewer of them.")
-    channels = [
-        (animation, channel) for animation in animations.values() for channel in animation.channels or []
-    ]
-    entries = [animation.samplers[channel.sampler] for animation, channel in channels]
-    if sum(accessor_count(file, key) for entry in entries for key in (entry.input, entry.output)) > _room(
-        file
-    ):
+    if sum(_key_count(file, animation) for animation in animations.values()) > _room(file):
         raise file.error("more keys than a file of its size has.", REMEDY)
     return animations
+
+
+def _key_count(file: GltfFile, animation: Any) -> int:
+    """Times and values of all channels; a sampler counts for each that has it."""
+    used = [animation.samplers[channel.sampler] for channel in animation.channels or []]
+    return sum(accessor_count(file, key) for sampler in used for key in (sampler.input, sampler.output))
 
 
 def _room(file: GltfFile) -> float:

@@ -74,7 +74,18 @@ LIBRARIES = {
         "pandas",
     },
     "viewer": {"numpy", "PIL", "av", *WINDOW},
-    "benchmarks": {"numpy", "bvhio", "bpy", "matplotlib", "pandas", "scipy", "statsmodels"},
+    "benchmarks": {
+        "numpy",
+        "bvhio",
+        "bpy",
+        "pxr",
+        "pygltflib",
+        "ufbx",
+        "matplotlib",
+        "pandas",
+        "scipy",
+        "statsmodels",
+    },
 }
 TEXT_SUFFIXES = {".json", ".md", ".txt", ".toml", ".py", ".glsl", ".vert", ".frag", ".sh", ""}
 # without the letter before it: networks of some 100 MB are searched fastest by what begins with a plain byte

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 from runtime.errors import UsageError
 from runtime.formats import arrays
-from runtime.formats.prepare import ExportOptions
+from runtime.formats.prepare import ExportOptions, prepare
 from runtime.formats.table import check_export, save_motion
 from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
@@ -54,6 +55,21 @@ def test_a_csv_has_a_row_a_frame(tmp_path: Path) -> None:
     assert rows[-1]["gait"] == "walk"
     at = [float(rows[45][f"LeftHand_{axis}"]) for axis in "xyz"]
     assert np.abs(np.array(at) - CLIP.world()[0][90, 20]).max() < 1e-4
+
+
+def test_a_csv_of_a_longer_take_needs_no_more_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(arrays, "ROWS", 64)
+
+    def peak(times: int) -> int:
+        hips, local, contacts = (np.tile(part, (times, *[1] * (part.ndim - 1))) for part in walk(128))
+        take = prepare(Clip("walk", 60.0, hips, local, contacts), ExportOptions(), FLAT)
+        tracemalloc.start()
+        arrays.save_csv(take, tmp_path / "a.csv", None, None, lambda: None)
+        found = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return found
+
+    assert peak(4) < 1.2 * peak(1)
 
 
 def test_parquet_has_the_columns_of_the_table(tmp_path: Path) -> None:

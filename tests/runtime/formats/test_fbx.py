@@ -15,7 +15,7 @@ import pytest
 from runtime.assets import asset_path
 from runtime.character.character import load_character
 from runtime.errors import FileError, UsageError
-from runtime.formats import fbx
+from runtime.formats import fbx, glb_skeleton
 from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
 from runtime.formats.glb import MANNEQUIN
 from runtime.formats.prepare import ExportOptions, prepare
@@ -128,6 +128,25 @@ def test_blender_reads_the_same_joints(name: str, suffix: str, tmp_path: Path) -
         turns.append(unit @ np.linalg.inv(unit[0]))
     angle = np.linalg.norm(turns[0] - turns[1], axis=(-2, -1)) / np.sqrt(2.0)
     assert np.rad2deg(angle).max() < 0.1
+
+
+@needs_blender
+def test_hips_exactly_above_a_root_of_their_own_keep_where_they_go(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Blender connects bones that meet, and drops where the lower one goes."""
+    options, source = ExportOptions(fps=30.0, ground_root=True, plain=True), tmp_path / "rooted.glb"
+    with monkeypatch.context() as patch:
+        patch.setattr(glb_skeleton, "OFF_THE_HIPS_M", 0.0)
+        save_motion(CLIP, source, options, Terrain.flat())
+    options = ExportOptions(fps=30.0, character=source, fit_to_motion=True, ground_root=True)
+    save_motion(CLIP, tmp_path / "take.fbx", options, Terrain.flat())
+    found = run_reader(READER, tmp_path / "take.fbx", tmp_path, "30.0")["bones"]
+    take, character = prepare(CLIP, options, Terrain.flat()).clip, load_character(source)
+    places = character.joint_matrices(*character.adapted(*take.world(), take.contacts))[..., :3, 3]
+    for frame, bones in found.items():
+        read = np.array(bones["Hips"])[:3, 3][[0, 2, 1]] * (1, 1, -1)
+        assert np.linalg.norm(read - places[int(frame), character.joint_names.index("Hips")]) < 1e-3, frame
 
 
 @needs_blender

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime.errors import UsageError
+from runtime.errors import FileError, UsageError
 from runtime.formats import fbx, usd
 from runtime.formats.prepare import ExportOptions
 from runtime.formats.table import check_export, save_motion
@@ -20,6 +20,7 @@ from runtime.takes.metadata import PromptEvent
 from runtime.terrain.height_map import Terrain
 from tests.helpers.foreign_rigs import RIGS
 from tests.helpers.glb_playback import play, skinned
+from tests.helpers.gltf_characters import character_glb, join_glb, split_glb
 from tests.helpers.walker import walk
 
 CLIP = Clip("a walk", 60.0, *walk(21), prompts=(PromptEvent(0.0, "proud"),))
@@ -159,3 +160,39 @@ def test_names_of_any_script_stay_unique_and_legible(tmp_path: Path) -> None:
     names = [str(joint).rpartition("/")[2] for joint in skeleton.GetJointsAttr().Get()]
     assert len(set(names)) == len(names)
     assert {"左足", "右足", "手_左", "_2右"} <= set(names)
+
+
+@needs_usd
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        ("extras", "damaged glTF document"),
+        ("view", "buffer of"),
+        ("bind", "Singular"),
+        ("joint of no weight", ""),
+    ],
+)
+def test_a_damaged_character_is_one_sentence(damage: str, message: str, tmp_path: Path) -> None:
+    document, blob = split_glb(character_glb())
+    data = bytearray(blob)
+
+    def at(accessor: int) -> int:
+        return document["bufferViews"][document["accessors"][accessor]["bufferView"]].get("byteOffset", 0)
+
+    if damage == "extras":
+        document["extras"] = float("nan")
+    elif damage == "view":
+        document["bufferViews"].append({"buffer": 0})
+    elif damage == "bind":
+        first = at(document["skins"][0]["inverseBindMatrices"])
+        data[first : first + 64] = bytes(64)
+    else:
+        first = at(document["meshes"][0]["primitives"][0]["attributes"]["JOINTS_0"])
+        data[first + 2 : first + 4] = b"\xff\x7f"
+    (tmp_path / "me.glb").write_bytes(join_glb(document, bytes(data)))
+    options = ExportOptions(fps=30.0, character=tmp_path / "me.glb")
+    if message:
+        with pytest.raises(FileError, match=message):
+            save_motion(CLIP, tmp_path / "take.usd", options, Terrain.flat())
+    else:
+        save_motion(CLIP, tmp_path / "take.usd", options, Terrain.flat())

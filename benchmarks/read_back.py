@@ -1,0 +1,265 @@
+"""Every kind of exported file read by a program that is not ours: is each joint within a millimetre, in each frame?
+
+    python -m benchmarks.read_back [--format glb] [--markdown docs/results/read_back.md]
+
+The truth is the pose that the window shows. Without Blender there is no FBX, without usd-core no USD.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from runtime.arrays import AnyArray
+from runtime.assets import asset_path
+from runtime.character.character import load_character
+from runtime.character.fbx_to_glb import Kept
+from runtime.errors import run_command
+from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
+from runtime.formats.fbx import find_blender
+from runtime.formats.glb import MANNEQUIN
+from runtime.formats.options import ExportOptions
+from runtime.formats.prepare import prepare
+from runtime.formats.table import save_motion
+from runtime.generate import generate_clip
+from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.height_map import Terrain
+from training.markdown import table, write_section
+
+RATES = (30.0, 30000 / 1001, 60.0)
+OWN = Path("tests/runtime/character/characters/box_man.glb")
+FLAT = Terrain.flat()
+# of each take its rate, and places (T, 3) of joints by name
+Read = dict[str, tuple[float, dict[str, AnyArray]]]
+
+
+def read_bvh(path: Path, unit: str) -> Read:
+    """A BVH by the text alone: matrices of its channels, one after the other."""
+    head, _, motion = path.read_text(encoding="utf-8").partition("MOTION")
+    joints = _bvh_joints(head)
+    lines = motion.strip().splitlines()
+    values, columns = np.array([line.split() for line in lines[2:]], float).T, itertools.count()
+    for joint in joints:
+        local = _bvh_local(joint, values, columns)
+        joint["world"] = local if joint["parent"] is None else joint["parent"]["world"] @ local
+    metres = 0.01 if unit == "cm" else 1.0
+    places = {joint["name"]: joint["world"][:, :3, 3] * metres for joint in joints}
+    return {"": (1.0 / float(lines[1].split()[-1]), places)}
+
+
+def _bvh_joints(head: str) -> list[dict[str, Any]]:
+    joints, stack = list[dict[str, Any]](), list[Any]()
+    for words in filter(None, map(str.split, head.splitlines())):
+        if words[0] in ("ROOT", "JOINT", "End"):
+            joints.append({"name": words[-1], "parent": stack[-1] if stack else None, "channels": []})
+        elif words[0] == "OFFSET":
+            joints[-1]["offset"] = np.array(words[1:], float)
+        elif words[0] == "CHANNELS":
+            joints[-1]["channels"] = words[2:]
+        elif words[0] in "{}":
+            stack.append(joints[-1]) if words[0] == "{" else stack.pop()
+    return joints
+
+
+def _bvh_local(joint: dict[str, Any], values: AnyArray, columns: Iterator[int]) -> AnyArray:
+    local = np.tile(np.eye(4), (values.shape[1], 1, 1))
+    local[:, :3, 3] = joint["offset"]
+    turning = [channel[0] for channel in joint["channels"] if channel.endswith("rotation")]
+    for channel in (channel for channel in joint["channels"] if channel.endswith("position")):
+        local[:, "XYZ".index(channel[0]), 3] = values[next(columns)]
+    if turning:  # which come last in what is written here
+        angles = np.stack([values[next(columns)] for _ in turning], -1)
+        local[:, :3, :3] = Rotation.from_euler("".join(turning), angles, degrees=True).as_matrix()
+    return local
+
+
+def read_glb(path: Path) -> Read:
+    """A GLB by pygltflib: keys of each node, one after the other down the tree."""
+    from pygltflib import GLTF2
+
+    gltf = GLTF2.load(str(path))
+
+    def values(index: int) -> AnyArray:
+        accessor = gltf.accessors[index]
+        start = gltf.bufferViews[accessor.bufferView].byteOffset + (accessor.byteOffset or 0)
+        width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[accessor.type]
+        return np.frombuffer(gltf.binary_blob(), "<f4", accessor.count * width, start).reshape(-1, width)
+
+    found: Read = {}
+    for animation in gltf.animations:
+        times = values(animation.samplers[0].input)[:, 0]
+        outputs = [
+            (channel.target, animation.samplers[channel.sampler].output) for channel in animation.channels
+        ]
+        keys = {(target.node, target.path): values(output) for target, output in outputs}
+        world: dict[int, AnyArray] = {}
+        todo: list[tuple[int, AnyArray]] = [(node, np.eye(4)) for node in gltf.scenes[0].nodes]
+        for node, above in todo:
+            thing = gltf.nodes[node]
+            turn = keys.get((node, "rotation"), thing.rotation or [0, 0, 0, 1])
+            place = keys.get((node, "translation"), thing.translation or [0, 0, 0])
+            world[node] = above @ _matrix(turn, place, thing.scale or [1.0, 1.0, 1.0], len(times))
+            todo.extend((child, world[node]) for child in gltf.nodes[node].children or [])
+        places = {gltf.nodes[node].name: matrix[:, :3, 3] for node, matrix in world.items()}
+        found[animation.name] = (len(times) - 1) / float(times[-1]), places
+    return found
+
+
+def _matrix(rotation: Any, translation: Any, scale: Any, frames: int) -> AnyArray:
+    local = np.tile(np.eye(4), (frames, 1, 1))
+    local[:, :3, :3] = Rotation.from_quat(np.atleast_2d(rotation)).as_matrix() * np.array(scale)
+    local[:, :3, 3] = translation
+    return local
+
+
+def read_fbx(path: Path) -> Read:
+    """An FBX by ufbx, in a process of its own: it crashes where it frees a scene."""
+    target = path.with_suffix(".npz")
+    subprocess.run([sys.executable, "-m", "benchmarks.read_back", "--ufbx", path, target], check=True)
+    with np.load(target, allow_pickle=False) as found:
+        names, fps = found["names"].tolist(), float(found["fps"])
+        takes = [name for name in found.files if name.startswith("take ")]
+        return {take[5:]: (fps, dict(zip(names, found[take].swapaxes(0, 1), strict=True))) for take in takes}
+
+
+def _ufbx(path: Path, target: Path) -> int:
+    import os
+
+    import ufbx
+
+    scene = Kept(ufbx.load_file(str(path), target_axes=ufbx.axes_right_handed_y_up, target_unit_meters=1.0))
+    fps, found = scene.settings.frames_per_second, dict[str, AnyArray]()
+    for stack in scene.anim_stacks:
+        frames = []
+        for frame in range(round((stack.time_end - stack.time_begin) * fps) + 1):
+            seconds, world = stack.time_begin + frame / fps, dict[int, AnyArray]()
+            for node in scene.nodes:  # parents first
+                moved = ufbx.evaluate_transform(stack.anim.value, node.value, seconds)
+                t, q, s = moved.translation, moved.rotation, moved.scale
+                local = _matrix([q.x, q.y, q.z, q.w], [t.x, t.y, t.z], [s.x, s.y, s.z], 1)[0]
+                parent = node.parent
+                world[node.typed_id] = local if parent is None else world[parent.typed_id] @ local
+            frames.append([world[node.typed_id][:3, 3] for node in scene.nodes])
+        found[f"take {stack.name}"] = np.array(frames)
+    np.savez(target, names=np.array([node.name for node in scene.nodes]), fps=fps, **found)  # type: ignore[arg-type]
+    sys.stdout.flush()
+    os._exit(0)
+
+
+def read_usd(path: Path) -> Read:
+    """A USD by OpenUSD's own skinning."""
+    from pxr import Usd, UsdGeom, UsdSkel
+
+    stage = Usd.Stage.Open(str(path))
+    cache, root = UsdSkel.Cache(), UsdSkel.Root(stage.GetDefaultPrim())
+    cache.Populate(root, Usd.PrimDefaultPredicate)
+    (binding, *_) = cache.ComputeSkelBindings(root, Usd.PrimDefaultPredicate)
+    query = cache.GetSkelQuery(binding.GetSkeleton())
+    names = [str(joint).rpartition("/")[2] for joint in query.GetJointOrder()]
+    caches = [UsdGeom.XformCache(frame) for frame in range(int(stage.GetEndTimeCode()) + 1)]
+    frames = [[m.ExtractTranslation() for m in query.ComputeJointWorldTransforms(cache)] for cache in caches]
+    places = np.array(frames) * UsdGeom.GetStageMetersPerUnit(stage)
+    return {"": (stage.GetTimeCodesPerSecond(), dict(zip(names, places.swapaxes(0, 1), strict=True)))}
+
+
+READERS: dict[str, Callable[[Path], Read]] = {
+    "bvh cm": lambda path: read_bvh(path, "cm"), "bvh m": lambda path: read_bvh(path, "m"), "glb": read_glb,
+    "fbx m": read_fbx, "fbx cm": read_fbx, "usd": read_usd, "usdz": read_usd,
+}  # fmt: skip
+
+
+Row = tuple[
+    str, int, bool, Path | None
+]  # kind, number of takes, whether with a root on the ground, character
+
+
+def rows_of(kind: str) -> list[Row]:
+    """The rows of a kind."""
+    takes = (1, 3) if kind[:3] in ("glb", "fbx") else (1,)
+    return list(
+        itertools.product([kind], takes, (False, True), (None,) if kind[:3] == "bvh" else (None, OWN))
+    )
+
+
+def cell(row: Row, rate: float, takes: list[Path]) -> tuple[float, str]:
+    """The largest distance in millimetres, and what else is wrong."""
+    kind, count, root, own = row
+    suffix, _, unit = kind.partition(" ")
+    given: dict[str, Any] = {"unit": unit} if suffix == "bvh" else {"engine": "maya"} if unit == "cm" else {}
+    given |= {"fps": rate, "ground_root": root, "with_takes": tuple(takes[1:count])}
+    options = ExportOptions(character=own, fit_to_motion=own is not None, **given)
+    save_motion(load_clip_bvh(takes[0]), path := takes[0].with_name(f"out.{suffix}"), options, FLAT)
+    found = READERS[kind](path)
+    worst, wrong = 0.0, [] if len(found) == count else [f"{len(found)} takes"]
+    for take in takes[:count]:
+        fps, places = found.get(take.stem) or found[""]
+        wanted = _truth(take, options, suffix)
+        frames = {len(place) for place in places.values()}
+        if frames != {len(next(iter(wanted.values())))} or abs(fps - rate) > 1e-3:
+            wrong.append(f"{frames} frames at {fps:.3f}")
+            continue
+        for name, there in wanted.items():  # in USD a name has letters, digits and _
+            found_at = places.get(name, places.get(name.replace(":", "_")))
+            worst = max(worst, np.inf if found_at is None else 1e3 * float(np.abs(found_at - there).max()))
+    return worst, ", ".join(wrong)
+
+
+def _truth(take: Path, options: ExportOptions, suffix: str) -> dict[str, AnyArray]:
+    """Places of the joints as the window shows them."""
+    clip = prepare(load_clip_bvh(take), replace(options, with_takes=()), FLAT).clip
+    if suffix == "bvh":
+        return dict(zip(SPORT_SKELETON.names, clip.world()[0].swapaxes(0, 1), strict=True))
+    character = load_character(options.character or asset_path(MANNEQUIN))
+    matrices = character.joint_matrices(*character.adapted(*clip.world(), clip.contacts))
+    return dict(zip(character.joint_names, matrices[..., :3, 3].swapaxes(0, 1), strict=True))
+
+
+def measure(wanted: list[Row]) -> tuple[list[list[str]], bool]:
+    """The lines of the table, and whether a cell failed."""
+    rows: list[list[str]] = []
+    failed = False
+    with tempfile.TemporaryDirectory() as folder:
+        clip = generate_clip("a proud walk", seconds=2.0)
+        parts = {"walk": clip, "on": clip.trim(20, 90), "back": replace(clip.trim(5, 60), fps=50.0)}
+        takes = [save_bvh(part, Path(folder) / f"{name}.bvh", part.fps) for name, part in parts.items()]
+        for row in wanted:
+            cells = [cell(row, rate, takes) for rate in RATES]
+            failed |= any(wrong or worst > 1.0 for worst, wrong in cells)
+            texts = [row[0], str(row[1]), "yes" if row[2] else "no", "own" if row[3] else "mannequin"]
+            texts += [wrong or f"{worst:.4f} mm" for worst, wrong in cells]
+            rows.append(texts)
+            print(*texts, sep=" | ", flush=True)
+    return rows, failed
+
+
+def main() -> int:
+    """Write, read and compare every cell; 1 when one is over a millimetre or has other frames."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.read_back", description=__doc__)
+    parser.add_argument("--format", choices=sorted({kind.partition(" ")[0] for kind in READERS}))
+    parser.add_argument("--markdown", type=Path)
+    parser.add_argument("--ufbx", type=Path, nargs=2, help=argparse.SUPPRESS)
+    args = parser.parse_args()
+    if args.ufbx:
+        return _ufbx(*args.ufbx)
+    kinds = [kind for kind in READERS if args.format in (None, kind.partition(" ")[0])]
+    there = {"fbx": find_blender() is not None, "usd": find_spec("pxr") is not None}
+    head = ["file", "takes", "root", "character", *(f"{rate:.5g} fps" for rate in RATES)]
+    rows, failed = measure([row for kind in kinds if there.get(kind[:3], True) for row in rows_of(kind)])
+    if args.markdown:
+        write_section(args.markdown, "read back", "\n".join(table(head, rows)))
+    return int(failed)
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_command("read_back", main))

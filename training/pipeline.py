@@ -63,9 +63,7 @@ def main(argv: list[str] | None = None) -> int:
     args = build_parser().parse_args(argv)
     args.ends = None if args.minutes is None else time.monotonic() + 60.0 * (1.0 - WRITING) * args.minutes
     _log_progress()
-    wanted: tuple[str, ...] = STAGES if args.stage == "all" else (args.stage,)
-    if args.stage == "all" and args.minutes is not None:
-        wanted = wanted[: wanted.index("ground")]
+    wanted = _wanted(args)
     stages = [stage for stage in wanted if stage in TRAINING]
     if stages:
         _refuse_table_one(preset(args.preset))  # now: an import takes hours
@@ -76,6 +74,12 @@ def main(argv: list[str] | None = None) -> int:
     if stages:
         _train(args, stages)
     return 0
+
+
+def _wanted(args: argparse.Namespace) -> tuple[str, ...]:
+    if args.stage != "all":
+        return (args.stage,)
+    return STAGES if args.minutes is None else STAGES[: STAGES.index("ground")]
 
 
 def _train(args: argparse.Namespace, stages: list[str]) -> None:

@@ -27,7 +27,7 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
 from training.arguments import COUNT
 from training.augmentation import recipes
-from training.augmentation.catalogue import part_edits
+from training.augmentation.catalogue import PartEdit, part_edits
 from training.augmentation.edits import apply
 from training.augmentation.measured_edits import rhythm_section
 from training.augmentation.motion import EditedMotion, cut
@@ -66,17 +66,11 @@ def build_layer(
             return None
         source, motion = found
         texts = _style_texts(styles, source, random)
-    keys = dict.fromkeys(PART_NAMES, source.key)
+    keys: dict[str, str] = {}
     for edit_name in edits:
         edit = part_edits()[edit_name]
         motion = apply(motion, edit, random)
-        for part, phrases in edit.phrases.items():
-            order = random.permutation(max(len(phrases), 4)) % len(phrases)
-            own = [phrases[int(k)] for k in order]
-            key = edit_name if len(edit.phrases) == 1 else f"{edit_name}.{part}"
-            both = keys[part] != source.key  # another edit has described it
-            texts[part] = _both(part, texts[part], own, random) if both else own
-            keys[part] = f"{keys[part]}+{key}" if both else key
+        _describe(edit, texts, keys, random)
     clip = TrainingClip(
         name=name,
         hips=motion.hips,
@@ -93,11 +87,23 @@ def build_layer(
     )
     entry = {
         "descriptions": [{p: own[k % len(own)] for p, own in texts.items()} for k in range(PARAPHRASES)],
-        "keys": list(keys.values()),
+        "keys": [keys.get(part, source.key) for part in PART_NAMES],
         "base": source.name,
         "edits": list(edits),
     }
     return clip, entry
+
+
+def _describe(
+    edit: PartEdit, texts: dict[str, list[str]], keys: dict[str, str], random: np.random.Generator
+) -> None:
+    """Put the edit's sentences and its key in place of the style's, or next to those of an edit before it."""
+    for part, phrases in edit.phrases.items():
+        order = random.permutation(max(len(phrases), 4)) % len(phrases)
+        own = [phrases[int(k)] for k in order]
+        key = edit.name if len(edit.phrases) == 1 else f"{edit.name}.{part}"
+        texts[part] = _both(part, texts[part], own, random) if part in keys else own
+        keys[part] = f"{keys[part]}+{key}" if part in keys else key
 
 
 def _both(part: str, ones: list[str], others: list[str], random: np.random.Generator) -> list[str]:

@@ -17,6 +17,7 @@ BOTH_SWING = 0.5  # arms that swing more or less mostly do so together
 LEGS_RHYTHM = 0.55  # fraction of the legs' edits that are of rhythm and weight
 TOGETHER = 0.5  # chance that a base has two edits of legs
 WAIST = 0.3  # that its hips or waist are edited too
+_DRAWS = 6
 _OF_WAIST = ("hips", "twist", "bob", "rock")
 _AGAINST = (  # kinds and measures of which one undoes the other
     {"landing", "foot_lift"}, {"stiff", "knee_bend"}, {"stiff", "foot_lift"}, {"stiff", "width"}, {"foot_pitch", "foot_lift"},
@@ -44,15 +45,22 @@ def draw_base(random: np.random.Generator, standing: bool) -> tuple[str, ...]:
     """
     while True:
         chosen = _drawn("legs", [], random, standing)
-        if chosen and random.random() < TOGETHER:
-            second = _drawn("legs", [], random, standing)
-            if all(_go_together(part_edits()[a], part_edits()[b]) for a in chosen for b in second):
-                chosen += second
+        if random.random() < TOGETHER:
+            chosen += _beside(chosen, random, standing)
         if not standing and random.random() < WAIST:
             edit = str(random.choice([e.name for e in _edits_of(("torso",)) if e.kind in _OF_WAIST]))
             chosen += [] if _taken(chosen, edit) else [edit]
         if chosen and allowed(tuple(chosen)):
             return tuple(sorted(chosen, key=_order))
+
+
+def _beside(chosen: list[str], random: np.random.Generator, standing: bool) -> list[str]:
+    """Another edit of legs that goes with those `chosen`; none where few draws find one."""
+    for _ in range(_DRAWS):
+        found = _drawn("legs", [], random, standing)
+        if all(_go_together(part_edits()[a], part_edits()[b]) for a in chosen for b in found):
+            return found
+    return []
 
 
 def _go_together(one: PartEdit, other: PartEdit) -> bool:

@@ -21,7 +21,7 @@ from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.motion.features import FPS, INPUT, OUTPUT, L
 from runtime.skeleton import PART_JOINTS, PART_NAMES, SPORT_SKELETON, J
-from training.augmentation.catalogue import PartEdit, catalogue, part_edits
+from training.augmentation.catalogue import PartEdit, catalogue, edits_of_key
 from training.augmentation.gait import left_landings, step_phase
 from training.frames import FIRST_OF_UPPER as FIRST
 from training.frames import FIXED_POINT, LAYERED, FrameTable, smooth
@@ -332,15 +332,9 @@ def weighted(cumulative: Tensor, size: tuple[int, ...]) -> Tensor:
     return torch.searchsorted(cumulative, draw).clamp_max(len(cumulative) - 1)
 
 
-def _edit(name: str) -> PartEdit | None:
-    """The edit that a key names, with or without the part that its words describe."""
-    return part_edits().get(".".join(name.split(".")[:2]))
-
-
 def _fixed_torsos(texts: StyleTexts) -> np.ndarray:
     """`(clips,)` bool: whose torso has the words of an edit that moves hips or feet."""
-    edits = [_edit(name) for name in texts.names]
-    fixed = np.array([edit is not None and acts_on_base(edit) for edit in edits], bool)
+    fixed = np.array([any(map(acts_on_base, edits_of_key(name))) for name in texts.names], bool)
     return fixed[texts.keys[:, PART_NAMES.index("torso")]]
 
 
@@ -369,7 +363,7 @@ def _givers(table: FrameTable, texts: StyleTexts, device: torch.device) -> tuple
     for style in np.unique(styles[captured]):
         own = captured & (styles == style)
         weights[own] = length[own] / length[own].sum()
-    is_edit = np.array([_edit(name) is not None for name in texts.names], bool)
+    is_edit = np.array([bool(edits_of_key(name)) for name in texts.names])
     edited = []
     for part in PARTS:
         own = usable & layered & is_edit[texts.keys[:, PART_NAMES.index(part)]]

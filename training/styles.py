@@ -17,7 +17,7 @@ from runtime.prompts.content import part_inputs
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.text_encoder import TextEncoderLike
 from runtime.skeleton import PART_NAMES
-from training.augmentation.catalogue import PartEdit, part_edits
+from training.augmentation.catalogue import PartEdit, edits_of_key
 from training.data.sources import style_library
 from training.frames import FrameTable
 
@@ -52,8 +52,7 @@ class StyleTexts:
         return self._does(lambda edit: edit.kind in ("steps", "hesitation"))
 
     def _does(self, what: Callable[[PartEdit], bool]) -> np.ndarray:
-        edits = [part_edits().get(".".join(name.split(".")[:2])) for name in self.names]
-        return np.array([edit is not None and what(edit) for edit in edits])[self.keys].any(1)
+        return np.array([any(map(what, edits_of_key(name))) for name in self.names])[self.keys].any(1)
 
 
 def pick_paraphrases(index: Tensor, clips: Tensor) -> Tensor:

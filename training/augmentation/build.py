@@ -46,6 +46,7 @@ PARAPHRASES = 4
 LAYERS = "layers.json"
 _MADE = "layers.jsonl"  # of a build that has not come to its end: a line for each clip
 LEVEL = 0.015  # m: ground under all contacts of a floor
+BASES = 0.6  # fraction of the clips in which legs alone are edited: all else comes in training
 WALKED = 0.5  # fraction of a clip's frames that walk, for edits of steps
 TRIES = 30  # clips drawn for edits that do not suit every one
 FORWARD = 0.8  # of a path that goes where the body faces
@@ -58,7 +59,7 @@ def build_layer(
     source, motion = _piece(pool, NEUTRAL, random)
     texts = _style_texts(styles, source, random)
     standing = bool(np.asarray(motion.gait)[:, Gait.STAND].mean() > 0.5)
-    edits = recipes.draw(random, standing)
+    edits = (recipes.draw_base if random.random() < BASES else recipes.draw)(random, standing)
     if not _suits(source, motion, edits):
         found = _suitable(pool, edits, random)
         if found is None:
@@ -71,8 +72,11 @@ def build_layer(
         motion = apply(motion, edit, random)
         for part, phrases in edit.phrases.items():
             order = random.permutation(max(len(phrases), 4)) % len(phrases)
-            texts[part] = [phrases[int(k)] for k in order]
-            keys[part] = edit_name if len(edit.phrases) == 1 else f"{edit_name}.{part}"
+            own = [phrases[int(k)] for k in order]
+            key = edit_name if len(edit.phrases) == 1 else f"{edit_name}.{part}"
+            both = keys[part] != source.key  # another edit has described it
+            texts[part] = _both(part, texts[part], own, random) if both else own
+            keys[part] = f"{keys[part]}+{key}" if both else key
     clip = TrainingClip(
         name=name,
         hips=motion.hips,
@@ -94,6 +98,15 @@ def build_layer(
         "edits": list(edits),
     }
     return clip, entry
+
+
+def _both(part: str, ones: list[str], others: list[str], random: np.random.Generator) -> list[str]:
+    """Sentences that say what both of two edits do, in either order."""
+    pairs = [
+        (one, other) if random.random() < 0.5 else (other, one)
+        for one, other in zip(ones, others, strict=False)
+    ]
+    return [f"{first}, {second.removeprefix(part.replace('_', ' ') + ' ')}" for first, second in pairs]
 
 
 def _piece(pool: Pool, neutral: float, random: np.random.Generator) -> tuple[Source, EditedMotion]:

@@ -17,7 +17,8 @@ _PARAMETERS = {  # that the edits of a kind have
     "hand": {"frame", "point", "pole", "wave"},
     "swing": {"scale"},
     "leg": {"lift", "drag", "outward", "toe_out"},
-    "legs": {"lower", "tiptoe", "outward"},
+    "legs": {"lower", "tiptoe", "outward", "toe_up"},
+    "stiff": {"knee"},
     "stance": {"uneven", "drop"},
     "lean": {"pitch", "roll"},
     "slump": {"pitch"},
@@ -104,6 +105,12 @@ def catalogue() -> Catalogue:
 def part_edits() -> dict[str, PartEdit]:
     """The edits of the project's own catalogue, by name."""
     return catalogue().edits
+
+
+def edits_of_key(key: str) -> list[PartEdit]:
+    """The edits that a key names, each with or without the part that its words describe; none for a style."""
+    names = [".".join(name.split(".")[:2]) for name in key.split("+")]
+    return [part_edits()[name] for name in names if name in part_edits()]
 
 
 def load_catalogue(path: Path) -> Catalogue:

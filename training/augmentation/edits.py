@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.feet import ik
+from runtime.feet.leg import leg_bones, leg_forward
+from runtime.feet.leg_edit import KNEE, TARGETS, LegEdit, LegRequest
 from runtime.motion.features import FPS
 from runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
@@ -56,6 +58,8 @@ _ROUNDED = {11: -0.35, 12: 0.25, 13: 1.0}
 _NECK = {14: 0.35, 15: 0.7, 16: 1.0}
 _ARM_FOLLOWS, _HEAD_FOLLOWS = 0.35, 0.3  # arms keep hanging and eyes keep looking ahead when a torso leans
 _TIPTOE_RISE = 0.055  # m of the hips
+_HEEL_BEHIND = 0.05  # m of the ankle
+_SETTLING = 60  # frames in which the runtime's edit of legs comes into force
 _PAUSE_SIGMA = 2.5  # frames of the capture over which a pause is spread
 _HIGHEST = 0.06  # m that hips rise for short steps
 _VARIATION_GONE = 0.7  # of the stance width, where an edit sets it
@@ -248,6 +252,8 @@ def _legs(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> 
         )
         if "tiptoe" in p:
             contacts[:, 2 * column] = 0
+        if "toe_up" in p:
+            contacts[:, 2 * column + 1] = 0
     if "tiptoe" in p:
         hips[:, 1] += _TIPTOE_RISE
     return replace(
@@ -275,9 +281,38 @@ def _placed_foot(
         ankle[:, 1] += motion.ground.height(ankle[:, 0], ankle[:, 2]) - before
     if "toe_out" in p:
         foot = rotations.multiply(rotations.from_yaw(np.radians(sign * p["toe_out"])), foot)
+    if "toe_up" in p:  # about the heel, which is where the foot stands
+        turn = rotations.from_axis_angle(rotations.rotate(foot, LEFT), np.radians(-p["toe_up"]))
+        from_heel = rotations.rotate(foot, np.array([0.0, ANKLE_HEIGHT, _HEEL_BEHIND]))
+        return ankle - from_heel + rotations.rotate(turn, from_heel), rotations.multiply(turn, foot)
     if "tiptoe" in p:
         return raise_heel(ankle, toe, foot, np.full(len(ankle), np.radians(p["tiptoe"])))
     return ankle, foot
+
+
+def _stiff(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+    """What the runtime does where a walk lacks what is said of its legs, frame by frame."""
+    knee = _amount(edit, "knee", random, 0.07)
+    sides = [0, 1] if edit.slot == "legs" else [_SIDES[edit.slot.removesuffix("_leg")][0]]
+    ankles, _, feet = motion.feet()
+    shown = [[[0.0, 0.0] for _ in TARGETS] for _ in _SIDES]
+    for column in sides:  # what is added of a knee is its weight times degrees: one
+        shown[column][KNEE] = [1.0 / knee, 1.0]
+    yaw = rotations.to_euler(motion.facing, "YXZ")[:, 0]
+    velocity = np.gradient(motion.path, axis=0)[:, [0, 2]] * FPS
+    ground = motion.ground.height(motion.hips[:, 0], motion.hips[:, 2])
+    state, bones, rise = LegEdit(), (leg_bones(0), leg_bones(1)), np.zeros(len(motion.hips))
+    local, hips, contacts = (
+        motion.local.tolist(),
+        motion.hips.tolist(),
+        motion.contacts.astype(float).tolist(),
+    )
+    for t in [*range(min(_SETTLING, len(hips))), *range(len(hips))]:
+        legs = leg_forward(bones[0], hips[t], local[t]), leg_forward(bones[1], hips[t], local[t])
+        request = LegRequest(shown, float(yaw[t]), tuple(velocity[t].tolist()), float(ground[t]))
+        rise[t], placed = state.apply(hips[t][1], legs, list(contacts[t]), request)
+        ankles[t], feet[t] = [leg.ankle for leg in placed], [leg.foot for leg in placed]
+    return with_feet(motion, motion.hips + rise[:, None] * UP, ankles, feet)
 
 
 def _drag(ankle: Array, foot: Array, toe: Array, fraction: Array, ground: Terrain) -> None:
@@ -492,6 +527,7 @@ _KINDS: dict[str, Callable[[EditedMotion, PartEdit, np.random.Generator], Edited
     "swing": _swing,
     "leg": _legs,
     "legs": _legs,
+    "stiff": _stiff,
     "steps": _steps,
     "line": _line,
     "stance": _stance,

@@ -15,6 +15,12 @@ BOTH_RHYTHM = 0.72  # of those of rhythm
 RHYTHM = ("steps", "line", "stance", "hesitation", "stagger", "landing")
 BOTH_SWING = 0.5  # arms that swing more or less mostly do so together
 LEGS_RHYTHM = 0.55  # fraction of the legs' edits that are of rhythm and weight
+TOGETHER = 0.5  # chance that a base has two edits of legs
+WAIST = 0.3  # that its hips or waist are edited too
+_OF_WAIST = ("hips", "twist", "bob", "rock")
+_AGAINST = (  # kinds and measures of which one undoes the other
+    {"landing", "foot_lift"}, {"stiff", "knee_bend"}, {"stiff", "foot_lift"}, {"stiff", "width"}, {"foot_pitch", "foot_lift"},
+)  # fmt: skip
 # Edits that change a movement, not a posture, show in a part of every step only: they are drawn more often.
 _OF_MOVEMENT = ("swing", "foot_lift", "knee_bend", "foot_pitch", "turn_range", "pitch_range")  # measures
 _MOVEMENT_WEIGHT = 3.0
@@ -29,6 +35,32 @@ def draw(random: np.random.Generator, standing: bool) -> tuple[str, ...]:
                 chosen += _drawn(slot, chosen, random, standing)
         if chosen and allowed(tuple(chosen)):
             return tuple(sorted(chosen, key=_order))
+
+
+def draw_base(random: np.random.Generator, standing: bool) -> tuple[str, ...]:
+    """Names of edits of legs, one or two at once, at times with hips or waist: a body for arms, trunk and head of others.
+
+    Two are a posture and a rhythm, or two postures, that move different measures.
+    """
+    while True:
+        chosen = _drawn("legs", [], random, standing)
+        if chosen and random.random() < TOGETHER:
+            second = _drawn("legs", [], random, standing)
+            if all(_go_together(part_edits()[a], part_edits()[b]) for a in chosen for b in second):
+                chosen += second
+        if not standing and random.random() < WAIST:
+            edit = str(random.choice([e.name for e in _edits_of(("torso",)) if e.kind in _OF_WAIST]))
+            chosen += [] if _taken(chosen, edit) else [edit]
+        if chosen and allowed(tuple(chosen)):
+            return tuple(sorted(chosen, key=_order))
+
+
+def _go_together(one: PartEdit, other: PartEdit) -> bool:
+    """Whether two edits of legs show both: they are no two rhythms, and neither changes the other's measure."""
+    kinds, fields = {one.kind, other.kind}, {one.measure[1], other.measure[1]}
+    if kinds <= set(RHYTHM) or len(fields) == 1 or "torso" in one.phrases.keys() & other.phrases.keys():
+        return False
+    return not any(pair <= kinds | fields for pair in _AGAINST)
 
 
 def allowed(names: tuple[str, ...]) -> bool:

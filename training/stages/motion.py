@@ -350,8 +350,8 @@ DROPOUT_STEPS = 1 / 7  # of stage 2: the first of its three cycles
 
 
 def peak_of(batch: int) -> float:
-    """Highest learning rate: 1e-3 for a batch of 256 over all processes, by the square root for others."""
-    return 1e-3 * math.sqrt(batch * parallel.workers() / 256)
+    """Highest learning rate: 1e-3 for a batch of 256 over all processes, by the square root for others, 2e-3 at most."""
+    return min(2e-3, 1e-3 * math.sqrt(batch * parallel.workers() / 256))
 
 
 def warm_restarts(steps: int, peak: float, cycles: int = 3) -> Callable[[float], float]:

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import subprocess
-import sys
+import multiprocessing
+import os
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -75,12 +75,13 @@ def _bvh_joints(head: str) -> list[dict[str, Any]]:
 def _bvh_local(joint: dict[str, Any], values: AnyArray, columns: Iterator[int]) -> AnyArray:
     local = np.tile(np.eye(4), (values.shape[1], 1, 1))
     local[:, :3, 3] = joint["offset"]
-    turning = [channel[0] for channel in joint["channels"] if channel.endswith("rotation")]
-    for channel in (channel for channel in joint["channels"] if channel.endswith("position")):
-        local[:, "XYZ".index(channel[0]), 3] = values[next(columns)]
-    if turning:  # which come last in what is written here
-        angles = np.stack([values[next(columns)] for _ in turning], -1)
-        local[:, :3, :3] = Rotation.from_euler("".join(turning), angles, degrees=True).as_matrix()
+    kinds = [channel[0] for channel in joint["channels"]]  # positions first, as they are written here
+    read = np.array([values[next(columns)] for _ in kinds]).T
+    if len(kinds) == 6:
+        local[:, ["XYZ".index(axis) for axis in kinds[:3]], 3] = read[:, :3]
+    if kinds:
+        turn = Rotation.from_euler("".join(kinds[-3:]), read[:, -3:], degrees=True)
+        local[:, :3, :3] = turn.as_matrix()
     return local
 
 
@@ -126,16 +127,16 @@ def _matrix(rotation: Any, translation: Any, scale: Any, frames: int) -> AnyArra
 def read_fbx(path: Path) -> Read:
     """An FBX by ufbx, in a process of its own: it crashes where it frees a scene."""
     target = path.with_suffix(".npz")
-    subprocess.run([sys.executable, "-m", "benchmarks.read_back", "--ufbx", path, target], check=True)
+    process = multiprocessing.get_context("spawn").Process(target=_ufbx, args=(path, target))
+    process.start()
+    process.join()
     with np.load(target, allow_pickle=False) as found:
         names, fps = found["names"].tolist(), float(found["fps"])
         takes = [name for name in found.files if name.startswith("take ")]
         return {take[5:]: (fps, dict(zip(names, found[take].swapaxes(0, 1), strict=True))) for take in takes}
 
 
-def _ufbx(path: Path, target: Path) -> int:
-    import os
-
+def _ufbx(path: Path, target: Path) -> None:
     import ufbx
 
     scene = Kept(ufbx.load_file(str(path), target_axes=ufbx.axes_right_handed_y_up, target_unit_meters=1.0))
@@ -148,12 +149,10 @@ def _ufbx(path: Path, target: Path) -> int:
                 moved = ufbx.evaluate_transform(stack.anim.value, node.value, seconds)
                 t, q, s = moved.translation, moved.rotation, moved.scale
                 local = _matrix([q.x, q.y, q.z, q.w], [t.x, t.y, t.z], [s.x, s.y, s.z], 1)[0]
-                parent = node.parent
-                world[node.typed_id] = local if parent is None else world[parent.typed_id] @ local
+                world[node.typed_id] = local if node.parent is None else world[node.parent.typed_id] @ local
             frames.append([world[node.typed_id][:3, 3] for node in scene.nodes])
         found[f"take {stack.name}"] = np.array(frames)
     np.savez(target, names=np.array([node.name for node in scene.nodes]), fps=fps, **found)  # type: ignore[arg-type]
-    sys.stdout.flush()
     os._exit(0)
 
 
@@ -179,17 +178,13 @@ READERS: dict[str, Callable[[Path], Read]] = {
 }  # fmt: skip
 
 
-Row = tuple[
-    str, int, bool, Path | None
-]  # kind, number of takes, whether with a root on the ground, character
+Row = tuple[str, int, bool, Path | None]  # kind, takes, whether with a root on the ground, character
 
 
 def rows_of(kind: str) -> list[Row]:
-    """The rows of a kind."""
     takes = (1, 3) if kind[:3] in ("glb", "fbx") else (1,)
-    return list(
-        itertools.product([kind], takes, (False, True), (None,) if kind[:3] == "bvh" else (None, OWN))
-    )
+    characters = (None,) if kind[:3] == "bvh" else (None, OWN)
+    return list(itertools.product([kind], takes, (False, True), characters))
 
 
 def cell(row: Row, rate: float, takes: list[Path]) -> tuple[float, str]:
@@ -227,8 +222,7 @@ def _truth(take: Path, options: ExportOptions, suffix: str) -> dict[str, AnyArra
 
 def measure(wanted: list[Row]) -> tuple[list[list[str]], bool]:
     """The lines of the table, and whether a cell failed."""
-    rows: list[list[str]] = []
-    failed = False
+    rows, failed = list[list[str]](), False
     with tempfile.TemporaryDirectory() as folder:
         clip = generate_clip("a proud walk", seconds=2.0)
         parts = {"walk": clip, "on": clip.trim(20, 90), "back": replace(clip.trim(5, 60), fps=50.0)}
@@ -248,15 +242,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.read_back", description=__doc__)
     parser.add_argument("--format", choices=sorted({kind.partition(" ")[0] for kind in READERS}))
     parser.add_argument("--markdown", type=Path)
-    parser.add_argument("--ufbx", type=Path, nargs=2, help=argparse.SUPPRESS)
     args = parser.parse_args()
-    if args.ufbx:
-        return _ufbx(*args.ufbx)
     kinds = [kind for kind in READERS if args.format in (None, kind.partition(" ")[0])]
     there = {"fbx": find_blender() is not None, "usd": find_spec("pxr") is not None}
-    head = ["file", "takes", "root", "character", *(f"{rate:.5g} fps" for rate in RATES)]
     rows, failed = measure([row for kind in kinds if there.get(kind[:3], True) for row in rows_of(kind)])
     if args.markdown:
+        head = ["file", "takes", "root", "character", *(f"{rate:.5g} fps" for rate in RATES)]
         write_section(args.markdown, "read back", "\n".join(table(head, rows)))
     return int(failed)
 

@@ -202,7 +202,7 @@ def buffer_view_bytes(file: GltfFile, index: Any, what: str) -> memoryview:
     if not whole or view.buffer not in range(len(file.buffers)):
         raise file.error(f"the buffer of {what} is missing.")
     data = file.buffers[view.buffer]
-    if start < 0 or length < 0 or start + length > len(data):
+    if not 0 <= start <= start + length <= len(data):
         raise file.error(f"{what} reaches beyond its buffer.")
     return data[start : start + length]
 

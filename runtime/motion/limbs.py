@@ -61,9 +61,7 @@ def resolve_penetration(
     `before` are those of the last frame, which arms turn away from no faster than `ARM_TURN` out of need, and no limb
     faster than `TURN_MOST`.
     """
-    result = no_faster(local, before)
-    if limbs is LIMBS:
-        result = _slowed(result, before, _ARMS, ARM_TURN)
+    result = _slowed(no_faster(local, before), before, _ARMS, limbs[0].turns[0])
     positions, world = SPORT_SKELETON.forward_kinematics(hips, result)
     for limb in limbs:
         if _depths(terrain, limb, positions[None], positions[0]).max() <= limb.sunk_m:

@@ -252,16 +252,19 @@ class DocumentReader:
     def _record(self, kind: Any, value: Json) -> Any:
         longest = math.inf if kind in _LONG_TEXTS else MAX_TEXT
         schema = _schema(kind)
-        schema = tuple(entry for entry in schema if entry[0] in value or (kind, entry[0]) not in _LATER)
-        if kind is not MotionHeader and set(value) != {name for name, _ in schema}:
-            raise ValueError(f"not the fields of a {kind.__name__}")
+        if kind is not MotionHeader and value.keys() != {name for name, _ in schema}:
+            schema = tuple(entry for entry in schema if entry[0] in value or (kind, entry[0]) not in _LATER)
+            if set(value) != {name for name, _ in schema}:
+                raise ValueError(f"not the fields of a {kind.__name__}")
         made = kind(**{name: self._value(hint, value[name], longest) for name, hint in schema})
         return _CHECKS.get(kind, lambda _: None)(made) or made
 
     def _value(self, hint: Any, value: Json, longest: float) -> Any:
+        if hint in _PLAIN:
+            return _plain(hint, value, longest)
         if hint in self._forms:
             return self._forms[hint](value)
-        origin, inside = typing.get_origin(hint), typing.get_args(hint)
+        origin, inside = _parts(hint)
         if origin in (typing.Union, types.UnionType):
             known = next(each for each in inside if each is not type(None))
             return None if value is None else self._value(known, value, longest)
@@ -354,6 +357,14 @@ class DocumentReader:
         if not (np.abs(values) <= 1e6).all():
             raise FileError(f"{self.blobs.path}: a style that is not finite.", REMEDY)
         return values
+
+
+@cache
+def _parts(hint: Any) -> tuple[Any, tuple[Any, ...]]:
+    return typing.get_origin(hint), typing.get_args(hint)
+
+
+_PLAIN = (float, int, bool, str)
 
 
 def _plain(hint: Any, value: Json, longest: float) -> Any:

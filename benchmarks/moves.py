@@ -30,7 +30,10 @@ def moves(action: Callable[[], object]) -> tuple[int, int, int]:
 
     def note(frame: FrameType, event: str, _: object) -> None:
         code = frame.f_code
-        if event == "call" and code.co_filename.startswith(str(ROOT)) and not code.co_name.startswith("<"):
+        path = Path(code.co_filename)
+        # an environment may lie in the clone
+        own = path.is_relative_to(ROOT) and "site-packages" not in path.parts
+        if event == "call" and own and not code.co_name.startswith("<"):
             calls[code] += 1
 
     sys.setprofile(note)

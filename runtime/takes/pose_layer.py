@@ -21,13 +21,13 @@ from runtime.errors import UsageError
 from runtime.feet.ik import LEG_FEET, solve_legs, two_bone
 from runtime.skeleton import MIRROR_JOINTS, SPORT_SKELETON, J
 from runtime.takes.clip import Clip
+from runtime.takes.pinned import LEG_M
 
 HIPS = 0
 MOVED = (HIPS, *LEG_FEET.tolist())  # joints that are shifted; every joint can be turned
 HANDS = {20: (18, 19), 27: (25, 26)}  # hand: upper arm and forearm
 ELBOWS = {19: (18, 20), 26: (25, 27)}  # forearm: upper arm and hand
 KNEES = {3: (2, 4), 8: (7, 9)}  # shin: thigh and foot
-LEG_M = float(np.linalg.norm(SPORT_SKELETON.offsets[[3, 4]], axis=1).sum())
 DEFAULT_EASE_S, MAX_EASE_S, MAX_TIME_S = 0.3, 60.0, 36_000.0
 MAX_KEYS = 1000
 APART_S = 1e-6  # of two keys: a curve between nearer ones overflows

@@ -8,7 +8,7 @@ data do it. The network is fed its own pose, so that the measure does not depend
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan2, cos, hypot, pi, radians, sin, sqrt
+from math import asin, atan2, cos, hypot, pi, radians, sin, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,7 +43,8 @@ CLEAR_M, PASSING_M = 0.1, 0.3  # a foot passes the other at this distance, while
 RISE_HALF_LIFE, MOST_RISE = 0.1, 0.05  # seconds, metres: the hips go with legs that stand elsewhere
 TIPTOE_RISE = 0.1  # metres that hips rise per radian of a raised heel: half of what the ankles do
 ROLLED = 8.0  # degrees of a raised heel from which it does not stand
-ASIDE_HALF_LIFE, MOST_ASIDE = 0.06, 0.2  # seconds, metres that a straight leg swings outward
+ASIDE_HALF_LIFE, MOST_ASIDE = 0.06, 0.24  # seconds, metres that a straight leg swings outward
+MOST_TOE_UP = 0.7  # radians that its foot is turned up so that the toe clears the ground
 BENT_M = 0.1  # hips that are lowered so far bend knees, whatever these are to do
 SWING_CLEARANCE = 0.03  # metres over its resting height that a straight leg swings
 UPRIGHT = 0.955  # metres of the hips over level ground in neutral walking
@@ -107,9 +108,10 @@ class LegEdit:
         result, swings = [], list(self.aside)
         for k, (foot, ankle) in enumerate(zip(feet, moved, strict=True)):
             if added[k][KNEE] > 0.0:
-                ankle, aside = _straightened(foot, up, ankle, added[k][KNEE], request, k)
+                ankle, aside = _straightened(foot, up, ankle, added[k][KNEE], bears[k], request, k)
                 swings[k] += (aside - swings[k]) * (1.0 - decay(ASIDE_HALF_LIFE))
                 ankle = add(ankle, scale(side, (1.0 - 2.0 * k) * swings[k]))
+                foot = _toe_over(foot, request.ground + TOE_HEIGHT + SWING_CLEARANCE - ankle[1], 1.0 - bears[k])
             toe = add(foot.toe, subtract(ankle, foot.ankle))
             hip, knee = ((p[0], p[1] + up, p[2]) for p in (foot.hip, foot.knee))
             result.append(foot._replace(hip=hip, knee=knee, toe=toe, ankle=ankle))
@@ -207,11 +209,15 @@ def _foot(leg: LegPose, sign: float, added: tuple[float, ...]) -> LegPose:
 
 
 def _straightened(
-    leg: LegPose, up: float, ankle: Vector, weight: float, request: LegRequest, k: int
+    leg: LegPose, up: float, ankle: Vector, added: float, bears: float, request: LegRequest, k: int
 ) -> tuple[Vector, float]:
-    """The ankle of a knee that bends by its target at most, and metres that a leg which would scuff swings outward."""
+    """The ankle of a knee that bends by its target at most, and metres that a leg which would scuff swings outward.
+
+    `added` is what is in force of the target, in degrees; a leg that `bears` stays where it stands.
+    """
     share, weighted = request.targets[k][KNEE]
     most = radians(weighted / share) if share > 1e-6 else 0.5 * pi
+    weight = min(radians(added) / most, 1.0)
     thigh, shin = length(subtract(leg.knee, leg.hip)), length(subtract(leg.ankle, leg.knee))
     hip = (leg.hip[0], leg.hip[1] + up, leg.hip[2])
     along = subtract(ankle, hip)
@@ -219,11 +225,23 @@ def _straightened(
     straight = sqrt(thigh * thigh + shin * shin + 2.0 * thigh * shin * cos(most))
     longer = 1.0 + weight * max(straight - reach, 0.0) / reach
     target = add(hip, scale(along, longer))
-    floor = min(request.ground + ANKLE_HEIGHT + SWING_CLEARANCE, ankle[1])  # what stands, stands
+    floor = request.ground + ANKLE_HEIGHT + SWING_CLEARANCE
+    floor += min(bears, 1.0) * min(ankle[1] - floor, 0.0)  # what stands, stands
     sunk, drop = max(floor - target[1], 0.0), hip[1] - target[1]
     # the leg keeps its length and its place along the way: what it rises it goes aside
     aside = sqrt(max(drop * drop - (drop - sunk) ** 2, 0.0))
     return (target[0], target[1] + sunk, target[2]), min(aside, MOST_ASIDE)
+
+
+def _toe_over(leg: LegPose, lowest: float, swings: float) -> LegPose:
+    """The leg with its foot turned about the ankle so that the toe is `lowest` metres over that at least, if it swings."""
+    ahead = subtract(leg.toe, leg.ankle)
+    if ahead[1] >= lowest or swings <= 0.0:
+        return leg
+    long = length(ahead)
+    turn = asin(max(min(lowest / long, 1.0), -1.0)) - asin(max(min(ahead[1] / long, 1.0), -1.0))
+    up = _about(rotate(leg.foot, (1.0, 0.0, 0.0)), -swings * min(turn, MOST_TOE_UP))
+    return leg._replace(foot=multiply(up, leg.foot), toe=add(leg.ankle, rotate(up, ahead)))
 
 
 def _about(axis: Vector, angle: float) -> Quaternion:

@@ -85,7 +85,9 @@ def convert(source: Path, motion: bool) -> bytes:
         document.append("nodes", _node(document, node, nodes, materials))
     if motion:
         _animate(document, ufbx.evaluate_transform, scene, nodes)
-    document.append("scenes", g.Scene(nodes=[nodes[scene.root_node.typed_id]]))
+    told = [prop.value_str for node in scene.nodes if (prop := node.props.value.find_prop("sport"))]
+    extras = {"sport": told[0]} if told else {}  # of a take of ours
+    document.append("scenes", g.Scene(nodes=[nodes[scene.root_node.typed_id]], extras=extras))
     return document.to_bytes()
 
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,7 @@ class BvhMotion:
     frame_seconds: float
     end_offsets: dict[int, Array]
     note: str = ""  # what a person should know of how it was read
+    metadata: Any = None  # what the file itself tells of its take, as it stands there
 
     @property
     def fps(self) -> float:

@@ -83,7 +83,8 @@ class Meshes:
         slots: dict[np.int64, int] = {}
         faces = []
         for part in parts:
-            ids = [self.materials.add(part.primitive.material, color) for color in part.palette or [None]]
+            colors: list[Array | None] = [*part.palette] or [None]
+            ids = [self.materials.add(part.primitive.material, color) for color in colors]
             numbers = np.array([slots.setdefault(number, len(slots)) for number in ids], np.int32)
             faces.append(numbers[part.shades])
         return list(slots), np.concatenate(faces)

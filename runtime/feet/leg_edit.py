@@ -111,7 +111,9 @@ class LegEdit:
                 ankle, aside = _straightened(foot, up, ankle, added[k][KNEE], bears[k], request, k)
                 swings[k] += (aside - swings[k]) * (1.0 - decay(ASIDE_HALF_LIFE))
                 ankle = add(ankle, scale(side, (1.0 - 2.0 * k) * swings[k]))
-                foot = _toe_over(foot, request.ground + TOE_HEIGHT + SWING_CLEARANCE - ankle[1], 1.0 - bears[k])
+                foot = _toe_over(
+                    foot, request.ground + TOE_HEIGHT + SWING_CLEARANCE - ankle[1], 1.0 - bears[k]
+                )
             toe = add(foot.toe, subtract(ankle, foot.ankle))
             hip, knee = ((p[0], p[1] + up, p[2]) for p in (foot.hip, foot.knee))
             result.append(foot._replace(hip=hip, knee=knee, toe=toe, ankle=ankle))

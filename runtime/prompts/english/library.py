@@ -22,8 +22,8 @@ from runtime.prompts.english.compose import (
     lame_on,
     on_side,
     sources_note,
-    words_of_parts,
     with_figure,
+    words_of_parts,
 )
 from runtime.prompts.english.library_data import (
     NEUTRAL_STYLE,
@@ -293,7 +293,9 @@ class LibraryExpander:
         parts = tuple(part for part in PART_NAMES if part in stated)
         source: Literal["library", "explicit"] = "explicit" if parts == PART_NAMES else "library"
         figure = said.to_mapping()
-        return Expansion(PartDescriptions(**{**figure, **with_figure(stated, figure)}), source, near, note, parts)
+        return Expansion(
+            PartDescriptions(**{**figure, **with_figure(stated, figure)}), source, near, note, parts
+        )
 
     def _with_one_gesture(self, expansion: Expansion) -> Expansion:
         """The arm that nothing is stated of swings, where the stated one does what it would do.

@@ -19,6 +19,7 @@ from runtime.arrays import Array
 from runtime.feet.ik import EASE_REACH, MAX_REACH
 from runtime.feet.leg import Knee, LegPose, bent, leg_forward, leg_inverse
 from runtime.feet.leg_edit import LegEdit, LegRequest
+from runtime.feet.trunk_edit import TrunkEdit
 from runtime.feet.narrow_support import Balance, SidewaysLead, may_be_narrow, pull_of_beam, side_of_beam
 from runtime.feet.planted_foot import SETTINGS, PlantedFoot, span
 from runtime.scalar_math import Vector, damp, smoothstep
@@ -93,6 +94,12 @@ def _raised(leg: LegPose, up: float) -> LegPose:
     return LegPose(*leg[:4], *points)
 
 
+def _under(leg: LegPose, east: float, south: float) -> LegPose:
+    """The leg under hips that have moved by metres of X and Z over feet that stay."""
+    hip, knee = ((p[0] + east, p[1], p[2] + south) for p in (leg.hip, leg.knee))
+    return leg._replace(hip=hip, knee=knee)
+
+
 @dataclass(frozen=True)
 class FootLockResult:
     """The pose with planted feet: `hips_position` (3,), `local_rotations` (31, 4)."""
@@ -113,6 +120,7 @@ class FootLock:
     )
     balance: Balance = field(default_factory=Balance)
     edit: LegEdit = field(default_factory=LegEdit)
+    trunk: TrunkEdit = field(default_factory=TrunkEdit, metadata={"later": True})
     on_beam: bool = False
     pull: tuple[float, float] = (0.0, 0.0)  # m/s, XZ, that keep the root over a beam
 
@@ -146,9 +154,12 @@ class FootLock:
         legs, shown = [left, right], local_rotations
         if support.legs is not None:
             up, legs = self.edit.apply(y, incoming, chances, support.legs)
-            y, incoming = y + up, (_raised(left, up), _raised(right, up))
+            east, south, shown = self.trunk.apply((x, y, z), local_rotations, support.legs)
+            incoming = (_under(_raised(left, up), east, south), _under(_raised(right, up), east, south))
+            legs = [_under(leg, east, south) for leg in legs]
+            x, y, z = x + east, y + up, z + south
         if may_be_narrow(ground):
-            legs, shown = self._on_beam((x, y, z), (legs[0], legs[1]), local_rotations, ground, dt)
+            legs, shown = self._on_beam((x, y, z), (legs[0], legs[1]), shown, ground, dt)
         for side, (foot, leg) in enumerate(zip(self.feet, legs, strict=True)):
             foot.observe(leg, chances[2 * side], chances[2 * side + 1], ground, dt)
             foot.choose_anchor(leg, drop, self.feet[1 - side].refractory > 0.0, support.patience)

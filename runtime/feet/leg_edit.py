@@ -34,7 +34,7 @@ from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 TARGETS = ("outward", "lower", "heel", "toe_out", "knee")
 OUTWARD, LOWER, HEEL, TOE_OUT, KNEE = range(len(TARGETS))
 MOST = (0.3, 0.4, 50.0, 50.0, 90.0)  # of each, that is added
-BOTH = (2, len(TARGETS), 2)  # shape: both legs, each target with its weight (0 to 1) and its value times that
+SHOWN = (3, len(TARGETS), 2)  # shape: both legs and the trunk (`trunk_edit`), each target's weight (0 to 1) and value times that
 HALF_LIFE = 0.2  # seconds in which an edit follows its measure
 MEASURE_HALF_LIFE = 0.25  # seconds in which a measure follows the pose
 STRIDE_HALF_LIFE = 0.5  # seconds in which the line of the feet is measured
@@ -252,10 +252,12 @@ def _about(axis: Vector, angle: float) -> Quaternion:
 
 
 def checked_targets(values: Any) -> Array:
-    """Targets `(2, 5, 2)` of a file; ValueError for what no description asks for."""
+    """Targets `(3, 5, 2)` of a file; ValueError for what no description asks for."""
     targets = np.array(values, np.float64)
-    if targets.shape != BOTH or not (np.abs(targets[..., 1]) <= MOST).all():
+    if targets.shape == (2, *SHOWN[1:]):  # of a file without the trunk
+        targets = np.concatenate([targets, np.zeros((1, *SHOWN[1:]))])
+    if targets.shape != SHOWN or not (np.abs(targets[:2, :, 1]) <= MOST).all():
         raise ValueError("legs that no description has")
-    if not ((targets[..., 0] >= 0.0) & (targets[..., 0] <= 1.0)).all():
+    if not (np.abs(targets) <= 90.0).all() or not ((targets[..., 0] >= 0.0) & (targets[..., 0] <= 1.0)).all():
         raise ValueError("legs that no description has")
     return targets

@@ -19,9 +19,9 @@ from runtime.arrays import Array
 from runtime.feet.ik import EASE_REACH, MAX_REACH
 from runtime.feet.leg import Knee, LegPose, bent, leg_forward, leg_inverse
 from runtime.feet.leg_edit import LegEdit, LegRequest
-from runtime.feet.trunk_edit import TrunkEdit
 from runtime.feet.narrow_support import Balance, SidewaysLead, may_be_narrow, pull_of_beam, side_of_beam
 from runtime.feet.planted_foot import SETTINGS, PlantedFoot, span
+from runtime.feet.trunk_edit import TrunkEdit
 from runtime.scalar_math import Vector, damp, smoothstep
 from runtime.terrain.height_map import PointHeights, Terrain
 

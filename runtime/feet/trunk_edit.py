@@ -13,8 +13,9 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.feet.leg_edit import LegRequest
+from runtime.pose import FPS
 from runtime.scalar_math import Quaternion, Vector, decay, from_vector, multiply, relative, rotate, scale
-from runtime.skeleton import FPS, SPORT_SKELETON
+from runtime.skeleton import SPORT_SKELETON
 
 # degrees that the trunk leans forward and to the left of neutral walking, and that shoulders are turned to the left of
 # the hips; metres and degrees from end to end in which hips sway and the trunk rocks

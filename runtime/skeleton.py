@@ -49,21 +49,29 @@ class Skeleton:
         local = np.asarray(local)
         world = local.copy()
         for joints, parents in self.levels[1:]:
-            turned = rotations.left_matrix(world[..., parents, :]) @ local[..., joints, :, None]
+            turned = rotations.left_matrix(world.take(parents, -2)) @ local.take(joints, -2)[..., None]
             world[..., joints, :] = turned[..., 0]
-        bones = rotations.rotate(world[..., self._parents, :], self.offsets)
+        bones = rotations.rotate(world.take(self._parents, -2), self.offsets)
         positions = np.asarray(root_position)[..., None, :] + self._above @ bones
         return positions.astype(local.dtype, copy=False), world
 
-    def oriented(self, root_position: Array, world: Array) -> Array:
-        """World positions `(..., J, 3)` of world rotation matrices `(..., J, 3, 3)`."""
-        bones = (world[..., self._parents, :, :] @ self.offsets.astype(world.dtype)[:, :, None])[..., 0]
-        return np.asarray(root_position)[..., None, :] + self._above @ bones
+    def oriented(self, root_position: Array, world: Array) -> tuple[Array, Array]:
+        """Rotation matrices relative to the parent `(..., J, 3, 3)` of those in the world, and world positions `(..., J, 3)`."""
+        above = world.take(self._parents, -3)
+        bones = (above @ self.offsets[:, :, None])[..., 0]
+        local = above.swapaxes(-1, -2) @ world
+        local[..., self._roots, :, :] = world[..., self._roots, :, :]
+        return local, np.asarray(root_position)[..., None, :] + self._above @ bones
 
     @cached_property
     def _parents(self) -> NDArray[np.int64]:
         """Parent of each joint; the root stands for its own."""
         return np.maximum(np.array(self.parents), 0)
+
+    @cached_property
+    def _roots(self) -> NDArray[np.int64]:
+        """Joints without a parent."""
+        return np.flatnonzero(np.array(self.parents) < 0)
 
     @cached_property
     def _above(self) -> Array:
@@ -88,8 +96,7 @@ class Skeleton:
     def local_rotations(self, world: Array) -> Array:
         """Rotations relative to the parent `(..., J, 4)` of world rotations `(..., J, 4)`."""
         local = rotations.multiply(rotations.inverse(world[..., self._parents, :]), world)
-        root = np.array(self.parents) < 0
-        local[..., root, :] = world[..., root, :]
+        local[..., self._roots, :] = world[..., self._roots, :]
         return local
 
 

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from math import hypot, inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +25,9 @@ from runtime.motion.pace import CYCLES_PER_SECOND, STANDING_SECONDS, advance_by_
 from runtime.motion.phase import advance_phase, at_rate
 from runtime.motion.pose_smoothing import PATIENCE
 from runtime.motion.root_motion import SPEED_HALF_LIFE, rest_share, root_velocity, settled_pose
-from runtime.motion.state import CharacterState, bound_speed, network_pose, shown_poses, standing
+from runtime.motion.state import CharacterState, bound_speed, network_pose, placed, shown_poses, standing
 from runtime.motion.style import Style
-from runtime.motion.trajectory import JOG_SHARE, PRESENT, SAMPLES
+from runtime.motion.trajectory import JOG_SHARE, PRESENT, SAMPLES, Plan
 from runtime.records import copied, joined, part
 from runtime.scalar_math import decay
 from runtime.skeleton import SPORT_SKELETON
@@ -44,6 +45,7 @@ GATHERED = 0.8  # of the plan's speed: slower, a body that starts to jog is stil
 JOG_START_GAIN = 1.0  # of the regulator at most, until then
 SLOWEST_PLAN = 0.05  # m/s: a body that stops is regulated until then
 FASTEST_LIFT = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
+_SMOOTHS = 1.0 - decay(SPEED_HALF_LIFE)
 _PHASES = features.PHASE_OFFSETS + PRESENT
 
 
@@ -112,18 +114,19 @@ def step(
     flat[~sound] = 0.0  # these stand again, below
     y = split_output(flat.astype(np.float64))
 
-    hips, local, joints = network_pose(y, state.trajectory, state.ground)
-    hips, local, joints = settled_pose(state, hips, local, joints, y.contacts)
+    local, joints = settled_pose(state, *network_pose(y), y.contacts)
     blending = np.array([blend.blending for blend in state.styles])
-    inertialised = state.arms.apply(local, blending, rest_share(state))
+    inertialised = state.arms.apply(local, blending, np.array(rest_share(state)))
     if inertialised.any():
-        joints[inertialised] = SPORT_SKELETON.forward_kinematics(hips[inertialised], local[inertialised])[0]
+        hips = joints[inertialised, 0]
+        joints[inertialised] = SPORT_SKELETON.forward_kinematics(hips, local[inertialised])[0]
     # the feet of a calm body stay where they are
     contacts = np.maximum(
         np.minimum(np.maximum(y.contacts, 0.0), 1.0), 1.0 - state.settling.fraction[:, None]
     )
-    unlocked = _plant(state, hips, local, contacts, terrain)
-    _cross(state, unlocked, (hips, local), probes, styles)
+    network = placed(joints, local, state.trajectory, state.ground)
+    unlocked = _plant(state, *network, contacts, terrain)
+    _cross(state, unlocked, network, probes, styles)
     _feed_back(state, y, joints, probes, styles, terrain, haste)
 
     reasons = tuple(probe.reason for probe in probes)
@@ -215,28 +218,30 @@ def _velocity(state: CharacterState, index: int) -> tuple[float, float]:
 
 def _steer(state: CharacterState, request: Request, styles: Sequence[Style], response: Array) -> None:
     """Plan the coming second towards the request and let the network see it, with what its regulator adds."""
-    walk, jog = (np.array([getattr(s, name) for s in styles]) for name in ("walk_speed", "jog_speed"))
-    slow_jog = np.where(request.gait == Gait.JOG, JOG_SHARE * state.wished_speed, np.inf)
+    jogs, wished = (request.gait == Gait.JOG).tolist(), state.wished_speed.tolist()
+    jog_from = [0.5 * (style.walk_speed + style.jog_speed) for style in styles]
+    slow_jog = [JOG_SHARE * each if jog else inf for each, jog in zip(wished, jogs, strict=True)]
     plan = state.trajectory.plan(
         request.velocity,
         request.facing,
         request.gait,
-        walk,
-        np.minimum(0.5 * (walk + jog), slow_jog),
+        np.array([style.walk_speed for style in styles]),
+        np.minimum(jog_from, slow_jog),
         response,
     )
-    speeds = np.sqrt((state.trajectory.velocity**2).sum(-1))
-    state.smooth_request = state.smooth_request + (speeds - state.smooth_request) * (
-        1 - decay(SPEED_HALF_LIFE)
-    )
-    state.requested_speed = speeds
-    moving = (state.wished_speed > 0.0) | (speeds > SLOWEST_PLAN)
-    gain = state.regulator.update(speeds, state.root_speed * state.stride.fraction, moving)
-    # requested more while it gathers speed, the network dives into a jog
-    begins = (request.gait == Gait.JOG) & (state.regulator.measured < GATHERED * speeds)
-    begins &= state.regulator.stood < STANDING_SECONDS
-    gain = np.where(begins, np.minimum(gain, JOG_START_GAIN), gain)
-    state.trajectory.steer(replace(plan, velocities=plan.velocities * gain[:, None, None]))
+    speeds = [hypot(x, z) for x, z in state.trajectory.velocity.tolist()]
+    state.requested_speed = np.array(speeds)
+    state.smooth_request = state.smooth_request + (state.requested_speed - state.smooth_request) * _SMOOTHS
+    moving = [wish > 0.0 or speed > SLOWEST_PLAN for wish, speed in zip(wished, speeds, strict=True)]
+    shown = (state.root_speed * state.stride.fraction).tolist()
+    gains = state.regulator.update(speeds, shown, moving)
+    for i, speed in enumerate(speeds):
+        # requested more while it gathers speed, the network dives into a jog
+        gathers = state.regulator.measured[i] < GATHERED * speed
+        if jogs[i] and gathers and state.regulator.stood[i] < STANDING_SECONDS:
+            gains[i] = min(gains[i], JOG_START_GAIN)
+    velocities = plan.velocities * np.array(gains)[:, None, None]
+    state.trajectory.steer(Plan(velocities, plan.yaws, plan.gaits))
 
 
 def _input(state: CharacterState, probes: Sequence[ObstacleProbe], terrain: Terrain) -> Array:
@@ -377,21 +382,23 @@ def _feed_back(
     path = state.trajectory
     yaw = path.yaw[:, PRESENT]
     rates = np.array([jump.pace for jump in state.jumps])
-    before = state.joints
-    state.joints = features.relative_joints(joints, path.here, state.ground, yaw)
     if (rates != 1.0).any():  # a rhythm that is held back: the body has come a part of its way
-        state.joints = before + rates[:, None, None] * (state.joints - before)
+        joints = state.joints + rates[:, None, None] * (joints - state.joints)
+    state.joints = joints
     slowed = state.settling.rate
     state.velocities = y.joint_velocities * slowed[:, None, None]
     state.phase = at_rate(state.phase, advance_phase(state.phase, y.phase), rates * slowed)
     resting = path.gait[:, PRESENT, Gait.STAND]
 
     # the speed at which feet should be stepping: 0 at rest, in a jump, and while the root has not set off
-    jumping = np.array([jump.active for jump in state.jumps])
-    travels = (state.measured_speed > 0.5 * state.requested_speed) & ~jumping
-    steps = np.where(travels & (state.requested_speed > MIN_GAIT_SPEED), state.requested_speed, 0.0)
+    steps = [
+        requested if measured > 0.5 * requested > 0.5 * MIN_GAIT_SPEED and not jump.active else 0.0
+        for requested, measured, jump in zip(
+            state.requested_speed.tolist(), state.measured_speed.tolist(), state.jumps, strict=True
+        )
+    ]
     stalled = state.stall.update(state.joints, steps)
-    if stalled.any():
+    if any(stalled):
         state.phase[stalled] = advance_by_cycles(state.phase[stalled], CYCLES_PER_SECOND * DT)
     state.phase = state.rest.apply(state.phase, np.stack([style.rest for style in styles]), resting)
 

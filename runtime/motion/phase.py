@@ -53,7 +53,7 @@ def advance_phase(window: Array, samples: Array) -> Array:
 
 def at_rate(before: Array, window: Array, rate: Array) -> Array:
     """The window `(N, 121, C, 2)` that follows `before`, with its present and future turned back to `rate` `(N,)` of the frame's way."""
-    if (rate == 1.0).all():
+    if min(rate.tolist()) == max(rate.tolist()) == 1.0:
         return window
     old, new = before[:, PRESENT], window[:, PRESENT]
     turn = np.arctan2(new[..., 0], new[..., 1]) - np.arctan2(old[..., 0], old[..., 1])
@@ -93,9 +93,10 @@ class RestRhythm:
 
     def apply(self, phase: Array, rest: Array, standing: Array) -> Array:
         """The windows `(N, 121, C, 2)` of this frame; `rest` `(N, C, 2)` are the styles' amplitudes and rates, `standing` `(N,)` 0 to 1."""
-        swings = (
-            (rest[..., 0] > LEAST_AMPLITUDE) & (rest[..., 1] > LEAST_RATE) & (standing[:, None] > STANDING)
-        )
+        stands = standing > STANDING
+        if not stands.any() and not self.fraction.any():
+            return phase
+        swings = (rest[..., 0] > LEAST_AMPLITUDE) & (rest[..., 1] > LEAST_RATE) & stands[:, None]
         if not swings.any() and not self.fraction.any():
             return phase
         full = FULL_AMPLITUDE / np.maximum(rest[..., 0], LEAST_AMPLITUDE)

@@ -12,6 +12,7 @@ slides, breathing (slower than the limit) is as it was, and the network goes on 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.easing import spring
-from runtime.motion.features import FPS
+from runtime.motion.features import DT, FPS
 from runtime.scalar_math import decay
 from runtime.skeleton import SPORT_SKELETON, J
 
@@ -62,14 +63,15 @@ class Inertialization:
 
         `rest` `(N,)` is 0 for a body that moves as it likes, to 1 for one that is to be calm.
         """
-        self.left = np.where(blending, AFTERWARDS, np.maximum(0.0, self.left - 1.0 / FPS))
-        arms = local[:, JOINTS]
+        self.left = np.where(blending, AFTERWARDS, np.maximum(0.0, self.left - DT))
+        arms = local.take(JOINTS, 1)
         last, self.last = self.last, arms
-        moving = (np.abs(self.offset) > _DONE).any((1, 2))
         fastest = np.where(self.left > 0.0, FASTEST, FASTEST_EVER)
-        limit = (fastest * (FASTEST_AT_REST / fastest) ** rest)[:, None, None] / FPS
+        limit = (fastest * (FASTEST_AT_REST / fastest) ** rest)[:, None, None] * DT
         jumps = (np.abs((arms * last).sum(-1)) < np.cos(0.5 * limit[..., 0])).any(-1)
-        active = (self.left > 0.0) | moving | jumps | (rest > 0.0)
+        active = (self.left > 0.0) | jumps | (rest > 0.0)
+        if self.offset.any():
+            active |= (np.abs(self.offset) > _DONE).any((1, 2))
         if not active.any():
             if self.offset.any():
                 self.offset = self.speed = np.zeros_like(self.offset)
@@ -94,7 +96,7 @@ WATCHED = [
     for name in ("LeftHand", "RightHand", "Head", "LeftLeg", "RightLeg", "LeftFoot", "RightFoot")
 ]
 # m/s of the limbs of a body at rest: hands and head (0.02 to 0.1 in captured idles), knees, and feet, which stand
-AT_REST = np.array([0.07, 0.07, 0.07, 0.05, 0.05, 0.02, 0.02])
+AT_REST = (0.07, 0.07, 0.07, 0.05, 0.05, 0.02, 0.02)
 NEARLY = 0.3  # of the usual speed: a body that is nearly at rest comes over its feet
 PATIENCE = 0.6  # more of its usual distance a foot may be held away at rest, where a body steps for no reason
 UNSEEN_M = 0.05  # m away from its feet it may stay,
@@ -108,6 +110,7 @@ EVEN = 0.05  # seconds, half-life, in which the rate changes while a body stops;
 SETTLES = 0.12  # seconds, half-life, in which the limit goes down,
 WAKES = 0.05  # and up again
 STEPS_ON = 0.6  # of its usual speed a body keeps until both feet stand
+_FORGETS, _SETTLES, _WAKES = decay(FORGETS), decay(SETTLES), decay(WAKES)
 
 
 @dataclass
@@ -116,64 +119,61 @@ class Settling:
 
     local: Array = field(
         metadata={"shape": (J, 4)}
-    )  # (N, 31, 4) of the last frame, the hips seen from the root
+    )  # (N, 31, 4) of the last frame, relative to the root
     usual: Array = field(metadata={"shape": (len(WATCHED),), "most": 1000.0})  # (N, 7) m/s
     fraction: Array = field(metadata={"shape": ()})  # (N,) of it that is the limit, 1 while a body moves
     waited: Array = field(metadata={"shape": ()})  # (N,) seconds since something else was requested
     rate: Array = field(metadata={"shape": ()})  # (N,) of this frame's time
 
     @staticmethod
-    def awake(local: Array, yaw: Array) -> Settling:
-        """Of characters that do not move: local rotations `(N, 31, 4)`, and the roots' yaw `(N,)`."""
+    def awake(local: Array) -> Settling:
+        """Of characters that do not move, local rotations `(N, 31, 4)` relative to the root."""
         one = np.ones(len(local))
         usual = np.full((len(local), len(WATCHED)), LEAST_USUAL)
-        return Settling(_turned(local, -yaw), usual, one, 0.0 * one, one)
+        return Settling(local, usual, one, 0.0 * one, one)
 
     def slow(
         self,
         joints: Array,
         before: Array,
-        free: NDArray[np.bool_],
-        still: NDArray[np.bool_],
-        grounded: NDArray[np.bool_],
+        free: Sequence[bool],
+        still: Sequence[bool],
+        grounded: Sequence[bool],
     ) -> Array:
         """The rates `(N,)` of this frame, for joints `(N, 31, 3)` relative to the root and those of the last frame.
 
-        `free` `(N,)`: nothing is requested of the body, which may be coming to rest; `still` `(N,)`: it is where it was
-        requested to be; `grounded` `(N,)`: both feet stand where they may stay.
+        `free`: nothing is requested of the body, which may be coming to rest; `still`: it is where it was requested to be;
+        `grounded`: both feet stand where they may stay.
         """
-        moved = (joints - before)[:, WATCHED]
-        speed = np.sqrt((moved * moved).sum(-1)) * FPS
-        usual = np.maximum(np.maximum(self.usual * decay(FORGETS), speed), LEAST_USUAL)
-        self.usual = np.where(free[:, None], self.usual, usual)
-        self.waited = np.where(free & still, self.waited + 1.0 / FPS, 0.0)
-        settled = self.fraction * decay(SETTLES)
-        settled = np.where(grounded, settled, np.maximum(settled, np.minimum(self.fraction, STEPS_ON)))
-        awake = 1.0 + (self.fraction - 1.0) * decay(WAKES)
-        self.fraction = np.where(self.waited > WAITS, settled, awake)
-        limit = np.maximum(self.fraction[:, None] * self.usual, AT_REST)
-        rate = np.minimum((limit / np.maximum(speed, 1e-9)).min(-1), 1.0)
-        even = 0.5 ** (1.0 / (FPS * EVEN * np.maximum(self.fraction, 1e-3)))
-        self.rate = rate + (self.rate - rate) * even
+        moved = joints.take(WATCHED, 1) - before.take(WATCHED, 1)
+        speeds = (np.sqrt((moved * moved).sum(-1)) * FPS).tolist()
+        usual, fractions = self.usual.tolist(), self.fraction.tolist()
+        waits, rates = self.waited.tolist(), []
+        for i, (speed, was) in enumerate(zip(speeds, fractions, strict=True)):
+            if not free[i]:
+                usual[i] = [
+                    max(each * _FORGETS, now, LEAST_USUAL) for each, now in zip(usual[i], speed, strict=True)
+                ]
+            waits[i] = waits[i] + DT if free[i] and still[i] else 0.0
+            if waits[i] > WAITS:
+                least = 0.0 if grounded[i] else min(was, STEPS_ON)
+                fractions[i] = max(was * _SETTLES, least)
+            else:
+                fractions[i] = 1.0 + (was - 1.0) * _WAKES
+            limits = [max(fractions[i] * each, rest) for each, rest in zip(usual[i], AT_REST, strict=True)]
+            rate = min(1.0, *(limit / max(now, 1e-9) for limit, now in zip(limits, speed, strict=True)))
+            even = 0.5 ** (1.0 / (FPS * EVEN * max(fractions[i], 1e-3)))
+            rates.append(rate + (float(self.rate[i]) - rate) * even)
+        self.usual, self.fraction, self.waited = np.array(usual), np.array(fractions), np.array(waits)
+        self.rate = np.array(rates)
         return self.rate
 
-    def between(self, local: Array, yaw: Array) -> Array:
+    def between(self, local: Array) -> Array:
         """Local rotations `(N, 31, 4)` on the way from the last frame's to these, by the rates; remembers them."""
-        here = _turned(local, -yaw)
-        if (self.rate == 1.0).all():
-            self.local = here
-            return local
-        turn = rotations.to_rotation_vector(rotations.multiply(here, rotations.inverse(self.local)))
-        part = rotations.from_rotation_vector(turn * self.rate[:, None, None])
-        slow = (self.rate < 1.0)[:, None, None]
-        self.local = np.where(slow, rotations.multiply(part, self.local), here)
-        return np.where(slow, _turned(self.local, yaw), local)
-
-
-def _turned(local: Array, yaw: Array) -> Array:
-    """Local rotations with the hips turned about the vertical by `yaw` `(N,)`."""
-    result = local.copy()
-    half = 0.5 * yaw
-    about = np.stack([np.cos(half), 0.0 * half, np.sin(half), 0.0 * half], -1)
-    result[:, 0] = rotations.multiply(about, local[:, 0])
-    return result
+        if min(self.rate.tolist()) < 1.0:
+            turn = rotations.to_rotation_vector(rotations.multiply(local, rotations.inverse(self.local)))
+            part = rotations.from_rotation_vector(turn * self.rate[:, None, None])
+            slow = (self.rate < 1.0)[:, None, None]
+            local = np.where(slow, rotations.multiply(part, self.local), local)
+        self.local = local
+        return local.copy()

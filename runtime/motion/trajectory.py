@@ -50,7 +50,7 @@ class Plan:
 
 def change_seconds(walk_speed: Array, response: Array) -> Array:
     """Seconds `(N,)` in which bodies change their velocity by their walking speed (m/s); `response` 0 (capture) to 1 (game)."""
-    style = np.clip(np.sqrt(NEUTRAL_SPEED / walk_speed), FASTEST_CHANGE, SLOWEST_CHANGE)
+    style = np.minimum(np.maximum(np.sqrt(NEUTRAL_SPEED / walk_speed), FASTEST_CHANGE), SLOWEST_CHANGE)
     return np.asarray(TO_WALK * style * GAME**response)
 
 
@@ -61,8 +61,10 @@ def turn_seconds(speed: Array, walk_speed: Array, response: Array) -> Array:
 
 def remaining(missing: Array, reach: Array | float, seconds: Array, after: Array) -> Array:
     """What is left of `missing` (0 or more) `after` seconds: exponential above `reach`, linear from there to 0."""
-    fast = np.log(np.maximum(missing / reach, 1.0))  # in units of `seconds`
     t = after / seconds
+    if (missing <= reach).all():
+        return np.maximum(missing - reach * t, 0.0)
+    fast = np.log(np.maximum(missing / reach, 1.0))  # in units of `seconds`
     slow = np.minimum(missing, reach) - reach * (t - fast)
     return np.where(t < fast, missing * np.exp(-t), np.maximum(slow, 0.0))
 

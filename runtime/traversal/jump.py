@@ -175,13 +175,14 @@ class Jump:
         self.stage, self.rate, self.hips, self.speed, self.over = "", 1.0, hips, 0.0, 0.0
         self.swing = self.swing_speed = self.lean = self.lean_speed = 0.0
 
-    def carried(self, velocity: Array) -> Array:
+    def carried(self, velocity: tuple[float, float]) -> tuple[float, float]:
         """The root's velocity (m/s, XZ) for the network's: as it took off, and from there to the network's own."""
         if self.stage == "flight":
-            return np.array(self.velocity)
+            return self.velocity
         if self.stage == "land":
-            fraction = smoothstep(self.time / CARRIED_S)
-            return np.array(self.velocity) * (1.0 - fraction) + velocity * fraction
+            own = smoothstep(self.time / CARRIED_S)
+            (was_x, was_z), (x, z) = self.velocity, velocity
+            return was_x * (1.0 - own) + x * own, was_z * (1.0 - own) + z * own
         return velocity
 
     def start(self, pose: Pose, steps: PlannedSteps, velocity: tuple[float, float]) -> None:

@@ -46,6 +46,7 @@ JOG_START_GAIN = 1.0  # of the regulator at most, until then
 SLOWEST_PLAN = 0.05  # m/s: a body that stops is regulated until then
 FASTEST_LIFT = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
 _SMOOTHS = 1.0 - decay(SPEED_HALF_LIFE)
+FUTURE = len(features.FUTURE_OFFSETS)
 _PHASES = features.PHASE_OFFSETS + PRESENT
 
 
@@ -102,16 +103,12 @@ def step(
     _steer(state, request, styles, haste)
 
     x = _input(state, probes, terrain)
-    stands = state.trajectory.gait[:, PRESENT, Gait.STAND]
-    temperatures = np.asarray(temperature) * (1.0 - (1.0 - REST_TEMPERATURE) * stands)
-    noise = [
-        np.float32(max(t, 0.0)) * drifting_noise((1, *model.noise_shape), seed, frame * DT)
-        for t, seed, frame in zip(temperatures, state.seed.tolist(), state.frame.tolist(), strict=True)
-    ]
+    noise = _noise(model, state, temperature)
     state.frame = state.frame + 1
     flat = _network(model, x, noise, styles, helper)
-    sound: Flags = np.asarray((np.abs(flat) < MAX_OUTPUT).all(axis=-1))  # false for what is not a number
-    flat[~sound] = 0.0  # these stand again, below
+    sound: Flags = np.abs(flat).max(-1) < MAX_OUTPUT  # false for what is not a number
+    if not sound.all():
+        flat[~sound] = 0.0  # these stand again, below
     y = split_output(flat.astype(np.float64))
 
     local, joints = settled_pose(state, *network_pose(y), y.contacts)
@@ -247,7 +244,7 @@ def _steer(state: CharacterState, request: Request, styles: Sequence[Style], res
 def _input(state: CharacterState, probes: Sequence[ObstacleProbe], terrain: Terrain) -> Array:
     """x `(N, 472)`; writes the ground that the bodies are placed over."""
     path, present = state.trajectory, features.L // 2
-    positions, yaw = path.xz[:, SAMPLES], path.yaw[:, SAMPLES]
+    positions, yaw = path.xz.take(SAMPLES, 1), path.yaw.take(SAMPLES, 1)
     directions = np.stack([np.sin(yaw), np.cos(yaw)], axis=-1)
     points, heights = features.sampled_heights(terrain, positions, directions)
     heights = within_steps(heights, present)
@@ -260,8 +257,8 @@ def _input(state: CharacterState, probes: Sequence[ObstacleProbe], terrain: Terr
         trajectory_positions=positions,
         trajectory_directions=directions,
         heights=heights,
-        gait=path.gait[:, SAMPLES],
-        phase=state.phase[:, _PHASES],
+        gait=path.gait.take(SAMPLES, 1),
+        phase=state.phase.take(_PHASES, 1),
         joint_positions=state.joints,
         joint_velocities=state.velocities,
         ground=ground,
@@ -269,6 +266,17 @@ def _input(state: CharacterState, probes: Sequence[ObstacleProbe], terrain: Terr
     most = FASTEST_LIFT * DT
     state.ground = np.minimum(np.maximum(ground, state.ground - most), state.ground + most)
     return features.build_input(parts)
+
+
+def _noise(model: MotionModel, state: CharacterState, temperature: Sequence[float]) -> list[Array]:
+    """The sampler's noise of every character, less while it stands."""
+    shape, stands = (1, *model.noise_shape), state.trajectory.gait[:, PRESENT, Gait.STAND].tolist()
+    return [
+        drifting_noise(shape, seed, frame * DT, max(most * (1.0 - (1.0 - REST_TEMPERATURE) * still), 0.0))
+        for most, still, seed, frame in zip(
+            temperature, stands, state.seed.tolist(), state.frame.tolist(), strict=True
+        )
+    ]
 
 
 def _network(
@@ -405,13 +413,9 @@ def _feed_back(
     velocity = features.to_world(y.root[:, :2] * slowed[:, None], yaw)
     velocity = root_velocity(state, velocity, y.contacts, probes, terrain, response)
     turn = y.root[:, 2] * slowed * DT
-    ahead = (yaw + turn)[:, None]
-    path.advance(
-        velocity * DT,
-        turn,
-        features.to_world(y.trajectory_positions, ahead),
-        features.to_world(y.trajectory_directions, ahead),
-    )
+    forecast = np.concatenate([y.trajectory_positions, y.trajectory_directions], 1)
+    forecast = features.to_world(forecast, (yaw + turn)[:, None])
+    path.advance(velocity * DT, turn, forecast[:, :FUTURE], forecast[:, FUTURE:])
 
 
 def _set_back(

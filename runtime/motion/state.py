@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from math import cos, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,6 @@ from numpy.typing import NDArray
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.feet.foot_lock import FootLock
-from runtime.motion import features
 from runtime.motion.features import DT, PHASE_OFFSETS, C, OutputParts, split_output
 from runtime.motion.model import MotionModel
 from runtime.motion.pace import SpeedRegulator, Stall, StrideState
@@ -19,6 +19,7 @@ from runtime.motion.pose_smoothing import Inertialization, Settling
 from runtime.motion.style import StyleBlend
 from runtime.motion.trajectory import LENGTH, PRESENT, Trajectory
 from runtime.pose import Pose
+from runtime.scalar_math import add, multiply, rotate
 from runtime.skeleton import SPORT_SKELETON, J
 from runtime.terrain.height_map import PointHeights, Terrain
 from runtime.traversal.jump import Jump
@@ -64,14 +65,13 @@ def network_pose(y: OutputParts) -> tuple[Array, Array]:
     return rotations.from_matrix(local), joints
 
 
-def placed(
-    joints: Array, local: Array, trajectory: Trajectory, ground: Array
-) -> tuple[Array, Array]:
+def placed(joints: Array, local: Array, trajectory: Trajectory, ground: Array) -> tuple[Array, Array]:
     """Hips `(N, 3)` and local rotations `(N, 31, 4)` in the world of a pose relative to the root, over the `ground` `(N,)` (m)."""
-    yaw, (x, z) = trajectory.yaw[:, PRESENT], trajectory.here.T
-    hips = features.to_world(joints[:, 0], yaw) + np.stack([x, ground, z], -1)
-    local = local.copy()
-    local[:, 0] = (rotations.left_matrix(rotations.from_yaw(yaw)) @ local[:, 0, :, None])[..., 0]
+    hips, local = joints[:, 0].copy(), local.copy()
+    for i, (root, yaw) in enumerate(zip(trajectory.here.tolist(), trajectory.yaw[:, PRESENT].tolist(), strict=True)):
+        turn = (cos(0.5 * yaw), 0.0, sin(0.5 * yaw), 0.0)
+        hips[i] = add((root[0], float(ground[i]), root[1]), rotate(turn, hips[i].tolist()))
+        local[i, 0] = multiply(turn, local[i, 0].tolist())
     return hips, local
 
 

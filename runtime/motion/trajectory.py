@@ -10,6 +10,7 @@ the whole path of the coming second, with the labels of gait that its training g
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import hypot, isnan, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,8 @@ CROUCH_HALF_LIFE = 0.35  # of the label of a crouch: knees and elbows snap where
 STILL_SPEED = 0.15  # m/s: slower is standing, as the training's labels have it
 JOG_SHARE = 0.75  # of a slow jog's speed from which it is a jog
 AHEAD = np.arange(61) / FPS  # seconds of the coming frames, the present one first
+_STAND, _WALK, _JOG, _CROUCH = map(int, (Gait.STAND, Gait.WALK, Gait.JOG, Gait.CROUCH))
+_MAKES_UP = decay(WISH_HALF_LIFE)
 _LABEL_FADE = 0.5 ** ((AHEAD + 1.0 / FPS) / LABEL_HALF_LIFE)
 
 
@@ -48,15 +51,18 @@ class Plan:
     gaits: Array  # (N, 61, 6) weights
 
 
-def change_seconds(walk_speed: Array, response: Array) -> Array:
-    """Seconds `(N,)` in which bodies change their velocity by their walking speed (m/s); `response` 0 (capture) to 1 (game)."""
-    style = np.minimum(np.maximum(np.sqrt(NEUTRAL_SPEED / walk_speed), FASTEST_CHANGE), SLOWEST_CHANGE)
-    return np.asarray(TO_WALK * style * GAME**response)
+def change_seconds(walk_speed: float, response: float) -> float:
+    """Seconds in which a body changes its velocity by its walking speed (m/s); `response` 0 (capture) to 1 (game)."""
+    style = min(max(sqrt(NEUTRAL_SPEED / walk_speed), FASTEST_CHANGE), SLOWEST_CHANGE)
+    return TO_WALK * style * GAME**response
 
 
-def turn_seconds(speed: Array, walk_speed: Array, response: Array) -> Array:
-    """Seconds `(N,)` in which bodies at a speed turn by TURN (m/s; see `change_seconds`)."""
-    return np.asarray(np.interp(speed / walk_speed, (0.0, 1.0, 2.0), TO_TURN) * GAME**response)
+def turn_seconds(speed: float, walk_speed: float, response: float) -> float:
+    """Seconds in which a body at a speed turns by TURN (m/s; see `change_seconds`)."""
+    standing, walking, twice = TO_TURN
+    going = min(speed / walk_speed, 2.0)
+    slower, faster, part = (standing, walking, going) if going < 1.0 else (walking, twice, going - 1.0)
+    return (slower + part * (faster - slower)) * GAME**response
 
 
 def remaining(missing: Array, reach: Array | float, seconds: Array, after: Array) -> Array:
@@ -91,27 +97,25 @@ def labels(speeds: Array, now: Array, gait: NDArray[np.integer], jog_from: Array
     `(N,)` m/s is where a jog begins. A gait other than standing, walking and jogging is kept as it is. At full `response`
     `(N,)` a crouch comes as fast as other labels.
     """
-    moves, jogs = _over(speeds, STILL_SPEED), _over(speeds, jog_from[:, None])
+    # over a third of a threshold to both sides; a body that jumps without a stick has a threshold of 0
+    thresholds = np.array([np.full_like(jog_from, STILL_SPEED), np.maximum(jog_from, 1e-6)])
+    moves, jogs = smoothstep(speeds * (1.5 / thresholds)[..., None] - 1.0)
     plan = np.zeros((*speeds.shape, GAITS))
-    plan[..., Gait.STAND] = 1.0 - moves
-    plan[..., Gait.WALK] = moves * (1.0 - jogs)
-    plan[..., Gait.JOG] = moves * jogs
-    own = gait >= Gait.CROUCH
+    plan[..., _STAND] = 1.0 - moves
+    jogs *= moves
+    plan[..., _WALK] = moves - jogs
+    plan[..., _JOG] = jogs
+    own = gait >= _CROUCH
     if own.any():
         plan[own] = np.eye(GAITS)[gait[own], None]
     change = now - plan[:, 0]
-    fade = np.broadcast_to(_LABEL_FADE, (len(gait), len(AHEAD)))
-    crouches = np.abs(change[:, Gait.CROUCH]) > 0.02
+    fade = _LABEL_FADE
+    crouches = np.abs(change[:, _CROUCH]) > 0.02
     if crouches.any():
         slow = np.maximum(CROUCH_HALF_LIFE * GAME**response, LABEL_HALF_LIFE)
         fade = np.where(crouches[:, None], 0.5 ** ((AHEAD + 1.0 / FPS) / slow[:, None]), fade)
-    return plan + change[:, None] * fade[..., None]
-
-
-def _over(speeds: Array, threshold: Array | float) -> Array:
-    """0 below to 1 above a threshold, over a third of it to both sides."""
-    # a body that jumps without a stick has a threshold of 0
-    return smoothstep(1.5 * (speeds / np.maximum(threshold, 1e-6) - 1.0) + 0.5)
+    plan += change[:, None] * fade[..., None]
+    return plan
 
 
 PRESENT = 60  # index of the current frame in the dense ±60 frame window
@@ -202,18 +206,22 @@ class Trajectory:
         `walk` `(N,)` are the styles' walking speeds, `response` `(N,)` is 0 (capture) to 1 (game). Moves `wish`, `wish_yaw`,
         `velocity` and `requested_yaw` on by a frame.
         """
-        seconds = change_seconds(walk, response)
-        quick = decay(WISH_HALF_LIFE) ** (GAME**-response)
-        self.wish = wish + (self.wish - wish) * quick[:, None]
-        velocities = planned_velocities(self.velocity, self.wish, walk, seconds)
-        goal = np.where(np.isnan(facing), self.requested_yaw, facing)
-        # a plan that turns at once makes the network's pose jump: elbows by 10 degrees in a frame
-        self.wish_yaw = goal + wrap_angle(self.wish_yaw - goal) * quick
-        around = turn_seconds(np.sqrt((self.velocity**2).sum(-1)), walk, response)
-        yaws = facings(self.requested_yaw, self.wish_yaw, around)
-        self.velocity, self.requested_yaw = velocities[:, 1], yaws[:, 1]
+        seconds, around, wishes, yaws = [], [], [], []
+        for i, (pace, haste) in enumerate(zip(walk.tolist(), response.tolist(), strict=True)):
+            quick = _MAKES_UP ** (GAME**-haste)
+            seconds.append(change_seconds(pace, haste))
+            around.append(turn_seconds(hypot(*self.velocity[i].tolist()), pace, haste))
+            (x, z), (wish_x, wish_z) = self.wish[i].tolist(), wish[i].tolist()
+            wishes.append((wish_x + (x - wish_x) * quick, wish_z + (z - wish_z) * quick))
+            goal = float(self.requested_yaw[i] if isnan(facing[i]) else facing[i])
+            # a plan that turns at once makes the network's pose jump: elbows by 10 degrees in a frame
+            yaws.append(goal + ((float(self.wish_yaw[i]) - goal + pi) % (2.0 * pi) - pi) * quick)
+        self.wish, self.wish_yaw = np.array(wishes), np.array(yaws)
+        velocities = planned_velocities(self.velocity, self.wish, walk, np.array(seconds))
+        ways = facings(self.requested_yaw, self.wish_yaw, np.array(around))
+        self.velocity, self.requested_yaw = velocities[:, 1], ways[:, 1]
         speeds = np.sqrt((velocities * velocities).sum(-1))
-        return Plan(velocities, yaws, labels(speeds, self.gait[:, PRESENT], gait, jog_from, response))
+        return Plan(velocities, ways, labels(speeds, self.gait[:, PRESENT], gait, jog_from, response))
 
     def steer(self, plan: Plan) -> None:
         """Blend a plan into the coming second."""
@@ -236,6 +244,5 @@ class Trajectory:
         self.xz[:, PRESENT] += displacement
         self.yaw[:, PRESENT] += turn
         self.xz[:, PRESENT + 1 :] = self.xz[:, PRESENT, None] + _GOING_ON @ (positions - positions[:, :1])
-        angle = np.arctan2(directions[..., 0], directions[..., 1]) - self.yaw[:, PRESENT, None]
-        relative = unwrapped(wrap_angle(angle)[..., None])
-        self.yaw[:, PRESENT + 1 :] = self.yaw[:, PRESENT, None] + (_KEPT @ relative)[..., 0]
+        angle = wrap_angle(np.arctan2(directions[..., 0], directions[..., 1]) - self.yaw[:, PRESENT, None])
+        self.yaw[:, PRESENT + 1 :] = self.yaw[:, PRESENT, None] + unwrapped(angle[..., None])[..., 0] @ _KEPT.T

@@ -45,12 +45,15 @@ def multiply(a: Array, b: Array) -> Array:
 
 
 _LEFT = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
-_LEFT_SIGN = np.array([[1, -1, -1, -1], [1, 1, -1, 1], [1, 1, 1, -1], [1, -1, 1, 1]], np.float32)
+_LEFT_SIGNS = {  # of a type of their own: a product of two types costs three times as much
+    np.dtype(kind): np.array([[1, -1, -1, -1], [1, 1, -1, 1], [1, 1, 1, -1], [1, -1, 1, 1]], kind)
+    for kind in (np.float32, np.float64)
+}
 
 
 def left_matrix(q: Array) -> Array:
     """Matrices `(..., 4, 4)` of the product with quaternions `(..., 4)` on the left: `left_matrix(a) @ b` is `multiply(a, b)`."""
-    return np.asarray(q).take(_LEFT, -1) * _LEFT_SIGN
+    return q.take(_LEFT, -1) * _LEFT_SIGNS[q.dtype]
 
 
 def inverse(q: Array) -> Array:

@@ -112,9 +112,9 @@ def step(
     y = split_output(flat.astype(np.float64))
 
     local, joints = settled_pose(state, *network_pose(y), y.contacts)
-    blending = np.array([blend.blending for blend in state.styles])
-    inertialised = state.arms.apply(local, blending, np.array(rest_share(state)))
-    if inertialised.any():
+    blending = [blend.blending for blend in state.styles]
+    inertialised = state.arms.apply(local, blending, rest_share(state))
+    if any(inertialised):
         hips = joints[inertialised, 0]
         joints[inertialised] = SPORT_SKELETON.forward_kinematics(hips, local[inertialised])[0]
     # the feet of a calm body stay where they are
@@ -139,8 +139,8 @@ def full_speed(style: Style, gait: Gait) -> float:
 
 def _stick(controls: Controls) -> tuple[float, float, float]:
     """X, Z and length of the stick, which is 1 at most."""
-    x, z = (float(v) for v in controls.move)
-    amount = float(np.hypot(x, z))
+    x, z = float(controls.move[0]), float(controls.move[1])
+    amount = hypot(x, z)
     return (x / amount, z / amount, 1.0) if amount > 1.0 else (x, z, amount)
 
 
@@ -149,20 +149,22 @@ def _probe(
 ) -> list[ObstacleProbe]:
     """The obstacles on the sticks' paths that the network does not cross by itself; every traversal remembers whether it stops."""
     nothing = terrain.steepest * RUN_M < EDGE_M  # no slope of this ground is an edge
-    sticks = np.array([_stick(each)[:2] for each in controls])
-    size = np.sqrt((sticks * sticks).sum(-1, keepdims=True))
-    headings, here = sticks / np.maximum(size, 1e-9), state.trajectory.here
-    clear = np.full(len(state), nothing)
+    sticks, here = [_stick(each) for each in controls], state.trajectory.here
+    headings = [(x / max(amount, 1e-9), z / max(amount, 1e-9)) for x, z, amount in sticks]
+    clear = [nothing] * len(state)
     if not nothing:
-        ways = np.array([c.path(h) for c, h in zip(state.traversals, headings, strict=True)])
-        clear = level_ahead(terrain, here, ways, PROBE_M + STOP_SECONDS * state.measured_speed, EDGE_M)
+        ways = np.array([c.path(np.array(h)) for c, h in zip(state.traversals, headings, strict=True)])
+        reach = PROBE_M + STOP_SECONDS * state.measured_speed
+        clear = level_ahead(terrain, here, ways, reach, EDGE_M).tolist()
     probes = []
     for i, traversal in enumerate(state.traversals):
-        stick, style = controls[i], state.styles[i].style
-        velocity = sticks[i] * full_speed(style, state.jumps[i].requested_gait(stick.gait))
+        gait = state.jumps[i].requested_gait(controls[i].gait)
+        requested = sticks[i][2] * full_speed(state.styles[i].style, gait)
         # a probe next to a beam would find a drop
-        ground = None if clear[i] or state.feet[i].on_beam else terrain
-        probe = traversal.probe(ground, here[i], velocity, float(state.measured_speed[i]))
+        ground = None
+        if requested > STAND_SPEED and not clear[i] and not state.feet[i].on_beam:
+            ground = terrain
+        probe = traversal.probe(ground, here[i], np.array(headings[i]), float(state.measured_speed[i]))
         own = probe.ahead is not None and model.crosses(probe.ahead.obstacle)
         probes.append(CLEAR if own else probe)
     return probes
@@ -192,7 +194,7 @@ def _request(
             velocity[i] = x * full, z * full
         if jump.airborne:  # no steering in the air
             velocity[i] = state.trajectory.velocity[i]
-            speeds[i] = float(np.hypot(*velocity[i]))
+            speeds[i] = hypot(*velocity[i].tolist())
         elif not moving and gait != Gait.CROUCH:
             gait = Gait.STAND
         gaits[i] = gait
@@ -329,7 +331,8 @@ def _plant(
                 )
         else:
             jump = state.jumps[i]
-            jump.advance(float(hips[i, 1]), float(state.ground[i]), _velocity(state, i))
+            root = _velocity(state, i) if jump.stage else (0.0, 0.0)
+            jump.advance(float(hips[i, 1]), float(state.ground[i]), root)
             if jump.stage:
                 posed = jump.pose(hips[i], local[i], contacts[i], terrain)
                 unlocked_hips[i], unlocked_local[i], contacts[i] = posed

@@ -41,7 +41,9 @@ class SpeedRegulator:
         """Of standing characters: what one walk needed says nothing of the next."""
         return SpeedRegulator(np.zeros(count), np.zeros(count), np.zeros(count), np.ones(count))
 
-    def update(self, requested: Sequence[float], speed: Sequence[float], moving: Sequence[bool]) -> list[float]:
+    def update(
+        self, requested: Sequence[float], speed: Sequence[float], moving: Sequence[bool]
+    ) -> list[float]:
         """The gains for this frame, of the requested speeds and the roots' in the last frame, m/s; 1 at rest."""
         numbers = (each.tolist() for each in (self.expected, self.measured, self.stood, self.integral))
         made, gains = [], []
@@ -125,9 +127,7 @@ class StrideState:
         self.fraction = np.array(fractions)
 
 
-def stretch(
-    planned: tuple[float, float], shown: tuple[float, float], jogs: bool, response: float
-) -> float:
+def stretch(planned: tuple[float, float], shown: tuple[float, float], jogs: bool, response: float) -> float:
     """How much longer strides become, for speeds in m/s: planned, smoothed and not; and the root's, smoothed and not.
 
     `response` is 1 where a body may start at once.

@@ -14,9 +14,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import cos
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.arrays import Array
@@ -58,36 +58,44 @@ class Inertialization:
         still = np.zeros((len(local), len(JOINTS), 3))
         return Inertialization(local[:, JOINTS], still, still, np.zeros(len(local)))
 
-    def apply(self, local: Array, blending: NDArray[np.bool_], rest: Array) -> NDArray[np.bool_]:
-        """Turn arms and trunk of the network's local rotations `(N, 31, 4)` into those to show; which characters' are others `(N,)`.
+    def apply(self, local: Array, blending: Sequence[bool], rest: Sequence[float]) -> list[bool]:
+        """Turn arms and trunk of the network's local rotations `(N, 31, 4)` into those to show; which characters' are others.
 
-        `rest` `(N,)` is 0 for a body that moves as it likes, to 1 for one that is to be calm.
+        `rest` is 0 for a body that moves as it likes, to 1 for one that is to be calm.
         """
-        self.left = np.where(blending, AFTERWARDS, np.maximum(0.0, self.left - DT))
+        left = [
+            AFTERWARDS if blends else max(0.0, each - DT)
+            for each, blends in zip(self.left.tolist(), blending, strict=True)
+        ]
+        fastest = [FASTEST if each > 0.0 else FASTEST_EVER for each in left]
+        limits = [
+            DT * most * (FASTEST_AT_REST / most) ** calm for most, calm in zip(fastest, rest, strict=True)
+        ]
         arms = local.take(JOINTS, 1)
-        last, self.last = self.last, arms
-        fastest = np.where(self.left > 0.0, FASTEST, FASTEST_EVER)
-        limit = (fastest * (FASTEST_AT_REST / fastest) ** rest)[:, None, None] * DT
-        jumps = (np.abs((arms * last).sum(-1)) < np.cos(0.5 * limit[..., 0])).any(-1)
-        active = (self.left > 0.0) | jumps | (rest > 0.0)
-        if self.offset.any():
-            active |= (np.abs(self.offset) > _DONE).any((1, 2))
-        if not active.any():
-            if self.offset.any():
+        same = np.abs((arms * self.last).sum(-1)).min(-1).tolist()  # cosines of half the fastest turns
+        held = np.abs(self.offset).max((1, 2)).tolist() if self.offset.any() else [0.0] * len(local)
+        active = [
+            left[i] > 0.0 or rest[i] > 0.0 or held[i] > _DONE or same[i] < cos(0.5 * limit)
+            for i, limit in enumerate(limits)
+        ]
+        last, self.last, self.left = self.last, arms, np.array(left)
+        if not any(active):
+            if any(held):
                 self.offset = self.speed = np.zeros_like(self.offset)
             return active
+        limit, calm = np.array(limits)[:, None, None], np.array(rest)
         turn = rotations.to_rotation_vector(rotations.multiply(arms, rotations.inverse(last)))
         angle = np.sqrt((turn * turn).sum(-1, keepdims=True))
         excess = turn * np.maximum(0.0, 1.0 - limit / np.maximum(angle, 1e-9))
         offset = rotations.from_rotation_vector(self.offset)
         offset = rotations.multiply(offset, rotations.from_rotation_vector(-excess))
         vector = rotations.to_rotation_vector(offset)
-        half_life = (HALF_LIFE * (HALF_LIFE_AT_REST / HALF_LIFE) ** rest)[:, None, None]
+        half_life = (HALF_LIFE * (HALF_LIFE_AT_REST / HALF_LIFE) ** calm)[:, None, None]
         offset, speed = spring(vector, self.speed, np.zeros(3), half_life, 1.0 / FPS)
-        self.offset = np.where(active[:, None, None], offset, 0.0)
-        self.speed = np.where(active[:, None, None], speed, 0.0)
+        acts = np.array(active)[:, None, None]
+        self.offset, self.speed = np.where(acts, offset, 0.0), np.where(acts, speed, 0.0)
         shown = rotations.multiply(rotations.from_rotation_vector(self.offset), arms)
-        local[:, JOINTS] = np.where(active[:, None, None], shown, arms)
+        local[:, JOINTS] = np.where(acts, shown, arms)
         return active
 
 
@@ -117,9 +125,7 @@ _FORGETS, _SETTLES, _WAKES = decay(FORGETS), decay(SETTLES), decay(WAKES)
 class Settling:
     """How slow the time of N characters runs, and the poses that they were in."""
 
-    local: Array = field(
-        metadata={"shape": (J, 4)}
-    )  # (N, 31, 4) of the last frame, relative to the root
+    local: Array = field(metadata={"shape": (J, 4)})  # (N, 31, 4) of the last frame, relative to the root
     usual: Array = field(metadata={"shape": (len(WATCHED),), "most": 1000.0})  # (N, 7) m/s
     fraction: Array = field(metadata={"shape": ()})  # (N,) of it that is the limit, 1 while a body moves
     waited: Array = field(metadata={"shape": ()})  # (N,) seconds since something else was requested
@@ -150,18 +156,18 @@ class Settling:
         usual, fractions = self.usual.tolist(), self.fraction.tolist()
         waits, rates = self.waited.tolist(), []
         for i, (speed, was) in enumerate(zip(speeds, fractions, strict=True)):
+            waits[i] = waits[i] + DT if free[i] and still[i] else 0.0
+            if waits[i] > WAITS:
+                fractions[i] = max(was * _SETTLES, 0.0 if grounded[i] else min(was, STEPS_ON))
+            else:
+                fractions[i] = 1.0 + (was - 1.0) * _WAKES
             if not free[i]:
                 usual[i] = [
                     max(each * _FORGETS, now, LEAST_USUAL) for each, now in zip(usual[i], speed, strict=True)
                 ]
-            waits[i] = waits[i] + DT if free[i] and still[i] else 0.0
-            if waits[i] > WAITS:
-                least = 0.0 if grounded[i] else min(was, STEPS_ON)
-                fractions[i] = max(was * _SETTLES, least)
-            else:
-                fractions[i] = 1.0 + (was - 1.0) * _WAKES
-            limits = [max(fractions[i] * each, rest) for each, rest in zip(usual[i], AT_REST, strict=True)]
-            rate = min(1.0, *(limit / max(now, 1e-9) for limit, now in zip(limits, speed, strict=True)))
+            limits = zip(usual[i], AT_REST, speed, strict=True)
+            rate = min(max(fractions[i] * each, least) / max(now, 1e-9) for each, least, now in limits)
+            rate = min(rate, 1.0)
             even = 0.5 ** (1.0 / (FPS * EVEN * max(fractions[i], 1e-3)))
             rates.append(rate + (float(self.rate[i]) - rate) * even)
         self.usual, self.fraction, self.waited = np.array(usual), np.array(fractions), np.array(waits)

@@ -133,9 +133,7 @@ def settled_pose(state: CharacterState, local: Array, joints: Array, contacts: A
     """
     free = [_is_free(state, i) for i in range(len(state))]
     still = [free[i] and _stands_still(state, i) for i in range(len(state))]
-    grounded = [
-        min(max(heels[0], heels[1]), max(heels[2], heels[3])) > STANDS for heels in contacts.tolist()
-    ]
+    grounded = [min(max(heels[0], heels[1]), max(heels[2], heels[3])) > STANDS for heels in contacts.tolist()]
     rate = state.settling.slow(joints, state.joints, free, still, grounded)
     local = state.settling.between(local)
     slow = rate < 1.0

@@ -68,7 +68,9 @@ def network_pose(y: OutputParts) -> tuple[Array, Array]:
 def placed(joints: Array, local: Array, trajectory: Trajectory, ground: Array) -> tuple[Array, Array]:
     """Hips `(N, 3)` and local rotations `(N, 31, 4)` in the world of a pose relative to the root, over the `ground` `(N,)` (m)."""
     hips, local = joints[:, 0].copy(), local.copy()
-    for i, (root, yaw) in enumerate(zip(trajectory.here.tolist(), trajectory.yaw[:, PRESENT].tolist(), strict=True)):
+    for i, (root, yaw) in enumerate(
+        zip(trajectory.here.tolist(), trajectory.yaw[:, PRESENT].tolist(), strict=True)
+    ):
         turn = (cos(0.5 * yaw), 0.0, sin(0.5 * yaw), 0.0)
         hips[i] = add((root[0], float(ground[i]), root[1]), rotate(turn, hips[i].tolist()))
         local[i, 0] = multiply(turn, local[i, 0].tolist())

@@ -245,4 +245,6 @@ class Trajectory:
         self.yaw[:, PRESENT] += turn
         self.xz[:, PRESENT + 1 :] = self.xz[:, PRESENT, None] + _GOING_ON @ (positions - positions[:, :1])
         angle = wrap_angle(np.arctan2(directions[..., 0], directions[..., 1]) - self.yaw[:, PRESENT, None])
-        self.yaw[:, PRESENT + 1 :] = self.yaw[:, PRESENT, None] + unwrapped(angle[..., None])[..., 0] @ _KEPT.T
+        self.yaw[:, PRESENT + 1 :] = (
+            self.yaw[:, PRESENT, None] + unwrapped(angle[..., None])[..., 0] @ _KEPT.T
+        )

@@ -109,6 +109,10 @@ class PointHeights:
 
     def __init__(self, terrain: Terrain, lowest: float = -inf, highest: float = inf) -> None:
         self.steepest = terrain.steepest
+        if self.steepest == 0.0:
+            level = min(max(float(terrain.heights[0, 0]), lowest), highest)
+            self.height: Callable[[float, float], float] = lambda x, z: level
+            return
         item, cells = terrain.heights.item, 1.0 / terrain.cell_m
         (x0, z0), (nx, nz) = terrain.origin, terrain.heights.shape
         last_u, last_v = nx - 1.000001, nz - 1.000001
@@ -125,4 +129,4 @@ class PointHeights:
             return lowest if here < lowest else highest if here > highest else here
 
         # bilinear height in metres at x, z, as `Terrain.height`; a closure, as it is called some thirty times in a frame
-        self.height: Callable[[float, float], float] = height
+        self.height = height

@@ -8,7 +8,7 @@ works on the pose before foot lock, which holds the feet that stand.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import exp, hypot, sqrt
+from math import dist, exp, hypot, sqrt
 
 import numpy as np
 
@@ -340,10 +340,10 @@ class Jump:
             toe = (toe[0] + x, toe[1], toe[2] + z)
         sole = rotate(leg.foot, bones.offsets[4])
         ankle, foot = subtract(toe, sole), leg.foot
-        spans = min(length(subtract(leg.ankle, leg.hip)), bones.length)
+        spans = min(dist(leg.ankle, leg.hip), bones.length)
         own = spans if self.stage == "push" else 0.0
         reach = max(self._spans() * bones.length, own)
-        far = length(subtract(ankle, hip))
+        far = dist(ankle, hip)
         if far > reach:
             along = unit(scale(sole, -1.0))
             to_hip = subtract(hip, toe)

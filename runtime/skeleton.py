@@ -47,10 +47,12 @@ class Skeleton:
         `root_position` `(..., 3)` in metres, `local` `(..., J, 4)` rotations relative to the parent.
         """
         local = np.asarray(local)
-        world = local.copy()
-        for joints, parents in self.levels[1:]:
-            turned = rotations.left_matrix(world.take(parents, -2)) @ local.take(joints, -2)[..., None]
-            world[..., joints, :] = turned[..., 0]
+        ordered = local.take(self._by_depth, -2)[..., None]
+        world = ordered.copy()
+        for joints, parents in self._levels:
+            above = rotations.left_matrix(world[..., 0].take(parents, -2))
+            np.matmul(above, ordered[..., joints, :, :], out=world[..., joints, :, :])
+        world = world[..., 0].take(self._places, -2)
         bones = rotations.rotate(world.take(self._parents, -2), self.offsets)
         positions = np.asarray(root_position)[..., None, :] + self._above @ bones
         return positions.astype(local.dtype, copy=False), world
@@ -84,14 +86,31 @@ class Skeleton:
         return above
 
     @cached_property
-    def levels(self) -> tuple[tuple[NDArray[np.int64], NDArray[np.int64] | None], ...]:
-        """Joints of equal depth with their parents, root first (its parents are None)."""
-        depth = np.zeros(len(self), np.int64)
-        for j, parent in enumerate(self.parents):
-            depth[j] = depth[parent] + 1 if parent >= 0 else 0
-        parents = np.array(self.parents)
-        groups = [np.flatnonzero(depth == d) for d in range(depth.max() + 1)]
-        return tuple((g, parents[g] if d else None) for d, g in enumerate(groups))
+    def _depths(self) -> list[int]:
+        """Joints between each and the root."""
+        depths: list[int] = []
+        for parent in self.parents:
+            depths.append(depths[parent] + 1 if parent >= 0 else 0)
+        return depths
+
+    @cached_property
+    def _by_depth(self) -> NDArray[np.int64]:
+        """The joints, those of equal depth next to each other."""
+        return np.argsort(self._depths, kind="stable")
+
+    @cached_property
+    def _places(self) -> NDArray[np.int64]:
+        """Where each joint is in that order."""
+        return np.argsort(self._by_depth)
+
+    @cached_property
+    def _levels(self) -> list[tuple[slice, NDArray[np.int64]]]:
+        """In that order the joints of every depth but the first, and the places of their parents."""
+        edges = np.flatnonzero(np.diff(np.sort(self._depths), append=len(self))) + 1
+        parents = self._places[self._parents[self._by_depth]]
+        return [
+            (slice(a, b), parents[a:b]) for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
+        ]
 
     def local_rotations(self, world: Array) -> Array:
         """Rotations relative to the parent `(..., J, 4)` of world rotations `(..., J, 4)`."""

@@ -392,11 +392,11 @@ def _feed_back(
     """
     path = state.trajectory
     yaw = path.yaw[:, PRESENT]
-    rates = np.array([jump.pace for jump in state.jumps])
-    if (rates != 1.0).any():  # a rhythm that is held back: the body has come a part of its way
+    paces = [jump.pace for jump in state.jumps]
+    rates, slowed = np.array(paces), state.settling.rate
+    if any(pace != 1.0 for pace in paces):  # a rhythm that is held back: the body has come a part of its way
         joints = state.joints + rates[:, None, None] * (joints - state.joints)
     state.joints = joints
-    slowed = state.settling.rate
     state.velocities = y.joint_velocities * slowed[:, None, None]
     state.phase = at_rate(state.phase, advance_phase(state.phase, y.phase), rates * slowed)
     resting = path.gait[:, PRESENT, Gait.STAND]
@@ -411,11 +411,11 @@ def _feed_back(
     stalled = state.stall.update(state.joints, steps)
     if any(stalled):
         state.phase[stalled] = advance_by_cycles(state.phase[stalled], CYCLES_PER_SECOND * DT)
-    state.phase = state.rest.apply(state.phase, np.stack([style.rest for style in styles]), resting)
+    state.phase = state.rest.apply(state.phase, [style.rest for style in styles], resting)
 
-    velocity = features.to_world(y.root[:, :2] * slowed[:, None], yaw)
-    velocity = root_velocity(state, velocity, y.contacts, probes, terrain, response)
-    turn = y.root[:, 2] * slowed * DT
+    moved = y.root * slowed[:, None]
+    velocity = root_velocity(state, moved[:, :2], y.contacts, probes, terrain, response)
+    turn = moved[:, 2] * DT
     forecast = np.concatenate([y.trajectory_positions, y.trajectory_directions], 1)
     forecast = features.to_world(forecast, (yaw + turn)[:, None])
     path.advance(velocity * DT, turn, forecast[:, :FUTURE], forecast[:, FUTURE:])

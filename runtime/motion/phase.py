@@ -6,6 +6,7 @@ waving hand) that channel's phases are turned at the style's own rate; every oth
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -37,9 +38,9 @@ def dense_future(samples: Array) -> Array:
 
 def unwrapped(angle: Array) -> Array:
     """Angles `(..., n, m)` without turns of 2 pi from one of the n to the next: `np.unwrap`, which costs five times as much."""
-    steps = angle[..., 1:, :] - angle[..., :-1, :]
+    turns = np.rint((angle[..., 1:, :] - angle[..., :-1, :]) / (2.0 * np.pi))
     result = angle.copy()
-    result[..., 1:, :] -= 2.0 * np.pi * np.cumsum(np.round(steps / (2.0 * np.pi)), axis=-2)
+    result[..., 1:, :] -= 2.0 * np.pi * turns.cumsum(-2)
     return result
 
 
@@ -91,12 +92,14 @@ class RestRhythm:
         """Nothing swings."""
         return RestRhythm(np.zeros((count, C)), np.zeros((count, C)))
 
-    def apply(self, phase: Array, rest: Array, standing: Array) -> Array:
-        """The windows `(N, 121, C, 2)` of this frame; `rest` `(N, C, 2)` are the styles' amplitudes and rates, `standing` `(N,)` 0 to 1."""
-        stands = standing > STANDING
-        if not stands.any() and not self.fraction.any():
+    def apply(self, phase: Array, styles: Sequence[Array], standing: Array) -> Array:
+        """The windows `(N, 121, C, 2)` of this frame; `styles` are amplitudes and rates `(C, 2)` at rest, `standing` `(N,)` 0 to 1."""
+        if max(standing.tolist()) <= STANDING and not self.fraction.any():
             return phase
-        swings = (rest[..., 0] > LEAST_AMPLITUDE) & (rest[..., 1] > LEAST_RATE) & stands[:, None]
+        rest = np.stack(styles)
+        swings = (
+            (rest[..., 0] > LEAST_AMPLITUDE) & (rest[..., 1] > LEAST_RATE) & (standing[:, None] > STANDING)
+        )
         if not swings.any() and not self.fraction.any():
             return phase
         full = FULL_AMPLITUDE / np.maximum(rest[..., 0], LEAST_AMPLITUDE)

@@ -39,7 +39,7 @@ def root_velocity(
     terrain: Terrain,
     response: Array,
 ) -> Array:
-    """The velocities `(N, 2)` (m/s) that the roots take of the network's; writes the speeds and the strides.
+    """The velocities `(N, 2)` (m/s) that the roots take of the network's in their frames; writes the speeds and the strides.
 
     Contacts `(N, 4)` are the network's; `response` `(N,)` is 0 for a captured body and 1 for a player's.
     """
@@ -72,11 +72,13 @@ def _carried(
 ) -> tuple[float, float]:
     """Pulled by held feet, carried by planted ones in a stop, and as a body in the air flies."""
     pull, yaw = state.feet[i].pull, float(state.trajectory.yaw[i, PRESENT])
-    x, z = velocity[0] + pull[0], velocity[1] + pull[1]
+    cosine, sine = cos(yaw), sin(yaw)
+    x = cosine * velocity[0] + sine * velocity[1] + pull[0]
+    z = cosine * velocity[1] - sine * velocity[0] + pull[1]
     across, along, weight = carried
     firm = rest * min(weight / FIRM_CONTACT, 1.0)
-    x += (cos(yaw) * across + sin(yaw) * along - x) * firm
-    z += (cos(yaw) * along - sin(yaw) * across - z) * firm
+    x += (cosine * across + sine * along - x) * firm
+    z += (cosine * along - sine * across - z) * firm
     return state.jumps[i].carried((x, z))
 
 

@@ -98,8 +98,8 @@ def labels(speeds: Array, now: Array, gait: NDArray[np.integer], jog_from: Array
     `(N,)` a crouch comes as fast as other labels.
     """
     # over a third of a threshold to both sides; a body that jumps without a stick has a threshold of 0
-    thresholds = np.array([np.full_like(jog_from, STILL_SPEED), np.maximum(jog_from, 1e-6)])
-    moves, jogs = smoothstep(speeds * (1.5 / thresholds)[..., None] - 1.0)
+    rates = [[1.5 / STILL_SPEED] * len(speeds), [1.5 / max(each, 1e-6) for each in jog_from.tolist()]]
+    moves, jogs = smoothstep(speeds * np.array(rates)[..., None] - 1.0)
     plan = np.zeros((*speeds.shape, GAITS))
     plan[..., _STAND] = 1.0 - moves
     jogs *= moves
@@ -229,7 +229,7 @@ class Trajectory:
         ahead = self.xz[:, PRESENT:]
         steps = ahead[:, 1:] - ahead[:, :-1]
         steps += (plan.velocities[:, 1:] / FPS - steps) * _ALONG
-        ahead[:, 1:] = ahead[:, :1] + np.cumsum(steps, axis=1)
+        ahead[:, 1:] = ahead[:, :1] + steps.cumsum(1)
         turning = self.yaw[:, PRESENT + 1 :]
         turning += wrap_angle(plan.yaws[:, 1:] - turning) * _AROUND
         self.gait[:, PRESENT:] = plan.gaits

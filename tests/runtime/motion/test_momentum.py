@@ -18,7 +18,7 @@ def test_a_velocity_comes_nearer_to_the_wish_and_no_faster_than_a_body(
     x: float, z: float, to_x: float, to_z: float, walk: float, response: float
 ) -> None:
     now, wish, reach = np.array([[x, z]]), np.array([[to_x, to_z]]), np.array([walk])
-    seconds = trajectory.change_seconds(reach, np.array([response]))
+    seconds = np.array([trajectory.change_seconds(walk, response)])
     path = trajectory.planned_velocities(now, wish, reach, seconds)
     assert path[:, 0] == pytest.approx(now)
     missing = np.linalg.norm(path - wish[:, None], axis=-1)

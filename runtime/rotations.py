@@ -173,9 +173,9 @@ def matrix_from_6d(d: Array) -> Array:
     """Rotation matrices `(..., 3, 3)` of 6D rotations `(..., 6)` by Gram-Schmidt; any two independent vectors are accepted."""
     d = np.asarray(d)
     x, y = d[..., :3], d[..., 3:]
-    x = x / np.maximum(np.sqrt((x * x).sum(-1, keepdims=True)), _EPSILON)
-    y = y - (x * y).sum(-1, keepdims=True) * x
-    y = y / np.maximum(np.sqrt((y * y).sum(-1, keepdims=True)), _EPSILON)
+    x = x / np.maximum(np.sqrt(np.add.reduce(x * x, -1, keepdims=True)), _EPSILON)
+    y = y - np.add.reduce(x * y, -1, keepdims=True) * x
+    y = y / np.maximum(np.sqrt(np.add.reduce(y * y, -1, keepdims=True)), _EPSILON)
     matrix = np.empty((*d.shape[:-1], 3, 3), d.dtype)
     matrix[..., 0], matrix[..., 1] = x, y
     matrix[..., 2] = _cross(x, y)

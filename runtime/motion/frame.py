@@ -95,11 +95,10 @@ def step(
     probes = _probe(model, state, controls, terrain)
     request = _request(state, controls, probes, styles)
     # before an obstacle, and while one is crossed, a body does at once what it has to
-    at_once = [
-        probe.stops or probe.ahead is not None or traversal.kind != ""
-        for probe, traversal in zip(probes, state.traversals, strict=True)
+    haste = [
+        1.0 if probe.stops or probe.ahead is not None or traversal.kind else usual
+        for probe, traversal, usual in zip(probes, state.traversals, response, strict=True)
     ]
-    haste = np.where(at_once, 1.0, response)
     _steer(state, request, styles, haste)
 
     x = _input(state, probes, terrain)
@@ -107,7 +106,7 @@ def step(
     state.frame = state.frame + 1
     flat = _network(model, x, noise, styles, helper)
     sound: Flags = np.abs(flat).max(-1) < MAX_OUTPUT  # false for what is not a number
-    if not sound.all():
+    if not all(sound.tolist()):
         flat[~sound] = 0.0  # these stand again, below
     y = split_output(flat.astype(np.float64))
 
@@ -215,7 +214,9 @@ def _velocity(state: CharacterState, index: int) -> tuple[float, float]:
     return x, z
 
 
-def _steer(state: CharacterState, request: Request, styles: Sequence[Style], response: Array) -> None:
+def _steer(
+    state: CharacterState, request: Request, styles: Sequence[Style], response: Sequence[float]
+) -> None:
     """Plan the coming second towards the request and let the network see it, with what its regulator adds."""
     jogs, wished = (request.gait == Gait.JOG).tolist(), state.wished_speed.tolist()
     jog_from = [0.5 * (style.walk_speed + style.jog_speed) for style in styles]
@@ -224,8 +225,8 @@ def _steer(state: CharacterState, request: Request, styles: Sequence[Style], res
         request.velocity,
         request.facing,
         request.gait,
-        np.array([style.walk_speed for style in styles]),
-        np.minimum(jog_from, slow_jog),
+        [style.walk_speed for style in styles],
+        [min(pair) for pair in zip(jog_from, slow_jog, strict=True)],
         response,
     )
     speeds = [hypot(x, z) for x, z in state.trajectory.velocity.tolist()]
@@ -350,10 +351,10 @@ def _plant(
 
 def _leg_request(state: CharacterState, index: int) -> LegRequest | None:
     """What the legs of a character are to show; None where its words ask for nothing and nothing is added."""
-    legs = state.styles[index].style.legs
-    if not legs.any() and not state.feet[index].edit.active:
+    style = state.styles[index].style
+    if not style.moves_legs and not state.feet[index].edit.active:
         return None
-    path = state.trajectory
+    legs, path = style.legs, state.trajectory
     x, z = path.velocity[index].tolist()
     return LegRequest(legs.tolist(), float(path.yaw[index, PRESENT]), (x, z), float(state.ground[index]))
 
@@ -383,7 +384,7 @@ def _feed_back(
     probes: Sequence[ObstacleProbe],
     styles: Sequence[Style],
     terrain: Terrain,
-    response: Array,
+    response: Sequence[float],
 ) -> None:
     """Next frame's body, rhythm and trajectory: of the network's own pose on the fixed skeleton, before foot lock.
 
@@ -425,7 +426,7 @@ def _set_back(
     model: MotionModel, before: CharacterState, state: CharacterState, sound: Flags, terrain: Terrain
 ) -> CharacterState:
     """The state in which characters after a fault of the network (not `sound`) stand where they stood."""
-    if sound.all():
+    if all(sound.tolist()):
         return state
     members = [part(state, i) for i in range(len(state))]
     for i in np.flatnonzero(~sound).tolist():

@@ -21,21 +21,6 @@ _FRAMES = np.arange(FUTURE_PHASE_OFFSETS[-1] + 1)
 _BETWEEN = np.maximum(1.0 - np.abs(_FRAMES[:, None] - FUTURE_PHASE_OFFSETS) / FUTURE_PHASE_OFFSETS[1], 0.0)
 
 
-def dense_future(samples: Array) -> Array:
-    """Vectors of every frame `(..., 61, C, 2)` from the network's seven samples `(..., 7, C, 2)`.
-
-    Interpolated in amplitude and angle: between samples that are a sixth of a second apart the chord would
-    shorten the amplitude of a stepping rhythm by a fifth.
-    """
-    sine, cosine = samples[..., 0], samples[..., 1]
-    amplitude = _BETWEEN @ np.sqrt(sine * sine + cosine * cosine)
-    angle = _BETWEEN @ unwrapped(np.arctan2(sine, cosine))
-    result = np.empty((*angle.shape, 2))
-    np.multiply(amplitude, np.sin(angle), out=result[..., 0])
-    np.multiply(amplitude, np.cos(angle), out=result[..., 1])
-    return result
-
-
 def unwrapped(angle: Array) -> Array:
     """Angles `(..., n, m)` without turns of 2 pi from one of the n to the next: `np.unwrap`, which costs five times as much."""
     turns = np.rint((angle[..., 1:, :] - angle[..., :-1, :]) / (2.0 * np.pi))
@@ -45,16 +30,24 @@ def unwrapped(angle: Array) -> Array:
 
 
 def advance_phase(window: Array, samples: Array) -> Array:
-    """The dense window `(..., 121, C, 2)` one frame on, with the network's forecast `(..., 7, C, 2)` of present and future."""
+    """The dense window `(..., 121, C, 2)` one frame on, with the network's forecast `(..., 7, C, 2)` of present and future.
+
+    Interpolated in amplitude and angle: between samples that are a sixth of a second apart the chord would
+    shorten the amplitude of a stepping rhythm by a fifth.
+    """
+    sine, cosine = samples[..., 0], samples[..., 1]
+    amplitude = _BETWEEN @ np.sqrt(sine * sine + cosine * cosine)
+    angle = _BETWEEN @ unwrapped(np.arctan2(sine, cosine))
     moved = np.empty_like(window)
     moved[..., :PRESENT, :, :] = window[..., 1 : PRESENT + 1, :, :]
-    moved[..., PRESENT:, :, :] = dense_future(samples)
+    np.multiply(amplitude, np.sin(angle), out=moved[..., PRESENT:, :, 0])
+    np.multiply(amplitude, np.cos(angle), out=moved[..., PRESENT:, :, 1])
     return moved
 
 
 def at_rate(before: Array, window: Array, rate: Array) -> Array:
     """The window `(N, 121, C, 2)` that follows `before`, with its present and future turned back to `rate` `(N,)` of the frame's way."""
-    if min(rate.tolist()) == max(rate.tolist()) == 1.0:
+    if all(each == 1.0 for each in rate.tolist()):
         return window
     old, new = before[:, PRESENT], window[:, PRESENT]
     turn = np.arctan2(new[..., 0], new[..., 1]) - np.arctan2(old[..., 0], old[..., 1])
@@ -94,13 +87,13 @@ class RestRhythm:
 
     def apply(self, phase: Array, styles: Sequence[Array], standing: Array) -> Array:
         """The windows `(N, 121, C, 2)` of this frame; `styles` are amplitudes and rates `(C, 2)` at rest, `standing` `(N,)` 0 to 1."""
-        if max(standing.tolist()) <= STANDING and not self.fraction.any():
+        if max(standing.tolist()) <= STANDING and not np.count_nonzero(self.fraction):
             return phase
         rest = np.stack(styles)
         swings = (
             (rest[..., 0] > LEAST_AMPLITUDE) & (rest[..., 1] > LEAST_RATE) & (standing[:, None] > STANDING)
         )
-        if not swings.any() and not self.fraction.any():
+        if not swings.any() and not np.count_nonzero(self.fraction):
             return phase
         full = FULL_AMPLITUDE / np.maximum(rest[..., 0], LEAST_AMPLITUDE)
         rate = np.clip(full * rest[..., 1], *RATES)

@@ -73,7 +73,9 @@ class Inertialization:
         ]
         arms = local.take(JOINTS, 1)
         same = np.abs((arms * self.last).sum(-1)).min(-1).tolist()  # cosines of half the fastest turns
-        held = np.abs(self.offset).max((1, 2)).tolist() if self.offset.any() else [0.0] * len(local)
+        held = (
+            np.abs(self.offset).max((1, 2)).tolist() if np.count_nonzero(self.offset) else [0.0] * len(local)
+        )
         active = [
             left[i] > 0.0 or rest[i] > 0.0 or held[i] > _DONE or same[i] < cos(0.5 * limit)
             for i, limit in enumerate(limits)

@@ -37,17 +37,17 @@ def root_velocity(
     contacts: Array,
     probes: Sequence[ObstacleProbe],
     terrain: Terrain,
-    response: Array,
+    response: Sequence[float],
 ) -> Array:
     """The velocities `(N, 2)` (m/s) that the roots take of the network's in their frames; writes the speeds and the strides.
 
-    Contacts `(N, 4)` are the network's; `response` `(N,)` is 0 for a captured body and 1 for a player's.
+    Contacts `(N, 4)` are the network's; `response` is 0 for a captured body and 1 for a player's.
     """
     root, measured = state.root_speed.tolist(), state.measured_speed.tolist()
     jogs = (state.trajectory.gait[:, PRESENT, Gait.JOG] > 0.5).tolist()
     carried = state.stride.carried(state.joints, contacts, [jump.airborne for jump in state.jumps])
-    rest, hastes, velocities = rest_share(state), response.tolist(), velocity.tolist()
-    for i, (jump, haste) in enumerate(zip(state.jumps, hastes, strict=True)):
+    rest, velocities = rest_share(state), velocity.tolist()
+    for i, (jump, haste) in enumerate(zip(state.jumps, response, strict=True)):
         x, z = _carried(state, i, velocities[i], carried[i], rest[i])
         speed, requested = hypot(x, z), float(state.requested_speed[i])
         if state.wished_speed[i] == 0.0 and not jump.airborne:
@@ -117,11 +117,11 @@ def rest_share(state: CharacterState) -> list[float]:
     return [
         0.0
         if wished > 0.0 or jump.airborne
-        else min(max(1.0 - requested / CALM_FROM, 0.0), 1.0) * (1.0 - float(swings.max()))
+        else min(max(1.0 - requested / CALM_FROM, 0.0), 1.0) * (1.0 - max(swings))
         for wished, requested, swings, jump in zip(
             state.wished_speed.tolist(),
             state.requested_speed.tolist(),
-            state.rest.fraction,
+            state.rest.fraction.tolist(),
             state.jumps,
             strict=True,
         )
@@ -139,7 +139,7 @@ def settled_pose(state: CharacterState, local: Array, joints: Array, contacts: A
     rate = state.settling.slow(joints, state.joints, free, still, grounded)
     local = state.settling.between(local)
     slow = rate < 1.0
-    if slow.any():
+    if any(slow.tolist()):
         before = state.joints[slow, 0]
         hips = before + rate[slow, None] * (joints[slow, 0] - before)
         joints[slow] = SPORT_SKELETON.forward_kinematics(hips, local[slow])[0]
@@ -152,7 +152,7 @@ def _is_free(state: CharacterState, i: int) -> bool:
     if state.wished_speed[i] > 0.0 or arms.left[i] > 0.0 or state.jumps[i].stage or state.traversals[i].kind:
         return False
     turn = (float(path.wish_yaw[i] - path.requested_yaw[i]) + pi) % (2.0 * pi) - pi
-    return abs(turn) <= TURNS and not swings.any()
+    return abs(turn) <= TURNS and not np.count_nonzero(swings)
 
 
 def _stands_still(state: CharacterState, i: int) -> bool:

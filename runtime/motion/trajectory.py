@@ -9,6 +9,7 @@ the whole path of the coming second, with the labels of gait that its training g
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import hypot, isnan, pi, sqrt
 
@@ -68,7 +69,7 @@ def turn_seconds(speed: float, walk_speed: float, response: float) -> float:
 def remaining(missing: Array, reach: Array | float, seconds: Array, after: Array) -> Array:
     """What is left of `missing` (0 or more) `after` seconds: exponential above `reach`, linear from there to 0."""
     t = after / seconds
-    if (missing <= reach).all():
+    if all((missing <= reach).ravel().tolist()):
         return np.maximum(missing - reach * t, 0.0)
     fast = np.log(np.maximum(missing / reach, 1.0))  # in units of `seconds`
     slow = np.minimum(missing, reach) - reach * (t - fast)
@@ -98,7 +99,7 @@ def labels(speeds: Array, now: Array, gait: NDArray[np.integer], jog_from: Array
     `(N,)` a crouch comes as fast as other labels.
     """
     # over a third of a threshold to both sides; a body that jumps without a stick has a threshold of 0
-    rates = [[1.5 / STILL_SPEED] * len(speeds), [1.5 / max(each, 1e-6) for each in jog_from.tolist()]]
+    rates = [[1.5 / STILL_SPEED] * len(speeds), [1.5 / max(each, 1e-6) for each in jog_from]]
     moves, jogs = smoothstep(speeds * np.array(rates)[..., None] - 1.0)
     plan = np.zeros((*speeds.shape, GAITS))
     plan[..., _STAND] = 1.0 - moves
@@ -106,13 +107,13 @@ def labels(speeds: Array, now: Array, gait: NDArray[np.integer], jog_from: Array
     plan[..., _WALK] = moves - jogs
     plan[..., _JOG] = jogs
     own = gait >= _CROUCH
-    if own.any():
+    if any(own.tolist()):
         plan[own] = np.eye(GAITS)[gait[own], None]
     change = now - plan[:, 0]
     fade = _LABEL_FADE
     crouches = np.abs(change[:, _CROUCH]) > 0.02
-    if crouches.any():
-        slow = np.maximum(CROUCH_HALF_LIFE * GAME**response, LABEL_HALF_LIFE)
+    if any(crouches.tolist()):
+        slow = np.maximum(CROUCH_HALF_LIFE * GAME ** np.array(response), LABEL_HALF_LIFE)
         fade = np.where(crouches[:, None], 0.5 ** ((AHEAD + 1.0 / FPS) / slow[:, None]), fade)
     plan += change[:, None] * fade[..., None]
     return plan
@@ -197,17 +198,17 @@ class Trajectory:
         wish: Array,
         facing: Array,
         gait: NDArray[np.integer],
-        walk: Array,
-        jog_from: Array,
-        response: Array,
+        walk: Sequence[float],
+        jog_from: Sequence[float],
+        response: Sequence[float],
     ) -> Plan:
         """The coming second on the way to velocities `(N, 2)` (m/s), facings `(N,)` (radians, not a number keeps it) and gaits.
 
-        `walk` `(N,)` are the styles' walking speeds, `response` `(N,)` is 0 (capture) to 1 (game). Moves `wish`, `wish_yaw`,
+        `walk` are the styles' walking speeds, `response` is 0 (capture) to 1 (game). Moves `wish`, `wish_yaw`,
         `velocity` and `requested_yaw` on by a frame.
         """
         seconds, around, wishes, yaws = [], [], [], []
-        for i, (pace, haste) in enumerate(zip(walk.tolist(), response.tolist(), strict=True)):
+        for i, (pace, haste) in enumerate(zip(walk, response, strict=True)):
             quick = _MAKES_UP ** (GAME**-haste)
             seconds.append(change_seconds(pace, haste))
             around.append(turn_seconds(hypot(*self.velocity[i].tolist()), pace, haste))
@@ -217,7 +218,7 @@ class Trajectory:
             # a plan that turns at once makes the network's pose jump: elbows by 10 degrees in a frame
             yaws.append(goal + ((float(self.wish_yaw[i]) - goal + pi) % (2.0 * pi) - pi) * quick)
         self.wish, self.wish_yaw = np.array(wishes), np.array(yaws)
-        velocities = planned_velocities(self.velocity, self.wish, walk, np.array(seconds))
+        velocities = planned_velocities(self.velocity, self.wish, np.array(walk), np.array(seconds))
         ways = facings(self.requested_yaw, self.wish_yaw, np.array(around))
         self.velocity, self.requested_yaw = velocities[:, 1], ways[:, 1]
         speeds = np.sqrt((velocities * velocities).sum(-1))

@@ -8,10 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from math import hypot, inf
+from math import atan2, hypot, inf
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.arrays import Array, Flags
 from runtime.controls import STAND_SPEED, Controls, Gait
@@ -69,9 +68,9 @@ class Frame:
 class Request:
     """What the sticks ask of N characters in this frame."""
 
-    velocity: Array  # (N, 2) m/s
-    facing: Array  # (N,) radians, not a number to keep it
-    gait: NDArray[np.integer]  # (N,)
+    velocity: list[tuple[float, float]]  # m/s
+    facing: list[float | None]  # radians, None to keep it
+    gait: list[int]
 
 
 def step(
@@ -176,9 +175,7 @@ def _request(
     styles: Sequence[Style],
 ) -> Request:
     """What is requested of every root; writes `wished_speed`, and begins jumps."""
-    count = len(state)
-    velocity, facing, gaits = np.zeros((count, 2)), np.full(count, np.nan), np.zeros(count, np.int64)
-    speeds = np.zeros(count)
+    request, speeds = Request([], [], []), []
     for i, (stick, probe, style) in enumerate(zip(controls, probes, styles, strict=True)):
         x, z, amount = _stick(stick)
         jump, traversal = state.jumps[i], state.traversals[i]
@@ -186,25 +183,22 @@ def _request(
             jump.start(state.poses.pose(i), traversal.steps, _velocity(state, i))
         gait = jump.requested_gait(stick.gait)
         full = full_speed(style, gait)
-        if not probe.stops:
-            speeds[i] = amount * full
-        moving = bool(speeds[i] > STAND_SPEED)
-        if moving:
-            velocity[i] = x * full, z * full
+        speed = 0.0 if probe.stops else amount * full
+        moving = speed > STAND_SPEED
+        way = (x * full, z * full) if moving else (0.0, 0.0)
         if jump.airborne:  # no steering in the air
-            velocity[i] = state.trajectory.velocity[i]
-            speeds[i] = hypot(*velocity[i].tolist())
+            way = state.trajectory.velocity[i].tolist()
+            speed = hypot(*way)
         elif not moving and gait != Gait.CROUCH:
             gait = Gait.STAND
-        gaits[i] = gait
-        if traversal.climbing:
-            facing[i] = traversal.yaw
-        elif stick.facing is not None:
-            facing[i] = np.arctan2(*stick.facing)
-        elif moving:
-            facing[i] = np.arctan2(velocity[i, 0], velocity[i, 1])
-    state.wished_speed = np.where(speeds > STAND_SPEED, speeds, 0.0)
-    return Request(velocity, facing, gaits)
+        request.velocity.append(way)
+        request.gait.append(int(gait))
+        speeds.append(speed if speed > STAND_SPEED else 0.0)
+        facing = (way if moving else None) if stick.facing is None else stick.facing
+        yaw = None if facing is None else atan2(*facing)
+        request.facing.append(traversal.yaw if traversal.climbing else yaw)
+    state.wished_speed = np.array(speeds)
+    return request
 
 
 def _velocity(state: CharacterState, index: int) -> tuple[float, float]:
@@ -218,7 +212,7 @@ def _steer(
     state: CharacterState, request: Request, styles: Sequence[Style], response: Sequence[float]
 ) -> None:
     """Plan the coming second towards the request and let the network see it, with what its regulator adds."""
-    jogs, wished = (request.gait == Gait.JOG).tolist(), state.wished_speed.tolist()
+    jogs, wished = [gait == Gait.JOG for gait in request.gait], state.wished_speed.tolist()
     jog_from = [0.5 * (style.walk_speed + style.jog_speed) for style in styles]
     slow_jog = [JOG_SHARE * each if jog else inf for each, jog in zip(wished, jogs, strict=True)]
     plan = state.trajectory.plan(

@@ -68,7 +68,7 @@ class SpeedRegulator:
         return gains
 
 
-POINTS = list(SOLE_POINTS)  # left heel, left toe, right heel, right toe, as contacts
+POINTS = np.array(SOLE_POINTS)  # left heel, left toe, right heel, right toe, as contacts
 LEAST_CONTACT = 0.25  # sum of squared contacts: less is a flight, which says nothing
 SHARE_RANGE = (0.5, 1.5)  # of the fraction
 STRIDE_SMOOTHING = 0.3  # seconds, half-life: about a step
@@ -145,7 +145,7 @@ def stretch(planned: tuple[float, float], shown: tuple[float, float], jogs: bool
 
 
 def _across(joints: Array) -> Array:
-    return joints.take(POINTS, 1).take((0, 2), 2)
+    return joints.take(POINTS, 1)[..., ::2]
 
 
 STALLED_SHARE = 0.35  # of the requested speed; in a gait feet move against the root about as fast as the root

@@ -12,37 +12,18 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.motion.features import FPS, FUTURE_PHASE_OFFSETS, PHASE_OFFSETS, C
+from runtime.motion.features import FPS, PHASE_OFFSETS, SAMPLE_STEP, C
 from runtime.scalar_math import decay
 
 PRESENT = int(-PHASE_OFFSETS[0])  # index of the current frame in the dense window of 121 frames
-_FRAMES = np.arange(FUTURE_PHASE_OFFSETS[-1] + 1)
-# the fractions (61, 7) of the samples in every frame
-_BETWEEN = np.maximum(1.0 - np.abs(_FRAMES[:, None] - FUTURE_PHASE_OFFSETS) / FUTURE_PHASE_OFFSETS[1], 0.0)
-
-
-def unwrapped(angle: Array) -> Array:
-    """Angles `(..., n, m)` without turns of 2 pi from one of the n to the next: `np.unwrap`, which costs five times as much."""
-    turns = np.rint((angle[..., 1:, :] - angle[..., :-1, :]) / (2.0 * np.pi))
-    result = angle.copy()
-    result[..., 1:, :] -= 2.0 * np.pi * turns.cumsum(-2)
-    return result
+_NEAREST = (
+    np.arange(PRESENT + 1) // SAMPLE_STEP
+)  # forecast of each coming frame: only the samples' own are read
 
 
 def advance_phase(window: Array, samples: Array) -> Array:
-    """The dense window `(..., 121, C, 2)` one frame on, with the network's forecast `(..., 7, C, 2)` of present and future.
-
-    Interpolated in amplitude and angle: between samples that are a sixth of a second apart the chord would
-    shorten the amplitude of a stepping rhythm by a fifth.
-    """
-    sine, cosine = samples[..., 0], samples[..., 1]
-    amplitude = _BETWEEN @ np.sqrt(sine * sine + cosine * cosine)
-    angle = _BETWEEN @ unwrapped(np.arctan2(sine, cosine))
-    moved = np.empty_like(window)
-    moved[..., :PRESENT, :, :] = window[..., 1 : PRESENT + 1, :, :]
-    np.multiply(amplitude, np.sin(angle), out=moved[..., PRESENT:, :, 0])
-    np.multiply(amplitude, np.cos(angle), out=moved[..., PRESENT:, :, 1])
-    return moved
+    """The window `(N, 121, C, 2)` one frame on, with the network's forecast `(N, 7, C, 2)` of present and future."""
+    return np.concatenate([window[:, 1 : PRESENT + 1], samples.take(_NEAREST, 1)], 1)
 
 
 def at_rate(before: Array, window: Array, rate: Array) -> Array:

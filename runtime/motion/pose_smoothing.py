@@ -29,7 +29,7 @@ ARMS = [
     SPORT_SKELETON.index(side + name) for side in ("Left", "Right") for name in ("Shoulder", "Arm", "ForeArm")
 ]
 TRUNK = [SPORT_SKELETON.index(name) for name in ("LowerBack", "Spine", "Spine1", "Neck", "Neck1", "Head")]
-JOINTS = ARMS + TRUNK
+JOINTS = np.array(ARMS + TRUNK)
 FASTEST = 6.0  # rad/s; arms that swing in walking and jogging turn by up to that
 HALF_LIFE = 0.2  # seconds in which about half of an offset is gone
 AFTERWARDS = 0.5  # seconds after a blend in which the network may still change its mind
@@ -101,10 +101,12 @@ class Inertialization:
         return active
 
 
-WATCHED = [
-    SPORT_SKELETON.index(name)
-    for name in ("LeftHand", "RightHand", "Head", "LeftLeg", "RightLeg", "LeftFoot", "RightFoot")
-]
+WATCHED = np.array(
+    [
+        SPORT_SKELETON.index(name)
+        for name in ("LeftHand", "RightHand", "Head", "LeftLeg", "RightLeg", "LeftFoot", "RightFoot")
+    ]
+)
 # m/s of the limbs of a body at rest: hands and head (0.02 to 0.1 in captured idles), knees, and feet, which stand
 AT_REST = (0.07, 0.07, 0.07, 0.05, 0.05, 0.02, 0.02)
 NEARLY = 0.3  # of the usual speed: a body that is nearly at rest comes over its feet

@@ -11,17 +11,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import hypot, isnan, pi, sqrt
+from math import atan2, hypot, pi, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.easing import smoothstep
 from runtime.motion import features
 from runtime.motion.features import FPS, GAITS, SAMPLE_STEP, TRAJECTORY_OFFSETS
-from runtime.motion.phase import unwrapped
 from runtime.scalar_math import decay
 from runtime.terrain.height_map import Terrain
 
@@ -91,12 +89,14 @@ def facings(now: Array, wish: Array, seconds: Array) -> Array:
     return np.asarray((now - turn)[:, None] + np.sign(turn)[:, None] * left)
 
 
-def labels(speeds: Array, now: Array, gait: NDArray[np.integer], jog_from: Array, response: Array) -> Array:
+def labels(
+    speeds: Array, now: Array, gait: Sequence[int], jog_from: Sequence[float], response: Sequence[float]
+) -> Array:
     """Weights of gaits `(N, 61, 6)` of planned speeds `(N, 61)`, as the training's labels follow the speed.
 
-    `gait` `(N,)` is the requested one, `now` `(N, 6)` the present weights, which go over into the plan's; `jog_from`
-    `(N,)` m/s is where a jog begins. A gait other than standing, walking and jogging is kept as it is. At full `response`
-    `(N,)` a crouch comes as fast as other labels.
+    `gait` is the requested one, `now` `(N, 6)` the present weights, which go over into the plan's; `jog_from`
+    m/s is where a jog begins. A gait other than standing, walking and jogging is kept as it is. At full `response`
+    a crouch comes as fast as other labels.
     """
     # over a third of a threshold to both sides; a body that jumps without a stick has a threshold of 0
     rates = [[1.5 / STILL_SPEED] * len(speeds), [1.5 / max(each, 1e-6) for each in jog_from]]
@@ -106,9 +106,9 @@ def labels(speeds: Array, now: Array, gait: NDArray[np.integer], jog_from: Array
     jogs *= moves
     plan[..., _WALK] = moves - jogs
     plan[..., _JOG] = jogs
-    own = gait >= _CROUCH
-    if any(own.tolist()):
-        plan[own] = np.eye(GAITS)[gait[own], None]
+    for i, own in enumerate(gait):
+        if own >= _CROUCH:
+            plan[i] = np.eye(GAITS)[own]
     change = now - plan[:, 0]
     fade = _LABEL_FADE
     crouches = np.abs(change[:, _CROUCH]) > 0.02
@@ -195,14 +195,14 @@ class Trajectory:
 
     def plan(
         self,
-        wish: Array,
-        facing: Array,
-        gait: NDArray[np.integer],
+        wish: Sequence[tuple[float, float]],
+        facing: Sequence[float | None],
+        gait: Sequence[int],
         walk: Sequence[float],
         jog_from: Sequence[float],
         response: Sequence[float],
     ) -> Plan:
-        """The coming second on the way to velocities `(N, 2)` (m/s), facings `(N,)` (radians, not a number keeps it) and gaits.
+        """The coming second on the way to velocities (m/s), facings (radians, None keeps it) and gaits.
 
         `walk` are the styles' walking speeds, `response` is 0 (capture) to 1 (game). Moves `wish`, `wish_yaw`,
         `velocity` and `requested_yaw` on by a frame.
@@ -212,9 +212,9 @@ class Trajectory:
             quick = _MAKES_UP ** (GAME**-haste)
             seconds.append(change_seconds(pace, haste))
             around.append(turn_seconds(hypot(*self.velocity[i].tolist()), pace, haste))
-            (x, z), (wish_x, wish_z) = self.wish[i].tolist(), wish[i].tolist()
+            (x, z), (wish_x, wish_z), ahead = self.wish[i].tolist(), wish[i], facing[i]
             wishes.append((wish_x + (x - wish_x) * quick, wish_z + (z - wish_z) * quick))
-            goal = float(self.requested_yaw[i] if isnan(facing[i]) else facing[i])
+            goal = float(self.requested_yaw[i]) if ahead is None else ahead
             # a plan that turns at once makes the network's pose jump: elbows by 10 degrees in a frame
             yaws.append(goal + ((float(self.wish_yaw[i]) - goal + pi) % (2.0 * pi) - pi) * quick)
         self.wish, self.wish_yaw = np.array(wishes), np.array(yaws)
@@ -244,8 +244,16 @@ class Trajectory:
             window[:, :PRESENT] = window[:, 1 : PRESENT + 1]
         self.xz[:, PRESENT] += displacement
         self.yaw[:, PRESENT] += turn
+        here = self.yaw[:, PRESENT]
         self.xz[:, PRESENT + 1 :] = self.xz[:, PRESENT, None] + _GOING_ON @ (positions - positions[:, :1])
-        angle = wrap_angle(np.arctan2(directions[..., 0], directions[..., 1]) - self.yaw[:, PRESENT, None])
-        self.yaw[:, PRESENT + 1 :] = (
-            self.yaw[:, PRESENT, None] + unwrapped(angle[..., None])[..., 0] @ _KEPT.T
-        )
+        turns = [_turns(ways, yaw) for ways, yaw in zip(directions.tolist(), here.tolist(), strict=True)]
+        self.yaw[:, PRESENT + 1 :] = here[:, None] + np.array(turns) @ _KEPT.T
+
+
+def _turns(directions: list[list[float]], yaw: float) -> list[float]:
+    """Radians from a yaw to directions one after the other, the shorter way to each."""
+    turns, last = [], yaw
+    for x, z in directions:
+        last += (atan2(x, z) - last + pi) % (2.0 * pi) - pi
+        turns.append(last - yaw)
+    return turns

@@ -5,6 +5,8 @@ Quaternions are unit, ordered w, x, y, z. Angles are radians. Matrices act on co
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from runtime.arrays import Array
@@ -45,7 +47,7 @@ def multiply(a: Array, b: Array) -> Array:
 
 
 _LEFT = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
-_LEFT_SIGNS = {  # of a type of their own: a product of two types costs three times as much
+_LEFT_SIGNS: dict[Any, Array] = {  # of a type of their own: a product of two types costs three times as much
     np.dtype(kind): np.array([[1, -1, -1, -1], [1, 1, -1, 1], [1, 1, 1, -1], [1, -1, 1, 1]], kind)
     for kind in (np.float32, np.float64)
 }

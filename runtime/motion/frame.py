@@ -6,7 +6,6 @@ The same function moves one character and a crowd.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from math import atan2, hypot, inf
 
@@ -17,7 +16,7 @@ from runtime.controls import STAND_SPEED, Controls, Gait
 from runtime.feet.foot_lock import Support
 from runtime.feet.leg_edit import LegRequest
 from runtime.motion import features
-from runtime.motion.features import DT, OUTPUT_SIZE, InputParts, OutputParts, split_output
+from runtime.motion.features import DT, InputParts, OutputParts, split_output
 from runtime.motion.limbs import KEYFRAMED, resolve_penetration
 from runtime.motion.model import MotionModel, drifting_noise
 from runtime.motion.pace import CYCLES_PER_SECOND, STANDING_SECONDS, advance_by_cycles
@@ -80,12 +79,10 @@ def step(
     terrain: Terrain,
     temperature: Sequence[float],
     response: Sequence[float],
-    helper: Executor | None = None,
 ) -> tuple[CharacterState, Frame]:
     """The state 1/60 s later, with the poses to show in it; `state` stays as it is.
 
-    `controls`, `temperature` (of the sampler) and `response` (see `momentum`) are one for each character. `helper` runs
-    half of the networks.
+    `controls`, `temperature` (of the sampler) and `response` (see `trajectory`) are one for each character.
     """
     before, state = state, copied(state)
     state.styles = tuple(style.advanced(DT) for style in state.styles)
@@ -103,7 +100,7 @@ def step(
     x = _input(state, probes, terrain)
     noise = _noise(model, state, temperature)
     state.frame = state.frame + 1
-    flat = _network(model, x, noise, styles, helper)
+    flat = _network(model, x, noise, styles)
     sound: Flags = np.abs(flat).max(-1) < MAX_OUTPUT  # false for what is not a number
     if not all(sound.tolist()):
         flat[~sound] = 0.0  # these stand again, below
@@ -276,31 +273,15 @@ def _noise(model: MotionModel, state: CharacterState, temperature: Sequence[floa
     ]
 
 
-def _network(
-    model: MotionModel, x: Array, noise: Sequence[Array], styles: Sequence[Style], helper: Executor | None
-) -> Array:
-    """y `(N, 473)`: with a helper half of the characters on its thread.
+def _network(model: MotionModel, x: Array, noise: Sequence[Array], styles: Sequence[Style]) -> Array:
+    """y `(N, 473)`.
 
     In full precision many characters are one batch. With 8-bit weights each has a call of its own: activations are scaled
     by the largest of a call, so that in a batch every character would depend on its neighbours.
     """
-    y = np.empty((len(x), OUTPUT_SIZE), np.float32)
-
-    def run(first: int, end: int) -> None:
-        if model.batches and end - first > 1:
-            y[first:end] = model.step(x[first:end], np.concatenate(noise[first:end]), styles[first:end])[0]
-            return
-        for i in range(first, end):
-            y[i] = model.step(x[i : i + 1], noise[i], styles[i])[0][0]
-
-    if helper is None or len(x) == 1:
-        run(0, len(x))
-    else:
-        middle = len(x) // 2
-        first_half = helper.submit(run, 0, middle)
-        run(middle, len(x))
-        first_half.result()
-    return y
+    if model.batches and len(x) > 1:
+        return model.step(x, np.concatenate(noise), styles)[0]
+    return np.concatenate([model.step(x[i : i + 1], noise[i], style)[0] for i, style in enumerate(styles)])
 
 
 def _plant(

@@ -85,7 +85,8 @@ def shown_poses(
     point = PointHeights(terrain).height
     root = np.array([(x, point(x, z), z) for x, z in trajectory.here.tolist()])
     arrays = (hips, local, positions, world, contacts, root)
-    return Poses(*(array.astype(np.float32) for array in arrays), trajectory.yaw[:, PRESENT].copy())
+    hips, local, positions, world, contacts, root = (array.astype(np.float32) for array in arrays)
+    return Poses(hips, local, positions, world, contacts, root, trajectory.yaw[:, PRESENT].copy())
 
 
 FASTEST_JOINT = 24.0  # m/s: a hand in a captured jog; a network far from its data jumps at up to 100

@@ -240,16 +240,6 @@ def yaw_of(q: Array) -> Array:
     return np.arctan2(facing[..., 0], facing[..., 2])
 
 
-def yaw_matrix(yaw: Array) -> Array:
-    """Rotation matrices `(..., 3, 3)` of a turn by `yaw` `(...)` about +Y."""
-    matrix = np.zeros((*yaw.shape, 3, 3))
-    matrix[..., 0, 0] = matrix[..., 2, 2] = np.cos(yaw)
-    matrix[..., 0, 2] = np.sin(yaw)
-    matrix[..., 2, 0] = -matrix[..., 0, 2]
-    matrix[..., 1, 1] = 1.0
-    return matrix
-
-
 def continuous(q: Array) -> Array:
     """Flip signs along axis 0 of quaternions `(T, ..., 4)` so that neighbours lie in one hemisphere."""
     q = np.asarray(q).copy()

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from runtime.character.shape import BodyShape
+from runtime.formats.options import ExportOptions
+from runtime.formats.table import save_motion
 from runtime.session.session import Session
+from runtime.takes.clip import Clip
+from runtime.terrain.library import load_terrain
 from tests.helpers import hand
 from tests.helpers.app_driver import Start, click, click_on, drawn, message, place, press, run
+from tests.helpers.walker import walk
 from viewer import services
 from viewer.app import App
 from viewer.gl_bindings import imgui
@@ -229,3 +235,19 @@ def test_the_scene_panel_names_the_ground_of_the_take_that_plays(start: Start) -
     assert shown_ground(app).lower() == "hills"
     undo(app)
     assert shown_ground(app).lower() == "flat"
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_the_scene_panel_names_the_ground_under_a_file(start: Start, tmp_path: Path, named: bool) -> None:
+    """That of the file, or without one the live ground; the one that is drawn in both cases."""
+    clip = Clip("walk", 60.0, *walk(90), terrain="stairs" if named else "flat")
+    save_motion(clip, tmp_path / "walk.glb", ExportOptions(), load_terrain(clip.terrain))
+    app = start()
+    app.scene.load_terrain("hills")
+    run(app, 2)
+    app.takes.open(tmp_path / "walk.glb")
+    run(app, 4)
+    wanted = "stairs" if named else "hills"
+    assert (shown_ground(app).lower(), app.scene.renderer.terrain.name) == (wanted, wanted)
+    assert app.takes.playback is not None
+    assert np.allclose(app.takes.playback.clip.contacts, clip.contacts, atol=1e-3)

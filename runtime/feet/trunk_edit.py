@@ -46,6 +46,8 @@ class TrunkEdit:
     twist: float = 0.0
     x: float = 0.0  # m, mean place of the hips
     z: float = 0.0
+    east: float = 0.0  # m/s, its mean velocity
+    south: float = 0.0
     sway: float = 0.0  # m2 and degrees2, mean squares about the means
     rock: float = 0.0
     known: float = 0.0  # how well these are known, 0 to 1
@@ -64,7 +66,9 @@ class TrunkEdit:
         if self.known == 0.0:
             self.x, self.z, self.aside = hips[0], hips[2], shown[ASIDE]
         mean = 1.0 - decay(MEAN_HALF_LIFE)
-        x, z = (place + v / FPS for place, v in zip((self.x, self.z), request.velocity, strict=True))  # goes along
+        east, south = request.velocity
+        self.east, self.south = self.east + mean * (east - self.east), self.south + mean * (south - self.south)
+        x, z = self.x + self.east / FPS, self.z + self.south / FPS  # the mean goes along
         self.x, self.z = x + mean * (hips[0] - x), z + mean * (hips[2] - z)
         self.lean += mean * (shown[LEAN] - self.lean)
         self.aside += mean * (shown[ASIDE] - self.aside)

@@ -140,7 +140,7 @@ def test_the_status_line_says_why_the_character_does_not_go_on(start: Start) -> 
 
 
 @pytest.mark.parametrize(
-    "pictures_s, step_s",
+    ("pictures_s", "step_s"),
     [((0.4,), 0.004), ((0.03, 0.03, 0.7), 0.004), ((0.1,), 0.013)],
     ids=["slow pictures", "hitches", "slow pictures and a slow model"],
 )

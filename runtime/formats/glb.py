@@ -45,38 +45,38 @@ def save_glb(
 
     FileError when the character cannot be used or the file not be written.
     """
-    buffer, _ = glb_document(take, options, terrain, check)
+    buffer, _ = glb_document([take, *further_takes(options, terrain)], options, terrain, check)
     check()
     buffer.save(path)
 
 
 def glb_document(
-    take: PreparedTake,
+    takes: list[PreparedTake],
     options: ExportOptions,
     terrain: Terrain | None,
     check: Check = go_on,
     ground_vertices: int | None = None,
     ground_margin_m: float = MARGIN_M,
 ) -> tuple[GlbBuffer, int]:
-    """The document of `save_glb`, and the number of its node of the hips. FileError."""
+    """The document of `save_glb` with some takes, and the number of its node of the hips. FileError."""
     source = options.character or asset_path(MANNEQUIN)
     character, file = load_character(source, options.joint_map, options.character_unit), open_gltf(source)
     buffer = GlbBuffer.of_file(file)
     buffer.gltf.asset.generator = "SPORT viewer"
-    size, plain = body_size(take.clip, options, character), options.plain or options.engine is not None
+    size, plain = body_size(takes[0].clip, options, character), options.plain or options.engine is not None
     rig = open_rig(buffer, file, character, read_meshes(file), options.rooted, plain, size)
-    _animate_all(rig, buffer, [take, *_further_takes(options, terrain)], check)
+    _animate_all(rig, buffer, takes, check)
     if options.humanoid_names:
         rename_bones(rig, options.bones)
     if options.animation_only:
         _drop_meshes(buffer)
     if options.with_ground and terrain is not None:
-        add_ground(buffer, terrain, take, size, most=ground_vertices, margin_m=ground_margin_m)
-    buffer.gltf.scenes[0].extras = {"sport": take_extras(take)}
+        add_ground(buffer, terrain, takes[0], size, most=ground_vertices, margin_m=ground_margin_m)
+    buffer.gltf.scenes[0].extras = {"sport": take_extras(takes[0])}
     return buffer, next(node for node, k in rig.joints.items() if character.sport_joints[k] == HIPS)
 
 
-def _further_takes(options: ExportOptions, terrain: Terrain | None) -> list[PreparedTake]:
+def further_takes(options: ExportOptions, terrain: Terrain | None) -> list[PreparedTake]:
     """The further takes of an export, each on the ground that it names, else on that of the first. FileError."""
     clips = [(open_take(path).clip, path) for path in options.with_takes]
     return [

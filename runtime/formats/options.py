@@ -115,8 +115,8 @@ class ExportOptions:
         hint="The skeleton and its motion, without meshes", help="GLB or FBX without meshes",
     )  # fmt: skip
     with_takes: tuple[Path, ...] = option(
-        (), SKINNED | {".html"}, "--with-take", ignored_by=frozenset(), parse=Path, metavar="TAKE",
-        help="a further take in the same GLB or FBX",
+        (), BODIES, "--with-take", ignored_by=frozenset(), parse=Path, metavar="TAKE",
+        help="a further take in the same file",
     )  # fmt: skip
     start_s: float = option(
         0.0, flag="--range", metavar="A:B", label="Range", help="only these seconds, e.g. 2:6.5"

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from runtime.atomic import sweep
-from runtime.character.read import SUFFIXES
+from runtime.character.read import MOTIONS, SUFFIXES
 from runtime.motion.controller import Controller
 from runtime.pose import Pose
 from runtime.session.sqlite_file import SUFFIX
@@ -238,8 +238,9 @@ class Workspace:
     @property
     def _files(self) -> dict[str, Callable[[Path], None]]:
         films = dict.fromkeys(VIDEOS, self.references.open_video)
+        takes = dict.fromkeys(MOTIONS, self.takes.open)
         models = dict.fromkeys(SUFFIXES, self._open_gltf)
-        return {**self.scene.files, **models, ".bvh": self.takes.open, **films, SUFFIX: self.sessions.open}
+        return {**self.scene.files, **takes, **models, **films, SUFFIX: self.sessions.open}
 
     def _open_gltf(self, path: Path) -> None:
         """A skin is a character, an animation a take; a file that has neither is a ground."""

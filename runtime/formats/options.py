@@ -18,7 +18,7 @@ from runtime.pose import MAX_FPS, VIDEO_RATES
 SKINNED = frozenset({".glb", ".fbx"})
 SCENES = SKINNED | {".usdz", ".usd"}
 BODIES = SCENES | {".html"}
-MOTION = BODIES | {".bvh"}
+MOTION = BODIES | {".bvh", ".vrma"}
 ARRAYS = frozenset({".npz", ".csv", ".parquet"})
 FILMS = frozenset({".mp4", ".png", ".webp", ".gif"})
 GROUND = frozenset({".obj"})
@@ -137,7 +137,7 @@ class ExportOptions:
         hint="The way over the ground is taken out; the heading stays", help="take the way over the ground out",
     )  # fmt: skip
     ground_root: bool = option(
-        False, MOTION, "--ground-root", ignored_by=ARRAYS | GROUND, label="Root on the ground",
+        False, BODIES | {".bvh"}, "--ground-root", ignored_by=ARRAYS | GROUND, label="Root on the ground",
         hint="A root joint on the ground, above the hips", help="a root joint on the ground, above the hips",
     )  # fmt: skip
     at_origin: bool = option(

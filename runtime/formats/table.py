@@ -61,6 +61,7 @@ _TABLE = (
     Format(".fbx", "FBX: through Blender", "character with motion, through Blender", "fbx.save_fbx", "fbx.check_fbx"),
     Format(".usdz", "USDZ: character with motion", "character with motion and textures (UsdSkel, packed)", "usd.save_usd", "usd.check_usd"),
     Format(".usd", "USD: character with motion", "the same without textures, one binary layer", "usd.save_usd", "usd.check_usd"),
+    Format(".vrma", "VRMA: motion for VRM avatars", "motion for any VRM avatar (VRM animation 1.0)", "vrma.save_vrma"),
     Format(".html", "HTML: page to look at", "page with character and ground, plays in any browser", "page.save_page"),
     Format(".npz", "NPZ: arrays", "positions, rotations, root, contacts, phase as NumPy arrays", "arrays.save_npz"),
     Format(".csv", "CSV: table", "the same, a row a frame", "arrays.save_csv"),

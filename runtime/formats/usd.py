@@ -140,7 +140,11 @@ class _Stage:
     def renamed(self) -> str:
         """What the file calls joints whose own names are none of USD, or are there twice; "" without any."""
         own = [self.file.gltf.nodes[node].name for node in self.joints]
-        pairs = [f"{old} is {new}" for old, new in zip(own, self.names, strict=True) if old and old != new]
+        pairs = [
+            f"{old[:40]} is {new[:40]}"
+            for old, new in zip(own, self.names, strict=True)
+            if old and old != new
+        ]
         more = f" and {len(pairs) - 6} more" if len(pairs) > 6 else ""
         return f"; joints renamed: {', '.join(pairs[:6])}{more}" if pairs else ""
 
@@ -414,7 +418,8 @@ def unique_names(names: Sequence[str]) -> list[str]:
 
     found: dict[str, None] = {}
     for number, name in enumerate(names):
-        text = re.sub(r"\W", "_", unicodedata.normalize("NFC", name))
+        letters = unicodedata.normalize("NFC", name)
+        text = "".join(c if Sdf.Path.IsValidIdentifier(f"_{c}") else "_" for c in letters)
         text = text if Sdf.Path.IsValidIdentifier(text) else f"_{text}"
         text = text if Sdf.Path.IsValidIdentifier(text) and text.strip("_") else f"joint_{number}"
         once = next(

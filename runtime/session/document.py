@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.character.character import NAMED_UNITS
 from runtime.checked import read_number, read_text, read_whole
 from runtime.errors import FileError, SportError
 from runtime.feet.leg_edit import checked_targets
@@ -438,6 +439,7 @@ def _check_header(header: MotionHeader) -> None:
 def _check_character(choice: CharacterChoice) -> None:
     choice.shape.check()
     _refuse("files of a character outside their folder", bool(choice.key) and not safe_name(choice.key))
+    _refuse("a character of an unknown unit", choice.unit not in ("", *NAMED_UNITS))
 
 
 _CHECKS: dict[Any, Callable[[Any], Any]] = {

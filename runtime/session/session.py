@@ -51,6 +51,7 @@ class CharacterChoice:
     shape: BodyShape = NO_SHAPE
     path: str = ""  # of the file that was opened; "" for the mannequin
     key: str = ""  # of the content of its files
+    unit: str = ""  # of lengths in its file: m, cm, mm or in; "" as its height tells
 
 
 @dataclass(frozen=True)

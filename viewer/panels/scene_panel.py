@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from runtime.character.shape import BodyShape
+from runtime.formats.options import ExportOptions
+from runtime.options import spec_of
 from runtime.safe_read import printable
 from viewer.edit.path import PathTool
 from viewer.gl_bindings import imgui
@@ -52,6 +54,9 @@ class ScenePanel:
         _toggles(scene.settings)
         _drawing(scene)
         _links(scene.live, scene.vmc)
+        if imgui.begin_popup_context_item("vmc root"):
+            widgets.setting_toggle(scene.settings, "vmc_root", px(160))
+            imgui.end_popup()
 
     def _open_file(self) -> None:
         scene = self.scene
@@ -109,7 +114,16 @@ def _character(scene: Scene) -> None:
         widgets.same_line()
         if widgets.button("Back to the mannequin", -1):
             scene.open_character(None)
-        widgets.setting_toggle(scene.settings, "fit_to_motion", -1)
+        half = widgets.column_width(2)
+        widgets.setting_toggle(scene.settings, "fit_to_motion", half)
+        widgets.same_line()
+        imgui.set_next_item_width(half)
+        unit = scene.editor.session.character.unit
+        choices = spec_of(ExportOptions, "character_unit").choices or {}
+        chosen = widgets.combo("##character unit", [(u or "", text) for u, text in choices.items()], unit)
+        widgets.tooltip("The unit of lengths in the character's file")
+        if chosen != unit:
+            scene.set_unit(str(chosen))
 
 
 def _shape(scene: Scene) -> None:

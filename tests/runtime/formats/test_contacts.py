@@ -62,7 +62,7 @@ def feet_of(path: Path) -> np.ndarray:
     elif path.suffix == ".bvh":
         told = json.loads(path.with_name(path.name + ".json").read_text())
     else:
-        told = pygltflib.GLTF2().load(str(path)).animations[0].extras["sport"]
+        told = pygltflib.GLTF2().load_binary(str(path)).animations[0].extras["sport"]
     return np.array([*told["contacts"].values(), *told["phase"].values()]).T
 
 
@@ -74,7 +74,7 @@ def test_a_take_on_its_ground_is_the_same_in_every_format(tmp_path: Path, ground
     take = save_bvh(clip, tmp_path / "take.bvh", fps)
     save_motion(clip, tmp_path / "direct.npz", ExportOptions(fps=fps), load_terrain(ground))
     wanted = feet_of(tmp_path / "direct.npz")
-    files = [tmp_path / f"again.{ending}" for ending in ("bvh", "glb", "npz", "csv", "usd", "html")]
+    files = [tmp_path / f"again.{ending}" for ending in ("bvh", "glb", "vrma", "npz", "csv", "usd", "html")]
     assert main(["convert", str(take), *map(str, files)]) == 0
     for path in (take, *files[:-1]):
         np.testing.assert_allclose(feet_of(path), wanted, atol=1e-4, err_msg=path.name)

@@ -166,7 +166,7 @@ def test_blender_reads_the_same_joints(tmp_path: Path) -> None:
 
 @needs_usd
 def test_names_of_any_script_stay_unique_and_legible(tmp_path: Path) -> None:
-    """Names in Japanese, with a space, of a digit, and one that three joints have; two runs are equal byte by byte."""
+    """Names in Japanese, Thai and Hindi with marks above letters, with a space, of a digit, and one that three joints have; two runs are equal byte by byte."""
     import pygltflib
     from pxr import Usd, UsdSkel
 
@@ -177,6 +177,8 @@ def test_names_of_any_script_stay_unique_and_legible(tmp_path: Path) -> None:
         "RightFoot": "右足",
         "LeftHand": "手 左",
         "RightHand": "2右",
+        "LeftArm": "แขนซ้าย",
+        "RightArm": "दाँया हाथ",
         "Spine1": "Spine",
         "Spine2": "Spine",
     }
@@ -192,7 +194,7 @@ def test_names_of_any_script_stay_unique_and_legible(tmp_path: Path) -> None:
     skeleton = next(UsdSkel.Skeleton(prim) for prim in stage.Traverse() if prim.IsA(UsdSkel.Skeleton))
     names = [str(joint).rpartition("/")[2] for joint in skeleton.GetJointsAttr().Get()]
     assert len(set(names)) == len(names)
-    assert {"左足", "右足", "手_左", "_2右"} <= set(names)
+    assert {"左足", "右足", "手_左", "_2右", "แขนซ้าย", "दाँया_हाथ"} <= set(names)
 
 
 @needs_usd

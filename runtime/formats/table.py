@@ -153,4 +153,4 @@ def describe(take: PreparedTake, path: Path) -> str:
     """What stands in the file: frames, rate, seconds, and what the loop came to."""
     count, fps = len(take.clip), take.clip.fps
     text = f"{path}: {count} frames at {fps:g} fps, {count / fps:.1f} s"
-    return text if take.loop is None else f"{text}; {take.loop.describe()}"
+    return text if take.clip.loop is None else f"{text}; {take.clip.loop.describe()}"

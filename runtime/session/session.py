@@ -164,7 +164,7 @@ def _mirrored(motion: Motion) -> Clip:
 
 @lru_cache(SHOWN_CLIPS)
 def _posed(motion: Motion, mirrored: bool, poses: PoseEdits) -> Clip:
-    return poses.apply(_mirrored(motion) if mirrored else motion.clip)
+    return replace(poses.apply(_mirrored(motion) if mirrored else motion.clip), loop=None)
 
 
 @dataclass(frozen=True)

@@ -100,6 +100,20 @@ def test_a_take_on_its_ground_is_the_same_in_every_format(tmp_path: Path, ground
         assert np.abs(opened.clip.world()[0] - clip.resampled(opened.clip.fps).world()[0]).max() < 1e-4
 
 
+@pytest.mark.parametrize("ending", ["bvh", "glb", "vrma"])
+def test_a_loop_comes_back(tmp_path: Path, ending: str) -> None:
+    long = replace(Clip("walk", 60.0, *walk(300)), terrain="flat", prompts=(PromptEvent(0.0, "calm"),))
+    (text,) = save_motion(long, path := tmp_path / f"loop.{ending}", ExportOptions(loop=True), Terrain.flat())
+    clip = open_take(path).clip
+    assert clip.loop is not None
+    assert clip.loop.describe() in text
+    assert clip.loop.last - clip.loop.first == len(clip) - 1
+    assert clip.trim(0, 20).loop is None
+    assert (
+        clip.loop.describe() in save_motion(clip, tmp_path / "again.glb", ExportOptions(), Terrain.flat())[0]
+    )
+
+
 def test_a_take_of_another_character_comes_back_on_its_ground(tmp_path: Path) -> None:
     clip = replace(SOFT, terrain="hills", hips_positions=SOFT.hips_positions + np.float32([2.0, 0.4, 1.0]))
     options = ExportOptions(character=RIGS["vrm"](tmp_path / "rig.glb"), at_origin=True)

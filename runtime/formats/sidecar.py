@@ -173,10 +173,10 @@ def _gait_changes(value: Any) -> tuple[tuple[float, str], ...]:
 
 def _loop(value: Any) -> LoopReport | None:
     try:
-        found = {name: read_number(value[name]) for name in LoopReport.__dataclass_fields__}
+        first, last, *rest = (read_number(value[name]) for name in LoopReport.__dataclass_fields__)
     except (TypeError, ValueError, KeyError):
         return None
-    return LoopReport(**found | {"first": int(found["first"]), "last": int(found["last"])})
+    return LoopReport(int(first), int(last), *rest)
 
 
 def _contacts(value: dict[str, Any], frames: int) -> Array | None:

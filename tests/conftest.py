@@ -13,7 +13,7 @@ from hypothesis import settings
 
 from tests.helpers.browser import browser  # noqa: F401  (fixture)
 from tests.helpers.gpt_endpoint import endpoint, expander_of, settings_of  # noqa: F401  (fixtures)
-from tests.helpers.slow_model import asking, model  # noqa: F401  (fixtures)
+from tests.helpers.slow_model import asking, language_model  # noqa: F401  (fixtures)
 
 # every run has the same few examples; `pytest --hypothesis-profile long` looks for more
 settings.register_profile("quick", max_examples=20, deadline=None, derandomize=True)
@@ -89,6 +89,22 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     app = opened(tmp_path_factory.mktemp("config"), {}, fake_services(drawn=False), False)
     yield app
     app.close()
+
+
+@pytest.fixture(scope="session")
+def model() -> Any:
+    """The network that the program begins with; a test that changes it loads its own."""
+    from tests.helpers.shipped import shipped_model
+
+    return shipped_model()
+
+
+@pytest.fixture(scope="session")
+def prompter() -> Any:
+    """From words to the codes of `model`."""
+    from tests.helpers.shipped import shipped_prompter
+
+    return shipped_prompter()
 
 
 @pytest.fixture

@@ -15,7 +15,6 @@ from runtime.motion.model import MotionModel
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacle_detection import ObstacleKind, obstacle_ahead
-from tests.helpers.shipped import shipped_model
 from tests.helpers.walker import settle_soon
 from training import courses as clips
 from training.courses import Course, LevelSight, Walked, kept, random_course, smoothed, walk
@@ -23,11 +22,6 @@ from training.evaluation.metrics.traversal import first_problem
 from training.export.traversals import obstacle_ground
 
 FRAMES = 700
-
-
-@pytest.fixture(scope="module")
-def model() -> MotionModel:
-    return shipped_model()
 
 
 def upright(height: float = 0.0) -> Walked:

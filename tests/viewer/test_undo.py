@@ -14,30 +14,24 @@ from runtime.session.session import Session
 from runtime.takes.clip import Clip
 from runtime.terrain.library import load_terrain
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click, click_on, drawn, message, place, press, run
+from tests.helpers.app_driver import (
+    Start,
+    click,
+    click_on,
+    drag,
+    drawn,
+    message,
+    place,
+    press,
+    record,
+    run,
+    titles,
+)
 from tests.helpers.foreign_rigs import RIGS
 from tests.helpers.walker import walk
 from viewer import services
 from viewer.app import App
 from viewer.gl_bindings import imgui
-
-
-def record(app: App, frames: int = 40) -> None:
-    """A walk straight ahead by keys."""
-    app.window.inject_key("w", True)
-    for count in (frames, 1):
-        app.window.inject_key("r", True)
-        app.window.inject_key("r", False)
-        run(app, count)
-    app.window.inject_key("w", False)
-    run(app, 2)
-
-
-def drag(app: App, start: tuple[float, float], end: tuple[float, float]) -> None:
-    for at, down in ((start, None), (start, True), (end, True), (end, False)):
-        hand.mouse(app.window, *at, None if down is None else 0, bool(down))
-        run(app, 2)
-    run(app, 2)
 
 
 def trim_start(app: App, share: float) -> None:
@@ -68,10 +62,6 @@ def undo(app: App) -> None:
     run(app, 2)
 
 
-def titles(app: App) -> list[str]:
-    return [take.title for take in app.editor.session.takes]
-
-
 def trims(app: App) -> list[tuple[int, int]]:
     return [take.range for take in app.editor.session.takes]
 
@@ -96,8 +86,8 @@ def test_undo_takes_the_trim_back_whatever_was_looked_at_since(
     start: Start, tmp_path: Path, then: str
 ) -> None:
     app = start()
-    record(app)
-    record(app)
+    record(app, 40)
+    record(app, 40)
     play_row(app, 0)
     trim_start(app, 0.5)
     if then == "another plays":
@@ -116,7 +106,7 @@ def test_undo_takes_the_trim_back_whatever_was_looked_at_since(
 
 def test_one_drag_of_a_handle_is_one_step(start: Start) -> None:
     app = start()
-    record(app)
+    record(app, 40)
     play_row(app, 0)
     steps = app.editor.history.present.number
     y, xs = place(app, "##timeline")[1] + 7.0, [place(app, "##timeline", share=k / 20)[0] for k in range(11)]
@@ -171,7 +161,7 @@ def test_color_and_order_are_chosen_in_the_menu_undone_and_kept(start: Start, tm
 
 def test_undo_removes_the_camera_key_and_not_the_pin_before_it(start: Start) -> None:
     app = start()
-    record(app)
+    record(app, 40)
     play_row(app, 0)
     for entry in ("Left hand", "Camera view"):
         click_on(app, "+ Pin")
@@ -201,7 +191,7 @@ def test_a_shape_of_the_mannequin_is_one_step_and_comes_back_as_sliders(start: S
     assert app.editor.history.present.number == steps + 1
     saved_and_opened(app, tmp_path / "a.sport")
     assert app.scene.shape == shape
-    assert app.scene.is_mannequin
+    assert app.scene.character_name == "mannequin"
     assert "##shape height" in [label for label, _ in drawn(app)], "a slider, and no file"
     undo(app)
     assert app.scene.shape == BodyShape()
@@ -216,7 +206,7 @@ def test_the_unit_of_a_character_is_chosen_and_undone(start: Start, tmp_path: Pa
     guessed = app.scene.size
     click_on(app, "Open a file, shape the body")
     click_on(app, "##character unit")
-    click_on(app, "Inches")
+    click_on(app, "Unit: inches")
     run(app, 4)
     assert app.scene.size == pytest.approx(2.54 * guessed)
     saved_and_opened(app, tmp_path / "a.sport")
@@ -241,7 +231,7 @@ def shown_ground(app: App) -> str:
 
 def test_the_scene_panel_names_the_ground_of_the_take_that_plays(start: Start) -> None:
     app = start()
-    record(app)
+    record(app, 40)
     app.scene.load_terrain("hills")
     run(app, 2)
     assert shown_ground(app).lower() == "hills"

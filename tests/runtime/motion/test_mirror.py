@@ -16,21 +16,10 @@ from runtime.prompts.content import PromptEncoder
 from runtime.prompts.prompter import Prompter
 from runtime.skeleton import MIRROR_JOINTS, PART_JOINTS, SPORT_SKELETON, J
 from runtime.terrain.height_map import Terrain
-from tests.helpers.shipped import shipped_model, shipped_prompter
 
 PHASE = np.array([-1, 1, -1, -1, 1], np.float32)
 ACROSS = np.array([-1.0, 1.0, 1.0])
 LEFT_HAND, RIGHT_HAND = SPORT_SKELETON.index("LeftHand"), SPORT_SKELETON.index("RightHand")
-
-
-@pytest.fixture(scope="module")
-def model() -> MotionModel:
-    return shipped_model()
-
-
-@pytest.fixture(scope="module")
-def prompter(model: MotionModel) -> Prompter:
-    return shipped_prompter()
 
 
 MIRROR = Mirror(PHASE)

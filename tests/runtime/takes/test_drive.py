@@ -32,7 +32,6 @@ from runtime.takes.metadata import PromptEvent, gait_of
 from runtime.takes.recorder import ClipRecorder
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
-from tests.helpers.shipped import shipped_model
 from tests.helpers.walker import WalkerModel
 
 Take = tuple[Clip, InputRecording]
@@ -91,11 +90,6 @@ def near_keyframes() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(input_recording, "KEYFRAME_STEPS", KEYFRAME_STEPS)
         yield
-
-
-@pytest.fixture(scope="module")
-def model() -> MotionModel:
-    return shipped_model()
 
 
 @pytest.fixture(scope="module")

@@ -12,16 +12,10 @@ from runtime.pose import FPS, Pose
 from runtime.skeleton import TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import load_terrain
-from tests.helpers.shipped import shipped_model
 
 TOES = (5, 10)
 STAND, WALK, JOG = Controls(), Controls((0.0, 1.0)), Controls((0.0, 1.0), gait=Gait.JOG)
 PRESSED = 4  # frames
-
-
-@pytest.fixture(scope="module")
-def model() -> MotionModel:
-    return shipped_model()
 
 
 def ready(model: MotionModel, stick: Controls, frames: int, terrain: Terrain | None = None) -> Controller:

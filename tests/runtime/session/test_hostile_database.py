@@ -17,6 +17,7 @@ from runtime.errors import FileError
 from runtime.session.database import Database
 from runtime.session.sqlite_file import lock_of, side_files
 from runtime.session.writer import Writer
+from tests.helpers.full_session import packed_zeros
 
 SECONDS = 2.0
 
@@ -164,7 +165,7 @@ def test_zero_bytes_in_text_are_text(path: Path) -> None:
 
 
 def test_a_bomb_is_not_unfolded(path: Path) -> None:
-    bomb = zlib.compress(bytes(300 << 20), 1)
+    bomb = packed_zeros(300 << 20)
     change(path, "UPDATE blobs SET content = ?", values=(bomb,))  # the size is that of before
     opened(path, lambda database: database.blob("b0"), "expected 3000 bytes")
     change(path, "UPDATE blobs SET size = ?", values=(300 << 20,))
@@ -176,7 +177,7 @@ def test_a_bomb_is_not_unfolded(path: Path) -> None:
 
 
 def test_many_that_are_small_alone_are_counted_together(path: Path) -> None:
-    bomb = zlib.compress(bytes(60 << 20), 1)
+    bomb = packed_zeros(60 << 20)
     change(path, "UPDATE frames SET content = ?, size = 60 << 20", values=(bomb,))
     opened(path, lambda database: list(database.frames("m0")), "unfolds to more than")
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from runtime.assets import character_file
 from runtime.character.shape import BodyShape
 from runtime.safe_read import printable
+from viewer.edit.camera_keys import CameraKeys
 from viewer.edit.path import PathTool
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
@@ -31,6 +32,7 @@ class ScenePanel:
     scene: Scene
     takes: Takes
     path: PathTool
+    cameras: CameraKeys
     open_files: Callable[[list[Path]], None]
     browse: Callable[[], None]  # asks for a file to open
     draw_pins: Callable[[float], None]  # the button, of a width, for pins of the live character
@@ -45,14 +47,22 @@ class ScenePanel:
             if opened:
                 self._open_file()
                 _character(scene)
-        mode = widgets.segmented("camera", list(CAMERAS.items()), scene.camera.mode)
-        if mode != scene.camera.mode:
-            scene.use_camera(mode)
+        self._camera()
         _views(scene)
         self.path.draw(self.draw_pins)
         _toggles(scene.settings)
         _drawing(scene)
         _links(scene.live, scene.vmc)
+
+    def _camera(self) -> None:
+        """How the camera goes along; of a take with camera keys also as they say."""
+        keyed = [("keyed", "Keyed")] if self.cameras.keys else []
+        now = "keyed" if self.cameras.through else self.scene.camera.mode
+        mode = widgets.segmented("camera", [*CAMERAS.items(), *keyed], now)
+        if mode == "keyed" != now:
+            self.cameras.toggle()
+        elif mode != now:
+            self.scene.use_camera(mode)
 
     def _open_file(self) -> None:
         scene = self.scene

@@ -72,6 +72,11 @@ def resolve_penetration(
             depths = _depths(terrain, limb, placed, positions[0])
             if depths[-1].min() <= limb.sunk_m:
                 break
+        else:
+            if limb.steps:
+                tries = np.concatenate([tries, _aside(result, before, limb)])
+                placed, _ = SPORT_SKELETON.forward_kinematics(np.broadcast_to(hips, (len(tries), 3)), tries)
+                depths = _depths(terrain, limb, placed, positions[0])
         result, moved = result.copy(), [limb.upper, limb.lower]
         if limb.steps:
             goal = result.copy()  # whose foot has come as far as it can
@@ -140,6 +145,16 @@ def _tries(local: Array, before: Array, world: Array, limb: Limb, most: float) -
         bent = start[limb.lower] if bend is None else rotations.from_yaw(bend)
         for joint, goal in ((limb.upper, hangs), (limb.lower, bent)):
             tries[part, joint] = _turned(before[joint], rotations.slerp(start[joint], goal, fractions), most)
+    return tries
+
+
+def _aside(local: Array, before: Array, limb: Limb) -> Array:
+    """Local rotations `(18, 4)` with one limb turned from where it was `before` to each side, its lower part both ways or not."""
+    turns = rotations.from_rotation_vector(TURN_MOST * np.concatenate([np.eye(3), -np.eye(3)]))
+    tries = np.tile(np.asarray(local, np.float64), (18, 1, 1))
+    tries[:, limb.upper] = np.repeat(rotations.multiply(turns, before[limb.upper]), 3, axis=0)
+    bends = rotations.from_rotation_vector(np.array([[-TURN_MOST, 0, 0], [0, 0, 0], [TURN_MOST, 0, 0]]))
+    tries[:, limb.lower] = np.tile(rotations.multiply(before[limb.lower], bends), (6, 1))
     return tries
 
 

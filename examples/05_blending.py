@@ -1,4 +1,4 @@
-"""Between two styles: six even steps of Z^t, and a blend in which each part of the body has its own share."""
+"""Between two styles: four even steps of Z^t, and a blend in which each part of the body has its own share."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from sport import (
 )
 
 A, B = "a person walking normally", "a child pretending to be an aeroplane"
-STEPS = 6
+STEPS = 4
 HANDS = [SPORT_SKELETON.index(name) for name in ("LeftHand", "RightHand")]
 HIPS = SPORT_SKELETON.index("Hips")
 

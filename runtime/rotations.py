@@ -250,3 +250,20 @@ def continuous(q: Array) -> Array:
     sign = np.where(np.sum(q[1:] * q[:-1], axis=-1) < 0, -1.0, 1.0)
     q[1:] *= np.cumprod(sign, axis=0)[..., None]
     return q
+
+
+def continuous_euler(angles: Array) -> Array:
+    """Euler angles `(T, ..., 3)` of the same rotations without jumps: of (a, b, c) and (a + pi, pi - b, c + pi) the nearer.
+
+    A reader that interpolates angles then turns as the joint does.
+    """
+    other = np.stack([angles[..., 0] + np.pi, np.pi - angles[..., 1], angles[..., 2] + np.pi], axis=-1)
+
+    def away(to: Array) -> Array:
+        step = to[1:] - angles[:-1]
+        return np.abs(step - 2.0 * np.pi * np.round(step / (2.0 * np.pi))).sum(axis=-1)
+
+    # a step between two of the other form is as long as one between two of this: only changes count
+    changes = np.cumsum(away(other) < away(angles) - 1e-9, axis=0) % 2 == 1
+    chosen = np.concatenate([np.zeros((1, *angles.shape[1:-1]), bool), changes])
+    return np.unwrap(np.where(chosen[..., None], other, angles), axis=0)

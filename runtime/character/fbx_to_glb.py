@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from runtime.character.glb_buffer import ARRAY_BUFFER, ELEMENT_BUFFER, GlbBuffer
+from runtime.character.textures import linear
 
 if TYPE_CHECKING:
     import pygltflib as g
@@ -84,7 +85,9 @@ def convert(source: Path, motion: bool) -> bytes:
         document.append("nodes", _node(document, node, nodes, materials))
     if motion:
         _animate(document, ufbx.evaluate_transform, scene, nodes)
-    document.append("scenes", g.Scene(nodes=[nodes[scene.root_node.typed_id]]))
+    told = [prop.value_str for node in scene.nodes if (prop := node.props.value.find_prop("sport"))]
+    extras = {"sport": told[0]} if told else {}  # of a take of ours
+    document.append("scenes", g.Scene(nodes=[nodes[scene.root_node.typed_id]], extras=extras))
     return document.to_bytes()
 
 
@@ -201,6 +204,8 @@ def _primitive(document: GlbBuffer, mesh: Any, corners: Any, weights: tuple[Any,
         values = layer.values.array()[rows[:, column]]
         if name == "TEXCOORD_0":
             values = np.stack([values[:, 0], 1.0 - values[:, 1]], -1)
+        elif name == "COLOR_0":  # as programs write and show them
+            values = np.concatenate([linear(values[:, :3]), values[:, 3:]], axis=1)
         attributes[name] = document.add(values, ARRAY_BUFFER, bounds=name == "POSITION")
     if weights is not None:
         joints, shares = (array[rows[:, -1]] for array in weights)

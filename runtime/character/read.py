@@ -24,6 +24,7 @@ MAX_FILE_BYTES = 256 * 1024 * 1024
 MAX_VALUE = 1e9  # of any coordinate or matrix element
 MAX_ENTRIES = 20_000  # of a list of the document
 MAX_PRIMITIVES = 4096
+MAX_SPARSE = 2_000_000  # elements of an accessor that has no bytes of its own
 REMEDY = "Export it again as glTF binary (.glb), or choose another file."
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _LISTS = (
@@ -84,7 +85,7 @@ def open_gltf(path: Path, motion: bool = False) -> GltfFile:
     else:
         raise FileError(f"{path}: neither a binary nor a JSON glTF file, nor an FBX.", REMEDY)
     try:
-        gltf = _entries(parse_json(text))
+        gltf = entries(parse_json(text))
     except ValueError as error:
         raise FileError(f"{path}: damaged glTF container ({reason(error)}).", REMEDY) from error
     if not isinstance(gltf, Entry):
@@ -93,10 +94,11 @@ def open_gltf(path: Path, motion: bool = False) -> GltfFile:
     return GltfFile(path, gltf, tuple(unpack(path, gltf, _load_buffers(path, gltf, blob))))
 
 
-def _entries(value: Any) -> Any:
+def entries(value: Any) -> Any:
+    """A value of JSON whose objects are `Entry`."""
     if isinstance(value, dict):
-        return Entry((key, _entries(item)) for key, item in value.items())
-    return [_entries(item) for item in value] if isinstance(value, list) else value
+        return Entry((key, entries(item)) for key, item in value.items())
+    return [entries(item) for item in value] if isinstance(value, list) else value
 
 
 def _read(path: Path) -> bytes:
@@ -226,9 +228,9 @@ def read_accessor(file: GltfFile, index: Any, what: str) -> AnyArray:
         raise file.error(f"the accessor for {what} is missing.")
     if accessor.componentType not in COMPONENTS or accessor.type not in _WIDTHS:
         raise file.error(f"{what} has an unknown component or element type.")
-    if accessor.sparse is not None:
-        raise file.error(f"{what} is a sparse accessor.", "Export it without sparse accessors.")
     values = _accessor_values(file, accessor, what)
+    if accessor.sparse is not None:
+        values = _with_sparse(file, accessor, values, what)
     if values.dtype.kind == "f" and not np.all(np.abs(values) < MAX_VALUE):
         raise file.error(f"{what} holds values that are not finite or above {MAX_VALUE:.0e}.")
     if accessor.normalized and values.dtype.kind in "iu":
@@ -241,6 +243,8 @@ def _accessor_values(file: GltfFile, accessor: Entry, what: str) -> AnyArray:
     width, count = _WIDTHS[accessor.type], accessor.count
     if not isinstance(count, int) or count < 1:
         raise file.error(f"{what} has {str(count)[:40]} elements; expected at least 1.")
+    if accessor.bufferView is None and accessor.sparse is not None and count <= MAX_SPARSE:
+        return np.zeros((count, width), dtype)
     data = buffer_view_bytes(file, accessor.bufferView, what)
     size = dtype.itemsize * width
     stride = file.gltf.bufferViews[accessor.bufferView].byteStride or size
@@ -249,6 +253,21 @@ def _accessor_values(file: GltfFile, accessor: Entry, what: str) -> AnyArray:
         raise file.error(f"{what} reaches beyond its buffer view.")
     values: AnyArray = np.ndarray((count, width), dtype, data, offset, (stride, dtype.itemsize))
     return np.ascontiguousarray(values)
+
+
+def _with_sparse(file: GltfFile, accessor: Entry, values: AnyArray, what: str) -> AnyArray:
+    """Values of an accessor with those that differ from them."""
+    parts = [accessor.sparse.indices, accessor.sparse["values"]]
+    kinds = [{"type": "SCALAR"}, {"type": accessor.type, "componentType": accessor.componentType}]
+    rows, others = (
+        _accessor_values(file, Entry(part | kind, count=accessor.sparse.count), what)
+        for part, kind in zip(parts, kinds, strict=True)
+    )
+    if rows.dtype.kind != "u" or rows.max() >= len(values):
+        raise file.error(f"{what} has sparse values beyond its {len(values)} elements.")
+    values = values.copy()
+    values[rows[:, 0]] = others
+    return values
 
 
 def ancestors(file: GltfFile) -> tuple[list[int], list[int]]:

@@ -122,8 +122,18 @@ def _texture_colors(
     pixels = textures.pixels(info.index)
     height, width = pixels.shape[:2]
     at = np.floor((uv % 1.0) * (width, height)).astype(np.int64)
-    srgb = pixels[np.minimum(at[:, 1], height - 1), np.minimum(at[:, 0], width - 1)] / 255.0
+    return linear(pixels[np.minimum(at[:, 1], height - 1), np.minimum(at[:, 0], width - 1)] / 255.0)
+
+
+def linear(srgb: AnyArray) -> AnyArray:
+    """sRGB colours of any shape as linear ones, float32."""
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4).astype(np.float32)
+
+
+def srgb(linear: AnyArray) -> AnyArray:
+    """Linear colours of any shape as sRGB."""
+    linear = np.clip(linear, 0.0, 1.0)
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055)
 
 
 class Textures:

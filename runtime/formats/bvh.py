@@ -6,6 +6,7 @@ import re
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,7 @@ class BvhMotion:
     frame_seconds: float
     end_offsets: dict[int, Array]
     note: str = ""  # what a person should know of how it was read
+    metadata: Any = None  # what the file itself tells of its take, as it stands there
 
     @property
     def fps(self) -> float:
@@ -328,7 +330,9 @@ def format_bvh(
         rows = slice(first, first + _WRITTEN_FRAMES)
         local: Array = np.asarray(local_rotations[rows], np.float64)
         angles: Array = np.stack([rotations.to_euler(local[:, j], orders[j]) for j in joints], axis=1)
-        angles = _steady(angles if before is None else np.concatenate([before, angles]))[-len(local) :]
+        angles = rotations.continuous_euler(angles if before is None else np.concatenate([before, angles]))[
+            -len(local) :
+        ]
         before = angles[-1:]
         blocks.append(_motion_lines(joints, np.rad2deg(angles), places, rows, units_per_metre))
     return "".join(blocks)
@@ -345,23 +349,6 @@ def _motion_lines(
     return "".join(
         " ".join(f"{v:.5f}" for v in row) + "\n" for row in np.concatenate(columns, axis=1).tolist()
     )
-
-
-def _steady(angles: Array) -> Array:
-    """Euler angles `(T, J, 3)` of the same rotations without jumps: of (a, b, c) and (a + pi, pi - b, c + pi) the nearer.
-
-    A reader that interpolates angles then turns as the joint does.
-    """
-    other = np.stack([angles[..., 0] + np.pi, np.pi - angles[..., 1], angles[..., 2] + np.pi], axis=-1)
-
-    def away(to: Array) -> Array:
-        step = to[1:] - angles[:-1]
-        return np.abs(step - 2.0 * np.pi * np.round(step / (2.0 * np.pi))).sum(axis=-1)
-
-    # a step between two of the other form is as long as one between two of this: only changes count
-    changes = np.cumsum(away(other) < away(angles) - 1e-9, axis=0) % 2 == 1
-    chosen = np.concatenate([np.zeros((1, angles.shape[1]), bool), changes])
-    return np.unwrap(np.where(chosen[..., None], other, angles), axis=0)
 
 
 def _hierarchy(

@@ -12,9 +12,10 @@ from runtime.arrays import Array
 from runtime.atomic import write_atomic, write_new
 from runtime.errors import FileError
 from runtime.formats.bvh import BvhMotion, check_size, format_bvh, read_bvh
+from runtime.formats.engines import ENGINES
 from runtime.formats.options import UNITS_PER_METRE, ExportOptions
 from runtime.formats.prepare import Check, PreparedTake
-from runtime.formats.sidecar import format_metadata, read_metadata, sidecar_path
+from runtime.formats.sidecar import clip_fields, format_metadata, read_sidecar, sidecar_path
 from runtime.pose import MAX_FPS, video_rate
 from runtime.safe_read import printable
 from runtime.skeleton import SPORT_SKELETON, J, Skeleton
@@ -119,10 +120,10 @@ def load_clip_bvh(path: str | Path) -> Clip:
 
 
 def clip_of_motion(motion: BvhMotion, path: Path) -> tuple[Clip, str]:
-    """A clip, and its unit (a key of `UNITS_PER_METRE`), from a BVH of the 31-joint SPORT skeleton in any unit, channel order and joint order.
+    """A clip, and its unit (a key of `UNITS_PER_METRE`), from a motion of the 31-joint SPORT skeleton in any unit, channel order and joint order.
 
-    FileError names the joints that are missing or rest otherwise, or a rate that no clip has. Contacts,
-    prompts and origin are those of the file next to it, where that file belongs to this BVH; else contacts are zero.
+    FileError names the joints that are missing or rest otherwise, or a rate that no clip has. Contacts, prompts and
+    origin are those that the file itself or the JSON next to it tells; else contacts are zero.
     """
     fps = video_rate(motion.fps)
     if not 0.0 < fps <= MAX_FPS:
@@ -133,7 +134,7 @@ def clip_of_motion(motion: BvhMotion, path: Path) -> tuple[Clip, str]:
     hips = hips * scale
     if not np.abs(hips).max() <= MAX_DISTANCE_M:
         raise FileError(f"{path}: the hips are further than {MAX_DISTANCE_M / 1000:.0f} km away.", _OWN_BVH)
-    known = {"contacts": np.zeros((len(hips), 4), np.float32)} | read_metadata(path, fps, len(hips))
+    known = clip_fields(motion.metadata or read_sidecar(path), path, fps, len(hips))
     clip = Clip(printable(path.stem), fps, hips.astype(np.float32), local, **known)
     return clip, nearest_unit(scale)
 
@@ -145,11 +146,14 @@ def nearest_unit(metres_per_unit: float) -> str:
 
 def _joint_order(motion: BvhMotion, path: Path) -> list[int]:
     """Where each joint of the SPORT skeleton is in the file; FileError names those that are missing."""
+    for bones in [{}, *(engine.bones for engine in ENGINES.values())]:  # of our own files for an engine
+        ours = {bone: name for name, bone in bones.items()}
+        names = [ours.get(name, name) for name in motion.skeleton.names]
+        if set(SPORT_SKELETON.names).issubset(names):
+            return [names.index(name) for name in SPORT_SKELETON.names]
     missing = [name for name in SPORT_SKELETON.names if name not in motion.skeleton.names]
-    if missing:
-        more = f" and {len(missing) - 4} more" if len(missing) > 4 else ""
-        raise OtherSkeleton(f"{path}: joint {', '.join(missing[:4])}{more} is missing.", _OWN_BVH)
-    return [motion.skeleton.index(name) for name in SPORT_SKELETON.names]
+    more = f" and {len(missing) - 4} more" if len(missing) > 4 else ""
+    raise OtherSkeleton(f"{path}: joint {', '.join(missing[:4])}{more} is missing.", _OWN_BVH)
 
 
 def _in_world(motion: BvhMotion, order: list[int], path: Path) -> tuple[Array, Array]:
@@ -170,10 +174,8 @@ def _in_world(motion: BvhMotion, order: list[int], path: Path) -> tuple[Array, A
 
 def _metres_per_unit(motion: BvhMotion, order: list[int], path: Path) -> float:
     """Scale of a file whose rest pose is the SPORT skeleton's but for its unit."""
-    for name, j in zip(SPORT_SKELETON.names, order, strict=True):
-        parent = motion.skeleton.parents[j]
-        ours = SPORT_SKELETON.parents[SPORT_SKELETON.index(name)]
-        if ours >= 0 and (parent < 0 or motion.skeleton.names[parent] != SPORT_SKELETON.names[ours]):
+    for name, j, ours in zip(SPORT_SKELETON.names, order, SPORT_SKELETON.parents, strict=True):
+        if ours >= 0 and motion.skeleton.parents[j] != order[ours]:
             raise OtherSkeleton(
                 f"{path}: joint {name} is not a child of {SPORT_SKELETON.names[ours]}.",
                 _OWN_BVH,

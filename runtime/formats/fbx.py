@@ -1,100 +1,195 @@
-"""A take as FBX: written as GLB first, then by Blender, which runs as a process of its own."""
+"""A take as binary FBX: the document of `runtime.formats.glb` written again, object by object.
+
+Joints are limbs whose rest rotation is their PreRotation; every frame is a key, and every take a stack.
+"""
 
 from __future__ import annotations
 
-import importlib.util
-import os
-import shutil
-import subprocess
-import sys
-import tempfile
-import time
+import json
 from dataclasses import replace
 from pathlib import Path
 
-from runtime.atomic import atomic_path
-from runtime.errors import FileError, UsageError
+import numpy as np
+
+from runtime import rotations
+from runtime.arrays import Array
+from runtime.atomic import write_atomic
+from runtime.character.mesh import skin_joints
+from runtime.character.read import (
+    STRUCTURE_ERRORS,
+    Entry,
+    GltfFile,
+    accessor_count,
+    ancestors,
+    node_world_matrices,
+    read_accessor,
+)
+from runtime.errors import FileError
 from runtime.formats.engines import engine_of
-from runtime.formats.glb import save_glb
-from runtime.formats.options import ExportOptions
+from runtime.formats.fbx_mesh import Meshes, Skin
+from runtime.formats.fbx_nodes import Document, Node, matrix, prop, properties, ticks
+from runtime.formats.glb import glb_document
+from runtime.formats.glb_skeleton import rotation_and_scale
+from runtime.formats.options import UNITS_PER_METRE, ExportOptions
 from runtime.formats.prepare import Check, PreparedTake, go_on
+from runtime.safe_read import reason
 from runtime.terrain.height_map import Terrain
 
-BLENDER_VARIABLE = "SPORT_BLENDER"
-TIMEOUT_S, POLL_S = 600.0, 0.05
-_HEADLESS = [
-    "--background",
-    "--factory-startup",
-    "--python-use-system-env",
-    "--python-exit-code",
-    "1",
-    "--python",
+LEVEL_DEG = 1e-6  # a joint that is turned by less at rest has no PreRotation
+LINEAR = 24836  # flags of keys that are joined by lines
+KEY_VERSION = 4008
+KEY_KIND = [
+    Node("KeyAttrFlags", np.array([LINEAR], np.int32)),
+    Node("KeyAttrDataFloat", np.zeros(4, np.float32)),
 ]
-_SCRIPT = Path(__file__).with_name("blender_fbx.py")
-
-
-def find_blender() -> list[str] | None:
-    """The command that runs a script in Blender, as far as the script; None where there is no Blender.
-
-    The variable SPORT_BLENDER (a Blender, or a Python that has `bpy`) comes first, then `bpy` in this Python, then the
-    command `blender`.
-    """
-    named = os.environ.get(BLENDER_VARIABLE)
-    if named:
-        return [named] if "python" in Path(named).name.lower() else [named, *_HEADLESS]
-    if importlib.util.find_spec("bpy") is not None:
-        return [sys.executable]
-    found = shutil.which("blender")
-    return None if found is None else [found, *_HEADLESS]
-
-
-def check_fbx(path: Path) -> list[str]:
-    """The command of `find_blender`; UsageError says how to get FBX where there is none."""
-    command = find_blender()
-    if command is None:
-        raise UsageError(
-            f"{path}: FBX is written by Blender, and neither the Python module bpy nor a command blender is here.",
-            "Run pip install -e '.[fbx]' with Python 3.11, install Blender 4.4 or later, name one in"
-            f" {BLENDER_VARIABLE}, or write a .glb.",
-        )
-    return command
 
 
 def save_fbx(
     take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None, check: Check = go_on
 ) -> None:
-    """Write a prepared take as FBX; UsageError without Blender, FileError when it fails."""
-    command = check_fbx(path)
-    with tempfile.TemporaryDirectory(prefix="sport-fbx-") as folder, atomic_path(path) as target:
-        glb, fbx = Path(folder) / "take.glb", Path(folder) / "take.fbx"
-        save_glb(take, glb, replace(options, plain=True), terrain, check)
-        unit = engine_of(options.engine).fbx_unit if options.engine else "m"
-        separator = ["--"] if len(command) > 1 else []
-        facts = [str(glb), str(fbx), repr(take.clip.fps), unit, take.clip.name]
-        said = _run([*command, str(_SCRIPT), *separator, *facts], Path(folder) / "said.txt", path, check)
-        if not fbx.is_file():  # some versions crash at their end, after the file is there
-            raise FileError(f"{path}: Blender wrote no FBX ({said[-1][:200]}).", "Write a .glb instead.")
-        target.write_bytes(fbx.read_bytes())
-
-
-def _run(command: list[str], log: Path, path: Path, check: Check) -> list[str]:
-    """The lines that a command said; it is killed where `check` ends the export. FileError."""
-    end = time.monotonic() + TIMEOUT_S
-    same_ids = {**os.environ, "PYTHONHASHSEED": "0"}  # Blender makes those of an FBX from hashes
+    """Write a prepared take as FBX; FileError when the character cannot be used or the file not be written."""
+    buffer, _ = glb_document(take, replace(options, plain=True), terrain, check)
+    units = UNITS_PER_METRE[engine_of(options.engine).fbx_unit if options.engine else "m"]
     try:
-        with (
-            log.open("wb") as file,
-            subprocess.Popen(command, stdout=file, stderr=file, env=same_ids) as process,
-        ):
-            try:
-                while process.poll() is None:
-                    if time.monotonic() > end:
-                        raise subprocess.TimeoutExpired(command[0], TIMEOUT_S)
-                    check()
-                    time.sleep(POLL_S)
-            finally:
-                process.kill()
-    except (OSError, subprocess.TimeoutExpired) as error:
-        raise FileError(f"{path}: {command[0]} did not run ({error}).", "Write a .glb instead.") from error
-    said = log.read_text(errors="replace").strip().splitlines()
-    return said or ["it said nothing"]
+        scene = _Scene(buffer.as_file(path), units)
+        scene.write(take.clip.fps, check)
+    except STRUCTURE_ERRORS as error:
+        raise FileError(f"{path}: its character is damaged ({reason(error)}).", "Write a .glb.") from error
+    write_atomic(path, scene.document.to_bytes(take.clip.name, units, take.clip.fps))
+
+
+class _Scene:
+    """A file of a take, and the FBX that it becomes, with so many units in a metre."""
+
+    def __init__(self, file: GltfFile, units: float) -> None:
+        self.file, self.units, self.document = file, units, Document()
+        every, self.parents = ancestors(file)
+        shown = set(file.gltf.scenes[0].nodes)
+        for node in every:
+            if self.parents[node] in shown:
+                shown.add(node)
+        self.order = [node for node in every if node in shown]
+        self.world = node_world_matrices(file, every, self.parents)
+        for node in self.order:
+            if file.gltf.nodes[node].skin is not None:  # carried by its joints alone
+                self.world[node] = np.eye(4)
+                self.parents[node] = self._top(node)
+        self.world[:, :3, 3] *= units
+        self.joints = self._joint_nodes()
+        self.turns: dict[int, Array] = {}  # of nodes at rest
+        self.ids: dict[int, np.int64] = {}
+        self.binds = {node: self.world[node] for node in self.order}
+
+    def _top(self, node: int) -> int:
+        """The uppermost node above one, -1 where there is none."""
+        above = self.parents[node]
+        while above >= 0 and self.parents[above] >= 0:
+            above = self.parents[above]
+        return above
+
+    def _joint_nodes(self) -> set[int]:
+        """Nodes of the skeleton: those of skins, those that move, and what lies between."""
+        gltf = self.file.gltf
+        wanted = {node for skin in gltf.skins or [] for node in skin.joints}
+        wanted |= {channel.target.node for take in gltf.animations for channel in take.channels}
+        for node in reversed(self.order):
+            above = self.parents[node]
+            if node in wanted and above >= 0 and self.parents[above] >= 0:
+                wanted.add(above)
+        return wanted
+
+    def write(self, fps: float, check: Check) -> None:
+        """Add all objects to the document."""
+        nodes, skins = self.file.gltf.nodes, self.file.gltf.skins or []
+        for node in self.order:
+            self._model(node, nodes[node])
+        bound = [self._skin(index) for index in range(len(skins))]
+        meshes = Meshes(self.file, self.document, self.units)
+        for node in self.order:
+            if nodes[node].mesh is not None:
+                check()
+                skin = None if nodes[node].skin is None else bound[nodes[node].skin]
+                meshes.add(nodes[node].mesh, self.ids[node], skin)
+        self._bind_pose()
+        for take in self.file.gltf.animations:
+            self._animate(take, fps, check)
+
+    def _model(self, node: int, entry: Entry) -> None:
+        """Add a node: a limb, a mesh, or one that only carries others."""
+        above, name, joint = self.parents[node], entry.name or f"node_{node}", node in self.joints
+        local = self.world[node] if above < 0 else np.linalg.inv(self.world[above]) @ self.world[node]
+        turn, scale = rotation_and_scale(local)
+        facts = [prop("InheritType", "enum", 1), prop("DefaultAttributeIndex", "int", 0)]
+        degrees = _degrees(turn[None])[0]
+        if joint and np.abs(degrees).max() > LEVEL_DEG:
+            self.turns[node] = turn
+            facts += [prop("RotationActive", "bool", 1), prop("PreRotation", "Vector3D", *degrees.tolist())]
+        turned = np.zeros(3) if joint else degrees
+        for what, values in (("Translation", local[:3, 3]), ("Rotation", turned), ("Scaling", scale)):
+            facts.append(prop(f"Lcl {what}", f"Lcl {what}", *values.tolist(), flags="A"))
+        if above < 0 and entry.mesh is None:
+            text = json.dumps(self.file.gltf.scenes[0].extras["sport"], ensure_ascii=False)
+            facts.append(prop("sport", "KString", text, flags="U"))
+        kind = "LimbNode" if joint else "Null" if entry.mesh is None else "Mesh"
+        parts = [
+            Node("Version", 232),
+            properties(*facts),
+            Node("Shading", True),
+            Node("Culling", "CullingOff"),
+        ]
+        self.ids[node] = self.document.add("Model", name, kind, parts)
+        self.document.connect(self.ids[node], np.int64(0) if above < 0 else self.ids[above])
+        if kind != "Mesh":
+            flags = Node("TypeFlags", "Skeleton" if joint else "Null")
+            attribute = self.document.add("NodeAttribute", name, kind, [flags])
+            self.document.connect(attribute, self.ids[node])
+
+    def _skin(self, index: int) -> Skin:
+        """A skin with its mesh where the first joint has it at rest."""
+        joints, inverse = skin_joints(self.file, index)
+        binds = inverse[: len(joints)].astype(np.float64)
+        unit = np.diag([self.units] * 3 + [1.0])
+        place = self.world[joints[0]] @ unit @ binds[0]
+        links = place @ np.linalg.inv(unit @ binds)
+        for joint, link in zip(joints, links, strict=True):
+            self.binds[joint] = link
+        names = [self.file.gltf.nodes[joint].name or "" for joint in joints]
+        return Skin(place, links, [self.ids[joint] for joint in joints], names)
+
+    def _bind_pose(self) -> None:
+        nodes = [
+            Node("PoseNode", children=[Node("Node", self.ids[node]), matrix("Matrix", self.binds[node])])
+            for node in self.order
+        ]
+        head = [Node("Type", "BindPose"), Node("Version", 100), Node("NbPoseNodes", len(nodes))]
+        self.document.add("Pose", "Bind pose", "BindPose", [*head, *nodes])
+
+    def _animate(self, take: Entry, fps: float, check: Check) -> None:
+        """Add an animation: a curve for each axis of what moves."""
+        times = ticks(np.arange(accessor_count(self.file, take.samplers[0].input)), fps)
+        shared = [Node("KeyVer", KEY_VERSION), Node("KeyTime", times), *KEY_KIND]
+        shared.append(Node("KeyAttrRefCount", np.array([len(times)], np.int32)))
+        layer = self.document.add_take(take.name, times[-1])
+        for channel in take.channels:
+            check()
+            node, what = channel.target.node, channel.target.path.capitalize()
+            values = read_accessor(self.file, take.samplers[channel.sampler].output, "a track").astype(float)
+            if what == "Rotation":
+                turns, rest = values[:, [3, 0, 1, 2]], self.turns.get(node, rotations.identity())
+                values = _degrees(rotations.multiply(rotations.inverse(rest), turns))
+            else:
+                values *= self.units
+            axes = [f"d|{axis}" for axis in "XYZ"]
+            first = [prop(a, "Number", v, flags="A") for a, v in zip(axes, values[0].tolist(), strict=True)]
+            moved = self.document.add("AnimationCurveNode", what[0], "", [properties(*first)])
+            self.document.connect(moved, layer)
+            self.document.connect(moved, self.ids[node], f"Lcl {what}")
+            for axis, column in zip(axes, values.T, strict=True):
+                keys = [Node("Default", float(column[0])), Node("KeyValueFloat", column.astype(np.float32))]
+                curve = self.document.add("AnimationCurve", "", "", keys + shared)
+                self.document.connect(curve, moved, axis)
+
+
+def _degrees(turns: Array) -> Array:
+    """Angles `(T, 3)` about x, y and z without jumps, which FBX takes one after the other."""
+    return np.rad2deg(rotations.continuous_euler(rotations.to_euler(turns, "ZYX")))[:, ::-1]

@@ -173,7 +173,7 @@ def _set_scene(rig: Rig) -> None:
     if np.allclose(rig.space, np.eye(4), atol=SAME):
         rig.space = np.eye(4)
     else:
-        turn, scale = _split(rig.space)
+        turn, scale = rotation_and_scale(rig.space)
         above = g.Node(name="Character", children=moved, rotation=_xyzw(turn), scale=scale.tolist())
         number = _append_node(rig, above, -1, rig.space)
         for top in moved:
@@ -257,13 +257,14 @@ def local_rest(rig: Rig, node: int) -> Array:
 
 def set_local(node: Node, matrix: Array) -> tuple[Array, Array]:
     """Give a node a transform as translation, rotation and scale; the rotation `(4,)` and scale `(3,)`."""
-    turn, scale = _split(matrix)
+    turn, scale = rotation_and_scale(matrix)
     node.matrix, node.translation, node.rotation = None, matrix[:3, 3].tolist(), _xyzw(turn)
     node.scale = None if np.allclose(scale, 1.0, atol=1e-6) else scale.tolist()
     return turn, scale
 
 
-def _split(matrix: Array) -> tuple[Array, Array]:
+def rotation_and_scale(matrix: Array) -> tuple[Array, Array]:
+    """The rotation `(4,)` and the scale `(3,)` of a transform `(4, 4)`."""
     linear = matrix[:3, :3]
     scale = np.linalg.norm(linear, axis=0) * (1.0 if np.linalg.det(linear) >= 0.0 else -1.0)
     return nearest_rotation(linear / scale), scale

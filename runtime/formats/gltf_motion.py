@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,10 +23,11 @@ from runtime.character.read import (
     open_gltf,
     read_accessor,
 )
+from runtime.checked import number_field
 from runtime.errors import FileError
 from runtime.formats.bvh import MAX_FRAMES, MAX_JOINT_FRAMES, MAX_JOINTS, MAX_VALUE, BvhMotion
 from runtime.pose import MAX_FPS, VIDEO_RATES
-from runtime.safe_read import printable, reason
+from runtime.safe_read import parse_json, printable, reason
 from runtime.skeleton import Skeleton
 
 USUAL_FPS = 30.0  # of an animation that does not tell
@@ -100,12 +102,13 @@ class _Nodes:
 
 @dataclass(frozen=True)
 class _Animation:
-    """An animation, the joints of the body that it moves, and how many of them it does."""
+    """An animation, the joints of the body that it moves, how many of them it does, and what is told of the take."""
 
     name: str
     channels: _Channels
     joints: list[int]
     moved: int
+    metadata: Any
 
 
 def contents(path: Path) -> tuple[bool, bool]:
@@ -141,11 +144,14 @@ def _motion(file: GltfFile, wanted: str) -> BvhMotion:
     joints = animation.joints
     needed = nodes.with_ancestors(joints)
     channels = {(node, path): keys for (node, path), keys in animation.channels.items() if node in needed}
-    times, fps = _times(file, channels, len(needed))
+    told = number_field(animation.metadata, "fps", 0.0)
+    times, fps = _times(file, channels, len(needed), told)
     bind = _bind(nodes, joints)
     positions = np.empty((len(times), len(joints), 3), np.float32)
     local = np.empty((len(times), len(joints), 4), np.float32)
-    motion = BvhMotion(_skeleton(nodes, joints, bind), positions, local, 1.0 / fps, {}, note)
+    motion = BvhMotion(
+        _skeleton(nodes, joints, bind), positions, local, 1.0 / fps, {}, note, animation.metadata
+    )
     moving = _Moving(needed, nodes.parents, local_matrices(file), channels)
     with np.errstate(all="ignore"):  # what comes of it is checked
         for first in range(0, len(times), CHUNK):
@@ -223,12 +229,25 @@ def _room(file: GltfFile) -> float:
 
 
 def _animation(nodes: _Nodes, name: str, animation: Any) -> _Animation:
-    channels = _channels(nodes.file, animation)
+    channels, told = _channels(nodes.file, animation), _metadata(nodes.file, animation)
     if not channels:
-        return _Animation(name, channels, [], 0)
+        return _Animation(name, channels, [], 0, told)
     joints = _joints(nodes, {node for node, _ in channels})
     changed = {node for (node, _), channel in channels.items() if np.ptp(channel.values, axis=0).max() > 1e-6}
-    return _Animation(name, channels, joints, len(changed.intersection(joints)))
+    return _Animation(name, channels, joints, len(changed.intersection(joints)), told)
+
+
+def _metadata(file: GltfFile, animation: Any) -> dict[str, Any]:
+    """What a file of ours tells of the take that an animation is, {} for any other; an FBX has it of one take, as text."""
+    gltf = file.gltf
+    for holder in (animation, *((gltf.scenes or [])[:1] if len(gltf.animations) == 1 else ())):
+        extras = holder.get("extras")
+        value = extras.get("sport") if isinstance(extras, dict) else None
+        with contextlib.suppress(ValueError):
+            value = parse_json(value) if isinstance(value, str) else value
+        if isinstance(value, dict):
+            return value
+    return {}
 
 
 def _channels(file: GltfFile, animation: Any) -> _Channels:
@@ -307,12 +326,13 @@ def _top(nodes: _Nodes, bones: set[int], most: float) -> int:
     return top
 
 
-def _times(file: GltfFile, channels: _Channels, nodes: int) -> tuple[NDArray[np.float64], float]:
-    """Even times from the first key to the last one, and their rate: a usual one with all keys on its frames, else the keys'."""
+def _times(file: GltfFile, channels: _Channels, nodes: int, told: float) -> tuple[NDArray[np.float64], float]:
+    """Even times from the first key to the last one, and their rate: the one that is `told` or a usual one with all keys on its frames, else the keys'."""
     keys = np.unique(np.concatenate([channel.times for channel in channels.values()]))
     first, keys = keys[0], keys - keys[0]
     near = ON_FRAME * (1.0 + keys[-1] / 60.0)  # times have 24 bits
-    usual = (fps for fps in (*RATES, *NTSC) if np.abs(keys * fps - np.round(keys * fps)).max() < near)
+    rates = (*([told] if 0.0 < told <= MAX_FPS else []), *RATES, *NTSC)
+    usual = (fps for fps in rates if np.abs(keys * fps - np.round(keys * fps)).max() < near)
     steps = np.concatenate([np.diff(channel.times) for channel in channels.values()])
     rate = 1.0 / max(float(np.median(steps)), 1e-6) if len(steps) else USUAL_FPS
     fps = next(usual, rate if LOWEST_FPS <= rate <= MAX_FPS else USUAL_FPS)

@@ -18,6 +18,7 @@ from runtime.errors import FileError
 from runtime.formats.bvh import BvhMotion, read_bvh
 from runtime.formats.bvh_clip import OtherSkeleton, clip_of_motion, nearest_unit
 from runtime.formats.gltf_motion import read_gltf_motion
+from runtime.formats.sidecar import clip_fields
 from runtime.pose import MAX_FPS, video_rate
 from runtime.safe_read import printable
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON, J
@@ -82,7 +83,7 @@ def is_bvh(path: Path) -> bool:
 
 
 def _reference(motion: BvhMotion, path: Path) -> ReferenceMotion:
-    """A clip that begins at the origin and goes in the world as the file does.
+    """A clip that goes in the world as the file does: from the origin on, or where a file of ours says that its ground is.
 
     Joints are those that `guess_skeleton` tells, and those of `FILE.joints.json` next to it. FileError.
     """
@@ -93,6 +94,8 @@ def _reference(motion: BvhMotion, path: Path) -> ReferenceMotion:
     rest = _rest(motion, positions, world, path)
     with np.errstate(all="ignore"):  # what comes of it is checked
         hips, local, scale, axes, start = _retarget(rest, motion.skeleton.parents, positions, world)
+        if motion.metadata:
+            hips, start = hips + start, np.zeros(3)
         own = _own(motion, positions, world, axes, scale, start)
     if not np.all(np.abs(hips) <= MAX_DISTANCE_M) or not (
         np.isfinite(local).all() and np.isfinite(own.points).all()
@@ -103,7 +106,7 @@ def _reference(motion: BvhMotion, path: Path) -> ReferenceMotion:
         fps,
         hips.astype(np.float32),
         local.astype(np.float32),
-        np.zeros((len(hips), 4), np.float32),
+        **clip_fields(motion.metadata, path, fps, len(hips)),
     )
     return ReferenceMotion(clip, own, len(rest.guess.found), rest.guess.origin, scale)
 
@@ -195,7 +198,8 @@ def _own(
     tips = [positions[:, k] + rotations.rotate(world[:, k], np.asarray(end)) for k, end in ends]
     points = np.concatenate([positions, *(tip[:, None] for tip in tips)], axis=1).astype(np.float64)
     points = rotations.rotate(axes, points) * scale - start
-    points[..., 1] -= np.quantile(points[..., 1].min(axis=1), STANDS)
+    if not motion.metadata:
+        points[..., 1] -= np.quantile(points[..., 1].min(axis=1), STANDS)
     return OwnSkeleton(tuple(parents)[:MAX_POINTS], points[:, :MAX_POINTS].astype(np.float32))
 
 

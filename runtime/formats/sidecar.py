@@ -57,24 +57,31 @@ def sidecar_path(bvh: Path) -> Path:
 def format_metadata(clip: Clip, bvh_text: str) -> str:
     """The JSON text for a clip whose BVH has this text; a ground from a file goes by the file's name alone."""
     value = {
-        "format": _FORMAT,
+        **_metadata(clip),
         "bvh_sha256": hashlib.sha256(bvh_text.encode("utf-8")).hexdigest(),
-        "name": printable(clip.name),
         "seconds": round(clip.seconds, 4),
         "terrain": printable(Path(clip.terrain).name),
+        **asdict(clip.origin),
+    }
+    text = json.dumps(value, ensure_ascii=False, indent=1)
+    tracks = (f' "{name}": {json.dumps(values)}' for name, values in foot_tracks(clip).items())
+    return ",\n".join([text[: -len("\n}")], *tracks]) + "\n}\n"  # a line for a track, not for a number
+
+
+def _metadata(clip: Clip) -> dict[str, Any]:
+    """What a file of any format tells of its take, but for ground, origin and feet."""
+    return {
+        "format": _FORMAT,
+        "name": printable(clip.name),
         "gait_seconds": {gait: round(length, 3) for gait, length in clip.gait_seconds},
         "gaits": [[round(seconds, 4), gait] for seconds, gait in gait_changes(clip.gaits, clip.fps)],
         "placed": None if clip.placed is None else [round(value, 6) for value in clip.placed],
         "size": round(clip.size, 6),
-        **asdict(clip.origin),
         "prompts": [
             {**asdict(event), "words": json.loads(event.words) if event.words else None}
             for event in clip.prompts
         ],
     }
-    text = json.dumps(value, ensure_ascii=False, indent=1)
-    tracks = (f' "{name}": {json.dumps(values)}' for name, values in foot_tracks(clip).items())
-    return ",\n".join([text[: -len("\n}")], *tracks]) + "\n}\n"  # a line for a track, not for a number
 
 
 def foot_tracks(clip: Clip) -> dict[str, dict[str, list[float]]]:
@@ -98,15 +105,14 @@ def foot_phases(clip: Clip) -> NDArray[np.float32]:
     return phases
 
 
-def read_metadata(bvh: Path, fps: float, frames: int) -> dict[str, Any]:
-    """Fields of a `Clip` that the file next to a BVH tells; those that are missing or of another type have their defaults.
+def read_sidecar(bvh: Path) -> Any:
+    """The metadata in the file next to a BVH, None without one that belongs to that very BVH.
 
-    Without a file of this form that belongs to that very BVH, nothing is known: a take from an older program has none,
-    and a motion can be opened whatever stands next to it. Damage is a warning in the log.
+    A take from an older program has none, and a motion can be opened whatever stands next to it: damage is a warning in the log.
     """
     path = sidecar_path(bvh)
     if not path.is_file():
-        return {}
+        return None
     try:
         value = parse_json(read_bounded(path, MAX_BYTES))
         if not isinstance(value, dict) or value.get("format") != _FORMAT:
@@ -115,20 +121,29 @@ def read_metadata(bvh: Path, fps: float, frames: int) -> dict[str, Any]:
             raise ValueError(f"made for another file than {bvh.name} as it is now")
     except (ValueError, FileError) as error:
         _LOG.warning("%s: not used (%s).", path, error)
-        return {}
-    gaits = value.get("gait_seconds")
+        return None
+    return value
+
+
+def clip_fields(value: Any, path: Path, fps: float, frames: int) -> dict[str, Any]:
+    """Fields of a `Clip` by metadata that are not trusted; those that are missing or of another type have their defaults.
+
+    Contacts are zeros where nothing is known of them, and all that is known where `value` is no metadata of a take.
+    """
+    found: dict[str, Any] = {"contacts": np.zeros((frames, len(CONTACTS)), np.float32)}
+    if not isinstance(value, dict) or value.get("format") != _FORMAT:
+        return found
+    gaits, origin, contacts = value.get("gait_seconds"), value.get("origin"), _contacts(value, frames)
     gaits = gaits if isinstance(gaits, dict) else {}
-    found = {
-        "terrain": text_field(value, "terrain", "flat"),
+    return (found if contacts is None else {"contacts": contacts}) | {
+        "terrain": text_field(value, "terrain", text_field(value, "ground", "flat")),
         "prompts": _prompts(value.get("prompts"), path),
-        "origin": origin_from(value),
+        "origin": origin_from(origin if isinstance(origin, dict) else value),
         "gait_seconds": tuple((g.label, number_field(gaits, g.label, 0.0)) for g in Gait if g.label in gaits),
         "gaits": gait_numbers(_gait_changes(value.get("gaits")), frames, fps),
         "placed": _placed(value.get("placed", UNMOVED)),
         "size": min(max(number_field(value, "size", 1.0), MIN_SIZE), MAX_SIZE),
     }
-    contacts = _contacts(value.get("contacts"), frames)
-    return found if contacts is None else found | {"contacts": contacts}
 
 
 def _prompts(value: Any, path: Path) -> tuple[PromptEvent, ...]:
@@ -149,10 +164,10 @@ def _gait_changes(value: Any) -> tuple[tuple[float, str], ...]:
     return tuple(found)
 
 
-def _contacts(value: Any, frames: int) -> Array | None:
+def _contacts(value: dict[str, Any], frames: int) -> Array | None:
     """Contacts `(frames, 4)` of a track of each sole point; None where they are none."""
     try:
-        contacts = np.array([value[name] for name in CONTACTS], np.float32).T
+        contacts = np.array([value["contacts"][name] for name in CONTACTS], np.float32).T
     except (TypeError, ValueError, KeyError, OverflowError):
         return None
     usable = contacts.shape == (frames, 4) and bool(((contacts >= 0.0) & (contacts <= 1.0)).all())
@@ -186,21 +201,19 @@ def _marker(kind: str, name: str, seconds: float, fps: float) -> dict[str, Any]:
 
 
 def take_extras(take: PreparedTake) -> dict[str, Any]:
-    """What a GLB keeps in `extras` under "sport": markers, ground, origin, loop, rest frame, and what the feet do."""
+    """What a GLB keeps in `extras` under "sport": the metadata, markers, loop, rest frame, and what the feet do."""
     clip = take.clip
     value: dict[str, Any] = {
-        "format": _FORMAT,
+        **_metadata(clip),
         "version": MARKERS_VERSION,
-        "name": clip.name,
         "fps": clip.fps,
         "frames": len(clip),
-        "ground": Path(clip.terrain).name,
+        "ground": printable(Path(clip.terrain).name),
         "rest_frame": take.rest_frame,
-        "size": round(clip.size, 6),
         "markers": markers(clip),
         "origin": {name: v for name, v in asdict(clip.origin).items() if v not in ("", None)},
+        **foot_tracks(clip),
     }
-    value |= foot_tracks(clip)
     if take.loop is not None:
         value["loop"] = {name: round(v, 4) for name, v in asdict(take.loop).items()}
     return value

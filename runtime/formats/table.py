@@ -58,7 +58,7 @@ class Format:
 _TABLE = (
     Format(".bvh", "BVH: motion", "motion of the 31-joint skeleton", "bvh_clip.save_take_bvh"),
     Format(".glb", "GLB: character with motion", "character with motion (glTF binary)", "glb.save_glb"),
-    Format(".fbx", "FBX: through Blender", "character with motion, through Blender", "fbx.save_fbx", "fbx.check_fbx"),
+    Format(".fbx", "FBX: character with motion", "the same as FBX 7.4", "fbx.save_fbx"),
     Format(".usdz", "USDZ: character with motion", "character with motion and textures (UsdSkel, packed)", "usd.save_usd", "usd.check_usd"),
     Format(".usd", "USD: character with motion", "the same without textures, one binary layer", "usd.save_usd", "usd.check_usd"),
     Format(".html", "HTML: page to look at", "page with character and ground, plays in any browser", "page.save_page"),
@@ -93,7 +93,7 @@ def format_of(path: Path) -> Format:
 
 
 def check_export(path: Path, options: ExportOptions) -> None:
-    """What can be known to be wrong before a take is made: options, endings, a missing Blender. UsageError."""
+    """What can be known to be wrong before a take is made: options, endings, a missing library. UsageError."""
     options.check()
     format = format_of(path)
     for entry in fields(ExportOptions):

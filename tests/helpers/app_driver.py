@@ -175,3 +175,25 @@ def style(app: App) -> np.ndarray:
     if isinstance(last, StyleMix):
         return np.sum([share * code for share, code in zip(last.weights, last.codes, strict=True)], axis=0)
     return last
+
+
+def drag(app: App, start: tuple[float, float], end: tuple[float, float]) -> None:
+    for at, down in ((start, None), (start, True), (end, True), (end, False)):
+        hand.mouse(app.window, *at, None if down is None else 0, bool(down))
+        run(app, 2)
+    run(app, 2)
+
+
+def record(app: App, frames: int = 20, stop: bool = True) -> None:
+    """A walk straight ahead; without `stop` it is still recorded."""
+    app.takes.toggle_recording()
+    app.window.inject_key("w", True)
+    run(app, frames)
+    app.window.inject_key("w", False)
+    if stop:
+        app.takes.toggle_recording()
+    run(app)
+
+
+def titles(app: App) -> list[str]:
+    return [take.title for take in app.editor.session.takes]

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import importlib.util
+import os
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
 
+import pytest
+
 from runtime.assets import PROJECT_ROOT
 
+BLENDER_VARIABLE = "SPORT_BLENDER"  # names a Blender, or a Python with bpy
 ADDON = PROJECT_ROOT / "integrations" / "blender" / "sport_viewer.py"
 
 
@@ -23,11 +29,29 @@ def load_addon() -> ModuleType:
     return module
 
 
+def _find_blender() -> list[str]:
+    """What runs a script in Blender; empty where there is none."""
+    named = os.environ.get(BLENDER_VARIABLE) or shutil.which("blender")
+    if named and "python" not in Path(named).name.lower():
+        options = "--background --factory-startup --python-use-system-env --python-exit-code 1 --python"
+        return [named, *options.split()]
+    return [named or sys.executable] if named or importlib.util.find_spec("bpy") else []
+
+
+needs_blender = pytest.mark.skipif(not _find_blender(), reason="neither bpy nor a command blender")
+
+
 def blender_command(script: Path, *arguments: object) -> list[str]:
     """The command that runs a script in Blender with arguments."""
-    from runtime.formats.fbx import find_blender
-
-    command = find_blender()
-    assert command is not None
+    command = _find_blender()
     separator = ["--"] if len(command) > 1 else []
     return [*command, str(script), *separator, *map(str, arguments)]
+
+
+def run_in_blender(script: str, folder: Path, *arguments: object) -> str:
+    """What a script in Blender writes into the file whose path is its last argument."""
+    file, target = folder / "in_blender.py", folder / "read.json"
+    file.write_text(script)
+    command = blender_command(file, *arguments, target)
+    subprocess.run(command, check=True, capture_output=True, timeout=300)
+    return target.read_text()

@@ -6,7 +6,6 @@ import importlib
 import importlib.util
 import re
 import shlex
-import subprocess
 import sys
 from pathlib import Path
 from typing import NamedTuple
@@ -109,14 +108,6 @@ def check_help(
         main()
     shown = set(re.findall(r"--[\w-]+", capsys.readouterr().out))
     assert set(options) <= shown | own, f"{module}: {set(options) - shown}"
-
-
-def run_python(source: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    """Run a block or a file's text by itself in `folder`."""
-    program = f"import sys; sys.path.insert(0, {str(ROOT)!r})\n{source}"
-    return subprocess.run(
-        [sys.executable, "-c", program], cwd=folder, capture_output=True, text=True, check=False
-    )
 
 
 def links(path: Path) -> list[str]:

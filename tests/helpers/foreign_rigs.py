@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image
 
 from runtime import rotations
-from tests.helpers.gltf_characters import _CENTRE, _LEFT, _MIXAMO_PARENTS, join_glb
+from tests.helpers.gltf_characters import _CENTRE, _LEFT, _MIXAMO_PARENTS, join_glb, split_glb
 
 BONES = [name for name in _MIXAMO_PARENTS if name not in ("Armature", "HeadTop_End")]
 VRM_NAMES = {"Hips": "hips", "Spine": "spine", "Spine1": "chest", "Spine2": "upperChest", "Neck": "neck", "Head": "head",
@@ -200,6 +200,45 @@ def centimetre_rig(path: Path) -> Path:
                       np.stack([root, *worlds.values()]), np.eye(4), 3.0, 5)  # fmt: skip
     doc.value["scenes"] = [{"nodes": [joints[0], mesh]}]
     return doc.write(path)
+
+
+def sparse_rig(path: Path) -> Path:
+    """A character with a shape key as Blender writes it (sparse, without bytes of its own) and an old animation."""
+    document, blob = split_glb(mixamo_rig(path).read_bytes())
+    primitive = document["meshes"][0]["primitives"][0]
+    count = document["accessors"][primitive["attributes"]["POSITION"]]["count"]
+
+    def view(data: bytes) -> int:
+        nonlocal blob
+        blob += b"\0" * (-len(blob) % 4)
+        document["bufferViews"].append({"buffer": 0, "byteOffset": len(blob), "byteLength": len(data)})
+        blob += data
+        return len(document["bufferViews"]) - 1
+
+    indices, values = (
+        view(np.uint16([0, 3]).tobytes()),
+        view(np.float32([[0, 0, 0.1], [0, 0, 0.2]]).tobytes()),
+    )
+    document["accessors"].append(
+        {"componentType": 5126, "count": count, "type": "VEC3", "min": [0, 0, 0], "max": [0, 0, 0.2],
+         "sparse": {"count": 2, "indices": {"bufferView": indices, "componentType": 5123},
+                    "values": {"bufferView": values}}}
+    )  # fmt: skip
+    primitive["targets"] = [{"POSITION": len(document["accessors"]) - 1}]
+    times, turns = view(np.float32([0, 1]).tobytes()), view(np.float32([[0, 0, 0, 1]] * 2).tobytes())
+    document["accessors"] += [
+        {"bufferView": times, "componentType": 5126, "count": 2, "type": "SCALAR", "min": [0], "max": [1]},
+        {"bufferView": turns, "componentType": 5126, "count": 2, "type": "VEC4"},
+    ]
+    last = len(document["accessors"])
+    document["animations"] = [
+        {"samplers": [{"input": last - 2, "output": last - 1}],
+         "channels": [{"sampler": 0, "target": {"node": 0, "path": "rotation"}}]}
+    ]  # fmt: skip
+    blob += b"\0" * (-len(blob) % 4)
+    document["buffers"] = [{"byteLength": len(blob)}]
+    path.write_bytes(join_glb(document, blob))
+    return path
 
 
 RIGS = {"mixamo": mixamo_rig, "vrm": vrm_rig, "centimetres": centimetre_rig}

@@ -44,7 +44,7 @@ class Model(Endpoint):
 
 
 @pytest.fixture
-def model(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Model]:
+def language_model(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Model]:
     """The endpoint, with a cache of its own."""
     monkeypatch.setenv("SPORT_CACHE_DIR", str(tmp_path / "cache"))
     with serving(Model(), monkeypatch) as server:
@@ -63,14 +63,14 @@ def load_model(directory: Any, terrain: Any, seed: int, gpt: Any) -> Loaded:
 
 
 @pytest.fixture
-def asking(start: Start, model: Model) -> Callable[[], App]:
+def asking(start: Start, language_model: Model) -> Callable[[], App]:
     """Opens the application as on a screen, with the language model chosen."""
     from tests.helpers.app_driver import run_until
 
     def open_app() -> App:
         app = start(services={"load_model": load_model}, prompt="a proud king")
         app.prompting.blocking = app.jobs.blocking = False
-        app.settings.gpt_base_url, app.settings.gpt_model = model.url, "m"
+        app.settings.gpt_base_url, app.settings.gpt_model = language_model.url, "m"
         app.language_model.choose("gpt")
         run_until(app, lambda: not app.jobs.busy(Slot("language model")))
         return app

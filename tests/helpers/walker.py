@@ -1,15 +1,19 @@
 """A synthetic walker for tests without a trained network: a gait on the SPORT skeleton, and a model made of it."""
 
 from dataclasses import dataclass
+from functools import partialmethod
 from pathlib import Path
 
 import numpy as np
 
+import runtime.generate
+import runtime.motion.model
 from runtime import rotations
 from runtime.feet import ik
 from runtime.motion import features
+from runtime.motion.controller import Controller
 from runtime.motion.features import OutputParts, build_output
-from runtime.motion.style import Style
+from runtime.motion.style import Style, StyleMix
 from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, J
 
 CYCLE_FRAMES = 64
@@ -134,3 +138,23 @@ class WalkerModel:
             joint_rotations=rotation,
         )
         return build_output(parts)[None]
+
+
+class OtherStyles:
+    """A stand-in for the prompt encoder: another prompt, another Z^t."""
+
+    def style(self, prompt, exact_legs):
+        code = np.full((6, 64), (sum(map(ord, prompt)) % 100) / 200.0, np.float32)
+        return StyleMix((1.0,), (code,))
+
+
+def settle_soon(patch):
+    """Characters come to rest for a tenth of a second in place of two before they are shown."""
+    patch.setattr(Controller, "settle", partialmethod(Controller.settle, seconds=0.1))
+
+
+def generate_by_walker(patch, prompter=lambda *_: OtherStyles()):
+    """`generate_clip` and its command make clips by the synthetic walker, in styles of the stand-in."""
+    patch.setattr(runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel())
+    patch.setattr(runtime.generate, "Prompter", prompter)
+    settle_soon(patch)

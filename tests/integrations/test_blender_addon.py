@@ -15,7 +15,6 @@ import pytest
 from runtime.assets import PROJECT_ROOT
 from runtime.character.character import load_character
 from runtime.character.joints import CONVENTIONS
-from runtime.formats.fbx import find_blender
 from runtime.formats.prepare import ExportOptions, prepare
 from runtime.formats.table import save_motion
 from runtime.pose import Pose
@@ -23,13 +22,12 @@ from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
 from runtime.terrain.library import load_terrain
-from tests.helpers.blender_addon import ADDON, blender_command, load_addon
+from tests.helpers.blender_addon import ADDON, blender_command, load_addon, needs_blender
 from tests.helpers.foreign_rigs import RIGS
 from tests.helpers.walker import walk
 from viewer.live.link import Address, LiveLink
 from viewer.messages import Messages
 
-needs_blender = pytest.mark.skipif(find_blender() is None, reason="neither bpy nor a command blender")
 IN_BLENDER = PROJECT_ROOT / "tests" / "helpers" / "in_blender.py"
 HILLS = load_terrain("hills")
 MARKS = [("walk", 0), ("a proud queen", 0), ("jog", 18), ("drunk", 15)]  # at 30 frames a second

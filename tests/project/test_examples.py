@@ -24,6 +24,7 @@ from tests.helpers.documents import ROOT, text_of
 
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
 MAX_LINES = 80  # a page
+pytestmark = pytest.mark.usefixtures("quick_clips")
 
 
 @pytest.fixture
@@ -92,10 +93,9 @@ def test_04_own_character(tmp_path: Path, run: Callable[[str], str]) -> None:
     assert all((tmp_path / f"posed_{frame}.obj").stat().st_size > 100_000 for frame in (0, 30, 60))
 
 
-@pytest.mark.usefixtures("quick_blends")
 def test_05_blending(tmp_path: Path, run: Callable[[str], str]) -> None:
     heights = [float(cm) for cm in re.findall(r"hands +([-+][\d.]+) cm", run("05_blending.py"))]
-    assert len(heights) == 7
+    assert len(heights) == 5
     assert heights[-1] > heights[0] + 10.0  # the arms of an aeroplane are out
     assert len(load_clip_bvh(tmp_path / "blend.bvh")) == 120
 

@@ -38,7 +38,7 @@ def test_commands_exist_with_these_options(
     "source",
     [pytest.param(b, id=f"{page.stem}-{n}") for page in GUIDE for n, b in enumerate(blocks(page, "python"))],
 )
-@pytest.mark.usefixtures("quick_blends")
+@pytest.mark.usefixtures("quick_clips")
 def test_python_blocks_run_by_themselves(
     source: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

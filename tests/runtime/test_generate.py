@@ -4,31 +4,15 @@ import numpy as np
 import pytest
 
 import runtime.generate as generate_module
-import runtime.motion.model
 from runtime.controls import Gait
 from runtime.errors import PromptError, SportError, TerrainError, UsageError
 from runtime.generate import DEFAULT_PROMPT, generate_clip, parse_prompts, simulate
 from runtime.motion.control_scripts import GAITS, PATH_NAMES, PlanarPose, control_script
 from runtime.motion.controller import Controller
-from runtime.motion.style import StyleMix
 from runtime.prompts.parts import PartDescriptions
 from runtime.takes.metadata import PromptEvent
 from runtime.terrain.height_map import Terrain
-from tests.helpers.walker import WALK_SPEED, WalkerModel
-
-
-class OtherStyles:
-    """A stand-in for the prompt encoder: another prompt, another Z^t."""
-
-    def style(self, prompt, exact_legs):
-        code = np.full((6, 64), (sum(map(ord, prompt)) % 100) / 200.0, np.float32)
-        return StyleMix((1.0,), (code,))
-
-
-@pytest.fixture
-def walker(monkeypatch):
-    monkeypatch.setattr(runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel())
-    monkeypatch.setattr(generate_module, "Prompter", lambda model, *_: OtherStyles())
+from tests.helpers.walker import WALK_SPEED, OtherStyles, WalkerModel
 
 
 def follow(script, seconds, speed=1.4):

@@ -280,8 +280,9 @@ ODD_VALUES = [None, True, -1, 10**30, float("nan"), "", [], [[1.0]], {"a": 1}]
 
 def test_no_metadata_raise_anything_else(tmp_path: Path) -> None:
     """Each field in turn replaced by each odd value: it is accepted or a ModelError that names the file."""
-    text = (MODEL / "metadata.json").read_text(encoding="utf-8")
-    shipped = json.loads(text)
+    shipped = json.loads((MODEL / "metadata.json").read_text(encoding="utf-8"))
+    del shipped["calibration"]["codes"][2:]  # hundreds, read again for every value
+    text = json.dumps(shipped)
     names = [(key,) for key in shipped] + [(a, b) for a in ("config", "start", "sha256") for b in shipped[a]]
     refused = []
     for *outer, key in names:

@@ -294,7 +294,7 @@ def test_a_worker_that_dies_costs_its_row_alone(tmp_path: Path) -> None:
 
 def test_a_batch_killed_half_way_goes_on_and_ends_complete(tmp_path: Path) -> None:
     """The real command with the shipped model; its clips are those of `sport generate`, byte by byte."""
-    prompts = ["a proud walk", "drunk"] * 4
+    prompts = ["a proud walk", "drunk", "a proud walk", "drunk", "a proud walk"]
     table = write(tmp_path / "list.jsonl", "".join(
         json.dumps({"prompt": p, "seed": k, "out": f"clip-{k}.bvh"}) + "\n" for k, p in enumerate(prompts)))  # fmt: skip
     folder = tmp_path / "clips"
@@ -303,7 +303,7 @@ def test_a_batch_killed_half_way_goes_on_and_ends_complete(tmp_path: Path) -> No
     process = subprocess.Popen(command, cwd=PROJECT_ROOT, stderr=subprocess.DEVNULL)
     try:
         end = time.monotonic() + 300.0  # on a busy machine
-        while len(run.read_lines(folder / run.MANIFEST)) < 3:
+        while len(run.read_lines(folder / run.MANIFEST)) < 2:
             assert process.poll() is None
             assert time.monotonic() < end
             time.sleep(0.01)
@@ -311,23 +311,23 @@ def test_a_batch_killed_half_way_goes_on_and_ends_complete(tmp_path: Path) -> No
         process.send_signal(signal.SIGKILL)
         process.wait()
     before = run.read_lines(folder / run.MANIFEST)
-    assert 3 <= len(before) < 8
+    assert 2 <= len(before) < 5
     done = subprocess.run(command, cwd=PROJECT_ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert f"{len(before)} of 8 clips are there already" in done.stderr
+    assert f"{len(before)} of 5 clips are there already" in done.stderr
     found = lines(folder)
-    assert [line["row"] for line in found] == list(range(1, 9))
+    assert [line["row"] for line in found] == list(range(1, 6))
     names = {name for line in found for name in line["files"]}
     assert {p.name for p in folder.iterdir()} == names | {run.MANIFEST, ".sport-batch.lock"}
     for line in found:
         assert line["error"] is None
         assert sha256(folder / line["file"]) == line["sha256"]
-    out = tmp_path / "clip-7.bvh"
+    out = tmp_path / "clip-3.bvh"
     assert (
-        cli.main(["generate", "--prompt", "drunk", "--seed", "7", "--seconds", "0.1", "--out", str(out)]) == 0
+        cli.main(["generate", "--prompt", "drunk", "--seed", "3", "--seconds", "0.1", "--out", str(out)]) == 0
     )
-    assert out.read_bytes() == (folder / "clip-7.bvh").read_bytes()
-    assert (tmp_path / "clip-7.bvh.json").read_bytes() == (folder / "clip-7.bvh.json").read_bytes()
+    assert out.read_bytes() == (folder / "clip-3.bvh").read_bytes()
+    assert (tmp_path / "clip-3.bvh.json").read_bytes() == (folder / "clip-3.bvh.json").read_bytes()
 
 
 def test_without_ray_the_sentence_says_what_to_install(

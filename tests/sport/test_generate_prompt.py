@@ -14,12 +14,8 @@ from runtime.errors import UsageError
 from runtime.formats.bvh import read_bvh
 from runtime.prompts.parts import PartDescriptions
 from sport import cli
-from tests.helpers.gpt_endpoint import (
-    FIVE,
-    PROUD,
-    Encoder,
-)
-from tests.helpers.walker import WalkerModel
+from tests.helpers.gpt_endpoint import FIVE, PROUD, Encoder
+from tests.helpers.walker import WalkerModel, settle_soon
 
 
 @pytest.fixture
@@ -37,6 +33,7 @@ def walker(monkeypatch, tmp_path):
 
     model = WalkerModel()
     model.prompt_path = tmp_path / "none.onnx"
+    settle_soon(monkeypatch)
     monkeypatch.setattr(runtime.motion.model, "load_model", lambda folder=None, threads=1: model)
     monkeypatch.setattr(runtime.prompts.prompter, "PromptEncoder", Encoding)
     monkeypatch.setenv("SPORT_CACHE_DIR", str(tmp_path / "cache"))

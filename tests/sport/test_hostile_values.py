@@ -20,19 +20,7 @@ from runtime.terrain.files import read_terrain
 from runtime.terrain.height_map import Terrain
 from sport import cli
 from tests.helpers.shipped import shipped_model
-
-MOTION = "MOTION\nFrames: {}\nFrame Time: 0.01\n"
-
-
-def chain(joints: int, channels: str = "") -> str:
-    """A HIERARCHY of joints one below the other, of which the root alone has channels."""
-    lines = ["HIERARCHY", "ROOT j0", "{", "OFFSET 0 0 0", f"CHANNELS {len(channels.split())} {channels}"]
-    for j in range(1, joints):
-        lines += [f"JOINT j{j}", "{", "OFFSET 0 1 0", "CHANNELS 0"]
-    return "\n".join(lines + ["}"] * joints) + "\n"
-
-
-# --- text of other encodings, values without sense
+from tests.runtime.test_hostile_files import MOTION, chain
 
 
 def test_latin_1_and_byte_order_marks_are_read(tmp_path: Path) -> None:

@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import runtime.generate as generate_module
-import runtime.motion.model
 from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
 from runtime.formats.table import FORMATS
 from runtime.takes.clip import Clip
@@ -20,17 +18,13 @@ from runtime.terrain.library import load_terrain
 from sport import cli
 from tests.helpers.foreign_rigs import centimetre_rig
 from tests.helpers.glb_playback import play
-from tests.helpers.walker import WalkerModel, walk
-from tests.runtime import test_generate
+from tests.helpers.walker import walk
 from viewer.tools.contact_sheet import main as contact_sheet
 
 SMALL = ["--size", "96x64", "--quality", "software"]
 
 
-@pytest.fixture(autouse=True)
-def walker(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel())
-    monkeypatch.setattr(generate_module, "Prompter", lambda model, *_: test_generate.OtherStyles())
+pytestmark = pytest.mark.usefixtures("walker")
 
 
 @pytest.fixture

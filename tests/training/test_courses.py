@@ -15,18 +15,13 @@ from runtime.motion.model import MotionModel
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacle_detection import ObstacleKind, obstacle_ahead
-from tests.helpers.shipped import shipped_model
+from tests.helpers.walker import settle_soon
 from training import courses as clips
 from training.courses import Course, LevelSight, Walked, kept, random_course, smoothed, walk
 from training.evaluation.metrics.traversal import first_problem
 from training.export.traversals import obstacle_ground
 
 FRAMES = 700
-
-
-@pytest.fixture(scope="module")
-def model() -> MotionModel:
-    return shipped_model()
 
 
 def upright(height: float = 0.0) -> Walked:
@@ -119,6 +114,7 @@ def test_the_checks_name_what_does_not_pass() -> None:
 
 def test_a_walk_gets_on_over_stairs(model: MotionModel, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(clips, "MINUTES_EACH", 0.1)
+    settle_soon(monkeypatch)
     course = random_course("stairs", np.random.default_rng(3))
     walked = walk(model, course, "neutral", model.neutral, Gait.JOG, 1)
     assert walked.hips[-1, 2] > clips.START_M + 1.0

@@ -49,7 +49,7 @@ def run(stage: str, out: Path, frames, table, texts, steps=STEPS, recorded=False
         phase.run(session, CONFIG, table, weights, StageLength(steps, 8))
     elif stage == "content":
         known = content.ContentData(table, frames, weights, with_words(texts))
-        content.run(session, CONFIG, known, StageLength(steps, 4))
+        content.run(session, CONFIG, known, StageLength(steps, 2))
     elif stage == "stage2":
         motion.run_stage2(session, CONFIG, data(frames, table), StageLength(steps, 16))
     elif stage == "ground":

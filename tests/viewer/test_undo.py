@@ -4,33 +4,33 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from runtime.character.shape import BodyShape
+from runtime.formats.options import ExportOptions
+from runtime.formats.table import save_motion
 from runtime.session.session import Session
+from runtime.takes.clip import Clip
+from runtime.terrain.library import load_terrain
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click, click_on, drawn, message, place, press, run
+from tests.helpers.app_driver import (
+    Start,
+    click,
+    click_on,
+    drag,
+    drawn,
+    message,
+    place,
+    press,
+    record,
+    run,
+    titles,
+)
+from tests.helpers.walker import walk
 from viewer import services
 from viewer.app import App
 from viewer.gl_bindings import imgui
-
-
-def record(app: App, frames: int = 40) -> None:
-    """A walk straight ahead by keys."""
-    app.window.inject_key("w", True)
-    for count in (frames, 1):
-        app.window.inject_key("r", True)
-        app.window.inject_key("r", False)
-        run(app, count)
-    app.window.inject_key("w", False)
-    run(app, 2)
-
-
-def drag(app: App, start: tuple[float, float], end: tuple[float, float]) -> None:
-    for at, down in ((start, None), (start, True), (end, True), (end, False)):
-        hand.mouse(app.window, *at, None if down is None else 0, bool(down))
-        run(app, 2)
-    run(app, 2)
 
 
 def trim_start(app: App, share: float) -> None:
@@ -61,10 +61,6 @@ def undo(app: App) -> None:
     run(app, 2)
 
 
-def titles(app: App) -> list[str]:
-    return [take.title for take in app.editor.session.takes]
-
-
 def trims(app: App) -> list[tuple[int, int]]:
     return [take.range for take in app.editor.session.takes]
 
@@ -89,8 +85,8 @@ def test_undo_takes_the_trim_back_whatever_was_looked_at_since(
     start: Start, tmp_path: Path, then: str
 ) -> None:
     app = start()
-    record(app)
-    record(app)
+    record(app, 40)
+    record(app, 40)
     play_row(app, 0)
     trim_start(app, 0.5)
     if then == "another plays":
@@ -109,7 +105,7 @@ def test_undo_takes_the_trim_back_whatever_was_looked_at_since(
 
 def test_one_drag_of_a_handle_is_one_step(start: Start) -> None:
     app = start()
-    record(app)
+    record(app, 40)
     play_row(app, 0)
     steps = app.editor.history.present.number
     y, xs = place(app, "##timeline")[1] + 7.0, [place(app, "##timeline", share=k / 20)[0] for k in range(11)]
@@ -164,7 +160,7 @@ def test_color_and_order_are_chosen_in_the_menu_undone_and_kept(start: Start, tm
 
 def test_undo_removes_the_camera_key_and_not_the_pin_before_it(start: Start) -> None:
     app = start()
-    record(app)
+    record(app, 40)
     play_row(app, 0)
     for entry in ("Left hand", "Camera view"):
         click_on(app, "+ Pin")
@@ -217,7 +213,7 @@ def shown_ground(app: App) -> str:
 
 def test_the_scene_panel_names_the_ground_of_the_take_that_plays(start: Start) -> None:
     app = start()
-    record(app)
+    record(app, 40)
     app.scene.load_terrain("hills")
     run(app, 2)
     assert shown_ground(app).lower() == "hills"
@@ -229,3 +225,19 @@ def test_the_scene_panel_names_the_ground_of_the_take_that_plays(start: Start) -
     assert shown_ground(app).lower() == "hills"
     undo(app)
     assert shown_ground(app).lower() == "flat"
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_the_scene_panel_names_the_ground_under_a_file(start: Start, tmp_path: Path, named: bool) -> None:
+    """That of the file, or without one the live ground; the one that is drawn in both cases."""
+    clip = Clip("walk", 60.0, *walk(90), terrain="stairs" if named else "flat")
+    save_motion(clip, tmp_path / "walk.glb", ExportOptions(), load_terrain(clip.terrain))
+    app = start()
+    app.scene.load_terrain("hills")
+    run(app, 2)
+    app.takes.open(tmp_path / "walk.glb")
+    run(app, 4)
+    wanted = "stairs" if named else "hills"
+    assert (shown_ground(app).lower(), app.scene.renderer.terrain.name) == (wanted, wanted)
+    assert app.takes.playback is not None
+    assert np.allclose(app.takes.playback.clip.contacts, clip.contacts, atol=1e-3)

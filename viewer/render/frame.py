@@ -16,6 +16,8 @@ FOG_BEGIN_M, FOG_END_M = 7.0, 46.0
 SHADOW_MARGIN_M = 0.35  # flesh around joints
 GROUND_MARGIN_M = 0.45  # darkness around feet and bodies
 SHADOW_REACH_M = 9.0  # of terrain shadows around the character
+SHADOW_TEXEL_M = 0.007  # of the shadow map: finer ones show no more
+TEXEL_STEP = 64  # the map has one of few sizes
 UNIFORM_BYTES = 2 * 64 + 7 * 16  # two matrices and seven vectors
 
 
@@ -28,6 +30,7 @@ class RenderFrame:
     view_projection: Array  # (4, 4)
     radians_per_pixel: float
     cast: Array  # (n, 3) metres: the characters' joints, and where the sun throws them on the ground
+    shadow_texels: int  # per side of the shadow map
     uniforms: bytes  # the block `Frame` of common.glsl
 
     def ground_box(self, reach_m: float) -> tuple[Array, Array]:
@@ -54,15 +57,15 @@ class RenderFrame:
 
 
 def make_frame(
-    camera: Camera, size: tuple[int, int], poses: list[Pose], shadow_reach_m: float, shadow_texels: int
+    camera: Camera, size: tuple[int, int], poses: list[Pose], shadow_reach_m: float, most_texels: int
 ) -> RenderFrame:
-    """The frame of a camera and the poses that cast shadows."""
+    """The frame of a camera and the poses that cast shadows, on a map of `most_texels` a side or what they need."""
     aspect = size[0] / max(size[1], 1)
     view, projection = camera.view_matrix(), camera.projection_matrix(aspect)
     eye = np.asarray(camera.position, np.float32)
     view_projection = (projection @ view).astype(np.float32)
     cast = _shadow_points(poses)
-    shadow = _fit_shadow(poses, camera.target, shadow_reach_m, shadow_texels)
+    shadow, texels = _fit_shadow(poses, camera.target, shadow_reach_m, most_texels)
     half_height = camera.half_height
     scale = max(1.0, 0.14 * camera.distance)
     vectors = np.zeros((7, 4), np.float32)
@@ -74,7 +77,7 @@ def make_frame(
     vectors[5] = size[0], size[1], 1 / size[0], 1 / size[1]
     vectors[6] = camera.target[0], camera.target[2], FOG_BEGIN_M * scale, FOG_END_M * scale
     uniforms = view_projection.tobytes() + shadow.astype(np.float32).tobytes() + vectors.tobytes()
-    return RenderFrame(size, eye, view_projection, 2 * half_height / size[1], cast, uniforms)
+    return RenderFrame(size, eye, view_projection, 2 * half_height / size[1], cast, texels, uniforms)
 
 
 def _shadow_points(poses: list[Pose]) -> Array:
@@ -87,12 +90,13 @@ def _shadow_points(poses: list[Pose]) -> Array:
     return np.concatenate([points, points - 1.15 * fall])  # a little further: the ground may drop
 
 
-def _fit_shadow(poses: list[Pose], focus: Array, reach_m: float, texels: int) -> Array:
-    """World to shadow map `(4, 4)` in 0..1 around the poses."""
+def _fit_shadow(poses: list[Pose], focus: Array, reach_m: float, most_texels: int) -> tuple[Array, int]:
+    """World to shadow map `(4, 4)` in 0..1 around the poses, and its texels a side."""
     points = np.concatenate([pose.positions for pose in poses] or [focus[None]]).astype(float)
     centre = 0.5 * (points.min(0) + points.max(0))
     radius = float(np.max(np.linalg.norm(points - centre, axis=1))) + SHADOW_MARGIN_M
     radius = max(math.ceil(radius * 4) / 4, reach_m)  # rarely another scale: edges do not shimmer
+    texels = min(most_texels, math.ceil(2 * radius / SHADOW_TEXEL_M / TEXEL_STEP) * TEXEL_STEP)
     view = look_at(centre + SUN_DIRECTION, centre).astype(float)
     texel = 2 * radius / texels
     depth = radius + 6.0
@@ -102,4 +106,4 @@ def _fit_shadow(poses: list[Pose], focus: Array, reach_m: float, texels: int) ->
     m[2, 3] = -(view[2, :3] @ centre)
     clip = np.diag([0.5 / radius, 0.5 / radius, -0.5 / depth, 1.0])
     clip[:3, 3] = 0.5
-    return clip @ m
+    return clip @ m, texels

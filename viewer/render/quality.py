@@ -27,7 +27,7 @@ class Quality:
 
 FAST = Quality("fast", 64, 384, 1, False, False, 0, True, 0.6, 340_000)
 SOFTWARE = Quality("software", 104, 768, 1, False, False, 0, True, 1.0, 1_100_000)
-HIGH = Quality("high", 256, 2048, 16, True, True, 4, False, 1.0, 0)
+HIGH = Quality("high", 256, 2048, 8, True, True, 4, False, 1.0, 0)
 PRESETS = {preset.name: preset for preset in (FAST, SOFTWARE, HIGH)}
 
 

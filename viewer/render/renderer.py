@@ -15,7 +15,7 @@ from viewer.render.character_pass import (
     SkinnedMesh,
     ghost_draws,
 )
-from viewer.render.frame import SHADOW_MARGIN_M, SHADOW_REACH_M, UNIFORM_BYTES, RenderFrame, make_frame
+from viewer.render.frame import SHADOW_MARGIN_M, UNIFORM_BYTES, RenderFrame, make_frame
 from viewer.render.gl import FRAME_BINDING, release, screen_triangle, shown_size
 from viewer.render.marks import (
     REFERENCE_HEIGHT_PX,
@@ -48,7 +48,7 @@ class Renderer:
         self.quality = quality or choose_quality(ctx)
         self._uniforms = ctx.buffer(reserve=UNIFORM_BYTES, dynamic=True)  # of the frame, for all passes
         self._scene = SceneTarget(ctx, self.quality)
-        self._shadow_map = ShadowMap(ctx, self.quality.shadow_map_size)
+        self._shadow_map = ShadowMap(ctx)
         self._sky = screen_triangle(ctx, "sky.frag")
         self._terrain = TerrainPass(ctx, self.quality)
         self._characters = CharacterPass(ctx, self.quality)
@@ -74,7 +74,7 @@ class Renderer:
         solid = overlays.extra_poses if pose is None else [pose, *overlays.extra_poses]
         standing = [*solid, figure.pose] if figure is not None and figure.casts else solid
         scene = self._scene.begin(shown_size(target))
-        reach = SHADOW_REACH_M if self.quality.terrain_casts_shadow else 0.0
+        reach = self._terrain.shadow_reach_m
         frame = make_frame(camera, scene.size, standing, reach, self.quality.shadow_map_size)
         self._uniforms.write(frame.uniforms)
         self._uniforms.bind_to_uniform_block(FRAME_BINDING)
@@ -116,13 +116,12 @@ class Renderer:
         return ([], [self._figure]) if figure.on_top else ([self._figure], [])
 
     def _draw_shadow_map(self, frame: RenderFrame, passes: list[CharacterPass]) -> None:
-        self._shadow_map.framebuffer.use()
-        self._shadow_map.framebuffer.clear(depth=1.0)
+        self._shadow_map.begin(frame.shadow_texels)
         self.ctx.enable_only(moderngl.DEPTH_TEST)
         self.ctx.depth_func = "<"
         for characters in passes:
             characters.draw_depth()
-        if self.quality.terrain_casts_shadow:
+        if self._terrain.shadow_reach_m:
             self.ctx.polygon_offset = 1.0, 2.0  # the ground must not shade itself
             self._terrain.draw_depth(frame)
             self.ctx.polygon_offset = 0.0, 0.0

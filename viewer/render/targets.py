@@ -13,7 +13,20 @@ from viewer.render.quality import Quality
 class ShadowMap:
     """A depth texture seen from the sun, compared when it is read."""
 
-    def __init__(self, ctx: moderngl.Context, size: int) -> None:
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self._ctx = ctx
+        self._make(1)
+
+    def begin(self, size: int) -> None:
+        """Bind a cleared map of `size` texels a side, made anew when the size has changed."""
+        if self.texture.size != (size, size):
+            self.release()
+            self._make(size)
+        self.framebuffer.use()
+        self.framebuffer.clear(depth=1.0)
+
+    def _make(self, size: int) -> None:
+        ctx = self._ctx
         self.texture = ctx.depth_texture((size, size))
         self.texture.compare_func = "<="
         self.texture.filter = moderngl.LINEAR, moderngl.LINEAR

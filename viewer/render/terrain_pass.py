@@ -8,13 +8,14 @@ from numpy.typing import NDArray
 
 from runtime.arrays import Array
 from runtime.terrain.height_map import Terrain
-from viewer.render.frame import SHADOW_REACH_M, RenderFrame
+from viewer.render.frame import SHADOW_REACH_M, SUN_DIRECTION, RenderFrame
 from viewer.render.gl import load_program, release, scissored, set_uniforms
 from viewer.render.quality import Quality
 from viewer.render.terrain_mesh import APRON_M, Levels, TerrainMesh, cut_window
 
 MAX_FEET = 32  # the array in ground_shadow.frag
 RECENTRE_SHARE = 0.12  # of the window's size
+SUN_SLOPE = SUN_DIRECTION[1] / np.hypot(*SUN_DIRECTION[::2])  # flatter ground throws no shadow on itself
 MIN_RELIEF_M, MAX_RELIEF_M = 0.25, 3.0  # height over the start that has the full tint
 LAYOUTS = {  # of a vertex: what each program reads
     "surface": ("1f4 2f2 1f2 2x", "in_height", "in_slope", "in_relief"),
@@ -28,7 +29,8 @@ class TerrainPass:
 
     def __init__(self, ctx: moderngl.Context, quality: Quality) -> None:
         self._ctx = ctx
-        self._shadow_reach_m = SHADOW_REACH_M if quality.terrain_casts_shadow else 0.0
+        self._casts = quality.terrain_casts_shadow
+        self.shadow_reach_m = 0.0  # around the characters, of shadows of the ground
         self._max_triangles = 2 * quality.grid_resolution**2
         taps = {"SHADOW_TAPS": quality.shadow_taps}
         self._programs = {
@@ -48,6 +50,7 @@ class TerrainPass:
     def set_terrain(self, terrain: Terrain) -> None:
         """Show another height map from the next frame on."""
         self._terrain = terrain
+        self.shadow_reach_m = SHADOW_REACH_M if self._casts and terrain.steepest > SUN_SLOPE else 0.0
         self._mesh = None
         start = float(terrain.height(0.0, 0.0))
         highest = float(np.max(np.abs(terrain.heights - start), initial=MIN_RELIEF_M))
@@ -115,7 +118,7 @@ class TerrainPass:
     def draw_depth(self, frame: RenderFrame) -> None:
         """Draw the ground near the characters into the shadow map that is bound."""
         if self._mesh is not None:
-            near = self._mesh.touching(*frame.ground_box(self._shadow_reach_m))
+            near = self._mesh.touching(*frame.ground_box(self.shadow_reach_m))
             self._draw("depth", self._mesh.indices(self._levels, near))
 
     def draw_shadows(
@@ -125,7 +128,7 @@ class TerrainPass:
         mesh = self._mesh
         if mesh is None or not len(feet):
             return
-        box = frame.ground_box(self._shadow_reach_m)
+        box = frame.ground_box(self.shadow_reach_m)
         chosen = mesh.touching(*box) & self._visible
         if not chosen.any():
             return

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from runtime.errors import SportError
 from runtime.session.motion import Motion
@@ -17,26 +20,28 @@ SLOT = Slot("opening of a take")
 def read_take(path: Path, load_ground: Callable[[str], Terrain] | None) -> tuple[Take, str, str]:
     """A take, a sentence about it, and why its ground cannot be shown; on any thread, FileError.
 
-    One of another skeleton plays on flat ground, one of ours on its own, where `load_ground` finds that.
+    It plays on the ground that its file names, where `load_ground` finds that; one of another skeleton else on flat ground.
     """
     from runtime.formats.ground import ground_spec, names_ground
-    from runtime.formats.prepare import on_its_ground, with_contacts
+    from runtime.formats.prepare import on_its_ground, placement_of, with_contacts
     from runtime.formats.reference import open_take
 
     opened = open_take(path)
-    clip, said, spec, own, problem = opened.clip, "", "", None, ""
+    clip, own, ground, problem = opened.clip, None, None, ""
+    text = f"{path.name}: {len(clip)} frames at {clip.fps:g} fps"
     if opened.reference is not None:
-        said, spec, own = opened.reference.describe(), "flat", opened.reference.own
-    text = f"{path.name}: {len(clip)} frames at {clip.fps:g} fps{said}"
-    ground = None
+        own, text = opened.reference.own, text + opened.reference.describe()
+    named = names_ground(clip)
     try:
-        if own is None and names_ground(clip):
-            clip, spec = on_its_ground(clip), ground_spec(clip, path)
+        spec = ground_spec(clip, path) if named else "" if own is None else "flat"
         if spec and load_ground is not None:
             ground = Ground.of(spec, load_ground(spec))
             text += f", on the ground {Path(spec).name}"
     except SportError as error:
-        clip, problem = opened.clip, error.problem
+        named, problem = False, error.problem
+    if named:
+        back, clip = placement_of(clip).inverse(), on_its_ground(clip)
+        own = None if own is None else replace(own, points=back.points(own.points).astype(np.float32))
     clip = with_contacts(clip, None if ground is None else ground.terrain)
     take = Take(motion=Motion.of(clip), recorded=False, ground=ground, own=own)
     return take, f"{text}. {opened.note}".rstrip(), problem

@@ -398,7 +398,7 @@ class Takes:
         if playback is None:
             return self.scene.ground
         take, inputs = playback.take, playback.inputs
-        spec = take.made.header.terrain if take.ground is None else take.ground.spec
+        spec = self.scene.terrain_spec if take.ground is None else take.ground.spec
         if playback.live is not self.scene.terrain:  # another one was chosen meanwhile: it is shown on that
             playback.terrain, spec = self.scene.terrain, self.scene.terrain_spec
         elif inputs is not None:

@@ -107,7 +107,7 @@ def stumble(seed, terrain, frames=150):
 @pytest.mark.parametrize("name", ["flat", "hills", "rough", "stairs", "hurdles"])
 def test_whatever_comes_in_no_sole_moves_in_the_ground(name):
     ground, deepest = make_terrain(name), 0.0
-    for seed in range(4):
+    for seed in range(3):
         hips, local, contacts = stumble(seed, ground)
         positions, _ = planted(hips, local, contacts, ground)
         soles = joint_heights(positions, ground, SOLE_POINTS) - np.array(SOLE_HEIGHTS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 from dataclasses import replace
@@ -14,11 +15,14 @@ import pytest
 from runtime import rotations
 from runtime.formats.bvh_clip import save_bvh
 from runtime.formats.options import ExportOptions
+from runtime.formats.prepare import on_its_ground
 from runtime.formats.reference import open_take
 from runtime.formats.sidecar import CONTACTS, sidecar_path
 from runtime.formats.table import save_motion
 from runtime.takes.clip import Clip
+from runtime.takes.metadata import Origin, PromptEvent, gait_changes
 from runtime.terrain.height_map import Terrain
+from runtime.terrain.library import load_terrain
 from sport.cli import main
 from tests.helpers.foreign_rigs import RIGS
 from tests.helpers.walker import walk
@@ -39,32 +43,85 @@ def on_a_slope() -> tuple[Clip, Terrain]:
     return Clip("slope", 60.0, hips, local.astype(np.float32), contacts, terrain="slope"), terrain
 
 
-def tracks_of(path: Path, track: str) -> np.ndarray:
-    """Columns of a track of a GLB or of the JSON next to a BVH, by pygltflib or json alone."""
-    if path.suffix == ".glb":
-        found = pygltflib.GLTF2().load(str(path)).animations[0].extras["sport"][track]
+def feet_of(path: Path) -> np.ndarray:
+    """Contacts and phase `(T, 6)` of a file, -1 for no phase, by a reader that is not ours."""
+    if path.suffix == ".npz":
+        with np.load(path) as npz:
+            return np.nan_to_num(np.concatenate([npz["contacts"], npz["phase"]], axis=1), nan=-1.0)
+    if path.suffix == ".csv":
+        with path.open(newline="") as file:
+            rows = [
+                [row[name] for name in (*CONTACTS, "phase_left", "phase_right")]
+                for row in csv.DictReader(file)
+            ]
+        return np.array([[float(value or -1.0) for value in row] for row in rows])
+    if path.suffix == ".usd":
+        stage = pytest.importorskip("pxr.Usd").Stage.Open(str(path))
+        sport = stage.GetDefaultPrim().GetCustomDataByKey("sport")
+        told = {track: json.loads(sport[track]) for track in ("contacts", "phase")}
+    elif path.suffix == ".bvh":
+        told = json.loads(path.with_name(path.name + ".json").read_text())
     else:
-        found = json.loads(path.with_name(path.name + ".json").read_text())[track]
-    return np.array(list(found.values())).T
+        told = pygltflib.GLTF2().load(str(path)).animations[0].extras["sport"]
+    return np.array([*told["contacts"].values(), *told["phase"].values()]).T
 
 
-def test_contacts_and_phase_are_equal_in_every_format(tmp_path: Path) -> None:
-    take = save_bvh(SOFT, tmp_path / "take.bvh")
-    save_motion(SOFT, tmp_path / "direct.npz", ExportOptions(), Terrain.flat())
-    with np.load(tmp_path / "direct.npz") as npz:
-        contacts, phase = npz["contacts"], np.nan_to_num(npz["phase"], nan=-1.0)
-    files = [tmp_path / name for name in ("again.bvh", "again.glb", "again.npz", "again.html")]
+@pytest.mark.parametrize(("ground", "fps"), [("hills", 60.0), ("stairs", 24000 / 1001)])
+def test_a_take_on_its_ground_is_the_same_in_every_format(tmp_path: Path, ground: str, fps: float) -> None:
+    prompts = (PromptEvent(0.0, "a proud queen"), PromptEvent(1.2, "صياد 🎣", 0.5))
+    gaits = np.repeat([1, 2], 90).astype(np.int8)
+    clip = replace(SOFT, terrain=ground, prompts=prompts, gaits=gaits, origin=Origin("compact", seed=7))
+    take = save_bvh(clip, tmp_path / "take.bvh", fps)
+    save_motion(clip, tmp_path / "direct.npz", ExportOptions(fps=fps), load_terrain(ground))
+    wanted = feet_of(tmp_path / "direct.npz")
+    files = [tmp_path / f"again.{ending}" for ending in ("bvh", "glb", "npz", "csv", "usd", "html")]
     assert main(["convert", str(take), *map(str, files)]) == 0
-    for path in (take, files[0], files[1]):
-        np.testing.assert_allclose(tracks_of(path, "contacts"), contacts, atol=1e-4)
-        np.testing.assert_allclose(tracks_of(path, "phase"), phase, atol=1e-4)
-    with np.load(files[2]) as npz:
-        np.testing.assert_allclose(npz["contacts"], contacts, atol=1e-4)
-        np.testing.assert_array_equal(np.nan_to_num(npz["phase"], nan=-1.0), phase)
-    bars = re.search(r'"contacts": "(\d+)"', files[3].read_text())
+    for path in (take, *files[:-1]):
+        np.testing.assert_allclose(feet_of(path), wanted, atol=1e-4, err_msg=path.name)
+    bars = re.search(r'"contacts": "(\d+)"', files[-1].read_text())
     assert bars is not None
-    left = (contacts[:, :2] > 0.5).any(axis=1)
-    assert [int(bits) & 1 for bits in bars[1]] == left.tolist()
+    sides = [(wanted[:, k : k + 2] > 0.5).any(axis=1) for k in (0, 2)]
+    assert [int(bits) for bits in bars[1]] == (sides[0] + 2 * sides[1]).tolist()
+    assert (
+        main(["convert", str(files[1]), str(tmp_path / "engine.glb"), "--for", "unity", "--humanoid-names"])
+        == 0
+    )
+    for path in (take, files[0], files[1], tmp_path / "engine.glb"):
+        opened = open_take(path)
+        assert opened.reference is None
+        assert (opened.clip.terrain, opened.clip.prompts, opened.clip.origin) == (
+            ground,
+            prompts,
+            clip.origin,
+        )
+        assert opened.clip.fps == pytest.approx(fps, abs=1e-3)
+        assert [name for _, name in gait_changes(opened.clip.gaits, fps)] == ["walk", "jog"]
+        np.testing.assert_allclose(opened.clip.contacts, wanted[:, :4], atol=1e-4)
+        assert np.abs(opened.clip.world()[0] - clip.resampled(opened.clip.fps).world()[0]).max() < 1e-4
+
+
+def test_a_take_of_another_character_comes_back_on_its_ground(tmp_path: Path) -> None:
+    clip = replace(SOFT, terrain="hills", hips_positions=SOFT.hips_positions + np.float32([2.0, 0.4, 1.0]))
+    options = ExportOptions(character=RIGS["vrm"](tmp_path / "rig.glb"), at_origin=True)
+    save_motion(clip, tmp_path / "other.glb", options, load_terrain("hills"))
+    opened = open_take(tmp_path / "other.glb")
+    assert opened.reference is not None
+    there = on_its_ground(opened.clip)
+    assert there.terrain == "hills"
+    np.testing.assert_allclose(there.contacts, SOFT.contacts, atol=1e-4)
+    assert np.abs(there.hips_positions - clip.hips_positions).max() < 0.06
+
+
+@pytest.mark.parametrize("extras", ["text", [1], {"sport": 7}, {"sport": "{"}, {"sport": {"format": "sport-take", "fps": "x",
+                                    "contacts": 3, "prompts": {}, "placed": [1], "size": None, "gaits": 1}}])  # fmt: skip
+def test_extras_that_tell_nothing_are_left_out(tmp_path: Path, extras: object) -> None:
+    save_motion(SOFT, tmp_path / "take.glb", ExportOptions(), Terrain.flat())
+    gltf = pygltflib.GLTF2().load(str(tmp_path / "take.glb"))
+    gltf.animations[0].extras, gltf.scenes[0].extras = extras, {}
+    gltf.save(str(tmp_path / "take.glb"))
+    clip = open_take(tmp_path / "take.glb").clip
+    assert (len(clip), clip.fps, clip.prompts, clip.size) == (180, 60.0, (), 1.0)
+    assert not clip.contacts.any()
 
 
 def test_a_converted_take_is_the_generated_file(tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,12 +11,13 @@ import numpy as np
 import pytest
 
 from runtime.errors import FileError, UsageError
-from runtime.formats import fbx, usd
+from runtime.formats import usd
 from runtime.formats.prepare import ExportOptions
 from runtime.formats.table import check_export, save_motion
 from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
 from runtime.terrain.height_map import Terrain
+from tests.helpers.blender_addon import needs_blender, run_in_blender
 from tests.helpers.foreign_rigs import RIGS
 from tests.helpers.glb_playback import play, skinned
 from tests.helpers.gltf_characters import character_glb, join_glb, split_glb
@@ -113,19 +113,13 @@ json.dump(found, open(sys.argv[-1], "w"))
 
 
 @needs_usd
-@pytest.mark.skipif(fbx.find_blender() is None, reason="neither bpy nor a command blender")
+@needs_blender
 def test_blender_reads_the_same_joints(tmp_path: Path) -> None:
-    command = fbx.find_blender()
-    assert command is not None
     for ending, engine in ((".usd", None), (".glb", "blender")):
         save_motion(CLIP, tmp_path / f"take{ending}", ExportOptions(fps=30.0, engine=engine), Terrain.flat())
-    script, target = tmp_path / "read.py", tmp_path / "read.json"
-    script.write_text(READER)
-    separator = ["--"] if len(command) > 1 else []
-    subprocess.run([*command, str(script), *separator, str(tmp_path / "take.usd"), str(target)], check=True,
-                   capture_output=True, timeout=300)  # fmt: skip
+    read = json.loads(run_in_blender(READER, tmp_path, tmp_path / "take.usd"))
     played = play(tmp_path / "take.glb").joints()
-    for frame, found in zip((0, 5, 10), json.loads(target.read_text()), strict=True):
+    for frame, found in zip((0, 5, 10), read, strict=True):
         for joint, world in played.items():
             x, y, z = world[frame, :3, 3]
             assert np.abs(np.array(found[joint]) - (x, -z, y)).max() < 0.1 * MM, joint

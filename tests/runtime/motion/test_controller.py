@@ -10,15 +10,9 @@ from runtime.motion.state import FASTEST_JOINT
 from runtime.skeleton import SPORT_SKELETON, J
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
-from tests.helpers.shipped import shipped_model
 from tests.helpers.walker import WalkerModel
 
 FORWARD = Controls((0.0, 1.0))
-
-
-@pytest.fixture(scope="module")
-def model():
-    return shipped_model()
 
 
 def drive(controller, controls, frames):
@@ -73,7 +67,7 @@ def test_toes_stay_above_the_ground_on_stairs_and_hills(model):
     for name in ("stairs", "hills"):
         terrain = make_terrain(name)
         controller = Controller(model, terrain)
-        toes = np.array([p.positions[[5, 10]] for p in drive(controller, FORWARD, 150)])
+        toes = np.array([p.positions[[5, 10]] for p in drive(controller, FORWARD, 110)])
         sunk = terrain.height(toes[..., 0], toes[..., 2]) - toes[..., 1]
         assert np.percentile(sunk, 99) < 0.02
 
@@ -180,7 +174,7 @@ def test_settled_it_stands_in_its_style_and_sets_off_without_flying_hands(model)
         if settled:
             pose = controller.settle()
             assert np.allclose(pose.root_position[[0, 2]], [1.0, 2.0])
-        poses = drive(controller, FORWARD, 150)
+        poses = drive(controller, FORWARD, 120)
         moved = np.linalg.norm(np.diff([p.positions[hands] for p in poses], axis=0), axis=-1) * 60
         assert np.allclose(poses[0].root_position[[0, 2]], [1.0, 2.0], atol=0.05)
         return moved[:10].max(), moved[80:].max()

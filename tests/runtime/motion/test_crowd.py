@@ -20,14 +20,8 @@ from runtime.rotations import angle_between
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
 from runtime.terrain.obstacle_detection import level_ahead, step_ahead
-from tests.helpers.shipped import shipped_model
 
 FLAT = Terrain.flat()
-
-
-@pytest.fixture(scope="module")
-def model() -> MotionModel:
-    return shipped_model()
 
 
 def code(seed: int) -> np.ndarray:

@@ -16,21 +16,10 @@ from runtime.prompts.content import PromptEncoder
 from runtime.prompts.prompter import Prompter
 from runtime.skeleton import MIRROR_JOINTS, PART_JOINTS, SPORT_SKELETON, J
 from runtime.terrain.height_map import Terrain
-from tests.helpers.shipped import shipped_model, shipped_prompter
 
 PHASE = np.array([-1, 1, -1, -1, 1], np.float32)
 ACROSS = np.array([-1.0, 1.0, 1.0])
 LEFT_HAND, RIGHT_HAND = SPORT_SKELETON.index("LeftHand"), SPORT_SKELETON.index("RightHand")
-
-
-@pytest.fixture(scope="module")
-def model() -> MotionModel:
-    return shipped_model()
-
-
-@pytest.fixture(scope="module")
-def prompter(model: MotionModel) -> Prompter:
-    return shipped_prompter()
 
 
 MIRROR = Mirror(PHASE)
@@ -154,7 +143,7 @@ def test_a_snapshot_within_a_blend_keeps_both_ways(model: MotionModel, prompter:
         assert np.array_equal(poses[0].local_rotations, poses[1].local_rotations)
 
 
-@pytest.mark.parametrize("prompt", ["left hand", "right hand", "both hands"])
+@pytest.mark.parametrize("prompt", ["left hand", "both hands"])
 def test_what_was_trained_on_one_side_is_shown_on_both(
     prompt: str, model: MotionModel, prompter: Prompter
 ) -> None:

@@ -17,12 +17,6 @@ from runtime.motion.model import MotionModel
 from runtime.motion.snapshot import Snapshot, take_snapshot
 from runtime.pose import Pose
 from runtime.terrain.library import make_terrain
-from tests.helpers.shipped import shipped_model
-
-
-@pytest.fixture(scope="module")
-def model() -> MotionModel:
-    return shipped_model()
 
 
 def controls(frame: int) -> Controls:

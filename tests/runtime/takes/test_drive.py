@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -15,10 +16,9 @@ from runtime.motion.controller import Controller
 from runtime.motion.model import MotionModel
 from runtime.motion.snapshot import take_snapshot
 from runtime.motion.style import StyleMix
-from runtime.takes import input_edits
+from runtime.takes import input_edits, input_recording
 from runtime.takes.clip import Clip
 from runtime.takes.input_recording import (
-    KEYFRAME_STEPS,
     InputFrame,
     InputFrames,
     InputRecorder,
@@ -32,7 +32,6 @@ from runtime.takes.metadata import PromptEvent, gait_of
 from runtime.takes.recorder import ClipRecorder
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
-from tests.helpers.shipped import shipped_model
 from tests.helpers.walker import WalkerModel
 
 Take = tuple[Clip, InputRecording]
@@ -82,9 +81,15 @@ class Studio:
         return clip, inputs
 
 
-@pytest.fixture(scope="module")
-def model() -> MotionModel:
-    return shipped_model()
+KEYFRAME_STEPS = 180
+
+
+@pytest.fixture(scope="module", autouse=True)
+def near_keyframes() -> Iterator[None]:
+    """Keyframes lie three seconds apart in place of five."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(input_recording, "KEYFRAME_STEPS", KEYFRAME_STEPS)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -139,18 +144,18 @@ def test_a_new_prompt_changes_nothing_before_its_frame_and_undo_is_the_old_take(
     take: Take, studio: Studio
 ) -> None:
     clip, inputs = take
-    edit = input_edits.with_prompt(inputs, style(200))
-    assert edit.first == 200
+    edit = input_edits.with_prompt(inputs, style(150))
+    assert edit.first == 150
     new, made = resimulated_take(clip, edit.inputs, studio.controller.twin(), edit.first)
-    assert same(new, clip, 0, 200)
-    assert not same(new, clip, 202)
+    assert same(new, clip, 0, 150)
+    assert not same(new, clip, 152)
     assert [e.prompt for e in new.prompts] == ["style 0", "style 1", "style 3", "new 2"]
     assert len(new) == len(clip)
     span = input_edits.prompt_spans(made)[-1]
     back = input_edits.reworded(made, span, replace(style(0), z=span.changes[0].z))
     again, _ = resimulated_take(new, back.inputs, studio.controller.twin(), back.first)
     assert same(again, new)  # the same words again are the same frames again
-    gone, _ = resimulated_take(new, inputs, studio.controller.twin(), 200)
+    gone, _ = resimulated_take(new, inputs, studio.controller.twin(), 150)
     assert same(gone, clip)
 
 
@@ -184,11 +189,11 @@ def test_a_moved_prompt_and_a_new_gait(take: Take, studio: Studio) -> None:
     assert [(s.start, len(s.changes)) for s in spans] == [(0, 1), (40, 1), (110, 2)]  # a slider is one span
     edit = input_edits.move_prompt(inputs, 1, 30, spans[1].end)
     assert (edit.first, input_edits.prompt_spans(edit.inputs)[1].start) == (30, 30)
-    edit = input_edits.with_gait(edit.inputs, 150, 190, Gait.CROUCH)
+    edit = input_edits.with_gait(edit.inputs, 130, 160, Gait.CROUCH)
     new, _ = resimulated_take(clip, edit.inputs, studio.controller.twin(), 30)
     assert same(new, clip, 0, 30)
-    assert set(new.gaits[150:191]) == {Gait.CROUCH}  # type: ignore[index]
-    assert dict(new.gait_seconds)["crouch"] == pytest.approx(41 / 60)
+    assert set(new.gaits[130:161]) == {Gait.CROUCH}  # type: ignore[index]
+    assert dict(new.gait_seconds)["crouch"] == pytest.approx(31 / 60)
 
 
 def test_a_gait_where_the_stick_rests_goes_on_as_it_pointed(take: Take) -> None:

@@ -13,16 +13,10 @@ from runtime.skeleton import TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import load_terrain
 from runtime.traversal.jump import Jump
-from tests.helpers.shipped import shipped_model
 
 TOES = (5, 10)
 STAND, WALK, JOG = Controls(), Controls((0.0, 1.0)), Controls((0.0, 1.0), gait=Gait.JOG)
 PRESSED = 4  # frames
-
-
-@pytest.fixture(scope="module")
-def model() -> MotionModel:
-    return shipped_model()
 
 
 def ready(model: MotionModel, stick: Controls, frames: int, terrain: Terrain | None = None) -> Controller:
@@ -46,7 +40,7 @@ def soles(poses: list[Pose], terrain: Terrain | None = None) -> np.ndarray:
     return toes[..., 1] - ground - TOE_HEIGHT
 
 
-@pytest.mark.parametrize(("stick", "frames"), [(STAND, 20), (WALK, 110), (JOG, 150)])
+@pytest.mark.parametrize(("stick", "frames"), [(STAND, 20), (WALK, 80), (JOG, 110)])
 def test_a_jump_leaves_the_ground_at_once_flies_as_a_body_and_gives_way(
     stick: Controls, frames: int, model: MotionModel
 ) -> None:
@@ -83,7 +77,7 @@ def _flexions(pose: Pose) -> list[float]:
 
 
 def test_the_feet_of_a_leap_are_apart(model: MotionModel) -> None:
-    poses = jump(ready(model, JOG, 150), JOG)
+    poses = jump(ready(model, JOG, 110), JOG)
     top = int(np.argmax([pose.hips_position[1] for pose in poses]))
     left, right = poses[top].positions[list(TOES)][:, 2]
     assert abs(left - right) > 0.6
@@ -101,7 +95,7 @@ def test_one_press_is_one_jump_and_a_jog_stays_a_jog(model: MotionModel) -> None
 
 def test_a_jump_comes_down_on_the_ground_that_is_there(model: MotionModel) -> None:
     hills = load_terrain("hills")
-    controller = ready(model, WALK, 110, hills)
+    controller = ready(model, WALK, 80, hills)
     heights = soles(jump(controller, WALK), hills)
     assert heights.min() > -0.03
     assert np.abs(heights[55:]).min() < 0.02

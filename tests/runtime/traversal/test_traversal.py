@@ -54,24 +54,23 @@ def walked(
 
 @pytest.mark.parametrize(("top", "gait"), [(0.3, Gait.WALK), (0.5, Gait.JOG)])
 def test_a_bar_is_leapt_over_without_touching_it(model: MotionModel, top: float, gait: Gait) -> None:
-    bar = Obstacle(3.0, 3.1, top, 4.0)
+    bar = Obstacle(2.2, 2.3, top, 4.0)
     controller = Controller(model, ground(bar))
-    positions, kinds = walked(controller, 4.5, 8.0, Controls((0.0, 1.0), gait=gait))
+    positions, kinds = walked(controller, 3.7, 8.0, Controls((0.0, 1.0), gait=gait))
     assert kinds == ["bar"]
-    assert positions[-1, 0, 2] > 4.3
+    assert positions[-1, 0, 2] > 3.5
     soles = positions[:, SOLE_POINTS] - np.array(SOLE_HEIGHTS)[:, None] * np.array([0.0, 1.0, 0.0])
-    over = (soles[..., 2] > 2.95) & (soles[..., 2] < 3.15)
+    over = (soles[..., 2] > 2.15) & (soles[..., 2] < 2.35)
     assert over.any()
     assert soles[..., 1][over].min() > top
-    assert (
-        np.linalg.norm(np.diff(positions, axis=0), axis=-1).max() < 0.35
-    )  # nothing jumps where it begins and ends
+    # nothing jumps where it begins and ends
+    assert np.linalg.norm(np.diff(positions, axis=0), axis=-1).max() < 0.35
 
 
 def test_a_wall_is_climbed_and_left_again(model: MotionModel) -> None:
-    wall = Obstacle(2.5, 3.7, 1.0, 4.0)
+    wall = Obstacle(1.8, 3.0, 1.0, 4.0)
     controller = Controller(model, ground(wall))
-    positions, kinds = walked(controller, 4.6, 14.0)
+    positions, kinds = walked(controller, 3.9, 14.0)
     assert kinds == ["climb", "descend"]
     on_top = positions[:, 0, 1].max()
     assert on_top == pytest.approx(1.93, abs=0.15)
@@ -85,21 +84,21 @@ def test_a_wall_is_climbed_and_left_again(model: MotionModel) -> None:
 
 @pytest.mark.parametrize(
     ("obstacle", "words"),
-    [(Obstacle(2.5, 2.6, 1.0, 4.0), "bar of 1.0 m"), (Obstacle(2.5, 5.0, 2.0, 4.0), "step up of 2.0 m")],
+    [(Obstacle(1.7, 1.8, 1.0, 4.0), "bar of 1.0 m"), (Obstacle(1.7, 4.2, 2.0, 4.0), "step up of 2.0 m")],
 )
 def test_what_nobody_crosses_stops_the_walker_who_says_so(
     model: MotionModel, obstacle: Obstacle, words: str
 ) -> None:
     controller = Controller(model, ground(obstacle))
-    positions, kinds = walked(controller, 4.0, 3.5)
+    positions, kinds = walked(controller, 3.2, 2.7)
     assert kinds == []
-    assert positions[-1, 0, 2] < 2.5
+    assert positions[-1, 0, 2] < 1.7
     assert controller.blocked is not None
     assert words in controller.blocked
 
 
 def test_a_snapshot_in_a_leap_goes_on_alike(model: MotionModel) -> None:
-    terrain = ground(Obstacle(2.0, 2.1, 0.4, 4.0))
+    terrain = ground(Obstacle(1.5, 1.6, 0.4, 4.0))
     controller = Controller(model, terrain)
     for _ in range(600):
         controller.step(FORWARD)
@@ -111,13 +110,13 @@ def test_a_snapshot_in_a_leap_goes_on_alike(model: MotionModel) -> None:
     data = take_snapshot(controller).to_bytes()
     other = Controller(model, terrain, seed=4)
     Snapshot.from_bytes(data).restore(other)
-    for _ in range(90):
+    for _ in range(75):
         assert np.array_equal(controller.step(FORWARD).positions, other.step(FORWARD).positions)
     assert controller.traversal == ""
 
 
 def test_a_crowd_crosses_as_each_would_alone(model: MotionModel) -> None:
-    terrain = ground(Obstacle(2.0, 2.1, 0.3, 4.0), Obstacle(3.8, 5.0, 0.8, 4.0))
+    terrain = ground(Obstacle(1.5, 1.6, 0.3, 4.0), Obstacle(3.1, 4.3, 0.8, 4.0))
 
     def members() -> list[Controller]:
         made = [Controller(model, terrain, seed) for seed in range(2)]
@@ -155,13 +154,13 @@ def test_what_the_network_crosses_itself_is_not_keyed(model: MotionModel, tmp_pa
     metadata = json.loads((folder / "metadata.json").read_text("utf-8"))
     for size, expected in ((0.25, []), (0.15, ["bar"])):
         (folder / "metadata.json").write_text(json.dumps(metadata | {"crosses": {"bar": size}}))
-        controller = Controller(load_model(folder), ground(Obstacle(2.0, 2.1, 0.2, 4.0)))
-        positions, kinds = walked(controller, 3.5, 8.0)
+        controller = Controller(load_model(folder), ground(Obstacle(1.4, 1.5, 0.2, 4.0)))
+        positions, kinds = walked(controller, 2.7, 8.0)
         assert kinds == expected
-        assert positions[-1, 0, 2] > 3.3
+        assert positions[-1, 0, 2] > 2.5
     (folder / "metadata.json").write_text(json.dumps(metadata | {"crosses": {"bar": 0.5}}))
-    controller = Controller(load_model(folder), ground(Obstacle(2.0, 2.1, 0.45, 4.0)))
-    _, kinds = walked(controller, 3.5, 8.0)
+    controller = Controller(load_model(folder), ground(Obstacle(1.4, 1.5, 0.45, 4.0)))
+    _, kinds = walked(controller, 2.7, 8.0)
     assert kinds == []  # on its top, the way down is not a drop to be keyed
     (folder / "metadata.json").write_text(json.dumps(metadata | {"crosses": {"moat": 0.3}}))
     with pytest.raises(ModelError, match="crosses"):

@@ -149,7 +149,7 @@ def test_a_character_walks_where_the_stick_points(model):
 def test_poses_do_not_jump_at_a_change_of_frame(model):
     """Every search may choose another clip; joints turn hardly faster than those of the clips themselves."""
     seen = []
-    run(model, lambda t: Controls((np.sin(2 * t), np.cos(2 * t))), 4.0, seen=seen)
+    run(model, lambda t: Controls((np.sin(2 * t), np.cos(2 * t))), 3.0, seen=seen)
     hips, turns = (np.stack(values) for values in zip(*seen, strict=True))
     moved = np.linalg.norm(np.diff(hips, axis=0), axis=1)
     spun = rotations.angle_between(turns[1:, 1:], turns[:-1, 1:])
@@ -177,7 +177,7 @@ def test_styles_are_labels(model, base):
 
 
 def test_feet_stay_on_hills_and_equal_runs_are_equal(model):
-    runs = [run(model, lambda t: Controls((0.0, 1.0)), 3.0, make_terrain("hills", 0)) for _ in range(2)]
+    runs = [run(model, lambda t: Controls((0.0, 1.0)), 2.0, make_terrain("hills", 0)) for _ in range(2)]
     assert all(np.array_equal(a.positions, b.positions) for a, b in zip(*runs, strict=True))
     ground = make_terrain("hills", 0)
     toes = np.stack([p.positions[[5, 10]] for p in runs[0]])

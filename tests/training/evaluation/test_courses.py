@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tests.helpers.walker import WalkerModel, walk
+from tests.helpers.walker import WalkerModel, settle_soon, walk
 
 pytest.importorskip("sklearn")
 
@@ -159,6 +159,7 @@ def results():
     )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("training.evaluation.on_obstacles.GAITS", (Gait.WALK,))
+        settle_soon(patch)
         found = score_obstacles(evaluated, 0, ["neutral"], [course], None, lambda text: None)
     return {"command": "sport evaluate --courses", **found}
 

@@ -94,7 +94,7 @@ def results(clips):
         patch.setattr(scores, "DIVERSITY_FRAMES", 40)
         patch.setattr(scores, "DIVERSITY_LEAD_IN", 20)
         patch.setattr(evaluated_model, "TIMED_FRAMES", 10)
-        patch.setattr(driving, "LEAD_IN_FRAMES", 60)
+        patch.setattr(driving, "LEAD_IN_FRAMES", 30)
         return {
             "command": "sport evaluate",
             "feature_sets": plan.feature_sets,

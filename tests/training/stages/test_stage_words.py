@@ -62,7 +62,7 @@ def test_a_clause_that_adds_nothing_leaves_one_phrase_and_two_postures_leave_two
 
 
 def test_longer_sentences_are_learnt_and_the_others_kept(monkeypatch):
-    few, others = longer_sentences()[::8], other_sentences()[::8]
+    few, others = longer_sentences()[::12], other_sentences()[::12]
     monkeypatch.setattr("training.stages.words.longer_sentences", lambda: few)
     monkeypatch.setattr("training.stages.words.other_sentences", lambda: others)
     torch.manual_seed(0)

@@ -185,7 +185,7 @@ def test_a_run_of_some_minutes_ends_on_time_with_every_stage_whole(
     now, rates = [1000.0], []
 
     def monotonic() -> float:
-        now[0] += 0.5
+        now[0] += 1.0
         return now[0]
 
     for module in ("pipeline", "run", "session"):

@@ -18,7 +18,7 @@ from runtime.takes.footplants import FootplantEdit
 from runtime.takes.pinned import farthest
 from runtime.takes.pins import Pinned
 from tests.helpers import hand
-from tests.helpers.app_driver import click_on, message, place, press, run, texts
+from tests.helpers.app_driver import click_on, drag, message, place, press, run, texts
 from viewer.app import App
 from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
@@ -69,13 +69,6 @@ def item(app: App) -> Take:
 def add_pin(app: App, what: str) -> None:
     click_on(app, "+ Pin")
     click_on(app, what)
-    run(app, 2)
-
-
-def drag(app: App, start: tuple[float, float], end: tuple[float, float]) -> None:
-    for at, down in ((start, None), (start, True), (end, True), (end, False)):
-        hand.mouse(app.window, *at, 0 if down is not None else None, bool(down))
-        run(app, 2)
     run(app, 2)
 
 

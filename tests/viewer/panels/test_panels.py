@@ -8,7 +8,7 @@ import pytest
 
 from runtime.formats.bvh_clip import load_clip_bvh
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click, click_on, drawn, place, press, run
+from tests.helpers.app_driver import Start, click, click_on, drawn, place, press, record, run, titles
 from viewer.app import App
 from viewer.gl_bindings import imgui
 from viewer.gui.layout import STATUS_HEIGHT
@@ -20,17 +20,6 @@ from viewer.panels.guide import STEPS
 def said(app: App) -> str:
     """The last message, also when a slow machine has let it fade."""
     return app.messages.recent[-1].text
-
-
-def record(app: App, frames: int = 20) -> None:
-    app.takes.toggle_recording()
-    run(app, frames)
-    app.takes.toggle_recording()
-    run(app)
-
-
-def names(app: App) -> list[str]:
-    return [take.title for take in app.editor.session.takes]
 
 
 def labels(app: App) -> str:
@@ -50,7 +39,7 @@ def test_a_take_is_renamed_in_its_row_and_exported_under_its_name(start: Start, 
     run(app, 2)
     press(app, "enter")
     run(app, 2)
-    assert names(app) == ["A proud walk"]
+    assert titles(app) == ["A proud walk"]
     app.takes.export()
     run(app, 2)
     assert (tmp_path / "a-proud-walk.bvh").is_file()
@@ -62,15 +51,15 @@ def test_a_removed_take_comes_back_by_key_and_by_the_menu(start: Start) -> None:
         record(app)
     click_on(app, ICON.trash, index=1)
     run(app, 2)
-    assert names(app) == ["Take 1", "Take 3"]
+    assert titles(app) == ["Take 1", "Take 3"]
     assert "Ctrl+Z brings it back" in said(app)
     press(app, "ctrl", "z")
-    assert names(app) == ["Take 1", "Take 2", "Take 3"]
+    assert titles(app) == ["Take 1", "Take 2", "Take 3"]
     click_on(app, ICON.trash)
-    assert names(app) == ["Take 2", "Take 3"]
+    assert titles(app) == ["Take 2", "Take 3"]
     click_on(app, "##session")
     click_on(app, "##undo", index=-1)  # the prompt panel has one too
-    assert names(app) == ["Take 1", "Take 2", "Take 3"]
+    assert titles(app) == ["Take 1", "Take 2", "Take 3"]
 
 
 @pytest.mark.parametrize("height", [720, 560])  # the lower one has tabs

@@ -31,7 +31,7 @@ def styles(app: App) -> int:
 
 
 def test_the_library_answers_at_once_and_the_language_model_when_it_can(
-    asking: Callable[[], App], model: Model
+    asking: Callable[[], App], language_model: Model
 ) -> None:
     app = asking()
     before = styles(app)
@@ -40,8 +40,8 @@ def test_the_library_answers_at_once_and_the_language_model_when_it_can(
     assert styles(app) == before + 1
     assert app.prompting.pending == {Side.A}
     assert "The library answered at once; waiting for m at 127.0.0.1" in message(app)
-    run_until(app, lambda: bool(model.asked))
-    model.released.set()
+    run_until(app, lambda: bool(language_model.asked))
+    language_model.released.set()
     run_until(app, lambda: source(app) == ("a duck", "gpt"))
     assert styles(app) == before + 2
     assert app.prompting.parts == ANSWER.to_mapping()
@@ -50,24 +50,26 @@ def test_the_library_answers_at_once_and_the_language_model_when_it_can(
     assert source(app) == ("a proud king", "library")
 
 
-def test_newer_words_do_not_get_the_older_answer(asking: Callable[[], App], model: Model) -> None:
+def test_newer_words_do_not_get_the_older_answer(asking: Callable[[], App], language_model: Model) -> None:
     app = asking()
     app.prompting.submit_prompt("a duck")
-    run_until(app, lambda: source(app) == ("a duck", "library") and bool(model.asked))
+    run_until(app, lambda: source(app) == ("a duck", "library") and bool(language_model.asked))
     app.prompting.parts["head"] = "head shaking"
     app.prompting.submit_part("head")  # the person goes on with the library's words
     run_until(app, lambda: not app.prompting.pending)
-    model.released.set()
+    language_model.released.set()
     for _ in range(20):
         run(app)
     assert source(app) == ("a duck", "library")
     assert app.prompting.parts["head"] == "head shaking"
 
 
-def test_a_failing_language_model_leaves_the_librarys_words(asking: Callable[[], App], model: Model) -> None:
+def test_a_failing_language_model_leaves_the_librarys_words(
+    asking: Callable[[], App], language_model: Model
+) -> None:
     app = asking()
-    model.status = 401
-    model.released.set()
+    language_model.status = 401
+    language_model.released.set()
     app.prompting.submit_prompt("a duck")
     run_until(app, lambda: not app.prompting.pending)
     run(app)
@@ -96,12 +98,12 @@ def type_key(app: App, key: str) -> None:
 
 
 def test_the_key_is_typed_used_and_written_nowhere(
-    asking: Callable[[], App], model: Model, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    asking: Callable[[], App], language_model: Model, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.DEBUG)
     app = asking()
     app.settings.export_folder = str(tmp_path / "clips")
-    model.released.set()
+    language_model.released.set()
     open_panel(app)
     type_key(app, KEY)
     assert app.language_model.key == KEY
@@ -109,12 +111,12 @@ def test_the_key_is_typed_used_and_written_nowhere(
     app.takes.toggle_recording()
     app.prompting.submit_prompt("a duck")
     run_until(app, lambda: source(app) == ("a duck", "gpt"))
-    model.status = 401  # an endpoint that repeats the key in its refusal
+    language_model.status = 401  # an endpoint that repeats the key in its refusal
     for ask in (lambda: app.prompting.submit_prompt("a goose"), app.language_model.test):
         ask()
         run_until(app, lambda: not app.prompting.pending and not app.language_model.testing)
         run(app, 2)
-    assert model.keys == {f"Bearer {KEY}"}
+    assert language_model.keys == {f"Bearer {KEY}"}
     app.takes.toggle_recording()
     run(app)
     app.takes.export()
@@ -134,27 +136,27 @@ def test_the_key_is_typed_used_and_written_nowhere(
         assert KEY.encode() not in path.read_bytes(), path
 
 
-def test_the_test_button_reports(asking: Callable[[], App], model: Model) -> None:
+def test_the_test_button_reports(asking: Callable[[], App], language_model: Model) -> None:
     app = asking()
     app.language_model.test()
     run(app, 2)
     assert app.language_model.testing
-    model.released.set()
+    language_model.released.set()
     run_until(app, lambda: not app.language_model.testing)
     assert app.language_model.report_good
     assert "m at 127.0.0.1" in app.language_model.report
-    model.status = 401
+    language_model.status = 401
     app.language_model.test()
     run_until(app, lambda: not app.language_model.testing)
     assert not app.language_model.report_good
     assert "refuses the key" in app.language_model.report
 
 
-def test_the_end_does_not_wait_for_a_test(asking: Callable[[], App], model: Model) -> None:
+def test_the_end_does_not_wait_for_a_test(asking: Callable[[], App], language_model: Model) -> None:
     app = asking()
     app.settings.gpt_timeout_s = 120.0
     app.language_model.test()
-    run_until(app, lambda: bool(model.asked))
+    run_until(app, lambda: bool(language_model.asked))
     begin = time.monotonic()
     app.close()
     assert time.monotonic() - begin < 10.0  # the model was given two minutes, and does not answer
@@ -193,9 +195,9 @@ def test_the_choice_is_remembered_but_no_address_with_credentials(start: Start) 
 
 
 def test_the_environment_chooses_the_language_model_at_the_start(
-    start: Start, model: Model, monkeypatch: pytest.MonkeyPatch
+    start: Start, language_model: Model, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("OPENAI_BASE_URL", model.url)
+    monkeypatch.setenv("OPENAI_BASE_URL", language_model.url)
     monkeypatch.setenv("SPORT_GPT_MODEL", "m")
     given: list[Any] = []
 
@@ -204,7 +206,7 @@ def test_the_environment_chooses_the_language_model_at_the_start(
         return load_model(directory, terrain, seed, None)
 
     app = start(services={"load_model": spy})
-    assert (given[0].model, given[0].base_url) == ("m", model.url)
+    assert (given[0].model, given[0].base_url) == ("m", language_model.url)
     assert app.language_model.name.startswith("m at 127.0.0.1")
 
 
@@ -213,11 +215,11 @@ def test_the_environment_chooses_the_language_model_at_the_start(
 
 @pytest.fixture
 def loading(
-    start: Start, model: Model, monkeypatch: pytest.MonkeyPatch
+    start: Start, language_model: Model, monkeypatch: pytest.MonkeyPatch
 ) -> Callable[[], tuple[App, threading.Event]]:
     """Opens the application as on a screen; the model is there once the event is set."""
     loaded = threading.Event()
-    model.released.set()
+    language_model.released.set()
     monkeypatch.setattr("viewer.workspace.Jobs", lambda messages, blocking: Jobs(messages))
 
     def load(*given: Any) -> Loaded:
@@ -233,9 +235,9 @@ def loading(
 
 
 def test_the_library_chosen_while_the_model_loads_sends_nothing(
-    loading: Callable[[], tuple[App, threading.Event]], model: Model, monkeypatch: pytest.MonkeyPatch
+    loading: Callable[[], tuple[App, threading.Event]], language_model: Model, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("OPENAI_BASE_URL", model.url)
+    monkeypatch.setenv("OPENAI_BASE_URL", language_model.url)
     monkeypatch.setenv("SPORT_GPT_MODEL", "m")
     app, loaded = loading()
     assert app.language_model.name.startswith("m at")
@@ -246,14 +248,14 @@ def test_the_library_chosen_while_the_model_loads_sends_nothing(
     run_until(app, lambda: not app.prompting.pending)
     assert source(app) == ("a duck", "library")
     assert app.language_model.name == ""
-    assert model.asked == []  # not even the prompt that waited for the model
+    assert language_model.asked == []  # not even the prompt that waited for the model
 
 
 def test_a_language_model_chosen_while_the_model_loads_is_asked(
-    loading: Callable[[], tuple[App, threading.Event]], model: Model
+    loading: Callable[[], tuple[App, threading.Event]], language_model: Model
 ) -> None:
     app, loaded = loading()
-    app.settings.gpt_base_url, app.settings.gpt_model = model.url, "m"
+    app.settings.gpt_base_url, app.settings.gpt_model = language_model.url, "m"
     app.language_model.choose("gpt")
     loaded.set()
     run_until(

@@ -23,7 +23,7 @@ from runtime.session.session import Session, Take
 from runtime.session.session_file import SessionFile
 from runtime.terrain.files import write_height_png
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click_on, drawn, press, prompt, run, run_until
+from tests.helpers.app_driver import Start, click_on, drawn, press, prompt, record, run, run_until, titles
 from tests.helpers.full_session import history_of, still, text_of, written
 from tests.helpers.gltf_characters import user_character
 from viewer.app import App
@@ -32,20 +32,6 @@ from viewer.app import App
 def said(app: App) -> str:
     """The last message, also when a slow machine has let it fade."""
     return app.messages.recent[-1].text
-
-
-def record(app: App, frames: int = 20, stop: bool = True) -> None:
-    app.takes.toggle_recording()
-    app.window.inject_key("w", True)
-    run(app, frames)
-    app.window.inject_key("w", False)
-    if stop:
-        app.takes.toggle_recording()
-    run(app)
-
-
-def titles(app: App) -> list[str]:
-    return [take.title for take in app.editor.session.takes]
 
 
 def in_file(path: Path, cache: Path) -> Session:

@@ -44,6 +44,12 @@ def model_folder(model: Path | str | None = None) -> Path:
     return named.get(str(model), Path(model))
 
 
+def character_file(name: str | Path) -> Path:
+    """The file of a character that is shipped under a name (`walker`), or the path itself."""
+    shipped = PROJECT_ROOT / "assets" / "character" / f"{name}.glb"
+    return shipped if Path(name).parent == Path() and shipped.is_file() else Path(name)
+
+
 def model_name(folder: Path | None) -> str:
     """Name of a shipped model's folder (None: the default); "" for any other folder."""
     if folder is None:

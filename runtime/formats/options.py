@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from runtime.assets import character_file
 from runtime.errors import UsageError
 from runtime.formats.engines import ENGINES, engine_of
 from runtime.options import Spec
@@ -84,8 +85,8 @@ class ExportOptions:
         help="of BVH, such as ZXY (default: YXZ for root and hips, ZYX for the others)",
     )  # fmt: skip
     character: Path | None = option(
-        None, BODIES | FILMS, "--character", parse=Path, metavar="GLB",
-        help="skinned character of GLB, FBX and film",
+        None, BODIES | FILMS, "--character", parse=character_file, metavar="NAME|GLB",
+        help="walker, or a skinned character of GLB, FBX and film",
     )  # fmt: skip
     fit_to_motion: bool = option(
         False, BODIES | FILMS, "--fit-to-motion",

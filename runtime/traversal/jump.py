@@ -8,7 +8,7 @@ works on the pose before foot lock, which holds the feet that stand.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import e, exp, hypot, sqrt
+from math import dist, e, exp, hypot, sqrt
 
 import numpy as np
 
@@ -183,13 +183,14 @@ class Jump:
             self.begin = (self.begin[0] + height, self.begin[1])
             self.aim = (self.aim[0] + height, self.aim[1])
 
-    def carried(self, velocity: Array) -> Array:
+    def carried(self, velocity: tuple[float, float]) -> tuple[float, float]:
         """The root's velocity (m/s, XZ) for the network's: as it took off, and from there to the network's own."""
         if self.stage == "flight":
-            return np.array(self.velocity)
+            return self.velocity
         if self.stage == "land":
-            fraction = smoothstep(self.time / CARRIED_S)
-            return np.array(self.velocity) * (1.0 - fraction) + velocity * fraction
+            own = smoothstep(self.time / CARRIED_S)
+            (was_x, was_z), (x, z) = self.velocity, velocity
+            return was_x * (1.0 - own) + x * own, was_z * (1.0 - own) + z * own
         return velocity
 
     def start(self, pose: Pose, steps: PlannedSteps, velocity: tuple[float, float]) -> None:
@@ -347,10 +348,10 @@ class Jump:
             toe = (toe[0] + x, toe[1], toe[2] + z)
         sole = rotate(leg.foot, bones.offsets[4])
         ankle, foot = subtract(toe, sole), leg.foot
-        spans = min(length(subtract(leg.ankle, leg.hip)), bones.length)
+        spans = min(dist(leg.ankle, leg.hip), bones.length)
         own = spans if self.stage == "push" else 0.0
         reach = max(self._spans() * bones.length, own)
-        far = length(subtract(ankle, hip))
+        far = dist(ankle, hip)
         if far > reach:
             along = unit(scale(sole, -1.0))
             to_hip = subtract(hip, toe)

@@ -6,6 +6,7 @@ import argparse
 from dataclasses import fields
 from pathlib import Path
 
+from runtime.assets import character_file
 from sport.commands.arguments import Subparsers, add_blend, add_model, blend_weights, size
 
 
@@ -17,7 +18,9 @@ def add(commands: Subparsers) -> None:
     view.add_argument("--prompt", metavar="TEXT", help="style to begin with")
     add_blend(view)
     add_model(view)
-    view.add_argument("--character", type=Path, metavar="FILE", help="skinned character (GLB, glTF, VRM)")
+    view.add_argument(
+        "--character", type=character_file, metavar="NAME|FILE", help="walker, or a skinned GLB, glTF or VRM"
+    )
     view.add_argument(
         "--joint-map", type=Path, metavar="JSON", help="names of its joints, in place of the file next to it"
     )

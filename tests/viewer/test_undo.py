@@ -190,7 +190,7 @@ def test_a_shape_of_the_mannequin_is_one_step_and_comes_back_as_sliders(start: S
     assert app.editor.history.present.number == steps + 1
     saved_and_opened(app, tmp_path / "a.sport")
     assert app.scene.shape == shape
-    assert app.scene.is_mannequin
+    assert app.scene.character_name == "mannequin"
     assert "##shape height" in [label for label, _ in drawn(app)], "a slider, and no file"
     undo(app)
     assert app.scene.shape == BodyShape()

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from runtime.assets import character_file
 from runtime.character.shape import BodyShape
 from runtime.safe_read import printable
 from viewer.edit.path import PathTool
@@ -89,26 +90,28 @@ def _terrain(scene: Scene, takes: Takes) -> None:
 
 
 def _character(scene: Scene) -> None:
-    """Scale of height maps, and the shape of the mannequin or the joints of another character."""
+    """Scale of height maps; which character, its look, and the shape of the mannequin or the joints of another one."""
     half = widgets.column_width(2)
     imgui.set_next_item_width(half)
     widgets.setting_drag(scene.settings, "height_map_cell_m")
     widgets.same_line()
     imgui.set_next_item_width(half)
     widgets.setting_drag(scene.settings, "height_map_height_m")
+    name = scene.character_name
+    chosen = widgets.segmented("character", [("mannequin", "Mannequin"), ("walker", "Walker")], name)
+    if chosen != name:
+        scene.open_character(None if chosen == "mannequin" else character_file(chosen))
     look = widgets.segmented("look", list(LOOKS.items()), scene.settings.look)
     if look != scene.settings.look:
         scene.set_look(look)
-    if scene.is_mannequin:
+    if chosen == "mannequin":
         _shape(scene)
         if scene.shape != BodyShape() and widgets.button("Its own shape", -1):
             scene.set_shape(BodyShape())
-    elif scene.character_path is not None:
+    elif not chosen and scene.character_path is not None:
         if widgets.button("Joints…", px(80), "Which joint of this character plays which of ours"):
             scene.joints.begin(scene.character_path)
         widgets.same_line()
-        if widgets.button("Back to the mannequin", -1):
-            scene.open_character(None)
         widgets.setting_toggle(scene.settings, "fit_to_motion", -1)
 
 

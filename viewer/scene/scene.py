@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from runtime.assets import model_name
+from runtime.assets import character_file, model_name
 from runtime.character.guess import JointsUnknown
 from runtime.character.joint_map import joint_map_path
 from runtime.character.shape import BodyShape, shaped_file
@@ -346,9 +346,12 @@ class Scene:
         return self.folder / "characters"
 
     @property
-    def is_mannequin(self) -> bool:
-        """Whether the character is the mannequin, in any shape."""
-        return not self.editor.session.character.key
+    def character_name(self) -> str:
+        """Which of the shipped characters is in use, the mannequin in any shape; "" for that of another file."""
+        choice = self.editor.session.character
+        if not choice.key:
+            return "mannequin"
+        return "walker" if choice.path == str(character_file("walker")) else ""
 
     def _refuse_character(self, path: Path | None, error: Exception) -> None:
         """Let the joints be chosen by hand where they could not be guessed."""

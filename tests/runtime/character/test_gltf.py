@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from runtime import rotations
-from runtime.assets import asset_path
+from runtime.assets import asset_path, character_file
 from runtime.character.character import Character, load_character
 from runtime.character.joint_map import read_joint_map
 from runtime.character.joints import match_names
@@ -72,6 +72,15 @@ def test_weights_sum_to_one_and_do_not_bleed(mannequin: Character) -> None:
     assert of["LThumb"].max() > 0.95
     assert of["LeftToeBase"].max() > 0.95
     assert np.all(full.sum(axis=0)[[JOINTS.index(n) for n in ("Hips", "Spine", "Spine1", "LeftLeg")]] > 50)
+
+
+def test_the_walker_is_small_and_on_our_skeleton() -> None:
+    walker = load_character(character_file("walker"))
+    assert character_file("walker").stat().st_size < 700_000
+    assert walker.alignment.native
+    assert walker.joint_names == JOINTS
+    assert abs(walker.positions[:, 1].min()) < 3e-3, "the soles stand on y = 0"
+    assert np.allclose(walker.joint_weights.sum(axis=1), 1, atol=1e-5)
 
 
 @pytest.mark.parametrize("seed", range(4))

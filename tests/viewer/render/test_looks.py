@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from runtime.assets import asset_path
+from runtime.assets import asset_path, character_file
 from runtime.character.character import load_character
 from runtime.formats.glb import MANNEQUIN
 from runtime.skeleton import PART_NAMES
 from tests.helpers.app_driver import Start, click_on, run
 from tests.helpers.gltf_characters import user_character
 from viewer.render.looks import dressed, part_of_vertices
+from viewer.services import load_character as load_character_file
 
 
 def test_parts_are_where_the_body_has_them() -> None:
@@ -20,6 +21,17 @@ def test_parts_are_where_the_body_has_them() -> None:
     assert middle["head"][1] > middle["torso"][1] > middle["left_leg"][1]
     assert middle["left_arm"][0] > 0.2 > -0.2 > middle["right_arm"][0]
     assert middle["left_leg"][0] > 0.0 > middle["right_leg"][0]
+
+
+def test_the_walker_is_chosen_in_the_window_and_taken_back(start: Start) -> None:
+    app = start(services={"load_character": load_character_file})
+    click_on(app, "Open a file, shape the body")
+    click_on(app, "##walker")
+    run(app, 3)
+    assert (app.scene.character_name, app.scene.character_path) == ("walker", character_file("walker"))
+    app.editor.undo()
+    run(app, 3)
+    assert app.scene.character_name == "mannequin"
 
 
 def test_looks_change_nothing_but_colours() -> None:

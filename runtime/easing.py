@@ -11,13 +11,13 @@ from runtime.arrays import Array
 
 def smoothstep(t: Array) -> Array:
     """0 below 0, 1 above 1, smooth between."""
-    t = np.clip(t, 0.0, 1.0)
+    t = np.minimum(np.maximum(t, 0.0), 1.0)
     return np.asarray(t * t * (3.0 - 2.0 * t))
 
 
 def smootherstep(t: Array) -> Array:
     """The same with no acceleration at both ends either (Perlin 2002)."""
-    t = np.clip(t, 0.0, 1.0)
+    t = np.minimum(np.maximum(t, 0.0), 1.0)
     return np.asarray(t * t * t * (t * (6.0 * t - 15.0) + 10.0))
 
 

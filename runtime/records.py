@@ -28,10 +28,10 @@ REMEDY = "Record the take again."
 def copied(record: Record) -> Record:
     """A record of its own, down to the last record in it, with the same arrays: those of a state are never written to."""
     made: Record = object.__new__(type(record))
-    made.__dict__.update(record.__dict__)
+    values = made.__dict__ = record.__dict__.copy()
     for name in _inside(typing.cast(Any, type(record))):
-        value = record.__dict__[name]
-        made.__dict__[name] = tuple(map(copied, value)) if isinstance(value, tuple) else copied(value)
+        value = values[name]
+        values[name] = tuple(map(copied, value)) if isinstance(value, tuple) else copied(value)
     return made
 
 

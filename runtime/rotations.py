@@ -5,6 +5,8 @@ Quaternions are unit, ordered w, x, y, z. Angles are radians. Matrices act on co
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from runtime.arrays import Array
@@ -45,12 +47,15 @@ def multiply(a: Array, b: Array) -> Array:
 
 
 _LEFT = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
-_LEFT_SIGN = np.array([[1, -1, -1, -1], [1, 1, -1, 1], [1, 1, 1, -1], [1, -1, 1, 1]], np.float32)
+_LEFT_SIGNS: dict[Any, Array] = {  # of a type of their own: a product of two types costs three times as much
+    np.dtype(kind): np.array([[1, -1, -1, -1], [1, 1, -1, 1], [1, 1, 1, -1], [1, -1, 1, 1]], kind)
+    for kind in (np.float32, np.float64)
+}
 
 
 def left_matrix(q: Array) -> Array:
     """Matrices `(..., 4, 4)` of the product with quaternions `(..., 4)` on the left: `left_matrix(a) @ b` is `multiply(a, b)`."""
-    return np.asarray(q)[..., _LEFT] * _LEFT_SIGN
+    return q.take(_LEFT, -1) * _LEFT_SIGNS[q.dtype]
 
 
 def inverse(q: Array) -> Array:
@@ -61,15 +66,17 @@ def inverse(q: Array) -> Array:
 def rotate(q: Array, v: Array) -> Array:
     """Rotate vectors `(..., 3)` by quaternions `(..., 4)`; leading shapes broadcast."""
     q, v = np.asarray(q), np.asarray(v)
-    w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
-    vx, vy, vz = v[..., 0], v[..., 1], v[..., 2]
-    # v + 2 w (u x v) + 2 u x (u x v), written out: np.cross costs more than the arithmetic
-    tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
-    result = np.empty((*np.broadcast_shapes(q.shape[:-1], v.shape[:-1]), 3), np.result_type(q, v))
-    result[..., 0] = vx + w * tx + y * tz - z * ty
-    result[..., 1] = vy + w * ty + z * tx - x * tz
-    result[..., 2] = vz + w * tz + x * ty - y * tx
-    return result
+    u = q[..., 1:]
+    twice = 2.0 * _cross(u, v)
+    return v + q[..., :1] * twice + _cross(u, twice)
+
+
+_AHEAD, _BEHIND = np.array([1, 2, 0]), np.array([2, 0, 1])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Cross products of `(..., 3)`: np.cross costs five times as much of few vectors."""
+    return a.take(_AHEAD, -1) * b.take(_BEHIND, -1) - a.take(_BEHIND, -1) * b.take(_AHEAD, -1)
 
 
 def from_axis_angle(axis: Array, angle: Array) -> Array:
@@ -158,23 +165,22 @@ def from_matrix(m: Array) -> Array:
     m = np.asarray(m)
     outer = (m.reshape(*m.shape[:-2], 9) @ _OUTER + _OUTER_CONSTANT).reshape(*m.shape[:-2], 4, 4)
     # the largest row is the best conditioned estimate of q
-    best = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
-    q = np.take_along_axis(outer, best[..., None, None], axis=-2)[..., 0, :]
-    q = q / np.sqrt((q * q).sum(-1, keepdims=True))
-    return np.where(q[..., :1] < 0, -q, q).astype(m.dtype, copy=False)
+    best = outer.diagonal(0, -2, -1).argmax(-1)
+    q = outer.reshape(-1, 4).take(best.ravel() + np.arange(0, 4 * best.size, 4), 0).reshape(outer.shape[:-1])
+    length = np.sqrt((q * q).sum(-1, keepdims=True))
+    return (q / np.copysign(length, q[..., :1])).astype(m.dtype, copy=False)
 
 
 def matrix_from_6d(d: Array) -> Array:
     """Rotation matrices `(..., 3, 3)` of 6D rotations `(..., 6)` by Gram-Schmidt; any two independent vectors are accepted."""
     d = np.asarray(d)
     x, y = d[..., :3], d[..., 3:]
-    x = x / np.maximum(np.sqrt((x * x).sum(-1, keepdims=True)), _EPSILON)
-    y = y - (x * y).sum(-1, keepdims=True) * x
-    y = y / np.maximum(np.sqrt((y * y).sum(-1, keepdims=True)), _EPSILON)
+    x = x / np.maximum(np.sqrt(np.add.reduce(x * x, -1, keepdims=True)), _EPSILON)
+    y = y - np.add.reduce(x * y, -1, keepdims=True) * x
+    y = y / np.maximum(np.sqrt(np.add.reduce(y * y, -1, keepdims=True)), _EPSILON)
     matrix = np.empty((*d.shape[:-1], 3, 3), d.dtype)
     matrix[..., 0], matrix[..., 1] = x, y
-    ahead, behind = [1, 2, 0], [2, 0, 1]
-    matrix[..., 2] = x[..., ahead] * y[..., behind] - x[..., behind] * y[..., ahead]
+    matrix[..., 2] = _cross(x, y)
     return matrix
 
 
@@ -232,16 +238,6 @@ def yaw_of(q: Array) -> Array:
     """The yaw `(...)` that a rotation `(..., 4)` faces; see `from_yaw`."""
     facing = rotate(q, np.array([0.0, 0.0, 1.0]))
     return np.arctan2(facing[..., 0], facing[..., 2])
-
-
-def yaw_matrix(yaw: Array) -> Array:
-    """Rotation matrices `(..., 3, 3)` of a turn by `yaw` `(...)` about +Y."""
-    matrix = np.zeros((*yaw.shape, 3, 3))
-    matrix[..., 0, 0] = matrix[..., 2, 2] = np.cos(yaw)
-    matrix[..., 0, 2] = np.sin(yaw)
-    matrix[..., 2, 0] = -matrix[..., 0, 2]
-    matrix[..., 1, 1] = 1.0
-    return matrix
 
 
 def continuous(q: Array) -> Array:

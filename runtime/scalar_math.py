@@ -7,7 +7,7 @@ frame. Vectors are (x, y, z), quaternions (w, x, y, z). `runtime.rotations` and 
 from __future__ import annotations
 
 import math
-from math import atan2, cos, sin, sqrt
+from math import atan2, cos, hypot, sin, sqrt
 
 from runtime.pose import FPS
 
@@ -78,7 +78,7 @@ def dot(a: Vector, b: Vector) -> float:
 
 def length(v: Vector) -> float:
     """Euclidean length."""
-    return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    return hypot(*v)
 
 
 def unit(v: Vector) -> Vector:

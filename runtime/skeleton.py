@@ -47,23 +47,33 @@ class Skeleton:
         `root_position` `(..., 3)` in metres, `local` `(..., J, 4)` rotations relative to the parent.
         """
         local = np.asarray(local)
-        world = local.copy()
-        for joints, parents in self.levels[1:]:
-            turned = rotations.left_matrix(world[..., parents, :]) @ local[..., joints, :, None]
-            world[..., joints, :] = turned[..., 0]
-        bones = rotations.rotate(world[..., self._parents, :], self.offsets)
+        ordered = local.take(self._by_depth, -2)[..., None]
+        world = ordered.copy()
+        for joints, parents in self._levels:
+            above = rotations.left_matrix(world[..., 0].take(parents, -2))
+            np.matmul(above, ordered[..., joints, :, :], out=world[..., joints, :, :])
+        world = world[..., 0].take(self._places, -2)
+        bones = rotations.rotate(world.take(self._parents, -2), self.offsets)
         positions = np.asarray(root_position)[..., None, :] + self._above @ bones
         return positions.astype(local.dtype, copy=False), world
 
-    def oriented(self, root_position: Array, world: Array) -> Array:
-        """World positions `(..., J, 3)` of world rotation matrices `(..., J, 3, 3)`."""
-        bones = (world[..., self._parents, :, :] @ self.offsets.astype(world.dtype)[:, :, None])[..., 0]
-        return np.asarray(root_position)[..., None, :] + self._above @ bones
+    def oriented(self, root_position: Array, world: Array) -> tuple[Array, Array]:
+        """Rotation matrices relative to the parent `(..., J, 3, 3)` of those in the world, and world positions `(..., J, 3)`."""
+        above = world.take(self._parents, -3)
+        bones = (above @ self.offsets[:, :, None])[..., 0]
+        local = above.swapaxes(-1, -2) @ world
+        local[..., self._roots, :, :] = world[..., self._roots, :, :]
+        return local, np.asarray(root_position)[..., None, :] + self._above @ bones
 
     @cached_property
     def _parents(self) -> NDArray[np.int64]:
         """Parent of each joint; the root stands for its own."""
         return np.maximum(np.array(self.parents), 0)
+
+    @cached_property
+    def _roots(self) -> NDArray[np.int64]:
+        """Joints without a parent."""
+        return np.flatnonzero(np.array(self.parents) < 0)
 
     @cached_property
     def _above(self) -> Array:
@@ -76,20 +86,36 @@ class Skeleton:
         return above
 
     @cached_property
-    def levels(self) -> tuple[tuple[NDArray[np.int64], NDArray[np.int64] | None], ...]:
-        """Joints of equal depth with their parents, root first (its parents are None)."""
-        depth = np.zeros(len(self), np.int64)
-        for j, parent in enumerate(self.parents):
-            depth[j] = depth[parent] + 1 if parent >= 0 else 0
-        parents = np.array(self.parents)
-        groups = [np.flatnonzero(depth == d) for d in range(depth.max() + 1)]
-        return tuple((g, parents[g] if d else None) for d, g in enumerate(groups))
+    def _depths(self) -> list[int]:
+        """Joints between each and the root."""
+        depths: list[int] = []
+        for parent in self.parents:
+            depths.append(depths[parent] + 1 if parent >= 0 else 0)
+        return depths
+
+    @cached_property
+    def _by_depth(self) -> NDArray[np.int64]:
+        """The joints, those of equal depth next to each other."""
+        return np.argsort(self._depths, kind="stable")
+
+    @cached_property
+    def _places(self) -> NDArray[np.int64]:
+        """Where each joint is in that order."""
+        return np.argsort(self._by_depth)
+
+    @cached_property
+    def _levels(self) -> list[tuple[slice, NDArray[np.int64]]]:
+        """In that order the joints of every depth but the first, and the places of their parents."""
+        edges = np.flatnonzero(np.diff(np.sort(self._depths), append=len(self))) + 1
+        parents = self._places[self._parents[self._by_depth]]
+        return [
+            (slice(a, b), parents[a:b]) for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
+        ]
 
     def local_rotations(self, world: Array) -> Array:
         """Rotations relative to the parent `(..., J, 4)` of world rotations `(..., J, 4)`."""
         local = rotations.multiply(rotations.inverse(world[..., self._parents, :]), world)
-        root = np.array(self.parents) < 0
-        local[..., root, :] = world[..., root, :]
+        local[..., self._roots, :] = world[..., self._roots, :]
         return local
 
 

@@ -9,7 +9,7 @@ held or let go would throw it. What a knee cannot follow for some frames, the fo
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import acos, atan2, copysign, cos, hypot, radians, sin, sqrt
+from math import acos, atan2, copysign, cos, dist, hypot, radians, sin, sqrt
 from typing import NamedTuple
 
 from runtime.feet.ik import EASE_REACH, MAX_REACH, MIN_REACH, POLE_WEIGHT_M
@@ -97,7 +97,7 @@ def leg_inverse(
     to_target = subtract(target, hip)
     wanted = length(to_target)
     aim = unit(to_target) if wanted > 1e-6 else axis
-    d = max(soft_reach(wanted, a + b, length(subtract(leg.ankle, leg.hip))), abs(a - b) + 1e-4)
+    d = max(soft_reach(wanted, a + b, dist(leg.ankle, leg.hip)), abs(a - b) + 1e-4)
     swing = between(axis, aim)
     bend = rotate(swing, _bend(axis, upper, rotate(leg.thigh, (0.0, 0.0, 1.0))))
     c = min(1.0, max(-1.0, (a * a + d * d - b * b) / (2.0 * a * d)))
@@ -159,8 +159,8 @@ class Knee:
 
     def follow(self, leg: LegPose, hip: Vector, target: Vector, bones: LegBones, dt: float) -> float:
         """Metres from `hip` to the ankle in this frame, where `target` is requested; `leg` is the incoming leg."""
-        thigh, shin = length(subtract(leg.knee, leg.hip)), length(subtract(leg.ankle, leg.knee))
-        far, spans = length(subtract(target, hip)), length(subtract(leg.ankle, leg.hip))
+        thigh, shin = dist(leg.knee, leg.hip), dist(leg.ankle, leg.knee)
+        far, spans = dist(target, hip), dist(leg.ankle, leg.hip)
         wanted = _flexion(soft_reach(far, bones.length, spans), thigh, shin)
         incoming = _flexion(spans, thigh, shin)
         if self.flexion is None:
@@ -177,8 +177,8 @@ class Knee:
 
     def bend_to(self, leg: LegPose, hip: Vector, ankle: Vector, bones: LegBones, dt: float) -> None:
         """Go on from a leg that the ground made shorter than it was to be."""
-        thigh, shin = length(subtract(leg.knee, leg.hip)), length(subtract(leg.ankle, leg.knee))
-        flexion = _flexion(min(length(subtract(ankle, hip)), bones.length), thigh, shin)
+        thigh, shin = dist(leg.knee, leg.hip), dist(leg.ankle, leg.knee)
+        flexion = _flexion(min(dist(ankle, hip), bones.length), thigh, shin)
         if flexion > (self.flexion or 0.0):
             self.speed += (flexion - (self.flexion or 0.0)) / dt
             self.flexion = flexion

@@ -8,7 +8,7 @@ data do it. The network is fed its own pose, so that the measure does not depend
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan2, cos, hypot, pi, radians, sin, sqrt
+from math import atan2, cos, dist, hypot, pi, radians, sin, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -212,7 +212,7 @@ def _straightened(
     """The ankle of a knee that bends by its target at most, and metres that a leg which would scuff swings outward."""
     share, weighted = request.targets[k][KNEE]
     most = radians(weighted / share) if share > 1e-6 else 0.5 * pi
-    thigh, shin = length(subtract(leg.knee, leg.hip)), length(subtract(leg.ankle, leg.knee))
+    thigh, shin = dist(leg.knee, leg.hip), dist(leg.ankle, leg.knee)
     hip = (leg.hip[0], leg.hip[1] + up, leg.hip[2])
     along = subtract(ankle, hip)
     reach = max(length(along), 1e-6)

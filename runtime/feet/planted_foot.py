@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import atan2, cos, pi, sin, sqrt
+from math import atan2, cos, dist, pi, sin, sqrt
 
 from runtime.feet.ik import EASE_REACH, MAX_REACH
 from runtime.feet.leg import LegBones, LegPose, leg_bones, roll_cosine, rolled, soft_reach
@@ -195,7 +195,7 @@ class PlantedFoot:
         joint = (leg.toe, leg.ankle)[k]
         away = sqrt((joint[0] - self.point[0]) ** 2 + (joint[2] - self.point[1]) ** 2)
         hip = (leg.hip[0], leg.hip[1] - drop, leg.hip[2])
-        stretch = length(subtract(self.ankle, hip)) - self.bones.length
+        stretch = dist(self.ankle, hip) - self.bones.length
         strain = max(away / (patience * s.release_offset), stretch / s.release_stretch)
         overstrained = strain > (1.5 if other_steps else 1.0)
         if rise > self.lowest + may_rise:
@@ -266,7 +266,7 @@ class PlantedFoot:
         """Roll a trailing foot over its held toe until the leg spans what the incoming one does, as a walker does."""
         to_hip, to_ankle = subtract(leg.hip, self.toe), subtract(self.ankle, self.toe)
         foot = self.bones.foot_length
-        lack = length(subtract(self.ankle, leg.hip)) - span(leg)
+        lack = dist(self.ankle, leg.hip) - span(leg)
         ahead = (to_hip[0] * -to_ankle[0] + to_hip[2] * -to_ankle[2]) / foot + foot
         fraction = min(max((ahead - SETTINGS.trailing) / SETTINGS.trailing, 0.0), 1.0)
         if lack == 0.0 or fraction == 0.0:
@@ -452,7 +452,7 @@ class PlantedFoot:
 
 def span(leg: LegPose) -> float:
     """Metres from hip to ankle of the incoming pose."""
-    return length(subtract(leg.ankle, leg.hip))
+    return dist(leg.ankle, leg.hip)
 
 
 def _soft_positive(x: float, width: float) -> float:

@@ -160,8 +160,7 @@ def build_input(parts: InputParts) -> Array:
     ground = ground_height(parts.heights) if parts.ground is None else parts.ground
     heights = parts.heights - ground[..., None, None]
     fields = [
-        to_root(centred, yaw),
-        to_root(parts.trajectory_directions, yaw),
+        to_root(np.concatenate([centred, parts.trajectory_directions], axis=-2), yaw),
         heights,
         parts.joint_positions,
         parts.joint_velocities,
@@ -195,17 +194,19 @@ def build_output(parts: OutputParts) -> Array:
 def split_output(y: Array) -> OutputParts:
     """Inverse of `build_output`."""
     lead = y.shape[:-1]
-    shapes = {
-        "trajectory_positions": (6, 2),
-        "trajectory_directions": (6, 2),
-        "joint_positions": (J, 3),
-        "joint_velocities": (J, 3),
-        "root": (3,),
-        "contacts": (4,),
-        "phase": (7, C, 2),
-        "joint_rotations": (J, 6),
-    }
-    return OutputParts(**{n: y[..., OUTPUT[n]].reshape(*lead, *s) for n, s in shapes.items()})
+    return OutputParts(*(y[..., OUTPUT[name]].reshape(*lead, *shape) for name, shape in _SHAPES.items()))
+
+
+_SHAPES = {
+    "trajectory_positions": (L // 2, 2),
+    "trajectory_directions": (L // 2, 2),
+    "joint_positions": (J, 3),
+    "joint_velocities": (J, 3),
+    "root": (3,),
+    "contacts": (4,),
+    "phase": (L // 2 + 1, C, 2),
+    "joint_rotations": (J, 6),
+}
 
 
 def relative_joints(positions: Array, root_xz: Array, ground: Array, yaw: Array) -> Array:

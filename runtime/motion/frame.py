@@ -6,27 +6,26 @@ The same function moves one character and a crowd.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from math import atan2, hypot, inf
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.arrays import Array, Flags
 from runtime.controls import STAND_SPEED, Controls, Gait
 from runtime.feet.foot_lock import Support
 from runtime.feet.leg_edit import LegRequest
 from runtime.motion import features
-from runtime.motion.features import DT, OUTPUT_SIZE, InputParts, OutputParts, split_output
+from runtime.motion.features import DT, InputParts, OutputParts, split_output
 from runtime.motion.limbs import KEYFRAMED, resolve_penetration
 from runtime.motion.model import MotionModel, drifting_noise
 from runtime.motion.pace import CYCLES_PER_SECOND, STANDING_SECONDS, advance_by_cycles
 from runtime.motion.phase import advance_phase, at_rate
 from runtime.motion.pose_smoothing import PATIENCE
 from runtime.motion.root_motion import SPEED_HALF_LIFE, rest_share, root_velocity, settled_pose
-from runtime.motion.state import CharacterState, bound_speed, network_pose, shown_poses, standing
+from runtime.motion.state import CharacterState, bound_speed, network_pose, placed, shown_poses, standing
 from runtime.motion.style import Style
-from runtime.motion.trajectory import JOG_SHARE, PRESENT, SAMPLES
+from runtime.motion.trajectory import JOG_SHARE, PRESENT, SAMPLES, Plan
 from runtime.records import copied, joined, part
 from runtime.scalar_math import decay
 from runtime.skeleton import SPORT_SKELETON
@@ -44,6 +43,8 @@ GATHERED = 0.8  # of the plan's speed: slower, a body that starts to jog is stil
 JOG_START_GAIN = 1.0  # of the regulator at most, until then
 SLOWEST_PLAN = 0.05  # m/s: a body that stops is regulated until then
 FASTEST_LIFT = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
+_SMOOTHS = 1.0 - decay(SPEED_HALF_LIFE)
+FUTURE = len(features.FUTURE_OFFSETS)
 _PHASES = features.PHASE_OFFSETS + PRESENT
 
 
@@ -66,9 +67,9 @@ class Frame:
 class Request:
     """What the sticks ask of N characters in this frame."""
 
-    velocity: Array  # (N, 2) m/s
-    facing: Array  # (N,) radians, not a number to keep it
-    gait: NDArray[np.integer]  # (N,)
+    velocity: list[tuple[float, float]]  # m/s
+    facing: list[float | None]  # radians, None to keep it
+    gait: list[int]
 
 
 def step(
@@ -78,12 +79,10 @@ def step(
     terrain: Terrain,
     temperature: Sequence[float],
     response: Sequence[float],
-    helper: Executor | None = None,
 ) -> tuple[CharacterState, Frame]:
     """The state 1/60 s later, with the poses to show in it; `state` stays as it is.
 
-    `controls`, `temperature` (of the sampler) and `response` (see `momentum`) are one for each character. `helper` runs
-    half of the networks.
+    `controls`, `temperature` (of the sampler) and `response` (see `trajectory`) are one for each character.
     """
     before, state = state, copied(state)
     state.styles = tuple(style.advanced(DT) for style in state.styles)
@@ -92,38 +91,34 @@ def step(
     probes = _probe(model, state, controls, terrain)
     request = _request(state, controls, probes, styles)
     # before an obstacle, and while one is crossed, a body does at once what it has to
-    at_once = [
-        probe.stops or probe.ahead is not None or traversal.kind != ""
-        for probe, traversal in zip(probes, state.traversals, strict=True)
+    haste = [
+        1.0 if probe.stops or probe.ahead is not None or traversal.kind else usual
+        for probe, traversal, usual in zip(probes, state.traversals, response, strict=True)
     ]
-    haste = np.where(at_once, 1.0, response)
     _steer(state, request, styles, haste)
 
     x = _input(state, probes, terrain)
-    stands = state.trajectory.gait[:, PRESENT, Gait.STAND]
-    temperatures = np.asarray(temperature) * (1.0 - (1.0 - REST_TEMPERATURE) * stands)
-    noise = [
-        np.float32(max(t, 0.0)) * drifting_noise((1, *model.noise_shape), seed, frame * DT)
-        for t, seed, frame in zip(temperatures, state.seed.tolist(), state.frame.tolist(), strict=True)
-    ]
+    noise = _noise(model, state, temperature)
     state.frame = state.frame + 1
-    flat = _network(model, x, noise, styles, helper)
-    sound: Flags = np.asarray((np.abs(flat) < MAX_OUTPUT).all(axis=-1))  # false for what is not a number
-    flat[~sound] = 0.0  # these stand again, below
+    flat = _network(model, x, noise, styles)
+    sound: Flags = np.abs(flat).max(-1) < MAX_OUTPUT  # false for what is not a number
+    if not all(sound.tolist()):
+        flat[~sound] = 0.0  # these stand again, below
     y = split_output(flat.astype(np.float64))
 
-    hips, local, joints = network_pose(y, state.trajectory, state.ground)
-    hips, local, joints = settled_pose(state, hips, local, joints, y.contacts)
-    blending = np.array([blend.blending for blend in state.styles])
+    local, joints = settled_pose(state, *network_pose(y), y.contacts)
+    blending = [blend.blending for blend in state.styles]
     inertialised = state.arms.apply(local, blending, rest_share(state))
-    if inertialised.any():
-        joints[inertialised] = SPORT_SKELETON.forward_kinematics(hips[inertialised], local[inertialised])[0]
+    if any(inertialised):
+        hips = joints[inertialised, 0]
+        joints[inertialised] = SPORT_SKELETON.forward_kinematics(hips, local[inertialised])[0]
     # the feet of a calm body stay where they are
     contacts = np.maximum(
         np.minimum(np.maximum(y.contacts, 0.0), 1.0), 1.0 - state.settling.fraction[:, None]
     )
-    unlocked = _plant(state, hips, local, contacts, terrain)
-    _cross(state, unlocked, (hips, local), probes, styles)
+    network = placed(joints, local, state.trajectory, state.ground)
+    unlocked = _plant(state, *network, contacts, terrain)
+    _cross(state, unlocked, network, probes, styles)
     _feed_back(state, y, joints, probes, styles, terrain, haste)
 
     reasons = tuple(probe.reason for probe in probes)
@@ -139,8 +134,8 @@ def full_speed(style: Style, gait: Gait) -> float:
 
 def _stick(controls: Controls) -> tuple[float, float, float]:
     """X, Z and length of the stick, which is 1 at most."""
-    x, z = (float(v) for v in controls.move)
-    amount = float(np.hypot(x, z))
+    x, z = float(controls.move[0]), float(controls.move[1])
+    amount = hypot(x, z)
     return (x / amount, z / amount, 1.0) if amount > 1.0 else (x, z, amount)
 
 
@@ -149,20 +144,22 @@ def _probe(
 ) -> list[ObstacleProbe]:
     """The obstacles on the sticks' paths that the network does not cross by itself; every traversal remembers whether it stops."""
     nothing = terrain.steepest * RUN_M < EDGE_M  # no slope of this ground is an edge
-    sticks = np.array([_stick(each)[:2] for each in controls])
-    size = np.sqrt((sticks * sticks).sum(-1, keepdims=True))
-    headings, here = sticks / np.maximum(size, 1e-9), state.trajectory.here
-    clear = np.full(len(state), nothing)
+    sticks, here = [_stick(each) for each in controls], state.trajectory.here
+    headings = [(x / max(amount, 1e-9), z / max(amount, 1e-9)) for x, z, amount in sticks]
+    clear = [nothing] * len(state)
     if not nothing:
-        ways = np.array([c.path(h) for c, h in zip(state.traversals, headings, strict=True)])
-        clear = level_ahead(terrain, here, ways, PROBE_M + STOP_SECONDS * state.measured_speed, EDGE_M)
+        ways = np.array([c.path(np.array(h)) for c, h in zip(state.traversals, headings, strict=True)])
+        reach = PROBE_M + STOP_SECONDS * state.measured_speed
+        clear = level_ahead(terrain, here, ways, reach, EDGE_M).tolist()
     probes = []
     for i, traversal in enumerate(state.traversals):
-        stick, style = controls[i], state.styles[i].style
-        velocity = sticks[i] * full_speed(style, state.jumps[i].requested_gait(stick.gait))
+        gait = state.jumps[i].requested_gait(controls[i].gait)
+        requested = sticks[i][2] * full_speed(state.styles[i].style, gait)
         # a probe next to a beam would find a drop
-        ground = None if clear[i] or state.feet[i].on_beam else terrain
-        probe = traversal.probe(ground, here[i], velocity, float(state.measured_speed[i]))
+        ground = None
+        if requested > STAND_SPEED and not clear[i] and not state.feet[i].on_beam:
+            ground = terrain
+        probe = traversal.probe(ground, here[i], np.array(headings[i]), float(state.measured_speed[i]))
         own = probe.ahead is not None and model.crosses(probe.ahead.obstacle)
         probes.append(CLEAR if own else probe)
     return probes
@@ -175,9 +172,7 @@ def _request(
     styles: Sequence[Style],
 ) -> Request:
     """What is requested of every root; writes `wished_speed`, and begins jumps."""
-    count = len(state)
-    velocity, facing, gaits = np.zeros((count, 2)), np.full(count, np.nan), np.zeros(count, np.int64)
-    speeds = np.zeros(count)
+    request, speeds = Request([], [], []), []
     for i, (stick, probe, style) in enumerate(zip(controls, probes, styles, strict=True)):
         x, z, amount = _stick(stick)
         jump, traversal = state.jumps[i], state.traversals[i]
@@ -185,25 +180,22 @@ def _request(
             jump.start(state.poses.pose(i), traversal.steps, _velocity(state, i))
         gait = jump.requested_gait(stick.gait)
         full = full_speed(style, gait)
-        if not probe.stops:
-            speeds[i] = amount * full
-        moving = bool(speeds[i] > STAND_SPEED)
-        if moving:
-            velocity[i] = x * full, z * full
+        speed = 0.0 if probe.stops else amount * full
+        moving = speed > STAND_SPEED
+        way = (x * full, z * full) if moving else (0.0, 0.0)
         if jump.airborne:  # no steering in the air
-            velocity[i] = state.trajectory.velocity[i]
-            speeds[i] = float(np.hypot(*velocity[i]))
+            way = state.trajectory.velocity[i].tolist()
+            speed = hypot(*way)
         elif not moving and gait != Gait.CROUCH:
             gait = Gait.STAND
-        gaits[i] = gait
-        if traversal.climbing:
-            facing[i] = traversal.yaw
-        elif stick.facing is not None:
-            facing[i] = np.arctan2(*stick.facing)
-        elif moving:
-            facing[i] = np.arctan2(velocity[i, 0], velocity[i, 1])
-    state.wished_speed = np.where(speeds > STAND_SPEED, speeds, 0.0)
-    return Request(velocity, facing, gaits)
+        request.velocity.append(way)
+        request.gait.append(int(gait))
+        speeds.append(speed if speed > STAND_SPEED else 0.0)
+        facing = (way if moving else None) if stick.facing is None else stick.facing
+        yaw = None if facing is None else atan2(*facing)
+        request.facing.append(traversal.yaw if traversal.climbing else yaw)
+    state.wished_speed = np.array(speeds)
+    return request
 
 
 def _velocity(state: CharacterState, index: int) -> tuple[float, float]:
@@ -213,36 +205,40 @@ def _velocity(state: CharacterState, index: int) -> tuple[float, float]:
     return x, z
 
 
-def _steer(state: CharacterState, request: Request, styles: Sequence[Style], response: Array) -> None:
+def _steer(
+    state: CharacterState, request: Request, styles: Sequence[Style], response: Sequence[float]
+) -> None:
     """Plan the coming second towards the request and let the network see it, with what its regulator adds."""
-    walk, jog = (np.array([getattr(s, name) for s in styles]) for name in ("walk_speed", "jog_speed"))
-    slow_jog = np.where(request.gait == Gait.JOG, JOG_SHARE * state.wished_speed, np.inf)
+    jogs, wished = [gait == Gait.JOG for gait in request.gait], state.wished_speed.tolist()
+    jog_from = [0.5 * (style.walk_speed + style.jog_speed) for style in styles]
+    slow_jog = [JOG_SHARE * each if jog else inf for each, jog in zip(wished, jogs, strict=True)]
     plan = state.trajectory.plan(
         request.velocity,
         request.facing,
         request.gait,
-        walk,
-        np.minimum(0.5 * (walk + jog), slow_jog),
+        [style.walk_speed for style in styles],
+        [min(pair) for pair in zip(jog_from, slow_jog, strict=True)],
         response,
     )
-    speeds = np.sqrt((state.trajectory.velocity**2).sum(-1))
-    state.smooth_request = state.smooth_request + (speeds - state.smooth_request) * (
-        1 - decay(SPEED_HALF_LIFE)
-    )
-    state.requested_speed = speeds
-    moving = (state.wished_speed > 0.0) | (speeds > SLOWEST_PLAN)
-    gain = state.regulator.update(speeds, state.root_speed * state.stride.fraction, moving)
-    # requested more while it gathers speed, the network dives into a jog
-    begins = (request.gait == Gait.JOG) & (state.regulator.measured < GATHERED * speeds)
-    begins &= state.regulator.stood < STANDING_SECONDS
-    gain = np.where(begins, np.minimum(gain, JOG_START_GAIN), gain)
-    state.trajectory.steer(replace(plan, velocities=plan.velocities * gain[:, None, None]))
+    speeds = [hypot(x, z) for x, z in state.trajectory.velocity.tolist()]
+    state.requested_speed = np.array(speeds)
+    state.smooth_request = state.smooth_request + (state.requested_speed - state.smooth_request) * _SMOOTHS
+    moving = [wish > 0.0 or speed > SLOWEST_PLAN for wish, speed in zip(wished, speeds, strict=True)]
+    shown = (state.root_speed * state.stride.fraction).tolist()
+    gains = state.regulator.update(speeds, shown, moving)
+    for i, speed in enumerate(speeds):
+        # requested more while it gathers speed, the network dives into a jog
+        gathers = state.regulator.measured[i] < GATHERED * speed
+        if jogs[i] and gathers and state.regulator.stood[i] < STANDING_SECONDS:
+            gains[i] = min(gains[i], JOG_START_GAIN)
+    velocities = plan.velocities * np.array(gains)[:, None, None]
+    state.trajectory.steer(Plan(velocities, plan.yaws, plan.gaits))
 
 
 def _input(state: CharacterState, probes: Sequence[ObstacleProbe], terrain: Terrain) -> Array:
     """x `(N, 472)`; writes the ground that the bodies are placed over."""
     path, present = state.trajectory, features.L // 2
-    positions, yaw = path.xz[:, SAMPLES], path.yaw[:, SAMPLES]
+    positions, yaw = path.xz.take(SAMPLES, 1), path.yaw.take(SAMPLES, 1)
     directions = np.stack([np.sin(yaw), np.cos(yaw)], axis=-1)
     points, heights = features.sampled_heights(terrain, positions, directions)
     heights = within_steps(heights, present)
@@ -255,8 +251,8 @@ def _input(state: CharacterState, probes: Sequence[ObstacleProbe], terrain: Terr
         trajectory_positions=positions,
         trajectory_directions=directions,
         heights=heights,
-        gait=path.gait[:, SAMPLES],
-        phase=state.phase[:, _PHASES],
+        gait=path.gait.take(SAMPLES, 1),
+        phase=state.phase.take(_PHASES, 1),
         joint_positions=state.joints,
         joint_velocities=state.velocities,
         ground=ground,
@@ -266,31 +262,26 @@ def _input(state: CharacterState, probes: Sequence[ObstacleProbe], terrain: Terr
     return features.build_input(parts)
 
 
-def _network(
-    model: MotionModel, x: Array, noise: Sequence[Array], styles: Sequence[Style], helper: Executor | None
-) -> Array:
-    """y `(N, 473)`: with a helper half of the characters on its thread.
+def _noise(model: MotionModel, state: CharacterState, temperature: Sequence[float]) -> list[Array]:
+    """The sampler's noise of every character, less while it stands."""
+    shape, stands = (1, *model.noise_shape), state.trajectory.gait[:, PRESENT, Gait.STAND].tolist()
+    return [
+        drifting_noise(shape, seed, frame * DT, max(most * (1.0 - (1.0 - REST_TEMPERATURE) * still), 0.0))
+        for most, still, seed, frame in zip(
+            temperature, stands, state.seed.tolist(), state.frame.tolist(), strict=True
+        )
+    ]
+
+
+def _network(model: MotionModel, x: Array, noise: Sequence[Array], styles: Sequence[Style]) -> Array:
+    """y `(N, 473)`.
 
     In full precision many characters are one batch. With 8-bit weights each has a call of its own: activations are scaled
     by the largest of a call, so that in a batch every character would depend on its neighbours.
     """
-    y = np.empty((len(x), OUTPUT_SIZE), np.float32)
-
-    def run(first: int, end: int) -> None:
-        if model.batches and end - first > 1:
-            y[first:end] = model.step(x[first:end], np.concatenate(noise[first:end]), styles[first:end])[0]
-            return
-        for i in range(first, end):
-            y[i] = model.step(x[i : i + 1], noise[i], styles[i])[0][0]
-
-    if helper is None or len(x) == 1:
-        run(0, len(x))
-    else:
-        middle = len(x) // 2
-        first_half = helper.submit(run, 0, middle)
-        run(middle, len(x))
-        first_half.result()
-    return y
+    if model.batches and len(x) > 1:
+        return model.step(x, np.concatenate(noise), styles)[0]
+    return np.concatenate([model.step(x[i : i + 1], noise[i], style)[0] for i, style in enumerate(styles)])
 
 
 def _plant(
@@ -316,7 +307,8 @@ def _plant(
                 )
         else:
             jump = state.jumps[i]
-            jump.advance(float(hips[i, 1]), float(state.ground[i]), _velocity(state, i))
+            root = _velocity(state, i) if jump.stage else (0.0, 0.0)
+            jump.advance(float(hips[i, 1]), float(state.ground[i]), root)
             if jump.stage:
                 posed = jump.pose(hips[i], local[i], contacts[i], terrain)
                 unlocked_hips[i], unlocked_local[i], contacts[i] = posed
@@ -334,10 +326,10 @@ def _plant(
 
 def _leg_request(state: CharacterState, index: int) -> LegRequest | None:
     """What the legs of a character are to show; None where its words ask for nothing and nothing is added."""
-    legs = state.styles[index].style.legs
-    if not legs.any() and not state.feet[index].edit.active:
+    style = state.styles[index].style
+    if not style.moves_legs and not state.feet[index].edit.active:
         return None
-    path = state.trajectory
+    legs, path = style.legs, state.trajectory
     x, z = path.velocity[index].tolist()
     return LegRequest(legs.tolist(), float(path.yaw[index, PRESENT]), (x, z), float(state.ground[index]))
 
@@ -367,7 +359,7 @@ def _feed_back(
     probes: Sequence[ObstacleProbe],
     styles: Sequence[Style],
     terrain: Terrain,
-    response: Array,
+    response: Sequence[float],
 ) -> None:
     """Next frame's body, rhythm and trajectory: of the network's own pose on the fixed skeleton, before foot lock.
 
@@ -376,42 +368,40 @@ def _feed_back(
     """
     path = state.trajectory
     yaw = path.yaw[:, PRESENT]
-    rates = np.array([jump.pace for jump in state.jumps])
-    before = state.joints
-    state.joints = features.relative_joints(joints, path.here, state.ground, yaw)
-    if (rates != 1.0).any():  # a rhythm that is held back: the body has come a part of its way
-        state.joints = before + rates[:, None, None] * (state.joints - before)
-    slowed = state.settling.rate
+    paces = [jump.pace for jump in state.jumps]
+    rates, slowed = np.array(paces), state.settling.rate
+    if any(pace != 1.0 for pace in paces):  # a rhythm that is held back: the body has come a part of its way
+        joints = state.joints + rates[:, None, None] * (joints - state.joints)
+    state.joints = joints
     state.velocities = y.joint_velocities * slowed[:, None, None]
     state.phase = at_rate(state.phase, advance_phase(state.phase, y.phase), rates * slowed)
     resting = path.gait[:, PRESENT, Gait.STAND]
 
     # the speed at which feet should be stepping: 0 at rest, in a jump, and while the root has not set off
-    jumping = np.array([jump.active for jump in state.jumps])
-    travels = (state.measured_speed > 0.5 * state.requested_speed) & ~jumping
-    steps = np.where(travels & (state.requested_speed > MIN_GAIT_SPEED), state.requested_speed, 0.0)
+    steps = [
+        requested if measured > 0.5 * requested > 0.5 * MIN_GAIT_SPEED and not jump.active else 0.0
+        for requested, measured, jump in zip(
+            state.requested_speed.tolist(), state.measured_speed.tolist(), state.jumps, strict=True
+        )
+    ]
     stalled = state.stall.update(state.joints, steps)
-    if stalled.any():
+    if any(stalled):
         state.phase[stalled] = advance_by_cycles(state.phase[stalled], CYCLES_PER_SECOND * DT)
-    state.phase = state.rest.apply(state.phase, np.stack([style.rest for style in styles]), resting)
+    state.phase = state.rest.apply(state.phase, [style.rest for style in styles], resting)
 
-    velocity = features.to_world(y.root[:, :2] * slowed[:, None], yaw)
-    velocity = root_velocity(state, velocity, y.contacts, probes, terrain, response)
-    turn = y.root[:, 2] * slowed * DT
-    ahead = (yaw + turn)[:, None]
-    path.advance(
-        velocity * DT,
-        turn,
-        features.to_world(y.trajectory_positions, ahead),
-        features.to_world(y.trajectory_directions, ahead),
-    )
+    moved = y.root * slowed[:, None]
+    velocity = root_velocity(state, moved[:, :2], y.contacts, probes, terrain, response)
+    turn = moved[:, 2] * DT
+    forecast = np.concatenate([y.trajectory_positions, y.trajectory_directions], 1)
+    forecast = features.to_world(forecast, (yaw + turn)[:, None])
+    path.advance(velocity * DT, turn, forecast[:, :FUTURE], forecast[:, FUTURE:])
 
 
 def _set_back(
     model: MotionModel, before: CharacterState, state: CharacterState, sound: Flags, terrain: Terrain
 ) -> CharacterState:
     """The state in which characters after a fault of the network (not `sound`) stand where they stood."""
-    if sound.all():
+    if all(sound.tolist()):
         return state
     members = [part(state, i) for i in range(len(state))]
     for i in np.flatnonzero(~sound).tolist():

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Sequence
 from functools import lru_cache
 from importlib.metadata import entry_points
+from math import cos, pi, sin
 from pathlib import Path
 from typing import Any, cast
 
@@ -46,11 +47,13 @@ def _waves(shape: tuple[int, ...], seed: int) -> NDArray[np.float32]:
     return waves / np.float32(np.sqrt(len(PERIODS_S)))
 
 
-def drifting_noise(shape: tuple[int, ...], seed: int, seconds: float) -> NDArray[np.float32]:
-    """Numbers of `shape` at a time, each a sum of slow waves with random amplitudes: N(0, 1), the same for a seed."""
-    angles = 2.0 * np.pi * seconds / np.array(PERIODS_S)
-    weights = np.concatenate([np.cos(angles), np.sin(angles)]).astype(np.float32)
-    return (weights @ _waves(shape, seed)).reshape(shape)
+def drifting_noise(
+    shape: tuple[int, ...], seed: int, seconds: float, spread: float = 1.0
+) -> NDArray[np.float32]:
+    """Numbers of `shape` at a time, each a sum of slow waves with random amplitudes: N(0, `spread`), the same for a seed."""
+    angles = [2.0 * pi * seconds / period for period in PERIODS_S]
+    weights = [spread * wave(angle) for wave in (cos, sin) for angle in angles]
+    return (np.array(weights, np.float32) @ _waves(shape, seed)).reshape(shape)
 
 
 KINDS = "sport.models"  # entry points of other kinds of model: a class with the interface of `MotionModel`

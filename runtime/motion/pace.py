@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import hypot
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.arrays import Array
 from runtime.feet.skating import SOLE_POINTS
@@ -23,6 +24,7 @@ STANDING_SHARE = 0.4  # of the expected speed
 STANDING_SECONDS = 0.7
 STANDING_GAIN = 3.0  # at most
 _NUMBERS = {"shape": ()}
+_SETS_OFF, _MEASURES = 1.0 - decay(SETS_OFF_S), 1.0 - decay(SPEED_SMOOTHING)
 
 
 @dataclass
@@ -39,24 +41,34 @@ class SpeedRegulator:
         """Of standing characters: what one walk needed says nothing of the next."""
         return SpeedRegulator(np.zeros(count), np.zeros(count), np.zeros(count), np.ones(count))
 
-    def update(self, requested: Array, speed: Array, moving: NDArray[np.bool_]) -> Array:
-        """The gains `(N,)` for this frame, of the requested speeds and the roots' in the last frame, m/s; 1 at rest."""
-        self.expected = self.expected + (requested - self.expected) * (1.0 - decay(SETS_OFF_S))
-        self.measured = self.measured + (speed - self.measured) * (1.0 - decay(SPEED_SMOOTHING))
-        stands = self.measured < STANDING_SHARE * self.expected
-        self.stood = np.where(stands & moving, self.stood + 1.0 / FPS, 0.0)
-        least = GAIN_RANGE[0]
-        most = np.where(self.stood > STANDING_SECONDS, STANDING_GAIN, GAIN_RANGE[1])
-        error = np.clip((self.expected - self.measured) / np.maximum(requested, SLOWEST_REQUEST), -1.0, 1.0)
-        self.integral = np.clip(self.integral + INTEGRAL * error / FPS, least, most)
-        gain = np.clip(self.integral + PROPORTIONAL * error, least, most)
-        if not moving.all():
-            self.expected, self.measured = np.where(moving, (self.expected, self.measured), 0.0)
-            self.integral, gain = np.where(moving, (self.integral, gain), 1.0)
-        return gain
+    def update(
+        self, requested: Sequence[float], speed: Sequence[float], moving: Sequence[bool]
+    ) -> list[float]:
+        """The gains for this frame, of the requested speeds and the roots' in the last frame, m/s; 1 at rest."""
+        numbers = (each.tolist() for each in (self.expected, self.measured, self.stood, self.integral))
+        made, gains = [], []
+        for wanted, shown, moves, expected, measured, stood, integral in zip(
+            requested, speed, moving, *numbers, strict=True
+        ):
+            expected += (wanted - expected) * _SETS_OFF
+            measured += (shown - measured) * _MEASURES
+            if not moves:
+                made.append((0.0, 0.0, 0.0, 1.0))
+                gains.append(1.0)
+                continue
+            stood = stood + 1.0 / FPS if measured < STANDING_SHARE * expected else 0.0
+            least, most = GAIN_RANGE
+            if stood > STANDING_SECONDS:
+                most = STANDING_GAIN
+            error = min(max((expected - measured) / max(wanted, SLOWEST_REQUEST), -1.0), 1.0)
+            integral = min(max(integral + INTEGRAL * error / FPS, least), most)
+            made.append((expected, measured, stood, integral))
+            gains.append(min(max(integral + PROPORTIONAL * error, least), most))
+        self.expected, self.measured, self.stood, self.integral = np.array(made).T
+        return gains
 
 
-POINTS = list(SOLE_POINTS)  # left heel, left toe, right heel, right toe, as contacts
+POINTS = np.array(SOLE_POINTS)  # left heel, left toe, right heel, right toe, as contacts
 LEAST_CONTACT = 0.25  # sum of squared contacts: less is a flight, which says nothing
 SHARE_RANGE = (0.5, 1.5)  # of the fraction
 STRIDE_SMOOTHING = 0.3  # seconds, half-life: about a step
@@ -67,6 +79,7 @@ STRETCH = (0.65, 1.25)
 SETTING_OFF = 0.5
 SETTLED = 0.9  # of the plan: until the smoothed request is there,
 WALK_START = 1.12  # times a walk's plan is the most that longer strides make of a speed
+_STRIDES = 1.0 - decay(STRIDE_SMOOTHING)
 
 
 @dataclass
@@ -81,57 +94,65 @@ class StrideState:
         """Of characters whose joints `(N, 31, 3)` do not move."""
         return StrideState(_across(joints), np.ones(len(joints)))
 
-    def carried(self, joints: Array, contacts: Array) -> tuple[Array, Array]:
-        """Velocities `(N, 2)` that planted feet carry the roots at since the last `update`, m/s in their frames, and the weights `(N,)` on them."""
-        weights = np.square(np.minimum(np.maximum(contacts, 0.0), 1.0))
-        total = weights.sum(-1)
-        back = (weights[:, :, None] * (_across(joints) - self.feet)).sum(1)
-        return -back * FPS / np.maximum(total, LEAST_CONTACT)[:, None], total
+    def carried(
+        self, joints: Array, contacts: Array, flying: Sequence[bool]
+    ) -> list[tuple[float, float, float]]:
+        """Velocities that planted feet carry the roots at since the last `update`, m/s across and along in their frames, each with the weight on them.
 
-    def update(self, joints: Array, contacts: Array, speed: Array) -> Array:
-        """The fractions `(N,)`, of joints `(N, 31, 3)` relative to the root, contacts `(N, 4)` and the roots' smoothed speeds in m/s."""
-        carried, total = self.carried(joints, contacts)
+        Joints `(N, 31, 3)` relative to the root, contacts `(N, 4)`; none of who is `flying`.
+        """
+        moved, result = (_across(joints) - self.feet).tolist(), []
+        for feet, chances, flies in zip(moved, contacts.tolist(), flying, strict=True):
+            x = z = total = 0.0
+            for (foot_x, foot_z), chance in zip(feet, chances, strict=True):
+                weight = 0.0 if flies else min(max(chance, 0.0), 1.0) ** 2
+                x, z, total = x + weight * foot_x, z + weight * foot_z, total + weight
+            by = -FPS / max(total, LEAST_CONTACT)
+            result.append((by * x, by * z, total))
+        return result
+
+    def update(
+        self, joints: Array, carried: Sequence[tuple[float, float, float]], speeds: Sequence[float]
+    ) -> None:
+        """Go on from joints relative to the root, with what they `carried` and the roots' smoothed speeds in m/s."""
         self.feet = _across(joints)
-        back = np.sqrt((carried * carried).sum(-1))
-        fraction = np.minimum(np.maximum(back / np.maximum(speed, SLOWEST), SHARE_RANGE[0]), SHARE_RANGE[1])
-        fraction = np.where(total > LEAST_CONTACT, fraction, self.fraction)  # a flight says nothing
-        fraction = np.where(speed < SLOWEST, 1.0, fraction)
-        self.fraction = self.fraction + (fraction - self.fraction) * (1.0 - decay(STRIDE_SMOOTHING))
-        return self.fraction
+        fractions = self.fraction.tolist()
+        for i, ((x, z, total), speed) in enumerate(zip(carried, speeds, strict=True)):
+            fraction = fractions[i]  # a flight says nothing
+            if speed < SLOWEST:
+                fraction = 1.0
+            elif total > LEAST_CONTACT:
+                fraction = min(max(hypot(x, z) / speed, SHARE_RANGE[0]), SHARE_RANGE[1])
+            fractions[i] += (fraction - fractions[i]) * _STRIDES
+        self.fraction = np.array(fractions)
 
 
-def stretch(
-    smooth_request: Array,
-    requested: Array,
-    measured: Array,
-    root: Array,
-    jogs: NDArray[np.bool_],
-    response: Array,
-) -> Array:
-    """How much longer strides become `(N,)`, for speeds in m/s: planned, smoothed and not, the root's, smoothed and not.
+def stretch(planned: tuple[float, float], shown: tuple[float, float], jogs: bool, response: float) -> float:
+    """How much longer strides become, for speeds in m/s: planned, smoothed and not; and the root's, smoothed and not.
 
-    `response` `(N,)` is 1 where a body may start at once.
+    `response` is 1 where a body may start at once.
     """
-    longer = smooth_request / np.maximum(measured, 1e-9)
-    going = smooth_request / np.maximum(requested, 1e-9)
-    settled = np.minimum(np.maximum((going - SETTLED) / (1.0 - SETTLED), response), 1.0)
-    going = np.minimum(np.maximum((going - SETTING_OFF) / (1.0 - SETTING_OFF), response), 1.0)
-    longer = np.minimum(np.maximum(longer, STRETCH[0]), 1.0 + (STRETCH[1] - 1.0) * going)
+    (smooth, requested), (measured, root) = planned, shown
+    going = smooth / max(requested, 1e-9)
+    settled = min(max((going - SETTLED) / (1.0 - SETTLED), response), 1.0)
+    going = min(max((going - SETTING_OFF) / (1.0 - SETTING_OFF), response), 1.0)
+    longer = min(max(smooth / max(measured, 1e-9), STRETCH[0]), 1.0 + (STRETCH[1] - 1.0) * going)
+    if settled == 1.0:
+        return longer
     # a body that has caught up with its plan is not carried past it
-    most = np.maximum(WALK_START * requested / np.maximum(root, 1e-9), 1.0)
-    most = np.where(jogs, STRETCH[1], most)
-    return np.where(settled < 1.0, np.minimum(longer, most + (STRETCH[1] - 1.0) * settled), longer)
+    most = STRETCH[1] if jogs else max(WALK_START * requested / max(root, 1e-9), 1.0)
+    return min(longer, most + (STRETCH[1] - 1.0) * settled)
 
 
 def _across(joints: Array) -> Array:
-    return joints[:, POINTS][..., [0, 2]]
+    return joints.take(POINTS, 1)[..., ::2]
 
 
-POINTS = list(SOLE_POINTS)
 STALLED_SHARE = 0.35  # of the requested speed; in a gait feet move against the root about as fast as the root
 STALLED_SECONDS = 0.25  # longer than feet rest against the root in the slowest step
 FEET_SMOOTHING = 0.1  # seconds, half-life of the feet's speed
 CYCLES_PER_SECOND = 2.0  # of the phases while stalled
+_FEET = 1.0 - decay(FEET_SMOOTHING)
 
 
 @dataclass
@@ -147,16 +168,18 @@ class Stall:
         """Of characters whose joints `(N, 31, 3)` do not move."""
         return Stall(joints[:, POINTS], np.zeros(len(joints)), np.zeros(len(joints)))
 
-    def update(self, joints: Array, requested: Array) -> NDArray[np.bool_]:
-        """Which gaits stall `(N,)`, given joints `(N, 31, 3)` relative to the root and the `requested` speeds in m/s, 0 at rest."""
-        feet = joints[:, POINTS]
+    def update(self, joints: Array, requested: Sequence[float]) -> list[bool]:
+        """Which gaits stall, given joints `(N, 31, 3)` relative to the root and the `requested` speeds in m/s, 0 at rest."""
+        feet = joints.take(POINTS, 1)
         moved = feet - self.feet
-        speed = np.sqrt((moved * moved).sum(-1)).sum(-1) * (FPS / len(POINTS))
-        self.speed = self.speed + (speed - self.speed) * (1.0 - decay(FEET_SMOOTHING))
-        self.feet = feet
-        slow = (requested > 0.0) & (self.speed < STALLED_SHARE * requested)
-        self.seconds = np.where(slow, self.seconds + 1.0 / FPS, 0.0)
-        return np.asarray(self.seconds > STALLED_SECONDS)
+        shown = (np.sqrt((moved * moved).sum(-1)).sum(-1) * (FPS / len(POINTS))).tolist()
+        speeds, seconds = self.speed.tolist(), self.seconds.tolist()
+        for i, wanted in enumerate(requested):
+            speeds[i] += (shown[i] - speeds[i]) * _FEET
+            slow = wanted > 0.0 and speeds[i] < STALLED_SHARE * wanted
+            seconds[i] = seconds[i] + 1.0 / FPS if slow else 0.0
+        self.feet, self.speed, self.seconds = feet, np.array(speeds), np.array(seconds)
+        return [each > STALLED_SECONDS for each in seconds]
 
 
 def advance_by_cycles(phase: Array, cycles: float) -> Array:

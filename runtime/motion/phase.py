@@ -6,54 +6,29 @@ waving hand) that channel's phases are turned at the style's own rate; every oth
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.motion.features import FPS, FUTURE_PHASE_OFFSETS, PHASE_OFFSETS, C
+from runtime.motion.features import FPS, PHASE_OFFSETS, SAMPLE_STEP, C
 from runtime.scalar_math import decay
 
 PRESENT = int(-PHASE_OFFSETS[0])  # index of the current frame in the dense window of 121 frames
-_FRAMES = np.arange(FUTURE_PHASE_OFFSETS[-1] + 1)
-# the fractions (61, 7) of the samples in every frame
-_BETWEEN = np.maximum(1.0 - np.abs(_FRAMES[:, None] - FUTURE_PHASE_OFFSETS) / FUTURE_PHASE_OFFSETS[1], 0.0)
-
-
-def dense_future(samples: Array) -> Array:
-    """Vectors of every frame `(..., 61, C, 2)` from the network's seven samples `(..., 7, C, 2)`.
-
-    Interpolated in amplitude and angle: between samples that are a sixth of a second apart the chord would
-    shorten the amplitude of a stepping rhythm by a fifth.
-    """
-    sine, cosine = samples[..., 0], samples[..., 1]
-    amplitude = _BETWEEN @ np.sqrt(sine * sine + cosine * cosine)
-    angle = _BETWEEN @ unwrapped(np.arctan2(sine, cosine))
-    result = np.empty((*angle.shape, 2))
-    np.multiply(amplitude, np.sin(angle), out=result[..., 0])
-    np.multiply(amplitude, np.cos(angle), out=result[..., 1])
-    return result
-
-
-def unwrapped(angle: Array) -> Array:
-    """Angles `(..., n, m)` without turns of 2 pi from one of the n to the next: `np.unwrap`, which costs five times as much."""
-    steps = angle[..., 1:, :] - angle[..., :-1, :]
-    result = angle.copy()
-    result[..., 1:, :] -= 2.0 * np.pi * np.cumsum(np.round(steps / (2.0 * np.pi)), axis=-2)
-    return result
+_NEAREST = (
+    np.arange(PRESENT + 1) // SAMPLE_STEP
+)  # forecast of each coming frame: only the samples' own are read
 
 
 def advance_phase(window: Array, samples: Array) -> Array:
-    """The dense window `(..., 121, C, 2)` one frame on, with the network's forecast `(..., 7, C, 2)` of present and future."""
-    moved = np.empty_like(window)
-    moved[..., :PRESENT, :, :] = window[..., 1 : PRESENT + 1, :, :]
-    moved[..., PRESENT:, :, :] = dense_future(samples)
-    return moved
+    """The window `(N, 121, C, 2)` one frame on, with the network's forecast `(N, 7, C, 2)` of present and future."""
+    return np.concatenate([window[:, 1 : PRESENT + 1], samples.take(_NEAREST, 1)], 1)
 
 
 def at_rate(before: Array, window: Array, rate: Array) -> Array:
     """The window `(N, 121, C, 2)` that follows `before`, with its present and future turned back to `rate` `(N,)` of the frame's way."""
-    if (rate == 1.0).all():
+    if all(each == 1.0 for each in rate.tolist()):
         return window
     old, new = before[:, PRESENT], window[:, PRESENT]
     turn = np.arctan2(new[..., 0], new[..., 1]) - np.arctan2(old[..., 0], old[..., 1])
@@ -91,12 +66,15 @@ class RestRhythm:
         """Nothing swings."""
         return RestRhythm(np.zeros((count, C)), np.zeros((count, C)))
 
-    def apply(self, phase: Array, rest: Array, standing: Array) -> Array:
-        """The windows `(N, 121, C, 2)` of this frame; `rest` `(N, C, 2)` are the styles' amplitudes and rates, `standing` `(N,)` 0 to 1."""
+    def apply(self, phase: Array, styles: Sequence[Array], standing: Array) -> Array:
+        """The windows `(N, 121, C, 2)` of this frame; `styles` are amplitudes and rates `(C, 2)` at rest, `standing` `(N,)` 0 to 1."""
+        if max(standing.tolist()) <= STANDING and not np.count_nonzero(self.fraction):
+            return phase
+        rest = np.stack(styles)
         swings = (
             (rest[..., 0] > LEAST_AMPLITUDE) & (rest[..., 1] > LEAST_RATE) & (standing[:, None] > STANDING)
         )
-        if not swings.any() and not self.fraction.any():
+        if not swings.any() and not np.count_nonzero(self.fraction):
             return phase
         full = FULL_AMPLITUDE / np.maximum(rest[..., 0], LEAST_AMPLITUDE)
         rate = np.clip(full * rest[..., 1], *RATES)

@@ -12,15 +12,16 @@ slides, breathing (slower than the limit) is as it was, and the network goes on 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import cos
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.easing import spring
-from runtime.motion.features import FPS
+from runtime.motion.features import DT, FPS
 from runtime.scalar_math import decay
 from runtime.skeleton import SPORT_SKELETON, J
 
@@ -28,7 +29,7 @@ ARMS = [
     SPORT_SKELETON.index(side + name) for side in ("Left", "Right") for name in ("Shoulder", "Arm", "ForeArm")
 ]
 TRUNK = [SPORT_SKELETON.index(name) for name in ("LowerBack", "Spine", "Spine1", "Neck", "Neck1", "Head")]
-JOINTS = ARMS + TRUNK
+JOINTS = np.array(ARMS + TRUNK)
 FASTEST = 6.0  # rad/s; arms that swing in walking and jogging turn by up to that
 HALF_LIFE = 0.2  # seconds in which about half of an offset is gone
 AFTERWARDS = 0.5  # seconds after a blend in which the network may still change its mind
@@ -57,44 +58,57 @@ class Inertialization:
         still = np.zeros((len(local), len(JOINTS), 3))
         return Inertialization(local[:, JOINTS], still, still, np.zeros(len(local)))
 
-    def apply(self, local: Array, blending: NDArray[np.bool_], rest: Array) -> NDArray[np.bool_]:
-        """Turn arms and trunk of the network's local rotations `(N, 31, 4)` into those to show; which characters' are others `(N,)`.
+    def apply(self, local: Array, blending: Sequence[bool], rest: Sequence[float]) -> list[bool]:
+        """Turn arms and trunk of the network's local rotations `(N, 31, 4)` into those to show; which characters' are others.
 
-        `rest` `(N,)` is 0 for a body that moves as it likes, to 1 for one that is to be calm.
+        `rest` is 0 for a body that moves as it likes, to 1 for one that is to be calm.
         """
-        self.left = np.where(blending, AFTERWARDS, np.maximum(0.0, self.left - 1.0 / FPS))
-        arms = local[:, JOINTS]
-        last, self.last = self.last, arms
-        moving = (np.abs(self.offset) > _DONE).any((1, 2))
-        fastest = np.where(self.left > 0.0, FASTEST, FASTEST_EVER)
-        limit = (fastest * (FASTEST_AT_REST / fastest) ** rest)[:, None, None] / FPS
-        jumps = (np.abs((arms * last).sum(-1)) < np.cos(0.5 * limit[..., 0])).any(-1)
-        active = (self.left > 0.0) | moving | jumps | (rest > 0.0)
-        if not active.any():
-            if self.offset.any():
+        left = [
+            AFTERWARDS if blends else max(0.0, each - DT)
+            for each, blends in zip(self.left.tolist(), blending, strict=True)
+        ]
+        fastest = [FASTEST if each > 0.0 else FASTEST_EVER for each in left]
+        limits = [
+            DT * most * (FASTEST_AT_REST / most) ** calm for most, calm in zip(fastest, rest, strict=True)
+        ]
+        arms = local.take(JOINTS, 1)
+        same = np.abs((arms * self.last).sum(-1)).min(-1).tolist()  # cosines of half the fastest turns
+        held = (
+            np.abs(self.offset).max((1, 2)).tolist() if np.count_nonzero(self.offset) else [0.0] * len(local)
+        )
+        active = [
+            left[i] > 0.0 or rest[i] > 0.0 or held[i] > _DONE or same[i] < cos(0.5 * limit)
+            for i, limit in enumerate(limits)
+        ]
+        last, self.last, self.left = self.last, arms, np.array(left)
+        if not any(active):
+            if any(held):
                 self.offset = self.speed = np.zeros_like(self.offset)
             return active
+        limit, calm = np.array(limits)[:, None, None], np.array(rest)
         turn = rotations.to_rotation_vector(rotations.multiply(arms, rotations.inverse(last)))
         angle = np.sqrt((turn * turn).sum(-1, keepdims=True))
         excess = turn * np.maximum(0.0, 1.0 - limit / np.maximum(angle, 1e-9))
         offset = rotations.from_rotation_vector(self.offset)
         offset = rotations.multiply(offset, rotations.from_rotation_vector(-excess))
         vector = rotations.to_rotation_vector(offset)
-        half_life = (HALF_LIFE * (HALF_LIFE_AT_REST / HALF_LIFE) ** rest)[:, None, None]
+        half_life = (HALF_LIFE * (HALF_LIFE_AT_REST / HALF_LIFE) ** calm)[:, None, None]
         offset, speed = spring(vector, self.speed, np.zeros(3), half_life, 1.0 / FPS)
-        self.offset = np.where(active[:, None, None], offset, 0.0)
-        self.speed = np.where(active[:, None, None], speed, 0.0)
+        acts = np.array(active)[:, None, None]
+        self.offset, self.speed = np.where(acts, offset, 0.0), np.where(acts, speed, 0.0)
         shown = rotations.multiply(rotations.from_rotation_vector(self.offset), arms)
-        local[:, JOINTS] = np.where(active[:, None, None], shown, arms)
+        local[:, JOINTS] = np.where(acts, shown, arms)
         return active
 
 
-WATCHED = [
-    SPORT_SKELETON.index(name)
-    for name in ("LeftHand", "RightHand", "Head", "LeftLeg", "RightLeg", "LeftFoot", "RightFoot")
-]
+WATCHED = np.array(
+    [
+        SPORT_SKELETON.index(name)
+        for name in ("LeftHand", "RightHand", "Head", "LeftLeg", "RightLeg", "LeftFoot", "RightFoot")
+    ]
+)
 # m/s of the limbs of a body at rest: hands and head (0.02 to 0.1 in captured idles), knees, and feet, which stand
-AT_REST = np.array([0.07, 0.07, 0.07, 0.05, 0.05, 0.02, 0.02])
+AT_REST = (0.07, 0.07, 0.07, 0.05, 0.05, 0.02, 0.02)
 NEARLY = 0.3  # of the usual speed: a body that is nearly at rest comes over its feet
 PATIENCE = 0.6  # more of its usual distance a foot may be held away at rest, where a body steps for no reason
 UNSEEN_M = 0.05  # m away from its feet it may stay,
@@ -108,72 +122,68 @@ EVEN = 0.05  # seconds, half-life, in which the rate changes while a body stops;
 SETTLES = 0.12  # seconds, half-life, in which the limit goes down,
 WAKES = 0.05  # and up again
 STEPS_ON = 0.6  # of its usual speed a body keeps until both feet stand
+_FORGETS, _SETTLES, _WAKES = decay(FORGETS), decay(SETTLES), decay(WAKES)
 
 
 @dataclass
 class Settling:
     """How slow the time of N characters runs, and the poses that they were in."""
 
-    local: Array = field(
-        metadata={"shape": (J, 4)}
-    )  # (N, 31, 4) of the last frame, the hips seen from the root
+    local: Array = field(metadata={"shape": (J, 4)})  # (N, 31, 4) of the last frame, relative to the root
     usual: Array = field(metadata={"shape": (len(WATCHED),), "most": 1000.0})  # (N, 7) m/s
     fraction: Array = field(metadata={"shape": ()})  # (N,) of it that is the limit, 1 while a body moves
     waited: Array = field(metadata={"shape": ()})  # (N,) seconds since something else was requested
     rate: Array = field(metadata={"shape": ()})  # (N,) of this frame's time
 
     @staticmethod
-    def awake(local: Array, yaw: Array) -> Settling:
-        """Of characters that do not move: local rotations `(N, 31, 4)`, and the roots' yaw `(N,)`."""
+    def awake(local: Array) -> Settling:
+        """Of characters that do not move, local rotations `(N, 31, 4)` relative to the root."""
         one = np.ones(len(local))
         usual = np.full((len(local), len(WATCHED)), LEAST_USUAL)
-        return Settling(_turned(local, -yaw), usual, one, 0.0 * one, one)
+        return Settling(local, usual, one, 0.0 * one, one)
 
     def slow(
         self,
         joints: Array,
         before: Array,
-        free: NDArray[np.bool_],
-        still: NDArray[np.bool_],
-        grounded: NDArray[np.bool_],
+        free: Sequence[bool],
+        still: Sequence[bool],
+        grounded: Sequence[bool],
     ) -> Array:
         """The rates `(N,)` of this frame, for joints `(N, 31, 3)` relative to the root and those of the last frame.
 
-        `free` `(N,)`: nothing is requested of the body, which may be coming to rest; `still` `(N,)`: it is where it was
-        requested to be; `grounded` `(N,)`: both feet stand where they may stay.
+        `free`: nothing is requested of the body, which may be coming to rest; `still`: it is where it was requested to be;
+        `grounded`: both feet stand where they may stay.
         """
-        moved = (joints - before)[:, WATCHED]
-        speed = np.sqrt((moved * moved).sum(-1)) * FPS
-        usual = np.maximum(np.maximum(self.usual * decay(FORGETS), speed), LEAST_USUAL)
-        self.usual = np.where(free[:, None], self.usual, usual)
-        self.waited = np.where(free & still, self.waited + 1.0 / FPS, 0.0)
-        settled = self.fraction * decay(SETTLES)
-        settled = np.where(grounded, settled, np.maximum(settled, np.minimum(self.fraction, STEPS_ON)))
-        awake = 1.0 + (self.fraction - 1.0) * decay(WAKES)
-        self.fraction = np.where(self.waited > WAITS, settled, awake)
-        limit = np.maximum(self.fraction[:, None] * self.usual, AT_REST)
-        rate = np.minimum((limit / np.maximum(speed, 1e-9)).min(-1), 1.0)
-        even = 0.5 ** (1.0 / (FPS * EVEN * np.maximum(self.fraction, 1e-3)))
-        self.rate = rate + (self.rate - rate) * even
+        moved = joints.take(WATCHED, 1) - before.take(WATCHED, 1)
+        speeds = (np.sqrt((moved * moved).sum(-1)) * FPS).tolist()
+        usual, fractions = self.usual.tolist(), self.fraction.tolist()
+        waits, rates = self.waited.tolist(), []
+        for i, (speed, was) in enumerate(zip(speeds, fractions, strict=True)):
+            waits[i] = waits[i] + DT if free[i] and still[i] else 0.0
+            if waits[i] > WAITS:
+                fractions[i] = max(was * _SETTLES, 0.0 if grounded[i] else min(was, STEPS_ON))
+            else:
+                fractions[i] = 1.0 + (was - 1.0) * _WAKES
+            if not free[i]:
+                usual[i] = [
+                    max(each * _FORGETS, now, LEAST_USUAL) for each, now in zip(usual[i], speed, strict=True)
+                ]
+            limits = zip(usual[i], AT_REST, speed, strict=True)
+            rate = min(max(fractions[i] * each, least) / max(now, 1e-9) for each, least, now in limits)
+            rate = min(rate, 1.0)
+            even = 0.5 ** (1.0 / (FPS * EVEN * max(fractions[i], 1e-3)))
+            rates.append(rate + (float(self.rate[i]) - rate) * even)
+        self.usual, self.fraction, self.waited = np.array(usual), np.array(fractions), np.array(waits)
+        self.rate = np.array(rates)
         return self.rate
 
-    def between(self, local: Array, yaw: Array) -> Array:
+    def between(self, local: Array) -> Array:
         """Local rotations `(N, 31, 4)` on the way from the last frame's to these, by the rates; remembers them."""
-        here = _turned(local, -yaw)
-        if (self.rate == 1.0).all():
-            self.local = here
-            return local
-        turn = rotations.to_rotation_vector(rotations.multiply(here, rotations.inverse(self.local)))
-        part = rotations.from_rotation_vector(turn * self.rate[:, None, None])
-        slow = (self.rate < 1.0)[:, None, None]
-        self.local = np.where(slow, rotations.multiply(part, self.local), here)
-        return np.where(slow, _turned(self.local, yaw), local)
-
-
-def _turned(local: Array, yaw: Array) -> Array:
-    """Local rotations with the hips turned about the vertical by `yaw` `(N,)`."""
-    result = local.copy()
-    half = 0.5 * yaw
-    about = np.stack([np.cos(half), 0.0 * half, np.sin(half), 0.0 * half], -1)
-    result[:, 0] = rotations.multiply(about, local[:, 0])
-    return result
+        if min(self.rate.tolist()) < 1.0:
+            turn = rotations.to_rotation_vector(rotations.multiply(local, rotations.inverse(self.local)))
+            part = rotations.from_rotation_vector(turn * self.rate[:, None, None])
+            slow = (self.rate < 1.0)[:, None, None]
+            local = np.where(slow, rotations.multiply(part, self.local), local)
+        self.local = local
+        return local.copy()

@@ -6,17 +6,17 @@ When nothing more is requested bodies come to rest: their time slows down, and t
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import cos, hypot, pi, sin
 
 import numpy as np
 
-from runtime.arrays import Array, Flags
+from runtime.arrays import Array
 from runtime.controls import STAND_SPEED, Gait
-from runtime.motion import features
 from runtime.motion.features import DT
 from runtime.motion.pace import stretch
 from runtime.motion.pose_smoothing import NEARLY, OVER_FEET_S, RESTS_BELOW, SWAYS, UNSEEN_M
 from runtime.motion.state import CharacterState
-from runtime.motion.trajectory import GAME, PRESENT, wrap_angle
+from runtime.motion.trajectory import GAME, PRESENT
 from runtime.scalar_math import decay
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
@@ -28,6 +28,7 @@ LAST_SPEED = 9.0  # times the planned speed: what is more fades at the end of a 
 FIRM_CONTACT = 0.5  # sum of squared contacts that carry a root
 COAST = 0.24  # seconds, half-life: the planted feet carry the root on, or they would slide under it
 SPEED_HALF_LIFE = 0.25  # seconds, smoothing of the measured speed (a stride speeds up and slows down)
+_COAST, _FOLLOWS = decay(COAST), 1.0 - decay(SPEED_HALF_LIFE)
 
 
 def root_velocity(
@@ -36,62 +37,61 @@ def root_velocity(
     contacts: Array,
     probes: Sequence[ObstacleProbe],
     terrain: Terrain,
-    response: Array,
+    response: Sequence[float],
 ) -> Array:
-    """The velocities `(N, 2)` (m/s) that the roots take of the network's; writes the speeds and the strides.
+    """The velocities `(N, 2)` (m/s) that the roots take of the network's in their frames; writes the speeds and the strides.
 
-    Contacts `(N, 4)` are the network's; `response` `(N,)` is 0 for a captured body and 1 for a player's.
+    Contacts `(N, 4)` are the network's; `response` is 0 for a captured body and 1 for a player's.
     """
-    flying = np.array([jump.airborne for jump in state.jumps])
-    velocity = _carried(state, velocity, contacts, flying)
-    velocity = _slowed(state, velocity, flying, response) + over_feet(state)
-    change = (state.root_speed - state.measured_speed) * (1 - decay(SPEED_HALF_LIFE))
-    state.measured_speed = state.measured_speed + change
-    state.stride.update(state.joints, np.where(flying[:, None], 0.0, contacts), state.measured_speed)
-    walks = (state.measured_speed > 0.5 * state.requested_speed) & (state.requested_speed > STAND_SPEED)
-    longer = stretch(
-        state.smooth_request,
-        state.requested_speed,
-        state.measured_speed,
-        state.root_speed,
-        state.trajectory.gait[:, PRESENT, Gait.JOG] > 0.5,
-        response,
-    )
-    velocity = velocity * np.where(walks & ~flying, longer, 1.0)[:, None]
-    return _past_obstacles(state, velocity, probes, terrain)
+    root, measured = state.root_speed.tolist(), state.measured_speed.tolist()
+    jogs = (state.trajectory.gait[:, PRESENT, Gait.JOG] > 0.5).tolist()
+    carried = state.stride.carried(state.joints, contacts, [jump.airborne for jump in state.jumps])
+    rest, velocities = rest_share(state), velocity.tolist()
+    for i, (jump, haste) in enumerate(zip(state.jumps, response, strict=True)):
+        x, z = _carried(state, i, velocities[i], carried[i], rest[i])
+        speed, requested = hypot(x, z), float(state.requested_speed[i])
+        if state.wished_speed[i] == 0.0 and not jump.airborne:
+            # a body at rest does not creep: what is faster than the plan fades
+            most = max(LAST_SPEED * requested, _COAST ** (GAME**-haste) * root[i])
+            creep = min(1.0, most / max(speed, 1e-6))
+            x, z, speed = creep * x, creep * z, creep * speed
+        root[i], measured[i] = speed, measured[i] + (speed - measured[i]) * _FOLLOWS
+        aside_x, aside_z = over_feet(state, i)
+        longer = 1.0
+        if measured[i] > 0.5 * requested > 0.5 * STAND_SPEED and not jump.airborne:
+            planned = float(state.smooth_request[i]), requested
+            longer = stretch(planned, (measured[i], speed), jogs[i], haste)
+        velocities[i] = (longer * (x + aside_x), longer * (z + aside_z))
+    state.root_speed, state.measured_speed = np.array(root), np.array(measured)
+    state.stride.update(state.joints, carried, measured)
+    return _past_obstacles(state, np.array(velocities), probes, terrain)
 
 
-def _carried(state: CharacterState, velocity: Array, contacts: Array, flying: Flags) -> Array:
+def _carried(
+    state: CharacterState, i: int, velocity: list[float], carried: tuple[float, float, float], rest: float
+) -> tuple[float, float]:
     """Pulled by held feet, carried by planted ones in a stop, and as a body in the air flies."""
-    velocity = velocity + np.array([feet.pull for feet in state.feet])
-    carried, weight = state.stride.carried(state.joints, contacts)
-    firm = np.where(flying, 0.0, rest_share(state) * np.minimum(weight / FIRM_CONTACT, 1.0))
-    carried = features.to_world(carried, state.trajectory.yaw[:, PRESENT])
-    velocity = velocity + (carried - velocity) * firm[:, None]
-    for i, jump in enumerate(state.jumps):
-        velocity[i] = jump.carried(velocity[i])
-    return velocity
-
-
-def _slowed(state: CharacterState, velocity: Array, flying: Flags, response: Array) -> Array:
-    """A body at rest does not creep: what is faster than the plan fades. Writes `root_speed`."""
-    speed = np.sqrt((velocity * velocity).sum(-1))
-    still = (state.wished_speed == 0.0) & ~flying
-    coast = decay(COAST) ** (GAME**-response)
-    most = np.maximum(LAST_SPEED * state.requested_speed, coast * state.root_speed)
-    creep = np.where(still, np.minimum(1.0, most / np.maximum(speed, 1e-6)), 1.0)
-    state.root_speed = speed * creep
-    return velocity * creep[:, None]
+    pull, yaw = state.feet[i].pull, float(state.trajectory.yaw[i, PRESENT])
+    cosine, sine = cos(yaw), sin(yaw)
+    x = cosine * velocity[0] + sine * velocity[1] + pull[0]
+    z = cosine * velocity[1] - sine * velocity[0] + pull[1]
+    across, along, weight = carried
+    firm = rest * min(weight / FIRM_CONTACT, 1.0)
+    x += (cosine * across + sine * along - x) * firm
+    z += (cosine * along - sine * across - z) * firm
+    return state.jumps[i].carried((x, z))
 
 
 def _past_obstacles(
     state: CharacterState, velocity: Array, probes: Sequence[ObstacleProbe], terrain: Terrain
 ) -> Array:
     """Keyframed while an obstacle is crossed, held back before one, led along walls."""
-    near = 2.0 * state.root_speed * DT + HALF_BODY_M  # strides are scaled by less
-    way = velocity / np.maximum(np.sqrt((velocity * velocity).sum(-1, keepdims=True)), 1e-9)
     gentle, walls = terrain.steepest * RUN_M < EDGE_M, has_walls(terrain)
-    clear = np.full(len(state), True) if gentle else level_ahead(terrain, state.trajectory.here, way, near)
+    clear = [True] * len(state)
+    if not gentle:
+        near = 2.0 * state.root_speed * DT + HALF_BODY_M  # strides are scaled by less
+        way = velocity / np.maximum(np.sqrt((velocity * velocity).sum(-1, keepdims=True)), 1e-9)
+        clear = level_ahead(terrain, state.trajectory.here, way, near).tolist()
     for i, (traversal, probe) in enumerate(zip(state.traversals, probes, strict=True)):
         if traversal.kind:
             velocity[i] = traversal_velocity(traversal)
@@ -112,50 +112,63 @@ STANDS = 0.5  # of a contact of heel or toe
 CHANGES = 0.03  # of the labels of gait in a frame: a body crouches or gets up
 
 
-def rest_share(state: CharacterState) -> Array:
-    """How far bodies have come to rest `(N,)`: 0 while they move or gesticulate, 1 when their plan stands still."""
-    stops = (state.wished_speed == 0.0) & ~np.array([jump.airborne for jump in state.jumps])
-    slow = np.minimum(np.maximum(1.0 - state.requested_speed / CALM_FROM, 0.0), 1.0)
-    return np.asarray(np.where(stops, slow * (1.0 - state.rest.fraction.max(-1)), 0.0))
+def rest_share(state: CharacterState) -> list[float]:
+    """How far each body has come to rest: 0 while it moves or gesticulates, 1 when its plan stands still."""
+    return [
+        0.0
+        if wished > 0.0 or jump.airborne
+        else min(max(1.0 - requested / CALM_FROM, 0.0), 1.0) * (1.0 - max(swings))
+        for wished, requested, swings, jump in zip(
+            state.wished_speed.tolist(),
+            state.requested_speed.tolist(),
+            state.rest.fraction.tolist(),
+            state.jumps,
+            strict=True,
+        )
+    ]
 
 
-def settled_pose(
-    state: CharacterState, hips: Array, local: Array, joints: Array, contacts: Array
-) -> tuple[Array, Array, Array]:
+def settled_pose(state: CharacterState, local: Array, joints: Array, contacts: Array) -> tuple[Array, Array]:
     """The network's pose as far as a body at rest moves towards it in a frame; writes `state.settling`.
 
-    Hips `(N, 3)`, local rotations `(N, 31, 4)` and joints `(N, 31, 3)` in the world; contacts `(N, 4)`.
+    Local rotations `(N, 31, 4)` and joints `(N, 31, 3)`, relative to the root; contacts `(N, 4)`.
     """
-    path = state.trajectory
-    yaw, gait = path.yaw[:, PRESENT], path.gait
-    turning = np.abs(wrap_angle(path.wish_yaw - path.requested_yaw)) > TURNS
-    changes = np.abs(gait[:, PRESENT] - gait[:, PRESENT - 1]).max(-1) > CHANGES
-    free = (state.wished_speed == 0.0) & (state.rest.fraction.max(-1) == 0.0) & (state.arms.left == 0.0)
-    free &= [
-        jump.stage == "" and traversal.kind == ""
-        for jump, traversal in zip(state.jumps, state.traversals, strict=True)
-    ]
-    still = (state.requested_speed < RESTS_BELOW) & ~turning & ~changes
-    grounded = (contacts.reshape(-1, 2, 2).max(-1) > STANDS).all(-1)
-    relative = features.relative_joints(joints, path.here, state.ground, yaw)
-    rate = state.settling.slow(relative, state.joints, free & ~turning, still, grounded)
-    local = state.settling.between(local, yaw)
+    free = [_is_free(state, i) for i in range(len(state))]
+    still = [free[i] and _stands_still(state, i) for i in range(len(state))]
+    grounded = [min(max(heels[0], heels[1]), max(heels[2], heels[3])) > STANDS for heels in contacts.tolist()]
+    rate = state.settling.slow(joints, state.joints, free, still, grounded)
+    local = state.settling.between(local)
     slow = rate < 1.0
-    if slow.any():
-        place = state.joints[:, 0] + rate[:, None] * (relative[:, 0] - state.joints[:, 0])
-        there = features.to_world(place, yaw) + np.stack([path.here[:, 0], state.ground, path.here[:, 1]], -1)
-        hips = np.where(slow[:, None], there, hips)
-        joints[slow] = SPORT_SKELETON.forward_kinematics(hips[slow], local[slow])[0]
-    return hips, local, joints
+    if any(slow.tolist()):
+        before = state.joints[slow, 0]
+        hips = before + rate[slow, None] * (joints[slow, 0] - before)
+        joints[slow] = SPORT_SKELETON.forward_kinematics(hips, local[slow])[0]
+    return local, joints
 
 
-def over_feet(state: CharacterState) -> Array:
-    """Velocities `(N, 2)` (m/s) that bring calm bodies over their feet: one that stops leaves them up to 0.2 m behind."""
-    fraction = np.maximum(1.0 - state.settling.fraction / NEARLY, 0.0)
-    away = [
-        [foot.offset for foot in feet.feet] if all(feet.held) else ((0.0,) * 3,) * 2 for feet in state.feet
-    ]
-    offset = np.array(away).mean(1)[:, [0, 2]]
-    distance = np.sqrt((offset * offset).sum(-1))
-    speed = np.minimum(np.maximum(distance - UNSEEN_M, 0.0) / OVER_FEET_S, SWAYS)
-    return np.asarray(offset * (fraction * speed / np.maximum(distance, 1e-9))[:, None])
+def _is_free(state: CharacterState, i: int) -> bool:
+    """Whether nothing is requested of a body, which may be coming to rest."""
+    path, arms, swings = state.trajectory, state.arms, state.rest.fraction[i]
+    if state.wished_speed[i] > 0.0 or arms.left[i] > 0.0 or state.jumps[i].stage or state.traversals[i].kind:
+        return False
+    turn = (float(path.wish_yaw[i] - path.requested_yaw[i]) + pi) % (2.0 * pi) - pi
+    return abs(turn) <= TURNS and not np.count_nonzero(swings)
+
+
+def _stands_still(state: CharacterState, i: int) -> bool:
+    """Whether the plan stands still and the gait is what it was."""
+    gait = state.trajectory.gait[i]
+    same = np.abs(gait[PRESENT] - gait[PRESENT - 1]).max() <= CHANGES
+    return bool(state.requested_speed[i] < RESTS_BELOW and same)
+
+
+def over_feet(state: CharacterState, i: int) -> tuple[float, float]:
+    """Velocity (m/s, X and Z) that brings a calm body over its feet: one that stops leaves them up to 0.2 m behind."""
+    feet, fraction = state.feet[i], 1.0 - float(state.settling.fraction[i]) / NEARLY
+    if fraction <= 0.0 or not all(feet.held):
+        return 0.0, 0.0
+    (left_x, _, left_z), (right_x, _, right_z) = (foot.offset for foot in feet.feet)
+    x, z = 0.5 * (left_x + right_x), 0.5 * (left_z + right_z)
+    distance = hypot(x, z)
+    speed = fraction * min(max(distance - UNSEEN_M, 0.0) / OVER_FEET_S, SWAYS) / max(distance, 1e-9)
+    return speed * x, speed * z

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from math import cos, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,6 @@ from numpy.typing import NDArray
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.feet.foot_lock import FootLock
-from runtime.motion import features
 from runtime.motion.features import DT, PHASE_OFFSETS, C, OutputParts, split_output
 from runtime.motion.model import MotionModel
 from runtime.motion.pace import SpeedRegulator, Stall, StrideState
@@ -19,6 +19,7 @@ from runtime.motion.pose_smoothing import Inertialization, Settling
 from runtime.motion.style import StyleBlend
 from runtime.motion.trajectory import LENGTH, PRESENT, Trajectory
 from runtime.pose import Pose
+from runtime.scalar_math import add, multiply, rotate
 from runtime.skeleton import SPORT_SKELETON, J
 from runtime.terrain.height_map import PointHeights, Terrain
 from runtime.traversal.jump import Jump
@@ -57,16 +58,23 @@ class Poses:
         return replace(self, hips=self.hips + up, positions=self.positions + up[:, None], root=self.root + up)
 
 
-def network_pose(y: OutputParts, trajectory: Trajectory, ground: Array) -> tuple[Array, Array, Array]:
-    """Hips `(N, 3)`, local rotations `(N, 31, 4)` and joints `(N, 31, 3)` in world space, on the fixed skeleton; `ground` `(N,)` in metres."""
-    yaw, root = trajectory.yaw[:, PRESENT], trajectory.here
-    hips = features.to_world(y.joint_positions[:, 0], yaw)
-    hips[:, 0] += root[:, 0]
-    hips[:, 1] += ground
-    hips[:, 2] += root[:, 1]
-    world = rotations.yaw_matrix(yaw)[:, None] @ rotations.matrix_from_6d(y.joint_rotations)
-    local = SPORT_SKELETON.local_rotations(rotations.from_matrix(world))
-    return hips, local, SPORT_SKELETON.oriented(hips, world)
+def network_pose(y: OutputParts) -> tuple[Array, Array]:
+    """Local rotations `(N, 31, 4)` and joints `(N, 31, 3)` on the fixed skeleton, relative to the root."""
+    turned = rotations.matrix_from_6d(y.joint_rotations)
+    local, joints = SPORT_SKELETON.oriented(y.joint_positions[:, 0], turned)
+    return rotations.from_matrix(local), joints
+
+
+def placed(joints: Array, local: Array, trajectory: Trajectory, ground: Array) -> tuple[Array, Array]:
+    """Hips `(N, 3)` and local rotations `(N, 31, 4)` in the world of a pose relative to the root, over the `ground` `(N,)` (m)."""
+    hips, local = joints[:, 0].copy(), local.copy()
+    for i, (root, yaw) in enumerate(
+        zip(trajectory.here.tolist(), trajectory.yaw[:, PRESENT].tolist(), strict=True)
+    ):
+        turn = (cos(0.5 * yaw), 0.0, sin(0.5 * yaw), 0.0)
+        hips[i] = add((root[0], float(ground[i]), root[1]), rotate(turn, hips[i].tolist()))
+        local[i, 0] = multiply(turn, local[i, 0].tolist())
+    return hips, local
 
 
 def shown_poses(
@@ -74,12 +82,11 @@ def shown_poses(
 ) -> Poses:
     """Forward kinematics of hips `(N, 3)` and local rotations `(N, 31, 4)`, with the roots on the ground."""
     positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
-    xz, yaw = trajectory.here, trajectory.yaw[:, PRESENT]
     point = PointHeights(terrain).height
-    root = np.array([(x, point(x, z), z) for x, z in xz.tolist()])
+    root = np.array([(x, point(x, z), z) for x, z in trajectory.here.tolist()])
     arrays = (hips, local, positions, world, contacts, root)
     hips, local, positions, world, contacts, root = (array.astype(np.float32) for array in arrays)
-    return Poses(hips, local, positions, world, contacts, root, yaw.copy())
+    return Poses(hips, local, positions, world, contacts, root, trajectory.yaw[:, PRESENT].copy())
 
 
 FASTEST_JOINT = 24.0  # m/s: a hand in a captured jog; a network far from its data jumps at up to 100
@@ -90,6 +97,9 @@ def bound_speed(poses: Poses, before: Poses) -> None:
 
     The network goes on from its own pose, where what is shown arrives some frames later.
     """
+    moved = poses.positions - before.positions
+    if float((moved * moved).max()) * 3.0 < (FASTEST_JOINT * DT) ** 2:
+        return
     fast = _fastest_joint(poses.positions, before.positions) > FASTEST_JOINT
     if not fast.any():
         return
@@ -164,7 +174,8 @@ def standing(
         Trajectory.standing(x, z, yaw),
         terrain.height(np.array([x]), np.array([z])).astype(np.float64),
     )
-    hips, local, _ = network_pose(y, trajectory, ground)
+    relative, joints = network_pose(y)
+    hips, local = placed(joints, relative, trajectory, ground)
     feet, contacts = FootLock(), np.zeros((1, 4))
     locked = feet.apply(hips[0], local[0], contacts[0], terrain, DT)
     still = np.zeros(1)
@@ -186,7 +197,7 @@ def standing(
         stall=Stall.at_rest(y.joint_positions),
         rest=RestRhythm.silent(),
         arms=Inertialization.at_rest(local),
-        settling=Settling.awake(local, np.array([yaw])),
+        settling=Settling.awake(relative),
         feet=(feet,),
         traversals=(Traversal(),),
         jumps=(Jump.standing(float(hips[0, 1]), float(ground[0])),),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -43,6 +44,11 @@ class Style:
         None  # the same code folded the other way round, where some limbs move as it moves them
     )
     limbs: tuple[float, ...] = (0.0,) * LIMBS  # how far each of the four does
+
+    @cached_property
+    def moves_legs(self) -> bool:
+        """Whether the legs are to show anything."""
+        return bool(self.legs.any())
 
     @property
     def ways(self) -> Ways:

@@ -9,17 +9,17 @@ the whole path of the coming second, with the labels of gait that its training g
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import atan2, hypot, pi, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.easing import smoothstep
 from runtime.motion import features
 from runtime.motion.features import FPS, GAITS, SAMPLE_STEP, TRAJECTORY_OFFSETS
-from runtime.motion.phase import unwrapped
 from runtime.scalar_math import decay
 from runtime.terrain.height_map import Terrain
 
@@ -36,6 +36,8 @@ CROUCH_HALF_LIFE = 0.35  # of the label of a crouch: knees and elbows snap where
 STILL_SPEED = 0.15  # m/s: slower is standing, as the training's labels have it
 JOG_SHARE = 0.75  # of a slow jog's speed from which it is a jog
 AHEAD = np.arange(61) / FPS  # seconds of the coming frames, the present one first
+_STAND, _WALK, _JOG, _CROUCH = map(int, (Gait.STAND, Gait.WALK, Gait.JOG, Gait.CROUCH))
+_MAKES_UP = decay(WISH_HALF_LIFE)
 _LABEL_FADE = 0.5 ** ((AHEAD + 1.0 / FPS) / LABEL_HALF_LIFE)
 
 
@@ -48,21 +50,26 @@ class Plan:
     gaits: Array  # (N, 61, 6) weights
 
 
-def change_seconds(walk_speed: Array, response: Array) -> Array:
-    """Seconds `(N,)` in which bodies change their velocity by their walking speed (m/s); `response` 0 (capture) to 1 (game)."""
-    style = np.clip(np.sqrt(NEUTRAL_SPEED / walk_speed), FASTEST_CHANGE, SLOWEST_CHANGE)
-    return np.asarray(TO_WALK * style * GAME**response)
+def change_seconds(walk_speed: float, response: float) -> float:
+    """Seconds in which a body changes its velocity by its walking speed (m/s); `response` 0 (capture) to 1 (game)."""
+    style = min(max(sqrt(NEUTRAL_SPEED / walk_speed), FASTEST_CHANGE), SLOWEST_CHANGE)
+    return TO_WALK * style * GAME**response
 
 
-def turn_seconds(speed: Array, walk_speed: Array, response: Array) -> Array:
-    """Seconds `(N,)` in which bodies at a speed turn by TURN (m/s; see `change_seconds`)."""
-    return np.asarray(np.interp(speed / walk_speed, (0.0, 1.0, 2.0), TO_TURN) * GAME**response)
+def turn_seconds(speed: float, walk_speed: float, response: float) -> float:
+    """Seconds in which a body at a speed turns by TURN (m/s; see `change_seconds`)."""
+    standing, walking, twice = TO_TURN
+    going = min(speed / walk_speed, 2.0)
+    slower, faster, part = (standing, walking, going) if going < 1.0 else (walking, twice, going - 1.0)
+    return (slower + part * (faster - slower)) * GAME**response
 
 
 def remaining(missing: Array, reach: Array | float, seconds: Array, after: Array) -> Array:
     """What is left of `missing` (0 or more) `after` seconds: exponential above `reach`, linear from there to 0."""
-    fast = np.log(np.maximum(missing / reach, 1.0))  # in units of `seconds`
     t = after / seconds
+    if all((missing <= reach).ravel().tolist()):
+        return np.maximum(missing - reach * t, 0.0)
+    fast = np.log(np.maximum(missing / reach, 1.0))  # in units of `seconds`
     slow = np.minimum(missing, reach) - reach * (t - fast)
     return np.where(t < fast, missing * np.exp(-t), np.maximum(slow, 0.0))
 
@@ -82,34 +89,34 @@ def facings(now: Array, wish: Array, seconds: Array) -> Array:
     return np.asarray((now - turn)[:, None] + np.sign(turn)[:, None] * left)
 
 
-def labels(speeds: Array, now: Array, gait: NDArray[np.integer], jog_from: Array, response: Array) -> Array:
+def labels(
+    speeds: Array, now: Array, gait: Sequence[int], jog_from: Sequence[float], response: Sequence[float]
+) -> Array:
     """Weights of gaits `(N, 61, 6)` of planned speeds `(N, 61)`, as the training's labels follow the speed.
 
-    `gait` `(N,)` is the requested one, `now` `(N, 6)` the present weights, which go over into the plan's; `jog_from`
-    `(N,)` m/s is where a jog begins. A gait other than standing, walking and jogging is kept as it is. At full `response`
-    `(N,)` a crouch comes as fast as other labels.
+    `gait` is the requested one, `now` `(N, 6)` the present weights, which go over into the plan's; `jog_from`
+    m/s is where a jog begins. A gait other than standing, walking and jogging is kept as it is. At full `response`
+    a crouch comes as fast as other labels.
     """
-    moves, jogs = _over(speeds, STILL_SPEED), _over(speeds, jog_from[:, None])
+    # over a third of a threshold to both sides; a body that jumps without a stick has a threshold of 0
+    rates = [[1.5 / STILL_SPEED] * len(speeds), [1.5 / max(each, 1e-6) for each in jog_from]]
+    moves, jogs = smoothstep(speeds * np.array(rates)[..., None] - 1.0)
     plan = np.zeros((*speeds.shape, GAITS))
-    plan[..., Gait.STAND] = 1.0 - moves
-    plan[..., Gait.WALK] = moves * (1.0 - jogs)
-    plan[..., Gait.JOG] = moves * jogs
-    own = gait >= Gait.CROUCH
-    if own.any():
-        plan[own] = np.eye(GAITS)[gait[own], None]
+    plan[..., _STAND] = 1.0 - moves
+    jogs *= moves
+    plan[..., _WALK] = moves - jogs
+    plan[..., _JOG] = jogs
+    for i, own in enumerate(gait):
+        if own >= _CROUCH:
+            plan[i] = np.eye(GAITS)[own]
     change = now - plan[:, 0]
-    fade = np.broadcast_to(_LABEL_FADE, (len(gait), len(AHEAD)))
-    crouches = np.abs(change[:, Gait.CROUCH]) > 0.02
-    if crouches.any():
-        slow = np.maximum(CROUCH_HALF_LIFE * GAME**response, LABEL_HALF_LIFE)
+    fade = _LABEL_FADE
+    crouches = np.abs(change[:, _CROUCH]) > 0.02
+    if any(crouches.tolist()):
+        slow = np.maximum(CROUCH_HALF_LIFE * GAME ** np.array(response), LABEL_HALF_LIFE)
         fade = np.where(crouches[:, None], 0.5 ** ((AHEAD + 1.0 / FPS) / slow[:, None]), fade)
-    return plan + change[:, None] * fade[..., None]
-
-
-def _over(speeds: Array, threshold: Array | float) -> Array:
-    """0 below to 1 above a threshold, over a third of it to both sides."""
-    # a body that jumps without a stick has a threshold of 0
-    return smoothstep(1.5 * (speeds / np.maximum(threshold, 1e-6) - 1.0) + 0.5)
+    plan += change[:, None] * fade[..., None]
+    return plan
 
 
 PRESENT = 60  # index of the current frame in the dense ±60 frame window
@@ -188,30 +195,34 @@ class Trajectory:
 
     def plan(
         self,
-        wish: Array,
-        facing: Array,
-        gait: NDArray[np.integer],
-        walk: Array,
-        jog_from: Array,
-        response: Array,
+        wish: Sequence[tuple[float, float]],
+        facing: Sequence[float | None],
+        gait: Sequence[int],
+        walk: Sequence[float],
+        jog_from: Sequence[float],
+        response: Sequence[float],
     ) -> Plan:
-        """The coming second on the way to velocities `(N, 2)` (m/s), facings `(N,)` (radians, not a number keeps it) and gaits.
+        """The coming second on the way to velocities (m/s), facings (radians, None keeps it) and gaits.
 
-        `walk` `(N,)` are the styles' walking speeds, `response` `(N,)` is 0 (capture) to 1 (game). Moves `wish`, `wish_yaw`,
+        `walk` are the styles' walking speeds, `response` is 0 (capture) to 1 (game). Moves `wish`, `wish_yaw`,
         `velocity` and `requested_yaw` on by a frame.
         """
-        seconds = change_seconds(walk, response)
-        quick = decay(WISH_HALF_LIFE) ** (GAME**-response)
-        self.wish = wish + (self.wish - wish) * quick[:, None]
-        velocities = planned_velocities(self.velocity, self.wish, walk, seconds)
-        goal = np.where(np.isnan(facing), self.requested_yaw, facing)
-        # a plan that turns at once makes the network's pose jump: elbows by 10 degrees in a frame
-        self.wish_yaw = goal + wrap_angle(self.wish_yaw - goal) * quick
-        around = turn_seconds(np.sqrt((self.velocity**2).sum(-1)), walk, response)
-        yaws = facings(self.requested_yaw, self.wish_yaw, around)
-        self.velocity, self.requested_yaw = velocities[:, 1], yaws[:, 1]
+        seconds, around, wishes, yaws = [], [], [], []
+        for i, (pace, haste) in enumerate(zip(walk, response, strict=True)):
+            quick = _MAKES_UP ** (GAME**-haste)
+            seconds.append(change_seconds(pace, haste))
+            around.append(turn_seconds(hypot(*self.velocity[i].tolist()), pace, haste))
+            (x, z), (wish_x, wish_z), ahead = self.wish[i].tolist(), wish[i], facing[i]
+            wishes.append((wish_x + (x - wish_x) * quick, wish_z + (z - wish_z) * quick))
+            goal = float(self.requested_yaw[i]) if ahead is None else ahead
+            # a plan that turns at once makes the network's pose jump: elbows by 10 degrees in a frame
+            yaws.append(goal + ((float(self.wish_yaw[i]) - goal + pi) % (2.0 * pi) - pi) * quick)
+        self.wish, self.wish_yaw = np.array(wishes), np.array(yaws)
+        velocities = planned_velocities(self.velocity, self.wish, np.array(walk), np.array(seconds))
+        ways = facings(self.requested_yaw, self.wish_yaw, np.array(around))
+        self.velocity, self.requested_yaw = velocities[:, 1], ways[:, 1]
         speeds = np.sqrt((velocities * velocities).sum(-1))
-        return Plan(velocities, yaws, labels(speeds, self.gait[:, PRESENT], gait, jog_from, response))
+        return Plan(velocities, ways, labels(speeds, self.gait[:, PRESENT], gait, jog_from, response))
 
     def steer(self, plan: Plan) -> None:
         """Blend a plan into the coming second."""
@@ -219,7 +230,7 @@ class Trajectory:
         ahead = self.xz[:, PRESENT:]
         steps = ahead[:, 1:] - ahead[:, :-1]
         steps += (plan.velocities[:, 1:] / FPS - steps) * _ALONG
-        ahead[:, 1:] = ahead[:, :1] + np.cumsum(steps, axis=1)
+        ahead[:, 1:] = ahead[:, :1] + steps.cumsum(1)
         turning = self.yaw[:, PRESENT + 1 :]
         turning += wrap_angle(plan.yaws[:, 1:] - turning) * _AROUND
         self.gait[:, PRESENT:] = plan.gaits
@@ -233,7 +244,16 @@ class Trajectory:
             window[:, :PRESENT] = window[:, 1 : PRESENT + 1]
         self.xz[:, PRESENT] += displacement
         self.yaw[:, PRESENT] += turn
+        here = self.yaw[:, PRESENT]
         self.xz[:, PRESENT + 1 :] = self.xz[:, PRESENT, None] + _GOING_ON @ (positions - positions[:, :1])
-        angle = np.arctan2(directions[..., 0], directions[..., 1]) - self.yaw[:, PRESENT, None]
-        relative = unwrapped(wrap_angle(angle)[..., None])
-        self.yaw[:, PRESENT + 1 :] = self.yaw[:, PRESENT, None] + (_KEPT @ relative)[..., 0]
+        turns = [_turns(ways, yaw) for ways, yaw in zip(directions.tolist(), here.tolist(), strict=True)]
+        self.yaw[:, PRESENT + 1 :] = here[:, None] + np.array(turns) @ _KEPT.T
+
+
+def _turns(directions: list[list[float]], yaw: float) -> list[float]:
+    """Radians from a yaw to directions one after the other, the shorter way to each."""
+    turns, last = [], yaw
+    for x, z in directions:
+        last += (atan2(x, z) - last + pi) % (2.0 * pi) - pi
+        turns.append(last - yaw)
+    return turns

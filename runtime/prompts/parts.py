@@ -116,7 +116,8 @@ def check_text(text: object, field: str, limit: int) -> str:
     if not clean:
         raise PromptError(f"The {field} is empty.", "Describe a way of moving, e.g. 'an exhausted soldier'.")
     # control characters, and lone surrogates that no tokenizer can encode
-    bad = next((c for c in clean if unicodedata.category(c) in ("Cc", "Cs")), None)
+    odd = "" if clean.isprintable() else clean
+    bad = next((c for c in odd if unicodedata.category(c) in ("Cc", "Cs")), None)
     if bad is not None:
         raise PromptError(
             f"The {field} contains the control character U+{ord(bad):04X}.", "Type it as plain text."

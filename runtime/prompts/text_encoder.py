@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -66,7 +67,7 @@ class TextEncoder:
 
     `directory` holds text_encoder.json (name, dimensions, max_tokens, graph: the network's file name), that network
     with inputs `input_ids`, `attention_mask` (N, L) and output `embeddings` (N, D), and tokenizer.json; by default the
-    shipped all-MiniLM-L6-v2. Any thread may call it; texts are encoded one after another.
+    shipped all-MiniLM-L6-v2. Any thread may call it; two texts are encoded at a time.
     """
 
     def __init__(self, directory: Path | None = None) -> None:
@@ -81,13 +82,16 @@ class TextEncoder:
         # One text a run: the dynamic quantisation scales its activations over the whole batch, so in a batch a
         # text's vector would depend on its neighbours, and the same prompt would not give the same motion.
         with self._lock:
-            found = {t: self._cache[t] if t in self._cache else self._run(t) for t in texts}
-            for text, vector in found.items():
-                self._cache[text] = vector
+            new = list(dict.fromkeys(text for text in texts if text not in self._cache))
+            _ = new and (self._session, self._tokenizer)  # read once
+            with ThreadPoolExecutor(2, "text") as threads:
+                self._cache.update(zip(new, threads.map(self._run, new), strict=True))
+            for text in texts:
                 self._cache.move_to_end(text)
+            vectors = np.stack([self._cache[text] for text in texts])
             while len(self._cache) > CACHE_TEXTS:
                 self._cache.popitem(last=False)
-        return np.stack([found[t] for t in texts])
+        return vectors
 
     @property
     def name(self) -> str:
@@ -100,14 +104,14 @@ class TextEncoder:
         return self._metadata.dimensions
 
     def _run(self, text: str) -> NDArray[np.float32]:
-        tokens = _tokens(self._tokenizer, text, self._path("tokenizer.json"), self._remedy)
+        tokens = _tokens(self._tokenizer, text, self._paths[1], self._remedy)
         ids = np.array([tokens[: self._metadata.max_tokens]], np.int64)
         inputs = {"input_ids": ids, "attention_mask": np.ones_like(ids)}
-        (given,) = run_graph(self._session, self._path(self._metadata.graph), ["embeddings"], inputs)
+        (given,) = run_graph(self._session, self._paths[0], ["embeddings"], inputs)
         vector = np.asarray(given, np.float32)
         if vector.shape != (1, self.dimensions) or not np.isfinite(vector).all():
             raise ModelError(
-                f"{self._path(self._metadata.graph)}: gave an embedding of shape {vector.shape}, "
+                f"{self._paths[0]}: gave an embedding of shape {vector.shape}, "
                 f"expected {(1, self.dimensions)} finite numbers.",
                 self._remedy,
             )
@@ -137,10 +141,15 @@ class TextEncoder:
         return found
 
     @cached_property
+    def _paths(self) -> tuple[Path, Path]:
+        """Of the network and of the tokenizer."""
+        return self._path(self._metadata.graph), self._path("tokenizer.json")
+
+    @cached_property
     def _tokenizer(self) -> Tokenizer:
         from tokenizers import Tokenizer
 
-        path = self._path("tokenizer.json")
+        path = self._paths[1]
         try:
             tokenizer = Tokenizer.from_str(read_bounded(path, MAX_TOKENIZER_BYTES).decode("utf-8"))
             tokenizer.enable_truncation(self._metadata.max_tokens)
@@ -151,7 +160,7 @@ class TextEncoder:
 
     @cached_property
     def _session(self) -> onnxruntime.InferenceSession:
-        path = self._path(self._metadata.graph)
+        path = self._paths[0]
         session = open_session(path, self._remedy)
         inputs = {i.name for i in session.get_inputs()}
         outputs = {o.name for o in session.get_outputs()}

@@ -77,6 +77,8 @@ class Terrain:
     def height(self, x: Array | float, z: Array | float) -> Array:
         """Bilinear height in metres at x, z (any equal shapes)."""
         nx, nz = self.heights.shape
+        if self.steepest == 0.0 and np.isfinite(place := np.add(x, z)).all():
+            return np.full(place.shape, self.heights[0, 0], np.float32)
         # float64: in float32 the upper clip bound would round up onto the edge
         u = (np.asarray(x, np.float64) - self.origin[0]) / self.cell_m
         v = (np.asarray(z, np.float64) - self.origin[1]) / self.cell_m
@@ -107,6 +109,10 @@ class PointHeights:
 
     def __init__(self, terrain: Terrain, lowest: float = -inf, highest: float = inf) -> None:
         self.steepest = terrain.steepest
+        if self.steepest == 0.0:
+            level = min(max(float(terrain.heights[0, 0]), lowest), highest)
+            self.height: Callable[[float, float], float] = lambda x, z: level
+            return
         item, cells = terrain.heights.item, 1.0 / terrain.cell_m
         (x0, z0), (nx, nz) = terrain.origin, terrain.heights.shape
         last_u, last_v = nx - 1.000001, nz - 1.000001
@@ -123,4 +129,4 @@ class PointHeights:
             return lowest if here < lowest else highest if here > highest else here
 
         # bilinear height in metres at x, z, as `Terrain.height`; a closure, as it is called some thirty times in a frame
-        self.height: Callable[[float, float], float] = height
+        self.height = height

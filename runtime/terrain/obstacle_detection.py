@@ -198,8 +198,9 @@ def within_steps(heights: Array, present: int) -> Array:
     farther than `HIGHEST_STEP_M` from the present one.
     """
     seen = np.array(heights, np.float64)
-    for place in np.flatnonzero(np.ptp(seen, axis=(1, 2)) > HIGHEST_STEP_M):
-        _hide_steps(seen[place], present)
+    for each, rise in zip(seen, (seen.max((1, 2)) - seen.min((1, 2))).tolist(), strict=True):
+        if rise > HIGHEST_STEP_M:
+            _hide_steps(each, present)
     return seen
 
 

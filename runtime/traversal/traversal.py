@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from math import hypot
 
 import numpy as np
 
 from runtime import rotations
 from runtime.arrays import Array, Flags
-from runtime.controls import STAND_SPEED
 from runtime.feet.ik import LEG_FEET, solve_legs
 from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
 from runtime.pose import DT, Pose
@@ -77,21 +77,23 @@ class PlannedSteps:
 
     def watch(self, pose: Pose, held: Sequence[object], way: Array | None, pace: float) -> bool:
         """Whether a foot came down in this frame; `held` tells which feet stand, `way` (XZ) where the root goes."""
-        place = pose.root_position[[0, 2]].astype(np.float64)
+        x, _, z = pose.root_position.tolist()
         if self.root is not None:
-            self.velocity = self.velocity + ((place - self.root) / DT - self.velocity) * TURNING
-            speed = float(np.linalg.norm(place - self.root)) / DT / pace
-            self.speed += (min(speed, 6.0) - self.speed) * SMOOTHING
-        self.root = place
+            last_x, last_z = self.root.tolist()
+            velocity_x, velocity_z = self.velocity.tolist()
+            way_x, way_z = (x - last_x) / DT, (z - last_z) / DT
+            self.velocity = np.array(
+                (velocity_x + (way_x - velocity_x) * TURNING, velocity_z + (way_z - velocity_z) * TURNING)
+            )
+            self.speed += (min(hypot(way_x, way_z) / pace, 6.0) - self.speed) * SMOOTHING
+        self.root = np.array((x, z))
         self.elapsed += DT
         self.since = (self.since[0] + DT, self.since[1] + DT)
         fresh = [k for k in (0, 1) if held[k] and not self.stood[k] and self._comes_down(k)]
         self.stood = (bool(held[0]), bool(held[1]))
         for foot in fresh:
             ankle = pose.positions[LEG_FEET[foot]]
-            ahead = (
-                0.0 if way is None else float((ankle[0] - place[0]) * way[0] + (ankle[2] - place[1]) * way[1])
-            )
+            ahead = 0.0 if way is None else float((ankle[0] - x) * way[0] + (ankle[2] - z) * way[1])
             if ahead > -0.05:  # else it is the trailing foot, held again
                 self._landed(foot, ahead)
                 return True
@@ -203,18 +205,17 @@ class Traversal:
         size = float(np.linalg.norm(mixed))
         return mixed / size if size > 0.5 else heading
 
-    def probe(self, terrain: Terrain | None, place: Array, velocity: Array, speed: float) -> ObstacleProbe:
-        """What lies ahead of a root at `place` (XZ) with this requested velocity; remembers whether it stops.
+    def probe(self, terrain: Terrain | None, place: Array, heading: Array, speed: float) -> ObstacleProbe:
+        """What lies ahead of a root at `place` (XZ) that is to go to `heading` (XZ); remembers whether it stops.
 
-        `speed` is the root's, m/s; `terrain` None where it is known to hold nothing.
+        `speed` is the root's, m/s; `terrain` None where it is known to hold nothing, or nothing is requested.
         """
-        requested = float(np.linalg.norm(velocity))
         if self.climbing:
             found = CLIMBING
-        elif terrain is None or requested <= STAND_SPEED:
+        elif terrain is None:
             found = CLEAR
         else:
-            found = probe_obstacles(terrain, place, self.path(velocity / requested), speed, self.stopped)
+            found = probe_obstacles(terrain, place, self.path(heading), speed, self.stopped)
         self.stopped = found.reason is not None
         return found
 

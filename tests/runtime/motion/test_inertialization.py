@@ -22,7 +22,7 @@ def _shown(angles, blending, joint: int = ARM, rest: float = 0.0) -> np.ndarray:
     flags = np.broadcast_to(blending, len(angles))
     shown = np.array([_pose(a, joint) for a in angles])
     for frame, flag in enumerate(flags):
-        arms.apply(shown[frame : frame + 1], np.array([flag]), np.full(1, rest))
+        arms.apply(shown[frame : frame + 1], [bool(flag)], [rest])
     return shown[:, joint]
 
 
@@ -68,7 +68,7 @@ def test_characters_are_apart():
     both = np.stack([quiet, jumping], axis=1)
     arms = Inertialization.at_rest(both[0])
     for frame in both:
-        held_back = arms.apply(frame, np.array([False, True]), np.zeros(2))
+        held_back = arms.apply(frame, [False, True], [0.0, 0.0])
         assert not held_back[0]
     np.testing.assert_array_equal(both[:, 0], quiet)
     np.testing.assert_array_equal(both[:, 1, ARM], _shown(JUMP, True))

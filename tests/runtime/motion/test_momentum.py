@@ -18,7 +18,7 @@ def test_a_velocity_comes_nearer_to_the_wish_and_no_faster_than_a_body(
     x: float, z: float, to_x: float, to_z: float, walk: float, response: float
 ) -> None:
     now, wish, reach = np.array([[x, z]]), np.array([[to_x, to_z]]), np.array([walk])
-    seconds = trajectory.change_seconds(reach, np.array([response]))
+    seconds = np.array([trajectory.change_seconds(walk, response)])
     path = trajectory.planned_velocities(now, wish, reach, seconds)
     assert path[:, 0] == pytest.approx(now)
     missing = np.linalg.norm(path - wish[:, None], axis=-1)
@@ -37,13 +37,10 @@ def test_a_body_turns_the_shorter_way(now: float, wish: float) -> None:
 def test_labels_follow_the_planned_speed() -> None:
     speeds = np.linspace(0.0, 3.0, 61)[None]
     now = np.eye(trajectory.GAITS)[[Gait.STAND]]
-    weights = trajectory.labels(speeds, now, np.array([Gait.JOG]), np.array([1.8]), np.zeros(1))
+    weights = trajectory.labels(speeds, now, [Gait.JOG], [1.8], [0.0])
     assert weights.sum(-1) == pytest.approx(1.0)
     assert np.argmax(weights[0, [0, 20, 60]], -1).tolist() == [Gait.STAND, Gait.WALK, Gait.JOG]
-    slow, game = (
-        trajectory.labels(speeds, now, np.array([Gait.CROUCH]), np.array([1.8]), np.array([response]))
-        for response in (0.0, 1.0)
-    )
+    slow, game = (trajectory.labels(speeds, now, [Gait.CROUCH], [1.8], [response]) for response in (0.0, 1.0))
     assert game[0, -1, Gait.CROUCH] == pytest.approx(1.0, abs=1e-3)
     assert slow[0, 1, Gait.CROUCH] < 0.1  # nobody snaps into it
     assert 0.8 < slow[0, -1, Gait.CROUCH] < 1.0
@@ -51,5 +48,5 @@ def test_labels_follow_the_planned_speed() -> None:
 
 def test_labels_of_a_jump_without_a_stick_are_finite() -> None:
     now = np.eye(trajectory.GAITS)[[Gait.STAND]]
-    weights = trajectory.labels(np.zeros((1, 61)), now, np.array([Gait.JOG]), np.array([0.0]), np.zeros(1))
+    weights = trajectory.labels(np.zeros((1, 61)), now, [Gait.JOG], [0.0], [0.0])
     assert weights.sum(-1) == pytest.approx(1.0)

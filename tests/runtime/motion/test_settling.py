@@ -14,13 +14,13 @@ from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from tests.helpers.shipped import shipped_model, shipped_prompter
 
-ONE, NONE = np.array([True]), np.array([False])
+ONE, NONE = [True], [False]
 LOCAL = identity((1, len(SPORT_SKELETON))).astype(np.float64)
 BODY = SPORT_SKELETON.forward_kinematics(np.zeros((1, 3)), LOCAL)[0]
 
 
 def speeds(
-    settling: Settling, frames: int, free: np.ndarray, grounded: np.ndarray, step: float = 0.02
+    settling: Settling, frames: int, free: list[bool], grounded: list[bool], step: float = 0.02
 ) -> list[float]:
     """m/s of a left hand that the network moves on by `step` metres a frame, as it is shown."""
     result = []
@@ -32,7 +32,7 @@ def speeds(
 
 
 def test_a_hand_comes_to_rest_within_a_second_and_wakes_in_a_tenth() -> None:
-    settling = Settling.awake(LOCAL, np.zeros(1))
+    settling = Settling.awake(LOCAL)
     assert speeds(settling, 60, NONE, ONE) == pytest.approx([1.2] * 60)
     going = speeds(settling, 90, ONE, ONE)
     assert going[0] == pytest.approx(1.2)
@@ -43,13 +43,13 @@ def test_a_hand_comes_to_rest_within_a_second_and_wakes_in_a_tenth() -> None:
 
 
 def test_a_foot_in_the_air_comes_down_first() -> None:
-    settling = Settling.awake(LOCAL, np.zeros(1))
+    settling = Settling.awake(LOCAL)
     speeds(settling, 60, NONE, NONE)
     assert speeds(settling, 120, ONE, NONE)[-1] == pytest.approx(0.6 * 1.2, rel=0.05)
 
 
 def test_what_is_slower_than_the_limit_is_shown_as_it_is() -> None:
-    settling = Settling.awake(LOCAL, np.zeros(1))
+    settling = Settling.awake(LOCAL)
     assert speeds(settling, 120, ONE, ONE, 0.001) == pytest.approx([0.06] * 120)
 
 

@@ -13,7 +13,7 @@ SLUGGISH = 0.7 * FPS
 
 
 def gain(regulator: SpeedRegulator, asked: float, speed: float) -> float:
-    return float(regulator.update(np.array([asked]), np.array([speed]), np.array([asked > 0.0]))[0])
+    return regulator.update([asked], [speed], [asked > 0.0])[0]
 
 
 def walk(pace: float, asked: float, seconds: float = 12.0) -> np.ndarray:

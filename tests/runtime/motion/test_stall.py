@@ -13,12 +13,12 @@ WANTED = 1.4  # m/s
 def _stalls(feet_speed: float, wanted: float, seconds: float = 1.0) -> int:
     """Frames of `seconds` that count as stalled, the feet swinging to and fro with a mean speed."""
     joints = np.zeros((1, 31, 3))
-    stall, speed = Stall.at_rest(joints), np.array([wanted])
+    stall = Stall.at_rest(joints)
     count = 0
     for frame in range(round(seconds * FPS)):
         forth = (frame // 15) % 2 == 0
         joints[:, POINTS, 2] += (1.0 if forth else -1.0) * feet_speed / FPS
-        count += int(stall.update(joints.copy(), speed)[0])
+        count += stall.update(joints.copy(), [wanted])[0]
     return count
 
 
@@ -34,13 +34,13 @@ def test_feet_at_rest_under_a_travelling_root_do_after_a_while():
 
 def test_it_ends_when_the_feet_move_again():
     joints = np.zeros((1, 31, 3))
-    stall, speed = Stall.at_rest(joints), np.array([WANTED])
+    stall = Stall.at_rest(joints)
     for _ in range(60):
-        stalled = stall.update(joints.copy(), speed)[0]
+        stalled = stall.update(joints.copy(), [WANTED])[0]
     assert stalled
     for _ in range(12):
         joints[:, POINTS, 2] += 1.5 * WANTED / FPS
-        stalled = stall.update(joints.copy(), speed)[0]
+        stalled = stall.update(joints.copy(), [WANTED])[0]
     assert not stalled
 
 

@@ -114,7 +114,10 @@ def _animate(document: GlbBuffer, evaluate: Any, scene: Any, nodes: dict[int, in
 
     fps, left = min(max(float(scene.settings.frames_per_second), 1.0), 240.0), MAX_SAMPLES
     for number, stack in enumerate(scene.anim_stacks):
-        made = g.Animation(name=stack.name)
+        told = stack.props.value.find_prop("sport")
+        made = g.Animation(
+            name=stack.name, extras={"sport": told.value_str} if told else {}
+        )  # of a take of ours
         document.append("animations", made)
         begin, end = _span(stack)
         count = int((end - begin) * fps + 1e-3) + 1

@@ -8,7 +8,7 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.character.read import Entry, GltfFile, buffer_view_bytes
-from runtime.formats.fbx_nodes import Document, Node, prop, properties
+from runtime.formats.fbx_nodes import Document, leaves, prop, properties
 
 CLAMP = 33071  # of a sampler: an image is not repeated
 
@@ -20,7 +20,7 @@ class Materials:
         self.file, self.document = file, document
         self._materials: dict[tuple[object, ...], np.int64] = {}
         self._textures: dict[int, np.int64] = {}
-        self._videos: dict[int, tuple[np.int64, str]] = {}
+        self._videos: dict[int, tuple[np.int64, str, str]] = {}
 
     def add(self, index: int | None, color: Array | None = None) -> np.int64:
         """The id of a material (None: one that is white), in a colour of vertices where there is one."""
@@ -36,27 +36,20 @@ class Materials:
         surface = entry.pbrMetallicRoughness or Entry()
         factor = np.array(surface.baseColorFactor or (1.0, 1.0, 1.0, 1.0), np.float64)
         alpha = 1.0 if entry.alphaMode in (None, "OPAQUE") else float(factor[3])
-        packed = surface.metallicRoughnessTexture is not None or "KHR_materials_unlit" in (
-            entry.extensions or {}
-        )
-        metal = 0.0 if packed else float(_or(surface.metallicFactor, 1.0))
-        shine = (10.0 * (1.0 - float(_or(surface.roughnessFactor, 1.0)))) ** 2  # as Blender reads it
+        shine = (10.0 * (1.0 - float(surface.get("roughnessFactor", 1.0)))) ** 2  # as Blender reads it
         colors = {"AmbientColor": np.zeros(3), "DiffuseColor": factor[:3] * color, "SpecularColor": np.ones(3),
                   "EmissiveColor": np.array(entry.emissiveFactor or (0.0, 0.0, 0.0)),
                   "TransparentColor": np.full(3, 1.0 - alpha)}  # fmt: skip
         numbers = {"DiffuseFactor": 1.0, "SpecularFactor": 0.25, "EmissiveFactor": 1.0, "Shininess": shine,
-                   "ShininessExponent": shine, "ReflectionFactor": metal, "TransparencyFactor": 1.0 - alpha,
-                   "Opacity": alpha}  # fmt: skip
+                   "ShininessExponent": shine, "ReflectionFactor": _metal(entry, surface),
+                   "TransparencyFactor": 1.0 - alpha, "Opacity": alpha}  # fmt: skip
         facts = [prop(n, "Color", *value.tolist(), flags="A") for n, value in colors.items()]
         facts += [prop(n, "Number", value, flags="A") for n, value in numbers.items()]
-        material = self.document.add("Material", name, "", [
-            Node("Version", 102), Node("ShadingModel", "phong"), Node("MultiLayer", 0), properties(*facts),
-        ])  # fmt: skip
-        for what, info in (
-            ("DiffuseColor", surface.baseColorTexture),
-            ("NormalMap", entry.normalTexture),
-            ("EmissiveColor", entry.emissiveTexture),
-        ):
+        head = leaves(Version=102, ShadingModel="phong", MultiLayer=0)
+        material = self.document.add("Material", name, "", [*head, properties(*facts)])
+        textures = {"DiffuseColor": surface.baseColorTexture, "NormalMap": entry.normalTexture,
+                    "EmissiveColor": entry.emissiveTexture}  # fmt: skip
+        for what, info in textures.items():
             if info is not None:
                 self.document.connect(self._texture(info), material, what)
         return material
@@ -65,38 +58,34 @@ class Materials:
         """The id of a texture."""
         if info.index not in self._textures:
             texture = self.file.gltf.textures[info.index]
-            video, path = self._video(texture.source)
+            video, name, path = self._video(texture.source)
             sampler = Entry() if texture.sampler is None else self.file.gltf.samplers[texture.sampler]
-            wraps = [
-                prop(f"WrapMode{ours}", "enum", int(sampler.get(f"wrap{theirs}") == CLAMP))
-                for ours, theirs in ("US", "VT")
-            ]
-            name = path.rpartition(".")[0]
-            number = self.document.add("Texture", name, "", [
-                Node("Type", "TextureVideoClip"), Node("Version", 202), Node("TextureName", f"{name}\0\1Texture"),
-                properties(prop("UVSet", "KString", f"UV{info.texCoord or 0}"),
-                           prop("UseMaterial", "bool", 1), *wraps),
-                Node("Media", f"{name}\0\1Video"), Node("FileName", path),
-                Node("RelativeFilename", path),
-            ])  # fmt: skip
-            self.document.connect(video, number)
-            self._textures[info.index] = number
+            facts = [prop("UVSet", "KString", f"UV{info.texCoord or 0}"), prop("UseMaterial", "bool", 1)]
+            for ours, theirs in ("US", "VT"):
+                facts.append(prop(f"WrapMode{ours}", "enum", int(sampler.get(f"wrap{theirs}") == CLAMP)))
+            head = leaves(Type="TextureVideoClip", Version=202, TextureName=f"{name}\0\1Texture")
+            files = leaves(Media=f"{name}\0\1Video", FileName=path, RelativeFilename=path)
+            self._textures[info.index] = self.document.add(
+                "Texture", name, "", [*head, properties(*facts), *files]
+            )
+            self.document.connect(video, self._textures[info.index])
         return self._textures[info.index]
 
-    def _video(self, index: int) -> tuple[np.int64, str]:
-        """The id of an image, and the name of its file."""
+    def _video(self, index: int) -> tuple[np.int64, str, str]:
+        """The id of an image, its name, and that of its file."""
         if index not in self._videos:
             image = self.file.gltf.images[index]
             data = bytes(buffer_view_bytes(self.file, image.bufferView, "an image"))
             stem = re.sub(r"[^\w.-]+", "_", image.name or "texture").strip("._")
-            path = f"{stem}_{index}.{'png' if image.mimeType == 'image/png' else 'jpg'}"
-            number = self.document.add("Video", f"{stem}_{index}", "Clip", [
-                Node("Type", "Clip"), properties(prop("Path", "KString", path)), Node("UseMipMap", 0),
-                Node("Filename", path), Node("RelativeFilename", path), Node("Content", data),
-            ])  # fmt: skip
-            self._videos[index] = number, path
+            name = f"{stem}_{index}"
+            path = f"{name}.{'png' if image.mimeType == 'image/png' else 'jpg'}"
+            content = leaves(UseMipMap=0, Filename=path, RelativeFilename=path, Content=data)
+            parts = [*leaves(Type="Clip"), properties(prop("Path", "KString", path)), *content]
+            self._videos[index] = self.document.add("Video", name, "Clip", parts), name, path
         return self._videos[index]
 
 
-def _or(value: float | None, default: float) -> float:
-    return default if value is None else value
+def _metal(entry: Entry, surface: Entry) -> float:
+    """How much of a metal a surface is; none where the factor is not all that tells."""
+    unlit = "KHR_materials_unlit" in (entry.extensions or {})
+    return 0.0 if unlit or surface.metallicRoughnessTexture else float(surface.get("metallicFactor", 1.0))

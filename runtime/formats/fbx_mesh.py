@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from runtime.character.mesh import vertex_normals
 from runtime.character.read import Entry, GltfFile, accessor_count, read_accessor
 from runtime.character.textures import srgb
 from runtime.formats.fbx_materials import Materials
-from runtime.formats.fbx_nodes import Document, Node, matrix, properties
+from runtime.formats.fbx_nodes import Document, Node, leaves, matrix
 
 MAX_COLORS = 16  # of vertices: so few are materials of their own, since most programs do not show them
 
@@ -39,10 +40,9 @@ class _Layer(NamedTuple):
     def node(self) -> Node:
         mapping = {"Material": "ByPolygon", "Normal": "ByVertice"}.get(self.kind, "ByPolygonVertex")
         reference = "Direct" if self.kind == "Normal" else "IndexToDirect"
-        return Node(f"LayerElement{self.kind}", self.number, children=[
-            Node("Version", 101), Node("Name", self.title), Node("MappingInformationType", mapping),
-            Node("ReferenceInformationType", reference), *(Node(n, a) for n, a in self.arrays.items()),
-        ])  # fmt: skip
+        facts = leaves(Version=101, Name=self.title, MappingInformationType=mapping,
+                       ReferenceInformationType=reference, **self.arrays)  # fmt: skip
+        return Node(f"LayerElement{self.kind}", self.number, children=facts)
 
 
 class Meshes:
@@ -55,30 +55,25 @@ class Meshes:
     def add(self, index: int, model: np.int64, skin: Skin | None) -> None:
         """Add a mesh below a model; one without triangles adds nothing."""
         entry = self.file.gltf.meshes[index]
-        parts = [_Part(self.file, p) for p in entry.primitives if p.mode in (None, 4)]
+        parts = _Parts(_Part(self.file, p) for p in entry.primitives if p.mode in (None, 4))
         if not parts:
             return
         place = np.diag([self.units] * 3 + [1.0]) if skin is None else skin.place
         points = np.concatenate([part.points for part in parts]) @ place[:3, :3].T + place[:3, 3]
-        starts = np.cumsum([0] + [len(part.rows) for part in parts[:-1]])
-        corners = np.concatenate([p.corners + start for p, start in zip(parts, starts, strict=True)])
-        polygons = corners.reshape(-1, 3).copy()
-        polygons[:, 2] = ~polygons[:, 2]  # the last corner of a face
+        corners = parts.corners()
+        polygons = corners.reshape(-1, 3) ^ np.array([0, 0, -1], np.int32)  # the last of a face is inverted
         slots, faces = self._slots(parts)
         layers = [*_layers(parts, corners, place), _Layer("Material", 0, "", {"Materials": faces})]
-        geometry = self.document.add("Geometry", entry.name or "mesh", "Mesh", [
-            properties(), Node("GeometryVersion", 124), Node("Vertices", points.ravel()),
-            Node("PolygonVertexIndex", polygons.ravel().astype(np.int32)),
-            *(layer.node() for layer in layers), *_layer_lists(layers),
-        ])  # fmt: skip
-        self.document.connect(geometry, model)
+        content = leaves(GeometryVersion=124, Vertices=points.ravel(), PolygonVertexIndex=polygons.ravel())
+        content += [*(layer.node() for layer in layers), *_layer_lists(layers)]
+        geometry = self.document.add("Geometry", entry.name or "mesh", "Mesh", content, model)
         for material in slots:
             self.document.connect(material, model)
         if skin is not None:
-            self._skin(parts, skin, geometry)
-        self._shapes(entry, parts, place, geometry)
+            self._add_skin(parts, skin, geometry)
+        self._add_shapes(entry, parts, place, geometry)
 
-    def _slots(self, parts: list[_Part]) -> tuple[list[np.int64], AnyArray]:
+    def _slots(self, parts: _Parts) -> tuple[list[np.int64], AnyArray]:
         """Ids of the materials of a mesh, and for each face the place of its material among them."""
         slots: dict[np.int64, int] = {}
         faces = []
@@ -89,55 +84,42 @@ class Meshes:
             faces.append(numbers[part.shades])
         return list(slots), np.concatenate(faces)
 
-    def _skin(self, parts: list[_Part], skin: Skin, geometry: np.int64) -> None:
+    def _add_skin(self, parts: _Parts, skin: Skin, geometry: np.int64) -> None:
         """Which joint carries which vertices, and how much."""
-        count = sum(len(part.rows) for part in parts)
-        joints = np.concatenate([part.influences("JOINTS", len(skin.ids)) for part in parts]).astype(np.int64)
-        weights = np.concatenate([part.influences("WEIGHTS", len(skin.ids)) for part in parts]).astype(float)
+        joints = parts.joined(_Part.influences, "JOINTS", len(skin.ids)).astype(np.int64)
+        weights = parts.joined(_Part.influences, "WEIGHTS", len(skin.ids))
+        count, used = len(joints), weights > 0.0
         keys = joints * count + np.arange(count)[:, None]
-        held, slot = np.unique(keys[weights > 0.0], return_inverse=True)  # by joint, then by vertex
-        amounts = np.bincount(slot, weights[weights > 0.0])
+        held, slot = np.unique(keys[used], return_inverse=True)  # by joint, then by vertex
+        amounts = np.bincount(slot, weights[used])
         ends = np.searchsorted(held, np.arange(len(skin.ids) + 1) * count)
-        head = [Node("Version", 101), Node("Link_DeformAcuracy", 50.0)]
-        deformer = self.document.add("Deformer", "Skin", "Skin", head)
-        self.document.connect(deformer, geometry)
+        head = leaves(Version=101, Link_DeformAcuracy=50.0)
+        deformer = self.document.add("Deformer", "Skin", "Skin", head, geometry)
         for k, (joint, link) in enumerate(zip(skin.ids, skin.links, strict=True)):
             span, facts = slice(ends[k], ends[k + 1]), [Node("Version", 100), Node("UserData", "", "")]
             if ends[k] < ends[k + 1]:
-                facts += [
-                    Node("Indexes", (held[span] % count).astype(np.int32)),
-                    Node("Weights", amounts[span]),
-                ]
+                facts += leaves(Indexes=(held[span] % count).astype(np.int32), Weights=amounts[span])
             facts += [matrix("Transform", np.linalg.inv(link)), matrix("TransformLink", link)]
-            cluster = self.document.add("Deformer", skin.names[k], "Cluster", facts, "SubDeformer")
-            self.document.connect(cluster, deformer)
+            cluster = self.document.add("Deformer", skin.names[k], "Cluster", facts, deformer, "SubDeformer")
             self.document.connect(joint, cluster)
 
-    def _shapes(self, entry: Entry, parts: list[_Part], place: Array, geometry: np.int64) -> None:
-        """The morph targets of a mesh, as offsets of vertices."""
-        most = max(len(part.primitive.targets or []) for part in parts)
-        if not most:
+    def _add_shapes(self, entry: Entry, parts: _Parts, place: Array, geometry: np.int64) -> None:
+        """The morph targets of a mesh, by the offsets of its vertices."""
+        count = max(len(part.primitive.targets or []) for part in parts)
+        if not count:
             return
-        titles, weights = (entry.extras or {}).get("targetNames") or [], entry.weights or []
-        deformer = self.document.add("Deformer", "Shapes", "BlendShape", [Node("Version", 100)])
-        self.document.connect(deformer, geometry)
-        for k in range(most):
-            title = str(titles[k]) if k < len(titles) else f"shape_{k}"
-            offsets = np.concatenate([part.offsets(k) for part in parts]) @ place[:3, :3].T
-            rows = np.flatnonzero(np.abs(offsets).max(axis=1) > 0.0).astype(np.int32)
-            amount = 100.0 * float(weights[k]) if k < len(weights) else 0.0
-            facts = [
-                Node("Version", 100),
-                Node("DeformPercent", amount),
-                Node("FullWeights", np.array([100.0])),
-            ]
-            channel = self.document.add("Deformer", title, "BlendShapeChannel", facts, "SubDeformer")
-            shape = self.document.add("Geometry", title, "Shape", [
-                Node("Version", 100), Node("Indexes", rows), Node("Vertices", offsets[rows].ravel()),
-                Node("Normals", np.zeros(3 * len(rows))),
-            ])  # fmt: skip
-            self.document.connect(channel, deformer)
-            self.document.connect(shape, channel)
+        titles, head = _titles(entry, count), leaves(Version=100)
+        deformer = self.document.add("Deformer", "Shapes", "BlendShape", head, geometry)
+        amounts = [float(weight) for weight in entry.weights or []] + [0.0] * count
+        for k in range(count):
+            offsets = parts.joined(_Part.offsets, k) @ place[:3, :3].T
+            rows = np.flatnonzero(offsets.any(axis=1)).astype(np.int32)
+            facts = leaves(Version=100, DeformPercent=100.0 * amounts[k], FullWeights=np.array([100.0]))
+            channel = self.document.add(
+                "Deformer", titles[k], "BlendShapeChannel", facts, deformer, "SubDeformer"
+            )
+            arrays = leaves(Indexes=rows, Vertices=offsets[rows].ravel(), Normals=np.zeros(3 * len(rows)))
+            self.document.add("Geometry", titles[k], "Shape", [*head, *arrays], channel)
 
 
 class _Part:
@@ -211,30 +193,45 @@ class _Part:
         return read_accessor(self.file, index, "a morph target")[self.rows].astype(float)
 
 
-def _layers(parts: list[_Part], corners: AnyArray, place: Array) -> list[_Layer]:
+class _Parts(list[_Part]):
+    """The primitives of a mesh, whose vertices follow one another."""
+
+    def joined(self, values: Callable[..., AnyArray], *given: Any) -> AnyArray:
+        """What a method of `_Part` has of all vertices."""
+        return np.concatenate([values(part, *given) for part in self])
+
+    def corners(self) -> AnyArray:
+        """The vertex `(3 F,)` of each corner of the triangles, int32."""
+        starts = np.cumsum([0] + [len(part.rows) for part in self[:-1]])
+        found = [part.corners + start for part, start in zip(self, starts, strict=True)]
+        return np.concatenate(found).astype(np.int32)
+
+
+def _layers(parts: _Parts, corners: AnyArray, place: Array) -> list[_Layer]:
     """Normals, colours and texture coordinates of the corners of a mesh."""
-    normals = np.concatenate([part.normals() for part in parts]) @ np.linalg.inv(place[:3, :3])
-    layers = [_Layer("Normal", 0, "", {"Normals": rotations.normalize(normals).ravel()})]
-    index = corners.astype(np.int32)
+    normals = rotations.normalize(parts.joined(_Part.normals) @ np.linalg.inv(place[:3, :3]))
+    layers = [_Layer("Normal", 0, "", {"Normals": normals.ravel()})]
     if any(part.has("COLOR_0") for part in parts):
-        colors = np.concatenate([part.colors() for part in parts])
-        layers.append(_Layer("Color", 0, "Col", {"Colors": colors.ravel(), "ColorIndex": index}))
+        colors = parts.joined(_Part.colors).ravel()
+        layers.append(_Layer("Color", 0, "Col", {"Colors": colors, "ColorIndex": corners}))
     names = sorted({n for part in parts for n in part.primitive.attributes if n.startswith("TEXCOORD_")})
     for number, name in enumerate(names):
-        uv = np.concatenate([part.uv(name) for part in parts]).astype(float)
-        layers.append(_Layer("UV", number, f"UV{number}", {"UV": uv.ravel(), "UVIndex": index}))
+        uv = parts.joined(_Part.uv, name).astype(float)
+        layers.append(_Layer("UV", number, f"UV{number}", {"UV": uv.ravel(), "UVIndex": corners}))
     return layers
+
+
+def _titles(entry: Entry, count: int) -> list[str]:
+    """Names of the morph targets of a mesh."""
+    named = [str(title) for title in (entry.extras or {}).get("targetNames") or []]
+    return named + [f"shape_{k}" for k in range(len(named), count)]
 
 
 def _layer_lists(layers: list[_Layer]) -> list[Node]:
     """Which layers go together: all first ones, all second ones, and so on."""
     lists = []
     for number in range(max(layer.number for layer in layers) + 1):
-        entries = [
-            Node("LayerElement", children=[
-                Node("Type", f"LayerElement{layer.kind}"), Node("TypedIndex", number)
-            ])
-            for layer in layers if layer.number == number
-        ]  # fmt: skip
-        lists.append(Node("Layer", number, children=[Node("Version", 100), *entries]))
+        kinds = [f"LayerElement{layer.kind}" for layer in layers if layer.number == number]
+        entries = [Node("LayerElement", children=leaves(Type=kind, TypedIndex=number)) for kind in kinds]
+        lists.append(Node("Layer", number, children=[*leaves(Version=100), *entries]))
     return lists

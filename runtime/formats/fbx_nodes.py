@@ -1,6 +1,6 @@
-"""Binary FBX 7.4: a tree of named nodes with values, and the parts that every file has around its objects.
+"""Binary FBX 7.4: a tree of named nodes with values, and what every file has around its objects.
 
-The same objects are the same bytes: ids are counted, and the time of creation is always the same one.
+Equal objects are equal bytes: ids are counted, and the time of creation is always the same one.
 """
 
 from __future__ import annotations
@@ -17,33 +17,35 @@ from runtime.arrays import AnyArray
 
 VERSION = 7400
 TICKS = 46_186_158_000  # of a second
+CREATOR = "SPORT viewer"
+ZERO = np.int64(0)  # the scene as an object, and the time when takes begin
 _HEAD = b"Kaydara FBX Binary  \x00\x1a\x00" + struct.pack("<I", VERSION)
-# a checksum of this time, and what ends a file of it: readers refuse others
+# a time of creation, its checksum, and what then ends a file: readers refuse other ones
 _TIME = "1970-01-01 10:00:00:000"
 _TIME_ID = bytes.fromhex("28b32aebb624ccc2bfc8b02aa92bfcf1")
 _FOOT_ID = bytes.fromhex("fabcab09d0c8d466b176fb831cf7267e")
 _END = bytes(120) + bytes.fromhex("f85a8c6af5ded97eece90ce3758f290b")
 _NO_MORE = bytes(13)  # ends the children of a node
 _ARRAYS = {"int32": b"i", "int64": b"l", "float32": b"f", "float64": b"d"}
-_CREATOR = "SPORT viewer"
-# modes of frame rates; another one is mode 14 with its rate
+_SCALARS: tuple[tuple[type, str, str], ...] = (
+    (bool, "C", "?"), (np.int64, "L", "q"), (int, "I", "i"), (float, "D", "d"),
+)  # fmt: skip
 _TIME_MODES = {120.0: 1, 100.0: 2, 60.0: 3, 50.0: 4, 48.0: 5, 30.0: 6, 30000 / 1001: 9, 25.0: 10, 24.0: 11,
                24000 / 1001: 13, 96.0: 15, 72.0: 16, 60000 / 1001: 17}  # fmt: skip
-_CUSTOM_MODE = 14
+_CUSTOM_MODE = 14  # of another rate
 _LABELS = {"int": "Integer", "double": "Number", "KTime": "Time", "ColorRGB": "Color", "Vector3D": "Vector"}
 _CLASSES = {"AnimationStack": "AnimStack", "AnimationLayer": "AnimLayer", "AnimationCurveNode": "AnimCurveNode",
             "AnimationCurve": "AnimCurve"}  # fmt: skip
 
 
 class Node:
-    """A node of a file; an `int` among its values has 32 bits, an `np.int64` 64, arrays are packed."""
+    """A node of a file. An `int` among its values has 32 bits, an `np.int64` 64; arrays are packed."""
 
     __slots__ = ("children", "name", "values")
 
     def __init__(self, name: str, *values: Any, children: Iterable[Node] = ()) -> None:
-        self.name = name.encode()
+        self.name, self.children = name.encode(), list(children)
         self.values = [_encoded(value) for value in values]
-        self.children = list(children)
 
     def write(self, out: bytearray) -> None:
         """Append the node with its children."""
@@ -64,150 +66,130 @@ def _encoded(value: Any) -> bytes:
     if isinstance(value, bytes | str):
         data = value.encode() if isinstance(value, str) else value
         return (b"S" if isinstance(value, str) else b"R") + struct.pack("<I", len(data)) + data
-    for kind, letter, form in ((bool, b"C", "<?"), (np.int64, b"L", "<q"), (int, b"I", "<i")):
-        if isinstance(value, kind):
-            return letter + struct.pack(form, value)
-    return b"D" + struct.pack("<d", value)
+    letter, form = next((letter, form) for kind, letter, form in _SCALARS if isinstance(value, kind))
+    return letter.encode() + struct.pack(f"<{form}", value)
+
+
+def leaves(**values: Any) -> list[Node]:
+    """Nodes without children, each of one value."""
+    return [Node(name, value) for name, value in values.items()]
 
 
 def properties(*entries: Node) -> Node:
-    """The properties of an object, of `prop`."""
+    """The properties of an object, each made by `prop`."""
     return Node("Properties70", children=entries)
 
 
 def prop(name: str, kind: str, *values: Any, flags: str = "") -> Node:
-    """A property of a type of FBX; flag A can be animated, U is the user's own."""
+    """A property of a type of FBX; one with the flag A can be animated, one with U is the user's own."""
     return Node("P", name, kind, _LABELS.get(kind, ""), flags, *values)
 
 
 def matrix(name: str, value: AnyArray) -> Node:
-    """A matrix `(4, 4)` of column vectors, column by column."""
+    """A transform `(4, 4)`, column by column."""
     return Node(name, np.asarray(value, np.float64).T.ravel())
 
 
-def ticks(frames: AnyArray | int, fps: float) -> Any:
-    """The time of frames."""
-    return np.round(np.asarray(frames) * (TICKS / fps)).astype(np.int64)
-
-
 class Document:
-    """The objects of a file, each with an id, and what is connected to what; 0 is the scene itself."""
+    """The objects of a file, each with an id, and what is connected to what."""
 
     def __init__(self) -> None:
         self._objects: list[Node] = []
         self._connections: list[Node] = []
         self._counts: Counter[str] = Counter(GlobalSettings=1)
-        self._takes: list[tuple[str, np.int64]] = []
+        self._takes: dict[str, np.int64] = {}  # and when they end
 
-    def add(self, kind: str, name: str, form: str, children: Iterable[Node], part: str = "") -> np.int64:
-        """The id of a new object; `part` is the class in its name where that is not its kind's own."""
+    def add(
+        self,
+        kind: str,
+        name: str,
+        form: str,
+        parts: Iterable[Node],
+        above: np.int64 | None = None,
+        part: str = "",
+    ) -> np.int64:
+        """The id of a new object, connected to the one `above` it; `part` is the class in its name where that is another."""
         number = np.int64(1_000_000 + len(self._objects))
         titled = f"{name}\0\1{part or _CLASSES.get(kind, kind)}"
-        self._objects.append(Node(kind, number, titled, form, children=children))
+        self._objects.append(Node(kind, number, titled, form, children=parts))
         self._counts[kind] += 1
+        if above is not None:
+            self.connect(number, above)
         return number
 
-    def connect(self, child: np.int64, parent: np.int64, name: str = "") -> None:
+    def connect(self, child: np.int64, above: np.int64, name: str = "") -> None:
         """Put an object below another, or into the property `name` of it."""
-        self._connections.append(Node("C", "OP" if name else "OO", child, parent, *([name] if name else [])))
+        self._connections.append(Node("C", *(("OP", child, above, name) if name else ("OO", child, above))))
 
-    def add_take(self, name: str, last: np.int64) -> np.int64:
+    def add_take(self, name: str, last: np.int64, note: str) -> np.int64:
         """The id of the layer of a new animation that ends at a time."""
-        zero = np.int64(0)
-        spans = [
-            prop(f"{kind}{end}", "KTime", time)
-            for kind in ("Local", "Reference")
-            for end, time in (("Start", zero), ("Stop", last))
-        ]
-        stack = self.add("AnimationStack", name, "", [properties(*spans)])
-        layer = self.add("AnimationLayer", name, "", [])
-        self.connect(layer, stack)
-        self._takes.append((name, last))
-        return layer
+        ends = {"LocalStart": ZERO, "LocalStop": last, "ReferenceStart": ZERO, "ReferenceStop": last}
+        spans = [prop(end, "KTime", time) for end, time in ends.items()]
+        stack = self.add(
+            "AnimationStack", name, "", [properties(*spans, prop("sport", "KString", note, flags="U"))]
+        )
+        self._takes[name] = last
+        return self.add("AnimationLayer", name, "", [], stack)
 
-    def to_bytes(self, name: str, units_per_metre: float, fps: float) -> bytes:
+    def to_bytes(self, units_per_metre: float, fps: float) -> bytes:
         """The file: right-handed, Y up, facing +Z."""
+        first = next(iter(self._takes), "")
+        scene = properties(prop("SourceObject", "object"), prop("ActiveAnimStackName", "KString", first))
+        document = Node(
+            "Document", np.int64(999_999), "Scene", "Scene", children=[scene, Node("RootNode", ZERO)]
+        )
+        types = [Node("ObjectType", kind, children=leaves(Count=n)) for kind, n in self._counts.items()]
+        definitions = [*leaves(Version=100, Count=sum(self._counts.values())), *types]
+        takes = [
+            Node("Take", name, children=[Node("FileName", f"{name}.tak"), Node("LocalTime", ZERO, last),
+                                         Node("ReferenceTime", ZERO, last)])
+            for name, last in self._takes.items()
+        ]  # fmt: skip
         out = bytearray(_HEAD)
-        for node in [
-            *_header(),
-            self._settings(units_per_metre, fps),
-            self._documents(name),
+        for node in (
+            _header(),
+            *leaves(FileId=_TIME_ID, CreationTime=_TIME, Creator=CREATOR),
+            _settings(units_per_metre, fps, max(self._takes.values(), default=ZERO)),
+            Node("Documents", children=[*leaves(Count=1), document]),
             Node("References"),
-            self._definitions(),
+            Node("Definitions", children=definitions),
             Node("Objects", children=self._objects),
             Node("Connections", children=self._connections),
-            self._take_list(),
-        ]:
+            Node("Takes", children=[*leaves(Current=first), *takes]),
+        ):
             node.write(out)
         out += _NO_MORE + _FOOT_ID + bytes(4)
         out += bytes(16 - len(out) % 16) + struct.pack("<I", VERSION) + _END
         return bytes(out)
 
-    def _settings(self, units_per_metre: float, fps: float) -> Node:
-        mode = next(
-            (mode for rate, mode in _TIME_MODES.items() if abs(fps - rate) < 1e-4 * rate), _CUSTOM_MODE
-        )
-        axes = (("Up", 1), ("Front", 2), ("Coord", 0), ("OriginalUp", 1))
-        unit = 100.0 / units_per_metre  # of the file in centimetres
-        last = max((last for _, last in self._takes), default=np.int64(0))
-        entries = [
-            prop(f"{axis}Axis{end}", "int", value)
-            for axis, number in axes
-            for end, value in (("", number), ("Sign", 1))
-        ]
-        entries += [prop(f"{of}UnitScaleFactor", "double", unit) for of in ("", "Original")]
-        entries += [prop("TimeMode", "enum", mode), prop("TimeSpanStart", "KTime", np.int64(0))]
-        entries += [prop("TimeSpanStop", "KTime", last), prop("CustomFrameRate", "double", fps)]
-        return Node("GlobalSettings", children=[Node("Version", 1000), properties(*entries)])
 
-    def _documents(self, name: str) -> Node:
-        active = self._takes[0][0] if self._takes else ""
-        facts = properties(prop("SourceObject", "object"), prop("ActiveAnimStackName", "KString", active))
-        scene = Node("Document", np.int64(999_999), name, "Scene",
-                     children=[facts, Node("RootNode", np.int64(0))])  # fmt: skip
-        return Node("Documents", children=[Node("Count", 1), scene])
-
-    def _definitions(self) -> Node:
-        types = [
-            Node("ObjectType", kind, children=[Node("Count", count)]) for kind, count in self._counts.items()
-        ]
-        total = [Node("Version", 100), Node("Count", sum(self._counts.values()))]
-        return Node("Definitions", children=[*total, *types])
-
-    def _take_list(self) -> Node:
-        takes = []
-        for name, last in self._takes:
-            spans = [Node(kind, np.int64(0), last) for kind in ("LocalTime", "ReferenceTime")]
-            takes.append(Node("Take", name, children=[Node("FileName", f"{name}.tak"), *spans]))
-        return Node("Takes", children=[Node("Current", self._takes[0][0] if takes else ""), *takes])
-
-
-def _header() -> list[Node]:
+def _header() -> Node:
     """What a file says of itself."""
-    year, month, day, hour = 1970, 1, 1, 10
-    stamp = {"Version": 1000, "Year": year, "Month": month, "Day": day, "Hour": hour, "Minute": 0, "Second": 0,
-             "Millisecond": 0}  # fmt: skip
-    texts = ("Title", "Subject", "Author", "Keywords", "Revision", "Comment")
-    about = [Node("Version", 100), *(Node(text, "") for text in texts)]
-    urls = [prop(name, "KString", "take.fbx") for name in ("DocumentUrl", "SrcDocumentUrl")]
-    programs = [
-        entry
-        for when in ("Original", "LastSaved")
-        for entry in (
-            prop(when, "Compound"),
-            prop(f"{when}|ApplicationVendor", "KString", _CREATOR),
-            prop(f"{when}|ApplicationName", "KString", _CREATOR),
-            prop(f"{when}|ApplicationVersion", "KString", ""),
-            prop(f"{when}|DateTime_GMT", "DateTime", ""),
-        )
+    stamp = leaves(Version=1000, Year=1970, Month=1, Day=1, Hour=10, Minute=0, Second=0, Millisecond=0)
+    about = leaves(Version=100, Title="", Subject="", Author="", Keywords="", Revision="", Comment="")
+    facts = [prop(name, "KString", "take.fbx") for name in ("DocumentUrl", "SrcDocumentUrl")]
+    for when in ("Original", "LastSaved"):
+        facts.append(prop(when, "Compound"))
+        facts += [prop(f"{when}|Application{what}", "KString", CREATOR) for what in ("Vendor", "Name")]
+    info = [*leaves(Type="UserData", Version=100), Node("MetaData", children=about), properties(*facts)]
+    return Node("FBXHeaderExtension", children=[
+        *leaves(FBXHeaderVersion=1003, FBXVersion=VERSION, EncryptionType=0),
+        Node("CreationTimeStamp", children=stamp), *leaves(Creator=CREATOR),
+        Node("SceneInfo", "GlobalInfo\0\1SceneInfo", "UserData", children=info),
+    ])  # fmt: skip
+
+
+def _settings(units_per_metre: float, fps: float, last: np.int64) -> Node:
+    """Axes, unit and rate."""
+    axes = {"Up": 1, "Front": 2, "Coord": 0, "OriginalUp": 1}
+    facts = [
+        prop(f"{axis}Axis{end}", "int", value)
+        for axis, number in axes.items()
+        for end, value in (("", number), ("Sign", 1))
     ]
-    info = Node("SceneInfo", "GlobalInfo\0\1SceneInfo", "UserData", children=[
-        Node("Type", "UserData"), Node("Version", 100), Node("MetaData", children=about),
-        properties(*urls, *programs),
-    ])  # fmt: skip
-    extension = Node("FBXHeaderExtension", children=[
-        Node("FBXHeaderVersion", 1003), Node("FBXVersion", VERSION), Node("EncryptionType", 0),
-        Node("CreationTimeStamp", children=[Node(part, value) for part, value in stamp.items()]),
-        Node("Creator", _CREATOR), info,
-    ])  # fmt: skip
-    return [extension, Node("FileId", _TIME_ID), Node("CreationTime", _TIME), Node("Creator", _CREATOR)]
+    unit = 100.0 / units_per_metre  # in centimetres
+    facts += [prop(f"{of}UnitScaleFactor", "double", unit) for of in ("", "Original")]
+    mode = next((mode for rate, mode in _TIME_MODES.items() if abs(fps - rate) < 1e-4 * rate), _CUSTOM_MODE)
+    facts += [prop("TimeMode", "enum", mode), prop("CustomFrameRate", "double", float(fps))]
+    facts += [prop("TimeSpanStart", "KTime", ZERO), prop("TimeSpanStop", "KTime", last)]
+    return Node("GlobalSettings", children=[Node("Version", 1000), properties(*facts)])

@@ -17,8 +17,10 @@ from runtime.formats import glb_skeleton
 from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
 from runtime.formats.glb import MANNEQUIN
 from runtime.formats.prepare import ExportOptions, prepare
+from runtime.formats.reference import open_take
 from runtime.formats.table import save_motion
 from runtime.takes.clip import Clip
+from runtime.takes.metadata import PromptEvent
 from runtime.terrain.height_map import Terrain
 from tests.helpers.blender_addon import needs_blender, run_in_blender
 from tests.helpers.fbx_playback import play_fbx
@@ -127,6 +129,19 @@ def test_takes_of_any_name_and_rate_are_all_there(rate: float, tmp_path: Path) -
         assert end == pytest.approx((len(take) - 1) / rate, abs=1e-9)
         places = 0.01 * found["worlds"][name][:, order][..., :3, 3]
         assert np.abs(places - shown(character, take)[..., :3, 3]).max() < 1e-4, name
+
+
+def test_every_take_of_a_file_comes_back_as_it_was(tmp_path: Path) -> None:
+    """With its rate, motion, prompts and contacts; nothing of the first take is told of another."""
+    other = Clip("other", 60.0, *walk(41, speed_share=0.5), prompts=(PromptEvent(0.2, "tired"),))
+    options = ExportOptions(fps=60000 / 1001, with_takes=(save_bvh(other, tmp_path / "other.bvh", 60.0),))
+    save_motion(CLIP, tmp_path / "takes.fbx", options, FLAT)
+    for name, clip in (("walk", CLIP), ("other", other)):
+        read, wanted = open_take(tmp_path / "takes.fbx", name).clip, prepare(clip, options, FLAT).clip
+        assert (read.fps, len(read)) == (wanted.fps, len(wanted))
+        assert [event.prompt for event in read.prompts] == [event.prompt for event in wanted.prompts]
+        assert np.abs(read.contacts - wanted.contacts).max() < 1e-3
+        assert np.abs(read.world()[0] - wanted.world()[0]).max() < 1e-3
 
 
 def test_notes_ground_and_root_are_nodes(tmp_path: Path) -> None:

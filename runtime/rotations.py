@@ -47,7 +47,7 @@ def multiply(a: Array, b: Array) -> Array:
 _LEFT = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
 _SIGNS = np.array([[1, -1, -1, -1], [1, 1, -1, 1], [1, 1, 1, -1], [1, -1, 1, 1]], np.float32)
 # of both types: a product of two types takes three times as long
-_LEFT_SIGNS = {"f": _SIGNS, "d": _SIGNS.astype(np.float64)}
+_LEFT_SIGNS: dict[str, Array] = {"f": _SIGNS, "d": _SIGNS.astype(np.float64)}
 
 
 def left_matrix(q: Array) -> Array:

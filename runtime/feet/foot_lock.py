@@ -22,7 +22,7 @@ from runtime.feet.leg_edit import LegEdit, LegRequest
 from runtime.feet.narrow_support import Balance, SidewaysLead, may_be_narrow, pull_of_beam, side_of_beam
 from runtime.feet.planted_foot import SETTINGS, PlantedFoot, span
 from runtime.feet.trunk_edit import TrunkEdit
-from runtime.scalar_math import Vector, damp, smoothstep
+from runtime.scalar_math import Vector, add, damp, smoothstep
 from runtime.terrain.height_map import PointHeights, Terrain
 
 
@@ -89,9 +89,8 @@ class Support(NamedTuple):
     legs: LegRequest | None = None  # what its legs are to show
 
 
-def _raised(leg: LegPose, up: float) -> LegPose:
-    points = ((p[0], p[1] + up, p[2]) for p in (leg.hip, leg.knee, leg.ankle, leg.toe))
-    return LegPose(*leg[:4], *points)
+def _moved(leg: LegPose, by: Vector) -> LegPose:
+    return LegPose(*leg[:4], *(add(point, by) for point in leg[4:]))
 
 
 def _under(leg: LegPose, east: float, south: float) -> LegPose:
@@ -155,7 +154,7 @@ class FootLock:
         if support.legs is not None:
             up, legs = self.edit.apply(y, incoming, chances, support.legs)
             east, south, shown = self.trunk.apply((x, y, z), local_rotations, support.legs)
-            incoming = (_under(_raised(left, up), east, south), _under(_raised(right, up), east, south))
+            incoming = (_moved(left, (east, up, south)), _moved(right, (east, up, south)))
             legs = [_under(leg, east, south) for leg in legs]
             x, y, z = x + east, y + up, z + south
         if may_be_narrow(ground):

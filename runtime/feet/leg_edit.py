@@ -34,7 +34,8 @@ from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 TARGETS = ("outward", "lower", "heel", "toe_out", "knee")
 OUTWARD, LOWER, HEEL, TOE_OUT, KNEE = range(len(TARGETS))
 MOST = (0.3, 0.4, 50.0, 50.0, 90.0)  # of each, that is added
-SHOWN = (3, len(TARGETS), 2)  # shape: both legs and the trunk (`trunk_edit`), each target's weight (0 to 1) and value times that
+# shape of what is asked for: both legs and the trunk (`trunk_edit`), each target's weight (0 to 1) and value times that
+SHOWN = (3, len(TARGETS), 2)
 HALF_LIFE = 0.2  # seconds in which an edit follows its measure
 MEASURE_HALF_LIFE = 0.25  # seconds in which a measure follows the pose
 STRIDE_HALF_LIFE = 0.5  # seconds in which the line of the feet is measured

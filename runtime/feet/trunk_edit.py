@@ -22,7 +22,7 @@ from runtime.skeleton import SPORT_SKELETON
 TARGETS = ("lean", "aside", "twist", "sway", "rock")
 LEAN, ASIDE, TWIST, SWAY, ROCK = range(len(TARGETS))
 TRUNK = 2  # the row of the trunk in what is asked for, after both legs
-UPRIGHT = (-3.0, 0.0, 0.0)  # degrees of lean, aside and twist in neutral walking
+UPRIGHT = (-1.0, 0.0, 0.0)  # degrees of lean, aside and twist in neutral walking
 MOST = (25.0, 20.0, 40.0)  # degrees of them that are added
 MOST_GAIN, MOST_SHIFT, MOST_ROCK = 2.5, 0.07, 12.0  # of sway and rock: times the network's; metres, degrees
 MEAN_HALF_LIFE = 0.4  # seconds in which the measures follow the pose,
@@ -33,6 +33,7 @@ LEAST_SWAY, LEAST_ROCK = 0.008, 1.0  # metres, degrees: what swings less is not 
 LOOKS_AHEAD = 0.6  # of what is added, that the neck takes back
 _SPINE = tuple(SPORT_SKELETON.index(name) for name in ("LowerBack", "Spine", "Spine1"))
 _NECK = SPORT_SKELETON.index("Neck")
+_JOINTS = (0, *_SPINE, _NECK)
 _UP: Vector = (0.0, 1.0, 0.0)
 _AHEAD: Vector = (0.0, 0.0, 1.0)
 
@@ -59,7 +60,7 @@ class TrunkEdit:
 
     def apply(self, hips: Vector, local: Array, request: LegRequest) -> tuple[float, float, Array]:
         """Metres, X and Z, that the hips move, and the local rotations `(31, 4)` with the trunk as it is asked for."""
-        rotations: list[Quaternion] = [tuple(q) for q in np.asarray(local[list((0, *_SPINE, _NECK))]).tolist()]
+        rotations: list[Quaternion] = [tuple(q) for q in local[list(_JOINTS)].tolist()]
         side: Vector = (cos(request.yaw), 0.0, -sin(request.yaw))  # towards the left
         ahead: Vector = (sin(request.yaw), 0.0, cos(request.yaw))
         shown = _angles(rotations, side, ahead)
@@ -67,7 +68,8 @@ class TrunkEdit:
             self.x, self.z, self.aside = hips[0], hips[2], shown[ASIDE]
         mean = 1.0 - decay(MEAN_HALF_LIFE)
         east, south = request.velocity
-        self.east, self.south = self.east + mean * (east - self.east), self.south + mean * (south - self.south)
+        self.east += mean * (east - self.east)
+        self.south += mean * (south - self.south)
         x, z = self.x + self.east / FPS, self.z + self.south / FPS  # the mean goes along
         self.x, self.z = x + mean * (hips[0] - x), z + mean * (hips[2] - z)
         self.lean += mean * (shown[LEAN] - self.lean)
@@ -106,11 +108,12 @@ class TrunkEdit:
                 goal = weight * min(max(one_way(lacks, 0.0), -MOST[k]), MOST[k])
             added = getattr(self, f"more_{name}")
             setattr(self, f"more_{name}", added + follow * (goal - added))
-        for k, square, least, name in ((SWAY, self.sway, LEAST_SWAY, "sway"), (ROCK, self.rock, LEAST_ROCK, "rock")):
+        swings = (SWAY, "sway", LEAST_SWAY), (ROCK, "rock", LEAST_ROCK)
+        for k, name, least in swings:
             weight, weighted = targets[k]
             goal = 0.0
             if weight > 1e-6:
-                has = max(RANGE * sqrt(square / max(self.known, 1e-6)), least)
+                has = max(RANGE * sqrt(getattr(self, name) / max(self.known, 1e-6)), least)
                 goal = weight * self.known * min(max(weighted / weight / has - 1.0, 0.0), MOST_GAIN)
             added = getattr(self, f"more_{name}")
             setattr(self, f"more_{name}", added + follow * (goal - added))
@@ -134,14 +137,17 @@ def _turned(
     """Local rotations with the spine turned by degrees of lean, aside and twist, a third at each of its joints."""
     side, ahead = axes
     lean, aside, twist = (radians(angle) / len(_SPINE) for angle in angles)
-    turn = multiply(from_vector(scale(_UP, twist)), multiply(from_vector(scale(ahead, -aside)), from_vector(scale(side, lean))))
+    turn = multiply(from_vector(scale(_UP, twist)), _leant(side, lean, ahead, aside))
     result, parent = np.array(local, copy=True), rotations[0]
     for joint, q in zip(_SPINE, rotations[1:], strict=False):
         made = relative(parent, multiply(turn, multiply(parent, q)))
         result[joint] = made
         parent = multiply(parent, made)
     back = -LOOKS_AHEAD * len(_SPINE)
-    turn = multiply(from_vector(scale(side, back * lean)), multiply(from_vector(scale(ahead, -back * aside)), from_vector(scale(_UP, back * twist))))
+    turn = multiply(_leant(side, back * lean, ahead, back * aside), from_vector(scale(_UP, back * twist)))
     result[_NECK] = relative(parent, multiply(turn, multiply(parent, rotations[-1])))
     return result
 
+
+def _leant(side: Vector, lean: float, ahead: Vector, aside: float) -> Quaternion:
+    return multiply(from_vector(scale(ahead, -aside)), from_vector(scale(side, lean)))

@@ -57,8 +57,8 @@ PHRASES: dict[str, dict[str, float | None]] = {
 }  # fmt: skip
 TRUNK_PHRASES: dict[str, dict[str, float | None]] = {
     "lean": {
-        "leaning slightly forward": 5.0, "leaning forward": 10.0, "bent forward": 18.0, "leaning far forward": 22.0,
-        "leaning slightly back": -3.0, "leaning back": -6.0, "leaning backward": -6.0, "leaning far back": -12.0,
+        "leaning slightly forward": 6.0, "leaning forward": 13.0, "bent forward": 20.0, "leaning far forward": 26.0,
+        "leaning slightly back": -4.0, "leaning back": -8.0, "leaning backward": -8.0, "leaning far back": -14.0,
         "upright": -1.0, "back straight": -1.0, "back arched": -2.0, "chest pushed out": -2.0, "upright and relaxed": None,
         "upright, leaning": None,
     },

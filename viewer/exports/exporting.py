@@ -229,8 +229,10 @@ class Exporting:
     def _options(self, form: ExportForm, take: Take, path: Path) -> ExportOptions:
         """The options of the form that its format has, for a take that goes to a path."""
         fps = take.made.header.fps
+        own = self.scene.character_path if form.own_character else None
         chosen = form.chosen(fps) | {
-            "character": self.scene.character_path if form.own_character else None,
+            "character": own,
+            "character_unit": (own and self.takes.session.character.unit) or None,
             "fit_to_motion": self.scene.settings.fit_to_motion,
         }
         options = ExportOptions(**{name: value for name, value in chosen.items() if form.has(name)})

@@ -13,18 +13,7 @@ from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 
 WIDTH = 470.0  # pixels at scale 1
-LISTS = (
-    "part",
-    "fps",
-    "unit",
-    "euler_order",
-    "character_unit",
-    "engine",
-    "ground",
-    "film_fps",
-    "size",
-    "camera",
-)
+LISTS = ("part", "fps", "unit", "euler_order", "engine", "ground", "film_fps", "size", "camera")
 SLIDERS = (("distance", 0.5, "%.1f m"), ("fov_degrees", 15.0, "%.0f degrees"))  # the least value, the text
 TOGGLES = (
     "in_place", "ground_root", "at_origin", "rest_frame", "animation_only", "humanoid_names", "captions", "quality",

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from runtime.assets import character_file
 from runtime.character.shape import BodyShape
+from runtime.formats.options import ExportOptions
+from runtime.options import spec_of
 from runtime.safe_read import printable
 from viewer.edit.camera_keys import CameraKeys
 from viewer.edit.path import PathTool
@@ -53,6 +55,9 @@ class ScenePanel:
         _toggles(scene.settings)
         _drawing(scene)
         _links(scene.live, scene.vmc)
+        if imgui.begin_popup_context_item("vmc root"):
+            widgets.setting_toggle(scene.settings, "vmc_root", px(160))
+            imgui.end_popup()
 
     def _camera(self) -> None:
         """How the camera goes along; of a take with camera keys also as they say."""
@@ -123,6 +128,22 @@ def _character(scene: Scene) -> None:
             scene.joints.begin(scene.character_path)
         widgets.same_line()
         widgets.setting_toggle(scene.settings, "fit_to_motion", -1)
+        _unit(scene)
+
+
+def _unit(scene: Scene) -> None:
+    """The unit of lengths in the character's file."""
+    unit, choices = (
+        scene.editor.session.character.unit,
+        spec_of(ExportOptions, "character_unit").choices or {},
+    )
+    imgui.set_next_item_width(-1)
+    chosen = widgets.combo(
+        "##character unit", [(u or "", f"Unit: {text.lower()}") for u, text in choices.items()], unit
+    )
+    widgets.tooltip("Of lengths in the character's file")
+    if chosen != unit:
+        scene.set_unit(str(chosen))
 
 
 def _shape(scene: Scene) -> None:

@@ -11,7 +11,7 @@ import argparse
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -81,9 +81,12 @@ def jagged(rng: Generator) -> Terrain:
     return _terrain("jagged noise", patches * rng.random((n, n)), 0.5)
 
 
+_made = cache(make_terrain)  # some take seconds
+
+
 def ready(rng: Generator, name: str) -> Terrain:
     """A ground of the library."""
-    return make_terrain(name, int(rng.integers(3)))
+    return _made(name, int(rng.integers(3)))
 
 
 GROUNDS: tuple[Callable[[Generator], Terrain], ...] = (

@@ -21,6 +21,11 @@ settings.register_profile("long", max_examples=1000, deadline=None)
 settings.load_profile("quick")
 
 
+def pytest_configure() -> None:
+    """One thread in each process: those of several that train at a time would wait for each other."""
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+
 @pytest.fixture(scope="session", autouse=True)
 def home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A home folder for every test and the processes that it starts, so that none writes into the user's own."""

@@ -37,9 +37,9 @@ from viewer.workspace import Workspace
 
 __all__ = ["App", "ViewOptions", "run"]
 
-# A pause (a dragged window, a suspended laptop) is not simulated, but frames that are always long are: pictures are
-# dropped and the motion keeps its time.
-LONGEST_PAUSE_S, LONGEST_FRAME_S = 0.25, 1.0
+LONGEST_FRAME_S = (
+    1.0  # slow pictures are dropped and the motion keeps its time; more is a pause (a suspended laptop)
+)
 MINIMISED_WAIT_S = 0.1
 MEMORY_FRAMES = 60  # between two looks at the memory
 PATIENCE_S = 0.2  # with the encoder of a prompt, after which the process ends with it
@@ -197,8 +197,8 @@ class App(Workspace):
     def _tick(self) -> float:
         """Seconds since the last frame; offscreen every frame is one simulation step."""
         now = time.perf_counter()
-        before, self._interval_s, self._last_s = self._interval_s, now - self._last_s, now
-        return STEP_SECONDS if self.options.offscreen else simulated_seconds(self._interval_s, before)
+        self._interval_s, self._last_s = now - self._last_s, now
+        return STEP_SECONDS if self.options.offscreen else min(self._interval_s, LONGEST_FRAME_S)
 
     def _read_devices(self, dt: float) -> Intent:
         self.devices.play_script(self._scripted_seconds)
@@ -255,7 +255,10 @@ class App(Workspace):
         camera.update(pose, dt, intent.look, intent.zoom * dt, ground, moving)
         self.camera_keys.look(pose, ground)
         self.compare.frame_all(camera, self.shell.aspect, dt)
-        camera.frame_in(self.shell.framing, dt)
+        right, up, fit = self.shell.framing
+        if self.camera_keys.through:
+            fit = self.camera_keys.fit(fit, self.shell.aspect)
+        camera.frame_in((right, up, fit), dt)
 
     def _finish_frame(self) -> None:
         """Show the frame, note the times, and sleep where vsync does not hold the loop back."""
@@ -326,8 +329,3 @@ class App(Workspace):
         if self.window.handle is not None:
             self.scene.renderer.release()
         self.window.destroy()
-
-
-def simulated_seconds(interval_s: float, before_s: float) -> float:
-    """How much time a frame simulates that comes so long after the last one, which came so long after its own last one."""
-    return min(interval_s, max(LONGEST_PAUSE_S, min(1.5 * before_s, LONGEST_FRAME_S)))

@@ -12,7 +12,7 @@ import contextlib
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Future, wait
 from dataclasses import dataclass, field
 from typing import Any
@@ -100,6 +100,16 @@ class Jobs:
         threading.Thread(target=run, daemon=True, name=f"sport {'reading' if reading else slot.what}").start()
         if self.blocking:
             wait([future])
+            self.deliver()
+
+    @contextlib.contextmanager
+    def together(self) -> Iterator[None]:
+        """Jobs that run next to each other even with `blocking`, and are then done at the end, in their order."""
+        blocking, self.blocking = self.blocking, False
+        yield
+        self.blocking = blocking
+        if blocking:
+            wait([job.future for job in self._jobs])
             self.deliver()
 
     def _of(self, slot: Slot, writing: bool) -> list[_Job]:

@@ -11,7 +11,6 @@ from typing import Any
 from runtime.assets import asset_path
 from runtime.character.character import DEFAULT_CHARACTER
 from runtime.character.character import load_character as read_character
-from runtime.character.joint_map import read_joint_map
 from runtime.motion.controller import Controller, Crowd
 from runtime.motion.model import load_model as read_model
 from runtime.motion.perceptual_weights import perceptual_weights
@@ -64,10 +63,10 @@ def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSett
     )  # fmt: skip
 
 
-def load_character(path: Path | None, joint_map: Path | None = None) -> Any:
+def load_character(path: Path | None, joint_map: Path | None = None, unit: str = "") -> Any:
     """The character of a GLB file; the shipped mannequin by default. `joint_map` replaces the one in its folder."""
-    joints = None if joint_map is None else read_joint_map(joint_map)
-    character = read_character(asset_path(DEFAULT_CHARACTER) if path is None else path, joints)
+    source = asset_path(DEFAULT_CHARACTER) if path is None else path
+    character = read_character(source, joint_map, unit or None)
     _ = character.body  # fitted here, on a worker, not in the first frame
     return character
 
@@ -92,7 +91,7 @@ class Services:
 
     load_model: Callable[[Path | None, Terrain, int, GptSettings | None], Loaded] = load_model
     load_terrain: Callable[[str, float, float], Terrain] = load_terrain
-    load_character: Callable[[Path | None, Path | None], Any] = load_character
+    load_character: Callable[[Path | None, Path | None, str], Any] = load_character
     make_renderer: Callable[[Any, str], Any] = make_renderer
     terrain_names: Callable[[], tuple[str, ...]] = lambda: TERRAIN_NAMES
     make_crowd: Callable[[Sequence[Controller]], Crowd] = Crowd

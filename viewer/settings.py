@@ -99,6 +99,9 @@ class Settings:
         1.0, 0.0, 1.5, label="strength %.0f %%", factor=100.0, whole=True,
         hint="How far the style goes from plain walking: 0 leaves it out, more than 100 exaggerates it",
     )  # fmt: skip
+    vmc_root: bool = specified(
+        False, label="Way on the root", hint="/VMC/Ext/Root/Pos goes over the ground; the hips stay above it"
+    )
     exact_legs: bool = specified(
         True, label="Exact legs",
         hint="Legs do what their words say: what the network does not show of the line of the feet, hips, heels,\ntoes and knees is edited. Off: the network alone",

@@ -37,7 +37,7 @@ KEY_NAMES: dict[int, str] = {
     **{glfw.KEY_0 + i: str(i) for i in range(10)},
     **{glfw.KEY_F1 + i: f"f{i + 1}" for i in range(12)},
     **{getattr(glfw, f"KEY_{name}"): name.lower() for name in _PLAIN_KEYS},
-    **{glfw.KEY_KP_0 + i: f"kp_{i}" for i in (1, 3, 7)}, glfw.KEY_KP_DECIMAL: "kp_decimal",
+    **{glfw.KEY_KP_0 + i: f"kp_{i}" for i in (0, 1, 3, 7)}, glfw.KEY_KP_DECIMAL: "kp_decimal",
     glfw.KEY_KP_ENTER: "enter", glfw.KEY_LEFT_ALT: "alt",
     **{getattr(glfw, f"KEY_{side}_SHIFT"): "shift" for side in ("LEFT", "RIGHT")},
     **{getattr(glfw, f"KEY_{side}_CONTROL"): "ctrl" for side in ("LEFT", "RIGHT")},

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from runtime.atomic import sweep
-from runtime.character.read import SUFFIXES
+from runtime.character.read import MOTIONS, SUFFIXES
 from runtime.motion.controller import Controller
 from runtime.pose import Pose
 from runtime.session.sqlite_file import SUFFIX
@@ -95,7 +95,9 @@ class Workspace:
         self.pins = Pins(editor, editing, scene)
         self.posing = Posing(editor, takes, scene.camera, self.pins)
         self.path = PathTool(editor, editing, scene)
-        self.camera_keys = CameraKeys(editor, takes, scene.camera)
+        self.camera_keys = CameraKeys(
+            editor, takes, scene.camera, lambda: (self.exporting.form.size, self.exporting.form.fov_degrees)
+        )
         self.cutting = Cutting(takes)
         self.transport = Transport(editing, self.pins, self.posing, self.camera_keys, self.cutting)
         self.references = References(editor, takes)
@@ -108,7 +110,7 @@ class Workspace:
             editor, settings, messages, jobs, dialogs, scene, prompting, takes, self.load_model,
             self._picture, state_folder,
         )  # fmt: skip
-        self.exporting = Exporting(takes, scene, messages, jobs, dialogs)
+        self.exporting = Exporting(takes, scene, messages, jobs, dialogs, self.transport.shown_frames)
         self.settings_window = SettingsWindow(
             settings, messages, jobs, dialogs, scene, self.guide, self.load_model, self.window.use_scale
         )
@@ -142,12 +144,13 @@ class Workspace:
             take_prompt_panel.panel(editing),
             compare_panel.panel(compare),
             ScenePanel(
-                self.scene, self.takes, self.path, self.open_files, self._browse_all,
+                self.scene, self.takes, self.path, self.camera_keys, self.open_files, self._browse_all,
                 lambda width: pins.draw_live(self.camera_keys.add, width),
             ).panel(),
             takes_panel.panel(self.takes, references, export, self.sessions),
             self.transport.panel(references),
             compare_panel.names_panel(compare),
+            self.camera_keys.panel(),
             takes_panel.sign(self.takes),
             bar.panel(),
             pins.panel(),
@@ -163,15 +166,16 @@ class Workspace:
     def load(self) -> None:
         """Begin to load what the options and the settings ask for."""
         options, settings, scene, prompting = self.options, self.settings, self.scene, self.prompting
-        self.prompt.suggester.load_library(scene.services.library_prompts)
         self.state.panels_open, self.state.clocked = options.panels, not options.offscreen
         self.state.bare = options.saves_pictures and not options.panels
         settings.fit_to_motion |= options.fit_to_motion
         scene.begin(options.camera or settings.camera, options.live_link, options.vmc)
-        scene.open_character(options.character, options.joint_map, step=False)
-        scene.load_terrain(options.terrain or settings.terrain)
         remembered = None if options.offscreen else self.settings_window.chosen_model()
-        self.load_model(options.model or remembered, options.seed)
+        with self.jobs.together():
+            scene.open_character(options.character, options.joint_map, step=False)
+            self.load_model(options.model or remembered, options.seed)
+            scene.load_terrain(options.terrain or settings.terrain)
+            self.prompt.suggester.load_library(scene.services.library_prompts)
         prompting.begin(options.prompt, options.blend, options.blend_weights)
         self.prompt.tab_requested = "" if options.blend is None else "blend"
         if options.clip is not None:
@@ -238,8 +242,9 @@ class Workspace:
     @property
     def _files(self) -> dict[str, Callable[[Path], None]]:
         films = dict.fromkeys(VIDEOS, self.references.open_video)
+        takes = dict.fromkeys(MOTIONS, self.takes.open)
         models = dict.fromkeys(SUFFIXES, self._open_gltf)
-        return {**self.scene.files, **models, ".bvh": self.takes.open, **films, SUFFIX: self.sessions.open}
+        return {**self.scene.files, **takes, **models, **films, SUFFIX: self.sessions.open}
 
     def _open_gltf(self, path: Path) -> None:
         """A skin is a character, an animation a take; a file that has neither is a ground."""

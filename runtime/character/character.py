@@ -131,6 +131,7 @@ def _assemble(file: GltfFile, guess: JointGuess, data: MeshData, unit: str | Non
     require(file.path, guess)
     vertices = data.rest_positions()
     alignment = align(guess.found, data.joint_parents, data.rest_world, vertices)
+    size = 1.0 if alignment.native else own_size(alignment, vertices, NAMED_UNITS.get(unit or ""))
     character = Character(
         **{field.name: getattr(data, field.name) for field in fields(Surface)},
         joint_names=guess.names,
@@ -139,16 +140,17 @@ def _assemble(file: GltfFile, guess: JointGuess, data: MeshData, unit: str | Non
         rest_world=data.rest_world.astype(np.float32),
         sport_joints=alignment.source,
         alignment=alignment,
-        size=1.0 if alignment.native else own_size(alignment, vertices, NAMED_UNITS.get(unit or "")),
+        size=size,
     )
     _check_finite(file, character)
-    if alignment.native or unit is not None or file_unit(vertices) == 1.0:
+    metres = alignment.units * NAMED_UNITS[unit or "m"]
+    if alignment.native or ((unit is not None or file_unit(vertices) == 1.0) and np.isclose(size, metres)):
         return character
     return replace(character, note=_size_note(file, character, vertices))
 
 
 def _size_note(file: GltfFile, character: Character, vertices: AnyArray) -> str:
-    """Which height a body was given that is not that of its file in metres."""
+    """Which height a body was given that is not that of its file in metres, or in the unit that was chosen."""
     high = float(np.ptp(vertices, axis=0).max())
     return (
         f"{file.path.name}: {high:.4g} units high, taken as {high * character.size / character.alignment.units:.2f} m;"

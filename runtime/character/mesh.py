@@ -282,14 +282,19 @@ def _joint_parents(parents: list[int], carriers: list[int], palette: _Palette) -
 
 def _vrm_humanoid(file: GltfFile, joint_nodes: list[int]) -> dict[str, int]:
     """SPORT joint -> joint index from a VRM 0 or 1 humanoid description; empty when the file has none."""
-    extensions = file.gltf.extensions or {}
-    bones: dict[str, int] = {}
-    for description in (extensions.get("VRM"), extensions.get("VRMC_vrm")):
-        listed = (description or {}).get("humanoid", {}).get("humanBones", {})
-        pairs = listed.items() if isinstance(listed, dict) else ((bone["bone"], bone) for bone in listed)
-        bones |= {re.sub(r"[^a-z0-9]", "", name.lower()): int(bone["node"]) for name, bone in pairs}
+    bones = {re.sub(r"[^a-z0-9]", "", name.lower()): node for node, name in vrm_bones(file).items()}
     return {
         joint: joint_nodes.index(bones[simple])
         for joint, simple in CONVENTIONS["VRM"].items()
         if bones.get(simple) in joint_nodes
     }
+
+
+def vrm_bones(file: GltfFile) -> dict[int, str]:
+    """The bone of a humanoid that a node is, as a VRM or VRM animation tells."""
+    extensions, bones = file.gltf.extensions or {}, dict[int, str]()
+    for name in ("VRM", "VRMC_vrm", "VRMC_vrm_animation"):
+        listed = (extensions.get(name) or {}).get("humanoid", {}).get("humanBones", {})
+        pairs = listed.items() if isinstance(listed, dict) else ((bone["bone"], bone) for bone in listed)
+        bones |= {int(bone["node"]): str(name) for name, bone in pairs}
+    return bones

@@ -19,7 +19,8 @@ from runtime.character.unpack import COMPONENTS, MESHOPT, unpack
 from runtime.errors import FileError
 from runtime.safe_read import parse_json, read_bounded, reason
 
-SUFFIXES = (".glb", ".gltf", ".vrm", ".fbx")  # a VRM is a GLB; an FBX is made one
+SUFFIXES = (".glb", ".gltf", ".vrm", ".fbx")  # of characters; a VRM is a GLB; an FBX is made one
+MOTIONS = (".bvh", *SUFFIXES, ".vrma")
 MAX_FILE_BYTES = 256 * 1024 * 1024
 MAX_VALUE = 1e9  # of any coordinate or matrix element
 MAX_ENTRIES = 20_000  # of a list of the document

@@ -44,6 +44,7 @@ class BvhMotion:
     end_offsets: dict[int, Array]
     note: str = ""  # what a person should know of how it was read
     metadata: Any = None  # what the file itself tells of its take, as it stands there
+    animations: tuple[str, ...] = ()  # that the file has, where there are several
 
     @property
     def fps(self) -> float:
@@ -189,7 +190,7 @@ def _read_motion(h: _Hierarchy, data: bytes, at: int, name: str) -> BvhMotion:
     if rows != len(motion.positions):
         motion, _ = _read_rows(h, data, at, name, rows, frame_seconds)
     cut = " and a part of one, which is left out" if rest else ""
-    return replace(motion, note=f"{name}: the file says {count} frames and has {rows}{cut}.")
+    return replace(motion, note=f"{name}: the file says {str(count)[:20]} frames and has {rows}{cut}.")
 
 
 def _read_rows(
@@ -245,12 +246,8 @@ def _parse_frames(data: bytes, at: int, name: str) -> tuple[int, float, int]:
         frame_seconds = float(lines[1].split(b":")[1])
     except (IndexError, ValueError) as error:
         raise FileError(f"{name}: expected 'Frames:' and 'Frame Time:'.", _REMEDY) from error
-    if not 0 < count <= MAX_FRAMES or not 1e-4 <= frame_seconds <= 10.0:
-        raise FileError(
-            f"{name}: {str(count)[:20]} frames of {frame_seconds} s; expected 1 to {MAX_FRAMES} frames"
-            " of 0.0001 to 10 s.",
-            _REMEDY,
-        )
+    if not 1e-4 <= frame_seconds <= 10.0:
+        raise FileError(f"{name}: a frame of {frame_seconds} s; expected 0.0001 to 10 s.", _REMEDY)
     at = data.index(lines[0], at) + len(lines[0]) + 1
     return count, frame_seconds, at + len(lines[1]) + 1
 
@@ -281,7 +278,7 @@ def _unreadable(data: bytes, at: int, end: int, name: str) -> FileError:
                 break
         except ValueError:
             break
-    line, text = _line_of(data, at + match.start()), match[0][:40].decode("ascii", "replace")
+    line, text = _line_of(data, at + match.start()), match[0][:40].decode("utf-8", "replace")
     return FileError(
         f"{name}, line {line}: '{text}' in MOTION; expected finite numbers within {MAX_VALUE:.0e}.", _REMEDY
     )

@@ -29,7 +29,7 @@ from runtime.errors import FileError
 from runtime.formats.engines import engine_of
 from runtime.formats.fbx_mesh import Meshes, Skin
 from runtime.formats.fbx_nodes import TICKS, ZERO, Document, Node, leaves, matrix, prop, properties
-from runtime.formats.glb import glb_document
+from runtime.formats.glb import further_takes, glb_document
 from runtime.formats.glb_skeleton import rotation_and_scale
 from runtime.formats.options import UNITS_PER_METRE, ExportOptions
 from runtime.formats.prepare import Check, PreparedTake, go_on
@@ -45,7 +45,8 @@ def save_fbx(
     take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None, check: Check = go_on
 ) -> None:
     """Write a prepared take as FBX; FileError when the character cannot be used or the file not be written."""
-    buffer, _ = glb_document(take, replace(options, plain=True), terrain, check)
+    takes = [take, *further_takes(options, terrain)]
+    buffer, _ = glb_document(takes, replace(options, plain=True), terrain, check)
     units = UNITS_PER_METRE[engine_of(options.engine).fbx_unit if options.engine else "m"]
     try:
         scene = _Scene(buffer.as_file(path), units)

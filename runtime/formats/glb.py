@@ -45,38 +45,38 @@ def save_glb(
 
     FileError when the character cannot be used or the file not be written.
     """
-    buffer, _ = glb_document(take, options, terrain, check)
+    buffer, _ = glb_document([take, *further_takes(options, terrain)], options, terrain, check)
     check()
     buffer.save(path)
 
 
 def glb_document(
-    take: PreparedTake,
+    takes: list[PreparedTake],
     options: ExportOptions,
     terrain: Terrain | None,
     check: Check = go_on,
     ground_vertices: int | None = None,
     ground_margin_m: float = MARGIN_M,
 ) -> tuple[GlbBuffer, int]:
-    """The document of `save_glb`, and the number of its node of the hips. FileError."""
+    """The document of `save_glb` with some takes, and the number of its node of the hips. FileError."""
     source = options.character or asset_path(MANNEQUIN)
     character, file = load_character(source, options.joint_map, options.character_unit), open_gltf(source)
     buffer = GlbBuffer.of_file(file)
     buffer.gltf.asset.generator = "SPORT viewer"
-    size, plain = body_size(take.clip, options, character), options.plain or options.engine is not None
+    size, plain = body_size(takes[0].clip, options, character), options.plain or options.engine is not None
     rig = open_rig(buffer, file, character, read_meshes(file), options.rooted, plain, size)
-    _animate_all(rig, buffer, [take, *_further_takes(options, terrain)], check)
+    _animate_all(rig, buffer, takes, check)
     if options.humanoid_names:
         rename_bones(rig, options.bones)
     if options.animation_only:
         _drop_meshes(buffer)
     if options.with_ground and terrain is not None:
-        add_ground(buffer, terrain, take, size, most=ground_vertices, margin_m=ground_margin_m)
-    buffer.gltf.scenes[0].extras = {"sport": take_extras(take)}
+        add_ground(buffer, terrain, takes[0], size, most=ground_vertices, margin_m=ground_margin_m)
+    buffer.gltf.scenes[0].extras = {"sport": take_extras(takes[0])}
     return buffer, next(node for node, k in rig.joints.items() if character.sport_joints[k] == HIPS)
 
 
-def _further_takes(options: ExportOptions, terrain: Terrain | None) -> list[PreparedTake]:
+def further_takes(options: ExportOptions, terrain: Terrain | None) -> list[PreparedTake]:
     """The further takes of an export, each on the ground that it names, else on that of the first. FileError."""
     clips = [(open_take(path).clip, path) for path in options.with_takes]
     return [
@@ -112,28 +112,34 @@ def _drop_meshes(buffer: GlbBuffer) -> None:
 
 def _animate(rig: Rig, buffer: GlbBuffer, take: PreparedTake, name: str, check: Check) -> None:
     """Add the take as an animation to the document."""
-    import pygltflib as g
-
     nodes = buffer.gltf.nodes
     animated = [*rig.joints, *([rig.root_node] if rig.root_node not in (-1, *rig.joints) else [])]
     scales = {node: set_local(nodes[node], local_rest(rig, node))[1] for node in animated}
-    tracks = _tracks(rig, take, scales, check)
-    frames = len(take.clip)
-    times = buffer.add((np.arange(frames) / take.clip.fps).astype(np.float32)[:, None], bounds=True)
-    animation = g.Animation(name=name, extras={"sport": take_extras(take)})
-
-    def add(node: int, path: str, values: Array) -> None:
-        sampler = g.AnimationSampler(input=times, output=buffer.add(values), interpolation="LINEAR")
-        animation.samplers.append(sampler)
-        target = g.AnimationChannelTarget(node=node, path=path)
-        animation.channels.append(g.AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
-
-    for node, (translations, quaternions) in tracks.items():
-        add(node, "rotation", quaternions[:, [1, 2, 3, 0]])
+    channels = []
+    for node, (translations, quaternions) in _tracks(rig, take, scales, check).items():
+        channels.append((node, "rotation", quaternions))
         above = written(rig, rig.rest[rig.parents[node]]) if rig.parents[node] >= 0 else np.eye(4)
         unit = float(np.abs(np.linalg.det(above[:3, :3]))) ** (1 / 3)  # metres of a unit of the track
         if np.abs(translations - np.array(nodes[node].translation)).max() * unit > STILL:
-            add(node, "translation", translations)
+            channels.append((node, "translation", translations))
+    add_animation(buffer, take, name, channels)
+
+
+def add_animation(
+    buffer: GlbBuffer, take: PreparedTake, name: str, channels: list[tuple[int, str, Array]]
+) -> None:
+    """Add a take as an animation: of nodes the "translation" `(T, 3)` or "rotation" `(T, 4)`, a key a frame."""
+    import pygltflib as g
+
+    seconds = np.arange(len(take.clip)) / take.clip.fps
+    times = buffer.add(seconds.astype(np.float32)[:, None], bounds=True)
+    animation = g.Animation(name=name, extras={"sport": take_extras(take)})
+    for number, (node, path, values) in enumerate(channels):
+        values = values[:, [1, 2, 3, 0]] if path == "rotation" else values
+        sampler = g.AnimationSampler(input=times, output=buffer.add(values), interpolation="LINEAR")
+        animation.samplers.append(sampler)
+        target = g.AnimationChannelTarget(node=node, path=path)
+        animation.channels.append(g.AnimationChannel(sampler=number, target=target))
     buffer.gltf.animations.append(animation)
 
 

@@ -1,4 +1,4 @@
-"""The motion of a glTF, GLB, VRM or FBX file: its animation sampled at an even rate, as a hierarchy at rest in its bind pose."""
+"""The motion of a glTF, GLB, VRM, VRMA or FBX file: its animation sampled at an even rate, as a hierarchy at rest in its bind pose."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.arrays import Array
+from runtime.character.mesh import vrm_bones
 from runtime.character.read import (
     STRUCTURE_ERRORS,
     GltfFile,
@@ -43,7 +44,7 @@ NTSC = {
 CHUNK = 1024  # frames whose transforms are worked out at once
 # nodes x frames, and keys, that any file may have; and more for each byte of it
 MAX_UNBAKED, FOR_A_BYTE = 500_000, 0.5
-MAX_NAME, MAX_BOUND = 200, 50_000
+MAX_NAME, MAX_SHOWN, MAX_BOUND = 200, 60, 50_000  # letters of a joint and of an animation, bind matrices
 MAX_ANIMATIONS, MAX_LOOKED_AT = 2000, 200_000  # and animations x nodes
 REMEDY = "Export it again with its animation baked, or as BVH."
 _PATHS = {"translation": 3, "rotation": 4, "scale": 3}
@@ -140,7 +141,8 @@ def read_gltf_motion(path: Path, animation: str = "") -> BvhMotion:
 
 def _motion(file: GltfFile, wanted: str) -> BvhMotion:
     nodes = _Nodes(file, *ancestors(file))
-    animation, note = _chosen(nodes, wanted)
+    animations = _named(file)
+    animation, note = _chosen(nodes, animations, wanted)
     joints = animation.joints
     needed = nodes.with_ancestors(joints)
     channels = {(node, path): keys for (node, path), keys in animation.channels.items() if node in needed}
@@ -150,7 +152,14 @@ def _motion(file: GltfFile, wanted: str) -> BvhMotion:
     positions = np.empty((len(times), len(joints), 3), np.float32)
     local = np.empty((len(times), len(joints), 4), np.float32)
     motion = BvhMotion(
-        _skeleton(nodes, joints, bind), positions, local, 1.0 / fps, {}, note, animation.metadata
+        _skeleton(nodes, joints, bind),
+        positions,
+        local,
+        1.0 / fps,
+        {},
+        note,
+        animation.metadata,
+        tuple(animations),
     )
     moving = _Moving(needed, nodes.parents, local_matrices(file), channels)
     with np.errstate(all="ignore"):  # what comes of it is checked
@@ -170,8 +179,14 @@ def _skeleton(nodes: _Nodes, joints: list[int], bind: Array) -> Skeleton:
     parents = tuple(joints.index(node) if node >= 0 else -1 for node in above)
     at_rest = bind[:, :3, 3]
     offsets = [at_rest[k] - (at_rest[p] if p >= 0 else 0.0) for k, p in enumerate(parents)]
-    names = tuple(printable(str(nodes.file.gltf.nodes[j].name or f"node {j}"))[:MAX_NAME] for j in joints)
-    return Skeleton(names, parents, np.array(offsets, np.float32))
+    return Skeleton(_joint_names(nodes.file, joints), parents, np.array(offsets, np.float32))
+
+
+def _joint_names(file: GltfFile, joints: list[int]) -> tuple[str, ...]:
+    """Names of joints: of a VRM's bones as Unity has them, else those of the nodes."""
+    bones = {node: bone[:1].upper() + bone[1:] for node, bone in vrm_bones(file).items()}
+    named = (str(bones.get(j) or file.gltf.nodes[j].name or f"node {j}") for j in joints)
+    return tuple(printable(name)[:MAX_NAME] for name in named)
 
 
 def _fill(motion: BvhMotion, rows: slice, world: Array, bind: Array) -> None:
@@ -186,9 +201,9 @@ def _fill(motion: BvhMotion, rows: slice, world: Array, bind: Array) -> None:
             motion.positions[rows, j] = rotations.rotate(back, places[:, j] - places[:, parent])
 
 
-def _chosen(nodes: _Nodes, wanted: str) -> tuple[_Animation, str]:
+def _chosen(nodes: _Nodes, animations: dict[str, Any], wanted: str) -> tuple[_Animation, str]:
     """The animation of a name, else the first one that moves a body, with what to say of the others. FileError."""
-    animations = _named(nodes.file)
+    wanted = printable(wanted)[:MAX_SHOWN]
     chosen = {wanted: animations.get(wanted)} if wanted else animations
     if None in chosen.values():
         names = ", ".join(list(animations)[:40])
@@ -203,18 +218,24 @@ def _chosen(nodes: _Nodes, wanted: str) -> tuple[_Animation, str]:
 
 
 def _named(file: GltfFile) -> dict[str, Any]:
-    """The animations by their names, of those with one name the first. FileError where there is none."""
+    """The animations by their names, those that have the same one with their number. FileError where there is none."""
     animations: dict[str, Any] = {}
     for k, animation in enumerate(file.gltf.animations or []):
-        animations.setdefault(printable(str(animation.name or f"animation {k + 1}"))[:60], animation)
+        name = printable(str(animation.name or f"animation {k + 1}"))[:MAX_SHOWN]
+        animations[f"{name} ({k + 1})" if name in animations else name] = animation
     if not animations:
         raise file.error("it has no animation.", "Choose a file with one, or open it as a character.")
+    _check_animations(file, animations)
+    return animations
+
+
+def _check_animations(file: GltfFile, animations: dict[str, Any]) -> None:
+    """FileError where they are more than is looked at, or have more keys than the file has room for."""
     count, nodes = len(animations), len(file.gltf.nodes or [])
     if count > MAX_ANIMATIONS or count * nodes > MAX_LOOKED_AT:
         raise file.error(f"{count} animations of {nodes} nodes.", "Export fewer of them.")
     if sum(_key_count(file, animation) for animation in animations.values()) > _room(file):
         raise file.error("more keys than a file of its size has.", REMEDY)
-    return animations
 
 
 def _key_count(file: GltfFile, animation: Any) -> int:

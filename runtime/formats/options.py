@@ -19,7 +19,7 @@ from runtime.pose import MAX_FPS, VIDEO_RATES
 SKINNED = frozenset({".glb", ".fbx"})
 SCENES = SKINNED | {".usdz", ".usd"}
 BODIES = SCENES | {".html"}
-MOTION = BODIES | {".bvh"}
+MOTION = BODIES | {".bvh", ".vrma"}
 ARRAYS = frozenset({".npz", ".csv", ".parquet"})
 FILMS = frozenset({".mp4", ".png", ".webp", ".gif"})
 GROUND = frozenset({".obj"})
@@ -116,8 +116,8 @@ class ExportOptions:
         hint="The skeleton and its motion, without meshes", help="GLB or FBX without meshes",
     )  # fmt: skip
     with_takes: tuple[Path, ...] = option(
-        (), SKINNED | {".html"}, "--with-take", ignored_by=frozenset(), parse=Path, metavar="TAKE",
-        help="a further take in the same GLB or FBX",
+        (), BODIES, "--with-take", ignored_by=frozenset(), parse=Path, metavar="TAKE",
+        help="a further take in the same file",
     )  # fmt: skip
     start_s: float = option(
         0.0, flag="--range", metavar="A:B", label="Range", help="only these seconds, e.g. 2:6.5"
@@ -138,7 +138,7 @@ class ExportOptions:
         hint="The way over the ground is taken out; the heading stays", help="take the way over the ground out",
     )  # fmt: skip
     ground_root: bool = option(
-        False, MOTION, "--ground-root", ignored_by=ARRAYS | GROUND, label="Root on the ground",
+        False, BODIES | {".bvh"}, "--ground-root", ignored_by=ARRAYS | GROUND, label="Root on the ground",
         hint="A root joint on the ground, above the hips", help="a root joint on the ground, above the hips",
     )  # fmt: skip
     at_origin: bool = option(

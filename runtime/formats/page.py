@@ -14,7 +14,7 @@ import numpy as np
 
 from runtime.assets import asset_path
 from runtime.atomic import write_atomic
-from runtime.formats.glb import glb_document
+from runtime.formats.glb import further_takes, glb_document
 from runtime.formats.options import ExportOptions
 from runtime.formats.prepare import Check, PreparedTake, go_on
 from runtime.formats.sidecar import markers
@@ -30,7 +30,8 @@ def save_page(
     """Write the page; the take lies on its `terrain` where it goes over it. FileError."""
     ground = terrain is not None and take.clip.placed is not None
     options = replace(options, with_ground=ground)
-    buffer, hips = glb_document(take, options, terrain, check, GROUND_VERTICES, GROUND_MARGIN_M)
+    takes = [take, *further_takes(options, terrain)]
+    buffer, hips = glb_document(takes, options, terrain, check, GROUND_VERTICES, GROUND_MARGIN_M)
     contacts = take.clip.contacts > 0.5
     feet = np.stack([contacts[:, :2].any(axis=1), contacts[:, 2:].any(axis=1)], axis=1) @ np.array([1, 2])
     facts = {

@@ -13,7 +13,7 @@ from runtime.feet.skating import measured_contacts
 from runtime.formats.options import ExportOptions
 from runtime.skeleton import REST_HIPS_HEIGHT, J
 from runtime.takes.clip import Clip
-from runtime.takes.loop import LoopReport, make_loop
+from runtime.takes.loop import make_loop
 from runtime.takes.metadata import UNMOVED
 from runtime.takes.root import Placement, RootTrack, root_track
 from runtime.terrain.height_map import Terrain
@@ -29,14 +29,12 @@ def go_on() -> None:
 class PreparedTake:
     """A clip ready to be written; `root` has one entry for each of its frames.
 
-    `placement` is where the ground goes with it, `loop` what the loop came to, and `rest_frame` says that frame 0 is
-    the rest pose.
+    `placement` is where the ground goes with it, and `rest_frame` says that frame 0 is the rest pose.
     """
 
     clip: Clip
     root: RootTrack
     placement: Placement
-    loop: LoopReport | None
     rest_frame: bool
 
 
@@ -48,9 +46,8 @@ def prepare(clip: Clip, options: ExportOptions, terrain: Terrain | None = None) 
     at_rate = with_contacts(on_its_ground(clip), terrain).resampled(options.fps)
     track = root_track(at_rate, terrain)
     taken, track = _in_range(at_rate, track, options)
-    report = None
     if options.loop:
-        taken, track, report = make_loop(taken, track, options.strides)
+        taken, track = make_loop(taken, track, options.strides)
     placement = _to_origin(track) if options.at_origin else there
     if not placement.identity:
         taken, track = placement.clip(taken), track.moved(placement)
@@ -61,7 +58,7 @@ def prepare(clip: Clip, options: ExportOptions, terrain: Terrain | None = None) 
         taken, track = _with_rest_frame(taken, track)
     lost = options.in_place or clip.placed is None
     taken = replace(taken, placed=None if lost else (placement.yaw, *placement.offset))
-    return PreparedTake(taken, track, placement, report, options.rest_frame)
+    return PreparedTake(taken, track, placement, options.rest_frame)
 
 
 def placement_of(clip: Clip) -> Placement:

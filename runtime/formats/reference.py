@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ from runtime.arrays import Array
 from runtime.character.guess import JointGuess, NotUpright, guess_skeleton
 from runtime.character.joint_map import joint_map_path, saved_joint_map
 from runtime.character.joints import align, canonical_axes
-from runtime.character.read import SUFFIXES
+from runtime.character.read import MOTIONS
 from runtime.character.tree import JointTree
 from runtime.errors import FileError
 from runtime.formats.bvh import BvhMotion, read_bvh
@@ -60,26 +60,29 @@ class OpenedTake:
     clip: Clip
     unit: str
     reference: ReferenceMotion | None = None
-    note: str = ""  # of a file that is damaged
+    note: str = ""  # of a file that is damaged, or has several animations
+    animations: tuple[str, ...] = ()  # of the file
 
 
 def open_take(path: Path, animation: str = "") -> OpenedTake:
     """A motion of our skeleton, or of any two-legged one whose joints can be found, as a clip of ours. FileError.
 
-    BVH, glTF or FBX; of several animations the one of a name, else the first that moves a body.
+    BVH, glTF, VRMA or FBX; of several animations the one of a name, else the first that moves a body.
     """
     motion = read_bvh(path) if is_bvh(path) else read_gltf_motion(path, animation)
+    reference = None
     try:
-        return OpenedTake(*clip_of_motion(motion, path), note=motion.note)
+        clip, unit = clip_of_motion(motion, path)
     except OtherSkeleton:
         reference = _reference(motion, path)
-        unit = nearest_unit(reference.scale) if is_bvh(path) else "cm"
-        return OpenedTake(reference.clip, unit, reference, motion.note)
+        clip, unit = reference.clip, nearest_unit(reference.scale) if is_bvh(path) else "cm"
+    clip = replace(clip, name=printable(animation)) if animation else clip
+    return OpenedTake(clip, unit, reference, motion.note, motion.animations)
 
 
 def is_bvh(path: Path) -> bool:
     """Whether a motion is read as BVH: all that is no other format of motion."""
-    return path.suffix.lower() not in SUFFIXES
+    return path.suffix.lower() not in MOTIONS[1:]
 
 
 def _reference(motion: BvhMotion, path: Path) -> ReferenceMotion:

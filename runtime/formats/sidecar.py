@@ -28,6 +28,7 @@ from runtime.takes.clip import MAX_SIZE, MIN_SIZE, Clip
 from runtime.takes.metadata import (
     MAX_EVENTS,
     UNMOVED,
+    LoopReport,
     PromptEvent,
     event_from,
     gait_changes,
@@ -77,6 +78,11 @@ def _metadata(clip: Clip) -> dict[str, Any]:
         "gaits": [[round(seconds, 4), gait] for seconds, gait in gait_changes(clip.gaits, clip.fps)],
         "placed": None if clip.placed is None else [round(value, 6) for value in clip.placed],
         "size": round(clip.size, 6),
+        **(
+            {}
+            if clip.loop is None
+            else {"loop": {name: round(v, 4) for name, v in asdict(clip.loop).items()}}
+        ),
         "prompts": [
             {**asdict(event), "words": json.loads(event.words) if event.words else None}
             for event in clip.prompts
@@ -143,6 +149,7 @@ def clip_fields(value: Any, path: Path, fps: float, frames: int) -> dict[str, An
         "gaits": gait_numbers(_gait_changes(value.get("gaits")), frames, fps),
         "placed": _placed(value.get("placed", UNMOVED)),
         "size": min(max(number_field(value, "size", 1.0), MIN_SIZE), MAX_SIZE),
+        "loop": _loop(value.get("loop")),
     }
 
 
@@ -162,6 +169,14 @@ def _gait_changes(value: Any) -> tuple[tuple[float, str], ...]:
             if isinstance(name, str) and name in names:
                 found.append((read_number(seconds), name))
     return tuple(found)
+
+
+def _loop(value: Any) -> LoopReport | None:
+    try:
+        first, last, *rest = (read_number(value[name]) for name in LoopReport.__dataclass_fields__)
+    except (TypeError, ValueError, KeyError):
+        return None
+    return LoopReport(int(first), int(last), *rest)
 
 
 def _contacts(value: dict[str, Any], frames: int) -> Array | None:
@@ -203,7 +218,7 @@ def _marker(kind: str, name: str, seconds: float, fps: float) -> dict[str, Any]:
 def take_extras(take: PreparedTake) -> dict[str, Any]:
     """What a GLB keeps in `extras` under "sport": the metadata, markers, loop, rest frame, and what the feet do."""
     clip = take.clip
-    value: dict[str, Any] = {
+    return {
         **_metadata(clip),
         "version": MARKERS_VERSION,
         "fps": clip.fps,
@@ -214,6 +229,3 @@ def take_extras(take: PreparedTake) -> dict[str, Any]:
         "origin": {name: v for name, v in asdict(clip.origin).items() if v not in ("", None)},
         **foot_tracks(clip),
     }
-    if take.loop is not None:
-        value["loop"] = {name: round(v, 4) for name, v in asdict(take.loop).items()}
-    return value

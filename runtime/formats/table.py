@@ -61,6 +61,7 @@ _TABLE = (
     Format(".fbx", "FBX: character with motion", "the same as FBX 7.4", "fbx.save_fbx"),
     Format(".usdz", "USDZ: character with motion", "character with motion and textures (UsdSkel, packed)", "usd.save_usd", "usd.check_usd"),
     Format(".usd", "USD: character with motion", "the same without textures, one binary layer", "usd.save_usd", "usd.check_usd"),
+    Format(".vrma", "VRMA: motion for VRM avatars", "motion for any VRM avatar (VRM animation 1.0)", "vrma.save_vrma"),
     Format(".html", "HTML: page to look at", "page with character and ground, plays in any browser", "page.save_page"),
     Format(".npz", "NPZ: arrays", "positions, rotations, root, contacts, phase as NumPy arrays", "arrays.save_npz"),
     Format(".csv", "CSV: table", "the same, a row a frame", "arrays.save_csv"),
@@ -152,4 +153,4 @@ def describe(take: PreparedTake, path: Path) -> str:
     """What stands in the file: frames, rate, seconds, and what the loop came to."""
     count, fps = len(take.clip), take.clip.fps
     text = f"{path}: {count} frames at {fps:g} fps, {count / fps:.1f} s"
-    return text if take.loop is None else f"{text}; {take.loop.describe()}"
+    return text if take.clip.loop is None else f"{text}; {take.clip.loop.describe()}"

@@ -1,4 +1,4 @@
-"""A take as USD (UsdSkel): the character's meshes, skin, materials and skeleton, moved by one skeleton animation.
+"""A take as USD (UsdSkel): the character's meshes, skin, materials and skeleton, moved by a skeleton animation for each take.
 
 The document of `runtime.formats.glb` is written again prim by prim, with joints that have no scales. Needs `usd-core`.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib.util
 import itertools
+import json
 import os
 import re
 import tempfile
@@ -33,7 +34,7 @@ from runtime.character.read import (
     read_accessor,
 )
 from runtime.errors import FileError, UsageError
-from runtime.formats.glb import glb_document
+from runtime.formats.glb import further_takes, glb_document
 from runtime.formats.options import ExportOptions
 from runtime.formats.prepare import Check, PreparedTake, go_on
 from runtime.formats.table import describe
@@ -65,11 +66,12 @@ def save_usd(
     with tempfile.TemporaryDirectory(prefix="sport-usd-") as name, atomic_path(path) as target:
         folder = Path(name)
         glb, layer, packed = folder / "take.glb", folder / "take.usdc", folder / "take.usdz"
-        document, _ = glb_document(take, replace(options, plain=True), terrain, check)
+        takes = [take, *further_takes(options, terrain)]
+        document, _ = glb_document(takes, replace(options, plain=True), terrain, check)
         document.save(glb)
         textures = folder if path.suffix.lower() == ".usdz" else None
         try:
-            stage = _Stage(open_gltf(glb), layer, take, textures)
+            stage = _Stage(open_gltf(glb), layer, takes, textures)
             stage.write()
             check()
             for part in folder.iterdir():  # a package has the times of its files
@@ -92,12 +94,12 @@ class _Skin:
 
 
 class _Stage:
-    """A file of a take, and the stage that it becomes."""
+    """A file of some takes, and the stage that it becomes."""
 
-    def __init__(self, file: GltfFile, layer: Path, take: PreparedTake, textures: Path | None) -> None:
+    def __init__(self, file: GltfFile, layer: Path, takes: list[PreparedTake], textures: Path | None) -> None:
         from pxr import Gf, Sdf, Usd, UsdGeom
 
-        self.file, self.take, self.textures = file, take, textures
+        self.file, self.takes, self.textures = file, takes, textures
         self.order, self.parents = ancestors(file)
         self.world = node_world_matrices(file, self.order, self.parents)
         skins = file.gltf.skins or []
@@ -108,10 +110,10 @@ class _Stage:
         self.stage = Usd.Stage.CreateNew(str(layer))
         UsdGeom.SetStageUpAxis(self.stage, UsdGeom.Tokens.y)
         UsdGeom.SetStageMetersPerUnit(self.stage, 1.0)
-        self.stage.SetTimeCodesPerSecond(take.clip.fps)
-        self.stage.SetFramesPerSecond(take.clip.fps)
+        self.stage.SetTimeCodesPerSecond(takes[0].clip.fps)
+        self.stage.SetFramesPerSecond(takes[0].clip.fps)
         self.stage.SetStartTimeCode(0)
-        self.stage.SetEndTimeCode(len(take.clip) - 1)
+        self.stage.SetEndTimeCode(max(len(take.clip) for take in takes) - 1)
         self.Gf, self.Sdf, self.Usd = Gf, Sdf, Usd
         self.skins = [self._skin(k) for k in range(len(skins))]
         self._materials: dict[int, Any] = {}
@@ -119,7 +121,7 @@ class _Stage:
     def _joint_nodes(self, skins: list[Entry]) -> list[int]:
         """Nodes of the skeleton, parents first: those that move, those of skins, and what lies between."""
         wanted = {node for skin in skins for node in skin.joints}
-        wanted |= {channel.target.node for channel in self.file.gltf.animations[0].channels}
+        wanted |= {channel.target.node for entry in self.file.gltf.animations for channel in entry.channels}
         for node in reversed(self.order):
             parent = self.parents[node]
             if node in wanted and parent >= 0 and self.parents[parent] >= 0:
@@ -138,7 +140,11 @@ class _Stage:
     def renamed(self) -> str:
         """What the file calls joints whose own names are none of USD, or are there twice; "" without any."""
         own = [self.file.gltf.nodes[node].name for node in self.joints]
-        pairs = [f"{old} is {new}" for old, new in zip(own, self.names, strict=True) if old and old != new]
+        pairs = [
+            f"{old[:40]} is {new[:40]}"
+            for old, new in zip(own, self.names, strict=True)
+            if old and old != new
+        ]
         more = f" and {len(pairs) - 6} more" if len(pairs) > 6 else ""
         return f"; joints renamed: {', '.join(pairs[:6])}{more}" if pairs else ""
 
@@ -160,7 +166,6 @@ class _Stage:
         root = UsdSkel.Root.Define(self.stage, ROOT)
         self.stage.SetDefaultPrim(root.GetPrim())
         Usd.ModelAPI(root).SetKind("component")
-        animation = self._animation()
         local = self._local_rest()
         if not self.skins:  # the motion alone
             self.skins = [_Skin(f"{ROOT}/skeleton", np.linalg.inv(self.world[self.joints]), np.zeros(0, int))]
@@ -169,16 +174,39 @@ class _Stage:
             skeleton.CreateJointsAttr(Vt.TokenArray(self._joint_paths()))
             skeleton.CreateBindTransformsAttr(self._matrices(np.linalg.inv(skin.inverse_bind)))
             skeleton.CreateRestTransformsAttr(self._matrices(local))
-            binding = UsdSkel.BindingAPI.Apply(skeleton.GetPrim())
-            binding.CreateAnimationSourceRel().SetTargets([animation.GetPath()])
+            UsdSkel.BindingAPI.Apply(skeleton.GetPrim())
+        if len(self.takes) == 1:
+            self._bind_take(root, 0, self._animation(0, "animation"))
+        else:
+            self._variants(root)
         for node in self.order:
             if self.file.gltf.nodes[node].mesh is not None:
                 self._meshes(node)
         self._extent(root)
-        extras = (self.file.gltf.scenes[0].extras or {}).get("sport")
-        if extras is not None:
-            root.GetPrim().SetCustomDataByKey("sport", _plain(extras))
         self.stage.GetRootLayer().Save()
+
+    def _variants(self, root: Any) -> None:
+        """All takes, and a variant set "take" that says which one moves the skeletons; the first is chosen."""
+        variants = root.GetPrim().GetVariantSets().AddVariantSet("take")
+        names = unique_names([entry.name for entry in self.file.gltf.animations])
+        for number, name in enumerate(names):
+            animation = self._animation(number, f"animation_{name}")
+            variants.AddVariant(name)
+            variants.SetVariantSelection(name)
+            with variants.GetVariantEditContext():
+                self._bind_take(root, number, animation)
+        variants.SetVariantSelection(names[0])
+
+    def _bind_take(self, root: Any, number: int, animation: Any) -> None:
+        """Let an animation move the skeletons, and say what is known of its take."""
+        from pxr import UsdSkel
+
+        for skin in self.skins:
+            binding = UsdSkel.BindingAPI(self.stage.GetPrimAtPath(skin.path))
+            binding.CreateAnimationSourceRel().SetTargets([animation.GetPath()])
+        extras = self.file.gltf.animations[number].extras["sport"]
+        known = {key: json.dumps(v) if isinstance(v, list | dict) else v for key, v in extras.items()}
+        root.GetPrim().SetCustomDataByKey("sport", {key: v for key, v in known.items() if v is not None})
 
     def _local_rest(self) -> AnyArray:
         world = self.world[self.joints]
@@ -187,17 +215,17 @@ class _Stage:
             [m if p < 0 else np.linalg.inv(world[p]) @ m for m, p in zip(world, above, strict=True)]
         )
 
-    def _animation(self) -> Any:
+    def _animation(self, number: int, name: str) -> Any:
         """Translations, rotations and scales of all joints, a sample a frame."""
         from pxr import Gf, UsdSkel, Vt
 
-        gltf, frames = self.file.gltf, len(self.take.clip)
+        entry, frames = self.file.gltf.animations[number], len(self.takes[number].clip)
         rest = self._local_rest()
         scales = np.linalg.norm(rest[:, :3, :3], axis=1)
         places = np.tile(rest[:, :3, 3], (frames, 1, 1))
         turns = np.tile(rotations.from_matrix(rest[:, :3, :3] / scales[:, None]), (frames, 1, 1))
-        for channel in gltf.animations[0].channels:
-            sampler = gltf.animations[0].samplers[channel.sampler]
+        for channel in entry.channels:
+            sampler = entry.samplers[channel.sampler]
             values, k = (
                 read_accessor(self.file, sampler.output, "the animation"),
                 self.slot[channel.target.node],
@@ -206,7 +234,7 @@ class _Stage:
                 turns[:, k] = values[:, [3, 0, 1, 2]]
             elif channel.target.path == "translation":
                 places[:, k] = values
-        animation = UsdSkel.Animation.Define(self.stage, f"{ROOT}/animation")
+        animation = UsdSkel.Animation.Define(self.stage, f"{ROOT}/{name}")
         animation.CreateJointsAttr(Vt.TokenArray(self._joint_paths()))
         translations, quaternions = animation.CreateTranslationsAttr(), animation.CreateRotationsAttr()
         animation.CreateScalesAttr([Gf.Vec3h(*row) for row in scales.tolist()])
@@ -374,10 +402,10 @@ class _Stage:
         return f"./{name}"
 
     def _extent(self, root: Any) -> None:
-        """The box of the whole take, so that a viewer finds it: the way of the joints and half a body more."""
+        """The box of all takes, so that a viewer finds it: the way of the joints and half a body more."""
         from pxr import UsdGeom
 
-        positions = self.take.clip.world()[0].reshape(-1, 3)
+        positions = np.concatenate([take.clip.world()[0].reshape(-1, 3) for take in self.takes])
         low, high = positions.min(axis=0) - 0.5, positions.max(axis=0) + 0.5
         UsdGeom.ModelAPI.Apply(root.GetPrim()).SetExtentsHint(
             [self.Gf.Vec3f(*low.tolist()), self.Gf.Vec3f(*high.tolist())]
@@ -390,7 +418,8 @@ def unique_names(names: Sequence[str]) -> list[str]:
 
     found: dict[str, None] = {}
     for number, name in enumerate(names):
-        text = re.sub(r"\W", "_", unicodedata.normalize("NFC", name))
+        letters = unicodedata.normalize("NFC", name)
+        text = "".join(c if Sdf.Path.IsValidIdentifier(f"_{c}") else "_" for c in letters)
         text = text if Sdf.Path.IsValidIdentifier(text) else f"_{text}"
         text = text if Sdf.Path.IsValidIdentifier(text) and text.strip("_") else f"joint_{number}"
         once = next(
@@ -402,13 +431,3 @@ def unique_names(names: Sequence[str]) -> list[str]:
 
 def _or(value: Any, default: Any) -> Any:
     return default if value is None else value
-
-
-def _plain(value: Any) -> Any:
-    """A value that USD keeps as custom data: texts for what it has no type for."""
-    import json
-
-    if isinstance(value, dict):
-        return {key: json.dumps(v) if isinstance(v, Sequence | dict) and not isinstance(v, str) else v
-                for key, v in value.items() if v is not None}  # fmt: skip
-    return str(value)

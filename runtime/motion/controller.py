@@ -150,6 +150,7 @@ class Controller:
         state = copied(self._state)
         ground = np.array([float(terrain.height(x, z))])
         state.poses = state.poses.raised(ground - state.ground)
+        state.jumps[0].raise_by(float(ground[0] - state.ground[0]))
         state.ground = ground
         state.traversals, state.feet = (Traversal(),), (FootLock(),)
         self._state, self._frame = state, None

@@ -66,29 +66,54 @@ def resolve_penetration(
     for limb in limbs:
         if _depths(terrain, limb, positions[None], positions[0]).max() <= limb.sunk_m:
             continue
-        for most in limb.turns:
-            tries = _tries(result, before, world, limb, most)
-            placed, _ = SPORT_SKELETON.forward_kinematics(np.broadcast_to(hips, (len(tries), 3)), tries)
-            depths = _depths(terrain, limb, placed, positions[0])
-            if depths[-1].min() <= limb.sunk_m:
-                break
+        tries, depths = _tried(terrain, hips, (result, before), world, limb)
         result, moved = result.copy(), [limb.upper, limb.lower]
-        if limb.steps:
-            goal = result.copy()  # whose foot has come as far as it can
-            goal[moved] = local[moved]
-            wanted, _ = SPORT_SKELETON.forward_kinematics(hips, goal)
-            there, least = _depths(terrain, limb, wanted[None], positions[0])[-1, 0], depths[-1].min()
-            if there < max(least, limb.sunk_m):
-                round_it, deepest = _way_round(terrain, hips, before, goal, limb, TURN_MOST)
-                if least > limb.sunk_m or deepest <= SHALLOW_M:
-                    result[moved] = round_it
-                    continue
+        round_it = (
+            _stepped(terrain, hips, (result, before), local, limb, depths[-1].min()) if limb.steps else None
+        )
+        if round_it is not None:
+            result[moved] = round_it
+            continue
         turned = rotations.angle_between(before[moved], tries[:, moved]).sum(-1)
         best = _best(depths, turned, limb)
         if best is None:
             best = -len(SHARES) * (1 + _bend_to_hang_with(terrain, hips, result, world, limb))
         result[moved] = tries[best][moved]
     return result
+
+
+def _tried(
+    terrain: Terrain, hips: Array, poses: tuple[Array, Array], world: Array, limb: Limb
+) -> tuple[Array, Array]:
+    """`_tries` with the first of its turns that takes a limb out of the ground, and their `_depths`; else a leg also goes aside."""
+    for most in limb.turns:
+        tries = _tries(*poses, world, limb, most)
+        depths = _pose_depths(terrain, limb, hips, tries)
+        if depths[-1].min() <= limb.sunk_m:
+            return tries, depths
+    if limb.steps:
+        tries = np.concatenate([tries, _aside(*poses, limb)])
+        depths = _pose_depths(terrain, limb, hips, tries)
+    return tries, depths
+
+
+def _stepped(
+    terrain: Terrain, hips: Array, poses: tuple[Array, Array], wanted: Array, limb: Limb, least: float
+) -> Array | None:
+    """A leg's two rotations `(2, 4)` on its way to the `wanted` ones, where its foot is less deep than the `least` it else is; None where it had better not go."""
+    (now, before), moved = poses, [limb.upper, limb.lower]
+    goal = now.copy()  # whose foot has come as far as it can
+    goal[moved] = wanted[moved]
+    if _pose_depths(terrain, limb, hips, goal[None])[-1, 0] >= max(least, limb.sunk_m):
+        return None
+    round_it, deepest = _way_round(terrain, hips, before, goal, limb)
+    return round_it if least > limb.sunk_m or deepest <= SHALLOW_M else None
+
+
+def _pose_depths(terrain: Terrain, limb: Limb, hips: Array, local: Array) -> Array:
+    """`_depths` of the local rotations `(N, 31, 4)`."""
+    placed, _ = SPORT_SKELETON.forward_kinematics(np.broadcast_to(hips, (len(local), 3)), local)
+    return _depths(terrain, limb, placed, placed[0, 0])
 
 
 def _depths(terrain: Terrain, limb: Limb, poses: Array, hips: Array) -> Array:
@@ -119,8 +144,7 @@ def _best(depths: Array, turned: Array, limb: Limb) -> int | None:
 def _bend_to_hang_with(terrain: Terrain, hips: Array, local: Array, world: Array, limb: Limb) -> int:
     """Which of its `bends` a limb hangs with in a wall: straight, or where that is deep as it is least deep."""
     goals = _tries(local, local, world, limb, np.inf)[len(SHARES) - 1 :: len(SHARES)][: len(limb.bends)]
-    placed, _ = SPORT_SKELETON.forward_kinematics(np.broadcast_to(hips, (len(goals), 3)), goals)
-    depths = _depths(terrain, limb, placed, placed[0, 0])[-1]
+    depths = _pose_depths(terrain, limb, hips, goals)[-1]
     return 0 if depths[0] <= SHALLOW_M else int(np.argmin(depths))
 
 
@@ -143,10 +167,20 @@ def _tries(local: Array, before: Array, world: Array, limb: Limb, most: float) -
     return tries
 
 
+def _aside(local: Array, before: Array, limb: Limb) -> Array:
+    """Local rotations `(18, 4)` with one limb turned from where it was `before` to each side, its lower part both ways or not."""
+    turns = rotations.from_rotation_vector(TURN_MOST * np.concatenate([np.eye(3), -np.eye(3)]))
+    tries = np.tile(np.asarray(local, np.float64), (18, 1, 1))
+    tries[:, limb.upper] = np.repeat(rotations.multiply(turns, before[limb.upper]), 3, axis=0)
+    bends = rotations.from_rotation_vector(np.array([[-TURN_MOST, 0, 0], [0, 0, 0], [TURN_MOST, 0, 0]]))
+    tries[:, limb.lower] = np.tile(rotations.multiply(before[limb.lower], bends), (6, 1))
+    return tries
+
+
 def _way_round(
-    terrain: Terrain, hips: Array, before: Array, wanted: Array, limb: Limb, most: float
+    terrain: Terrain, hips: Array, before: Array, wanted: Array, limb: Limb
 ) -> tuple[Array, float]:
-    """The limb's two rotations `(2, 4)` of this frame on the least deep way from where it was `before` to to its goal, and how deep that way leads (m).
+    """The limb's two rotations `(2, 4)` of this frame on the least deep way from where it was `before` to its goal, and how deep that way leads (m).
 
     Either joint may go ahead of the other: a knee is folded before the thigh is raised, or after.
     """
@@ -154,8 +188,7 @@ def _way_round(
     grid = np.tile(np.asarray(wanted, np.float64), (count * count, 1, 1))
     upper, lower = (rotations.slerp(before[j], wanted[j], PARTS) for j in moved)
     grid[:, limb.upper], grid[:, limb.lower] = np.repeat(upper, count, axis=0), np.tile(lower, (count, 1))
-    placed, _ = SPORT_SKELETON.forward_kinematics(np.broadcast_to(hips, (len(grid), 3)), grid)
-    depths = _depths(terrain, limb, placed, placed[0, 0])[-1].reshape(count, count)
+    depths = _pose_depths(terrain, limb, hips, grid)[-1].reshape(count, count)
     deepest = _deepest_on(depths)
     turns = np.maximum(rotations.angle_between(before[moved], wanted[moved]), 1e-9)
     at, fraction = (0, 0), np.zeros(2)
@@ -167,7 +200,7 @@ def _way_round(
         ]
         goal = min(steps, key=lambda cell: deepest[cell])
         there = PARTS[list(goal)]
-        room = (most / turns - fraction) / np.maximum(there - fraction, 1e-9)
+        room = (TURN_MOST / turns - fraction) / np.maximum(there - fraction, 1e-9)
         part = float(np.where(there > fraction, room, 1.0).min())
         fraction = fraction + min(max(part, 0.0), 1.0) * (there - fraction)
         if part < 1.0:

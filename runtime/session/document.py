@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.character.character import NAMED_UNITS
 from runtime.checked import read_number, read_text, read_whole
 from runtime.errors import FileError, SportError
 from runtime.feet.leg_edit import checked_targets
@@ -70,7 +71,9 @@ STRUCTURE_ERRORS = (
     KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, RecursionError, MemoryError,
 )  # fmt: skip
 _NOT_KEPT = {(PromptBlend, "shares"), (Answer, "milliseconds"), (Answer, "final"), (Answer, "question")}
-_LATER = {(PoseEdits, "layer"), (Take, "rating"), (Take, "note")}  # fields that older files lack
+_LATER = {  # fields that older files lack
+    (PoseEdits, "layer"), (Take, "rating"), (Take, "note"), (CharacterChoice, "unit"), (MotionHeader, "loop"),
+}  # fmt: skip
 _LONG_TEXTS = (PromptEvent, Answer)  # records whose texts are prompts
 
 
@@ -252,9 +255,9 @@ class DocumentReader:
     def _record(self, kind: Any, value: Json) -> Any:
         longest = math.inf if kind in _LONG_TEXTS else MAX_TEXT
         schema = _schema(kind)
-        if kind is not MotionHeader and value.keys() != {name for name, _ in schema}:
+        if value.keys() != {name for name, _ in schema}:
             schema = tuple(entry for entry in schema if entry[0] in value or (kind, entry[0]) not in _LATER)
-            if set(value) != {name for name, _ in schema}:
+            if kind is not MotionHeader and set(value) != {name for name, _ in schema}:
                 raise ValueError(f"not the fields of a {kind.__name__}")
         made = kind(**{name: self._value(hint, value[name], longest) for name, hint in schema})
         return _CHECKS.get(kind, lambda _: None)(made) or made
@@ -438,6 +441,7 @@ def _check_header(header: MotionHeader) -> None:
 def _check_character(choice: CharacterChoice) -> None:
     choice.shape.check()
     _refuse("files of a character outside their folder", bool(choice.key) and not safe_name(choice.key))
+    _refuse("a character of an unknown unit", choice.unit not in ("", *NAMED_UNITS))
 
 
 _CHECKS: dict[Any, Callable[[Any], Any]] = {

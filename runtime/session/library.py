@@ -63,10 +63,12 @@ def find(folder: Path) -> list[SessionSummary]:
     return found
 
 
-def keep_newest(folder: Path, count: int = 10) -> None:
-    """Remove the older ones of the sessions that no living process holds and that can be read."""
-    for old in find(folder)[count:]:
+def keep_newest(folder: Path, count: int = 10) -> list[SessionSummary]:
+    """What `find` finds, at most `count`: the older ones are removed."""
+    found = find(folder)
+    for old in found[count:]:
         remove(old.path)
+    return found[:count]
 
 
 def remove(path: Path) -> None:

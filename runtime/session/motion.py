@@ -19,7 +19,7 @@ from runtime.arrays import Array
 from runtime.errors import FileError
 from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputRecording
-from runtime.takes.metadata import UNKNOWN, UNMOVED, Origin, PromptEvent, describe
+from runtime.takes.metadata import UNKNOWN, UNMOVED, LoopReport, Origin, PromptEvent, describe
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,7 @@ class MotionHeader:
     gait_seconds: tuple[tuple[str, float], ...] = ()
     placed: tuple[float, ...] | None = UNMOVED
     size: float = 1.0
+    loop: LoopReport | None = None
     has_gaits: bool = False
     resimulable: bool = False  # its input is known: it can be resimulated
 
@@ -42,7 +43,7 @@ class MotionHeader:
     def of(clip: Clip, inputs: InputRecording | None) -> MotionHeader:
         return MotionHeader(
             clip.name, clip.fps, len(clip), clip.terrain, clip.prompts, clip.origin, clip.gait_seconds,
-            clip.placed, clip.size, clip.gaits is not None, inputs is not None,
+            clip.placed, clip.size, clip.loop, clip.gaits is not None, inputs is not None,
         )  # fmt: skip
 
     @property
@@ -56,7 +57,7 @@ class MotionHeader:
     def clip(self, hips: Array, rotations: Array, contacts: Array, gaits: NDArray[np.int8]) -> Clip:
         return Clip(
             self.name, self.fps, hips, rotations, contacts, self.prompts, self.terrain, self.origin,
-            self.gait_seconds, gaits if self.has_gaits else None, self.placed, self.size,
+            self.gait_seconds, gaits if self.has_gaits else None, self.placed, self.size, self.loop,
         )  # fmt: skip
 
 

@@ -51,6 +51,7 @@ class CharacterChoice:
     shape: BodyShape = NO_SHAPE
     path: str = ""  # of the file that was opened; "" for the mannequin
     key: str = ""  # of the content of its files
+    unit: str = ""  # of lengths in its file: m, cm, mm or in; "" as its height tells
 
 
 @dataclass(frozen=True)
@@ -163,7 +164,7 @@ def _mirrored(motion: Motion) -> Clip:
 
 @lru_cache(SHOWN_CLIPS)
 def _posed(motion: Motion, mirrored: bool, poses: PoseEdits) -> Clip:
-    return poses.apply(_mirrored(motion) if mirrored else motion.clip)
+    return replace(poses.apply(_mirrored(motion) if mirrored else motion.clip), loop=None)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from runtime.arrays import Array
 from runtime.errors import UsageError
 from runtime.pose import MAX_FPS, Pose
 from runtime.skeleton import SPORT_SKELETON, J
-from runtime.takes.metadata import UNKNOWN, UNMOVED, Origin, PromptEvent, describe, gait_seconds
+from runtime.takes.metadata import UNKNOWN, UNMOVED, LoopReport, Origin, PromptEvent, describe, gait_seconds
 
 MAX_NORM_ERROR = 0.01  # of a quaternion
 MIN_SIZE, MAX_SIZE = 0.05, 20.0  # of a body, in ours
@@ -39,6 +39,7 @@ class Clip:
     # metres of a metre of the skeleton: the clip was made for a body so many times as large as ours, and all lengths in
     # it are that body's; files have them in metres of the world
     size: float = 1.0
+    loop: LoopReport | None = None  # what the cycle came to that it is, None for no loop
 
     def __post_init__(self) -> None:
         n = len(self.hips_positions)
@@ -91,6 +92,7 @@ class Clip:
         gaits = None if self.gaits is None else self.gaits[keep]
         return replace(
             self,
+            loop=None,
             gaits=gaits,
             gait_seconds=gait_seconds(gaits, self.fps),
             hips_positions=self.hips_positions[keep],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from runtime.feet.ik import LEG_FEET, LEG_SHINS, LEG_THIGHS, LEG_TOES, solve_leg
 from runtime.feet.skating import SOLE_POINTS
 from runtime.motion import features
 from runtime.takes.clip import Clip
+from runtime.takes.metadata import LoopReport
 from runtime.takes.root import RootTrack
 
 MIN_CYCLE_S, MAX_CYCLE_S = 0.5, 3.0
@@ -29,35 +30,8 @@ _LEGS = np.concatenate([LEG_THIGHS, LEG_SHINS, LEG_FEET])
 _REMEDY = "Record, or choose with --range, at least two full cycles of a steady walk in one style."
 
 
-@dataclass(frozen=True)
-class LoopReport:
-    """The cycle that was found: frames of the exported range, how far its ends were apart, and what is left.
-
-    `step_cm` is how much the steps from frame to frame before and after the seam differ in the worst joint, and
-    `usual_step_cm` the same, in its worst place, inside the cycle.
-    """
-
-    first: int
-    last: int
-    seconds: float
-    ends_cm: float
-    ends_degrees: float
-    seam_cm: float
-    seam_degrees: float
-    step_cm: float
-    usual_step_cm: float
-
-    def describe(self) -> str:
-        """One line for the command and the status line."""
-        return (
-            f"loop of {self.seconds:.2f} s (frames {self.first} to {self.last}): the ends were {self.ends_cm:.1f} cm and"
-            f" {self.ends_degrees:.1f} degrees apart, the seam is {self.seam_cm:.2f} cm and {self.seam_degrees:.2f}"
-            f" degrees; steps over it change by {self.step_cm:.2f} cm, within the cycle by up to {self.usual_step_cm:.2f} cm"
-        )
-
-
-def make_loop(clip: Clip, root: RootTrack, strides: int = 1) -> tuple[Clip, RootTrack, LoopReport]:
-    """The best cycle of so many strides as a clip whose last frame is its first one, moved along.
+def make_loop(clip: Clip, root: RootTrack, strides: int = 1) -> tuple[Clip, RootTrack]:
+    """The best cycle of so many strides as a clip whose last frame is its first one, moved along, and what that came to.
 
     UsageError when there is no steady walk, or too little of it.
     """
@@ -76,7 +50,7 @@ def make_loop(clip: Clip, root: RootTrack, strides: int = 1) -> tuple[Clip, Root
     degrees, seam_degrees = float(np.rad2deg(ends_radians)), float(np.rad2deg(seam_radians))
     apart, seam, step, usual = (metres * 100.0 for metres in (ends_m, seam_m, *seam_steps(closed, track)))
     report = LoopReport(first, last, closed.seconds, apart, degrees, seam, seam_degrees, step, usual)
-    return closed, track, report
+    return replace(closed, loop=report), track
 
 
 def find_cycle(clip: Clip, root: RootTrack, strides: int = 1) -> tuple[int, int]:

@@ -53,6 +53,33 @@ class Origin:
     terrain_seed: int | None = None  # None for a ground from a file
 
 
+@dataclass(frozen=True)
+class LoopReport:
+    """The cycle that was found: frames of the exported range, how far its ends were apart, and what is left.
+
+    `step_cm` is how much the steps from frame to frame before and after the seam differ in the worst joint, and
+    `usual_step_cm` the same, in its worst place, inside the cycle.
+    """
+
+    first: int
+    last: int
+    seconds: float
+    ends_cm: float
+    ends_degrees: float
+    seam_cm: float
+    seam_degrees: float
+    step_cm: float
+    usual_step_cm: float
+
+    def describe(self) -> str:
+        """One line for the command and the status line."""
+        return (
+            f"loop of {self.seconds:.2f} s (frames {self.first} to {self.last}): the ends were {self.ends_cm:.1f} cm and"
+            f" {self.ends_degrees:.1f} degrees apart, the seam is {self.seam_cm:.2f} cm and {self.seam_degrees:.2f}"
+            f" degrees; steps over it change by {self.step_cm:.2f} cm, within the cycle by up to {self.usual_step_cm:.2f} cm"
+        )
+
+
 UNKNOWN = Origin()
 UNMOVED = (0.0, 0.0, 0.0, 0.0)  # a take that stands where it was made
 

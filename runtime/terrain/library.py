@@ -109,6 +109,7 @@ def _platforms(seed: int) -> Terrain:
     rng = np.random.default_rng(seed)
     pitch = 6.0
     heights = np.zeros_like(x)
+    x, z = x[:, :1], z[:1]
     for i in range(-3, 4):
         for j in range(-3, 4):
             top = rng.choice([0.3, 0.45, 0.6])

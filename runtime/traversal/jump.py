@@ -8,7 +8,7 @@ works on the pose before foot lock, which holds the feet that stand.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import dist, exp, hypot, sqrt
+from math import dist, e, exp, hypot, sqrt
 
 import numpy as np
 
@@ -46,6 +46,7 @@ RISE_M = 0.30  # of the hips over their mean height, at the top
 OFF_M = 0.09  # of that at the take-off, on tiptoe
 LAND_M = 0.06  # over the incoming pose they come down
 GIVE_RATES = (6.5, 7.0, 7.5)  # 1/s of the spring that gives way: at rest, in a walk, in a jog
+DEEPEST_M = 0.45  # that it gives way: a squat, also after a fall from a cliff
 LAND_S = 1.0  # until nothing of it is left
 TIPTOE_M = 0.02  # that the hips are raised: the heel leaves the ground
 EXTENDED_S = 0.14  # after the take-off and before the landing, in which legs are stretched
@@ -175,6 +176,13 @@ class Jump:
         self.stage, self.rate, self.hips, self.speed, self.over = "", 1.0, hips, 0.0, 0.0
         self.swing = self.swing_speed = self.lean = self.lean_speed = 0.0
 
+    def raise_by(self, height: float) -> None:
+        """The ground is another one, `height` metres higher."""
+        self.hips += height
+        if self.stage != "land":  # there heights are over the ground
+            self.begin = (self.begin[0] + height, self.begin[1])
+            self.aim = (self.aim[0] + height, self.aim[1])
+
     def carried(self, velocity: tuple[float, float]) -> tuple[float, float]:
         """The root's velocity (m/s, XZ) for the network's: as it took off, and from there to the network's own."""
         if self.stage == "flight":
@@ -244,7 +252,7 @@ class Jump:
             self.stage, self.time, self.spot = "land", 0.0, None
             self.begin = (self.hips - mean, falls)
             fast = hypot(*self.velocity) > RUNS
-            self.give = GIVE_RATES[0 if self.foot == BOTH else 1 + fast]
+            self.give = max(GIVE_RATES[0 if self.foot == BOTH else 1 + fast], -falls / (e * DEEPEST_M))
             self.rate = 1.0
 
     def pose(

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import io
 import json
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
+from runtime.assets import PROJECT_ROOT
 from runtime.character.character import load_character
 from runtime.character.joint_map import read_joint_map
 from runtime.errors import SportError
@@ -166,6 +169,20 @@ def _gltf_seeds(_folder: Path) -> list[bytes]:
     return [json.dumps(document).encode()]
 
 
+def _form(*names: str) -> Callable[[Path], list[bytes]]:
+    """Characters in forms that native libraries decode."""
+    return lambda _: [
+        (PROJECT_ROOT / f"tests/runtime/character/characters/box_man{name}").read_bytes() for name in names
+    ]
+
+
+def _read_fbx(folder: Path, data: bytes) -> None:
+    path = put(folder, "input.fbx", data)
+    _load(path)
+    with contextlib.suppress(SportError):  # a character without motion
+        assert np.isfinite(open_take(path).clip.pose(0).positions).all()
+
+
 def _load(path: Path) -> None:
     character = load_character(path)
     pose: Pose = make_pose(1)
@@ -284,6 +301,9 @@ TARGETS = (
     Target("take metadata", _metadata_seeds, _sidecar_of, _read_metadata),
     Target("motion .glb", _motion_seeds, damaged_glb, _read_motion),
     Target("character .glb", _glb_seeds, damaged_glb, lambda f, d: _load(put(f, "input.glb", d)), 2.0),
+    Target("packed character", _form("_meshopt.glb", "_draco.glb", "_ktx2.glb", "_webp.glb"), damaged_glb,
+           lambda f, d: _load(put(f, "input.glb", d)), 0.1),
+    Target("FBX", _form(".fbx"), damaged_bytes, _read_fbx, 0.1),
     Target("character .gltf", _gltf_seeds, damaged_json, lambda f, d: _load(put(f, "input.gltf", d))),
     Target("character to USD", _glb_seeds, damaged_glb, _to_usd, 0.3),
     Target("texture", _texture_seeds, damaged_png, _read_texture),
@@ -295,4 +315,4 @@ TARGETS = (
     _mesh("stl", _either),
     _mesh("off", damaged_text),
     _mesh("glb", damaged_glb),
-)
+)  # fmt: skip

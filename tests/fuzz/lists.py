@@ -1,4 +1,4 @@
-"""Targets beside the program's own files: batch lists, and takes as the Blender add-on reads them."""
+"""Targets beside the program's own files: batch lists, answers of a study, and takes as the Blender add-on reads them."""
 
 from __future__ import annotations
 
@@ -8,9 +8,13 @@ from functools import cache
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
+
+from benchmarks.study.make import KEY
 from runtime.errors import FileError
 from runtime.formats.bvh_clip import save_bvh
 from sport.batch.rows import read_rows
+from tests.benchmarks.test_study import study, synthetic
 from tests.helpers.blender_addon import load_addon
 
 from .files import clip
@@ -87,9 +91,29 @@ def _read_glb(folder: Path, data: bytes) -> None:
     _read_in_blender(folder, "take.glb")
 
 
+# --- answers of a study
+
+
+@cache
+def _study(folder: Path) -> tuple[Path, list[Path]]:
+    """Its key, and the answers of three participants."""
+    key = study(folder / "study")
+    ratings = np.random.default_rng(1).integers(1, 6, (3, 3))
+    return folder / "study" / KEY, synthetic(folder / "study", key, ratings)
+
+
+def _report(folder: Path, data: bytes) -> None:
+    """A damaged file in place of the first participant's."""
+    from benchmarks.study import report
+
+    key, (_, *others) = _study(folder)
+    report.markdown(report.read_answers([put(folder, "answers.json", data), *others], key, synthetic=True))
+
+
 TARGETS = (
     Target("batch list .csv", lambda _: [ROWS.encode()], damaged_text, _read_list(".csv")),
     Target("batch list .jsonl", lambda _: [_json_lines()], damaged_text, _read_list(".jsonl")),
+    Target("answers of a study", lambda f: [_study(f)[1][0].read_bytes()], damaged_json, _report, 0.5),
     Target("BVH in Blender", _bvh_seeds, damaged_text, _read_bvh),
     Target("take metadata in Blender", _sidecar_seeds, damaged_json, _read_sidecar),
     Target("GLB in Blender", _glb_seeds, damaged_glb, _read_glb),

@@ -18,12 +18,19 @@ from types import FrameType
 
 from runtime.errors import SportError
 
-from . import files, lists, models, sessions, words
+from . import files, lists, models, sessions, window, words
 from .target import Target
 
 TARGETS = {
     target.name: target
-    for target in (*files.TARGETS, *words.TARGETS, *models.TARGETS, *sessions.TARGETS, *lists.TARGETS)
+    for target in (
+        *files.TARGETS,
+        *words.TARGETS,
+        *models.TARGETS,
+        *sessions.TARGETS,
+        *lists.TARGETS,
+        *window.TARGETS,
+    )
 }
 MAX_MB = 500.0
 HUNG_SECONDS = 30  # by the clock; and no less than 15 for each second that a target may take

@@ -17,6 +17,7 @@ import numpy as np
 from runtime.assets import asset_path
 from runtime.controls import Controls
 from runtime.generate import generate_clip, load_parts, parse_prompts
+from runtime.motion.control_scripts import EXAMPLE, parse_stick
 from runtime.motion.controller import Controller
 from runtime.motion.model import load_model
 from runtime.prompts.blend import BlendedPrompt, parse_weights, read_words
@@ -70,6 +71,29 @@ def _text(data: bytes) -> str:
 def _read_prompt(_folder: Path, data: bytes) -> None:
     for part in _library().expand(_text(data)).descriptions.as_tuple():
         part.encode()
+
+
+def _stick(_folder: Path, data: bytes) -> None:
+    script = parse_stick(_text(data))
+    for share in (0.0, 0.3, 0.999, 2.0):
+        controls = script(share * script.seconds)
+        assert math.hypot(*controls.move) <= 1.0 + 1e-9
+        assert controls.facing is None or math.isfinite(sum(controls.facing))
+
+
+def _sticks(rng: random.Random, data: bytes) -> bytes:
+    """A script that follows the grammar but for one of its parts, or none."""
+    segments = []
+    for _ in range(rng.choice((1, 2, 5, 300))):
+        text = rng.choice(("walk", "jog", "Crouch", "stand", "jump"))
+        if text not in ("stand", "jump") or rng.random() < 0.02:
+            text += rng.choice(("", f"@{rng.uniform(-720, 720):.3f}"))
+            text += rng.choice(("", f"*{rng.random():.2f}")) + rng.choice(
+                ("", f">{rng.randrange(-400, 400)}")
+            )
+        segments.append(f"{text} {rng.choice((0.001, 0.1, 2, 3600, 86400))}")
+    script = "; ".join(segments).encode()
+    return script if rng.random() < 0.5 else damaged_text(rng, rng.choice((script, data)))
 
 
 def _weights(_folder: Path, data: bytes) -> None:
@@ -277,6 +301,7 @@ def _words(_folder: Path, data: bytes) -> None:
 TARGETS = (
     Target("prompt", lambda _: [p.encode() for p in _PROMPTS], damaged_text, _read_prompt, 0.5),
     Target("--prompts", lambda _: [b"0:walk calmly; 4:drunk ; 5.5 : a b"], damaged_text, _script),
+    Target("--controls", lambda _: [EXAMPLE.encode()], _sticks, _stick),
     Target("--blend-weights", lambda _: [b"left_arm=1,torso=0.5", b"0.3"], damaged_text, _weights),
     Target("--parts", lambda _: [json.dumps(_parts()).encode()], damaged_json,
            lambda f, d: load_parts(put(f, "parts.json", d))),

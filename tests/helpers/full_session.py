@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from dataclasses import replace
 from functools import cache, reduce
 from pathlib import Path
@@ -186,3 +187,11 @@ def snapshot_bytes() -> bytes:
     for _ in range(5):
         walker.step(Controls((0.0, 1.0)))
     return take_snapshot(walker).to_bytes()
+
+
+def packed_zeros(size: int) -> bytes:
+    """`zlib.compress(bytes(size))` of whole pieces of 4 MiB, each of which is packed once."""
+    packer = zlib.compressobj(wbits=-15)
+    piece = packer.compress(bytes(1 << 22)) + packer.flush(zlib.Z_FULL_FLUSH)
+    checksum = size % 65521 << 16 | 1
+    return b"\x78\x9c" + piece * (size >> 22) + packer.flush() + checksum.to_bytes(4, "big")

@@ -232,7 +232,7 @@ def fake_services(real_renderer: bool = False, notice: str = "", drawn: bool = T
         load_terrain=real.load_terrain,
         load_character=real.load_character
         if real_renderer
-        else lambda path, joints=None: SimpleNamespace(path=path, joint_map=joints),
+        else lambda path, joints=None, unit="": SimpleNamespace(path=path, joint_map=joints, unit=unit),
         make_renderer=real.make_renderer if real_renderer else partial(FakeRenderer, drawn=drawn),
         terrain_names=real.terrain_names,
         make_crowd=FakeCrowd,

@@ -27,6 +27,7 @@ from tests.helpers.app_driver import (
     run,
     titles,
 )
+from tests.helpers.foreign_rigs import RIGS
 from tests.helpers.walker import walk
 from viewer import services
 from viewer.app import App
@@ -195,6 +196,23 @@ def test_a_shape_of_the_mannequin_is_one_step_and_comes_back_as_sliders(start: S
     undo(app)
     assert app.scene.shape == BodyShape()
     assert app.scene.size == 1.0
+
+
+def test_the_unit_of_a_character_is_chosen_and_undone(start: Start, tmp_path: Path) -> None:
+    """A file that is in centimetres by the height of its body, in inches by choice."""
+    app = start(services={"load_character": services.load_character})
+    app.open_files([RIGS["centimetres"](tmp_path / "rig.glb")])
+    run(app, 6)
+    guessed = app.scene.size
+    click_on(app, "Open a file, shape the body")
+    click_on(app, "##character unit")
+    click_on(app, "Unit: inches")
+    run(app, 4)
+    assert app.scene.size == pytest.approx(2.54 * guessed)
+    saved_and_opened(app, tmp_path / "a.sport")
+    assert app.scene.size == pytest.approx(2.54 * guessed)
+    undo(app)
+    assert app.scene.size == pytest.approx(guessed)
 
 
 def shown_ground(app: App) -> str:

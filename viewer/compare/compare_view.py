@@ -28,7 +28,7 @@ from viewer.prompt.prompt_controller import PromptController, quoted, same_answe
 from viewer.render.camera import Camera
 from viewer.scene.camera_control import CameraControl
 from viewer.scene.scene import Scene
-from viewer.scene.simulation import STEP_SECONDS, interpolate
+from viewer.scene.simulation import STEP_SECONDS, interpolate, steps_of
 from viewer.session.takes import Takes
 from viewer.settings import Settings
 
@@ -90,7 +90,6 @@ def weight_of(blend: PromptBlend) -> str:
 
 FEWEST, MOST = 2, 9
 FIRST_COUNT = 3  # variants of a view that was just opened
-MAX_STEPS = 15  # per displayed frame
 LOWEST_PITCH = 0.3  # rad; from lower, a second row hides behind the first
 GLIDE_HALF_LIFE = 0.25  # seconds, of target and distance
 _LOG = logging.getLogger("sport.viewer")
@@ -406,10 +405,8 @@ class CompareView:
         for member in self.members:
             member.temperature, member.strength = self.settings.temperature, self.settings.strength
             member.response = self.settings.response
-        self._left_s += seconds
-        steps = int(self._left_s / STEP_SECONDS + 1e-6)
-        self._left_s = min(max(self._left_s - steps * STEP_SECONDS, 0.0), STEP_SECONDS)
-        self.steps = min(steps, MAX_STEPS)
+        step_ms = self.scene.simulation.model_ms
+        self.steps, self._left_s = steps_of(self._left_s + seconds, seconds, step_ms)
         for _ in range(self.steps):
             self._step(controls)
         return self.open

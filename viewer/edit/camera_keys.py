@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,10 +15,15 @@ from runtime.takes.camera_keys import MAX_KEYS, CameraKey, view_at, with_key
 from runtime.terrain.height_map import Terrain
 from viewer.editor import Editor
 from viewer.gl_bindings import imgui
-from viewer.gui import widgets
-from viewer.render.camera import looked_at
+from viewer.gui import theme, widgets
+from viewer.gui.panels import Panel, PanelPlace
+from viewer.gui.widgets import px
+from viewer.input.bindings import Action
+from viewer.render.camera import FOV_Y, looked_at
 from viewer.scene.camera_control import CameraControl
 from viewer.session.takes import Takes
+
+FRAMED = 0.96  # of the free view is the film, that its edges are seen
 
 
 @dataclass
@@ -24,7 +31,10 @@ class CameraKeys:
     editor: Editor
     takes: Takes
     control: CameraControl
-    through: bool = False  # the view follows the keys while the take plays
+    film: Callable[
+        [], tuple[str, float]
+    ]  # its size as "width x height", and its field of view in degrees, 0: the usual one
+    _frame: tuple[int, int] = (-1, -1)  # the take and the frame that were looked at last
 
     @property
     def take(self) -> Take | None:
@@ -33,6 +43,17 @@ class CameraKeys:
     @property
     def keys(self) -> tuple[CameraKey, ...]:
         return () if self.take is None else self.take.cameras
+
+    @property
+    def through(self) -> bool:
+        """Whether the view follows the keys of the take that plays."""
+        return self.control.keyed and bool(self.keys)
+
+    def toggle(self) -> None:
+        """Look through the keys, or leave the view where they have put it."""
+        if not self.keys:
+            self.editor.messages.note("No camera keys: “+ Pin”, Camera view sets one on the timeline.")
+        self.control.keyed, self._frame = not self.through, (-1, -1)
 
     def add(self) -> None:
         """Key the view as it is at the frame shown, or now: keys of the live character go into what is recorded."""
@@ -56,7 +77,7 @@ class CameraKeys:
             return
         keys = with_key(take.cameras, key, fps)
         self._put(f"camera key of {take.title}", keys)
-        self.through = playback is not None and len(keys) > 1
+        self.control.keyed = playback is not None and len(keys) > 1
         self.editor.messages.note(
             f"{take.title}: {len(keys)} camera key{'s' * (len(keys) > 1)}."
             " A film with the camera “keyed” looks through them."
@@ -85,17 +106,56 @@ class CameraKeys:
             playback.seek(frame)
 
     def look(self, pose: Pose, terrain: Terrain) -> None:
-        """Let the view follow the keys while the take plays; call once a frame before it is drawn."""
+        """Let the view follow the keys while the take plays or is sought; call once a frame before it is drawn."""
         playback = self.takes.playback
-        if playback is None or not self.through or not playback.playing or not self.keys:
+        if playback is None or not self.through:
+            return
+        before, self._frame = self._frame, (playback.number, playback.frame)
+        if not playback.playing and before == self._frame:
             return
         key, camera = view_at(self.keys, playback.time_s), self.control.current
         camera.yaw, camera.pitch, camera.distance = key.yaw, key.pitch, key.distance
         if self.control.mode == "orbit":
             camera.target = looked_at(pose.hips_position, terrain) + np.array([key.x, key.y, key.z])
 
+    def panel(self) -> Panel:
+        """What a film through the keys shows, as a frame in the view."""
+        actions = {Action.KEYED_CAMERA: self.toggle}
+        return Panel(
+            "Film", PanelPlace.SIGN, lambda _: self._draw(), shown=lambda: self.through, actions=actions
+        )
+
+    def fit(self, most: float, aspect: float) -> float:
+        """The fraction of the height for the view, so that the film lies in a free view of this `aspect`."""
+        usual = math.tan(FOV_Y / 2) / self._half_height
+        return FRAMED * usual * min(most, aspect / self._aspect)
+
+    @property
+    def _aspect(self) -> float:
+        width, height = (int(side) for side in self.film()[0].split("x"))
+        return width / height
+
+    @property
+    def _half_height(self) -> float:
+        """Of a film, at distance 1."""
+        return math.tan((math.radians(self.film()[1]) or FOV_Y) / 2)
+
+    def _draw(self) -> None:
+        camera, shown = self.control.current, imgui.get_io().display_size
+        half = self._half_height / camera.half_height * shown.y / 2
+        across, x = half * self._aspect, (0.5 + 0.5 * camera.shift) * shown.x
+        y = (0.5 - 0.5 * camera.shift_up) * shown.y
+        left, top, right, bottom = x - across, y - half, x + across, y + half
+        drawing, shade = imgui.get_background_draw_list(), widgets.packed((0.0, 0.0, 0.0, 0.35))
+        for box in (
+            (0.0, 0.0, left, shown.y), (right, 0.0, shown.x, shown.y), (left, 0.0, right, top), (left, bottom, right, shown.y),
+        ):  # fmt: skip
+            drawing.add_rect_filled(imgui.ImVec2(*box[:2]), imgui.ImVec2(*box[2:]), shade)
+        corner = imgui.ImVec2(left, top)
+        drawing.add_rect(corner, imgui.ImVec2(right, bottom), widgets.packed(theme.TEXT), 0.0, px(1))
+
     def menu(self) -> None:
         if imgui.selectable("Camera view##key", False)[0]:
             self.add()
         if self.keys and widgets.item("Look through the keys", chosen=self.through):
-            self.through = not self.through
+            self.toggle()

@@ -53,6 +53,7 @@ NAMES = {0: "Hips", 12: "Waist", 13: "Chest", 15: "Neck", 16: "Head"} | {
 }
 JOINTS = tuple(NAMES)
 GIZMO_SIZE = 0.1  # of the width of the view, about
+CURVE_S = 4.0  # that the curves show
 CURVE_HEIGHT = 44.0  # pixels at scale 1
 NARROW, LOW = 520.0, 330.0  # in a narrower view the card is small, in a lower one it has no curves and eases
 CHANNELS = ((0.90, 0.40, 0.38, 1.0), (0.55, 0.80, 0.42, 1.0), (0.42, 0.62, 0.95, 1.0))  # x, y, z
@@ -386,9 +387,11 @@ def _shown_curve(posing: Posing) -> tuple[int, bool]:
 
 
 def _draw_curve(posing: Posing, playback: Playback) -> None:
-    """The curves of the picked joint over the take: degrees, or centimetres where it is moved."""
+    """The curves of the picked joint around the frame shown: degrees, or centimetres where it is moved."""
     layer, (joint, moved) = posing.layer, _shown_curve(posing)
-    times = np.linspace(0.0, playback.clip.seconds, 120)
+    seconds = playback.clip.seconds
+    first = min(max(playback.time_s - CURVE_S / 2, 0.0), max(seconds - CURVE_S, 0.0))
+    times = np.linspace(first, min(first + CURVE_S, seconds), 120)
     if moved:
         values, words, unit = layer.moves(joint, times) * 100.0, "centimetres", "cm"
     else:
@@ -406,14 +409,15 @@ def _draw_curve(posing: Posing, playback: Playback) -> None:
         points = [(float(a), float(b)) for a, b in zip(x, y, strict=True)]
         for a, b in pairwise(points):
             drawing.add_line(a, b, widgets.packed(tint), px(1.2))
+    span = max(float(times[-1] - first), 1e-6)
     keyed = [key for key in layer.keys if any(value.joint == joint for value in (*key.turns, *key.moves))]
-    for key in keyed:
-        at = corner.x + width * key.seconds / max(playback.clip.seconds, 1e-6)
+    for key in (key for key in keyed if first <= key.seconds <= times[-1]):
+        at = corner.x + width * (key.seconds - first) / span
         place = imgui.ImVec2(at, corner.y + height / 2)
         drawing.add_circle_filled(place, px(3), widgets.packed(theme.ACCENT))
-    now = corner.x + width * playback.time_s / max(playback.clip.seconds, 1e-6)
+    now = corner.x + width * (playback.time_s - first) / span
     drawing.add_line(imgui.ImVec2(now, corner.y), imgui.ImVec2(now, end.y), widgets.packed(theme.TEXT))
-    widgets.muted(f"±{most:.0f} {unit}")
+    widgets.muted(f"±{most:.0f} {unit}, {first:.1f} to {times[-1]:.1f} s")
 
 
 def _hovers_gizmo() -> bool:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from runtime.character.read import MOTIONS
 from runtime.character.read import SUFFIXES as CHARACTERS
 from viewer.edit.reference import LIMITS, Look, References
 from viewer.edit.video import SUFFIXES as VIDEOS
@@ -64,12 +65,12 @@ class ReferenceCard:
             imgui.separator()
         hint = "BVH, GLB or FBX of any two-legged skeleton, MP4, WebM, GIF, WebP"
         if widgets.item("A take or film from a file…", hint):
-            self.browse("Compare the take with", (".bvh", *CHARACTERS, *VIDEOS), self.open)
+            self.browse("Compare the take with", (*MOTIONS, *VIDEOS), self.open)
         if reference.shown and widgets.item("Nothing"):
             reference.close()
 
     def open(self, path: Path) -> None:
-        if path.suffix.lower() in (".bvh", *CHARACTERS):
+        if path.suffix.lower() in MOTIONS:
             self.reference.takes.open_reference(path)
         else:
             self.reference.open_video(path)

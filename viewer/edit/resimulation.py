@@ -92,8 +92,8 @@ class Resimulation:
             return "This motion comes from a file: it can be trimmed, pinned and exported."
         if take.mirrored or not playback.take.motion.header.resimulable:
             return (
-                "A mirror image cannot be resimulated, nor a take in which a model was loaded or which goes on from"
-                " another one. It can be trimmed, pinned and exported."
+                "Only a take as it was recorded can be resimulated: no mirror image, no cut, joined or repeated one, none"
+                " that goes on from another or in which a model was loaded. It can be trimmed, pinned, posed and exported."
             )
         if self.model is None:
             return "Another model made this take. It can be trimmed, pinned and exported."

@@ -31,6 +31,7 @@ SCROLL_PER_STEP = 0.1  # of what is shown
 BUTTON_WIDTH = 30.0
 GRIP = 7.0  # how near to an end of a mark or to a point the mouse takes it
 NAME_SIZE = theme.FONT_SIZE * 0.87  # of letters
+LEAST_LETTERS = 3  # of a word that is cut, with its dots
 SMALL, TEXT_FRACTION = theme.FONT_SIZE * 0.8, 0.76  # letters: at least, and of a row's height
 TRIM_HINT = "Drag: only what lies between the handles plays and is exported"
 
@@ -172,13 +173,12 @@ class Shapes:
         self.rects.append((low, high, widgets.packed(tint), rounding))
 
     def text(self, x: float, row: Row, text: str, tint: Color, width: float, size: float = 0.0) -> None:
-        """Words in the middle of a row's height, cut to a width; none where not even the first letter fits."""
-        if width < px(12):
-            return
+        """Words in the middle of a row's height, cut to a width; none where less than three letters fit."""
         size = size or min(max(TEXT_FRACTION * row.height / px(1.0), SMALL), theme.FONT_SIZE)
         imgui.push_font(None, size)
-        y = row.top + (row.height - imgui.get_text_line_height()) / 2
-        self.texts.append((size, imgui.ImVec2(x, y), widgets.packed(tint), widgets.elided(text, width)))
+        y, shown = row.top + (row.height - imgui.get_text_line_height()) / 2, widgets.elided(text, width)
+        if shown == text or len(shown) > LEAST_LETTERS:
+            self.texts.append((size, imgui.ImVec2(x, y), widgets.packed(tint), shown))
         imgui.pop_font()
 
     def draw(self, *lines: tuple[imgui.ImVec2, imgui.ImVec2, int, float]) -> None:

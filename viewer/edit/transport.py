@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -210,6 +211,13 @@ class Transport:
         mark = _pin(chosen, pins[chosen], playback)
         return mark.start, mark.end
 
+    def shown_frames(self, number: int) -> tuple[int, int] | None:
+        """First and last frame that the timeline shows of a take; None when it shows another one."""
+        playback, shown = self.editing.playback, self.timeline.shown
+        if playback is None or playback.number != number:
+            return None
+        return math.ceil(shown.first), math.floor(shown.last)
+
     def _fit(self) -> None:
         """Show the selection, or the whole take again."""
         playback = self.editing.playback
@@ -241,8 +249,11 @@ class Transport:
         live = f"{ICON.person} Live" if self._wide else ICON.person
         live_width = imgui.calc_text_size(live).x + 2 * imgui.get_style().frame_padding.x
         right = imgui.get_window_width() - imgui.get_style().window_padding.x - live_width
+        undo = right - 2 * imgui.get_frame_height() - px(8)
         imgui.align_text_to_frame_padding()
-        self._time(playback, right - imgui.get_cursor_pos_x() - px(8))
+        self._time(playback, undo - imgui.get_cursor_pos_x() - px(8))
+        imgui.same_line(undo)
+        undo_buttons(self.editing.takes.editor, "take ", 0.0)
         imgui.same_line(right)
         if widgets.button(f"{live}###live", live_width, "Back to the live character (Esc, or just move)"):
             self.editing.takes.close_playback()
@@ -285,8 +296,6 @@ class Transport:
                 draw()
                 imgui.end_popup()
         self._pose_button()
-        imgui.same_line(0, gap)
-        undo_buttons(takes.editor, "take ", 0.0)
         if self._wide:
             self._more(references)
         self._go_on(fixed)

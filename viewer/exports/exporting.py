@@ -16,6 +16,7 @@ from runtime.formats.table import FORMATS, ExportCancelled, Format, check_export
 from runtime.options import spec_of
 from runtime.safe_read import parse_json, printable
 from runtime.session.session import Take
+from runtime.takes.camera_keys import view_at
 from runtime.terrain.height_map import Terrain
 from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.jobs import Jobs, Slot
@@ -23,6 +24,7 @@ from viewer.messages import Messages
 from viewer.scene.scene import Scene
 from viewer.session.takes import Takes, export_target, file_stem, free_path
 
+PARTS = {"trim": "Between the trim handles", "shown": "As the timeline shows", "": "Whole take"}
 GROUNDS = {"": "No ground", "inside": "Ground inside", ".obj": "OBJ file", ".glb": "GLB file"}
 
 
@@ -36,9 +38,10 @@ class ExportForm(ExportOptions):
         "", SCENES | {".bvh"}, label="Ground", choices=GROUNDS,
         hint="As a second node of the file, or as a file of its own, in the same coordinates",
     )  # fmt: skip
-    trimmed: bool = option(
-        True, ALL, label="Trimmed range", hint="Only what lies between the trim marks of the timeline"
-    )
+    part: str = option(
+        "trim", ALL, label="Range", choices=PARTS,
+        hint="The frames between the trim handles of the timeline, those that it shows, or all",
+    )  # fmt: skip
     own_character: bool = option(True, BODIES | FILMS, label="My character")
 
     @property
@@ -87,6 +90,7 @@ class Exporting:
     messages: Messages
     jobs: Jobs
     dialogs: Dialogs
+    shown_frames: Callable[[int], tuple[int, int] | None]  # first and last, of a take's number
     shown: bool = False
     form: ExportForm = ExportForm()
     path: str = ""  # the field
@@ -222,18 +226,28 @@ class Exporting:
     def _options(self, form: ExportForm, take: Take, path: Path) -> ExportOptions:
         """The options of the form that its format has, for a take that goes to a path."""
         fps = take.made.header.fps
+        own = self.scene.character_path if form.own_character else None
         chosen = form.chosen(fps) | {
-            "character": self.scene.character_path if form.own_character else None,
+            "character": own,
+            "character_unit": (own and self.takes.session.character.unit) or None,
             "fit_to_motion": self.scene.settings.fit_to_motion,
         }
         options = ExportOptions(**{name: value for name, value in chosen.items() if form.has(name)})
-        if form.trimmed and take.trimmed:
-            first, last = take.range
+        first, last = self.range_of(take)
+        if (first, last) != (0, take.frames - 1):
             options = replace(options, start_s=first / fps, end_s=last / fps)
         if form.has("ground") and form.ground.startswith("."):
             options = replace(options, ground_out=path.with_name(f"{path.stem}-ground{form.ground}"))
         options.check()
         return options
+
+    def range_of(self, take: Take) -> tuple[int, int]:
+        """First and last frame of a take that are exported."""
+        last = take.frames - 1
+        if self.form.part == "shown":
+            first, end = self.shown_frames(take.number) or (0, last)
+            return max(first, 0), min(end, last)
+        return take.range if self.form.part else (0, last)
 
     def _film_options(self, form: ExportForm, take: Take, start_s: float) -> Any:
         """The options of a film that begins at a time of a take."""
@@ -242,7 +256,9 @@ class Exporting:
 
         camera = self.scene.camera.current
         width, height = (int(side) for side in form.size.split("x"))
-        keys = tuple(replace(key, seconds=max(key.seconds - start_s, 0.0)) for key in take.cameras)
+        keys = tuple(replace(k, seconds=k.seconds - start_s) for k in take.cameras if k.seconds > start_s)
+        if len(keys) < len(take.cameras):
+            keys = replace(view_at(take.cameras, start_s), seconds=0.0), *keys
         if form.camera == KEYED and not keys:
             raise UsageError(
                 "Camera: this take has no keys.", "Key views by “+ Pin” on its timeline, or choose another."
@@ -306,9 +322,14 @@ def _held(take: Take, form: ExportForm, options: ExportOptions) -> Take | None:
     changes = replace(
         options, fps=ExportOptions.fps, unit="cm", euler_order=None, ground_out=None, start_s=0.0, end_s=None
     )
-    if form.suffix != ".bvh" or changes != ExportOptions() or options.fps < take.made.header.fps:
+    if (
+        form.suffix != ".bvh"
+        or form.part == "shown"
+        or changes != ExportOptions()
+        or options.fps < take.made.header.fps
+    ):
         return None
-    return take if form.trimmed else replace(take, trim=None)
+    return take if form.part else replace(take, trim=None)
 
 
 def _named_clip(take: Take) -> Clip:

@@ -13,11 +13,11 @@ from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 
 WIDTH = 470.0  # pixels at scale 1
-LISTS = ("fps", "unit", "euler_order", "character_unit", "engine", "ground", "film_fps", "size", "camera")
+LISTS = ("part", "fps", "unit", "euler_order", "engine", "ground", "film_fps", "size", "camera")
 SLIDERS = (("distance", 0.5, "%.1f m"), ("fov_degrees", 15.0, "%.0f degrees"))  # the least value, the text
 TOGGLES = (
     "in_place", "ground_root", "at_origin", "rest_frame", "animation_only", "humanoid_names", "captions", "quality",
-    "loop", "trimmed", "own_character",
+    "loop", "own_character",
 )  # fmt: skip
 VALUES = {"quality": ("software", "high")}  # of toggles that are not False and True: off and on
 
@@ -29,14 +29,14 @@ def panel(exporting: Exporting) -> Panel:
         if take is None:
             exporting.close()
             return
-        header = take.made.header
-        first, last = take.range if exporting.form.trimmed else (0, take.frames - 1)
-        length = f"{(last - first + 1) / header.fps:.1f} s, on {header.terrain.rsplit('/', 1)[-1]}"
+        header, (first, last) = take.made.header, exporting.range_of(take)
+        part = "" if last - first + 1 == take.frames else f" (frames {first} to {last})"
+        length = f"{(last - first + 1) / header.fps:.1f} s{part}, on {header.terrain.rsplit('/', 1)[-1]}"
         widgets.muted(widgets.elided(f"{take.title}: {length}", imgui.get_content_region_avail().x))
         with widgets.disabled(exporting.busy):
             _target(exporting)
             _lists_and_sliders(exporting)
-            _toggles(exporting, take.trimmed)
+            _toggles(exporting)
             _strides(exporting)
         _end(exporting)
         exporting.remember()
@@ -89,11 +89,11 @@ def _lists_and_sliders(exporting: Exporting) -> None:
                 exporting.choose(**{name: value if value >= least else 0.0})
 
 
-def _toggles(exporting: Exporting, trimmed: bool) -> None:
+def _toggles(exporting: Exporting) -> None:
     """What is on or off, in two columns."""
     form, own = exporting.form, exporting.scene.character_path
     applies = {
-        "humanoid_names": form.engine and ENGINES[form.engine].bones, "trimmed": trimmed, "own_character": own,
+        "humanoid_names": form.engine and ENGINES[form.engine].bones, "own_character": own,
     }  # fmt: skip
     hints = {"own_character": f"{own.name if own else ''} in the place of the mannequin"}
     names = [name for name in TOGGLES if form.has(name) and applies.get(name, True)]

@@ -211,7 +211,7 @@ def film_of_take(
     if not frames:
         return ""
     text = f"{path}: {frames} frames at {film.fps:g} fps, {frames / film.fps:.1f} s"
-    return text if take.loop is None else f"{text}; {take.loop.describe()}"
+    return text if take.clip.loop is None else f"{text}; {take.clip.loop.describe()}"
 
 
 # --- in a process of its own at low priority: the window goes on at its pace

@@ -93,6 +93,7 @@ class Action(Enum):
     THREE_QUARTERS = "3"
     FEET = "4"
     TOP = "5 kp_7"
+    KEYED_CAMERA = "kp_0"
     HELP = "f1", "start"
     TRAJECTORY = "f2"
     SKELETON = "f3"

@@ -36,7 +36,7 @@ def _bone_above(joint: int) -> int:
 PARENTS = tuple(_bone_above(joint) for joint in JOINTS)
 
 
-def osc_message(address: str, *values: str | int | float) -> bytes:
+def osc_message(address: str, *values: str | float) -> bytes:
     """An OSC 1.0 message of strings, whole numbers and floats."""
 
     def text(value: str) -> bytes:
@@ -52,7 +52,7 @@ def osc_message(address: str, *values: str | int | float) -> bytes:
 
 
 def osc_bundles(messages: Sequence[bytes]) -> list[bytes]:
-    """Messages as bundles of at most `MAX_BYTES`, to be applied at once."""
+    """Messages as bundles of at most `MAX_BYTES`, to be applied at once. python-osc takes five times as long for a pose."""
     head = b"#bundle\0" + struct.pack(">Q", 1)
     bundles = [head]
     for message in messages:
@@ -63,28 +63,29 @@ def osc_bundles(messages: Sequence[bytes]) -> list[bytes]:
     return bundles
 
 
-def vmc_bones(pose: Pose) -> dict[str, tuple[Array, Array]]:
-    """Position `(3,)` in metres and rotation `(4,)` x, y, z, w of each bone against the bone above it, in Unity's axes."""
-    positions, world = pose.positions.astype(np.float64), pose.world_rotations.astype(np.float64)
-    found = {}
-    for joint, bone, above in zip(JOINTS, BONES, PARENTS, strict=True):
-        at, turn = positions[joint], world[joint]
-        if above >= 0:
-            back = rotations.inverse(world[above])
-            at, turn = rotations.rotate(back, at - positions[above]), rotations.multiply(back, turn)
-        w, x, y, z = turn
-        found[bone] = (at * (-1.0, 1.0, 1.0), np.array([x, -y, -z, w]))
-    return found
+Place = tuple[Array, Array]  # position (3,) in metres and rotation (4,) w, x, y, z
+ORIGIN: Place = np.zeros(3), rotations.identity()
 
 
-def vmc_messages(pose: Pose, seconds: float) -> list[bytes]:
-    """The messages of a pose after `seconds` of motion."""
+def vmc_messages(pose: Pose, seconds: float, root: Place = ORIGIN) -> list[bytes]:
+    """The messages of a pose after `seconds` of motion: each bone against the bone above it, the hips against a root."""
     messages = [osc_message("/VMC/Ext/OK", 1), osc_message("/VMC/Ext/T", float(seconds))]
-    still = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-    messages.append(osc_message("/VMC/Ext/Root/Pos", "root", *still))
-    for bone, (at, turn) in vmc_bones(pose).items():
-        messages.append(osc_message("/VMC/Ext/Bone/Pos", bone, *map(float, (*at, *turn))))
+    places = [
+        *zip(pose.positions.astype(np.float64), pose.world_rotations.astype(np.float64), strict=True),
+        root,
+    ]
+    messages.append(osc_message("/VMC/Ext/Root/Pos", "root", *_unity(root, ORIGIN)))
+    for joint, bone, above in zip(JOINTS, BONES, PARENTS, strict=True):
+        messages.append(osc_message("/VMC/Ext/Bone/Pos", bone, *_unity(places[joint], places[above])))
     return messages
+
+
+def _unity(place: Place, above: Place) -> list[float]:
+    """A place against the one above it as x, y, z and a rotation x, y, z, w in Unity's axes."""
+    back = rotations.inverse(above[1])
+    x, y, z = rotations.rotate(back, place[0] - above[0]).tolist()
+    w, i, j, k = rotations.multiply(back, place[1]).tolist()
+    return [-x, y, z, i, -j, -k, w]
 
 
 @dataclass
@@ -94,6 +95,7 @@ class VmcLink(LiveLink):
     name: str = "VMC"
     receivers: str = "Unity, Warudo, VSeeFace and other VMC receivers"
     address: Address = field(default_factory=lambda: Address(port=VMC_PORT))
+    on_root: bool = False  # the way over the ground is the root's, and the hips stay above it
 
     def publish(self, poses: Sequence[Pose], step_s: float = STEP_S, size: float = 1.0) -> None:
         """Send the poses of one frame, oldest first and `step_s` apart; nothing while the link is off.
@@ -101,4 +103,5 @@ class VmcLink(LiveLink):
         Receivers have avatars of their own size: lengths stay those of our skeleton, whatever `size` is.
         """
         for pose in poses if self.on else ():
-            self._send_pose(osc_bundles(vmc_messages(pose, self._motion_s)), step_s)
+            root = (pose.root_position, rotations.from_yaw(pose.root_yaw)) if self.on_root else ORIGIN
+            self._send_pose(osc_bundles(vmc_messages(pose, self._motion_s, root)), step_s)

@@ -8,7 +8,10 @@ from pathlib import Path
 
 from runtime.assets import character_file
 from runtime.character.shape import BodyShape
+from runtime.formats.options import ExportOptions
+from runtime.options import spec_of
 from runtime.safe_read import printable
+from viewer.edit.camera_keys import CameraKeys
 from viewer.edit.path import PathTool
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
@@ -31,6 +34,7 @@ class ScenePanel:
     scene: Scene
     takes: Takes
     path: PathTool
+    cameras: CameraKeys
     open_files: Callable[[list[Path]], None]
     browse: Callable[[], None]  # asks for a file to open
     draw_pins: Callable[[float], None]  # the button, of a width, for pins of the live character
@@ -45,14 +49,25 @@ class ScenePanel:
             if opened:
                 self._open_file()
                 _character(scene)
-        mode = widgets.segmented("camera", list(CAMERAS.items()), scene.camera.mode)
-        if mode != scene.camera.mode:
-            scene.use_camera(mode)
+        self._camera()
         _views(scene)
         self.path.draw(self.draw_pins)
         _toggles(scene.settings)
         _drawing(scene)
         _links(scene.live, scene.vmc)
+        if imgui.begin_popup_context_item("vmc root"):
+            widgets.setting_toggle(scene.settings, "vmc_root", px(160))
+            imgui.end_popup()
+
+    def _camera(self) -> None:
+        """How the camera goes along; of a take with camera keys also as they say."""
+        keyed = [("keyed", "Keyed")] if self.cameras.keys else []
+        now = "keyed" if self.cameras.through else self.scene.camera.mode
+        mode = widgets.segmented("camera", [*CAMERAS.items(), *keyed], now)
+        if mode == "keyed" != now:
+            self.cameras.toggle()
+        elif mode != now:
+            self.scene.use_camera(mode)
 
     def _open_file(self) -> None:
         scene = self.scene
@@ -113,6 +128,22 @@ def _character(scene: Scene) -> None:
             scene.joints.begin(scene.character_path)
         widgets.same_line()
         widgets.setting_toggle(scene.settings, "fit_to_motion", -1)
+        _unit(scene)
+
+
+def _unit(scene: Scene) -> None:
+    """The unit of lengths in the character's file."""
+    unit, choices = (
+        scene.editor.session.character.unit,
+        spec_of(ExportOptions, "character_unit").choices or {},
+    )
+    imgui.set_next_item_width(-1)
+    chosen = widgets.combo(
+        "##character unit", [(u or "", f"Unit: {text.lower()}") for u, text in choices.items()], unit
+    )
+    widgets.tooltip("Of lengths in the character's file")
+    if chosen != unit:
+        scene.set_unit(str(chosen))
 
 
 def _shape(scene: Scene) -> None:

@@ -280,6 +280,7 @@ def _take_menu(takes: Takes, references: ReferenceCard, take: Take) -> None:
     if widgets.item("Mirror", "A second take with left and right exchanged"):
         takes.mirror(number)
     _compare(takes, references, take)
+    _animations(takes, references, take)
     _choice("Color", COLORS, take.color, partial(takes.set_color, number))
     _move(takes, number)
     if widgets.item("Remove"):
@@ -315,6 +316,18 @@ def _compare(takes: Takes, references: ReferenceCard, take: Take) -> None:
     elif widgets.item("Compare", "", references.reference.take == take, playback):
         references.reference.show(take.number)
     widgets.tooltip("Play another take to compare it with" if playback is None else "")
+
+
+def _animations(takes: Takes, references: ReferenceCard, take: Take) -> None:
+    """The animations of the file that a take came from; a chosen one is a further take, compared where this one is."""
+    path, names = takes.animations.get(take.number, (None, ()))
+    if path is None or len(names) < 2 or not imgui.begin_menu("Animations"):
+        return
+    for number, name in enumerate(names):
+        if widgets.item(f"{widgets.elided(name, px(220))}##animation {number}"):
+            compared = references.reference.take == take
+            (takes.open_reference if compared else takes.open)(path, animation=name)
+    imgui.end_menu()
 
 
 def _small(icon: str, width: float, hint: str) -> bool:

@@ -60,6 +60,7 @@ class CameraControl:
     """Both cameras and which one is in use; switching keeps the view. Both go with the character."""
 
     mode: str = "follow"
+    keyed: bool = False  # the view follows the camera keys of the take that plays, until the user moves it
     follow: FollowCamera = field(default_factory=FollowCamera)
     orbit: OrbitCamera = field(default_factory=OrbitCamera)
     _framing: tuple[float, float, float] | None = None
@@ -72,6 +73,7 @@ class CameraControl:
 
     def use(self, mode: str) -> None:
         """Switch to "follow" or "orbit" from the same point of view."""
+        self.keyed = False
         if mode == self.mode:
             return
         old = self.current
@@ -110,7 +112,7 @@ class CameraControl:
 
     def frame_character(self, pose: Pose) -> None:
         """Bring the whole character into the middle, from where the camera is."""
-        camera = self.current
+        camera, self.keyed = self.current, False
         camera.target, camera.distance, self._tracked = np.array(self.target(pose)), FRAME_DISTANCE_M, None
         if isinstance(camera, FollowCamera):
             camera.snap(camera.target)
@@ -168,9 +170,9 @@ class CameraControl:
 
     def drag(self, dx: float, dy: float, pan: bool, height: float) -> None:
         """Mouse drag in pixels: turns, or with `pan` shifts the orbit camera, which takes over, in a view of this height."""
+        if dx or dy:
+            self.use("orbit" if pan else self.mode)
         if pan:
-            if dx or dy:
-                self.use("orbit")
             self.orbit.pan(dx, dy, height)
         else:
             self.current.orbit(dx, dy)

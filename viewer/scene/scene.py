@@ -178,6 +178,7 @@ class Scene:
         first = self.inputs.next_frame
         shown = [self.bend(pose, (first + i) / FPS) for i, pose in enumerate(poses)]
         self.live.publish(shown, size=self.terrain.unit_m)
+        self.vmc.on_root = self.settings.vmc_root
         self.vmc.publish(shown)
         if simulation.problem:
             self.inputs.forget()
@@ -307,7 +308,7 @@ class Scene:
 
     def read_character(self, path: Path | None, joint_map: Path | None = None) -> LoadedCharacter:
         """The character of a file, whose content is kept for the session; on any thread, FileError."""
-        character = self.services.load_character(path, joint_map)
+        character = self.services.load_character(path, joint_map, "")
         if path is None:
             return CharacterChoice(), None, character
         files = read_character_files(path)
@@ -322,7 +323,7 @@ class Scene:
         path = self.editor.file.character_path(choice)
         if choice.shape != BodyShape():
             path = shaped_file(choice.shape, self.folder / "shapes")
-        return choice, path, self.services.load_character(path, None)
+        return choice, path, self.services.load_character(path, None, choice.unit)
 
     def _load_character(
         self, load: Callable[[], Any], take: Callable[[Any], None], path: Path | None
@@ -340,6 +341,11 @@ class Scene:
         """The mannequin in another shape; `held`: while the mouse drags a slider, after which it is made."""
         change = self.editor.drag if held else self.editor.do
         change("shape of the mannequin", partial(replace, character=CharacterChoice(shape)))
+
+    def set_unit(self, unit: str) -> None:
+        """Read the lengths of the character's file in another unit, "" as its height tells."""
+        choice = replace(self.editor.session.character, unit=unit)
+        self.editor.do("unit of the character", partial(replace, character=choice))
 
     @property
     def characters(self) -> Path:

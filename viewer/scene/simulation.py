@@ -19,10 +19,10 @@ from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 
 STEP_SECONDS = 1.0 / FPS
-# per displayed frame: motion keeps its own time down to one frame a second, but where the model itself is slow the
-# character slows down instead of falling behind for ever
+# per displayed frame: pictures are dropped and the motion keeps its time, down to one frame a second; where the model
+# itself is slower than that the character slows down instead of falling behind for ever
 MIN_STEPS, MAX_STEPS = 6, 60
-MODEL_SHARE = 0.5  # of a frame's time that its steps may take
+MODEL_SHARE = 0.85  # of a frame's time that its steps may take
 TRAVERSALS = {  # by the kinds of `runtime.traversal`
     "bar": "leap over a bar",
     "gap": "leap over a gap",
@@ -73,6 +73,14 @@ def interpolate(a: Pose, b: Pose, t: float) -> Pose:
 
 def is_finite(pose: Pose) -> bool:
     return bool(np.isfinite(pose.hips_position).all() and np.isfinite(pose.positions).all())
+
+
+def steps_of(due_s: float, frame_s: float, step_ms: float) -> tuple[int, float]:
+    """Steps of the time that is due in a frame of `frame_s`, when each takes `step_ms`; and what is left of that time."""
+    steps = int(due_s / STEP_SECONDS + 1e-6)
+    left_s = min(max(due_s - steps * STEP_SECONDS, 0.0), STEP_SECONDS)
+    affordable = int(MODEL_SHARE * frame_s * 1e3 / max(step_ms, 1e-3))
+    return min(steps, max(affordable, MIN_STEPS), MAX_STEPS), left_s
 
 
 @dataclass
@@ -134,11 +142,7 @@ class Simulation:
         if self.controller is None or self.halted:
             self.previous = self.current
             return []
-        self._left_s += seconds
-        steps = int(self._left_s / STEP_SECONDS + 1e-6)
-        self._left_s = min(max(self._left_s - steps * STEP_SECONDS, 0.0), STEP_SECONDS)
-        affordable = int(MODEL_SHARE * seconds * 1e3 / max(self.model_ms, 1e-3))
-        steps = min(steps, max(affordable, MIN_STEPS), MAX_STEPS)
+        steps, self._left_s = steps_of(self._left_s + seconds, seconds, self.model_ms)
         return [pose for _ in range(steps) if (pose := self._step(controls)) is not None]
 
     def shown(self) -> Pose:

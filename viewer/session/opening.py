@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +17,18 @@ from viewer.jobs import Slot
 SLOT = Slot("opening of a take")
 
 
-def read_take(path: Path, load_ground: Callable[[str], Terrain] | None) -> tuple[Take, str, str]:
-    """A take, a sentence about it, and why its ground cannot be shown; on any thread, FileError.
+@dataclass(frozen=True)
+class Opened:
+    """A take from a file, a sentence about it, and why its ground cannot be shown."""
+
+    take: Take
+    text: str
+    problem: str
+    animations: tuple[str, ...]  # that the file has
+
+
+def read_take(path: Path, load_ground: Callable[[str], Terrain] | None, animation: str = "") -> Opened:
+    """The take of a file, of several animations the one of a name; on any thread, FileError.
 
     It plays on the ground that its file names, where `load_ground` finds that; one of another skeleton else on flat ground.
     """
@@ -26,7 +36,7 @@ def read_take(path: Path, load_ground: Callable[[str], Terrain] | None) -> tuple
     from runtime.formats.prepare import on_its_ground, placement_of, with_contacts
     from runtime.formats.reference import open_take
 
-    opened = open_take(path)
+    opened = open_take(path, animation)
     clip, own, ground, problem = opened.clip, None, None, ""
     text = f"{path.name}: {len(clip)} frames at {clip.fps:g} fps"
     if opened.reference is not None:
@@ -44,4 +54,4 @@ def read_take(path: Path, load_ground: Callable[[str], Terrain] | None) -> tuple
         own = None if own is None else replace(own, points=back.points(own.points).astype(np.float32))
     clip = with_contacts(clip, None if ground is None else ground.terrain)
     take = Take(motion=Motion.of(clip), recorded=False, ground=ground, own=own)
-    return take, f"{text}. {opened.note}".rstrip(), problem
+    return Opened(take, f"{text}. {opened.note}".rstrip(), problem, opened.animations)

@@ -252,7 +252,6 @@ class Sessions:
             whole = file.close(CLOSE_S)
             if empty:
                 library.remove(file.path)
-            library.keep_newest(self.untitled_folder, KEPT_SESSIONS)
             return whole
 
         def closed(_: bool) -> None:
@@ -338,8 +337,9 @@ class Sessions:
             self.open(Path(session))
 
     def look(self) -> None:
-        """Find the untitled sessions of other runs."""
-        self.earlier = [summary for summary in library.find(self.untitled_folder) if summary.takes]
+        """Find the untitled sessions of other runs; the oldest go."""
+        found = library.keep_newest(self.untitled_folder, KEPT_SESSIONS)
+        self.earlier = [summary for summary in found if summary.takes]
 
     def poll(self) -> None:
         """Write the view now and then, and say when the file cannot be written; call once a frame."""

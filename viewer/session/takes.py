@@ -32,7 +32,7 @@ from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.scene.scene import Scene
 from viewer.session.opening import SLOT as OPENING
-from viewer.session.opening import read_take
+from viewer.session.opening import Opened, read_take
 from viewer.session.playback import Playback
 from viewer.settings import Settings
 
@@ -59,6 +59,8 @@ class Takes:
     noting: bool = False  # its note in the place of its name
     new_name: str = ""
     naming_begins: bool = False
+    # by the number of a take that was opened in this run: its file, and the animations there
+    animations: dict[int, tuple[Path, tuple[str, ...]]] = field(default_factory=dict)
     _recording: Recording | None = None
     _written: int = 0  # number of the first frame that is not written down yet
     _known: object = None  # the last keyframe and change that are written down
@@ -330,12 +332,12 @@ class Takes:
 
     # --- opening
 
-    def open(self, path: Path, keep_ground: bool = False) -> None:
-        """Add a BVH file to the list and play it, on its own ground unless `keep_ground`."""
-        self._open(path, keep_ground, lambda number: self.play(number))
+    def open(self, path: Path, keep_ground: bool = False, animation: str = "") -> None:
+        """Add the motion of a file to the list and play it, on its own ground unless `keep_ground`."""
+        self._open(path, keep_ground, animation, self.play)
 
-    def open_reference(self, path: Path) -> None:
-        """Add a BVH file to the list and compare the take that plays with it; play it where none does."""
+    def open_reference(self, path: Path, animation: str = "") -> None:
+        """Add the motion of a file to the list and compare the take that plays with it; play it where none does."""
 
         def show(number: int) -> None:
             if self.playback is None:
@@ -345,29 +347,33 @@ class Takes:
                     f"reference {path.name}", lambda s: replace(s, reference=Reference(take=number))
                 )
 
-        self._open(path, False, show, selects=False)
+        self._open(path, False, animation, show, selects=False)
 
-    def _open(self, path: Path, keep_ground: bool, show: Callable[[int], None], selects: bool = True) -> None:
+    def _open(
+        self, path: Path, keep_ground: bool, animation: str, show: Callable[[int], None], selects: bool = True
+    ) -> None:
         load = None if keep_ground else self.scene.read_ground
 
-        def opened(found: tuple[Take, str, str]) -> None:
-            take, said, problem = found
+        def opened(found: Opened) -> None:
             selected = self.session.selected
 
             def add(session: Session) -> Session:
-                made = edits.with_new_take(session, take)
+                made = edits.with_new_take(session, found.take)
                 return made if selects else replace(made, selected=selected)
 
             self.editor.do(f"opening of {path.name}", add)
+            self.animations[self.session.counter] = path, found.animations
             show(self.session.counter)
-            self.messages.note(said)
-            if problem:
+            self.messages.note(found.text)
+            if found.problem:
                 shown = self.scene.terrain.name
                 self.messages.warn(
-                    f"{problem} It plays on {shown}. Put that file into the same folder and open it again."
+                    f"{found.problem} It plays on {shown}. Put that file into the same folder and open it again."
                 )
 
-        self.jobs.submit(replace(OPENING, of=path), lambda: read_take(path, load), opened, reading=path.name)
+        self.jobs.submit(
+            replace(OPENING, of=path), partial(read_take, path, load, animation), opened, reading=path.name
+        )
 
     # --- playback
 
@@ -495,6 +501,7 @@ class Takes:
     def forget_files(self) -> None:
         """Another session is open, which gives the numbers to other takes."""
         self._files.clear()
+        self.animations.clear()
 
     def export_all(self) -> None:
         """Write what every take that was found keeps as BVH under its own name; no file is replaced."""

@@ -210,9 +210,9 @@ def test_a_heel_that_comes_down_stays_over_the_ground(body: Path, pitch: float) 
     assert low * character.size > -0.01
 
 
-@pytest.mark.parametrize(("unit", "high_m"), [(None, 1.8), ("m", 18.0), ("cm", 0.18)])
+@pytest.mark.parametrize(("unit", "high_m"), [(None, 1.8), ("m", 18.0), ("cm", 0.18), ("mm", 0.083)])
 def test_a_guessed_unit_is_said_and_can_be_overruled(unit: str | None, high_m: float, tmp_path: Path) -> None:
-    """A body of 18 units is taken for decimetres."""
+    """A body of 18 units is taken for decimetres; one of 18 mm is as small as a body may be."""
     import pygltflib
 
     path = RIGS["mixamo"](tmp_path / "large.glb")
@@ -224,4 +224,6 @@ def test_a_guessed_unit_is_said_and_can_be_overruled(unit: str | None, high_m: f
     gltf.save(str(path))
     character = load_character(path, unit=unit)
     assert character.height * character.size == pytest.approx(high_m, rel=0.1)
-    assert ("taken as 1." in character.note and "--character-unit" in character.note) == (unit is None)
+    said = {None: "taken as 1.", "mm": "taken as 0.08"}.get(unit)
+    assert bool(character.note) == (said is not None)
+    assert (said or "") in character.note

@@ -62,8 +62,6 @@ def test_written_motion_reads_back(order, units):
     ("old", "new", "expected"),
     [
         ("MOTION", "MUTATION", "HIERARCHY and MOTION"),
-        ("Frames: 2", "Frames: 0", "0 frames"),
-        ("Frames: 2", "Frames: -5", "-5 frames"),
         ("Frame Time: 0.0333333", "Frame Time: 0", "0.0 s"),
         ("-12 4 5", "-12 nan 5", "line 20: .nan. in MOTION"),
         ("-12 4 5", "-12 1.5-2.5 5", "line 20: .1.5-2.5. in MOTION"),
@@ -89,7 +87,7 @@ def test_a_truncated_file_is_an_error_not_a_crash(cut):
         assert "2 frames and has 1" in parse_bvh(SMALL[:cut], "take.bvh").note
 
 
-@pytest.mark.parametrize("said", [1, 3, 1000])
+@pytest.mark.parametrize("said", [-5, 0, 1, 3, 10**12])
 def test_a_wrong_number_of_frames_is_noted(said):
     motion = parse_bvh(SMALL.replace("Frames: 2", f"Frames: {said}", 1), "take.bvh")
     np.testing.assert_array_equal(motion.positions, parse_bvh(SMALL).positions)

@@ -62,7 +62,7 @@ def feet_of(path: Path) -> np.ndarray:
     elif path.suffix == ".bvh":
         told = json.loads(path.with_name(path.name + ".json").read_text())
     else:
-        told = pygltflib.GLTF2().load(str(path)).animations[0].extras["sport"]
+        told = pygltflib.GLTF2().load_binary(str(path)).animations[0].extras["sport"]
     return np.array([*told["contacts"].values(), *told["phase"].values()]).T
 
 
@@ -74,7 +74,7 @@ def test_a_take_on_its_ground_is_the_same_in_every_format(tmp_path: Path, ground
     take = save_bvh(clip, tmp_path / "take.bvh", fps)
     save_motion(clip, tmp_path / "direct.npz", ExportOptions(fps=fps), load_terrain(ground))
     wanted = feet_of(tmp_path / "direct.npz")
-    files = [tmp_path / f"again.{ending}" for ending in ("bvh", "glb", "npz", "csv", "usd", "html")]
+    files = [tmp_path / f"again.{ending}" for ending in ("bvh", "glb", "vrma", "npz", "csv", "usd", "html")]
     assert main(["convert", str(take), *map(str, files)]) == 0
     for path in (take, *files[:-1]):
         np.testing.assert_allclose(feet_of(path), wanted, atol=1e-4, err_msg=path.name)
@@ -82,11 +82,9 @@ def test_a_take_on_its_ground_is_the_same_in_every_format(tmp_path: Path, ground
     assert bars is not None
     sides = [(wanted[:, k : k + 2] > 0.5).any(axis=1) for k in (0, 2)]
     assert [int(bits) for bits in bars[1]] == (sides[0] + 2 * sides[1]).tolist()
-    assert (
-        main(["convert", str(files[1]), str(tmp_path / "engine.glb"), "--for", "unity", "--humanoid-names"])
-        == 0
-    )
-    for path in (take, files[0], files[1], tmp_path / "engine.glb"):
+    for_engine = [tmp_path / "engine.glb", tmp_path / "engine.fbx"]
+    assert main(["convert", str(files[1]), *map(str, for_engine), "--for", "unity", "--humanoid-names"]) == 0
+    for path in (take, files[0], files[1], *for_engine):
         opened = open_take(path)
         assert opened.reference is None
         assert (opened.clip.terrain, opened.clip.prompts, opened.clip.origin) == (
@@ -98,6 +96,20 @@ def test_a_take_on_its_ground_is_the_same_in_every_format(tmp_path: Path, ground
         assert [name for _, name in gait_changes(opened.clip.gaits, fps)] == ["walk", "jog"]
         np.testing.assert_allclose(opened.clip.contacts, wanted[:, :4], atol=1e-4)
         assert np.abs(opened.clip.world()[0] - clip.resampled(opened.clip.fps).world()[0]).max() < 1e-4
+
+
+@pytest.mark.parametrize("ending", ["bvh", "glb", "vrma"])
+def test_a_loop_comes_back(tmp_path: Path, ending: str) -> None:
+    long = replace(Clip("walk", 60.0, *walk(300)), terrain="flat", prompts=(PromptEvent(0.0, "calm"),))
+    (text,) = save_motion(long, path := tmp_path / f"loop.{ending}", ExportOptions(loop=True), Terrain.flat())
+    clip = open_take(path).clip
+    assert clip.loop is not None
+    assert clip.loop.describe() in text
+    assert clip.loop.last - clip.loop.first == len(clip) - 1
+    assert clip.trim(0, 20).loop is None
+    assert (
+        clip.loop.describe() in save_motion(clip, tmp_path / "again.glb", ExportOptions(), Terrain.flat())[0]
+    )
 
 
 def test_a_take_of_another_character_comes_back_on_its_ground(tmp_path: Path) -> None:

@@ -12,8 +12,11 @@ import pytest
 
 from runtime.errors import FileError, UsageError
 from runtime.formats import usd
+from runtime.formats.bvh_clip import save_bvh
 from runtime.formats.prepare import ExportOptions
+from runtime.formats.reference import open_take
 from runtime.formats.table import check_export, save_motion
+from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
 from runtime.terrain.height_map import Terrain
@@ -97,6 +100,36 @@ def test_the_motion_alone_has_a_skeleton_and_no_mesh(tmp_path: Path) -> None:
     assert sorted(kinds) == ["SkelAnimation", "SkelRoot", "Skeleton"]
 
 
+@needs_usd
+def test_several_takes_are_variants(tmp_path: Path) -> None:
+    """Each selection has the joints of its own file; the first one is chosen, and names of any script stay."""
+    from pxr import Usd, UsdSkel
+
+    clips = {"go on": CLIP, "zurück 🎈": replace(CLIP.trim(4, 12), prompts=()), "ไป": CLIP.trim(2, 20)}
+    paths = [save_bvh(clip, tmp_path / f"{name}.bvh") for name, clip in clips.items()]
+    options = ExportOptions(fps=30.0, with_takes=tuple(paths[1:]))
+    save_motion(open_take(paths[0]).clip, tmp_path / "all.usdz", options, Terrain.flat())
+    stage = Usd.Stage.Open(str(tmp_path / "all.usdz"))
+    variants = stage.GetDefaultPrim().GetVariantSets().GetVariantSet("take")
+    assert variants.GetVariantSelection() == "go_on"
+    assert set(variants.GetVariantNames()) == {"go_on", "zurück__", "ไป"}
+    assert stage.GetEndTimeCode() == 10
+    for path, name in zip(paths, ("go_on", "zurück__", "ไป"), strict=True):
+        variants.SetVariantSelection(name)
+        clip = open_take(path).clip.resampled(30.0)
+        cache, root = UsdSkel.Cache(), UsdSkel.Root(stage.GetDefaultPrim())
+        cache.Populate(root, Usd.PrimDefaultPredicate)
+        (binding, *_) = cache.ComputeSkelBindings(root, Usd.PrimDefaultPredicate)
+        query = cache.GetSkelQuery(binding.GetSkeleton())
+        joints = [str(joint).rpartition("/")[2] for joint in query.GetJointOrder()]
+        for frame in range(len(clip)):
+            found = query.ComputeJointSkelTransforms(frame)
+            for joint, place in zip(SPORT_SKELETON.names, clip.world()[0][frame], strict=True):
+                at = found[joints.index(joint)].ExtractTranslation()
+                assert np.abs(np.array(at) - place).max() < 0.1 * MM
+        assert stage.GetDefaultPrim().GetCustomDataByKey("sport")["frames"] == len(clip)
+
+
 READER = """
 import json, sys
 import bpy
@@ -127,7 +160,7 @@ def test_blender_reads_the_same_joints(tmp_path: Path) -> None:
 
 @needs_usd
 def test_names_of_any_script_stay_unique_and_legible(tmp_path: Path) -> None:
-    """Names in Japanese, with a space, of a digit, and one that three joints have; two runs are equal byte by byte."""
+    """Names in Japanese, Thai and Hindi with marks above letters, with a space, of a digit, and one that three joints have; two runs are equal byte by byte."""
     import pygltflib
     from pxr import Usd, UsdSkel
 
@@ -138,6 +171,8 @@ def test_names_of_any_script_stay_unique_and_legible(tmp_path: Path) -> None:
         "RightFoot": "右足",
         "LeftHand": "手 左",
         "RightHand": "2右",
+        "LeftArm": "แขนซ้าย",
+        "RightArm": "दाँया हाथ",
         "Spine1": "Spine",
         "Spine2": "Spine",
     }
@@ -153,7 +188,7 @@ def test_names_of_any_script_stay_unique_and_legible(tmp_path: Path) -> None:
     skeleton = next(UsdSkel.Skeleton(prim) for prim in stage.Traverse() if prim.IsA(UsdSkel.Skeleton))
     names = [str(joint).rpartition("/")[2] for joint in skeleton.GetJointsAttr().Get()]
     assert len(set(names)) == len(names)
-    assert {"左足", "右足", "手_左", "_2右"} <= set(names)
+    assert {"左足", "右足", "手_左", "_2右", "แขนซ้าย", "दाँया_हाथ"} <= set(names)
 
 
 @needs_usd

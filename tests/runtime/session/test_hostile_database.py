@@ -17,8 +17,9 @@ from runtime.errors import FileError
 from runtime.session.database import Database
 from runtime.session.sqlite_file import lock_of, side_files
 from runtime.session.writer import Writer
+from tests.helpers.full_session import packed_zeros
 
-SECONDS = 2.0
+SECONDS = 2.0  # of the processor
 
 
 @pytest.fixture
@@ -45,10 +46,10 @@ def refused(path: Path, match: str = "") -> str:
     before = path.read_bytes()
     said = ""
     for use in (Database.open, Database.read):
-        started = time.monotonic()
+        started = time.process_time()
         with pytest.raises(FileError, match=match) as caught:
             use(path)
-        assert time.monotonic() - started < SECONDS
+        assert time.process_time() - started < SECONDS
         said = str(caught.value)
         assert str(path) in said
         assert "\n" not in said
@@ -61,13 +62,13 @@ def opened(path: Path, use: Callable[[Database], object], match: str) -> None:
     """It can be opened, but not what `use` wants of it; nor does that cost much."""
     for how in (Database.open, Database.read):
         database = how(path)
-        started = time.monotonic()
+        started = time.process_time()
         try:
             with pytest.raises(FileError, match=match):
                 use(database)
         finally:
             database.close()
-        assert time.monotonic() - started < SECONDS
+        assert time.process_time() - started < SECONDS
 
 
 def change(path: Path, *statements: str, values: tuple[object, ...] = ()) -> None:
@@ -164,7 +165,7 @@ def test_zero_bytes_in_text_are_text(path: Path) -> None:
 
 
 def test_a_bomb_is_not_unfolded(path: Path) -> None:
-    bomb = zlib.compress(bytes(300 << 20), 1)
+    bomb = packed_zeros(300 << 20)
     change(path, "UPDATE blobs SET content = ?", values=(bomb,))  # the size is that of before
     opened(path, lambda database: database.blob("b0"), "expected 3000 bytes")
     change(path, "UPDATE blobs SET size = ?", values=(300 << 20,))
@@ -176,7 +177,7 @@ def test_a_bomb_is_not_unfolded(path: Path) -> None:
 
 
 def test_many_that_are_small_alone_are_counted_together(path: Path) -> None:
-    bomb = zlib.compress(bytes(60 << 20), 1)
+    bomb = packed_zeros(60 << 20)
     change(path, "UPDATE frames SET content = ?, size = 60 << 20", values=(bomb,))
     opened(path, lambda database: list(database.frames("m0")), "unfolds to more than")
 
@@ -221,10 +222,10 @@ def test_rows_that_an_index_does_not_know(path: Path) -> None:
 def test_pipes_devices_folders_and_links(path: Path, tmp_path: Path) -> None:
     def each(file: Path, match: str) -> None:
         for use in (Database.open, Database.read):
-            started = time.monotonic()
+            started = time.process_time()
             with pytest.raises(FileError, match=match):
                 use(file)
-            assert time.monotonic() - started < SECONDS
+            assert time.process_time() - started < SECONDS
 
     os.mkfifo(tmp_path / "pipe.sport")
     (tmp_path / "zero.sport").symlink_to("/dev/zero")

@@ -17,7 +17,7 @@ import pytest
 
 from runtime.errors import FileError, SportError
 from runtime.session.session_file import INPUT, SessionFile
-from tests.helpers.full_session import full_session, history_of, written
+from tests.helpers.full_session import full_session, history_of, packed_zeros, written
 
 DEEP = "[" * 100_000
 HUGE = "1" * 5000
@@ -234,7 +234,7 @@ def test_a_take_of_an_older_program_has_no_rating_and_no_note(path: Path) -> Non
         zlib.compress(b'[["put_step", ["x", "y"], {"z": 1}]]'),
         zlib.compress(b'[["put_step", [[], {}, []], {}]]'),
         zlib.compress(b'[["set_meta", ["at", 5], {}]]'),
-        zlib.compress(bytes(2 << 30)),
+        packed_zeros(2 << 30),
     ],
 )  # fmt: skip
 def test_changes_that_lie_are_one_sentence(content: bytes, path: Path) -> None:
@@ -275,7 +275,7 @@ def put_blob(path: Path, key: str, size: int, content: bytes) -> None:
 
 def bombs(path: Path) -> Iterator[str]:
     """Each of these would be gigabytes; what is wrong with it."""
-    key, zeros = "0" * 32, zlib.compress(bytes(4096 * 4096 * 4), 1)
+    key, zeros = "0" * 32, packed_zeros(4096 * 4096 * 4)
     ground = {"name": "x", "cell_m": 1.0, "x": 0.0, "z": 0.0, "note": "", "unit_m": 1.0}
 
     def grounds(count: int) -> Callable[[Any], None]:
@@ -289,7 +289,7 @@ def bombs(path: Path) -> Iterator[str]:
 
     document(path, grounds(2))
     yield "unfolds to more than"
-    put_blob(path, key, 100, zlib.compress(bytes(1 << 28), 1))
+    put_blob(path, key, 100, packed_zeros(1 << 28))
     document(path, setting("takes", to=[f"|u1 100 {key}"]))
     yield "expected 100 bytes"
     put_blob(path, key, 1 << 28, b"x")

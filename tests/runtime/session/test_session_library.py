@@ -98,7 +98,7 @@ def test_a_session_that_was_cut_off_is_found_with_what_its_log_holds(tmp_path: P
 
 def test_the_newest_stay_and_nothing_of_the_others(tmp_path: Path) -> None:
     paths = [untitled(tmp_path).path for _ in range(4)]
-    keep_newest(tmp_path, 2)
+    assert [summary.path for summary in keep_newest(tmp_path, 2)] == paths[:1:-1]
     assert sorted(tmp_path.iterdir()) == paths[2:]
 
 

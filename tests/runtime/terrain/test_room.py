@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -124,6 +125,30 @@ def test_an_arm_that_leaves_a_wall_comes_back_without_a_jerk() -> None:
         before = shown
     assert max(turns[20:]) < 0.16
     assert rotations.angle_between(before[[18, 25]], stretched[[18, 25]]).max() < 0.01
+
+
+@pytest.mark.parametrize("seed", [28, 51])
+def test_legs_of_any_pose_are_never_in_a_wall_whose_end_is_passed(seed: int) -> None:
+    rng, heights = np.random.default_rng(seed), np.zeros((81, 81), np.float32)
+    heights[:43, 43:46] = rng.uniform(0.4, 1.2)
+    wall = Terrain("wall", heights, 0.1, (-4.0, -4.0))
+    state = standing(WalkerModel(), Terrain.flat(), None, 0, 0.0, 0.0, 0.0)  # type: ignore[arg-type]
+    rest, deepest = state.poses.local[0], []
+    poses = np.tile(rest, (4, 1, 1))
+    for pose in poses:
+        for hip in (2, 7):
+            turn = rng.normal(size=3)
+            turn *= rng.uniform(0.0, 1.6) / np.linalg.norm(turn)
+            pose[hip] = rotations.multiply(rotations.from_rotation_vector(turn), rest[hip])
+            pose[hip + 1] = rotations.from_rotation_vector(np.array([rng.uniform(0.0, 2.0), 0.0, 0.0]))
+    before, z, speed = rest, rng.uniform(-0.1, 0.22), rng.uniform(0.005, 0.03)
+    for frame in range(60):
+        hips = np.array([0.6 - speed * frame, state.poses.hips[0, 1] + 0.05 * np.sin(frame / 5), z])
+        wanted = rotations.slerp(poses[frame // 20], poses[frame // 20 + 1], frame % 20 / 20)
+        before = resolve_penetration(hips, wanted, before, wall)
+        legs = SPORT_SKELETON.forward_kinematics(hips, before)[0][[3, 4, 5, 8, 9, 10]]
+        deepest.append((wall.height(legs[:, 0], legs[:, 2]) - legs[:, 1]).max())
+    assert max(deepest) < 0.3
 
 
 def test_a_character_stands_beside_a_spike_that_rises_under_it() -> None:

@@ -12,6 +12,7 @@ from runtime.pose import FPS, Pose
 from runtime.skeleton import TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import load_terrain
+from runtime.traversal.jump import Jump
 
 TOES = (5, 10)
 STAND, WALK, JOG = Controls(), Controls((0.0, 1.0)), Controls((0.0, 1.0), gait=Gait.JOG)
@@ -98,3 +99,18 @@ def test_a_jump_comes_down_on_the_ground_that_is_there(model: MotionModel) -> No
     heights = soles(jump(controller, WALK), hills)
     assert heights.min() > -0.03
     assert np.abs(heights[55:]).min() < 0.02
+
+
+def test_in_a_flight_the_ground_changes_and_a_fall_from_a_cliff_ends_in_a_squat(model: MotionModel) -> None:
+    high = Terrain("high", np.full((3, 3), 12.0, np.float32), 40.0, (-40.0, -40.0))
+    controller = ready(model, STAND, 20, high)
+    jump(controller, STAND, 25)
+    controller.set_terrain(load_terrain("flat"))
+    assert 0.6 < min(controller.step(STAND).hips_position[1] for _ in range(60)) < 1.3
+    fall = Jump(stage="flight", begin=(13.0, 0.1))
+    hips = []
+    for _ in range(150):
+        fall.advance(0.95, 0.0, (0.0, 0.0))
+        hips.append(fall.hips)
+    assert 0.4 < min(hips) < 0.6
+    assert hips[-1] == pytest.approx(0.95, abs=0.01)

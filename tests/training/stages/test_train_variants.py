@@ -211,7 +211,7 @@ def test_a_run_of_some_minutes_ends_on_time_with_every_stage_whole(
         pipeline.main(["stage3", "--minutes=0", *options])
 
 
-@pytest.mark.parametrize("name", ["pae", "4-experts", "no-content-encoder"])
+@pytest.mark.parametrize("name", ["pae", "no-content-encoder"])
 def test_an_ablation_is_trained_exported_and_walked(
     name: str, short: Path, full: Path, tmp_path: Path
 ) -> None:

@@ -8,7 +8,7 @@ from tests.helpers.app_driver import Start, click_on, message, press, run
 from tests.viewer.edit.test_timeline import record, same, seek
 from viewer.app import App
 
-SIZES = ((1280, 720), (1920, 1080), (800, 500))
+SIZES = ((1920, 1080), (800, 500))
 
 
 def choose(app: App, *entries: str) -> None:

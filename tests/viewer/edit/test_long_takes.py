@@ -17,7 +17,7 @@ from tests.helpers.app_driver import Start, click, click_on, place, press, run
 from viewer.app import App
 from viewer.edit.timeline import Range
 
-SIZES = ((1280, 720), (1920, 1080), (800, 500))
+SIZES = ((1920, 1080), (800, 500))
 FRAMES = 3661
 JUMP = 1800
 

@@ -14,7 +14,7 @@ from viewer.app import App
 from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
 
-SIZES = ((1280, 720), (1920, 1080), (800, 500))
+SIZES = ((1920, 1080), (800, 500))
 HIPS, HEAD = 0, 16
 
 

@@ -124,6 +124,20 @@ def test_keys_of_the_camera_are_set_dragged_looked_through_and_kept(app: App, tm
     run(app, 2)
     assert 0.3 < camera.current.yaw < 0.7  # on the way from one to the other
     playback.playing = False
+    playback.seek(16)
+    run(app, 2)
+    assert 0.0 < camera.current.yaw < 0.2, "also when it is sought"
+    x, y = 400, 60  # of the view, which the user turns
+    for at, down in ((x, None), (x, True), (x + 60, True), (x + 60, False)):
+        hand.mouse(app.window, at, y, None if down is None else 1, bool(down))
+        run(app, 2)
+    turned = camera.current.yaw
+    playback.seek(34)
+    run(app, 2)
+    assert camera.current.yaw == turned
+    click_on(app, "Keyed")
+    run(app, 2)
+    assert 0.3 < camera.current.yaw < 0.7
     film = app.exporting._film_options(ExportForm(camera="keyed"), app.editor.session.takes[0], 0.5)
     assert [key.seconds for key in film.keys] == [0.0, pytest.approx(keys(app)[1].seconds - 0.5)]
     see = camera_path(FilmOptions(fps=60.0, camera="keyed", keys=keys(app)), shown(app), Terrain.flat())

@@ -253,12 +253,12 @@ def test_the_feet_stand_above_the_bar(start: Start, size: tuple[int, int]) -> No
 def test_a_new_prompt_leaves_the_frames_before_it_as_they_were(start: Start) -> None:
     """With the shipped model."""
     app = start(services={"load_model": Services().load_model})
-    before = record(app)
-    seek(app, 50)
+    before = record(app, 25)
+    seek(app, 35)
     app.editing.insert_prompt("a zombie")
     run(app, 2)
-    assert same(take(app).clip, before.clip, 0, 50)
-    assert not same(take(app).clip, before.clip, 52)
+    assert same(take(app).clip, before.clip, 0, 35)
+    assert not same(take(app).clip, before.clip, 37)
     press(app, "ctrl", "z")
     assert take(app) == before
     app.editing.reword(1, "an old king")  # the same words again

@@ -46,6 +46,21 @@ def export(app: App, folder: Path, suffix: str, **form: object) -> Path:
     return folder / f"take-1{suffix}"
 
 
+def test_a_range_is_the_trim_or_what_the_timeline_shows(start: Start, tmp_path: Path) -> None:
+    app = start(services=REAL, terrain="flat")
+    export(app, tmp_path, ".npz")
+    app.takes.play(1)
+    run(app, 2)
+    app.takes.trim(last=19)
+    app.transport.timeline.shown = app.transport.timeline.shown.fitted(3, 17)
+    for part, frames in (("", FRAMES), ("trim", 20), ("shown", 15)):
+        app.exporting.choose(part=part)
+        app.exporting.path = str(tmp_path / f"{part or 'all'}.npz")
+        click_on(app, "##export now")
+        run(app, 2)
+        assert len(np.load(tmp_path / f"{part or 'all'}.npz")["root_positions"]) == frames
+
+
 @pytest.mark.parametrize("own", [False, True])
 def test_a_glb_has_mesh_skin_motion_and_ground(start: Start, tmp_path: Path, own: bool) -> None:
     app = start(services=REAL, terrain="hills")

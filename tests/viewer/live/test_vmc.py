@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from runtime import rotations
 from runtime.skeleton import SPORT_SKELETON
 from tests.helpers.app_driver import Start, run
 from tests.viewer.live.test_live_link import some_pose
 from viewer.live.link import Address
-from viewer.live.vmc import BONES, JOINTS, VmcLink, osc_bundles, vmc_messages
+from viewer.live.vmc import BONES, JOINTS, ORIGIN, VmcLink, osc_bundles, vmc_messages
 from viewer.messages import Messages
 
 osc_bundle = pytest.importorskip("pythonosc.osc_bundle", reason="python-osc is not installed")
@@ -23,9 +24,12 @@ def decoded(bundles: list[bytes]) -> list[tuple[str, list]]:
     return [(part.address, part.params) for data in bundles for part in osc_bundle.OscBundle(data)]
 
 
-def test_a_receiver_in_unitys_axes_sees_every_bone_where_it_is() -> None:
+@pytest.mark.parametrize("yaw", [None, 0.7])
+def test_a_receiver_in_unitys_axes_sees_every_bone_where_it_is(yaw: float | None) -> None:
+    """Whether the way is the hips' or the root's."""
     pose = some_pose(3)
-    messages = decoded(osc_bundles(vmc_messages(pose, 1.5)))
+    root = ORIGIN if yaw is None else (np.array([0.4, 0.2, -3.0]), rotations.from_yaw(yaw))
+    messages = decoded(osc_bundles(vmc_messages(pose, 1.5, root)))
     assert ("/VMC/Ext/OK", [1]) in messages
     assert ("/VMC/Ext/T", [1.5]) in messages
     bones = {
@@ -33,6 +37,9 @@ def test_a_receiver_in_unitys_axes_sees_every_bone_where_it_is() -> None:
     }
     assert set(bones) == set(BONES)
     assert {"Hips", "LeftUpperLeg", "RightHand", "UpperChest", "LeftToes"} <= set(bones)
+    (ground,) = (np.array(params[1:]) for address, params in messages if address == "/VMC/Ext/Root/Pos")
+    base, heading = ground[:3] * (-1, 1, 1), Rotation.from_quat(ground[3:] * (1, -1, -1, 1))
+    assert np.abs(base - root[0]).max() < 1e-5
     names = dict(zip(JOINTS, BONES, strict=True))
     for joint, bone in names.items():  # the hierarchy as a receiver walks it; a mirror makes it ours again
         point, turn, above = np.zeros(3), Rotation.identity(), joint
@@ -43,6 +50,7 @@ def test_a_receiver_in_unitys_axes_sees_every_bone_where_it_is() -> None:
                 point = values[:3] * (-1, 1, 1) + here.apply(point)
                 turn = here * turn
             above = SPORT_SKELETON.parents[above]
+        point, turn = base + heading.apply(point), heading * turn
         assert np.abs(point - pose.positions[joint]).max() < 1e-5, bone
         wanted = Rotation.from_quat(pose.world_rotations[joint][[1, 2, 3, 0]])
         assert (turn.inv() * wanted).magnitude() < 1e-5, bone

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -134,3 +137,37 @@ def test_the_status_line_says_why_the_character_does_not_go_on(start: Start) -> 
     run(app, 3)
     current = app.messages.current
     assert current is None or current.settled
+
+
+@pytest.mark.parametrize(
+    ("pictures_s", "step_s"),
+    [((0.4,), 0.004), ((0.03, 0.03, 0.7), 0.004), ((0.1,), 0.013)],
+    ids=["slow pictures", "hitches", "slow pictures and a slow model"],
+)
+def test_where_the_processor_is_short_pictures_drop_and_a_recording_keeps_time(
+    start: Start, monkeypatch: pytest.MonkeyPatch, pictures_s: tuple[float, ...], step_s: float
+) -> None:
+    app, now = start(), 100.0
+
+    def passes(seconds: float) -> None:
+        nonlocal now
+        now += seconds
+
+    clock = SimpleNamespace(perf_counter=lambda: now, monotonic=lambda: now, sleep=passes)
+    run(app, 2)
+    for module in ("viewer.app", "viewer.scene.simulation"):
+        monkeypatch.setattr(f"{module}.time", clock)
+    app.options, app._last_s = replace(app.options, offscreen=False), now
+    durations, step = itertools.cycle(pictures_s), controller(app).step
+    app.scene.renderer.render = lambda *_: passes(next(durations))
+    monkeypatch.setattr(controller(app), "step", lambda controls: (passes(step_s), step(controls))[1])
+    run(app, 3)
+    app.window.inject_key("w", True)
+    app.window.inject_key("r", True)
+    begin = now
+    while now < begin + 12.0:
+        run(app)
+    lasted = now - begin
+    app.takes.toggle_recording()
+    app.options = replace(app.options, offscreen=True)
+    assert app.editor.session.takes[-1].clip.seconds == pytest.approx(lasted, abs=0.9)

@@ -17,7 +17,7 @@ from runtime.character.writer import write_character
 from runtime.formats.bvh_clip import save_bvh
 from runtime.session import edits, sqlite_file
 from runtime.session.database import Database
-from runtime.session.library import find
+from runtime.session.library import find, new_path
 from runtime.session.motion import Motion
 from runtime.session.session import Session, Take
 from runtime.session.session_file import SessionFile
@@ -251,6 +251,15 @@ def test_a_named_session_that_was_cut_off_has_it_all_when_it_is_opened(start: St
     app.sessions.open_last()
     assert titles(app) == ["after it was saved", "Take 2"]
     assert "Recovery of Take 2: it was cut off." in said(app)
+
+
+def test_of_many_days_the_ten_newest_sessions_without_a_name_stay(start: Start, tmp_path: Path) -> None:
+    folder = untitled(tmp_path)
+    paths = [written(new_path(folder), history_of(Session()), tmp_path) for _ in range(12)]
+    app = start()
+    app.sessions.look()
+    left = sorted(path.name for path in folder.glob("*.sport") if path != app.editor.file.path)
+    assert left == [path.name for path in paths[2:]]
 
 
 # --- the disk

@@ -69,9 +69,9 @@ def test_what_cannot_be_drawn_is_named(clip: Clip, tmp_path: Path) -> None:
         (["--out", str(tmp_path / "a.gif"), "--start", "9"], "lasts 1.5 s"),
     ):
         with pytest.raises(UsageError, match=message):
-            film.main([bvh, *options])
+            film.main([bvh, *SIZE, "--fps", "4", *options])
     with pytest.raises(FileError, match="this is a folder"):
-        film.main([bvh, "--out", str(_folder(tmp_path / "b.gif"))])
+        film.main([bvh, *SIZE, "--fps", "4", "--out", str(_folder(tmp_path / "b.gif"))])
 
 
 def _folder(path: Path) -> Path:

@@ -26,10 +26,14 @@ from runtime.prompts.prompter import Prompter
 from runtime.session.motion import MotionHeader
 from runtime.session.session_file import ROW, SessionFile
 from runtime.takes.input_recording import COLUMNS
+from runtime.takes.recorder import ClipRecorder
 from runtime.terrain.height_map import Terrain
+from viewer.filming.film import make_film
+from viewer.filming.shots import FilmOptions
 
 WARM_UP = 60  # frames
 RECORDED_FRAMES = 10  # that the viewer writes down together
+FILMED_FRAMES, FILM_S = 31, 6.0
 CROWDS = (1, 9, 32)  # characters
 BUSY = 1.3  # times the fastest call of the network its median takes where others use the processor too
 FORWARD = Controls(move=(0.0, 1.0))
@@ -62,6 +66,7 @@ _EXPLAINED = {
     "prompt_ms": "prompt to style without network, median",
     "prompt_first_ms": "the first prompt, loading included",
     "first_frame_s": "start of the program to its first frame, offscreen",
+    "film_s": "a film of 6 s at 1280x720, 30 frames a second, MP4, high quality; from 30 of its frames",
     "moves_s": "and to a character that walks as its prompt says",
     "rss_mb": "most memory of that program after 120 frames",
 }
@@ -94,9 +99,13 @@ def measure(frames: int, model: Path | None) -> dict[str, Any]:
     figures |= _crowd_times(network, max(frames // 4, 10))
     figures |= _recording_times(min(frames, 600))
     figures |= _prompt_times(network)
-    for name, part in (("frame_cpu_ms", partial(_frame_times, frames)), ("first_frame_s", _start_times)):
+    for name, part in (
+        ("frame_cpu_ms", partial(_frame_times, frames, model)),
+        ("film_s", partial(_film_times, network)),
+        ("first_frame_s", partial(_start_times, model)),
+    ):
         try:
-            figures |= part(model)
+            figures |= part()
         except SportError as error:
             figures["notes"].append(f"{name}: {error}")
     about = {
@@ -192,6 +201,19 @@ def _frame_times(frames: int, model: Path | None) -> dict[str, float]:
         return _summary("frame_cpu_ms", times_ms(app.frame, frames, WARM_UP))
     finally:
         app.close()
+
+
+def _film_times(network: MotionModel) -> dict[str, float]:
+    """A film of a walk on flat ground, by the time from one drawn frame to the next and until the file is whole."""
+    controller, recorder, ground = Controller(network, Terrain.flat()), ClipRecorder(), Terrain.flat()
+    for _ in range(FILMED_FRAMES * 2):
+        recorder.add(controller.step(FORWARD))
+    drawn: list[float] = []
+    with tempfile.TemporaryDirectory() as folder:
+        clip, path = recorder.last(FILM_S), Path(folder) / "film.mp4"
+        make_film(clip, ground, path, FilmOptions(), progress=lambda *_: drawn.append(time.perf_counter()))
+    seconds = (time.perf_counter() - drawn[0]) / (len(drawn) - 1)
+    return {"film_s": FILM_S * FilmOptions.fps * seconds}
 
 
 # the loaders work next to the frames, as they do in a window; offscreen all is loaded before the first one

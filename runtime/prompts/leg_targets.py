@@ -126,5 +126,5 @@ def edited_legs(descriptions: PartDescriptions | None) -> frozenset[str]:
     """The parts, by name, of whose description an edit shows what the network does not."""
     if descriptions is None:
         return frozenset()
-    asked = leg_targets(descriptions)[..., 0].any(axis=1)
-    return frozenset(part for part, is_asked in zip(EDITED, asked, strict=True) if is_asked)
+    asked = leg_targets(descriptions)[..., 0]
+    return frozenset(part for part, weights in zip(EDITED, asked, strict=True) if weights.any())

@@ -156,19 +156,30 @@ def _ufbx(path: Path, target: Path) -> None:
 
 
 def read_usd(path: Path) -> Read:
-    """A USD by OpenUSD's own skinning."""
+    """A USD by OpenUSD's own skinning, each of its variants."""
+    from pxr import Usd
+
+    stage, found = Usd.Stage.Open(str(path)), Read()
+    variants = stage.GetDefaultPrim().GetVariantSets().GetVariantSet("take")
+    for name in variants.GetVariantNames() or [""]:
+        if name:
+            variants.SetVariantSelection(name)
+        found[name] = stage.GetTimeCodesPerSecond(), _usd(stage)
+    return found
+
+
+def _usd(stage: Any) -> dict[str, AnyArray]:
     from pxr import Usd, UsdGeom, UsdSkel
 
-    stage = Usd.Stage.Open(str(path))
     cache, root = UsdSkel.Cache(), UsdSkel.Root(stage.GetDefaultPrim())
     cache.Populate(root, Usd.PrimDefaultPredicate)
     (binding, *_) = cache.ComputeSkelBindings(root, Usd.PrimDefaultPredicate)
     query = cache.GetSkelQuery(binding.GetSkeleton())
     names = [str(joint).rpartition("/")[2] for joint in query.GetJointOrder()]
-    caches = [UsdGeom.XformCache(frame) for frame in range(int(stage.GetEndTimeCode()) + 1)]
+    caches = map(UsdGeom.XformCache, query.GetAnimQuery().GetJointTransformTimeSamples())
     frames = [[m.ExtractTranslation() for m in query.ComputeJointWorldTransforms(cache)] for cache in caches]
     places = np.array(frames) * UsdGeom.GetStageMetersPerUnit(stage)
-    return {"": (stage.GetTimeCodesPerSecond(), dict(zip(names, places.swapaxes(0, 1), strict=True)))}
+    return dict(zip(names, places.swapaxes(0, 1), strict=True))
 
 
 READERS: dict[str, Callable[[Path], Read]] = {
@@ -181,7 +192,7 @@ Row = tuple[str, int, bool, Path | None]  # kind, takes, whether with a root on 
 
 
 def rows_of(kind: str) -> list[Row]:
-    takes = (1, 3) if kind[:3] in ("glb", "fbx") else (1,)
+    takes = (1,) if kind[:3] == "bvh" else (1, 3)
     characters = (None,) if kind[:3] == "bvh" else (None, OWN)
     return list(itertools.product([kind], takes, (False, True), characters))
 

@@ -25,7 +25,7 @@ sport generate "${model[@]}" --terrain hills --path circle --seconds 21 --seed 3
 13:a proud queen, hands on her hips; 17:walking in a relaxed, everyday way"
 python -m viewer.tools.film "$clips/film.bvh" --fps 15 --size 640 360 --out "$images/film.webp"
 
-shot viewer.png 1280x720 230 --terrain hills --prompt "an exhausted soldier, left arm hanging" --keys "w 3.3; w+q 0.6"
+shot viewer.png 1280x720 230 --character walker --terrain hills --prompt "an exhausted soldier, left arm hanging" --keys "w 3.3; w+q 0.6"
 shot blend.png 1280x720 110 --terrain flat --prompt "a proud queen" --blend "an exhausted soldier" \
   --blend-weights "left_leg=0.3,right_leg=0.3,torso=1,head=0.5" --keys "w 1.3; w+q 0.6"
 shot help.png 1280x720 3 --keys "f1 0.2" --terrain flat

@@ -102,6 +102,8 @@ def read_record(kind: type[Record], tree: Tree, arrays: typing.Sequence[np.ndarr
             made.__dict__[name] = _read(hint, tree[name], arrays, f"{path}.{name}", metadata)
         elif isinstance(getattr(kind, name, None), float):  # a number that came later begins as it does
             made.__dict__[name] = getattr(kind, name)
+        elif metadata.get("later"):  # and so does a record
+            made.__dict__[name] = hint()
         else:
             raise _error(path, f"not the fields of a {kind.__name__}")
     return made

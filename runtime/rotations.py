@@ -5,8 +5,6 @@ Quaternions are unit, ordered w, x, y, z. Angles are radians. Matrices act on co
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from runtime.arrays import Array
@@ -47,15 +45,14 @@ def multiply(a: Array, b: Array) -> Array:
 
 
 _LEFT = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
-_LEFT_SIGNS: dict[Any, Array] = {  # of a type of their own: a product of two types costs three times as much
-    np.dtype(kind): np.array([[1, -1, -1, -1], [1, 1, -1, 1], [1, 1, 1, -1], [1, -1, 1, 1]], kind)
-    for kind in (np.float32, np.float64)
-}
+_SIGNS = np.array([[1, -1, -1, -1], [1, 1, -1, 1], [1, 1, 1, -1], [1, -1, 1, 1]], np.float32)
+# of both types: a product of two types takes three times as long
+_LEFT_SIGNS: dict[str, Array] = {"f": _SIGNS, "d": _SIGNS.astype(np.float64)}
 
 
 def left_matrix(q: Array) -> Array:
     """Matrices `(..., 4, 4)` of the product with quaternions `(..., 4)` on the left: `left_matrix(a) @ b` is `multiply(a, b)`."""
-    return q.take(_LEFT, -1) * _LEFT_SIGNS[q.dtype]
+    return q.take(_LEFT, -1) * _LEFT_SIGNS[q.dtype.char]
 
 
 def inverse(q: Array) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,12 +48,13 @@ class Skeleton:
         `root_position` `(..., 3)` in metres, `local` `(..., J, 4)` rotations relative to the parent.
         """
         local = np.asarray(local)
-        ordered = local.take(self._by_depth, -2)[..., None]
+        order, places, levels = self._by_depth
+        ordered = local.take(order, -2)[..., None]
         world = ordered.copy()
-        for joints, parents in self._levels:
+        for joints, parents in levels:
             above = rotations.left_matrix(world[..., 0].take(parents, -2))
             np.matmul(above, ordered[..., joints, :, :], out=world[..., joints, :, :])
-        world = world[..., 0].take(self._places, -2)
+        world = world[..., 0].take(places, -2)
         bones = rotations.rotate(world.take(self._parents, -2), self.offsets)
         positions = np.asarray(root_position)[..., None, :] + self._above @ bones
         return positions.astype(local.dtype, copy=False), world
@@ -86,31 +88,15 @@ class Skeleton:
         return above
 
     @cached_property
-    def _depths(self) -> list[int]:
-        """Joints between each and the root."""
+    def _by_depth(self) -> tuple[NDArray[np.int64], NDArray[np.int64], list[tuple[slice, NDArray[np.int64]]]]:
+        """Joints by their depth, the place of each in that order, and there each depth but the first with the places of its parents."""
         depths: list[int] = []
         for parent in self.parents:
             depths.append(depths[parent] + 1 if parent >= 0 else 0)
-        return depths
-
-    @cached_property
-    def _by_depth(self) -> NDArray[np.int64]:
-        """The joints, those of equal depth next to each other."""
-        return np.argsort(self._depths, kind="stable")
-
-    @cached_property
-    def _places(self) -> NDArray[np.int64]:
-        """Where each joint is in that order."""
-        return np.argsort(self._by_depth)
-
-    @cached_property
-    def _levels(self) -> list[tuple[slice, NDArray[np.int64]]]:
-        """In that order the joints of every depth but the first, and the places of their parents."""
-        edges = np.flatnonzero(np.diff(np.sort(self._depths), append=len(self))) + 1
-        parents = self._places[self._parents[self._by_depth]]
-        return [
-            (slice(a, b), parents[a:b]) for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
-        ]
+        order = np.argsort(depths, kind="stable")
+        places = np.argsort(order)
+        parents, ends = places[self._parents[order]], np.bincount(depths).cumsum().tolist()
+        return order, places, [(slice(a, b), parents[a:b]) for a, b in pairwise(ends)]
 
     def local_rotations(self, world: Array) -> Array:
         """Rotations relative to the parent `(..., J, 4)` of world rotations `(..., J, 4)`."""

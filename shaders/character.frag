@@ -1,6 +1,6 @@
 #version 330
-// Soft key light that wraps round the form, sky and ground light, a fill from the eye, a rim against the background;
-// bright surfaces keep their form: light above the knee is compressed.
+// Soft key light that wraps round the form, sky and ground light, a fill from over the eye's left shoulder that gives form
+// to backs against the sun, a rim where the sun grazes; bright surfaces keep their form: light above the knee is compressed.
 #include "common.glsl"
 #include "shadow.glsl"
 uniform vec4 tint;  // colour to mix in, and how much of it
@@ -27,12 +27,13 @@ void main() {
     key *= mix(0.25, 1.0, sun_visibility(position, n));
 #endif
     vec3 base = mix(albedo, tint.rgb, tint.a);
-    vec3 light = base * (0.42 * ambient_light(n) + 0.95 * key * SUN_LIGHT + 0.16 * facing * SUN_LIGHT);
+    float fill = max(dot(n, normalize(to_eye - 0.9 * camera_right.xyz + vec3(0.0, 0.45, 0.0))), 0.0);
+    vec3 light = base * (0.34 * ambient_light(n) + 0.95 * key * SUN_LIGHT + 0.36 * fill * fill);
     vec3 halfway = normalize(to_eye + sun_direction.xyz);
     float gloss = max(dot(n, halfway), 0.0);
     gloss *= gloss; gloss *= gloss; gloss *= gloss; gloss *= gloss;
     float rim = (1.0 - facing) * (1.0 - facing);
-    rim *= rim * (0.5 + 0.5 * n.y);
-    light += 0.06 * gloss * SUN_LIGHT + 0.40 * rim * SKY_LIGHT;
+    rim *= (1.0 - facing) * (0.15 + key);
+    light += (0.06 * gloss + 0.30 * rim * (0.25 + base)) * SUN_LIGHT;
     color = vec4(encode_srgb(mix(compress(light), HORIZON, fog_amount(position))), opacity);
 }

@@ -29,6 +29,8 @@ void main() {
     vec2 lines = metre_grid(position.xz * metres);
     albedo = mix(albedo, LINE, grid_strength * max(0.55 * lines.x, 0.85 * lines.y));
     float sun = max(dot(n, sun_direction.xyz), 0.0);
-    vec3 light = albedo * (0.50 * ambient_light(n) + 0.98 * sun * SUN_LIGHT) * (stands * (1.0 + relief));
-    color = vec4(encode_srgb(mix(light, HORIZON, fog_amount(position))), 1.0);
+    float fogged = fog_amount(position);
+    float pool = 1.08 - 0.16 * smoothstep(0.0, fog.z, distance(position.xz, fog.xy));  // brightest where the focus stands
+    vec3 light = albedo * (0.50 * ambient_light(n) + 0.98 * sun * SUN_LIGHT) * (stands * pool * (1.0 + relief));
+    color = vec4(encode_srgb(mix(light, HORIZON, fogged)), 1.0);
 }

@@ -43,9 +43,8 @@ LONGEST_FRAME_S = (
 MINIMISED_WAIT_S = 0.1
 MEMORY_FRAMES = 60  # between two looks at the memory
 PATIENCE_S = 0.2  # with the encoder of a prompt, after which the process ends with it
-# From the user's close on, with what Python needs to end two seconds. What is not written by then is for the next start
-# or given up: exports first, settings last.
-END_S, SESSION_S, SETTINGS_S = 1.4, 1.1, 0.2
+# From the user's close on. What is not written by then is for the next start or given up: exports first, settings last.
+END_S, SESSION_S, SETTINGS_S = 0.9, 0.7, 0.1
 
 
 def run(options: ViewOptions, services: Services | None = None, config: Path | None = None) -> int:
@@ -71,10 +70,12 @@ def run(options: ViewOptions, services: Services | None = None, config: Path | N
             code = app.end()
         finally:
             app.close()
-    if app.jobs.abandoned and not options.offscreen:
+    if not options.offscreen:
         logging.shutdown()
         sys.stdout.flush()
-        os._exit(code)  # threads that still run would take the interpreter down while it ends
+        os._exit(
+            code
+        )  # what is to be written is written: the interpreter would take seconds, or wait for threads
     return code
 
 
@@ -318,12 +319,10 @@ class App(Workspace):
     def close(self) -> None:
         until = self.until()
         self.window.hide()
-        file = self.editor.file
-        file.close(max(until - time.monotonic(), 0.0))
+        self.editor.file.close(max(until - time.monotonic(), 0.0))
         self.jobs.close(until)
         self.language_model.close()
-        stopped = self.prompting.close(CLOSE_SECONDS if self.options.offscreen else PATIENCE_S)
-        self.jobs.abandoned = self.jobs.abandoned or not stopped or file.database.closing
+        self.prompting.close(CLOSE_SECONDS if self.options.offscreen else PATIENCE_S)
         self.scene.live.stop()
         self.scene.vmc.stop()
         if self.window.handle is not None:

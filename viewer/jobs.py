@@ -12,7 +12,7 @@ import contextlib
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Future, wait
 from dataclasses import dataclass, field
 from typing import Any
@@ -66,7 +66,6 @@ class Jobs:
     messages: Messages
     blocking: bool = False
     first_error: SportError | None = None
-    abandoned: bool = False  # a job was still running when the program ended
     progress: dict[Slot, str] = field(default_factory=dict)  # how far what is written is; any thread
     _turn: threading.Semaphore = field(default_factory=lambda: threading.Semaphore(AT_ONCE))
     _jobs: list[_Job] = field(default_factory=list)
@@ -100,6 +99,16 @@ class Jobs:
         threading.Thread(target=run, daemon=True, name=f"sport {'reading' if reading else slot.what}").start()
         if self.blocking:
             wait([future])
+            self.deliver()
+
+    @contextlib.contextmanager
+    def together(self) -> Iterator[None]:
+        """Jobs that run next to each other even with `blocking`, and are then done at the end, in their order."""
+        blocking, self.blocking = self.blocking, False
+        yield
+        self.blocking = blocking
+        if blocking:
+            wait([job.future for job in self._jobs])
             self.deliver()
 
     def _of(self, slot: Slot, writing: bool) -> list[_Job]:
@@ -190,13 +199,11 @@ class Jobs:
         for job in late:
             self.messages.warn(f"{job.words} was given up: the program ends.")
         self._jobs = [job for job in self._jobs if job not in late]
-        self.abandoned = self.abandoned or any(not job.future.done() for job in late)
 
     def close(self, until: float) -> None:
         """Finish what is written, until a time of `time.monotonic`; drop everything else."""
         self.end()
         self.finish(until=until)
-        self.abandoned = self.abandoned or any(job.future.running() for job in self._jobs)
 
 
 def _run(work: Callable[[], Any], future: Future[Any]) -> None:

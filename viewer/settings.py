@@ -103,8 +103,8 @@ class Settings:
         False, label="Way on the root", hint="/VMC/Ext/Root/Pos goes over the ground; the hips stay above it"
     )
     exact_legs: bool = specified(
-        True, label="Exact legs",
-        hint="Legs do what their words say: what the network does not show of the line of the feet, hips, heels,\ntoes and knees is edited. Off: the network alone",
+        True, label="Exact legs, trunk",
+        hint="Legs and trunk do what their words say: what the network does not show of the line of the feet, hips,\nheels, toes, knees, lean, twist and sway is edited. Off: the network alone",
     )  # fmt: skip
     blend_seconds: float = specified(
         0.8, 0.1, 5.0, label="change over %.1f s", logarithmic=True,

@@ -166,15 +166,16 @@ class Workspace:
     def load(self) -> None:
         """Begin to load what the options and the settings ask for."""
         options, settings, scene, prompting = self.options, self.settings, self.scene, self.prompting
-        self.prompt.suggester.load_library(scene.services.library_prompts)
         self.state.panels_open, self.state.clocked = options.panels, not options.offscreen
         self.state.bare = options.saves_pictures and not options.panels
         settings.fit_to_motion |= options.fit_to_motion
         scene.begin(options.camera or settings.camera, options.live_link, options.vmc)
-        scene.open_character(options.character, options.joint_map, step=False)
-        scene.load_terrain(options.terrain or settings.terrain)
         remembered = None if options.offscreen else self.settings_window.chosen_model()
-        self.load_model(options.model or remembered, options.seed)
+        with self.jobs.together():
+            scene.open_character(options.character, options.joint_map, step=False)
+            self.load_model(options.model or remembered, options.seed)
+            scene.load_terrain(options.terrain or settings.terrain)
+            self.prompt.suggester.load_library(scene.services.library_prompts)
         prompting.begin(options.prompt, options.blend, options.blend_weights)
         self.prompt.tab_requested = "" if options.blend is None else "blend"
         if options.clip is not None:

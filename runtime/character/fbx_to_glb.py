@@ -85,10 +85,14 @@ def convert(source: Path, motion: bool) -> bytes:
         document.append("nodes", _node(document, node, nodes, materials))
     if motion:
         _animate(document, ufbx.evaluate_transform, scene, nodes)
-    told = [prop.value_str for node in scene.nodes if (prop := node.props.value.find_prop("sport"))]
-    extras = {"sport": told[0]} if told else {}  # of a take of ours
-    document.append("scenes", g.Scene(nodes=[nodes[scene.root_node.typed_id]], extras=extras))
+    document.append("scenes", g.Scene(nodes=[nodes[scene.root_node.typed_id]], extras=_note(*scene.nodes)))
     return document.to_bytes()
+
+
+def _note(*elements: Any) -> dict[str, str]:
+    """What the first of nodes or takes that does so tells of a take of ours."""
+    told = [prop.value_str for each in elements if (prop := each.props.value.find_prop("sport"))]
+    return {"sport": told[0]} if told else {}
 
 
 def _node(document: GlbBuffer, node: Any, nodes: dict[int, int], materials: dict[int, int]) -> g.Node:
@@ -114,10 +118,7 @@ def _animate(document: GlbBuffer, evaluate: Any, scene: Any, nodes: dict[int, in
 
     fps, left = min(max(float(scene.settings.frames_per_second), 1.0), 240.0), MAX_SAMPLES
     for number, stack in enumerate(scene.anim_stacks):
-        told = stack.props.value.find_prop("sport")
-        made = g.Animation(
-            name=stack.name, extras={"sport": told.value_str} if told else {}
-        )  # of a take of ours
+        made = g.Animation(name=stack.name, extras=_note(stack))
         document.append("animations", made)
         begin, end = _span(stack)
         count = int((end - begin) * fps + 1e-3) + 1

@@ -229,9 +229,7 @@ def read_accessor(file: GltfFile, index: Any, what: str) -> AnyArray:
         raise file.error(f"the accessor for {what} is missing.")
     if accessor.componentType not in COMPONENTS or accessor.type not in _WIDTHS:
         raise file.error(f"{what} has an unknown component or element type.")
-    values = _accessor_values(file, accessor, what)
-    if accessor.sparse is not None:
-        values = _with_sparse(file, accessor, values, what)
+    values = (_accessor_values if accessor.sparse is None else _sparse_values)(file, accessor, what)
     if values.dtype.kind == "f" and not np.all(np.abs(values) < MAX_VALUE):
         raise file.error(f"{what} holds values that are not finite or above {MAX_VALUE:.0e}.")
     if accessor.normalized and values.dtype.kind in "iu":
@@ -244,8 +242,6 @@ def _accessor_values(file: GltfFile, accessor: Entry, what: str) -> AnyArray:
     width, count = _WIDTHS[accessor.type], accessor.count
     if not isinstance(count, int) or count < 1:
         raise file.error(f"{what} has {str(count)[:40]} elements; expected at least 1.")
-    if accessor.bufferView is None and accessor.sparse is not None and count <= MAX_SPARSE:
-        return np.zeros((count, width), dtype)
     data = buffer_view_bytes(file, accessor.bufferView, what)
     size = dtype.itemsize * width
     stride = file.gltf.bufferViews[accessor.bufferView].byteStride or size
@@ -256,17 +252,25 @@ def _accessor_values(file: GltfFile, accessor: Entry, what: str) -> AnyArray:
     return np.ascontiguousarray(values)
 
 
-def _with_sparse(file: GltfFile, accessor: Entry, values: AnyArray, what: str) -> AnyArray:
-    """Values of an accessor with those that differ from them."""
-    parts = [accessor.sparse.indices, accessor.sparse["values"]]
-    kinds = [{"type": "SCALAR"}, {"type": accessor.type, "componentType": accessor.componentType}]
+def _sparse_values(file: GltfFile, accessor: Entry, what: str) -> AnyArray:
+    """Values of an accessor that tells which differ from those of its bytes, or from zero without any."""
+    count, kind = accessor.count, COMPONENTS[accessor.componentType]
+    if accessor.bufferView is not None:
+        values = _accessor_values(file, accessor, what).copy()
+    elif isinstance(count, int) and 0 < count <= MAX_SPARSE:
+        values = np.zeros((count, _WIDTHS[accessor.type]), np.dtype(kind).newbyteorder("<"))
+    else:
+        raise file.error(f"{what} has {str(count)[:40]} elements; expected 1 to {MAX_SPARSE}.")
+    sparse = accessor.sparse
     rows, others = (
-        _accessor_values(file, Entry(part | kind, count=accessor.sparse.count), what)
-        for part, kind in zip(parts, kinds, strict=True)
+        _accessor_values(file, Entry(part | {"type": accessor.type} | form, count=sparse.count), what)
+        for part, form in (
+            (sparse.indices, {"type": "SCALAR"}),
+            (sparse["values"], {"componentType": accessor.componentType}),
+        )
     )
     if rows.dtype.kind != "u" or rows.max() >= len(values):
         raise file.error(f"{what} has sparse values beyond its {len(values)} elements.")
-    values = values.copy()
     values[rows[:, 0]] = others
     return values
 

@@ -21,7 +21,8 @@ from runtime.feet.leg import Knee, LegPose, bent, leg_forward, leg_inverse
 from runtime.feet.leg_edit import LegEdit, LegRequest
 from runtime.feet.narrow_support import Balance, SidewaysLead, may_be_narrow, pull_of_beam, side_of_beam
 from runtime.feet.planted_foot import SETTINGS, PlantedFoot, span
-from runtime.scalar_math import Vector, damp, smoothstep
+from runtime.feet.trunk_edit import TrunkEdit
+from runtime.scalar_math import Vector, add, damp, smoothstep
 from runtime.terrain.height_map import PointHeights, Terrain
 
 
@@ -88,9 +89,14 @@ class Support(NamedTuple):
     legs: LegRequest | None = None  # what its legs are to show
 
 
-def _raised(leg: LegPose, up: float) -> LegPose:
-    points = ((p[0], p[1] + up, p[2]) for p in (leg.hip, leg.knee, leg.ankle, leg.toe))
-    return LegPose(*leg[:4], *points)
+def _moved(leg: LegPose, by: Vector) -> LegPose:
+    return LegPose(*leg[:4], *(add(point, by) for point in leg[4:]))
+
+
+def _under(leg: LegPose, east: float, south: float) -> LegPose:
+    """The leg under hips that have moved by metres of X and Z over feet that stay."""
+    hip, knee = ((p[0] + east, p[1], p[2] + south) for p in (leg.hip, leg.knee))
+    return leg._replace(hip=hip, knee=knee)
 
 
 @dataclass(frozen=True)
@@ -113,6 +119,7 @@ class FootLock:
     )
     balance: Balance = field(default_factory=Balance)
     edit: LegEdit = field(default_factory=LegEdit)
+    trunk: TrunkEdit = field(default_factory=TrunkEdit, metadata={"later": True})
     on_beam: bool = False
     pull: tuple[float, float] = (0.0, 0.0)  # m/s, XZ, that keep the root over a beam
 
@@ -146,9 +153,12 @@ class FootLock:
         legs, shown = [left, right], local_rotations
         if support.legs is not None:
             up, legs = self.edit.apply(y, incoming, chances, support.legs)
-            y, incoming = y + up, (_raised(left, up), _raised(right, up))
+            east, south, shown = self.trunk.apply((x, y, z), local_rotations, support.legs)
+            incoming = (_moved(left, (east, up, south)), _moved(right, (east, up, south)))
+            legs = [_under(leg, east, south) for leg in legs]
+            x, y, z = x + east, y + up, z + south
         if may_be_narrow(ground):
-            legs, shown = self._on_beam((x, y, z), (legs[0], legs[1]), local_rotations, ground, dt)
+            legs, shown = self._on_beam((x, y, z), (legs[0], legs[1]), shown, ground, dt)
         for side, (foot, leg) in enumerate(zip(self.feet, legs, strict=True)):
             foot.observe(leg, chances[2 * side], chances[2 * side + 1], ground, dt)
             foot.choose_anchor(leg, drop, self.feet[1 - side].refractory > 0.0, support.patience)

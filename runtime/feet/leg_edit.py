@@ -8,7 +8,7 @@ data do it. The network is fed its own pose, so that the measure does not depend
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan2, cos, dist, hypot, pi, radians, sin, sqrt
+from math import asin, atan2, cos, dist, hypot, pi, radians, sin, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,7 +34,8 @@ from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 TARGETS = ("outward", "lower", "heel", "toe_out", "knee")
 OUTWARD, LOWER, HEEL, TOE_OUT, KNEE = range(len(TARGETS))
 MOST = (0.3, 0.4, 50.0, 50.0, 90.0)  # of each, that is added
-BOTH = (2, len(TARGETS), 2)  # shape: both legs, each target with its weight (0 to 1) and its value times that
+# shape of what is asked for: both legs and the trunk (`trunk_edit`), each target's weight (0 to 1) and value times that
+SHOWN = (3, len(TARGETS), 2)
 HALF_LIFE = 0.2  # seconds in which an edit follows its measure
 MEASURE_HALF_LIFE = 0.25  # seconds in which a measure follows the pose
 STRIDE_HALF_LIFE = 0.5  # seconds in which the line of the feet is measured
@@ -43,7 +44,8 @@ CLEAR_M, PASSING_M = 0.1, 0.3  # a foot passes the other at this distance, while
 RISE_HALF_LIFE, MOST_RISE = 0.1, 0.05  # seconds, metres: the hips go with legs that stand elsewhere
 TIPTOE_RISE = 0.1  # metres that hips rise per radian of a raised heel: half of what the ankles do
 ROLLED = 8.0  # degrees of a raised heel from which it does not stand
-ASIDE_HALF_LIFE, MOST_ASIDE = 0.06, 0.2  # seconds, metres that a straight leg swings outward
+ASIDE_HALF_LIFE, MOST_ASIDE = 0.06, 0.24  # seconds, metres that a straight leg swings outward
+MOST_TOE_UP = 0.7  # radians that its foot is turned up so that the toe clears the ground
 BENT_M = 0.1  # hips that are lowered so far bend knees, whatever these are to do
 SWING_CLEARANCE = 0.03  # metres over its resting height that a straight leg swings
 UPRIGHT = 0.955  # metres of the hips over level ground in neutral walking
@@ -107,9 +109,12 @@ class LegEdit:
         result, swings = [], list(self.aside)
         for k, (foot, ankle) in enumerate(zip(feet, moved, strict=True)):
             if added[k][KNEE] > 0.0:
-                ankle, aside = _straightened(foot, up, ankle, added[k][KNEE], request, k)
+                ankle, aside = _straightened(foot, up, ankle, added[k][KNEE], bears[k], request, k)
                 swings[k] += (aside - swings[k]) * (1.0 - decay(ASIDE_HALF_LIFE))
                 ankle = add(ankle, scale(side, (1.0 - 2.0 * k) * swings[k]))
+                foot = _toe_over(
+                    foot, request.ground + TOE_HEIGHT + SWING_CLEARANCE - ankle[1], 1.0 - bears[k]
+                )
             toe = add(foot.toe, subtract(ankle, foot.ankle))
             hip, knee = ((p[0], p[1] + up, p[2]) for p in (foot.hip, foot.knee))
             result.append(foot._replace(hip=hip, knee=knee, toe=toe, ankle=ankle))
@@ -207,11 +212,15 @@ def _foot(leg: LegPose, sign: float, added: tuple[float, ...]) -> LegPose:
 
 
 def _straightened(
-    leg: LegPose, up: float, ankle: Vector, weight: float, request: LegRequest, k: int
+    leg: LegPose, up: float, ankle: Vector, added: float, bears: float, request: LegRequest, k: int
 ) -> tuple[Vector, float]:
-    """The ankle of a knee that bends by its target at most, and metres that a leg which would scuff swings outward."""
+    """The ankle of a knee that bends by its target at most, and metres that a leg which would scuff swings outward.
+
+    `added` is what is in force of the target, in degrees; a leg that `bears` stays where it stands.
+    """
     share, weighted = request.targets[k][KNEE]
     most = radians(weighted / share) if share > 1e-6 else 0.5 * pi
+    weight = min(radians(added) / most, 1.0)
     thigh, shin = dist(leg.knee, leg.hip), dist(leg.ankle, leg.knee)
     hip = (leg.hip[0], leg.hip[1] + up, leg.hip[2])
     along = subtract(ankle, hip)
@@ -219,11 +228,23 @@ def _straightened(
     straight = sqrt(thigh * thigh + shin * shin + 2.0 * thigh * shin * cos(most))
     longer = 1.0 + weight * max(straight - reach, 0.0) / reach
     target = add(hip, scale(along, longer))
-    floor = min(request.ground + ANKLE_HEIGHT + SWING_CLEARANCE, ankle[1])  # what stands, stands
+    floor = request.ground + ANKLE_HEIGHT + SWING_CLEARANCE
+    floor += min(bears, 1.0) * min(ankle[1] - floor, 0.0)  # what stands, stands
     sunk, drop = max(floor - target[1], 0.0), hip[1] - target[1]
     # the leg keeps its length and its place along the way: what it rises it goes aside
     aside = sqrt(max(drop * drop - (drop - sunk) ** 2, 0.0))
     return (target[0], target[1] + sunk, target[2]), min(aside, MOST_ASIDE)
+
+
+def _toe_over(leg: LegPose, lowest: float, swings: float) -> LegPose:
+    """The leg with its foot turned about the ankle so that the toe is `lowest` metres over that at least, if it swings."""
+    ahead = subtract(leg.toe, leg.ankle)
+    if ahead[1] >= lowest or swings <= 0.0:
+        return leg
+    long = length(ahead)
+    turn = asin(max(min(lowest / long, 1.0), -1.0)) - asin(max(min(ahead[1] / long, 1.0), -1.0))
+    up = _about(rotate(leg.foot, (1.0, 0.0, 0.0)), -swings * min(turn, MOST_TOE_UP))
+    return leg._replace(foot=multiply(up, leg.foot), toe=add(leg.ankle, rotate(up, ahead)))
 
 
 def _about(axis: Vector, angle: float) -> Quaternion:
@@ -232,10 +253,12 @@ def _about(axis: Vector, angle: float) -> Quaternion:
 
 
 def checked_targets(values: Any) -> Array:
-    """Targets `(2, 5, 2)` of a file; ValueError for what no description asks for."""
+    """Targets `(3, 5, 2)` of a file; ValueError for what no description asks for."""
     targets = np.array(values, np.float64)
-    if targets.shape != BOTH or not (np.abs(targets[..., 1]) <= MOST).all():
+    if targets.shape == (2, *SHOWN[1:]):  # of a file without the trunk
+        targets = np.concatenate([targets, np.zeros((1, *SHOWN[1:]))])
+    if targets.shape != SHOWN or not (np.abs(targets[:2, :, 1]) <= MOST).all():
         raise ValueError("legs that no description has")
-    if not ((targets[..., 0] >= 0.0) & (targets[..., 0] <= 1.0)).all():
+    if not (np.abs(targets) <= 90.0).all() or not ((targets[..., 0] >= 0.0) & (targets[..., 0] <= 1.0)).all():
         raise ValueError("legs that no description has")
     return targets

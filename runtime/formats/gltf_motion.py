@@ -179,10 +179,14 @@ def _skeleton(nodes: _Nodes, joints: list[int], bind: Array) -> Skeleton:
     parents = tuple(joints.index(node) if node >= 0 else -1 for node in above)
     at_rest = bind[:, :3, 3]
     offsets = [at_rest[k] - (at_rest[p] if p >= 0 else 0.0) for k, p in enumerate(parents)]
-    named = {node: bone[:1].upper() + bone[1:] for node, bone in vrm_bones(nodes.file).items()}
-    named = {j: named.get(j) or nodes.file.gltf.nodes[j].name or f"node {j}" for j in joints}
-    names = tuple(printable(str(named[j]))[:MAX_NAME] for j in joints)
-    return Skeleton(names, parents, np.array(offsets, np.float32))
+    return Skeleton(_joint_names(nodes.file, joints), parents, np.array(offsets, np.float32))
+
+
+def _joint_names(file: GltfFile, joints: list[int]) -> tuple[str, ...]:
+    """Names of joints: of a VRM's bones as Unity has them, else those of the nodes."""
+    bones = {node: bone[:1].upper() + bone[1:] for node, bone in vrm_bones(file).items()}
+    named = (str(bones.get(j) or file.gltf.nodes[j].name or f"node {j}") for j in joints)
+    return tuple(printable(name)[:MAX_NAME] for name in named)
 
 
 def _fill(motion: BvhMotion, rows: slice, world: Array, bind: Array) -> None:
@@ -221,12 +225,17 @@ def _named(file: GltfFile) -> dict[str, Any]:
         animations[f"{name} ({k + 1})" if name in animations else name] = animation
     if not animations:
         raise file.error("it has no animation.", "Choose a file with one, or open it as a character.")
+    _check_animations(file, animations)
+    return animations
+
+
+def _check_animations(file: GltfFile, animations: dict[str, Any]) -> None:
+    """FileError where they are more than is looked at, or have more keys than the file has room for."""
     count, nodes = len(animations), len(file.gltf.nodes or [])
     if count > MAX_ANIMATIONS or count * nodes > MAX_LOOKED_AT:
         raise file.error(f"{count} animations of {nodes} nodes.", "Export fewer of them.")
     if sum(_key_count(file, animation) for animation in animations.values()) > _room(file):
         raise file.error("more keys than a file of its size has.", REMEDY)
-    return animations
 
 
 def _key_count(file: GltfFile, animation: Any) -> int:

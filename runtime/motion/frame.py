@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan2, hypot, inf
+from math import atan2, hypot
 
 import numpy as np
 
@@ -92,7 +92,7 @@ def step(
     request = _request(state, controls, probes, styles)
     # before an obstacle, and while one is crossed, a body does at once what it has to
     haste = [
-        1.0 if probe.stops or probe.ahead is not None or traversal.kind else usual
+        1.0 if probe.finds or traversal.kind else usual
         for probe, traversal, usual in zip(probes, state.traversals, response, strict=True)
     ]
     _steer(state, request, styles, haste)
@@ -143,14 +143,9 @@ def _probe(
     model: MotionModel, state: CharacterState, controls: Sequence[Controls], terrain: Terrain
 ) -> list[ObstacleProbe]:
     """The obstacles on the sticks' paths that the network does not cross by itself; every traversal remembers whether it stops."""
-    nothing = terrain.steepest * RUN_M < EDGE_M  # no slope of this ground is an edge
     sticks, here = [_stick(each) for each in controls], state.trajectory.here
-    headings = [(x / max(amount, 1e-9), z / max(amount, 1e-9)) for x, z, amount in sticks]
-    clear = [nothing] * len(state)
-    if not nothing:
-        ways = np.array([c.path(np.array(h)) for c, h in zip(state.traversals, headings, strict=True)])
-        reach = PROBE_M + STOP_SECONDS * state.measured_speed
-        clear = level_ahead(terrain, here, ways, reach, EDGE_M).tolist()
+    headings = np.array([(x / max(size, 1e-9), z / max(size, 1e-9)) for x, z, size in sticks])
+    clear = _clear(state, headings, terrain)
     probes = []
     for i, traversal in enumerate(state.traversals):
         gait = state.jumps[i].requested_gait(controls[i].gait)
@@ -159,10 +154,19 @@ def _probe(
         ground = None
         if requested > STAND_SPEED and not clear[i] and not state.feet[i].on_beam:
             ground = terrain
-        probe = traversal.probe(ground, here[i], np.array(headings[i]), float(state.measured_speed[i]))
+        probe = traversal.probe(ground, here[i], headings[i], float(state.measured_speed[i]))
         own = probe.ahead is not None and model.crosses(probe.ahead.obstacle)
         probes.append(CLEAR if own else probe)
     return probes
+
+
+def _clear(state: CharacterState, headings: Array, terrain: Terrain) -> list[bool]:
+    """Whose ways hold no edge, towards `headings` `(N, 2)`."""
+    if terrain.steepest * RUN_M < EDGE_M:  # no slope of this ground is an edge
+        return [True] * len(state)
+    ways = np.array([each.path(way) for each, way in zip(state.traversals, headings, strict=True)])
+    reach = PROBE_M + STOP_SECONDS * state.measured_speed
+    return level_ahead(terrain, state.trajectory.here, ways, reach, EDGE_M).tolist()
 
 
 def _request(
@@ -181,21 +185,25 @@ def _request(
         gait = jump.requested_gait(stick.gait)
         full = full_speed(style, gait)
         speed = 0.0 if probe.stops else amount * full
-        moving = speed > STAND_SPEED
-        way = (x * full, z * full) if moving else (0.0, 0.0)
+        ahead = (x * full, z * full) if speed > STAND_SPEED else None
+        way = ahead or (0.0, 0.0)
         if jump.airborne:  # no steering in the air
             way = state.trajectory.velocity[i].tolist()
             speed = hypot(*way)
-        elif not moving and gait != Gait.CROUCH:
+        elif ahead is None and gait != Gait.CROUCH:
             gait = Gait.STAND
         request.velocity.append(way)
         request.gait.append(int(gait))
         speeds.append(speed if speed > STAND_SPEED else 0.0)
-        facing = (way if moving else None) if stick.facing is None else stick.facing
-        yaw = None if facing is None else atan2(*facing)
-        request.facing.append(traversal.yaw if traversal.climbing else yaw)
+        request.facing.append(traversal.yaw if traversal.climbing else _yaw(stick.facing, ahead))
     state.wished_speed = np.array(speeds)
     return request
+
+
+def _yaw(facing: tuple[float, float] | None, ahead: tuple[float, float] | None) -> float | None:
+    """Of what a stick faces, or else of the way ahead."""
+    direction = ahead if facing is None else facing
+    return None if direction is None else atan2(*direction)
 
 
 def _velocity(state: CharacterState, index: int) -> tuple[float, float]:
@@ -205,19 +213,23 @@ def _velocity(state: CharacterState, index: int) -> tuple[float, float]:
     return x, z
 
 
+def _jog_from(style: Style, gait: int, wished: float) -> float:
+    """Speed of the plan (m/s) from which a body jogs: a slow jog is one too."""
+    middle = 0.5 * (style.walk_speed + style.jog_speed)
+    return min(middle, JOG_SHARE * wished) if gait == Gait.JOG else middle
+
+
 def _steer(
     state: CharacterState, request: Request, styles: Sequence[Style], response: Sequence[float]
 ) -> None:
     """Plan the coming second towards the request and let the network see it, with what its regulator adds."""
-    jogs, wished = [gait == Gait.JOG for gait in request.gait], state.wished_speed.tolist()
-    jog_from = [0.5 * (style.walk_speed + style.jog_speed) for style in styles]
-    slow_jog = [JOG_SHARE * each if jog else inf for each, jog in zip(wished, jogs, strict=True)]
+    wished = state.wished_speed.tolist()
     plan = state.trajectory.plan(
         request.velocity,
         request.facing,
         request.gait,
         [style.walk_speed for style in styles],
-        [min(pair) for pair in zip(jog_from, slow_jog, strict=True)],
+        [_jog_from(*each) for each in zip(styles, request.gait, wished, strict=True)],
         response,
     )
     speeds = [hypot(x, z) for x, z in state.trajectory.velocity.tolist()]
@@ -229,7 +241,7 @@ def _steer(
     for i, speed in enumerate(speeds):
         # requested more while it gathers speed, the network dives into a jog
         gathers = state.regulator.measured[i] < GATHERED * speed
-        if jogs[i] and gathers and state.regulator.stood[i] < STANDING_SECONDS:
+        if request.gait[i] == Gait.JOG and gathers and state.regulator.stood[i] < STANDING_SECONDS:
             gains[i] = min(gains[i], JOG_START_GAIN)
     velocities = plan.velocities * np.array(gains)[:, None, None]
     state.trajectory.steer(Plan(velocities, plan.yaws, plan.gaits))

@@ -67,15 +67,10 @@ class Inertialization:
             AFTERWARDS if blends else max(0.0, each - DT)
             for each, blends in zip(self.left.tolist(), blending, strict=True)
         ]
-        fastest = [FASTEST if each > 0.0 else FASTEST_EVER for each in left]
-        limits = [
-            DT * most * (FASTEST_AT_REST / most) ** calm for most, calm in zip(fastest, rest, strict=True)
-        ]
+        limits = [_fastest(*pair) for pair in zip(left, rest, strict=True)]
         arms = local.take(JOINTS, 1)
         same = np.abs((arms * self.last).sum(-1)).min(-1).tolist()  # cosines of half the fastest turns
-        held = (
-            np.abs(self.offset).max((1, 2)).tolist() if np.count_nonzero(self.offset) else [0.0] * len(local)
-        )
+        held = np.abs(self.offset).max((1, 2)).tolist()
         active = [
             left[i] > 0.0 or rest[i] > 0.0 or held[i] > _DONE or same[i] < cos(0.5 * limit)
             for i, limit in enumerate(limits)
@@ -99,6 +94,12 @@ class Inertialization:
         shown = rotations.multiply(rotations.from_rotation_vector(self.offset), arms)
         local[:, JOINTS] = np.where(acts, shown, arms)
         return active
+
+
+def _fastest(left: float, rest: float) -> float:
+    """Radians that a joint turns in a frame, where the network may change its mind for `left` seconds; `rest` as in `apply`."""
+    fastest = FASTEST if left > 0.0 else FASTEST_EVER
+    return DT * fastest * (FASTEST_AT_REST / fastest) ** rest
 
 
 WATCHED = np.array(

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from runtime.arrays import Array, Float32Array
-from runtime.feet.leg_edit import BOTH
+from runtime.feet.leg_edit import SHOWN
 from runtime.motion.calibration import Calibration
 from runtime.motion.features import C
 from runtime.motion.mirror import LIMBS, Ways, mirrored_code
@@ -38,7 +38,7 @@ class Style:
     jog_speed: float
     # amplitude and turns a second (C, 2) of the phases at rest, by what the arms are to do; zeros of a model that does not tell
     rest: Float32Array = field(default_factory=lambda: np.zeros((C, 2), np.float32))
-    legs: Array = field(default_factory=lambda: np.zeros(BOTH))  # what both legs are to show
+    legs: Array = field(default_factory=lambda: np.zeros(SHOWN))  # what both legs are to show
     mirrored: bool = False  # folded from the mirror image of z: the network walks it in the mirror
     opposite: Style | None = (
         None  # the same code folded the other way round, where some limbs move as it moves them
@@ -62,7 +62,7 @@ class StyleMix:
 
     weights: tuple[float, ...]
     codes: tuple[Float32Array, ...]
-    legs: Array = field(default_factory=lambda: np.zeros(BOTH))
+    legs: Array = field(default_factory=lambda: np.zeros(SHOWN))
 
 
 def even_weights(fractions: Shares, weights: Sequence[float]) -> Shares:

@@ -74,6 +74,11 @@ class ObstacleProbe(NamedTuple):
     ahead: Ahead | None  # what the stick leads to
     reason: str | None  # why the character does not go on, for the status line
 
+    @property
+    def finds(self) -> bool:
+        """Whether anything is ahead."""
+        return self.stops or self.ahead is not None
+
 
 CLEAR = ObstacleProbe(False, None, None)
 CLIMBING = ObstacleProbe(True, None, None)

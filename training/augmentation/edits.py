@@ -296,8 +296,8 @@ def _stiff(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) ->
     sides = [0, 1] if edit.slot == "legs" else [_SIDES[edit.slot.removesuffix("_leg")][0]]
     ankles, _, feet = motion.feet()
     shown = [[[0.0, 0.0] for _ in TARGETS] for _ in _SIDES]
-    for column in sides:  # what is added of a knee is its weight times degrees: one
-        shown[column][KNEE] = [1.0 / knee, 1.0]
+    for column in sides:
+        shown[column][KNEE] = [1.0, knee]
     yaw = rotations.to_euler(motion.facing, "YXZ")[:, 0]
     velocity = np.gradient(motion.path, axis=0)[:, [0, 2]] * FPS
     ground = motion.ground.height(motion.hips[:, 0], motion.hips[:, 2])

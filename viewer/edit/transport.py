@@ -249,11 +249,12 @@ class Transport:
         live = f"{ICON.person} Live" if self._wide else ICON.person
         live_width = imgui.calc_text_size(live).x + 2 * imgui.get_style().frame_padding.x
         right = imgui.get_window_width() - imgui.get_style().window_padding.x - live_width
-        undo = right - 2 * imgui.get_frame_height() - px(8)
+        end = right - (2 * imgui.get_frame_height() if self._wide else 0.0) - px(8)
         imgui.align_text_to_frame_padding()
-        self._time(playback, undo - imgui.get_cursor_pos_x() - px(8))
-        imgui.same_line(undo)
-        undo_buttons(self.editing.takes.editor, "take ", 0.0)
+        self._time(playback, end - imgui.get_cursor_pos_x())
+        if self._wide:
+            imgui.same_line(end)
+            undo_buttons(self.editing.takes.editor, "take ", 0.0)
         imgui.same_line(right)
         if widgets.button(f"{live}###live", live_width, "Back to the live character (Esc, or just move)"):
             self.editing.takes.close_playback()
@@ -298,6 +299,9 @@ class Transport:
         self._pose_button()
         if self._wide:
             self._more(references)
+        else:
+            imgui.same_line(0, gap)
+            undo_buttons(takes.editor, "take ", 0.0)
         self._go_on(fixed)
 
     def _pose_button(self) -> None:

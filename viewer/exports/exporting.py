@@ -18,6 +18,7 @@ from runtime.safe_read import parse_json, printable
 from runtime.session.session import Take
 from runtime.takes.camera_keys import view_at
 from runtime.terrain.height_map import Terrain
+from viewer.filming.shots import KEYED
 from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
@@ -127,6 +128,8 @@ class Exporting:
             )
             return
         self.shown = True
+        if self.scene.camera.keyed and self.takes.session.current.cameras:
+            self.choose(camera=KEYED)  # as the view shows it
         self.propose()
 
     def close(self) -> bool:
@@ -252,7 +255,7 @@ class Exporting:
     def _film_options(self, form: ExportForm, take: Take, start_s: float) -> Any:
         """The options of a film that begins at a time of a take."""
         from viewer.filming.film import FilmOptions
-        from viewer.filming.shots import KEYED, Shot
+        from viewer.filming.shots import Shot
 
         camera = self.scene.camera.current
         width, height = (int(side) for side in form.size.split("x"))

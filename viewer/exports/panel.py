@@ -76,7 +76,8 @@ def _lists_and_sliders(exporting: Exporting) -> None:
     """The options that the format has, except for toggles."""
     if exporting.form.ground == "inside" and not exporting.form.has("with_ground"):
         exporting.choose(ground="")
-    for name in filter(exporting.form.has, LISTS):
+    hidden = () if exporting.scene.character_path else ("character_unit",)
+    for name in (name for name in LISTS if exporting.form.has(name) and name not in hidden):
         exporting.choose(**{name: _list(exporting, name, f"##export {name}")})
     for name, least, text in SLIDERS:
         if exporting.form.has(name):

@@ -216,7 +216,7 @@ def film_of_take(
 
 # --- in a process of its own at low priority: the window goes on at its pace
 
-NICENESS = 10  # of the process: whatever the window needs comes first
+NICENESS = 5  # of the process: the window comes first, and the film still gets a quarter
 POLL_S = 0.1
 KILL_S = 0.2  # that a cancelled film may take to clean up by itself
 

@@ -61,7 +61,7 @@ class SystemFonts:
 
     def cover(self, texts: Iterable[str]) -> str:
         """Characters of new texts that no font here has; each is answered once."""
-        new = {c for text in texts for c in text if ord(c) >= FIRST} - self._seen
+        new = {c for text in texts if not text.isascii() for c in text if ord(c) >= FIRST} - self._seen
         self._seen |= new
         missing = self._lacking(new)
         if missing and self._rest is None:

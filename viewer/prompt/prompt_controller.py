@@ -500,13 +500,11 @@ class PromptController:
             raise PromptError("No model is loaded that could read a prompt.", "Wait until it is there.")
         return self.workers[Side.A].answer(request)
 
-    def close(self, seconds: float = CLOSE_SECONDS) -> bool:
-        """Stop the workers, after the text they are at; whether they have stopped within so many seconds.
-
-        A thread inside a network must not outlive the interpreter.
-        """
+    def close(self, seconds: float = CLOSE_SECONDS) -> None:
+        """Stop the workers within so many seconds, after the text they are at: it must not outlive the interpreter."""
         end = time.monotonic() + seconds
-        return all([worker.close(max(end - time.monotonic(), 0.0)) for worker in self.workers or ()])
+        for worker in self.workers or ():
+            worker.close(max(end - time.monotonic(), 0.0))
 
 
 def _with_prompt(change: Callable[[PromptBlend], PromptBlend]) -> Change:

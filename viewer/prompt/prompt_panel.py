@@ -30,7 +30,7 @@ HINT = "How should the character move?\nFor example: an exhausted soldier"
 HINT_B = "A second prompt to blend with"
 EXACT_HINT = (
     "What the network shows of these words is measured as it walks; an edit adds what is missing."
-    " “Exact legs” in Settings turns it off."
+    " “Exact legs, trunk” in Settings turns it off."
 )
 WEAK_HINT = "On a walk the body did this little of what these words say. Other words may do more."
 NEAREST_ROWS = 3  # in a tall panel, else one

@@ -13,7 +13,7 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.easing import spring
-from runtime.terrain.height_map import Terrain
+from runtime.terrain.height_map import PointHeights, Terrain
 
 FOV_Y = math.radians(38.0)
 LOOK_HEIGHT_M = 0.86  # of the point looked at, over the ground
@@ -31,6 +31,7 @@ STICK_HALF_LIFE = 0.05
 STICK_REST = 0.02  # a stick this close to its middle rests
 ALIGN_HALF_LIFE = 1.1
 LIFT_HALF_LIFE = 0.10
+_BEFORE_FEET, _ON_BOOM = np.linspace(0.15, 0.9, 16), np.linspace(0.25, 1.0, 12)  # of the way to the eye
 OPENING_HALF_LIFE = 0.35  # of the turn of an opening view, once the character walks
 GROUND_CLEARANCE_M = 0.35
 ORBIT_CLEARANCE_M = 0.08  # an orbit camera may look at feet from close to the ground
@@ -145,30 +146,29 @@ class OrbitCamera(Camera):
     def _lift_over_feet(self, terrain: Terrain) -> float:
         """Metres to lift the eye so that steps before the feet under the target do not hide them."""
         x, y, z = (float(v) for v in self.target)
-        foot = float(terrain.height(x, z)) + FOOT_M
+        foot = PointHeights(terrain).height(x, z) + FOOT_M
         if y - foot > STANDING_M:  # no character stands at the target
             return 0.0
         eye = super().position
-        fraction = np.linspace(0.15, 0.9, 16)
-        over = terrain.height(x + fraction * (eye[0] - x), z + fraction * (eye[2] - z)) + FOOT_M / 3
-        lift = (over - foot - fraction * (eye[1] - foot)) / fraction
+        way = _BEFORE_FEET
+        over = terrain.height(x + way * (eye[0] - x), z + way * (eye[2] - z)) + FOOT_M / 3
+        lift = (over - foot - way * (eye[1] - foot)) / way
         return min(float(np.max(lift)), MAX_LIFT * self.distance)
 
     def keep_above(self, terrain: Terrain | None, dt: float) -> None:
         """Glide to where the boom clears the ground."""
         goal = 0.0
         if terrain is not None:
-            fraction = np.linspace(0.25, 1.0, 12)
-            points = self.target - fraction[:, None] * self.distance * self.forward
+            points = self.target - _ON_BOOM[:, None] * self.distance * self.forward
             ground = terrain.height(points[:, 0], points[:, 2]) + self.CLEARANCE_M
-            goal = max(0.0, float(np.max((ground - points[:, 1]) / fraction)), self._lift_over_feet(terrain))
+            goal = max(0.0, float(np.max((ground - points[:, 1]) / _ON_BOOM)), self._lift_over_feet(terrain))
         self._lift_m, self._lift_velocity = spring(
             self._lift_m, self._lift_velocity, np.array(goal), LIFT_HALF_LIFE, dt
         )
         if terrain is not None:  # never inside the ground, however fast it rises
-            eye = self.position
-            floor = terrain.height(eye[0], eye[2]) + 0.3 * self.CLEARANCE_M
-            self._lift_m = self._lift_m + np.maximum(0.0, floor - eye[1])
+            x, y, z = self.position.tolist()
+            floor = PointHeights(terrain).height(x, z) + 0.3 * self.CLEARANCE_M
+            self._lift_m = self._lift_m + max(0.0, floor - y)
 
 
 @dataclass(eq=False)

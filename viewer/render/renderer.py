@@ -99,7 +99,7 @@ class Renderer:
         for characters in on_top:
             characters.draw(self._shadow_map.texture, on_top=True)
         self._draw_top_overlays(frame, pose, overlays)
-        self._scene.present(target, frame.screen_box(frame.cast, SHADOW_MARGIN_M))
+        self._scene.present(target, frame.screen_box(frame.cast[: len(frame.cast) // 2], SHADOW_MARGIN_M))
         self.ctx.enable_only(moderngl.NOTHING)
 
     def _prepare_figure(self, figure: Figure | None) -> tuple[list[CharacterPass], list[CharacterPass]]:

@@ -6,7 +6,7 @@ import math
 
 import moderngl
 
-from viewer.render.gl import release, scissored, screen_triangle, set_uniforms, shown_size
+from viewer.render.gl import release, scissored, screen_triangle, shown_size
 from viewer.render.quality import Quality
 
 
@@ -91,8 +91,6 @@ class SceneTarget:
         target.use()
         self._ctx.enable_only(moderngl.NOTHING)
         self._picture.use(0)
-        width, height = shown_size(target)
-        set_uniforms(self._smooth_edges.program, {"texel": (1 / width, 1 / height)})
         with scissored(target, edges):
             self._smooth_edges.render(moderngl.TRIANGLES, vertices=3)
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from runtime.prompts.english.library_data import LibraryEmbeddings, LibraryEntry
 from runtime.prompts.english.phrases import FIGURES, SLIGHTLY, Element
 from runtime.prompts.english.sides import OPPOSITE, SIDE, only_side
+from runtime.prompts.leg_targets import targets_of
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
 
@@ -32,6 +33,11 @@ _IDLE_ARM = re.compile(
 _BUSY_LEG = re.compile(
     r"limping|dragging|trailing|hopping|springing off|off the ground|stiff and straight|low kick|hanging"
 )
+
+# what is said of a part that leaves room for what its figure does with it: steps of a size or pace, and a lean
+_OF_STEPS = re.compile(r"\b(?:taking|stepping)\b(?!.*\b(?:foot|feet|knees?|toes|heavily|softly)\b)")
+_OF_LEAN = re.compile(r"^torso leaning\b(?!.*,)")
+_SWAYS = re.compile(r"\b(?:rock|waddl|sway|bounc|bobb|roll|twist|wobbl)\w*")
 
 Worth = Callable[[int, str], float]  # of an entry's sentence of a part, up to 1: how much of it a walk shows
 
@@ -61,6 +67,23 @@ def compose_elements(
     for element in elements:
         sources.update(dict.fromkeys(element.only, element.entry))
     return sources
+
+
+def with_figure(stated: Mapping[str, str], figure: Mapping[str, str]) -> dict[str, str]:
+    """What a prompt states of parts, with what its figure does that agrees: on tiptoe in short steps, swaying in a lean."""
+    said = dict(stated)
+    for part, words in stated.items():
+        clauses = figure[part].split(", ")
+        if part in _PAIRS["legs"] and _OF_STEPS.search(words):
+            kept = [
+                c for c in clauses if any(v is not None for v in targets_of(c)) and not _OF_STEPS.search(c)
+            ]
+        elif part == "torso" and _OF_LEAN.search(words):
+            kept = [c for c in clauses if _SWAYS.search(c) and "lean" not in c]
+        else:
+            continue
+        said[part] = ", ".join([words, *kept[:1]])
+    return said
 
 
 def _base(modifiers: Sequence[Element], entries: tuple[LibraryEntry, ...], neutral: int) -> int:

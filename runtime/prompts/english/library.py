@@ -22,6 +22,7 @@ from runtime.prompts.english.compose import (
     lame_on,
     on_side,
     sources_note,
+    with_figure,
     words_of_parts,
 )
 from runtime.prompts.english.library_data import (
@@ -291,7 +292,10 @@ class LibraryExpander:
         said = self._library.entries[base].descriptions if isinstance(base, int) else base
         parts = tuple(part for part in PART_NAMES if part in stated)
         source: Literal["library", "explicit"] = "explicit" if parts == PART_NAMES else "library"
-        return Expansion(PartDescriptions(**{**said.to_mapping(), **stated}), source, near, note, parts)
+        figure = said.to_mapping()
+        return Expansion(
+            PartDescriptions(**{**figure, **with_figure(stated, figure)}), source, near, note, parts
+        )
 
     def _with_one_gesture(self, expansion: Expansion) -> Expansion:
         """The arm that nothing is stated of swings, where the stated one does what it would do.

@@ -16,11 +16,11 @@ from runtime.feet import ik
 from runtime.feet.foot_lock import FootLock, Support
 from runtime.feet.leg import leg_bones, leg_forward
 from runtime.feet.leg_edit import (
-    BOTH,
     HEEL,
     KNEE,
     LOWER,
     OUTWARD,
+    SHOWN,
     TOE_OUT,
     LegEdit,
     LegRequest,
@@ -40,9 +40,9 @@ PLAIN = PartDescriptions(*["at rest"] * 6)
 def asked(**values: float) -> Array:
     """Both legs by these targets."""
     names = {"outward": OUTWARD, "lower": LOWER, "heel": HEEL, "toe_out": TOE_OUT, "knee": KNEE}
-    targets = np.zeros(BOTH)
+    targets = np.zeros(SHOWN)
     for name, value in values.items():
-        targets[:, names[name]] = 1.0, value
+        targets[:2, names[name]] = 1.0, value
     return targets
 
 
@@ -68,7 +68,7 @@ def walk(targets: Array, yaw: float = 0.0, width: float = 0.1, height: float = 0
 
 @cache
 def plain_walk() -> Array:
-    return walk(np.zeros(BOTH))
+    return walk(np.zeros(SHOWN))
 
 
 def across(positions: Array, yaw: float = 0.0) -> float:
@@ -125,7 +125,7 @@ def test_an_edit_that_is_no_longer_asked_for_fades() -> None:
     assert up < -0.1
     assert edit.active
     for _ in range(300):
-        up, legs = edit.apply(0.93, (leg, leg), [0.0] * 4, asks._replace(targets=np.zeros(BOTH).tolist()))
+        up, legs = edit.apply(0.93, (leg, leg), [0.0] * 4, asks._replace(targets=np.zeros(SHOWN).tolist()))
     assert not edit.active
     assert up == pytest.approx(0.0, abs=1e-6)
     assert legs[0].ankle == pytest.approx(leg.ankle, abs=1e-6)
@@ -134,7 +134,7 @@ def test_an_edit_that_is_no_longer_asked_for_fades() -> None:
 @settings(max_examples=3)
 @given(st.lists(st.floats(-1.0, 1.0), min_size=5, max_size=5), st.floats(-3.0, 3.0))
 def test_any_targets_give_poses_that_can_be_shown(values: list[float], yaw: float) -> None:
-    targets = np.zeros(BOTH)
+    targets = np.zeros(SHOWN)
     targets[..., 0] = 1.0
     targets[..., 1] = np.array(values) * [0.3, 0.4, 50.0, 50.0, 90.0]
     positions = walk(targets, yaw)
@@ -182,7 +182,7 @@ def test_legs_of_a_blend_are_between_those_of_its_prompts() -> None:
     np.testing.assert_allclose(half[1], leg_targets(wide)[1])
 
 
-@pytest.mark.parametrize("damaged", [[], [[1.0]], np.full(BOTH, 2.0), np.full(BOTH, np.nan), "legs"])
+@pytest.mark.parametrize("damaged", [[], [[1.0]], np.full(SHOWN, 2.0), np.full(SHOWN, np.nan), "legs"])
 def test_targets_of_a_file_are_checked(damaged: object) -> None:
     with pytest.raises(ValueError, match=r"legs|could not|inhomogeneous"):
         checked_targets(damaged)

@@ -82,11 +82,9 @@ def test_a_take_on_its_ground_is_the_same_in_every_format(tmp_path: Path, ground
     assert bars is not None
     sides = [(wanted[:, k : k + 2] > 0.5).any(axis=1) for k in (0, 2)]
     assert [int(bits) for bits in bars[1]] == (sides[0] + 2 * sides[1]).tolist()
-    assert (
-        main(["convert", str(files[1]), str(tmp_path / "engine.glb"), "--for", "unity", "--humanoid-names"])
-        == 0
-    )
-    for path in (take, files[0], files[1], tmp_path / "engine.glb"):
+    for_engine = [tmp_path / "engine.glb", tmp_path / "engine.fbx"]
+    assert main(["convert", str(files[1]), *map(str, for_engine), "--for", "unity", "--humanoid-names"]) == 0
+    for path in (take, files[0], files[1], *for_engine):
         opened = open_take(path)
         assert opened.reference is None
         assert (opened.clip.terrain, opened.clip.prompts, opened.clip.origin) == (

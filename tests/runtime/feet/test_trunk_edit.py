@@ -1,0 +1,128 @@
+"""Trunks that are edited towards their description: lean, twist, sway and rock; feet, and what is left alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from runtime import rotations
+from runtime.arrays import Array
+from runtime.feet.foot_lock import FootLock, Support
+from runtime.feet.leg_edit import SHOWN, LegRequest, checked_targets
+from runtime.feet.trunk_edit import ASIDE, LEAN, MOST, ROCK, SWAY, TRUNK, TWIST, UPRIGHT
+from runtime.motion.features import DT
+from runtime.prompts.leg_targets import edited_legs, leg_targets
+from runtime.prompts.parts import PartDescriptions
+from runtime.skeleton import SPORT_SKELETON, J
+from runtime.terrain.height_map import Terrain
+
+FLAT, STEPS = Terrain.flat(), 300
+NAMES = {"lean": LEAN, "aside": ASIDE, "twist": TWIST, "sway": SWAY, "rock": ROCK}
+PLAIN = PartDescriptions(*["at rest"] * 6)
+
+
+def asked(**values: float) -> Array:
+    """A trunk by these targets."""
+    targets = np.zeros(SHOWN)
+    for name, value in values.items():
+        targets[TRUNK, NAMES[name]] = 1.0, value
+    return targets
+
+
+def sway(
+    targets: Array | None, yaw: float = 0.4, swing: float = 0.02, roll: float = 3.0
+) -> tuple[Array, Array]:
+    """World positions `(T, 31, 3)` and rotations of a body that stands, its hips swaying and its spine rocking."""
+    lock, side = FootLock(), np.array([np.cos(yaw), 0.0, -np.sin(yaw)])
+    found = []
+    for k in range(STEPS):
+        wave = np.sin(2.0 * np.pi * k / 60.0)
+        local = np.tile([1.0, 0.0, 0.0, 0.0], (J, 1))
+        local[0] = rotations.from_yaw(np.array(yaw))
+        spine = SPORT_SKELETON.index("LowerBack")
+        local[spine] = rotations.from_axis_angle(
+            np.array([0.0, 0.0, 1.0]), np.array(np.radians(-roll * wave))
+        )
+        hips = np.array([0.0, 0.98, 0.0]) + swing * wave * side
+        request = None if targets is None else LegRequest(targets.tolist(), yaw, (0.0, 0.0), 0.0)
+        result = lock.apply(hips, local, np.ones(4), FLAT, DT, Support(legs=request))
+        found.append(SPORT_SKELETON.forward_kinematics(result.hips_position, result.local_rotations))
+    return np.stack([each[0] for each in found]), np.stack([each[1] for each in found])
+
+
+def angles(turned: Array, yaw: float = 0.4) -> Array:
+    """Degrees of lean, aside and twist, `(T, 3)`, of the chest."""
+    own = rotations.multiply(rotations.from_yaw(np.array(-yaw)), turned)
+    chest = own[:, SPORT_SKELETON.index("Spine1")]
+    up, ahead = (rotations.rotate(chest, np.array(v)) for v in ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]))
+    lean, aside = np.arctan2(up[:, 2], up[:, 1]), np.arctan2(up[:, 0], up[:, 1])
+    return np.degrees(np.stack([lean, aside, np.arctan2(ahead[:, 0], ahead[:, 2])], axis=1))
+
+
+@pytest.mark.parametrize(
+    ("name", "column", "value"),
+    [
+        ("lean", LEAN, 15.0),
+        ("lean", LEAN, -8.0),
+        ("aside", ASIDE, 10.0),
+        ("twist", TWIST, 24.0),
+        ("twist", TWIST, -24.0),
+    ],
+)
+def test_a_trunk_stands_at_the_angle_that_is_said(name: str, column: int, value: float) -> None:
+    shown = angles(sway(asked(**{name: value}))[1])[-60:].mean(axis=0)
+    assert shown[column] == pytest.approx(value + UPRIGHT[column], abs=1.5)
+    assert np.abs(np.delete(shown, column)).max() < 2.0
+
+
+def test_the_head_looks_where_it_looked() -> None:
+    plain, turned = (
+        rotations.rotate(sway(t)[1][-1, SPORT_SKELETON.index("Head")], np.array([0.0, 0.0, 1.0]))
+        for t in (None, asked(twist=24.0))
+    )
+    assert np.degrees(np.arccos(plain @ turned)) < 12.0
+
+
+def test_hips_sway_as_far_as_is_said_over_feet_that_stay() -> None:
+    positions, _ = sway(asked(sway=0.09))
+    last = positions[-60:]
+    across = last[:, 0, 0] * np.cos(0.4) - last[:, 0, 2] * np.sin(0.4)
+    assert np.ptp(across) == pytest.approx(0.09, abs=0.02)
+    for ankle in ("LeftFoot", "RightFoot"):
+        assert np.ptp(last[:, SPORT_SKELETON.index(ankle)], axis=0).max() < 0.004
+
+
+def test_a_trunk_rocks_as_far_as_is_said() -> None:
+    assert np.ptp(angles(sway(asked(rock=12.0))[1])[-60:, ASIDE]) == pytest.approx(12.0, abs=2.5)
+
+
+def test_what_does_more_than_is_said_is_left_alone() -> None:
+    plain, edited = sway(None), sway(asked(sway=0.02, rock=4.0))
+    np.testing.assert_allclose(edited[0][-60:], plain[0][-60:], atol=2e-3)
+
+
+@settings(max_examples=12)
+@given(st.lists(st.floats(-60.0, 60.0), min_size=5, max_size=5), st.floats(0.0, 1.0))
+def test_whatever_is_asked_a_body_stays_whole(values: list[float], weight: float) -> None:
+    targets = asked(**dict(zip(NAMES, values, strict=True)))
+    targets[TRUNK] *= weight
+    positions, turned = sway(targets)
+    assert np.isfinite(positions).all()
+    assert np.abs(angles(turned)).max() < max(MOST) + 25.0
+    assert np.abs(np.diff(positions, axis=0)).max() * 60.0 < 6.0  # m/s
+
+
+def test_words_of_a_trunk() -> None:
+    words = PLAIN.to_mapping() | {"torso": "torso turned to the left, swaying from side to side"}
+    targets = leg_targets(PartDescriptions(**words))
+    assert targets[TRUNK, TWIST, 1] > 0.0
+    assert edited_legs(PartDescriptions(**words)) == {"torso"}
+    assert not leg_targets(PLAIN).any()
+
+
+def test_a_file_without_a_trunk_is_read() -> None:
+    assert checked_targets(np.zeros((2, 5, 2))).shape == SHOWN
+    with pytest.raises(ValueError, match="no description"):
+        checked_targets(np.full(SHOWN, np.inf))

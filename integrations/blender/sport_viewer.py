@@ -328,12 +328,12 @@ def import_take(context, path, ground="", first_frame=1):
     scene.render.fps, scene.render.fps_base = max(1, math.ceil(facts.fps - 1e-6)), 1.0
     before, actions = set(bpy.data.objects), set(bpy.data.actions)
     if path.suffix.lower() == ".glb":
-        bpy.ops.import_scene.gltf(filepath=str(path), bone_heuristic="BLENDER", disable_bone_shape=True)
+        _import_with(bpy.ops.import_scene.gltf, path, bone_heuristic="BLENDER", disable_bone_shape=True)
         for action in set(bpy.data.actions) - actions:
             _retime(action, facts.fps / scene.render.fps, first_frame)
     else:
-        bpy.ops.import_anim.bvh(
-            filepath=str(path), global_scale=facts.scale, frame_start=first_frame, use_fps_scale=False,
+        _import_with(
+            bpy.ops.import_anim.bvh, path, global_scale=facts.scale, frame_start=first_frame, use_fps_scale=False,
             rotate_mode="QUATERNION", axis_forward="-Z", axis_up="Y",
         )  # fmt: skip
     # only now: versions of the importers differ in what the base does to their keys
@@ -349,6 +349,14 @@ def import_take(context, path, ground="", first_frame=1):
     context.view_layer.objects.active = armature
     scene.frame_set(first_frame)
     return armature
+
+
+def _import_with(importer, path, **options):
+    """Let Blender's own importer read a file; ValueError in place of the traceback of one that stumbles."""
+    try:
+        importer(filepath=str(path), **options)
+    except RuntimeError as error:
+        raise ValueError(f"{path.name}: damaged; Blender's importer cannot read it") from error
 
 
 def _add_markers(scene, marks):
@@ -370,9 +378,9 @@ def _import_ground(path, facts, chosen):
         with found.open(encoding="utf-8", errors="replace") as file:
             unit = re.search(r", (cm|m), Y up", file.readline())  # our own files say it
         scale = {"cm": 0.01, "m": 1.0}[unit[1]] if unit else scale
-        bpy.ops.wm.obj_import(filepath=str(found), global_scale=scale, forward_axis="NEGATIVE_Z", up_axis="Y")
+        _import_with(bpy.ops.wm.obj_import, found, global_scale=scale, forward_axis="NEGATIVE_Z", up_axis="Y")
     else:
-        bpy.ops.import_scene.gltf(filepath=str(found))
+        _import_with(bpy.ops.import_scene.gltf, found)
         for thing in set(bpy.data.objects) - before:
             if thing.parent is None:
                 thing.scale, thing.location = thing.scale * scale, thing.location * scale

@@ -131,6 +131,16 @@ def test_blender_imports_takes_with_markers_and_ground(
 
 
 @needs_blender
+def test_a_damaged_take_is_a_sentence_in_blender(files: dict[str, Path], tmp_path: Path) -> None:
+    path = tmp_path / "damaged.bvh"
+    frames = files["cm"].read_text("utf-8").rstrip().rsplit(" ", 1)[0]
+    path.write_text(f"{frames} 1e\n", encoding="utf-8")
+    done = subprocess.run(blender_command(IN_BLENDER, ADDON, "take", tmp_path / "found.json", path),
+                          capture_output=True, text=True, timeout=300, check=False)  # fmt: skip
+    assert done.stderr.rstrip().endswith("Error: damaged.bvh: damaged; Blender's importer cannot read it")
+
+
+@needs_blender
 @pytest.mark.parametrize("suffix", [".bvh", ".glb"])
 def test_takes_at_rates_of_video_lie_on_their_frames(clip: Clip, tmp_path: Path, suffix: str) -> None:
     path, target = tmp_path / f"take{suffix}", tmp_path / "found.json"

@@ -18,7 +18,7 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.feet.ik import EASE_REACH, MAX_REACH
 from runtime.feet.leg import Knee, LegPose, bent, leg_forward, leg_inverse
-from runtime.feet.leg_edit import LegEdit, LegRequest
+from runtime.feet.leg_edit import EditRequest, LegEdit
 from runtime.feet.narrow_support import Balance, SidewaysLead, may_be_narrow, pull_of_beam, side_of_beam
 from runtime.feet.planted_foot import SETTINGS, PlantedFoot, span
 from runtime.feet.trunk_edit import TrunkEdit
@@ -86,7 +86,7 @@ class Support(NamedTuple):
 
     airborne: bool = False  # it is thrown, no leg carries it
     patience: float = 1.0  # how many times as far as usual a held foot may be from the incoming one
-    legs: LegRequest | None = None  # what its legs are to show
+    edits: EditRequest | None = None  # what its legs and trunk are to show
 
 
 def _moved(leg: LegPose, by: Vector) -> LegPose:
@@ -124,6 +124,11 @@ class FootLock:
     pull: tuple[float, float] = (0.0, 0.0)  # m/s, XZ, that keep the root over a beam
 
     @property
+    def is_edited(self) -> bool:
+        """Whether an edit adds anything to legs or trunk."""
+        return self.edit.active or self.trunk.active
+
+    @property
     def held(self) -> tuple[str, str]:
         """What holds the left and the right foot: "", "heel" or "toe"."""
         return self.feet[0].anchor, self.feet[1].anchor
@@ -151,9 +156,9 @@ class FootLock:
         left, right = (leg_forward(foot.bones, (x, y, z), local) for foot in self.feet)
         incoming = (left, right)
         legs, shown = [left, right], local_rotations
-        if support.legs is not None:
-            up, legs = self.edit.apply(y, incoming, chances, support.legs)
-            east, south, shown = self.trunk.apply((x, y, z), local_rotations, support.legs)
+        if support.edits is not None:
+            up, legs = self.edit.apply(y, incoming, chances, support.edits)
+            east, south, shown = self.trunk.apply((x, y, z), local_rotations, support.edits)
             incoming = (_moved(left, (east, up, south)), _moved(right, (east, up, south)))
             legs = [_under(leg, east, south) for leg in legs]
             x, y, z = x + east, y + up, z + south

@@ -53,10 +53,10 @@ _NOTHING = (0.0,) * len(TARGETS)
 _UP: Vector = (0.0, 1.0, 0.0)
 
 
-class LegRequest(NamedTuple):
-    """What both legs are asked to show, and how the body goes."""
+class EditRequest(NamedTuple):
+    """What legs and trunk are asked to show, and how the body goes."""
 
-    targets: list[list[list[float]]]  # [leg][target]: weight, and value times weight
+    targets: list[list[list[float]]]  # [left leg, right leg, trunk][target]: weight, and value times weight
     yaw: float  # radians, the way that the body faces
     velocity: tuple[float, float]  # m/s of the root, X and Z
     ground: float  # metres, the height under the body
@@ -83,7 +83,7 @@ class LegEdit:
         return any(self.left) or any(self.right)
 
     def apply(
-        self, height: float, legs: tuple[LegPose, LegPose], chances: list[float], request: LegRequest
+        self, height: float, legs: tuple[LegPose, LegPose], chances: list[float], request: EditRequest
     ) -> tuple[float, list[LegPose]]:
         """Metres that the hips go up, and the legs with hips, toes, ankles and feet where they are to be; knees follow later.
 
@@ -124,7 +124,7 @@ class LegEdit:
         return up, result
 
     def _measure(
-        self, height: float, legs: tuple[LegPose, LegPose], bears: tuple[float, float], request: LegRequest
+        self, height: float, legs: tuple[LegPose, LegPose], bears: tuple[float, float], request: EditRequest
     ) -> None:
         x, z = request.velocity
         speed = hypot(x, z)
@@ -150,7 +150,7 @@ class LegEdit:
                 yaw[k] += follow * (sign * turned * 180.0 / pi - yaw[k])
         self.pitch, self.yaw = (pitch[0], pitch[1]), (yaw[0], yaw[1])
 
-    def _follow(self, request: LegRequest) -> None:
+    def _follow(self, request: EditRequest) -> None:
         """Let what is added go towards what is missing."""
         wanted = [self._missing(request.targets[k], k) for k in (0, 1)]
         lower = min(wanted[0][LOWER], wanted[1][LOWER])  # one leg alone lowers no hips
@@ -212,7 +212,7 @@ def _foot(leg: LegPose, sign: float, added: tuple[float, ...]) -> LegPose:
 
 
 def _straightened(
-    leg: LegPose, up: float, ankle: Vector, added: float, bears: float, request: LegRequest, k: int
+    leg: LegPose, up: float, ankle: Vector, added: float, bears: float, request: EditRequest, k: int
 ) -> tuple[Vector, float]:
     """The ankle of a knee that bends by its target at most, and metres that a leg which would scuff swings outward.
 

@@ -12,7 +12,7 @@ from math import atan2, cos, degrees, pi, radians, sin, sqrt
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.feet.leg_edit import LegRequest
+from runtime.feet.leg_edit import EditRequest
 from runtime.pose import FPS
 from runtime.scalar_math import Quaternion, Vector, decay, from_vector, multiply, relative, rotate, scale
 from runtime.skeleton import SPORT_SKELETON
@@ -58,14 +58,17 @@ class TrunkEdit:
     more_sway: float = 0.0  # times the network's own that is added
     more_rock: float = 0.0
 
-    def apply(self, hips: Vector, local: Array, request: LegRequest) -> tuple[float, float, Array]:
+    def apply(self, hips: Vector, local: Array, request: EditRequest) -> tuple[float, float, Array]:
         """Metres, X and Z, that the hips move, and the local rotations `(31, 4)` with the trunk as it is asked for."""
+        if not self.active and not any(weight for weight, _ in request.targets[TRUNK]):
+            self.known = 0.0  # what is asked for later is measured anew
+            return 0.0, 0.0, local
         rotations: list[Quaternion] = [tuple(q) for q in local[list(_JOINTS)].tolist()]
         side: Vector = (cos(request.yaw), 0.0, -sin(request.yaw))  # towards the left
         ahead: Vector = (sin(request.yaw), 0.0, cos(request.yaw))
         shown = _angles(rotations, side, ahead)
         if self.known == 0.0:
-            self.x, self.z, self.aside = hips[0], hips[2], shown[ASIDE]
+            vars(self).update(vars(TrunkEdit(x=hips[0], z=hips[2])))
         mean = 1.0 - decay(MEAN_HALF_LIFE)
         east, south = request.velocity
         self.east += mean * (east - self.east)
@@ -77,11 +80,11 @@ class TrunkEdit:
         self.twist += mean * (shown[TWIST] - self.twist)
         swayed = (hips[0] - self.x) * side[0] + (hips[2] - self.z) * side[2]
         swayed = min(max(swayed, -MOST_SHIFT), MOST_SHIFT)  # what is more turns or sets off
-        rocked = shown[ASIDE] - self.aside
+        self.known += mean * (1.0 - self.known)
+        rocked = shown[ASIDE] - self.aside / self.known
         seen = 1.0 - decay(RANGE_HALF_LIFE)
         self.sway += seen * (swayed * swayed - self.sway)
         self.rock += seen * (rocked * rocked - self.rock)
-        self.known += mean * (1.0 - self.known)
         self._follow(request.targets[TRUNK])
         shift = min(max(self.more_sway * swayed, -MOST_SHIFT), MOST_SHIFT)
         rolled = self.more_aside + min(max(self.more_rock * rocked, -MOST_ROCK), MOST_ROCK)
@@ -103,7 +106,7 @@ class TrunkEdit:
             goal = 0.0
             if weight > 1e-6:
                 value = weighted / weight
-                lacks = (value + UPRIGHT[k] - getattr(self, name) / max(self.known, 1e-6)) * self.known
+                lacks = (value + UPRIGHT[k] - getattr(self, name) / self.known) * self.known
                 one_way = max if value > 0.0 else min  # what leans or turns more than said stays
                 goal = weight * min(max(one_way(lacks, 0.0), -MOST[k]), MOST[k])
             added = getattr(self, f"more_{name}")
@@ -113,7 +116,7 @@ class TrunkEdit:
             weight, weighted = targets[k]
             goal = 0.0
             if weight > 1e-6:
-                has = max(RANGE * sqrt(getattr(self, name) / max(self.known, 1e-6)), least)
+                has = max(RANGE * sqrt(getattr(self, name) / self.known), least)
                 goal = weight * self.known * min(max(weighted / weight / has - 1.0, 0.0), MOST_GAIN)
             added = getattr(self, f"more_{name}")
             setattr(self, f"more_{name}", added + follow * (goal - added))

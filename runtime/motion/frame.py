@@ -14,7 +14,7 @@ import numpy as np
 from runtime.arrays import Array, Flags
 from runtime.controls import STAND_SPEED, Controls, Gait
 from runtime.feet.foot_lock import Support
-from runtime.feet.leg_edit import LegRequest
+from runtime.feet.leg_edit import EditRequest
 from runtime.motion import features
 from runtime.motion.features import DT, InputParts, OutputParts, split_output
 from runtime.motion.limbs import KEYFRAMED, resolve_penetration
@@ -326,7 +326,7 @@ def _plant(
                 unlocked_hips[i], unlocked_local[i], contacts[i] = posed
             stood = feet.feet[0].incoming is not None  # else on ground that has just come under the body
             patience = 1.0 + PATIENCE * (1.0 - float(state.settling.fraction[i]))
-            support = Support(jump.airborne, patience, _leg_request(state, i))
+            support = Support(jump.airborne, patience, _edit_request(state, i))
             locked = feet.apply(unlocked_hips[i], unlocked_local[i], contacts[i], terrain, DT, support)
             shown_hips[i], shown_local[i] = locked.hips_position, locked.local_rotations
             if walls:
@@ -336,14 +336,16 @@ def _plant(
     return unlocked_hips, unlocked_local
 
 
-def _leg_request(state: CharacterState, index: int) -> LegRequest | None:
-    """What the legs of a character are to show; None where its words ask for nothing and nothing is added."""
+def _edit_request(state: CharacterState, index: int) -> EditRequest | None:
+    """What legs and trunk of a character are to show; None where its words ask for nothing and nothing is added."""
     style = state.styles[index].style
-    if not style.moves_legs and not state.feet[index].edit.active:
+    if not style.is_edited and not state.feet[index].is_edited:
         return None
-    legs, path = style.legs, state.trajectory
+    path = state.trajectory
     x, z = path.velocity[index].tolist()
-    return LegRequest(legs.tolist(), float(path.yaw[index, PRESENT]), (x, z), float(state.ground[index]))
+    return EditRequest(
+        style.edits.tolist(), float(path.yaw[index, PRESENT]), (x, z), float(state.ground[index])
+    )
 
 
 def _cross(

@@ -119,7 +119,7 @@ def _written(style: StyleMix | Style, arrays: list[np.ndarray]) -> dict[str, Any
     if isinstance(style, Style):
         return write_record(style, arrays)
     arrays.append(np.stack(style.codes))
-    return {"codes": len(arrays) - 1, "weights": list(style.weights), "legs": style.legs.tolist()}
+    return {"codes": len(arrays) - 1, "weights": list(style.weights), "edits": style.edits.tolist()}
 
 
 def _codes(tree: Any, arrays: list[np.ndarray]) -> StyleCodes:
@@ -139,8 +139,8 @@ def _folded(tree: Any, arrays: list[np.ndarray]) -> Style:
         raise ValueError("weights that no style has")
     z, front_bias, content_weight, content_bias, rest = folded
     walk, jog = (read_number(tree[name], FASTEST) for name in ("walk_speed", "jog_speed"))
-    legs = checked_targets(arrays[int(tree["legs"])])
-    made = Style(z, front_bias, content_weight, content_bias, walk, jog, rest, legs)
+    edits = checked_targets(arrays[int(_edits(tree))])
+    made = Style(z, front_bias, content_weight, content_bias, walk, jog, rest, edits)
     if tree.get("opposite") is None:
         return replace(made, mirrored=tree.get("mirrored") is True)
     opposite = _folded(tree["opposite"] | {"opposite": None}, arrays)
@@ -148,6 +148,10 @@ def _folded(tree: Any, arrays: list[np.ndarray]) -> Style:
     if len(limbs) != LIMBS:
         raise ValueError("limbs that no body has")
     return replace(made, mirrored=tree["mirrored"] is True, opposite=opposite, limbs=limbs)
+
+
+def _edits(tree: Any) -> Any:
+    return tree["edits"] if "edits" in tree else tree["legs"]  # the name in files without a trunk
 
 
 def _mix(tree: Any, arrays: list[np.ndarray]) -> StyleMix:
@@ -158,7 +162,7 @@ def _mix(tree: Any, arrays: list[np.ndarray]) -> StyleMix:
     fits = codes.dtype == np.float32 and codes.ndim == 3 and len(codes) == len(fractions)
     if not fits or not 1 <= len(codes) <= MOST_CODES or not (np.abs(codes) <= LARGEST_CODE).all():
         raise ValueError("codes that no style has")
-    return StyleMix(tuple(fractions), tuple(codes), checked_targets(tree["legs"]))
+    return StyleMix(tuple(fractions), tuple(codes), checked_targets(_edits(tree)))
 
 
 def _arrays(data: bytes) -> dict[str, np.ndarray]:

@@ -38,7 +38,7 @@ class Style:
     jog_speed: float
     # amplitude and turns a second (C, 2) of the phases at rest, by what the arms are to do; zeros of a model that does not tell
     rest: Float32Array = field(default_factory=lambda: np.zeros((C, 2), np.float32))
-    legs: Array = field(default_factory=lambda: np.zeros(SHOWN))  # what both legs are to show
+    edits: Array = field(default_factory=lambda: np.zeros(SHOWN))  # what legs and trunk are to show
     mirrored: bool = False  # folded from the mirror image of z: the network walks it in the mirror
     opposite: Style | None = (
         None  # the same code folded the other way round, where some limbs move as it moves them
@@ -46,9 +46,9 @@ class Style:
     limbs: tuple[float, ...] = (0.0,) * LIMBS  # how far each of the four does
 
     @cached_property
-    def moves_legs(self) -> bool:
-        """Whether the legs are to show anything."""
-        return bool(self.legs.any())
+    def is_edited(self) -> bool:
+        """Whether legs or trunk are to show anything."""
+        return bool(self.edits.any())
 
     @property
     def ways(self) -> Ways:
@@ -58,11 +58,11 @@ class Style:
 
 @dataclass(frozen=True, eq=False)
 class StyleMix:
-    """Codes Z^t `(6, 64)` with their weights, which sum to one, and what the legs are to show (`runtime.feet.leg_edit`)."""
+    """Codes Z^t `(6, 64)` with their weights, which sum to one, and what legs and trunk are to show (`runtime.feet.leg_edit`)."""
 
     weights: tuple[float, ...]
     codes: tuple[Float32Array, ...]
-    legs: Array = field(default_factory=lambda: np.zeros(SHOWN))
+    edits: Array = field(default_factory=lambda: np.zeros(SHOWN))
 
 
 def even_weights(fractions: Shares, weights: Sequence[float]) -> Shares:
@@ -124,7 +124,7 @@ class StyleFolder:
         ModelError where a code does not fit the model.
         """
         mix = style if isinstance(style, StyleMix) else StyleMix((1.0,), (style,))
-        return replace(self._mixed(mix, like), legs=mix.legs)
+        return replace(self._mixed(mix, like), edits=mix.edits)
 
     def _mixed(self, mix: StyleMix, like: Ways | None) -> Style:
         measured = self._calibration
@@ -234,12 +234,12 @@ class StyleBlend:
 def _mix(style: Float32Array | StyleMix | Style) -> StyleMix:
     """A code `(6, 64)`, or that of a folded style, as a mix of one."""
     if isinstance(style, Style):
-        return StyleMix((1.0,), (style.z,), style.legs)
+        return StyleMix((1.0,), (style.z,), style.edits)
     return style if isinstance(style, StyleMix) else StyleMix((1.0,), (np.array(style, np.float32),))
 
 
 def _between(ends: tuple[Style, Style], codes: StyleCodes) -> Style:
     if codes.fraction <= 0.0 or codes.fraction >= 1.0:
         return ends[codes.fraction >= 1.0]
-    legs = (1.0 - codes.fraction) * ends[0].legs + codes.fraction * ends[1].legs
-    return replace(mixed(ends, (1.0 - codes.fraction, codes.fraction)), legs=legs)
+    edits = (1.0 - codes.fraction) * ends[0].edits + codes.fraction * ends[1].edits
+    return replace(mixed(ends, (1.0 - codes.fraction, codes.fraction)), edits=edits)

@@ -17,9 +17,9 @@ from runtime.motion.perceptual_weights import perceptual_weights
 from runtime.motion.style import Shares, StyleMix, even_weights, mixes
 from runtime.prompts.blend import BlendedPrompt, Weights, Words, mix_of_parts
 from runtime.prompts.content import PromptEncoder
+from runtime.prompts.edit_targets import blended_targets, edit_targets, edited_parts
 from runtime.prompts.english.library import LibraryExpander
 from runtime.prompts.expander import Expander, Expansion
-from runtime.prompts.leg_targets import blended_legs, edited_legs, leg_targets
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.phrasing import ModelPhrasing, adherence_of, phrasing_of
 from runtime.prompts.text_encoder import library_encoder, text_encoder_of
@@ -92,14 +92,14 @@ class Prompter:
         return self._read(words)[1]
 
     def style(self, words: Words | BlendedPrompt, exact_legs: bool = True) -> StyleMix:
-        """What a character moves by; `exact_legs`: edits show of the legs what the network does not."""
+        """What a character moves by; `exact_legs`: edits show of legs and trunk what the network does not."""
         if isinstance(words, BlendedPrompt):
             (a, z_a), (b, z_b) = self._read(words.a), self._read(words.b)
-            mix, legs = self._blend(z_a, z_b, words.weights), blended_legs(a, b, words.weights)
+            mix, edits = self._blend(z_a, z_b, words.weights), blended_targets(a, b, words.weights)
         else:
             descriptions, z = self._read(words)
-            mix, legs = StyleMix((1.0,), (z,)), leg_targets(descriptions)
-        return replace(mix, legs=legs) if exact_legs else mix
+            mix, edits = StyleMix((1.0,), (z,)), edit_targets(descriptions)
+        return replace(mix, edits=edits) if exact_legs else mix
 
     def _read(self, words: Words) -> tuple[PartDescriptions, NDArray[np.float32]]:
         """The six descriptions and their code."""
@@ -111,7 +111,7 @@ class Prompter:
         return words, self.encoder.encode(words)
 
     def _note(self, descriptions: PartDescriptions) -> str:
-        return self._adherence.note(self.phrasing.followed(descriptions), edited_legs(descriptions))
+        return self._adherence.note(self.phrasing.followed(descriptions), edited_parts(descriptions))
 
     def _blend(self, a: NDArray[np.float32], b: NDArray[np.float32], weights: Weights) -> StyleMix:
         """The mix in which `weights` of the change are done; a pair is measured once."""

@@ -176,7 +176,7 @@ class DocumentWriter:
             return {"name": printable(change.name), "ground": self._terrain(change.terrain)}
         z, note = change.z, change.note
         style = (
-            [self.blobs.array(np.stack(z.codes)), list(map(float, z.weights)), z.legs.tolist()]
+            [self.blobs.array(np.stack(z.codes)), list(map(float, z.weights)), z.edits.tolist()]
             if isinstance(z, StyleMix)
             else self.blobs.array(z)
         )
@@ -346,12 +346,12 @@ class DocumentReader:
     def _style(self, value: Json) -> Any:
         if not isinstance(value, list):
             return self._code(value)
-        number, parts, legs = value
+        number, parts, edits = value
         codes = self._finite(self.blobs.array(number, "<f4", (len(parts), *CODE)))
         mixed = tuple(read_number(part, 1.0) for part in parts)
         if not mixed or min(mixed) < 0.0 or abs(sum(mixed) - 1.0) > 1e-3:
             raise ValueError("fractions of styles that are no mix")
-        return StyleMix(mixed, tuple(codes), checked_targets(legs))
+        return StyleMix(mixed, tuple(codes), checked_targets(edits))
 
     def _code(self, value: Json) -> Any:
         return self._finite(self.blobs.array(value, "<f4", CODE))

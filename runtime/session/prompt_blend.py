@@ -11,7 +11,7 @@ import numpy as np
 from runtime.motion.style import LINEAR, Shares, StyleMix, even_weights, turned_round
 from runtime.prompts.answer import Answer as Answer
 from runtime.prompts.blend import ALL_A, BlendedPrompt, Weights, Words, mix_of_parts, write_words
-from runtime.prompts.leg_targets import blended_legs, leg_targets
+from runtime.prompts.edit_targets import blended_targets, edit_targets
 from runtime.skeleton import PART_NAMES
 
 
@@ -72,11 +72,11 @@ class PromptBlend:
         if self.a is None:
             return None
         if self.b is None or not self.blended:
-            mix, legs = StyleMix((1.0,), (self.a.z,)), leg_targets(self.a.words)
+            mix, edits = StyleMix((1.0,), (self.a.z,)), edit_targets(self.a.words)
         else:
             mix = mix_of_parts(self.a.z, self.b.z, even_weights(self.shares, self.weights))
-            legs = blended_legs(self.a.words, self.b.words, self.weights)
-        return dataclasses.replace(mix, legs=legs) if exact_legs else mix
+            edits = blended_targets(self.a.words, self.b.words, self.weights)
+        return dataclasses.replace(mix, edits=edits) if exact_legs else mix
 
     def replayable(self) -> Words | BlendedPrompt:
         """What a take keeps of this style."""

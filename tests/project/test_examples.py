@@ -16,7 +16,7 @@ import pytest
 
 from runtime.formats.bvh_clip import load_clip_bvh
 from runtime.motion.model import load_model
-from runtime.prompts.leg_targets import edited_legs
+from runtime.prompts.edit_targets import edited_parts
 from runtime.prompts.phrasing import adherence_of
 from runtime.prompts.prompter import Prompter
 from runtime.terrain.library import load_terrain
@@ -131,4 +131,4 @@ def test_prompts_of_the_documents_are_shown_by_the_shipped_model() -> None:
     assert len(prompts) >= 5
     for prompt in prompts:
         words = library.expand(prompt).descriptions
-        assert adherence.note(words, edited_legs(words)) == "", prompt
+        assert adherence.note(words, edited_parts(words)) == "", prompt

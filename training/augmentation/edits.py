@@ -15,7 +15,7 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.feet import ik
 from runtime.feet.leg import leg_bones, leg_forward
-from runtime.feet.leg_edit import KNEE, TARGETS, LegEdit, LegRequest
+from runtime.feet.leg_edit import KNEE, TARGETS, EditRequest, LegEdit
 from runtime.motion.features import FPS
 from runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
@@ -309,7 +309,7 @@ def _stiff(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) ->
     )
     for t in [*range(min(_SETTLING, len(hips))), *range(len(hips))]:
         legs = leg_forward(bones[0], hips[t], local[t]), leg_forward(bones[1], hips[t], local[t])
-        request = LegRequest(shown, float(yaw[t]), tuple(velocity[t].tolist()), float(ground[t]))
+        request = EditRequest(shown, float(yaw[t]), tuple(velocity[t].tolist()), float(ground[t]))
         rise[t], placed = state.apply(hips[t][1], legs, list(contacts[t]), request)
         ankles[t], feet[t] = [leg.ankle for leg in placed], [leg.foot for leg in placed]
     return with_feet(motion, motion.hips + rise[:, None] * UP, ankles, feet)

@@ -25,8 +25,8 @@ from runtime.feet.leg_edit import OUTWARD
 from runtime.motion.features import C
 from runtime.motion.model import MotionModel, load_model
 from runtime.motion.model_files import read_metadata
+from runtime.prompts.edit_targets import CLOSE, targets_of
 from runtime.prompts.english.grammar import grammar
-from runtime.prompts.leg_targets import CLOSE, targets_of
 from runtime.prompts.parts import PartDescriptions, mirror_text
 from runtime.prompts.phrasing import ModelPhrasing, phrasing_of
 from runtime.prompts.prompter import Prompter

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from runtime.prompts.answer import Answer
+from runtime.prompts.edit_targets import edited_parts
 from runtime.prompts.expander import DEFAULT_PROMPT
 from runtime.prompts.gpt.settings import GptSettings
-from runtime.prompts.leg_targets import edited_legs
 from runtime.prompts.phrasing import HARDLY, adherence_of
 from runtime.session.prompt_blend import PromptBlend, Side
 from runtime.skeleton import PART_NAMES
@@ -150,7 +150,7 @@ class PromptPanel:
         if self._weak_of[0] is not blend.a or self._weak_of[1] != self.model:
             self._weak_of = blend.a, self.model
             self._weak = {part: weakly_shown(blend, part, self.model) for part in PART_NAMES}
-            self._exact = edited_legs(None if blend.a is None else blend.a.words)
+            self._exact = edited_parts(None if blend.a is None else blend.a.words)
         line, padding = imgui.get_text_line_height(), 2 * imgui.get_style().frame_padding.y
         free = imgui.get_content_region_avail().y / len(PART_NAMES) - px(LABEL_HEIGHT + 2 + ROW_GAP)
         height = min(max(free, MIN_LINES * line + padding), MAX_LINES * line + padding)

@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.prompts.edit_targets import targets_of
 from runtime.prompts.english.library_data import LibraryEmbeddings, LibraryEntry
 from runtime.prompts.english.phrases import FIGURES, SLIGHTLY, Element
 from runtime.prompts.english.sides import OPPOSITE, SIDE, only_side
-from runtime.prompts.leg_targets import targets_of
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
 

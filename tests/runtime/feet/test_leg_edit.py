@@ -22,12 +22,12 @@ from runtime.feet.leg_edit import (
     OUTWARD,
     SHOWN,
     TOE_OUT,
+    EditRequest,
     LegEdit,
-    LegRequest,
     checked_targets,
 )
 from runtime.motion.features import DT
-from runtime.prompts.leg_targets import blended_legs, leg_targets, targets_of
+from runtime.prompts.edit_targets import blended_targets, edit_targets, targets_of
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, J
 from runtime.terrain.height_map import Terrain
@@ -59,9 +59,9 @@ def walk(targets: Array, yaw: float = 0.0, width: float = 0.1, height: float = 0
         feet = 0.25 * swing[:, None] * ahead + 0.5 * width * np.array([1.0, -1.0])[:, None] * side
         feet[:, 1] = ANKLE_HEIGHT + 0.08 * lifted
         posed = ik.solve_legs(hips, local, feet)
-        request = LegRequest(targets.tolist(), yaw, (1.2 * x, 1.2 * z), 0.0)
+        request = EditRequest(targets.tolist(), yaw, (1.2 * x, 1.2 * z), 0.0)
         # no foot is held: what is shown is what is asked for
-        shown = lock.apply(hips, posed, np.zeros(4), FLAT, DT, Support(legs=request))
+        shown = lock.apply(hips, posed, np.zeros(4), FLAT, DT, Support(edits=request))
         found.append(SPORT_SKELETON.forward_kinematics(shown.hips_position, shown.local_rotations)[0])
     return np.array(found)[-61:]
 
@@ -119,7 +119,7 @@ def test_a_straight_leg_bends_little_more_than_it_is_asked() -> None:
 
 def test_an_edit_that_is_no_longer_asked_for_fades() -> None:
     edit, leg = LegEdit(), leg_forward(leg_bones(0), (0.0, 0.93, 0.0), [(1.0, 0.0, 0.0, 0.0)] * J)
-    asks = LegRequest(asked(lower=0.15, outward=0.12).tolist(), 0.0, (0.0, 1.0), 0.0)
+    asks = EditRequest(asked(lower=0.15, outward=0.12).tolist(), 0.0, (0.0, 1.0), 0.0)
     for _ in range(60):
         up, _ = edit.apply(0.93, (leg, leg), [0.0] * 4, asks)
     assert up < -0.1
@@ -177,9 +177,9 @@ def test_legs_of_a_blend_are_between_those_of_its_prompts() -> None:
         right_leg="right leg walking with a wide stance",
     )
     line = replace(PLAIN, left_leg="left foot placed on one line", right_leg="right foot placed on one line")
-    half = blended_legs(wide, line, (0.0, 0.0, 0.5, 0.0, 0.0, 0.0))
-    np.testing.assert_allclose(half[0], 0.5 * (leg_targets(wide) + leg_targets(line))[0])
-    np.testing.assert_allclose(half[1], leg_targets(wide)[1])
+    half = blended_targets(wide, line, (0.0, 0.0, 0.5, 0.0, 0.0, 0.0))
+    np.testing.assert_allclose(half[0], 0.5 * (edit_targets(wide) + edit_targets(line))[0])
+    np.testing.assert_allclose(half[1], edit_targets(wide)[1])
 
 
 @pytest.mark.parametrize("damaged", [[], [[1.0]], np.full(SHOWN, 2.0), np.full(SHOWN, np.nan), "legs"])

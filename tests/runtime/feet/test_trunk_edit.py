@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.feet.foot_lock import FootLock, Support
-from runtime.feet.leg_edit import SHOWN, LegRequest, checked_targets
+from runtime.feet.leg_edit import SHOWN, EditRequest, checked_targets
 from runtime.feet.trunk_edit import ASIDE, LEAN, MOST, ROCK, SWAY, TRUNK, TWIST, UPRIGHT
 from runtime.motion.features import DT
-from runtime.prompts.leg_targets import edited_legs, leg_targets
+from runtime.prompts.edit_targets import edit_targets, edited_parts
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import SPORT_SKELETON, J
 from runtime.terrain.height_map import Terrain
@@ -46,8 +46,8 @@ def sway(
             np.array([0.0, 0.0, 1.0]), np.array(np.radians(-roll * wave))
         )
         hips = np.array([0.0, 0.98, 0.0]) + swing * wave * side
-        request = None if targets is None else LegRequest(targets.tolist(), yaw, (0.0, 0.0), 0.0)
-        result = lock.apply(hips, local, np.ones(4), FLAT, DT, Support(legs=request))
+        request = None if targets is None else EditRequest(targets.tolist(), yaw, (0.0, 0.0), 0.0)
+        result = lock.apply(hips, local, np.ones(4), FLAT, DT, Support(edits=request))
         found.append(SPORT_SKELETON.forward_kinematics(result.hips_position, result.local_rotations))
     return np.stack([each[0] for each in found]), np.stack([each[1] for each in found])
 
@@ -114,12 +114,28 @@ def test_whatever_is_asked_a_body_stays_whole(values: list[float], weight: float
     assert np.abs(np.diff(positions, axis=0)).max() * 60.0 < 6.0  # m/s
 
 
+def test_a_trunk_turns_back_without_a_jump() -> None:
+    lock, local = FootLock(), np.tile([1.0, 0.0, 0.0, 0.0], (J, 1))
+    asked_for, heads = asked(twist=24.0, lean=12.0), []
+    for k in range(600):
+        targets = asked_for if k < 200 else np.zeros(SHOWN)
+        request = (
+            EditRequest(targets.tolist(), 0.0, (0.0, 0.0), 0.0) if targets.any() or lock.is_edited else None
+        )
+        result = lock.apply(np.array([0.0, 0.98, 0.0]), local, np.ones(4), FLAT, DT, Support(edits=request))
+        place, _ = SPORT_SKELETON.forward_kinematics(result.hips_position, result.local_rotations)
+        heads.append(place[SPORT_SKELETON.index("LeftArm")])
+    assert not lock.is_edited
+    assert np.linalg.norm(heads[-1] - heads[199]) > 0.05
+    assert np.abs(np.diff(heads, n=2, axis=0)[2:]).max() < 0.004  # m a frame, from frame to frame
+
+
 def test_words_of_a_trunk() -> None:
     words = PLAIN.to_mapping() | {"torso": "torso turned to the left, swaying from side to side"}
-    targets = leg_targets(PartDescriptions(**words))
+    targets = edit_targets(PartDescriptions(**words))
     assert targets[TRUNK, TWIST, 1] > 0.0
-    assert edited_legs(PartDescriptions(**words)) == {"torso"}
-    assert not leg_targets(PLAIN).any()
+    assert edited_parts(PartDescriptions(**words)) == {"torso"}
+    assert not edit_targets(PLAIN).any()
 
 
 def test_a_file_without_a_trunk_is_read() -> None:

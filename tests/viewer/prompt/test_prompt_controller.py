@@ -557,7 +557,7 @@ class Prompts(RuleBasedStateMachine):
         self.room.controller.poll()
         given, wanted = self.room.styles[-1][0], self.room.prompt.style()
         assert given.weights == wanted.weights
-        assert all(map(np.array_equal, (*given.codes, given.legs), (*wanted.codes, wanted.legs)))
+        assert all(map(np.array_equal, (*given.codes, given.edits), (*wanted.codes, wanted.edits)))
 
 
 TestPrompts = Prompts.TestCase

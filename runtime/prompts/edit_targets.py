@@ -103,7 +103,7 @@ def _value(sentence: str, phrases: dict[str, float | None]) -> float | None:
     return None
 
 
-def leg_targets(descriptions: PartDescriptions) -> Array:
+def edit_targets(descriptions: PartDescriptions) -> Array:
     """What both legs and the trunk are asked to show, `(3, 5, 2)`: weights and weighted values (`runtime.feet.leg_edit`)."""
     result = np.zeros(SHOWN)
     for leg, sentence in enumerate((descriptions.left_leg, descriptions.right_leg)):
@@ -116,15 +116,15 @@ def leg_targets(descriptions: PartDescriptions) -> Array:
     return result
 
 
-def blended_legs(a: PartDescriptions, b: PartDescriptions, weights: Sequence[float]) -> Array:
+def blended_targets(a: PartDescriptions, b: PartDescriptions, weights: Sequence[float]) -> Array:
     """Those of two prompts, each part by its own weight of B."""
     of_b = np.array([weights[PART_NAMES.index(part)] for part in EDITED])[:, None, None]
-    return np.asarray((1.0 - of_b) * leg_targets(a) + of_b * leg_targets(b))
+    return np.asarray((1.0 - of_b) * edit_targets(a) + of_b * edit_targets(b))
 
 
-def edited_legs(descriptions: PartDescriptions | None) -> frozenset[str]:
+def edited_parts(descriptions: PartDescriptions | None) -> frozenset[str]:
     """The parts, by name, of whose description an edit shows what the network does not."""
     if descriptions is None:
         return frozenset()
-    asked = leg_targets(descriptions)[..., 0]
+    asked = edit_targets(descriptions)[..., 0]
     return frozenset(part for part, weights in zip(EDITED, asked, strict=True) if weights.any())

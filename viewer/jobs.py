@@ -105,8 +105,10 @@ class Jobs:
     def together(self) -> Iterator[None]:
         """Jobs that run next to each other even with `blocking`, and are then done at the end, in their order."""
         blocking, self.blocking = self.blocking, False
-        yield
-        self.blocking = blocking
+        try:
+            yield
+        finally:
+            self.blocking = blocking
         if blocking:
             wait([job.future for job in self._jobs])
             self.deliver()

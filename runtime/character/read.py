@@ -299,6 +299,17 @@ def _parents(file: GltfFile) -> list[int]:
     return parents
 
 
+def skeleton_nodes(file: GltfFile, order: list[int], parents: list[int]) -> set[int]:
+    """Nodes of an animated skeleton: those of skins, those that move, and what lies between; `ancestors` has the others."""
+    wanted = {node for skin in file.gltf.skins or [] for node in skin.joints}
+    wanted |= {channel.target.node for animation in file.gltf.animations for channel in animation.channels}
+    for node in reversed(order):
+        above = parents[node]
+        if node in wanted and above >= 0 and parents[above] >= 0:
+            wanted.add(above)
+    return wanted
+
+
 def nearest_of(order: list[int], parents: list[int], wanted: Container[int]) -> list[int]:
     """For each node the nearest of the `wanted` ones among itself and its ancestors, -1 where there is none."""
     nearest = [-1] * len(parents)

@@ -24,6 +24,7 @@ from runtime.character.read import (
     nearest_of,
     node_world_matrices,
     read_accessor,
+    skeleton_nodes,
 )
 from runtime.errors import FileError
 from runtime.formats.engines import engine_of
@@ -69,21 +70,10 @@ class _Scene:
             if file.gltf.nodes[node].skin is not None:  # carried by its joints alone
                 self.world[node], self.parents[node] = np.eye(4), shown[node] if shown[node] != node else -1
         self.world[:, :3, 3] *= units
-        self.joints = self._joint_nodes()
+        self.joints = skeleton_nodes(self.file, self.order, self.parents)
         self.turns: dict[int, Array] = {}  # of joints at rest
         self.ids: dict[int, np.int64] = {}
         self.binds = {node: self.world[node] for node in self.order}
-
-    def _joint_nodes(self) -> set[int]:
-        """Nodes of the skeleton: those of skins, those that move, and what lies between."""
-        gltf = self.file.gltf
-        wanted = {node for skin in gltf.skins or [] for node in skin.joints}
-        wanted |= {channel.target.node for take in gltf.animations for channel in take.channels}
-        for node in reversed(self.order):
-            above = self.parents[node]
-            if node in wanted and above >= 0 and self.parents[above] >= 0:
-                wanted.add(above)
-        return wanted
 
     def write(self, fps: float, check: Check) -> None:
         """Add all objects to the document."""

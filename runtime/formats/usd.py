@@ -32,6 +32,7 @@ from runtime.character.read import (
     node_world_matrices,
     open_gltf,
     read_accessor,
+    skeleton_nodes,
 )
 from runtime.errors import FileError, UsageError
 from runtime.formats.glb import further_takes, glb_document
@@ -103,7 +104,8 @@ class _Stage:
         self.order, self.parents = ancestors(file)
         self.world = node_world_matrices(file, self.order, self.parents)
         skins = file.gltf.skins or []
-        self.joints = self._joint_nodes(skins)
+        wanted = skeleton_nodes(file, self.order, self.parents)
+        self.joints = [node for node in self.order if node in wanted]  # parents first
         self.names = unique_names([self.file.gltf.nodes[node].name or "" for node in self.joints])
         self.slot = {node: k for k, node in enumerate(self.joints)}
         self.carriers = nearest_of(self.order, self.parents, self.slot)
@@ -117,16 +119,6 @@ class _Stage:
         self.Gf, self.Sdf, self.Usd = Gf, Sdf, Usd
         self.skins = [self._skin(k) for k in range(len(skins))]
         self._materials: dict[int, Any] = {}
-
-    def _joint_nodes(self, skins: list[Entry]) -> list[int]:
-        """Nodes of the skeleton, parents first: those that move, those of skins, and what lies between."""
-        wanted = {node for skin in skins for node in skin.joints}
-        wanted |= {channel.target.node for entry in self.file.gltf.animations for channel in entry.channels}
-        for node in reversed(self.order):
-            parent = self.parents[node]
-            if node in wanted and parent >= 0 and self.parents[parent] >= 0:
-                wanted.add(parent)
-        return [node for node in self.order if node in wanted]
 
     def _joint_paths(self) -> list[str]:
         """The path of each joint."""

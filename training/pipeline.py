@@ -28,7 +28,6 @@ import torch
 from runtime.atomic import write_atomic
 from runtime.errors import FileError, UsageError
 from runtime.motion.features import OUTPUT_SIZE
-from runtime.motion.model_files import exact_8_bit_products
 from training import courses, parallel
 from training.arguments import STAGES, build_parser
 from training.augmentation.build import LAYERS, build_layers
@@ -264,14 +263,7 @@ def write_model(model: Trained, run: Run, folder: Path) -> None:
     """The model's folder, its weights in half precision."""
     export_model(model, folder)
     if run.is_played:
-        if exact_8_bit_products():
-            quantize_model(folder, text_encoder=run.args.text_encoder)
-        else:
-            log.warning(
-                "%s: without an 8-bit twin, which this processor cannot measure (no VNNI); make it elsewhere with "
-                "python -m training.export.quantize",
-                folder,
-            )
+        quantize_model(folder, text_encoder=run.args.text_encoder)
     store_model_in_half(folder)
     log.info("exported to %s", folder)
 

@@ -35,7 +35,7 @@ BETWEEN_FRAMES_S = 0.004  # in which the window draws while a blend is measured
 class Loaded:
     """A model ready to run: its controller, a prompt worker for each of two prompts, and their library.
 
-    `name` and `provider` are shown in the status line; `notice` is said once, when the model is there.
+    `name` and `provider` are shown in the status line.
     """
 
     controller: Controller
@@ -43,7 +43,6 @@ class Loaded:
     library: LibraryExpander
     name: str
     provider: str
-    notice: str = ""
     perceptual_weights: Callable[[Any, Any], tuple[float, ...]] | None = None  # makes a blend's change even
 
 
@@ -58,7 +57,7 @@ def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSett
     expander = library if gpt is None else open_expander(library, gpt)
     workers = PromptWorker(expander, prompter.encoder), PromptWorker(expander, prompter.encoder)
     return Loaded(
-        Controller(model, terrain, seed), workers, library, model.name, model.provider, model.notice,
+        Controller(model, terrain, seed), workers, library, model.name, model.provider,
         lambda a, b: perceptual_weights(model, a, b, pause=BETWEEN_FRAMES_S),
     )  # fmt: skip
 

@@ -66,8 +66,7 @@ NEW_MODEL = "Give a style for each, with a newly exported model."
 class MotionModel:
     """One frame of motion: x and a style to y, by five denoising steps inside one graph.
 
-    Deterministic for equal inputs and noise. `precision` is that of the loaded step graph, fp32 or int8, and
-    `notice` says so where it is not the one that the model prefers. With int8 a
+    Deterministic for equal inputs and noise. `precision` is that of the loaded step graph, fp32 or int8. With int8 a
     character's output depends a little on the others of its batch: the scale of the activations is common to all.
     `noise_shape` is `(steps, experts, output size)`,
     `style_shape` that of Z^t: (6, 64), or of six sentence embeddings for a network without a content encoder.
@@ -77,7 +76,7 @@ class MotionModel:
         self, folder: Path, metadata: dict[str, Any], threads: int = 1, precision: str = "auto"
     ) -> None:
         self.folder = folder
-        self.precision, self.notice = choose_precision(folder, metadata, precision)
+        self.precision = choose_precision(folder, metadata, precision)
         self.name = str(metadata["name"])
         self.metadata = metadata
         config = metadata["config"]

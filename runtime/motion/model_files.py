@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import logging
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from runtime.errors import ModelError
 from runtime.motion.features import INPUT, INPUT_SIZE, LAYOUT_VERSION, OUTPUT_SIZE, C
+from runtime.motion.unsigned_weights import unsigned_weights
 from runtime.safe_read import is_text, parse_json, read_bounded, reason
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.obstacle_detection import ObstacleKind
@@ -28,8 +29,12 @@ PRODUCT = (
 )
 
 
-def exact_8_bit_products() -> bool:
-    """Whether onnxruntime multiplies 8-bit matrices without overflow here: tried with the largest numbers there are."""
+@cache
+def signed_products_are_exact() -> bool:
+    """Whether onnxruntime multiplies by signed 8-bit weights without overflow: tried with the largest numbers there are.
+
+    False on processors without VNNI (Intel before Ice Lake, AMD before Zen 4).
+    """
     import onnxruntime
 
     options = onnxruntime.SessionOptions()
@@ -48,7 +53,6 @@ REMEDY = "Install the program again, or name another model folder."
 FOLDED = ("front_bias", "content_weight", "content_bias")  # what a style gives to every frame
 INT8_GRAPH = "step_int8"  # optional twin of "step" with 8-bit weights (python -m training.export.quantize)
 PRECISIONS = ("auto", "fp32", "int8")
-_LOG = logging.getLogger("sport.model")
 _Shapes = dict[str, list[int | None] | None]  # by name in order; None stands for any number or shape
 _JSON_NAMES: dict[type, str] = {str: "string", dict: "object", list: "list"}
 _FIELDS: dict[str, type] = {
@@ -128,12 +132,10 @@ def _check_numbers(path: Path, field: str, values: Any, count: int) -> None:
         raise ModelError(f"{path}: field '{field}' is not a list of {count} finite numbers.", REMEDY)
 
 
-def choose_precision(folder: Path, metadata: dict[str, Any], wanted: str) -> tuple[str, str]:
-    """fp32 or int8 for one of PRECISIONS, and a notice for the user or "".
+def choose_precision(folder: Path, metadata: dict[str, Any], wanted: str) -> str:
+    """fp32 or int8 for one of PRECISIONS; `auto` is the model's default.
 
-    `auto` is fp32, with a notice and a warning in the log, where the model's default is int8 and 8-bit products overflow.
-
-    ModelError when int8 is requested and not there, or not exact here, and when the metadata name another default.
+    ModelError when int8 is requested and not there, and when the metadata name another default.
     """
     path = folder / "metadata.json"
     quantised = metadata.get("quantised", {})
@@ -147,14 +149,7 @@ def choose_precision(folder: Path, metadata: dict[str, Any], wanted: str) -> tup
             f"{path}: the model has no 8-bit graph ({INT8_GRAPH}.onnx).",
             f"Make it with `python -m training.export.quantize {folder}`, or load the model with precision fp32.",
         )
-    if precision == "int8" and not exact_8_bit_products():
-        problem = "8-bit products overflow on this processor, which has no VNNI"
-        if wanted == "auto":
-            notice = f"{problem}; the slower fp32 graph is used."
-            _LOG.warning("%s: %s", folder, notice)
-            return "fp32", notice
-        raise ModelError(f"precision int8: {problem}.", "Load the model with precision fp32.")
-    return precision, ""
+    return precision
 
 
 def read_graph(folder: Path, name: str, metadata: dict[str, Any]) -> bytes:
@@ -167,7 +162,10 @@ def read_graph(folder: Path, name: str, metadata: dict[str, Any]) -> bytes:
 
 
 def open_graph(path: Path, data: bytes, threads: int) -> onnxruntime.InferenceSession:
-    """A CPU session that does not spin while idle; ModelError when `data`, read from `path`, is no network."""
+    """A CPU session that does not spin while idle; ModelError when `data`, read from `path`, is no network.
+
+    Where products with signed weights overflow, those of the 8-bit graph are made unsigned.
+    """
     import onnxruntime
 
     options = onnxruntime.SessionOptions()
@@ -179,6 +177,8 @@ def open_graph(path: Path, data: bytes, threads: int) -> onnxruntime.InferenceSe
     options.add_session_config_entry("session.intra_op.allow_spinning", "1" if threads > 1 else "0")
     options.add_session_config_entry("session.force_spinning_stop", "1")
     try:
+        if path.stem == INT8_GRAPH and not signed_products_are_exact():
+            data = unsigned_weights(data)
         session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
         # kept to change the provider later, which is never done: the file once more
         session._model_bytes = None

@@ -218,14 +218,14 @@ class FakeCrowd:
         pass
 
 
-def fake_services(real_renderer: bool = False, notice: str = "", drawn: bool = True) -> Services:
+def fake_services(real_renderer: bool = False, drawn: bool = True) -> Services:
     """Services with a fake model; terrains are real, character and renderer fake unless asked; see `FakeRenderer`."""
     real = Services()
 
     def load_model(directory: Any, terrain: Terrain, seed: int, gpt: Any) -> Loaded:
         library = FakeLibrary()
         workers = FakePrompts(library), FakePrompts(library)
-        return Loaded(FakeController(terrain), workers, library, "fake", "numpy", notice)
+        return Loaded(FakeController(terrain), workers, library, "fake", "numpy")
 
     return Services(
         load_model=load_model,

@@ -21,14 +21,14 @@ from runtime.assets import PROJECT_ROOT, asset_path
 from runtime.errors import ModelError
 from runtime.formats.bvh import format_bvh, read_bvh
 from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
-from runtime.motion.model_files import INT8_GRAPH, exact_8_bit_products, read_metadata
+from runtime.motion.model_files import INT8_GRAPH, read_metadata
 from runtime.skeleton import REST_HIPS_HEIGHT, Skeleton
 from runtime.takes.clip import Clip
 from sport import cli
 from tests.helpers.viewer_fakes import FakeRenderer
 
 MODEL = asset_path("models/compact")
-STEP = INT8_GRAPH if exact_8_bit_products() else "step"  # the step graph that is loaded here
+STEP = INT8_GRAPH  # the step graph that is loaded
 LONG_PROMPT = "walk like a duck " * 589  # 10,000 characters and a few more
 
 

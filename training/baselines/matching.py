@@ -195,7 +195,7 @@ class MatchingModel:
     def __init__(self, folder: Path, metadata: dict[str, Any], database: Database | None = None) -> None:
         self.folder, self.metadata = folder, metadata
         self.name = str(metadata["name"])
-        self.precision, self.notice, self.provider = "fp32", "", "database"
+        self.precision, self.provider = "fp32", "database"
         self.noise_shape = (1, 1, 1)
         self.batches = False  # each character has a place in the database of its own
         self.style_shape = (6, 64)

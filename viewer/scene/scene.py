@@ -415,8 +415,6 @@ class Scene:
         named = "" if folder is None else model_name(folder) or str(folder)
         model = ModelName(named, origin.model, origin.model_sha256, int(origin.seed or 0))
         self.editor.amend(partial(replace, model=model))
-        if loaded.notice:
-            self.messages.note(loaded.notice)
 
     def set_quality(self, name: str) -> None:
         """Render with another preset, "" for the one that fits this machine."""

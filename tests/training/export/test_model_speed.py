@@ -1,8 +1,6 @@
-"""The exported step: a style for each character, its 8-bit twin, and no processor time while it waits.
+"""The exported step: a style for each character, its 8-bit twin, and no processor time while it waits."""
 
-What is said of the twin's numbers holds where 8-bit products are exact; elsewhere the runtime refuses it.
-"""
-
+import contextlib
 import json
 import shutil
 import time
@@ -12,6 +10,8 @@ import numpy as np
 import onnx
 import onnxruntime
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from onnx import TensorProto, helper, numpy_helper
 
 torch = pytest.importorskip("torch")
@@ -20,7 +20,8 @@ pytest.importorskip("onnxscript")
 from runtime.errors import FileError, ModelError  # noqa: E402
 from runtime.motion.features import OUTPUT  # noqa: E402
 from runtime.motion.model import load_model  # noqa: E402
-from runtime.motion.model_files import exact_8_bit_products  # noqa: E402
+from runtime.motion.model_files import PRODUCT, signed_products_are_exact  # noqa: E402
+from runtime.motion.unsigned_weights import unsigned_weights  # noqa: E402
 from training.export.graph import store_in_half  # noqa: E402
 from training.export.quantize import (  # noqa: E402
     KEPT,
@@ -28,11 +29,6 @@ from training.export.quantize import (  # noqa: E402
     main,
     quantize_model,
     quantize_step,
-)
-
-needs_exact_products = pytest.mark.skipif(
-    not exact_8_bit_products(),
-    reason="8-bit products overflow on this processor, and the runtime refuses them",
 )
 
 
@@ -54,8 +50,6 @@ def frames(folder):
 
 @pytest.fixture(scope="module")
 def quantised(folder, frames, tmp_path_factory):
-    if not exact_8_bit_products():
-        pytest.skip("8-bit products overflow on this processor, and the runtime refuses them")
     path = tmp_path_factory.mktemp("quantised") / "model"
     shutil.copytree(folder, path)
     with pytest.MonkeyPatch.context() as patch:
@@ -123,7 +117,6 @@ def test_what_is_sensitive_stays_in_full_precision(quantised):
     assert len(products) == 3 + 5 * 3  # encoder and front; code, convolution and linear in each of five steps
 
 
-@needs_exact_products
 def test_where_8_bits_cost_too_much_the_last_product_stays_in_full_precision(
     folder, frames, quantised, tmp_path, monkeypatch
 ):
@@ -180,7 +173,6 @@ def test_a_graph_of_an_older_export_cannot_be_quantised(folder, tmp_path):
         quantize_step(folder / "style.onnx", tmp_path / "out.onnx")
 
 
-@needs_exact_products
 def test_the_command_measures_the_models_own_walks(folder, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("training.export.quantize.COURSES", (("a proud queen", "circle", "walk", "flat"),))
     monkeypatch.setattr("training.export.quantize.SECONDS", 1.0)
@@ -208,18 +200,52 @@ def test_an_idle_model_takes_no_processor_time(folder, frames):
     assert idle < others + 0.001  # a thread that spins on takes some milliseconds before it gives up
 
 
-def test_8_bits_are_left_alone_where_they_overflow(quantised, frames, tmp_path, monkeypatch, caplog):
-    shutil.copytree(quantised[0], tmp_path / "model")
-    monkeypatch.setattr("runtime.motion.model_files.exact_8_bit_products", lambda: False)
-    with caplog.at_level("WARNING", "sport.model"):
-        model = load_model(tmp_path / "model")
-    assert model.precision == "fp32"
-    assert "overflow" in model.notice
-    assert "overflow" in caplog.text
-    assert "fp32" in caplog.text
-    with pytest.raises(ModelError, match="overflow on this processor") as error:
-        load_model(tmp_path / "model", precision="int8")
-    assert "precision fp32" in error.value.remedy
+def product_graph(path: Path, weights: np.ndarray, raw: bool) -> bytes:
+    """a `(m, 64)` times int8 weights with a zero point for each column, which is 0 as in the 8-bit graph."""
+    a = helper.make_tensor_value_info("a", TensorProto.UINT8, ["m", 64])
+    y = helper.make_tensor_value_info("y", TensorProto.INT32, ["m", 16])
+    stored = (
+        numpy_helper.from_array(weights, "b")
+        if raw
+        else helper.make_tensor("b", TensorProto.INT8, weights.shape, weights.ravel())
+    )
+    zeros = (
+        helper.make_tensor("z", TensorProto.INT8, [16], [0] * 16),
+        helper.make_tensor("u", TensorProto.UINT8, [], [0]),
+    )
+    graph = helper.make_graph(
+        [helper.make_node("MatMulInteger", ["a", "b", "u", "z"], ["y"])], "g", [a], [y], [stored, *zeros]
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
+    return model.SerializeToString()
+
+
+@pytest.mark.parametrize("raw", [True, False])
+def test_unsigned_weights_give_the_same_whole_numbers_without_overflow(tmp_path, raw):
+    random = np.random.default_rng(2)
+    weights = random.integers(-127, 128, (64, 16), np.int8)
+    weights[:, 0] = 127  # with the largest activations more than 16 bits hold
+    changed = unsigned_weights(product_graph(tmp_path, weights, raw))
+    a = np.vstack([np.full((1, 64), 255, np.uint8), random.integers(0, 256, (3, 64), np.uint8)])
+    (y,) = onnxruntime.InferenceSession(changed, providers=["CPUExecutionProvider"]).run(None, {"a": a})
+    assert np.array_equal(y, a.astype(np.int32) @ weights.astype(np.int32))
+
+
+@given(st.integers(0, len(PRODUCT) - 1), st.binary(max_size=4))
+def test_a_damaged_graph_is_a_value_error_or_bytes(at, damage):
+    with contextlib.suppress(ValueError):
+        unsigned_weights(PRODUCT[:at] + damage + PRODUCT[at + len(damage) :])
+
+
+def test_a_processor_that_overflows_walks_by_the_same_numbers(quantised, frames, monkeypatch):
+    got = []
+    for exact in (True, False):
+        monkeypatch.setattr("runtime.motion.model_files.signed_products_are_exact", lambda exact=exact: exact)
+        got.append(single_steps(load_model(quantised[0], precision="int8"), frames, 8))
+    if signed_products_are_exact():
+        np.testing.assert_array_equal(*got)
+    full = single_steps(load_model(quantised[0], precision="fp32"), frames, 8)
+    assert np.abs(got[1] - full).max() < 0.2 * np.abs(full).max()
 
 
 def test_products_added_in_16_bits_are_found_out(monkeypatch):
@@ -229,7 +255,7 @@ def test_products_added_in_16_bits_are_found_out(monkeypatch):
     def answer(y):
         session = type("Session", (), {"__init__": lambda *_, **__: None, "run": lambda *_: (y,)})
         monkeypatch.setattr("onnxruntime.InferenceSession", session)
-        return exact_8_bit_products()
+        return signed_products_are_exact.__wrapped__()
 
     assert answer(exact)
     assert not answer(saturated)

@@ -27,7 +27,6 @@ from runtime.errors import FileError, ModelError, UsageError  # noqa: E402
 from runtime.motion.controller import Controller  # noqa: E402
 from runtime.motion.features import PAPER_OUTPUT_SIZE  # noqa: E402
 from runtime.motion.model import load_model  # noqa: E402
-from runtime.motion.model_files import exact_8_bit_products  # noqa: E402
 from runtime.pose import Pose  # noqa: E402
 from runtime.prompts.content import PromptEncoder  # noqa: E402
 from runtime.prompts.parts import PartDescriptions  # noqa: E402
@@ -174,9 +173,8 @@ def test_the_whole_pipeline_ends_in_a_model_that_is_walked(full: Path) -> None:
     walks(full / "model")
     assert (full / "model" / "traversed").exists()
     assert (full / "model" / "README.md").read_text().startswith("# Model")
-    if exact_8_bit_products():
-        small = load_model(full / "model", precision="int8")
-        assert small.metadata["quantised"]["relative_error"] > 0.0
+    small = load_model(full / "model", precision="int8")
+    assert small.metadata["quantised"]["relative_error"] > 0.0
 
 
 def test_a_run_of_some_minutes_ends_on_time_with_every_stage_whole(

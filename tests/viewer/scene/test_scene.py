@@ -45,13 +45,6 @@ def test_offscreen_a_prompt_that_cannot_be_used_is_an_error(tmp_path: Path) -> N
         )
 
 
-def test_what_a_model_does_without_is_said_when_it_is_loaded(start: Start) -> None:
-    load = fake_services(notice="8-bit products overflow here.").load_model
-    app = start(services={"load_model": load})
-    run(app)
-    assert message(app) == "8-bit products overflow here."
-
-
 def test_terrain_reaches_model_and_renderer(start: Start) -> None:
     app = start()
     run(app)

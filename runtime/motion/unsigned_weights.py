@@ -1,0 +1,127 @@
+"""8-bit weights of an ONNX graph, signed to unsigned, for processors on which signed ones overflow.
+
+x86 processors without VNNI add pairs of unsigned times signed products in 16 bits, which saturates. onnxruntime widens
+unsigned times unsigned ones. Its own remedy (session.x64quantprecision) fails on weights that several products share.
+A weight w with zero point z becomes w + 128 with z + 128, so that every product stays the same to the last bit. The
+graph is changed in its protobuf encoding, because the runtime does without the package `onnx`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+# numbers of fields, and of types of elements, in onnx.proto
+_GRAPH = 7  # of a ModelProto
+_INITIALIZER, _VALUE_INFO = 5, 13  # of a GraphProto
+_DATA_TYPE, _INT32_DATA, _RAW_DATA = 2, 5, 9  # of a TensorProto
+_UINT8, _INT8 = 2, 3
+_VARINT, _FIXED_64, _BYTES, _FIXED_32 = 0, 1, 2, 5  # kinds of fields on the wire
+
+
+class _Field(NamedTuple):
+    number: int
+    kind: int
+    value: int  # of a varint; the length of bytes
+    start: int  # of the field
+    content: int  # of what follows the number and the length
+    end: int
+
+
+def unsigned_weights(data: bytes) -> bytes:
+    """An ONNX model whose initializers of type int8 are of type uint8, 128 larger; ValueError where `data` is no model."""
+    out = bytearray()
+    for field in _fields(data):
+        if (field.number, field.kind) == (_GRAPH, _BYTES):
+            out += _encoded(_GRAPH, _graph(data[field.content : field.end]))
+        else:
+            out += data[field.start : field.end]
+    return bytes(out)
+
+
+def _graph(data: bytes) -> bytes:
+    out = bytearray()
+    for field in _fields(data):
+        if (field.number, field.kind) == (_INITIALIZER, _BYTES):
+            out += _encoded(_INITIALIZER, _tensor(data[field.content : field.end]))
+        elif field.number != _VALUE_INFO:  # types in between, which onnxruntime infers
+            out += data[field.start : field.end]
+    return bytes(out)
+
+
+def _tensor(data: bytes) -> bytes:
+    fields = list(_fields(data))
+    if not any(field.number == _DATA_TYPE and field.value == _INT8 for field in fields):
+        return data
+    out, values = bytearray(), bytearray()
+    for field in fields:
+        content = data[field.content : field.end]
+        if field.number == _DATA_TYPE:
+            out += _varint(_DATA_TYPE << 3 | _VARINT) + _varint(_UINT8)
+        elif field.number == _RAW_DATA:
+            values += content
+        elif field.number == _INT32_DATA and field.kind == _BYTES:
+            values += bytes(value & 0xFF for value in _varints(content))
+        elif field.number == _INT32_DATA:
+            values.append(field.value & 0xFF)
+        else:
+            out += data[field.start : field.end]
+    shifted = np.frombuffer(values, np.uint8) ^ 0x80
+    return bytes(out) + _encoded(_RAW_DATA, shifted.tobytes())
+
+
+def _fields(data: bytes) -> Iterator[_Field]:
+    """The fields of a protobuf message."""
+    position = 0
+    while position < len(data):
+        start = position
+        key, position = _read_varint(data, position)
+        kind, value, content = key & 7, 0, position
+        if kind == _VARINT:
+            value, position = _read_varint(data, position)
+        elif kind == _BYTES:
+            value, content = _read_varint(data, position)
+            position = content + value
+        elif kind in (_FIXED_64, _FIXED_32):
+            position += 8 if kind == _FIXED_64 else 4
+        else:
+            raise ValueError("a field of an unknown kind")
+        if position > len(data):
+            raise ValueError("a field that ends behind its message")
+        yield _Field(key >> 3, kind, value, start, content, position)
+
+
+def _varints(data: bytes) -> Iterator[int]:
+    position = 0
+    while position < len(data):
+        value, position = _read_varint(data, position)
+        yield value
+
+
+def _read_varint(data: bytes, position: int) -> tuple[int, int]:
+    value = 0
+    for shift in range(0, 70, 7):
+        if position >= len(data):
+            break
+        byte = data[position]
+        position += 1
+        value |= (byte & 0x7F) << shift
+        if byte < 0x80:
+            return value, position
+    raise ValueError("a number without an end")
+
+
+def _varint(value: int) -> bytes:
+    out = bytearray()
+    while value > 0x7F:
+        out.append(value & 0x7F | 0x80)
+        value >>= 7
+    out.append(value)
+    return bytes(out)
+
+
+def _encoded(number: int, content: bytes) -> bytes:
+    """A field of bytes."""
+    return _varint(number << 3 | _BYTES) + _varint(len(content)) + content

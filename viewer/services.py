@@ -23,7 +23,7 @@ from runtime.prompts.prompter import Prompter
 from runtime.prompts.service import PromptWorker
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import TERRAIN_NAMES, load_terrain
-from viewer.render.quality import PRESETS
+from viewer.render.quality import choose_quality
 from viewer.render.renderer import Renderer
 
 STYLES = "prompts/styles.json"
@@ -72,7 +72,7 @@ def load_character(path: Path | None, joint_map: Path | None = None, unit: str =
 
 def make_renderer(ctx: Any, quality: str) -> Any:
     """The project's renderer with a preset by name; "" lets it choose for this machine."""
-    return Renderer(ctx, PRESETS.get(quality))
+    return Renderer(ctx, choose_quality(ctx, quality))
 
 
 def library_prompts() -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -34,7 +34,7 @@ from viewer.filming.writers import Frame, check_writer, open_writer
 from viewer.render.camera import Camera
 from viewer.render.offscreen import OffscreenTarget
 from viewer.render.overlays import Overlays
-from viewer.render.quality import PRESETS
+from viewer.render.quality import choose_quality
 from viewer.render.renderer import Renderer
 
 SMALLEST = 8  # letters, pixels
@@ -99,7 +99,7 @@ def studio(
     DisplayError without OpenGL.
     """
     target = OffscreenTarget(*size)
-    renderer = Renderer(target.ctx, PRESETS[quality])
+    renderer = Renderer(target.ctx, choose_quality(target.ctx, quality))
     try:
         renderer.set_terrain(terrain)
         renderer.set_character(character or load_character(asset_path(DEFAULT_CHARACTER)))

@@ -17,7 +17,10 @@ from viewer.render.quality import Quality
 
 MAX_JOINTS = 256  # the block in skinning.glsl
 SLOT_BYTES = MAX_JOINTS * 64
-SHADOW_CELL_M = 0.018
+SHADOW_CELL_M = 0.018  # of space, for which one vertex stands
+CROWD = 4  # solid characters, from which on each is small: their meshes and shadows have such cells
+CROWD_CELL_M, CROWD_SHADOW_CELL_M = 0.016, 0.035
+COLORS, SAME_M = 8, 1e-4  # steps from dark to bright, and metres, that count as the same color and place
 NEARER_M = 0.1  # so much nearer, a ghost may hide the character
 GHOST_TINT = (0.20, 0.45, 0.80, 0.75)  # linear colour, weight
 GHOST_OPACITY = 0.7
@@ -69,6 +72,7 @@ class CharacterPass:
         self._mesh: SkinnedMesh | None = None
         self._buffers: list[moderngl.Buffer] = []
         self._arrays: dict[str, moderngl.VertexArray] = {}
+        self._content: dict[str, list[Any]] = {}  # of the vertices, by program
         self._draws: list[CharacterDraw] = []
 
     def set_character(self, mesh: SkinnedMesh) -> None:
@@ -82,21 +86,27 @@ class CharacterPass:
         self._free_mesh()
         self._mesh = mesh
         floats = np.concatenate([mesh.positions, mesh.normals, mesh.colors, mesh.joint_weights], axis=1)
-        casters = mesh.triangles if self._self_shadow else coarse_triangles(mesh.positions, mesh.triangles)
-        contents = (
-            (floats, np.float32),
-            (mesh.joint_indices, np.uint8),
-            (mesh.triangles, np.uint32),
-            (casters, np.uint32),
-        )
-        self._buffers = [self._ctx.buffer(values.astype(kind).tobytes()) for values, kind in contents]
-        vertices, joint_indices, triangles, shadow_triangles = self._buffers
-        surface = (vertices, "3f4 3f4 3f4 4f4", "in_position", "in_normal", "in_color", "in_weights")
-        depth = (vertices, "3f4 24x 4f4", "in_position", "in_weights")
-        for name, content, indices in (("surface", surface, triangles), ("depth", depth, shadow_triangles)):
-            self._arrays[name] = self._ctx.vertex_array(
-                self._programs[name], [content, (joint_indices, "4u1", "in_joints")], indices
-            )
+        vertices = self._buffer(floats, np.float32)
+        joint_indices = self._buffer(mesh.joint_indices, np.uint8), "4u1", "in_joints"
+        self._content = {
+            "surface": [
+                (vertices, "3f4 3f4 3f4 4f4", "in_position", "in_normal", "in_color", "in_weights"),
+                joint_indices,
+            ],
+            "depth": [(vertices, "3f4 24x 4f4", "in_position", "in_weights"), joint_indices],
+        }
+        solid, full = (mesh.positions, mesh.triangles), self._self_shadow
+        self._add("surface", "surface", mesh.triangles)
+        self._add("depth", "depth", mesh.triangles if full else coarse_triangles(*solid, SHADOW_CELL_M))
+
+    def _add(self, name: str, program: str, triangles: NDArray[np.integer]) -> None:
+        """What `_render` draws by a name."""
+        indices = self._buffer(triangles, np.uint32)
+        self._arrays[name] = self._ctx.vertex_array(self._programs[program], self._content[program], indices)
+
+    def _buffer(self, values: NDArray[Any], kind: type) -> moderngl.Buffer:
+        self._buffers.append(self._ctx.buffer(values.astype(kind).tobytes()))
+        return self._buffers[-1]
 
     def prepare(self, draws: list[CharacterDraw]) -> None:
         """Upload the joint matrices of all characters of the frame."""
@@ -116,9 +126,18 @@ class CharacterPass:
         self._arrays[name].render(moderngl.TRIANGLES)
 
     def _render_solid(self, name: str) -> None:
-        for slot, draw in enumerate(self._draws):
-            if not draw.ghost:
-                self._render(name, slot)
+        solid = [slot for slot, draw in enumerate(self._draws) if not draw.ghost]
+        shown = name if self._self_shadow or len(solid) < CROWD else self._crowd(name)
+        for slot in solid:
+            self._render(shown, slot)
+
+    def _crowd(self, name: str) -> str:
+        """The name of what stands for a program's mesh in a crowd; made when the first one is drawn."""
+        crowd, mesh = f"crowd {name}", self._mesh
+        if crowd not in self._arrays and mesh is not None:
+            cell_m, colors = (CROWD_CELL_M, mesh.colors) if name == "surface" else (CROWD_SHADOW_CELL_M, None)
+            self._add(crowd, name, coarse_triangles(mesh.positions, mesh.triangles, cell_m, colors))
+        return crowd
 
     def draw_depth(self) -> None:
         """Draw the solid characters into the shadow map that is bound."""
@@ -196,9 +215,28 @@ def ghost_draws(ghosts: list[Pose], pose: Pose | None, eye: Array) -> list[Chara
     return [CharacterDraw(g, each if away(g) < limit else GHOST_OPACITY) for g in ghosts]
 
 
-def coarse_triangles(positions: Array, triangles: NDArray[np.integer]) -> NDArray[np.integer]:
-    """Fewer triangles `(n, 3)` over the same vertices, for a shadow: one vertex stands for its cell of space."""
-    cells = np.floor(positions / SHADOW_CELL_M).astype(np.int64)
-    _, first, cell = np.unique(cells, axis=0, return_index=True, return_inverse=True)
-    coarse = first[cell.ravel()][triangles]
+def coarse_triangles(
+    positions: Array, triangles: NDArray[np.integer], cell_m: float, colors: Array | None = None
+) -> NDArray[np.integer]:
+    """Fewer triangles `(n, 3)` over the same vertices: one vertex stands for its cell of space.
+
+    With `colors` `(V, 3)` for those of its color there: where two colors meet, both keep to the same line.
+    """
+    keys = np.floor(positions / cell_m).astype(np.int64)
+    order = np.arange(len(positions))
+    if colors is not None:
+        _, color = np.unique(np.rint(colors * COLORS).astype(np.int64), axis=0, return_inverse=True)
+        _, place = np.unique(np.rint(positions / SAME_M).astype(np.int64), axis=0, return_inverse=True)
+        color, place = color.ravel(), place.ravel()
+        least, most = np.full(place.max() + 1, color.max()), np.zeros(place.max() + 1, np.int64)
+        np.minimum.at(least, place, color)
+        np.maximum.at(most, place, color)
+        keys = np.column_stack([keys, color, least[place], most[place]])
+        order = np.argsort(
+            place, kind="stable"
+        )  # the first of a cell is at one place for all colors that meet there
+    _, first, cell = np.unique(keys[order], axis=0, return_index=True, return_inverse=True)
+    stands = np.empty(len(positions), np.int64)
+    stands[order] = order[first][cell.ravel()]
+    coarse = stands[triangles]
     return coarse[(coarse != np.roll(coarse, 1, axis=1)).all(1)]

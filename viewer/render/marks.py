@@ -169,14 +169,12 @@ def pin_strokes(pins: PinOverlay, pixel_scale: float) -> Strokes:
     return np.concatenate([lines, around, dots])
 
 
-def feet_of(poses: list[Pose]) -> Array:
-    """What darkens the ground close by, `(n, 2, 4)`: per foot its heel and radius, its toe and strength; then bodies."""
-    rows = []
-    for pose in poses:
-        for heel, toe in _soles(pose).reshape(2, 2, 3):
-            rows.append([[*heel, FOOT_RADIUS_M], [*toe, FOOT_STRENGTH]])
-        rows.append([[*pose.root_position, BODY_RADIUS_M], [*pose.root_position, BODY_STRENGTH]])
-    return np.array(rows, np.float32).reshape(-1, 2, 4)
+def marks_of(pose: Pose) -> Array:
+    """What darkens the ground close by, `(2, 3, 4)`: of both feet and the body, heels with radii and toes with strengths."""
+    soles = _soles(pose).reshape(2, 2, 3).swapaxes(0, 1)
+    places = np.concatenate([soles, np.tile(pose.root_position, (2, 1, 1))], axis=1)
+    sizes = [FOOT_RADIUS_M, FOOT_RADIUS_M, BODY_RADIUS_M], [FOOT_STRENGTH, FOOT_STRENGTH, BODY_STRENGTH]
+    return np.concatenate([places, np.array(sizes)[..., None]], axis=-1).astype(np.float32)
 
 
 def _on_terrain(places: Array, terrain: Terrain) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import moderngl
 
@@ -20,14 +20,16 @@ class Quality:
     terrain_casts_shadow: bool
     self_shadow: bool  # characters receive shadows too
     msaa: int  # samples per pixel; 0: none
-    smooth_edges: bool  # soften the characters' outlines afterwards, where there is no multisampling
+    smooth_edges: (
+        str  # what is softened afterwards, where there is no multisampling: "characters", "all" or ""
+    )
     render_scale: float  # rendered pixels per shown pixel, along one side
     max_pixels: int  # a larger frame is rendered at this many and stretched; 0: no limit
 
 
-FAST = Quality("fast", 64, 384, 1, False, False, 0, True, 0.6, 340_000)
-SOFTWARE = Quality("software", 104, 768, 1, False, False, 0, True, 1.0, 1_100_000)
-HIGH = Quality("high", 256, 2048, 8, True, True, 4, False, 1.0, 0)
+FAST = Quality("fast", 64, 384, 1, False, False, 0, "characters", 0.6, 340_000)
+SOFTWARE = Quality("software", 104, 768, 1, False, False, 0, "characters", 1.0, 1_100_000)
+HIGH = Quality("high", 256, 2048, 8, True, True, 4, "", 1.0, 0)
 PRESETS = {preset.name: preset for preset in (FAST, SOFTWARE, HIGH)}
 
 
@@ -37,6 +39,11 @@ def is_software(ctx: moderngl.Context) -> bool:
     return any(name in renderer for name in SOFTWARE_RENDERERS)
 
 
-def choose_quality(ctx: moderngl.Context) -> Quality:
-    """`SOFTWARE` when OpenGL runs on the processor, else `HIGH`."""
-    return SOFTWARE if is_software(ctx) else HIGH
+def choose_quality(ctx: moderngl.Context, name: str = "") -> Quality:
+    """A preset by its name; by default `SOFTWARE` when OpenGL runs on the processor, else `HIGH`.
+
+    On the processor multisampling costs as much as all the rest of a picture: edges are softened in its place.
+    """
+    software = is_software(ctx)
+    preset = PRESETS[name or ("software" if software else "high")]
+    return replace(preset, msaa=0, smooth_edges="all") if software and preset.msaa else preset

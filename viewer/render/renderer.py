@@ -22,7 +22,7 @@ from viewer.render.marks import (
     OverlayPass,
     contact_dots,
     contact_strokes,
-    feet_of,
+    marks_of,
     path_strokes,
     pin_strokes,
     skeleton_strokes,
@@ -34,6 +34,7 @@ from viewer.render.quality import Quality, choose_quality
 from viewer.render.targets import SceneTarget, ShadowMap
 from viewer.render.terrain_pass import TerrainPass
 
+LEVEL = 0.02  # rise over run: such a ground has no edges to soften
 FIGURE_OPACITY = 0.75  # of one that stands where the character does
 
 
@@ -91,7 +92,7 @@ class Renderer:
         for characters in passes:
             characters.draw(self._shadow_map.texture)
         self._terrain.draw(frame, overlays.show_grid)
-        self._terrain.draw_shadows(frame, scene, self._shadow_map.texture, feet_of(standing))
+        self._terrain.draw_shadows(frame, scene, self._shadow_map.texture, [marks_of(p) for p in standing])
         self._draw_sky()
         self._draw_ground_overlays(scene, pose, overlays)
         for characters in reversed(passes):  # the character's own last: nothing is drawn over it afterwards
@@ -99,7 +100,9 @@ class Renderer:
         for characters in on_top:
             characters.draw(self._shadow_map.texture, on_top=True)
         self._draw_top_overlays(frame, pose, overlays)
-        self._scene.present(target, frame.screen_box(frame.cast[: len(frame.cast) // 2], SHADOW_MARGIN_M))
+        around = frame.screen_box(frame.cast[: len(frame.cast) // 2], SHADOW_MARGIN_M)
+        level = self._ground.steepest < LEVEL or self.quality.smooth_edges != "all"
+        self._scene.present(target, around if level else (0, 0, *scene.size))
         self.ctx.enable_only(moderngl.NOTHING)
 
     def _prepare_figure(self, figure: Figure | None) -> tuple[list[CharacterPass], list[CharacterPass]]:

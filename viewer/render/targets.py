@@ -44,7 +44,7 @@ class SceneTarget:
         self._ctx = ctx
         self._quality = quality
         self._samples = min(quality.msaa, ctx.max_samples)
-        self._softens = quality.smooth_edges and not self._samples
+        self._softens = bool(quality.smooth_edges) and not self._samples
         self._stretch = screen_triangle(ctx, "stretch.frag")
         self._smooth_edges = screen_triangle(ctx, "smooth_edges.frag")
         self._shown_size = (0, 0)

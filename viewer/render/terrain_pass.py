@@ -13,7 +13,6 @@ from viewer.render.gl import load_program, release, scissored, set_uniforms
 from viewer.render.quality import Quality
 from viewer.render.terrain_mesh import APRON_M, Levels, TerrainMesh, cut_window
 
-MAX_FEET = 32  # the array in ground_shadow.frag
 RECENTRE_SHARE = 0.12  # of the window's size
 SUN_SLOPE = SUN_DIRECTION[1] / np.hypot(*SUN_DIRECTION[::2])  # flatter ground throws no shadow on itself
 MIN_RELIEF_M, MAX_RELIEF_M = 0.25, 3.0  # height over the start that has the full tint
@@ -21,6 +20,7 @@ LAYOUTS = {  # of a vertex: what each program reads
     "surface": ("1f4 2f2 1f2 2x", "in_height", "in_slope", "in_relief"),
     "depth": ("1f4 8x", "in_height"),
     "shadow": ("1f4 2f2 4x", "in_height", "in_slope"),
+    "contact": ("1f4 8x", "in_height"),
 }
 
 
@@ -37,6 +37,7 @@ class TerrainPass:
             "surface": load_program(ctx, "terrain.vert", "terrain.frag"),
             "depth": load_program(ctx, "shadow_terrain.vert", "depth_only.frag"),
             "shadow": load_program(ctx, "terrain.vert", "ground_shadow.frag", taps),
+            "contact": load_program(ctx, "terrain.vert", "ground_contact.frag"),
         }
         self._indices = ctx.buffer(reserve=4, dynamic=True)
         self._vertices: moderngl.Buffer | None = None
@@ -122,28 +123,35 @@ class TerrainPass:
             self._draw("depth", self._mesh.indices(self._levels, near))
 
     def draw_shadows(
-        self, frame: RenderFrame, target: moderngl.Framebuffer, shadow_map: moderngl.Texture, feet: Array
+        self,
+        frame: RenderFrame,
+        target: moderngl.Framebuffer,
+        shadow_map: moderngl.Texture,
+        marks: list[Array],
     ) -> None:
-        """Darken the ground: the sun's shadow, and under `feet` `(n, 2, 4)` (heel, radius; toe, strength)."""
-        mesh = self._mesh
-        if mesh is None or not len(feet):
-            return
-        box = frame.ground_box(self.shadow_reach_m)
-        chosen = mesh.touching(*box) & self._visible
-        if not chosen.any():
-            return
+        """Darken the ground: the sun's shadow, and under each character by its `marks` (see `marks_of`)."""
         shadow_map.use(0)
-        feet = feet[:MAX_FEET]
-        heels, toes = np.zeros((2, MAX_FEET, 4), np.float32)
-        heels[: len(feet)], toes[: len(feet)] = feet[:, 0], feet[:, 1]
-        program = self._programs["shadow"]
-        values = {"foot_count": len(feet), "foot_heel": heels.tobytes(), "foot_toe": toes.tobytes()}
-        set_uniforms(program, values)
         self._ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
         self._ctx.depth_func = "<="
         self._ctx.blend_func = moderngl.ZERO, moderngl.SRC_COLOR
-        with scissored(target, frame.screen_box(mesh.corners(*box, chosen), 0.0)):
-            self._draw("shadow", mesh.indices(self._levels, chosen))
+        if marks:
+            self._darken("shadow", frame, target, *frame.ground_box(self.shadow_reach_m))
+        for heels, toes in marks:
+            set_uniforms(self._programs["contact"], {"heel": heels.tobytes(), "toe": toes.tobytes()})
+            ends = np.concatenate([heels, toes])
+            radii = np.tile(heels[:, 3:], (2, 1))
+            low, high = (ends[:, :3] - radii).min(0), (ends[:, :3] + radii).max(0)
+            self._darken("contact", frame, target, low[::2], high[::2])
+
+    def _darken(
+        self, name: str, frame: RenderFrame, target: moderngl.Framebuffer, low: Array, high: Array
+    ) -> None:
+        """Draw the ground between two corners (x, z) again, by a program whose colours are multiplied onto it."""
+        mesh = self._mesh
+        chosen = None if mesh is None else mesh.touching(low, high) & self._visible
+        if mesh is not None and chosen is not None and chosen.any():
+            with scissored(target, frame.screen_box(mesh.corners(low, high, chosen), 0.0)):
+                self._draw(name, mesh.indices(self._levels, chosen))
 
     def release(self) -> None:
         release(*self._arrays.values(), *self._programs.values(), self._indices, self._vertices)

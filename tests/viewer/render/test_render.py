@@ -19,6 +19,7 @@ from runtime.terrain.height_map import Terrain
 from tests.helpers.golden_images import check_golden
 from tests.helpers.render_scene import CapsuleBody, capsule_body, hills, stairs, walking_pose
 from viewer.render.camera import OrbitCamera
+from viewer.render.character_pass import coarse_triangles
 from viewer.render.offscreen import OffscreenTarget, save_png
 from viewer.render.overlays import Overlays, TrajectoryOverlay
 from viewer.render.quality import HIGH, SOFTWARE, Quality
@@ -213,7 +214,7 @@ def test_overlays_leave_the_next_frame_alone(target: OffscreenTarget, body: Caps
 
 
 def test_scale_and_samples_change_edges_only(render: Render) -> None:
-    plain = replace(SOFTWARE, smooth_edges=False)
+    plain = replace(SOFTWARE, smooth_edges="")
     reference = render(quality=plain).astype(int)
     for quality in (
         replace(plain, render_scale=0.5),
@@ -282,3 +283,22 @@ def test_a_picture_that_cannot_be_saved_names_its_path(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(FileError, match=r"file.*picture\.png"):
         save_png(np.zeros((2, 2, 3), np.uint8), tmp_path / "file" / "picture.png")
+
+
+def test_a_coarse_mesh_keeps_its_colors_and_has_no_cracks_between_them() -> None:
+    """Two plates of different colours that meet along a line: after coarsening, by the same points of it."""
+    steps = np.linspace(0.0, 1.0, 41)
+    x, y = np.meshgrid(steps, steps, indexing="ij")
+    plate = np.stack([x, y, 0.0 * x], -1).reshape(-1, 3)
+    corner = (np.arange(40)[:, None] * 41 + np.arange(40)).ravel()
+    faces = np.concatenate([corner[:, None] + [[0, 41, 42]], corner[:, None] + [[0, 42, 1]]])
+    positions = np.concatenate([plate, plate + [1.0, 0.0, 0.0]])
+    colors = np.repeat([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]], len(plate), axis=0)
+    triangles = coarse_triangles(positions, np.concatenate([faces, faces + len(plate)]), 0.07, colors)
+    assert 0 < len(triangles) < len(faces)
+    ends = colors[triangles][..., 0]
+    assert (ends == ends[:, :1]).all()
+    used = np.unique(triangles)
+    seam = used[np.isclose(positions[used, 0], 1.0)]
+    dark, light = (positions[seam[colors[seam, 0] == shade], 1] for shade in (0.0, 1.0))
+    np.testing.assert_array_equal(np.sort(dark), np.sort(light))

@@ -18,11 +18,9 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.feet.ik import EASE_REACH, MAX_REACH
 from runtime.feet.leg import Knee, LegPose, bent, leg_forward, leg_inverse
-from runtime.feet.leg_edit import EditRequest, LegEdit
 from runtime.feet.narrow_support import Balance, SidewaysLead, may_be_narrow, pull_of_beam, side_of_beam
 from runtime.feet.planted_foot import SETTINGS, PlantedFoot, span
-from runtime.feet.trunk_edit import TrunkEdit
-from runtime.scalar_math import Vector, add, damp, smoothstep
+from runtime.scalar_math import Vector, damp, smoothstep
 from runtime.terrain.height_map import PointHeights, Terrain
 
 
@@ -86,17 +84,9 @@ class Support(NamedTuple):
 
     airborne: bool = False  # it is thrown, no leg carries it
     patience: float = 1.0  # how many times as far as usual a held foot may be from the incoming one
-    edits: EditRequest | None = None  # what its legs and trunk are to show
-
-
-def _moved(leg: LegPose, by: Vector) -> LegPose:
-    return LegPose(*leg[:4], *(add(point, by) for point in leg[4:]))
-
-
-def _under(leg: LegPose, east: float, south: float) -> LegPose:
-    """The leg under hips that have moved by metres of X and Z over feet that stay."""
-    hip, knee = ((p[0] + east, p[1], p[2] + south) for p in (leg.hip, leg.knee))
-    return leg._replace(hip=hip, knee=knee)
+    legs: tuple[LegPose, LegPose] | None = (
+        None  # where they are to stand, if not where the incoming pose has them
+    )
 
 
 @dataclass(frozen=True)
@@ -118,15 +108,8 @@ class FootLock:
         default_factory=lambda: (SidewaysLead(1.0), SidewaysLead(-1.0))
     )
     balance: Balance = field(default_factory=Balance)
-    edit: LegEdit = field(default_factory=LegEdit)
-    trunk: TrunkEdit = field(default_factory=TrunkEdit, metadata={"later": True})
     on_beam: bool = False
     pull: tuple[float, float] = (0.0, 0.0)  # m/s, XZ, that keep the root over a beam
-
-    @property
-    def is_edited(self) -> bool:
-        """Whether an edit adds anything to legs or trunk."""
-        return self.edit.active or self.trunk.active
 
     @property
     def held(self) -> tuple[str, str]:
@@ -155,13 +138,7 @@ class FootLock:
         drop = -self.pelvis.offset
         left, right = (leg_forward(foot.bones, (x, y, z), local) for foot in self.feet)
         incoming = (left, right)
-        legs, shown = [left, right], local_rotations
-        if support.edits is not None:
-            up, legs = self.edit.apply(y, incoming, chances, support.edits)
-            east, south, shown = self.trunk.apply((x, y, z), local_rotations, support.edits)
-            incoming = (_moved(left, (east, up, south)), _moved(right, (east, up, south)))
-            legs = [_under(leg, east, south) for leg in legs]
-            x, y, z = x + east, y + up, z + south
+        legs, shown = list(support.legs or incoming), local_rotations
         if may_be_narrow(ground):
             legs, shown = self._on_beam((x, y, z), (legs[0], legs[1]), shown, ground, dt)
         for side, (foot, leg) in enumerate(zip(self.feet, legs, strict=True)):

@@ -11,6 +11,7 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.controls import Controls, Gait
 from runtime.errors import UsageError
+from runtime.edits.body import BodyEdits
 from runtime.feet.foot_lock import FootLock
 from runtime.motion.features import FPS
 from runtime.motion.frame import Frame, full_speed, step
@@ -152,7 +153,7 @@ class Controller:
         state.poses = state.poses.raised(ground - state.ground)
         state.jumps[0].raise_by(float(ground[0] - state.ground[0]))
         state.ground = ground
-        state.traversals, state.feet = (Traversal(),), (FootLock(),)
+        state.traversals, state.feet, state.edits = (Traversal(),), (FootLock(),), (BodyEdits(),)
         self._state, self._frame = state, None
 
     @property

@@ -13,8 +13,9 @@ import numpy as np
 
 from runtime.arrays import Array, Flags
 from runtime.controls import STAND_SPEED, Controls, Gait
+from runtime.edits.body import EditedPose
+from runtime.edits.request import EditRequest
 from runtime.feet.foot_lock import Support
-from runtime.feet.leg_edit import EditRequest
 from runtime.motion import features
 from runtime.motion.features import DT, InputParts, OutputParts, split_output
 from runtime.motion.limbs import KEYFRAMED, resolve_penetration
@@ -313,6 +314,7 @@ def _plant(
             unlocked_hips[i], unlocked_local[i], contacts[i] = keyframed
             shown_hips[i], shown_local[i] = keyframed[:2]
             state.jumps[i].cancel(float(hips[i, 1]))
+            state.edits[i].reset()
             if walls:
                 shown_local[i] = resolve_penetration(
                     shown_hips[i], shown_local[i], state.poses.local[i], terrain, KEYFRAMED
@@ -326,8 +328,11 @@ def _plant(
                 unlocked_hips[i], unlocked_local[i], contacts[i] = posed
             stood = feet.feet[0].incoming is not None  # else on ground that has just come under the body
             patience = 1.0 + PATIENCE * (1.0 - float(state.settling.fraction[i]))
-            support = Support(jump.airborne, patience, _edit_request(state, i))
-            locked = feet.apply(unlocked_hips[i], unlocked_local[i], contacts[i], terrain, DT, support)
+            edited = EditedPose(unlocked_hips[i], unlocked_local[i], contacts[i])
+            if (asked := _edit_request(state, i)) is not None:
+                edited = state.edits[i].apply(*edited[:3], asked)
+            support = Support(jump.airborne, patience, edited.legs)
+            locked = feet.apply(edited.hips, edited.local, edited.contacts, terrain, DT, support)
             shown_hips[i], shown_local[i] = locked.hips_position, locked.local_rotations
             if walls:
                 before = state.poses.local[i] if stood else shown_local[i]
@@ -337,9 +342,9 @@ def _plant(
 
 
 def _edit_request(state: CharacterState, index: int) -> EditRequest | None:
-    """What legs and trunk of a character are to show; None where its words ask for nothing and nothing is added."""
+    """What the parts of a character are to show; None where its words ask for nothing and nothing is added."""
     style = state.styles[index].style
-    if not style.is_edited and not state.feet[index].is_edited:
+    if not style.is_edited and not state.edits[index].active:
         return None
     path = state.trajectory
     x, z = path.velocity[index].tolist()

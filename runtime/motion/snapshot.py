@@ -18,8 +18,9 @@ from zipfile import BadZipFile, ZipFile
 import numpy as np
 
 from runtime.checked import read_number
+from runtime.edits.body import BodyEdits
+from runtime.edits.request import checked_targets
 from runtime.errors import FileError, ModelError
-from runtime.feet.leg_edit import checked_targets
 from runtime.motion.controller import Controller
 from runtime.motion.mirror import LIMBS
 from runtime.motion.state import CharacterState
@@ -90,7 +91,7 @@ class Snapshot:
             if version == VERSION:
                 arrays = [named[f"a{k}"] for k in range(len(named))]
                 codes = _codes(tree["style"], arrays)
-                state = read_record(CharacterState, tree["state"], arrays, name)
+                state = read_record(CharacterState, _with_edits(tree["state"]), arrays, name)
                 if not _is_one_character(state):
                     raise ValueError("not one character")
                 return Snapshot(state, codes)
@@ -99,9 +100,20 @@ class Snapshot:
         raise FileError(f"{name}: of version {str(version)[:20]}, expected {VERSION}.", REMEDY)
 
 
+def _with_edits(tree: Any) -> Any:
+    """The state of a file in which edits were kept with the feet: they begin anew."""
+    if "edits" in tree:
+        return tree
+    feet = [
+        {name: value for name, value in each.items() if name not in ("edit", "trunk")}
+        for each in tree["feet"]
+    ]
+    return tree | {"feet": feet, "edits": [write_record(BodyEdits(), [])]}
+
+
 def _is_one_character(state: CharacterState) -> bool:
     """Whether a state that was read from a file is one that a character can be in."""
-    if not len(state.feet) == len(state.traversals) == len(state.jumps) == 1 or state.styles:
+    if {len(state.feet), len(state.edits), len(state.traversals), len(state.jumps)} != {1} or state.styles:
         return False
     numbers = bool(state.seed[0] >= 0 and state.frame[0] >= 0)
     return numbers and state.jumps[0].is_possible and is_possible(state.traversals[0])

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.arrays import Array
+from runtime.edits.body import BodyEdits
 from runtime.feet.foot_lock import FootLock
 from runtime.motion.features import DT, PHASE_OFFSETS, C, OutputParts, split_output
 from runtime.motion.model import MotionModel
@@ -151,6 +152,7 @@ class CharacterState:
     rest: RestRhythm
     arms: Inertialization
     settling: Settling
+    edits: tuple[BodyEdits, ...]
     feet: tuple[FootLock, ...]
     traversals: tuple[Traversal, ...]
     jumps: tuple[Jump, ...]
@@ -198,6 +200,7 @@ def standing(
         rest=RestRhythm.silent(),
         arms=Inertialization.at_rest(local),
         settling=Settling.awake(relative),
+        edits=(BodyEdits(),),
         feet=(feet,),
         traversals=(Traversal(),),
         jumps=(Jump.standing(float(hips[0, 1]), float(ground[0])),),

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from runtime.arrays import Array, Float32Array
-from runtime.feet.leg_edit import SHOWN
+from runtime.edits.request import SHAPE
 from runtime.motion.calibration import Calibration
 from runtime.motion.features import C
 from runtime.motion.mirror import LIMBS, Ways, mirrored_code
@@ -38,7 +38,7 @@ class Style:
     jog_speed: float
     # amplitude and turns a second (C, 2) of the phases at rest, by what the arms are to do; zeros of a model that does not tell
     rest: Float32Array = field(default_factory=lambda: np.zeros((C, 2), np.float32))
-    edits: Array = field(default_factory=lambda: np.zeros(SHOWN))  # what legs and trunk are to show
+    edits: Array = field(default_factory=lambda: np.zeros(SHAPE))  # what parts are to show
     mirrored: bool = False  # folded from the mirror image of z: the network walks it in the mirror
     opposite: Style | None = (
         None  # the same code folded the other way round, where some limbs move as it moves them
@@ -47,7 +47,7 @@ class Style:
 
     @cached_property
     def is_edited(self) -> bool:
-        """Whether legs or trunk are to show anything."""
+        """Whether any part is to show anything."""
         return bool(self.edits.any())
 
     @property
@@ -58,11 +58,11 @@ class Style:
 
 @dataclass(frozen=True, eq=False)
 class StyleMix:
-    """Codes Z^t `(6, 64)` with their weights, which sum to one, and what legs and trunk are to show (`runtime.feet.leg_edit`)."""
+    """Codes Z^t `(6, 64)` with their weights, which sum to one, and what parts are to show (`runtime.edits.request`)."""
 
     weights: tuple[float, ...]
     codes: tuple[Float32Array, ...]
-    edits: Array = field(default_factory=lambda: np.zeros(SHOWN))
+    edits: Array = field(default_factory=lambda: np.zeros(SHAPE))
 
 
 def even_weights(fractions: Shares, weights: Sequence[float]) -> Shares:

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from runtime.character.character import NAMED_UNITS
 from runtime.checked import read_number, read_text, read_whole
+from runtime.edits.request import checked_targets
 from runtime.errors import FileError, SportError
-from runtime.feet.leg_edit import checked_targets
 from runtime.motion.control_scripts import MAX_POINTS
 from runtime.motion.snapshot import Snapshot
 from runtime.motion.style import StyleMix

@@ -21,11 +21,10 @@ import numpy as np
 
 from runtime.arrays import Float32Array
 from runtime.atomic import write_atomic
-from runtime.feet.leg_edit import OUTWARD
 from runtime.motion.features import C
 from runtime.motion.model import MotionModel, load_model
 from runtime.motion.model_files import read_metadata
-from runtime.prompts.edit_targets import CLOSE, targets_of
+from runtime.prompts.edit_targets import targets_of
 from runtime.prompts.english.grammar import grammar
 from runtime.prompts.parts import PartDescriptions, mirror_text
 from runtime.prompts.phrasing import ModelPhrasing, phrasing_of
@@ -40,6 +39,7 @@ from training.text.claims import claims, sentence_fraction
 
 log = logging.getLogger("sport.train")
 
+CLOSE, WIDE = 0.02, 0.1  # metres of a foot from the middle line: feet close together, and as they usually are
 ALIKE = 0.05  # fractions of two sides that differ by less are the same
 UNTRAINED = 0.4  # by which a side that training never saw is taken to be shown worse
 SHOWN = 0.85  # fraction with which an edit is shown wholly
@@ -90,8 +90,8 @@ class _Claim:
 
 def _on_a_line(sentence: str) -> bool:
     """Whether an edit sets the feet on a line in any case: drawn out, such a code crosses the legs and leaves the way."""
-    outward = targets_of(sentence)[OUTWARD]
-    return outward is not None and outward <= CLOSE
+    (outward,) = targets_of("left_leg", sentence).get("outward", (WIDE,))
+    return outward <= CLOSE
 
 
 @dataclass(frozen=True)

@@ -75,9 +75,7 @@ def with_figure(stated: Mapping[str, str], figure: Mapping[str, str]) -> dict[st
     for part, words in stated.items():
         clauses = figure[part].split(", ")
         if part in _PAIRS["legs"] and _OF_STEPS.search(words):
-            kept = [
-                c for c in clauses if any(v is not None for v in targets_of(c)) and not _OF_STEPS.search(c)
-            ]
+            kept = [c for c in clauses if targets_of(part, c) and not _OF_STEPS.search(c)]
         elif part == "torso" and _OF_LEAN.search(words):
             kept = [c for c in clauses if _SWAYS.search(c) and "lean" not in c]
         else:

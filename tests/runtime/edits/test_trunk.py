@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from runtime import rotations
 from runtime.arrays import Array
+from runtime.edits.body import BodyEdits
+from runtime.edits.request import ROW_TRUNK, SHAPE, EditRequest, checked_targets
+from runtime.edits.trunk import ASIDE, LEAN, MOST, ROCK, SWAY, TWIST, UPRIGHT
 from runtime.feet.foot_lock import FootLock, Support
-from runtime.feet.leg_edit import SHOWN, EditRequest, checked_targets
-from runtime.feet.trunk_edit import ASIDE, LEAN, MOST, ROCK, SWAY, TRUNK, TWIST, UPRIGHT
 from runtime.motion.features import DT
 from runtime.prompts.edit_targets import edit_targets, edited_parts
 from runtime.prompts.parts import PartDescriptions
@@ -25,9 +26,9 @@ PLAIN = PartDescriptions(*["at rest"] * 6)
 
 def asked(**values: float) -> Array:
     """A trunk by these targets."""
-    targets = np.zeros(SHOWN)
+    targets = np.zeros(SHAPE)
     for name, value in values.items():
-        targets[TRUNK, NAMES[name]] = 1.0, value
+        targets[ROW_TRUNK, NAMES[name]] = 1.0, value
     return targets
 
 
@@ -35,7 +36,7 @@ def sway(
     targets: Array | None, yaw: float = 0.4, swing: float = 0.02, roll: float = 3.0
 ) -> tuple[Array, Array]:
     """World positions `(T, 31, 3)` and rotations of a body that stands, its hips swaying and its spine rocking."""
-    lock, side = FootLock(), np.array([np.cos(yaw), 0.0, -np.sin(yaw)])
+    lock, edits, side = FootLock(), BodyEdits(), np.array([np.cos(yaw), 0.0, -np.sin(yaw)])
     found = []
     for k in range(STEPS):
         wave = np.sin(2.0 * np.pi * k / 60.0)
@@ -46,8 +47,11 @@ def sway(
             np.array([0.0, 0.0, 1.0]), np.array(np.radians(-roll * wave))
         )
         hips = np.array([0.0, 0.98, 0.0]) + swing * wave * side
-        request = None if targets is None else EditRequest(targets.tolist(), yaw, (0.0, 0.0), 0.0)
-        result = lock.apply(hips, local, np.ones(4), FLAT, DT, Support(edits=request))
+        posed, legs = (hips, local, np.ones(4)), None
+        if targets is not None:
+            request = EditRequest(targets.tolist(), yaw, (0.0, 0.0), 0.0)
+            *posed, legs = edits.apply(*posed, request)
+        result = lock.apply(*posed, FLAT, DT, Support(legs=legs))
         found.append(SPORT_SKELETON.forward_kinematics(result.hips_position, result.local_rotations))
     return np.stack([each[0] for each in found]), np.stack([each[1] for each in found])
 
@@ -107,7 +111,7 @@ def test_what_does_more_than_is_said_is_left_alone() -> None:
 @given(st.lists(st.floats(-60.0, 60.0), min_size=5, max_size=5), st.floats(0.0, 1.0))
 def test_whatever_is_asked_a_body_stays_whole(values: list[float], weight: float) -> None:
     targets = asked(**dict(zip(NAMES, values, strict=True)))
-    targets[TRUNK] *= weight
+    targets[ROW_TRUNK] *= weight
     positions, turned = sway(targets)
     assert np.isfinite(positions).all()
     assert np.abs(angles(turned)).max() < max(MOST) + 25.0
@@ -115,17 +119,16 @@ def test_whatever_is_asked_a_body_stays_whole(values: list[float], weight: float
 
 
 def test_a_trunk_turns_back_without_a_jump() -> None:
-    lock, local = FootLock(), np.tile([1.0, 0.0, 0.0, 0.0], (J, 1))
+    edits, local = BodyEdits(), np.tile([1.0, 0.0, 0.0, 0.0], (J, 1))
     asked_for, heads = asked(twist=24.0, lean=12.0), []
     for k in range(600):
-        targets = asked_for if k < 200 else np.zeros(SHOWN)
-        request = (
-            EditRequest(targets.tolist(), 0.0, (0.0, 0.0), 0.0) if targets.any() or lock.is_edited else None
+        targets = asked_for if k < 200 else np.zeros(SHAPE)
+        posed = edits.apply(
+            np.array([0.0, 0.98, 0.0]), local, np.ones(4), EditRequest(targets.tolist(), 0.0, (0.0, 0.0), 0.0)
         )
-        result = lock.apply(np.array([0.0, 0.98, 0.0]), local, np.ones(4), FLAT, DT, Support(edits=request))
-        place, _ = SPORT_SKELETON.forward_kinematics(result.hips_position, result.local_rotations)
+        place, _ = SPORT_SKELETON.forward_kinematics(posed.hips, posed.local)
         heads.append(place[SPORT_SKELETON.index("LeftArm")])
-    assert not lock.is_edited
+    assert not edits.active
     assert np.linalg.norm(heads[-1] - heads[199]) > 0.03
     assert np.abs(np.diff(heads, n=2, axis=0)[2:]).max() < 0.004  # m a frame, from frame to frame
 
@@ -133,12 +136,12 @@ def test_a_trunk_turns_back_without_a_jump() -> None:
 def test_words_of_a_trunk() -> None:
     words = PLAIN.to_mapping() | {"torso": "torso turned to the left, swaying from side to side"}
     targets = edit_targets(PartDescriptions(**words))
-    assert targets[TRUNK, TWIST, 1] > 0.0
+    assert targets[ROW_TRUNK, TWIST, 1] > 0.0
     assert edited_parts(PartDescriptions(**words)) == {"torso"}
     assert not edit_targets(PLAIN).any()
 
 
 def test_a_file_without_a_trunk_is_read() -> None:
-    assert checked_targets(np.zeros((2, 5, 2))).shape == SHOWN
+    assert checked_targets(np.zeros((2, 5, 2))).shape == SHAPE
     with pytest.raises(ValueError, match="no description"):
-        checked_targets(np.full(SHOWN, np.inf))
+        checked_targets(np.full(SHAPE, np.inf))

@@ -12,20 +12,12 @@ from hypothesis import strategies as st
 
 from runtime import rotations
 from runtime.arrays import Array
+from runtime.edits.body import BodyEdits
+from runtime.edits.legs import HEEL, KNEE, LOWER, OUTWARD, TOE_OUT, LegEdit
+from runtime.edits.request import LEG, SHAPE, EditRequest, checked_targets
 from runtime.feet import ik
 from runtime.feet.foot_lock import FootLock, Support
 from runtime.feet.leg import leg_bones, leg_forward
-from runtime.feet.leg_edit import (
-    HEEL,
-    KNEE,
-    LOWER,
-    OUTWARD,
-    SHOWN,
-    TOE_OUT,
-    EditRequest,
-    LegEdit,
-    checked_targets,
-)
 from runtime.motion.features import DT
 from runtime.prompts.edit_targets import blended_targets, edit_targets, targets_of
 from runtime.prompts.parts import PartDescriptions
@@ -40,7 +32,7 @@ PLAIN = PartDescriptions(*["at rest"] * 6)
 def asked(**values: float) -> Array:
     """Both legs by these targets."""
     names = {"outward": OUTWARD, "lower": LOWER, "heel": HEEL, "toe_out": TOE_OUT, "knee": KNEE}
-    targets = np.zeros(SHOWN)
+    targets = np.zeros(SHAPE)
     for name, value in values.items():
         targets[:2, names[name]] = 1.0, value
     return targets
@@ -48,7 +40,7 @@ def asked(**values: float) -> Array:
 
 def walk(targets: Array, yaw: float = 0.0, width: float = 0.1, height: float = 0.93) -> Array:
     """World positions `(T, 31, 3)` of a figure that walks on the spot over the foot lock, once the edit is in force."""
-    lock, (x, z) = FootLock(), (np.sin(yaw), np.cos(yaw))
+    lock, edits, (x, z) = FootLock(), BodyEdits(), (np.sin(yaw), np.cos(yaw))
     local = np.tile([1.0, 0.0, 0.0, 0.0], (J, 1))
     local[0] = rotations.from_yaw(np.array(yaw))
     hips, ahead = np.array([0.0, height, 0.0]), np.array([x, 0.0, z])
@@ -61,14 +53,15 @@ def walk(targets: Array, yaw: float = 0.0, width: float = 0.1, height: float = 0
         posed = ik.solve_legs(hips, local, feet)
         request = EditRequest(targets.tolist(), yaw, (1.2 * x, 1.2 * z), 0.0)
         # no foot is held: what is shown is what is asked for
-        shown = lock.apply(hips, posed, np.zeros(4), FLAT, DT, Support(edits=request))
+        *edited, legs = edits.apply(hips, posed, np.zeros(4), request)
+        shown = lock.apply(*edited, FLAT, DT, Support(legs=legs))
         found.append(SPORT_SKELETON.forward_kinematics(shown.hips_position, shown.local_rotations)[0])
     return np.array(found)[-61:]
 
 
 @cache
 def plain_walk() -> Array:
-    return walk(np.zeros(SHOWN))
+    return walk(np.zeros(SHAPE))
 
 
 def across(positions: Array, yaw: float = 0.0) -> float:
@@ -125,7 +118,7 @@ def test_an_edit_that_is_no_longer_asked_for_fades() -> None:
     assert up < -0.1
     assert edit.active
     for _ in range(300):
-        up, legs = edit.apply(0.93, (leg, leg), [0.0] * 4, asks._replace(targets=np.zeros(SHOWN).tolist()))
+        up, legs = edit.apply(0.93, (leg, leg), [0.0] * 4, asks._replace(targets=np.zeros(SHAPE).tolist()))
     assert not edit.active
     assert up == pytest.approx(0.0, abs=1e-6)
     assert legs[0].ankle == pytest.approx(leg.ankle, abs=1e-6)
@@ -134,9 +127,9 @@ def test_an_edit_that_is_no_longer_asked_for_fades() -> None:
 @settings(max_examples=3)
 @given(st.lists(st.floats(-1.0, 1.0), min_size=5, max_size=5), st.floats(-3.0, 3.0))
 def test_any_targets_give_poses_that_can_be_shown(values: list[float], yaw: float) -> None:
-    targets = np.zeros(SHOWN)
-    targets[..., 0] = 1.0
-    targets[..., 1] = np.array(values) * [0.3, 0.4, 50.0, 50.0, 90.0]
+    targets = np.zeros(SHAPE)
+    targets[:2, : len(LEG), 0] = 1.0
+    targets[:2, : len(LEG), 1] = np.array(values) * [0.3, 0.4, 50.0, 50.0, 90.0]
     positions = walk(targets, yaw)
     assert np.isfinite(positions).all()
     assert np.abs(np.diff(positions, axis=0)).max() < 0.2
@@ -161,13 +154,10 @@ def test_any_targets_give_poses_that_can_be_shown(values: list[float], yaw: floa
     ],
 )  # fmt: skip
 def test_a_sentence_asks_for_numbers(sentence: str, found: dict[str, tuple[float, float]]) -> None:
-    names = ("outward", "lower", "heel", "toe_out", "knee")
-    values = {
-        name: value for name, value in zip(names, targets_of(sentence), strict=True) if value is not None
-    }
+    values = targets_of("left_leg", sentence)
     assert values.keys() == found.keys()
-    assert all(low <= values[name] <= high for name, (low, high) in found.items())
-    assert targets_of(sentence.replace("left", "right")) == targets_of(sentence)
+    assert all(low <= values[name][0] <= high for name, (low, high) in found.items())
+    assert targets_of("right_leg", sentence.replace("left", "right")) == values
 
 
 def test_legs_of_a_blend_are_between_those_of_its_prompts() -> None:
@@ -182,7 +172,7 @@ def test_legs_of_a_blend_are_between_those_of_its_prompts() -> None:
     np.testing.assert_allclose(half[1], edit_targets(wide)[1])
 
 
-@pytest.mark.parametrize("damaged", [[], [[1.0]], np.full(SHOWN, 2.0), np.full(SHOWN, np.nan), "legs"])
+@pytest.mark.parametrize("damaged", [[], [[1.0]], np.full(SHAPE, 2.0), np.full(SHAPE, np.nan), "legs"])
 def test_targets_of_a_file_are_checked(damaged: object) -> None:
-    with pytest.raises(ValueError, match=r"legs|could not|inhomogeneous"):
+    with pytest.raises(ValueError, match=r"edits|could not|inhomogeneous"):
         checked_targets(damaged)

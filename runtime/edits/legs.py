@@ -9,11 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import asin, atan2, cos, dist, hypot, pi, radians, sin, sqrt
-from typing import Any, NamedTuple
 
-import numpy as np
-
-from runtime.arrays import Array
+from runtime.edits.request import LEG, MOST_OF_LEG, EditRequest, Targets, followed, limited, value_of
 from runtime.feet.leg import LegPose
 from runtime.scalar_math import (
     Quaternion,
@@ -29,13 +26,7 @@ from runtime.scalar_math import (
 )
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 
-# of one leg: metres of a foot from the middle line, metres that the hips are lowered, degrees of the heel raised over the
-# toe, degrees that the foot is turned out, and the largest bend of the knee in degrees
-TARGETS = ("outward", "lower", "heel", "toe_out", "knee")
-OUTWARD, LOWER, HEEL, TOE_OUT, KNEE = range(len(TARGETS))
-MOST = (0.3, 0.4, 50.0, 50.0, 90.0)  # of each, that is added
-# shape of what is asked for: both legs and the trunk (`trunk_edit`), each target's weight (0 to 1) and value times that
-SHOWN = (3, len(TARGETS), 2)
+OUTWARD, LOWER, HEEL, TOE_OUT, KNEE = range(len(LEG))
 HALF_LIFE = 0.2  # seconds in which an edit follows its measure
 MEASURE_HALF_LIFE = 0.25  # seconds in which a measure follows the pose
 STRIDE_HALF_LIFE = 0.5  # seconds in which the line of the feet is measured
@@ -49,17 +40,8 @@ MOST_TOE_UP = 0.7  # radians that its foot is turned up so that the toe clears t
 BENT_M = 0.1  # hips that are lowered so far bend knees, whatever these are to do
 SWING_CLEARANCE = 0.03  # metres over its resting height that a straight leg swings
 UPRIGHT = 0.955  # metres of the hips over level ground in neutral walking
-_NOTHING = (0.0,) * len(TARGETS)
+_NOTHING = (0.0,) * len(LEG)
 _UP: Vector = (0.0, 1.0, 0.0)
-
-
-class EditRequest(NamedTuple):
-    """What legs and trunk are asked to show, and how the body goes."""
-
-    targets: list[list[list[float]]]  # [left leg, right leg, trunk][target]: weight, and value times weight
-    yaw: float  # radians, the way that the body faces
-    velocity: tuple[float, float]  # m/s of the root, X and Z
-    ground: float  # metres, the height under the body
 
 
 @dataclass
@@ -74,7 +56,7 @@ class LegEdit:
     yaw: tuple[float, float] = (0.0, 0.0)  # degrees of a planted foot, outward
     rise: float = 0.0  # m that the hips go with legs that stand elsewhere
     aside: tuple[float, float] = (0.0, 0.0)  # m that a straight leg swings outward
-    left: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)  # what is added, by `TARGETS`
+    left: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)  # what is added, by `LEG`
     right: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
 
     @property
@@ -154,23 +136,19 @@ class LegEdit:
         """Let what is added go towards what is missing."""
         wanted = [self._missing(request.targets[k], k) for k in (0, 1)]
         lower = min(wanted[0][LOWER], wanted[1][LOWER])  # one leg alone lowers no hips
-        share = 1.0 - decay(HALF_LIFE)
         for name, goal in zip(("left", "right"), wanted, strict=True):
             goal[LOWER] = lower
             goal[KNEE] *= max(1.0 - lower / BENT_M, 0.0)
             before = getattr(self, name)
-            now = tuple(a + share * (b - a) for a, b in zip(before, goal, strict=True))
-            done = all(abs(a) < 1e-4 for a in now) and not any(goal)
-            setattr(self, name, _NOTHING if done else now)
+            setattr(self, name, tuple(followed(a, b, HALF_LIFE) for a, b in zip(before, goal, strict=True)))
 
-    def _missing(self, targets: list[list[float]], leg: int) -> list[float]:
+    def _missing(self, targets: Targets, leg: int) -> list[float]:
         beside = 0.5 * self.across + (-self.middle if leg else self.middle)
         shown = (beside / max(self.known, 1e-6), UPRIGHT - self.height, self.pitch[leg], self.yaw[leg], 0.0)
         wanted = []
-        for k, ((weight, weighted), has, most) in enumerate(zip(targets, shown, MOST, strict=True)):
-            value = weighted / weight if weight > 1e-6 else 0.0
-            lacks = min(max(value - has, -most), most) * (self.known if k == OUTWARD else 1.0)
-            wanted.append(weight * (max(lacks, 0.0) if k in (LOWER, HEEL) else lacks))
+        for k, (target, has, most) in enumerate(zip(targets, shown, MOST_OF_LEG, strict=False)):
+            lacks = limited(value_of(target) - has, most) * (self.known if k == OUTWARD else 1.0)
+            wanted.append(target[0] * (max(lacks, 0.0) if k in (LOWER, HEEL) else lacks))
         return wanted
 
     def _rise(self, up: float, feet: list[LegPose], moved: list[Vector], bears: tuple[float, float]) -> float:
@@ -218,8 +196,8 @@ def _straightened(
 
     `added` is what is in force of the target, in degrees; a leg that `bears` stays where it stands.
     """
-    share, weighted = request.targets[k][KNEE]
-    most = radians(weighted / share) if share > 1e-6 else 0.5 * pi
+    asked = request.targets[k][KNEE]
+    most = radians(value_of(asked)) if asked[0] > 1e-6 else 0.5 * pi
     weight = min(radians(added) / most, 1.0)
     thigh, shin = dist(leg.knee, leg.hip), dist(leg.ankle, leg.knee)
     hip = (leg.hip[0], leg.hip[1] + up, leg.hip[2])
@@ -250,15 +228,3 @@ def _toe_over(leg: LegPose, lowest: float, swings: float) -> LegPose:
 def _about(axis: Vector, angle: float) -> Quaternion:
     s = sin(0.5 * angle)
     return cos(0.5 * angle), s * axis[0], s * axis[1], s * axis[2]
-
-
-def checked_targets(values: Any) -> Array:
-    """Targets `(3, 5, 2)` of a file; ValueError for what no description asks for."""
-    targets = np.array(values, np.float64)
-    if targets.shape == (2, *SHOWN[1:]):  # of a file without the trunk
-        targets = np.concatenate([targets, np.zeros((1, *SHOWN[1:]))])
-    if targets.shape != SHOWN or not (np.abs(targets[:2, :, 1]) <= MOST).all():
-        raise ValueError("legs that no description has")
-    if not (np.abs(targets) <= 90.0).all() or not ((targets[..., 0] >= 0.0) & (targets[..., 0] <= 1.0)).all():
-        raise ValueError("legs that no description has")
-    return targets

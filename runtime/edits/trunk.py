@@ -12,16 +12,12 @@ from math import atan2, cos, degrees, pi, radians, sin, sqrt
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.feet.leg_edit import EditRequest
+from runtime.edits.request import ROW_TRUNK, TRUNK, EditRequest, Targets, asks
 from runtime.pose import FPS
 from runtime.scalar_math import Quaternion, Vector, decay, from_vector, multiply, relative, rotate, scale
 from runtime.skeleton import SPORT_SKELETON
 
-# degrees that the trunk leans forward and to the left of neutral walking, and that shoulders are turned to the left of
-# the hips; metres and degrees from end to end in which hips sway and the trunk rocks
-TARGETS = ("lean", "aside", "twist", "sway", "rock")
-LEAN, ASIDE, TWIST, SWAY, ROCK = range(len(TARGETS))
-TRUNK = 2  # the row of the trunk in what is asked for, after both legs
+LEAN, ASIDE, TWIST, SWAY, ROCK = range(len(TRUNK))
 UPRIGHT = (-1.0, 0.0, 0.0)  # degrees of lean, aside and twist in neutral walking
 MOST = (25.0, 20.0, 40.0)  # degrees of them that are added
 MOST_GAIN, MOST_SHIFT, MOST_ROCK = 2.5, 0.07, 12.0  # of sway and rock: times the network's; metres, degrees
@@ -60,7 +56,7 @@ class TrunkEdit:
 
     def apply(self, hips: Vector, local: Array, request: EditRequest) -> tuple[float, float, Array]:
         """Metres, X and Z, that the hips move, and the local rotations `(31, 4)` with the trunk as it is asked for."""
-        if not self.active and not any(weight for weight, _ in request.targets[TRUNK]):
+        if not self.active and not asks(request.targets[ROW_TRUNK]):
             self.known = 0.0  # what is asked for later is measured anew
             return 0.0, 0.0, local
         rotations: list[Quaternion] = [tuple(q) for q in local[list(_JOINTS)].tolist()]
@@ -85,7 +81,7 @@ class TrunkEdit:
         seen = 1.0 - decay(RANGE_HALF_LIFE)
         self.sway += seen * (swayed * swayed - self.sway)
         self.rock += seen * (rocked * rocked - self.rock)
-        self._follow(request.targets[TRUNK])
+        self._follow(request.targets[ROW_TRUNK])
         shift = min(max(self.more_sway * swayed, -MOST_SHIFT), MOST_SHIFT)
         rolled = self.more_aside + min(max(self.more_rock * rocked, -MOST_ROCK), MOST_ROCK)
         if self.more_lean or rolled or self.more_twist:
@@ -98,7 +94,7 @@ class TrunkEdit:
         added = (self.more_lean, self.more_aside, self.more_twist, self.more_sway, self.more_rock)
         return any(abs(value) > 1e-3 for value in added)
 
-    def _follow(self, targets: list[list[float]]) -> None:
+    def _follow(self, targets: Targets) -> None:
         """Let what is added go towards what is missing."""
         follow = 1.0 - decay(HALF_LIFE)
         for k, name in enumerate(("lean", "aside", "twist")):

@@ -33,6 +33,7 @@ ROW_TRUNK, ROW_ARMS = 2, 3
 WIDTH = len(ARM) + len(FRAMES) * len(PLACE)
 SHAPE = (len(PARTS), WIDTH, 2)  # of what is asked for: each target's weight, and value times that
 MOST_OF_LEG = (0.3, 0.4, 50.0, 50.0, 90.0)  # that is added
+FIRST_TARGETS = 5  # of legs and trunk, in files without arms
 LARGEST = 200.0  # degrees, metres of any target
 Targets = list[list[float]]  # of one part
 
@@ -68,7 +69,7 @@ def limited(value: float, most: float) -> float:
     return min(max(value, -most), most)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Swing:
     """Mean and range of what a part does, as they follow it."""
 
@@ -76,14 +77,12 @@ class Swing:
     square: float = 0.0  # mean square of what is away from the mean, times `known`
     known: float = 0.0  # how well they are known, 0 to 1
 
-    def observe(self, value: float, mean_half_life: float, range_half_life: float) -> float:
-        """How far `value` is from the mean, once it is taken in."""
+    def observed(self, value: float, mean_half_life: float, range_half_life: float) -> Swing:
+        """The same with another frame's value taken in."""
         follow = 1.0 - decay(mean_half_life)
-        self.mean += follow * (value - self.mean)
-        self.known += follow * (1.0 - self.known)
-        away = value - self.mean / self.known
-        self.square += (1.0 - decay(range_half_life)) * (away * away - self.square)
-        return away
+        mean, known = self.mean + follow * (value - self.mean), self.known + follow * (1.0 - self.known)
+        away = value - mean / known
+        return Swing(mean, self.square + (1.0 - decay(range_half_life)) * (away * away - self.square), known)
 
     @property
     def middle(self) -> float:
@@ -100,17 +99,29 @@ class Swing:
         return self.known * min(max(least / max(self.range, smallest) - 1.0, 0.0), most)
 
 
+def written_targets(targets: Array) -> list[list[float]]:
+    """Targets `(5, 34, 2)` for a file: row, column, weight and value times weight of those that ask for something."""
+    return [[*at, *targets[tuple(at)].tolist()] for at in np.argwhere(targets.any(-1)).tolist()]
+
+
 def checked_targets(values: Any) -> Array:
-    """Targets `(5, 34, 2)` of a file; ValueError for what no description asks for."""
-    targets = np.array(values, np.float64)
-    if targets.ndim == 3 and targets.shape[0] <= len(PARTS) and targets.shape[1:] == (len(LEG), 2):
-        before, targets = targets, np.zeros(SHAPE)  # of a file with fewer parts and targets
-        targets[: len(before), : len(LEG)] = before
-    if targets.shape != SHAPE or not (np.abs(targets[:2, : len(LEG), 1]).max(0) <= MOST_OF_LEG).all():
+    """Targets `(5, 34, 2)` of a file, as written or whole; ValueError for what no description asks for."""
+    given: Array = np.array(values, np.float64)
+    if given.ndim == 3 and given.shape != SHAPE and given.shape[1:] == (FIRST_TARGETS, 2):
+        targets: Array = np.zeros(SHAPE)  # of a file with fewer parts and targets
+        targets[: len(given), :FIRST_TARGETS] = given[: len(PARTS)]
+    else:
+        targets = given if given.shape == SHAPE else _placed(given.reshape(-1, 4))
+    weights, legs = targets[..., 0], np.abs(targets[:ROW_TRUNK, : len(LEG), 1])
+    within = (np.abs(targets) <= LARGEST).all() and (legs <= MOST_OF_LEG).all()
+    if not within or not ((weights >= 0.0) & (weights <= 1.0)).all():
         raise ValueError("edits that no description asks for")
-    if (
-        not (np.abs(targets) <= LARGEST).all()
-        or not ((targets[..., 0] >= 0.0) & (targets[..., 0] <= 1.0)).all()
-    ):
-        raise ValueError("edits that no description asks for")
+    return targets
+
+
+def _placed(written: Array) -> Array:
+    targets, at = np.zeros(SHAPE), written[:, :2].astype(int)
+    if not ((at >= 0) & (at < SHAPE[:2]) & (at == written[:, :2])).all():
+        raise ValueError("edits of no part")
+    targets[at[:, 0], at[:, 1]] = written[:, 2:]
     return targets

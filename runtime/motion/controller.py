@@ -10,8 +10,8 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.controls import Controls, Gait
-from runtime.errors import UsageError
 from runtime.edits.body import BodyEdits
+from runtime.errors import UsageError
 from runtime.feet.foot_lock import FootLock
 from runtime.motion.features import FPS
 from runtime.motion.frame import Frame, full_speed, step

@@ -19,7 +19,7 @@ import numpy as np
 
 from runtime.checked import read_number
 from runtime.edits.body import BodyEdits
-from runtime.edits.request import checked_targets
+from runtime.edits.request import checked_targets, written_targets
 from runtime.errors import FileError, ModelError
 from runtime.motion.controller import Controller
 from runtime.motion.mirror import LIMBS
@@ -131,7 +131,7 @@ def _written(style: StyleMix | Style, arrays: list[np.ndarray]) -> dict[str, Any
     if isinstance(style, Style):
         return write_record(style, arrays)
     arrays.append(np.stack(style.codes))
-    return {"codes": len(arrays) - 1, "weights": list(style.weights), "edits": style.edits.tolist()}
+    return {"codes": len(arrays) - 1, "weights": list(style.weights), "edits": written_targets(style.edits)}
 
 
 def _codes(tree: Any, arrays: list[np.ndarray]) -> StyleCodes:

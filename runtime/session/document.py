@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from runtime.character.character import NAMED_UNITS
 from runtime.checked import read_number, read_text, read_whole
-from runtime.edits.request import checked_targets
+from runtime.edits.request import checked_targets, written_targets
 from runtime.errors import FileError, SportError
 from runtime.motion.control_scripts import MAX_POINTS
 from runtime.motion.snapshot import Snapshot
@@ -176,7 +176,7 @@ class DocumentWriter:
             return {"name": printable(change.name), "ground": self._terrain(change.terrain)}
         z, note = change.z, change.note
         style = (
-            [self.blobs.array(np.stack(z.codes)), list(map(float, z.weights)), z.edits.tolist()]
+            [self.blobs.array(np.stack(z.codes)), list(map(float, z.weights)), written_targets(z.edits)]
             if isinstance(z, StyleMix)
             else self.blobs.array(z)
         )

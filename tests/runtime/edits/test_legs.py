@@ -14,7 +14,7 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.edits.body import BodyEdits
 from runtime.edits.legs import HEEL, KNEE, LOWER, OUTWARD, TOE_OUT, LegEdit
-from runtime.edits.request import LEG, SHAPE, EditRequest, checked_targets
+from runtime.edits.request import LEG, SHAPE, EditRequest
 from runtime.feet import ik
 from runtime.feet.foot_lock import FootLock, Support
 from runtime.feet.leg import leg_bones, leg_forward
@@ -170,9 +170,3 @@ def test_legs_of_a_blend_are_between_those_of_its_prompts() -> None:
     half = blended_targets(wide, line, (0.0, 0.0, 0.5, 0.0, 0.0, 0.0))
     np.testing.assert_allclose(half[0], 0.5 * (edit_targets(wide) + edit_targets(line))[0])
     np.testing.assert_allclose(half[1], edit_targets(wide)[1])
-
-
-@pytest.mark.parametrize("damaged", [[], [[1.0]], np.full(SHAPE, 2.0), np.full(SHAPE, np.nan), "legs"])
-def test_targets_of_a_file_are_checked(damaged: object) -> None:
-    with pytest.raises(ValueError, match=r"edits|could not|inhomogeneous"):
-        checked_targets(damaged)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.edits.body import BodyEdits
-from runtime.edits.request import ROW_TRUNK, SHAPE, EditRequest, checked_targets
+from runtime.edits.request import ROW_TRUNK, SHAPE, EditRequest
 from runtime.edits.trunk import ASIDE, LEAN, MOST, ROCK, SWAY, TWIST, UPRIGHT
 from runtime.feet.foot_lock import FootLock, Support
 from runtime.motion.features import DT
@@ -139,9 +139,3 @@ def test_words_of_a_trunk() -> None:
     assert targets[ROW_TRUNK, TWIST, 1] > 0.0
     assert edited_parts(PartDescriptions(**words)) == {"torso"}
     assert not edit_targets(PLAIN).any()
-
-
-def test_a_file_without_a_trunk_is_read() -> None:
-    assert checked_targets(np.zeros((2, 5, 2))).shape == SHAPE
-    with pytest.raises(ValueError, match="no description"):
-        checked_targets(np.full(SHAPE, np.inf))

@@ -1,0 +1,74 @@
+"""Targets in files, and the phrases that they come from."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from runtime.edits.request import ROW_ARMS, SHAPE, Swing, checked_targets, written_targets
+from runtime.prompts.edit_targets import phrases, read_phrases, targets_of
+
+PART = {"leg": "left_leg", "torso": "torso", "arm": "left_arm"}
+
+
+@given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 33), st.floats(0.1, 1.0), st.floats(-0.3, 0.3))))
+def test_targets_come_back_from_a_file(asked: list[tuple[int, int, float, float]]) -> None:
+    targets = np.zeros(SHAPE)
+    for row, column, *value in asked:
+        targets[row, column] = value
+    np.testing.assert_array_equal(checked_targets(json.loads(json.dumps(written_targets(targets)))), targets)
+    np.testing.assert_array_equal(checked_targets(targets), targets)
+
+
+def test_files_without_arms_are_read() -> None:
+    before = np.full((3, 5, 2), 0.2)
+    targets = checked_targets(before)
+    np.testing.assert_array_equal(targets[:3, :5], before)
+    assert not targets[ROW_ARMS:].any()
+    assert checked_targets(before[:2]).shape == SHAPE
+
+
+@pytest.mark.parametrize(
+    "damaged",
+    [[1.0], [[0, 99, 1.0, 0.1]], [[9, 0, 1.0, 0.1]], [[0.5, 0, 1.0, 0.1]], [[0, 0, 2.0, 0.1]], [[0, 0, 1.0, 9.0]],
+     [[2, 0, 1.0, 1e9]], [[2, 0, float("nan"), 1.0]], np.full(SHAPE, np.nan), "legs"],
+)  # fmt: skip
+def test_targets_of_a_file_are_checked(damaged: object) -> None:
+    with pytest.raises(ValueError, match=r"edits|could not|reshape"):
+        checked_targets(damaged)
+
+
+def test_a_phrase_asks_for_what_its_kind_says() -> None:
+    for part, targets in phrases().items():
+        for target, table in targets.items():
+            for phrase, values in table.items():
+                found = targets_of(PART[part], f"left side {phrase}, at rest").get(target, ())
+                assert found == tuple(value for _, value in values), phrase
+
+
+@pytest.mark.parametrize(
+    "tree",
+    [
+        {"leg": {"odd": {"phrases": ["odd"], "height": 1.0}}},
+        {"tail": {"odd": {"phrases": ["odd"], "lower": 1.0}}},
+        {"leg": {"a": {"phrases": ["odd"], "lower": 0.1}, "b": {"phrases": ["odd"], "lower": 0.2}}},
+        {"arm": {"odd": {"phrases": ["odd"], "hand": {"place": [0, 0, 0]}}}},
+    ],
+)
+def test_a_kind_that_is_none_is_named(tree: dict[str, dict[str, dict[str, object]]]) -> None:
+    with pytest.raises(ValueError, match=r"odd|\[leg\.b\]|place"):
+        read_phrases(tree)
+
+
+def test_a_swing_knows_its_middle_and_its_ends() -> None:
+    swing = Swing()
+    for t in range(600):
+        swing = swing.observed(2.0 + 0.3 * np.sin(2.0 * np.pi * t / 60.0), 0.4, 0.6)
+    assert swing.middle == pytest.approx(2.0, abs=0.1)
+    assert swing.range == pytest.approx(0.6, abs=0.12)
+    assert swing.gain(1.2, 0.1, 5.0) == pytest.approx(1.0, abs=0.4)
+    assert swing.gain(0.3, 0.1, 5.0) == 0.0

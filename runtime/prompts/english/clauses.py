@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass
 
 from runtime.prompts.english.grammar import Match, grammar, replaced
+from runtime.prompts.english.segments import with_commas
 from runtime.prompts.english.sides import OPPOSITE, name_sides, only_side
 from runtime.prompts.english.words import continuous, word_set
 from runtime.prompts.parts import MAX_CHARACTERS
@@ -32,7 +33,7 @@ def parse_clauses(prompt: str) -> ParsedPrompt:
     """Take the statements about body parts out of a prompt; several on one part are joined."""
     rules = grammar()
     text, hand = name_sides(_plain(prompt))
-    pieces = rules["separators"].split(text)
+    pieces = rules["separators"].split(with_commas(text))
     leg = only_side(match["side"] for match in rules["sided_leg"].finditer(text)) or "right"
     parts: dict[str, str] = {}
     denied: set[str] = set()  # parts of which no more is known than what they do not do
@@ -52,9 +53,25 @@ def _plain(prompt: str) -> str:
     rules = grammar()
     text = rules["both_sides"].sub("both", prompt.lower())
     text = text.replace("left and right", "side to side").replace("’", "'")
-    text = rules["timing"].sub(lambda match: match.group() if match["halts"] else "", continuous(text))
+    text = rules["timing"].sub(_without_timing, continuous(text))
+    text = rules["described_noun"].sub(_without_idle_words, text)
     text = rules["two_nouns"].sub(r"\g<first> \g<rest>, \g<second> \g<rest>", text)
     return rules["trunk"].sub("torso", text)
+
+
+def _without_timing(match: Match) -> str:
+    """Nothing, or the end of the clause where another begins: "bouncing with each step, knees bent"."""
+    if match["halts"]:
+        return match.group()
+    return "," if grammar()["clause_opening"].match(match.string, match.end() + 1) else ""
+
+
+def _without_idle_words(match: Match) -> str:
+    """ "His hands" of "his freshly washed hands": words before a part that no rule of it reads."""
+    rules = grammar()
+    group = rules.groups[rules.group_of(match["noun"])]
+    told = rules.sentence(group.actions, match["words"]) or rules["told"].search(match["words"])
+    return match.group() if told else f"{match['owner']} {match['noun']}"
 
 
 def _add(parts: dict[str, str], found: dict[str, str], denied: set[str], denies: bool) -> None:

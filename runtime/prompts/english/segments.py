@@ -1,0 +1,81 @@
+"""Where the clauses of a prompt begin, whether or not it has commas.
+
+"chin up chest out arms swinging long strides"   →  "chin up, chest out, arms swinging, long strides"
+"head down and turned to the left"               →  "head down, head turned to the left"
+"""
+
+from __future__ import annotations
+
+import re
+
+from runtime.prompts.english.grammar import Match, grammar
+
+
+def with_commas(text: str) -> str:
+    """A lower-case prompt with a comma before every clause about a part or a way of stepping."""
+    rules = grammar()
+    starts = [0]
+    for match in rules["clause_opening"].finditer(text):
+        begin = max(starts[-1], _last_comma(text, match.start()))
+        start = _opens(text[begin : match.start()], match)
+        if start is not None and text[begin : begin + start].strip():
+            starts.append(begin + start)
+    clauses = [text[a:b].strip() for a, b in zip(starts, [*starts[1:], len(text)], strict=True)]
+    return rules["same_subject"].sub(_with_subject, "\n".join(clauses))
+
+
+def _last_comma(text: str, end: int) -> int:
+    return max(
+        (found.end() for found in re.finditer(r"[,;.:!?\n]| (?:and|while|with|but) ", text[:end])), default=0
+    )
+
+
+def _opens(before: str, match: Match) -> int | None:
+    """Where in `before`, the words of the clause up to a possible opening, a new one begins; None where none does."""
+    rules = grammar()
+    words = before.split()
+    degree = rules["degree_at_end"].search(before)
+    if (
+        degree and match["subject"] is None
+    ):  # "arms crossed slightly leaning": the degree goes with what follows
+        before = before[: degree.start()]
+        words = before.split()
+    if not words:
+        return None
+    if match["subject"] is not None and rules["keeping"].fullmatch(
+        words[-1]
+    ):  # "a surgeon | holding his hands up"
+        before = before.rstrip().removesuffix(words.pop())
+        if not words or rules["noun_at_end"].search(before) or rules["no_opening_after"].fullmatch(words[-1]):
+            return None
+        return len(before)
+    if rules["no_opening_after"].fullmatch(words[-1]) and not rules["particle_at_end"].search(before.strip()):
+        return None
+    spoken = rules["part"].search(" ".join(words[:-1]))
+    if match["subject"] is not None:
+        attribute = len(words) > 1 and rules["attributive"].fullmatch(words[-2])  # "of the limping left leg"
+        if attribute and words[-1].endswith("ing"):
+            return None
+        verb = rules["any_verb"].fullmatch(words[-1]) or rules["other_verb"].fullmatch(words[-1])
+        held = rules["holding"].fullmatch(words[-1]) or (verb and not spoken)
+        if rules["part"].fullmatch(words[-1]):
+            held = None
+        return None if held else len(before)
+    if match["posture"] is None and not rules["part"].search(before):
+        return None
+    noun = rules["noun_at_end"].search(before)
+    return None if noun and _is_subject(before, noun, match) else len(before)
+
+
+def _is_subject(before: str, noun: Match, match: Match) -> bool:
+    """Whether the part that `before` ends with does what follows: not "on the hip", and in "bent knees looking left" no knee."""
+    rules = grammar()
+    earlier = before[: noun.start()].strip()
+    if rules["object_before"].search(earlier):
+        return False
+    described = rules["any_verb"].fullmatch(earlier.rpartition(" ")[2])
+    return not described or rules["of_part"].fullmatch(f"{noun['noun']} {match.group()}") is not None
+
+
+def _with_subject(match: Match) -> str:
+    return f"{match['clause']}\n{match['subject']} {match['what']}"

@@ -70,13 +70,13 @@ def decode_text(data: bytes) -> str:
         return data.decode("latin-1")
 
 
-def parse_json(data: str | bytes, max_items: int = MAX_JSON_ITEMS) -> Any:
-    """The value of a JSON text in UTF-8; ValueError for all that is none, too deep or of more than `max_items` items."""
+def parse_json(data: str | bytes, max_items: int = MAX_JSON_ITEMS, kind: type[dict[str, Any]] = dict) -> Any:
+    """The value of a JSON text in UTF-8, its objects of a `kind`; ValueError for all that is none, too deep or of more than `max_items` items."""
     text = data.decode("utf-8-sig") if isinstance(data, bytes) else data
     if sum(text.count(sign) for sign in "[{,") > max_items:
         raise ValueError(f"more than {max_items} items")
     try:
-        return json.loads(text, parse_int=_integer)
+        return json.loads(text, parse_int=_integer, object_hook=None if kind is dict else kind)
     except RecursionError as error:
         raise ValueError("too deeply nested") from error
 

@@ -48,6 +48,7 @@ class _Job:
     cancel: Callable[[], None] | None = None  # ends it early
     begun: float = field(default_factory=time.monotonic)
     dropped: bool = False  # its result comes no more
+    told: bool = False  # what is wrong with its file has been said by another job that read it too
 
     @property
     def words(self) -> str:
@@ -155,9 +156,9 @@ class Jobs:
         for job in finished:
             self.progress.pop(job.slot, None)
             if not job.dropped:
-                self._hand_over(job)
+                self._hand_over(job, [other for other in (*finished, *self._jobs) if other.reading])
 
-    def _hand_over(self, job: _Job) -> None:
+    def _hand_over(self, job: _Job, reading: list[_Job]) -> None:
         try:
             result = job.future.result()
             self.messages.settle(job.slot)
@@ -166,7 +167,10 @@ class Jobs:
             return
         except Exception as error:  # whatever a loader meets becomes a message; the window lives on
             known = error if isinstance(error, SportError) else _for_animators(job, error)
-            self.messages.error(known, job.slot)
+            if not job.told:
+                self.messages.error(known, job.slot)
+            for other in reading:
+                other.told |= other.reading == job.reading
             self.first_error = self.first_error or known
             if job.failed is not None:
                 job.failed(error)

@@ -253,10 +253,11 @@ class Workspace:
 
         def opened(found: tuple[bool, bool]) -> None:
             skinned, animated = found
-            if skinned or not animated:
-                (self.scene.open_character if skinned else self.scene.load_terrain)(path)
-            if animated:
-                self.takes.open(path)
+            with self.jobs.together():  # what is wrong with the file is said once
+                if skinned or not animated:
+                    (self.scene.open_character if skinned else self.scene.load_terrain)(path)
+                if animated:
+                    self.takes.open(path)
 
         self.jobs.submit(Slot("open", path), lambda: contents(path), opened, reading=path.name)
 

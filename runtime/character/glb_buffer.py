@@ -12,7 +12,7 @@ import numpy as np
 
 from runtime.arrays import AnyArray
 from runtime.atomic import write_atomic
-from runtime.character.read import STRUCTURE_ERRORS, GltfFile, buffer_view_bytes, entries, read_accessor
+from runtime.character.read import STRUCTURE_ERRORS, Entry, GltfFile, buffer_view_bytes, read_accessor
 from runtime.character.textures import EXTENSIONS, image_bytes, open_image, texture_source
 from runtime.safe_read import reason
 
@@ -141,7 +141,7 @@ class GlbBuffer:
 
     def as_file(self, path: Path) -> GltfFile:
         """The document as one that was read from `path`, for what writes it in another form."""
-        return GltfFile(path, entries(json.loads(self.gltf.to_json())), (memoryview(self._blob),))
+        return GltfFile(path, json.loads(self.gltf.to_json(), object_hook=Entry), (memoryview(self._blob),))
 
     def save(self, path: Path) -> None:
         """Write the GLB whole or not at all; FileError when it cannot be written."""

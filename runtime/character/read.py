@@ -86,20 +86,13 @@ def open_gltf(path: Path, motion: bool = False) -> GltfFile:
     else:
         raise FileError(f"{path}: neither a binary nor a JSON glTF file, nor an FBX.", REMEDY)
     try:
-        gltf = entries(parse_json(text))
+        gltf = parse_json(text, kind=Entry)
     except ValueError as error:
         raise FileError(f"{path}: damaged glTF container ({reason(error)}).", REMEDY) from error
     if not isinstance(gltf, Entry):
         raise FileError(f"{path}: the glTF container holds no document.", REMEDY)
     _check_document(gltf, path)
     return GltfFile(path, gltf, tuple(unpack(path, gltf, _load_buffers(path, gltf, blob))))
-
-
-def entries(value: Any) -> Any:
-    """A value of JSON whose objects are `Entry`."""
-    if isinstance(value, dict):
-        return Entry((key, entries(item)) for key, item in value.items())
-    return [entries(item) for item in value] if isinstance(value, list) else value
 
 
 def _read(path: Path) -> bytes:

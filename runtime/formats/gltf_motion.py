@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,10 @@ CHUNK = 1024  # frames whose transforms are worked out at once
 # nodes x frames, and keys, that any file may have; and more for each byte of it
 MAX_UNBAKED, FOR_A_BYTE = 500_000, 0.5
 MAX_NAME, MAX_SHOWN, MAX_BOUND = 200, 60, 50_000  # letters of a joint and of an animation, bind matrices
-MAX_ANIMATIONS, MAX_LOOKED_AT = 2000, 200_000  # and animations x nodes
+MAX_LOOKED_AT, CHANNEL = (
+    50_000,
+    8,
+)  # nodes of animations that are looked at for a body, and what a channel counts
 REMEDY = "Export it again with its animation baked, or as BVH."
 _PATHS = {"translation": 3, "rotation": 4, "scale": 3}
 
@@ -208,13 +212,31 @@ def _chosen(nodes: _Nodes, animations: dict[str, Any], wanted: str) -> tuple[_An
     if None in chosen.values():
         names = ", ".join(list(animations)[:40])
         raise nodes.file.error(f"no animation {wanted!r}.", f"It has {names}.")
-    found = [_animation(nodes, name, animation) for name, animation in chosen.items()]
-    most = max(animation.moved for animation in found)
     # a camera, and the empty takes of some programs, come first too
-    first = next((a for a in found if a.channels and a.moved >= most / 2), None)
+    read = _as_far_as_needed(nodes, chosen)
+    most = max(animation.moved for animation in read)
+    first = next((a for a in read if a.channels and a.moved >= most / 2), None)
     if first is None:
         raise nodes.file.error("its animation moves no node.", REMEDY)
-    return first, f"{len(found)} animations; {first.name} is read." if len(found) > 1 else ""
+    return first, f"{len(chosen)} animations; {first.name} is read." if len(chosen) > 1 else ""
+
+
+def _as_far_as_needed(nodes: _Nodes, animations: dict[str, Any]) -> list[_Animation]:
+    """Animations up to the first one of which half as many joints move as any later one has keys for. FileError."""
+    targets = [{channel.target.node for channel in a.channels or []} for a in animations.values()]
+    later = [*accumulate(map(len, targets[:0:-1]), max, initial=0)][::-1]
+    read: list[_Animation] = []
+    keys = looked_at = moved = 0
+    for (name, animation), most in zip(animations.items(), later, strict=True):
+        keys += _key_count(nodes.file, animation)
+        if keys > _room(nodes.file):
+            raise nodes.file.error("more keys than a file of its size has.", REMEDY)
+        read.append(_animation(nodes, name, animation))
+        looked_at += len(nodes.parents) + CHANNEL * (1 + len(animation.channels or []))
+        moved = max(moved, read[-1].moved)
+        if looked_at > MAX_LOOKED_AT or read[-1].moved >= max(most, moved) / 2 > 0:
+            break
+    return read
 
 
 def _named(file: GltfFile) -> dict[str, Any]:
@@ -225,17 +247,7 @@ def _named(file: GltfFile) -> dict[str, Any]:
         animations[f"{name} ({k + 1})" if name in animations else name] = animation
     if not animations:
         raise file.error("it has no animation.", "Choose a file with one, or open it as a character.")
-    _check_animations(file, animations)
     return animations
-
-
-def _check_animations(file: GltfFile, animations: dict[str, Any]) -> None:
-    """FileError where they are more than is looked at, or have more keys than the file has room for."""
-    count, nodes = len(animations), len(file.gltf.nodes or [])
-    if count > MAX_ANIMATIONS or count * nodes > MAX_LOOKED_AT:
-        raise file.error(f"{count} animations of {nodes} nodes.", "Export fewer of them.")
-    if sum(_key_count(file, animation) for animation in animations.values()) > _room(file):
-        raise file.error("more keys than a file of its size has.", REMEDY)
 
 
 def _key_count(file: GltfFile, animation: Any) -> int:

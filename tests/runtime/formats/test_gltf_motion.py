@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ import pytest
 from runtime import rotations
 from runtime.assets import asset_path
 from runtime.errors import FileError
+from runtime.formats import gltf_motion
 from runtime.formats.glb import MANNEQUIN, save_glb
 from runtime.formats.gltf_motion import contents, read_gltf_motion
 from runtime.formats.prepare import ExportOptions, prepare
@@ -97,7 +100,7 @@ def _change(document: dict, what: str, value: object) -> None:
         ("animations", {"0": 1}, "its list of animations is damaged"),
         ("accessors.0.count", 10**9, "more keys than"),
         ("nodes", [{"children": [1]}, {"children": [0]}], "cycle"),
-        ("animations", [{"name": f"take {k}"} for k in range(3000)], "3000 animations"),
+        ("animations", [{"name": f"take {k}"} for k in range(3000)], "moves no node"),
         ("times", [1.0, 0.0], "keys of an animation that do not fit"),
         ("times", [0.0, np.nan], "not finite"),
         ("times", [0.0, 9e8], "an animation of"),
@@ -245,6 +248,33 @@ def test_the_first_animation_of_a_body_is_read_or_the_one_that_is_named(tmp_path
     with pytest.raises(FileError, match=r"no animation 'run'.*walk") as raised:
         open_take(path, "run")
     assert "again" in raised.value.remedy
+
+
+@pytest.mark.parametrize("moves", [True, False])
+def test_of_many_animations_few_are_read(
+    moves: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nodes, keys = body()
+    if not moves:
+        keys = [
+            (node, path, times, [values[0]] * len(times), kind) for node, path, times, values, kind in keys
+        ]
+    path, read = (
+        animated(tmp_path / "a.glb", nodes, *[(f"take {k}", keys) for k in range(301)]),
+        Counter[str](),
+    )
+    keys_of = gltf_motion._keys
+    monkeypatch.setattr(gltf_motion, "MAX_LOOKED_AT", 4000)
+
+    def counted(*call: Any) -> Any:
+        read["channels"] += 1
+        return keys_of(*call)
+
+    monkeypatch.setattr(gltf_motion, "_keys", counted)
+    motion = read_gltf_motion(path)
+    assert motion.note == "301 animations; take 0 is read."
+    assert len(motion.animations) == 301
+    assert read["channels"] <= (len(keys) if moves else 4000 // gltf_motion.CHANNEL)
 
 
 def test_joints_that_no_skin_names_are_joints(clip: Clip, tmp_path: Path) -> None:

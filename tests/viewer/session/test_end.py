@@ -5,10 +5,12 @@ from __future__ import annotations
 import tempfile
 import threading
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+from runtime.errors import FileError
 from runtime.session import library
 from runtime.session.database import Database
 from runtime.session.session_file import SessionFile
@@ -131,6 +133,22 @@ def test_jobs_about_two_things_of_one_name_do_not_meet_and_are_named_in_words() 
         jobs.deliver()
     assert messages.current is not None
     assert messages.current.settled
+
+
+def test_a_damaged_file_that_two_jobs_read_is_one_sentence() -> None:
+    messages = Messages()
+    jobs = Jobs(messages, blocking=True)
+
+    def fail(what: str) -> None:
+        raise FileError(f"{what}: damaged.")
+
+    with jobs.together():
+        for kind, file in (("character", "a.glb"), ("take", "a.glb"), ("take", "b.glb")):
+            jobs.submit(Slot(kind, file), partial(fail, f"{file} as a {kind}"), lambda _: None, reading=file)
+    assert [message.text for message in messages.recent] == [
+        "a.glb as a character: damaged.",
+        "b.glb as a take: damaged.",
+    ]
 
 
 def test_a_result_that_a_newer_job_has_replaced_is_not_handed_over() -> None:

@@ -30,6 +30,7 @@ FUTURE_OFFSETS = TRAJECTORY_OFFSETS[L // 2 :]
 FUTURE_PHASE_OFFSETS = PHASE_OFFSETS[L // 2 :]
 HEIGHT_SPACING = 0.25  # metres between the right, centre and left height samples
 BETWEEN = np.arange(1, 6) / 6.0  # places between two height samples where something narrow is looked for
+NEAR = np.array([1.0, 1.0, 0.5, 0.0, 0.0], np.float32)  # of which as much belongs to the first of both
 NARROW_M = 0.05  # that it stands higher than both of them; less is rough ground
 
 
@@ -128,6 +129,25 @@ def sampled_heights(terrain: Terrain, positions: Array, directions: Array) -> tu
     return points, heights + most
 
 
+def mean_heights(terrain: Terrain, positions: Array, heights: Array) -> Array:
+    """Mean heights `(..., 12)` of the path around trajectory samples `(..., 12, 2)` with `heights` `(..., 12, 3)`.
+
+    What is narrow counts by its width: a bar comes into the window and leaves it without a step.
+    """
+    if terrain.steepest * RUN_M < EDGE_M:
+        return heights[..., 1]
+    t = BETWEEN[:, None]
+    places = (1.0 - t) * positions[..., :-1, None, :] + t * positions[..., 1:, None, :]
+    between = terrain.height(places[..., 0], places[..., 1])  # (..., 11, 5)
+    own = terrain.height(positions[..., 0], positions[..., 1])
+    total, count = own.copy(), np.ones(own.shape[-1], np.float32)
+    total[..., :-1] += between @ NEAR
+    total[..., 1:] += between @ NEAR[::-1]
+    count[:-1] += NEAR.sum()
+    count[1:] += NEAR.sum()
+    return total / count
+
+
 def ground_height(heights: Array) -> Array:
     """Reference ground of a frame `(...)`: the mean centre height of the ±1 s window `(..., 12, 3)`.
 
@@ -149,7 +169,6 @@ class InputParts:
     phase: Array  # (..., 13, 5, 2)
     joint_positions: Array  # (..., 31, 3) relative to the previous root
     joint_velocities: Array  # (..., 31, 3) m/s, relative to the previous root
-    ground: Array | None = None  # (...) `ground_height` of the heights, where it is known
 
 
 def build_input(parts: InputParts) -> Array:
@@ -157,8 +176,7 @@ def build_input(parts: InputParts) -> Array:
     lead = np.shape(parts.root_yaw)
     yaw = np.asarray(parts.root_yaw)[..., None]
     centred = parts.trajectory_positions - parts.root_position[..., None, :]
-    ground = ground_height(parts.heights) if parts.ground is None else parts.ground
-    heights = parts.heights - ground[..., None, None]
+    heights = parts.heights - ground_height(parts.heights)[..., None, None]
     fields = [
         to_root(np.concatenate([centred, parts.trajectory_directions], axis=-2), yaw),
         heights,

@@ -254,10 +254,12 @@ def _input(state: CharacterState, probes: Sequence[ObstacleProbe], terrain: Terr
     positions, yaw = path.xz.take(SAMPLES, 1), path.yaw.take(SAMPLES, 1)
     directions = np.stack([np.sin(yaw), np.cos(yaw)], axis=-1)
     points, heights = features.sampled_heights(terrain, positions, directions)
-    heights = within_steps(heights, present)
+    mean = features.mean_heights(terrain, positions, heights)
+    heights = within_steps(np.concatenate([heights, mean[..., None]], axis=-1), present)
+    points = points[..., (0, 1, 2, 1), :]
     for i, (traversal, probe) in enumerate(zip(state.traversals, probes, strict=True)):
         heights[i] = seen_heights(traversal, points[i], heights[i], present, probe.ahead)
-    ground = features.ground_height(heights)
+    ground, heights = heights[..., 3].mean(axis=-1), heights[..., :3]
     parts = InputParts(
         root_position=path.here,
         root_yaw=path.yaw[:, PRESENT],
@@ -268,7 +270,6 @@ def _input(state: CharacterState, probes: Sequence[ObstacleProbe], terrain: Terr
         phase=state.phase.take(_PHASES, 1),
         joint_positions=state.joints,
         joint_velocities=state.velocities,
-        ground=ground,
     )
     most = FASTEST_LIFT * DT
     state.ground = np.minimum(np.maximum(ground, state.ground - most), state.ground + most)

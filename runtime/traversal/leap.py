@@ -39,6 +39,7 @@ FLATTEN_S = 0.09  # in which the sole comes down after the heel
 LONGEST_FLIGHT_S = 0.35
 LATEST_LANDING, LONGER = 0.68, 1.6  # of the stride; it takes so many times as long at most
 FLIGHT_S = 0.22  # over a gap at least
+RISING_S = 0.2  # in which the hips rise over a bar at least
 LOW_M = 0.2  # to deeper ground the hips fall
 STEEPEST = 0.15  # of a swing in which a foot goes all the way up or down
 LIFT_M = 0.05  # of a swing on level ground
@@ -154,11 +155,12 @@ class Leap:
 
     def _hips_rise(self, off: float, land: float) -> Array:
         """Height of the hips over those of the incoming pose: the new ground, a flight's arc, and legs that reach."""
-        t, end = self._t, self.stride.seconds
+        t, begin, end = self._t, self.stride.elapsed, self.stride.seconds
+        leaves = max(0.8 * off, begin)
         up = (
-            smoothstep((t - land) / (0.4 * end))
+            smoothstep((t - land) / min(0.4 * end, end - land))
             if self.beyond > 0.0
-            else smoothstep((t - 0.8 * off) / (land - 0.7 * off))
+            else smoothstep((t - leaves) / (land + 0.1 * off - leaves))
         )
         if self._fall:
             up = np.clip((t - off) / max(land - off, 1e-3), 0.0, 1.0) ** 2
@@ -168,6 +170,10 @@ class Leap:
         width = min(
             max(np.pi * (0.5 * max(high, 0.0) / GRAVITY) ** 0.5, 0.34 * end), 0.48 * end
         )  # no faster than a fall
+        # a leap that begins late rises later, and each ends on its own ground
+        before = min(width, max(middle - begin, RISING_S))
+        middle = max(middle, begin + before)
+        width = np.where(t < middle, before, min(width, end - middle))
         arc = np.where(np.abs(t - middle) < width, np.cos(0.5 * np.pi * (t - middle) / width) ** 2, 0.0)
         rise = self.beyond * up + max(high, 0.0) * arc
         limit = np.full(len(t), np.inf)

@@ -17,6 +17,7 @@ from viewer.gui.focus import KeyRouter
 from viewer.input.bindings import Intent, to_controls
 from viewer.input.devices import Devices, KeyScript
 from viewer.input.gamepad import GamepadSource, GlfwGamepads
+from viewer.jobs import Slot
 from viewer.messages import Messages
 from viewer.options import ViewOptions
 from viewer.process import Ending, MemoryWatch, give_back_large_blocks
@@ -41,6 +42,7 @@ LONGEST_FRAME_S = (
     1.0  # slow pictures are dropped and the motion keeps its time; more is a pause (a suspended laptop)
 )
 MINIMISED_WAIT_S = 0.1
+LOADING_FPS = 20.0
 MEMORY_FRAMES = 60  # between two looks at the memory
 PATIENCE_S = 0.2  # with the encoder of a prompt, after which the process ends with it
 # From the user's close on. What is not written by then is for the next start or given up: exports first, settings last.
@@ -103,6 +105,7 @@ class App(Workspace):
         self._was_moving = False
         self._interval_s = 0.0  # since the frame before, by the clock
         self._steps = 0  # of the simulation in this frame
+        self._started = False  # the model that the program began with has answered its prompt, or has failed
         self._script_s = 0.0  # how long the scripts of keys and stick have been played
         self._last_s = time.perf_counter()
         window = self._open_window(options, settings)
@@ -277,9 +280,16 @@ class App(Workspace):
             self.state.stats.memory_mb = self.memory.mb
         if not self.options.offscreen:
             self.scene.lower_quality(self.state.stats.fps, self._interval_s)
-            spare = 1.0 / self.settings.max_fps - (after - self._last_s)
-            if spare > 0.0:
-                time.sleep(spare)
+            self.rest()
+
+    def rest(self) -> None:
+        """Sleep where vsync does not hold the loop back; until the first character moves its loaders come first."""
+        if not self._started:
+            self._started = not self.jobs.busy(Slot("model")) and not any(self.prompting.questions)
+        most = self.settings.max_fps if self._started else LOADING_FPS
+        spare = 1.0 / most - (time.perf_counter() - self._last_s)
+        if spare > 0.0:
+            time.sleep(spare)
 
     # --- the end
 

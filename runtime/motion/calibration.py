@@ -84,7 +84,7 @@ class Calibration:
         """Median distance of the measured codes of each part from neutral `(6,)`; infinite where there are none."""
         own = [np.isin(self.parts, (part, TWINS[part])) for part in range(len(self.neutral))]
         far = np.linalg.norm(self.codes - self.neutral[self.parts], axis=1)
-        return np.array([np.median(far[rows]) if rows.any() else np.inf for rows in own], np.float32)
+        return np.array([_median(far[rows]) if rows.any() else np.inf for rows in own], np.float32)
 
     def _nearest(self, z: Float32Array) -> Iterator[_Near]:
         """The code nearest to each part, and to each part of the mirror image."""
@@ -96,6 +96,12 @@ class Calibration:
                 length = float(np.linalg.norm(self.codes[own[k]] - self.neutral[part]))
                 off = float(far[k]) / max(length, 1e-6)
                 yield _Near(part if sign > 0 else TWINS[part], sign, int(own[k]), off)
+
+
+def _median(values: Float32Array) -> np.float32:
+    """Of some numbers: `np.median` imports a package at its first call, a twentieth of a start."""
+    ordered, middle = np.sort(values), len(values) // 2
+    return np.float32(ordered[middle] if len(values) % 2 else ordered[middle - 1 : middle + 1].mean())
 
 
 @dataclass(frozen=True)

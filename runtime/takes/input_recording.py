@@ -30,7 +30,7 @@ from runtime.takes.metadata import PromptEvent, gait_seconds
 from runtime.takes.recorder import LIVE_SECONDS
 from runtime.terrain.height_map import Terrain
 
-KEYFRAME_STEPS = 300  # between two keyframes: 5 s are made again in about half a second
+KEYFRAME_STEPS = 120  # between two keyframes: 2 s are made again in about a quarter of a second
 
 COLUMNS = 8  # of a frame: stick x and z, facing x and z (NaN without), gait, temperature, strength, response
 LARGEST_SETTING = 10.0
@@ -242,7 +242,7 @@ def resimulate(
     """Poses of the frames `first_frame` to `last_frame` (the end by default), and its keyframes with new ones.
 
     Nothing of `inputs` may have been changed before `first_frame`. `controller` has the model of the take and is left
-    after the last frame. `progress` hears the fraction that is done. About 1 ms a frame, and up to `KEYFRAME_STEPS` frames before the first.
+    after the last frame. `progress` hears the fraction that is done. About 2 ms a frame, and up to `KEYFRAME_STEPS` frames before the first.
     """
     end = len(inputs) if last_frame is None else last_frame + 1
     key = keyframe_for(inputs, first_frame).frame

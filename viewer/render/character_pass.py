@@ -225,9 +225,8 @@ def coarse_triangles(
     keys = np.floor(positions / cell_m).astype(np.int64)
     order = np.arange(len(positions))
     if colors is not None:
-        _, color = np.unique(np.rint(colors * COLORS).astype(np.int64), axis=0, return_inverse=True)
-        _, place = np.unique(np.rint(positions / SAME_M).astype(np.int64), axis=0, return_inverse=True)
-        color, place = color.ravel(), place.ravel()
+        color = _groups(np.rint(colors * COLORS))[1]
+        place = _groups(np.rint(positions / SAME_M))[1]
         least, most = np.full(place.max() + 1, color.max()), np.zeros(place.max() + 1, np.int64)
         np.minimum.at(least, place, color)
         np.maximum.at(most, place, color)
@@ -235,8 +234,18 @@ def coarse_triangles(
         order = np.argsort(
             place, kind="stable"
         )  # the first of a cell is at one place for all colors that meet there
-    _, first, cell = np.unique(keys[order], axis=0, return_index=True, return_inverse=True)
+    first, cell = _groups(keys[order])
     stands = np.empty(len(positions), np.int64)
-    stands[order] = order[first][cell.ravel()]
+    stands[order] = order[first][cell]
     coarse = stands[triangles]
     return coarse[(coarse != np.roll(coarse, 1, axis=1)).all(1)]
+
+
+def _groups(rows: Array | NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The first of each kind of row, and the kind of every row: `np.unique` imports a package at its first call."""
+    order = np.lexsort(rows.T)
+    begins = np.ones(len(rows), bool)
+    begins[1:] = (rows[order][1:] != rows[order][:-1]).any(1)
+    kind = np.empty(len(rows), np.int64)
+    kind[order] = np.cumsum(begins) - 1
+    return order[begins], kind

@@ -246,8 +246,8 @@ class TerrainMesh:
         parts = []
         for side, border in enumerate(sides):
             side_levels, base = levels[1 if side < 2 else 0][border], self._base[border]
-            for level in np.unique(side_levels):
-                pattern = _apron_pattern(int(level), side, self._row)
+            for level in set(side_levels.tolist()):
+                pattern = _apron_pattern(level, side, self._row)
                 parts.append((base[side_levels == level][:, None] + pattern).ravel())
         last_i, last_j = (n - 1 for n in self.window.heights.shape)
         for i, ring_i in ((1, 0), (last_i - 1, last_i)):

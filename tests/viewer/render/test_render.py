@@ -292,7 +292,7 @@ def test_a_coarse_mesh_keeps_its_colors_and_has_no_cracks_between_them() -> None
     plate = np.stack([x, y, 0.0 * x], -1).reshape(-1, 3)
     corner = (np.arange(40)[:, None] * 41 + np.arange(40)).ravel()
     faces = np.concatenate([corner[:, None] + [[0, 41, 42]], corner[:, None] + [[0, 42, 1]]])
-    positions = np.concatenate([plate, plate + [1.0, 0.0, 0.0]])
+    positions = np.concatenate([plate, plate + np.array([1.0, 0.0, 0.0])])
     colors = np.repeat([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]], len(plate), axis=0)
     triangles = coarse_triangles(positions, np.concatenate([faces, faces + len(plate)]), 0.07, colors)
     assert 0 < len(triangles) < len(faces)

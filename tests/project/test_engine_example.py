@@ -16,10 +16,9 @@ import numpy as np
 import pytest
 
 from runtime.assets import model_folder
-from runtime.controls import Gait
-from runtime.motion.control_scripts import parse_stick
+from runtime.controls import Controls, Gait
 from runtime.motion.controller import Controller
-from runtime.motion.features import INPUT, OUTPUT
+from runtime.motion.features import FPS, INPUT, OUTPUT
 from runtime.motion.model import MotionModel, load_model
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.library import load_terrain
@@ -75,30 +74,28 @@ def test_8_bit_weights_stay_within_what_the_model_says_of_them(golden: dict[str,
         assert np.abs(got - y)[joints].max() < 2 * most
 
 
-@pytest.mark.parametrize("script", ["walk 0.2; jog@60 0.4", "crouch*0.5>90 0.3"])
-def test_the_plain_loop_is_the_controller_before_foot_lock(
-    script: str, reference: ModuleType, golden: dict[str, np.ndarray], model: MotionModel
-) -> None:
-    stick, folder = parse_stick(script), model_folder()
-    ours = Controller(model, load_terrain("flat"), seed=3)
-    ours.set_style(model.neutral, 0.0)
-    plain = reference.Controller(folder, model.neutral, golden["offsets"], golden["parents"], seed=3)
-    for frame in range(round(60 * stick.seconds)):
-        controls = stick(frame / 60)
-        ours.step(controls)
-        hips, local = ours.unlocked
-        joints = SPORT_SKELETON.forward_kinematics(hips, local)[0]
-        facing = None if controls.facing is None else float(np.arctan2(*controls.facing))
-        shown = plain.step(*controls.move, int(controls.gait), facing)[2]
-        assert np.abs(shown - joints).max() < 1e-4, f"frame {frame}"
+def test_the_plain_loop_walks_and_stands(reference: ModuleType, golden: dict[str, np.ndarray]) -> None:
+    plain = reference.Controller(model_folder(), golden["z"], golden["offsets"], golden["parents"], seed=3)
+    joints = np.array([plain.step(0.0, float(frame < 120))[2] for frame in range(220)])
+    hips, ankles = joints[:, 0], joints[:, [4, 9]]
+    speed = FPS * np.diff(hips[:, 2])
+    assert speed[60:120].mean() == pytest.approx(plain.speed_of[reference.WALK], rel=0.15)
+    assert np.abs(hips[:, 0]).max() < 0.3
+    apart = ankles[60:120, 0, 2] - ankles[60:120, 1, 2]
+    assert apart.max() > 0.3, "the left foot leads"
+    assert apart.min() < -0.3, "the right foot leads"
+    assert 0.0 < joints[..., 1].min() < 0.05, "feet are on the ground"
+    assert np.ptp(joints[200:], axis=0).max() < 0.05, "a body that was told to stop stands"
 
 
-def test_the_golden_motion_is_the_controllers(reference: ModuleType, golden: dict[str, np.ndarray]) -> None:
-    plain = reference.Controller(
-        model_folder(), golden["z"], golden["offsets"], golden["parents"], temperature=0.0
-    )
+def test_the_golden_motion_is_the_controllers(golden: dict[str, np.ndarray], model: MotionModel) -> None:
+    controller = Controller(model, load_terrain("flat"), temperature=0.0)
+    controller.set_style(golden["z"], 0.0)
     for frame, (x, z, gait) in enumerate(golden["stick"][:45]):
-        assert np.abs(plain.step(x, z, int(gait))[2] - golden["motion"][frame]).max() < 1e-4, frame
+        controller.step(Controls((x, z), gait=Gait(int(gait))))
+        hips, local = controller.unlocked
+        joints = SPORT_SKELETON.forward_kinematics(hips, local)[0]
+        assert np.abs(joints - golden["motion"][frame]).max() < 1e-4, frame
 
 
 def test_the_page_on_engines_gives_every_entry(reference: ModuleType) -> None:

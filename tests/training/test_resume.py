@@ -30,7 +30,7 @@ def data(frames, table) -> motion.MotionData:  # noqa: F811
     index = torch.randint(3, (len(table.styles), 8, 6), generator=generator)
     weights = sampling_weights(table)
     session = Session(Path("unused"), torch.device("cpu"))
-    normal = motion.measure(frames, weights, session, 500)
+    normal = motion.measure(frames, weights, session, 200)
     return motion.MotionData(frames, normal, StyleTable(style, index), weights)
 
 
@@ -51,16 +51,16 @@ def run(stage: str, out: Path, frames, table, texts, steps=STEPS, recorded=False
         known = content.ContentData(table, frames, weights, with_words(texts))
         content.run(session, CONFIG, known, StageLength(steps, 2))
     elif stage == "stage2":
-        motion.run_stage2(session, CONFIG, data(frames, table), StageLength(steps, 16))
+        motion.run_stage2(session, CONFIG, data(frames, table), StageLength(steps, 8))
     elif stage == "ground":
         torch.manual_seed(4)
         neutral = np.zeros((6, CONFIG.style_size // 6), np.float32)
         known, courses = data(frames, table), data(frames, table)
-        ground.run_ground(session, known, courses, motion.Generator(CONFIG), neutral, StageLength(steps, 16))
+        ground.run_ground(session, known, courses, motion.Generator(CONFIG), neutral, StageLength(steps, 8))
     else:
         torch.manual_seed(4)
         generator = motion.Generator(CONFIG)
-        motion.run_stage3(session, data(frames, table), generator, StageLength(steps, 16))
+        motion.run_stage3(session, data(frames, table), generator, StageLength(steps, 8))
     saved = load_checkpoint(out / f"{stage}.pt")
     assert saved["step"] == steps
     return b"".join(saved["average"][name].numpy().tobytes() for name in sorted(saved["average"]))

@@ -21,6 +21,7 @@ from runtime.motion.controller import Controller
 from runtime.motion.features import INPUT, INPUT_SIZE, OUTPUT, OUTPUT_SIZE
 from runtime.motion.model import load_model
 from runtime.terrain.height_map import Terrain
+from tests.helpers.quick_export import export_quickly
 from training.baselines import networks as phases
 from training.baselines.networks import (
     FilmModulated,
@@ -128,6 +129,7 @@ def test_from_clips_to_a_folder_that_walks(tmp_path, monkeypatch):
     monkeypatch.setitem(train.METHODS, "mason2022", small)
     monkeypatch.setattr(train, "RATE", 3e-3)
     monkeypatch.setattr(train, "BATCH", 64)
+    export_quickly(monkeypatch)
 
     clips = tmp_path / "clips"
     clips.mkdir()

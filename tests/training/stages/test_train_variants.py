@@ -9,7 +9,6 @@ import functools
 import json
 import logging
 import shutil
-import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -32,6 +31,7 @@ from runtime.prompts.content import PromptEncoder  # noqa: E402
 from runtime.prompts.parts import PartDescriptions  # noqa: E402
 from runtime.skeleton import PART_NAMES, SPORT_SKELETON  # noqa: E402
 from runtime.terrain.height_map import Terrain  # noqa: E402
+from tests.helpers.quick_export import export_quickly  # noqa: E402
 from tests.helpers.synthetic_clips import write_clip  # noqa: E402
 from tests.training.stages.test_stage_words import BagOfWords  # noqa: E402
 from training import ablations, pipeline  # noqa: E402
@@ -63,25 +63,13 @@ class Words(BagOfWords):
 
 @pytest.fixture(scope="module")
 def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A folder of clips, and what makes a step of everything short: few sentences, few windows, a quick exporter.
-
-    torch's exporter takes seconds for a graph and has a test of its own (`test_networks.py`); its forerunner writes the
-    same graphs at once.
-    """
+    """A folder of clips, and what makes a step of everything short: few sentences, few windows, a quick exporter."""
     folder = tmp_path_factory.mktemp("clips")
     write_clip(folder / "a.npz", "neutral", 0.0)
     write_clip(folder / "b.npz", "angry", 1.1)
     few = [s for part in PART_NAMES for s in [s for s in longer_sentences() if s.part == part][::400][:3]]
-    measure, export, motion = StatisticsReader.measure, torch.onnx.export, export_module._export_motion
+    measure, motion = StatisticsReader.measure, export_module._export_motion
     kept: list[bytes] = []
-
-    def quickly(module: Any, example: tuple, path: str, **options: Any) -> Any:
-        names, shapes = options["input_names"], options.pop("dynamic_shapes")
-        axes = {name: {0: "batch"} for name, shape in zip(names, shapes, strict=True) if shape}
-        del options["external_data"]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # it says that it is the forerunner
-            return export(module, example, path, **options | {"dynamo": False, "dynamic_axes": axes})
 
     def motion_once(content: Any, scales: Any, to: Path) -> float:
         """The graph that no walk reads: exported for the first model, copied for the others."""
@@ -109,11 +97,12 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         for name in ("PHASE_BATCH", "CONTENT_BATCH"):
             patch.setattr(pipeline, name, 16)
         patch.setattr("training.stages.content.STATISTICS_WINDOWS", 128)
+        patch.setattr("training.stages.content.MEASURED_CLIPS", 64)
         rows = stage_motion.RandomRows
         patch.setattr(
             stage_motion, "RandomRows", lambda weights, batch, *more: rows(weights, min(batch, 64), *more)
         )
-        patch.setattr(torch.onnx, "export", quickly)
+        export_quickly(patch)
         patch.setattr(export_module, "_export_motion", motion_once)
         for name, config in list(PRESETS.items()):
             patch.setitem(PRESETS, name, replace(config, **NARROW))

@@ -122,6 +122,7 @@ WAITS = 0.2  # seconds after the last change of the request
 EVEN = 0.05  # seconds, half-life, in which the rate changes while a body stops; at rest at once
 SETTLES = 0.12  # seconds, half-life, in which the limit goes down,
 WAKES = 0.05  # and up again
+WHOLE = 1.0 - 1e-6  # of a frame's time: more is all of it
 STEPS_ON = 0.6  # of its usual speed a body keeps until both feet stand
 _FORGETS, _SETTLES, _WAKES = decay(FORGETS), decay(SETTLES), decay(WAKES)
 
@@ -174,7 +175,8 @@ class Settling:
             rate = min(max(fractions[i] * each, least) / max(now, 1e-9) for each, least, now in limits)
             rate = min(rate, 1.0)
             even = 0.5 ** (1.0 / (FPS * EVEN * max(fractions[i], 1e-3)))
-            rates.append(rate + (float(self.rate[i]) - rate) * even)
+            rate += (float(self.rate[i]) - rate) * even
+            rates.append(rate if rate < WHOLE else 1.0)  # rounding would keep it below 1 for ever
         self.usual, self.fraction, self.waited = np.array(usual), np.array(fractions), np.array(waits)
         self.rate = np.array(rates)
         return self.rate

@@ -20,12 +20,12 @@ from runtime.atomic import check_target
 from runtime.controls import Controls
 from runtime.errors import SportError, UsageError
 from runtime.motion.controller import Controller, Crowd
-from runtime.motion.features import INPUT_SIZE
+from runtime.motion.features import FPS, INPUT_SIZE
 from runtime.motion.model import MotionModel, load_model
 from runtime.prompts.prompter import Prompter
 from runtime.session.motion import MotionHeader
 from runtime.session.session_file import ROW, SessionFile
-from runtime.takes.input_recording import COLUMNS
+from runtime.takes.input_recording import COLUMNS, KEYFRAME_STEPS, InputRecorder, resimulate
 from runtime.takes.recorder import ClipRecorder
 from runtime.terrain.height_map import Terrain
 from viewer.filming.film import make_film
@@ -34,6 +34,7 @@ from viewer.filming.shots import FilmOptions
 WARM_UP = 60  # frames
 RECORDED_FRAMES = 10  # that the viewer writes down together
 FILMED_FRAMES, FILM_S = 31, 6.0
+GENERATED_S = 12
 CROWDS = (1, 9, 32)  # characters
 BUSY = 1.3  # times the fastest call of the network its median takes where others use the processor too
 FORWARD = Controls(move=(0.0, 1.0))
@@ -66,8 +67,11 @@ _EXPLAINED = {
     "prompt_ms": "prompt to style without network, median",
     "prompt_first_ms": "the first prompt, loading included",
     "first_frame_s": "start of the program to its first frame, offscreen",
+    "generate_s": "`sport generate` of 12 s as BVH, from its start to its end",
+    "resimulate_s": "a second of a take resimulated from the middle between two keyframes",
     "film_s": "a film of 6 s at 1280x720, 30 frames a second, MP4, high quality; from 30 of its frames",
     "moves_s": "and to a character that walks as its prompt says",
+    "quit_s": "and from the wish to end that program to its end",
     "rss_mb": "most memory of that program after 120 frames",
 }
 
@@ -96,12 +100,14 @@ def measure(frames: int, model: Path | None) -> dict[str, Any]:
     network = load_model(model)
     figures: dict[str, Any] = {"notes": [], **dict.fromkeys(_EXPLAINED)}
     figures |= _step_times(network, frames)
-    figures |= _crowd_times(network, max(frames // 4, 10))
+    figures |= _crowd_times(network, frames)
     figures |= _recording_times(min(frames, 600))
+    figures |= _resimulation_times(network)
     figures |= _prompt_times(network)
     for name, part in (
         ("frame_cpu_ms", partial(_frame_times, frames, model)),
         ("film_s", partial(_film_times, network)),
+        ("generate_s", partial(_generation_times, model)),
         ("first_frame_s", partial(_start_times, model)),
     ):
         try:
@@ -153,7 +159,8 @@ def _crowd_times(network: MotionModel, frames: int) -> dict[str, float]:
         for member, code in zip(members, codes, strict=False):
             member.set_style(code, 0.0)
         crowd = Crowd(members)
-        times = times_ms(partial(crowd.step, FORWARD), frames, min(WARM_UP, frames))
+        number = max(frames // (count + 2), 10)
+        times = times_ms(partial(crowd.step, FORWARD), number, min(WARM_UP, number))
         crowd.close()
         figures[f"crowd_{count}_ms"] = float(np.median(times))
     return figures
@@ -176,6 +183,27 @@ def _recording_times(frames: int) -> dict[str, float]:
             raise SportError(file.problem, "Choose a temporary folder (TMPDIR) that can be written.")
     mean = (sum(times) + 1e3 * elsewhere) / (RECORDED_FRAMES * len(times))
     return {"recording_ms": mean, "recording_queue_ms_p99": float(np.percentile(times, 99))}
+
+
+def _resimulation_times(network: MotionModel) -> dict[str, float]:
+    controller, recorder = Controller(network, Terrain.flat()), InputRecorder()
+    for _ in range(2 * KEYFRAME_STEPS):
+        recorder.before_steps(controller)
+        controller.step(FORWARD)
+        recorder.add(FORWARD, controller)
+    inputs, first = recorder.cut(0), 3 * KEYFRAME_STEPS // 2
+    assert inputs is not None
+    times = times_ms(lambda: resimulate(inputs, controller, first, first + FPS - 1), 3)
+    return {"resimulate_s": 1e-3 * float(np.median(times))}
+
+
+def _generation_times(model: Path | None) -> dict[str, float]:
+    named = [] if model is None else ["--model", str(model)]
+    with tempfile.TemporaryDirectory() as folder:
+        clip = ["--prompt", PROMPTS[1], "--seconds", str(GENERATED_S), "--out", f"{folder}/clip.bvh"]
+        begin = time.perf_counter()
+        _run([sys.executable, "-m", "sport", "generate", *clip, *named])
+    return {"generate_s": time.perf_counter() - begin}
 
 
 def _prompt_times(network: MotionModel) -> dict[str, float]:
@@ -218,7 +246,9 @@ def _film_times(network: MotionModel) -> dict[str, float]:
 
 # the loaders work next to the frames, as they do in a window; offscreen all is loaded before the first one
 _START = """
-import sys, time
+import gc, sys, time
+from sport.cli import NEW_OBJECTS
+gc.set_threshold(NEW_OBJECTS)
 import viewer.workspace
 from viewer.app import App
 from viewer.jobs import Jobs
@@ -229,10 +259,15 @@ app = App(ViewOptions(offscreen=True, model=model[0] if model else None))
 app.frame()
 print(time.monotonic() - float(begin))
 while app.scene.controller is None or any(app.prompting.questions):
+    app.rest()
     app.frame()
 app.frame()
 print(time.monotonic() - float(begin))
+begin = time.monotonic()
+app.interrupt()
+app.end()
 app.close()
+print(time.monotonic() - begin)
 """
 
 
@@ -247,9 +282,9 @@ def _start_times(model: Path | None) -> dict[str, float | None]:
         for _ in range(2):
             begin = str(time.monotonic())
             shown = _run([sys.executable, "-c", _START, begin, *named], compiled)
-    first, moves = map(float, shown.split()[-2:])
+    first, moves, quits = map(float, shown.split()[-3:])
     memory = peak_memory_mb([*command, *(["--model", *named] if named else [])])
-    return {"first_frame_s": first, "moves_s": moves, "rss_mb": memory}
+    return {"first_frame_s": first, "moves_s": moves, "quit_s": quits, "rss_mb": memory}
 
 
 # Linux counts as a child's memory what its parent held when it was started, and this benchmark holds a whole viewer:
@@ -273,5 +308,6 @@ def peak_memory_mb(command: list[str]) -> float | None:
 def _run(command: list[str], environment: dict[str, str] | None = None) -> str:
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     if done.returncode != 0:
-        raise SportError(f"`sport view --offscreen` failed: {done.stderr.strip()[-300:]}", "Fix that first.")
+        shown = " ".join(command[1:])[:80]
+        raise SportError(f"`{shown}` failed: {done.stderr.strip()[-300:]}", "Fix that first.")
     return done.stdout

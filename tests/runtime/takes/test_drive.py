@@ -86,7 +86,7 @@ KEYFRAME_STEPS = 180
 
 @pytest.fixture(scope="module", autouse=True)
 def near_keyframes() -> Iterator[None]:
-    """Keyframes lie three seconds apart in place of five."""
+    """Keyframes lie three seconds apart."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(input_recording, "KEYFRAME_STEPS", KEYFRAME_STEPS)
         yield

@@ -5,16 +5,25 @@ export const LAYOUT = { // shapes of the parts of y, in order
   rotations: [31, 6],
 };
 
-/** The arrays of a NumPy .npz that is not compressed: {name: {shape, data}}. Throws on anything else. */
+/** The arrays of a NumPy .npz that is not compressed: {name: {shape, data}}. An Error of one sentence for anything else. */
 export function readNpz(buffer) {
+  try {
+    return readArrays(buffer);
+  } catch (error) {
+    throw new Error(`The arrays are damaged (${error.message}): download the file again.`);
+  }
+}
+
+function readArrays(buffer) {
   const view = new DataView(buffer), arrays = {}, text = new TextDecoder("latin1");
   for (let at = 0; view.getUint32(at, true) === 0x04034b50;) {
     if (view.getUint16(at + 8, true) !== 0) throw new Error("a compressed .npz");
     const named = view.getUint16(at + 26, true), extra = view.getUint16(at + 28, true);
-    const name = text.decode(new Uint8Array(buffer, at + 30, named));
+    const name = text.decode(new Uint8Array(buffer, at + 30, named)), start = at + 30 + named + extra;
     let size = view.getUint32(at + 18, true); // 64-bit sizes stand in the extra field
     if (size === 0xffffffff) size = Number(view.getBigUint64(at + 30 + named + 12, true));
-    const start = at + 30 + named + extra, head = 10 + view.getUint16(start + 8, true);
+    if (crc32(new Uint8Array(buffer, start, size)) !== view.getUint32(at + 14, true)) throw new Error(`checksum of ${name}`);
+    const head = 10 + view.getUint16(start + 8, true);
     const header = text.decode(new Uint8Array(buffer, start + 10, head - 10));
     const [, type] = header.match(/'descr': '<(\w+)'/), [, sizes] = header.match(/'shape': \(([^)]*)\)/);
     const data = buffer.slice(start + head, start + size);
@@ -26,6 +35,28 @@ export function readNpz(buffer) {
     at = start + size;
   }
   return arrays;
+}
+
+function crc32(bytes) {
+  let crc = -1;
+  for (const byte of bytes) {
+    crc ^= byte;
+    for (let bit = 0; bit < 8; bit++) crc = (crc >>> 1) ^ (0xedb88320 & -(crc & 1));
+  }
+  return ~crc >>> 0;
+}
+
+/** An Error unless `bytes` are the graph of this name that the model's metadata.json (its bytes) tells the SHA-256 of. */
+export async function checkGraph(metadata, name, bytes) {
+  let told;
+  try {
+    told = JSON.parse(new TextDecoder().decode(metadata)).sha256[name];
+  } catch (error) {
+    throw new Error(`metadata.json is damaged (${error.message}): download the model again.`);
+  }
+  const found = new Uint8Array(await crypto.subtle.digest("SHA-256", bytes));
+  if (Array.from(found, (byte) => byte.toString(16).padStart(2, "0")).join("") !== told)
+    throw new Error(`${name}.onnx is not the graph that metadata.json tells of: download the model again.`);
 }
 
 function half(bits) {
@@ -61,6 +92,7 @@ export function split(y) {
 
 /** Runs the golden steps: the largest difference in y, the milliseconds of a step, and the joints of each. */
 export async function check(ort, style, graph, golden) {
+  for (const name of ["x", "y", "z", "noise"]) if (!golden[name]) throw new Error(`The golden steps lack ${name}: download the file again.`);
   const network = await openNetwork(ort, style, graph, golden.z.data);
   const count = golden.x.shape[0], noises = golden.noise.data.length / count;
   let worst = 0, joints = [];

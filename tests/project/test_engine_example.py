@@ -110,6 +110,40 @@ def test_the_page_on_engines_gives_every_entry(reference: ModuleType) -> None:
     assert [reference.STAND, reference.JUMP] == [Gait.STAND, Gait.JUMP]
 
 
+DAMAGE = """
+import { readFileSync } from "node:fs";
+import { checkGraph, readNpz } from "./step.mjs";
+const [graph, told, arrays] = ["models/compact/style.onnx", "models/compact/metadata.json", "golden_step.npz"]
+  .map((path) => new Uint8Array(readFileSync(new URL(`../../assets/${path}`, import.meta.url))));
+const said = [];
+const tried = async (work) => said.push(await work().then(() => "", (error) => error.message));
+const flipped = (bytes, at) => bytes.with(at, bytes[at] ^ 1);
+await tried(async () => readNpz(arrays.buffer));
+for (const bad of [flipped(arrays, 14), flipped(arrays, 90_000), arrays.slice(0, 90_000)]) await tried(async () => readNpz(bad.buffer));
+await tried(() => checkGraph(told, "style", graph));
+await tried(() => checkGraph(told, "style", flipped(graph, 5_000_000)));
+await tried(() => checkGraph(told.slice(9), "style", graph));
+console.log(JSON.stringify(said));
+"""
+
+
+@pytest.mark.skipif(NODE is None, reason="needs Node.js")
+def test_damaged_arrays_and_graphs_are_one_sentence_in_node() -> None:
+    call = [
+        str(NODE),
+        "--input-type=module",
+        "-e",
+        DAMAGE.replace("import.meta.url", f'"{FOLDER.as_uri()}/"'),
+    ]
+    done = subprocess.run(call, cwd=FOLDER, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    whole, *arrays, graph, other, metadata = json.loads(done.stdout)
+    assert (whole, graph) == ("", "")
+    assert all(said.startswith("The arrays are damaged (") for said in arrays)
+    assert other == "style.onnx is not the graph that metadata.json tells of: download the model again."
+    assert metadata.startswith("metadata.json is damaged (")
+
+
 @needs_package
 def test_the_step_runs_in_node() -> None:
     done = subprocess.run(

@@ -296,6 +296,29 @@ def _sidecar_of(rng, data: bytes) -> bytes:
         return out
 
 
+KINDS = {
+    "mode": ("ATTRIBUTES", "TRIANGLES", "INDICES", "OTHER", None),
+    "filter": ("NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "OTHER"),
+}
+NUMBERS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 252, 256, 260, -4, 2**31, 2**63, 4.0, "4", None)
+
+
+def _meshopt_json(rng, data: bytes) -> bytes:
+    """Other modes, filters, strides, counts and lengths of what is packed, some of them as they go together."""
+    document, blob = split_glb(data)
+    views = [view for view in document["bufferViews"] if "extensions" in view]
+    for view in rng.sample(views, rng.choice((1, 1, 2, len(views)))):
+        (packed,) = view["extensions"].values()
+        for field in rng.sample(
+            ("mode", "filter", "byteStride", "count", "byteLength", "byteOffset"), rng.choice((1, 1, 2, 3))
+        ):
+            near = packed.get(field, 0) + rng.choice((-4, -1, 1, 4)) if field not in KINDS else None
+            packed[field] = rng.choice(KINDS.get(field, (*NUMBERS, near)))
+        if rng.random() < 0.7 and all(type(packed[name]) is int for name in ("count", "byteStride")):
+            view["byteLength"] = packed["count"] * packed["byteStride"]
+    return join_glb(document, blob)
+
+
 TARGETS = (
     Target("BVH", _bvh_seeds, damaged_text, _read_bvh, 2.0),
     Target("take metadata", _metadata_seeds, _sidecar_of, _read_metadata),
@@ -303,6 +326,7 @@ TARGETS = (
     Target("character .glb", _glb_seeds, damaged_glb, lambda f, d: _load(put(f, "input.glb", d)), 2.0),
     Target("packed character", _form("_meshopt.glb", "_draco.glb", "_ktx2.glb", "_webp.glb"), damaged_glb,
            lambda f, d: _load(put(f, "input.glb", d)), 0.1),
+    Target("meshopt JSON", _form("_meshopt.glb"), _meshopt_json, lambda f, d: _load(put(f, "input.glb", d)), 0.3),
     Target("FBX", _form(".fbx"), damaged_bytes, _read_fbx, 0.1),
     Target("character .gltf", _gltf_seeds, damaged_json, lambda f, d: _load(put(f, "input.gltf", d))),
     Target("character to USD", _glb_seeds, damaged_glb, _to_usd, 0.3),

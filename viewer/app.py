@@ -46,7 +46,7 @@ LOADING_FPS = 20.0
 MEMORY_FRAMES = 60  # between two looks at the memory
 PATIENCE_S = 0.2  # with the encoder of a prompt, after which the process ends with it
 # From the user's close on. What is not written by then is for the next start or given up: exports first, settings last.
-END_S, SESSION_S, SETTINGS_S = 0.9, 0.7, 0.1
+END_S, SESSION_S, SETTINGS_S = 1.6, 1.4, 0.1
 
 
 def run(options: ViewOptions, services: Services | None = None, config: Path | None = None) -> int:

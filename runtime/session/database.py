@@ -51,8 +51,10 @@ GATHER_S = 0.05  # that works wait for others before they are written
 IDLE_S = 1.0  # without work until the log goes into the file, and between two attempts where the disk takes nothing
 MAX_WAITING = 20_000  # works that wait for a disk; of a recording an hour and more
 _LOG = logging.getLogger("sport.session")
-HAND_OVER_PART = 0.4  # of the time of an end, for what the file does not take
-HAND_OVER_S = 10.0  # where the end has no time
+HAND_OVER_S, LONGEST_HAND_OVER_S = (
+    0.8,
+    10.0,
+)  # for what the file does not take: that long also where the end is late
 Work = Callable[[Writer], None]
 
 
@@ -253,8 +255,9 @@ class Database:
             return True
         begun, limited = time.monotonic(), seconds is not None
         limit = threading.TIMEOUT_MAX if seconds is None else seconds
-        if not self._ending and not self.flush((1 - HAND_OVER_PART) * limit):
-            self._hand_over(min(0.8 * (limit - (time.monotonic() - begun)), HAND_OVER_S))
+        if not self._ending and not self.flush(max(limit - HAND_OVER_S, 0.0)):
+            left = limit - (time.monotonic() - begun)
+            self._hand_over(min(max(left, HAND_OVER_S), LONGEST_HAND_OVER_S))
         with self._changed:
             self._ending = True
             self._changed.notify_all()

@@ -11,11 +11,12 @@ from pathlib import Path
 import pytest
 
 from runtime.errors import FileError
-from runtime.session import library
+from runtime.session import database, library
 from runtime.session.database import Database
 from runtime.session.session_file import SessionFile
 from runtime.session.sqlite_file import lock_of
 from tests.helpers.app_driver import Start, run
+from viewer import app as app_module
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 
@@ -31,21 +32,28 @@ from viewer.messages import Messages
         "no room",
     ],
 )
-def test_the_program_ends_within_a_second_and_the_next_start_has_the_take(
+def test_the_program_ends_in_time_and_the_next_start_has_the_take(
     what: str, start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path))
     app, never, given_up = start(), threading.Event(), threading.Event()
     path, keep_there = app.editor.file.path, Database._keep_there
 
-    def late(database: Database) -> None:
-        never.wait(3.0 if what == "a slow disk" else 60.0)
-        keep_there(database)
+    def late(slow: Database) -> None:
+        never.wait(20.0 if what == "a slow disk" else 60.0)
+        keep_there(slow)
 
     def full(_: Database) -> None:
         raise OSError(28, "No space left on device")
 
     disk = what in ("a slow disk", "a disk that hangs", "no room")
+    # a busy machine must not decide: a disk that works has time, and so has what is handed over
+    for module, name, seconds in (
+        [(database, "HAND_OVER_S", 30.0)]
+        if disk
+        else [(app_module, "END_S", 30.0), (app_module, "SESSION_S", 29.8)]
+    ):
+        monkeypatch.setattr(module, name, seconds)
     app.takes.toggle_recording()
     run(app, 20)
     app.takes.toggle_recording()
@@ -70,7 +78,7 @@ def test_the_program_ends_within_a_second_and_the_next_start_has_the_take(
     code = app.end()
     seconds = time.monotonic() - begun
     said = [message.text for message in app.messages.recent]
-    assert seconds < 1.4
+    assert seconds < 15.0, "it waited for what does not end"
     assert code == (disk or what == "an export")
     assert given_up.is_set() == (what == "a film that ends when told")
     waits = {"an export": "Waiting for the export", "a slow disk": "Waiting for the session Untitled"}
@@ -89,6 +97,13 @@ def test_the_program_ends_within_a_second_and_the_next_start_has_the_take(
     file.close()
     assert len(library.find(path.parent)) == 1
     never.set()
+
+
+def test_two_seconds_are_enough_to_write_and_to_hand_over() -> None:
+    writing = app_module.SESSION_S - app_module.SETTINGS_S - database.HAND_OVER_S
+    assert writing > 0.45
+    assert database.HAND_OVER_S >= 0.8
+    assert app_module.END_S + app_module.PATIENCE_S < 2.0
 
 
 def test_of_stale_jobs_only_the_newest_is_begun_and_what_is_written_keeps_its_order() -> None:

@@ -5,16 +5,33 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-shot() { # name, ground, prompt, gait, seconds, the second that is shown
-  python -m sport generate --prompt "$3" --terrain "$2" --path forward --gait "$4" --seconds "$5" --out "$work/$1.bvh"
-  python -m sport convert "$work/$1.bvh" "$work/$1.mp4" --terrain "$2" --size 960x540 --camera side --no-captions --range "$6"
+moment() { # clip, and "top" (hips highest over the ground's start) or the metres ahead: a range that begins there
+  python - "$@" <<'PYTHON'
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from runtime.formats.bvh_clip import load_clip_bvh
+
+clip = load_clip_bvh(Path(sys.argv[1]))
+hips = clip.hips_positions
+frame = int(np.argmax(hips[:, 1]) if sys.argv[2] == "top" else np.argmax(hips[:, 2] > float(sys.argv[2])))
+start = min(frame / clip.fps, clip.seconds - 0.2)
+print(f"{start:.3f}:{start + 0.15:.3f}")
+PYTHON
 }
-shot 1-hurdle hurdles "an ordinary walk" walk 14 12.4:12.55
-shot 2-wall wall "an ordinary walk" walk 15 13.1:13.25
-shot 3-platforms gaps "a happy child" jog 9 5.05:5.2
-shot 4-beam beam "a happy child" walk 12 5.9:6.05
-shot 5-stairs stairs "an old man" walk 12 7.5:7.65
-shot 6-hill hills "an exhausted soldier" walk 10 6.45:6.6
+shot() { # name, ground, prompt, gait, seconds, the moment that is shown
+  python -m sport generate --prompt "$3" --terrain "$2" --path forward --gait "$4" --seconds "$5" --out "$work/$1.bvh"
+  python -m sport convert "$work/$1.bvh" "$work/$1.mp4" --terrain "$2" --size 960x540 --camera side --no-captions \
+    --range "$(moment "$work/$1.bvh" "$6")"
+}
+shot 1-hurdle hurdles "an ordinary walk" walk 14 top
+shot 2-wall wall "an ordinary walk" walk 12 top
+shot 3-platforms gaps "a happy child" jog 9 top
+shot 4-beam beam "a happy child" walk 12 5
+shot 5-stairs stairs "an old man" walk 12 4
+shot 6-hill hills "an exhausted soldier" walk 10 4
 python - "$work"/*.mp4 docs/images/courses.jpg <<'PYTHON'
 import sys
 

@@ -23,7 +23,7 @@ shot() { # PICTURE SIZE FRAMES OPTIONS...
 sport generate "${model[@]}" --terrain hills --path circle --seconds 21 --seed 3 --out "$clips/film.bvh" --prompts \
   "0:walking in a relaxed, everyday way; 4:an exhausted soldier, left arm hanging; 8.5:a child pretending to be an aeroplane; \
 13:a proud queen, hands on her hips; 17:walking in a relaxed, everyday way"
-python -m viewer.tools.film "$clips/film.bvh" --fps 15 --size 640 360 --out "$images/film.webp"
+sport convert "$clips/film.bvh" "$images/film.webp" --fps 15 --size 640x360 --camera front
 
 shot viewer.png 1280x720 230 --character walker --terrain hills --prompt "an exhausted soldier, left arm hanging" --keys "w 3.3; w+q 0.6"
 shot blend.png 1280x720 110 --terrain flat --prompt "a proud queen" --blend "an exhausted soldier" \

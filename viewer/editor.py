@@ -109,18 +109,18 @@ class Editor:
             return
         label = self.history.undo_label
         if self._go(-1):
-            self.messages.note(f"Undone: {label}. Ctrl+Y does it again.")
+            self.messages.note(f"Undone: {label}. Ctrl+Y redoes it.")
         else:
-            self.messages.note("There is nothing to undo.")
+            self.messages.note("Nothing to undo.")
 
     def redo(self) -> None:
         """Do the edit again that was taken back last."""
         self.finish_drag()
         label = self.history.redo_label
         if self._go(1):
-            self.messages.note(f"Done again: {label}. Ctrl+Z undoes it.")
+            self.messages.note(f"Redone: {label}. Ctrl+Z undoes it.")
         else:
-            self.messages.note("There is nothing to do again.")
+            self.messages.note("Nothing to redo.")
 
     def _go(self, by: int) -> bool:
         before = self.session

@@ -203,7 +203,7 @@ class Jobs:
         self._drop(late)
         wait([job.future for job in late if job.cancel is not None], 0.2)  # what can be ended early cleans up
         for job in late:
-            self.messages.warn(f"{job.words} was given up: the program ends.")
+            self.messages.warn(f"{job.words} was cancelled: the program is closing.")
         self._jobs = [job for job in self._jobs if job not in late]
 
     def close(self, until: float) -> None:

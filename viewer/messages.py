@@ -79,6 +79,7 @@ class Messages:
         """Open the system's file manager where a file is."""
         try:
             show_in_folder(path)
+            self.note(f"{path.name} is in {path.parent}.")
         except OSError as error:
             self.warn(f"No file manager opens ({error.strerror}); the file is {path}.")
 
@@ -95,5 +96,8 @@ class Messages:
         if not self.recent:
             return None
         last = self.recent[-1]
-        seconds = min(_SHOWN_S[last.level], SETTLED_SECONDS if last.settled else math.inf)
+        shown_s = (
+            WARNING_SECONDS if last.path is not None else _SHOWN_S[last.level]
+        )  # a film may take minutes
+        seconds = min(shown_s, SETTLED_SECONDS if last.settled else math.inf)
         return None if self.clock() - last.posted > seconds else last

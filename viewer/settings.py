@@ -104,7 +104,7 @@ class Settings:
     )
     exact_legs: bool = specified(
         True, label="Exact legs, trunk",
-        hint="Legs and trunk do what their words say: what the network does not show of the line of the feet, hips,\nheels, toes, knees, lean, twist and sway is edited. Off: the network alone",
+        hint="Exact edits add what the network does not show of feet, hips, heels,\ntoes, knees, lean, twist and sway. Off: the network alone",
     )  # fmt: skip
     blend_seconds: float = specified(
         0.8, 0.1, 5.0, label="change over %.1f s", logarithmic=True,

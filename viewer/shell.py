@@ -121,7 +121,7 @@ class Shell:
         """Say who has the keys, until that is so no longer."""
         who = self.focus.holder.removesuffix(OVER) if self.focus.holder in self.focus.windows else "A panel"
         self.messages.post(
-            f"{who} has the keys: Esc or a click on the view gives them back.", Level.NOTE, _KEYS
+            f"{who} has the keyboard: Esc or a click on the view returns it.", Level.NOTE, _KEYS
         )
 
     def arrange(self, scale: float) -> None:

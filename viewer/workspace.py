@@ -270,7 +270,7 @@ class Workspace:
                 table[suffix](path)
             else:
                 self.messages.error(
-                    f"{path.name}: nothing here opens {suffix or 'a file without an ending'}."
+                    f"{path.name}: {suffix or 'a file without an ending'} cannot be opened."
                     " Drop a session, a BVH clip, a GLB, FBX or VRM character or animation, or a PNG, NPY or mesh ground."
                 )
 

@@ -17,6 +17,8 @@ from runtime.formats.fbx_materials import Materials
 from runtime.formats.fbx_nodes import Document, Node, leaves, matrix
 
 MAX_COLORS = 16  # of vertices: so few are materials of their own, since most programs do not show them
+SAME_COLOR = 0.06  # of sRGB: colours that near are one of them
+MAX_SHADES = 256
 
 
 @dataclass(frozen=True)
@@ -140,9 +142,9 @@ class _Part:
         self.palette: list[Array] = []
         self.shades = np.zeros(len(corners) // 3, int)
         if "COLOR_0" in primitive.attributes and not self._textured():
-            palette, shades = np.unique(self.values("COLOR_0")[:, :3].round(4), axis=0, return_inverse=True)
+            palette, shades = _palette(self.values("COLOR_0")[:, :3])
             if len(palette) <= MAX_COLORS:
-                self.palette, self.shades = list(palette), shades.ravel()[self.corners[::3]]
+                self.palette, self.shades = list(palette), shades[self.corners[::3]]
 
     def _textured(self) -> bool:
         index = self.primitive.material
@@ -191,6 +193,19 @@ class _Part:
         if index is None:
             return np.zeros((len(self.rows), 3))
         return read_accessor(self.file, index, "a morph target")[self.rows].astype(float)
+
+
+def _palette(colors: AnyArray) -> tuple[AnyArray, AnyArray]:
+    """The colours `(n, 3)` of vertices without those that look like a more frequent one, and which of them each has."""
+    exact, which, counts = np.unique(colors.round(4), axis=0, return_inverse=True, return_counts=True)
+    if len(exact) > MAX_SHADES:
+        return exact, which.ravel()
+    seen, kept = srgb(exact), list[int]()
+    for one in np.argsort(-counts, kind="stable"):
+        if not (np.abs(seen[kept] - seen[one]).max(axis=1, initial=0.0) < SAME_COLOR).any():
+            kept.append(int(one))
+    nearest = np.abs(seen[:, None] - seen[kept]).max(axis=2).argmin(axis=1)
+    return exact[kept], nearest[which.ravel()]
 
 
 class _Parts(list[_Part]):

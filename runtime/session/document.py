@@ -72,7 +72,8 @@ STRUCTURE_ERRORS = (
 )  # fmt: skip
 _NOT_KEPT = {(PromptBlend, "shares"), (Answer, "milliseconds"), (Answer, "final"), (Answer, "question")}
 _LATER = {  # fields that older files lack
-    (PoseEdits, "layer"), (Take, "rating"), (Take, "note"), (CharacterChoice, "unit"), (MotionHeader, "loop"),
+    (PoseEdits, "layer"), (Take, "rating"), (Take, "note"), (Take, "numbered_from"), (CharacterChoice, "unit"),
+    (MotionHeader, "loop"),
 }  # fmt: skip
 _LONG_TEXTS = (PromptEvent, Answer)  # records whose texts are prompts
 
@@ -407,6 +408,7 @@ def _check_take(take: Take) -> None:
     edits = take.poses.pins, take.poses.footplants, take.poses.layer.keys
     _refuse("edits without end", many or max(map(len, edits)) > MAX_PINS)
     _refuse("a rating", not 0 <= take.rating <= MAX_RATING)
+    _refuse("a frame number", not 0 <= take.numbered_from <= MAX_FRAMES)
     _refuse("a trim that keeps nothing", take.trim is not None and take.trim[0] >= take.trim[1])
 
 

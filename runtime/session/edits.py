@@ -70,7 +70,7 @@ def split(session: Session, number: int, frame: int) -> Session:
     if not first + MIN_FRAMES - 1 <= frame <= last - MIN_FRAMES + 1:
         return session
     at, name = session.index(number) + 1, f"{take.title}, rest"[:MAX_NAME]
-    rest = replace(take, number=session.counter + 1, name=name, trim=(frame, last))
+    rest = replace(take, number=session.counter + 1, name=name, trim=(frame, last), numbered_from=frame)
     takes = (*session.takes[:at], rest, *session.takes[at:])
     session = replace(session, takes=takes, counter=rest.number)
     return session.with_take(number, trim=(first, frame))

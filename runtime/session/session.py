@@ -96,6 +96,7 @@ class Take:
     motion: Motion | None = None
     name: str = ""  # given by the user; "": the motion's
     trim: tuple[int, int] | None = None  # first and last frame that are kept
+    numbered_from: int = 0  # the frame that is shown as 0: where the part of a split take begins
     poses: PoseEdits = NO_EDITS  # pins and footplants
     cameras: tuple[CameraKey, ...] = ()
     path: tuple[Waypoint, ...] = ()  # drawn; () of a take with a motion: as the motion goes

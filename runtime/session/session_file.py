@@ -139,7 +139,7 @@ class SessionFile:
             writer.drop_steps(first=last + 1)
             writer.drop_steps(before=first)
             takes = present.session.takes
-            seconds = sum(take.made.header.seconds for take in takes)
+            seconds = sum((b - a) / t.made.header.fps for t in takes for a, b in (t.range,))
             for name, value in (("at", present.number), ("takes", len(takes)), ("seconds", f"{seconds:.3f}")):
                 writer.set_meta(name, str(value))
             writer.set_meta("ended", "")

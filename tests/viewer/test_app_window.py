@@ -37,9 +37,9 @@ IN_A_WINDOW = """
 import sys
 from functools import partial
 from pathlib import Path
+from tests.helpers import hand
 from tests.helpers.app_driver import InjectedPads, run
 from tests.helpers.viewer_fakes import fake_services
-from viewer import app as app_module
 from viewer.app import App
 from viewer.options import ViewOptions
 

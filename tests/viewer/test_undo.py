@@ -163,7 +163,7 @@ def test_undo_removes_the_camera_key_and_not_the_pin_before_it(start: Start) -> 
     app = start()
     record(app, 40)
     play_row(app, 0)
-    for entry in ("Left hand", "Camera view"):
+    for entry in ("Left hand", "Camera key"):
         click_on(app, "+ Pin")
         click_on(app, entry)
         run(app, 2)

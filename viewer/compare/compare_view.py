@@ -201,7 +201,7 @@ class CompareView:
         if not self._ready:
             return False
         if len(moves) < FEWEST:
-            self.messages.warn("There is nothing to compare with yet: type another prompt.")
+            self.messages.warn("Nothing to compare yet: type another prompt.")
             return False
         variants = tuple(Variant(number, *move) for number, move in enumerate(moves, self._next_number))
         self.editor.do(label, lambda session: replace(session, variants=variants))
@@ -267,7 +267,7 @@ class CompareView:
         """Whether a model and a prompt are there; else it is said."""
         ready = self.scene.controller is not None and self.prompting.prompt.a is not None
         if not ready:
-            self.messages.warn("The compare view needs a model and a prompt: wait until they are there.")
+            self.messages.warn("The compare view needs a model and a prompt: wait until both are loaded.")
         return ready
 
     def follow(self, before: Session, now: Session) -> None:
@@ -308,7 +308,7 @@ class CompareView:
         self.path.active = False
         if self.takes.recording:
             self.takes.end_recording()
-            self.messages.note("The recording ended where the compare view was opened, and is in the list.")
+            self.messages.note("Recording stopped by the compare view; the take is in the list.")
         camera = self.scene.camera
         self._live = self.scene.controller
         self._camera = camera.mode, camera.current.distance, camera.current.pitch

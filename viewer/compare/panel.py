@@ -83,9 +83,7 @@ def _row(compare: CompareView, index: int, variant: Variant) -> tuple[bool, bool
         compare.reseed(index, seed)
     widgets.same_line()
     rest = imgui.get_content_region_avail().x - imgui.get_frame_height() - px(4)
-    keep = widgets.button(
-        f"{ICON.check} Keep", rest, "This one becomes the live character, its prompt the live one"
-    )
+    keep = widgets.button(f"{ICON.check} Keep", rest, "Make this the live character, with its prompt")
     widgets.same_line()
     more = len(compare.variants) > FEWEST
     remove = widgets.icon_button(ICON.close, "remove", "Remove this one", theme.MUTED, more)
@@ -116,11 +114,11 @@ def _prompt(compare: CompareView, index: int, variant: Variant) -> None:
 
 def _buttons(compare: CompareView) -> None:
     half = widgets.column_width(2)
-    hint = "One more, with the live prompt and the next seed"
+    hint = "Add a character: the live prompt, the next seed"
     if widgets.button(f"{ICON.plus} Add", half, hint, enabled=len(compare.variants) < MOST):
         compare.add()
     widgets.same_line()
-    if widgets.button("Line up", half, "In a line again, across the view (Home)"):
+    if widgets.button("Line up", half, "Line them up again (Home)"):
         compare.line_up()
     if widgets.button(f"{ICON.close} Close", -1, "Back to the live character (Escape)"):
         compare.close()

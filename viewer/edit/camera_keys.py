@@ -52,7 +52,7 @@ class CameraKeys:
     def toggle(self) -> None:
         """Look through the keys, or leave the view where they have put it."""
         if not self.keys:
-            self.editor.messages.note("No camera keys: “+ Pin”, Camera view sets one on the timeline.")
+            self.editor.messages.note("No camera keys: “+ Pin”, Camera key sets one on the timeline.")
         self.control.keyed, self._frame = not self.through, (-1, -1)
 
     def add(self) -> None:
@@ -155,7 +155,7 @@ class CameraKeys:
         drawing.add_rect(corner, imgui.ImVec2(right, bottom), widgets.packed(theme.TEXT), 0.0, px(1))
 
     def menu(self) -> None:
-        if imgui.selectable("Camera view##key", False)[0]:
+        if imgui.selectable("Camera key##key", False)[0]:
             self.add()
         if self.keys and widgets.item("Look through the keys", chosen=self.through):
             self.toggle()

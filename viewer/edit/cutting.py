@@ -20,9 +20,9 @@ SLOT = Slot("cut of a take")
 TIMES = (2, 3, 4, 8)
 MAX_FRAMES = 216_000  # of what is made: an hour
 CUT_HINT = "A new take without the frames between the trim handles, blended over the gap"
-SPLIT_HINT = "Two takes of one; each keeps all frames outside its trim handles"
-REPEAT_HINT = "A new take: what the trim keeps, so many times, each going on where the last one ends"
-JOIN_HINT = "A new take: this one, then another one from where it ends"
+SPLIT_HINT = "Two takes; the handles of each can be dragged back"
+REPEAT_HINT = "A new take that repeats what the handles keep"
+JOIN_HINT = "A new take: this one, then another one"
 
 
 def _ground(take: Take) -> Terrain | None:
@@ -40,7 +40,7 @@ class Cutting:
             return
         frame, messages = playback.frame, self.takes.messages
         if self.takes.editor.do(f"split of {take.title}", lambda s: edits.split(s, take.number, frame)):
-            messages.note(f"{take.title} ends at frame {frame}; the rest is the next take.")
+            messages.note(f"{take.title} ends at frame {playback.number_shown}; the rest is the next take.")
         else:
             messages.note("Go to a frame between the trim handles to split the take there.")
 
@@ -94,7 +94,7 @@ class Cutting:
         others = [other for other in self.takes.session.takes if other is not take]
         if widgets.item("Split here", SPLIT_HINT):
             self.split()
-        if widgets.item("Cut out the trim", CUT_HINT):
+        if widgets.item("Cut out what the handles keep", CUT_HINT):
             self.cut()
         self._several(others)
 

@@ -31,7 +31,7 @@ DRAW_HINT = (
     "A drag on the ground draws the path, a click adds a point. Drag a point to move it, Delete removes it."
 )
 TAKE_HINT = "The path of the take: drag its points, choose speed and gait of each leg, delete the last ones to end there"
-WALK_HINT = "From where the character stands; any key of yours ends it"
+WALK_HINT = "From where the character stands; any key ends it"
 GAITS = [(gait, gait.label.capitalize()) for gait in (Gait.WALK, Gait.JOG, Gait.CROUCH)]
 
 
@@ -247,7 +247,7 @@ class PathTool:
         imgui.set_next_item_width(imgui.get_content_region_avail().x - 2 * px(62) - 2 * px(4))
         text = f"to point {self.selected + 1}: %.0f %%"
         moved, speed = widgets.slider("##path speed", point.speed * 100.0, 10.0, 100.0, text)
-        widgets.tooltip("How far the stick is pushed on the way to this point")
+        widgets.tooltip("Stick deflection on the way to this point")
         if gait != point.gait or moved:
             self.change(gait=gait, speed=speed / 100.0)
         imgui.same_line(0, px(4))

@@ -34,7 +34,7 @@ from viewer.session.playback import Playback
 NEW_SECONDS = 1.0  # that a new pin of a take holds
 WALKS_M = 0.6  # farther in that time, a hand could not stay: its new pin goes along
 MISSED_M = 0.03  # farther from its point, a pin is said to be out of reach
-WIDTH, SMALL_WIDTH = 214.0, 158.0  # of the card, pixels at scale 1
+WIDTH, SMALL_WIDTH = 214.0, 168.0  # of the card, pixels at scale 1
 SMALL_VIEW = 520.0  # in a narrower one the card is small, so that it does not hide the character
 MIN_VIEW = 230.0
 HELD_LIVE = (Pinned.LEFT_HAND, Pinned.RIGHT_HAND, Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT, Pinned.LOOK)
@@ -165,10 +165,19 @@ class Pins:
         self.change(replace(pin, along=along, point=point, rail=rest[0] if rest else None))
 
     def put_rail(self, pin: Pin, rail: bool) -> None:
-        """Give the pin a rail of two metres ahead, or take it away."""
-        yaw = 0.0 if pin.along else self._pose().root_yaw
-        ahead = np.array([2.0 * math.sin(yaw), 0.0, 2.0 * math.cos(yaw)])
-        self.change(replace(pin, rail=_triple(np.array(pin.point) + ahead) if rail else None))
+        """Give the pin a rail in the world, as far as the body goes while it holds or two metres ahead, or take it away."""
+        if not rail:
+            self.change(replace(pin, rail=None))
+            return
+        playback, begin, end = self.playback, self._pose(), self._pose()
+        if playback is not None:
+            fps, seconds = playback.clip.fps, playback.clip.seconds
+            begin, end = (playback.pose_at(round(at * fps)) for at in (pin.start, pin.end_in(seconds)))
+        point = in_world(pin, begin.hips_position, begin.local_rotations[0])[0]
+        way = end.hips_position - begin.hips_position
+        if float(np.linalg.norm(way)) < WALKS_M:
+            way = 2.0 * np.array([math.sin(begin.root_yaw), 0.0, math.cos(begin.root_yaw)])
+        self.change(replace(pin, along=False, point=_triple(point), rail=_triple(point + way)))
 
     def close(self) -> bool:
         """Select nothing; whether something was."""
@@ -347,11 +356,11 @@ def _draw_points(pins: Pins, pin: Pin) -> None:
     """Where it is, by numbers; the handles in the view do the same."""
     _draw_triple(pins, pin, "point")
     half = widgets.column_width(2)
-    hint = "The point goes along with the character instead of staying in the world"
+    hint = "The point moves with the character"
     if widgets.toggle("Along", pin.along, half, hint) != pin.along:
         pins.put_along(pin, not pin.along)
     widgets.same_line()
-    hint = "It slides along a straight rail to a second point"
+    hint = "The hand slides along a straight rail"
     with widgets.disabled(pin.what not in ARMS):
         if widgets.toggle("Rail", pin.rail is not None, half, hint) != (pin.rail is not None):
             pins.put_rail(pin, pin.rail is None)
@@ -377,12 +386,14 @@ def _draw_triple(pins: Pins, pin: Pin, name: str) -> None:
 def _draw_times(pins: Pins, pin: Pin, clip: Clip) -> None:
     """From which frame to which, how slowly it comes and goes, and how far off it stays."""
     fps, last = clip.fps, len(clip) - 1
-    first, end = round(pin.start * fps), round(pin.end_in(clip.seconds) * fps)
+    zero = pins.take.numbered_from
+    first, end = round(pin.start * fps) - zero, round(pin.end_in(clip.seconds) * fps) - zero
+    last -= zero
     fields: tuple[tuple[str, float, tuple[float, float], str, str], ...] = (
-        ("start", first, (0, end), "from %d", "The first frame in which it holds fully"),
-        ("end", end, (first, last), "to %d", "The last frame in which it holds fully"),
-        ("ease_in", pin.ease_in, (0.0, 5.0), "in %.2f s", "How long it comes before"),
-        ("ease_out", pin.ease_out, (0.0, 5.0), "out %.2f s", "How long it goes after"),
+        ("start", first, (-zero, end), "from %d", "First frame at full strength"),
+        ("end", end, (first, last), "to %d", "Last frame at full strength"),
+        ("ease_in", pin.ease_in, (0.0, 5.0), "in %.2f s", "Ease in before that"),
+        ("ease_out", pin.ease_out, (0.0, 5.0), "out %.2f s", "Ease out after that"),
     )
     imgui.push_item_width(widgets.column_width(2))
     for number, (name, value, limits, text, hint) in enumerate(fields):
@@ -394,7 +405,7 @@ def _draw_times(pins: Pins, pin: Pin, clip: Clip) -> None:
         )
         now = pins.pin
         if moved and now is not None:
-            value = max(value / fps if frames else value, now.start if name == "end" else 0.0)
+            value = max((value + zero) / fps if frames else value, now.start if name == "end" else 0.0)
             pins.try_change(partial(replace, now, **{name: value}))
     imgui.pop_item_width()
     far = 0.0 if pins.editor.dragging else pins.reach()

@@ -28,6 +28,7 @@ from runtime.takes.pose_layer import (
 from viewer.edit.handles import Handles, on_screen
 from viewer.edit.handles import dragged as handles_moved
 from viewer.edit.pins import MIN_VIEW, SMALL_WIDTH, WIDTH, Pins
+from viewer.edit.rings import AXES, Rings
 from viewer.editor import Editor
 from viewer.gl_bindings import im_guizmo, imgui
 from viewer.gui import panels, theme, widgets
@@ -52,11 +53,10 @@ NAMES = {0: "Hips", 12: "Waist", 13: "Chest", 15: "Neck", 16: "Head"} | {
     for joint, name in names
 }
 JOINTS = tuple(NAMES)
-GIZMO_SIZE = 0.1  # of the width of the view, about
+GIZMO_SIZE = 0.1  # of the arrows: of the width of the view, about
 CURVE_S = 4.0  # that the curves show
 CURVE_HEIGHT = 44.0  # pixels at scale 1
 NARROW, LOW = 520.0, 330.0  # in a narrower view the card is small, in a lower one it has no curves and eases
-CHANNELS = ((0.90, 0.40, 0.38, 1.0), (0.55, 0.80, 0.42, 1.0), (0.42, 0.62, 0.95, 1.0))  # x, y, z
 STILL = 1e-6
 
 
@@ -74,6 +74,7 @@ class Posing:
     world: bool = True  # the gizmo's axes are those of the world; else the joint's own
     _copied: tuple[Array, Array] | None = None  # hips and local rotations
     _handles: Handles = field(default_factory=Handles)
+    rings: Rings = field(default_factory=Rings)
 
     @property
     def playback(self) -> Playback | None:
@@ -224,7 +225,7 @@ class Posing:
             return False
         pose, handles = playback.pose(), self._handles
         drawn = self.joint >= 0 and handles.held < 0  # else it says what it said last
-        if drawn and (im_guizmo.is_using_any() or _hovers_gizmo()):
+        if drawn and (_uses_arrows() if self.moves else self.rings.used):
             return True
         moves = handles.use_mouse(camera, pose.positions[list(JOINTS)])
         if handles.held < 0:
@@ -264,31 +265,17 @@ class Posing:
                 drawing.add_circle_filled(imgui.ImVec2(*place), radius, widgets.packed(tint))
 
     def _gizmo(self, pose: Pose) -> None:
-        """Draw the gizmo at the picked joint, and key what it does."""
-        size, camera = imgui.get_io().display_size, self.camera.current
-        before = np.eye(4)
-        before[:3, :3] = rotations.to_matrix(pose.world_rotations[self.joint].astype(float))
-        before[:3, 3] = pose.positions[self.joint]
-        matrix = _matrix(before)
-        im_guizmo.begin_frame()
-        im_guizmo.set_rect(0.0, 0.0, size.x, size.y)
-        im_guizmo.set_gizmo_size_clip_space(GIZMO_SIZE)
-        im_guizmo.manipulate(
-            _matrix(camera.view_matrix()),
-            _matrix(camera.projection_matrix(size.x / max(size.y, 1.0))),
-            im_guizmo.OPERATION.translate if self.moves else im_guizmo.OPERATION.rotate,
-            im_guizmo.MODE.world if self.world else im_guizmo.MODE.local,
-            matrix,
-        )
-        after = np.array(matrix.values, float).reshape(4, 4).T
-        if not im_guizmo.is_using_any():
+        """Draw what turns or moves the picked joint, and key what it does."""
+        joint, place = self.joint, pose.positions[self.joint].astype(float)
+        world = pose.world_rotations.astype(float)
+        axes = np.eye(3) if self.world else rotations.to_matrix(world[joint])
+        if self.moves:
+            by = _moved_by(self.camera.current, place, axes)
+            if np.abs(by).max() > STILL:
+                self._move(pose, by)
             return
-        joint, world = self.joint, pose.world_rotations.astype(float)
-        by = after[:3, 3] - before[:3, 3]
-        turn = rotations.from_matrix(after[:3, :3] @ before[:3, :3].T)
-        if self.moves and np.abs(by).max() > STILL:
-            self._move(pose, by)
-        elif not self.moves and turn[0] < 1.0 - STILL**2:
+        turn = self.rings.turn(self.camera.current, place, axes)
+        if turn is not None:
             label = f"turn of the {NAMES[joint].lower()}"
             self.edit(label, lambda key: turned(key, joint, world, turn), held=True)
 
@@ -297,6 +284,25 @@ class Posing:
         joint, positions, world = self.joint, pose.positions.astype(float), pose.world_rotations.astype(float)
         label = f"move of the {NAMES[joint].lower()}"
         self.edit(label, lambda key: dragged(key, joint, positions, world, by), held=True)
+
+
+def _moved_by(camera: Camera, place: Array, axes: Array) -> Array:
+    """Draw arrows at a joint along `axes`, and by how many metres of the world `(3,)` the mouse moved it."""
+    size, before = imgui.get_io().display_size, np.eye(4)
+    before[:3, :3], before[:3, 3] = axes, place
+    matrix = _matrix(before)
+    im_guizmo.begin_frame()
+    im_guizmo.set_rect(0.0, 0.0, size.x, size.y)
+    im_guizmo.set_gizmo_size_clip_space(GIZMO_SIZE)
+    im_guizmo.manipulate(
+        _matrix(camera.view_matrix()),
+        _matrix(camera.projection_matrix(size.x / max(size.y, 1.0))),
+        im_guizmo.OPERATION.translate,
+        im_guizmo.MODE.local,
+        matrix,
+    )
+    after = np.array(matrix.values, float).reshape(4, 4).T
+    return after[:3, 3] - place if im_guizmo.is_using_any() else np.zeros(3)
 
 
 def _matrix(values: Array) -> im_guizmo.Matrix16:
@@ -320,7 +326,7 @@ def _draw_card(posing: Posing, playback: Playback, view: Rect) -> None:
             ("Key", "Key the joint as it is at this frame", posing.set_key),
             (
                 "Free",
-                "From this key on the joint follows the motion",
+                "From here on the joint follows the motion",
                 lambda: posing.set_key(release=True),
             ),
             ("Del", "Take the joint out of the key at this frame", posing.remove_joint),
@@ -351,8 +357,8 @@ def _draw_layer(posing: Posing, half: float) -> None:
     layer = posing.layer
     made = layer
     for name, text, hint in (
-        ("ease_in", "in %.2f s", "How long a joint comes to its first key"),
-        ("ease_out", "out %.2f s", "How long it goes after its last key"),
+        ("ease_in", "in %.2f s", "Ease in before the first key of a joint"),
+        ("ease_out", "out %.2f s", "Ease out after its last key"),
     ):
         imgui.set_next_item_width(half)
         _, value = imgui.drag_float(f"##pose {name}", getattr(layer, name), 0.005, 0.0, MAX_EASE_S, text)
@@ -400,10 +406,10 @@ def _draw_curve(posing: Posing, playback: Playback) -> None:
     corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     height, drawing = px(CURVE_HEIGHT), imgui.get_window_draw_list()
     imgui.dummy(imgui.ImVec2(width, height))
-    widgets.tooltip(f"Left and right, up and down, ahead and back: {words} about x, y and z")
+    widgets.tooltip(f"Red x, green y, blue z: {words}")
     end = imgui.ImVec2(corner.x + width, corner.y + height)
     drawing.add_rect_filled(corner, end, widgets.packed(theme.FIELD), px(3))
-    for channel, tint in enumerate(CHANNELS):
+    for channel, tint in enumerate(AXES):
         x = corner.x + width * np.linspace(0.0, 1.0, len(times))
         y = corner.y + height * (0.5 - 0.42 * values[:, channel] / most)
         points = [(float(a), float(b)) for a, b in zip(x, y, strict=True)]
@@ -417,9 +423,15 @@ def _draw_curve(posing: Posing, playback: Playback) -> None:
         drawing.add_circle_filled(place, px(3), widgets.packed(theme.ACCENT))
     now = corner.x + width * (playback.time_s - first) / span
     drawing.add_line(imgui.ImVec2(now, corner.y), imgui.ImVec2(now, end.y), widgets.packed(theme.TEXT))
-    widgets.muted(f"±{most:.0f} {unit}, {first:.1f} to {times[-1]:.1f} s")
+    if keyed:
+        x, y, z = map(round, values[round((playback.time_s - first) / span * (len(times) - 1))])
+        widgets.muted(f"x {x}  y {y}  z {z} {unit}")
+    else:
+        widgets.muted("No key yet")
 
 
-def _hovers_gizmo() -> bool:
-    """Whether the mouse is over one of its handles."""
-    return im_guizmo.get_hovered_handle_type() is not im_guizmo.MOVETYPE.mt_none
+def _uses_arrows() -> bool:
+    """Whether the mouse holds one of them or is over one."""
+    return bool(im_guizmo.is_using_any()) or (
+        im_guizmo.get_hovered_handle_type() is not im_guizmo.MOVETYPE.mt_none
+    )

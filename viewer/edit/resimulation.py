@@ -89,14 +89,14 @@ class Resimulation:
             return "No take plays."
         take = playback.take
         if not take.recorded:
-            return "This motion comes from a file: it can be trimmed, pinned and exported."
+            return "This motion comes from a file. It can be trimmed, pinned, posed and exported."
         if take.mirrored or not playback.take.motion.header.resimulable:
             return (
-                "Only a take as it was recorded can be resimulated: no mirror image, no cut, joined or repeated one, none"
-                " that goes on from another or in which a model was loaded. It can be trimmed, pinned, posed and exported."
+                "Only takes as recorded can be resimulated: this one was mirrored, cut or joined, goes on from another, or"
+                " its model changed. It can be trimmed, pinned, posed and exported."
             )
         if self.model is None:
-            return "Another model made this take. It can be trimmed, pinned and exported."
+            return "Another model made this take. It can be trimmed, pinned, posed and exported."
         return "It is being resimulated…" if self.busy else ""
 
     @property
@@ -236,7 +236,7 @@ class Resimulation:
         text = f"{before.title}: {label}. Ctrl+Z undoes it."
         if self._left_out:
             count = "One changed footplant" if self._left_out == 1 else f"{self._left_out} changed footplants"
-            self.takes.messages.warn(f"{count} of {before.title} left out: the steps are others now. {text}")
+            self.takes.messages.warn(f"{count} of {before.title} dropped: the steps have changed. {text}")
         else:
             self.takes.messages.note(text)
 

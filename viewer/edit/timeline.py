@@ -33,6 +33,7 @@ GRIP = 7.0  # how near to an end of a mark or to a point the mouse takes it
 NAME_SIZE = theme.FONT_SIZE * 0.87  # of letters
 LEAST_LETTERS = 3  # of a word that is cut, with its dots
 SMALL, TEXT_FRACTION = theme.FONT_SIZE * 0.8, 0.76  # letters: at least, and of a row's height
+DIM = (*theme.PANEL[:3], 0.6)  # over what the trim leaves out
 TRIM_HINT = "Drag: only what lies between the handles plays and is exported"
 
 
@@ -202,6 +203,7 @@ class Timeline:
     held: Held | None = None
     shown: Range = Range(0.0, 1.0, 1.0)
     _of: tuple[int, int] = (-1, 0)  # the take of that range and the frame shown last
+    _zero: int = 0  # the frame that is numbered 0
     _bar: float = 0.0  # width of the scrollbar in the frame before
     _scrolling: bool = False  # the middle button holds the tracks
     _menu: tuple[str, Mark | None, int] = ("", None, 0)  # what a right click was on
@@ -221,7 +223,9 @@ class Timeline:
         """Keep the range within the take, and the frame in it when it goes on or is sought."""
         (take, before), end, now = self._of, max(playback.frames - 1.0, 1.0), playback.frame
         if take != playback.number or (end != self.shown.end and self.whole):
-            self.shown = Range(0.0, end, end)
+            self.shown, self._zero = Range(0.0, end, end), playback.take.numbered_from
+            if playback.take.numbered_from:
+                self.fit((playback.first, playback.last))
         shown = self.shown = replace(self.shown, end=end).fitted(self.shown.first, self.shown.last)
         seen = before in shown or not playback.playing
         if now != before and seen and now not in shown:
@@ -260,10 +264,11 @@ class Timeline:
         """Some tracks with the line of the frame shown across them."""
         corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x - bar
         held, place = self.held, (corner.x, corner.y, width, bar, tall, px(1.0))
-        state = tracks, place, self.shown, held if held is not None and held.moved else None
+        kept = playback.first, playback.last
+        state = tracks, place, self.shown, held if held is not None and held.moved else None, kept, self._zero
         known = self._kept.get(name)
         if known is None or known[0] != state:
-            known = self._kept[name] = state, self._shapes(tracks, place)
+            known = self._kept[name] = state, self._shapes(tracks, place, kept)
         rows = known[1].rows
         for row in rows:
             self._row(row, playback)
@@ -323,7 +328,7 @@ class Timeline:
 
     # --- what it looks like
 
-    def _shapes(self, tracks: Sequence[Track], place: tuple[float, ...]) -> Shapes:
+    def _shapes(self, tracks: Sequence[Track], place: tuple[float, ...], kept: tuple[int, int]) -> Shapes:
         x, top, width, bar, tall, unit = place
         names = unit * NAMES_WIDTH if width + bar >= unit * NAMES_FROM else 0.0
         edge, shapes = unit * EDGE, Shapes()
@@ -333,7 +338,11 @@ class Timeline:
             shapes.rows.append(row)
             if names and track.name:
                 shapes.text(x, row, track.name, theme.MUTED, names - 4 * unit, NAME_SIZE)
-            (_draw_ruler if track.key == "timeline" else self._draw_track)(shapes, row)
+            if track.key == "timeline":
+                _draw_ruler(shapes, row, self._zero)
+            else:
+                self._draw_track(shapes, row)
+                _dim(shapes, row, kept)
             top += row.height + unit * SPACING
         return shapes
 
@@ -466,7 +475,16 @@ def _base(row: Row) -> float:
     return row.top + row.height * 0.62
 
 
-def _draw_ruler(shapes: Shapes, row: Row) -> None:
+def _dim(shapes: Shapes, row: Row, kept: tuple[int, int]) -> None:
+    """Darken what the trim leaves out."""
+    first, last = (min(max(row.x(frame), row.left), row.right) for frame in kept)
+    for left, right in ((row.left, first), (last, row.right)):
+        if right - left > 1.0:
+            shapes.rect(left, row.top, right, row.top + row.height, DIM, 0.0)
+
+
+def _draw_ruler(shapes: Shapes, row: Row, zero: int) -> None:
+    """Numbers from the frame `zero` on, and what the trim keeps."""
     base, bottom, shown = _base(row), row.top + row.height, row.shown
     first, last = (mark.start for mark in row.track.marks)
     within = lambda x: min(max(x, row.left), row.right)  # noqa: E731
@@ -475,10 +493,12 @@ def _draw_ruler(shapes: Shapes, row: Row) -> None:
     per_frame = row.width / max(shown.frames, 1.0)
     step = next((s for s in TICK_STEPS if s * per_frame >= px(TICK_WIDTH)), TICK_STEPS[-1])
     numbers = replace(row, height=px(SMALL) / TEXT_FRACTION)
-    for number in range(-(-math.ceil(shown.first) // step) * step, math.floor(shown.last) + 1, step):
-        x = row.x(number)
+    for number in range(
+        -(-math.ceil(shown.first - zero) // step) * step, math.floor(shown.last) - zero + 1, step
+    ):
+        x = row.x(number + zero)
         shapes.rect(x, base - px(4), x + 1, base, theme.MUTED, 0.0)
-        if x + px(28) < row.right or not number:
+        if x + px(28) < row.right or number == -zero:
             shapes.text(x + px(3), numbers, str(number), theme.MUTED, px(60))
     for frame, side in ((first, 1), (last, -1)):
         left, right = sorted((row.x(frame), row.x(frame) + side * px(5)))

@@ -39,7 +39,7 @@ def tracks_of(clip: Clip, inputs: InputRecording | None) -> Tracks:
     gaits = () if clip.gaits is None else [s for s in gait_spans(clip.gaits) if s.gait >= 0]
     return Tracks(
         clip,
-        tuple(Mark(s.start, s.end, title(s.event), _hint(s.event), s) for s in spans),
+        tuple(Mark(s.start, s.end, title(s.event), of=s) for s in spans),
         {part: _part(spans, part) for part in PART_NAMES},
         tuple(Mark(s.start, s.end, Gait(s.gait).label.capitalize()) for s in gaits),
         _grounds(clip, inputs),
@@ -72,14 +72,6 @@ def _read_spans(clip: Clip) -> list[PromptSpan]:
         for start, end, event in zip(starts, ends, clip.prompts, strict=True)
         if end > start
     ]
-
-
-def _hint(event: PromptEvent) -> str:
-    words = words_of(event)
-    if words is None:
-        return title(event)
-    lines = [f"{name.replace('_', ' ')}: {text}" for name, text in words.to_mapping().items()]
-    return "\n".join([title(event), *lines])
 
 
 def _part(spans: list[PromptSpan], part: str) -> tuple[Mark, ...]:

@@ -32,7 +32,7 @@ WIDE = 520.0  # pixels at scale 1: words next to the icons
 TINY = 400.0  # in less only what has no other way stays
 COMPARE_POPUP = "compare"
 CUT_HINT = "Split, cut, repeat the take, or join another one to it"
-NEW_PIN_HINT = "Hold a hand, a foot, the look or the pose from this frame on, or key the camera"
+NEW_PIN_HINT = "Hold a hand, a foot, the look or the pose from this frame on, or key the camera here"
 PROMPTS, ROW, FEET = 21.0, 15.0, 8.0  # heights at scale 1, where there is no more room
 PROMPT_TINTS = (theme.ACCENT_FILL, (0.36, 0.55, 0.78, 0.42))
 GAIT_TINT, GROUND_TINT = (0.78, 0.62, 0.34, 0.42), (0.55, 0.58, 0.62, 0.35)
@@ -231,7 +231,7 @@ class Transport:
         square, gap = px(30), px(4)
         play = f"{ICON.pause if playback.playing else ICON.play}###play"
         for text, hint, act in (
-            (ICON.start, "To the first frame kept (Home)", lambda: playback.seek(playback.first)),
+            (ICON.start, "First frame kept (Home)", lambda: playback.seek(playback.first)),
             (f"{ICON.back}##frame back", "One frame back (Left, comma)", lambda: playback.step(-1)),
             (play, "Play or pause (Space, P)", playback.toggle),
             (f"{ICON.on}##frame on", "One frame on (Right, full stop)", lambda: playback.step(1)),
@@ -266,8 +266,8 @@ class Transport:
             size = imgui.ImVec2(space, 0)
             imgui.progress_bar(editing.progress, size, f"Resimulating {editing.progress:.0%}")
             return
-        frame = f"{playback.frame} / {playback.frames - 1}"
-        clock = f"{frame}   {widgets.clock(playback.time_s)} s"
+        frame = f"{playback.number_shown} / {playback.last - playback.take.numbered_from}"
+        clock = f"{frame}   {widgets.clock(playback.number_shown / playback.clip.fps)} s"
         choices = (f"{clock}   {playback.take.title}", clock, frame, "")
         widgets.muted(next(text for text in choices if imgui.calc_text_size(text).x <= space or not text))
 
@@ -282,7 +282,7 @@ class Transport:
             if widgets.button("Out ]", px(50), "Keep the clip up to this frame"):
                 takes.trim(last=playback.frame)
             imgui.same_line(0, px(8))
-        gait_hint = "Another gait from this frame to the end of the one that is there"
+        gait_hint = "Another gait from this frame to the end of the current one"
         for text, hint, draw, why in (
             ("+ Prompt", "Another prompt from this frame on", self._new_prompt, fixed),
             ("+ Gait", gait_hint, self._new_gait, fixed),
@@ -335,7 +335,7 @@ class Transport:
         text = next((t for t in texts if imgui.calc_text_size(t).x + padding <= room), texts[-1])
         width = imgui.calc_text_size(text).x + padding
         imgui.same_line(end - width)
-        hint = fixed or "Drive the live character from this frame of the take"
+        hint = fixed or "Continue live from this frame"
         if widgets.button(f"{text}###go on", width, hint, enabled=not fixed):
             self.editing.go_on()
 

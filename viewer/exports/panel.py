@@ -30,7 +30,11 @@ def panel(exporting: Exporting) -> Panel:
             exporting.close()
             return
         header, (first, last) = take.made.header, exporting.range_of(take)
-        part = "" if last - first + 1 == take.frames else f" (frames {first} to {last})"
+        part = (
+            ""
+            if last - first + 1 == take.frames
+            else f" (frames {first - take.numbered_from} to {last - take.numbered_from})"
+        )
         length = f"{(last - first + 1) / header.fps:.1f} s{part}, on {header.terrain.rsplit('/', 1)[-1]}"
         widgets.muted(widgets.elided(f"{take.title}: {length}", imgui.get_content_region_avail().x))
         with widgets.disabled(exporting.busy):
@@ -84,25 +88,26 @@ def _lists_and_sliders(exporting: Exporting) -> None:
             spec, value = spec_of(exporting.form, name), getattr(exporting.form, name)
             widgets.row(spec.label, spec.hint)
             moved, value = widgets.slider(
-                f"##export {name}", value, spec.low, spec.high, text if value else "as usual"
+                f"##export {name}", value, spec.low, spec.high, text if value else "default"
             )
             if moved:
                 exporting.choose(**{name: value if value >= least else 0.0})
 
 
 def _toggles(exporting: Exporting) -> None:
-    """What is on or off, in two columns."""
+    """What is on or off, in two columns, or in one row."""
     form, own = exporting.form, exporting.scene.character_path
     applies = {
         "humanoid_names": form.engine and ENGINES[form.engine].bones, "own_character": own,
     }  # fmt: skip
     hints = {"own_character": f"{own.name if own else ''} in the place of the mannequin"}
     names = [name for name in TOGGLES if form.has(name) and applies.get(name, True)]
-    width = widgets.column_width(2)
+    columns = 3 if len(names) == 3 else 2
+    width = widgets.column_width(columns)
     for number, name in enumerate(names):
         spec, values = spec_of(form, name), VALUES.get(name, (False, True))
         on = getattr(form, name) == values[1]
-        if number % 2:
+        if number % columns:
             widgets.same_line()
         if widgets.toggle(spec.label, on, width, hints.get(name, spec.hint)) != on:
             exporting.choose(**{name: values[not on]})

@@ -129,11 +129,11 @@ def _end(state: JointMapping) -> None:
         with widgets.color(imgui.Col_.text, theme.ERROR):
             imgui.text_wrapped(printable(state.problem))
     half = widgets.column_width(2)
-    hint = "Drops everything that was chosen by hand"
+    hint = "Discard all choices made by hand"
     if widgets.button("As guessed##guess all", half, hint, enabled=state.chosen):
         state.guess_all()
     widgets.same_line()
-    hint = "Kept in the file's folder, and used whenever it is opened"
+    hint = "Saved next to the file, and used whenever it is opened"
     if widgets.button(f"{ICON.check} Apply##apply joints", half, hint, True, not state.missing):
         state.apply()
 

@@ -85,9 +85,9 @@ class SessionBar:
         file, cut_off = sessions.editor.file, sessions.cut_off is not None
         name = widgets.elided(printable(sessions.name), px(NAME_WIDTH))
         mark = f"  {ICON.warning}" if file.problem or cut_off else ""
-        hint = "Session: open, save, earlier ones. Every edit is in its file at once."
+        hint = "Session: open, save, earlier ones. Every edit is saved at once."
         if sessions.path is not None:
-            hint = f"{printable(sessions.path)}\nEvery edit is in it at once."
+            hint = f"{printable(sessions.path)}\nEvery edit is saved at once."
         if widgets.button(f"{ICON.folder} {name}{mark}###session", 0.0, file.problem or hint):
             imgui.open_popup(POPUP)
         widgets.same_line()

@@ -71,7 +71,7 @@ class SettingsWindow:
         text = self.settings.model_folder
         if not text or model_folder(text).is_dir():
             return model_folder(text) if text else None
-        self.messages.warn(f"The model {text} is not there any more: {DEFAULT_MODEL} is used.")
+        self.messages.warn(f"The model {text} is missing: {DEFAULT_MODEL} is used.")
         return None
 
     def choose_model(self, folder: Path | None) -> None:
@@ -85,24 +85,24 @@ class SettingsWindow:
         settings = self.settings
         self._interface()
         self._export_folder()
-        widgets.row("Seconds kept", "What T keeps of the rolling memory")
+        widgets.row("Seconds kept", "How much T keeps")
         widgets.setting_slider(settings, "keep_seconds")
         self._model()
-        widgets.row("View", "Mouse in the view as in another program")
+        widgets.row("Navigation", "Mouse in the view as in another program")
         widgets.setting_choice(settings, "navigation")
         widgets.row("Dead zone", "Of the gamepad's sticks")
         widgets.setting_slider(settings, "dead_zone")
         with widgets.section("Gamepad buttons") as opened:
             if opened:
                 self._pad_buttons()
-        widgets.setting_toggle(settings, "invert_look", px(110))
+        widgets.setting_toggle(settings, "invert_look", px(104))
         widgets.same_line()
-        widgets.setting_toggle(settings, "exact_legs", px(100))
+        widgets.setting_toggle(settings, "exact_legs", px(124))
         widgets.same_line()
-        if widgets.button("Show the first minute", -1, "The steps for beginners over the view"):
+        if widgets.button("Show the first minute", -1, "First steps, shown over the view"):
             self.guide.begin()
             self.shown = False
-        if widgets.button("Back to the defaults", -1, "Of this window; folders and the model stay"):
+        if widgets.button("Back to the defaults", -1, "All settings here, except folders and model"):
             for name in RESET:
                 setattr(settings, name, getattr(Settings(), name))
             self.use_scale(settings.ui_scale)
@@ -147,7 +147,7 @@ class SettingsWindow:
 
     def _model(self) -> None:
         scene = self.scene
-        widgets.row("Model", "Takes that were recorded stay with the model that made them")
+        widgets.row("Model", "Recorded takes keep the model that made them")
         now = model_folder(scene.model_folder)
         options: list[tuple[object, str]] = list(choices())
         if now not in dict(options):

@@ -33,19 +33,20 @@ def draw(editing: Resimulation) -> None:
     index = mark_at(tracks.prompts, playback.frame)
     if index < 0:
         editing.shown = None
-        widgets.muted("Nothing is known of the prompts of this motion.", wrap=True)
+        widgets.muted("The prompts of this motion are unknown.", wrap=True)
         return
     mark = tracks.prompts[index]
     if editing.shown is not mark:
         _fill(editing, mark)
     take = editing.take
-    frames = f", frames {mark.start} to {mark.end - 1}"
+    zero = 0 if take is None else take.numbered_from
+    frames = f", frames {mark.start - zero} to {mark.end - 1 - zero}"
     room = imgui.get_content_region_avail().x - imgui.calc_text_size(frames).x
     widgets.muted("" if take is None else widgets.elided(take.title, room) + frames)
     fixed = editing.fixed
     with widgets.disabled(fixed):
         _prompt(editing, index)
-    widgets.muted(fixed or "Enter resimulates it with the same stick.", wrap=True)
+    widgets.muted(fixed or "Enter resimulates the take.", wrap=True)
     _parts(editing, index, mark, bool(fixed))
 
 
@@ -69,9 +70,7 @@ def _prompt(editing: Resimulation, index: int) -> None:
 def _parts(editing: Resimulation, index: int, mark: Mark, fixed: bool) -> None:
     """The six descriptions; each can be changed on its own where they are known."""
     if words_of(mark.of.event) is None:
-        widgets.muted(
-            "A blend, or descriptions that are not known: give it one prompt to edit its parts.", wrap=True
-        )
+        widgets.muted("A blend, or unknown descriptions: type one prompt to edit body parts.", wrap=True)
         return
     if imgui.begin_child("take parts", imgui.ImVec2(0, 0)):
         for part in PART_NAMES:

@@ -363,7 +363,7 @@ def _export(takes: Takes, take: Take, export_window: Callable[[], None], short: 
     entered, takes.export_path = widgets.input_text(
         "##export path", takes.export_path, "~/sport-clips/walk.bvh", flags
     )
-    widgets.tooltip(f"Where to write {Path(takes.export_path).name}: type another path if you like")
+    widgets.tooltip(f"Where {Path(takes.export_path).name} is written")
     if not short:
         _rate_and_unit(takes.settings)
     busy, several = takes.jobs.busy(Slot("export", take.number)), len(takes.session.takes) > 1

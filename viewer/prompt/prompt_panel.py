@@ -29,10 +29,10 @@ from viewer.settings import Settings
 HINT = "How should the character move?\nFor example: an exhausted soldier"
 HINT_B = "A second prompt to blend with"
 EXACT_HINT = (
-    "What the network shows of these words is measured as it walks; an edit adds what is missing."
+    "An exact edit adds what the network does not show of these words."
     " “Exact legs, trunk” in Settings turns it off."
 )
-WEAK_HINT = "On a walk the body did this little of what these words say. Other words may do more."
+WEAK_HINT = "The walk shows little of these words. Other words may show more."
 NEAREST_ROWS = 3  # in a tall panel, else one
 GOOD_MATCH = 0.6  # cosine similarity from which a library prompt is near
 MIN_LINES, MAX_LINES = 2, 3  # of the field of a body part
@@ -328,7 +328,7 @@ def _near(text: str, similarity: float) -> bool:
     clicked = imgui.invisible_button(f"near {text}", imgui.ImVec2(width, height))
     imgui.pop_style_var()
     hovered = imgui.is_item_hovered()
-    widgets.tooltip(f"Cosine similarity {similarity:.2f} with “{text}”. Click: take this prompt.")
+    widgets.tooltip(f"Cosine similarity {similarity:.2f} with “{text}”. Click to use it.")
     drawing, fraction = imgui.get_window_draw_list(), min(max(similarity, 0.0), 1.0)
     percent, top = f"{fraction:.0%}", corner.y + px(1)
     percent_left = corner.x + width - imgui.calc_text_size(percent).x
@@ -447,7 +447,7 @@ def _blend(controller: PromptController, suggester: Suggester) -> None:
     for part, weight in zip(PART_NAMES, blend.weights, strict=True):
         _part_weight(part, weight, f"A: {words[part] or '…'}\nB: {getattr(words_b, part)}", controller)
     imgui.dummy(imgui.ImVec2(0, px(1)))
-    hint = "Prompt B becomes prompt A, whose words can be edited; the character moves on as it does"
+    hint = "Prompt B becomes prompt A, so that its words can be edited"
     if widgets.button(f"{ICON.exchange} Swap A and B", -1, hint, enabled=not controller.pending):
         controller.swap()
 

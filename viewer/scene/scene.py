@@ -433,9 +433,7 @@ class Scene:
         self._slow_s = self._slow_s + dt if slow else 0.0
         if self._slow_s > SLOW_SECONDS:
             self._render_with("fast")
-            self.messages.note(
-                "This machine draws slowly: quality is “Fast” now. The Scene panel has the others."
-            )
+            self.messages.note("Drawing is slow: quality is “Fast” now. Scene has the others.")
 
     def _render_with(self, name: str) -> None:
         renderer = self.services.make_renderer(self.ctx, name)

@@ -49,6 +49,11 @@ class Playback:
         return self.take.number
 
     @property
+    def number_shown(self) -> int:
+        """The number of the frame shown, as the timeline counts them."""
+        return self.frame - self.take.numbered_from
+
+    @property
     def frames(self) -> int:
         return self.clip.hips_positions.shape[0]
 

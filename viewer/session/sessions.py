@@ -170,8 +170,11 @@ class Sessions:
         (self.messages.warn if said or more else self.messages.note)(text + more)
 
     def open_last(self) -> None:
-        if self.recent:
-            self.open(self.recent[0])
+        """Open what was open last, with or without a name."""
+        times = {path: _changed(path) for path in self.recent[:1]}
+        times |= {summary.path: summary.saved_s for summary in self.earlier[:1]}
+        if times:
+            self.open(max(times, key=times.__getitem__))
         else:
             self.messages.warn("No session was saved or opened before.")
 
@@ -180,7 +183,7 @@ class Sessions:
         if self.path is None:
             self.ask_save()
         elif self.editor.file.flush(1.0):
-            self.messages.note(f"{self.path.name} is saved; every edit is in it at once.")
+            self.messages.note(f"{self.path.name} is saved, as is every edit.")
         else:
             self.messages.error(
                 self.editor.file.problem or f"{self.path.name} is still being written.", PROBLEM
@@ -257,7 +260,9 @@ class Sessions:
         def closed(_: bool) -> None:
             self.look()
 
-        self.jobs.submit(Slot(CLOSING.what, file), close, closed, writing=f"the session {file.path.stem}")
+        self.jobs.submit(
+            Slot(CLOSING.what, file.path), close, closed, writing=f"the session {file.path.stem}"
+        )
 
     @property
     def _is_empty(self) -> bool:
@@ -316,8 +321,8 @@ class Sessions:
         folder = model_folder(wanted.folder) if wanted.folder else None
         if folder is not None and not folder.is_dir():
             self.messages.warn(
-                f"The session's model {wanted.name or wanted.folder!r} is not there: its takes play and are exported,"
-                " but are not resimulated."
+                f"The session's model {wanted.name or wanted.folder!r} is missing: takes play and export,"
+                " but cannot be resimulated."
             )
         elif folder != self.scene.model_folder:
             self.load_model(folder, wanted.seed)
@@ -387,6 +392,11 @@ def _places(view: dict[str, Any]) -> dict[str, float]:
         for name, (low, high) in PLACES.items()
         if isinstance(view.get(name), int | float)
     }
+
+
+def _changed(path: Path) -> float:
+    """When a file was written, in seconds since 1970; 0 where it is not there: opening it says so."""
+    return path.stat().st_mtime if path.exists() else 0.0
 
 
 def _with_suffix(path: Path) -> Path:

@@ -6,17 +6,13 @@ python -m viewer.tools.contact_sheet angry.bvh drunk.bvh --terrain flat --out sh
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import run_command
 from runtime.motion import features
-from runtime.pose import Pose
-from runtime.takes.clip import Clip
-from runtime.terrain.height_map import Terrain
 from viewer.render.camera import Camera, looked_at
 
 CELL = (200, 250)  # pixels
@@ -24,39 +20,14 @@ FRONT = 2.5, 0.12  # turn from the character's facing and pitch, radians: a thre
 BEHIND = 0.75, 0.3  # for terrain that would hide the character
 
 
-def draw_row(
-    clip: Clip,
-    terrain: Terrain,
-    seconds: Sequence[float],
-    see: Callable[[Pose], Camera],
-    cell: tuple[int, int] = CELL,
-) -> NDArray[np.uint8]:
-    """Frames `(H, W, 3)` of a clip at some moments, from left to right."""
-    from viewer.filming.film import studio
-
-    with studio(cell, terrain) as draw:
-        poses = [clip.sample(min(at, clip.seconds)) for at in seconds]
-        return np.concatenate([draw(see(pose), pose) for pose in poses], axis=1)
-
-
-def save_sheet(path: Path, rows: Sequence[NDArray[np.uint8]], labels: Sequence[str]) -> None:
-    """Write rows one below the other as PNG, each with its label in its upper left corner."""
+def main(argv: Sequence[str] | None = None) -> int:
     from PIL import Image, ImageDraw, ImageFont
 
-    from viewer.render.offscreen import save_png
-
-    image = Image.fromarray(np.concatenate(rows))
-    draw = ImageDraw.Draw(image)
-    for row, label in enumerate(labels):
-        place = 10, row * image.height // len(labels) + 8
-        draw.text(place, label, fill=(30, 40, 55), font=ImageFont.load_default(18))
-    save_png(np.asarray(image), path)
-
-
-def main(argv: Sequence[str] | None = None) -> int:
     from runtime.formats.bvh_clip import load_clip_bvh
     from runtime.formats.ground import ground_of
     from runtime.formats.prepare import on_its_ground
+    from viewer.filming.film import studio
+    from viewer.render.offscreen import save_png
 
     parser = argparse.ArgumentParser(prog="python -m viewer.tools.contact_sheet", description=__doc__)
     parser.add_argument("clips", nargs="+", type=Path, metavar="BVH")
@@ -73,14 +44,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     rows = []
     for path in args.clips:
         clip = load_clip_bvh(path)
-        ground = ground_of(clip, path, args.terrain)
-
-        def see(pose: Pose, ground: Terrain = ground) -> Camera:
-            yaw = float(features.facing_yaw(pose.positions)) + turn
-            return Camera(looked_at(pose.hips_position, ground), yaw, pitch, 3.6)
-
-        rows.append(draw_row(on_its_ground(clip), ground, seconds, see))
-    save_sheet(args.out, rows, args.labels or [path.stem for path in args.clips])
+        ground, clip = ground_of(clip, path, args.terrain), on_its_ground(clip)
+        poses = [clip.sample(min(at, clip.seconds)) for at in seconds]
+        yaws = [float(features.facing_yaw(pose.positions)) + turn for pose in poses]
+        with studio(CELL, ground) as draw:
+            cameras = [
+                Camera(looked_at(pose.hips_position, ground), yaw, pitch, 3.6)
+                for pose, yaw in zip(poses, yaws, strict=True)
+            ]
+            rows.append(np.concatenate([draw(*seen) for seen in zip(cameras, poses, strict=True)], axis=1))
+    image = Image.fromarray(np.concatenate(rows))
+    drawing, labels = ImageDraw.Draw(image), args.labels or [path.stem for path in args.clips]
+    for row, label in enumerate(labels):
+        place = 10, row * image.height // len(labels) + 8
+        drawing.text(place, label, fill=(30, 40, 55), font=ImageFont.load_default(18))
+    save_png(np.asarray(image), args.out)
     return 0
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.helpers.app_driver import Start, click_on, message, press, run
+from tests.helpers.app_driver import Start, click_on, message, press, run, texts
 from tests.viewer.edit.test_timeline import record, same, seek
 from viewer.app import App
 
@@ -31,6 +31,10 @@ def test_a_take_is_split_and_joined_again(start: Start, size: tuple[int, int]) -
     choose(app, "Split here")
     split = [("Take 1", 80, (0, 30)), ("Take 1, rest", 80, (30, 79))]
     assert takes(app) == split
+    app.takes.play(2)
+    seek(app, 30)
+    assert any(text.startswith("0 / 49") for text in texts(app))  # each part counts its own frames
+    app.takes.play(1)
     choose(app, "Join with", "Take 1, rest")
     assert takes(app) == [*split, ("Take 1 + Take 1, rest", 80, (0, 79))]
     assert app.takes.played == app.editor.session.takes[-1]
@@ -46,7 +50,7 @@ def test_a_take_is_split_and_joined_again(start: Start, size: tuple[int, int]) -
 def test_what_the_trim_keeps_is_repeated_or_cut_out(start: Start) -> None:
     app = start()
     record(app)
-    choose(app, "Cut out the trim")
+    choose(app, "Cut out what the handles keep")
     assert "trim handles" in message(app)
     seek(app, 20)
     click_on(app, "[ In")
@@ -56,5 +60,5 @@ def test_what_the_trim_keeps_is_repeated_or_cut_out(start: Start) -> None:
     assert takes(app)[-1] == ("Take 1 x 3", 91, (0, 90))
     app.takes.play(1)
     run(app, 2)
-    choose(app, "Cut out the trim")
+    choose(app, "Cut out what the handles keep")
     assert takes(app)[-1] == ("Take 1, cut", 50, (0, 49))

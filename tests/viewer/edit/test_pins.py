@@ -112,7 +112,9 @@ def test_the_card_sets_frames_and_removes(app: App) -> None:
     click_on(app, "Along")
     assert item(app).poses.pins[0].along
     click_on(app, "Rail")
-    assert item(app).poses.pins[0].rail is not None
+    rail = item(app).poses.pins[0]
+    assert rail.rail is not None
+    assert not rail.along  # a rail stands in the world
     assert len(app.pins.overlay().points) == 2  # type: ignore[union-attr]
     x, y = place(app, "##pin to")
     drag(app, (x, y), (x - 60.0, y))

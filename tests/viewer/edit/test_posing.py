@@ -137,3 +137,28 @@ def test_keys_are_dragged_and_removed_on_their_track(start: Start) -> None:
         hand.mouse(app.window, x, y, button, down)
         run(app, 2)
     assert not layer(app)
+
+
+def test_the_head_turns_as_far_as_the_mouse_goes_along_a_ring_seen_from_its_edge(start: Start) -> None:
+    app = start()
+    record(app)
+    seek(app, 20)
+    click_on(app, "Pose")
+    press(app, "1")
+    app.scene.camera.current.pitch = 0.0
+    run(app, 20)
+    click(app, *at(app, HEAD))
+    run(app, 8)
+    x, y = at(app, HEAD)
+    for below in range(-20, 21, 4):
+        hand.mouse(app.window, x - 40, y + below)
+        run(app, 2)
+        if app.posing.rings.over == 1:
+            drag(app, (x - 40, y + below), (60.0, 0.0))
+            break
+    (key,) = layer(app).keys
+    (turn,) = key.turns
+    assert turn.joint == HEAD
+    degrees = np.degrees(layer(app).turns(HEAD, np.array([20 / 60]))[0])
+    assert 20.0 < abs(degrees[1]) < 70.0
+    assert np.abs(degrees[[0, 2]]).max() < 15.0

@@ -111,7 +111,7 @@ def test_keys_of_the_camera_are_set_dragged_looked_through_and_kept(app: App, tm
         playback.seek(frame)
         camera.current.yaw = yaw
         click_on(app, "+ Pin")
-        click_on(app, "Camera view")
+        click_on(app, "Camera key")
         run(app, 2)
     assert [round(key.seconds * 60) for key in keys(app)] == [10, 50]
     (x, y), (to, _) = (place(app, "##camera", share=share) for share in (50 / 69, 60 / 69))

@@ -70,7 +70,7 @@ def test_words_that_miss_a_field_do_nothing(start: Start) -> None:
     assert not app.editor.session.takes
     assert not app.compare.open
     assert app.scene.camera.mode == before
-    assert "has the keys" in message(app)
+    assert "has the keyboard" in message(app)
     press(app, "escape")
     app.window.inject_key("w", True)
     run(app, 3)

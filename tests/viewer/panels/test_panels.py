@@ -172,7 +172,7 @@ def test_another_model_is_loaded_by_a_dialog_and_remembered(start: Start, tmp_pa
     assert app.scene.controller is not before
     app.settings.model_folder = str(tmp_path / "gone")
     assert app.settings_window.chosen_model() is None
-    assert "is not there any more" in said(app)
+    assert "is missing" in said(app)
 
 
 def test_the_first_minute_ticks_itself_off_and_does_not_come_back(start: Start, tmp_path: Path) -> None:

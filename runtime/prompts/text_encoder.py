@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from runtime.assets import asset_path
 from runtime.errors import FileError, ModelError
 from runtime.motion.model_files import check_names, run_graph
-from runtime.safe_read import is_text, parse_json, read_bounded, reason
+from runtime.safe_read import is_text, open_npz, parse_json, read_bounded, reason
 
 if TYPE_CHECKING:
     import onnxruntime
@@ -32,6 +32,7 @@ SHIPPED = {
     "name": "all-MiniLM-L6-v2",
     "dimensions": 384,
 }  # what models that name no text encoder were trained with
+STORED = "sentences.npz"  # in a text encoder's folder: vectors of sentences that need not be encoded
 OWN_FOLDER = "text_encoder"  # of a model folder: the text encoder that it was trained with
 _SHIPPED_GRAPH = "minilm_int8.onnx"
 _REMEDY = "Install the program again."
@@ -67,11 +68,13 @@ class TextEncoder:
 
     `directory` holds text_encoder.json (name, dimensions, max_tokens, graph: the network's file name), that network
     with inputs `input_ids`, `attention_mask` (N, L) and output `embeddings` (N, D), and tokenizer.json; by default the
-    shipped all-MiniLM-L6-v2. Any thread may call it; two texts are encoded at a time.
+    shipped all-MiniLM-L6-v2. sentences.npz, if it is there, has vectors of the sentences that the program itself says;
+    `stored=False` runs the network for these too. Any thread may call it; two texts are encoded at a time.
     """
 
-    def __init__(self, directory: Path | None = None) -> None:
+    def __init__(self, directory: Path | None = None, stored: bool = True) -> None:
         self._directory = directory
+        self._use_stored = stored
         self._cache: OrderedDict[str, NDArray[np.float32]] = OrderedDict()
         self._lock = threading.Lock()
 
@@ -82,13 +85,16 @@ class TextEncoder:
         # One text a run: the dynamic quantisation scales its activations over the whole batch, so in a batch a
         # text's vector would depend on its neighbours, and the same prompt would not give the same motion.
         with self._lock:
-            new = list(dict.fromkeys(text for text in texts if text not in self._cache))
-            _ = new and (self._session, self._tokenizer)  # read once
-            with ThreadPoolExecutor(2, "text") as threads:
-                self._cache.update(zip(new, threads.map(self._run, new), strict=True))
-            for text in texts:
+            rows, stored = self._stored
+            own = dict.fromkeys(text for text in texts if text not in rows)
+            new = [text for text in own if text not in self._cache]
+            if new:
+                _ = self._session, self._tokenizer  # read once
+                with ThreadPoolExecutor(2, "text") as threads:
+                    self._cache.update(zip(new, threads.map(self._run, new), strict=True))
+            for text in own:
                 self._cache.move_to_end(text)
-            vectors = np.stack([self._cache[text] for text in texts])
+            vectors = np.stack([stored[rows[text]] if text in rows else self._cache[text] for text in texts])
             while len(self._cache) > CACHE_TEXTS:
                 self._cache.popitem(last=False)
         return vectors
@@ -139,6 +145,22 @@ class TextEncoder:
         except (FileError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
             raise _damaged(path, "the text encoder's metadata", error, self._remedy) from error
         return found
+
+    @cached_property
+    def _stored(self) -> tuple[dict[str, int], NDArray[np.float32]]:
+        """Rows of sentences, and their vectors `(N, D)`; none where no file belongs to this network."""
+        path = self._path("text_encoder.json").with_name(STORED)
+        if not self._use_stored or not path.is_file():
+            return {}, np.zeros((0, self.dimensions), np.float32)
+        with open_npz(path, self._remedy, ModelError) as data:
+            texts = str(data["texts"]).split("\n")
+            vectors = data["vectors"].astype(np.float32)
+            if str(data["encoder"]) != self.name or vectors.shape != (len(texts), self.dimensions):
+                raise ValueError("vectors of another network")
+            vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)
+            if not np.isfinite(vectors).all():
+                raise ValueError("vectors that are no numbers")
+        return {text: row for row, text in enumerate(texts)}, vectors
 
     @cached_property
     def _paths(self) -> tuple[Path, Path]:

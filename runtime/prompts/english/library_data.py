@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import FileError, PromptError
+from runtime.prompts.content import one_sided
 from runtime.prompts.parts import PartDescriptions, check_text
 from runtime.prompts.text_encoder import TextEncoderLike
 from runtime.safe_read import open_npz, parse_json, read_bounded
@@ -157,14 +158,26 @@ def library_hash(library: PromptLibrary) -> str:
 def embed_library(library: PromptLibrary, encoder: TextEncoderLike) -> LibraryEmbeddings:
     """Compute the embeddings of all prompts and descriptions: some seconds for some hundred entries."""
     named = [(text, i) for i, entry in enumerate(library.entries) for text in (entry.prompt, *entry.also)]
-    parts = [encoder.encode(entry.descriptions.as_tuple()) for entry in library.entries]
     prompts = encoder.encode([text for text, _ in named])
     return LibraryEmbeddings(
         prompts,
         np.array([i for _, i in named], np.int64),
-        np.stack(parts),
+        _part_vectors(library, encoder),
         _bodily_score(prompts, encoder.encode(library.nothing)),
     )
+
+
+def sentences(library: PromptLibrary) -> list[str]:
+    """What the library says of the parts, six for an entry, of the right limbs as of the left ones."""
+    return [
+        one_sided(part, text)[0] if part.endswith(("arm", "leg")) else text
+        for entry in library.entries
+        for part, text in entry.descriptions.to_mapping().items()
+    ]
+
+
+def _part_vectors(library: PromptLibrary, encoder: TextEncoderLike) -> NDArray[np.float32]:
+    return encoder.encode(sentences(library)).reshape(len(library.entries), len(PART_NAMES), -1)
 
 
 def _bodily_score(prompts: NDArray[np.float32], nothing: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -185,7 +198,6 @@ def save_embeddings(path: Path, embeddings: LibraryEmbeddings, digest: str, enco
         path,
         prompts=vectors_as_bytes(embeddings.prompts),
         entry_of=embeddings.entry_of.astype(np.int32),
-        parts=vectors_as_bytes(embeddings.parts),
         bodily=embeddings.bodily,
         other_words=np.array("\n".join(embeddings.other_words)),
         digest=np.array(digest),
@@ -193,29 +205,24 @@ def save_embeddings(path: Path, embeddings: LibraryEmbeddings, digest: str, enco
     )
 
 
-def load_embeddings(
-    path: Path, digest: str, encoder: TextEncoderLike, entries: int
-) -> LibraryEmbeddings | None:
+def load_embeddings(path: Path, library: PromptLibrary, encoder: TextEncoderLike) -> LibraryEmbeddings | None:
     """Stored embeddings, or None when there are none for these words and this encoder; FileError when damaged."""
     if not path.exists():
         return None
     remedy = "Run `python -m training.text.build_library`, or install the program again."
     with open_npz(path, remedy) as data:
-        if str(data["digest"]) != digest or str(data["encoder"]) != encoder.name:
+        if str(data["digest"]) != library_hash(library) or str(data["encoder"]) != encoder.name:
             return None
         found = LibraryEmbeddings(
             unit_vectors(data["prompts"]),
             data["entry_of"].astype(np.int64),
-            unit_vectors(data["parts"]),
+            _part_vectors(library, encoder),
             data["bodily"].astype(np.float32),
             tuple(str(data["other_words"]).split()),
         )
-    count, size = len(found.entry_of), encoder.dimensions
-    if found.prompts.shape != (count, size) or found.parts.shape != (entries, len(PART_NAMES), size):
-        raise FileError(
-            f"{path}: embeddings of shape {found.parts.shape}, expected {(entries, len(PART_NAMES), size)}.",
-            "Run `python -m training.text.build_library`.",
-        )
+    expected = (len(found.entry_of), encoder.dimensions)
+    if found.prompts.shape != expected:
+        raise FileError(f"{path}: embeddings of shape {found.prompts.shape}, expected {expected}.", remedy)
     return found
 
 

@@ -30,6 +30,7 @@ from runtime.prompts.english.words import (
 _SIMILE = re.compile(r"\b(?:as )?(?P<adjective>\w+) as (?:an? |the )?(?P<thing>\w+)\b(?! (?:if|though))")
 LONGEST = 9  # words of a phrase
 FIGURES = ("characters", "animals", "occupations")  # categories of who walks
+_THINGS = ("weather", "ground", "loads")
 _QUALITIES = ("ages", "bodies", "emotions", "minds")  # categories of what they are like
 SLIGHTLY, STRONGLY = 0.6, 1.2  # strength of "slightly drunk" and "very drunk" against "drunk"
 _OBJECT_STARTS = word_set(
@@ -272,7 +273,9 @@ def _without_objects(
         if element.start in objects and figure and not element.only:
             dropped_at = element.start
             continue
-        of_thing = category in _QUALITIES and element.end not in covered and _says(follows)
+        thing = next((e for e in elements if e.start == element.end), None)
+        other = thing is None or entries[thing.entry].category in _THINGS
+        of_thing = category in _QUALITIES and other and _says(follows)
         if element.only or element.start not in places or not of_thing:  # all but "in an old house"
             kept.insert(0, element)
     return kept

@@ -32,7 +32,7 @@ FILLER = frozenset(
     | word_set(
         "it who walking walk walks walked moving move moves standing stand stands running run runs going goes go normally "
         "normal please make is are was were be being been am has have having had does do doing did just both very style "
-        "manner way gait kind sort type crossing making getting gets got trying tries taking coming comes putting "
+        "manner way gait kind sort type crossing making getting gets got trying tries take takes taking coming comes putting "
         "ordinary regular plain average usual typical neutral default unremarkable using looks seems feels feeling looking "
         "keeps keep stays staying can could would will there here dressed wearing wears wear carrying holding"
     )

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from runtime.assets import asset_path
 from runtime.prompts.english.clauses import parse_clauses
 from runtime.prompts.english.grammar import Grammar
+from runtime.prompts.english.segments import with_commas
 from runtime.prompts.english.words import continuous
 from runtime.skeleton import PART_NAMES
 from training.augmentation.catalogue import part_edits
@@ -336,3 +337,39 @@ def test_idioms_are_clauses(prompt: str, parts: dict[str, str]) -> None:
     found = parse_clauses(prompt).parts
     assert found.keys() == parts.keys()
     assert all(words in found[part] for part, words in parts.items()), found
+
+
+@pytest.mark.parametrize(
+    ("prompt", "clauses"),
+    [
+        ("chin up chest out arms swinging long strides", "chin up|chest out|arms swinging|long strides"),
+        ("a tired man head down dragging his left foot", "a tired man|head down|dragging his left foot"),
+        ("head turned right arms crossed", "head turned right|arms crossed"),
+        ("left hand holding the right elbow up", "left hand holding the right elbow up"),
+        ("toes turned in leaning forward", "toes turned in|leaning forward"),
+        ("head down and turned to the left", "head down|head turned to the left"),
+        ("arms bent and not swinging", "arms bent|arms not swinging"),
+        ("arms swinging back and forth", "arms swinging back and forth"),
+    ],
+)
+def test_clauses_begin_without_a_comma(prompt: str, clauses: str) -> None:
+    assert with_commas(prompt).replace("\n", "|") == clauses
+
+
+@pytest.mark.parametrize(
+    ("prompt", "part", "words"),
+    [
+        ("feet barely leave the floor", "left_leg", "dragging"),
+        ("the knees hardly bend", "right_leg", "hardly bending"),
+        ("barely bent knees", "right_leg", "slightly bent"),
+        ("bent over almost horizontally", "torso", "far forward"),
+        ("bent forward at a right angle", "torso", "far forward"),
+        ("walks with no bend in the right knee", "right_leg", "stiff"),
+        ("long lazy strides", "left_leg", "very long slow"),
+        ("the toes of the right foot turned in", "right_leg", "inward"),
+        ("looking down to the left", "head", "looking at the ground"),
+        ("doesn't bend his knees and doesn't swing his arms", "left_arm", "not swinging"),
+    ],
+)
+def test_hedges_degrees_and_denials(prompt: str, part: str, words: str) -> None:
+    assert words in parse_clauses(prompt).parts[part]

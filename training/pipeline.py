@@ -33,11 +33,13 @@ from training.arguments import STAGES, build_parser
 from training.augmentation.build import LAYERS, build_layers
 from training.batches import FrameTensors
 from training.data import sources
+from training.data.importer import unpack
 from training.export.calibrate import calibrate, phase_signs
 from training.export.graph import store_model_in_half
 from training.export.model import Trained, export_model
 from training.export.pace import rest_rhythm, start_state, style_speeds
 from training.export.quantize import quantize_model
+from training.export.swings import fit_swings
 from training.export.traversals import measure_traversals
 from training.frames import load_frames
 from training.networks.diffusion import Schedule, reverse_steps
@@ -219,6 +221,8 @@ def export(run: Run) -> None:
         else:
             calibrate(folder, signs, run.args.text_encoder)
         measure_traversals(folder)
+        if run.args.data is not None:
+            fit_swings(folder, unpack(run.args.data, run.out / "unpacked"))
 
 
 def trained(run: Run, stage: str, decoder: str) -> Trained:

@@ -42,6 +42,8 @@ MIN_GAIT_SPEED = 0.3  # m/s; slower, feet may well rest for a while
 CROUCH_SPEED = 0.8  # m/s at full stick
 GATHERED = 0.8  # of the plan's speed: slower, a body that starts to jog is still gathering speed
 JOG_START_GAIN = 1.0  # of the regulator at most, until then
+STEADY = 0.7  # of the plan's speed: slower, a body that starts to walk does not swing yet
+TURN_FRAMES, TURN_MOST = 6, 0.7  # radians a second, over so many frames: faster, a walk turns
 SLOWEST_PLAN = 0.05  # m/s: a body that stops is regulated until then
 FASTEST_LIFT = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
 _SMOOTHS = 1.0 - decay(SPEED_HALF_LIFE)
@@ -117,7 +119,9 @@ def step(
     contacts = np.maximum(
         np.minimum(np.maximum(y.contacts, 0.0), 1.0), 1.0 - state.settling.fraction[:, None]
     )
-    network = placed(joints, local, state.trajectory, state.ground)
+    gains = [style.swings for style in styles]
+    swung = state.swings.apply(joints[:, 0], local, contacts, gains, _walking(state))
+    network = placed(*swung, state.trajectory, state.ground)
     unlocked = _plant(state, *network, contacts, terrain)
     _cross(state, unlocked, network, probes, styles)
     _feed_back(state, y, joints, probes, styles, terrain, haste)
@@ -126,6 +130,16 @@ def step(
     state = _set_back(model, before, state, sound, terrain)
     bound_speed(state.poses, before.poses)
     return state, Frame(*unlocked, reasons, ~sound)
+
+
+def _walking(state: CharacterState) -> list[bool]:
+    """Which characters walk on, rather than start, stop, turn, jog, crouch or jump."""
+    walk = state.trajectory.gait[:, PRESENT, Gait.WALK] > 0.5
+    steady = (state.wished_speed > 0.0) & (state.measured_speed > STEADY * state.requested_speed)
+    turned = state.trajectory.yaw[:, PRESENT] - state.trajectory.yaw[:, PRESENT - TURN_FRAMES]
+    ahead = np.abs((turned + np.pi) % (2.0 * np.pi) - np.pi) < TURN_MOST * TURN_FRAMES * DT
+    jumps = [bool(jump.stage) for jump in state.jumps]
+    return (walk & steady & ahead & ~np.array(jumps)).tolist()
 
 
 def full_speed(style: Style, gait: Gait) -> float:

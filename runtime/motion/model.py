@@ -31,6 +31,7 @@ from runtime.motion.model_files import (
     run_graph,
 )
 from runtime.motion.style import Style
+from runtime.motion.swing import PLAIN, MeasuredSwings
 from runtime.skeleton import PART_NAMES
 from runtime.terrain.obstacle_detection import ObstacleAhead
 
@@ -88,6 +89,7 @@ class MotionModel:
         self.style_shape = (6, int(config.get("style_size", 384)) // 6)
         self._neutral_code, self._strength = _strength(folder, metadata, self.style_shape)
         self._mirror, self.calibration = _calibration(folder, metadata, self.neutral)
+        self._swings = MeasuredSwings.read(folder, metadata, self.style_shape)
         step = "step" if self.precision == "fp32" else INT8_GRAPH
         prompt, self._style, self._step = (
             open_graph(folder / f"{name}.onnx", read_graph(folder, name, metadata), threads)
@@ -150,7 +152,12 @@ class MotionModel:
                 arms[ARM_PARTS:] = self._neutral_code[ARM_PARTS:]
                 speeds = run_graph(self._style, path, None, {"z": arms})[3]
             rest = np.asarray(speeds[2:], np.float32).reshape(2, -1).T
-        return Style(z, bias, weight, content_bias, walk, max(jog, 1.3 * walk), rest.astype(np.float32))
+        rest = rest.astype(np.float32)
+        return Style(z, bias, weight, content_bias, walk, max(jog, 1.3 * walk), rest, swings=self.swings(z))
+
+    def swings(self, z: Float32Array) -> tuple[float, ...]:
+        """Gains of the swings of what is walked by Z^t `(6, 64)`; 1 where the model tells none."""
+        return PLAIN if self._swings is None else self._swings.of(z)
 
     def step(
         self, x: Float32Array, noise: Float32Array, style: Style | Sequence[Style]

@@ -25,6 +25,7 @@ from runtime.motion.controller import Controller
 from runtime.motion.mirror import LIMBS
 from runtime.motion.state import CharacterState
 from runtime.motion.style import Style, StyleCodes, StyleMix
+from runtime.motion.swing import MOST_GAIN, SWINGS
 from runtime.records import REMEDY, copied, read_record, write_record
 from runtime.traversal.traversal import is_possible
 
@@ -153,6 +154,8 @@ def _folded(tree: Any, arrays: list[np.ndarray]) -> Style:
     walk, jog = (read_number(tree[name], FASTEST) for name in ("walk_speed", "jog_speed"))
     edits = checked_targets(arrays[int(_edits(tree))])
     made = Style(z, front_bias, content_weight, content_bias, walk, jog, rest, edits)
+    if "swings" in tree:
+        made = replace(made, swings=_gains(tree["swings"]))
     if tree.get("opposite") is None:
         return replace(made, mirrored=tree.get("mirrored") is True)
     opposite = _folded(tree["opposite"] | {"opposite": None}, arrays)
@@ -160,6 +163,13 @@ def _folded(tree: Any, arrays: list[np.ndarray]) -> Style:
     if len(limbs) != LIMBS:
         raise ValueError("limbs that no body has")
     return replace(made, mirrored=tree["mirrored"] is True, opposite=opposite, limbs=limbs)
+
+
+def _gains(values: Any) -> tuple[float, ...]:
+    gains = tuple(read_number(value, MOST_GAIN) for value in values)
+    if len(gains) != len(SWINGS):
+        raise ValueError("swings that no body has")
+    return gains
 
 
 def _edits(tree: Any) -> Any:

@@ -18,6 +18,7 @@ from runtime.motion.pace import SpeedRegulator, Stall, StrideState
 from runtime.motion.phase import RestRhythm
 from runtime.motion.pose_smoothing import Inertialization, Settling
 from runtime.motion.style import StyleBlend
+from runtime.motion.swing import Swings
 from runtime.motion.trajectory import LENGTH, PRESENT, Trajectory
 from runtime.pose import Pose
 from runtime.scalar_math import add, multiply, rotate
@@ -66,9 +67,9 @@ def network_pose(y: OutputParts) -> tuple[Array, Array]:
     return rotations.from_matrix(local), joints
 
 
-def placed(joints: Array, local: Array, trajectory: Trajectory, ground: Array) -> tuple[Array, Array]:
+def placed(hips: Array, local: Array, trajectory: Trajectory, ground: Array) -> tuple[Array, Array]:
     """Hips `(N, 3)` and local rotations `(N, 31, 4)` in the world of a pose relative to the root, over the `ground` `(N,)` (m)."""
-    hips, local = joints[:, 0].copy(), local.copy()
+    hips, local = hips.copy(), local.copy()
     for i, (root, yaw) in enumerate(
         zip(trajectory.here.tolist(), trajectory.yaw[:, PRESENT].tolist(), strict=True)
     ):
@@ -153,6 +154,7 @@ class CharacterState:
     arms: Inertialization
     settling: Settling
     edits: tuple[BodyEdits, ...]
+    swings: Swings = field(metadata={"later": True})
     feet: tuple[FootLock, ...]
     traversals: tuple[Traversal, ...]
     jumps: tuple[Jump, ...]
@@ -177,7 +179,7 @@ def standing(
         terrain.height(np.array([x]), np.array([z])).astype(np.float64),
     )
     relative, joints = network_pose(y)
-    hips, local = placed(joints, relative, trajectory, ground)
+    hips, local = placed(joints[:, 0], relative, trajectory, ground)
     feet, contacts = FootLock(), np.zeros((1, 4))
     locked = feet.apply(hips[0], local[0], contacts[0], terrain, DT)
     still = np.zeros(1)
@@ -201,6 +203,7 @@ def standing(
         arms=Inertialization.at_rest(local),
         settling=Settling.awake(relative),
         edits=(BodyEdits(),),
+        swings=Swings(),
         feet=(feet,),
         traversals=(Traversal(),),
         jumps=(Jump.standing(float(hips[0, 1]), float(ground[0])),),

@@ -18,6 +18,7 @@ from runtime.edits.request import SHAPE
 from runtime.motion.calibration import Calibration
 from runtime.motion.features import C
 from runtime.motion.mirror import LIMBS, Ways, mirrored_code
+from runtime.motion.swing import PLAIN
 from runtime.scalar_math import smoothstep
 
 Shares = tuple[float, ...]  # of the second of two styles, at even parts of the change from the first
@@ -44,6 +45,7 @@ class Style:
         None  # the same code folded the other way round, where some limbs move as it moves them
     )
     limbs: tuple[float, ...] = (0.0,) * LIMBS  # how far each of the four does
+    swings: tuple[float, ...] = PLAIN  # gains of `runtime.motion.swing.SWINGS`
 
     @cached_property
     def is_edited(self) -> bool:
@@ -96,7 +98,10 @@ def mixed(styles: Sequence[Style], weights: Sequence[float]) -> Style:
         for name in ("walk_speed", "jog_speed")
     )
     z, front_bias, weight, bias = (mean(n) for n in ("z", "front_bias", "content_weight", "content_bias"))
-    made = Style(z, front_bias, weight, bias, walk, jog, mean("rest"), mirrored=styles[0].mirrored)
+    swings = tuple((np.array(weights) @ np.array([style.swings for style in styles])).tolist())
+    made = Style(
+        z, front_bias, weight, bias, walk, jog, mean("rest"), mirrored=styles[0].mirrored, swings=swings
+    )
     opposites = [style.opposite for style in styles if style.opposite is not None]
     if len(opposites) < len(styles):
         return made

@@ -22,16 +22,17 @@ from scipy.signal import find_peaks
 
 from runtime.arrays import Array
 from runtime.controls import Gait
-from runtime.errors import SportError, UsageError
+from runtime.errors import UsageError
 from runtime.formats.bvh import read_bvh
 from runtime.formats.bvh_clip import save_bvh
 from runtime.generate import clip_of
 from runtime.motion.control_scripts import StickScript, StickSegment, parse_stick
-from runtime.motion.controller import Controller, Crowd
+from runtime.motion.controller import Controller
 from runtime.takes.clip import Clip
 from runtime.terrain.library import load_terrain
 from training.data.gait import GaitJoints
 from training.evaluation.experiment import Arguments, Experiment, Setting, option
+from training.evaluation.motion.driving import walk_together
 from training.markdown import table
 
 FPS = 60
@@ -314,7 +315,6 @@ def raw_jumps(p: Points) -> dict[str, float]:
 # --- the experiment and its table -------------------------------------------------------------------------------------
 
 
-TOGETHER = 16  # characters of a crowd
 Values = list[float]
 Raw = dict[str, Values]
 
@@ -428,12 +428,9 @@ def clips_of(setting: Setting) -> dict[str, list[dict[str, Any]]]:
     members = list(product(args.prompts, args.seeds))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "clip.bvh"
-        for first in range(0, len(members), TOGETHER):
-            few = members[first : first + TOGETHER]
-            setting.report(", ".join(dict.fromkeys(prompt for prompt, _ in few)))
-            for (prompt, seed), clip in zip(few, clips_together(setting, few), strict=True):
-                save_bvh(clip, path)
-                result[prompt].append({"seed": seed, **measure(path, args.script)})
+        for (prompt, seed), clip in zip(members, clips_together(setting, members), strict=True):
+            save_bvh(clip, path)
+            result[prompt].append({"seed": seed, **measure(path, args.script)})
     return result
 
 
@@ -446,14 +443,8 @@ def clips_together(setting: Setting, styles: Sequence[tuple[str, int]]) -> list[
         controller.set_style(evaluated.prompter(prompt), 0.0)
         controller.settle(stick(0.0).gait)
         crowd.append(controller)
-    together, poses = Crowd(crowd), []
-    for frame in range(round(stick.seconds * FPS)):
-        poses.append(together.step(stick(frame / FPS)))
-        faults = [member.message for member in crowd if member.message]
-        if faults:
-            raise SportError(f"frame {frame}: {faults[0]}", "Try another seed or model.")
-    together.close()
-    return [clip_of(own, "moments", (), ground.name) for own in zip(*poses, strict=True)]
+    poses = walk_together(crowd, stick, round(stick.seconds * FPS))
+    return [clip_of(own, "moments", (), ground.name) for own in poses]
 
 
 def raw_moments(data: Path) -> dict[str, Raw]:

@@ -12,14 +12,14 @@ import numpy as np
 
 from runtime.errors import UsageError
 from runtime.formats.bvh_clip import save_bvh
-from runtime.generate import clip_of, simulate
+from runtime.generate import clip_of
 from runtime.motion.control_scripts import control_script
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
 from training.data import gait
 from training.data.sources import list_clips
 from training.evaluation.experiment import Arguments, Experiment, Setting, option
-from training.evaluation.motion.driving import flat_ground
+from training.evaluation.motion.driving import flat_ground, walk_together
 from training.evaluation.motion.evaluated_model import EvaluatedModel
 from training.markdown import table
 
@@ -62,10 +62,13 @@ ROWS = (
 )
 
 
-def raw_walks(data: Path) -> dict[str, Measures]:
-    """Measures of each style's forward walks in the source files, the median over its files."""
+def raw_walks(data: Path, free_only: bool = False) -> dict[str, Measures]:
+    """Measures of each style's forward walks in the source files, the median over its files.
+
+    `free_only` leaves out archives with a non-commercial licence.
+    """
     files: dict[str, list[Path]] = {}
-    for clip in list_clips(data)[0]:
+    for clip in list_clips(data, free_only)[0]:
         if clip.content == WALK and clip.terrain == "flat":
             files.setdefault(clip.style, []).append(clip.path)
     result = {}
@@ -88,13 +91,14 @@ def _median(measured: Iterable[Measures]) -> Measures:
 
 def generated_walks(evaluated: EvaluatedModel, styles: Iterable[str]) -> dict[str, Measures]:
     """The same of a character that walks straight ahead at full stick by each style's prompt, from its BVH."""
-    result = {}
-    script = control_script("forward", "walk", 1.0, 0)
+    names, ground = list(styles), flat_ground()
+    members = [Controller(evaluated.model, ground, 0) for _ in names]
+    for style, member in zip(names, members, strict=True):
+        member.set_style(evaluated.style(style, 0), 0.0)
+    result, script = {}, control_script("forward", "walk", 1.0, 0)
+    walks = walk_together(members, script, round(WALK_SECONDS * FPS))
     with tempfile.TemporaryDirectory() as folder:
-        for style in styles:
-            prompts = [(0.0, evaluated.style(style, 0))]
-            controller = Controller(evaluated.model, flat_ground(), 0)
-            poses = simulate(controller, script, prompts, round(WALK_SECONDS * FPS))
+        for style, poses in zip(names, walks, strict=True):
             path = Path(folder) / f"{style}.bvh"
             save_bvh(clip_of(poses, style, (), "flat"), path)
             measured = gait.measure_file(path)

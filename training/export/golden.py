@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from runtime.controls import Controls, Gait
 from runtime.motion.controller import Controller
 from runtime.motion.model import MotionModel, load_model
 from runtime.motion.style import Style
+from runtime.motion.swing import PLAIN
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.library import load_terrain
 
@@ -39,6 +41,10 @@ class _Listened:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._model, name)
+
+    def fold_style(self, z: NDArray[np.float32], strength: float = 1.0) -> Style:
+        """Without gains of swings: they are of what this program shows."""
+        return replace(self._model.fold_style(z, strength), swings=PLAIN)
 
     def step(self, x: NDArray[np.float32], noise: NDArray[np.float32], style: Style | Sequence[Style]) -> Any:
         self.inputs.append(x)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +12,8 @@ from runtime.arrays import Array
 from runtime.controls import Controls, Gait
 from runtime.errors import SportError
 from runtime.motion import features
-from runtime.motion.control_scripts import LOOK_AHEAD_M
-from runtime.motion.controller import TEMPERATURE, Controller
+from runtime.motion.control_scripts import LOOK_AHEAD_M, ControlScript, PlanarPose
+from runtime.motion.controller import TEMPERATURE, Controller, Crowd
 from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel
 from runtime.motion.trajectory import LENGTH, MAX_RESPONSE, PRESENT, Plan, Trajectory
@@ -30,6 +31,27 @@ STEADY_FRAMES = 3 * FPS  # on either side of a change of prompt
 REQUEST_SIGMA = 15.0  # frames; a thumb does not follow the sway of every step
 CORRECTION_PER_S = 1.0  # a player also steers back to where the clip went
 MAX_CORRECTION = 0.5  # m/s
+TOGETHER = 16  # characters of a crowd that are walked at once
+_ORIGIN = PlanarPose(0.0, 0.0, 0.0)
+
+
+def walk_together(members: Sequence[Controller], script: ControlScript, frames: int) -> list[list[Pose]]:
+    """Poses of characters of one model and ground by one stick that looks at no place, in half of the time of each alone.
+
+    SportError when the network fails.
+    """
+    made: list[list[Pose]] = []
+    for first in range(0, len(members), TOGETHER):
+        few = members[first : first + TOGETHER]
+        crowd, poses = Crowd(few), []
+        for frame in range(frames):
+            poses.append(crowd.step(script(frame / FPS, _ORIGIN)))
+            faults = [member.message for member in few if member.message]
+            if faults:
+                raise SportError(f"frame {frame}: {faults[0]}", "Try another seed or model.")
+        crowd.close()
+        made += map(list, zip(*poses, strict=True))
+    return made
 
 
 class Recorder:

@@ -1,0 +1,227 @@
+"""Swings of the walk that is shown, drawn out or held back: of the pelvis, the shoulders, the arms and the hips' height.
+
+A network damps what varies most between the walks of a style. How far it does is measured once for a model and told by
+Z^t (`training.export.swings`). What is shown is its own pose with every swing about its running mean times a gain; the network
+is fed its own pose. Feet stay where they are, and the hips rise and fall so that the legs which carry them keep their length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import asin, atan2, copysign, radians
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runtime.arrays import Array
+from runtime.errors import ModelError
+from runtime.feet.foot_lock import rise_for
+from runtime.feet.leg import leg_bones, leg_forward, leg_inverse
+from runtime.feet.planted_foot import span
+from runtime.scalar_math import (
+    Quaternion,
+    Vector,
+    add,
+    decay,
+    from_vector,
+    inverse,
+    length,
+    multiply,
+    relative,
+    rotate,
+    scale,
+    smoothstep,
+    subtract,
+    to_vector,
+)
+from runtime.skeleton import PART_NAMES, SPORT_SKELETON
+
+# of which a gain is known: turns of the pelvis about the vertical and about the way ahead, of the shoulders about the
+# vertical, of the upper arms, and the height of the hips
+SWINGS = ("pelvis_yaw", "pelvis_roll", "shoulder_yaw", "arms", "bob")
+YAW, ROLL, SHOULDERS, ARMS, BOB = range(len(SWINGS))
+PLAIN = (1.0,) * len(SWINGS)
+LEAST_GAIN, MOST_GAIN = 0.5, 2.5
+MOST = (radians(9.0), radians(6.0), radians(12.0), radians(30.0), 0.04)  # radians and metres that are added
+# the parts whose words tell each swing: what an arm does leaves the pelvis alone
+_LEGS_TRUNK, _ARMS_TRUNK = (
+    [PART_NAMES.index(part) for part in (*limbs, "torso")]
+    for limbs in (("left_leg", "right_leg"), ("left_arm", "right_arm"))
+)
+_TOLD_BY = (_LEGS_TRUNK, _LEGS_TRUNK, _ARMS_TRUNK, _ARMS_TRUNK, _LEGS_TRUNK)
+# root mean square of a code's distance at which a style tells little: its own sentences lie within twice that, others beyond
+NEAR = 0.2
+UNKNOWN = 0.01  # weight of the gain 1 against that of a style at its own code
+UNSEEN = 0.03  # of a gain: nearer to 1 it is left alone
+MEAN_HALF_LIFE = 0.8  # seconds in which the means follow the pose
+SETS_IN, LEAVES = 0.5, 0.12  # seconds, half-lives, in which gains come into force in a walk, and go
+UNBORNE = 0.05  # of a foot without contact, in what carries the hips
+BENT = 0.93  # of a leg's length: one that spans less carries no height
+_SPINE = tuple(SPORT_SKELETON.index(name) for name in ("LowerBack", "Spine", "Spine1"))
+_NECK = SPORT_SKELETON.index("Neck")
+_SHOULDERS = (SPORT_SKELETON.index("LeftShoulder"), SPORT_SKELETON.index("RightShoulder"))
+_UPPER_ARMS = (SPORT_SKELETON.index("LeftArm"), SPORT_SKELETON.index("RightArm"))
+_LEGS = (leg_bones(0), leg_bones(1))
+_SHOULDER_OFFSETS: list[tuple[Vector, Vector]] = [
+    (tuple(SPORT_SKELETON.offsets[base].tolist()), tuple(SPORT_SKELETON.offsets[arm].tolist()))
+    for base, arm in zip(_SHOULDERS, _UPPER_ARMS, strict=True)
+]
+_SIDE: Vector = (1.0, 0.0, 0.0)
+_MEANS = 4 + 4 * len(_UPPER_ARMS)
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredSwings:
+    """Codes `(n, 6, 64)` of captured styles and the gains `(n, 5)` with which a model shows their swings as they were captured."""
+
+    codes: Array
+    gains: Array
+
+    def of(self, z: Array) -> tuple[float, ...]:
+        """The gains of a Z^t `(6, 64)`: those of the styles that are near in the parts which tell them, 1 far from all."""
+        away = ((self.codes - z) ** 2).mean(-1)
+        near = np.stack([np.exp(-0.5 * away[:, parts].mean(1) / NEAR**2) for parts in _TOLD_BY])
+        logarithms = (near * np.log(self.gains.T)).sum(1) / (near.sum(1) + UNKNOWN)
+        return tuple(np.exp(logarithms).tolist())
+
+    @staticmethod
+    def read(folder: Path, metadata: dict[str, Any], shape: tuple[int, int]) -> MeasuredSwings | None:
+        """Of a model's metadata; None where it has none. ModelError for what no model measures."""
+        section = metadata.get("swings")
+        if section is None:
+            return None
+        try:
+            codes = np.array([style["code"].split() for style in section], np.float32).reshape(-1, *shape)
+            gains = np.array([style["gains"] for style in section], np.float64).reshape(-1, len(SWINGS))
+            within = np.isfinite(codes).all() and (gains >= LEAST_GAIN).all() and (gains <= MOST_GAIN).all()
+            fits = bool(within) and len(codes) == len(gains)
+        except (AttributeError, TypeError, KeyError, ValueError, OverflowError):
+            fits = False
+        if not fits:
+            raise ModelError(
+                f"{folder / 'metadata.json'}: field 'swings' has no codes {shape} with gains of {', '.join(SWINGS)}.",
+                "Export the model again.",
+            )
+        return MeasuredSwings(codes, gains)
+
+
+@dataclass
+class Swings:
+    """The running means of N characters: three angles (radians) and a height (metres), then a quaternion of each upper arm."""
+
+    means: Array = field(default_factory=lambda: np.zeros((1, _MEANS)), metadata={"shape": (_MEANS,)})
+    share: Array = field(default_factory=lambda: np.zeros(1), metadata={"shape": (), "most": 1.0})
+
+    def apply(
+        self,
+        hips: Array,
+        local: Array,
+        contacts: Array,
+        gains: Sequence[tuple[float, ...]],
+        walking: Sequence[bool],
+    ) -> tuple[Array, Array]:
+        """Hips `(N, 3)` and local rotations `(N, 31, 4)`, relative to the root, as they are shown.
+
+        `contacts` `(N, 4)`; `gains` of `SWINGS`, and whether it walks, of each character.
+        """
+        shares = self.share.tolist()
+        for i, (own, walks) in enumerate(zip(gains, walking, strict=True)):
+            walks = walks and any(abs(gain - 1.0) > UNSEEN for gain in own)
+            if not walks and shares[i] < 1e-3:
+                shares[i] = 0.0
+                continue
+            if self.share[i] == 0.0:  # begins with what is
+                self.means = self.means.copy()
+                self.means[i] = _measured(hips[i], local[i])
+            follow = 1.0 - decay(SETS_IN if walks else LEAVES)
+            shares[i] += follow * (float(walks) - shares[i])
+            more = [shares[i] * (gain - 1.0) for gain in own]
+            hips, local = hips.copy(), local.copy()
+            self.means = self.means.copy()
+            hips[i], local[i], self.means[i] = _swung(
+                hips[i], local[i], contacts[i].tolist(), more, self.means[i].tolist()
+            )
+        self.share = np.array(shares)
+        return hips, local
+
+
+def _measured(hips: Array, local: Array) -> list[float]:
+    rotations = local.tolist()
+    chest = pelvis = rotations[0]
+    for joint in _SPINE:
+        chest = multiply(chest, rotations[joint])
+    left, right = (
+        add(base, rotate(rotations[joint], arm))
+        for joint, (base, arm) in zip(_SHOULDERS, _SHOULDER_OFFSETS, strict=True)
+    )
+    hip_line, shoulder_line = rotate(pelvis, _SIDE), rotate(chest, subtract(left, right))
+    arms = [value for joint in _UPPER_ARMS for value in rotations[joint]]
+    roll = asin(min(max(hip_line[1], -1.0), 1.0))
+    return [_yaw(hip_line), roll, _yaw(shoulder_line), float(hips[1]), *arms]
+
+
+def _swung(
+    hips: Array, local: Array, contacts: list[float], more: list[float], means: list[float]
+) -> tuple[Vector, Array, list[float]]:
+    """Hips, local rotations and means of a frame; `more` is what is added of every swing, as a fraction of it."""
+    now = _measured(hips, local)
+    seen = 1.0 - decay(MEAN_HALF_LIFE)
+    arms = [_towards(means[k : k + 4], now[k : k + 4], seen) for k in range(4, _MEANS, 4)]
+    after = [mean + seen * (value - mean) for mean, value in zip(means[:4], now[:4], strict=True)]
+    added = [
+        min(max(more[k] * (now[at] - after[at]), -MOST[k]), MOST[k])
+        for k, at in ((YAW, 0), (ROLL, 1), (SHOULDERS, 2), (BOB, 3))
+    ]
+    yaw, roll, turn, rise = added
+    result, rotations = local.copy(), local.tolist()
+    before = [leg_forward(bones, tuple(hips.tolist()), rotations) for bones in _LEGS]
+    pelvis = multiply(from_vector((0.0, yaw, roll)), rotations[0])
+    rotations[0], result[0] = pelvis, pelvis
+    _turn_spine(result, local.tolist(), (yaw, roll, turn))
+    for joint, mean, q in zip(_UPPER_ARMS, arms, local[list(_UPPER_ARMS)].tolist(), strict=True):
+        swing = to_vector(multiply(q, inverse(mean)))
+        size = min(abs(more[ARMS]), MOST[ARMS] / max(length(swing), 1e-9))
+        result[joint] = multiply(from_vector(scale(swing, copysign(size, more[ARMS]))), q)
+    legs, total, lifts = [], 0.0, 0.0
+    for k, (bones, leg) in enumerate(zip(_LEGS, before, strict=True)):
+        moved = leg_forward(bones, tuple(hips.tolist()), rotations)
+        leg = leg._replace(base=moved.base, hip=moved.hip, knee=add(leg.knee, subtract(moved.hip, leg.hip)))
+        spans = span(before[k])
+        straight = smoothstep((spans / bones.length - BENT) / (1.0 - BENT))
+        weight = UNBORNE + straight * max(contacts[2 * k], contacts[2 * k + 1])
+        lifts += weight * rise_for(leg.hip, leg.ankle, spans)
+        total += weight
+        legs.append(leg)
+    rise += lifts / total
+    for bones, leg in zip(_LEGS, legs, strict=True):
+        result[list(bones.joints[1:4])] = leg_inverse(leg, leg.ankle, leg.foot, -rise)
+    x, y, z = hips.tolist()
+    return (x, y + rise, z), result, [*after, *(value for q in arms for value in q)]
+
+
+def _turn_spine(result: Array, before: list[Quaternion], added: tuple[float, float, float]) -> None:
+    """Turn the spine from what is added at the pelvis to what is at the chest; the head looks where it looked."""
+    yaw, roll, turn = added
+    was, now = before[0], tuple(result[0].tolist())
+    for k, joint in enumerate(_SPINE, 1):
+        part = k / len(_SPINE)
+        was = multiply(was, before[joint])
+        world = multiply(from_vector((0.0, yaw + part * (turn - yaw), (1.0 - part) * roll)), was)
+        result[joint] = relative(now, world)
+        now = world
+    result[_NECK] = relative(now, multiply(was, before[_NECK]))
+
+
+def _yaw(line: Vector) -> float:
+    """Radians by which a line from right to left is turned about the vertical."""
+    return atan2(-line[2], line[0])
+
+
+def _towards(mean: list[float], q: list[float], share: float) -> Quaternion:
+    """A mean rotation that goes by a share towards another, whose sign may be either."""
+    sign = 1.0 if sum(a * b for a, b in zip(mean, q, strict=True)) >= 0.0 else -1.0
+    w, x, y, z = (a + share * (sign * b - a) for a, b in zip(mean, q, strict=True))
+    size = (w * w + x * x + y * y + z * z) ** 0.5
+    return w / size, x / size, y / size, z / size

@@ -1,0 +1,103 @@
+"""How far a model's swings are drawn out to be those of capture: `python -m training.export.swings --model FOLDER --data DIR`.
+
+Every captured style is walked straight ahead, and its hips, shoulders and arms are compared with those of its raw files.
+What is missing is written with the style's code into the model's metadata; `runtime.motion.swing` shows it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+from collections.abc import Mapping, Sequence
+from copy import copy
+from pathlib import Path
+
+import numpy as np
+
+from runtime.arrays import Array
+from runtime.atomic import write_atomic
+from runtime.errors import run_command
+from runtime.motion.mirror import mirrored_code
+from runtime.motion.model import MotionModel
+from runtime.motion.model_files import read_metadata
+from runtime.motion.swing import LEAST_GAIN, MOST_GAIN, PLAIN, SWINGS
+from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
+from training.evaluation.on_straight_walks import Measures, generated_walks, raw_walks
+from training.presets import OPEN
+
+log = logging.getLogger("sport.train")
+
+MEASURES = ("pelvis_yaw", "pelvis_roll", "shoulder_yaw", "arm_swing_cm", "bob_cm")  # of `SWINGS`
+PASSES = 2
+
+
+class _Gained(MotionModel):
+    """A model with gains that are set, by the bytes of a code."""
+
+    gains: dict[bytes, tuple[float, ...]]
+
+    def swings(self, z: Array) -> tuple[float, ...]:
+        """That of the code, 1 for another."""
+        return self.gains.get(z.tobytes(), PLAIN)
+
+
+def measure_gains(evaluated: EvaluatedModel, raw: Mapping[str, Measures]) -> dict[str, Array]:
+    """Of every style the gains with which its swings are as far as those of the raw files."""
+    gained = copy(evaluated)
+    gained.model = copy(evaluated.model)
+    gained.model.__class__ = _Gained
+    found: dict[str, Array] = {style: np.ones(len(SWINGS)) for style in raw}
+    for number in range(PASSES):
+        gained.model.gains = {}  # type: ignore[attr-defined]
+        for style, gains in found.items():
+            for code in (evaluated.style(style, 0), mirrored_code(evaluated.style(style, 0))):
+                gained.model.gains[code.tobytes()] = tuple(gains.tolist())  # type: ignore[attr-defined]
+        walked = generated_walks(gained, raw)
+        for style, ours in walked.items():
+            missing = np.array([raw[style][key] / max(ours[key], 1e-3) for key in MEASURES])
+            found[style] = np.clip(found[style] * missing, LEAST_GAIN, MOST_GAIN)
+        log.info("pass %d: %d styles", number + 1, len(walked))
+    return found
+
+
+def fit_swings(folder: Path, data: Path) -> dict[str, Array]:
+    """Measure a model folder against the raw files below `data`, and write what its swings lack into its metadata.
+
+    Of the model `open` only against those that allow commercial use.
+    """
+    metadata = read_metadata(folder)
+    if metadata.pop("swings", None) is not None:
+        _write(folder, metadata)
+    raw = raw_walks(data, free_only=metadata["name"] == OPEN)
+    evaluated = EvaluatedModel(folder, style_texts(raw))
+    gains = measure_gains(evaluated, raw)
+    _write(folder, metadata | {"swings": [_row(evaluated, style, own) for style, own in gains.items()]})
+    return gains
+
+
+def _row(evaluated: EvaluatedModel, style: str, gains: Array) -> dict[str, object]:
+    """A style's mean code over its descriptions, as text: one line of the file, and its gains."""
+    code = np.mean([evaluated.style(style, k) for k in range(len(evaluated.texts[style]))], axis=0)
+    return {"style": style, "gains": gains.round(2).tolist(), "code": " ".join(f"{v:.2f}" for v in code.flat)}
+
+
+def _write(folder: Path, metadata: dict[str, object]) -> None:
+    write_atomic(folder / "metadata.json", json.dumps(metadata, indent=1) + "\n")
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Command line."""
+    logging.basicConfig(level=logging.INFO, format="%(message)s")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--model", type=Path, required=True, help="folder of an exported model")
+    parser.add_argument("--data", type=Path, required=True, help="folder of the unpacked source files")
+    args = parser.parse_args(argv)
+    for style, gains in fit_swings(args.model, args.data).items():
+        print(
+            f"{style}: " + ", ".join(f"{name} {gain:.2f}" for name, gain in zip(SWINGS, gains, strict=True))
+        )
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_command("swings", main))

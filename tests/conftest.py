@@ -139,6 +139,7 @@ def exported_tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """
     pytest.importorskip("onnxscript")
     from runtime.file_lock import open_locked
+    from tests.helpers.quick_export import export_motion_quickly
     from tests.helpers.tiny_model import tiny_trained
     from training.export.model import export_model
 
@@ -148,7 +149,9 @@ def exported_tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert lock is not None
     try:
         if not (folder / "README.md").exists():  # written last
-            export_model(tiny_trained(), folder)
+            with pytest.MonkeyPatch.context() as patch:
+                export_motion_quickly(patch)
+                export_model(tiny_trained(), folder)
     finally:
         os.close(lock)
     return folder

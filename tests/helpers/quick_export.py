@@ -16,8 +16,27 @@ def export_quickly(patch: pytest.MonkeyPatch) -> None:
         names, shapes = options["input_names"], options.pop("dynamic_shapes")
         axes = {name: {0: "batch"} for name, shape in zip(names, shapes, strict=True) if shape}
         del options["external_data"]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # it says that it is the forerunner
-            return export(module, example, path, **options | {"dynamo": False, "dynamic_axes": axes})
+        fast = torch.backends.mha.get_fastpath_enabled()
+        torch.backends.mha.set_fastpath_enabled(False)  # has no symbol in ONNX
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # it says that it is the forerunner
+                return export(module, example, path, **options | {"dynamo": False, "dynamic_axes": axes})
+        finally:
+            torch.backends.mha.set_fastpath_enabled(fast)
 
     patch.setattr(torch.onnx, "export", quickly)
+
+
+def export_motion_quickly(patch: pytest.MonkeyPatch) -> None:
+    """The same for the graph of the motion encoder alone, which is for evaluation and takes the longest."""
+    from training.export import model
+
+    export_motion = model._export_motion
+
+    def quickly(*given: Any) -> float:
+        with pytest.MonkeyPatch.context() as own:
+            export_quickly(own)
+            return export_motion(*given)
+
+    patch.setattr(model, "_export_motion", quickly)

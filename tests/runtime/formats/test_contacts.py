@@ -28,8 +28,8 @@ from tests.helpers.foreign_rigs import RIGS
 from tests.helpers.walker import walk
 
 SLOPE_RAD = 0.15
-SOFT = Clip("walk", 60.0, *walk(180))
-SOFT = replace(SOFT, contacts=(SOFT.contacts * np.linspace(0.7, 1.0, 180)[:, None]).astype(np.float32))
+SOFT = Clip("walk", 60.0, *walk(120))
+SOFT = replace(SOFT, contacts=(SOFT.contacts * np.linspace(0.7, 1.0, 120)[:, None]).astype(np.float32))
 
 
 def on_a_slope() -> tuple[Clip, Terrain]:
@@ -69,7 +69,7 @@ def feet_of(path: Path) -> np.ndarray:
 @pytest.mark.parametrize(("ground", "fps"), [("hills", 60.0), ("stairs", 24000 / 1001)])
 def test_a_take_on_its_ground_is_the_same_in_every_format(tmp_path: Path, ground: str, fps: float) -> None:
     prompts = (PromptEvent(0.0, "a proud queen"), PromptEvent(1.2, "صياد 🎣", 0.5))
-    gaits = np.repeat([1, 2], 90).astype(np.int8)
+    gaits = np.repeat([1, 2], 60).astype(np.int8)
     clip = replace(SOFT, terrain=ground, prompts=prompts, gaits=gaits, origin=Origin("compact", seed=7))
     take = save_bvh(clip, tmp_path / "take.bvh", fps)
     save_motion(clip, tmp_path / "direct.npz", ExportOptions(fps=fps), load_terrain(ground))
@@ -132,7 +132,7 @@ def test_extras_that_tell_nothing_are_left_out(tmp_path: Path, extras: object) -
     gltf.animations[0].extras, gltf.scenes[0].extras = extras, {}
     gltf.save(str(tmp_path / "take.glb"))
     clip = open_take(tmp_path / "take.glb").clip
-    assert (len(clip), clip.fps, clip.prompts, clip.size) == (180, 60.0, (), 1.0)
+    assert (len(clip), clip.fps, clip.prompts, clip.size) == (120, 60.0, (), 1.0)
     assert not clip.contacts.any()
 
 
@@ -170,9 +170,9 @@ def test_lost_contacts_are_measured_on_the_ground(tmp_path: Path, level_m: float
         assert np.isnan(found["phase"]).mean() < 0.5
 
 
-@pytest.mark.parametrize("contacts", [None, [], {"left_heel": [1]}, dict.fromkeys(CONTACTS, [2.0] * 180),
-                                      dict.fromkeys(CONTACTS, [1.0] * 7), dict.fromkeys(CONTACTS, [[1.0]] * 180),
-                                      dict.fromkeys(CONTACTS, ["x"] * 180)])  # fmt: skip
+@pytest.mark.parametrize("contacts", [None, [], {"left_heel": [1]}, dict.fromkeys(CONTACTS, [2.0] * 120),
+                                      dict.fromkeys(CONTACTS, [1.0] * 7), dict.fromkeys(CONTACTS, [[1.0]] * 120),
+                                      dict.fromkeys(CONTACTS, ["x"] * 120)])  # fmt: skip
 def test_contacts_that_are_none_are_left_out(tmp_path: Path, contacts: object) -> None:
     path = save_bvh(SOFT, tmp_path / "take.bvh")
     value = json.loads(sidecar_path(path).read_text()) | {"contacts": contacts}

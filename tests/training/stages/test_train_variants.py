@@ -81,8 +81,6 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         return error
 
     logging.disable(logging.WARNING)
-    fast = torch.backends.mha.get_fastpath_enabled()
-    torch.backends.mha.set_fastpath_enabled(False)  # has no symbol in ONNX
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("training.stages.words.longer_sentences", lambda: few)
         patch.setattr("training.run.TextEncoder", Words)
@@ -107,7 +105,6 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         for name, config in list(PRESETS.items()):
             patch.setitem(PRESETS, name, replace(config, **NARROW))
         yield folder
-    torch.backends.mha.set_fastpath_enabled(fast)
     logging.disable(logging.NOTSET)
 
 

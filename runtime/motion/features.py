@@ -30,7 +30,10 @@ FUTURE_OFFSETS = TRAJECTORY_OFFSETS[L // 2 :]
 FUTURE_PHASE_OFFSETS = PHASE_OFFSETS[L // 2 :]
 HEIGHT_SPACING = 0.25  # metres between the right, centre and left height samples
 BETWEEN = np.arange(1, 6) / 6.0  # places between two height samples where something narrow is looked for
-NEAR = np.array([1.0, 1.0, 0.5, 0.0, 0.0], np.float32)  # of which as much belongs to the first of both
+# places (12, 7) of the path around each sample, to the middle between both: the sample before, and what share the next one has
+_AROUND = np.clip(np.arange(L)[:, None] + np.arange(-3, 4) / 6.0, 0.0, L - 1.0)
+_FIRST = np.minimum(_AROUND.astype(int), L - 2)
+_SHARE = (_AROUND - _FIRST)[..., None]
 NARROW_M = 0.05  # that it stands higher than both of them; less is rough ground
 
 
@@ -136,16 +139,8 @@ def mean_heights(terrain: Terrain, positions: Array, heights: Array) -> Array:
     """
     if terrain.steepest * RUN_M < EDGE_M:
         return heights[..., 1]
-    t = BETWEEN[:, None]
-    places = (1.0 - t) * positions[..., :-1, None, :] + t * positions[..., 1:, None, :]
-    between = terrain.height(places[..., 0], places[..., 1])  # (..., 11, 5)
-    own = terrain.height(positions[..., 0], positions[..., 1])
-    total, count = own.copy(), np.ones(own.shape[-1], np.float32)
-    total[..., :-1] += between @ NEAR
-    total[..., 1:] += between @ NEAR[::-1]
-    count[:-1] += NEAR.sum()
-    count[1:] += NEAR.sum()
-    return total / count
+    places = (1.0 - _SHARE) * positions[..., _FIRST, :] + _SHARE * positions[..., _FIRST + 1, :]
+    return np.asarray(terrain.height(places[..., 0], places[..., 1]).mean(-1))
 
 
 def ground_height(heights: Array) -> Array:

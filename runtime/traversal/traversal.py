@@ -271,13 +271,11 @@ def decide(
             _climb(traversal, ahead, pose, speed, walk_speed)
     elif steps.stance is not None and steps.speed > SLOWEST_LEAP:
         left = ahead.obstacle.near - steps.ankle(pose, ahead.path)
-        if left > TOO_LATE_M and _last_step(traversal, ahead.obstacle, pose, ahead.path, left, came):
+        if left > TOO_LATE_M and _last_step(traversal, ahead.obstacle, left, came):
             _leap(traversal, ahead, pose)
 
 
-def _last_step(
-    traversal: Traversal, obstacle: ObstacleAhead, pose: Pose, way: Array, left: float, came: bool
-) -> bool:
+def _last_step(traversal: Traversal, obstacle: ObstacleAhead, left: float, came: bool) -> bool:
     """Whether the foot that stands `left` m before the edge is the last one there; sets the pace to the next ones."""
     steps = traversal.steps
     if came:

@@ -64,14 +64,9 @@ class GltfFile:
     gltf: Entry
     buffers: tuple[memoryview, ...]
 
-    @property
-    def name(self) -> str:
-        """What error messages call the file."""
-        return str(self.path)
-
     def error(self, problem: str, remedy: str = REMEDY) -> FileError:
         """An error that names the file."""
-        return FileError(f"{self.name}: {problem}", remedy)
+        return FileError(f"{self.path}: {problem}", remedy)
 
 
 def open_gltf(path: Path, motion: bool = False) -> GltfFile:

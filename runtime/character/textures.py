@@ -146,7 +146,7 @@ class Textures:
 
     def pixels(self, texture: Any) -> NDArray[np.uint8]:
         """sRGB pixels `(H, W, 3)` of a texture's image."""
-        name = self._file.name
+        name = self._file.path
         textures, images = self._file.gltf.textures or [], self._file.gltf.images or []
         if not isinstance(texture, int) or not 0 <= texture < len(textures):
             raise FileError(f"{name}: texture {str(texture)[:40]} is missing.", REMEDY)

@@ -168,7 +168,7 @@ def _described(group: str, sides: tuple[str, ...], words: str) -> dict[str, str]
     found = rules.groups[group]
     if rules["denies"].search(words):
         rest = rules["denies"].sub(" ", words)
-        known = rules.sentence(found.actions, rest) or re.search("mov|leav", rest)
+        known = rules.sentence(found.actions, rest) or re.search("mov|leav|com|touch|reach", rest)
         template = rules.sentence(found.denied, rest) if known else None
     else:
         template = rules.sentence(found.actions, words)

@@ -33,38 +33,47 @@ def _last_comma(text: str, end: int) -> int:
 def _opens(before: str, match: Match) -> int | None:
     """Where in `before`, the words of the clause up to a possible opening, a new one begins; None where none does."""
     rules = grammar()
-    words = before.split()
     degree = rules["degree_at_end"].search(before)
-    if (
-        degree and match["subject"] is None
-    ):  # "arms crossed slightly leaning": the degree goes with what follows
+    if degree and match["subject"] is None:  # "arms crossed | slightly leaning"
         before = before[: degree.start()]
-        words = before.split()
+    words = before.split()
     if not words:
         return None
     if match["subject"] is not None and rules["keeping"].fullmatch(
         words[-1]
-    ):  # "a surgeon | holding his hands up"
+    ):  # "surgeon | holding his hands"
         before = before.rstrip().removesuffix(words.pop())
-        if not words or rules["noun_at_end"].search(before) or rules["no_opening_after"].fullmatch(words[-1]):
-            return None
-        return len(before)
+        closed = (
+            not words or rules["noun_at_end"].search(before) or rules["no_opening_after"].fullmatch(words[-1])
+        )
+        return None if closed else len(before)
     if rules["no_opening_after"].fullmatch(words[-1]) and not rules["particle_at_end"].search(before.strip()):
         return None
-    spoken = rules["part"].search(" ".join(words[:-1]))
     if match["subject"] is not None:
-        attribute = len(words) > 1 and rules["attributive"].fullmatch(words[-2])  # "of the limping left leg"
-        if attribute and words[-1].endswith("ing"):
-            return None
-        verb = rules["any_verb"].fullmatch(words[-1]) or rules["other_verb"].fullmatch(words[-1])
-        held = rules["holding"].fullmatch(words[-1]) or (verb and not spoken)
-        if rules["part"].fullmatch(words[-1]):
-            held = None
-        return None if held else len(before)
+        return _before_subject(before, words)
     if match["posture"] is None and not rules["part"].search(before):
         return None
     noun = rules["noun_at_end"].search(before)
     return None if noun and _is_subject(before, noun, match) else len(before)
+
+
+def _before_subject(before: str, words: list[str]) -> int | None:
+    """The same where a part with what it does may open the clause; `words` are those of `before`."""
+    rules = grammar()
+    last, spoken = words[-1], rules["part"].search(" ".join(words[:-1]))
+    verb, other_verb = rules["any_verb"].fullmatch(last), rules["other_verb"].fullmatch(last)
+    if len(words) > 1 and rules["attributive"].fullmatch(
+        words[-2]
+    ):  # "in the pockets |", "the limping left leg"
+        return None if verb or last.endswith("ing") else len(before)
+    if rules["part"].fullmatch(last):
+        return len(before)
+    if rules["holding"].fullmatch(last):
+        return None
+    if other_verb and not verb:  # it opens the clause itself: "head up | sliding the feet along"
+        of_part = len(words) < 2 or rules["part"].fullmatch(words[-2])
+        return None if of_part or not spoken else len(before.rstrip()) - len(last)
+    return len(before) if spoken or not verb else None
 
 
 def _is_subject(before: str, noun: Match, match: Match) -> bool:

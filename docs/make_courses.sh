@@ -5,7 +5,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-moment() { # clip, and "top" (hips highest over the ground's start) or the metres ahead: a range that begins there
+moment() { # clip, and where the hips are then: highest, "up" or "ahead" so many metres; a range that begins there
   python - "$@" <<'PYTHON'
 import sys
 from pathlib import Path
@@ -16,7 +16,9 @@ from runtime.formats.bvh_clip import load_clip_bvh
 
 clip = load_clip_bvh(Path(sys.argv[1]))
 hips = clip.hips_positions
-frame = int(np.argmax(hips[:, 1]) if sys.argv[2] == "top" else np.argmax(hips[:, 2] > float(sys.argv[2])))
+where, _, metres = sys.argv[2].partition(" ")
+along = hips[:, 2 if where == "ahead" else 1]
+frame = int(np.argmax(along) if where == "highest" else np.argmax(along > float(metres) + (where == "up") * along[0]))
 start = min(frame / clip.fps, clip.seconds - 0.2)
 print(f"{start:.3f}:{start + 0.15:.3f}")
 PYTHON
@@ -26,12 +28,12 @@ shot() { # name, ground, prompt, gait, seconds, the moment that is shown
   python -m sport convert "$work/$1.bvh" "$work/$1.mp4" --terrain "$2" --size 960x540 --camera side --no-captions \
     --range "$(moment "$work/$1.bvh" "$6")"
 }
-shot 1-hurdle hurdles "an ordinary walk" walk 14 top
-shot 2-wall wall "an ordinary walk" walk 12 top
-shot 3-platforms gaps "a happy child" jog 9 top
-shot 4-beam beam "a happy child" walk 12 5
-shot 5-stairs stairs "an old man" walk 12 4
-shot 6-hill hills "an exhausted soldier" walk 10 4
+shot 1-hurdle hurdles "an ordinary walk" walk 14 highest
+shot 2-wall wall "an ordinary walk" walk 12 "up 0.5"
+shot 3-platforms gaps "a happy child" jog 9 "up 0.3"
+shot 4-beam beam "a happy child" walk 12 "ahead 5"
+shot 5-stairs stairs "an old man" walk 12 "ahead 4"
+shot 6-hill hills "an exhausted soldier" walk 10 "ahead 4"
 python - "$work"/*.mp4 docs/images/courses.jpg <<'PYTHON'
 import sys
 
@@ -44,5 +46,5 @@ for number, path in enumerate(films):
     with av.open(path) as film:
         picture = next(film.decode(video=0)).to_image().resize((480, 270), Image.Resampling.LANCZOS)
     sheet.paste(picture, (480 * (number % 3), 270 * (number // 3)))
-sheet.save(target, quality=88)
+sheet.save(target, quality=85)
 PYTHON

@@ -12,7 +12,7 @@ import contextlib
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from concurrent.futures import CancelledError, Future, wait
 from dataclasses import dataclass, field
 from typing import Any
@@ -34,7 +34,7 @@ class Slot:
     """What jobs are about: its kind in words for the user, and which one, where there are several of that kind."""
 
     what: str
-    of: object = None
+    of: Hashable = None
 
 
 @dataclass(eq=False)

@@ -248,3 +248,9 @@ def test_blender_reads_every_take(rate: float, tmp_path: Path) -> None:
         for ours, bones in zip(shown(character, take)[:19:6], found["takes"][name]["bones"], strict=True):
             theirs = UPRIGHT @ np.array([bones[joint] for joint in character.joint_names])
             assert np.linalg.norm(theirs[:, :3, 3] - ours[:, :3, 3], axis=-1).max() < 1e-3, name
+
+
+def test_colours_that_look_alike_are_one_material(tmp_path: Path) -> None:
+    path, options = tmp_path / "walker.fbx", ExportOptions(character=asset_path("character/walker.glb"))
+    save_motion(CLIP.trim(0, 4), path, options, FLAT)
+    assert path.read_bytes().count(b"\x00\x01Material") == 15  # of 55 colours of vertices

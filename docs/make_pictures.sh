@@ -66,3 +66,13 @@ for i in "${!words[@]}"; do
 done
 python -m viewer.tools.contact_sheet "${files[@]}" --labels "${words[@]}" --start 4 --interval 0.2 --out "$images/words.png"
 echo "$images/words.png"
+
+# As small as they get without a loss
+python - "$images"/*.png <<'PYTHON'
+import sys
+
+from PIL import Image
+
+for path in sys.argv[1:]:
+    Image.open(path).convert("RGB").save(path, optimize=True)
+PYTHON

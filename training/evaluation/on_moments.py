@@ -440,7 +440,7 @@ def clips_together(setting: Setting, styles: Sequence[tuple[str, int]]) -> list[
     crowd = []
     for prompt, seed in styles:
         controller = Controller(evaluated.model, ground, seed, response=0.0)  # as in capture
-        controller.set_style(evaluated.prompter(prompt), 0.0)
+        controller.set_style(evaluated.prompter.style(prompt), 0.0)
         controller.settle(stick(0.0).gait)
         crowd.append(controller)
     poses = walk_together(crowd, stick, round(stick.seconds * FPS))

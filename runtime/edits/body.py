@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import cos, sin
 from typing import NamedTuple
 
 import numpy as np
 
 from runtime.arrays import Array
+from runtime.edits.arms import ArmEdit, ArmPose, Axes, Body
 from runtime.edits.legs import LegEdit
-from runtime.edits.request import EditRequest
+from runtime.edits.request import ROW_ARMS, EditRequest, asks
 from runtime.edits.trunk import TrunkEdit
 from runtime.feet.leg import LegPose, leg_bones, leg_forward
+from runtime.scalar_math import Quaternion, Vector, add, dot, multiply, relative, rotate, subtract
+from runtime.skeleton import SPORT_SKELETON
 
 _BONES = leg_bones(0), leg_bones(1)
+_AT = SPORT_SKELETON.index
+_ARMS = tuple(
+    (sign, tuple(_AT(f"{side}{name}") for name in ("Shoulder", "Arm", "ForeArm", "Hand")))
+    for side, sign in (("Left", 1.0), ("Right", -1.0))
+)
+_SPINE, _NECK = tuple(map(_AT, ("LowerBack", "Spine", "Spine1"))), tuple(map(_AT, ("Neck", "Neck1", "Head")))
+_OFFSETS: tuple[Vector, ...] = tuple((float(x), float(y), float(z)) for x, y, z in SPORT_SKELETON.offsets)
 
 
 class EditedPose(NamedTuple):
@@ -31,30 +42,77 @@ class BodyEdits:
 
     legs: LegEdit = field(default_factory=LegEdit)
     trunk: TrunkEdit = field(default_factory=TrunkEdit)
+    arms: tuple[ArmEdit, ArmEdit] = field(default_factory=lambda: (ArmEdit(), ArmEdit()))
 
     @property
     def active(self) -> bool:
         """Whether anything is added."""
-        return self.legs.active or self.trunk.active
+        return self.legs.active or self.trunk.active or any(arm.active for arm in self.arms)
 
     def apply(self, hips: Array, local: Array, contacts: Array, request: EditRequest) -> EditedPose:
         """The pose with what its words ask for and it lacks; hips `(3,)`, local rotations `(31, 4)`, contacts `(4,)`."""
         x, y, z = (float(v) for v in hips)
         rotations, chances = np.asarray(local, np.float64).tolist(), np.asarray(contacts, np.float64).tolist()
+        targets = request.targets
         left, right = (leg_forward(bones, (x, y, z), rotations) for bones in _BONES)
-        up, (left, right) = self.legs.apply(y, (left, right), chances, request)
-        east, south, local = self.trunk.apply((x, y, z), local, request)
-        moved = np.array([x + east, y + up, z + south])
-        return EditedPose(
-            moved, local, np.array(chances), (_under(left, east, south), _under(right, east, south))
-        )
+        ahead = (sin(request.yaw), 0.0, cos(request.yaw))
+        strides = [dot(subtract(leg.ankle, (x, y, z)), ahead) for leg in (right, left)]
+        rise = 0.0
+        if self.legs.active or asks(targets[0]) or asks(targets[1]):
+            rise, (left, right) = self.legs.apply(y, (left, right), chances, request)
+        elif self.legs.height:
+            self.legs = LegEdit()  # what is asked for later is measured anew
+        east, up, south, local = self.trunk.apply((x, y, z), local, request)
+        moved = (x + east, y + rise + up, z + south)
+        if any(arm.active or asks(row) for arm, row in zip(self.arms, targets[ROW_ARMS:], strict=True)):
+            local = self._with_arms(moved, local, strides, request)
+        legs = (_under(left, east, up, south), _under(right, east, up, south))
+        return EditedPose(np.array(moved), local, np.array(chances), legs)
+
+    def _with_arms(self, hips: Vector, local: Array, strides: list[float], request: EditRequest) -> Array:
+        rotations: list[Quaternion] = [tuple(q) for q in local.tolist()]
+        side: Vector = (cos(request.yaw), 0.0, -sin(request.yaw))  # towards the left
+        ahead: Vector = (sin(request.yaw), 0.0, cos(request.yaw))
+        facing = (cos(0.5 * request.yaw), 0.0, sin(0.5 * request.yaw), 0.0)
+        pelvis = Axes(hips, rotations[0])
+        chest = _along(pelvis, _SPINE, rotations)
+        axes = (Axes(hips, facing), pelvis, chest, _along(chest, _NECK, rotations))
+        result = np.array(local, copy=True)
+        for k, (edit, (sign, joints)) in enumerate(zip(self.arms, _ARMS, strict=True)):
+            arm = _arm(chest, sign, joints, rotations)
+            edited = edit.apply(arm, Body(axes, side, ahead, strides[k]), request.targets[ROW_ARMS + k])
+            if edited is not None:
+                result[joints[1]] = relative(arm.collar, edited.upper)
+                result[joints[2]] = relative(edited.upper, edited.lower)
+                result[joints[3]] = edited.hand
+        return result
 
     def reset(self) -> None:
         """Forget all: what is shown is no walk."""
         vars(self).update(vars(BodyEdits()))
 
 
-def _under(leg: LegPose, east: float, south: float) -> LegPose:
-    """The leg under hips that have moved by metres of X and Z over feet that stay."""
-    hip, knee = ((p[0] + east, p[1], p[2] + south) for p in (leg.hip, leg.knee))
+def _along(start: Axes, joints: tuple[int, ...], rotations: list[Quaternion]) -> Axes:
+    """The last of a chain of joints that begins at `start`."""
+    at, turned = start
+    for joint in joints:
+        at, turned = add(at, rotate(turned, _OFFSETS[joint])), multiply(turned, rotations[joint])
+    return Axes(at, turned)
+
+
+def _arm(chest: Axes, sign: float, joints: tuple[int, ...], rotations: list[Quaternion]) -> ArmPose:
+    collar, shoulder, elbow, hand = joints
+    at, base = _along(chest, (collar,), rotations)
+    at = add(at, rotate(base, _OFFSETS[shoulder]))
+    upper = multiply(base, rotations[shoulder])
+    middle = add(at, rotate(upper, _OFFSETS[elbow]))
+    lower = multiply(upper, rotations[elbow])
+    wrist = add(middle, rotate(lower, _OFFSETS[hand]))
+    return ArmPose(sign, base, upper, lower, rotations[hand], at, middle, wrist)
+
+
+def _under(leg: LegPose, *by: float) -> LegPose:
+    """The leg under hips that have moved by metres over a foot that stays."""
+    east, up, south = by
+    hip, knee = ((p[0] + east, p[1] + up, p[2] + south) for p in (leg.hip, leg.knee))
     return leg._replace(hip=hip, knee=knee)

@@ -8,7 +8,7 @@ data do it. The network is fed its own pose, so that the measure does not depend
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import asin, atan2, cos, dist, hypot, pi, radians, sin, sqrt
+from math import asin, atan2, cos, degrees, dist, hypot, pi, radians, sin, sqrt
 
 from runtime.edits.request import LEG, MOST_OF_LEG, EditRequest, Targets, followed, limited, value_of
 from runtime.feet.leg import LegPose
@@ -26,14 +26,16 @@ from runtime.scalar_math import (
 )
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 
-OUTWARD, LOWER, HEEL, TOE_OUT, KNEE = range(len(LEG))
+OUTWARD, LOWER, HEEL, TOE_OUT, KNEE, LOW, TOES = range(len(LEG))
 HALF_LIFE = 0.2  # seconds in which an edit follows its measure
 MEASURE_HALF_LIFE = 0.25  # seconds in which a measure follows the pose
 STRIDE_HALF_LIFE = 0.5  # seconds in which the line of the feet is measured
+LIFT_HALF_LIFE = 2.0  # seconds in which the height of a swing is forgotten
 WALKS = 0.3  # m/s, from which on it is
 CLEAR_M, PASSING_M = 0.1, 0.3  # a foot passes the other at this distance, while it is so near along the way
 RISE_HALF_LIFE, MOST_RISE = 0.1, 0.05  # seconds, metres: the hips go with legs that stand elsewhere
-TIPTOE_RISE = 0.1  # metres that hips rise per radian of a raised heel: half of what the ankles do
+TIPTOE_RISE = 0.1  # metres that hips rise per radian of a raised heel, half of what the ankles do,
+HEEL_SINK = 0.045  # and that they sink per radian of raised toes
 ROLLED = 8.0  # degrees of a raised heel from which it does not stand
 ASIDE_HALF_LIFE, MOST_ASIDE = 0.06, 0.24  # seconds, metres that a straight leg swings outward
 MOST_TOE_UP = 0.7  # radians that its foot is turned up so that the toe clears the ground
@@ -42,6 +44,7 @@ SWING_CLEARANCE = 0.03  # metres over its resting height that a straight leg swi
 UPRIGHT = 0.955  # metres of the hips over level ground in neutral walking
 _NOTHING = (0.0,) * len(LEG)
 _UP: Vector = (0.0, 1.0, 0.0)
+_FROM_HEEL: Vector = (0.0, ANKLE_HEIGHT, 0.05)  # metres from the heel to the ankle
 
 
 @dataclass
@@ -56,8 +59,11 @@ class LegEdit:
     yaw: tuple[float, float] = (0.0, 0.0)  # degrees of a planted foot, outward
     rise: float = 0.0  # m that the hips go with legs that stand elsewhere
     aside: tuple[float, float] = (0.0, 0.0)  # m that a straight leg swings outward
-    left: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)  # what is added, by `LEG`
-    right: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    lift: tuple[float, float] = (0.0, 0.0)  # m that an ankle rises in its swings
+    left: tuple[float, ...] = (
+        _NOTHING  # what is added, by `LEG`; of a low foot the fraction of its height that is gone
+    )
+    right: tuple[float, ...] = _NOTHING
 
     @property
     def active(self) -> bool:
@@ -80,7 +86,11 @@ class LegEdit:
         heels = [radians(each[HEEL]) for each in added]
         lower = self.left[LOWER]
         up = -lower if lower > 1e-3 else TIPTOE_RISE * min(heels)
-        feet = [_foot(leg, sign, each) for leg, sign, each in zip(legs, (1.0, -1.0), added, strict=True)]
+        up -= HEEL_SINK * radians(min(self.left[TOES], self.right[TOES]))
+        feet = [
+            _low(_foot(leg, sign, each), each[LOW], request.ground) if each[LOW] else _foot(leg, sign, each)
+            for leg, sign, each in zip(legs, (1.0, -1.0), added, strict=True)
+        ]
         ankles = [foot.ankle for foot in feet]
         moved = [
             add(ankle, scale(side, sign * each[OUTWARD]))
@@ -102,6 +112,8 @@ class LegEdit:
             result.append(foot._replace(hip=hip, knee=knee, toe=toe, ankle=ankle))
             if added[k][HEEL] > ROLLED:
                 chances[2 * k] = 0.0
+            if added[k][TOES] > ROLLED:
+                chances[2 * k + 1] = 0.0
         self.aside = (swings[0], swings[1])
         return up, result
 
@@ -122,15 +134,15 @@ class LegEdit:
             self.known += seen * (1.0 - self.known)
         follow = 1.0 - decay(MEASURE_HALF_LIFE)
         self.height = height if self.height == 0.0 else self.height + follow * (height - self.height)
-        pitch, yaw = list(self.pitch), list(self.yaw)
+        pitch, yaw, lift = list(self.pitch), list(self.yaw), list(self.lift)
         for k, (leg, sign) in enumerate(zip(legs, (1.0, -1.0), strict=True)):
+            lift[k] = max(leg.ankle[1] - request.ground - ANKLE_HEIGHT, lift[k] * decay(LIFT_HALF_LIFE))
             if bears[k] > 0.5:
                 ahead = subtract(leg.toe, leg.ankle)
-                heel = -atan2(ahead[1] + ANKLE_HEIGHT - TOE_HEIGHT, hypot(ahead[0], ahead[2]))
                 turned = (atan2(ahead[0], ahead[2]) - request.yaw + pi) % (2.0 * pi) - pi
-                pitch[k] += follow * (heel * 180.0 / pi - pitch[k])
-                yaw[k] += follow * (sign * turned * 180.0 / pi - yaw[k])
-        self.pitch, self.yaw = (pitch[0], pitch[1]), (yaw[0], yaw[1])
+                pitch[k] += follow * (degrees(_heel_up(leg)) - pitch[k])
+                yaw[k] += follow * (sign * degrees(turned) - yaw[k])
+        self.pitch, self.yaw, self.lift = (pitch[0], pitch[1]), (yaw[0], yaw[1]), (lift[0], lift[1])
 
     def _follow(self, request: EditRequest) -> None:
         """Let what is added go towards what is missing."""
@@ -144,11 +156,15 @@ class LegEdit:
 
     def _missing(self, targets: Targets, leg: int) -> list[float]:
         beside = 0.5 * self.across + (-self.middle if leg else self.middle)
-        shown = (beside / max(self.known, 1e-6), UPRIGHT - self.height, self.pitch[leg], self.yaw[leg], 0.0)
+        low = 1.0 - value_of(targets[LOW]) / max(self.lift[leg], 1e-3)
+        shown = (
+            beside / max(self.known, 1e-6), UPRIGHT - self.height, self.pitch[leg], self.yaw[leg], 0.0,
+            value_of(targets[LOW]) - low, -self.pitch[leg],
+        )  # fmt: skip
         wanted = []
         for k, (target, has, most) in enumerate(zip(targets, shown, MOST_OF_LEG, strict=False)):
             lacks = limited(value_of(target) - has, most) * (self.known if k == OUTWARD else 1.0)
-            wanted.append(target[0] * (max(lacks, 0.0) if k in (LOWER, HEEL) else lacks))
+            wanted.append(target[0] * (max(lacks, 0.0) if k in (LOWER, HEEL, LOW, TOES) else lacks))
         return wanted
 
     def _rise(self, up: float, feet: list[LegPose], moved: list[Vector], bears: tuple[float, float]) -> float:
@@ -183,10 +199,38 @@ def _foot(leg: LegPose, sign: float, added: tuple[float, ...]) -> LegPose:
         toe = add(leg.ankle, rotate(turn, subtract(leg.toe, leg.ankle)))
         leg = leg._replace(foot=multiply(turn, leg.foot), toe=toe)
     if added[HEEL]:
-        turn = _about(rotate(leg.foot, (1.0, 0.0, 0.0)), radians(added[HEEL]))
-        ankle = add(leg.toe, rotate(turn, subtract(leg.ankle, leg.toe)))
-        leg = leg._replace(foot=multiply(turn, leg.foot), ankle=ankle)
+        leg = _about_toe(leg, radians(added[HEEL]))
+    if added[
+        TOES
+    ]:  # first about the toe until the heel is down, then about the heel, on which the foot stands
+        up = min(radians(added[TOES]), max(_heel_up(leg), 0.0))
+        leg = _about_toe(leg, -up)
+        turn = _about(rotate(leg.foot, (1.0, 0.0, 0.0)), up - radians(added[TOES]))
+        from_heel = rotate(leg.foot, _FROM_HEEL)
+        ankle = add(subtract(leg.ankle, from_heel), rotate(turn, from_heel))
+        toe = add(ankle, rotate(turn, subtract(leg.toe, leg.ankle)))
+        leg = leg._replace(foot=multiply(turn, leg.foot), ankle=ankle, toe=toe)
     return leg
+
+
+def _low(leg: LegPose, gone: float, ground: float) -> LegPose:
+    """The leg with its foot lower and flatter over the ground, by a fraction of what it is raised."""
+    leg = _about_toe(leg, -gone * max(_heel_up(leg), 0.0))
+    down = (0.0, -gone * max(leg.ankle[1] - ground - ANKLE_HEIGHT, 0.0), 0.0)
+    return leg._replace(ankle=add(leg.ankle, down), toe=add(leg.toe, down))
+
+
+def _heel_up(leg: LegPose) -> float:
+    """Radians by which the heel is raised over the toe."""
+    ahead = subtract(leg.toe, leg.ankle)
+    return -atan2(ahead[1] + ANKLE_HEIGHT - TOE_HEIGHT, hypot(ahead[0], ahead[2]))
+
+
+def _about_toe(leg: LegPose, up: float) -> LegPose:
+    """The leg with its heel raised about the toe by so many radians."""
+    turn = _about(rotate(leg.foot, (1.0, 0.0, 0.0)), up)
+    ankle = add(leg.toe, rotate(turn, subtract(leg.ankle, leg.toe)))
+    return leg._replace(foot=multiply(turn, leg.foot), ankle=ankle)
 
 
 def _straightened(

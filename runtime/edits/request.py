@@ -16,11 +16,13 @@ from runtime.arrays import Array
 from runtime.scalar_math import decay
 
 # of a leg: metres of a foot from the middle line, metres that the hips are lowered, degrees of the heel raised over the
-# toe, degrees that the foot is turned out, and the largest bend of the knee in degrees
-LEG = ("outward", "lower", "heel", "toe_out", "knee")
+# toe, degrees that the foot is turned out, the largest bend of the knee in degrees, metres that the ankle rises in its
+# swing at most, and degrees of the toes raised over the heel
+LEG = ("outward", "lower", "heel", "toe_out", "knee", "low", "toes")
 # of the trunk: degrees that it leans forward and to the left of neutral walking, and that shoulders are turned to the
-# left of the hips; metres and degrees from end to end in which hips sway and the trunk rocks
-TRUNK = ("lean", "aside", "twist", "sway", "rock")
+# left of the hips; metres and degrees from end to end in which hips sway and the trunk rocks, metres in which hips rise and
+# fall, and degrees from upright that the trunk leans forward at most, at any moment
+TRUNK = ("lean", "aside", "twist", "sway", "rock", "bounce", "fold")
 # of an arm: degrees that the elbow bends at least and at most, metres of the elbow outward of the shoulder at least and at
 # most, metres from end to end in which the hand swings forward and back at least and at most
 ARM = ("bend", "straight", "out", "close", "swing", "still")
@@ -30,9 +32,10 @@ FRAMES = ("shoulder", "hips", "chest", "head")
 PLACE = ("x", "y", "z", "pole_x", "pole_y", "pole_z", "near")
 PARTS = ("left_leg", "right_leg", "torso", "left_arm", "right_arm")  # the rows of what is asked for
 ROW_TRUNK, ROW_ARMS = 2, 3
+FOLD = ROW_TRUNK, TRUNK.index("fold")  # what every trunk is asked for, whatever is said of it
 WIDTH = len(ARM) + len(FRAMES) * len(PLACE)
 SHAPE = (len(PARTS), WIDTH, 2)  # of what is asked for: each target's weight, and value times that
-MOST_OF_LEG = (0.3, 0.4, 50.0, 50.0, 90.0)  # that is added
+MOST_OF_LEG = (0.3, 0.4, 50.0, 50.0, 90.0, 1.0, 50.0)  # that is added
 FIRST_TARGETS = 5  # of legs and trunk, in files without arms
 LARGEST = 200.0  # degrees, metres of any target
 Targets = list[list[float]]  # of one part

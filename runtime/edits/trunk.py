@@ -1,131 +1,214 @@
-"""A trunk that does what its description says, where a walk by the network alone does not: lean, twist, sway and rock.
+"""A trunk that does what its description says, where a walk by the network alone does not: lean, twist, sway, rock, bounce.
 
-As the edit of legs, it measures the network's own trunk as it walks and adds what is missing, to what is shown alone. Hips
-that sway move sideways over feet that stay; the head turns back a part of what is added, so that it looks where it looked.
+As the other edits, it measures the network's own trunk as it moves and adds what is missing. A trunk leans by the line from
+hips to neck, and bends at the hips. Hips that sway or bounce move over feet that stay; the head turns back a part of what is
+added, and arms hang on. At no moment a trunk folds much further than is said of it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import atan2, cos, degrees, pi, radians, sin, sqrt
+from dataclasses import dataclass, field
+from math import atan2, cos, degrees, pi, radians, sin
+from typing import NamedTuple
 
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.edits.request import ROW_TRUNK, TRUNK, EditRequest, Targets, asks
+from runtime.edits.request import (
+    ROW_TRUNK,
+    TRUNK,
+    EditRequest,
+    Swing,
+    Targets,
+    asks,
+    followed,
+    limited,
+    value_of,
+)
 from runtime.pose import FPS
-from runtime.scalar_math import Quaternion, Vector, decay, from_vector, multiply, relative, rotate, scale
+from runtime.scalar_math import (
+    Quaternion,
+    Vector,
+    add,
+    decay,
+    dot,
+    from_vector,
+    multiply,
+    relative,
+    rotate,
+    scale,
+)
 from runtime.skeleton import SPORT_SKELETON
 
-LEAN, ASIDE, TWIST, SWAY, ROCK = range(len(TRUNK))
-UPRIGHT = (-1.0, 0.0, 0.0)  # degrees of lean, aside and twist in neutral walking
+LEAN, ASIDE, TWIST, SWAY, ROCK, BOUNCE, FOLD = range(len(TRUNK))
+UPRIGHT = (-5.0, 0.0, 0.0)  # degrees of lean, aside and twist in neutral walking
 MOST = (25.0, 20.0, 40.0)  # degrees of them that are added
 MOST_GAIN, MOST_SHIFT, MOST_ROCK = 2.5, 0.07, 12.0  # of sway and rock: times the network's; metres, degrees
+MOST_BOUNCE = 0.06  # metres that hips go down or up
+SINKS = 0.35  # of a bounce's range, that hips are lower: legs grow no longer
 MEAN_HALF_LIFE = 0.4  # seconds in which the measures follow the pose,
-RANGE_HALF_LIFE = 0.6  # and the ranges of sway and rock
+RANGE_HALF_LIFE = 0.6  # and the ranges of sway, rock and bounce
 HALF_LIFE = 0.3  # seconds in which what is added follows what is missing
-RANGE = 2.0 * sqrt(2.0)  # from end to end of a swing, times its root mean square
-LEAST_SWAY, LEAST_ROCK = 0.008, 1.0  # metres, degrees: what swings less is not amplified more
+LEAST_SWAY, LEAST_ROCK, LEAST_BOUNCE = (
+    0.008,
+    1.0,
+    0.008,
+)  # metres, degrees: what swings less is not amplified more
 LOOKS_AHEAD = 0.6  # of what is added, that the neck takes back
-_SPINE = tuple(SPORT_SKELETON.index(name) for name in ("LowerBack", "Spine", "Spine1"))
-_NECK = SPORT_SKELETON.index("Neck")
+HANGS = 0.65  # of a lean that is added, that the arms take back
+STEADY_HALF_LIFE, STEADY_MORE = (
+    2.0,
+    8.0,
+)  # seconds, degrees: a trunk folds so far over what it leans all the time
+EASE = 5.0  # degrees before the bound of a fold, from which it is slowed down
+_AT = SPORT_SKELETON.index
+_SPINE, _NECK, _ARMS = (
+    tuple(map(_AT, ("LowerBack", "Spine", "Spine1"))),
+    _AT("Neck"),
+    (_AT("LeftArm"), _AT("RightArm")),
+)
+_COLLARS = _AT("LeftShoulder"), _AT("RightShoulder")
 _JOINTS = (0, *_SPINE, _NECK)
+_LOWER, _UPPER = ((float(x), float(y), float(z)) for x, y, z in SPORT_SKELETON.offsets[list(_SPINE[1:])])
 _UP: Vector = (0.0, 1.0, 0.0)
 _AHEAD: Vector = (0.0, 0.0, 1.0)
+
+
+class Moved(NamedTuple):
+    """Metres that the hips move along X, Y and Z, and the local rotations `(31, 4)`."""
+
+    east: float
+    up: float
+    south: float
+    local: Array
 
 
 @dataclass
 class TrunkEdit:
     """What was measured of the network's trunk of a character, and what is added to it."""
 
-    lean: float = 0.0  # degrees, means
-    aside: float = 0.0
-    twist: float = 0.0
+    lean: Swing = field(default_factory=Swing)  # degrees
+    aside: Swing = field(default_factory=Swing)
+    twist: Swing = field(default_factory=Swing)
+    sway: Swing = field(default_factory=Swing)  # metres of the hips away from their mean way
+    bounce: Swing = field(default_factory=Swing)  # metres of their height
     x: float = 0.0  # m, mean place of the hips
     z: float = 0.0
     east: float = 0.0  # m/s, its mean velocity
     south: float = 0.0
-    sway: float = 0.0  # m2 and degrees2, mean squares about the means
-    rock: float = 0.0
-    known: float = 0.0  # how well these are known, 0 to 1
+    steady: float = 0.0  # degrees that the trunk leans all the time
     more_lean: float = 0.0  # degrees that are added
     more_aside: float = 0.0
     more_twist: float = 0.0
     more_sway: float = 0.0  # times the network's own that is added
     more_rock: float = 0.0
+    more_bounce: float = 0.0
 
-    def apply(self, hips: Vector, local: Array, request: EditRequest) -> tuple[float, float, Array]:
-        """Metres, X and Z, that the hips move, and the local rotations `(31, 4)` with the trunk as it is asked for."""
-        if not self.active and not asks(request.targets[ROW_TRUNK]):
-            self.known = 0.0  # what is asked for later is measured anew
-            return 0.0, 0.0, local
+    def watch(self, lean: float, fold: float) -> bool:
+        """Whether a trunk that leans by `lean` degrees comes near the bound of a fold, `fold`; called in every frame."""
+        self.steady += (1.0 - decay(STEADY_HALF_LIFE)) * (lean - self.steady)
+        return lean > self._bound(fold) - EASE
+
+    def apply(self, hips: Vector, local: Array, request: EditRequest) -> Moved:
+        """The trunk as it is asked for, of hips at a place and local rotations `(31, 4)`."""
+        targets = request.targets[ROW_TRUNK]
         rotations: list[Quaternion] = [tuple(q) for q in local[list(_JOINTS)].tolist()]
         side: Vector = (cos(request.yaw), 0.0, -sin(request.yaw))  # towards the left
         ahead: Vector = (sin(request.yaw), 0.0, cos(request.yaw))
         shown = _angles(rotations, side, ahead)
-        if self.known == 0.0:
-            vars(self).update(vars(TrunkEdit(x=hips[0], z=hips[2])))
-        mean = 1.0 - decay(MEAN_HALF_LIFE)
+        shift = up = lean = rolled = 0.0
+        if self.active or asks(targets[:FOLD]):
+            shift, up, lean, rolled = self._edit(hips, shown, side, request)
+        elif self.lean.known > 0.0:
+            vars(self).update(vars(TrunkEdit(steady=self.steady)))  # what is asked for later is measured anew
+        weight, _ = targets[FOLD]
+        if weight > 1e-6:
+            lean -= weight * self._too_far(shown[LEAN] + lean, value_of(targets[FOLD]))
+        if lean or rolled or self.more_twist:
+            local = _turned(local, rotations, (lean, rolled, self.more_twist), (side, ahead))
+        return Moved(shift * side[0], up, shift * side[2], local)
+
+    @property
+    def active(self) -> bool:
+        """Whether anything is added."""
+        added = (
+            self.more_lean,
+            self.more_aside,
+            self.more_twist,
+            self.more_sway,
+            self.more_rock,
+            self.more_bounce,
+        )
+        return any(abs(value) > 1e-3 for value in added)
+
+    def _bound(self, fold: float) -> float:
+        return max(fold, self.steady + STEADY_MORE)
+
+    def _too_far(self, lean: float, fold: float) -> float:
+        """Degrees by which a trunk leans too far: it is slowed down before the bound, and stops there."""
+        over = max(lean - self._bound(fold) + EASE, 0.0)
+        return over * over / (4.0 * EASE) if over < 2.0 * EASE else over - EASE
+
+    def _edit(
+        self, hips: Vector, shown: tuple[float, float, float], side: Vector, request: EditRequest
+    ) -> tuple[float, float, float, float]:
+        """Metres that hips move to the left and up, degrees that the trunk leans forward and to the left."""
+        if self.lean.known == 0.0:
+            self.x, self.z, self.east, self.south = hips[0], hips[2], 0.0, 0.0
+        mean, halves = 1.0 - decay(MEAN_HALF_LIFE), (MEAN_HALF_LIFE, RANGE_HALF_LIFE)
         east, south = request.velocity
         self.east += mean * (east - self.east)
         self.south += mean * (south - self.south)
         x, z = self.x + self.east / FPS, self.z + self.south / FPS  # the mean goes along
         self.x, self.z = x + mean * (hips[0] - x), z + mean * (hips[2] - z)
-        self.lean += mean * (shown[LEAN] - self.lean)
-        self.aside += mean * (shown[ASIDE] - self.aside)
-        self.twist += mean * (shown[TWIST] - self.twist)
         swayed = (hips[0] - self.x) * side[0] + (hips[2] - self.z) * side[2]
-        swayed = min(max(swayed, -MOST_SHIFT), MOST_SHIFT)  # what is more turns or sets off
-        self.known += mean * (1.0 - self.known)
-        rocked = shown[ASIDE] - self.aside / self.known
-        seen = 1.0 - decay(RANGE_HALF_LIFE)
-        self.sway += seen * (swayed * swayed - self.sway)
-        self.rock += seen * (rocked * rocked - self.rock)
+        swayed = limited(swayed, MOST_SHIFT)  # what is more turns or sets off
+        height = hips[1] - request.ground
+        self.lean = self.lean.observed(shown[LEAN], *halves)
+        self.aside = self.aside.observed(shown[ASIDE], *halves)
+        self.twist = self.twist.observed(shown[TWIST], *halves)
+        self.sway = self.sway.observed(swayed, *halves)
+        self.bounce = self.bounce.observed(height, *halves)
         self._follow(request.targets[ROW_TRUNK])
-        shift = min(max(self.more_sway * swayed, -MOST_SHIFT), MOST_SHIFT)
-        rolled = self.more_aside + min(max(self.more_rock * rocked, -MOST_ROCK), MOST_ROCK)
-        if self.more_lean or rolled or self.more_twist:
-            local = _turned(local, rotations, (self.more_lean, rolled, self.more_twist), (side, ahead))
-        return shift * side[0], shift * side[2], local
-
-    @property
-    def active(self) -> bool:
-        """Whether anything is added."""
-        added = (self.more_lean, self.more_aside, self.more_twist, self.more_sway, self.more_rock)
-        return any(abs(value) > 1e-3 for value in added)
+        rocked = limited(self.more_rock * (shown[ASIDE] - self.aside.middle), MOST_ROCK)
+        bounced = self.more_bounce * (height - self.bounce.middle - SINKS * self.bounce.range)
+        return (
+            limited(self.more_sway * swayed, MOST_SHIFT),
+            limited(bounced, MOST_BOUNCE),
+            self.more_lean,
+            self.more_aside + rocked,
+        )
 
     def _follow(self, targets: Targets) -> None:
         """Let what is added go towards what is missing."""
-        follow = 1.0 - decay(HALF_LIFE)
-        for k, name in enumerate(("lean", "aside", "twist")):
-            weight, weighted = targets[k]
-            goal = 0.0
-            if weight > 1e-6:
-                value = weighted / weight
-                lacks = (value + UPRIGHT[k] - getattr(self, name) / self.known) * self.known
-                one_way = max if value > 0.0 else min  # what leans or turns more than said stays
-                goal = weight * min(max(one_way(lacks, 0.0), -MOST[k]), MOST[k])
-            added = getattr(self, f"more_{name}")
-            setattr(self, f"more_{name}", added + follow * (goal - added))
-        swings = (SWAY, "sway", LEAST_SWAY), (ROCK, "rock", LEAST_ROCK)
-        for k, name, least in swings:
-            weight, weighted = targets[k]
-            goal = 0.0
-            if weight > 1e-6:
-                has = max(RANGE * sqrt(getattr(self, name) / self.known), least)
-                goal = weight * self.known * min(max(weighted / weight / has - 1.0, 0.0), MOST_GAIN)
-            added = getattr(self, f"more_{name}")
-            setattr(self, f"more_{name}", added + follow * (goal - added))
+        for k, (name, measure) in enumerate(
+            (("lean", self.lean), ("aside", self.aside), ("twist", self.twist))
+        ):
+            value = value_of(targets[k])
+            lacks = value + UPRIGHT[k] - measure.middle
+            lacks = (
+                max(lacks, 0.0) if value > 0.0 else min(lacks, 0.0)
+            )  # what leans or turns more than said stays
+            goal = targets[k][0] * measure.known * limited(lacks, MOST[k])
+            setattr(self, f"more_{name}", followed(getattr(self, f"more_{name}"), goal, HALF_LIFE))
+        for k, name, measure, least in (
+            (SWAY, "sway", self.sway, LEAST_SWAY),
+            (ROCK, "rock", self.aside, LEAST_ROCK),
+            (BOUNCE, "bounce", self.bounce, LEAST_BOUNCE),
+        ):
+            goal = targets[k][0] * measure.gain(value_of(targets[k]), least, MOST_GAIN)
+            setattr(self, f"more_{name}", followed(getattr(self, f"more_{name}"), goal, HALF_LIFE))
 
 
 def _angles(rotations: list[Quaternion], side: Vector, ahead: Vector) -> tuple[float, float, float]:
-    """Degrees of lean, aside and twist of a trunk, from the rotations of hips and spine."""
-    chest = pelvis = rotations[0]
-    for q in rotations[1 : 1 + len(_SPINE)]:
-        chest = multiply(chest, q)
-    up, front, hips = rotate(chest, _UP), rotate(chest, _AHEAD), rotate(pelvis, _AHEAD)
-    lean = atan2(up[0] * ahead[0] + up[2] * ahead[2], up[1])
-    aside = atan2(up[0] * side[0] + up[2] * side[2], up[1])
+    """Degrees of lean and aside of the line from hips to neck, and of the twist, from the rotations of hips and spine."""
+    pelvis, *spine = rotations[: 1 + len(_SPINE)]
+    lower = multiply(pelvis, spine[0])
+    middle = multiply(lower, spine[1])
+    chest = multiply(middle, spine[2])
+    line = add(rotate(lower, _LOWER), rotate(middle, _UPPER))
+    front, hips = rotate(chest, _AHEAD), rotate(pelvis, _AHEAD)
+    lean, aside = atan2(dot(line, ahead), line[1]), atan2(dot(line, side), line[1])
     twist = (atan2(front[0], front[2]) - atan2(hips[0], hips[2]) + pi) % (2.0 * pi) - pi
     return degrees(lean), degrees(aside), degrees(twist)
 
@@ -133,18 +216,24 @@ def _angles(rotations: list[Quaternion], side: Vector, ahead: Vector) -> tuple[f
 def _turned(
     local: Array, rotations: list[Quaternion], angles: tuple[float, float, float], axes: tuple[Vector, Vector]
 ) -> Array:
-    """Local rotations with the spine turned by degrees of lean, aside and twist, a third at each of its joints."""
+    """Local rotations with the trunk turned by degrees of lean and aside at the hips, and of twist, a third at each joint."""
     side, ahead = axes
-    lean, aside, twist = (radians(angle) / len(_SPINE) for angle in angles)
-    turn = multiply(from_vector(scale(_UP, twist)), _leant(side, lean, ahead, aside))
+    lean, aside, twist = map(radians, angles)
     result, parent = np.array(local, copy=True), rotations[0]
+    turn, third = _leant(side, lean, ahead, aside), from_vector(scale(_UP, twist / len(_SPINE)))
     for joint, q in zip(_SPINE, rotations[1:], strict=False):
+        turn = multiply(third, turn)
         made = relative(parent, multiply(turn, multiply(parent, q)))
         result[joint] = made
         parent = multiply(parent, made)
-    back = -LOOKS_AHEAD * len(_SPINE)
-    turn = multiply(_leant(side, back * lean, ahead, back * aside), from_vector(scale(_UP, back * twist)))
-    result[_NECK] = relative(parent, multiply(turn, multiply(parent, rotations[-1])))
+        turn = (1.0, 0.0, 0.0, 0.0)
+    back = _leant(side, -LOOKS_AHEAD * lean, ahead, -LOOKS_AHEAD * aside)
+    back = multiply(back, from_vector(scale(_UP, -LOOKS_AHEAD * twist)))
+    result[_NECK] = relative(parent, multiply(back, multiply(parent, rotations[-1])))
+    back = _leant(side, -HANGS * lean, ahead, -HANGS * aside)
+    for collar, arm in zip(_COLLARS, _ARMS, strict=True):
+        base = multiply(parent, tuple(local[collar].tolist()))
+        result[arm] = relative(base, multiply(back, multiply(base, tuple(local[arm].tolist()))))
     return result
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan2, hypot
+from math import atan2, degrees, hypot, inf
 
 import numpy as np
 
@@ -48,6 +48,7 @@ SLOWEST_PLAN = 0.05  # m/s: a body that stops is regulated until then
 FASTEST_LIFT = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
 _SMOOTHS = 1.0 - decay(SPEED_HALF_LIFE)
 FUTURE = len(features.FUTURE_OFFSETS)
+NECK = SPORT_SKELETON.index("Neck")
 _PHASES = features.PHASE_OFFSETS + PRESENT
 
 
@@ -122,7 +123,7 @@ def step(
     gains = [style.swings for style in styles]
     swung = state.swings.apply(joints[:, 0], local, contacts, gains, _walking(state))
     network = placed(*swung, state.trajectory, state.ground)
-    unlocked = _plant(state, *network, contacts, terrain)
+    unlocked = _plant(state, *network, joints, contacts, terrain)
     _cross(state, unlocked, network, probes, styles)
     _feed_back(state, y, joints, probes, styles, terrain, haste)
 
@@ -313,9 +314,9 @@ def _network(model: MotionModel, x: Array, noise: Sequence[Array], styles: Seque
 
 
 def _plant(
-    state: CharacterState, hips: Array, local: Array, contacts: Array, terrain: Terrain
+    state: CharacterState, hips: Array, local: Array, joints: Array, contacts: Array, terrain: Terrain
 ) -> tuple[Array, Array]:
-    """Write the poses to show: keyed over an obstacle, else the network's with planted feet.
+    """Write the poses to show: keyed over an obstacle, else the network's with planted feet, edited as its words ask.
 
     Returns hips `(N, 3)` and local rotations `(N, 31, 4)` before the foot lock.
     """
@@ -344,7 +345,7 @@ def _plant(
             stood = feet.feet[0].incoming is not None  # else on ground that has just come under the body
             patience = 1.0 + PATIENCE * (1.0 - float(state.settling.fraction[i]))
             edited = EditedPose(unlocked_hips[i], unlocked_local[i], contacts[i])
-            if (asked := _edit_request(state, i)) is not None:
+            if (asked := _edit_request(state, i, joints[i])) is not None:
                 edited = state.edits[i].apply(*edited[:3], asked)
             support = Support(jump.airborne, patience, edited.legs)
             locked = feet.apply(edited.hips, edited.local, edited.contacts, terrain, DT, support)
@@ -356,16 +357,19 @@ def _plant(
     return unlocked_hips, unlocked_local
 
 
-def _edit_request(state: CharacterState, index: int) -> EditRequest | None:
-    """What the parts of a character are to show; None where its words ask for nothing and nothing is added."""
-    style = state.styles[index].style
-    if not style.is_edited and not state.edits[index].active:
+def _edit_request(state: CharacterState, index: int, joints: Array) -> EditRequest | None:
+    """What the parts of a character are to show, whose network's own joints `(31, 3)` are relative to its root.
+
+    None where its words ask for nothing, nothing is added, and the trunk is not about to fold.
+    """
+    style, edits = state.styles[index].style, state.edits[index]
+    _, up, ahead = (joints[NECK] - joints[0]).tolist()
+    folds = style.fold < inf and edits.trunk.watch(degrees(atan2(ahead, up)), style.fold)
+    if not (folds or style.is_edited or edits.active):
         return None
     path = state.trajectory
     x, z = path.velocity[index].tolist()
-    return EditRequest(
-        style.edits.tolist(), float(path.yaw[index, PRESENT]), (x, z), float(state.ground[index])
-    )
+    return EditRequest(style.asked, float(path.yaw[index, PRESENT]), (x, z), float(state.ground[index]))
 
 
 def _cross(

@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from math import inf
 from typing import Protocol
 
 import numpy as np
 
 from runtime.arrays import Array, Float32Array
-from runtime.edits.request import SHAPE
+from runtime.edits.request import FOLD, SHAPE
 from runtime.motion.calibration import Calibration
 from runtime.motion.features import C
 from runtime.motion.mirror import LIMBS, Ways, mirrored_code
@@ -50,7 +51,18 @@ class Style:
     @cached_property
     def is_edited(self) -> bool:
         """Whether any part is to show anything."""
-        return bool(self.edits.any())
+        return np.count_nonzero(self.edits[..., 0]) > (self.edits[FOLD][0] > 0.0)
+
+    @cached_property
+    def fold(self) -> float:
+        """Degrees from upright that the trunk leans forward at most; infinite where nothing bounds it."""
+        weight, weighted = self.edits[FOLD].tolist()
+        return weighted / weight if weight > 0.0 else inf
+
+    @cached_property
+    def asked(self) -> list[list[list[float]]]:
+        """What parts are to show, as plain numbers."""
+        return self.edits.tolist()
 
     @property
     def ways(self) -> Ways:

@@ -11,13 +11,14 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.assets import asset_path
-from runtime.edits.request import ARM, FRAMES, LEG, PARTS, PLACE, SHAPE, TRUNK
+from runtime.edits.request import ARM, FOLD, FRAMES, LEG, PARTS, PLACE, ROW_TRUNK, SHAPE, TRUNK
 from runtime.errors import FileError
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
 
 HAND = "hand"
 TARGETS = {"leg": LEG, "torso": TRUNK, "arm": (*ARM, HAND)}  # by the last word of a part's name
+FOLDS, FOLDS_MORE = 20.0, 15.0  # degrees from upright that any trunk may lean forward, and over what is said
 NEAR = 0.06  # metres within which a hand is at its place, where the file does not say it
 _PLACE_KEYS = {"frame", "point", "pole", "near"}
 Values = tuple[tuple[int, float], ...]  # columns of a part's row, and the value of each
@@ -95,6 +96,8 @@ def edit_targets(descriptions: PartDescriptions) -> Array:
         for values in _asked(part, getattr(descriptions, part)).values():
             for column, value in values:
                 result[row, column] = 1.0, value
+    weight, lean = result[ROW_TRUNK, TRUNK.index("lean")]
+    result[FOLD] = 1.0, max(FOLDS, lean + FOLDS_MORE) if weight else FOLDS
     return result
 
 
@@ -109,4 +112,5 @@ def edited_parts(descriptions: PartDescriptions | None) -> frozenset[str]:
     if descriptions is None:
         return frozenset()
     asked = edit_targets(descriptions)[..., 0]
+    asked[FOLD] = 0.0  # of every trunk, whatever is said
     return frozenset(part for part, weights in zip(PARTS, asked, strict=True) if weights.any())

@@ -13,15 +13,15 @@ from hypothesis import strategies as st
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.edits.body import BodyEdits
-from runtime.edits.legs import HEEL, KNEE, LOWER, OUTWARD, TOE_OUT, LegEdit
-from runtime.edits.request import LEG, SHAPE, EditRequest
+from runtime.edits.legs import LegEdit
+from runtime.edits.request import LEG, MOST_OF_LEG, SHAPE, EditRequest
 from runtime.feet import ik
 from runtime.feet.foot_lock import FootLock, Support
 from runtime.feet.leg import leg_bones, leg_forward
 from runtime.motion.features import DT
 from runtime.prompts.edit_targets import blended_targets, edit_targets, targets_of
 from runtime.prompts.parts import PartDescriptions
-from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, J
+from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, J
 from runtime.terrain.height_map import Terrain
 
 STEPS = 210
@@ -31,10 +31,9 @@ PLAIN = PartDescriptions(*["at rest"] * 6)
 
 def asked(**values: float) -> Array:
     """Both legs by these targets."""
-    names = {"outward": OUTWARD, "lower": LOWER, "heel": HEEL, "toe_out": TOE_OUT, "knee": KNEE}
     targets = np.zeros(SHAPE)
     for name, value in values.items():
-        targets[:2, names[name]] = 1.0, value
+        targets[:2, LEG.index(name)] = 1.0, value
     return targets
 
 
@@ -110,6 +109,24 @@ def test_a_straight_leg_bends_little_more_than_it_is_asked() -> None:
     assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() < 35.0
 
 
+def test_a_low_foot_hardly_leaves_the_ground() -> None:
+    lifts = [
+        np.ptp(walk(targets)[:, ik.LEG_FEET, 1], axis=0).max()
+        for targets in (np.zeros(SHAPE), asked(low=0.03))
+    ]
+    assert lifts[0] > 0.07
+    assert lifts[1] < 0.045
+
+
+def test_who_walks_on_the_heels_has_the_toes_up() -> None:
+    def pitch(positions: Array) -> float:
+        rise = positions[:, ik.LEG_TOES, 1] - positions[:, ik.LEG_FEET, 1] + ANKLE_HEIGHT - TOE_HEIGHT
+        return float(np.median(rise))
+
+    assert pitch(walk(asked(toes=20.0))) - pitch(plain_walk()) > 0.03
+    assert pitch(walk(asked(toes=20.0))) > 0.03
+
+
 def test_an_edit_that_is_no_longer_asked_for_fades() -> None:
     edit, leg = LegEdit(), leg_forward(leg_bones(0), (0.0, 0.93, 0.0), [(1.0, 0.0, 0.0, 0.0)] * J)
     asks = EditRequest(asked(lower=0.15, outward=0.12).tolist(), 0.0, (0.0, 1.0), 0.0)
@@ -125,11 +142,11 @@ def test_an_edit_that_is_no_longer_asked_for_fades() -> None:
 
 
 @settings(max_examples=3)
-@given(st.lists(st.floats(-1.0, 1.0), min_size=5, max_size=5), st.floats(-3.0, 3.0))
+@given(st.lists(st.floats(-1.0, 1.0), min_size=len(LEG), max_size=len(LEG)), st.floats(-3.0, 3.0))
 def test_any_targets_give_poses_that_can_be_shown(values: list[float], yaw: float) -> None:
     targets = np.zeros(SHAPE)
     targets[:2, : len(LEG), 0] = 1.0
-    targets[:2, : len(LEG), 1] = np.array(values) * [0.3, 0.4, 50.0, 50.0, 90.0]
+    targets[:2, : len(LEG), 1] = np.array(values) * MOST_OF_LEG
     positions = walk(targets, yaw)
     assert np.isfinite(positions).all()
     assert np.abs(np.diff(positions, axis=0)).max() < 0.2

@@ -1,0 +1,312 @@
+"""Arms that do what their description says, where a walk by the network alone does not: elbows, swing, and where hands are.
+
+As the other edits, those of elbows and swing measure the network's own arm as it moves and add what is missing. A hand
+that is not at its place comes to its edge: of the network's own movement what stays within the place is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import acos, asin, atan2, cos, degrees, hypot, radians, sin, sqrt
+from typing import NamedTuple
+
+from runtime.edits.request import ARM, FRAMES, PLACE, Swing, Targets, asks, followed, limited, value_of
+from runtime.scalar_math import (
+    Quaternion,
+    Vector,
+    add,
+    between,
+    dot,
+    from_vector,
+    length,
+    multiply,
+    perpendicular,
+    relative,
+    rotate,
+    scale,
+    smoothstep,
+    subtract,
+    unit,
+)
+from runtime.skeleton import SPORT_SKELETON
+
+BEND, STRAIGHT, OUT, CLOSE, SWING, STILL = range(len(ARM))
+MEAN_HALF_LIFE, RANGE_HALF_LIFE = 0.4, 0.6  # seconds in which the measures follow the pose
+HALF_LIFE = 0.25  # seconds in which what is added follows what is missing
+MOST_BEND, MOST_OUT = 110.0, 60.0  # degrees that are added to elbow and shoulder
+MOST_GAIN = 2.5  # times its own that is added to a swing; the rest goes in step with the other side's leg
+LEAST_SWING = 0.06  # metres: an arm that swings less has no rhythm of its own
+LEAST_STRIDE = 0.15  # metres from end to end: a leg that swings less gives none
+DEEPEST_BEND = radians(150.0)
+FAR = 0.15  # metres: a hand that comes from further has its elbow where the place has it
+TURNED, TURNS = (
+    radians(30.0),
+    radians(40.0),
+)  # an elbow further from there than these is turned there, over this angle
+HAND_FOLLOWS = 0.7  # of the way to a straight wrist, at a place
+TRUNK_X, TRUNK_Z = 0.165, 0.13  # metres from the middle of a trunk to its surface, for a wrist
+TRUNK_BELOW, TRUNK_ABOVE = -0.12, 0.32  # metres from the hips up the trunk within which that holds
+_LENGTHS = tuple(
+    abs(float(SPORT_SKELETON.offsets[SPORT_SKELETON.index(n)][0])) for n in ("LeftForeArm", "LeftHand")
+)
+_REACH, _NEAREST = 0.995 * sum(_LENGTHS), 0.12  # metres from the shoulder
+_SHOULDER = len(ARM)
+_NOWHERE = (0.0,) * (len(FRAMES) * (1 + len(PLACE)))
+
+
+class Axes(NamedTuple):
+    """A joint that hands are placed by."""
+
+    at: Vector
+    turned: Quaternion
+
+
+class ArmPose(NamedTuple):
+    """World rotations and positions of one arm, and the way that it goes round: 1 the left, -1 the right."""
+
+    sign: float
+    collar: Quaternion
+    upper: Quaternion
+    lower: Quaternion
+    hand: Quaternion  # relative to the forearm
+    shoulder: Vector
+    elbow: Vector
+    wrist: Vector
+
+
+class Body(NamedTuple):
+    """What an arm hangs on: the axes that it is placed by, and metres of the other side's ankle ahead of the hips."""
+
+    axes: tuple[Axes, ...]  # by `FRAMES`; of the first the rotation alone
+    side: Vector  # towards the left
+    ahead: Vector
+    stride: float
+
+
+@dataclass
+class ArmEdit:
+    """What was measured of the network's arm, and what is added to it."""
+
+    bend: Swing = field(default_factory=Swing)  # degrees of the elbow
+    out: Swing = field(default_factory=Swing)  # metres of the elbow outward of the shoulder
+    swing: Swing = field(default_factory=Swing)  # metres of the hand ahead of the shoulder
+    stride: Swing = field(default_factory=Swing)  # metres of the other side's ankle ahead of the hips
+    more_bend: float = 0.0  # degrees that are added
+    more_out: float = 0.0
+    more_swing: float = 0.0  # times the arm's own that is added
+    in_step: float = 0.0  # metres from end to end that are added in step with the leg
+    places: tuple[float, ...] = _NOWHERE  # by `FRAMES`: the weight in force, and `PLACE`
+
+    @property
+    def active(self) -> bool:
+        """Whether anything is added."""
+        angles = abs(self.more_bend) > 1e-3 or abs(self.more_out) > 1e-3
+        return angles or abs(self.more_swing) > 1e-3 or abs(self.in_step) > 1e-4 or self._placed > 1e-4
+
+    @property
+    def _placed(self) -> float:
+        return sum(self.places[:: 1 + len(PLACE)])
+
+    def apply(self, arm: ArmPose, body: Body, targets: Targets) -> ArmPose | None:
+        """The arm as it is asked for; None where nothing is asked of it or added to it."""
+        if not self.active and not asks(targets):
+            if self.bend.known > 0.0:
+                vars(self).update(vars(ArmEdit()))  # what is asked for later is measured anew
+            return None
+        self._observe(arm, body)
+        self._follow(targets)
+        placed = min(self._placed, 1.0)
+        if placed < 1.0:
+            arm = self._swung(arm, body, 1.0 - placed)
+            if self.more_bend:
+                arm = _bent(arm, radians((1.0 - placed) * self.more_bend))
+        return self._put(arm, body, placed) if placed > 0.0 else arm
+
+    def _observe(self, arm: ArmPose, body: Body) -> None:
+        halves = MEAN_HALF_LIFE, RANGE_HALF_LIFE
+        reach, upper = subtract(arm.wrist, arm.shoulder), subtract(arm.elbow, arm.shoulder)
+        self.bend = self.bend.observed(degrees(_flexion(arm)), *halves)
+        self.out = self.out.observed(arm.sign * dot(upper, body.side), *halves)
+        self.swing = self.swing.observed(dot(reach, body.ahead), *halves)
+        self.stride = self.stride.observed(body.stride, *halves)
+
+    def _follow(self, targets: Targets) -> None:
+        """Let what is added go towards what is missing."""
+        known = self.bend.known
+        bend = _between(targets[BEND], targets[STRAIGHT], self.bend.middle)
+        self.more_bend = followed(self.more_bend, known * limited(bend, MOST_BEND), HALF_LIFE)
+        angle = _between(targets[OUT], targets[CLOSE], self.out.middle, _raised)
+        self.more_out = followed(self.more_out, known * limited(angle, MOST_OUT), HALF_LIFE)
+        least, most = targets[SWING], targets[STILL]
+        gain, own = least[0] * self.swing.gain(value_of(least), LEAST_SWING, MOST_GAIN), self.swing.range
+        rest = least[0] * known * max(value_of(least) - own * (1.0 + gain), 0.0) if least[0] > 0.0 else 0.0
+        gain += most[0] * known * min(value_of(most) / max(own, 1e-3) - 1.0, 0.0)
+        self.more_swing = followed(self.more_swing, gain, HALF_LIFE)
+        self.in_step = followed(self.in_step, rest, HALF_LIFE)
+        places: list[float] = []
+        for frame in range(len(FRAMES)):
+            first, now = _SHOULDER + frame * len(PLACE), frame * (1 + len(PLACE))
+            weight, *place = self.places[now : now + 1 + len(PLACE)]
+            wanted = targets[first][0]
+            if wanted > 1e-6:
+                goal = [value_of(target) for target in targets[first : first + len(PLACE)]]
+                place = (
+                    goal
+                    if weight < 1e-3
+                    else [followed(a, b, HALF_LIFE) for a, b in zip(place, goal, strict=True)]
+                )
+            places += [followed(weight, wanted, HALF_LIFE), *place]
+        self.places = tuple(places) if any(places[:: 1 + len(PLACE)]) else _NOWHERE
+
+    def _swung(self, arm: ArmPose, body: Body, weight: float) -> ArmPose:
+        """The arm turned about its shoulder: outward, and forward and back."""
+        if self.more_out:
+            turn = from_vector(scale(body.ahead, arm.sign * weight * radians(self.more_out)))
+            arm = _turned(arm, turn)
+        if not self.more_swing and not self.in_step:
+            return arm
+        reach = subtract(arm.wrist, arm.shoulder)
+        ahead, down = dot(reach, body.ahead), -reach[1]
+        step = max(self.stride.range, LEAST_STRIDE)
+        more = (
+            self.more_swing * (ahead - self.swing.middle)
+            + self.in_step * (body.stride - self.stride.middle) / step
+        )
+        radius = max(hypot(ahead, down), 1e-3)
+        weight *= smoothstep((down - 0.05) / 0.1)  # a raised arm swings otherwise
+        angle = asin(limited((ahead + more) / radius, 0.95)) - asin(limited(ahead / radius, 0.95))
+        return _turned(arm, from_vector(scale(body.side, -weight * angle)))
+
+    def _put(self, arm: ArmPose, body: Body, placed: float) -> ArmPose:
+        """The arm with its hand at its places, the elbow where they have it."""
+        moved: Vector = (0.0, 0.0, 0.0)
+        pole: Vector = (0.0, 0.0, 0.0)
+        total = max(self._placed, 1.0)
+        for frame, axes in enumerate(body.axes):
+            now = frame * (1 + len(PLACE))
+            weight, x, y, z, px, py, pz, near = self.places[now : now + 1 + len(PLACE)]
+            if weight <= 0.0:
+                continue
+            at = arm.shoulder if frame == 0 else axes.at
+            away = subtract(add(at, rotate(axes.turned, (arm.sign * x, y, z))), arm.wrist)
+            share = weight / total * max(1.0 - near / max(length(away), 1e-6), 0.0)
+            moved = add(moved, scale(away, share))
+            # an elbow points by the trunk, and by the way that the body faces where the hand does
+            points = body.axes[0 if frame == 0 else 2].turned
+            pole = add(pole, scale(rotate(points, (arm.sign * px, py, pz)), weight))
+        wrist = add(arm.wrist, moved)
+        wrist = add(wrist, scale(_out_of_trunk(wrist, arm.sign, body), placed))
+        return _reached(arm, wrist, pole, placed, smoothstep(length(moved) / FAR))
+
+
+def _between(
+    least: list[float], most: list[float], has: float, angle: Callable[[float], float] = float
+) -> float:
+    """What is missing to be `least` and no more than `most`, by their weights, of what is shown."""
+    return least[0] * max(angle(value_of(least)) - angle(has), 0.0) + most[0] * min(
+        angle(value_of(most)) - angle(has), 0.0
+    )
+
+
+def _raised(outward: float) -> float:
+    """Degrees to which an upper arm is raised whose elbow is so many metres outward."""
+    return degrees(asin(limited(outward / _LENGTHS[0], 1.0)))
+
+
+def _flexion(arm: ArmPose) -> float:
+    upper, lower = unit(subtract(arm.elbow, arm.shoulder)), unit(subtract(arm.wrist, arm.elbow))
+    return acos(limited(dot(upper, lower), 1.0))
+
+
+def _turned(arm: ArmPose, turn: Quaternion) -> ArmPose:
+    """The whole arm turned about its shoulder."""
+    elbow, wrist = (
+        add(arm.shoulder, rotate(turn, subtract(p, arm.shoulder))) for p in (arm.elbow, arm.wrist)
+    )
+    return arm._replace(
+        upper=multiply(turn, arm.upper), lower=multiply(turn, arm.lower), elbow=elbow, wrist=wrist
+    )
+
+
+def _hinge(arm: ArmPose) -> Vector:
+    """The axis about which the elbow bends: the way that it bends, and of a straight arm its own."""
+    upper, lower = unit(subtract(arm.elbow, arm.shoulder)), unit(subtract(arm.wrist, arm.elbow))
+    own = rotate(arm.upper, (0.0, -arm.sign, 0.0))
+    return unit(add(_cross(upper, lower), scale(own, 0.2)))
+
+
+def _bent(arm: ArmPose, more: float) -> ArmPose:
+    """The arm with its elbow bent by `more` radians."""
+    now = _flexion(arm)
+    turn = from_vector(scale(_hinge(arm), min(max(now + more, 0.0), max(DEEPEST_BEND, now)) - now))
+    wrist = add(arm.elbow, rotate(turn, subtract(arm.wrist, arm.elbow)))
+    return arm._replace(lower=multiply(turn, arm.lower), wrist=wrist)
+
+
+def _reached(arm: ArmPose, wrist: Vector, pole: Vector, placed: float, far: float) -> ArmPose:
+    """The arm by two-bone IK with its wrist there, the elbow on the side that it was, or towards `pole`."""
+    a, b = _LENGTHS
+    to = subtract(wrist, arm.shoulder)
+    reach = min(max(length(to), _NEAREST), _REACH)
+    axis, before = unit(to), unit(subtract(arm.wrist, arm.shoulder))
+    swing = between(before, axis)
+    own = rotate(swing, perpendicular(subtract(arm.elbow, arm.shoulder), before))
+    wanted = unit(perpendicular(pole, axis))
+    own = unit(add(own, scale(wanted, 0.02)))  # a straight arm bends as the place has it
+    angle = atan2(dot(_cross(own, wanted), axis), dot(own, wanted))
+    turns = placed * max(far, smoothstep((abs(angle) - TURNED) / TURNS))
+    bend = rotate(from_vector(scale(axis, turns * angle)), own)
+    c = limited((a * a + reach * reach - b * b) / (2.0 * a * reach), 1.0)
+    elbow = add(arm.shoulder, add(scale(axis, a * c), scale(bend, a * sqrt(1.0 - c * c))))
+    wrist = add(arm.shoulder, scale(axis, reach))
+    along = unit(subtract(elbow, arm.shoulder))
+    upper = multiply(between(unit(subtract(arm.elbow, arm.shoulder)), along), arm.upper)
+    upper = multiply(_twist(arm, upper, elbow, wrist, placed * far), upper)
+    lower = multiply(upper, relative(arm.upper, arm.lower))
+    bone: Vector = (arm.sign, 0.0, 0.0)
+    lower = multiply(between(unit(rotate(lower, bone)), unit(subtract(wrist, elbow))), lower)
+    hand = _towards_rest(arm.hand, HAND_FOLLOWS * placed * far)
+    return arm._replace(upper=upper, lower=lower, hand=hand, elbow=elbow, wrist=wrist)
+
+
+def _twist(arm: ArmPose, upper: Quaternion, elbow: Vector, wrist: Vector, weight: float) -> Quaternion:
+    """A turn of the upper arm about itself, by `weight` of the way to where its elbow bends as a hinge does."""
+    along = unit(subtract(elbow, arm.shoulder))
+    wanted = unit(_cross(along, unit(subtract(wrist, elbow))))
+    own = perpendicular(rotate(upper, (0.0, -arm.sign, 0.0)), along)
+    angle = atan2(dot(_cross(own, wanted), along), dot(own, wanted))
+    return from_vector(scale(along, weight * angle))
+
+
+def _towards_rest(q: Quaternion, weight: float) -> Quaternion:
+    w, x, y, z = q if q[0] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
+    half = acos(min(w, 1.0))
+    if half < 1e-4:
+        return q
+    s = sin((1.0 - weight) * half) / sin(half)
+    return cos((1.0 - weight) * half), x * s, y * s, z * s
+
+
+def _out_of_trunk(wrist: Vector, sign: float, body: Body) -> Vector:
+    """The way out of the trunk, of a wrist inside it; nothing for one outside."""
+    hips, chest = body.axes[1], body.axes[2]
+    up = unit(subtract(chest.at, hips.at))
+    from_hips = subtract(wrist, hips.at)
+    high = dot(from_hips, up)
+    level = smoothstep((high - TRUNK_BELOW) / 0.06) * smoothstep((TRUNK_ABOVE - high) / 0.06)
+    if level <= 0.0:
+        return (0.0, 0.0, 0.0)
+    side, ahead = rotate(chest.turned, (1.0, 0.0, 0.0)), rotate(chest.turned, (0.0, 0.0, 1.0))
+    x, z = dot(from_hips, side), dot(from_hips, ahead)
+    deep = hypot(x / TRUNK_X, z / TRUNK_Z)
+    if deep >= 1.0:
+        return (0.0, 0.0, 0.0)
+    if deep < 1e-3:
+        x, deep = sign * 1e-3 * TRUNK_X, 1e-3
+    out = level * (1.0 / deep - 1.0)
+    return add(scale(side, out * x), scale(ahead, out * z))
+
+
+def _cross(a: Vector, b: Vector) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -103,8 +103,8 @@ class Settings:
         False, label="Way on the root", hint="/VMC/Ext/Root/Pos goes over the ground; the hips stay above it"
     )
     exact_legs: bool = specified(
-        True, label="Exact legs, trunk",
-        hint="Exact edits add what the network does not show of feet, hips, heels,\ntoes, knees, lean, twist and sway. Off: the network alone",
+        True, label="Exact edits",
+        hint="Edits add what the network does not show of legs, trunk and arms: line of the feet, hips, heels,\nknees, lean, sway, elbows, swing, places of hands. Off: the network alone",
     )  # fmt: skip
     blend_seconds: float = specified(
         0.8, 0.1, 5.0, label="change over %.1f s", logarithmic=True,

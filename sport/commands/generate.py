@@ -96,7 +96,7 @@ def _add_course(generate: argparse.ArgumentParser) -> None:
     generate.add_argument(
         "--network-legs",
         action="store_true",
-        help="leave legs and trunk as the network walks them, without the edit that shows what their words say",
+        help="leave the body as the network walks it, without the edits that show what its words say",
     )
     generate.add_argument("--seed", type=int, default=0, metavar="N")
 

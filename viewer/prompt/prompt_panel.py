@@ -30,7 +30,7 @@ HINT = "How should the character move?\nFor example: an exhausted soldier"
 HINT_B = "A second prompt to blend with"
 EXACT_HINT = (
     "An exact edit adds what the network does not show of these words."
-    " “Exact legs, trunk” in Settings turns it off."
+    " “Exact edits” in Settings turns it off."
 )
 WEAK_HINT = "The walk shows little of these words. Other words may show more."
 NEAREST_ROWS = 3  # in a tall panel, else one
@@ -64,7 +64,7 @@ class PromptPanel:
     _weak: dict[str, float | None] = field(
         default_factory=lambda: dict.fromkeys(PART_NAMES)
     )  # `weakly_shown` of each part
-    _exact: frozenset[str] = frozenset()  # legs whose words an edit shows
+    _exact: frozenset[str] = frozenset()  # parts whose words an edit shows
     _weak_of: tuple[object, str] = (None, "")  # answer and model for which that holds
 
     def use_model(self, loaded: Loaded, given: GptSettings | None, again: bool = True) -> None:

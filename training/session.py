@@ -206,14 +206,15 @@ class TrainingProgress:
         self._shown, steps = time.monotonic(), self._length.steps
         seconds = self._shown - self._started
         rate, pace = (state.step - self._first[0]) / seconds, (state.at - self._first[1]) / seconds
+        left = f"{(steps - state.at) / pace / 60:.1f} min left" if pace > 0.0 else "just begun"
         means = zip(self._names, self._means.tolist(), strict=True)
         text = "  ".join(f"{name} {mean:.4f}" for name, mean in means)
         log.info(
-            "%s %d  %.0f samples/s  %.1f min left  %s",
+            "%s %d  %.0f samples/s  %s  %s",
             self._name,
             state.step,
             rate * self._length.batch * parallel.workers(),
-            (steps - state.at) / max(pace, 1e-9) / 60,
+            left,
             text,
         )
         whole = state.step if self._length.ends is not None else steps

@@ -52,11 +52,16 @@ class PromptAdherence:
         found = {part: self.of(text, part) for part, text in descriptions.to_mapping().items()}
         return {part: value for part, value in found.items() if value is not None and value < HARDLY}
 
-    def note(self, descriptions: PartDescriptions, edited: frozenset[str] = frozenset()) -> str:
-        """A sentence for the user about what is hardly shown, or ""; parts that are `edited` show what they say."""
+    def note(
+        self, descriptions: PartDescriptions, read: PartDescriptions, edited: frozenset[str] = frozenset()
+    ) -> str:
+        """A sentence for the user about what is hardly shown of `descriptions`, or "".
+
+        `read` is what the model reads in their place; parts that are `edited` show what they say.
+        """
         weak = [
             f"{part.replace('_', ' ')} “{getattr(descriptions, part)}” ({value:.0%})"
-            for part, value in self.weakly_shown(descriptions).items()
+            for part, value in self.weakly_shown(read).items()
             if part not in edited
         ]
         return f"Hardly shown by this model: {'; '.join(weak)}." if weak else ""

@@ -111,7 +111,8 @@ class Prompter:
         return words, self.encoder.encode(words)
 
     def _note(self, descriptions: PartDescriptions) -> str:
-        return self._adherence.note(self.phrasing.followed(descriptions), edited_parts(descriptions))
+        read = self.phrasing.followed(descriptions)
+        return self._adherence.note(descriptions, read, edited_parts(descriptions))
 
     def _blend(self, a: NDArray[np.float32], b: NDArray[np.float32], weights: Weights) -> StyleMix:
         """The mix in which `weights` of the change are done; a pair is measured once."""

@@ -12,7 +12,7 @@ from runtime.assets import asset_path
 from runtime.errors import FileError
 from runtime.prompts.content import PromptEncoder
 from runtime.prompts.parts import PartDescriptions
-from runtime.prompts.phrasing import ModelPhrasing, as_left_limb, load_phrasings, phrasing_of
+from runtime.prompts.phrasing import ModelPhrasing, PromptAdherence, as_left_limb, load_phrasings, phrasing_of
 from tests.helpers.shipped import shipped_encoder, shipped_model
 
 PLAIN = PartDescriptions(
@@ -85,3 +85,17 @@ def test_a_damaged_table_is_named(tmp_path):
         path.write_text(text)
         with pytest.raises(FileError, match=r"wording\.json.*Restore"):
             load_phrasings(path)
+
+
+def test_what_is_hardly_shown_is_said_in_the_words_of_the_prompt():
+    adherence = PromptAdherence({("torso", "torso tilted forward"): 0.1})
+    said = replace(PLAIN, torso="torso leaning forward")
+    note = adherence.note(said, WORDING.followed(said))
+    assert note == "Hardly shown by this model: torso “torso leaning forward” (10%)."
+    assert adherence.note(said, WORDING.followed(said), frozenset({"torso"})) == ""
+
+
+def test_what_does_not_move_is_not_read_as_moving():
+    for (_, words), read in phrasing_of("compact").table.items():
+        if any(word in words for word in ("neither", "hardly swaying", "no sway")):
+            assert not any(moves in read for moves in ("swaying", "rocking")), words

@@ -76,8 +76,8 @@ def test_what_was_not_measured_has_the_mean_of_its_clauses_or_nothing() -> None:
 def test_the_note_names_what_is_hardly_shown() -> None:
     said = PLAIN.replace("right_arm", "right hand on the hip, held still").replace("torso", "torso upright")
     assert TABLE.weakly_shown(said) == {"right_arm": 0.2}
-    assert "right arm “right hand on the hip, held still” (20%)" in TABLE.note(said)
-    assert TABLE.note(PLAIN) == ""
+    assert "right arm “right hand on the hip, held still” (20%)" in TABLE.note(said, said)
+    assert TABLE.note(PLAIN, PLAIN) == ""
 
 
 def test_tables_are_read_and_damage_is_named(tmp_path: Path) -> None:

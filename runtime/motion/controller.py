@@ -213,11 +213,13 @@ class Controller:
 
 
 MOST = 64  # characters
+TOGETHER = 4  # from which on they are moved in full precision, by one call of the network for each thread
 
 
 class Crowd:
     """Steps controllers of one model on one ground together; each keeps its own style, seed, strength and place.
 
+    Fewer than TOGETHER move bit by bit as they would alone; of more the first step loads the model in full precision.
     UsageError for none, for more than MOST, and for controllers of several models or grounds.
     """
 
@@ -247,17 +249,21 @@ class Crowd:
         """Simulate 1/60 s of every character, half of them on the second thread; see `Controller.step`."""
         middle = len(self.members) // 2
         halves = self.members[:middle], self.members[middle:]
-        other = self._helper.submit(_stepped, halves[0], controls) if middle else None
-        frames = _stepped(halves[1], controls)
+        model = self.members[0].model
+        model = model.in_full if len(self.members) >= TOGETHER else model
+        other = self._helper.submit(_stepped, model, halves[0], controls) if middle else None
+        frames = _stepped(model, halves[1], controls)
         frames = frames if other is None else other.result() + frames
         return [member.take(*frame) for member, frame in zip(self.members, frames, strict=True)]
 
 
-def _stepped(members: Sequence[Controller], controls: Controls) -> list[tuple[CharacterState, Frame]]:
+def _stepped(
+    model: MotionModel, members: Sequence[Controller], controls: Controls
+) -> list[tuple[CharacterState, Frame]]:
     """The states 1/60 s later, and frames, of characters that are moved together."""
     first = members[0]
     state, frame = step(
-        first.model,
+        model,
         joined([member.state for member in members]),
         [controls] * len(members),
         first.terrain,

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import threading
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from importlib.metadata import entry_points
 from math import cos, pi, sin
 from pathlib import Path
@@ -76,7 +77,7 @@ class MotionModel:
     def __init__(
         self, folder: Path, metadata: dict[str, Any], threads: int = 1, precision: str = "auto"
     ) -> None:
-        self.folder = folder
+        self.folder, self._threads = folder, threads
         self.precision = choose_precision(folder, metadata, precision)
         self.name = str(metadata["name"])
         self.metadata = metadata
@@ -109,6 +110,16 @@ class MotionModel:
     def batches(self) -> bool:
         """Whether characters with styles of their own can be in one call, independent of each other."""
         return self._styles_apart and self.precision == "fp32"
+
+    @cached_property
+    def in_full(self) -> MotionModel:
+        """This model in full precision, for crowds: one call for all costs less than one with 8-bit weights for each."""
+        if self.precision == "fp32" or not self._styles_apart:
+            return self
+        full, name = copy.copy(self), "step"
+        full.precision, full._stacked, full._step_path = "fp32", {}, self.folder / f"{name}.onnx"
+        full._step = open_graph(full._step_path, read_graph(self.folder, name, self.metadata), self._threads)
+        return full
 
     def crosses(self, obstacle: ObstacleAhead) -> bool:
         """Whether the network crosses an obstacle by itself: it was seen to cross those of its kind up to this size."""

@@ -198,6 +198,7 @@ class MatchingModel:
         self.precision, self.provider = "fp32", "database"
         self.noise_shape = (1, 1, 1)
         self.batches = False  # each character has a place in the database of its own
+        self.in_full = self
         self.style_shape = (6, 64)
         self.database = base = Database.load(folder / DATABASE) if database is None else database
         self._mean, self._scale = scales(base.features)

@@ -6,6 +6,7 @@ Command, window, batch and `convert` go by it. Films are in it too, but they are
 from __future__ import annotations
 
 import importlib
+import os
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -86,7 +87,7 @@ def format_of(path: Path) -> Format:
     found = FORMATS.get(path.suffix.lower())
     if found is not None:
         return found
-    if path.is_dir():
+    if os.path.isdir(path):  # False for a name that no disk can hold, which writing refuses
         raise UsageError(f"{path}: this is a folder.", "Add the name of a file.")
     known = ", ".join(f"{f.suffix} ({f.text})" for f in _TABLE)
     what = f"nothing writes files that end in {path.suffix}" if path.suffix else "a name without an ending"

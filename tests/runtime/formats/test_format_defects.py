@@ -10,10 +10,11 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from runtime import rotations
+from runtime.errors import UsageError
 from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
 from runtime.formats.prepare import ExportOptions, prepare
 from runtime.formats.reference import open_take
-from runtime.formats.table import save_motion
+from runtime.formats.table import format_of, save_motion
 from runtime.pose import video_rate
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
@@ -178,3 +179,8 @@ def test_a_caption_covers_no_foot(name: str, height: float) -> None:
             np.column_stack([toes, np.ones(4)]) @ (camera.projection_matrix(16 / 9) @ camera.view_matrix()).T
         )
         assert (seen[:, 1] / seen[:, 3]).min() > edge, k
+
+
+def test_a_name_longer_than_a_disk_can_hold_is_one_sentence() -> None:
+    with pytest.raises(UsageError, match="a name without an ending"):
+        format_of(Path("x" * 100_000))

@@ -131,4 +131,4 @@ def test_prompts_of_the_documents_are_shown_by_the_shipped_model() -> None:
     assert len(prompts) >= 5
     for prompt in prompts:
         words = library.expand(prompt).descriptions
-        assert adherence.note(words, edited_parts(words)) == "", prompt
+        assert adherence.note(words, words, edited_parts(words)) == "", prompt

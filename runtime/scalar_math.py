@@ -71,6 +71,11 @@ def perpendicular(v: Vector, axis: Vector) -> Vector:
     return v[0] - d * axis[0], v[1] - d * axis[1], v[2] - d * axis[2]
 
 
+def cross(a: Vector, b: Vector) -> Vector:
+    """Vector product: perpendicular to both."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
 def dot(a: Vector, b: Vector) -> float:
     """Inner product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

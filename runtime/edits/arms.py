@@ -17,6 +17,7 @@ from runtime.scalar_math import (
     Vector,
     add,
     between,
+    cross,
     dot,
     from_vector,
     length,
@@ -233,7 +234,7 @@ def _hinge(arm: ArmPose) -> Vector:
     """The axis about which the elbow bends: the way that it bends, and of a straight arm its own."""
     upper, lower = unit(subtract(arm.elbow, arm.shoulder)), unit(subtract(arm.wrist, arm.elbow))
     own = rotate(arm.upper, (0.0, -arm.sign, 0.0))
-    return unit(add(_cross(upper, lower), scale(own, 0.2)))
+    return unit(add(cross(upper, lower), scale(own, 0.2)))
 
 
 def _bent(arm: ArmPose, more: float) -> ArmPose:
@@ -254,7 +255,7 @@ def _reached(arm: ArmPose, wrist: Vector, pole: Vector, placed: float, far: floa
     own = rotate(swing, perpendicular(subtract(arm.elbow, arm.shoulder), before))
     wanted = unit(perpendicular(pole, axis))
     own = unit(add(own, scale(wanted, 0.02)))  # a straight arm bends as the place has it
-    angle = atan2(dot(_cross(own, wanted), axis), dot(own, wanted))
+    angle = atan2(dot(cross(own, wanted), axis), dot(own, wanted))
     turns = placed * max(far, smoothstep((abs(angle) - TURNED) / TURNS))
     bend = rotate(from_vector(scale(axis, turns * angle)), own)
     c = limited((a * a + reach * reach - b * b) / (2.0 * a * reach), 1.0)
@@ -273,9 +274,9 @@ def _reached(arm: ArmPose, wrist: Vector, pole: Vector, placed: float, far: floa
 def _twist(arm: ArmPose, upper: Quaternion, elbow: Vector, wrist: Vector, weight: float) -> Quaternion:
     """A turn of the upper arm about itself, by `weight` of the way to where its elbow bends as a hinge does."""
     along = unit(subtract(elbow, arm.shoulder))
-    wanted = unit(_cross(along, unit(subtract(wrist, elbow))))
+    wanted = unit(cross(along, unit(subtract(wrist, elbow))))
     own = perpendicular(rotate(upper, (0.0, -arm.sign, 0.0)), along)
-    angle = atan2(dot(_cross(own, wanted), along), dot(own, wanted))
+    angle = atan2(dot(cross(own, wanted), along), dot(own, wanted))
     return from_vector(scale(along, weight * angle))
 
 
@@ -306,7 +307,3 @@ def _out_of_trunk(wrist: Vector, sign: float, body: Body) -> Vector:
         x, deep = sign * 1e-3 * TRUNK_X, 1e-3
     out = level * (1.0 / deep - 1.0)
     return add(scale(side, out * x), scale(ahead, out * z))
-
-
-def _cross(a: Vector, b: Vector) -> Vector:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

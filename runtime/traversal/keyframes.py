@@ -19,6 +19,7 @@ from runtime.scalar_math import (
     Quaternion,
     Vector,
     add,
+    cross,
     dot,
     from_vector,
     inverse,
@@ -191,7 +192,7 @@ def place_hand(
     flexed = unit(
         subtract(scale(out, -c), scale(aim, -sqrt(1.0 - c * c)))
     )  # across the upper arm, to the hand
-    hinge = _cross(flexed, upper) if side == 0 else _cross(upper, flexed)
+    hinge = cross(flexed, upper) if side == 0 else cross(upper, flexed)
     x = 1.0 if side == 0 else -1.0
     upper_world = _from_axes(scale(upper, x), hinge)
     fore_world = _from_axes(scale(fore, x), hinge)
@@ -207,13 +208,9 @@ def place_hand(
         local[joint] = slerp(local[joint], rotation, weight)
 
 
-def _cross(a: Vector, b: Vector) -> Vector:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
 def _from_axes(x: Vector, y: Vector) -> Quaternion:
     """The rotation that turns +X into x and +Y into y, both of length one and perpendicular."""
-    z = _cross(x, y)
+    z = cross(x, y)
     xx, yy, zz = x[0], y[1], z[2]
     if xx + yy + zz > 0.0:
         q = (1.0 + xx + yy + zz, y[2] - z[1], z[0] - x[2], x[1] - y[0])

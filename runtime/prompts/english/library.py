@@ -51,7 +51,7 @@ NEAR = 0.62  # the best entry is taken whole
 GUESS = 0.56  # below, neighbours are a guess that is wrong more often than not
 WHOLE = 0.3  # words that an entry must explain more than the phrases found do, to be taken in place of them
 CERTAIN = 0.85  # what an entry needs that has only a part's name in common with the prompt
-ONE_WORD = 0.72  # the same where that is a single word, whose neighbours are many
+ONE_WORD = 0.72  # the same where that is a single word, or one beside a part's name: their neighbours are many
 CLOSE = 0.8  # so near an entry a prompt is about a body, whatever the bodily score
 PLAIN = 0.2  # neutral walks are like everything that "walks": a style is none
 ANIMAL = 0.25  # how far below 0 the bodily score may lie where an animal is named: "a dog that has just had a bath"
@@ -258,7 +258,9 @@ class LibraryExpander:
 
     def _names(self, words: list[Word], entry: int, similarity: float) -> bool:
         """Whether some words, as similar as that to an entry, name it."""
-        least = ONE_WORD if sum(word.says for word in words) == 1 else GUESS
+        # "with jerky arms" is like everything that has arms
+        one = sum(word.says for word in words) == 1 or any(word.stem in PLACES for word in words)
+        least = ONE_WORD if one else GUESS
         alike = similarity >= least and (similarity >= CERTAIN or self._has_a_word_of(words, entry))
         return alike and not self._library.phrases.only_alone(words) and self._bodily(_text(words)) > 0.0
 

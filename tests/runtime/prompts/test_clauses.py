@@ -96,6 +96,8 @@ def test_clauses(prompt: str, rest: str, expected: dict[str, str]) -> None:
         ("left hand on the head", "left_arm.on_head"),
         ("right hand at the ear", "right_arm.at_ear"),
         ("hands in front of the face", "left_arm.before_face right_arm.before_face"),
+        ("right arm shielding the eyes", "right_arm.before_face"),
+        ("arms held out wide from the body", "left_arm.side_low right_arm.side_low"),
         ("right hand holding the belly", "right_arm.on_belly"),
         ("left hand on the heart", "left_arm.on_chest"),
         ("arms stretched out in front", "left_arm.forward right_arm.forward"),

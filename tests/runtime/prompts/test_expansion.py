@@ -175,6 +175,9 @@ def test_only_clauses_are_explicit_on_a_neutral_body() -> None:
             {"gorilla": (*ARMS, "torso", "head"), "ballerina": LEGS},
         ),
         ("left arm like a robot", {"robot": ("left_arm",), NEUTRAL: ("right_arm", *LEGS, "torso")}),
+        # like every entry about feet and arms, and none of them
+        ("a clown with big floppy feet", {"clown": (*ARMS, *LEGS, "torso", "head")}),
+        ("a robot with jerky arms", {"robot": (*ARMS, *LEGS, "torso", "head")}),
         ("slightly angry", {NEUTRAL: (*ARMS, *LEGS), "angry": ("torso", "head")}),
         ("very angry", {"angry": PART_NAMES}),
     ],

@@ -51,7 +51,9 @@ NEAR = 0.62  # the best entry is taken whole
 GUESS = 0.56  # below, neighbours are a guess that is wrong more often than not
 WHOLE = 0.3  # words that an entry must explain more than the phrases found do, to be taken in place of them
 CERTAIN = 0.85  # what an entry needs that has only a part's name in common with the prompt
-ONE_WORD = 0.72  # the same where that is a single word, or one beside a part's name: their neighbours are many
+ONE_WORD = (
+    0.72  # the same where that is a single word, or one beside a part's name: their neighbours are many
+)
 CLOSE = 0.8  # so near an entry a prompt is about a body, whatever the bodily score
 PLAIN = 0.2  # neutral walks are like everything that "walks": a style is none
 ANIMAL = 0.25  # how far below 0 the bodily score may lie where an animal is named: "a dog that has just had a bath"

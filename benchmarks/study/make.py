@@ -213,13 +213,14 @@ def _in_style(
 ) -> tuple[Clip, Terrain]:
     """A walk in a style along a captured path, or straight ahead."""
     from training.evaluation.motion.driving import flat_ground, follow
-    from training.evaluation.text.walks import straight_walk
+    from training.evaluation.text.walks import straight_walks
 
     z = evaluated.style(style, 0)
     if path is None:
-        return Clip("clip", FPS, *straight_walk(evaluated.model, z, seconds)), flat_ground()
-    walk = replace(path, gait=np.full(len(path), Gait.WALK))
-    return clip_of(_middle(follow(evaluated.model, walk, z), seconds)), path.terrain
+        (walk,) = straight_walks(evaluated.model, [z], seconds)
+        return Clip("clip", FPS, *walk), flat_ground()
+    walked = replace(path, gait=np.full(len(path), Gait.WALK))
+    return clip_of(_middle(follow(evaluated.model, walked, z), seconds)), path.terrain
 
 
 def _captured_obstacles(capture: Iterable[ClipInfo], course: str, count: int) -> list[Motion]:

@@ -80,6 +80,13 @@ class _Claim:
     name: str
     words: Mapping[str, Sequence[str]]
     fraction: Callable[[Summary, Summary], float]
+    held: bool = False  # a hand at its place
+
+    @property
+    def on_a_line(self) -> bool:
+        """Whether it sets the feet on a line in any case: drawn out, such a code crosses the legs and leaves the way."""
+        said = (text for texts in self.words.values() for text in texts)
+        return any(targets_of("left_leg", text).get("outward", (WIDE,))[0] <= CLOSE for text in said)
 
     def within(self, among: PartDescriptions, number: int = 0) -> PartDescriptions:
         """Other words with these, in one of their sentences."""
@@ -88,66 +95,72 @@ class _Claim:
         return among
 
 
-def _on_a_line(sentence: str) -> bool:
-    """Whether an edit sets the feet on a line in any case: drawn out, such a code crosses the legs and leaves the way."""
-    (outward,) = targets_of("left_leg", sentence).get("outward", (WIDE,))
-    return outward <= CLOSE
-
-
 @dataclass(frozen=True)
 class _Walks:
-    """Walks by words that are drawn out, and what they show."""
+    """Walks by words that are drawn out, and what they show; many at once, for walks made together cost less."""
 
     prompter: Prompter
     walker: Walker
     plain: PartDescriptions
     neutral: Float32Array
 
-    def fractions(self, several: Sequence[_Claim], gain: float = 1.0) -> list[float]:
-        """Of each on a neutral walk."""
-        codes = [self._code(each, gain, self.plain) for each in several]
+    def alone(self, several: Sequence[_Claim], gains: Sequence[float]) -> list[float]:
+        """The fraction of each that is shown on a neutral walk."""
+        codes = [self._code(each, gain, self.plain) for each, gain in zip(several, gains, strict=True)]
         walked, *made = self.walker.make([Walk.of(z, 0) for z in (self.neutral, *codes)])
         return [each.fraction(walked, one) for each, one in zip(several, made, strict=True)]
 
-    def alone(self, claim: _Claim, gain: float) -> float:
-        """Of one on a neutral walk."""
-        return self.fractions([claim], gain)[0]
-
-    def among_others(self, claim: _Claim, gain: float) -> float:
-        """Of one, the mean among the two groups of others."""
+    def among_others(self, several: Sequence[_Claim], gains: Sequence[float]) -> list[float]:
+        """The fraction of each, the mean among the two groups of others."""
         found = []
         for companions in COMPANIONS:
-            words = _among(self.plain, claim.words, companions)
-            codes = self.prompter(words), self._code(claim, gain, words)
-            found.append(claim.fraction(*self.walker.make([Walk.of(z, 0) for z in codes])))
-        return float(np.mean(found))
+            codes = []
+            for each, gain in zip(several, gains, strict=True):
+                words = _among(self.plain, each.words, companions)
+                codes += [self.prompter(words), self._code(each, gain, words)]
+            made = self.walker.make([Walk.of(z, 0) for z in codes])
+            found.append(
+                [
+                    each.fraction(without, one)
+                    for each, without, one in zip(several, made[::2], made[1::2], strict=True)
+                ]
+            )
+        return [float(np.mean(fractions)) for fractions in zip(*found, strict=True)]
 
-    def gains(self, claim: _Claim, alone: float, held: bool) -> tuple[float, float]:
-        """With which it is shown wholly alone, where it is shown by a fraction `alone` without, and among others.
+    def gains(self, several: Sequence[_Claim]) -> list[tuple[float, float]]:
+        """With which each is shown wholly alone, and among others.
 
-        The code of a hand that is `held` is its place: farther out is another, whatever the others do.
+        The code of a hand that is held is its place: farther out is another, whatever the others do. A code that sets the
+        feet on a line is left alone.
         """
-        if any(_on_a_line(text) for texts in claim.words.values() for text in texts):
-            return 1.0, 1.0
-        gain = self._gain(claim, self.alone, 1.0, alone)
-        return gain, gain if held else self._gain(
-            claim, self.among_others, gain, self.among_others(claim, gain)
-        )
+        drawn = [each for each in several if not each.on_a_line]
+        alone = self._least(drawn, self.alone, [1.0] * len(drawn))
+        found = {each.name: (gain, gain) for each, gain in zip(drawn, alone, strict=True)}
+        free = [each for each in drawn if not each.held]
+        among = self._least(free, self.among_others, [found[each.name][0] for each in free])
+        found |= {each.name: (found[each.name][0], gain) for each, gain in zip(free, among, strict=True)}
+        return [found.get(each.name, (1.0, 1.0)) for each in several]
 
-    def _gain(
-        self, claim: _Claim, fraction: Callable[[_Claim, float], float], gain: float, shown: float
-    ) -> float:
-        """The least with which words are shown wholly; `gain`, with which they are `shown`, where none is or brings much.
+    def _least(
+        self,
+        several: Sequence[_Claim],
+        fractions: Callable[[Sequence[_Claim], Sequence[float]], list[float]],
+        gains: Sequence[float],
+    ) -> list[float]:
+        """The least with which each is shown wholly; that of `gains`, where it is by that or none brings much.
 
         What farther out is not shown wholly distorts the rest.
         """
-        if shown >= SHOWN:
-            return gain
-        for farther in (g for g in GAINS if g > gain):
-            if fraction(claim, farther) >= max(SHOWN, shown + WORTH):
-                log.info("%s: %.2f, drawn out by %.2f", claim.name, shown, farther)
-                return farther
-        return gain
+        shown, found = fractions(several, gains), list(gains)
+        weak = [i for i, fraction in enumerate(shown) if fraction < SHOWN]
+        for farther in GAINS:
+            tried = [i for i in weak if gains[i] < farther and found[i] == gains[i]]
+            reached = fractions([several[i] for i in tried], [farther] * len(tried))
+            for i, fraction in zip(tried, reached, strict=True):
+                if fraction >= max(SHOWN, shown[i] + WORTH):
+                    log.info("%s: %.2f, drawn out by %.2f", several[i].name, shown[i], farther)
+                    found[i] = farther
+        return found
 
     def _code(self, claim: _Claim, gain: float, among: PartDescriptions) -> Float32Array:
         code = self.prompter(claim.within(among))
@@ -166,27 +179,28 @@ def calibrated(
     examples = described_edits(neutral_motion(model, neutral))
     pairs = _trained()
     edits = {
-        name: _Claim(name, part_edits()[name].phrases, partial(edit_fraction, name, examples[name]))
+        name: _Claim(
+            name, part_edits()[name].phrases, partial(edit_fraction, name, examples[name]), _is_hand(name)
+        )
         for name in sorted({n for pair in pairs for n in pair})
     }
-    first = dict(zip(edits, walks.fractions(list(edits.values())), strict=True))
+    first = dict(zip(edits, walks.alone(list(edits.values()), [1.0] * len(edits)), strict=True))
+    leads = [_lead(left, right, first[left] - first[right]) for left, right in pairs]
+    better = [edits[left if lead >= 0 else right] for (left, right), lead in zip(pairs, leads, strict=True)]
+    rules = list(_rule_sentences(phrasing))
+    gains = walks.gains([*better, *rules])
     rows: list[dict[str, Any]] = []
-    for left, right in pairs:
-        lead = _lead(left, right, first[left] - first[right])
-        better = left if lead >= 0 else right
-        gains = walks.gains(edits[better], first[better], part_edits()[left].kind == "hand")
+    for (left, _), lead, measured, gain in zip(pairs, leads, better, gains, strict=False):
         # of a pair that has one side only the catalogue has the words of the other
-        rows += _rows(
-            _Claim(left, part_edits()[left].phrases, edits[better].fraction),
-            part_edits()[left].slot,
-            lead,
-            gains,
-            walks,
-        )
-    for claim in _rule_sentences(phrasing):
-        gains = walks.gains(claim, walks.alone(claim, 1.0), held=False)
-        rows += _rows(claim, "legs", 0.0, gains, walks)
+        shown = _Claim(left, part_edits()[left].phrases, measured.fraction)
+        rows += _rows(shown, part_edits()[left].slot, lead, gain, walks)
+    for rule, gain in zip(rules, gains[len(pairs) :], strict=True):
+        rows += _rows(rule, "legs", 0.0, gain, walks)
     return rows
+
+
+def _is_hand(edit: str) -> bool:
+    return part_edits()[edit].kind == "hand"
 
 
 def _rule_sentences(phrasing: ModelPhrasing) -> Iterable[_Claim]:
@@ -265,14 +279,14 @@ def _rows(
         }
 
 
-def calibrate(folder: Path, signs: Sequence[int], text_encoder: Path | None = None) -> None:
-    """Measure a model folder as it is without calibration, and write that into its metadata."""
+def calibrate(folder: Path, signs: Sequence[int], text_encoder: Path | None = None, workers: int = 1) -> None:
+    """Measure a model folder as it is without calibration, in `workers` processes, and write that into its metadata."""
     metadata = read_metadata(folder)
     if metadata.pop("calibration", None) is not None:
         _write(folder, metadata)
     model = load_model(folder)
     prompter = Prompter(model, text_encoder=text_encoder, phrasing=ModelPhrasing())
-    codes = calibrated(model, prompter, Walker(folder, 1, SECONDS), phrasing_of(model.name))
+    codes = calibrated(model, prompter, Walker(folder, workers, SECONDS), phrasing_of(model.name))
     _write(folder, metadata | {"calibration": {"phase": list(signs), "codes": codes}})
 
 

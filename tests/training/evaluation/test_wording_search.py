@@ -12,6 +12,7 @@ pytest.importorskip("torch")
 from runtime.prompts.phrasing import ModelPhrasing
 from runtime.prompts.prompter import Prompter
 from tests.helpers.shipped import shipped_model
+from training.evaluation.text import walks as text_walks
 from training.evaluation.text import wording
 from training.evaluation.text.wording import NEUTRAL, better_wordings, walk_all
 from training.text.claims import sentence_fraction, unclaimed_change
@@ -76,7 +77,7 @@ def test_captured_sentences_keep_their_words():
 
 
 def test_a_sentence_is_walked_with_the_rest_of_the_body_neutral(monkeypatch):
-    monkeypatch.setattr(wording, "LEAD_SECONDS", 0.5)
+    monkeypatch.setattr(text_walks, "LEAD_SECONDS", 0.5)
     monkeypatch.setattr(wording, "SECONDS", 1.0)
     model = shipped_model()
     key = ("torso", "torso leaning far forward")

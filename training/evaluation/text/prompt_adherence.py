@@ -35,7 +35,7 @@ from training.augmentation.catalogue import part_edits
 from training.augmentation.edits import apply
 from training.augmentation.measured_edits import Summary, summarise, targets, value
 from training.augmentation.motion import EditedMotion
-from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker, straight_walk
+from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker, straight_walks
 from training.frames import PLAIN
 from training.text.claims import clause_fraction, clauses
 from training.text.measure import BodyMeasures
@@ -175,7 +175,7 @@ def described_edits(motion: EditedMotion) -> dict[str, tuple[Summary, Summary]]:
 
 def neutral_motion(model: MotionModel, z: Array) -> EditedMotion:
     """A neutral walk of the model, to apply edits to."""
-    hips, local, contacts = straight_walk(model, z, 2 * SECONDS)
+    ((hips, local, contacts),) = straight_walks(model, [z], 2 * SECONDS)
     stands = (contacts > 0.5).astype(np.uint8)
     return EditedMotion(hips.astype(np.float64), local.astype(np.float64), stands, Terrain.flat(size_m=200.0))
 

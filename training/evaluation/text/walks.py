@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import logging
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import chain
 from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.generate import simulate
 from runtime.motion.control_scripts import control_script
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
@@ -20,12 +21,15 @@ from runtime.motion.model import MotionModel, load_model
 from runtime.skeleton import SPORT_SKELETON
 from training.augmentation.measured_edits import Summary, summarise
 from training.data.labels import foot_contacts
-from training.evaluation.motion.driving import flat_ground
+from training.evaluation.motion.driving import TOGETHER, flat_ground, walk_together
 from training.text.measure import BodyMeasures, measure
+
+log = logging.getLogger("sport.evaluate")
 
 PLAIN_PROMPT = "a person walking normally"  # what words about a part change
 LEAD_SECONDS = 2.0  # walked before measuring: standing still and the start pose are over
 SECONDS = 6.0
+LOGGED = 64  # walks between two lines of the log
 
 
 @dataclass(frozen=True)
@@ -42,7 +46,7 @@ class Walk:
 
 
 class Walker:
-    """Makes walks with the model of a folder in `workers` processes; the same walk is made once."""
+    """Makes walks with the model of a folder in full precision, many together, in `workers` processes; the same walk is made once."""
 
     def __init__(self, folder: Path, workers: int = 1, seconds: float = SECONDS) -> None:
         self.folder, self.workers, self.seconds = folder, workers, seconds
@@ -51,38 +55,57 @@ class Walker:
     def make(self, walks: Sequence[Walk]) -> list[Summary]:
         """Summaries of the walks, in their order."""
         new = [w for w in dict.fromkeys(walks) if w not in self._made]
-        jobs = [(self.folder, w, self.seconds) for w in new]
-        if self.workers > 1 and len(jobs) > 4:
+        size = min(TOGETHER, -(-len(new) // self.workers)) or 1
+        jobs = [(self.folder, new[k : k + size], self.seconds) for k in range(0, len(new), size)]
+        if len(jobs) > 1 and self.workers > 1:
             # spawned, not forked: a running onnxruntime does not survive a fork
             with ProcessPoolExecutor(self.workers, mp_context=get_context("spawn")) as pool:
-                made = list(pool.map(_make, jobs, chunksize=4))
+                self._keep(new, pool.map(_make, jobs))
         else:
-            made = [_make(job) for job in jobs]
-        self._made |= dict(zip(new, made, strict=True))
+            self._keep(new, map(_make, jobs))
         return [self._made[w] for w in walks]
 
+    def _keep(self, walks: Sequence[Walk], made: Iterable[list[Summary]]) -> None:
+        for number, (walk, summary) in enumerate(zip(walks, chain.from_iterable(made), strict=True), 1):
+            self._made[walk] = summary
+            if number % LOGGED == 0:
+                log.info("walked %d of %d", number, len(walks))
 
-def _make(job: tuple[Path, Walk, float]) -> Summary:
-    folder, walk, seconds = job
-    z = np.frombuffer(walk.z, np.float32).reshape(6, 64)
-    return summarise(*straight_walk(_model(folder), z, seconds, walk.seed))
+
+def _make(job: tuple[Path, Sequence[Walk], float]) -> list[Summary]:
+    folder, walks, seconds = job
+    codes = [np.frombuffer(walk.z, np.float32).reshape(6, 64) for walk in walks]
+    return [
+        summarise(*walk)
+        for walk in straight_walks(_model(folder), codes, seconds, [walk.seed for walk in walks])
+    ]
 
 
-def straight_walk(model: MotionModel, z: Array, seconds: float, seed: int = 0) -> tuple[Array, Array, Array]:
-    """Hips `(T, 3)`, local rotations `(T, 31, 4)` and contacts `(T, 4)` of a walk in Z^t `(6, 64)`, after its lead-in."""
-    lead = round(LEAD_SECONDS * FPS)
-    controller, script = Controller(model, flat_ground(), seed), control_script("forward", "walk")
-    poses = simulate(controller, script, [(0.0, z)], lead + round(seconds * FPS))[lead:]
-    return (
-        np.stack([p.hips_position for p in poses]),
-        np.stack([p.local_rotations for p in poses]),
-        np.stack([p.contacts for p in poses]),
-    )
+def straight_walks(
+    model: MotionModel, codes: Sequence[Array], seconds: float, seeds: Sequence[int] | None = None
+) -> list[tuple[Array, Array, Array]]:
+    """Hips `(T, 3)`, local rotations `(T, 31, 4)` and contacts `(T, 4)` of a walk in each Z^t `(6, 64)`, after its lead-in.
+
+    Walked together; seeds are 0 where none are given.
+    """
+    lead, ground = round(LEAD_SECONDS * FPS), flat_ground()
+    members = [Controller(model, ground, seed) for seed in seeds or [0] * len(codes)]
+    for member, code in zip(members, codes, strict=True):
+        member.set_style(code, 0.0)
+    walks = walk_together(members, control_script("forward", "walk"), lead + round(seconds * FPS))
+    return [
+        (
+            np.stack([p.hips_position for p in poses[lead:]]),
+            np.stack([p.local_rotations for p in poses[lead:]]),
+            np.stack([p.contacts for p in poses[lead:]]),
+        )
+        for poses in walks
+    ]
 
 
 @lru_cache(maxsize=1)
 def _model(folder: Path) -> MotionModel:
-    return load_model(folder)
+    return load_model(folder, precision="fp32")
 
 
 def body_of(hips: Array, local: Array) -> BodyMeasures:

@@ -21,27 +21,22 @@ from math import inf
 from operator import itemgetter
 from pathlib import Path
 
-import numpy as np
-
 from runtime.arrays import Array
 from runtime.assets import asset_path, model_folder
 from runtime.atomic import check_target, write_atomic
-from runtime.controls import Controls
 from runtime.errors import run_command
-from runtime.motion.controller import MOST, Controller, Crowd
-from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel, load_model
 from runtime.prompts.parts import PartDescriptions, mirror_text
 from runtime.prompts.phrasing import PHRASINGS, ModelPhrasing, adherence_of, as_left_limb
 from runtime.prompts.prompter import Prompter
-from training.evaluation.motion.driving import flat_ground
-from training.evaluation.text.walks import PLAIN_PROMPT, body_of
+from training.evaluation.motion.driving import TOGETHER
+from training.evaluation.text.walks import PLAIN_PROMPT, body_of, straight_walks
 from training.text.claims import claims, sentence_fraction, unclaimed_change
 from training.text.measure import BodyMeasures
 
 log = logging.getLogger("sport.evaluate")
 
-LEAD_SECONDS, SECONDS = 1.5, 4.0  # walked before measuring, and measured
+SECONDS = 4.0  # of each walk
 WEAK = 0.6  # fraction of a sentence's claims under which it gets another wording
 GAIN = 0.3  # by which the other wording has to be better
 CHANGE = 0.12  # what a unit of change that was not claimed costs, in fractions
@@ -60,20 +55,9 @@ NEUTRAL: Key = ("", "")
 Likeness = Callable[[Sequence[str]], Array]
 
 
-def walk(model: MotionModel, codes: Sequence[Array], seed: int = 0) -> list[BodyMeasures]:
+def walk(model: MotionModel, codes: Sequence[Array]) -> list[BodyMeasures]:
     """What bodies do that walk straight ahead on flat ground, one for each Z^t `(6, 64)`."""
-    ground = flat_ground()
-    members = [Controller(model, ground, seed) for _ in codes]
-    for member, code in zip(members, codes, strict=True):
-        member.set_style(code, 0.0)
-    crowd, ahead = Crowd(members), Controls(move=(0.0, 1.0))
-    frames = [crowd.step(ahead) for _ in range(round((LEAD_SECONDS + SECONDS) * FPS))]
-    crowd.close()
-    walks = zip(*frames[round(LEAD_SECONDS * FPS) :], strict=True)
-    return [
-        body_of(np.stack([p.hips_position for p in poses]), np.stack([p.local_rotations for p in poses]))
-        for poses in walks
-    ]
+    return [body_of(hips, local) for hips, local, _ in straight_walks(model, codes, SECONDS)]
 
 
 def walk_all(model: MotionModel, prompter: Prompter, keys: Sequence[Key]) -> dict[Key, BodyMeasures]:
@@ -81,8 +65,8 @@ def walk_all(model: MotionModel, prompter: Prompter, keys: Sequence[Key]) -> dic
     plain = prompter.expand(PLAIN_PROMPT).descriptions
     found: dict[Key, BodyMeasures] = {}
     every = [NEUTRAL, *keys]
-    for first in range(0, len(every), MOST):
-        chunk = every[first : first + MOST]
+    for first in range(0, len(every), TOGETHER):
+        chunk = every[first : first + TOGETHER]
         said = [_said(plain, *key) if key != NEUTRAL else plain for key in chunk]
         found |= dict(zip(chunk, walk(model, [prompter(each) for each in said]), strict=True))
         log.info("walked %d of %d", len(found), len(every))

@@ -12,7 +12,7 @@ from tests.training.test_composition import frames, table, texts  # noqa: E402, 
 from training import session as training_session  # noqa: E402
 from training.presets import preset  # noqa: E402
 from training.sampling import sampling_weights  # noqa: E402
-from training.session import Session, StageLength, load_checkpoint, save_checkpoint  # noqa: E402
+from training.session import Session, StageLength, load_checkpoint  # noqa: E402
 from training.stages import content, ground, motion, phase  # noqa: E402
 from training.styles import StyleTable  # noqa: E402
 
@@ -88,31 +88,3 @@ def test_a_killed_stage_goes_on_to_the_same_bytes(stage, frames, table, texts, t
     assert done == [0, 1, 2]
     torch.manual_seed(99)  # a new process has other random numbers
     assert run(stage, tmp_path / "broken", frames, table, texts) == whole
-
-
-def test_encoding_goes_on_where_it_was_stopped(frames, table, tmp_path, monkeypatch):  # noqa: F811
-    torch.manual_seed(1)
-    trained = {"module": phase.PeriodicAutoencoder(CONFIG).state_dict(), "scale": torch.tensor(1.0)}
-    vectors, rows = phase.PeriodicAutoencoder.phase_vectors, []
-    monkeypatch.setattr(phase, "ENCODED_ROWS", 16)
-
-    def encode(out: Path, most: int) -> np.ndarray:
-        def stopped(module, windows):
-            if len(rows) == most:
-                raise Killed
-            rows.append(len(windows))
-            return vectors(module, windows)
-
-        rows.clear()
-        monkeypatch.setattr(phase.PeriodicAutoencoder, "phase_vectors", stopped)
-        out.mkdir(exist_ok=True)
-        if not (out / "phase_final.pt").exists():
-            save_checkpoint(out / "phase_final.pt", trained)
-        return phase.encode_table(Session(out, torch.device("cpu")), CONFIG, table)
-
-    whole = encode(tmp_path / "whole", 10**6)
-    chunks = len(rows)
-    with pytest.raises(Killed):
-        encode(tmp_path / "half", 2)
-    assert encode(tmp_path / "half", 10**6).tobytes() == whole.tobytes()
-    assert len(rows) == chunks - 2 > 0

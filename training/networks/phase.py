@@ -59,7 +59,7 @@ class PeriodicAutoencoder(nn.Module):
     """Velocities `(B, 121, 31, 3)` (normalised) to C sinusoids and back.
 
     `encode` gives amplitude a, frequency f, offset b `(B, C)` and phase shift s `(B, C)` in turns;
-    `phase_vectors` gives Eq. 1: (a sin 2 pi s, a cos 2 pi s) `(B, C, 2)` at the window's centre.
+    `phase_vectors` gives Eq. 1: (a sin 2 pi s, a cos 2 pi s) `(B, C, 2)` at the centres of windows of one sequence.
     """
 
     seconds: Tensor
@@ -86,8 +86,28 @@ class PeriodicAutoencoder(nn.Module):
         tokens = self.graph(velocities).flatten(-2).transpose(1, 2)
         return self.encode_narrow(torch.tanh(self.encode_norm(self.encode_wide(tokens))))
 
+    def latent_along(self, sequence: Tensor, rows: Tensor) -> Tensor:
+        """The same of windows that begin at `rows` `(B,)` of one sequence `(T, 31, 3)`, at a quarter of the cost.
+
+        What windows share is computed once. A window knows nothing beyond its ends: what the frames there bring is taken off.
+        """
+        weight, edge = self.encode_wide.weight, self.encode_wide.kernel_size[0] // 2
+        tokens = self.graph(sequence).flatten(-2).T
+        wide = nn.functional.conv1d(tokens, weight, self.encode_wide.bias, padding=edge)
+        wide = wide[:, rows[:, None] + torch.arange(WINDOW, device=rows.device)].transpose(0, 1).contiguous()
+        outside = rows[:, None] + torch.arange(edge, device=rows.device)
+        tokens = nn.functional.pad(tokens, (edge, edge))
+        before, behind = (tokens[:, outside + k].transpose(0, 1) for k in (0, WINDOW + edge))
+        pad, conv = nn.functional.pad, nn.functional.conv1d
+        wide[..., :edge] -= conv(pad(before, (0, edge - 1)), weight[..., :edge])
+        wide[..., -edge:] -= conv(pad(behind, (edge - 1, 0)), weight[..., -edge:])
+        return self.encode_narrow(torch.tanh(self.encode_norm(wide)))
+
     def encode(self, velocities: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        latent = self.latent(velocities).float()
+        return self._sinusoids(self.latent(velocities))
+
+    def _sinusoids(self, latent: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        latent = latent.float()
         spectrum = torch.fft.rfft(latent, dim=-1)
         power = spectrum.abs().square()[..., 1:]
         frequency = (power * self.frequencies).sum(-1) / power.sum(-1).clamp_min(1e-8)
@@ -109,8 +129,8 @@ class PeriodicAutoencoder(nn.Module):
     def forward(self, velocities: Tensor) -> Tensor:
         return self.decode(*self.encode(velocities))
 
-    def phase_vectors(self, velocities: Tensor) -> Tensor:
-        """Eq. 1: P^{2j-1} = a^j sin(2 pi s^j), P^{2j} = a^j cos(2 pi s^j); `(B, C, 2)`."""
-        amplitude, _, _, shift = self.encode(velocities)
+    def phase_vectors(self, sequence: Tensor, rows: Tensor) -> Tensor:
+        """Eq. 1: P^{2j-1} = a^j sin(2 pi s^j), P^{2j} = a^j cos(2 pi s^j); `(B, C, 2)` of windows that begin at `rows` `(B,)`."""
+        amplitude, _, _, shift = self._sinusoids(self.latent_along(sequence, rows))
         angle = 2.0 * math.pi * shift
         return torch.stack([amplitude * angle.sin(), amplitude * angle.cos()], dim=-1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -29,9 +30,7 @@ from training.session import (
 
 log = logging.getLogger("sport.train")
 HALF = WINDOW // 2
-ENCODED = "phase_encoded.npy"  # phase vectors so far
 STRIDE = 3  # frames between two that are encoded
-ENCODED_ROWS = 1024  # at once
 KNOWN_FRAMES = 6000  # of the capture, which give the scale of its phases
 
 
@@ -92,7 +91,7 @@ def run(
 
 def encode_table(session: Session, config: ModelConfig, table: FrameTable) -> np.ndarray:
     """Phase vectors `(N, 5, 2)` of a table by the trained autoencoder; written to `phase.npy`."""
-    phase = _Encoder.of(session, config).phases(table, session.out)
+    phase = _Encoder.of(session, config).phases(table)
     # a unit scale for the networks: amplitudes themselves are arbitrary
     phase /= np.sqrt((phase[:: max(1, len(phase) // 50000)] ** 2).mean((0, 2), keepdims=True)) + 1e-6
     np.save(session.out / "phase.npy", phase.astype(np.float32))
@@ -118,10 +117,8 @@ def course_phases(
     encoder, (captured, phase) = _Encoder.of(session, config), known
     last = min(int(np.searchsorted(captured.start, KNOWN_FRAMES)), len(captured.start) - 1)
     count = int(captured.start[last])
-    ratio = np.square(encoder.phases(captured, folder, count)).mean((0, 2)) / np.square(phase[:count]).mean(
-        (0, 2)
-    )
-    result = (encoder.phases(table, folder) / np.sqrt(ratio)[:, None]).astype(np.float32)
+    ratio = np.square(encoder.phases(captured, count)).mean((0, 2)) / np.square(phase[:count]).mean((0, 2))
+    result = (encoder.phases(table) / np.sqrt(ratio)[:, None]).astype(np.float32)
     np.save(stored, result)
     return result
 
@@ -142,42 +139,28 @@ class _Encoder:
         module.load_state_dict(saved["module"])
         return _Encoder(session, module.eval(), float(saved["scale"]))
 
-    def phases(self, table: FrameTable, folder: Path, count: int | None = None) -> np.ndarray:
-        """Phase vectors of the first `count` frames, or of all. What is encoded so far is kept in `folder`."""
-        result = self._every_third(table, folder, count or len(table))
-        (folder / ENCODED).unlink()
-        return result
-
     @torch.no_grad()
-    def _every_third(self, table: FrameTable, folder: Path, count: int) -> np.ndarray:
-        """Every third frame encoded, the others between them."""
-        velocities = torch.as_tensor(np.array(table.velocities[:count])).to(self.session.device)
-        clip = table.clip[:count]
-        first, last = table.start[clip], table.start[clip + 1] - 1
-        bounds = [torch.as_tensor(v).to(self.session.device) for v in (first, last)]
-        rows = torch.arange(0, count, STRIDE, device=velocities.device)
-        known = self._encoded_so_far(folder, len(rows))
-        for k, chunk in enumerate(rows.split(ENCODED_ROWS)):
-            part = known[k * ENCODED_ROWS : (k + 1) * ENCODED_ROWS]
-            if not np.isnan(part).any():
-                continue
-            with self.session.autocast():
-                windows = _windows(velocities, chunk, *bounds) / self.scale
-                part[:] = self.module.phase_vectors(windows).float().cpu().numpy()
-            if k % 50 == 0:
-                log.info("phase: encoded %d of %d frames", k * ENCODED_ROWS * STRIDE, count)
-        return _between(known, first, last)
+    def phases(self, table: FrameTable, count: int | None = None) -> np.ndarray:
+        """Phase vectors of the clips in the first `count` frames, or of all: every third frame encoded, the others between them."""
+        count = count or len(table)
+        known = np.empty((-(-count // STRIDE), C, 2), np.float32)
+        for clip, (first, end) in enumerate(pairwise(table.start.tolist())):
+            own = slice(-(-first // STRIDE), -(-min(end, count) // STRIDE))
+            if own.start < own.stop:
+                known[own] = self._of_clip(table.velocities[first:end], own.start * STRIDE - first)
+            if clip % 500 == 0:
+                log.info("phase: encoded %d of %d frames", min(first, count), count)
+        clip_of = table.clip[:count]
+        return _between(known, table.start[clip_of], table.start[clip_of + 1] - 1)
 
-    def _encoded_so_far(self, folder: Path, count: int) -> np.ndarray:
-        """Phase vectors `(count, 5, 2)` in a file, NaN where still to be computed: hours of work survive an end."""
-        path, trained = folder / ENCODED, self.session.out / "phase_final.pt"
-        if path.exists() and path.stat().st_mtime >= trained.stat().st_mtime:
-            kept = np.load(path, mmap_mode="r+")
-            if kept.shape == (count, C, 2):
-                return kept
-        fresh = np.lib.format.open_memmap(path, mode="w+", dtype=np.float32, shape=(count, C, 2))
-        fresh[:] = np.nan
-        return fresh
+    def _of_clip(self, velocities: np.ndarray, begin: int) -> np.ndarray:
+        """Of every third frame `(n, 5, 2)` of a clip `(T, 31, 3)` from `begin` on."""
+        device = self.session.device
+        padded = np.pad(velocities, ((HALF, HALF), (0, 0), (0, 0)), "edge")
+        rows = torch.arange(begin, len(velocities), STRIDE, device=device)
+        with self.session.autocast():
+            sequence = torch.as_tensor(padded, device=device).float() / self.scale
+            return self.module.phase_vectors(sequence, rows).float().cpu().numpy()
 
 
 def _between(known: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:

@@ -20,13 +20,13 @@ from training.presets import preset  # noqa: E402
 def test_equation_1_amplitude_times_sine_and_cosine_of_the_shift():
     torch.manual_seed(0)
     network = PeriodicAutoencoder(preset("tiny")).eval()
-    velocities = torch.randn(2, 121, 31, 3)
-    amplitude, _, _, shift = network.encode(velocities)
-    p = network.phase_vectors(velocities)
+    sequence, rows = torch.randn(160, 31, 3), torch.tensor([0, 17, 39])
+    amplitude, _, _, shift = network.encode(torch.stack([sequence[row : row + 121] for row in rows]))
+    p = network.phase_vectors(sequence, rows)
     for j in range(amplitude.shape[1]):
         angle = 2 * np.pi * shift[:, j]
-        assert torch.allclose(p[:, j, 0], amplitude[:, j] * angle.sin(), atol=1e-6)
-        assert torch.allclose(p[:, j, 1], amplitude[:, j] * angle.cos(), atol=1e-6)
+        assert torch.allclose(p[:, j, 0], amplitude[:, j] * angle.sin(), atol=1e-5)
+        assert torch.allclose(p[:, j, 1], amplitude[:, j] * angle.cos(), atol=1e-5)
 
 
 def test_equation_2_information_noise_contrast_in_both_directions():

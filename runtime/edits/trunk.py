@@ -2,13 +2,13 @@
 
 As the other edits, it measures the network's own trunk as it moves and adds what is missing. A trunk leans by the line from
 hips to neck, and bends at the hips. Hips that sway or bounce move over feet that stay; the head turns back a part of what is
-added, and arms hang on. At no moment a trunk folds much further than is said of it.
+added, and arms hang on. At no moment a trunk folds or tips much further than is said of it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import atan2, cos, degrees, pi, radians, sin
+from math import atan2, copysign, cos, degrees, pi, radians, sin
 from typing import NamedTuple
 
 import numpy as np
@@ -60,7 +60,8 @@ STEADY_HALF_LIFE, STEADY_MORE = (
     2.0,
     8.0,
 )  # seconds, degrees: a trunk folds so far over what it leans all the time
-EASE = 5.0  # degrees before the bound of a fold, from which it is slowed down
+TIPS = 20.0  # degrees that a trunk tips to a side at most, over what is said
+EASE = 5.0  # degrees before either bound, from which it is slowed down
 _AT = SPORT_SKELETON.index
 _SPINE, _NECK, _ARMS = (
     tuple(map(_AT, ("LowerBack", "Spine", "Spine1"))),
@@ -104,10 +105,10 @@ class TrunkEdit:
     more_rock: float = 0.0
     more_bounce: float = 0.0
 
-    def watch(self, lean: float, fold: float) -> bool:
-        """Whether a trunk that leans by `lean` degrees comes near the bound of a fold, `fold`; called in every frame."""
+    def watch(self, lean: float, aside: float, fold: float) -> bool:
+        """Whether a trunk that leans by so many degrees comes near the bound of a fold, `fold`, or tips over; called in every frame."""
         self.steady += (1.0 - decay(STEADY_HALF_LIFE)) * (lean - self.steady)
-        return lean > self._bound(fold) - EASE
+        return lean > self._bound(fold) - EASE or abs(aside) > TIPS - EASE
 
     def apply(self, hips: Vector, local: Array, request: EditRequest) -> Moved:
         """The trunk as it is asked for, of hips at a place and local rotations `(31, 4)`."""
@@ -123,7 +124,9 @@ class TrunkEdit:
             vars(self).update(vars(TrunkEdit(steady=self.steady)))  # what is asked for later is measured anew
         weight, _ = targets[FOLD]
         if weight > 1e-6:
-            lean -= weight * self._too_far(shown[LEAN] + lean, value_of(targets[FOLD]))
+            lean -= weight * _too_far(shown[LEAN] + lean, self._bound(value_of(targets[FOLD])))
+            aside, tips = shown[ASIDE] + rolled, TIPS + abs(value_of(targets[ASIDE]))
+            rolled -= weight * copysign(_too_far(abs(aside), tips), aside)
         if lean or rolled or self.more_twist:
             local = _turned(local, rotations, (lean, rolled, self.more_twist), (side, ahead))
         return Moved(shift * side[0], up, shift * side[2], local)
@@ -143,11 +146,6 @@ class TrunkEdit:
 
     def _bound(self, fold: float) -> float:
         return max(fold, self.steady + STEADY_MORE)
-
-    def _too_far(self, lean: float, fold: float) -> float:
-        """Degrees by which a trunk leans too far: it is slowed down before the bound, and stops there."""
-        over = max(lean - self._bound(fold) + EASE, 0.0)
-        return over * over / (4.0 * EASE) if over < 2.0 * EASE else over - EASE
 
     def _edit(
         self, hips: Vector, shown: tuple[float, float, float], side: Vector, request: EditRequest
@@ -198,6 +196,12 @@ class TrunkEdit:
         ):
             goal = targets[k][0] * measure.gain(value_of(targets[k]), least, MOST_GAIN)
             setattr(self, f"more_{name}", followed(getattr(self, f"more_{name}"), goal, HALF_LIFE))
+
+
+def _too_far(angle: float, bound: float) -> float:
+    """Degrees by which a trunk leans too far: it is slowed down before the bound, and stops there."""
+    over = max(angle - bound + EASE, 0.0)
+    return over * over / (4.0 * EASE) if over < 2.0 * EASE else over - EASE
 
 
 def _angles(rotations: list[Quaternion], side: Vector, ahead: Vector) -> tuple[float, float, float]:

@@ -363,8 +363,9 @@ def _edit_request(state: CharacterState, index: int, joints: Array) -> EditReque
     None where its words ask for nothing, nothing is added, and the trunk is not about to fold.
     """
     style, edits = state.styles[index].style, state.edits[index]
-    _, up, ahead = (joints[NECK] - joints[0]).tolist()
-    folds = style.fold < inf and edits.trunk.watch(degrees(atan2(ahead, up)), style.fold)
+    left, up, ahead = (joints[NECK] - joints[0]).tolist()
+    lean, aside = degrees(atan2(ahead, up)), degrees(atan2(left, up))
+    folds = style.fold < inf and edits.trunk.watch(lean, aside, style.fold)
     if not (folds or style.is_edited or edits.active):
         return None
     path = state.trajectory

@@ -93,7 +93,10 @@ def _speed(hips: Array, fps: float) -> Array:
 
 
 def measure(joints: GaitJoints, mask: NDArray[np.bool_] | None = None) -> dict[str, float] | None:
-    """Measures over the walking frames; None where there are fewer than two seconds of them."""
+    """Measures over the walking frames, of body and limbs over those that go straight; None where fewer than two seconds walk.
+
+    In a curve a body leans and turns further.
+    """
     fps = joints.fps
     m = walking(joints) if mask is None else mask
     if m.sum() < 2 * fps:
@@ -105,12 +108,16 @@ def measure(joints: GaitJoints, mask: NDArray[np.bool_] | None = None) -> dict[s
     heading = np.stack([_second(forward[:, i], fps) for i in range(3)], -1)
     heading /= _norm(heading)[:, None]
     side = np.cross(_UP, heading)
+    turn = np.abs(np.gradient(np.unwrap(np.arctan2(heading[:, 0], heading[:, 2])))) * fps
+    straight = m & (_second(turn, fps) < STRAIGHT)
+    if straight.sum() < 2 * fps:  # walks in curves alone
+        straight = m
     result = _pace(p, heading, m, fps)
-    result |= _trunk(p, forward, heading, side, m, fps)
-    result |= _limbs(p, heading, m)
+    result |= _trunk(p, forward, heading, side, straight, fps)
+    result |= _limbs(p, heading, straight)
     if "lt" in p:
-        result |= _feet(p, m)
-    return result | _variation(p, heading, side, m, fps)
+        result |= _feet(p, straight)
+    return result | _variation(p, heading, side, turn, m, fps)
 
 
 def _pace(p: dict[str, Array], heading: Array, m: NDArray[np.bool_], fps: float) -> dict[str, float]:
@@ -127,12 +134,13 @@ def _trunk(
     height = p["hips"][:, 1]
     yaw = np.degrees(np.arcsin(np.clip(np.cross(heading, forward)[:, 1], -1, 1)))
     hips, shoulders = p["lh"] - p["rh"], p["ls"] - p["rs"]
+    roll = np.degrees(np.arcsin(hips[:, 1] / _norm(hips)))
     turn = np.degrees(np.arctan2(_dot(shoulders, heading), _dot(shoulders, side)))
     up = p["neck"] - p["hips"] if "neck" in p else p["head"] - p["hips"]
     return {
         "bob_cm": 100.0 * _range((height - _second(height, fps))[m]),
         "pelvis_yaw": _range(yaw[m]),
-        "pelvis_roll": _range(np.degrees(np.arcsin(hips[:, 1] / _norm(hips)))[m]),
+        "pelvis_roll": _range((roll - _second(roll, fps))[m]),
         "shoulder_yaw": _range((turn - _second(turn, fps))[m]),
         "lean": float(np.median(np.degrees(np.arctan2(_dot(up, heading), up[:, 1]))[m])),
     }
@@ -167,11 +175,11 @@ def _feet(p: dict[str, Array], m: NDArray[np.bool_]) -> dict[str, float]:
 
 
 def _variation(
-    p: dict[str, Array], heading: Array, side: Array, m: NDArray[np.bool_], fps: float
+    p: dict[str, Array], heading: Array, side: Array, turn: Array, m: NDArray[np.bool_], fps: float
 ) -> dict[str, float]:
     """How strides that go straight differ from each other, centimetres: both hands on their way, the highest place of a
     hand, the left step's length. Nothing of fewer than `LEAST_STRIDES`."""
-    strides = _straight_strides(p, heading, m, fps)
+    strides = _straight_strides(p, heading, turn, m, fps)
     if len(strides) < LEAST_STRIDES:
         return {}
     hands, tops = [], []
@@ -191,7 +199,7 @@ def _variation(
 
 
 def _straight_strides(
-    p: dict[str, Array], heading: Array, m: NDArray[np.bool_], fps: float
+    p: dict[str, Array], heading: Array, turn: Array, m: NDArray[np.bool_], fps: float
 ) -> list[tuple[int, int]]:
     """First and last frame of every stride, from the left foot farthest ahead to the next time, that walks straight on."""
     from scipy.ndimage import maximum_filter1d
@@ -199,7 +207,6 @@ def _straight_strides(
     ahead, near = _dot(p["la"] - p["hips"], heading), int(STRIKES_APART * fps)
     farthest = maximum_filter1d(ahead, 2 * near + 1)
     strikes = np.flatnonzero((ahead == farthest) & (ahead > LEAST_STRIDE_M))
-    turn = np.abs(np.gradient(np.unwrap(np.arctan2(heading[:, 0], heading[:, 2])))) * fps
     return [
         (int(first), int(last))
         for first, last in pairwise(strikes)

@@ -88,7 +88,7 @@ class WalkerModel:
         self.prompt_path = None
         self.calibration = None
         self.folder = Path("walker")
-        self.frame, self._frames = 0, {}
+        self.frame = 0
         hips, local, self._contacts = walk(CYCLE_FRAMES)
         positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
         self._positions = positions - hips[:, None] * np.array([1.0, 0.0, 1.0])
@@ -110,20 +110,13 @@ class WalkerModel:
         z = np.asarray(z, np.float32)
         return Style(z, z[:1], z[:1], z[:1], WALK_SPEED, 2.5)
 
-    @property
-    def in_full(self):
-        """This one."""
-        return self
-
     def step(self, x, noise, style):
         self.frame += 1
-        own = style.z.tobytes()  # each style cycles by itself, whoever else walks
-        self._frames[own] = self._frames.get(own, 0) + 1
         ahead = x[0, features.INPUT["trajectory_positions"]].reshape(features.L, 2)
         facing = x[0, features.INPUT["trajectory_directions"]].reshape(features.L, 2)
         velocity = (ahead[8] - ahead[6]) * 3.0  # 20 frames on
         turn = np.arctan2(*facing[8]) * 3.0
-        y = self._y(self._frames[own], velocity, turn, float(style.z.mean()) + 1e-4 * float(noise.mean()))
+        y = self._y(self.frame, velocity, turn, float(style.z.mean()) + 1e-4 * float(noise.mean()))
         if self.frame == self.broken_at:
             y[:] = np.nan
         return y, np.ones((1, 2), np.float32)

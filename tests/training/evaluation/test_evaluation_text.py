@@ -284,13 +284,14 @@ def test_an_edit_of_one_part_leaves_the_others_alone(reference: CapturedReferenc
 def test_a_walk_is_made_once_and_always_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     made = []
     monkeypatch.setattr(text_walks, "LEAD_SECONDS", 0.25)
+    monkeypatch.setattr(text_walks, "TOGETHER", 1)  # the stand-in counts its frames
     monkeypatch.setattr(text_walks, "_model", lambda folder: made.append(folder) or WalkerModel())
     walker = Walker(Path("model"), seconds=0.5)
     asked = [Walk.of(np.full((6, 64), tilt), 0) for tilt in (0.0, 0.3, 0.0)]
     first, tilted, again = walker.make(asked)
     assert first is again
     assert walker.make(asked[1:])[0] is tilted
-    assert len(made) == 1
+    assert len(made) == 2
     assert abs(tilted.body.head.roll - first.body.head.roll) > 5.0
     other = Walker(Path("model"), seconds=0.5).make(asked[:1])[0]
     assert np.array_equal(first.mean, other.mean)
@@ -319,6 +320,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(text_main, "FREE_PROMPTS", {"cocked, tilted left": ("head.tilted_left",)})
     monkeypatch.setattr(text_main, "SECONDS", 0.5)
     monkeypatch.setattr(text_walks, "LEAD_SECONDS", 0.25)
+    monkeypatch.setattr(text_walks, "TOGETHER", 1)  # the stand-in counts its frames
     kept = ("head.tilted_left", "head.turned_right", "hands on hips", "torso.twist", "torso.bob_little")
     every = edits.catalogue_cases
     monkeypatch.setattr(

@@ -192,6 +192,7 @@ def synthetic(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(prompt_adherence, "part_edits", lambda: kept)
     monkeypatch.setattr(prompt_adherence, "SECONDS", 1.5)
     monkeypatch.setattr(text_walks, "LEAD_SECONDS", 0.5)
+    monkeypatch.setattr(text_walks, "TOGETHER", 1)  # the stand-in counts its frames
     monkeypatch.setattr(text_walks, "_model", lambda folder: WalkerModel())
     said = PLAIN.replace("head", "head tilted to the right").replace(
         "left_arm", "left arm overhead, elbow bent"

@@ -20,7 +20,7 @@ from runtime.safe_read import decode_text, parse_json, read_bounded, reason
 
 MAX_LIST_BYTES = 256 * 1024 * 1024
 MAX_HASHED_BYTES = 1 << 29  # of a file that a row names; no reader takes a larger one
-NOT_COLUMNS = ("batch", "ray", "workers", "help")
+NOT_COLUMNS = ("batch", "workers", "help")
 # a row that gives one of them has none of the others from the command
 STYLES = ("prompt", "prompts", "parts")
 _REMEDY = "Write a CSV with a header, or one JSON object a line."

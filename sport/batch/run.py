@@ -19,7 +19,7 @@ from runtime.errors import FileError, UsageError
 from runtime.file_lock import open_locked
 from runtime.safe_read import parse_json, printable, read_bounded
 from sport.batch.rows import RowParser, Task, plan, read_rows, sha256
-from sport.batch.work import Line, RayExecutor, below, cores, entry, make_rows, processes
+from sport.batch.work import Line, below, cores, entry, make_rows, processes
 
 LOCK = ".sport-batch.lock"
 MANIFEST = "manifest.jsonl"
@@ -67,9 +67,6 @@ def _lines(tasks: list[Task], options: argparse.Namespace) -> Iterator[Line]:
     workers = options.workers or cores()
     if not tasks:
         return iter(())
-    if options.ray is not None:
-        cluster = RayExecutor(options.ray, workers)
-        return make_rows(tasks, options.out, lambda: cluster, cluster.workers)
     return make_rows(tasks, options.out, lambda: processes(min(workers, len(tasks))), workers)
 
 

@@ -1,7 +1,4 @@
-"""Rows made into files: one row, wherever it runs, and all of them by a `concurrent.futures.Executor`.
-
-That is processes of this machine, or a Ray cluster behind the same interface.
-"""
+"""Rows made into files: one row, and all of them by processes of this machine."""
 
 from __future__ import annotations
 
@@ -21,19 +18,17 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExe
 from concurrent.futures.process import BrokenProcessPool
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
-from typing import Any, TypeVar
+from typing import Any
 
 from runtime.atomic import write_atomic
-from runtime.errors import FileError, SportError, UsageError
+from runtime.errors import FileError, SportError
 from sport.batch.rows import Task
 
 AHEAD = 2  # rows that wait for each core
-RETRIES = 2  # of a row whose machine is gone
 # one thread in each process: the rows are what runs side by side
 THREADS = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
 Line = dict[str, Any]  # of the manifest
 Made = tuple[Line, dict[str, bytes]]  # and the files by their names
-_T = TypeVar("_T")
 _PROGRESS = re.compile(r": (a film of|\d+ of \d+ frames|this folder is new)")
 
 
@@ -59,43 +54,6 @@ def _begin() -> None:
         os._exit(1)
 
     threading.Thread(target=follow, daemon=True).start()
-
-
-class RayExecutor(Executor):
-    """The cores of a Ray cluster; the address "local" starts one of `workers` here. UsageError without one."""
-
-    def __init__(self, address: str, workers: int) -> None:
-        try:
-            import ray
-        except ModuleNotFoundError as error:
-            raise UsageError(
-                ": the Python package 'ray' is not installed.", "Run pip install -e '.[ray]'.", "ray"
-            ) from error
-        own = {"num_cpus": workers, "include_dashboard": False} if address == "local" else {}
-        try:
-            ray.init(
-                address,
-                log_to_driver=False,
-                configure_logging=False,
-                runtime_env={"env_vars": THREADS},
-                **own,
-            )
-        except Exception as error:  # Ray raises that itself where a node does not start in time
-            said = (str(error) or type(error).__name__).splitlines()[0][:200]
-            raise UsageError(f" {address}: {said}.", "Name a cluster that runs, or local.", "ray") from error
-        self._ray = ray
-        self.workers = max(int(ray.cluster_resources().get("CPU", 1)), 1)
-
-    def submit(self, fn: Callable[..., _T], /, *args: Any, **kwargs: Any) -> Future[_T]:
-        """Call a function on a core of the cluster."""
-        future: Future[_T] = (
-            self._ray.remote(num_cpus=1, max_retries=RETRIES)(fn).remote(*args, **kwargs).future()
-        )
-        return future
-
-    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Leave the cluster."""
-        self._ray.shutdown()
 
 
 def entry(row: Any, error: str = "", **made: Any) -> Line:

@@ -21,7 +21,11 @@ def add(commands: Subparsers) -> None:
         description="The same options and seed write the same file.",
     )
     generate.set_defaults(command=run)
-    _add_style(generate)
+    style = _add_style(generate)
+    # a row of a batch has no arguments without a name
+    style.add_argument(
+        "prompt", nargs="?", default=argparse.SUPPRESS, metavar="PROMPT", help="the same as --prompt"
+    )
     _add_course(generate)
     _add_output(generate)
     batch = generate.add_argument_group("many clips")
@@ -32,12 +36,9 @@ def add(commands: Subparsers) -> None:
         help="CSV or JSON lines, a clip a row with these arguments as columns; --out is then a folder",
     )
     batch.add_argument("--workers", type=int, metavar="N", help="processes (default: one for each core)")
-    batch.add_argument(
-        "--ray", metavar="ADDRESS", help="make the rows on a Ray cluster; local starts one of --workers here"
-    )
 
 
-def _add_style(generate: argparse.ArgumentParser) -> None:
+def _add_style(generate: argparse.ArgumentParser) -> argparse._MutuallyExclusiveGroup:
     style = generate.add_mutually_exclusive_group()
     style.add_argument("--prompt", metavar="TEXT", help="how the character moves")
     style.add_argument("--prompts", metavar="LIST", help='prompts with times: "0:walk calmly; 4:a zombie"')
@@ -50,6 +51,7 @@ def _add_style(generate: argparse.ArgumentParser) -> None:
         help="what turns a prompt into body parts: the shipped library (default), or a language model: "
         "OPENAI_API_KEY, OPENAI_BASE_URL, SPORT_GPT_MODEL",
     )
+    return style
 
 
 def _add_course(generate: argparse.ArgumentParser) -> None:
@@ -126,9 +128,8 @@ def run(options: argparse.Namespace) -> int:
         from sport.batch.run import run_batch
 
         return run_batch(options, row_parser())
-    for name in ("ray", "workers"):
-        if getattr(options, name) is not None:
-            raise UsageError(": works with --batch only.", "Add --batch.", name)
+    if options.workers is not None:
+        raise UsageError(": works with --batch only.", "Add --batch.", "workers")
     from sport.clips import write_clips
 
     write_clips(options)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import json
 import os
 import signal
@@ -110,7 +109,7 @@ def test_rows_that_cannot_be_made_are_refused_alone(values: dict[str, Any], said
     assert said in refused.error
 
 
-@pytest.mark.parametrize("name", ["prompy", "batch", "ray"])
+@pytest.mark.parametrize("name", ["prompy", "batch"])
 def test_a_column_that_is_no_argument_is_said_with_those_that_are(name: str) -> None:
     with pytest.raises(UsageError, match=f"column {name}: no argument.*Columns are .*seconds"):
         planned({name: "1"})
@@ -251,12 +250,9 @@ def test_two_batches_do_not_write_into_one_folder(
     assert not fake
 
 
-@pytest.mark.parametrize("words", [["--ray", "local"], ["--workers", "2"]])
-def test_arguments_of_a_batch_need_one(
-    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert cli.main(["generate", "--out", str(tmp_path / "a.bvh"), *words]) == 2
-    assert f"{words[0]}: works with --batch only" in capsys.readouterr().err
+def test_workers_need_a_batch(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["generate", "--out", str(tmp_path / "a.bvh"), "--workers", "2"]) == 2
+    assert "--workers: works with --batch only" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("terminal", [True, False])
@@ -323,35 +319,6 @@ def test_a_batch_killed_half_way_goes_on_and_ends_complete(tmp_path: Path) -> No
         assert line["error"] is None
         assert sha256(folder / line["file"]) == line["sha256"]
     out = tmp_path / "clip-3.bvh"
-    assert (
-        cli.main(["generate", "--prompt", "drunk", "--seed", "3", "--seconds", "0.1", "--out", str(out)]) == 0
-    )
+    assert cli.main(["generate", "drunk", "--seed", "3", "--seconds", "0.1", "--out", str(out)]) == 0
     assert out.read_bytes() == (folder / "clip-3.bvh").read_bytes()
     assert (tmp_path / "clip-3.bvh.json").read_bytes() == (folder / "clip-3.bvh.json").read_bytes()
-
-
-def test_without_ray_the_sentence_says_what_to_install(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setitem(sys.modules, "ray", None)
-    table = write(tmp_path / "list.csv", "seed\n1\n")
-    assert cli.main(["generate", "--batch", str(table), "--out", str(tmp_path / "c"), "--ray", "auto"]) == 2
-    assert (
-        "--ray: the Python package 'ray' is not installed. Run pip install -e '.[ray]'."
-        in capsys.readouterr().err
-    )
-
-
-@pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="ray is not installed (extra [ray])")
-def test_two_workers_of_a_local_ray_make_the_same_clips(tmp_path: Path) -> None:
-    table = write(tmp_path / "list.csv", "seed,seconds\n1,0.1\n2,0.1\n3,-1\n4,0.1\n")
-    codes = [
-        cli.main(["generate", "--batch", str(table), "--out", str(tmp_path / name), "--workers", "2", *words])
-        for name, words in (("ray", ["--ray", "local"]), ("local", []))
-    ]
-    assert codes == [1, 1]
-    ours, theirs = (
-        [{**line, "seconds": None} for line in lines(tmp_path / name)] for name in ("local", "ray")
-    )
-    assert ours == theirs
-    assert [bool(line["error"]) for line in ours] == [False, False, True, False]

@@ -152,14 +152,16 @@ class _Walks:
         What farther out is not shown wholly distorts the rest.
         """
         shown, found = fractions(several, gains), list(gains)
-        weak = [i for i, fraction in enumerate(shown) if fraction < SHOWN]
-        for farther in GAINS:
-            tried = [i for i in weak if gains[i] < farther and found[i] == gains[i]]
-            reached = fractions([several[i] for i in tried], [farther] * len(tried))
-            for i, fraction in zip(tried, reached, strict=True):
+        left = {i: [g for g in GAINS if g > gains[i]] for i, fraction in enumerate(shown) if fraction < SHOWN}
+        while left := {i: farther for i, farther in left.items() if farther}:
+            tried = {i: farther[len(farther) // 2] for i, farther in left.items()}
+            reached = fractions([several[i] for i in tried], list(tried.values()))
+            for (i, gain), fraction in zip(tried.items(), reached, strict=True):
                 if fraction >= max(SHOWN, shown[i] + WORTH):
-                    log.info("%s: %.2f, drawn out by %.2f", several[i].name, shown[i], farther)
-                    found[i] = farther
+                    log.info("%s: %.2f, drawn out by %.2f", several[i].name, shown[i], gain)
+                    found[i], left[i] = gain, [g for g in left[i] if g < gain]
+                else:
+                    left[i] = [g for g in left[i] if g > gain]
         return found
 
     def _code(self, claim: _Claim, gain: float, among: PartDescriptions) -> Float32Array:

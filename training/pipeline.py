@@ -219,7 +219,7 @@ def export(run: Run) -> None:
         if signs is None:
             log.warning("%s: not calibrated, no clip has its mirror image", folder)
         else:
-            calibrate(folder, signs, run.args.text_encoder, run.args.processes)
+            calibrate(folder, signs, None, run.args.text_encoder, run.args.processes)
         measure_traversals(folder)
         if run.args.data is not None:
             fit_swings(folder, unpack(run.args.data, run.out / "unpacked"))

@@ -2,8 +2,7 @@
 
 Tables are JSON files by model, then by group of a body part: torso, head, arm and leg, with limbs described as the left
 ones. Where a limb does other than that of the other side, `left_arm` and the like have their own.
-`assets/prompts/shares.json` is written by `python -m training.evaluation.text.prompt_adherence`, `wording.json` by
-`python -m training.evaluation.text.wording`.
+`python -m training.export.words` writes `shares.json` and `wording.json` of `assets/prompts`.
 """
 
 from __future__ import annotations

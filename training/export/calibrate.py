@@ -281,14 +281,24 @@ def _rows(
         }
 
 
-def calibrate(folder: Path, signs: Sequence[int], text_encoder: Path | None = None, workers: int = 1) -> None:
-    """Measure a model folder as it is without calibration, in `workers` processes, and write that into its metadata."""
+def calibrate(
+    folder: Path,
+    signs: Sequence[int],
+    phrasing: ModelPhrasing | None = None,
+    text_encoder: Path | None = None,
+    workers: int = 1,
+) -> None:
+    """Measure a model folder as it is without calibration, in `workers` processes, and write that into its metadata.
+
+    `phrasing` is by default the shipped one of a model of that name.
+    """
     metadata = read_metadata(folder)
     if metadata.pop("calibration", None) is not None:
         _write(folder, metadata)
     model = load_model(folder)
     prompter = Prompter(model, text_encoder=text_encoder, phrasing=ModelPhrasing())
-    codes = calibrated(model, prompter, Walker(folder, workers, SECONDS), phrasing_of(model.name))
+    walker = Walker(folder, workers, SECONDS)
+    codes = calibrated(model, prompter, walker, phrasing or phrasing_of(model.name))
     _write(folder, metadata | {"calibration": {"phase": list(signs), "codes": codes}})
 
 

@@ -12,7 +12,13 @@ from runtime.prompts.english.compose import compose_neighbours
 from runtime.prompts.english.library_data import LibraryEmbeddings, LibraryEntry
 from runtime.prompts.expander import Expansion
 from runtime.prompts.parts import PartDescriptions
-from runtime.prompts.phrasing import PromptAdherence, as_left_limb, load_adherence
+from runtime.prompts.phrasing import (
+    ModelPhrasing,
+    PromptAdherence,
+    as_left_limb,
+    load_adherence,
+    load_phrasings,
+)
 from runtime.skeleton import PART_NAMES
 from tests.helpers.walker import WalkerModel
 from tests.training.augmentation.test_augmentation import walker
@@ -20,6 +26,7 @@ from training.augmentation.catalogue import part_edits
 from training.augmentation.edits import apply
 from training.evaluation.text import prompt_adherence
 from training.evaluation.text import walks as text_walks
+from training.export import words
 from training.text.claims import clause_fraction, clauses
 from training.text.measure import BodyMeasures, measure
 
@@ -170,7 +177,7 @@ def test_words_that_nothing_measures_claim_nothing() -> None:
 class Prompter:
     """In place of a model's way from words to Z^t: a tilted head is all that the synthetic walker shows."""
 
-    def __init__(self, model: WalkerModel) -> None:
+    def __init__(self, model: WalkerModel, phrasing: ModelPhrasing) -> None:
         pass
 
     def expand(self, prompt: str) -> Expansion:
@@ -187,24 +194,31 @@ def synthetic(monkeypatch: pytest.MonkeyPatch) -> None:
         name: part_edits()[name]
         for name in ("head.tilted_right", "head.turned_left", "left_arm.overhead", "legs.long")
     }
-    monkeypatch.setattr(prompt_adherence, "Prompter", Prompter)
-    monkeypatch.setattr(prompt_adherence, "load_model", lambda folder: WalkerModel())
+    monkeypatch.setattr(words, "Prompter", Prompter)
+    monkeypatch.setattr(words, "load_model", lambda folder: WalkerModel())
+    monkeypatch.setattr(words, "read_metadata", lambda folder: {"calibration": {"phase": []}})
+    monkeypatch.setattr(words, "calibrate", lambda *_, **__: None)
+    monkeypatch.setattr(words, "measure_wording", lambda *_: {"head": {"head tilted": "head tilted far"}})
+    monkeypatch.setattr(words, "SECONDS", 1.5)
     monkeypatch.setattr(prompt_adherence, "part_edits", lambda: kept)
     monkeypatch.setattr(prompt_adherence, "SECONDS", 1.5)
     monkeypatch.setattr(text_walks, "LEAD_SECONDS", 0.5)
     monkeypatch.setattr(text_walks, "TOGETHER", 1)  # the stand-in counts its frames
-    monkeypatch.setattr(text_walks, "_model", lambda folder: WalkerModel())
+    monkeypatch.setattr(text_walks, "_loaded", lambda folder: WalkerModel())
     said = PLAIN.replace("head", "head tilted to the right").replace(
         "left_arm", "left arm overhead, elbow bent"
     )
     library = library_data.PromptLibrary((LibraryEntry("one", (), said),))
-    monkeypatch.setattr(library_data, "load_library", lambda *_: library)
+    monkeypatch.setattr(words, "load_library", lambda *_: library)
 
 
 def test_phrases_are_walked_once_and_what_is_not_done_is_said(synthetic: None, tmp_path: Path) -> None:
-    out = tmp_path / "shares.json"
+    out = tmp_path / "prompts" / "shares.json"
+    out.parent.mkdir()
     out.write_text('{"other": {"sentences": {}, "clauses": {}}}', "utf-8")
-    prompt_adherence.main(["--model", "./none", "--out", str(out), "--workers", "1"])
+    words.measure_words(Path("./none"), tmp_path, 1)
+    phrasing = load_phrasings(tmp_path / "prompts" / "wording.json")["walker"]
+    assert phrasing.of("head tilted", "head") == "head tilted far"
     tables = load_adherence(out)
     assert set(tables) == {"other", "walker"}
     found = tables["walker"]

@@ -13,7 +13,7 @@ from runtime.prompts.phrasing import ModelPhrasing
 from runtime.prompts.prompter import Prompter
 from tests.helpers.shipped import shipped_model
 from training.evaluation.text import walks as text_walks
-from training.evaluation.text import wording
+from training.evaluation.text.walks import Walker
 from training.evaluation.text.wording import NEUTRAL, better_wordings, walk_all
 from training.text.claims import sentence_fraction, unclaimed_change
 from training.text.measure import ArmMeasures, BodyMeasures, HeadMeasures, LegMeasures, TorsoMeasures
@@ -78,8 +78,7 @@ def test_captured_sentences_keep_their_words():
 
 def test_a_sentence_is_walked_with_the_rest_of_the_body_neutral(monkeypatch):
     monkeypatch.setattr(text_walks, "LEAD_SECONDS", 0.5)
-    monkeypatch.setattr(wording, "SECONDS", 1.0)
     model = shipped_model()
     key = ("torso", "torso leaning far forward")
-    walks = walk_all(model, Prompter(model, phrasing=ModelPhrasing()), [key])
+    walks = walk_all(Walker(model.folder, 1, 1.0), Prompter(model, phrasing=ModelPhrasing()), [key])
     assert walks[key].torso.pitch > walks[NEUTRAL].torso.pitch + 10.0

@@ -1,6 +1,4 @@
-"""Prompt adherence: walk every phrase once and measure what the body does (`assets/prompts/shares.json`).
-
-    python -m training.evaluation.text.prompt_adherence --model FOLDER [--out FILE]
+"""Prompt adherence: walk every phrase once and measure what the body does: `assets/prompts/shares.json`, by `training.export.words`.
 
 Every entry of the prompt library and every phrase of the catalogue of edits is walked straight ahead on flat ground for some
 seconds. A sentence of the catalogue is compared with what its edit does to the model's own neutral walk, any other
@@ -9,25 +7,18 @@ with the claims of `training.text.claims`.
 
 from __future__ import annotations
 
-import argparse
-import json
 import logging
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.assets import asset_path, model_folder
-from runtime.atomic import check_target, write_atomic
-from runtime.errors import run_command
-from runtime.motion.model import MotionModel, load_model
+from runtime.motion.model import MotionModel
 from runtime.prompts.english.library_data import LibraryStyle
 from runtime.prompts.parts import PartDescriptions
-from runtime.prompts.phrasing import ADHERENCE, as_left_limb
+from runtime.prompts.phrasing import as_left_limb
 from runtime.prompts.prompter import Prompter
 from runtime.skeleton import PART_NAMES
 from runtime.terrain.height_map import Terrain
@@ -178,39 +169,3 @@ def neutral_motion(model: MotionModel, z: Array) -> EditedMotion:
     ((hips, local, contacts),) = straight_walks(model, [z], 2 * SECONDS)
     stands = (contacts > 0.5).astype(np.uint8)
     return EditedMotion(hips.astype(np.float64), local.astype(np.float64), stands, Terrain.flat(size_m=200.0))
-
-
-def write_adherence(path: Path, model: str, table: dict[str, Any]) -> None:
-    """Put a model's table into the file, keeping those of others."""
-    tables = json.loads(path.read_text("utf-8")) if path.is_file() else {}
-    tables[model] = table
-    write_atomic(path, json.dumps(tables, indent=0, ensure_ascii=False, sort_keys=True) + "\n")
-
-
-def main(argv: Sequence[str] | None = None) -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description="Measure on walks what every phrase of the library shows.")
-    parser.add_argument("--model", type=model_folder, default=model_folder(), metavar="DIR")
-    parser.add_argument("--out", type=Path, default=Path("assets") / ADHERENCE, metavar="FILE")
-    parser.add_argument("--workers", type=int, default=2, metavar="N")
-    args = parser.parse_args(argv)
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
-    check_target(args.out)
-    from runtime.prompts.english.library_data import load_library, load_styles
-
-    model = load_model(args.model)
-    prompter = Prompter(model)
-    styles = load_styles(asset_path("prompts/styles.json"))
-    entries = load_library(asset_path("prompts/library.json"), styles).entries
-    walker = Walker(args.model, args.workers, SECONDS)
-    found = measure_adherence(model, prompter, walker, [e.descriptions for e in entries])
-    found.add_plain(styles)
-    write_adherence(args.out, model.name, found.table())
-    fractions = [np.median(v) for v in found.sentences.values()]
-    print(
-        f"{args.out}: {len(fractions)} sentences, {np.mean(np.array(fractions) < 0.3):.0%} of them under 0.3"
-    )
-
-
-if __name__ == "__main__":
-    raise SystemExit(run_command("prompt adherence", main))

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property
 from itertools import chain
 from multiprocessing import get_context
 from pathlib import Path
@@ -52,6 +52,10 @@ class Walker:
         self.folder, self.workers, self.seconds = folder, workers, seconds
         self._made: dict[Walk, Summary] = {}
 
+    @cached_property
+    def _model(self) -> MotionModel:
+        return _loaded(self.folder)
+
     def make(self, walks: Sequence[Walk]) -> list[Summary]:
         """Summaries of the walks, in their order."""
         new = [w for w in dict.fromkeys(walks) if w not in self._made]
@@ -62,7 +66,7 @@ class Walker:
             with ProcessPoolExecutor(self.workers, mp_context=get_context("spawn")) as pool:
                 self._keep(new, pool.map(_make, jobs))
         else:
-            self._keep(new, map(_make, jobs))
+            self._keep(new, (_walks(self._model, *job[1:]) for job in jobs))
         return [self._made[w] for w in walks]
 
     def _keep(self, walks: Sequence[Walk], made: Iterable[list[Summary]]) -> None:
@@ -73,12 +77,13 @@ class Walker:
 
 
 def _make(job: tuple[Path, Sequence[Walk], float]) -> list[Summary]:
-    folder, walks, seconds = job
+    return _walks(_loaded(job[0]), *job[1:])
+
+
+def _walks(model: MotionModel, walks: Sequence[Walk], seconds: float) -> list[Summary]:
     codes = [np.frombuffer(walk.z, np.float32).reshape(6, 64) for walk in walks]
-    return [
-        summarise(*walk)
-        for walk in straight_walks(_model(folder), codes, seconds, [walk.seed for walk in walks])
-    ]
+    made = straight_walks(model, codes, seconds, [walk.seed for walk in walks])
+    return [summarise(*walk) for walk in made]
 
 
 def straight_walks(
@@ -103,8 +108,7 @@ def straight_walks(
     ]
 
 
-@lru_cache(maxsize=1)
-def _model(folder: Path) -> MotionModel:
+def _loaded(folder: Path) -> MotionModel:
     return load_model(folder, precision="fp32")
 
 

@@ -1,6 +1,4 @@
-"""Walk every sentence once and find the wording that a model follows: `assets/prompts/wording.json`.
-
-    python -m training.evaluation.text.wording [--model FOLDER] [--out FILE]
+"""Walk every sentence once and find the wording that a model follows: `assets/prompts/wording.json`, by `training.export.words`.
 
 A sentence is walked with everything else as in neutral, and what it claims (`training.text.claims`) is compared with what the
 body does; each arm is walked on its own, for some of its edits are held out on one side. Where the model shows less than `WEAK` of it,
@@ -11,32 +9,22 @@ learnt them by heart.
 
 from __future__ import annotations
 
-import argparse
 import json
-import logging
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from math import inf
 from operator import itemgetter
-from pathlib import Path
 
 from runtime.arrays import Array
-from runtime.assets import asset_path, model_folder
-from runtime.atomic import check_target, write_atomic
-from runtime.errors import run_command
-from runtime.motion.model import MotionModel, load_model
+from runtime.assets import asset_path
 from runtime.prompts.parts import PartDescriptions, mirror_text
-from runtime.prompts.phrasing import PHRASINGS, ModelPhrasing, adherence_of, as_left_limb
+from runtime.prompts.phrasing import as_left_limb
 from runtime.prompts.prompter import Prompter
-from training.evaluation.motion.driving import TOGETHER
-from training.evaluation.text.walks import PLAIN_PROMPT, body_of, straight_walks
+from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker
 from training.text.claims import claims, sentence_fraction, unclaimed_change
 from training.text.measure import BodyMeasures
 
-log = logging.getLogger("sport.evaluate")
-
-SECONDS = 4.0  # of each walk
 WEAK = 0.6  # fraction of a sentence's claims under which it gets another wording
 GAIN = 0.3  # by which the other wording has to be better
 CHANGE = 0.12  # what a unit of change that was not claimed costs, in fractions
@@ -55,22 +43,12 @@ NEUTRAL: Key = ("", "")
 Likeness = Callable[[Sequence[str]], Array]
 
 
-def walk(model: MotionModel, codes: Sequence[Array]) -> list[BodyMeasures]:
-    """What bodies do that walk straight ahead on flat ground, one for each Z^t `(6, 64)`."""
-    return [body_of(hips, local) for hips, local, _ in straight_walks(model, codes, SECONDS)]
-
-
-def walk_all(model: MotionModel, prompter: Prompter, keys: Sequence[Key]) -> dict[Key, BodyMeasures]:
+def walk_all(walker: Walker, prompter: Prompter, keys: Sequence[Key]) -> dict[Key, BodyMeasures]:
     """What bodies do under each sentence, and under `NEUTRAL`."""
     plain = prompter.expand(PLAIN_PROMPT).descriptions
-    found: dict[Key, BodyMeasures] = {}
-    every = [NEUTRAL, *keys]
-    for first in range(0, len(every), TOGETHER):
-        chunk = every[first : first + TOGETHER]
-        said = [_said(plain, *key) if key != NEUTRAL else plain for key in chunk]
-        found |= dict(zip(chunk, walk(model, [prompter(each) for each in said]), strict=True))
-        log.info("walked %d of %d", len(found), len(every))
-    return found
+    said = [plain, *(_said(plain, *key) for key in keys)]
+    made = walker.make([Walk.of(prompter(each), 0) for each in said])
+    return {key: walked.body for key, walked in zip([NEUTRAL, *keys], made, strict=True)}
 
 
 def _said(plain: PartDescriptions, group: str, words: str) -> PartDescriptions:
@@ -147,26 +125,13 @@ def _stands_for(group: str, part: str, other: str, words: str) -> bool:
     return meaning == wanted
 
 
-def main(argv: Sequence[str] | None = None) -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description="Find the wording of every sentence that a model follows.")
-    parser.add_argument("--model", type=model_folder, default=model_folder(), metavar="DIR")
-    parser.add_argument("--out", type=Path, default=Path("assets") / PHRASINGS, metavar="FILE")
-    args = parser.parse_args(argv)
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
-    check_target(args.out)
-    model = load_model(args.model)
-    prompter = Prompter(model, phrasing=ModelPhrasing())
-    fractions = adherence_of(model.name)
-    keys = sorted(
-        {key for group, words in {*fractions.sentences, *fractions.clauses} for key in _walked(group, words)}
-    )
-    walks = walk_all(model, prompter, keys)
-    table = better_wordings(walks, _captured(), lambda words: prompter.text_encoder.encode(list(words)))
-    write_atomic(
-        args.out, json.dumps({model.name: table}, indent=0, ensure_ascii=False, sort_keys=True) + "\n"
-    )
-    print(f"{args.out}: {sum(map(len, table.values()))} of {len(keys)} sentences have another wording")
+def measure_wording(
+    walker: Walker, prompter: Prompter, sentences: Iterable[Key]
+) -> dict[str, dict[str, str]]:
+    """The table of a model, of `sentences` by the groups of prompt adherence; the prompter keeps the words as they are."""
+    keys = sorted({key for group, words in sentences for key in _walked(group, words)})
+    walks = walk_all(walker, prompter, keys)
+    return better_wordings(walks, _captured(), lambda words: prompter.text_encoder.encode(list(words)))
 
 
 def _walked(group: str, words: str) -> list[Key]:
@@ -180,7 +145,3 @@ def _captured() -> frozenset[Key]:
     library = json.loads(asset_path("prompts/styles.json").read_text("utf-8"))
     said = (mapping for style in library.values() for mapping in style["descriptions"])
     return frozenset(as_left_limb(words, part) for mapping in said for part, words in mapping.items())
-
-
-if __name__ == "__main__":
-    raise SystemExit(run_command("wording", main))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import acos, asin, atan2, cos, degrees, hypot, radians, sin, sqrt
+from math import acos, asin, atan2, cos, degrees, hypot, pi, radians, sin, sqrt
 from typing import NamedTuple
 
 from runtime.edits.request import ARM, FRAMES, PLACE, Swing, Targets, asks, followed, limited, value_of
@@ -20,6 +20,7 @@ from runtime.scalar_math import (
     cross,
     dot,
     from_vector,
+    inverse,
     length,
     multiply,
     perpendicular,
@@ -28,6 +29,7 @@ from runtime.scalar_math import (
     scale,
     smoothstep,
     subtract,
+    to_vector,
     unit,
 )
 from runtime.skeleton import SPORT_SKELETON
@@ -48,6 +50,14 @@ TURNED, TURNS = (
 HAND_FOLLOWS = 0.7  # of the way to a straight wrist, at a place
 TRUNK_X, TRUNK_Z = 0.165, 0.13  # metres from the middle of a trunk to its surface, for a wrist
 TRUNK_BELOW, TRUNK_ABOVE = -0.12, 0.32  # metres from the hips up the trunk within which that holds
+SHOULDERS = 0.5  # metres up the trunk below which a palm lies on it
+TOUCHING = 1.4, 1.8  # radii of the trunk within which a palm lies on it wholly, and beyond which it does not
+HEAD_MIDDLE: Vector = (0.0, 0.09, 0.02)  # metres from the joint of the head
+HEAD_RADIUS = (
+    0.17,
+    0.22,
+)  # metres from there within which a palm lies on it wholly, and beyond which it does not
+MOST_TWIST, MOST_FLEXION = radians(80.0), radians(60.0)  # of forearm and wrist
 _LENGTHS = tuple(
     abs(float(SPORT_SKELETON.offsets[SPORT_SKELETON.index(n)][0])) for n in ("LeftForeArm", "LeftHand")
 )
@@ -198,7 +208,7 @@ class ArmEdit:
             pole = add(pole, scale(rotate(points, (arm.sign * px, py, pz)), weight))
         wrist = add(arm.wrist, moved)
         wrist = add(wrist, scale(_out_of_trunk(wrist, arm.sign, body), placed))
-        return _reached(arm, wrist, pole, placed, smoothstep(length(moved) / FAR))
+        return _laid(_reached(arm, wrist, pole, placed, smoothstep(length(moved) / FAR)), body, placed)
 
 
 def _between(
@@ -267,7 +277,7 @@ def _reached(arm: ArmPose, wrist: Vector, pole: Vector, placed: float, far: floa
     bone: Vector = (arm.sign, 0.0, 0.0)
     lower = multiply(upper, relative(arm.upper, arm.lower))
     lower = multiply(between(unit(rotate(lower, bone)), unit(subtract(wrist, elbow))), lower)
-    hand = _towards_rest(arm.hand, HAND_FOLLOWS * placed * far)
+    hand = _towards(arm.hand, (1.0, 0.0, 0.0, 0.0), HAND_FOLLOWS * placed * far)
     return arm._replace(upper=upper, lower=lower, hand=hand, elbow=elbow, wrist=wrist)
 
 
@@ -280,30 +290,91 @@ def _twist(arm: ArmPose, upper: Quaternion, elbow: Vector, wrist: Vector, weight
     return from_vector(scale(along, weight * angle))
 
 
-def _towards_rest(q: Quaternion, weight: float) -> Quaternion:
-    w, x, y, z = q if q[0] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
-    half = acos(min(w, 1.0))
-    if half < 1e-4:
-        return q
-    s = sin((1.0 - weight) * half) / sin(half)
-    return cos((1.0 - weight) * half), x * s, y * s, z * s
+class _Trunk(NamedTuple):
+    """Where a wrist is by the trunk: metres of it to the side, ahead, and up from the hips, with the axes of these."""
+
+    x: float
+    z: float
+    high: float
+    side: Vector
+    ahead: Vector
+
+    @property
+    def radii(self) -> float:
+        """How far from the middle it is, 1 on the surface."""
+        return hypot(self.x / TRUNK_X, self.z / TRUNK_Z)
+
+
+def _by_trunk(wrist: Vector, body: Body) -> _Trunk:
+    hips, chest = body.axes[1], body.axes[2]
+    side, ahead = rotate(chest.turned, (1.0, 0.0, 0.0)), rotate(chest.turned, (0.0, 0.0, 1.0))
+    away = subtract(wrist, hips.at)
+    return _Trunk(
+        dot(away, side), dot(away, ahead), dot(away, unit(subtract(chest.at, hips.at))), side, ahead
+    )
 
 
 def _out_of_trunk(wrist: Vector, sign: float, body: Body) -> Vector:
     """The way out of the trunk, of a wrist inside it; nothing for one outside."""
-    hips, chest = body.axes[1], body.axes[2]
-    up = unit(subtract(chest.at, hips.at))
-    from_hips = subtract(wrist, hips.at)
-    high = dot(from_hips, up)
-    level = smoothstep((high - TRUNK_BELOW) / 0.06) * smoothstep((TRUNK_ABOVE - high) / 0.06)
-    if level <= 0.0:
-        return (0.0, 0.0, 0.0)
-    side, ahead = rotate(chest.turned, (1.0, 0.0, 0.0)), rotate(chest.turned, (0.0, 0.0, 1.0))
-    x, z = dot(from_hips, side), dot(from_hips, ahead)
-    deep = hypot(x / TRUNK_X, z / TRUNK_Z)
-    if deep >= 1.0:
+    trunk = _by_trunk(wrist, body)
+    level = smoothstep((trunk.high - TRUNK_BELOW) / 0.06) * smoothstep((TRUNK_ABOVE - trunk.high) / 0.06)
+    x, z, deep = trunk.x, trunk.z, trunk.radii
+    if level <= 0.0 or deep >= 1.0:
         return (0.0, 0.0, 0.0)
     if deep < 1e-3:
         x, deep = sign * 1e-3 * TRUNK_X, 1e-3
     out = level * (1.0 / deep - 1.0)
-    return add(scale(side, out * x), scale(ahead, out * z))
+    return add(scale(trunk.side, out * x), scale(trunk.ahead, out * z))
+
+
+def _touched(arm: ArmPose, body: Body) -> tuple[float, Vector, Vector]:
+    """How much a palm lies on trunk or head, the way out of what it lies on, and the way that its fingers rather point."""
+    head = body.axes[3]
+    middle = add(head.at, rotate(head.turned, HEAD_MIDDLE))
+    from_head = subtract(arm.wrist, middle)
+    on_head = smoothstep((HEAD_RADIUS[1] - length(from_head)) / (HEAD_RADIUS[1] - HEAD_RADIUS[0]))
+    if on_head > 0.0:
+        return on_head, unit(from_head), rotate(head.turned, (-arm.sign, 0.0, 0.0))
+    trunk = _by_trunk(arm.wrist, body)
+    level = smoothstep((trunk.high - TRUNK_BELOW) / 0.06) * smoothstep((SHOULDERS - trunk.high) / 0.06)
+    near = smoothstep((TOUCHING[1] - trunk.radii) / (TOUCHING[1] - TOUCHING[0]))
+    out = unit(add(scale(trunk.side, trunk.x / TRUNK_X**2), scale(trunk.ahead, trunk.z / TRUNK_Z**2)))
+    # behind the back it is the back of a hand that lies there
+    before = smoothstep((dot(out, trunk.ahead) + 0.9) / 0.3)
+    return level * near * before, out, subtract(trunk.ahead, (0.0, 0.5, 0.0))
+
+
+def _laid(arm: ArmPose, body: Body, placed: float) -> ArmPose:
+    """The arm with its palm on what the wrist is at and the fingers along it, the forearm turned by half of that."""
+    weight, out, ahead = _touched(arm, body)
+    weight *= placed
+    if weight <= 0.0:
+        return arm
+    along = rotate(arm.lower, (arm.sign, 0.0, 0.0))
+    fingers = unit(perpendicular(add(along, scale(ahead, 0.5)), out))
+    goal = multiply(between(along, fingers), arm.lower)
+    palm = rotate(goal, (0.0, -1.0, 0.0))
+    angle = atan2(-dot(cross(palm, out), fingers), -dot(palm, out))
+    w, x, y, z = relative(arm.lower, multiply(from_vector(scale(fingers, angle)), goal))
+    twist = 2.0 * atan2(x, w)
+    twist -= 2.0 * pi * round(twist / (2.0 * pi))
+    turned = _about_bone(limited(twist, MOST_TWIST))
+    flexed = _shortened(multiply((w, x, y, z), _about_bone(-twist)), MOST_FLEXION)
+    forearm = _about_bone(weight * 0.5 * limited(twist, MOST_TWIST))
+    hand = _towards(arm.hand, multiply(flexed, turned), weight)
+    return arm._replace(lower=multiply(arm.lower, forearm), hand=multiply(inverse(forearm), hand))
+
+
+def _about_bone(angle: float) -> Quaternion:
+    return cos(0.5 * angle), sin(0.5 * angle), 0.0, 0.0
+
+
+def _shortened(q: Quaternion, most: float) -> Quaternion:
+    """A rotation of at most so many radians."""
+    vector = to_vector(q)
+    return from_vector(scale(vector, min(1.0, most / max(length(vector), 1e-6))))
+
+
+def _towards(a: Quaternion, b: Quaternion, weight: float) -> Quaternion:
+    """From a to b by `weight` of the way."""
+    return multiply(a, from_vector(scale(to_vector(relative(a, b)), weight)))

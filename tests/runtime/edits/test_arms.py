@@ -45,14 +45,24 @@ def incoming(frame: int, swing: float, bend: float, yaw: float) -> Array:
 
 def move(targets: list[Array], swing: float = 0.25, bend: float = 8.0, yaw: float = 0.7) -> Array:
     """Joints `(T, 31, 3)` relative to hips that face +Z, of one frame for each of `targets`."""
-    edits, found = BodyEdits(), []
+    return poses(targets, swing, bend, yaw)[0]
+
+
+def poses(
+    targets: list[Array], swing: float = 0.25, bend: float = 8.0, yaw: float = 0.7
+) -> tuple[Array, Array]:
+    """The same with the joints' rotations `(T, 31, 4)`."""
+    edits, found, turned = BodyEdits(), [], []
     for k, asked in enumerate(targets):
         local = incoming(k % 60, swing, bend, yaw)
         if asked.any() or edits.active:
             request = EditRequest(asked.tolist(), yaw, (0.0, 0.0), 0.0)
             local = edits.apply(HIPS, local, np.zeros(4), request).local
-        found.append(SPORT_SKELETON.forward_kinematics(np.zeros(3), local)[0])
-    return rotations.rotate(rotations.from_yaw(np.array(-yaw)), np.array(found))
+        positions, world = SPORT_SKELETON.forward_kinematics(np.zeros(3), local)
+        found.append(positions)
+        turned.append(world)
+    back = rotations.from_yaw(np.array(-yaw))
+    return rotations.rotate(back, np.array(found)), rotations.multiply(back, np.array(turned))
 
 
 def bends(positions: Array, side: str = "Left") -> Array:
@@ -69,7 +79,7 @@ PLACES = [
     ("{s} hand on the hip, elbow out to the side", (0.2, 0.04, -0.09)),
     ("{s} hand clasped behind the back", (0.03, 0.1, -0.17)),
     ("{s} hand in the pocket", (0.2, -0.09, 0.06)),
-    ("{s} hand on the head", (0.07, 0.59, 0.02)),
+    ("{s} hand on the head", (0.07, 0.62, 0.02)),
     ("{s} hand behind the head", (0.06, 0.49, -0.13)),
     ("{s} arm folded across the chest", (-0.1, 0.16, 0.18)),
     ("{s} arm raised overhead", (0.22, 0.76, 0.03)),
@@ -95,6 +105,22 @@ def test_hands_on_hips_are_at_the_sides_with_the_elbows_out() -> None:
         assert (sign * hand[:, 0]).min() > 0.15
         assert np.abs(hand[:, 2]).max() < 0.14
         assert (sign * elbow[:, 0]).min() > 0.25
+
+
+@pytest.mark.parametrize(
+    ("words", "towards"),
+    [
+        ("{s} hand on the hip, elbow out to the side", (-1.0, 0.0, 0.0)),
+        ("{s} hand pressed on the stomach", (0.0, 0.0, -1.0)),
+        ("{s} hand on the chest", (0.0, 0.0, -1.0)),
+        ("{s} hand on the head", (0.0, -1.0, 0.0)),
+    ],
+)
+def test_a_palm_lies_on_what_the_hand_is_at(words: str, towards: tuple[float, ...]) -> None:
+    _, turned = poses([said(words)] * STEPS)
+    for side, sign in (("Left", 1.0), ("Right", -1.0)):
+        palm = rotations.rotate(turned[-60:, AT(f"{side}Hand")], np.array([0.0, -1.0, 0.0]))
+        assert (palm @ np.multiply(towards, (sign, 1.0, 1.0))).min() > 0.5
 
 
 def test_a_hand_passes_round_the_trunk() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -22,8 +23,13 @@ settings.load_profile("quick")
 
 
 def pytest_configure() -> None:
-    """One thread in each process: those of several that train at a time would wait for each other."""
+    """One thread in each process: those of several that train at a time would wait for each other.
+
+    Compiled modules are kept: tests start some hundred processes, which would all compile the program anew.
+    """
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    sys.dont_write_bytecode = False
 
 
 @pytest.fixture(scope="session", autouse=True)

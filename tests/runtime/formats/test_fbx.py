@@ -80,8 +80,10 @@ def three_takes(folder: Path) -> dict[str, Path]:
     return {name: save_bvh(clip, folder / f"{name}.bvh", clip.fps) for name, clip in clips.items()}
 
 
-@pytest.mark.parametrize("engine", ["blender", "unreal"])
-@pytest.mark.parametrize("name", ["mannequin", *RIGS])
+@pytest.mark.parametrize(
+    ("name", "engine"),
+    [*((name, "blender") for name in ("mannequin", *RIGS)), ("mannequin", "unreal"), ("centimetres", "unreal")],
+)
 def test_ufbx_shows_the_joints_and_the_skin_of_the_glb(name: str, engine: str, tmp_path: Path) -> None:
     source = None if name == "mannequin" else RIGS[name](tmp_path / "rig.glb")
     options = ExportOptions(fps=30.0, character=source, engine=engine)
@@ -113,13 +115,11 @@ def test_a_turning_walk_stays_steady_between_frames(tmp_path: Path) -> None:
     assert np.linalg.norm(places[1:-1:2] - between, axis=-1).max() < 5e-3
 
 
-@pytest.mark.parametrize("rate", [30.0, 30000 / 1001, 60000 / 1001, 12.5])
+@pytest.mark.parametrize("rate", [30.0, 60000 / 1001, 12.5])
 def test_takes_of_any_name_and_rate_are_all_there(rate: float, tmp_path: Path) -> None:
     files = list(three_takes(tmp_path).values())
     options = ExportOptions(fps=rate, engine="unreal", with_takes=tuple(files[1:]), animation_only=True)
-    for name in ("takes.fbx", "again.fbx"):
-        save_motion(load_clip_bvh(files[0]), tmp_path / name, options, FLAT)
-    assert (tmp_path / "takes.fbx").read_bytes() == (tmp_path / "again.fbx").read_bytes()
+    save_motion(load_clip_bvh(files[0]), tmp_path / "takes.fbx", options, FLAT)
     found, character = play_fbx(tmp_path / "takes.fbx", rate), load_character(asset_path(MANNEQUIN))
     assert found["fps"] == pytest.approx(rate, abs=1e-3)
     assert list(found["ends"]) == ["walk", "grün größer", "at 25"]
@@ -250,7 +250,10 @@ def test_blender_reads_every_take(rate: float, tmp_path: Path) -> None:
             assert np.linalg.norm(theirs[:, :3, 3] - ours[:, :3, 3], axis=-1).max() < 1e-3, name
 
 
-def test_colours_that_look_alike_are_one_material(tmp_path: Path) -> None:
-    path, options = tmp_path / "walker.fbx", ExportOptions(character=asset_path("character/walker.glb"))
-    save_motion(CLIP.trim(0, 4), path, options, FLAT)
-    assert path.read_bytes().count(b"\x00\x01Material") == 15  # of 55 colours of vertices
+def test_colours_that_look_alike_are_one_material_and_equal_options_one_file(tmp_path: Path) -> None:
+    options = ExportOptions(character=asset_path("character/walker.glb"))
+    for name in ("walker.fbx", "again.fbx"):
+        save_motion(CLIP.trim(0, 4), tmp_path / name, options, FLAT)
+    data = (tmp_path / "walker.fbx").read_bytes()
+    assert data.count(b"\x00\x01Material") == 15  # of 55 colours of vertices
+    assert data == (tmp_path / "again.fbx").read_bytes()

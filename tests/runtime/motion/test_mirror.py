@@ -164,7 +164,7 @@ def test_going_into_the_mirror_and_out_of_it_is_smooth(model: MotionModel, promp
     controller = Controller(model, Terrain.flat(), 0)
     neutral, held = prompter("a person walking normally"), prompter("left hand behind the back")
     positions = []
-    for frame in range(460):
+    for frame in range(320):
         if frame >= 200 and frame % 100 == 0:
             controller.set_style(held if frame % 200 else neutral, 0.8)
         pose = controller.step(Controls(move=(0.0, 1.0)))

@@ -165,7 +165,7 @@ def test_where_the_processor_is_short_pictures_drop_and_a_recording_keeps_time(
     app.window.inject_key("w", True)
     app.window.inject_key("r", True)
     begin = now
-    while now < begin + 12.0:
+    while now < begin + 8.0:
         run(app)
     lasted = now - begin
     app.takes.toggle_recording()

@@ -7,9 +7,10 @@ data do it. The network is fed its own pose, so that the measure does not depend
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import asin, atan2, cos, degrees, dist, hypot, pi, radians, sin, sqrt
 
+from runtime.edits.line import FootLine
 from runtime.edits.request import LEG, MOST_OF_LEG, EditRequest, Targets, followed, limited, value_of
 from runtime.feet.leg import LegPose
 from runtime.scalar_math import (
@@ -29,10 +30,10 @@ from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 OUTWARD, LOWER, HEEL, TOE_OUT, KNEE, LOW, TOES = range(len(LEG))
 HALF_LIFE = 0.2  # seconds in which an edit follows its measure
 MEASURE_HALF_LIFE = 0.25  # seconds in which a measure follows the pose
-STRIDE_HALF_LIFE = 0.5  # seconds in which the line of the feet is measured
+LINE_HALF_LIFE = 0.15  # seconds on both feet in which their line is measured,
+ON_ONE_FOOT = 0.2  # and what a second on one foot or none counts of that
 LIFT_HALF_LIFE = 2.0  # seconds in which the height of a swing is forgotten
 WALKS = 0.3  # m/s, from which on it is
-CLEAR_M, PASSING_M = 0.1, 0.3  # a foot passes the other at this distance, while it is so near along the way
 RISE_HALF_LIFE, MOST_RISE = 0.1, 0.05  # seconds, metres: the hips go with legs that stand elsewhere
 TIPTOE_RISE = 0.1  # metres that hips rise per radian of a raised heel, half of what the ankles do,
 HEEL_SINK = 0.045  # and that they sink per radian of raised toes
@@ -53,7 +54,8 @@ class LegEdit:
 
     across: float = 0.0  # m of the left ankle from the right one across the way, times `known`
     middle: float = 0.0  # m of both ankles to the left of the hips, times `known`
-    known: float = 0.0  # how well the former two are known, 0 to 1
+    known: float = 0.0  # how well the former two are known, 0 to 1; all three of moments on both feet
+    line: FootLine = field(default_factory=FootLine, metadata={"later": True})
     height: float = 0.0  # m of the hips over the ground; 0 before the first frame
     pitch: tuple[float, float] = (0.0, 0.0)  # degrees of a planted foot, heel up
     yaw: tuple[float, float] = (0.0, 0.0)  # degrees of a planted foot, outward
@@ -96,8 +98,8 @@ class LegEdit:
             add(ankle, scale(side, sign * each[OUTWARD]))
             for ankle, sign, each in zip(ankles, (1.0, -1.0), added, strict=True)
         ]
+        moved = self.line.apply(scale(add(legs[0].hip, legs[1].hip), 0.5), moved, bears, request)
         up += self._rise(up, feet, moved, bears)
-        moved = self._passing(moved, side)
         result, swings = [], list(self.aside)
         for k, (foot, ankle) in enumerate(zip(feet, moved, strict=True)):
             if added[k][KNEE] > 0.0:
@@ -128,7 +130,7 @@ class LegEdit:
                 for middle in (scale(add(legs[0].hip, legs[1].hip), 0.5),)
                 for leg in legs
             )
-            seen = 1.0 - decay(STRIDE_HALF_LIFE)
+            seen = (1.0 - decay(LINE_HALF_LIFE)) * max(min(4.0 * bears[0] * bears[1], 1.0), ON_ONE_FOOT)
             self.across += seen * (left - right - self.across)
             self.middle += seen * (0.5 * (left + right) - self.middle)
             self.known += seen * (1.0 - self.known)
@@ -178,18 +180,6 @@ class LegEdit:
         rise = min(max(rise / max(total, 0.5), -MOST_RISE), MOST_RISE)
         self.rise += (rise - self.rise) * (1.0 - decay(RISE_HALF_LIFE))
         return self.rise
-
-    def _passing(self, ankles: list[Vector], side: Vector) -> list[Vector]:
-        """Feet on a line go round each other: the one that swings is set aside while it passes."""
-        narrow = min(max(-min(self.left[OUTWARD], self.right[OUTWARD]) / 0.02, 0.0), 1.0)
-        if narrow == 0.0:
-            return ankles
-        apart = subtract(ankles[0], ankles[1])
-        ahead = apart[0] * -side[2] + apart[2] * side[0]
-        near = max(1.0 - (ahead / PASSING_M) ** 2, 0.0)
-        push = narrow * max(CLEAR_M * near - dot(apart, side), 0.0)
-        left = min(max(0.5 + apart[1] / 0.04, 0.0), 1.0)  # the higher one swings
-        return [add(ankles[0], scale(side, left * push)), add(ankles[1], scale(side, (left - 1.0) * push))]
 
 
 def _foot(leg: LegPose, sign: float, added: tuple[float, ...]) -> LegPose:

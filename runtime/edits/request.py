@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.scalar_math import decay
+from runtime.scalar_math import Vector, decay
 
 # of a leg: metres of a foot from the middle line, metres that the hips are lowered, degrees of the heel raised over the
 # toe, degrees that the foot is turned out, the largest bend of the knee in degrees, metres that the ankle rises in its
@@ -35,6 +35,11 @@ ROW_TRUNK, ROW_ARMS = 2, 3
 FOLD = ROW_TRUNK, TRUNK.index("fold")  # what every trunk is asked for, whatever is said of it
 WIDTH = len(ARM) + len(FRAMES) * len(PLACE)
 SHAPE = (len(PARTS), WIDTH, 2)  # of what is asked for: each target's weight, and value times that
+OUTWARD = LEG.index("outward")
+USUAL, NARROW = (
+    0.05,
+    0.02,
+)  # metres of a foot from the middle line while both stand, in usual and in narrow walking
 MOST_OF_LEG = (0.3, 0.4, 50.0, 50.0, 90.0, 1.0, 50.0)  # that is added
 FIRST_TARGETS = 5  # of legs and trunk, in files without arms
 LARGEST = 200.0  # degrees, metres of any target
@@ -48,6 +53,7 @@ class EditRequest(NamedTuple):
     yaw: float  # radians, the way that the body faces
     velocity: tuple[float, float]  # m/s of the root, X and Z
     ground: float  # metres, the height under the body
+    feet: tuple[Vector, Vector] | None = None  # where the ankles were shown last
 
 
 def value_of(target: list[float]) -> float:
@@ -59,6 +65,15 @@ def value_of(target: list[float]) -> float:
 def asks(targets: Targets) -> bool:
     """Whether any of the targets asks for anything."""
     return any(weight > 1e-6 for weight, _ in targets)
+
+
+def narrow(targets: list[Targets]) -> float:
+    """How narrow a line the feet are asked to go on, of the targets of all parts: 0 where they go as wide as usual, to 1."""
+    found = []
+    for leg in targets[:ROW_TRUNK]:
+        outward = leg[OUTWARD]
+        found.append(outward[0] * min(max((USUAL - value_of(outward)) / (USUAL - NARROW), 0.0), 1.0))
+    return min(found)
 
 
 def followed(added: float, missing: float, half_life: float) -> float:

@@ -23,6 +23,7 @@ from runtime.edits.request import (
     asks,
     followed,
     limited,
+    narrow,
     value_of,
 )
 from runtime.pose import FPS
@@ -49,6 +50,7 @@ SINKS = 0.35  # of a bounce's range, that hips are lower: legs grow no longer
 MEAN_HALF_LIFE = 0.4  # seconds in which the measures follow the pose,
 RANGE_HALF_LIFE = 0.6  # and the ranges of sway, rock and bounce
 HALF_LIFE = 0.3  # seconds in which what is added follows what is missing
+MOST_SWAY = 0.06  # metres from end to end over feet on a line: less than half a foot's width to either side
 LEAST_SWAY, LEAST_ROCK, LEAST_BOUNCE = (
     0.008,
     1.0,
@@ -118,7 +120,7 @@ class TrunkEdit:
         ahead: Vector = (sin(request.yaw), 0.0, cos(request.yaw))
         shown = _angles(rotations, side, ahead)
         shift = up = lean = rolled = 0.0
-        if self.active or asks(targets[:FOLD]):
+        if self.active or asks(targets[:FOLD]) or narrow(request.targets):
             shift, up, lean, rolled = self._edit(hips, shown, side, request)
         elif self.lean.known > 0.0:
             vars(self).update(vars(TrunkEdit(steady=self.steady)))  # what is asked for later is measured anew
@@ -167,7 +169,7 @@ class TrunkEdit:
         self.twist = self.twist.observed(shown[TWIST], *halves)
         self.sway = self.sway.observed(swayed, *halves)
         self.bounce = self.bounce.observed(height, *halves)
-        self._follow(request.targets[ROW_TRUNK])
+        self._follow(request.targets[ROW_TRUNK], narrow(request.targets))
         rocked = limited(self.more_rock * (shown[ASIDE] - self.aside.middle), MOST_ROCK)
         bounced = self.more_bounce * (height - self.bounce.middle - SINKS * self.bounce.range)
         return (
@@ -177,8 +179,8 @@ class TrunkEdit:
             self.more_aside + rocked,
         )
 
-    def _follow(self, targets: Targets) -> None:
-        """Let what is added go towards what is missing."""
+    def _follow(self, targets: Targets, on_a_line: float) -> None:
+        """Let what is added go towards what is missing; hips over a line stay over the foot that stands."""
         for k, (name, measure) in enumerate(
             (("lean", self.lean), ("aside", self.aside), ("twist", self.twist))
         ):
@@ -195,6 +197,9 @@ class TrunkEdit:
             (BOUNCE, "bounce", self.bounce, LEAST_BOUNCE),
         ):
             goal = targets[k][0] * measure.gain(value_of(targets[k]), least, MOST_GAIN)
+            if k == SWAY:
+                most = measure.known * (MOST_SWAY / max(measure.range, MOST_SWAY) - 1.0)
+                goal += on_a_line * min(most - goal, 0.0)
             setattr(self, f"more_{name}", followed(getattr(self, f"more_{name}"), goal, HALF_LIFE))
 
 

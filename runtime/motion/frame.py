@@ -49,6 +49,7 @@ FASTEST_LIFT = 3.0  # m/s of the ground that the body is placed over: jogging up
 _SMOOTHS = 1.0 - decay(SPEED_HALF_LIFE)
 FUTURE = len(features.FUTURE_OFFSETS)
 NECK = SPORT_SKELETON.index("Neck")
+ANKLES = [SPORT_SKELETON.index("LeftFoot"), SPORT_SKELETON.index("RightFoot")]
 _PHASES = features.PHASE_OFFSETS + PRESENT
 
 
@@ -370,7 +371,9 @@ def _edit_request(state: CharacterState, index: int, joints: Array) -> EditReque
         return None
     path = state.trajectory
     x, z = path.velocity[index].tolist()
-    return EditRequest(style.asked, float(path.yaw[index, PRESENT]), (x, z), float(state.ground[index]))
+    left, right = state.poses.positions[index, ANKLES].tolist()
+    yaw, ground = float(path.yaw[index, PRESENT]), float(state.ground[index])
+    return EditRequest(style.asked, yaw, (x, z), ground, (tuple(left), tuple(right)))
 
 
 def _cross(

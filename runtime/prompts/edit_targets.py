@@ -17,6 +17,8 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
 
 HAND = "hand"
+ALONE = "alone"  # whole clauses of a kind that the edit shows alone
+PLAIN_LEG = "{side} leg stepping evenly, knee lifting moderately, foot rolling from heel to toe"
 TARGETS = {"leg": LEG, "torso": TRUNK, "arm": (*ARM, HAND)}  # by the last word of a part's name
 FOLDS, FOLDS_MORE = 20.0, 15.0  # degrees from upright that any trunk may lean forward, and over what is said
 NEAR = 0.06  # metres within which a hand is at its place, where the file does not say it
@@ -28,9 +30,16 @@ Phrases = dict[str, Values]  # what each phrase asks for; () for one that asks f
 @cache
 def phrases() -> dict[str, dict[str, Phrases]]:
     """The phrases of every target by the kind of part; FileError where the file is none."""
+    return _read()[0]
+
+
+@cache
+def _read() -> tuple[dict[str, dict[str, Phrases]], frozenset[str]]:
+    """The phrases, and the clauses of legs that edits show alone."""
     path = asset_path("prompts/edits.toml")
     try:
-        return read_phrases(tomllib.loads(path.read_text("utf-8")))
+        tree = tomllib.loads(path.read_text("utf-8"))
+        return read_phrases(tree), frozenset(c for kind in tree["leg"].values() for c in kind.get(ALONE, ()))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise FileError(f"{path}: not readable as edits ({error}).", "Restore the file.") from error
 
@@ -43,7 +52,7 @@ def read_phrases(tree: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> dict[st
     for part, kinds in tree.items():
         for name, kind in kinds.items():
             for target, value in kind.items():
-                if target == "phrases":
+                if target in ("phrases", ALONE):
                     continue
                 if part not in found or target not in found[part]:
                     raise ValueError(f"[{part}.{name}]: no target is called {target!r}")
@@ -105,6 +114,20 @@ def blended_targets(a: PartDescriptions, b: PartDescriptions, weights: Sequence[
     """Those of two prompts, each part by its own weight of B."""
     of_b = np.array([weights[PART_NAMES.index(part)] for part in PARTS])[:, None, None]
     return np.asarray((1.0 - of_b) * edit_targets(a) + of_b * edit_targets(b))
+
+
+def left_to_network(descriptions: PartDescriptions) -> PartDescriptions:
+    """The descriptions that the network reads under the edits: without the clauses of legs that these show alone.
+
+    Legs that cross by the network as well let it fall out of step with most other words.
+    """
+    for part in ("left_leg", "right_leg"):
+        side = part.split("_")[0]
+        said = getattr(descriptions, part).split(", ")
+        kept = [clause for clause in said if clause.removeprefix(f"{side} ") not in _read()[1]]
+        if not kept or (len(kept) < len(said) and kept[0].startswith(side)):  # what is left is a sentence
+            descriptions = descriptions.replace(part, ", ".join(kept) or PLAIN_LEG.format(side=side))
+    return descriptions
 
 
 def edited_parts(descriptions: PartDescriptions | None) -> frozenset[str]:

@@ -17,7 +17,7 @@ from runtime.motion.perceptual_weights import perceptual_weights
 from runtime.motion.style import Shares, StyleMix, even_weights, mixes
 from runtime.prompts.blend import BlendedPrompt, Weights, Words, mix_of_parts
 from runtime.prompts.content import PromptEncoder
-from runtime.prompts.edit_targets import blended_targets, edit_targets, edited_parts
+from runtime.prompts.edit_targets import blended_targets, edit_targets, edited_parts, left_to_network
 from runtime.prompts.english.library import LibraryExpander
 from runtime.prompts.expander import Expander, Expansion
 from runtime.prompts.parts import PartDescriptions
@@ -94,21 +94,21 @@ class Prompter:
     def style(self, words: Words | BlendedPrompt, exact_legs: bool = True) -> StyleMix:
         """What a character moves by; `exact_legs`: edits show of legs and trunk what the network does not."""
         if isinstance(words, BlendedPrompt):
-            (a, z_a), (b, z_b) = self._read(words.a), self._read(words.b)
+            (a, z_a), (b, z_b) = self._read(words.a, exact_legs), self._read(words.b, exact_legs)
             mix, edits = self._blend(z_a, z_b, words.weights), blended_targets(a, b, words.weights)
         else:
-            descriptions, z = self._read(words)
+            descriptions, z = self._read(words, exact_legs)
             mix, edits = StyleMix((1.0,), (z,)), edit_targets(descriptions)
         return replace(mix, edits=edits) if exact_legs else mix
 
-    def _read(self, words: Words) -> tuple[PartDescriptions, NDArray[np.float32]]:
-        """The six descriptions and their code."""
+    def _read(self, words: Words, exact_legs: bool = False) -> tuple[PartDescriptions, NDArray[np.float32]]:
+        """The six descriptions and their code, under the edits of `exact_legs`."""
         if isinstance(words, PartDescriptions):
             if note := self._note(words):
                 self._report(note)
         else:
             words = self.expand(words).descriptions
-        return words, self.encoder.encode(words)
+        return words, self.encoder.encode(left_to_network(words) if exact_legs else words)
 
     def _note(self, descriptions: PartDescriptions) -> str:
         read = self.phrasing.followed(descriptions)

@@ -19,7 +19,7 @@ from runtime.feet import ik
 from runtime.feet.foot_lock import FootLock, Support
 from runtime.feet.leg import leg_bones, leg_forward
 from runtime.motion.features import DT
-from runtime.prompts.edit_targets import blended_targets, edit_targets, targets_of
+from runtime.prompts.edit_targets import blended_targets, edit_targets, left_to_network, targets_of
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, J
 from runtime.terrain.height_map import Terrain
@@ -75,6 +75,20 @@ def test_feet_come_onto_a_line_from_wherever_they_were(yaw: float, width: float)
 
 def test_feet_go_apart() -> None:
     assert across(walk(asked(outward=0.12), 0.5), 0.5) == pytest.approx(0.24, abs=0.02)
+
+
+def test_a_narrow_foot_lands_before_the_one_that_stands_wherever_the_network_has_it() -> None:
+    edit, (left, right) = (
+        LegEdit(),
+        (leg_forward(leg_bones(k), (0.0, 0.93, 0.0), [(1.0, 0.0, 0.0, 0.0)] * J) for k in (0, 1)),
+    )
+    stands = (0.04, ANKLE_HEIGHT, 0.4)  # the right foot is held 4 cm to the left of the hips
+    request = EditRequest(asked(outward=0.0).tolist(), 0.0, (0.0, 1.2), 0.0, (left.ankle, stands))
+    before = abs(left.ankle[0] - stands[0])
+    for _ in range(60):
+        _, legs = edit.apply(0.93, (left, right), [0.0, 0.0, 1.0, 1.0], request)
+    assert abs(legs[0].ankle[0] - stands[0]) < 0.6 * before
+    assert legs[1].ankle[0] < 0.04
 
 
 def test_hips_are_lowered_once_and_feet_stay() -> None:
@@ -175,6 +189,19 @@ def test_a_sentence_asks_for_numbers(sentence: str, found: dict[str, tuple[float
     assert values.keys() == found.keys()
     assert all(low <= values[name][0] <= high for name, (low, high) in found.items())
     assert targets_of("right_leg", sentence.replace("left", "right")) == values
+
+
+def test_the_network_does_not_read_what_the_edit_shows_alone() -> None:
+    line = replace(
+        PLAIN,
+        left_leg="left foot placed on one line, narrow stance",
+        right_leg="right foot turned inward, pigeon-toed, right leg taking short steps",
+    )
+    read = left_to_network(line)
+    assert read.left_leg == "left leg stepping evenly, knee lifting moderately, foot rolling from heel to toe"
+    assert read.right_leg == "right leg taking short steps"
+    no_sentence = replace(PLAIN, left_leg="left foot placed on one line, narrow stance, slow careful steps")
+    assert left_to_network(no_sentence) == no_sentence
 
 
 def test_legs_of_a_blend_are_between_those_of_its_prompts() -> None:

@@ -75,9 +75,8 @@ def run(options: ViewOptions, services: Services | None = None, config: Path | N
     if not options.offscreen:
         logging.shutdown()
         sys.stdout.flush()
-        os._exit(
-            code
-        )  # what is to be written is written: the interpreter would take seconds, or wait for threads
+        # what is to be written is written: the interpreter would take seconds, or wait for threads
+        os._exit(code)
     return code
 
 

@@ -96,8 +96,7 @@ class Messages:
         if not self.recent:
             return None
         last = self.recent[-1]
-        shown_s = (
-            WARNING_SECONDS if last.path is not None else _SHOWN_S[last.level]
-        )  # a film may take minutes
+        # a film may take minutes
+        shown_s = WARNING_SECONDS if last.path is not None else _SHOWN_S[last.level]
         seconds = min(shown_s, SETTLED_SECONDS if last.settled else math.inf)
         return None if self.clock() - last.posted > seconds else last

@@ -140,9 +140,8 @@ class _Seen:
     def _depth(self, hands: AnyArray, way: AnyArray | float = 0.0) -> tuple[AnyArray, AnyArray]:
         """Greatest depth `(..., S, T)` of hands about the wrists, moved by `way`, and the ways out `(..., S, T, 3)`."""
         points = (self.wrists + way)[..., None, :] + hands
-        middle = 0.5 * (
-            points.mean(axis=-2) + self.wrists + way
-        )  # not of the fingers alone, which may be beyond an axis
+        # not of the fingers alone, which may be beyond an axis
+        middle = 0.5 * (points.mean(axis=-2) + self.wrists + way)
         points = (points[..., :, None, :, :] - self.places[..., None, :, None, :]) @ self.axes[
             ..., None, :, :, :
         ]

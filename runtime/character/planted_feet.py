@@ -85,9 +85,8 @@ def find_soles(mesh: SkinnedMesh, rest: AnyArray, pivots: AnyArray) -> Soles:
 def _sole(points: AnyArray) -> tuple[float, float, float]:
     """How far below the ankle the lowest of the points about it is, and from where to where along Z the sole reaches."""
     depth = -float(points[:, 1].min())
-    low = (
-        points[points[:, 1] <= -(1.0 - LOW) * depth] if depth > 0.0 else points
-    )  # else a foot above its ankle
+    # else a foot above its ankle
+    low = points[points[:, 1] <= -(1.0 - LOW) * depth] if depth > 0.0 else points
     return depth, float(low[:, 2].min()), float(low[:, 2].max())
 
 

@@ -45,9 +45,8 @@ class Rig:
     ground_point: Array  # (3,) under the hips on the level of the soles, rest pose, take's space
     root_node: int = -1  # the node on the ground, where there is one
     plain: bool = False  # written without scales and without nodes above the joints
-    binds: dict[int, Array] = field(
-        default_factory=dict
-    )  # inverse bind matrices (n, 4, 4) of skins, as written
+    # inverse bind matrices (n, 4, 4) of skins, as written
+    binds: dict[int, Array] = field(default_factory=dict)
 
 
 def open_rig(

@@ -39,17 +39,14 @@ ON_FRAME = 2e-4  # frames: how near to one a key lies that is on it; 29.97 and 3
 AT_KEY = 1e-5  # seconds: what is that little before a key is at it
 BODY = 0.8  # share of the moved nodes that hang on the top of a body, cameras and props apart
 NEAR = 0.3  # of a body's size: as near a bind pose lies to the pose at rest
-NTSC = {
-    rate * 1.001: rate / 1.001 for rate in (24.0, 30.0, 60.0)
-}  # what Blender writes for it, and what it is
+# what Blender writes for it, and what it is
+NTSC = {rate * 1.001: rate / 1.001 for rate in (24.0, 30.0, 60.0)}
 CHUNK = 1024  # frames whose transforms are worked out at once
 # nodes x frames, and keys, that any file may have; and more for each byte of it
 MAX_UNBAKED, FOR_A_BYTE = 500_000, 0.5
 MAX_NAME, MAX_SHOWN, MAX_BOUND = 200, 60, 50_000  # letters of a joint and of an animation, bind matrices
-MAX_LOOKED_AT, CHANNEL = (
-    50_000,
-    8,
-)  # nodes of animations that are looked at for a body, and what a channel counts
+# nodes of animations that are looked at for a body, and what a channel counts
+MAX_LOOKED_AT, CHANNEL = (50_000, 8)
 REMEDY = "Export it again with its animation baked, or as BVH."
 _PATHS = {"translation": 3, "rotation": 4, "scale": 3}
 

@@ -28,10 +28,8 @@ MAX_TOKENIZER_BYTES = 64 * 1024 * 1024
 MAX_NAME = 200
 MAX_DIMENSIONS = 65_536
 MAX_TOKENS = 4096
-SHIPPED = {
-    "name": "all-MiniLM-L6-v2",
-    "dimensions": 384,
-}  # what models that name no text encoder were trained with
+# what models that name no text encoder were trained with
+SHIPPED = {"name": "all-MiniLM-L6-v2", "dimensions": 384}
 STORED = "sentences.npz"  # in a text encoder's folder: vectors of sentences that need not be encoded
 OWN_FOLDER = "text_encoder"  # of a model folder: the text encoder that it was trained with
 _SHIPPED_GRAPH = "minilm_int8.onnx"

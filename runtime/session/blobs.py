@@ -23,9 +23,8 @@ from runtime.session.sqlite_file import Budget
 MAX_SIDE = 1 << 29
 REMEDY = "Choose another file, or a copy of this one."
 Made = TypeVar("Made")
-_REFERENCE = re.compile(
-    r"(<f4|<f8|\|i1|\|u1) ((?:[0-9]{1,10}(?:x[0-9]{1,10})*)?) ([^ ]*)"
-)  # kind, shape, hash
+# kind, shape, hash
+_REFERENCE = re.compile(r"(<f4|<f8|\|i1|\|u1) ((?:[0-9]{1,10}(?:x[0-9]{1,10})*)?) ([^ ]*)")
 
 
 class Once:

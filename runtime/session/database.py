@@ -51,10 +51,8 @@ GATHER_S = 0.05  # that works wait for others before they are written
 IDLE_S = 1.0  # without work until the log goes into the file, and between two attempts where the disk takes nothing
 MAX_WAITING = 20_000  # works that wait for a disk; of a recording an hour and more
 _LOG = logging.getLogger("sport.session")
-HAND_OVER_S, LONGEST_HAND_OVER_S = (
-    0.8,
-    10.0,
-)  # for what the file does not take: that long also where the end is late
+# for what the file does not take: that long also where the end is late
+HAND_OVER_S, LONGEST_HAND_OVER_S = (0.8, 10.0)
 Work = Callable[[Writer], None]
 
 
@@ -68,9 +66,8 @@ class Database:
     _reader: sqlite3.Connection | None = None
     _writer: sqlite3.Connection | None = None
     _files: list[tuple[int, int]] = field(default_factory=list)  # which ones were opened
-    _counted: set[tuple[Any, ...]] = field(
-        default_factory=set
-    )  # rows that the budget paid for, or this process wrote
+    # rows that the budget paid for, or this process wrote
+    _counted: set[tuple[Any, ...]] = field(default_factory=set)
     _queue: deque[Work] = field(default_factory=deque)
     _submitted: int = 0
     _written: int = 0
@@ -84,9 +81,8 @@ class Database:
     handed_over: Path | None = None  # what has the changes that the file has not taken
     # those of an earlier run, as long as the session is in memory only
     _unwritten: list[unwritten.Change] = field(default_factory=list)
-    _changed: threading.Condition = field(
-        default_factory=threading.Condition
-    )  # guards the queue and what counts it
+    # guards the queue and what counts it
+    _changed: threading.Condition = field(default_factory=threading.Condition)
     _turn: threading.Lock = field(default_factory=threading.Lock)  # of who writes
     _working: threading.Lock = field(default_factory=threading.Lock)  # works run one at a time
     _reading: threading.RLock = field(default_factory=threading.RLock)
@@ -173,9 +169,8 @@ class Database:
         if self._thread is None or self._ending:
             raise FileError(f"{self.path}: it is open for reading only.", "Save a copy of it.")
         with self._changed:
-            if (
-                self._full or len(self._queue) >= MAX_WAITING
-            ):  # what came later would build on what is missing
+            # what came later would build on what is missing
+            if self._full or len(self._queue) >= MAX_WAITING:
                 self._full = True
                 slow = self._trouble or f"{self.path}: its disk is too slow."
                 self._lost = f"{slow} What is done from now on is in memory only."

@@ -16,9 +16,8 @@ from runtime.skeleton import J
 
 PIECE = 300  # frames: 5 s
 HIPS_STEP_M = 1.0 / 16384.0
-ROTATION_STEP = 1.0 / (
-    32767.0 * 2.0**0.5
-)  # of a component: the three smaller ones of a quaternion are below 0.7072
+# of a component: the three smaller ones of a quaternion are below 0.7072
+ROTATION_STEP = 1.0 / (32767.0 * 2.0**0.5)
 CONTACT_STEP = 1.0 / 128.0
 LOWEST_CONTACT = -0.5
 BYTES = 3 * 4 + J * (1 + 3 * 2) + 4 + 1  # of a packed frame: hips, rotations, contacts, gait

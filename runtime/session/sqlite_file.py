@@ -313,10 +313,8 @@ def new_file(path: Path) -> Iterator[sqlite3.Connection]:
             check_schema(connection)
             check_content(connection)
         check_files(temporary)
-        for file in (
-            *side_files(path),
-            *unwritten_files(path),
-        ):  # what stayed would be read as the new file's
+        # what stayed would be read as the new file's
+        for file in (*side_files(path), *unwritten_files(path)):
             file.unlink(missing_ok=True)
 
 

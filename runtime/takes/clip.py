@@ -165,9 +165,8 @@ def shift_prompts(events: tuple[PromptEvent, ...], start: float, length: float) 
     within = [e for e in events if start < e.seconds <= start + length]
     kept = []
     if before:
-        left = (
-            before[-1].seconds + before[-1].transition_seconds - start
-        )  # a transition may still be under way
+        # a transition may still be under way
+        left = before[-1].seconds + before[-1].transition_seconds - start
         kept = [replace(before[-1], seconds=0.0, transition_seconds=max(left, 0.0))]
     return (*kept, *(replace(e, seconds=e.seconds - start) for e in within))
 

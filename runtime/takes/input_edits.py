@@ -87,9 +87,8 @@ def reworded(inputs: InputRecording, span: PromptSpan, style: StyleChange) -> Ed
     """
     if span.start > 0:
         return _with_styles(inputs, span.changes, [replace(style, frame=span.start)], span.start)
-    at = (
-        max(-SETTLE_STEPS, inputs.start + 1) if inputs.start < 0 else 0
-    )  # a keyframe's own frame is made already
+    # a keyframe's own frame is made already
+    at = max(-SETTLE_STEPS, inputs.start + 1) if inputs.start < 0 else 0
     styles = [change for change in inputs.changes if isinstance(change, StyleChange)]
     old = [c for c in styles if at <= c.frame and (c.frame <= 0 or any(c is own for own in span.changes))]
     return _with_styles(inputs, old, [replace(style, frame=at, seconds=0.0)], 0)
@@ -195,9 +194,8 @@ def _with_styles(
     inputs: InputRecording, old: Sequence[StyleChange], new: Sequence[StyleChange], first: int
 ) -> Edit:
     kept = [change for change in inputs.changes if all(change is not gone for gone in old)]
-    changes = tuple(
-        sorted([*kept, *new], key=lambda change: change.frame)
-    )  # stable: the rest keeps its order
+    # stable: the rest keeps its order
+    changes = tuple(sorted([*kept, *new], key=lambda change: change.frame))
     return Edit(replace(inputs, changes=changes), max(first, 0))
 
 

@@ -111,9 +111,8 @@ def test_counts_means_and_bars(tmp_path: Path, capsys: pytest.CaptureFixture[str
     key = study(tmp_path)
     files = [str(f) for f in synthetic(tmp_path, key, RATINGS)]
     where = ["--key", str(tmp_path / make.KEY)]
-    assert (
-        run_command("study", lambda: main(["report", *files, *where])) == 2
-    )  # synthetic answers are no answers
+    # synthetic answers are no answers
+    assert run_command("study", lambda: main(["report", *files, *where])) == 2
     assert "synthetic" in capsys.readouterr().err
     more = ["--synthetic", "--figures", str(tmp_path / "figures")]
     assert run_command("study", lambda: main(["report", *files, *where, *more])) == 0

@@ -28,9 +28,8 @@ def main() -> int:
     parser.add_argument("--slow", type=float, default=0.0, help="seconds that writing lasts longer")
     parser.add_argument("--full", action="store_true", help="the disk is full from the second take on")
     options = parser.parse_args()
-    signal.signal(
-        signal.SIGINT, signal.default_int_handler
-    )  # both are ignored in a background job of a shell
+    # both are ignored in a background job of a shell
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGQUIT, signal.SIG_DFL)
     logging.basicConfig(stream=sys.stderr, level=logging.WARNING, format="%(message)s")
     sys.path.insert(0, str(ROOT))

@@ -39,9 +39,8 @@ class Graph(TorchDispatchMode):
             assert not any(i is not None and i.dtype == torch.bool for i in args[1])
         for argument, value in zip(function._schema.arguments, args, strict=False):
             writes = argument.alias_info is not None and argument.alias_info.is_write
-            if writes or argument.name.startswith(
-                "running_"
-            ):  # means of a norm, whose schema does not say so
+            # means of a norm, whose schema does not say so
+            if writes or argument.name.startswith("running_"):
                 self.before += [(t, t.detach().clone()) for t in tree_leaves(value)]
         result = function(*args, **kwargs)
         self.calls.append((function, args, kwargs, result))

@@ -108,14 +108,5 @@ def test_lanes_restart_at_the_end_of_their_clip(frames):
         lanes.draw()
         seen.append(int(lanes.rows[0]))
         lanes.advance(y, y)
-    assert seen == [
-        end - 6,
-        end - 5,
-        end - 4,
-        end - 3,
-        40,
-        41,
-        42,
-        43,
-        44,
-    ]  # every fourth frame, before the end
+    # every fourth frame, before the end
+    assert seen == [end - 6, end - 5, end - 4, end - 3, 40, 41, 42, 43, 44]

@@ -74,9 +74,8 @@ def test_the_timeline_takes_its_height_from_the_view() -> None:
         layout = arrange(*size, 1.0, transport=True)
         assert layout.transport is not None
         _, up, share = framing(layout)
-        assert up - share == pytest.approx(
-            1.0 - 2.0 * layout.transport.y / size[1]
-        )  # its lower edge is the bar
+        # its lower edge is the bar
+        assert up - share == pytest.approx(1.0 - 2.0 * layout.transport.y / size[1])
         assert up + share == pytest.approx(1.0)
     assert framing(arrange(1280, 720, 1.0))[1:] == (0.0, 1.0)
 
@@ -84,9 +83,8 @@ def test_the_timeline_takes_its_height_from_the_view() -> None:
 def test_rates_are_those_of_the_clock() -> None:
     stats = Stats()
     for _ in range(100):
-        stats.add(
-            work_s=0.08, interval_s=0.1, steps=1
-        )  # offscreen: one step a picture, however long it takes
+        # offscreen: one step a picture, however long it takes
+        stats.add(work_s=0.08, interval_s=0.1, steps=1)
     assert stats.fps == pytest.approx(10.0)
     assert stats.steps_per_s == pytest.approx(10.0)
     assert stats.frame_ms == pytest.approx(80.0)

@@ -31,9 +31,8 @@ class CameraKeys:
     editor: Editor
     takes: Takes
     control: CameraControl
-    film: Callable[
-        [], tuple[str, float]
-    ]  # its size as "width x height", and its field of view in degrees, 0: the usual one
+    # its size as "width x height", and its field of view in degrees, 0: the usual one
+    film: Callable[[], tuple[str, float]]
     _frame: tuple[int, int] = (-1, -1)  # the take and the frame that were looked at last
 
     @property

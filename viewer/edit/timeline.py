@@ -163,9 +163,8 @@ class Shapes:
     rows: list[Row] = field(default_factory=list)
     rects: list[tuple[imgui.ImVec2, imgui.ImVec2, int, float]] = field(default_factory=list)
     points: list[tuple[imgui.ImVec2, float, int, int]] = field(default_factory=list)
-    texts: list[tuple[float, imgui.ImVec2, int, str]] = field(
-        default_factory=list
-    )  # by the size of their letters
+    # by the size of their letters
+    texts: list[tuple[float, imgui.ImVec2, int, str]] = field(default_factory=list)
 
     def rect(
         self, left: float, top: float, right: float, bottom: float, tint: Color, rounding: float

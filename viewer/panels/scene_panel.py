@@ -161,9 +161,8 @@ def _shape(scene: Scene) -> None:
 
 
 def _views(scene: Scene) -> None:
-    shown = [
-        (name, text) for name, text in VIEWS.items() if name != "top"
-    ]  # which has a key; there is no room
+    # which has a key; there is no room
+    shown = [(name, text) for name, text in VIEWS.items() if name != "top"]
     width = widgets.column_width(len(shown) + 1)
     for key, (name, text) in enumerate(shown, 1):
         if widgets.button(f"{text}##view {name}", width, f"The character from there ({key})"):

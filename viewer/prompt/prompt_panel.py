@@ -61,9 +61,8 @@ class PromptPanel:
     model: str = ""  # the loaded one's name
     search: str = ""
     tab_requested: str = ""  # "blend": shown from the next frame on
-    _weak: dict[str, float | None] = field(
-        default_factory=lambda: dict.fromkeys(PART_NAMES)
-    )  # `weakly_shown` of each part
+    # `weakly_shown` of each part
+    _weak: dict[str, float | None] = field(default_factory=lambda: dict.fromkeys(PART_NAMES))
     _exact: frozenset[str] = frozenset()  # parts whose words an edit shows
     _weak_of: tuple[object, str] = (None, "")  # answer and model for which that holds
 

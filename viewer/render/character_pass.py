@@ -231,9 +231,8 @@ def coarse_triangles(
         np.minimum.at(least, place, color)
         np.maximum.at(most, place, color)
         keys = np.column_stack([keys, color, least[place], most[place]])
-        order = np.argsort(
-            place, kind="stable"
-        )  # the first of a cell is at one place for all colors that meet there
+        # the first of a cell is at one place for all colors that meet there
+        order = np.argsort(place, kind="stable")
     first, cell = _groups(keys[order])
     stands = np.empty(len(positions), np.int64)
     stands[order] = order[first][cell]

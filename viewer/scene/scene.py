@@ -58,9 +58,8 @@ class Scene:
     shown: Callable[[], Pose]  # the pose in view: the live one, or that of a take
     folder: Path  # the state folder: files of characters and of the mannequin in other shapes
     camera: CameraControl = field(default_factory=CameraControl)
-    terrain: Terrain = field(
-        default_factory=Terrain.flat
-    )  # the live ground, as large as the character sees it
+    # the live ground, as large as the character sees it
+    terrain: Terrain = field(default_factory=Terrain.flat)
     simulation: Simulation = field(init=False)
     terrain_names: tuple[str, ...] = ()
     file_path: str = ""  # the path field

@@ -199,9 +199,8 @@ def _denials(
             continue
         elements = _denied_elements(words, found, at)
         entries += [e.entry for e in elements]
-        for reach in _reaches(
-            words, elements, at
-        ):  # without any, "no energy" says what is there by what is not
+        # without any, "no energy" says what is there by what is not
+        for reach in _reaches(words, elements, at):
             if gone.isdisjoint(reach):
                 denied.append(" ".join(words[i].text for i in reach))
             gone.update((at, *reach))

@@ -39,9 +39,8 @@ def _opens(before: str, match: Match) -> int | None:
     words = before.split()
     if not words:
         return None
-    if match["subject"] is not None and rules["keeping"].fullmatch(
-        words[-1]
-    ):  # "surgeon | holding his hands"
+    # "surgeon | holding his hands"
+    if match["subject"] is not None and rules["keeping"].fullmatch(words[-1]):
         before = before.rstrip().removesuffix(words.pop())
         closed = (
             not words or rules["noun_at_end"].search(before) or rules["no_opening_after"].fullmatch(words[-1])
@@ -62,9 +61,8 @@ def _before_subject(before: str, words: list[str]) -> int | None:
     rules = grammar()
     last, spoken = words[-1], rules["part"].search(" ".join(words[:-1]))
     verb, other_verb = rules["any_verb"].fullmatch(last), rules["other_verb"].fullmatch(last)
-    if len(words) > 1 and rules["attributive"].fullmatch(
-        words[-2]
-    ):  # "in the pockets |", "the limping left leg"
+    # "in the pockets |", "the limping left leg"
+    if len(words) > 1 and rules["attributive"].fullmatch(words[-2]):
         return None if verb or last.endswith("ing") else len(before)
     if rules["part"].fullmatch(last):
         return len(before)

@@ -164,17 +164,15 @@ def test_unmapped_joints_keep_their_rest_relative_to_the_parent(mixamo: Characte
     for seed in (None, 1):
         pose = make_pose(seed)
         m = mixamo.joint_matrices(pose.positions, pose.world_rotations).astype(float)
-        assert np.allclose(
-            np.linalg.inv(m[head]) @ m[top], before, atol=1e-2
-        )  # centimetres in the joint's own frame
+        # centimetres in the joint's own frame
+        assert np.allclose(np.linalg.inv(m[head]) @ m[top], before, atol=1e-2)
 
 
 def test_turned_and_z_up_characters_face_forward(tmp_path: Path) -> None:
     user = user_character()
     turn = np.eye(4)
-    turn[:3, :3] = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]) @ np.diag(
-        [-1, 1, -1]
-    )  # Z up and facing backwards
+    # Z up and facing backwards
+    turn[:3, :3] = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]) @ np.diag([-1, 1, -1])
     world = turn @ user.rest_world
     positions = user.positions @ turn[:3, :3].T
     turned = dataclasses.replace(user, rest_world=world, inverse_bind=np.linalg.inv(world).astype(np.float32),

@@ -166,9 +166,8 @@ def test_joints_of_others_are_led_too(tmp_path: Path, rig: Callable[[Path], Path
 
 
 def test_fingers_that_point_into_the_waist_lie_along_it(mannequin: Character) -> None:
-    goals = np.linspace(
-        (0.3, 0.05, 0.02), (0.2, 0.05, 0.02), 60
-    )  # the elbow is outside, the hand would go right in
+    # the elbow is outside, the hand would go right in
+    goals = np.linspace((0.3, 0.05, 0.02), (0.2, 0.05, 0.02), 60)
     positions, world = SPORT_SKELETON.forward_kinematics(*reaching(goals))
     shown, turned = clear_hands(mannequin, mannequin.body, positions, world)
     turns = rotations.angle_between(world[:, HAND], turned[:, HAND])

@@ -84,9 +84,8 @@ def rolled(pitch: float, toe_contact: float) -> Any:
     pivot = np.array([0.0, -0.066, 0.1294 if pitch < 0 else -0.05])
     rise = float((rotations.rotate(local[foot], pivot) - pivot)[1])
     upper = SPORT_SKELETON.index("LeftUpLeg")
-    bend = 2.0 * np.arccos(
-        np.clip(1.0 - max(-rise, 0.0) / 0.835, -1.0, 1.0)
-    )  # raise the ankle by bending the leg
+    # raise the ankle by bending the leg
+    bend = 2.0 * np.arccos(np.clip(1.0 - max(-rise, 0.0) / 0.835, -1.0, 1.0))
     local[upper] = rotations.from_axis_angle(axis, np.array(-0.5 * bend))
     local[leg] = rotations.from_axis_angle(axis, np.array(bend))
     local[foot] = rotations.from_axis_angle(axis, np.array(-pitch - 0.5 * bend))

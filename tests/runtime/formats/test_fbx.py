@@ -82,7 +82,11 @@ def three_takes(folder: Path) -> dict[str, Path]:
 
 @pytest.mark.parametrize(
     ("name", "engine"),
-    [*((name, "blender") for name in ("mannequin", *RIGS)), ("mannequin", "unreal"), ("centimetres", "unreal")],
+    [
+        *((name, "blender") for name in ("mannequin", *RIGS)),
+        ("mannequin", "unreal"),
+        ("centimetres", "unreal"),
+    ],
 )
 def test_ufbx_shows_the_joints_and_the_skin_of_the_glb(name: str, engine: str, tmp_path: Path) -> None:
     source = None if name == "mannequin" else RIGS[name](tmp_path / "rig.glb")

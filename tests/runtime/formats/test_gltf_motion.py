@@ -76,9 +76,8 @@ def test_cubic_and_stepped_keys_are_read_as_specified(tmp_path: Path) -> None:
     motion = read_gltf_motion(path)
     assert motion.fps == pytest.approx(30.0)
     middle = motion.positions[15, 0, 0]
-    assert middle == pytest.approx(
-        0.5 * 3.0 + 0.125 * 3.0 + 0.0, abs=1e-5
-    )  # half of the way, and the tangent's part
+    # half of the way, and the tangent's part
+    assert middle == pytest.approx(0.5 * 3.0 + 0.125 * 3.0 + 0.0, abs=1e-5)
     assert np.allclose(motion.local_rotations[29, 0], [1, 0, 0, 0])
     assert np.allclose(np.abs(motion.local_rotations[30, 0]), [0, 0, 1, 0])
 

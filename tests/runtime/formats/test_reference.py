@@ -42,9 +42,8 @@ def foreign(path: Path, turn: np.ndarray, names: tuple[str, ...] = NAMES, stand:
     local = rotations.multiply(rotations.multiply(turn, local), rotations.inverse(turn))
     offsets = rotations.rotate(turn, SPORT_SKELETON.offsets.astype(float)) * 1.5
     if not stand:
-        heap = rotations.normalize(
-            np.random.default_rng(2).normal(size=(31, 4))
-        )  # of bones against the rest pose
+        # of bones against the rest pose
+        heap = rotations.normalize(np.random.default_rng(2).normal(size=(31, 4)))
         above = np.concatenate([rotations.identity((1,)), heap[list(SPORT_SKELETON.parents[1:])]])
         offsets = rotations.rotate(rotations.inverse(above), offsets)
         local = rotations.multiply(rotations.multiply(rotations.inverse(above), local), heap)

@@ -74,9 +74,8 @@ def test_a_session_with_one_of_everything_comes_back(tmp_path: Path) -> None:
     file, found = reopened(path, elsewhere)
     now = found.present.session
     assert text_of(now) == before
-    assert now == replace(
-        session, live=now.live, variants=now.variants
-    )  # their answers have forgotten how long they took
+    # their answers have forgotten how long they took
+    assert now == replace(session, live=now.live, variants=now.variants)
     for take, clip in zip(now.takes, clips, strict=True):
         assert close(take.made.clip, clip)
         assert (take.made.clip.name, take.made.clip.prompts, take.made.clip.origin) == (

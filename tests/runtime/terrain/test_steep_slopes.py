@@ -70,9 +70,8 @@ def test_a_leg_that_hangs_in_a_slope_goes_round_to_where_it_has_room(
         before, shown = shown, resolve_penetration(hips, asked, shown, slope, limbs)
         assert angle_between(before, shown).max() < TURN_MOST + 1e-6
     assert depth(slope, hips, shown) < 0.2
-    if (
-        limbs is KEYFRAMED
-    ):  # a climber's, whose hands are on a wall: they leave it only where they are deep in it
+    # a climber's, whose hands are on a wall: they leave it only where they are deep in it
+    if limbs is KEYFRAMED:
         arms = SPORT_SKELETON.forward_kinematics(hips, asked)[0][18:31]
         deep = (slope.height(arms[:, 0], arms[:, 2]) - arms[:, 1]).max()
         assert deep > 0.15 or angle_between(shown[ARMS], asked[ARMS]).max() < 1e-3

@@ -74,9 +74,8 @@ def test_stairs_have_treads_and_crisp_risers():
     treads = np.round(steps[on_tread]).astype(int)
     assert list(np.unique(treads)) == list(range(0, 9))
     assert np.all(np.diff(treads) >= 0)
-    np.testing.assert_allclose(
-        t.height(z, np.zeros_like(z)), heights, atol=1e-5
-    )  # rings: the same in every direction
+    # rings: the same in every direction
+    np.testing.assert_allclose(t.height(z, np.zeros_like(z)), heights, atol=1e-5)
 
 
 def test_an_unknown_name_lists_the_names():

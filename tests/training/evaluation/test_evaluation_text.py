@@ -218,9 +218,8 @@ def test_scores_count_what_is_found_first() -> None:
         "neutral_bn": _codes(3),
         "old": _codes(4),
     }
-    found = retrieval.scores(
-        styles, list(_codes(0, 0, 0, 2)), texts
-    )  # the happy clip moves as the angry ones
+    # the happy clip moves as the angry ones
+    found = retrieval.scores(styles, list(_codes(0, 0, 0, 2)), texts)
     assert found["motion_to_text"]["r1"] == 0.5
     assert found["motion_to_text_alike"]["r1"] == 0.75  # a neutral walk of another data set is one
     assert found["text_to_motion"]["queries"] == 4  # no held-out clip is old, so it is not queried

@@ -134,10 +134,8 @@ def test_equation_11_mean_squared_error():
 def test_equations_12_and_13_the_soft_step_is_a_half_at_the_threshold():
     speed = torch.tensor([[0.0, 0.02, 0.2, 2.0]])
     assert losses.contact(torch.ones(1, 1), torch.full((1, 1), 0.02)).item() == pytest.approx(0.25)
-    at_rest, moving = (
-        1 / (1 + np.exp(-2.0)),
-        0.0,
-    )  # what the soft step says of a foot at rest, and of a fast one
+    # what the soft step says of a foot at rest, and of a fast one
+    at_rest, moving = (1 / (1 + np.exp(-2.0)), 0.0)
     labels = torch.zeros(1, 3)
     away = speed[:, [0, 2, 3]]
     assert losses.contact(labels, away).item() == pytest.approx((at_rest**2 + moving) / 3, abs=1e-5)

@@ -72,9 +72,8 @@ def test_a_minute_is_zoomed_and_scrolled_by_the_mouse(start: Start, size: tuple[
     wheel(app, 8.0, share=0.5)
     first, last = shown(app).first, shown(app).last
     assert last - first < 0.2 * FRAMES
-    assert first + (last - first) / 2 == pytest.approx(
-        FRAMES / 2, abs=60
-    )  # the frame under the pointer stays
+    # the frame under the pointer stays
+    assert first + (last - first) / 2 == pytest.approx(FRAMES / 2, abs=60)
     x, y = place(app, "##timeline", share=0.25)
     click(app, x, y - 8.0)
     assert frame(app) == pytest.approx(first + 0.25 * (last - first), abs=3 + (last - first) / 200)

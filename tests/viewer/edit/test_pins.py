@@ -85,9 +85,8 @@ def test_a_pin_of_a_take_is_dragged_undone_and_exported(app: App, tmp_path: Path
     add_pin(app, "Left hand")
     (pin,) = item(app).poses.pins
     assert (pin.what, round(pin.start * 60)) == (Pinned.LEFT_HAND, 20)
-    assert np.allclose(
-        item(app).clip.world()[0][:, HAND], before.clip.world()[0][:, HAND], atol=0.005
-    )  # where it was
+    # where it was
+    assert np.allclose(item(app).clip.world()[0][:, HAND], before.clip.world()[0][:, HAND], atol=0.005)
     x, y = handle(app)
     drag(app, (x, y), (x + 30.0, y - 40.0))
     (moved,) = item(app).poses.pins

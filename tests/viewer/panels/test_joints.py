@@ -18,9 +18,8 @@ from viewer.app import App
 from viewer.services import Services
 
 REAL = {"load_character": Services().load_character}
-LAME = {
-    name: ("a" if parent else "", place) for name, (parent, place) in PLAIN.items()
-}  # a tree that tells nothing
+# a tree that tells nothing
+LAME = {name: ("a" if parent else "", place) for name, (parent, place) in PLAIN.items()}
 BY_HAND = {"Hips": "a", "Spine1": "c", "Neck1": "d", "Head": "e"} | {
     f"{side}{bone}": f"{side[0]} {letter}"
     for side in ("Left", "Right")

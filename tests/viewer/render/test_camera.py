@@ -68,9 +68,8 @@ def test_a_shifted_camera_shows_its_target_there_and_the_same_sky_behind() -> No
 
 
 def test_character_facing_away_has_its_left_on_the_left_of_the_picture() -> None:
-    camera = OrbitCamera(
-        (0.0, 1.0, 0.0), yaw=0.0, pitch=0.1
-    )  # looks along +Z, where the character's left is +X
+    # looks along +Z, where the character's left is +X
+    camera = OrbitCamera((0.0, 1.0, 0.0), yaw=0.0, pitch=0.1)
     clip = camera.projection_matrix(1.0) @ camera.view_matrix() @ np.array([0.5, 1.0, 0.0, 1.0])
     assert clip[0] / clip[3] < 0
 

@@ -117,12 +117,8 @@ def brightness(picture: Picture) -> np.ndarray:
 
 @pytest.mark.parametrize("quality", [SOFTWARE, SMALL_HIGH], ids=["software", "high"])
 def test_a_body_throws_a_shadow_away_from_the_sun(render: Render, quality: Quality) -> None:
-    options = {
-        "yaw": np.pi,
-        "pitch": 1.4,
-        "distance": 7.0,
-        "quality": quality,
-    }  # from above, looking along -Z
+    # from above, looking along -Z
+    options = {"yaw": np.pi, "pitch": 1.4, "distance": 7.0, "quality": quality}
     bare, stood = (brightness(render(pose=pose, **options)) for pose in (None, True))
     darker = bare - stood > 25
     rows, columns = np.nonzero(darker)

@@ -18,6 +18,7 @@ from viewer.settings import FILE_NAME, INTERVAL_S, KeptSettings, Settings, load_
 
 KILLED = """
 import sys
+import time
 from pathlib import Path
 
 from tests.helpers.app_driver import InjectedPads, click_on, run
@@ -33,6 +34,7 @@ click_on(app, "Ghosts")
 print("changed", flush=True)
 while True:
     run(app)
+    time.sleep(0.02)
 """
 
 

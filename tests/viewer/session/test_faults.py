@@ -26,4 +26,4 @@ def test_at_most_the_last_quarter_of_a_second_is_lost(name: str, tmp_path: Path)
     fault: Callable[[Path, float], Outcome] | None = faults.all_faults().get(name)
     if fault is None:
         pytest.skip("no Xvfb here")
-    assert fault(tmp_path / "run", 1.2).problems == []
+    assert fault(tmp_path / "run", 0.8).problems == []

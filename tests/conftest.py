@@ -119,7 +119,27 @@ def prompter() -> Any:
 
 
 @pytest.fixture
-def quick_clips(monkeypatch: pytest.MonkeyPatch) -> None:
+def loaded_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who loads the shipped networks, text encoder and library by their defaults gets those that are loaded already."""
+    from runtime.motion.model import load_model
+    from runtime.prompts.text_encoder import text_encoder_of
+    from tests.helpers import shipped
+
+    def model(folder: Path | None = None, **options: Any) -> Any:
+        return load_model(folder, **options) if folder or options else shipped.shipped_model()
+
+    def encoder(metadata: dict[str, Any], folder: Path, chosen: Path | None = None) -> Any:
+        own = shipped.shipped_model()
+        usual = chosen is None and folder == own.folder
+        return shipped.shipped_encoder() if usual else text_encoder_of(metadata, folder, chosen)
+
+    monkeypatch.setattr("runtime.motion.model.load_model", model)
+    monkeypatch.setattr("runtime.prompts.prompter.text_encoder_of", encoder)
+    monkeypatch.setattr("runtime.prompts.prompter.LibraryExpander", lambda _: shipped.shipped_library())
+
+
+@pytest.fixture
+def quick_clips(monkeypatch: pytest.MonkeyPatch, loaded_once: None) -> None:
     """Clips of the real model begin soon, and a blend is measured on a third of a second in place of six."""
     from runtime.motion import perceptual_weights
     from tests.helpers.walker import settle_soon

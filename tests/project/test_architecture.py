@@ -245,7 +245,8 @@ def test_importing_has_no_side_effects(package: str, libraries: tuple[str, ...])
     """No module opens a window, file, process or socket, starts a thread, or loads what it may never need."""
     names = [".".join(p.relative_to(PROJECT_ROOT).with_suffix("").parts) for p in sources(package)]
     kept = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
-    command = [sys.executable, "-c", WATCHED_IMPORT, " ".join(names), *libraries]
+    # -B: what is compiled is not written
+    command = [sys.executable, "-B", "-c", WATCHED_IMPORT, " ".join(names), *libraries]
     done = subprocess.run(command, cwd=PROJECT_ROOT, env=kept, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     loaded, touched, threads = json.loads(done.stdout)

@@ -77,7 +77,7 @@ def as_on_a_gpu(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("stage", "steps"), [("phase", 8), ("content", 8), ("stage2", 13), ("stage3", 13), ("ground", 13)]
+    ("stage", "steps"), [("phase", 8), ("content", 8), ("stage2", 10), ("stage3", 10), ("ground", 10)]
 )
 def test_a_recorded_step_waits_for_nothing_and_gives_the_same_bytes(
     stage, steps, frames, table, texts, tmp_path, monkeypatch, as_on_a_gpu  # noqa: F811

@@ -15,7 +15,7 @@ from runtime.prompts.blend import BlendedPrompt
 from runtime.prompts.prompter import Prompter
 from runtime.session.prompt_blend import Side
 from tests.helpers.app_driver import Start, run
-from tests.helpers.shipped import shipped_model
+from tests.helpers.shipped import shipped_model, shipped_prompter
 
 ONE = st.floats(0.0, 1.0)
 RISING = st.lists(ONE, min_size=1, max_size=11).map(lambda inner: (0.0, *sorted(inner), 1.0))
@@ -43,7 +43,7 @@ def test_six_steps_of_a_measured_blend_are_nearly_equal(monkeypatch: pytest.Monk
     walked, walks = [], perceptual_weights.walks
     monkeypatch.setattr(perceptual_weights, "walks", lambda *given: walked.append(walks(*given)) or walked[0])
     model = shipped_model()
-    to_style = Prompter(model)
+    to_style = shipped_prompter()
     ends = to_style("a person walking normally"), to_style("an old man")
     shares = perceptual_weights.perceptual_weights(model, *ends)
     assert len(shares) == perceptual_weights.WALKERS

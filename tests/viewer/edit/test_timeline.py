@@ -250,6 +250,7 @@ def test_the_feet_stand_above_the_bar(start: Start, size: tuple[int, int]) -> No
     assert bottom < place(app, "##timeline")[1] - 90.0  # buttons stand between
 
 
+@pytest.mark.usefixtures("loaded_once")
 def test_a_new_prompt_leaves_the_frames_before_it_as_they_were(start: Start) -> None:
     """With the shipped model."""
     app = start(services={"load_model": Services().load_model})

@@ -24,8 +24,8 @@ ALL_A: Weights = (0.0,) * len(PART_NAMES)
 _FORM = f"Write left_arm=1,torso=0.5; the parts are {', '.join(PART_NAMES)}."
 
 
-def check_weights(weights: Mapping[str, Any], default: float = 0.0) -> Weights:
-    """Weights in the order of `PART_NAMES`, `default` for parts not named; PromptError names a part that is wrong."""
+def check_weights(weights: Mapping[str, Any]) -> Weights:
+    """Weights in the order of `PART_NAMES`, 0 for parts not named; PromptError names a part that is wrong."""
     for part, value in weights.items():
         if part not in PART_NAMES:
             raise PromptError(f"Blend weights: there is no body part '{str(part)[:40]}'.", _FORM)
@@ -35,7 +35,7 @@ def check_weights(weights: Mapping[str, Any], default: float = 0.0) -> Weights:
             raise PromptError(
                 f"Blend weight of {part}: {shown!r}, expected 0 (prompt A) to 1 (prompt B).", _FORM
             )
-    return tuple(float(weights.get(part, default)) for part in PART_NAMES)
+    return tuple(float(weights.get(part, 0.0)) for part in PART_NAMES)
 
 
 def mix_of_parts(z_a: Float32Array, z_b: Float32Array, weights: Sequence[float]) -> StyleMix:

@@ -30,16 +30,16 @@ MAX_SECONDS = 600.0
 MOVED_M = 0.05  # less is standing
 
 
-def path_of(clip: Clip, inputs: InputRecording, first: int = 0) -> tuple[Waypoint, ...]:
-    """The way of a clip from a frame on as few points, each with the speed and gait of the leg that leads to it.
+def path_of(clip: Clip, inputs: InputRecording) -> tuple[Waypoint, ...]:
+    """The way of a clip as few points, each with the speed and gait of the leg that leads to it.
 
     UsageError where it goes nowhere.
     """
-    path = np.asarray(clip.hips_positions, float)[first:, [0, 2]]
+    path = np.asarray(clip.hips_positions, float)[:, [0, 2]]
     corners = _corners(path)
     points = []
     for a, b in itertools.pairwise(corners):
-        stick, gait = _leg([inputs.frame(first + i).controls for i in range(a, b + 1)])
+        stick, gait = _leg([inputs.frame(i).controls for i in range(a, b + 1)])
         points.append(Waypoint(float(path[b, 0]), float(path[b, 1]), stick, gait))
     if not points:
         raise UsageError("The way of this take: it stands.", "Choose a take that goes somewhere.")

@@ -225,18 +225,18 @@ class PromptController:
             return
         self.parts = dict(words.to_mapping())
         if self.prompt.a is None or words != self.prompt.a.words:
-            self._ask(Side.A, Question(words, label or f"words of the {_named(part)}"))
+            self._ask(Side.A, Question(words, label or f"words of the {named(part)}"))
 
     def reset_part(self, part: str) -> None:
         """Give a field the expander's words again, and release it."""
         answer = self.prompt.a
         if answer is not None:
             self.parts[part] = getattr(answer.said, part)
-            self.submit_part(part, f"reset of the {_named(part)}")
+            self.submit_part(part, f"reset of the {named(part)}")
 
     def toggle_lock(self, part: str) -> None:
         """Lock a field's words against the next prompt, and its blend against prompt B and every slider, or release them."""
-        self._do(f"lock of the {_named(part)}", lambda b: dataclasses.replace(b, locked=b.locked ^ {part}))
+        self._do(f"lock of the {named(part)}", lambda b: dataclasses.replace(b, locked=b.locked ^ {part}))
 
     # --- blending
 
@@ -244,7 +244,7 @@ class PromptController:
         """Share of prompt B in one part that is not locked, while the mouse holds its slider."""
         if part not in self.prompt.locked:
             change = _with_prompt(lambda b: b.with_weight(part, weight))
-            self.editor.drag(f"blend of the {_named(part)}", change)
+            self.editor.drag(f"blend of the {named(part)}", change)
 
     def set_all_weights(self, weight: float) -> None:
         """Share of prompt B in every part that is not locked, while the mouse holds the slider."""
@@ -261,7 +261,7 @@ class PromptController:
         held = self.prompt.locked_on(Side.B)
         if held and self.prompt.b is not None:
             self._do("end of the blend", lambda b: b.with_all_weights(0.0))
-            names = ", ".join(map(_named, sorted(held)))
+            names = ", ".join(map(named, sorted(held)))
             self.messages.note(f"Locked with a weight of prompt B, which they keep: {names}.")
         elif self.prompt.b is not None:
             self._do("end of the blend", lambda b: dataclasses.replace(b, answers=(b.a, None), weights=ALL_A))
@@ -522,5 +522,6 @@ def part_words(blend: PromptBlend) -> dict[str, str]:
     return dict.fromkeys(PART_NAMES, "") if blend.a is None else dict(blend.a.words.to_mapping())
 
 
-def _named(part: str) -> str:
+def named(part: str) -> str:
+    """A body part in words."""
     return part.replace("_", " ")

@@ -20,7 +20,7 @@ from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.prompt import language_model, prompt_field
 from viewer.prompt.language_model import LanguageModel
-from viewer.prompt.prompt_controller import PromptController, part_words
+from viewer.prompt.prompt_controller import PromptController, named, part_words
 from viewer.prompt.suggestions import Suggester
 from viewer.render.looks import packed_tint
 from viewer.services import Loaded
@@ -172,7 +172,7 @@ class PromptPanel:
         tint = theme.TEXT if locked else theme.MUTED
         if self.settings.look == "parts":
             tint = packed_tint(PART_NAMES.index(part))
-        widgets.label(_named(part).capitalize(), tint)
+        widgets.label(named(part).capitalize(), tint)
         if self.controller.parts[part] != words:
             _mark("Enter applies", theme.WARNING)
         else:
@@ -242,10 +242,6 @@ def _scrolling(name: str, contents: Callable[[], None]) -> None:
     imgui.end_child()
 
 
-def _named(part: str) -> str:
-    return part.replace("_", " ")
-
-
 def _mark(text: str, tint: theme.Color) -> None:
     imgui.same_line(0, px(6))
     widgets.label(text, tint)
@@ -297,7 +293,7 @@ def _who(answer: Answer, pending: bool, model: str, rows: int) -> None:
     if answer.edited:
         widgets.same_line()
         widgets.tag("edited", theme.MUTED)
-        widgets.tooltip(f"Words of {', '.join(map(_named, answer.edited))} are yours")
+        widgets.tooltip(f"Words of {', '.join(map(named, answer.edited))} are yours")
     text = _summary(answer, pending, model, rows)
     imgui.same_line(0, px(7))
     shown = widgets.elided(text, imgui.get_content_region_avail().x)
@@ -455,7 +451,7 @@ def _part_weight(part: str, weight: float, words: str, controller: PromptControl
     locked = part in controller.prompt.locked
     spare = imgui.get_frame_height() + px(2)
     with widgets.disabled(locked):
-        moved, value = _weight_slider(_named(part).capitalize(), part, weight, spare)
+        moved, value = _weight_slider(named(part).capitalize(), part, weight, spare)
     if moved:
         controller.set_weight(part, value)
     widgets.tooltip(words)

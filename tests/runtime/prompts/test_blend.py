@@ -136,7 +136,7 @@ class StandIn(Prompter):
     def _blend(self, a, b, weights):
         return mix_of_parts(a, b, weights)
 
-    def _read(self, words):
+    def _read(self, words, exact_legs=False):
         return PARTS, style_of(words)
 
 

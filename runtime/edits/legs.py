@@ -40,6 +40,7 @@ HEEL_SINK = 0.045  # and that they sink per radian of raised toes
 ROLLED = 8.0  # degrees of a raised heel from which it does not stand
 ASIDE_HALF_LIFE, MOST_ASIDE = 0.06, 0.24  # seconds, metres that a straight leg swings outward
 MOST_TOE_UP = 0.7  # radians that its foot is turned up so that the toe clears the ground
+STANDS_BENT = radians(10.0)  # of a straight leg that stands: it carries the hips as high as it can
 BENT_M = 0.1  # hips that are lowered so far bend knees, whatever these are to do
 SWING_CLEARANCE = 0.03  # metres over its resting height that a straight leg swings
 UPRIGHT = 0.955  # metres of the hips over level ground in neutral walking
@@ -99,11 +100,18 @@ class LegEdit:
             for ankle, sign, each in zip(ankles, (1.0, -1.0), added, strict=True)
         ]
         moved = self.line.apply(scale(add(legs[0].hip, legs[1].hip), 0.5), moved, bears, request)
-        up += self._rise(up, feet, moved, bears)
+        stand, swing = (
+            [
+                _straight(foot, each[KNEE], request, k, stands)
+                for k, (foot, each) in enumerate(zip(feet, added, strict=True))
+            ]
+            for stands in (True, False)
+        )
+        up += self._rise(up, feet, moved, bears, stand)
         result, swings = [], list(self.aside)
         for k, (foot, ankle) in enumerate(zip(feet, moved, strict=True)):
             if added[k][KNEE] > 0.0:
-                ankle, aside = _straightened(foot, up, ankle, added[k][KNEE], bears[k], request, k)
+                ankle, aside = _straightened(foot, up, ankle, swing[k], bears[k], request)
                 swings[k] += (aside - swings[k]) * (1.0 - decay(ASIDE_HALF_LIFE))
                 ankle = add(ankle, scale(side, (1.0 - 2.0 * k) * swings[k]))
                 foot = _toe_over(
@@ -169,13 +177,22 @@ class LegEdit:
             wanted.append(target[0] * (max(lacks, 0.0) if k in (LOWER, HEEL, LOW, TOES) else lacks))
         return wanted
 
-    def _rise(self, up: float, feet: list[LegPose], moved: list[Vector], bears: tuple[float, float]) -> float:
-        """Metres by which hips go up or down so that the legs that carry them bend as they did before feet went aside."""
+    def _rise(
+        self,
+        up: float,
+        feet: list[LegPose],
+        moved: list[Vector],
+        bears: tuple[float, float],
+        straight: list[float],
+    ) -> float:
+        """Metres by which hips go up or down so that legs which carry them bend as before feet went aside, or are `straight`."""
         total = rise = 0.0
-        for foot, ankle, weight in zip(feet, moved, bears, strict=True):
+        for foot, ankle, weight, least in zip(feet, moved, bears, straight, strict=True):
             hip = (foot.hip[0], foot.hip[1] + up, foot.hip[2])
             was, now = subtract(hip, foot.ankle), subtract(hip, ankle)
-            height = sqrt(max(dot(was, was) - now[0] ** 2 - now[2] ** 2, 0.04))
+            height = sqrt(
+                max(dot(was, was), least * least) - min(now[0] ** 2 + now[2] ** 2, dot(was, was) - 0.04)
+            )
             total, rise = total + weight, rise + weight * (height - now[1])
         rise = min(max(rise / max(total, 0.5), -MOST_RISE), MOST_RISE)
         self.rise += (rise - self.rise) * (1.0 - decay(RISE_HALF_LIFE))
@@ -223,28 +240,37 @@ def _about_toe(leg: LegPose, up: float) -> LegPose:
     return leg._replace(foot=multiply(turn, leg.foot), ankle=ankle)
 
 
-def _straightened(
-    leg: LegPose, up: float, ankle: Vector, added: float, bears: float, request: EditRequest, k: int
-) -> tuple[Vector, float]:
-    """The ankle of a knee that bends by its target at most, and metres that a leg which would scuff swings outward.
+def _straight(leg: LegPose, added: float, request: EditRequest, k: int, stands: bool) -> float:
+    """Metres that a leg spans at least whose knee bends by its target at most, and less where it stands.
 
-    `added` is what is in force of the target, in degrees; a leg that `bears` stays where it stands.
+    `added` is what is in force of the target, in degrees.
     """
+    if added <= 0.0:
+        return 0.0
     asked = request.targets[k][KNEE]
     most = radians(value_of(asked)) if asked[0] > 1e-6 else 0.5 * pi
-    weight = min(radians(added) / most, 1.0)
-    thigh, shin = dist(leg.knee, leg.hip), dist(leg.ankle, leg.knee)
+    thigh, shin, reach = dist(leg.knee, leg.hip), dist(leg.ankle, leg.knee), dist(leg.ankle, leg.hip)
+    bent = min(most, STANDS_BENT) if stands else most
+    straight = sqrt(thigh * thigh + shin * shin + 2.0 * thigh * shin * cos(bent))
+    return reach + min(radians(added) / most, 1.0) * max(straight - reach, 0.0)
+
+
+def _straightened(
+    leg: LegPose, up: float, ankle: Vector, straight: float, bears: float, request: EditRequest
+) -> tuple[Vector, float]:
+    """The ankle of a leg that spans so many metres at least, and metres that it swings outward where it would scuff.
+
+    A leg that `bears` stays where it stands.
+    """
     hip = (leg.hip[0], leg.hip[1] + up, leg.hip[2])
     along = subtract(ankle, hip)
     reach = max(length(along), 1e-6)
-    straight = sqrt(thigh * thigh + shin * shin + 2.0 * thigh * shin * cos(most))
-    longer = 1.0 + weight * max(straight - reach, 0.0) / reach
-    target = add(hip, scale(along, longer))
+    target = add(hip, scale(along, max(straight / reach, 1.0)))
     floor = request.ground + ANKLE_HEIGHT + SWING_CLEARANCE
     floor += min(bears, 1.0) * min(ankle[1] - floor, 0.0)  # what stands, stands
     sunk, drop = max(floor - target[1], 0.0), hip[1] - target[1]
     # the leg keeps its length and its place along the way: what it rises it goes aside
-    aside = sqrt(max(drop * drop - (drop - sunk) ** 2, 0.0))
+    aside = (1.0 - min(bears, 1.0)) * sqrt(max(drop * drop - (drop - sunk) ** 2, 0.0))
     return (target[0], target[1] + sunk, target[2]), min(aside, MOST_ASIDE)
 
 

@@ -13,18 +13,7 @@ from math import asin, atan2, cos, degrees, dist, hypot, pi, radians, sin, sqrt
 from runtime.edits.line import FootLine
 from runtime.edits.request import LEG, MOST_OF_LEG, EditRequest, Targets, followed, limited, value_of
 from runtime.feet.leg import LegPose
-from runtime.scalar_math import (
-    Quaternion,
-    Vector,
-    add,
-    decay,
-    dot,
-    length,
-    multiply,
-    rotate,
-    scale,
-    subtract,
-)
+from runtime.scalar_math import Quaternion, Vector, add, decay, dot, length, multiply, rotate, scale, subtract
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 
 OUTWARD, LOWER, HEEL, TOE_OUT, KNEE, LOW, TOES = range(len(LEG))
@@ -100,18 +89,15 @@ class LegEdit:
             for ankle, sign, each in zip(ankles, (1.0, -1.0), added, strict=True)
         ]
         moved = self.line.apply(scale(add(legs[0].hip, legs[1].hip), 0.5), moved, bears, request)
-        stand, swing = (
-            [
-                _straight(foot, each[KNEE], request, k, stands)
-                for k, (foot, each) in enumerate(zip(feet, added, strict=True))
-            ]
-            for stands in (True, False)
-        )
-        up += self._rise(up, feet, moved, bears, stand)
+        spans = [
+            _straight(foot, each[KNEE], request.targets[k][KNEE])
+            for k, (foot, each) in enumerate(zip(feet, added, strict=True))
+        ]
+        up += self._rise(up, feet, moved, bears, spans)
         result, swings = [], list(self.aside)
         for k, (foot, ankle) in enumerate(zip(feet, moved, strict=True)):
             if added[k][KNEE] > 0.0:
-                ankle, aside = _straightened(foot, up, ankle, swing[k], bears[k], request)
+                ankle, aside = _straightened(foot, up, ankle, spans[k][1], bears[k], request)
                 swings[k] += (aside - swings[k]) * (1.0 - decay(ASIDE_HALF_LIFE))
                 ankle = add(ankle, scale(side, (1.0 - 2.0 * k) * swings[k]))
                 foot = _toe_over(
@@ -169,7 +155,7 @@ class LegEdit:
         low = 1.0 - value_of(targets[LOW]) / max(self.lift[leg], 1e-3)
         shown = (
             beside / max(self.known, 1e-6), UPRIGHT - self.height, self.pitch[leg], self.yaw[leg], 0.0,
-            value_of(targets[LOW]) - low, -self.pitch[leg],
+            value_of(targets[LOW]) - low, -self.pitch[leg]
         )  # fmt: skip
         wanted = []
         for k, (target, has, most) in enumerate(zip(targets, shown, MOST_OF_LEG, strict=False)):
@@ -183,11 +169,11 @@ class LegEdit:
         feet: list[LegPose],
         moved: list[Vector],
         bears: tuple[float, float],
-        straight: list[float],
+        spans: list[tuple[float, float]],
     ) -> float:
-        """Metres by which hips go up or down so that legs which carry them bend as before feet went aside, or are `straight`."""
+        """Metres by which hips go up or down so that legs which carry them bend as before feet went aside, or stand straight."""
         total = rise = 0.0
-        for foot, ankle, weight, least in zip(feet, moved, bears, straight, strict=True):
+        for foot, ankle, weight, (least, _) in zip(feet, moved, bears, spans, strict=True):
             hip = (foot.hip[0], foot.hip[1] + up, foot.hip[2])
             was, now = subtract(hip, foot.ankle), subtract(hip, ankle)
             height = sqrt(
@@ -240,19 +226,21 @@ def _about_toe(leg: LegPose, up: float) -> LegPose:
     return leg._replace(foot=multiply(turn, leg.foot), ankle=ankle)
 
 
-def _straight(leg: LegPose, added: float, request: EditRequest, k: int, stands: bool) -> float:
-    """Metres that a leg spans at least whose knee bends by its target at most, and less where it stands.
+def _straight(leg: LegPose, added: float, asked: list[float]) -> tuple[float, float]:
+    """Metres that a leg spans at least, standing and swinging, whose knee bends by what is `asked` at most.
 
-    `added` is what is in force of the target, in degrees.
+    `added` is what is in force of it, in degrees.
     """
     if added <= 0.0:
-        return 0.0
-    asked = request.targets[k][KNEE]
+        return 0.0, 0.0
     most = radians(value_of(asked)) if asked[0] > 1e-6 else 0.5 * pi
     thigh, shin, reach = dist(leg.knee, leg.hip), dist(leg.ankle, leg.knee), dist(leg.ankle, leg.hip)
-    bent = min(most, STANDS_BENT) if stands else most
-    straight = sqrt(thigh * thigh + shin * shin + 2.0 * thigh * shin * cos(bent))
-    return reach + min(radians(added) / most, 1.0) * max(straight - reach, 0.0)
+    stands, swings = (
+        sqrt(thigh * thigh + shin * shin + 2.0 * thigh * shin * cos(bend))
+        for bend in (min(most, STANDS_BENT), most)
+    )
+    weight = min(radians(added) / most, 1.0)
+    return reach + weight * max(stands - reach, 0.0), reach + weight * max(swings - reach, 0.0)
 
 
 def _straightened(

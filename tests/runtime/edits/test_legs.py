@@ -123,6 +123,20 @@ def test_a_straight_leg_bends_little_more_than_it_is_asked() -> None:
     assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() < 35.0
 
 
+def test_a_straight_leg_that_stands_lifts_the_hips_and_stays_where_it_is() -> None:
+    edit, rest = LegEdit(), [(1.0, 0.0, 0.0, 0.0)] * J
+    _, thigh, shin, *_ = leg_bones(0).joints
+    rest[thigh], rest[shin] = (
+        (np.cos(a), np.sin(a), 0.0, 0.0) for a in (-0.17, 0.34)
+    )  # a knee of 39 degrees
+    bent = leg_forward(leg_bones(0), (0.0, 0.93, 0.0), rest)
+    request = EditRequest(asked(knee=33.0).tolist(), 0.0, (0.0, 1.0), 0.0)
+    for _ in range(90):
+        up, legs = edit.apply(0.93, (bent, bent), [1.0] * 4, request)
+    assert up > 0.02
+    assert legs[0].ankle == pytest.approx(bent.ankle, abs=1e-3)
+
+
 def test_a_low_foot_hardly_leaves_the_ground() -> None:
     lifts = [
         np.ptp(walk(targets)[:, ik.LEG_FEET, 1], axis=0).max()

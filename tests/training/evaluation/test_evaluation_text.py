@@ -316,7 +316,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(text_main, "load_model", lambda folder: WalkerModel())
     monkeypatch.setattr(text_main, "Prompter", StandIn)
     monkeypatch.setattr(text_walks, "_loaded", lambda folder: WalkerModel())
-    monkeypatch.setattr(text_main, "FREE_PROMPTS", {"cocked, tilted left": ("head.tilted_left",)})
+    monkeypatch.setattr(edits, "free_prompts", lambda: {"cocked, tilted left": ("head.tilted_left",)})
     monkeypatch.setattr(text_main, "SECONDS", 0.5)
     monkeypatch.setattr(text_walks, "LEAD_SECONDS", 0.25)
     monkeypatch.setattr(text_walks, "TOGETHER", 1)  # the stand-in counts its frames

@@ -16,7 +16,7 @@ from runtime.prompts.text_encoder import TextEncoder
 from training.augmentation.measured_edits import CapturedReference, Summary, load_reference
 from training.evaluation.experiment import Arguments, Experiment, Setting, command_of, option
 from training.evaluation.text import edits
-from training.evaluation.text.edits import FREE_PROMPTS, Case, by_slot, independence, seed_changes
+from training.evaluation.text.edits import Case, by_slot, independence, seed_changes
 from training.evaluation.text.retrieval import BAR as RETRIEVAL_BAR
 from training.evaluation.text.retrieval import evaluate_retrieval
 from training.evaluation.text.walks import PLAIN_PROMPT, SECONDS, Walk, Walker
@@ -51,7 +51,10 @@ def _edits(setting: Setting, prompter: Prompter) -> dict[str, Any]:
     reference = load_reference(args.clips)
     neutral = prompter.expand(PLAIN_PROMPT).descriptions
     cases = edits.catalogue_cases(neutral, trained=not args.quick)
-    cases += [edits.free_case(p, names, prompter.expand(p).descriptions) for p, names in FREE_PROMPTS.items()]
+    cases += [
+        edits.free_case(p, names, prompter.expand(p).descriptions)
+        for p, names in edits.free_prompts().items()
+    ]
     neutral_walks, walks = _walked(setting, prompter, neutral, cases)
     found = [_case_result(c, own, neutral_walks, reference) for c, own in zip(cases, walks, strict=True)]
     rows = [row for row, _ in found if row is not None]

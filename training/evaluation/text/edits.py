@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ RIGHT_BAR, ENOUGH_BAR = 0.8, 0.5  # fractions of the held-out edits and pairs
 RHYTHM_RIGHT_BAR, RHYTHM_ENOUGH_BAR = 0.9, 0.7  # of those of rhythm and weight
 HELD_OUT_RHYTHM, TRAINED_RHYTHM = "held-out rhythm", "trained rhythm"
 SEEDS = 3
+DATA = Path(__file__).parent / "data"
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,12 @@ def _case(name: str, kind: str, edits: tuple[str, ...], neutral: PartDescription
             words = words.replace(part, texts[k % len(texts)])
         variants.append(words)
     return Case(name, kind, edits, tuple(variants), tuple(k % SEEDS for k in range(count)))
+
+
+def free_prompts() -> dict[str, tuple[str, ...]]:
+    """Free prompts, and the edits whose measures tell whether they were followed."""
+    lines = (DATA / "free_prompts.txt").read_text("utf-8").splitlines()
+    return {prompt: tuple(names) for prompt, *names in (line.split(" | ") for line in lines[1:])}
 
 
 def free_case(prompt: str, edits: tuple[str, ...], expanded: PartDescriptions) -> Case:
@@ -214,41 +222,3 @@ def seed_changes(neutral: dict[int, Summary]) -> dict[str, float]:
     pairs = list(combinations(neutral.values(), 2))
     found = [part_changes(a, b) for a, b in pairs]
     return {part: float(np.mean([f[part] for f in found])) if found else 0.0 for part in PART_NAMES}
-
-
-# prompt: edits of `training.augmentation.catalogue` whose measures tell whether it was followed
-FREE_PROMPTS: dict[str, tuple[str, ...]] = {
-    "left arm up in the air": ("left_arm.overhead",),
-    "arms akimbo": ("left_arm.on_hip", "right_arm.on_hip"),
-    "bent backwards a lot": ("torso.lean_back_far",),
-    "gazing up at the stars": ("head.up_far",),
-    "chin tucked to the chest": ("head.down_far",),
-    "a man saying hello with his right hand": ("right_arm.waving",),
-    "both arms spread wide like an eagle": ("left_arm.side", "right_arm.side"),
-    "hands deep in the trouser pockets": ("left_arm.in_pocket", "right_arm.in_pocket"),
-    "sneaking with very bent knees": ("legs.crouch_deep",),
-    "walking on the balls of the feet, heels up": ("legs.tiptoe",),
-    "dragging the right foot behind": ("right_leg.dragging",),
-    "marching with the knees pulled up high": ("left_leg.high_knee", "right_leg.high_knee"),
-    "a cowboy, legs far apart": ("legs.very_wide",),
-    "right arm out to the side, level with the shoulder": ("right_arm.side",),
-    "left palm resting on the tummy": ("left_arm.on_belly",),
-    "head cocked to the left": ("head.tilted_left",),
-    "slouching with rounded shoulders": ("torso.slump",),
-    "peering over to the right": ("head.turned_right",),
-    "nose in the air": ("head.up",),
-    "sleepwalking with both arms out ahead": ("left_arm.forward", "right_arm.forward"),
-    "a model on the runway": ("legs.crossing",),
-    "tiny rapid steps": ("legs.hurried",),
-    "a huge giant": ("legs.giant",),
-    "stamping his feet": ("legs.stomping_hard",),
-    "light on her feet": ("legs.soft",),
-    "hobbling on the left leg": ("left_leg.limping",),
-    "limping badly on her right leg": ("right_leg.limping_far",),
-    "waddling like a penguin": ("torso.rock_far",),
-    "reeling home": ("legs.staggering",),
-    "wiggling her hips": ("torso.hips_sway_far",),
-    "swinging her hips": ("torso.hips_swing_far",),
-    "a swaggering bully": ("torso.shoulders_roll_far",),
-    "stopping after every step": ("legs.pausing",),
-}

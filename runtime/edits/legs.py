@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from math import asin, atan2, cos, degrees, dist, hypot, pi, radians, sin, sqrt
 
 from runtime.edits.line import FootLine
-from runtime.edits.request import LEG, MOST_OF_LEG, EditRequest, Targets, followed, limited, value_of
+from runtime.edits.request import LEG, MOST_OF_LEG, EditRequest, Targets, followed, limited, narrow, value_of
 from runtime.feet.leg import LegPose
 from runtime.scalar_math import Quaternion, Vector, add, decay, dot, length, multiply, rotate, scale, subtract
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
@@ -142,7 +142,8 @@ class LegEdit:
 
     def _follow(self, request: EditRequest) -> None:
         """Let what is added go towards what is missing."""
-        wanted = [self._missing(request.targets[k], k) for k in (0, 1)]
+        middle = self.middle * (1.0 - narrow(request.targets))  # `line` keeps narrow feet under the hips
+        wanted = [self._missing(request.targets[k], k, middle) for k in (0, 1)]
         lower = min(wanted[0][LOWER], wanted[1][LOWER])  # one leg alone lowers no hips
         for name, goal in zip(("left", "right"), wanted, strict=True):
             goal[LOWER] = lower
@@ -150,8 +151,8 @@ class LegEdit:
             before = getattr(self, name)
             setattr(self, name, tuple(followed(a, b, HALF_LIFE) for a, b in zip(before, goal, strict=True)))
 
-    def _missing(self, targets: Targets, leg: int) -> list[float]:
-        beside = 0.5 * self.across + (-self.middle if leg else self.middle)
+    def _missing(self, targets: Targets, leg: int, middle: float) -> list[float]:
+        beside = 0.5 * self.across + (-middle if leg else middle)
         low = 1.0 - value_of(targets[LOW]) / max(self.lift[leg], 1e-3)
         shown = (
             beside / max(self.known, 1e-6), UPRIGHT - self.height, self.pitch[leg], self.yaw[leg], 0.0,

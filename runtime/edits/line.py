@@ -15,13 +15,13 @@ from runtime.pose import FPS
 from runtime.scalar_math import Vector, add, decay, dot, scale, subtract
 
 STEP_HALF_LIFE = 0.04  # seconds in which a swinging foot comes before the one that stands
-FOLLOWS = 0.6  # of the way there that it goes: by the rest the network keeps its balance
+FOLLOWS = 0.55  # of the way there that it goes: by the rest the network keeps its balance
 MOST_STEP = 0.15  # metres that a step goes elsewhere
 CLEAR_M, PASSING_M = 0.1, 0.27  # a foot passes the other at this distance, while it is so near along the way
 WALKS = 0.3  # m/s, from which on it is
 DRIFT_HALF_LIFE, MOST_DRIFT = 1.0, 0.3  # seconds in which a drift to one side is seen, m/s
 OFF_HALF_LIFE = 0.5  # seconds in which it is seen that the line runs beside the hips
-CENTRING, MOST_CENTRING = 0.8, 0.05  # of that, and metres, that a step comes back under them
+CENTRING, MOST_CENTRING = 0.5, 0.05  # of that, and metres, that a step comes back under them
 
 
 @dataclass

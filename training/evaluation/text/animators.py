@@ -22,6 +22,7 @@ from runtime.skeleton import SPORT_SKELETON
 from training.evaluation.experiment import SEED, Experiment, Setting, option
 from training.evaluation.text.walks import PLAIN_PROMPT, body_of
 from training.markdown import table
+from training.text.measure import smoothed
 
 PROMPTS = Path(__file__).parent / "data" / "animator_prompts.txt"
 LEAD, SECONDS = 2.0, 7.0  # walked before measuring, and in all
@@ -31,13 +32,22 @@ Outcome = dict[str, Any]
 
 
 def measured(path: Path) -> dict[str, float]:
-    """Measures of an exported walk, "part.measure" → value; `torso.twist` in degrees to the left."""
+    """Measures of an exported walk, "part.measure" → value; `torso.twist` in degrees to the left, `legs.apart` in metres."""
     read = load_clip_bvh(path)
     first = round(LEAD * read.fps)
     hips, local = read.hips_positions[first:], read.local_rotations[first:]
     parts = vars(body_of(hips, local)).items()
     values = {f"{part}.{name}": value for part, found in parts for name, value in vars(found).items()}
-    return {**values, "torso.twist": _twist(SPORT_SKELETON.forward_kinematics(hips, local)[0])}
+    positions = SPORT_SKELETON.forward_kinematics(hips, local)[0]
+    return {**values, "torso.twist": _twist(positions), "legs.apart": _apart(positions)}
+
+
+def _apart(positions: Array) -> float:
+    """Metres of the left ankle to the left of the right one across the way of travel, median."""
+    left, right = (positions[:, SPORT_SKELETON.index(foot)] for foot in ("LeftFoot", "RightFoot"))
+    way = np.gradient(smoothed(positions[:, 0], 1.0), axis=0)
+    across = way[:, 2] * (left - right)[:, 0] - way[:, 0] * (left - right)[:, 2]
+    return float(np.median(across / np.hypot(way[:, 0], way[:, 2])))
 
 
 def _twist(positions: Array) -> float:

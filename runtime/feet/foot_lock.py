@@ -17,8 +17,9 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.feet.ik import EASE_REACH, MAX_REACH
-from runtime.feet.leg import Knee, LegPose, bent, leg_forward, leg_inverse
+from runtime.feet.leg import Knee, LegPose, bent, leg_forward, leg_inverse, turned_out
 from runtime.feet.narrow_support import Balance, SidewaysLead, may_be_narrow, pull_of_beam, side_of_beam
+from runtime.feet.next_step import SteppedOver, has_edges
 from runtime.feet.planted_foot import SETTINGS, PlantedFoot, span
 from runtime.scalar_math import Vector, damp, smoothstep
 from runtime.terrain.height_map import PointHeights, Terrain
@@ -39,12 +40,22 @@ class PelvisOffset:
     speed: float = 0.0
     short: float = 0.0  # m that a leg is too short
     short_velocity: float = 0.0
+    risen: float = 0.0  # m over a bar
+    rising: float = 0.0  # m/s
     room: float = 0.0  # m that a knee still needs which cannot bend so fast
 
     def carry(
-        self, legs: Sequence[LegPose], feet: Sequence[PlantedFoot], dt: float, airborne: bool = False
+        self,
+        legs: Sequence[LegPose],
+        feet: Sequence[PlantedFoot],
+        dt: float,
+        airborne: bool = False,
+        rise: float = 0.0,
     ) -> None:
-        """Set `offset` for this frame, from the incoming legs and the outgoing feet; nothing carries a body in the air."""
+        """Set `offset` for this frame, from the incoming legs and the outgoing feet; nothing carries a body in the air.
+
+        The hips are to `rise` (m) over a bar, as far as held feet let them.
+        """
         s = SETTINGS
         total, carried, least = s.free_weight, 0.0, s.max_rise
         for leg, foot in zip(legs, feet, strict=True):
@@ -63,6 +74,21 @@ class PelvisOffset:
         short = max(0.0, carried - max(least, -s.max_drop))
         self.short, self.short_velocity = damp(self.short, self.short_velocity, short, s.hips_half_life, dt)
         self.offset = carried - self.short
+        if rise > 0.0 or self.risen != 0.0:
+            rise = max(min(rise, self._room_to_rise(legs, feet)), 0.0)
+            self.risen, self.rising = damp(self.risen, self.rising, rise, s.rise_over_half_life, dt)
+            self.offset += self.risen
+            if rise == 0.0 and self.risen < s.least_room:
+                self.risen = self.rising = 0.0
+
+    def _room_to_rise(self, legs: Sequence[LegPose], feet: Sequence[PlantedFoot]) -> float:
+        """Metres over `offset` at which the first held leg is straight."""
+        spans = [
+            rise_for(leg.hip, foot.ankle, (MAX_REACH - EASE_REACH) * foot.bones.length)
+            for leg, foot in zip(legs, feet, strict=True)
+            if foot.anchor
+        ]
+        return min(spans, default=1.0) - self.offset
 
     def make_room(self, depths: Sequence[float], dt: float) -> float:
         """Metres that the hips rise over `offset` so that legs which bend no faster do not press their feet `depths` into the ground."""
@@ -87,6 +113,7 @@ class Support(NamedTuple):
     legs: tuple[LegPose, LegPose] | None = (
         None  # where they are to stand, if not where the incoming pose has them
     )
+    over: SteppedOver | None = None  # what the gait itself steps over
 
 
 @dataclass(frozen=True)
@@ -141,11 +168,16 @@ class FootLock:
         legs, shown = list(support.legs or incoming), local_rotations
         if may_be_narrow(ground):
             legs, shown = self._on_beam((x, y, z), (legs[0], legs[1]), shown, ground, dt)
+        edges = has_edges(ground)
+        if edges:
+            legs = self._on_edges(incoming, (legs[0], legs[1]), support.over, dt)
         for side, (foot, leg) in enumerate(zip(self.feet, legs, strict=True)):
             foot.observe(leg, chances[2 * side], chances[2 * side + 1], ground, dt)
-            foot.choose_anchor(leg, drop, self.feet[1 - side].refractory > 0.0, support.patience)
+            over = edges and foot.is_over(support.over, ground)
+            foot.choose_anchor(leg, drop, self.feet[1 - side].refractory > 0.0, support.patience, over)
             foot.plant(leg, drop, ground, dt)
-        self.pelvis.carry(legs, self.feet, dt, support.airborne)
+        rise = support.over.hips_rise((x, y, z)) if edges and support.over else 0.0
+        self.pelvis.carry(legs, self.feet, dt, support.airborne, rise)
         drop = -self.pelvis.offset
         result = np.array(shown, copy=True)
         targets = [foot.within_reach(leg, drop, ground) for foot, leg in zip(self.feet, legs, strict=True)]
@@ -173,9 +205,27 @@ class FootLock:
             ankle = (ankle[0], ankle[1] + up, ankle[2])
             knee.bend_to(leg, hip, ankle, foot.bones, dt)
             result[first : first + 3] = leg_inverse(leg, ankle, rotation, drop)
+            if edges and (out := foot.knee_out(leg, hip, result[first : first + 3], ground, dt)):
+                result[first : first + 3] = leg_inverse(
+                    turned_out(leg, foot.side, out), ankle, rotation, drop
+                )
             result[toe] = bent(local[toe], rotation, (joint[0], joint[1] + up, joint[2]), ground, s.sink)
         position = np.array([x, y - drop, z], np.asarray(hips_position).dtype)
         return FootLockResult(position, result)
+
+    def _on_edges(
+        self,
+        incoming: tuple[LegPose, LegPose],
+        legs: tuple[LegPose, LegPose],
+        over: SteppedOver | None,
+        dt: float,
+    ) -> list[LegPose]:
+        """Legs whose feet are led past what is stepped over."""
+        steps, held = [foot.next_step for foot in self.feet], [bool(foot.anchor) for foot in self.feet]
+        for foot, step, other, leg in zip(self.feet, steps, steps[::-1], incoming, strict=True):
+            down = foot.toe_down or foot.heel_down
+            step.watch(leg, other, bool(foot.anchor), down, foot.velocity, dt)
+        return [step.lead(leg, over, stands, dt) for step, leg, stands in zip(steps, legs, held, strict=True)]
 
     def _on_beam(
         self, hips: Vector, incoming: tuple[LegPose, LegPose], local: Array, ground: PointHeights, dt: float

@@ -19,6 +19,7 @@ from runtime.scalar_math import (
     add,
     between,
     dot,
+    from_vector,
     length,
     multiply,
     perpendicular,
@@ -108,6 +109,13 @@ def leg_inverse(
     shin_turn = multiply(between(rotate(swing, unit(lower)), shin_to), swing)
     thigh, shin = multiply(thigh_turn, leg.thigh), multiply(shin_turn, leg.shin)
     return relative(leg.base, thigh), relative(thigh, shin), relative(shin, foot)
+
+
+def turned_out(leg: LegPose, side: int, radians_out: float) -> LegPose:
+    """The left (0) or right (1) leg with its knee turned outwards about the line from hip to ankle; the foot stays."""
+    turn = from_vector(scale(unit(subtract(leg.ankle, leg.hip)), radians_out if side else -radians_out))
+    knee = add(leg.hip, rotate(turn, subtract(leg.knee, leg.hip)))
+    return leg._replace(knee=knee, thigh=multiply(turn, leg.thigh), shin=multiply(turn, leg.shin))
 
 
 def roll_cosine(to_hip: Vector, foot: float, reach: float) -> float:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from math import atan2, cos, dist, pi, sin, sqrt
 
+from runtime.arrays import Array
 from runtime.feet.ik import EASE_REACH, MAX_REACH
 from runtime.feet.leg import LegBones, LegPose, leg_bones, roll_cosine, rolled, soft_reach
+from runtime.feet.next_step import HEEL_M, NextStep, SteppedOver, has_edges
 from runtime.scalar_math import (
     Quaternion,
     Vector,
@@ -54,6 +56,8 @@ class FootLockSettings:
     release_half_life: float = 0.07
     rise_half_life: float = 0.03  # of a free foot's height over the incoming one, upwards
     fall_half_life: float = 0.03  # the same downwards
+    far: float = 0.08  # m: what is farther
+    far_slower: float = 0.12  # s/m, takes so much longer
     settle_half_life: float = 0.02  # of a held point's height
     unseen: float = (
         0.0015  # m over or under the ground that a standing foot may keep: a straight knee shows them
@@ -70,6 +74,7 @@ class FootLockSettings:
     least_room: float = 1e-5  # m; less is none
     room_speed: float = 0.3  # m/s in which they do
     room_half_life: float = 0.05
+    rise_over_half_life: float = 0.04  # in which the hips rise over a bar
     max_free_rise: float = 0.01  # m that a foot in the air may carry them, up or down
     straight_span: float = (
         0.99  # fraction of its length that a straight leg spans (16 degrees): it carries the hips
@@ -88,6 +93,7 @@ class FootLockSettings:
     travel_rise: float = 1.0  # m/s more on the way up, beyond all bounds at `travel_height`
     max_behind: float = 0.2  # m that it may so stay behind the incoming one; what is more is taken up
     behind_seconds: float = 0.05  # in so many
+    catch_up: float = 150.0  # m/s2 with which a toe that an edge held up comes back to the incoming one
     catch_up_seconds: float = 0.1  # in which one that was held comes back to the incoming one
     shallow: float = 0.17  # rise over run of a toe's way: at twice that it needs no clearance
     clearance: float = 0.02  # m between the sole and an edge
@@ -103,6 +109,7 @@ SETTINGS = FootLockSettings()
 ANCHORS = ("", "heel", "toe")
 NOWHERE: Vector = (0.0, 0.0, 0.0)
 LEGS = (leg_bones(0), leg_bones(1))
+HIGH_M = 0.1  # over the ground a foot next to a bar is still coming down
 REACH_TRIALS = 4  # raisings of a foot that its leg does not reach; one is the rule
 
 
@@ -132,8 +139,10 @@ class PlantedFoot:
     toe_down: bool = False
     heel_down: bool = False
     heights: tuple[float, float] = (0.0, 0.0)  # incoming toe and ankle over their resting heights
+    moved: float = 0.0  # m that the outgoing toe moved along the ground in the last frame
     climb: float = 0.0  # m/s of the incoming toe over the ground
     chances: tuple[float, float] = (0.0, 0.0)  # of contact, toe and heel
+    next_step: NextStep = field(default_factory=NextStep, metadata={"later": True})
 
     @property
     def bones(self) -> LegBones:
@@ -176,11 +185,16 @@ class PlantedFoot:
             return chance > s.contact_off and speed < slack * s.lock_speed
         return chance > s.contact_on and speed < s.lock_speed and height < s.lock_height
 
-    def choose_anchor(self, leg: LegPose, drop: float, other_steps: bool, patience: float = 1.0) -> None:
-        """Take, keep or give up the held point; the toe goes before the heel, so that the foot rolls over it."""
+    def choose_anchor(
+        self, leg: LegPose, drop: float, other_steps: bool, patience: float = 1.0, over: bool = False
+    ) -> None:
+        """Take, keep or give up the held point; the toe goes before the heel, so that the foot rolls over it.
+
+        A foot that is `over` something comes down first.
+        """
         s = SETTINGS
         anchor = "toe" if self.toe_down else "heel" if self.heel_down else ""
-        if self.refractory > 0.0 or not anchor:
+        if self.refractory > 0.0 or not anchor or (over and not self.anchor):
             self.anchor = ""
             return
         k = ("toe", "heel").index(anchor)
@@ -200,12 +214,23 @@ class PlantedFoot:
         overstrained = strain > (1.5 if other_steps else 1.0)
         if rise > self.lowest + may_rise:
             self.anchor, self.toe_down, self.heel_down = "", False, False
-        elif self.twisted or overstrained or self.ankle[1] > hip[1] - s.release_under:
+        elif (
+            self.twisted or overstrained or self.next_step.caught or self.ankle[1] > hip[1] - s.release_under
+        ):
             self.anchor, self.refractory = "", s.refractory
+
+    def is_over(self, over: SteppedOver | None, ground: PointHeights) -> bool:
+        """Whether the shown foot still is on its way over what is stepped over: high over the ground, or hanging over the far edge."""
+        if over is None or over.length < 0.0:
+            return False
+        ankle, toe = over.along(self.ankle[0], self.ankle[2]), over.along(self.toe[0], self.toe[2])
+        hangs = ankle < over.length + 0.5 * HEEL_M and toe > over.length
+        high = self.toe[1] - ground.height(self.toe[0], self.toe[2]) > TOE_HEIGHT + HIGH_M
+        return hangs or high
 
     def plant(self, leg: LegPose, drop: float, ground: PointHeights, dt: float) -> None:
         """Set the outgoing toe, ankle and foot rotation."""
-        before = (self.toe[1], self.ankle[1])
+        before, (toe_x, _, toe_z) = (self.toe[1], self.ankle[1]), self.toe
         tilt = self.tilt
         self._turn(leg, ground, dt)
         turned = self.rotation
@@ -240,6 +265,7 @@ class PlantedFoot:
         ):  # rolling and clearing are part of the tilt, so that it fades when they end
             self.tilt = to_vector(multiply(self.rotation, multiply(inverse(turned), from_vector(self.tilt))))
             self.tilt_velocity = scale(subtract(self.tilt, tilt), 1.0 / dt)
+        self.moved = sqrt((self.toe[0] - toe_x) ** 2 + (self.toe[2] - toe_z) ** 2)
         self.rise = ((self.toe[1] - before[0]) / dt, (self.ankle[1] - before[1]) / dt)
         offset = subtract(self.toe, leg.toe)
         if self.anchor:
@@ -251,9 +277,14 @@ class PlantedFoot:
         s = SETTINGS
         height = min(joint[1] - ground.height(joint[0], joint[2]) for joint in (self.toe, target))
         fraction = max(0.0, height - TOE_HEIGHT) / s.travel_height
-        if fraction >= 1.0:
-            return target
         x, z = target[0] - self.toe[0], target[2] - self.toe[2]
+        if fraction >= 1.0:
+            if not has_edges(ground):
+                return target
+            # one that was held up before an edge comes back to it, faster and faster
+            fastest = self.moved / dt + s.catch_up * dt
+            part = min(1.0, fastest * dt / max(sqrt(x * x + z * z), 1e-9))
+            return (self.toe[0] + part * x, target[1], self.toe[2] + part * z)
         behind = sqrt((leg.toe[0] - self.toe[0]) ** 2 + (leg.toe[2] - self.toe[2]) ** 2)
         fastest = s.travel_near + s.travel_rise * fraction * fraction / (1.0 - fraction)
         fastest = max(fastest, (behind - s.max_behind) / s.behind_seconds)
@@ -340,6 +371,9 @@ class PlantedFoot:
         moving = min(1.0, speed / s.swing_speed)
         travels, toe_clears = self._toe_travels(speed)
         incoming = (leg.toe[1] - TOE_HEIGHT, leg.ankle[1] - ANKLE_HEIGHT)
+        if has_edges(ground):
+            points = ((self.toe, incoming[0]), (self.ankle, incoming[1]))
+            lift = max(lift, self.next_step.lift(points, ground))
         heel_strikes = leg.toe[1] - leg.ankle[1] > TOE_HEIGHT - ANKLE_HEIGHT
         # to what lies ahead a foot rises no nearer to the hip than a knee folds: over it, the knee would flip
         room, under = max(leg.hip[1] - s.folded - leg.ankle[1], 0.0), 0.0
@@ -377,6 +411,7 @@ class PlantedFoot:
     def _fade_offset(self, goal: Vector, dt: float) -> None:
         s = SETTINGS
         vertical = s.rise_half_life if goal[1] > self.offset[1] else s.fall_half_life
+        vertical += s.far_slower * max(abs(goal[1] - self.offset[1]) - s.far, 0.0)
         y, velocity_y = damp(self.offset[1], self.offset_velocity[1], goal[1], vertical, dt)
         (x, _, z), (velocity_x, _, velocity_z) = damp_vector(
             self.offset, self.offset_velocity, goal, s.release_half_life, dt
@@ -432,6 +467,17 @@ class PlantedFoot:
             ankle = add(toe, scale(turned, self.bones.foot_length))
             rotation = multiply(between(along, turned), rotation)
         return toe, ankle, rotation, max(0.0, self._depth(toe, ankle, ground))
+
+    def knee_out(self, leg: LegPose, hip: Vector, local: Array, ground: PointHeights, dt: float) -> float:
+        """Radians that the knee turns outwards for the ground; `local` are thigh, shin and foot over the base of `leg`."""
+        upper, lower, _ = local.tolist()
+        thigh = multiply(leg.base, upper)
+        shin = multiply(thigh, lower)
+        knee = add(hip, rotate(thigh, self.bones.offsets[2]))
+        solved = leg._replace(
+            hip=hip, knee=knee, ankle=add(knee, rotate(shin, self.bones.offsets[3])), thigh=thigh, shin=shin
+        )
+        return self.next_step.knee_out(solved, self.side, ground, dt)
 
     def within_reach(self, leg: LegPose, drop: float, ground: PointHeights) -> Vector:
         """Target of the ankle for the IK: raised where the leg is too short and what it reaches instead lies in a step."""

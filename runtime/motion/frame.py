@@ -32,7 +32,7 @@ from runtime.scalar_math import decay
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacle_detection import EDGE_M, RUN_M, has_walls, level_ahead, within_steps
-from runtime.traversal.obstacle_probe import CLEAR, PROBE_M, STOP_SECONDS, ObstacleProbe
+from runtime.traversal.obstacle_probe import PROBE_M, STOP_SECONDS, ObstacleProbe
 from runtime.traversal.traversal import decide, end_when_over, seen_heights, traversal_pose
 
 MAX_OUTPUT = 1e4  # metres, m/s, rad/s: no body has more, and bones would be lost in rounding
@@ -172,8 +172,9 @@ def _probe(
         if requested > STAND_SPEED and not clear[i] and not state.feet[i].on_beam:
             ground = terrain
         probe = traversal.probe(ground, here[i], headings[i], float(state.measured_speed[i]))
-        own = probe.ahead is not None and model.crosses(probe.ahead.obstacle)
-        probes.append(CLEAR if own else probe)
+        if probe.ahead is not None and model.crosses(probe.ahead.obstacle):
+            probe = probe.alone()
+        probes.append(probe)
     return probes
 
 
@@ -274,6 +275,8 @@ def _input(state: CharacterState, probes: Sequence[ObstacleProbe], terrain: Terr
     heights = within_steps(np.concatenate([heights, mean[..., None]], axis=-1), present)
     points = points[..., (0, 1, 2, 1), :]
     for i, (traversal, probe) in enumerate(zip(state.traversals, probes, strict=True)):
+        if state.feet[i].on_beam:  # what lies beside it would make a walker crouch
+            heights[i, :, (0, 2)] = heights[i, :, 1]
         heights[i] = seen_heights(traversal, points[i], heights[i], present, probe.ahead)
     ground, heights = heights[..., 3].mean(axis=-1), heights[..., :3]
     parts = InputParts(
@@ -348,7 +351,7 @@ def _plant(
             edited = EditedPose(unlocked_hips[i], unlocked_local[i], contacts[i])
             if (asked := _edit_request(state, i, joints[i])) is not None:
                 edited = state.edits[i].apply(*edited[:3], asked)
-            support = Support(jump.airborne, patience, edited.legs)
+            support = Support(jump.airborne, patience, edited.legs, traversal.over)
             locked = feet.apply(edited.hips, edited.local, edited.contacts, terrain, DT, support)
             shown_hips[i], shown_local[i] = locked.hips_position, locked.local_rotations
             if walls:

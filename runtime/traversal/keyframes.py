@@ -14,7 +14,7 @@ from math import acos, atan2, cos, pi, sin, sqrt
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.feet.leg import LegPose, leg_bones, leg_forward, leg_inverse, soft_reach
+from runtime.feet.leg import LegPose, leg_bones, leg_forward, leg_inverse, soft_reach, turned_out
 from runtime.scalar_math import (
     Quaternion,
     Vector,
@@ -141,11 +141,7 @@ def place_foot(
     bones = LEGS[side]
     leg = leg_forward(bones, hips, local)
     if knee_out:
-        axis = unit(subtract(leg.ankle, leg.hip))
-        turn = from_vector(scale(axis, knee_out if side else -knee_out))
-        knee = add(leg.hip, rotate(turn, subtract(leg.knee, leg.hip)))
-        thigh, shin = multiply(turn, leg.thigh), multiply(turn, leg.shin)
-        leg = LegPose(leg.base, thigh, shin, leg.foot, leg.hip, knee, leg.ankle, leg.toe)
+        leg = turned_out(leg, side, knee_out)
     ankle = subtract(toe, rotate(foot, bones.offsets[4]))
     way = subtract(leg.hip, ankle)
     away = length(way)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -46,6 +46,7 @@ class Ahead:
 
     obstacle: ObstacleAhead
     path: Array
+    alone: bool = False  # the network crosses it without keyframes
 
     @property
     def blocked(self) -> str | None:
@@ -76,8 +77,14 @@ class ObstacleProbe(NamedTuple):
 
     @property
     def finds(self) -> bool:
-        """Whether anything is ahead."""
-        return self.stops or self.ahead is not None
+        """Whether anything is ahead that the network does not cross by itself."""
+        return self.stops or (self.ahead is not None and not self.ahead.alone)
+
+    def alone(self) -> ObstacleProbe:
+        """Of a character whose network crosses what lies ahead: bars and gaps are stepped over, steps are ground like any."""
+        if self.ahead is None or self.ahead.obstacle.kind not in (ObstacleKind.BAR, ObstacleKind.GAP):
+            return CLEAR
+        return ObstacleProbe(False, replace(self.ahead, alone=True), None)
 
 
 CLEAR = ObstacleProbe(False, None, None)

@@ -17,6 +17,7 @@ import numpy as np
 from runtime import rotations
 from runtime.arrays import Array, Flags
 from runtime.feet.ik import LEG_FEET, solve_legs
+from runtime.feet.next_step import HEEL_M, TOE_M, SteppedOver
 from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
 from runtime.pose import DT, Pose
 from runtime.scalar_math import damp, smoothstep
@@ -180,6 +181,7 @@ class Traversal:
     sight: float = 1.0  # fraction of the ground's heights that the network sees: none of them in a traversal
     sight_velocity: float = 0.0  # its change, 1/s
     steps: PlannedSteps = field(default_factory=PlannedSteps)
+    over: SteppedOver = field(default_factory=SteppedOver, metadata={"later": True})
 
     @property
     def climbing(self) -> bool:
@@ -224,6 +226,8 @@ def is_possible(traversal: Traversal) -> bool:
     """Whether the numbers of a traversal that was read from a file describe one of its kind."""
     numbers = traversal.numbers
     in_sight = abs(traversal.sight) <= MOST_SIGHT and abs(traversal.sight_velocity) <= FASTEST_SIGHT
+    over = traversal.over
+    in_sight = in_sight and max(over.length, abs(over.top), abs(over.rise)) <= 10.0
     if (
         not in_sight
         or max(map(abs, numbers), default=0.0) > 100.0
@@ -265,24 +269,66 @@ def decide(
     """Begin what the obstacle ahead requests. `held` tells which feet stand."""
     steps = traversal.steps
     came = steps.watch(pose, held, ahead.path if ahead is not None else None, traversal.pace)
+    leads_over = _step_over(traversal, pose, ahead)
     if ahead is None or not is_leap(ahead.obstacle):
         traversal.pace = 1.0
         if ahead is not None and ahead.climbable:
             _climb(traversal, ahead, pose, speed, walk_speed)
     elif steps.stance is not None and steps.speed > SLOWEST_LEAP:
         left = ahead.obstacle.near - steps.ankle(pose, ahead.path)
-        if left > TOO_LATE_M and _last_step(traversal, ahead.obstacle, left, came):
+        if ahead.alone:
+            if came and leads_over:
+                traversal.over.crossing = _last_step(traversal, ahead.obstacle, left, came, alone=True)
+        elif left > TOO_LATE_M and _last_step(traversal, ahead.obstacle, left, came):
             _leap(traversal, ahead, pose)
 
 
-def _last_step(traversal: Traversal, obstacle: ObstacleAhead, left: float, came: bool) -> bool:
+OVER_M = 1.2  # behind what was stepped over the network sees it no more
+FARTHEST_OVER_M = 5.0
+LEFT_M = 0.4  # behind it the legs have left it
+
+
+def _step_over(traversal: Traversal, pose: Pose, ahead: Ahead | None) -> bool:
+    """Remember the bar or gap ahead that the gait itself steps over, until it lies behind; whether it is the one ahead."""
+    x, _, z = pose.root_position.tolist()
+    over = traversal.over
+    if over.length >= 0.0:
+        done = over.along(x, z) > over.length + OVER_M
+        if done or hypot(x - over.x, z - over.z) > FARTHEST_OVER_M:
+            over = traversal.over = SteppedOver()
+    if (
+        ahead is None
+        or not ahead.alone
+        or (over.length >= 0.0 and 0.0 < over.along(x, z) < over.length + LEFT_M)
+    ):
+        return False
+    way, found = ahead.path, ahead.obstacle
+    edge_x, edge_z, yaw = x + found.near * way[0], z + found.near * way[1], np.arctan2(way[0], way[1])
+    crossing = over.crossing and bool(over.along(x, z) < 0.0)
+    traversal.over = SteppedOver(
+        float(edge_x), float(edge_z), float(yaw), float(found.far - found.near), float(found.ground),
+        float(found.beyond), float(found.top), crossing,
+    )  # fmt: skip
+    return True
+
+
+def _takeoff_alone(obstacle: ObstacleAhead, step: float) -> float:
+    """How far before an edge the last foot stands so that a `step` (m) leaves as much room before as behind."""
+    length = obstacle.far - obstacle.near
+    return TOE_M + max(0.5 * (step - length - TOE_M - HEEL_M), 0.0)
+
+
+def _last_step(
+    traversal: Traversal, obstacle: ObstacleAhead, left: float, came: bool, alone: bool = False
+) -> bool:
     """Whether the foot that stands `left` m before the edge is the last one there; sets the pace to the next ones."""
     steps = traversal.steps
     if came:
-        missing = left - takeoff_m(obstacle.kind, obstacle.top, steps.speed)
+        best = takeoff_m(obstacle.kind, obstacle.top, steps.speed)
+        missing = left - (_takeoff_alone(obstacle, steps.length) if alone else best)
         count = int(np.ceil(missing / steps.length - LAST_STEP))
         traversal.pace = min(max(missing / (count * steps.length), PACE[0]), PACE[1]) if count > 0 else 1.0
-        return count <= 0
+        return bool(count <= 0)
     edge = obstacle.near - 0.6 * takeoff_m(obstacle.kind, obstacle.top, 0.0)
     return steps.next_ankle(traversal.pace) > edge
 
@@ -414,13 +460,16 @@ def seen_heights(
     placed over the mean of what it sees, so that this comes and goes on a spring.
     """
     level = heights[present, 1]
+    if traversal.over.length >= 0.0:
+        heights = _without(traversal.over, points, heights)
+        level = heights[present, 1]
     if traversal.kind:
         done = smoothstep(traversal.time / traversal.motion.seconds)
         level = traversal.origin[1] + done * traversal.rise
         way = np.array([np.sin(traversal.yaw), np.cos(traversal.yaw)])
         along = (points - traversal.origin[[0, 2]]) @ way
         heights = np.where(_and_before(along > -BEFORE_M), level, heights)
-    elif ahead is not None and (is_leap(ahead.obstacle) or is_climb(ahead.obstacle)):
+    elif ahead is not None and not ahead.alone and (is_leap(ahead.obstacle) or is_climb(ahead.obstacle)):
         along = (points - points[present, 1]) @ ahead.path
         hidden = _and_before(along > ahead.obstacle.near - BEFORE_M)
         heights = np.where(hidden, ahead.obstacle.ground, heights)
@@ -431,6 +480,14 @@ def seen_heights(
     arrived = abs(fraction - goal) < UNSEEN and abs(velocity) < UNSEEN
     traversal.sight, traversal.sight_velocity = (goal, 0.0) if arrived else (fraction, velocity)
     return level + traversal.sight * (heights - level)
+
+
+def _without(over: SteppedOver, points: Array, heights: Array) -> Array:
+    """Heights `(12, 3)` at `points` `(12, 3, 2)` as if the ground went on evenly over a bar or a gap."""
+    way = np.array([np.sin(over.yaw), np.cos(over.yaw)])
+    along = (points - np.array([over.x, over.z])) @ way
+    within = (along > -0.5) & (along < over.length + 0.5)
+    return np.where(within, over.ground + np.where(along < 0.5 * over.length, 0.0, over.rise), heights)
 
 
 def _and_before(hidden: Flags) -> Flags:

@@ -19,7 +19,7 @@ from tests.helpers.walker import settle_soon
 from training import courses as clips
 from training.courses import Course, LevelSight, Walked, kept, random_course, smoothed, walk
 from training.evaluation.metrics.traversal import first_problem
-from training.export.traversals import obstacle_ground
+from training.export.traversals import NECK, folds, obstacle_ground
 
 FRAMES = 700
 
@@ -128,3 +128,14 @@ def test_an_obstacle_is_seen_as_what_it_is(kind: ObstacleKind) -> None:
     assert found is not None
     assert found.kind is kind
     assert found.size == pytest.approx(size, abs=0.06)
+
+
+def test_a_trunk_that_folds_over_an_obstacle_is_seen() -> None:
+    """Against the style's own posture on level ground: who always leans does not fold."""
+    level = np.zeros((60, 31, 3))
+    level[:, NECK] = (0.0, 0.5, 0.1)
+    over = level.copy()
+    assert not folds(over, level)
+    over[20:50, NECK] = (0.0, 0.3, 0.4)
+    assert folds(over, level)
+    assert not folds(over, over)

@@ -24,6 +24,7 @@ from runtime.motion.controller import SETTLE_SECONDS, Controller
 from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel
 from runtime.motion.model_files import read_metadata
+from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.courses import CELL_M
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacle_detection import ObstacleAhead, ObstacleKind
@@ -45,6 +46,9 @@ PLACE_M = 4.0  # of the near edge
 BEHIND_M, BEFORE_M = 2.0, 1.2  # what is walked behind it, and looked at before it
 BAR_M, FLOOR_M = 0.1, 0.6  # thickness of a bar; how deep a gap is
 LONGEST_S = 12.0
+LEVEL_FROM_M = 1.0  # of the way, where the style's own posture is taken
+MOST_TILT, SMOOTH = 0.35, FPS // 4  # radians that a trunk may tilt farther than there; frames
+NECK = SPORT_SKELETON.index("Neck")
 
 
 class _WithoutKeys(MotionModel):
@@ -107,7 +111,23 @@ def _problem(positions: Array, ground: Terrain) -> str:
     if z.max() <= PLACE_M + BEHIND_M:
         return "stuck"
     end = int(np.argmax(z > PLACE_M + BEHIND_M))
-    return first_problem(positions[:end][z[:end] > PLACE_M - BEFORE_M], ground)
+    positions, z = positions[:end], z[:end]
+    over = z > PLACE_M - BEFORE_M
+    problem = first_problem(positions[over], ground)
+    return problem or ("posture" if folds(positions[over], positions[~over & (z > LEVEL_FROM_M)]) else "")
+
+
+def folds(positions: Array, level: Array) -> bool:
+    """Whether a trunk tilts farther over an obstacle than ever on level ground: positions `(T, 31, 3)` of both."""
+    tilts = [_tilt(each) for each in (positions, level)]
+    return bool(tilts[0].max() > tilts[1].max() + MOST_TILT)
+
+
+def _tilt(positions: Array) -> Array:
+    """Radians `(T,)` of the trunk from the vertical, smoothed over a quarter of a second."""
+    trunk = positions[:, NECK].astype(np.float64) - positions[:, 0]
+    angle = np.arctan2(np.hypot(trunk[:, 0], trunk[:, 2]), trunk[:, 1])
+    return np.convolve(angle, np.full(SMOOTH, 1.0 / SMOOTH), mode="valid")
 
 
 def main(argv: Sequence[str] | None = None) -> None:

@@ -1,0 +1,215 @@
+"""The next step of a foot on ground with edges: where it comes down, how high it has to be until then, how its knee gives way.
+
+A step is about as long, and takes as long, as the last one of its foot. What lies in between is known early, so that a foot
+is lifted over a bar on its whole way there, and led past a bar or a gap that it would come down on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import cos, pi, sin, sqrt
+
+from runtime.feet.leg import LegPose, turned_out
+from runtime.scalar_math import Vector, add, damp, scale, smoothstep
+from runtime.terrain.height_map import PointHeights
+
+RISE_M, RUN_M = 0.08, 0.1  # ground that rises so much within so little has edges
+TURNING = 0.08  # fraction of a frame in the mean velocity of the hip
+SLOWEST = 0.25  # m/s of a hip whose foot is taken to step somewhere
+SHORTEST_S, LONGEST_S, SOONEST_S = 0.2, 1.5, 0.04  # between two landings; until the next one
+STEP_M, FASTER = (
+    (0.1, 2.5),
+    (0.6, 1.6),
+)  # of a step, and of its length where the body has become slower or faster
+NEARLY_S, SOON_S = 0.13, 0.34  # before an edge a foot is as high as it has to be, and begins to rise
+SPACING_M = 0.04
+CLEARANCE_M, EDGE_M = 0.05, 0.08  # between a sole and an edge, so far before and behind it
+LEAST_M, STEEP = 0.03, 0.7  # higher than a foot stands, and rise over run: less is no edge
+TOE_M, HEEL_M = (
+    0.19,
+    0.1,
+)  # from an ankle to the near edge of a bar or gap, and to its far edge: a foot stands clear of both
+FARTHEST_M = 0.4  # that a foot is led on
+LED_HALF_LIFE_S = 0.06
+LOW_BAR_M, MOST_RISE_M = 0.33, 0.18  # a higher bar lets hips rise in flight, by so much
+RISE_WIDTH_M = 0.5  # before and behind it
+CAUGHT_M = 0.01  # that a held leg may lie too near to a bar, or else its foot leaves the ground
+OUT = (0.0, 0.3, 0.6, 0.9, 1.2)  # radians outwards that a knee may turn
+OUT_HALF_LIFE_S = 0.05
+LIMB_M = 0.06  # between the middle of a thigh or shin and the ground
+AHEAD_M = (0.0, 0.05, 0.1)  # on its way, that a knee keeps clear
+
+
+def has_edges(ground: PointHeights) -> bool:
+    """Whether this ground rises anywhere as steeply as a bar or a step."""
+    return ground.steepest * RUN_M > RISE_M
+
+
+@dataclass
+class SteppedOver:
+    """A bar or gap that is stepped over by the gait itself: its near edge, and the way across."""
+
+    x: float = 0.0  # of the near edge, m
+    z: float = 0.0
+    yaw: float = 0.0  # of the way across
+    length: float = -1.0  # from the near edge to the far one, m; below 0 there is none
+    ground: float = 0.0  # height before it, m
+    rise: float = 0.0  # of the ground behind it
+    top: float = 0.0  # of a bar, over the ground before it
+    crossing: bool = False  # by the foot that comes down next
+
+    def along(self, x: float, z: float) -> float:
+        """Metres of a place behind the near edge."""
+        return (x - self.x) * sin(self.yaw) + (z - self.z) * cos(self.yaw)
+
+    def hips_rise(self, hips: Vector) -> float:
+        """Metres that hips at this place rise for a high bar where the legs let them."""
+        high = min(self.top - LOW_BAR_M, MOST_RISE_M)
+        if self.length < 0.0 or high <= 0.0:
+            return 0.0
+        away = abs(self.along(hips[0], hips[2]) - 0.5 * self.length) / RISE_WIDTH_M
+        return high * cos(0.5 * pi * away) ** 2 if away < 1.0 else 0.0
+
+
+@dataclass
+class NextStep:
+    """What one foot remembers of its steps, from frame to frame."""
+
+    hip_x: float = 0.0  # place of the hip in the last frame, m
+    hip_z: float = 0.0
+    way_x: float = 0.0  # its smoothed velocity, m/s
+    way_z: float = 0.0
+    watched: bool = False
+    held: bool = False  # in the last frame
+    landed_x: float = 0.0  # where its ankle came down last, m; not led
+    landed_z: float = 0.0
+    since: float = 9.0  # seconds ago
+    step: float = 0.6  # m from where the other foot had come down,
+    step_seconds: float = 0.5  # and seconds,
+    step_speed: float = 1.2  # with a hip of this speed, m/s
+    metres: float = 0.0  # to where it comes down, and seconds: 0 where that is not known
+    seconds: float = 0.0
+    goal: float = 0.0  # m that it is led on,
+    led: float = 0.0  # and was so far,
+    led_velocity: float = 0.0
+    out: float = 0.0  # radians that its knee is turned outwards
+    out_velocity: float = 0.0
+    over: SteppedOver = field(default_factory=SteppedOver)  # what it steps over
+    caught: bool = False  # thigh or shin is in the ground however the knee turns
+
+    @property
+    def speed(self) -> float:
+        """Of the hip, m/s."""
+        return sqrt(self.way_x * self.way_x + self.way_z * self.way_z)
+
+    def watch(
+        self, leg: LegPose, other: NextStep, held: bool, down: bool, velocity: Vector, dt: float
+    ) -> None:
+        """Read an incoming leg: where the hip goes, and where the foot comes down; `down` tells that it has, held or not."""
+        (x, _, z), (ankle_x, _, ankle_z) = leg.hip, leg.ankle
+        if self.watched:
+            self.way_x += ((x - self.hip_x) / dt - self.way_x) * TURNING
+            self.way_z += ((z - self.hip_z) / dt - self.way_z) * TURNING
+        self.hip_x, self.hip_z, self.watched = x, z, True
+        came = held and not self.held and self.since > SHORTEST_S
+        self.held, self.metres, self.seconds = held, 0.0, 0.0
+        self.since += dt
+        speed = self.speed
+        way_x, way_z = self.way_x / max(speed, 1e-6), self.way_z / max(speed, 1e-6)
+        step = (ankle_x - other.landed_x) * way_x + (ankle_z - other.landed_z) * way_z
+        if came:
+            if speed > SLOWEST and STEP_M[0] < step < STEP_M[1] and other.since < LONGEST_S:
+                self.step, self.step_seconds, self.step_speed = step, other.since, speed
+            self.landed_x, self.landed_z, self.since = ankle_x, ankle_z, 0.0
+        elif not held and speed > SLOWEST and other.since < LONGEST_S:
+            faster = min(max(speed / self.step_speed, FASTER[0]), FASTER[1])
+            if self.since < other.since:  # the other one comes down first
+                mine = (ankle_x - self.landed_x) * way_x + (ankle_z - self.landed_z) * way_z
+                metres = (self.step + other.step) * faster - mine
+                seconds = self.step_seconds + other.step_seconds - self.since
+            else:
+                metres, seconds = self.step * faster - step, self.step_seconds - other.since
+            self.seconds = max(seconds, SOONEST_S)
+            if self.seconds < 0.5 * self.step_seconds:  # a foot that slows down comes no farther
+                metres = min(metres, max(velocity[0] * way_x + velocity[2] * way_z, 0.0) * self.seconds)
+            self.metres = 0.0 if down else max(metres, 0.0)
+
+    def lead(self, leg: LegPose, over: SteppedOver | None, held: bool, dt: float) -> LegPose:
+        """The leg, led so that it comes down before or behind what is stepped `over`; a held foot keeps its lead."""
+        self.over = over or SteppedOver()
+        if not held:
+            if self.over.length < 0.0:
+                self.goal = 0.0
+            elif self.seconds > 0.0:
+                self.goal = self._lead_to(leg, self.over)
+            self.led, self.led_velocity = damp(self.led, self.led_velocity, self.goal, LED_HALF_LIFE_S, dt)
+            if self.goal == 0.0 and abs(self.led) < 1e-4:
+                self.led = self.led_velocity = 0.0
+        else:
+            self.goal = self.led_velocity = 0.0
+        speed = self.speed
+        if self.led == 0.0 or speed == 0.0:
+            return leg
+        by = (self.led * self.way_x / speed, 0.0, self.led * self.way_z / speed)
+        return leg._replace(toe=add(leg.toe, by), ankle=add(leg.ankle, by))
+
+    def _lead_to(self, leg: LegPose, over: SteppedOver) -> float:
+        here = over.along(leg.ankle[0], leg.ankle[2])
+        if over.crossing or here + self.led > -0.5 * TOE_M:
+            onwards = over.length + HEEL_M - here - self.metres
+            return min(max(onwards, 0.0), FARTHEST_M)
+        return max(min(-TOE_M - here - self.metres, 0.0), -FARTHEST_M)
+
+    def lift(self, points: tuple[tuple[Vector, float], ...], ground: PointHeights) -> float:
+        """Metres over its incoming height at which the foot has to be for edges on its way; 0 without any.
+
+        `points` are the shown toe and ankle, and the incoming heights of their soles.
+        """
+        lift, over = 0.0, self.over
+        if over.top > 0.0:
+            for point, low in points:
+                if -EDGE_M < over.along(point[0], point[2]) < over.length + EDGE_M:
+                    lift = max(lift, over.ground + over.top + CLEARANCE_M - low)
+        if self.metres <= 0.0:
+            return lift
+        speed = self.speed
+        x, z, pace = self.way_x / speed, self.way_z / speed, self.metres / self.seconds
+        farthest = min(self.metres + self.goal - self.led, pace * SOON_S)
+        for point, low in points:
+            below, metre = ground.height(point[0], point[2]), SPACING_M
+            while metre <= farthest:
+                ahead = ground.height(point[0] + metre * x, point[2] + metre * z)
+                if ahead - below > LEAST_M + STEEP * metre and ahead + CLEARANCE_M - low > lift:
+                    soon = smoothstep((SOON_S - metre / pace) / (SOON_S - NEARLY_S))
+                    lift = max(lift, soon * (ahead + CLEARANCE_M - low))
+                metre += SPACING_M
+        return lift
+
+    def knee_out(self, leg: LegPose, side: int, ground: PointHeights, dt: float) -> float:
+        """Radians that the knee of a solved leg is turned outwards, so that thigh and shin pass over the ground."""
+        speed, goal = max(self.speed, 1e-6), 0.0
+        x, z = self.way_x / speed, self.way_z / speed
+        least = 1e9
+        for radians_out in OUT:
+            knee = turned_out(leg, side, radians_out).knee
+            points = [
+                knee,
+                *_between(leg.hip, knee, (0.6, 0.8)),
+                *_between(knee, leg.ankle, (0.25, 0.5, 0.75)),
+            ]
+            depth = max(
+                ground.height(p[0] + m * x, p[2] + m * z) + LIMB_M - p[1] for p in points for m in AHEAD_M
+            )
+            if depth < least - 1e-3:
+                goal, least = radians_out, depth
+            if depth <= 0.0:
+                break
+        self.caught = least > CAUGHT_M
+        self.out, self.out_velocity = damp(self.out, self.out_velocity, goal, OUT_HALF_LIFE_S, dt)
+        if goal == 0.0 and abs(self.out) < 1e-3:
+            self.out = self.out_velocity = 0.0
+        return self.out
+
+
+def _between(a: Vector, b: Vector, fractions: tuple[float, ...]) -> list[Vector]:
+    return [add(scale(a, 1.0 - f), scale(b, f)) for f in fractions]

@@ -9,7 +9,6 @@ measured by what they claim.
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,7 +19,6 @@ from typing import Any
 import numpy as np
 
 from runtime.arrays import Float32Array
-from runtime.atomic import write_atomic
 from runtime.motion.features import C
 from runtime.motion.model import MotionModel, load_model
 from runtime.motion.model_files import read_metadata
@@ -34,6 +32,7 @@ from training.augmentation.catalogue import catalogue, part_edits
 from training.augmentation.measured_edits import Summary
 from training.evaluation.text.prompt_adherence import SECONDS, described_edits, edit_fraction, neutral_motion
 from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker
+from training.export.graph import write_metadata
 from training.frames import FrameTable
 from training.text.claims import claims, sentence_fraction
 
@@ -294,13 +293,9 @@ def calibrate(
     """
     metadata = read_metadata(folder)
     if metadata.pop("calibration", None) is not None:
-        _write(folder, metadata)
+        write_metadata(folder, metadata)
     model = load_model(folder)
     prompter = Prompter(model, text_encoder=text_encoder, phrasing=ModelPhrasing())
     walker = Walker(folder, workers, SECONDS)
     codes = calibrated(model, prompter, walker, phrasing or phrasing_of(model.name))
-    _write(folder, metadata | {"calibration": {"phase": list(signs), "codes": codes}})
-
-
-def _write(folder: Path, metadata: dict[str, Any]) -> None:
-    write_atomic(folder / "metadata.json", json.dumps(metadata, indent=1) + "\n")
+    write_metadata(folder, metadata | {"calibration": {"phase": list(signs), "codes": codes}})

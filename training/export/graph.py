@@ -121,5 +121,10 @@ def store_model_in_half(folder: Path) -> int:
         path = folder / f"{name}.onnx"
         count += store_in_half(path)
         metadata["sha256"][name] = hashlib.sha256(path.read_bytes()).hexdigest()
-    write_atomic(folder / "metadata.json", json.dumps(metadata, indent=1) + "\n")
+    write_metadata(folder, metadata)
     return count
+
+
+def write_metadata(folder: Path, metadata: dict[str, Any]) -> None:
+    """Into a model folder."""
+    write_atomic(folder / "metadata.json", json.dumps(metadata, indent=1) + "\n")

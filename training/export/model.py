@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime
 import hashlib
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from runtime.motion.features import FPS, LAYOUT_VERSION
 from runtime.motion.model_files import FOLDED
 from runtime.skeleton import SPORT_SKELETON, J
 from training.batches import Normalisation
-from training.export.graph import BATCH, export_graph
+from training.export.graph import BATCH, export_graph, write_metadata
 from training.export.model_card import model_card
 from training.export.step import FrameGraph, StepGraph, export_step
 from training.networks.content import JOINT_FEATURES, SEQUENCE_LENGTH, ContentEncoder
@@ -205,5 +204,5 @@ def _write_metadata(trained: Trained, folder: Path, errors: dict[str, float]) ->
         "notes": trained.notes,
         "curves": trained.curves,
     }
-    (folder / "metadata.json").write_text(json.dumps(metadata, indent=1) + "\n", encoding="utf-8")
+    write_metadata(folder, metadata)
     (folder / "README.md").write_text(model_card(metadata, trained.curves), encoding="utf-8")

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import hashlib
-import json
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +17,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.atomic import write_atomic
 from runtime.errors import FileError, run_command
 from runtime.motion.control_scripts import PlanarPose, control_script
 from runtime.motion.controller import Controller
@@ -28,6 +26,7 @@ from runtime.motion.model_files import INT8_GRAPH, PRECISIONS, read_metadata
 from runtime.motion.style import Style
 from runtime.prompts.prompter import Prompter
 from runtime.terrain.library import load_terrain
+from training.export.graph import write_metadata
 
 if TYPE_CHECKING:
     import onnx
@@ -164,7 +163,7 @@ def _note(folder: Path, section: dict[str, object], digest: str) -> None:
     metadata = read_metadata(folder)
     metadata["sha256"][INT8_GRAPH] = digest
     metadata["quantised"] = section
-    write_atomic(folder / "metadata.json", json.dumps(metadata, indent=1) + "\n")
+    write_metadata(folder, metadata)
 
 
 class _Recorder(MotionModel):

@@ -7,7 +7,6 @@ What is missing is written with the style's code into the model's metadata; `run
 from __future__ import annotations
 
 import argparse
-import json
 import logging
 from collections.abc import Mapping, Sequence
 from copy import copy
@@ -16,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.atomic import write_atomic
 from runtime.errors import run_command
 from runtime.motion.mirror import mirrored_code
 from runtime.motion.model import MotionModel
@@ -24,6 +22,7 @@ from runtime.motion.model_files import read_metadata
 from runtime.motion.swing import LEAST_GAIN, MOST_GAIN, PLAIN, SWINGS
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
 from training.evaluation.on_straight_walks import Measures, generated_walks, raw_walks
+from training.export.graph import write_metadata
 from training.presets import OPEN
 
 log = logging.getLogger("sport.train")
@@ -68,11 +67,13 @@ def fit_swings(folder: Path, data: Path) -> dict[str, Array]:
     """
     metadata = read_metadata(folder)
     if metadata.pop("swings", None) is not None:
-        _write(folder, metadata)
+        write_metadata(folder, metadata)
     raw = raw_walks(data, free_only=metadata["name"] == OPEN)
     evaluated = EvaluatedModel(folder, style_texts(raw))
     gains = measure_gains(evaluated, raw)
-    _write(folder, metadata | {"swings": [_row(evaluated, style, own) for style, own in gains.items()]})
+    write_metadata(
+        folder, metadata | {"swings": [_row(evaluated, style, own) for style, own in gains.items()]}
+    )
     return gains
 
 
@@ -80,10 +81,6 @@ def _row(evaluated: EvaluatedModel, style: str, gains: Array) -> dict[str, objec
     """A style's mean code over its descriptions, as text: one line of the file, and its gains."""
     code = np.mean([evaluated.style(style, k) for k in range(len(evaluated.texts[style]))], axis=0)
     return {"style": style, "gains": gains.round(2).tolist(), "code": " ".join(f"{v:.2f}" for v in code.flat)}
-
-
-def _write(folder: Path, metadata: dict[str, object]) -> None:
-    write_atomic(folder / "metadata.json", json.dumps(metadata, indent=1) + "\n")
 
 
 def main(argv: Sequence[str] | None = None) -> None:

@@ -7,7 +7,6 @@ over it pass every check; what is larger, or of another kind, is keyed. The size
 from __future__ import annotations
 
 import argparse
-import json
 import logging
 from collections.abc import Sequence
 from copy import copy
@@ -16,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.atomic import write_atomic
 from runtime.controls import Controls, Gait
 from runtime.errors import run_command
 from runtime.motion.control_scripts import PlanarPose
@@ -31,6 +29,7 @@ from runtime.terrain.obstacle_detection import ObstacleAhead, ObstacleKind
 from training.evaluation.metrics.traversal import first_problem
 from training.evaluation.motion.driving import walk_together
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
+from training.export.graph import write_metadata
 
 log = logging.getLogger("sport.train")
 
@@ -75,8 +74,7 @@ def measure_traversals(folder: Path) -> dict[str, float]:
             if fraction < PASSED:
                 break
             crossed[kind.value] = size
-    metadata = read_metadata(folder) | {"crosses": crossed}
-    write_atomic(folder / "metadata.json", json.dumps(metadata, indent=1) + "\n")
+    write_metadata(folder, read_metadata(folder) | {"crosses": crossed})
     return crossed
 
 

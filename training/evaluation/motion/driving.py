@@ -31,7 +31,7 @@ STEADY_FRAMES = 3 * FPS  # on either side of a change of prompt
 REQUEST_SIGMA = 15.0  # frames; a thumb does not follow the sway of every step
 CORRECTION_PER_S = 1.0  # a player also steers back to where the clip went
 MAX_CORRECTION = 0.5  # m/s
-TOGETHER = 16  # characters of a crowd that are walked at once
+TOGETHER = 32  # characters of a crowd that are walked at once
 _ORIGIN = PlanarPose(0.0, 0.0, 0.0)
 
 

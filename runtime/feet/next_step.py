@@ -34,6 +34,7 @@ LED_HALF_LIFE_S = 0.06
 LOW_BAR_M, MOST_RISE_M = 0.33, 0.18  # a higher bar lets hips rise in flight, by so much
 RISE_WIDTH_M = 0.5  # before and behind it
 CAUGHT_M = 0.01  # that a held leg may lie too near to a bar, or else its foot leaves the ground
+UNDER_M = 0.1  # before and behind it, that a root still is over it
 OUT = (0.0, 0.3, 0.6, 0.9, 1.2)  # radians outwards that a knee may turn
 OUT_HALF_LIFE_S = 0.05
 LIMB_M = 0.06  # between the middle of a thigh or shin and the ground
@@ -61,6 +62,10 @@ class SteppedOver:
     def along(self, x: float, z: float) -> float:
         """Metres of a place behind the near edge."""
         return (x - self.x) * sin(self.yaw) + (z - self.z) * cos(self.yaw)
+
+    def is_under(self, x: float, z: float) -> bool:
+        """Whether a root at this place is over it: from there its far side would look like a step."""
+        return self.length >= 0.0 and -UNDER_M < self.along(x, z) < self.length + UNDER_M
 
     def hips_rise(self, hips: Vector) -> float:
         """Metres that hips at this place rise for a high bar where the legs let them."""

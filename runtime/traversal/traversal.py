@@ -214,7 +214,7 @@ class Traversal:
         """
         if self.climbing:
             found = CLIMBING
-        elif terrain is None:
+        elif terrain is None or self.over.is_under(float(place[0]), float(place[1])):
             found = CLEAR
         else:
             found = probe_obstacles(terrain, place, self.path(heading), speed, self.stopped)

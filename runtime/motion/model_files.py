@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from runtime.atomic import write_atomic
 from runtime.errors import ModelError
 from runtime.motion.features import INPUT, INPUT_SIZE, LAYOUT_VERSION, OUTPUT_SIZE, C
 from runtime.motion.unsigned_weights import unsigned_weights
@@ -58,6 +60,11 @@ _JSON_NAMES: dict[type, str] = {str: "string", dict: "object", list: "list"}
 _FIELDS: dict[str, type] = {
     "name": str, "config": dict, "reverse_steps": list, "sha256": dict, "joints": list, "start": dict,
 }  # fmt: skip
+
+
+def write_metadata(folder: Path, metadata: dict[str, Any]) -> None:
+    """Into a model folder."""
+    write_atomic(folder / "metadata.json", json.dumps(metadata, indent=1) + "\n")
 
 
 def read_metadata(folder: Path) -> dict[str, Any]:

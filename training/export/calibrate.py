@@ -21,7 +21,7 @@ import numpy as np
 from runtime.arrays import Float32Array
 from runtime.motion.features import C
 from runtime.motion.model import MotionModel, load_model
-from runtime.motion.model_files import read_metadata
+from runtime.motion.model_files import read_metadata, write_metadata
 from runtime.prompts.edit_targets import targets_of
 from runtime.prompts.english.grammar import grammar
 from runtime.prompts.parts import PartDescriptions, mirror_text
@@ -32,7 +32,6 @@ from training.augmentation.catalogue import catalogue, part_edits
 from training.augmentation.measured_edits import Summary
 from training.evaluation.text.prompt_adherence import SECONDS, described_edits, edit_fraction, neutral_motion
 from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker
-from training.export.graph import write_metadata
 from training.frames import FrameTable
 from training.text.claims import claims, sentence_fraction
 

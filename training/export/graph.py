@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import torch
 from torch import nn
 
 from runtime.atomic import write_atomic
-from runtime.motion.model_files import read_metadata
+from runtime.motion.model_files import read_metadata, write_metadata
 
 OPSET = 18
 SMALLEST = 4096  # elements of a tensor that is worth a cast
@@ -123,8 +122,3 @@ def store_model_in_half(folder: Path) -> int:
         metadata["sha256"][name] = hashlib.sha256(path.read_bytes()).hexdigest()
     write_metadata(folder, metadata)
     return count
-
-
-def write_metadata(folder: Path, metadata: dict[str, Any]) -> None:
-    """Into a model folder."""
-    write_atomic(folder / "metadata.json", json.dumps(metadata, indent=1) + "\n")

@@ -12,10 +12,10 @@ import torch
 from torch import Tensor, nn
 
 from runtime.motion.features import FPS, LAYOUT_VERSION
-from runtime.motion.model_files import FOLDED
+from runtime.motion.model_files import FOLDED, write_metadata
 from runtime.skeleton import SPORT_SKELETON, J
 from training.batches import Normalisation
-from training.export.graph import BATCH, export_graph, write_metadata
+from training.export.graph import BATCH, export_graph
 from training.export.model_card import model_card
 from training.export.step import FrameGraph, StepGraph, export_step
 from training.networks.content import JOINT_FEATURES, SEQUENCE_LENGTH, ContentEncoder

@@ -22,11 +22,10 @@ from runtime.motion.control_scripts import PlanarPose, control_script
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS, OUTPUT
 from runtime.motion.model import MotionModel, load_model
-from runtime.motion.model_files import INT8_GRAPH, PRECISIONS, read_metadata
+from runtime.motion.model_files import INT8_GRAPH, PRECISIONS, read_metadata, write_metadata
 from runtime.motion.style import Style
 from runtime.prompts.prompter import Prompter
 from runtime.terrain.library import load_terrain
-from training.export.graph import write_metadata
 
 if TYPE_CHECKING:
     import onnx

@@ -18,11 +18,10 @@ from runtime.arrays import Array
 from runtime.errors import run_command
 from runtime.motion.mirror import mirrored_code
 from runtime.motion.model import MotionModel
-from runtime.motion.model_files import read_metadata
+from runtime.motion.model_files import read_metadata, write_metadata
 from runtime.motion.swing import LEAST_GAIN, MOST_GAIN, PLAIN, SWINGS
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
 from training.evaluation.on_straight_walks import Measures, generated_walks, raw_walks
-from training.export.graph import write_metadata
 from training.presets import OPEN
 
 log = logging.getLogger("sport.train")

@@ -21,7 +21,7 @@ from runtime.motion.control_scripts import PlanarPose
 from runtime.motion.controller import SETTLE_SECONDS, Controller
 from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel
-from runtime.motion.model_files import read_metadata
+from runtime.motion.model_files import read_metadata, write_metadata
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.courses import CELL_M
 from runtime.terrain.height_map import Terrain
@@ -29,7 +29,6 @@ from runtime.terrain.obstacle_detection import ObstacleAhead, ObstacleKind
 from training.evaluation.metrics.traversal import first_problem
 from training.evaluation.motion.driving import walk_together
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
-from training.export.graph import write_metadata
 
 log = logging.getLogger("sport.train")
 

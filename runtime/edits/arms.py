@@ -43,10 +43,8 @@ LEAST_SWING = 0.06  # metres: an arm that swings less has no rhythm of its own
 LEAST_STRIDE = 0.15  # metres from end to end: a leg that swings less gives none
 DEEPEST_BEND = radians(150.0)
 FAR = 0.15  # metres: a hand that comes from further has its elbow where the place has it
-TURNED, TURNS = (
-    radians(30.0),
-    radians(40.0),
-)  # an elbow further from there than these is turned there, over this angle
+# an elbow further from there than the first is turned there, over the second
+TURNED, TURNS = radians(30.0), radians(40.0)
 HAND_FOLLOWS = 0.7  # of the way to a straight wrist, at a place
 TRUNK_X, TRUNK_Z = 0.165, 0.13  # metres from the middle of a trunk to its surface, for a wrist
 TRUNK_BELOW, TRUNK_ABOVE = -0.12, 0.32  # metres from the hips up the trunk within which that holds

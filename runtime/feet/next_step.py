@@ -17,18 +17,14 @@ RISE_M, RUN_M = 0.08, 0.1  # ground that rises so much within so little has edge
 TURNING = 0.08  # fraction of a frame in the mean velocity of the hip
 SLOWEST = 0.25  # m/s of a hip whose foot is taken to step somewhere
 SHORTEST_S, LONGEST_S, SOONEST_S = 0.2, 1.5, 0.04  # between two landings; until the next one
-STEP_M, FASTER = (
-    (0.1, 2.5),
-    (0.6, 1.6),
-)  # of a step, and of its length where the body has become slower or faster
+STEP_M = 0.1, 2.5  # of a step
+FASTER = 0.6, 1.6  # times its length, where the body has become slower or faster
 NEARLY_S, SOON_S = 0.13, 0.34  # before an edge a foot is as high as it has to be, and begins to rise
 SPACING_M = 0.04
 CLEARANCE_M, EDGE_M = 0.05, 0.08  # between a sole and an edge, so far before and behind it
 LEAST_M, STEEP = 0.03, 0.7  # higher than a foot stands, and rise over run: less is no edge
-TOE_M, HEEL_M = (
-    0.19,
-    0.1,
-)  # from an ankle to the near edge of a bar or gap, and to its far edge: a foot stands clear of both
+# from an ankle to the near edge of a bar or gap, and to its far edge: a foot stands clear of both
+TOE_M, HEEL_M = 0.19, 0.1
 FARTHEST_M = 0.4  # that a foot is led on
 LED_HALF_LIFE_S = 0.06
 LOW_BAR_M, MOST_RISE_M = 0.33, 0.18  # a higher bar lets hips rise in flight, by so much

@@ -245,27 +245,28 @@ class Crowd:
         for member in self.members:
             member.set_terrain(terrain)
 
-    def step(self, controls: Controls) -> list[Pose]:
-        """Simulate 1/60 s of every character, half of them on the second thread; see `Controller.step`."""
+    def step(self, controls: Controls | Sequence[Controls]) -> list[Pose]:
+        """Simulate 1/60 s of every character by one stick, or each by its own, half of them on the second thread."""
         middle = len(self.members) // 2
+        sticks = [controls] * len(self.members) if isinstance(controls, Controls) else controls
         halves = self.members[:middle], self.members[middle:]
         model = self.members[0].model
         model = model.in_full if len(self.members) >= TOGETHER else model
-        other = self._helper.submit(_stepped, model, halves[0], controls) if middle else None
-        frames = _stepped(model, halves[1], controls)
+        other = self._helper.submit(_stepped, model, halves[0], sticks[:middle]) if middle else None
+        frames = _stepped(model, halves[1], sticks[middle:])
         frames = frames if other is None else other.result() + frames
         return [member.take(*frame) for member, frame in zip(self.members, frames, strict=True)]
 
 
 def _stepped(
-    model: MotionModel, members: Sequence[Controller], controls: Controls
+    model: MotionModel, members: Sequence[Controller], controls: Sequence[Controls]
 ) -> list[tuple[CharacterState, Frame]]:
     """The states 1/60 s later, and frames, of characters that are moved together."""
     first = members[0]
     state, frame = step(
         model,
         joined([member.state for member in members]),
-        [controls] * len(members),
+        controls,
         first.terrain,
         [member.temperature for member in members],
         [member.response for member in members],

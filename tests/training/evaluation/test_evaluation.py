@@ -25,7 +25,7 @@ from training.evaluation.motion.capture import (
     make_plan,
     read_capture,
 )
-from training.evaluation.motion.driving import follow, replay, requests_of, run_course
+from training.evaluation.motion.driving import RingWalk, follow, replay, requests_of, run_ring
 from training.evaluation.motion.evaluated_model import style_texts
 from training.evaluation.motion.scores import score_held_out, score_model
 from training.evaluation.motion.tables import check, markdown
@@ -146,9 +146,10 @@ def test_a_network_that_fails_stops_the_evaluation(clips):
 
 
 def test_courses_stay_on_the_ring():
-    run = run_course(WalkerModel(), Terrain.flat(), "neutral", Z, Gait.WALK, 2.0, seed=3)
-    assert len(run.motion) == len(run.path_error) == 120
-    assert run.path_error.mean() < 0.3
+    walks = [RingWalk("neutral", Z, Gait.WALK, 3), RingWalk("neutral", Z, Gait.JOG, 4)]
+    for run in run_ring(WalkerModel(), Terrain.flat(), walks, 2.0):
+        assert len(run.motion) == len(run.path_error) == 120
+        assert run.path_error.mean() < 0.3
 
 
 def test_replay_takes_the_clips_controls_and_seeds_matter_only_with_temperature(clips):

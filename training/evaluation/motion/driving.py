@@ -64,7 +64,10 @@ class Recorder:
 
     def step(self, controls: Controls) -> Pose:
         """One frame; SportError when the network fails."""
-        pose = self._controller.step(controls)
+        return self.add(self._controller.step(controls))
+
+    def add(self, pose: Pose) -> Pose:
+        """A frame that the controller was moved by; SportError when the network failed."""
         if self._controller.message or not np.isfinite(pose.positions).all():
             problem = self._controller.message or "The pose is not finite."
             raise SportError(f"{self._controller.model.name}: {problem}", "Evaluate another model.")
@@ -202,19 +205,24 @@ def replay(model: MotionModel, clip: Motion, z: Array, seed: int, temperature: f
     return np.stack(joints)
 
 
-def transition(model: MotionModel, first: Array, second: Array, seed: int) -> tuple[Array, int]:
-    """World joints `(T, 31, 3)` of a straight walk whose Z^t `(6, 64)` changes, and the frame of the change.
+def transitions(model: MotionModel, changes: Sequence[tuple[Array, Array]], seed: int) -> list[Array]:
+    """World joints `(T, 31, 3)` of straight walks whose Z^t `(6, 64)` changes at frame `STEADY_FRAMES`.
 
     The blend takes a second, as the viewer's does; three seconds of walking lie around it.
     """
-    controller = Controller(model, flat_ground(), seed)
-    controller.set_style(first, 0.0)
-    positions = []
-    for frame in range(LEAD_IN_FRAMES + 2 * STEADY_FRAMES):
-        if frame == LEAD_IN_FRAMES + STEADY_FRAMES:
-            controller.set_style(second, 1.0)
-        positions.append(controller.step(Controls((0.0, 1.0))).positions)
-    return np.stack(positions[LEAD_IN_FRAMES:]), STEADY_FRAMES
+    ground = flat_ground()
+    members = [Controller(model, ground, seed + k) for k in range(len(changes))]
+    walked: list[list[Pose]] = [[] for _ in members]
+    for number, frames, blend in ((0, LEAD_IN_FRAMES + STEADY_FRAMES, 0.0), (1, STEADY_FRAMES, 1.0)):
+        for member, codes in zip(members, changes, strict=True):
+            member.set_style(codes[number], blend)
+        for poses, more in zip(walked, walk_together(members, _straight_on, frames), strict=True):
+            poses += more
+    return [np.stack([pose.positions for pose in poses[LEAD_IN_FRAMES:]]) for poses in walked]
+
+
+def _straight_on(seconds: float, place: PlanarPose) -> Controls:
+    return Controls((0.0, 1.0))
 
 
 def flat_ground() -> Terrain:
@@ -251,35 +259,60 @@ def path_error(xz: Array, course: Array) -> Array:
     return np.linalg.norm(xz[:, None] - nearest, axis=-1).min(1)
 
 
-def run_course(
-    model: MotionModel, terrain: Terrain, style: str, code: Array, gait: Gait, seconds: float, seed: int
-) -> RingRun:
-    """Full stick along the ring in style `code` (Z^t), pointed at the place 0.9 m ahead; the seed also chooses where it begins.
+@dataclass(frozen=True)
+class RingWalk:
+    """Who is led along the ring; the seed also chooses where it begins."""
+
+    style: str
+    code: Array  # Z^t
+    gait: Gait
+    seed: int
+
+
+def run_ring(
+    model: MotionModel, terrain: Terrain, walks: Sequence[RingWalk], seconds: float
+) -> list[RingRun]:
+    """Full stick along the ring, each pointed at the place 0.9 m ahead; they do not meet.
 
     The first 2 s, from standing, are not scored.
     """
+    made: list[RingRun] = []
+    for first in range(0, len(walks), TOGETHER):
+        made += _run_together(model, terrain, walks[first : first + TOGETHER], seconds)
+    return made
+
+
+def _run_together(
+    model: MotionModel, terrain: Terrain, walks: Sequence[RingWalk], seconds: float
+) -> list[RingRun]:
     course = ring()
-    place = int(np.random.default_rng(seed).integers(POINTS))
-    heading = course[(place + 5) % POINTS] - course[place]
-    controller = Controller(model, terrain, seed)
-    controller.set_style(code, 0.0)
-    x, z = (float(v) for v in course[place])
-    controller.reset(x, z, float(np.arctan2(*heading)))
-    recorder = Recorder(controller)
+    places = [int(np.random.default_rng(walk.seed).integers(POINTS)) for walk in walks]
+    members = [Controller(model, terrain, walk.seed) for walk in walks]
+    for place, walk, member in zip(places, walks, members, strict=True):
+        member.set_style(walk.code, 0.0)
+        heading = course[(place + 5) % POINTS] - course[place]
+        x, z = (float(v) for v in course[place])
+        member.reset(x, z, float(np.arctan2(*heading)))
+    recorders, crowd = [Recorder(member) for member in members], Crowd(members)
     roots, speeds = [], []
     for _ in range(LEAD_IN_FRAMES + round(seconds * FPS)):
-        root = controller.pose.root_position[[0, 2]].astype(np.float64)
-        place = _nearest(course, root, place)
-        pose = recorder.step(Controls(_towards(course, root, place), gait=gait))
-        roots.append(pose.root_position[[0, 2]])
-        speeds.append(controller.requested_speed)
-    name = f"{style} {gait.label} {terrain.name}"
-    labels = np.full(len(roots) - LEAD_IN_FRAMES, int(gait))
-    return RingRun(
-        recorder.motion(name, style, labels, LEAD_IN_FRAMES),
-        path_error(np.stack(roots[LEAD_IN_FRAMES:]).astype(np.float64), course),
-        np.array(speeds[LEAD_IN_FRAMES:]),
-    )
+        here = [member.pose.root_position[[0, 2]].astype(np.float64) for member in members]
+        places = [_nearest(course, root, place) for root, place in zip(here, places, strict=True)]
+        aims = [_towards(course, root, place) for root, place in zip(here, places, strict=True)]
+        poses = crowd.step([Controls(aim, gait=walk.gait) for aim, walk in zip(aims, walks, strict=True)])
+        for recorder, pose in zip(recorders, poses, strict=True):
+            recorder.add(pose)
+        roots.append([pose.root_position[[0, 2]] for pose in poses])
+        speeds.append([member.requested_speed for member in members])
+    crowd.close()
+    scored = np.array(roots[LEAD_IN_FRAMES:], np.float64), np.array(speeds[LEAD_IN_FRAMES:])
+    made = []
+    for k, (walk, recorder) in enumerate(zip(walks, recorders, strict=True)):
+        name = f"{walk.style} {walk.gait.label} {terrain.name}"
+        labels = np.full(len(scored[0]), int(walk.gait))
+        motion = recorder.motion(name, walk.style, labels, LEAD_IN_FRAMES)
+        made.append(RingRun(motion, path_error(scored[0][:, k], course), scored[1][:, k]))
+    return made
 
 
 def _nearest(course: Array, root: Array, last: int) -> int:

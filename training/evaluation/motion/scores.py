@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from runtime.controls import Gait
-from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
 from training.evaluation.metrics.classifiers import recognition
 from training.evaluation.metrics.features import WindowSet, joined, window_set
@@ -31,7 +30,16 @@ from training.evaluation.motion.capture import (
     ClipInfo,
     EvaluationPlan,
 )
-from training.evaluation.motion.driving import RingRun, flat_ground, follow, replay, run_course, transition
+from training.evaluation.motion.driving import (
+    STEADY_FRAMES,
+    RingRun,
+    RingWalk,
+    flat_ground,
+    follow,
+    replay,
+    run_ring,
+    transitions,
+)
 from training.evaluation.motion.evaluated_model import EvaluatedModel, count_parameters, frame_times
 
 Report = Callable[[str], None]
@@ -147,26 +155,30 @@ def _recognition(plan: EvaluationPlan, windows: dict[str, WindowSet]) -> dict[st
 def score_courses(plan: EvaluationPlan, evaluated: EvaluatedModel, report: Report) -> dict[str, Any]:
     """Skating before and after foot lock, path error and speed, per style and gait, on level and on rough ground."""
     result: dict[str, Any] = {}
-    grounds = flat_ground(), make_terrain("rough", plan.options.seed)
     styles = [g for g in plan.groups if g != TERRAIN_GROUP and plan.gaits(g)]
-    for number, style in enumerate(styles):
-        report(f"{evaluated.name}: courses {number + 1}/{len(styles)}: {style}")
-        result[style] = {}
-        for gait in plan.gaits(style):
-            captured, held_out = plan.captured_skating(style, gait)
-            result[style][gait] = {"captured": captured.as_dict() | {"held_out": held_out}}
-            for ground in grounds:
-                run = _run(plan, evaluated, ground, style, gait, number)
-                result[style][gait][ground.name] = _course_scores(run)
+    walks = _walks(plan, evaluated, styles, GAITS)
+    for walk in walks:
+        captured, held_out = plan.captured_skating(walk.style, walk.gait.label)
+        found = {"captured": captured.as_dict() | {"held_out": held_out}}
+        result.setdefault(walk.style, {})[walk.gait.label] = found
+    for ground in (flat_ground(), make_terrain("rough", plan.options.seed)):
+        report(f"{evaluated.name}: courses on {ground.name}")
+        runs = run_ring(evaluated.model, ground, walks, plan.options.course_seconds)
+        for walk, run in zip(walks, runs, strict=True):
+            result[walk.style][walk.gait.label][ground.name] = _course_scores(run)
     return result
 
 
-def _run(
-    plan: EvaluationPlan, evaluated: EvaluatedModel, ground: Terrain, style: str, gait: str, number: int
-) -> RingRun:
-    z, options = evaluated.style(style, number), plan.options
-    seconds, seed = options.course_seconds, options.seed + number
-    return run_course(evaluated.model, ground, style, z, GAITS[gait], seconds, seed)
+def _walks(
+    plan: EvaluationPlan, evaluated: EvaluatedModel, styles: Sequence[str], gaits: Iterable[str]
+) -> list[RingWalk]:
+    """Of every style in each of these gaits that it has."""
+    return [
+        RingWalk(style, evaluated.style(style, k), GAITS[gait], plan.options.seed + k)
+        for k, style in enumerate(styles)
+        for gait in gaits
+        if gait in plan.gaits(style)
+    ]
 
 
 def _course_scores(run: RingRun) -> dict[str, Any]:
@@ -188,14 +200,13 @@ def score_terrain(plan: EvaluationPlan, evaluated: EvaluatedModel, report: Repor
     styles = _walking_styles(plan)[: plan.options.terrain_styles]
     for name in TERRAINS:
         ground = make_terrain(name, plan.options.seed)
+        report(f"{evaluated.name}: on {name}")
         for gait in GAITS:
-            report(f"{evaluated.name}: {gait} on {name}")
+            walks = _walks(plan, evaluated, styles, (gait,))
             rows = []
-            for k, style in enumerate(styles):
-                if gait in plan.gaits(style):
-                    run = _run(plan, evaluated, ground, style, gait, k)
-                    feet = asdict(terrain_feet(run.motion.positions, ground))
-                    rows.append(feet | {"path_error_m": run.path_error.mean()})
+            for run in run_ring(evaluated.model, ground, walks, plan.options.course_seconds):
+                feet = asdict(terrain_feet(run.motion.positions, ground))
+                rows.append(feet | {"path_error_m": run.path_error.mean()})
             if rows:
                 result[f"{name} {gait}"] = {key: float(np.mean([r[key] for r in rows])) for key in rows[0]}
     return result
@@ -222,10 +233,14 @@ def score_transitions(plan: EvaluationPlan, evaluated: EvaluatedModel, report: R
     if len(styles) < 2:
         return {}
     report(f"{evaluated.name}: {count} transitions")
-    ratios = []
-    for k in range(count):
-        first, second = (evaluated.style(styles[i], k) for i in rng.choice(len(styles), 2, replace=False))
-        ratios.append(transition_jerk(*transition(evaluated.model, first, second, seed + k)))
+    pairs = [rng.choice(len(styles), 2, replace=False) for _ in range(count)]
+    codes = [
+        (evaluated.style(styles[one], k), evaluated.style(styles[other], k))
+        for k, (one, other) in enumerate(pairs)
+    ]
+    ratios = [
+        transition_jerk(positions, STEADY_FRAMES) for positions in transitions(evaluated.model, codes, seed)
+    ]
     return {"ratio": float(np.mean(ratios)), "count": count}
 
 

@@ -9,10 +9,11 @@ import pytest
 
 pytest.importorskip("torch")
 
-from runtime.prompts.phrasing import ModelPhrasing
+from runtime.prompts.phrasing import ModelPhrasing, adherence_of
 from runtime.prompts.prompter import Prompter
 from tests.helpers.shipped import shipped_model
 from training.evaluation.text import walks as text_walks
+from training.evaluation.text import wording
 from training.evaluation.text.walks import Walker
 from training.evaluation.text.wording import NEUTRAL, better_wordings, walk_all
 from training.text.claims import sentence_fraction, unclaimed_change
@@ -82,3 +83,12 @@ def test_a_sentence_is_walked_with_the_rest_of_the_body_neutral(monkeypatch):
     key = ("torso", "torso leaning far forward")
     walks = walk_all(Walker(model.folder, 1, 1.0), Prompter(model, phrasing=ModelPhrasing()), [key])
     assert walks[key].torso.pitch > walks[NEUTRAL].torso.pitch + 10.0
+
+
+def test_limbs_that_have_their_own_shares_are_walked_as_arms_of_a_side_and_as_legs(monkeypatch):
+    sentences = {*adherence_of().sentences, *adherence_of().clauses}
+    walked = []
+    monkeypatch.setattr(wording, "walk_all", lambda walker, prompter, keys: walked.extend(keys) or WALKS)
+    wording.measure_wording(None, Prompter(shipped_model()), sentences)
+    assert {group for group, _ in walked} == set(wording.PARTS)
+    assert {words for _, words in walked} == {words for _, words in sentences}

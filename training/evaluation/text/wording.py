@@ -135,10 +135,10 @@ def measure_wording(
 
 
 def _walked(group: str, words: str) -> list[Key]:
-    """The keys under which a sentence of the fractions is walked: of an arm one for each side."""
+    """The keys under which a sentence of the fractions is walked: of an arm one for each side, of legs one for both."""
     if group == "arm":
         return [("left_arm", words), ("right_arm", words)]
-    return [(group, words)]
+    return [("leg" if group.endswith("_leg") else group, words)]
 
 
 def _captured() -> frozenset[Key]:

@@ -62,7 +62,7 @@ STEADY_HALF_LIFE, STEADY_MORE = (
     2.0,
     8.0,
 )  # seconds, degrees: a trunk folds so far over what it leans all the time
-TIPS = 20.0  # degrees that a trunk tips to a side at most, over what is said
+TIPS, BACK = 20.0, 15.0  # degrees that a trunk tips to a side, and leans back, at most, over what is said
 EASE = 5.0  # degrees before either bound, from which it is slowed down
 _AT = SPORT_SKELETON.index
 _SPINE, _NECK, _ARMS = (
@@ -109,8 +109,9 @@ class TrunkEdit:
 
     def watch(self, lean: float, aside: float, fold: float) -> bool:
         """Whether a trunk that leans by so many degrees comes near the bound of a fold, `fold`, or tips over; called in every frame."""
-        self.steady += (1.0 - decay(STEADY_HALF_LIFE)) * (lean - self.steady)
-        return lean > self._bound(fold) - EASE or abs(aside) > TIPS - EASE
+        shown = max(min(lean, self._bound(fold)), -self._back(0.0))
+        self.steady += (1.0 - decay(STEADY_HALF_LIFE)) * (shown - self.steady)
+        return lean > self._bound(fold) - EASE or -lean > self._back(0.0) - EASE or abs(aside) > TIPS - EASE
 
     def apply(self, hips: Vector, local: Array, request: EditRequest) -> Moved:
         """The trunk as it is asked for, of hips at a place and local rotations `(31, 4)`."""
@@ -126,7 +127,9 @@ class TrunkEdit:
             vars(self).update(vars(TrunkEdit(steady=self.steady)))  # what is asked for later is measured anew
         weight, _ = targets[FOLD]
         if weight > 1e-6:
-            lean -= weight * _too_far(shown[LEAN] + lean, self._bound(value_of(targets[FOLD])))
+            leans = shown[LEAN] + lean
+            lean -= weight * _too_far(leans, self._bound(value_of(targets[FOLD])))
+            lean += weight * _too_far(-leans, self._back(value_of(targets[LEAN])))
             aside, tips = shown[ASIDE] + rolled, TIPS + abs(value_of(targets[ASIDE]))
             rolled -= weight * copysign(_too_far(abs(aside), tips), aside)
         if lean or rolled or self.more_twist:
@@ -148,6 +151,10 @@ class TrunkEdit:
 
     def _bound(self, fold: float) -> float:
         return max(fold, self.steady + STEADY_MORE)
+
+    def _back(self, said: float) -> float:
+        """Degrees that the trunk leans back at most, of which so much is said (negative: back)."""
+        return max(BACK - min(said, 0.0), STEADY_MORE - self.steady)
 
     def _edit(
         self, hips: Vector, shown: tuple[float, float, float], side: Vector, request: EditRequest

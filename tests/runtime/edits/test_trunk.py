@@ -91,28 +91,43 @@ def test_hips_bounce_as_far_as_is_said_and_rise_no_higher() -> None:
     assert height.max() < before.max() + 0.01
 
 
+def folding(axis: tuple[float, float, float], lean: float, frames: int = 90) -> list[float]:
+    """Degrees forward and aside of a standing body that folds within three quarters of a second, and stays so."""
+    edits, targets, found = BodyEdits(), asked(fold=20.0), []
+    spine = SPORT_SKELETON.index("LowerBack")
+    for k in range(frames):
+        local = np.tile([1.0, 0.0, 0.0, 0.0], (J, 1))
+        angle = np.radians(min(k / 45.0, 1.0) * lean + 5.0)
+        local[spine] = rotations.from_axis_angle(np.array(axis), np.array(angle))
+        edits.trunk.watch(np.degrees(angle) * axis[0] - 5.0, 0.0, 20.0)
+        posed = edits.apply(
+            np.array([0.0, 0.98, 0.0]), local, np.ones(4), EditRequest(targets.tolist(), 0.0, (0.0, 0.0), 0.0)
+        )
+        shown = SPORT_SKELETON.forward_kinematics(posed.hips, posed.local)
+        found.append(angles((shown[0][None], shown[1][None]), 0.0)[0, LEAN if axis[0] else ASIDE])
+    return found
+
+
 @pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, 0.0, -1.0)])
 @pytest.mark.parametrize(("lean", "most"), [(10.0, 10.0), (45.0, 20.0)])
 def test_a_trunk_folds_and_tips_no_further_than_its_bound(
     axis: tuple[float, float, float], lean: float, most: float
 ) -> None:
-    """A standing body that folds within a second; what it leans below the bound stays."""
-    column = LEAN if axis[0] else ASIDE
-    edits, targets, found = BodyEdits(), asked(fold=20.0), []
-    spine = SPORT_SKELETON.index("LowerBack")
-    for k in range(90):
-        local = np.tile([1.0, 0.0, 0.0, 0.0], (J, 1))
-        angle = np.radians(min(k / 45.0, 1.0) * lean + 5.0)
-        local[spine] = rotations.from_axis_angle(np.array(axis), np.array(angle))
-        edits.trunk.watch(np.degrees(angle) - 5.0, 0.0, 20.0)
-        posed = edits.apply(
-            np.array([0.0, 0.98, 0.0]), local, np.ones(4), EditRequest(targets.tolist(), 0.0, (0.0, 0.0), 0.0)
-        )
-        shown = SPORT_SKELETON.forward_kinematics(posed.hips, posed.local)
-        found.append(angles((shown[0][None], shown[1][None]), 0.0)[0, column])
+    """What it leans below the bound stays."""
+    found = folding(axis, lean)
     assert max(found[:60]) < most + 6.0
     assert found[40] == pytest.approx(min(lean * 40 / 45.0, most), abs=5.5)
     assert np.abs(np.diff(found, n=2)).max() < 0.6
+
+
+def test_a_trunk_leans_back_no_further_than_its_bound() -> None:
+    found = folding((-1.0, 0.0, 0.0), 45.0)
+    assert -22.0 < min(found[:60]) < -12.0
+    assert np.abs(np.diff(found, n=2)).max() < 0.6
+
+
+def test_a_fold_that_goes_on_raises_its_own_bound_slowly() -> None:
+    assert folding((1.0, 0.0, 0.0), 70.0, 240)[-1] < 30.0
 
 
 def test_the_head_looks_where_it_looked() -> None:

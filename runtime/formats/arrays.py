@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -14,7 +13,6 @@ from numpy.typing import NDArray
 
 from runtime.atomic import atomic_path
 from runtime.controls import Gait
-from runtime.errors import UsageError
 from runtime.formats.prepare import Check, PreparedTake
 from runtime.formats.sidecar import CONTACTS, FEET, foot_phases, markers
 from runtime.skeleton import SPORT_SKELETON
@@ -74,19 +72,8 @@ def save_csv(take: PreparedTake, path: Path, options: object, terrain: object, c
                 file.write(",".join("" if v != v else f"{v:.7g}" for v in row) + f',{gait},"{quoted}"\n')
 
 
-def check_parquet(path: Path) -> None:
-    """UsageError says how to get Parquet where pandas or pyarrow is not there."""
-    missing = [name for name in ("pandas", "pyarrow") if importlib.util.find_spec(name) is None]
-    if missing:
-        raise UsageError(
-            f"{path}: Parquet is written by pandas and pyarrow, and {' and '.join(missing)} is not installed.",
-            "Run pip install pandas pyarrow (or '.[tables]'), or write a .csv.",
-        )
-
-
 def save_parquet(take: PreparedTake, path: Path, options: object, terrain: object, check: Check) -> None:
-    """Write the columns of `save_csv` as Parquet, numbers as float32; UsageError without pandas, FileError."""
-    check_parquet(path)
+    """Write the columns of `save_csv` as Parquet, numbers as float32; FileError."""
     import pandas
 
     columns, (gaits, prompts) = take_columns(take)

@@ -5,7 +5,7 @@ Command, window, batch and `convert` go by it. Films are in it too, but they are
 
 from __future__ import annotations
 
-import importlib
+import importlib.util
 import os
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -29,15 +29,15 @@ class ExportCancelled(SportError):
 class Format:
     """A format of a take: its ending, its name in the window, and what the file is.
 
-    `write` names a function of `runtime.formats` that writes a take, with the ending at its end; "" for a film. `check`
-    names one that says before the work what is missing.
+    `write` names a function of `runtime.formats` that writes a take, with the ending at its end; "" for a film. `needs`
+    are modules that it takes, with the packages that have them.
     """
 
     suffix: str
     name: str
     text: str
     write: str = ""
-    check: str = ""
+    needs: tuple[tuple[str, str], ...] = ()
 
     @property
     def options(self) -> frozenset[str]:
@@ -51,22 +51,25 @@ class Format:
         return not self.write
 
     def check_program(self, path: Path) -> None:
-        """UsageError says which program or library is missing that writes this format."""
-        if self.check:
-            _function(self.check)(path)
+        """UsageError says which library is missing that writes this format, and how to get it."""
+        missing = [package for name, package in self.needs if importlib.util.find_spec(name) is None]
+        if missing:
+            problem = f"{path}: {' and '.join(missing)}, which writes it, is not installed."
+            packages = " ".join(package for _, package in self.needs)
+            raise UsageError(problem, f"Run pip install {packages}, or write a .glb or .csv.")
 
 
 _TABLE = (
     Format(".bvh", "BVH: motion", "motion of the 31-joint skeleton", "bvh_clip.save_take_bvh"),
     Format(".glb", "GLB: character with motion", "character with motion (glTF binary)", "glb.save_glb"),
     Format(".fbx", "FBX: character with motion", "the same as FBX 7.4", "fbx.save_fbx"),
-    Format(".usdz", "USDZ: character with motion", "character with motion and textures (UsdSkel, packed)", "usd.save_usd", "usd.check_usd"),
-    Format(".usd", "USD: character with motion", "the same without textures, one binary layer", "usd.save_usd", "usd.check_usd"),
+    Format(".usdz", "USDZ: character with motion", "character with motion and textures (UsdSkel, packed)", "usd.save_usd", (("pxr", "usd-core"),)),
+    Format(".usd", "USD: character with motion", "the same without textures, one binary layer", "usd.save_usd", (("pxr", "usd-core"),)),
     Format(".vrma", "VRMA: motion for VRM avatars", "motion for any VRM avatar (VRM animation 1.0)", "vrma.save_vrma"),
     Format(".html", "HTML: page to look at", "page with character and ground, plays in any browser", "page.save_page"),
     Format(".npz", "NPZ: arrays", "positions, rotations, root, contacts, phase as NumPy arrays", "arrays.save_npz"),
     Format(".csv", "CSV: table", "the same, a row a frame", "arrays.save_csv"),
-    Format(".parquet", "Parquet: table", "the same, through pandas", "arrays.save_parquet", "arrays.check_parquet"),
+    Format(".parquet", "Parquet: table", "the same, through pandas", "arrays.save_parquet", (("pandas", "pandas"), ("pyarrow", "pyarrow"))),
     Format(".mp4", "MP4: film", "film (H.264)"),
     Format(".png", "PNG: numbered frames", "film as numbered frames, name_00000.png and on"),
     Format(".webp", "WebP: animation", "animated WebP"),

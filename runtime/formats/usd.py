@@ -5,7 +5,6 @@ The document of `runtime.formats.glb` is written again prim by prim, with joints
 
 from __future__ import annotations
 
-import importlib.util
 import itertools
 import json
 import os
@@ -34,7 +33,7 @@ from runtime.character.read import (
     read_accessor,
     skeleton_nodes,
 )
-from runtime.errors import FileError, UsageError
+from runtime.errors import FileError
 from runtime.formats.glb import further_takes, glb_document
 from runtime.formats.options import ExportOptions
 from runtime.formats.prepare import Check, PreparedTake, go_on
@@ -45,23 +44,13 @@ ROOT = "/take"
 PACKED_S = 1e9  # the time of every file in a package: equal takes are equal files
 
 
-def check_usd(path: Path) -> None:
-    """UsageError says how to get USD where the library is not there."""
-    if importlib.util.find_spec("pxr") is None:
-        raise UsageError(
-            f"{path}: USD is written by the library usd-core, which is not installed.",
-            "Run pip install usd-core (or '.[usd]'), or write a .glb.",
-        )
-
-
 def save_usd(
     take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None, check: Check = go_on
 ) -> str:
     """Write a prepared take as `.usd` (one layer) or `.usdz` (with its textures inside), and say so.
 
-    UsageError without the library, FileError when the character cannot be used or the file not be written.
+    FileError when the character cannot be used or the file not be written.
     """
-    check_usd(path)
     from pxr import Tf, UsdUtils
 
     with tempfile.TemporaryDirectory(prefix="sport-usd-") as name, atomic_path(path) as target:

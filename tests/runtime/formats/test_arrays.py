@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import importlib.util
 import json
 import tracemalloc
 from pathlib import Path
@@ -85,6 +86,6 @@ def test_parquet_has_the_columns_of_the_table(tmp_path: Path) -> None:
 
 
 def test_without_pandas_the_sentence_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(arrays.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(UsageError, match="pip install pandas pyarrow"):
         check_export(Path("take.parquet"), ExportOptions())

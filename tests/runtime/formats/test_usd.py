@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from runtime.errors import FileError, UsageError
-from runtime.formats import usd
 from runtime.formats.bvh_clip import save_bvh
 from runtime.formats.prepare import ExportOptions
 from runtime.formats.reference import open_take
@@ -32,7 +31,7 @@ MM = 1e-3
 
 
 def test_without_the_library_the_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(usd.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(UsageError, match=r"pip install usd-core"):
         check_export(Path("take.usdz"), ExportOptions())
 

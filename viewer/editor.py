@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 from runtime.session.history import History
 from runtime.session.session import Session
@@ -61,6 +62,10 @@ class Editor:
         if after is not before and after != before:
             self._draft, self._draft_label = after, label
             self._tell(before)
+
+    def put(self, label: str, number: int, held: bool = False, **values: Any) -> None:
+        """Other values for fields of a take, or of the live character; `held`: while the mouse holds them."""
+        (self.drag if held else self.do)(label, lambda session: session.with_take(number, **values))
 
     def finish_drag(self) -> None:
         """The mouse let go: what was dragged is a step of undo."""

@@ -83,9 +83,7 @@ class CameraKeys:
         )
 
     def _put(self, label: str, keys: tuple[CameraKey, ...], held: bool = False) -> None:
-        number = LIVE if self.take is None else self.take.number
-        change = self.editor.drag if held else self.editor.do
-        change(label, lambda session: session.with_take(number, cameras=keys))
+        self.editor.put(label, LIVE if self.take is None else self.take.number, held, cameras=keys)
 
     def remove(self, key: CameraKey) -> None:
         if self.take is not None:

@@ -106,9 +106,8 @@ class PathTool:
 
     def _put(self, label: str, points: tuple[Waypoint, ...], held: bool = False) -> None:
         number = self.take.number
-        change = self.editor.drag if held else self.editor.do
         name = "" if number == LIVE else f" of {self.take.title}"
-        change(f"{label}{name}", lambda session: session.with_take(number, path=points))
+        self.editor.put(f"{label}{name}", number, held, path=points)
 
     def add(self, x: float, z: float, held: bool = False) -> None:
         """Another last point, with the speed and gait of the one before."""

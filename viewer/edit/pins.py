@@ -192,7 +192,7 @@ class Pins:
             return
         poses = replace(take.poses, pins=pins)
         if held:
-            self.editor.drag(label, lambda session: session.with_take(take.number, poses=poses))
+            self.editor.put(label, take.number, held, poses=poses)
         elif self.editor.do(
             f"{label} of {take.title}", lambda session: session.with_take(take.number, poses=poses)
         ):
@@ -245,7 +245,7 @@ class Pins:
         label = f"{what} of a {('left', 'right')[foot]} footplant in {take.title}"
         edits = (*playback.shown.poses.footplants, FootplantEdit(foot, old, fitted))
         made = replace(take.poses, footplants=edits)
-        self.editor.drag(label, lambda session: session.with_take(take.number, poses=made))
+        self.editor.put(label, take.number, held=True, poses=made)
 
     # --- in the view
 

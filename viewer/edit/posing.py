@@ -136,8 +136,7 @@ class Posing:
         except SportError as error:
             self.editor.messages.error(error)
             return
-        act = self.editor.drag if held else self.editor.do
-        act(f"{label} of {take.title}", lambda session: session.with_take(take.number, poses=poses))
+        self.editor.put(f"{label} of {take.title}", take.number, held, poses=poses)
 
     def set_key(self, release: bool = False) -> None:
         """Key the picked joint as it is, or `release` it: from this key on it follows the motion again."""
@@ -318,38 +317,36 @@ def _draw_card(posing: Posing, playback: Playback, view: Rect) -> None:
     with panels.card("Pose", view, SMALL_WIDTH if view.width < px(NARROW) else WIDTH, right=True):
         if panels.card_title(NAMES.get(posing.joint, "Click a joint"), "pose"):
             posing.open, posing.joint = False, -1
-        half, third = widgets.column_width(2), widgets.column_width(3)
+        half = widgets.column_width(2)
         posing.moves = widgets.segmented("gizmo", ((False, "Turn"), (True, "Move")), posing.moves)
         posing.world = widgets.segmented("axes", ((True, "World"), (False, "Local")), posing.world)
         imgui.begin_disabled(posing.joint < 0)
-        for text, hint, act in (
+        _buttons(
             ("Key", "Key the joint as it is at this frame", posing.set_key),
-            (
-                "Free",
-                "From here on the joint follows the motion",
-                lambda: posing.set_key(release=True),
-            ),
+            ("Free", "From here on the joint follows the motion", lambda: posing.set_key(release=True)),
             ("Del", "Take the joint out of the key at this frame", posing.remove_joint),
-        ):
-            if widgets.button(f"{text}##pose", third, hint):
-                act()
-            widgets.same_line()
-        imgui.new_line()
+        )
         imgui.end_disabled()
-        for text, hint, act in (
+        _buttons(
             ("Copy", "Copy the whole pose", posing.copy),
             ("Paste", "Key the copied pose here", posing.paste),
             ("Mirror", "Key the mirror image of the copied pose here", lambda: posing.paste(mirror=True)),
-        ):
-            if widgets.button(f"{text}##pose", third, hint):
-                act()
-            widgets.same_line()
-        imgui.new_line()
+        )
         if view.height < px(LOW):
             return
         _draw_layer(posing, half)
         if posing.joint >= 0:
             _draw_curve(posing, playback)
+
+
+def _buttons(*buttons: tuple[str, str, Callable[[], None]]) -> None:
+    """A line of buttons: text, hint and action."""
+    width = widgets.column_width(len(buttons))
+    for number, (text, hint, act) in enumerate(buttons):
+        if number:
+            widgets.same_line()
+        if widgets.button(f"{text}##pose", width, hint):
+            act()
 
 
 def _draw_layer(posing: Posing, half: float) -> None:

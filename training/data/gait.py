@@ -5,6 +5,7 @@ Lengths are scaled to a leg of 0.82 m (hip, knee, ankle), angles are degrees; ea
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -214,6 +215,14 @@ def _straight_strides(
         and m[first:last].all()
         and turn[first:last].max() < STRAIGHT
     ]
+
+
+def median(measured: Iterable[dict[str, float]]) -> dict[str, float]:
+    """Of every measure, over those that have it."""
+    values: dict[str, list[float]] = {}
+    for key, value in (item for m in measured for item in m.items()):
+        values.setdefault(key, []).append(value)
+    return {key: float(np.median(found)) for key, found in values.items()}
 
 
 def _second(values: Array, fps: float) -> Array:

@@ -154,7 +154,8 @@ def compare(data: Path, clips: Path) -> dict[tuple[str, str], tuple[Measures, Me
                 if raw is not None and made is not None:
                     pairs.append((raw, made))
             if pairs:
-                result[key] = _median([raw for raw, _ in pairs]), _median([made for _, made in pairs])
+                raw_files, imports = zip(*pairs, strict=True)
+                result[key] = gait.median(raw_files), gait.median(imports)
     return result
 
 
@@ -177,10 +178,6 @@ def _exported(path: Path, folder: Path) -> Path:
     target = folder / f"{path.stem}.bvh"
     save_bvh(Clip(path.stem, 60.0, hips, local, contacts), target)
     return target
-
-
-def _median(items: list[Measures]) -> Measures:
-    return {k: float(np.median([m[k] for m in items if k in m])) for k in COLUMNS if k in items[0]}
 
 
 def comparison(data: Path, clips: Path) -> str:

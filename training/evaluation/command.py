@@ -10,11 +10,8 @@ from typing import Any
 from runtime.errors import UsageError
 from runtime.motion.model import ExportedMotionEncoder
 from training.evaluation.experiment import (
-    FEATURES,
-    QUICK,
+    PLAN,
     SECONDS,
-    SEED,
-    STYLES,
     Arguments,
     Experiment,
     Setting,
@@ -93,13 +90,10 @@ MOTION = Experiment(
     clips=True,
     many=True,
     options=(
-        FEATURES,
-        STYLES,
+        *PLAN,
         SECONDS,
-        QUICK,
         option("--text", action="store_true", help="score what prompts do instead; it has a help of its own"),
         option("--courses", action="store_true", help="score how obstacles are crossed instead; likewise"),
-        SEED,
     ),
     check=check_seconds,
 )

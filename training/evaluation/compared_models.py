@@ -22,17 +22,7 @@ from runtime.atomic import write_atomic
 from runtime.errors import FileError
 from runtime.motion.model_files import read_metadata
 from training.evaluation.command import check_seconds, plan_of
-from training.evaluation.experiment import (
-    FEATURES,
-    QUICK,
-    SECONDS,
-    SEED,
-    STYLES,
-    Experiment,
-    Setting,
-    option,
-    read_json,
-)
+from training.evaluation.experiment import PLAN, SECONDS, Experiment, Setting, option, read_json
 from training.evaluation.metrics.features import joined
 from training.evaluation.metrics.frechet import compare
 from training.evaluation.motion.capture import OVERALL_COMPONENTS, TERRAIN_GROUP, EvaluationPlan
@@ -223,11 +213,8 @@ TABLE1 = Experiment(
     options=(
         option("--runs", type=Path, metavar="DIR", help="folder of trained rows: DIR/<row>/seed<k>/model"),
         option("--store", type=Path, metavar="FILE", help="figures so far; the run goes on from them"),
-        FEATURES,
-        STYLES,
+        *PLAN,
         SECONDS,
-        QUICK,
-        SEED,
     ),
     check=check_seconds,
 )
@@ -278,11 +265,8 @@ DISTANCES = Experiment(
     clips=True,
     many=True,
     options=(
+        *PLAN,
         option("--seconds", type=float, default=12.0, help="of each style's paths (default: 12)"),
-        QUICK,
-        SEED,
-        STYLES,
-        FEATURES,
     ),
     check=check_seconds,
 )

@@ -55,6 +55,7 @@ QUICK = option("--quick", action="store_true", help="a trial: too little motion 
 FEATURES = option(
     "--features", type=model_folder, metavar="DIR", help="model whose motion encoder serves all"
 )
+PLAN = (FEATURES, STYLES, QUICK, SEED)  # of how much is generated, and what it is compared by
 
 
 @dataclass(frozen=True)

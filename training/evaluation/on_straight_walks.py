@@ -77,16 +77,8 @@ def raw_walks(data: Path, free_only: bool = False) -> dict[str, Measures]:
         chosen = paths[:: max(1, -(-len(paths) // RAW_FILES))]
         measured = [m for m in (gait.measure_file(p, first) for p in chosen) if m is not None]
         if measured:
-            result[style] = _median(measured)
+            result[style] = gait.median(measured)
     return result
-
-
-def _median(measured: Iterable[Measures]) -> Measures:
-    """Of every measure, over those that have it."""
-    values: dict[str, list[float]] = {}
-    for key, value in (item for m in measured for item in m.items()):
-        values.setdefault(key, []).append(value)
-    return {key: float(np.median(found)) for key, found in values.items()}
 
 
 def generated_walks(evaluated: EvaluatedModel, styles: Iterable[str]) -> dict[str, Measures]:

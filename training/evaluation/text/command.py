@@ -16,7 +16,7 @@ from runtime.prompts.text_encoder import TextEncoder
 from training.augmentation.measured_edits import CapturedReference, Summary, load_reference
 from training.evaluation.experiment import Arguments, Experiment, Setting, command_of, option
 from training.evaluation.text import edits
-from training.evaluation.text.edits import Case, by_slot, independence, seed_changes
+from training.evaluation.text.edits import Case, by_slot, independence
 from training.evaluation.text.retrieval import BAR as RETRIEVAL_BAR
 from training.evaluation.text.retrieval import evaluate_retrieval
 from training.evaluation.text.walks import PLAIN_PROMPT, SECONDS, Walk, Walker
@@ -62,11 +62,7 @@ def _edits(setting: Setting, prompter: Prompter) -> dict[str, Any]:
     unmeasured = [case.name for case, (row, _) in zip(cases, found, strict=True) if row is None]
     return {
         "edits": {"rows": rows, "unmeasured": unmeasured, "summary": _summaries(rows)},
-        "independence": {
-            "rows": independent,
-            "by_slot": by_slot(independent),
-            "seeds": seed_changes(neutral_walks),
-        },
+        "independence": {"rows": independent, "by_slot": by_slot(independent)},
     }
 
 
@@ -222,10 +218,7 @@ def _independence_table(found: dict[str, Any]) -> list[str]:
     ]
     head = ["part", "edits", "its change", "the others'", "the others' between two seeds", "ratio"]
     head += ["edits within 25 %", "the other part that changes most"]
-    seeds = ", ".join(f"{part.replace('_', ' ')} {change:.1f}°" for part, change in found["seeds"].items())
-    note = "In brackets what the edits themselves do when they are applied to captured walks. "
-    note += f"Two seeds of the neutral prompt differ, in the same measure, by: {seeds}."
-    return [*table(head, rows), note, ""]
+    return [*table(head, rows), "In brackets what the edits themselves do to captured walks.", ""]
 
 
 def _check(args: Arguments) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -71,13 +71,15 @@ def _case(name: str, kind: str, edits: tuple[str, ...], neutral: PartDescription
     """Variant k takes the k-th phrase of every part; phrases count round where an edit has fewer."""
     phrases = {part: texts for e in edits for part, texts in part_edits()[e].phrases.items()}
     count = 1 if kind in ("trained", TRAINED_RHYTHM) else max(least, *(len(t) for t in phrases.values()))
-    variants = []
-    for k in range(count):
-        words = neutral
-        for part, texts in phrases.items():
-            words = words.replace(part, texts[k % len(texts)])
-        variants.append(words)
-    return Case(name, kind, edits, tuple(variants), tuple(k % SEEDS for k in range(count)))
+    variants = tuple(phrased(neutral, phrases, k) for k in range(count))
+    return Case(name, kind, edits, variants, tuple(k % SEEDS for k in range(count)))
+
+
+def phrased(neutral: PartDescriptions, phrases: Mapping[str, Sequence[str]], k: int) -> PartDescriptions:
+    """`neutral` with the k-th phrase of every part."""
+    for part, texts in phrases.items():
+        neutral = neutral.replace(part, texts[k % len(texts)])
+    return neutral
 
 
 def free_prompts() -> dict[str, tuple[str, ...]]:

@@ -26,6 +26,7 @@ from training.augmentation.catalogue import part_edits
 from training.augmentation.edits import apply
 from training.augmentation.measured_edits import Summary, summarise, targets, value
 from training.augmentation.motion import EditedMotion
+from training.evaluation.text.edits import phrased
 from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker, straight_walks
 from training.frames import PLAIN
 from training.text.claims import clause_fraction, clauses
@@ -147,11 +148,8 @@ def hand_place(summary: Summary, part: str) -> np.ndarray:
 def _phrases(neutral: PartDescriptions) -> Iterable[tuple[PartDescriptions, str]]:
     """Every phrase of the catalogue on a neutral walk, with its edit."""
     for name, edit in part_edits().items():
-        for k in range(max(len(texts) for texts in edit.phrases.values())):
-            words = neutral
-            for part, texts in edit.phrases.items():
-                words = words.replace(part, texts[k % len(texts)])
-            yield words, name
+        for k in range(max(map(len, edit.phrases.values()))):
+            yield phrased(neutral, edit.phrases, k), name
 
 
 def described_edits(motion: EditedMotion) -> dict[str, tuple[Summary, Summary]]:

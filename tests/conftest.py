@@ -58,6 +58,26 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         yield folder
 
 
+@pytest.fixture(scope="session", autouse=True)
+def remembered() -> Iterator[None]:
+    """Networks answer from memory what they were asked before; exports have the mannequin from memory too."""
+    from runtime.character.character import load_character
+    from runtime.motion.model_files import run_graph
+    from tests.helpers import shipped
+    from tests.helpers.remembering import Memory
+
+    def character(path: Path, *options: Any) -> Any:
+        usual = path == shipped.MANNEQUIN and not any(options)
+        return shipped.mannequin() if usual else load_character(path, *options)
+
+    memory = Memory(run_graph)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("runtime.formats.glb.load_character", character)
+        for module in ("motion.model", "prompts.content", "prompts.text_encoder"):
+            patch.setattr(f"runtime.{module}.run_graph", memory)
+        yield
+
+
 def opened(config: Path, options: dict[str, Any], services: Any, drawn: bool) -> Any:
     """The viewer offscreen on flat ground; panels are laid out, and put into the picture only where `drawn`."""
     from tests.helpers.app_driver import InjectedPads

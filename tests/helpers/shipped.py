@@ -11,6 +11,8 @@ from runtime.prompts.english.library import LibraryExpander
 from runtime.prompts.prompter import Prompter
 from runtime.prompts.text_encoder import TextEncoder
 
+MANNEQUIN = asset_path("character/mannequin.glb")
+
 
 @cache
 def shipped_model() -> MotionModel:
@@ -39,4 +41,4 @@ def shipped_library() -> LibraryExpander:
 @cache
 def mannequin() -> Character:
     """The character that the program begins with."""
-    return load_character(asset_path("character/mannequin.glb"))
+    return load_character(MANNEQUIN)

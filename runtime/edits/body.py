@@ -11,7 +11,7 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.edits.arms import ArmEdit, ArmPose, Axes, Body
 from runtime.edits.legs import LegEdit
-from runtime.edits.request import ROW_ARMS, EditRequest, asks
+from runtime.edits.request import LEG, ROW_ARMS, EditRequest, asks
 from runtime.edits.trunk import TrunkEdit
 from runtime.feet.leg import LegPose, leg_bones, leg_forward
 from runtime.scalar_math import Quaternion, Vector, add, dot, multiply, relative, rotate, subtract
@@ -58,7 +58,7 @@ class BodyEdits:
         ahead = (sin(request.yaw), 0.0, cos(request.yaw))
         strides = [dot(subtract(leg.ankle, (x, y, z)), ahead) for leg in (right, left)]
         rise = 0.0
-        if self.legs.active or asks(targets[0]) or asks(targets[1]):
+        if self.legs.active or any(asks(leg[: len(LEG)]) for leg in targets[:2]):
             rise, (left, right) = self.legs.apply(y, (left, right), chances, request)
         elif self.legs.height:
             self.legs = LegEdit()  # what is asked for later is measured anew

@@ -19,6 +19,8 @@ from runtime.scalar_math import Vector, decay
 # toe, degrees that the foot is turned out, the largest bend of the knee in degrees, metres that the ankle rises in its
 # swing at most, and degrees of the toes raised over the heel
 LEG = ("outward", "lower", "heel", "toe_out", "knee", "low", "toes")
+# and of the way that they go: fractions of a neutral walk's speed, at most and at least
+PACE = ("slow", "fast")
 # of the trunk: degrees that it leans forward and to the left of neutral walking, and that shoulders are turned to the
 # left of the hips; metres and degrees from end to end in which hips sway and the trunk rocks, metres in which hips rise and
 # fall, and degrees from upright that the trunk leans forward at most, at any moment
@@ -36,6 +38,7 @@ FOLD = ROW_TRUNK, TRUNK.index("fold")  # what every trunk is asked for, whatever
 WIDTH = len(ARM) + len(FRAMES) * len(PLACE)
 SHAPE = (len(PARTS), WIDTH, 2)  # of what is asked for: each target's weight, and value times that
 OUTWARD = LEG.index("outward")
+SLOW, FAST = (len(LEG) + k for k in range(len(PACE)))
 USUAL, NARROW = (
     0.05,
     0.02,

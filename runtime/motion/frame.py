@@ -146,7 +146,8 @@ def _walking(state: CharacterState) -> list[bool]:
 
 def full_speed(style: Style, gait: Gait) -> float:
     """What a full stick requests in a style, m/s."""
-    return {Gait.JOG: style.jog_speed, Gait.CROUCH: CROUCH_SPEED}.get(gait, style.walk_speed)
+    walk, jog = style.speeds
+    return {Gait.JOG: jog, Gait.CROUCH: CROUCH_SPEED}.get(gait, walk)
 
 
 def _stick(controls: Controls) -> tuple[float, float, float]:
@@ -233,7 +234,7 @@ def _velocity(state: CharacterState, index: int) -> tuple[float, float]:
 
 def _jog_from(style: Style, gait: int, wished: float) -> float:
     """Speed of the plan (m/s) from which a body jogs: a slow jog is one too."""
-    middle = 0.5 * (style.walk_speed + style.jog_speed)
+    middle = 0.5 * sum(style.speeds)
     return min(middle, JOG_SHARE * wished) if gait == Gait.JOG else middle
 
 
@@ -246,7 +247,7 @@ def _steer(
         request.velocity,
         request.facing,
         request.gait,
-        [style.walk_speed for style in styles],
+        [style.speeds[0] for style in styles],
         [_jog_from(*each) for each in zip(styles, request.gait, wished, strict=True)],
         response,
     )
@@ -394,7 +395,7 @@ def _cross(
         else:
             speed = float(state.measured_speed[i])
             ahead = None if state.jumps[i].active else probes[i].ahead
-            decide(traversal, state.poses.pose(i), feet.held, speed, styles[i].walk_speed, ahead)
+            decide(traversal, state.poses.pose(i), feet.held, speed, styles[i].speeds[0], ahead)
 
 
 def _feed_back(

@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from runtime.arrays import Array, Float32Array
-from runtime.edits.request import FOLD, SHAPE
+from runtime.edits.request import FAST, FOLD, ROW_TRUNK, SHAPE, SLOW
 from runtime.motion.calibration import Calibration
 from runtime.motion.features import C
 from runtime.motion.mirror import LIMBS, Ways, mirrored_code
@@ -25,6 +25,7 @@ from runtime.scalar_math import smoothstep
 Shares = tuple[float, ...]  # of the second of two styles, at even parts of the change from the first
 
 LINEAR: Shares = (0.0, 1.0)
+NEUTRAL_SPEEDS = 1.3, 2.0  # m/s of a neutral walk and jog
 CACHED = 16  # folded codes that are kept: a blend of six parts has seven
 
 
@@ -51,7 +52,22 @@ class Style:
     @cached_property
     def is_edited(self) -> bool:
         """Whether any part is to show anything."""
-        return np.count_nonzero(self.edits[..., 0]) > (self.edits[FOLD][0] > 0.0)
+        asked = np.count_nonzero(self.edits[..., 0]) - np.count_nonzero(
+            self.edits[:ROW_TRUNK, SLOW : FAST + 1, 0]
+        )
+        return asked > (self.edits[FOLD][0] > 0.0)
+
+    @cached_property
+    def speeds(self) -> tuple[float, float]:
+        """m/s at which it walks and jogs: its own, as slow or as fast as its words say of the legs."""
+        return self._paced(self.walk_speed, NEUTRAL_SPEEDS[0]), self._paced(self.jog_speed, NEUTRAL_SPEEDS[1])
+
+    def _paced(self, own: float, neutral: float) -> float:
+        changes = 0.0
+        for leg in self.edits[:ROW_TRUNK]:
+            (slow, most), (fast, least) = leg[SLOW], leg[FAST]
+            changes += min(most * neutral - slow * own, 0.0) + max(least * neutral - fast * own, 0.0)
+        return float(own + 0.5 * changes)
 
     @cached_property
     def fold(self) -> float:

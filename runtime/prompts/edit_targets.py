@@ -11,7 +11,7 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.assets import asset_path
-from runtime.edits.request import ARM, FOLD, FRAMES, LEG, PARTS, PLACE, ROW_TRUNK, SHAPE, TRUNK
+from runtime.edits.request import ARM, FOLD, FRAMES, LEG, PACE, PARTS, PLACE, ROW_TRUNK, SHAPE, TRUNK
 from runtime.errors import FileError
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
@@ -19,7 +19,7 @@ from runtime.skeleton import PART_NAMES
 HAND = "hand"
 ALONE = "alone"  # whole clauses of a kind that the edit shows alone
 PLAIN_LEG = "{side} leg stepping evenly, knee lifting moderately, foot rolling from heel to toe"
-TARGETS = {"leg": LEG, "torso": TRUNK, "arm": (*ARM, HAND)}  # by the last word of a part's name
+TARGETS = {"leg": (*LEG, *PACE), "torso": TRUNK, "arm": (*ARM, HAND)}  # by the last word of a part's name
 FOLDS, FOLDS_MORE = 20.0, 15.0  # degrees from upright that any trunk may lean forward, and over what is said
 NEAR = 0.06  # metres within which a hand is at its place, where the file does not say it
 _PLACE_KEYS = {"frame", "point", "pole", "near"}

@@ -19,6 +19,7 @@ from runtime.feet import ik
 from runtime.feet.foot_lock import FootLock, Support
 from runtime.feet.leg import leg_bones, leg_forward
 from runtime.motion.features import DT
+from runtime.motion.style import NEUTRAL_SPEEDS, Style
 from runtime.prompts.edit_targets import blended_targets, edit_targets, left_to_network, targets_of
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, J
@@ -228,3 +229,27 @@ def test_legs_of_a_blend_are_between_those_of_its_prompts() -> None:
     half = blended_targets(wide, line, (0.0, 0.0, 0.5, 0.0, 0.0, 0.0))
     np.testing.assert_allclose(half[0], 0.5 * (edit_targets(wide) + edit_targets(line))[0])
     np.testing.assert_allclose(half[1], edit_targets(wide)[1])
+
+
+SENTENCES = {
+    "leg stepping slowly, steps of normal length": (0.6, 0.85),
+    "leg taking short steps": (0.0, 0.85),
+    "leg taking very long slow strides": (0.6, np.inf),
+    "leg taking brisk steps of normal length": (1.15, np.inf),
+    "leg stepping evenly, knee lifting slowly": (0.0, np.inf),
+    "leg taking short quick steps": (0.0, np.inf),
+}
+
+
+@pytest.mark.parametrize(("words", "within"), SENTENCES.items())
+@given(walk=st.floats(0.3, 2.0), jog=st.floats(0.8, 4.0))
+def test_a_full_stick_is_as_slow_or_fast_as_is_said_of_the_legs(
+    words: str, within: tuple[float, float], walk: float, jog: float
+) -> None:
+    said = replace(PLAIN, left_leg=f"left {words}", right_leg=f"right {words}")
+    style = Style(*[np.zeros((6, 64), np.float32)] * 4, walk, jog, edits=edit_targets(said))
+    for own, found, neutral in zip((walk, jog), style.speeds, NEUTRAL_SPEEDS, strict=True):
+        assert found == pytest.approx(min(max(own, within[0] * neutral), within[1] * neutral))
+    one = replace(style, edits=edit_targets(replace(PLAIN, left_leg=f"left {words}")))
+    assert one.speeds == pytest.approx(0.5 * np.add(style.speeds, (walk, jog)))
+    assert not style.is_edited

@@ -290,7 +290,7 @@ def test_a_worker_that_dies_costs_its_row_alone(tmp_path: Path) -> None:
 
 def test_a_batch_killed_half_way_goes_on_and_ends_complete(tmp_path: Path) -> None:
     """The real command with the shipped model; its clips are those of `sport generate`, byte by byte."""
-    prompts = ["a proud walk", "drunk", "a proud walk", "drunk", "a proud walk"]
+    prompts = ["a proud walk", "drunk", "a proud walk", "drunk"]
     table = write(tmp_path / "list.jsonl", "".join(
         json.dumps({"prompt": p, "seed": k, "out": f"clip-{k}.bvh"}) + "\n" for k, p in enumerate(prompts)))  # fmt: skip
     folder = tmp_path / "clips"
@@ -307,12 +307,12 @@ def test_a_batch_killed_half_way_goes_on_and_ends_complete(tmp_path: Path) -> No
         process.send_signal(signal.SIGKILL)
         process.wait()
     before = run.read_lines(folder / run.MANIFEST)
-    assert 2 <= len(before) < 5
+    assert 2 <= len(before) < 4
     done = subprocess.run(command, cwd=PROJECT_ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert f"{len(before)} of 5 clips are there already" in done.stderr
+    assert f"{len(before)} of 4 clips are there already" in done.stderr
     found = lines(folder)
-    assert [line["row"] for line in found] == list(range(1, 6))
+    assert [line["row"] for line in found] == list(range(1, 5))
     names = {name for line in found for name in line["files"]}
     assert {p.name for p in folder.iterdir()} == names | {run.MANIFEST, ".sport-batch.lock"}
     for line in found:

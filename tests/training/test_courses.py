@@ -113,7 +113,7 @@ def test_the_checks_name_what_does_not_pass() -> None:
 
 
 def test_a_walk_gets_on_over_stairs(model: MotionModel, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(clips, "MINUTES_EACH", 0.1)
+    monkeypatch.setattr(clips, "MINUTES_EACH", 0.07)
     settle_soon(monkeypatch)
     course = random_course("stairs", np.random.default_rng(3))
     walked = walk(model, course, "neutral", model.neutral, Gait.JOG, 1)

@@ -11,7 +11,6 @@ from runtime.motion.features import C
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.phrasing import ModelPhrasing
 from runtime.skeleton import PART_NAMES
-from tests.training.augmentation.test_augmentation import walker
 from training.augmentation.catalogue import part_edits
 from training.export import calibrate
 
@@ -78,7 +77,8 @@ def test_sides_and_gains_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
         return min(1.0, (beside if others else shown).get(name, 0.95) * gain)
 
     monkeypatch.setattr(calibrate, "part_edits", lambda: {name: part_edits()[name] for name in names})
-    monkeypatch.setattr(calibrate, "neutral_motion", lambda *_: walker(240))
+    monkeypatch.setattr(calibrate, "neutral_motion", lambda *_: None)
+    monkeypatch.setattr(calibrate, "described_edits", lambda _: dict.fromkeys(part_edits()))
     monkeypatch.setattr(calibrate, "edit_fraction", share)
     monkeypatch.setattr(calibrate, "_rule_sentences", lambda _told: [])
     found = calibrate.calibrated(None, Told(), Gains(), ModelPhrasing())  # type: ignore[arg-type]

@@ -11,6 +11,7 @@ from math import cos, pi, sin, sqrt
 
 from runtime.feet.leg import LegPose, turned_out
 from runtime.scalar_math import Vector, add, damp, scale, smoothstep
+from runtime.skeleton import ANKLE_HEIGHT
 from runtime.terrain.height_map import PointHeights
 
 RISE_M, RUN_M = 0.08, 0.1  # ground that rises so much within so little has edges
@@ -19,22 +20,24 @@ SLOWEST = 0.25  # m/s of a hip whose foot is taken to step somewhere
 SHORTEST_S, LONGEST_S, SOONEST_S = 0.2, 1.5, 0.04  # between two landings; until the next one
 STEP_M = 0.1, 2.5  # of a step
 FASTER = 0.6, 1.6  # times its length, where the body has become slower or faster
-NEARLY_S, SOON_S = 0.13, 0.34  # before an edge a foot is as high as it has to be, and begins to rise
+NEARLY_S, SOON_S = 0.18, 0.42  # before an edge a foot is as high as it has to be, and begins to rise
 SPACING_M = 0.04
 CLEARANCE_M, EDGE_M = 0.05, 0.08  # between a sole and an edge, so far before and behind it
 LEAST_M, STEEP = 0.03, 0.7  # higher than a foot stands, and rise over run: less is no edge
 # from an ankle to the near edge of a bar or gap, and to its far edge: a foot stands clear of both
 TOE_M, HEEL_M = 0.19, 0.1
 FARTHEST_M = 0.4  # that a foot is led on
+SAME_M = 0.1  # farther, it is still led to the same side
 LED_HALF_LIFE_S = 0.06
-LOW_BAR_M, MOST_RISE_M = 0.33, 0.18  # a higher bar lets hips rise in flight, by so much
-RISE_WIDTH_M = 0.5  # before and behind it
+LOW_BAR_M, MOST_RISE_M = 0.33, 0.27  # a higher bar lets hips rise in flight, by so much
+RISE_WIDTH_M = 0.8  # before and behind it
 CAUGHT_M = 0.01  # that a held leg may lie too near to a bar, or else its foot leaves the ground
 UNDER_M = 0.1  # before and behind it, that a root still is over it
 OUT = (0.0, 0.3, 0.6, 0.9, 1.2)  # radians outwards that a knee may turn
 OUT_HALF_LIFE_S = 0.05
-LIMB_M = 0.06  # between the middle of a thigh or shin and the ground
-AHEAD_M = (0.0, 0.05, 0.1)  # on its way, that a knee keeps clear
+LIMB_M = 0.07  # between the middle of a thigh or shin and the ground
+SHIN_S = (0.0, 0.08, 0.16, 0.24, 0.32)  # ahead, that a shin is watched before a bar
+AHEAD_M = (0.0, 0.07, 0.14, 0.21)  # on its way, that a knee keeps clear
 
 
 def has_edges(ground: PointHeights) -> bool:
@@ -82,6 +85,7 @@ class NextStep:
     way_z: float = 0.0
     watched: bool = False
     held: bool = False  # in the last frame
+    stood: bool = False  # then, held or not
     landed_x: float = 0.0  # where its ankle came down last, m; not led
     landed_z: float = 0.0
     since: float = 9.0  # seconds ago
@@ -90,13 +94,15 @@ class NextStep:
     step_speed: float = 1.2  # with a hip of this speed, m/s
     metres: float = 0.0  # to where it comes down, and seconds: 0 where that is not known
     seconds: float = 0.0
+    second: bool = False  # after the other foot
     goal: float = 0.0  # m that it is led on,
     led: float = 0.0  # and was so far,
     led_velocity: float = 0.0
     out: float = 0.0  # radians that its knee is turned outwards
     out_velocity: float = 0.0
     over: SteppedOver = field(default_factory=SteppedOver)  # what it steps over
-    caught: bool = False  # thigh or shin is in the ground however the knee turns
+    knee: Vector = (0.0, 0.0, 0.0)  # as it was shown
+    caught: bool = False  # thigh or shin is in the ground however the knee turns, or is about to be in a bar
 
     @property
     def speed(self) -> float:
@@ -112,8 +118,8 @@ class NextStep:
             self.way_x += ((x - self.hip_x) / dt - self.way_x) * TURNING
             self.way_z += ((z - self.hip_z) / dt - self.way_z) * TURNING
         self.hip_x, self.hip_z, self.watched = x, z, True
-        came = held and not self.held and self.since > SHORTEST_S
-        self.held, self.metres, self.seconds = held, 0.0, 0.0
+        came = (held or down) and not self.stood and self.since > SHORTEST_S
+        self.held, self.stood, self.metres, self.seconds = held, held or down, 0.0, 0.0
         self.since += dt
         speed = self.speed
         way_x, way_z = self.way_x / max(speed, 1e-6), self.way_z / max(speed, 1e-6)
@@ -123,8 +129,9 @@ class NextStep:
                 self.step, self.step_seconds, self.step_speed = step, other.since, speed
             self.landed_x, self.landed_z, self.since = ankle_x, ankle_z, 0.0
         elif not held and speed > SLOWEST and other.since < LONGEST_S:
+            self.second = self.since < other.since
             faster = min(max(speed / self.step_speed, FASTER[0]), FASTER[1])
-            if self.since < other.since:  # the other one comes down first
+            if self.second:
                 mine = (ankle_x - self.landed_x) * way_x + (ankle_z - self.landed_z) * way_z
                 metres = (self.step + other.step) * faster - mine
                 seconds = self.step_seconds + other.step_seconds - self.since
@@ -156,10 +163,14 @@ class NextStep:
 
     def _lead_to(self, leg: LegPose, over: SteppedOver) -> float:
         here = over.along(leg.ankle[0], leg.ankle[2])
+        back = min(-TOE_M - here - self.metres, 0.0)
+        onwards = max(over.length + HEEL_M - here - self.metres, 0.0)
         if over.crossing or here + self.led > -0.5 * TOE_M:
-            onwards = over.length + HEEL_M - here - self.metres
-            return min(max(onwards, 0.0), FARTHEST_M)
-        return max(min(-TOE_M - here - self.metres, 0.0), -FARTHEST_M)
+            return min(onwards, FARTHEST_M)
+        if self.second:  # the other one may be the last before it
+            return 0.0
+        nearer = onwards < -back + (SAME_M if self.goal > 0.0 else -SAME_M)
+        return min(onwards, FARTHEST_M) if nearer else max(back, -FARTHEST_M)
 
     def lift(self, points: tuple[tuple[Vector, float], ...], ground: PointHeights) -> float:
         """Metres over its incoming height at which the foot has to be for edges on its way; 0 without any.
@@ -171,6 +182,10 @@ class NextStep:
             for point, low in points:
                 if -EDGE_M < over.along(point[0], point[2]) < over.length + EDGE_M:
                     lift = max(lift, over.ground + over.top + CLEARANCE_M - low)
+            ankle, low = points[1]
+            if over.along(ankle[0], ankle[2]) + self.metres + self.goal - self.led > 0.0:
+                pace = self.metres / max(self.seconds, SOONEST_S)
+                lift = max(lift, self._shin_over(ankle, pace) - ANKLE_HEIGHT - low)
         if self.metres <= 0.0:
             return lift
         speed = self.speed
@@ -185,6 +200,22 @@ class NextStep:
                     lift = max(lift, soon * (ahead + CLEARANCE_M - low))
                 metre += SPACING_M
         return lift
+
+    def _shin_over(self, ankle: Vector, pace: float, soon_s: tuple[float, ...] = SHIN_S) -> float:
+        """Height at which an ankle that moves on at `pace` (m/s) has to be for its shin to pass over a bar; soon it has to be."""
+        over, need = self.over, -1e9
+        top = over.ground + over.top + LIMB_M
+        knee, here = over.along(self.knee[0], self.knee[2]), over.along(ankle[0], ankle[2])
+        for seconds in soon_s:
+            behind = here + pace * seconds
+            ahead = knee + 0.5 * (self.speed + pace) * seconds  # half of hip and foot
+            soon = smoothstep((SOON_S - seconds) / (SOON_S - NEARLY_S))
+            for edge in (0.0, over.length):
+                if behind < edge < ahead:
+                    slope = (self.knee[1] - top) / (ahead - edge)
+                    height = min(self.knee[1] - slope * (ahead - behind), top + LIMB_M)
+                    need = max(need, ankle[1] + soon * (height - ankle[1]))
+        return need
 
     def knee_out(self, leg: LegPose, side: int, ground: PointHeights, dt: float) -> float:
         """Radians that the knee of a solved leg is turned outwards, so that thigh and shin pass over the ground."""
@@ -206,6 +237,11 @@ class NextStep:
             if depth <= 0.0:
                 break
         self.caught = least > CAUGHT_M
+        if self.over.top > 0.0:
+            self.knee = leg.knee
+            self.caught = self.caught or (
+                self.held and self._shin_over(leg.ankle, 0.0, SHIN_S[:2]) > leg.ankle[1] + CAUGHT_M
+            )
         self.out, self.out_velocity = damp(self.out, self.out_velocity, goal, OUT_HALF_LIFE_S, dt)
         if goal == 0.0 and abs(self.out) < 1e-3:
             self.out = self.out_velocity = 0.0

@@ -44,6 +44,7 @@ class FootLockSettings:
     release_rise_sure: float = 0.12  # the same while the network is sure of the contact
     release_offset: float = 0.2  # m between the held and the incoming point
     release_stretch: float = 0.04  # m that the leg would have to grow
+    straightest: float = 0.97  # of leg and foot in one line: rolled farther, the foot would turn over its toe
     release_under: float = (
         0.12  # m that the ankle must stay under its hip: a body that goes down a steep slope leaves it behind
     )
@@ -254,7 +255,7 @@ class PlantedFoot:
             self.toe = add(self.ankle, sole)
         else:
             last = self.offset
-            self._fade_offset((0.0, self._lift(leg, ground), 0.0), dt)
+            self._fade_offset((0.0, self._lift(leg, drop, ground), 0.0), dt)
             self.toe = self._lifted_first(add(leg.toe, self.offset), leg, ground, dt)
             x, _, z = scale(subtract(subtract(self.toe, leg.toe), last), 1.0 / dt)
             self.offset_velocity = (x, self.offset_velocity[1], z)
@@ -362,8 +363,8 @@ class PlantedFoot:
         over_edge = heel - under > SETTINGS.edge_slope * self.bones.foot_length
         return heel if over_edge else under
 
-    def _lift(self, leg: LegPose, ground: PointHeights) -> float:
-        """Metres by which the swinging foot has to rise over its incoming height: ground below, edges ahead."""
+    def _lift(self, leg: LegPose, drop: float, ground: PointHeights) -> float:
+        """Metres by which the swinging foot has to rise over its incoming height: ground below, edges ahead; `drop` is the hips'."""
         s = SETTINGS
         lift = s.refractory_lift if self.refractory > 0.0 else 0.0
         vx, vy, vz = self.velocity
@@ -376,7 +377,7 @@ class PlantedFoot:
             lift = max(lift, self.next_step.lift(points, ground))
         heel_strikes = leg.toe[1] - leg.ankle[1] > TOE_HEIGHT - ANKLE_HEIGHT
         # to what lies ahead a foot rises no nearer to the hip than a knee folds: over it, the knee would flip
-        room, under = max(leg.hip[1] - s.folded - leg.ankle[1], 0.0), 0.0
+        room, under = max(leg.hip[1] - drop - s.folded - leg.ankle[1], 0.0), 0.0
         for joint, rest, chance in zip((self.toe, self.ankle), incoming, self.chances, strict=True):
             below = ahead = ground.height(joint[0], joint[2])
             for fraction in (1.0, 0.75, 0.5, 0.25):
@@ -477,7 +478,10 @@ class PlantedFoot:
         solved = leg._replace(
             hip=hip, knee=knee, ankle=add(knee, rotate(shin, self.bones.offsets[3])), thigh=thigh, shin=shin
         )
-        return self.next_step.knee_out(solved, self.side, ground, dt)
+        out = self.next_step.knee_out(solved, self.side, ground, dt)
+        straightest = SETTINGS.straightest * (self.bones.length + self.bones.foot_length)
+        self.next_step.caught |= dist(self.toe, hip) > straightest
+        return out
 
     def within_reach(self, leg: LegPose, drop: float, ground: PointHeights) -> Vector:
         """Target of the ankle for the IK: raised where the leg is too short and what it reaches instead lies in a step."""

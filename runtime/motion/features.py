@@ -34,6 +34,7 @@ BETWEEN = np.arange(1, 6) / 6.0  # places between two height samples where somet
 _AROUND = np.clip(np.arange(L)[:, None] + np.arange(-3, 4) / 6.0, 0.0, L - 1.0)
 _FIRST = np.minimum(_AROUND.astype(int), L - 2)
 _SHARE = (_AROUND - _FIRST)[..., None]
+SEEN = 0.25  # fraction of the rises of ground with edges that the network sees
 NARROW_M = 0.05  # that it stands higher than both of them; less is rough ground
 
 
@@ -132,15 +133,20 @@ def sampled_heights(terrain: Terrain, positions: Array, directions: Array) -> tu
     return points, heights + most
 
 
-def mean_heights(terrain: Terrain, positions: Array, heights: Array) -> Array:
-    """Mean heights `(..., 12)` of the path around trajectory samples `(..., 12, 2)` with `heights` `(..., 12, 3)`.
-
-    What is narrow counts by its width: a bar comes into the window and leaves it without a step.
-    """
-    if terrain.steepest * RUN_M < EDGE_M:
-        return heights[..., 1]
+def mean_heights(terrain: Terrain, positions: Array) -> Array:
+    """Mean heights `(..., 12)` of the path around trajectory samples `(..., 12, 2)`: what is narrow counts by its width."""
     places = (1.0 - _SHARE) * positions[..., _FIRST, :] + _SHARE * positions[..., _FIRST + 1, :]
-    return np.asarray(terrain.height(places[..., 0], places[..., 1]).mean(-1))
+    return np.asarray(terrain.height(places[..., 0], places[..., 1]).mean(-1), np.float64)
+
+
+def softened(heights: Array) -> Array:
+    """Heights `(..., 12)` of a path over edges as the network sees them: nearer to the ground around the body.
+
+    Before stairs as they are it gives its style up, and on a slope it keeps it; the feet find the treads.
+    """
+    middle = L // 2
+    here = heights[..., middle - 1 : middle + 2].mean(-1, keepdims=True)
+    return np.asarray(here + SEEN * (heights - here))
 
 
 def ground_height(heights: Array) -> Array:

@@ -271,15 +271,16 @@ def _input(state: CharacterState, probes: Sequence[ObstacleProbe], terrain: Terr
     path, present = state.trajectory, features.L // 2
     positions, yaw = path.xz.take(SAMPLES, 1), path.yaw.take(SAMPLES, 1)
     directions = np.stack([np.sin(yaw), np.cos(yaw)], axis=-1)
-    points, heights = features.sampled_heights(terrain, positions, directions)
-    mean = features.mean_heights(terrain, positions, heights)
-    heights = within_steps(np.concatenate([heights, mean[..., None]], axis=-1), present)
-    points = points[..., (0, 1, 2, 1), :]
-    for i, (traversal, probe) in enumerate(zip(state.traversals, probes, strict=True)):
-        if state.feet[i].on_beam:  # what lies beside it would make a walker crouch
-            heights[i, :, (0, 2)] = heights[i, :, 1]
-        heights[i] = seen_heights(traversal, points[i], heights[i], present, probe.ahead)
-    ground, heights = heights[..., 3].mean(axis=-1), heights[..., :3]
+    if terrain.steepest * RUN_M < EDGE_M:
+        points = features.height_points(positions, directions)
+        heights = within_steps(terrain.height(points[..., 0], points[..., 1]), present)
+    else:
+        mean = np.repeat(features.mean_heights(terrain, positions)[..., None], 3, axis=-1)
+        along = within_steps(mean, present)[..., 0]
+        for i, (traversal, probe) in enumerate(zip(state.traversals, probes, strict=True)):
+            along[i] = seen_heights(traversal, positions[i], along[i], present, probe.ahead)
+        heights = np.repeat(features.softened(along)[..., None], 3, axis=-1)
+    ground = features.ground_height(heights)
     parts = InputParts(
         root_position=path.here,
         root_yaw=path.yaw[:, PRESENT],

@@ -63,6 +63,7 @@ ARM_PARTS = 2  # of the six come first
 LISTS = 8  # of styles that are kept stacked: two calls of four threads
 MIN_STRENGTH, MAX_STRENGTH = 0.0, 2.0
 NEW_MODEL = "Give a style for each, with a newly exported model."
+ROUNDING_M = 1e-3  # of heights that a ground stores
 
 
 class MotionModel:
@@ -123,7 +124,7 @@ class MotionModel:
 
     def crosses(self, obstacle: ObstacleAhead) -> bool:
         """Whether the network crosses an obstacle by itself: it was seen to cross those of its kind up to this size."""
-        return obstacle.size <= self._crosses.get(obstacle.kind.value, 0.0)
+        return obstacle.size <= self._crosses.get(obstacle.kind.value, 0.0) + ROUNDING_M
 
     @property
     def prompt_path(self) -> Path:

@@ -454,15 +454,15 @@ def _on_the_ground(hips: Array, local: Array, terrain: Terrain) -> Array:
 def seen_heights(
     traversal: Traversal, points: Array, heights: Array, present: int, ahead: Ahead | None
 ) -> Array:
-    """Heights `(12, 3)` that the network sees at `points` `(12, 3, 2)`: as if what is crossed were level ground.
+    """Heights `(12,)` that the network sees at `points` `(12, 2)`: as if what is crossed were level ground.
 
     It has learnt slopes and stairs; before a bar or a gap it would crouch or climb as before those. The body is
     placed over the mean of what it sees, so that this comes and goes on a spring.
     """
-    level = heights[present, 1]
+    level = heights[present]
     if traversal.over.length >= 0.0:
         heights = _without(traversal.over, points, heights)
-        level = heights[present, 1]
+        level = heights[present]
     if traversal.kind:
         done = smoothstep(traversal.time / traversal.motion.seconds)
         level = traversal.origin[1] + done * traversal.rise
@@ -470,7 +470,7 @@ def seen_heights(
         along = (points - traversal.origin[[0, 2]]) @ way
         heights = np.where(_and_before(along > -BEFORE_M), level, heights)
     elif ahead is not None and not ahead.alone and (is_leap(ahead.obstacle) or is_climb(ahead.obstacle)):
-        along = (points - points[present, 1]) @ ahead.path
+        along = (points - points[present]) @ ahead.path
         hidden = _and_before(along > ahead.obstacle.near - BEFORE_M)
         heights = np.where(hidden, ahead.obstacle.ground, heights)
     goal = 0.0 if traversal.kind else 1.0
@@ -483,7 +483,7 @@ def seen_heights(
 
 
 def _without(over: SteppedOver, points: Array, heights: Array) -> Array:
-    """Heights `(12, 3)` at `points` `(12, 3, 2)` as if the ground went on evenly over a bar or a gap."""
+    """Heights `(12,)` at `points` `(12, 2)` as if the ground went on evenly over a bar or a gap."""
     way = np.array([np.sin(over.yaw), np.cos(over.yaw)])
     along = (points - np.array([over.x, over.z])) @ way
     within = (along > -0.5) & (along < over.length + 0.5)
@@ -491,7 +491,7 @@ def _without(over: SteppedOver, points: Array, heights: Array) -> Array:
 
 
 def _and_before(hidden: Flags) -> Flags:
-    """Samples `(12, 3)` that lie on `hidden` ground, and the last one before it: it tells what stands behind it too."""
+    """Samples `(12,)` that lie on `hidden` ground, and the last one before it: it tells what stands behind it too."""
     result = hidden.copy()
     result[:-1] |= hidden[1:]
     return result

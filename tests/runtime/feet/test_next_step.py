@@ -6,6 +6,7 @@ import pytest
 from runtime.feet.leg import leg_bones, leg_forward, turned_out
 from runtime.feet.next_step import HEEL_M, TOE_M, NextStep, SteppedOver, has_edges
 from runtime.scalar_math import length, subtract
+from runtime.skeleton import ANKLE_HEIGHT
 from runtime.terrain.height_map import PointHeights, Terrain
 from runtime.terrain.library import make_terrain
 from tests.helpers.walker import walk
@@ -61,7 +62,7 @@ def test_a_foot_is_led_behind_what_it_would_come_down_on():
 
 
 def test_a_foot_is_high_enough_before_it_is_over_an_edge():
-    step = NextStep(way_z=1.2, metres=0.6, seconds=0.2)
+    step = NextStep(way_z=1.2, metres=0.6, seconds=0.4)
     bar = PointHeights(
         Terrain(
             "bar",
@@ -76,13 +77,26 @@ def test_a_foot_is_high_enough_before_it_is_over_an_edge():
     assert step.lift((((0.0, 0.1, 0.1), 0.1),), FLAT) == 0.0
 
 
+def test_a_foot_rises_before_its_shin_is_in_a_bar():
+    """The knee is over the bar, the ankle well behind it: the line between them has to pass over its near edge."""
+    step = NextStep(
+        way_z=1.2, metres=0.5, seconds=0.4, knee=(0.0, 0.7, 0.05), over=SteppedOver(length=0.1, top=0.5)
+    )
+    low, high = (((0.0, y, -0.3), y - ANKLE_HEIGHT) for y in (0.2, 0.7))
+    toe = ((0.0, 0.1, -0.2), 0.1)
+    assert step.lift((toe, low), FLAT) > 0.25
+    assert step.lift((toe, high), FLAT) <= 0.0
+    step.knee = (0.0, 0.7, -0.6)
+    assert step.lift((toe, low), FLAT) == 0.0
+
+
 def test_a_knee_gives_way_to_a_bar_and_the_foot_stays():
     pair = list(legs(60))[52][0]  # in mid-swing
     out = turned_out(pair[0], 0, 0.8)
     assert out.ankle == pair[0].ankle
     assert out.knee[0] > pair[0].knee[0]
     assert length(subtract(out.knee, out.hip)) == pytest.approx(length(subtract(pair[0].knee, pair[0].hip)))
-    wall = np.where(np.arange(80) * 0.05 - 2.0 > pair[0].knee[2] - 0.1, 0.9, 0.0)[None].repeat(3, 0)
+    wall = np.where(np.arange(80) * 0.05 - 2.0 > pair[0].knee[2] + 0.1, 0.9, 0.0)[None].repeat(3, 0)
     high = PointHeights(Terrain("wall", wall, 0.05, (-0.05, -2.0)))
     step = NextStep(way_z=1.0)
     assert [step.knee_out(pair[0], 0, FLAT, DT) for _ in range(3)][-1] == 0.0

@@ -97,3 +97,16 @@ def test_steps_and_slopes_are_seen_where_the_samples_lie():
         terrain = Terrain("ground", np.repeat(row[None], 61, axis=0).astype(np.float32), 0.05, (-1.5, -4.0))
         points, heights = features.sampled_heights(terrain, positions, ahead)
         assert np.array_equal(heights, terrain.height(points[..., 0], points[..., 1]))
+
+
+def test_stairs_are_seen_as_a_gentle_slope_through_the_ground_of_the_body():
+    z = np.arange(-4.0, 4.01, 0.04)
+    row = 0.16 * np.floor(z / 0.32 + 1e-6)
+    stairs = Terrain("stairs", np.repeat(row[None], 61, axis=0).astype(np.float32), 0.04, (-1.2, -4.0))
+    positions = np.stack([np.zeros(12), 0.2 * (np.arange(12) - 6)], -1)
+    seen = features.softened(features.mean_heights(stairs, positions))
+    slopes = np.diff(seen) / 0.2
+    assert slopes.min() >= 0.0
+    assert slopes.max() < 2.0 * features.SEEN * 0.5
+    assert seen[6] == pytest.approx(-0.08, abs=0.05)  # half a step under the tread that begins there
+    assert np.array_equal(features.softened(np.full(12, 0.3)), np.full(12, 0.3))

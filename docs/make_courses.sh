@@ -30,7 +30,7 @@ shot() { # name, ground, prompt, gait, seconds, the moment that is shown
 }
 shot 1-hurdle hurdles "an ordinary walk" walk 14 highest
 shot 2-wall wall "an ordinary walk" walk 12 "up 0.5"
-shot 3-platforms gaps "a happy child" jog 9 "up 0.3"
+shot 3-platforms gaps "a happy child" jog 9 "ahead 12.05"
 shot 4-beam beam "a happy child" walk 12 "ahead 5"
 shot 5-stairs stairs "an old man" walk 12 "ahead 4"
 shot 6-hill hills "an exhausted soldier" walk 10 "ahead 4"

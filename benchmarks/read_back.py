@@ -1,6 +1,6 @@
 """Every kind of exported file read by a program that is not ours: is each joint within a millimetre, in each frame?
 
-    python -m benchmarks.read_back [--format glb] [--markdown docs/results/read_back.md]
+    python -m benchmarks.read_back [--markdown docs/results/read_back.md]
 
 The truth is the pose that the window shows. Without usd-core there is no USD.
 """
@@ -250,11 +250,9 @@ def measure(wanted: list[Row]) -> tuple[list[list[str]], bool]:
 def main() -> int:
     """Write, read and compare every cell; 1 when one is over a millimetre or has other frames."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.read_back", description=__doc__)
-    parser.add_argument("--format", choices=sorted({kind.partition(" ")[0] for kind in READERS}))
     parser.add_argument("--markdown", type=Path)
     args = parser.parse_args()
-    kinds = [kind for kind in READERS if args.format in (None, kind.partition(" ")[0])]
-    kinds = [kind for kind in kinds if kind[:3] != "usd" or find_spec("pxr") is not None]
+    kinds = [kind for kind in READERS if kind[:3] != "usd" or find_spec("pxr") is not None]
     rows, failed = measure([row for kind in kinds for row in rows_of(kind)])
     if args.markdown:
         head = ["file", "takes", "root", "character", *(f"{rate:.5g} fps" for rate in RATES)]

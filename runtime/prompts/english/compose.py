@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.prompts.edit_targets import targets_of
+from runtime.prompts.edit_targets import PLAIN_LEG, targets_of
 from runtime.prompts.english.library_data import LibraryEmbeddings, LibraryEntry
 from runtime.prompts.english.phrases import FIGURES, SLIGHTLY, Element
 from runtime.prompts.english.sides import OPPOSITE, SIDE, only_side
@@ -36,6 +36,10 @@ _BUSY_LEG = re.compile(
 
 # what is said of a part that leaves room for what its figure does with it: steps of a size or pace, and a lean
 _OF_STEPS = re.compile(r"\b(?:taking|stepping)\b(?!.*\b(?:foot|feet|knees?|toes|heavily|softly)\b)")
+_OF_PACE = re.compile(
+    r"^(?!.*\b(?:foot|knee|running|dragging)\b)(?=.*\bstep).*\b(?:slow|quick|brisk|fast|hurr|short|long|tiny)"
+)
+_OF_PLACE = {"outward", "toe_out"}  # targets of where feet are
 _OF_LEAN = re.compile(r"^torso leaning\b(?!.*,)")
 _SWAYS = re.compile(r"\b(?:rock|waddl|sway|bounc|bobb|roll|twist|wobbl)\w*")
 
@@ -60,6 +64,10 @@ def compose_elements(
     modifiers = [e for e in chosen if e not in figures]
     if figures:
         sources = _figure_parts(figures, entries, embeddings, neutral)
+        for element in figures:  # who hurries does so with the legs, whoever it is
+            entry = entries[element.entry]
+            if entry.category == "walks" and entry.defines == PART_NAMES and element.entry != neutral:
+                sources.update(dict.fromkeys(_GROUPS["legs"], element.entry))
     else:
         sources = dict.fromkeys(PART_NAMES, _base(modifiers, entries, neutral))
     sources |= _modified(modifiers, entries, worth)
@@ -70,18 +78,27 @@ def compose_elements(
 
 
 def with_figure(stated: Mapping[str, str], figure: Mapping[str, str]) -> dict[str, str]:
-    """What a prompt states of parts, with what its figure does that agrees: on tiptoe in short steps, swaying in a lean."""
-    said = dict(stated)
-    for part, words in stated.items():
-        clauses = figure[part].split(", ")
-        if part in _PAIRS["legs"] and _OF_STEPS.search(words):
-            kept = [c for c in clauses if targets_of(part, c) and not _OF_STEPS.search(c)]
-        elif part == "torso" and _OF_LEAN.search(words):
-            kept = [c for c in clauses if _SWAYS.search(c) and "lean" not in c]
-        else:
-            continue
-        said[part] = ", ".join([words, *kept[:1]])
-    return said
+    """What a prompt states of parts, with what its figure does that agrees: turned-out feet that trudge, swaying in a lean."""
+    return {part: ", ".join([words, *_agreeing(part, words, figure[part])]) for part, words in stated.items()}
+
+
+def _agreeing(part: str, words: str, figure: str) -> list[str]:
+    """The clauses of a figure's sentence of a part that leave what is stated of it as it is."""
+    clauses = figure.split(", ")
+    if part == "torso":
+        swaying = (c for c in clauses if _SWAYS.search(c) and "lean" not in c)
+        return list(swaying)[:1] if _OF_LEAN.search(words) else []
+    if part not in _PAIRS["legs"] or figure == PLAIN_LEG.format(side=part.split("_")[0]):
+        return []
+    asked = targets_of(part, words).keys()
+    free = [c for c in clauses if not targets_of(part, c).keys() & asked]
+    if _OF_STEPS.search(words):
+        return [c for c in free if targets_of(part, c) and not _OF_STEPS.search(c)][:1]
+    of_pace = [c for c in free if _OF_PACE.search(c)]
+    if asked and asked <= _OF_PLACE:  # where feet are says nothing of how they step
+        return [c for c in free if c not in of_pace] if _OF_PACE.search(words) else free
+    shown = asked or "lifted" in words  # and not a gait of its own: limping, stomping
+    return of_pace[:1] if shown and not _OF_PACE.search(words) else []
 
 
 def _base(modifiers: Sequence[Element], entries: tuple[LibraryEntry, ...], neutral: int) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,6 +13,7 @@ import numpy as np
 
 from runtime.assets import asset_path
 from runtime.errors import FileError
+from runtime.prompts.edit_targets import HAND, targets_of
 from runtime.prompts.english import other_languages
 from runtime.prompts.english.clauses import ParsedPrompt, parse_clauses
 from runtime.prompts.english.compose import (
@@ -37,7 +39,7 @@ from runtime.prompts.english.library_data import (
 )
 from runtime.prompts.english.other_languages import OtherLanguages
 from runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, Reading, numbers_of, read_phrases
-from runtime.prompts.english.sides import OPPOSITE, SIDE, named_side
+from runtime.prompts.english.sides import OPPOSITE, named_side
 from runtime.prompts.english.spelling import ENGLISH, Spelling, is_foreign, knows_no_word
 from runtime.prompts.english.words import PERSONS, PLACES, Word, plain_denials, words_of
 from runtime.prompts.expander import Expansion, check_prompt
@@ -61,6 +63,7 @@ UNSEEN = 0.15  # by which a sentence that no walk shows counts less than one tha
 NEIGHBOURS = 4  # entries that vote for each part between GUESS and NEAR
 SAME_GESTURE = 0.66  # cosine from which two sentences of an arm are one gesture
 MAX_STRETCHES = 4  # embedded for one prompt
+_OF_ONE_ARM = re.compile(r"\b(?:left|right|one)\b")
 LIMP = "limping on the {s} leg"  # an entry of the library
 _REMEDY = "Write English, choose a language model, or install sport-viewer[languages]."
 _NOTHING = "Nothing was understood of"
@@ -132,7 +135,7 @@ class LibraryExpander:
         words = words_of(parsed.rest)
         if any(word.says for word in words):
             expansion = self._expand_rest(parsed, words)
-            return self._with_one_gesture(expansion) if SIDE.search(prompt.lower()) else expansion
+            return self._with_one_gesture(expansion) if _OF_ONE_ARM.search(prompt.lower()) else expansion
         note = "" if parsed.parts else "The prompt names no style: neutral."
         expansion = self._neutral((), parsed.parts, note)
         return replace(expansion, source="explicit") if parsed.parts else expansion
@@ -286,7 +289,7 @@ class LibraryExpander:
 
     def _neutral(self, near: Near, stated: dict[str, str], note: str) -> Expansion:
         """What a prompt leaves open is neutral, but who limps does so with the whole body."""
-        sides = [side for side in OPPOSITE if "limping" in stated.get(f"{side}_leg", "")]
+        sides = [side for side in OPPOSITE if re.match("limping (?!slightly)", stated.get(f"{side}_leg", ""))]
         limp = self._library.phrases.whole(LIMP.format(s=sides[0])) if len(sides) == 1 else None
         return self._expansion(self._library.neutral if limp is None else limp, near, stated, note)
 
@@ -312,8 +315,10 @@ class LibraryExpander:
         other = {"left_arm": "right_arm", "right_arm": "left_arm"}.get(arms[0]) if len(arms) == 1 else None
         if other is None or is_idle(getattr(said, other)):
             return expansion
-        one, two = self._encoder.encode([getattr(said, arms[0]), mirror_text(getattr(said, other))])
-        if float(one @ two) < SAME_GESTURE:
+        does = getattr(said, arms[0]), mirror_text(getattr(said, other))
+        one, two = self._encoder.encode(list(does))
+        place, other_place = (targets_of(arms[0], words).get(HAND) for words in does)
+        if float(one @ two) < SAME_GESTURE and not (place and place == other_place):
             return expansion
         idle = getattr(self._library.entries[self._library.neutral].descriptions, other)
         return replace(expansion, descriptions=said.replace(other, idle))

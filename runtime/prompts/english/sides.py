@@ -142,7 +142,15 @@ class _Limbs:
         if self._spoken and match["noun"] == self._noun and owner in _DEFINITE:
             return self._side  # "pain in the left knee, so the knee stays straight"
         hand = self._hand if is_arm and owner in _OWNERS else ""
-        return self._side_of_place(match.end()) or hand
+        return self._side_of_place(match.end()) or hand or self._left_over(match.end(), is_arm)
+
+    def _left_over(self, start: int, is_arm: bool) -> str:
+        """The side that a limb named with its side in a later clause leaves: "broken arm in a sling, right arm swinging"."""
+        nouns = grammar()["arm_noun" if is_arm else "leg_noun"].pattern
+        start = self._end_of(r"[,;.:!?]| and | while | but ", start)
+        later = re.compile(rf"(?:[,;:] |and |while |but )(?:the |his |her )?(left|right) {nouns}\b(?= (?:\w+ing|\w+s|is)\b)")
+        side = "" if self._spoken else only_side(later.findall(self._text, start))
+        return OPPOSITE.get(side, "")
 
     def _side_of_one(self, match: Match, is_arm: bool) -> str:
         """The side of "one arm": that of its place, else the one that the other arm of the prompt leaves."""
@@ -155,7 +163,7 @@ class _Limbs:
         hand = self._hand if is_arm else ""
         other = re.compile(r"\bother\b").search(self._text, after)
         if not other:
-            return hand
+            return hand or self._left_over(after, is_arm)
         place = self._side_of_place(other.end())  # "one arm behind the back, the other out to the right"
         return OPPOSITE[place] if place else hand or "right"
 

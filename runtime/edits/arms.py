@@ -51,10 +51,8 @@ TRUNK_BELOW, TRUNK_ABOVE = -0.12, 0.32  # metres from the hips up the trunk with
 SHOULDERS = 0.5  # metres up the trunk below which a palm lies on it
 TOUCHING = 1.4, 1.8  # radii of the trunk within which a palm lies on it wholly, and beyond which it does not
 HEAD_MIDDLE: Vector = (0.0, 0.09, 0.02)  # metres from the joint of the head
-HEAD_RADIUS = (
-    0.17,
-    0.22,
-)  # metres from there within which a palm lies on it wholly, and beyond which it does not
+# metres from there within which a palm lies on it wholly, and beyond which it does not
+HEAD_RADIUS = 0.17, 0.22
 MOST_TWIST, MOST_FLEXION = radians(80.0), radians(60.0)  # of forearm and wrist
 _LENGTHS = tuple(
     abs(float(SPORT_SKELETON.offsets[SPORT_SKELETON.index(n)][0])) for n in ("LeftForeArm", "LeftHand")
@@ -160,11 +158,8 @@ class ArmEdit:
             wanted = targets[first][0]
             if wanted > 1e-6:
                 goal = [value_of(target) for target in targets[first : first + len(PLACE)]]
-                place = (
-                    goal
-                    if weight < 1e-3
-                    else [followed(a, b, HALF_LIFE) for a, b in zip(place, goal, strict=True)]
-                )
+                moved = [followed(a, b, HALF_LIFE) for a, b in zip(place, goal, strict=True)]
+                place = goal if weight < 1e-3 else moved
             places += [followed(weight, wanted, HALF_LIFE), *place]
         self.places = tuple(places) if any(places[:: 1 + len(PLACE)]) else _NOWHERE
 

@@ -52,9 +52,8 @@ class LegEdit:
     rise: float = 0.0  # m that the hips go with legs that stand elsewhere
     aside: tuple[float, float] = (0.0, 0.0)  # m that a straight leg swings outward
     lift: tuple[float, float] = (0.0, 0.0)  # m that an ankle rises in its swings
-    left: tuple[float, ...] = (
-        _NOTHING  # what is added, by `LEG`; of a low foot the fraction of its height that is gone
-    )
+    # what is added, by `LEG`; of a low foot the fraction of its height that is gone
+    left: tuple[float, ...] = _NOTHING
     right: tuple[float, ...] = _NOTHING
 
     @property
@@ -194,9 +193,8 @@ def _foot(leg: LegPose, sign: float, added: tuple[float, ...]) -> LegPose:
         leg = leg._replace(foot=multiply(turn, leg.foot), toe=toe)
     if added[HEEL]:
         leg = _about_toe(leg, radians(added[HEEL]))
-    if added[
-        TOES
-    ]:  # first about the toe until the heel is down, then about the heel, on which the foot stands
+    # first about the toe until the heel is down, then about the heel, on which the foot stands
+    if added[TOES]:
         up = min(radians(added[TOES]), max(_heel_up(leg), 0.0))
         leg = _about_toe(leg, -up)
         turn = _about(rotate(leg.foot, (1.0, 0.0, 0.0)), up - radians(added[TOES]))

@@ -23,8 +23,8 @@ LEG = ("outward", "lower", "heel", "toe_out", "knee", "low", "toes")
 PACE = ("slow", "fast")
 # of the trunk: degrees that it leans forward and to the left of neutral walking, and that shoulders are turned to the
 # left of the hips; metres and degrees from end to end in which hips sway and the trunk rocks, metres in which hips rise and
-# fall, and degrees from upright that the trunk leans forward at most, at any moment
-TRUNK = ("lean", "aside", "twist", "sway", "rock", "bounce", "fold")
+# fall, degrees from upright that the trunk leans forward at most, at any moment, and degrees that the shoulders are raised
+TRUNK = ("lean", "aside", "twist", "sway", "rock", "bounce", "fold", "shrug")
 # of an arm: degrees that the elbow bends at least and at most, metres of the elbow outward of the shoulder at least and at
 # most, metres from end to end in which the hand swings forward and back at least and at most
 ARM = ("bend", "straight", "out", "close", "swing", "still")
@@ -39,10 +39,8 @@ WIDTH = len(ARM) + len(FRAMES) * len(PLACE)
 SHAPE = (len(PARTS), WIDTH, 2)  # of what is asked for: each target's weight, and value times that
 OUTWARD = LEG.index("outward")
 SLOW, FAST = (len(LEG) + k for k in range(len(PACE)))
-USUAL, NARROW = (
-    0.05,
-    0.02,
-)  # metres of a foot from the middle line while both stand, in usual and in narrow walking
+# metres of a foot from the middle line while both stand, in usual and in narrow walking
+USUAL, NARROW = 0.05, 0.02
 MOST_OF_LEG = (0.3, 0.4, 50.0, 50.0, 90.0, 1.0, 50.0)  # that is added
 FIRST_TARGETS = 5  # of legs and trunk, in files without arms
 LARGEST = 200.0  # degrees, metres of any target

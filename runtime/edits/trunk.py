@@ -41,7 +41,7 @@ from runtime.scalar_math import (
 )
 from runtime.skeleton import SPORT_SKELETON
 
-LEAN, ASIDE, TWIST, SWAY, ROCK, BOUNCE, FOLD = range(len(TRUNK))
+LEAN, ASIDE, TWIST, SWAY, ROCK, BOUNCE, FOLD, SHRUG = range(len(TRUNK))
 UPRIGHT = (-5.0, 0.0, 0.0)  # degrees of lean, aside and twist in neutral walking
 MOST = (25.0, 20.0, 40.0)  # degrees of them that are added
 MOST_GAIN, MOST_SHIFT, MOST_ROCK = 2.5, 0.07, 12.0  # of sway and rock: times the network's; metres, degrees
@@ -51,27 +51,21 @@ MEAN_HALF_LIFE = 0.4  # seconds in which the measures follow the pose,
 RANGE_HALF_LIFE = 0.6  # and the ranges of sway, rock and bounce
 HALF_LIFE = 0.3  # seconds in which what is added follows what is missing
 MOST_SWAY = 0.06  # metres from end to end over feet on a line: less than half a foot's width to either side
-LEAST_SWAY, LEAST_ROCK, LEAST_BOUNCE = (
-    0.008,
-    1.0,
-    0.008,
-)  # metres, degrees: what swings less is not amplified more
+# metres, degrees: what swings less is not amplified more
+LEAST_SWAY, LEAST_ROCK, LEAST_BOUNCE = 0.008, 1.0, 0.008
 LOOKS_AHEAD = 0.6  # of what is added, that the neck takes back
 HANGS = 0.65  # of a lean that is added, that the arms take back
-STEADY_HALF_LIFE, STEADY_MORE = (
-    2.0,
-    8.0,
-)  # seconds, degrees: a trunk folds so far over what it leans all the time
+# seconds, degrees: a trunk folds so far over what it leans all the time
+STEADY_HALF_LIFE, STEADY_MORE = 2.0, 8.0
 TIPS, BACK = 20.0, 15.0  # degrees that a trunk tips to a side, and leans back, at most, over what is said
 EASE = 5.0  # degrees before either bound, from which it is slowed down
 _AT = SPORT_SKELETON.index
-_SPINE, _NECK, _ARMS = (
-    tuple(map(_AT, ("LowerBack", "Spine", "Spine1"))),
-    _AT("Neck"),
-    (_AT("LeftArm"), _AT("RightArm")),
+_SPINE, _NECK = tuple(map(_AT, ("LowerBack", "Spine", "Spine1"))), _AT("Neck")
+_COLLARS, _ARMS = (
+    tuple(_AT(f"{side}{joint}") for side in ("Left", "Right")) for joint in ("Shoulder", "Arm")
 )
-_COLLARS = _AT("LeftShoulder"), _AT("RightShoulder")
 _JOINTS = (0, *_SPINE, _NECK)
+_ADDED = (*(f"more_{name}" for name in TRUNK[:FOLD]), "shrug")
 _LOWER, _UPPER = ((float(x), float(y), float(z)) for x, y, z in SPORT_SKELETON.offsets[list(_SPINE[1:])])
 _UP: Vector = (0.0, 1.0, 0.0)
 _AHEAD: Vector = (0.0, 0.0, 1.0)
@@ -106,6 +100,7 @@ class TrunkEdit:
     more_sway: float = 0.0  # times the network's own that is added
     more_rock: float = 0.0
     more_bounce: float = 0.0
+    shrug: float = 0.0  # degrees that the shoulders are raised
 
     def watch(self, lean: float, aside: float, fold: float) -> bool:
         """Whether a trunk that leans by so many degrees comes near the bound of a fold, `fold`, or tips over; called in every frame."""
@@ -121,7 +116,7 @@ class TrunkEdit:
         ahead: Vector = (sin(request.yaw), 0.0, cos(request.yaw))
         shown = _angles(rotations, side, ahead)
         shift = up = lean = rolled = 0.0
-        if self.active or asks(targets[:FOLD]) or narrow(request.targets):
+        if self.active or asks([*targets[:FOLD], targets[SHRUG]]) or narrow(request.targets):
             shift, up, lean, rolled = self._edit(hips, shown, side, request)
         elif self.lean.known > 0.0:
             vars(self).update(vars(TrunkEdit(steady=self.steady)))  # what is asked for later is measured anew
@@ -134,20 +129,14 @@ class TrunkEdit:
             rolled -= weight * copysign(_too_far(abs(aside), tips), aside)
         if lean or rolled or self.more_twist:
             local = _turned(local, rotations, (lean, rolled, self.more_twist), (side, ahead))
+        if self.shrug:
+            local = _shrugged(local, radians(self.shrug))
         return Moved(shift * side[0], up, shift * side[2], local)
 
     @property
     def active(self) -> bool:
         """Whether anything is added."""
-        added = (
-            self.more_lean,
-            self.more_aside,
-            self.more_twist,
-            self.more_sway,
-            self.more_rock,
-            self.more_bounce,
-        )
-        return any(abs(value) > 1e-3 for value in added)
+        return any(abs(getattr(self, name)) > 1e-3 for name in _ADDED)
 
     def _bound(self, fold: float) -> float:
         return max(fold, self.steady + STEADY_MORE)
@@ -193,11 +182,11 @@ class TrunkEdit:
         ):
             value = value_of(targets[k])
             lacks = value + UPRIGHT[k] - measure.middle
-            lacks = (
-                max(lacks, 0.0) if value > 0.0 else min(lacks, 0.0)
-            )  # what leans or turns more than said stays
+            # what leans or turns more than said stays
+            lacks = max(lacks, 0.0) if value > 0.0 else min(lacks, 0.0)
             goal = targets[k][0] * measure.known * limited(lacks, MOST[k])
             setattr(self, f"more_{name}", followed(getattr(self, f"more_{name}"), goal, HALF_LIFE))
+        self.shrug = followed(self.shrug, targets[SHRUG][1], HALF_LIFE)
         for k, name, measure, least in (
             (SWAY, "sway", self.sway, LEAST_SWAY),
             (ROCK, "rock", self.aside, LEAST_ROCK),
@@ -250,6 +239,17 @@ def _turned(
     for collar, arm in zip(_COLLARS, _ARMS, strict=True):
         base = multiply(parent, tuple(local[collar].tolist()))
         result[arm] = relative(base, multiply(back, multiply(base, tuple(local[arm].tolist()))))
+    return result
+
+
+def _shrugged(local: Array, angle: float) -> Array:
+    """Local rotations with both shoulders raised by an angle in radians, and arms that hang on."""
+    result = np.array(local, copy=True)
+    for collar, arm, sign in zip(_COLLARS, _ARMS, (1.0, -1.0), strict=True):
+        before = tuple(local[collar].tolist())
+        raised = multiply(from_vector((0.0, 0.0, sign * angle)), before)
+        result[collar] = raised
+        result[arm] = relative(raised, multiply(before, tuple(local[arm].tolist())))
     return result
 
 

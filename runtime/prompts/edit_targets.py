@@ -17,7 +17,7 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
 
 HAND = "hand"
-ALONE = "alone"  # whole clauses of a kind that the edit shows alone
+ALONE, BESIDE = "alone", "beside"  # whole clauses of a kind that the edit shows alone, and beside others
 PLAIN_LEG = "{side} leg stepping evenly, knee lifting moderately, foot rolling from heel to toe"
 TARGETS = {"leg": (*LEG, *PACE), "torso": TRUNK, "arm": (*ARM, HAND)}  # by the last word of a part's name
 FOLDS, FOLDS_MORE = 20.0, 15.0  # degrees from upright that any trunk may lean forward, and over what is said
@@ -34,12 +34,16 @@ def phrases() -> dict[str, dict[str, Phrases]]:
 
 
 @cache
-def _read() -> tuple[dict[str, dict[str, Phrases]], frozenset[str]]:
-    """The phrases, and the clauses of legs that edits show alone."""
+def _read() -> tuple[dict[str, dict[str, Phrases]], frozenset[str], frozenset[str]]:
+    """The phrases, and the clauses of legs that edits show alone, and beside others."""
     path = asset_path("prompts/edits.toml")
     try:
         tree = tomllib.loads(path.read_text("utf-8"))
-        return read_phrases(tree), frozenset(c for kind in tree["leg"].values() for c in kind.get(ALONE, ()))
+        alone, beside = (
+            frozenset(c for kind in tree["leg"].values() for c in kind.get(key, ()))
+            for key in (ALONE, BESIDE)
+        )
+        return read_phrases(tree), alone, beside
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise FileError(f"{path}: not readable as edits ({error}).", "Restore the file.") from error
 
@@ -52,7 +56,7 @@ def read_phrases(tree: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> dict[st
     for part, kinds in tree.items():
         for name, kind in kinds.items():
             for target, value in kind.items():
-                if target in ("phrases", ALONE):
+                if target in ("phrases", ALONE, BESIDE):
                     continue
                 if part not in found or target not in found[part]:
                     raise ValueError(f"[{part}.{name}]: no target is called {target!r}")
@@ -121,10 +125,13 @@ def left_to_network(descriptions: PartDescriptions) -> PartDescriptions:
 
     Legs that cross by the network as well let it fall out of step with most other words.
     """
+    _, alone, beside = _read()
     for part in ("left_leg", "right_leg"):
         side = part.split("_")[0]
         said = getattr(descriptions, part).split(", ")
-        kept = [clause for clause in said if clause.removeprefix(f"{side} ") not in _read()[1]]
+        kept = [clause for clause in said if clause.removeprefix(f"{side} ") not in alone]
+        rest = [clause for clause in kept if clause.removeprefix(f"{side} ") not in beside]
+        kept = rest if rest and rest[0].startswith(side) else kept
         if not kept or (len(kept) < len(said) and kept[0].startswith(side)):  # what is left is a sentence
             descriptions = descriptions.replace(part, ", ".join(kept) or PLAIN_LEG.format(side=side))
     return descriptions

@@ -186,8 +186,7 @@ class TextEncoder:
         outputs = {o.name for o in session.get_outputs()}
         if inputs != {"input_ids", "attention_mask"} or "embeddings" not in outputs:
             raise ModelError(
-                f"{path}: inputs {sorted(inputs)}, expected input_ids and attention_mask.",
-                self._remedy,
+                f"{path}: inputs {sorted(inputs)}, expected input_ids and attention_mask.", self._remedy
             )
         return session
 

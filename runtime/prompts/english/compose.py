@@ -136,10 +136,7 @@ def _show_all(
 
 
 def _figure_parts(
-    figures: Sequence[Element],
-    entries: tuple[LibraryEntry, ...],
-    embeddings: LibraryEmbeddings,
-    neutral: int,
+    figures: Sequence[Element], entries: tuple[LibraryEntry, ...], embeddings: LibraryEmbeddings, neutral: int
 ) -> dict[str, int]:
     """Which of the figures moves each part: the two strongest divide arms, legs, torso and head by what is unusual."""
     ranked = sorted(figures, key=lambda e: -_figure_strength(e, entries))
@@ -164,9 +161,7 @@ def _figure_parts(
 
 
 def compose_neighbours(
-    ranked: Sequence[tuple[int, float]],
-    embeddings: LibraryEmbeddings,
-    worth: Worth,
+    ranked: Sequence[tuple[int, float]], embeddings: LibraryEmbeddings, worth: Worth
 ) -> dict[str, int]:
     """For each part the neighbour whose words the neighbours (entry, similarity) agree on most, weighted by similarity and worth.
 

@@ -49,11 +49,8 @@ class OtherLanguages:
         with open_npz(self._path, "Install the program again.") as data:
             if str(data["digest"]) != library_hash(self._library):
                 return None
-            vectors, entry_of, mean = (
-                unit_vectors(data["prompts"]),
-                data["entry_of"].astype(np.int64),
-                data["mean"],
-            )
+            vectors, mean = unit_vectors(data["prompts"]), data["mean"]
+            entry_of = data["entry_of"].astype(np.int64)
             known = ((entry_of >= 0) & (entry_of < len(self._library.entries))).all()
             if vectors.shape != (len(entry_of), len(mean)) or not known or not np.isfinite(mean).all():
                 raise ValueError("vectors that are none of these entries")

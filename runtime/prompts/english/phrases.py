@@ -32,6 +32,7 @@ LONGEST = 9  # words of a phrase
 FIGURES = ("characters", "animals", "occupations")  # categories of who walks
 _THINGS = ("weather", "ground", "loads")
 _QUALITIES = ("ages", "bodies", "emotions", "minds")  # categories of what they are like
+_SAID_OF_ONE = (*_QUALITIES, "walks", "posture", "steps")
 SLIGHTLY, STRONGLY = 0.6, 1.2  # strength of "slightly drunk" and "very drunk" against "drunk"
 _OBJECT_STARTS = word_set(
     "from by against toward towards of for after past to at with beside behind near before over on"
@@ -112,12 +113,7 @@ class PhraseIndex:
 
         def adjective(match: re.Match[str]) -> str:
             entry = self._phrases.get((stem(match["adjective"]),))
-            said = entry is not None and self.entries[entry].category in (
-                *_QUALITIES,
-                "walks",
-                "posture",
-                "steps",
-            )
+            said = entry is not None and self.entries[entry].category in _SAID_OF_ONE
             own = self.whole(match.group(0)) is not None or match["thing"] in (*NEGATIONS, "possible")
             return match["adjective"] if said and not own else match.group(0)
 

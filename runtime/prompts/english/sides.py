@@ -148,7 +148,9 @@ class _Limbs:
         """The side that a limb named with its side in a later clause leaves: "broken arm in a sling, right arm swinging"."""
         nouns = grammar()["arm_noun" if is_arm else "leg_noun"].pattern
         start = self._end_of(r"[,;.:!?]| and | while | but ", start)
-        later = re.compile(rf"(?:[,;:] |and |while |but )(?:the |his |her )?(left|right) {nouns}\b(?= (?:\w+ing|\w+s|is)\b)")
+        later = re.compile(
+            rf"(?:[,;:] |and |while |but )(?:the |his |her )?(left|right) {nouns}\b(?= (?:\w+ing|\w+s|is)\b)"
+        )
         side = "" if self._spoken else only_side(later.findall(self._text, start))
         return OPPOSITE.get(side, "")
 

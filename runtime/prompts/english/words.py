@@ -56,13 +56,7 @@ PLACES = frozenset(PART_WORDS) | SIDES | word_set("side ankle thigh heel toe wri
 NEGATIONS = word_set("not never isn't aren't wasn't doesn't don't didn't neither nor")
 # deny only what the library knows: "no energy" is a way to be tired
 ABSENCES = word_set("no without less stop stops avoid avoids avoiding hardly")
-_SPELLINGS = {
-    "armor": "armour",
-    "armored": "armoured",
-    "plow": "plough",
-    "mommy": "mum",
-    "pajamas": "pyjamas",
-}
+_SPELLINGS = dict(armor="armour", armored="armoured", plow="plough", mommy="mum", pajamas="pyjamas")
 # verbs that the library has in their -ing form alone, and that are no common nouns
 _VERBS = (
     "amble ascend blush bounce brood bumble charge cheer cower creep crouch descend despair flee flutter fume grieve hurry "

@@ -45,6 +45,7 @@ LEAN, ASIDE, TWIST, SWAY, ROCK, BOUNCE, FOLD, SHRUG = range(len(TRUNK))
 UPRIGHT = (-5.0, 0.0, 0.0)  # degrees of lean, aside and twist in neutral walking
 MOST = (25.0, 20.0, 40.0)  # degrees of them that are added
 MOST_GAIN, MOST_SHIFT, MOST_ROCK = 2.5, 0.07, 12.0  # of sway and rock: times the network's; metres, degrees
+MOST_SHRUG = 30.0  # degrees that shoulders are raised
 MOST_BOUNCE = 0.06  # metres that hips go down or up
 SINKS = 0.35  # of a bounce's range, that hips are lower: legs grow no longer
 MEAN_HALF_LIFE = 0.4  # seconds in which the measures follow the pose,
@@ -186,7 +187,7 @@ class TrunkEdit:
             lacks = max(lacks, 0.0) if value > 0.0 else min(lacks, 0.0)
             goal = targets[k][0] * measure.known * limited(lacks, MOST[k])
             setattr(self, f"more_{name}", followed(getattr(self, f"more_{name}"), goal, HALF_LIFE))
-        self.shrug = followed(self.shrug, targets[SHRUG][1], HALF_LIFE)
+        self.shrug = followed(self.shrug, limited(targets[SHRUG][1], MOST_SHRUG), HALF_LIFE)
         for k, name, measure, least in (
             (SWAY, "sway", self.sway, LEAST_SWAY),
             (ROCK, "rock", self.aside, LEAST_ROCK),

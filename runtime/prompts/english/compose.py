@@ -36,9 +36,8 @@ _BUSY_LEG = re.compile(
 
 # what is said of a part that leaves room for what its figure does with it: steps of a size or pace, and a lean
 _OF_STEPS = re.compile(r"\b(?:taking|stepping)\b(?!.*\b(?:foot|feet|knees?|toes|heavily|softly)\b)")
-_OF_PACE = re.compile(
-    r"^(?!.*\b(?:foot|knee|running|dragging)\b)(?=.*\bstep).*\b(?:slow|quick|brisk|fast|hurr|short|long|tiny)"
-)
+_OF_PACE = re.compile(r"\b(?:slow|quick|brisk|fast|hurr|short|long|tiny)")
+_PACED_STEPS = re.compile(rf"^(?!.*\b(?:foot|knee|running|dragging)\b)(?=.*\bstep).*{_OF_PACE.pattern}")
 _OF_PLACE = {"outward", "toe_out"}  # targets of where feet are
 _OF_LEAN = re.compile(r"^torso leaning\b(?!.*,)")
 _SWAYS = re.compile(r"\b(?:rock|waddl|sway|bounc|bobb|roll|twist|wobbl)\w*")
@@ -94,7 +93,7 @@ def _agreeing(part: str, words: str, figure: str) -> list[str]:
     free = [c for c in clauses if not targets_of(part, c).keys() & asked]
     if _OF_STEPS.search(words):
         return [c for c in free if targets_of(part, c) and not _OF_STEPS.search(c)][:1]
-    of_pace = [c for c in free if _OF_PACE.search(c)]
+    of_pace = [c for c in free if _PACED_STEPS.search(c)]
     if asked and asked <= _OF_PLACE:  # where feet are says nothing of how they step
         return [c for c in free if c not in of_pace] if _OF_PACE.search(words) else free
     shown = asked or "lifted" in words  # and not a gait of its own: limping, stomping

@@ -151,6 +151,18 @@ def test_a_trunk_rocks_as_far_as_is_said() -> None:
     assert np.ptp(angles(sway(asked(rock=12.0)))[-60:, ASIDE]) == pytest.approx(12.0, abs=2.5)
 
 
+def test_shoulders_rise_and_arms_hang_on() -> None:
+    plain, edited = sway(None, swing=0.0, roll=0.0), sway(asked(shrug=22.0), swing=0.0, roll=0.0)
+    for joint in ("LeftArm", "RightArm", "LeftHand", "RightHand"):
+        rises = edited[0][-1] - plain[0][-1]
+        assert 0.03 < rises[SPORT_SKELETON.index(joint), 1] < 0.09
+    np.testing.assert_allclose(
+        edited[1][-1][SPORT_SKELETON.index("LeftHand")],
+        plain[1][-1][SPORT_SKELETON.index("LeftHand")],
+        atol=1e-6,
+    )
+
+
 def test_what_does_more_than_is_said_is_left_alone() -> None:
     plain, edited = sway(None), sway(asked(sway=0.02, rock=4.0))
     np.testing.assert_allclose(edited[0][-60:], plain[0][-60:], atol=2e-3)

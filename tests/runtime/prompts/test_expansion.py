@@ -88,6 +88,32 @@ def test_a_mood_of_nobody_in_particular_moves_the_whole_body(prompt: str, leg: s
     assert leg in expand(prompt).descriptions.left_leg
 
 
+@pytest.mark.parametrize(
+    ("prompt", "leg"),
+    [
+        (
+            "a drunk, feet turned out",
+            "left foot turned outward, left leg stumbling, stepping unevenly and crossing over",
+        ),
+        (
+            "walking slowly, feet apart",
+            "left leg spread apart, wide stance, left leg stepping slowly, steps of normal length",
+        ),
+        ("walking slowly on tiptoe", "left foot on tiptoe, heel raised, left leg stepping slowly"),
+        ("an angry man, limping on the left leg", "limping on the left leg, hip dropping at its step"),
+        ("a nurse in a hurry", "left leg taking long quick steps, heel striking hard"),
+    ],
+)
+def test_where_feet_are_leaves_the_way_that_they_step(prompt: str, leg: str) -> None:
+    assert expand(prompt).descriptions.left_leg == leg
+
+
+def test_one_arm_does_what_a_figure_does_with_both() -> None:
+    assert (
+        "hanging" in expand("walking against a strong wind, one arm shielding the eyes").descriptions.left_arm
+    )
+
+
 def test_far_words_are_composed_of_neighbours_and_say_how_near() -> None:
     expansion = expand("somebody measuring a room in strides")
     assert f"{expansion.nearest[0][1]:.0%}" in expansion.note

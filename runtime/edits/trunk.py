@@ -66,6 +66,7 @@ _COLLARS, _ARMS = (
     tuple(_AT(f"{side}{joint}") for side in ("Left", "Right")) for joint in ("Shoulder", "Arm")
 )
 _JOINTS = (0, *_SPINE, _NECK)
+_MEASURED = ("lean", "aside", "twist", "sway", "bounce")
 _ADDED = (*(f"more_{name}" for name in TRUNK[:FOLD]), "shrug")
 _LOWER, _UPPER = ((float(x), float(y), float(z)) for x, y, z in SPORT_SKELETON.offsets[list(_SPINE[1:])])
 _UP: Vector = (0.0, 1.0, 0.0)
@@ -161,11 +162,8 @@ class TrunkEdit:
         swayed = (hips[0] - self.x) * side[0] + (hips[2] - self.z) * side[2]
         swayed = limited(swayed, MOST_SHIFT)  # what is more turns or sets off
         height = hips[1] - request.ground
-        self.lean = self.lean.observed(shown[LEAN], *halves)
-        self.aside = self.aside.observed(shown[ASIDE], *halves)
-        self.twist = self.twist.observed(shown[TWIST], *halves)
-        self.sway = self.sway.observed(swayed, *halves)
-        self.bounce = self.bounce.observed(height, *halves)
+        for name, value in zip(_MEASURED, (*shown, swayed, height), strict=True):
+            setattr(self, name, getattr(self, name).observed(value, *halves))
         self._follow(request.targets[ROW_TRUNK], narrow(request.targets))
         rocked = limited(self.more_rock * (shown[ASIDE] - self.aside.middle), MOST_ROCK)
         bounced = self.more_bounce * (height - self.bounce.middle - SINKS * self.bounce.range)

@@ -63,10 +63,9 @@ def compose_elements(
     modifiers = [e for e in chosen if e not in figures]
     if figures:
         sources = _figure_parts(figures, entries, embeddings, neutral)
-        for element in figures:  # who hurries does so with the legs, whoever it is
-            entry = entries[element.entry]
-            if entry.category == "walks" and entry.defines == PART_NAMES and element.entry != neutral:
-                sources.update(dict.fromkeys(_GROUPS["legs"], element.entry))
+        for i in {e.entry for e in figures} - {neutral}:  # who hurries does so with the legs, whoever it is
+            if entries[i].category == "walks" and entries[i].defines == PART_NAMES:
+                sources.update(dict.fromkeys(_GROUPS["legs"], i))
     else:
         sources = dict.fromkeys(PART_NAMES, _base(modifiers, entries, neutral))
     sources |= _modified(modifiers, entries, worth)

@@ -301,9 +301,8 @@ class LibraryExpander:
         parts = tuple(part for part in PART_NAMES if part in stated)
         source: Literal["library", "explicit"] = "explicit" if parts == PART_NAMES else "library"
         figure = said.to_mapping()
-        return Expansion(
-            PartDescriptions(**{**figure, **with_figure(stated, figure)}), source, near, note, parts
-        )
+        words = PartDescriptions(**figure | with_figure(stated, figure))
+        return Expansion(words, source, near, note, parts)
 
     def _with_one_gesture(self, expansion: Expansion) -> Expansion:
         """The arm that nothing is stated of swings, where the stated one does what it would do.

@@ -147,7 +147,6 @@ class _Limbs:
     def _left_over(self, start: int, is_arm: bool) -> str:
         """The side that a limb named with its side in a later clause leaves: "broken arm in a sling, right arm swinging"."""
         nouns = grammar()["arm_noun" if is_arm else "leg_noun"].pattern
-        start = self._end_of(r"[,;.:!?]| and | while | but ", start)
         later = re.compile(
             rf"(?:[,;:] |and |while |but )(?:the |his |her )?(left|right) {nouns}\b(?= (?:\w+ing|\w+s|is)\b)"
         )

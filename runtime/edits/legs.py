@@ -33,7 +33,6 @@ STANDS_BENT = radians(10.0)  # of a straight leg that stands: it carries the hip
 BENT_M = 0.1  # hips that are lowered so far bend knees, whatever these are to do
 SWING_CLEARANCE = 0.03  # metres over its resting height that a straight leg swings
 UPRIGHT = 0.955  # metres of the hips over level ground in neutral walking
-Pair = tuple[float, float]  # of the left leg and the right one
 _NOTHING = (0.0,) * len(LEG)
 _UP: Vector = (0.0, 1.0, 0.0)
 _FROM_HEEL: Vector = (0.0, ANKLE_HEIGHT, 0.05)  # metres from the heel to the ankle
@@ -48,11 +47,11 @@ class LegEdit:
     known: float = 0.0  # how well the former two are known, 0 to 1; all three of moments on both feet
     line: FootLine = field(default_factory=FootLine, metadata={"later": True})
     height: float = 0.0  # m of the hips over the ground; 0 before the first frame
-    pitch: Pair = (0.0, 0.0)  # degrees of a planted foot, heel up
-    yaw: Pair = (0.0, 0.0)  # degrees of a planted foot, outward
+    pitch: tuple[float, float] = (0.0, 0.0)  # degrees of a planted foot, heel up
+    yaw: tuple[float, float] = (0.0, 0.0)  # degrees of a planted foot, outward
     rise: float = 0.0  # m that the hips go with legs that stand elsewhere
-    aside: Pair = (0.0, 0.0)  # m that a straight leg swings outward
-    lift: Pair = (0.0, 0.0)  # m that an ankle rises in its swings
+    aside: tuple[float, float] = (0.0, 0.0)  # m that a straight leg swings outward
+    lift: tuple[float, float] = (0.0, 0.0)  # m that an ankle rises in its swings
     # what is added, by `LEG`; of a low foot the fraction of its height that is gone
     left: tuple[float, ...] = _NOTHING
     right: tuple[float, ...] = _NOTHING
@@ -114,7 +113,7 @@ class LegEdit:
         return up, result
 
     def _measure(
-        self, height: float, legs: tuple[LegPose, LegPose], bears: Pair, request: EditRequest
+        self, height: float, legs: tuple[LegPose, LegPose], bears: tuple[float, float], request: EditRequest
     ) -> None:
         x, z = request.velocity
         speed = hypot(x, z)
@@ -169,7 +168,7 @@ class LegEdit:
         up: float,
         feet: list[LegPose],
         moved: list[Vector],
-        bears: Pair,
+        bears: tuple[float, float],
         spans: list[tuple[float, float]],
     ) -> float:
         """Metres by which hips go up or down so that legs which carry them bend as before feet went aside, or stand straight."""

@@ -62,9 +62,8 @@ TIPS, BACK = 20.0, 15.0  # degrees that a trunk tips to a side, and leans back, 
 EASE = 5.0  # degrees before either bound, from which it is slowed down
 _AT = SPORT_SKELETON.index
 _SPINE, _NECK = tuple(map(_AT, ("LowerBack", "Spine", "Spine1"))), _AT("Neck")
-_COLLARS, _ARMS = (
-    tuple(_AT(f"{side}{joint}") for side in ("Left", "Right")) for joint in ("Shoulder", "Arm")
-)
+_COLLARS = _AT("LeftShoulder"), _AT("RightShoulder")
+_ARMS = _AT("LeftArm"), _AT("RightArm")
 _JOINTS = (0, *_SPINE, _NECK)
 _MEASURED = ("lean", "aside", "twist", "sway", "bounce")
 _ADDED = (*(f"more_{name}" for name in TRUNK[:FOLD]), "shrug")

@@ -146,12 +146,8 @@ class _Limbs:
 
     def _left_over(self, start: int, is_arm: bool) -> str:
         """The side that a limb named with its side in a later clause leaves: "broken arm in a sling, right arm swinging"."""
-        nouns = grammar()["arm_noun" if is_arm else "leg_noun"].pattern
-        later = re.compile(
-            rf"(?:[,;:] |and |while |but )(?:the |his |her )?(left|right) {nouns}\b(?= (?:\w+ing|\w+s|is)\b)"
-        )
-        side = "" if self._spoken else only_side(later.findall(self._text, start))
-        return OPPOSITE.get(side, "")
+        later = grammar()["later_arm" if is_arm else "later_leg"].findall(self._text, start)
+        return "" if self._spoken else OPPOSITE.get(only_side(later), "")
 
     def _side_of_one(self, match: Match, is_arm: bool) -> str:
         """The side of "one arm": that of its place, else the one that the other arm of the prompt leaves."""

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.edits.request import USUAL
 from runtime.prompts.edit_targets import PLAIN_LEG, targets_of
 from runtime.prompts.english.library_data import LibraryEmbeddings, LibraryEntry
 from runtime.prompts.english.phrases import FIGURES, SLIGHTLY, Element
@@ -88,8 +89,11 @@ def _agreeing(part: str, words: str, figure: str) -> list[str]:
         return list(swaying)[:1] if _OF_LEAN.search(words) else []
     if part not in _PAIRS["legs"] or figure == PLAIN_LEG.format(side=part.split("_")[0]):
         return []
-    asked = targets_of(part, words).keys()
+    targets = targets_of(part, words)
+    asked = targets.keys()
     free = [c for c in clauses if not targets_of(part, c).keys() & asked]
+    if targets.get("outward", (USUAL,))[0] < USUAL and not (free and targets_of(part, free[0])):
+        return []  # on a line feet keep their balance in plain steps, if they do not shuffle or the like
     if _OF_STEPS.search(words):
         return [c for c in free if targets_of(part, c) and not _OF_STEPS.search(c)][:1]
     of_pace = [c for c in free if _PACED_STEPS.search(c)]

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.edits.request import USUAL
+from runtime.edits.request import PACE, USUAL
 from runtime.prompts.edit_targets import PLAIN_LEG, targets_of
 from runtime.prompts.english.library_data import LibraryEmbeddings, LibraryEntry
 from runtime.prompts.english.phrases import FIGURES, SLIGHTLY, Element
@@ -90,17 +90,18 @@ def _agreeing(part: str, words: str, figure: str) -> list[str]:
     if part not in _PAIRS["legs"] or figure == PLAIN_LEG.format(side=part.split("_")[0]):
         return []
     targets = targets_of(part, words)
-    asked = targets.keys()
-    free = [c for c in clauses if not targets_of(part, c).keys() & asked]
-    if targets.get("outward", (USUAL,))[0] < USUAL and not (free and targets_of(part, free[0])):
+    asked = targets.keys() - PACE
+    shown = {c: targets_of(part, c).keys() - PACE for c in clauses}  # by an edit, beside its speed
+    free = [c for c in clauses if not shown[c] & asked]
+    if targets.get("outward", (USUAL,))[0] < USUAL and not (free and shown[free[0]]):
         return []  # on a line feet keep their balance in plain steps, if they do not shuffle or the like
     if _OF_STEPS.search(words):
-        return [c for c in free if targets_of(part, c) and not _OF_STEPS.search(c)][:1]
+        return [c for c in free if shown[c] and not _OF_STEPS.search(c)][:1]
     of_pace = [c for c in free if _PACED_STEPS.search(c)]
     if asked and asked <= _OF_PLACE:  # where feet are says nothing of how they step
         return [c for c in free if c not in of_pace] if _OF_PACE.search(words) else free
-    shown = asked or "lifted" in words  # and not a gait of its own: limping, stomping
-    return of_pace[:1] if shown and not _OF_PACE.search(words) else []
+    plain = asked or "lifted" in words  # and not a gait of its own: limping, stomping
+    return of_pace[:1] if plain and not _OF_PACE.search(words) else []
 
 
 def _base(modifiers: Sequence[Element], entries: tuple[LibraryEntry, ...], neutral: int) -> int:

@@ -96,9 +96,8 @@ def grammar() -> Grammar:
     try:
         return Grammar(tomllib.loads(path.read_text("utf-8")))
     except (OSError, ValueError, KeyError, TypeError, re.error) as error:
-        raise FileError(
-            f"{path}: not readable as the rules of clauses ({error}).", "Restore the file."
-        ) from error
+        problem = f"{path}: not readable as the rules of clauses ({error})."
+        raise FileError(problem, "Restore the file.") from error
 
 
 def replaced(

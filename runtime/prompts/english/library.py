@@ -121,9 +121,8 @@ class LibraryExpander:
             )
             return self._expansion(ranked[0][0], near, {}, note)
         remedy = "Write English or choose a language model." if ranked else _REMEDY
-        return self._neutral(
-            (), {}, f"{_NOTHING} “{_short(prompt)}”, which is not English: neutral. {remedy}"
-        )
+        note = f"{_NOTHING} “{_short(prompt)}”, which is not English: neutral. {remedy}"
+        return self._neutral((), {}, note)
 
     def nearest(self, text: str) -> tuple[tuple[str, float], ...]:
         """The library's prompts most like `text`, with their cosine similarity, best first; takes milliseconds."""
@@ -234,9 +233,8 @@ class LibraryExpander:
         entry = self._library.entries[number]
         if entry.category not in ("arms", "steps", "posture"):
             return True
-        own = {
-            word.stem.removesuffix("ing") for text in (entry.prompt, *entry.also) for word in words_of(text)
-        }
+        texts = entry.prompt, *entry.also
+        own = {word.stem.removesuffix("ing") for text in texts for word in words_of(text)}
         saying = [word for word in words if word.says and word.stem not in PLACES]
         return any(word.stem.removesuffix("ing") in own for word in saying)
 

@@ -253,6 +253,5 @@ def checked(path: Path, what: str) -> Iterator[None]:
     try:
         yield
     except (PromptError, KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
-        raise FileError(
-            f"{path}: {what} is malformed ({error!r}).", "Correct or restore the file."
-        ) from error
+        problem = f"{path}: {what} is malformed ({error!r})."
+        raise FileError(problem, "Correct or restore the file.") from error

@@ -25,9 +25,8 @@ def with_commas(text: str) -> str:
 
 
 def _last_comma(text: str, end: int) -> int:
-    return max(
-        (found.end() for found in re.finditer(r"[,;.:!?\n]| (?:and|while|with|but) ", text[:end])), default=0
-    )
+    ends = [found.end() for found in re.finditer(r"[,;.:!?\n]| (?:and|while|with|but) ", text[:end])]
+    return max(ends, default=0)
 
 
 def _opens(before: str, match: Match) -> int | None:

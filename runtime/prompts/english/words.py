@@ -123,9 +123,8 @@ def finite_forms() -> dict[str, str]:
         bare = verb[:-1] if verb.endswith("e") and not verb.endswith(("ee", "oe")) else verb
         if verb in ("nod", "plod", "trot"):
             bare += verb[-1]
-        third = (
-            f"{verb[:-1]}ies" if verb.endswith("y") else verb + ("es" if verb.endswith(("ch", "sh")) else "s")
-        )
+        ending = "es" if verb.endswith(("ch", "sh")) else "s"
+        third = f"{verb[:-1]}ies" if verb.endswith("y") else verb + ending
         forms |= {verb: f"{bare}ing", third: f"{bare}ing"}
     return forms
 

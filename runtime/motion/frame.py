@@ -278,8 +278,9 @@ def _input(state: CharacterState, probes: Sequence[ObstacleProbe], terrain: Terr
         mean = np.repeat(features.mean_heights(terrain, positions)[..., None], 3, axis=-1)
         along = within_steps(mean, present)[..., 0]
         for i, (traversal, probe) in enumerate(zip(state.traversals, probes, strict=True)):
-            along[i] = seen_heights(traversal, positions[i], along[i], present, probe.ahead)
-        heights = np.repeat(features.softened(along)[..., None], 3, axis=-1)
+            seen = seen_heights(traversal, positions[i], along[i], present, probe.ahead)
+            along[i] = seen if state.feet[i].on_beam else features.softened(seen)
+        heights = np.repeat(along[..., None], 3, axis=-1)
     ground = features.ground_height(heights)
     parts = InputParts(
         root_position=path.here,

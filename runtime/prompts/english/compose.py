@@ -39,6 +39,7 @@ _BUSY_LEG = re.compile(
 _OF_STEPS = re.compile(r"\b(?:taking|stepping)\b(?!.*\b(?:foot|feet|knees?|toes|heavily|softly)\b)")
 _OF_PACE = re.compile(r"\b(?:slow|quick|brisk|fast|hurr|short|long|tiny)")
 _PACED_STEPS = re.compile(rf"^(?!.*\b(?:foot|knee|running|dragging)\b)(?=.*\bstep).*{_OF_PACE.pattern}")
+_PACE_ALONE = re.compile(r"^\w+ leg stepping (slowly|quickly), steps of normal length$")
 _OF_PLACE = {"outward", "toe_out"}  # targets of where feet are
 _OF_LEAN = re.compile(r"^torso leaning\b(?!.*,)")
 _SWAYS = re.compile(r"\b(?:rock|waddl|sway|bounc|bobb|roll|twist|wobbl)\w*")
@@ -76,9 +77,30 @@ def compose_elements(
     return sources
 
 
+def pace_as_stated(
+    elements: Sequence[Element], read: Sequence[Element], entries: tuple[LibraryEntry, ...]
+) -> tuple[list[Element], dict[str, str]]:
+    """The elements without what was `read` of a pace alone, where another says how legs go; and what it states of them."""
+    paces = [e for e in read if _PACE_ALONE.search(entries[e.entry].descriptions.left_leg)]
+    others = [e for e in elements if e not in paces]
+    if not paces or not any("left_leg" in entries[e.entry].defines for e in others if not e.only):
+        return list(elements), {}
+    said = entries[paces[0].entry].descriptions.to_mapping()
+    return others, {part: said[part] for part in _PAIRS["legs"]}
+
+
 def with_figure(stated: Mapping[str, str], figure: Mapping[str, str]) -> dict[str, str]:
     """What a prompt states of parts, with what its figure does that agrees: turned-out feet that trudge, swaying in a lean."""
-    return {part: ", ".join([words, *_agreeing(part, words, figure[part])]) for part, words in stated.items()}
+    return {part: _with_figure(part, words, figure[part]) for part, words in stated.items()}
+
+
+def _with_figure(part: str, words: str, figure: str) -> str:
+    pace = _PACE_ALONE.search(words)
+    if pace and figure != PLAIN_LEG.format(
+        side=part.split("_")[0]
+    ):  # a zombie that walks slowly drags its feet
+        return f"{figure}, walking {pace[1]}"
+    return ", ".join([words, *_agreeing(part, words, figure)])
 
 
 def _agreeing(part: str, words: str, figure: str) -> list[str]:

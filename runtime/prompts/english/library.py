@@ -23,6 +23,7 @@ from runtime.prompts.english.compose import (
     lame_leg,
     lame_on,
     on_side,
+    pace_as_stated,
     sources_note,
     with_figure,
     words_of_parts,
@@ -159,12 +160,16 @@ class LibraryExpander:
         if not elements or self._nearest_says_more(words, reading, elements, ranked[0]):
             return self._by_neighbours(text, ranked, entries, parsed.parts, note)
         library = self._library
+        elements, paced = pace_as_stated(elements, reading.elements, library.entries)
         chosen = compose_elements(elements, entries, library.embeddings, library.neutral, self._worth)
         # no similarity of single words: next to that of the whole prompt it is another figure for the same entry
         sources = sources_note(chosen, library.entries, {}) if len(set(chosen.values())) > 1 else ""
         notes = (sources and f"{sources}.", note, _unread_limbs(words, reading, elements))
         return self._expansion(
-            words_of_parts(chosen, entries), self._near(ranked), parsed.parts, " ".join(filter(None, notes))
+            words_of_parts(chosen, entries),
+            self._near(ranked),
+            paced | parsed.parts,
+            " ".join(filter(None, notes)),
         )
 
     def _nothing_bodily(self, text: str, words: list[Word], reading: Reading, best: float) -> str:

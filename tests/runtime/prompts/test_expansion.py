@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from runtime.errors import PromptError
+from runtime.prompts.edit_targets import left_to_network, targets_of
 from runtime.prompts.english.library import LibraryExpander
 from runtime.prompts.english.spelling import Spelling
 from runtime.prompts.expander import Expansion
@@ -299,6 +300,16 @@ def test_arms_that_do_not_swing_hang_still(prompt: str) -> None:
 def test_one_foot_in_front_of_the_other_is_both_feet() -> None:
     prompt = "hands on hips, one foot in front of the other"
     assert all("one line" in leg for leg in parts_of(prompt, LEGS))
+
+
+@pytest.mark.parametrize("figure", ["zombie", "drunk", "king"])
+def test_a_figure_that_walks_slowly_keeps_its_gait_and_only_its_speed_is_bounded(figure: str) -> None:
+    own, slow = (expand(f"a {figure}{words}").descriptions for words in ("", " walking slowly"))
+    assert slow == own.replace("left_leg", f"{own.left_leg}, walking slowly").replace(
+        "right_leg", f"{own.right_leg}, walking slowly"
+    )
+    assert left_to_network(slow) == left_to_network(own)
+    assert "slow" in targets_of("left_leg", slow.left_leg)
 
 
 # typing errors

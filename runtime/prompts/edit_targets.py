@@ -11,7 +11,20 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.assets import asset_path
-from runtime.edits.request import ARM, FOLD, FRAMES, LEG, PACE, PARTS, PLACE, ROW_TRUNK, SHAPE, TRUNK
+from runtime.edits.request import (
+    ARM,
+    FAST,
+    FOLD,
+    FRAMES,
+    LEG,
+    PACE,
+    PARTS,
+    PLACE,
+    ROW_TRUNK,
+    SHAPE,
+    SLOW,
+    TRUNK,
+)
 from runtime.errors import FileError
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
@@ -143,4 +156,7 @@ def edited_parts(descriptions: PartDescriptions | None) -> frozenset[str]:
         return frozenset()
     asked = edit_targets(descriptions)[..., 0]
     asked[FOLD] = 0.0  # of every trunk, whatever is said
+    asked[:ROW_TRUNK, SLOW : FAST + 1] = (
+        0.0  # of the stick, not of the pose: how a leg steps is the network's
+    )
     return frozenset(part for part, weights in zip(PARTS, asked, strict=True) if weights.any())

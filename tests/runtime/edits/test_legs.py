@@ -20,7 +20,13 @@ from runtime.feet.foot_lock import FootLock, Support
 from runtime.feet.leg import leg_bones, leg_forward
 from runtime.motion.features import DT
 from runtime.motion.style import NEUTRAL_SPEEDS, Style
-from runtime.prompts.edit_targets import blended_targets, edit_targets, left_to_network, targets_of
+from runtime.prompts.edit_targets import (
+    blended_targets,
+    edit_targets,
+    edited_parts,
+    left_to_network,
+    targets_of,
+)
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, J
 from runtime.terrain.height_map import Terrain
@@ -253,3 +259,4 @@ def test_a_full_stick_is_as_slow_or_fast_as_is_said_of_the_legs(
     one = replace(style, edits=edit_targets(replace(PLAIN, left_leg=f"left {words}")))
     assert one.speeds == pytest.approx(0.5 * np.add(style.speeds, (walk, jog)))
     assert not style.is_edited
+    assert not edited_parts(said)

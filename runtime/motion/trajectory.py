@@ -20,12 +20,12 @@ from runtime.controls import Gait
 from runtime.easing import smoothstep
 from runtime.motion import features
 from runtime.motion.features import FPS, GAITS, SAMPLE_STEP, TRAJECTORY_OFFSETS
+from runtime.motion.style import NEUTRAL_SPEEDS
 from runtime.scalar_math import decay
 from runtime.terrain.height_map import Terrain
 
 TO_WALK = 0.72  # seconds from rest to the walking speed of a neutral body, and back
-NEUTRAL_SPEED = 1.3  # m/s; a slower style has slower steps, and takes so much longer:
-FASTEST_CHANGE, SLOWEST_CHANGE = 0.85, 1.12  # of TO_WALK
+FASTEST_CHANGE, SLOWEST_CHANGE = 0.85, 1.12  # of TO_WALK: a style slower than neutral has slower steps
 TURN = np.pi / 2  # radians
 TO_TURN = (0.95, 1.25, 0.75)  # seconds: standing, walking, and at twice that speed
 GAME = 0.13  # of these times, at full response
@@ -52,7 +52,7 @@ class Plan:
 
 def change_seconds(walk_speed: float, response: float) -> float:
     """Seconds in which a body changes its velocity by its walking speed (m/s); `response` 0 (capture) to 1 (game)."""
-    style = min(max(sqrt(NEUTRAL_SPEED / walk_speed), FASTEST_CHANGE), SLOWEST_CHANGE)
+    style = min(max(sqrt(NEUTRAL_SPEEDS[0] / walk_speed), FASTEST_CHANGE), SLOWEST_CHANGE)
     return TO_WALK * style * GAME**response
 
 

@@ -156,7 +156,6 @@ def edited_parts(descriptions: PartDescriptions | None) -> frozenset[str]:
         return frozenset()
     asked = edit_targets(descriptions)[..., 0]
     asked[FOLD] = 0.0  # of every trunk, whatever is said
-    asked[:ROW_TRUNK, SLOW : FAST + 1] = (
-        0.0  # of the stick, not of the pose: how a leg steps is the network's
-    )
+    # of the stick, not of the pose: how a leg steps is the network's
+    asked[:ROW_TRUNK, SLOW : FAST + 1] = 0.0
     return frozenset(part for part, weights in zip(PARTS, asked, strict=True) if weights.any())

@@ -95,10 +95,8 @@ def with_figure(stated: Mapping[str, str], figure: Mapping[str, str]) -> dict[st
 
 
 def _with_figure(part: str, words: str, figure: str) -> str:
-    pace = _PACE_ALONE.search(words)
-    if pace and figure != PLAIN_LEG.format(
-        side=part.split("_")[0]
-    ):  # a zombie that walks slowly drags its feet
+    pace, plain = _PACE_ALONE.search(words), PLAIN_LEG.format(side=part.split("_")[0])
+    if pace and figure != plain:  # a zombie that walks slowly drags its feet
         return f"{figure}, walking {pace[1]}"
     return ", ".join([words, *_agreeing(part, words, figure)])
 

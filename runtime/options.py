@@ -9,7 +9,7 @@ from typing import Any
 
 from runtime.safe_read import is_text
 
-LARGEST = 1e300  # of a number: what no float can hold is refused, as NaN is
+MAX_NUMBER = 1e300  # of a number: what no float can hold is refused, as NaN is
 MAX_TEXT = 4096  # characters of a text
 
 
@@ -34,7 +34,7 @@ class Spec:
         """Whether a text or a number may be used."""
         if self.choices is not None:
             return value in self.choices
-        return isinstance(value, str) or (abs(value) < LARGEST and self.low <= value <= self.high)
+        return isinstance(value, str) or (abs(value) < MAX_NUMBER and self.low <= value <= self.high)
 
     def read(self, value: Any, default: Any) -> Any:
         """An untrusted value of JSON as the type of `default`, where it may be used; else the default."""

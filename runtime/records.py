@@ -20,7 +20,7 @@ from runtime.errors import FileError
 
 Record = TypeVar("Record")
 Tree = Any  # of JSON; arrays are named by their numbers
-LARGEST = 1e6  # metres, seconds, radians and the like
+MAX_NUMBER = 1e6  # metres, seconds, radians and the like
 LONGEST_TUPLE = 64
 REMEDY = "Record the take again."
 
@@ -146,7 +146,7 @@ def _chosen(hint: Any, value: Tree, path: str, metadata: Any) -> Any:
 def _number(hint: Any, value: Tree, path: str, metadata: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int if hint is int else int | float):
         raise _error(path, "expected a whole number" if hint is int else "expected a number")
-    if not abs(value) <= metadata.get("most", LARGEST):
+    if not abs(value) <= metadata.get("most", MAX_NUMBER):
         raise _error(path, "a number that no character reaches")
     return value if hint is int else float(value)
 
@@ -161,6 +161,6 @@ def _array(value: Tree, arrays: typing.Sequence[np.ndarray], path: str, metadata
         raise _error(path, f"shape {array.shape}, expected {shape}")
     if array.dtype != kind:
         raise _error(path, f"kind {array.dtype}, expected {kind}")
-    if kind.kind == "f" and not (np.abs(array) <= metadata.get("most", LARGEST)).all():
+    if kind.kind == "f" and not (np.abs(array) <= metadata.get("most", MAX_NUMBER)).all():
         raise _error(path, "numbers that no character reaches")
     return array.copy()

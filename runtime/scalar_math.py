@@ -13,7 +13,7 @@ from runtime.pose import FPS
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
-RATE = 1.3862943611  # 2 ln 2, of a critically damped spring with a half-life of one second
+DECAY_RATE_PER_S = 1.3862943611  # 2 ln 2, of a critically damped spring with a half-life of one second
 
 
 def smoothstep(value: float) -> float:
@@ -24,7 +24,7 @@ def smoothstep(value: float) -> float:
 
 def damp(value: float, velocity: float, goal: float, half_life: float, dt: float) -> tuple[float, float]:
     """`spring` of one number, ten times as fast as by arrays."""
-    rate = RATE / max(half_life, 1e-5)
+    rate = DECAY_RATE_PER_S / max(half_life, 1e-5)
     offset = value - goal
     slope = velocity + offset * rate
     fade = math.exp(-rate * dt)
@@ -35,7 +35,7 @@ def damp_vector(
     value: Vector, velocity: Vector, goal: Vector, half_life: float, dt: float
 ) -> tuple[Vector, Vector]:
     """`damp` of three numbers with one half-life."""
-    rate = RATE / max(half_life, 1e-5)
+    rate = DECAY_RATE_PER_S / max(half_life, 1e-5)
     fade = math.exp(-rate * dt)
     x, y, z = value[0] - goal[0], value[1] - goal[1], value[2] - goal[2]
     vx, vy, vz = velocity

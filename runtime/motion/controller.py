@@ -22,7 +22,7 @@ from runtime.motion.trajectory import Trajectory, TrajectoryView
 from runtime.pose import Pose
 from runtime.records import copied, joined, part
 from runtime.terrain.height_map import Terrain
-from runtime.terrain.obstacle_detection import nearest_place
+from runtime.terrain.room import nearest_place
 from runtime.traversal.traversal import Traversal
 
 log = logging.getLogger("sport.controller")

@@ -31,7 +31,9 @@ from runtime.records import copied, joined, part
 from runtime.scalar_math import decay
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
-from runtime.terrain.obstacle_detection import EDGE_M, RUN_M, has_walls, level_ahead, within_steps
+from runtime.terrain.obstacle_detection import EDGE_M, RUN_M
+from runtime.terrain.room import has_walls
+from runtime.terrain.steps import level_ahead, within_steps
 from runtime.traversal.obstacle_probe import PROBE_M, STOP_SECONDS, ObstacleProbe
 from runtime.traversal.traversal import decide, end_when_over, seen_heights, traversal_pose
 

@@ -20,7 +20,9 @@ from runtime.motion.trajectory import GAME, PRESENT
 from runtime.scalar_math import decay
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
-from runtime.terrain.obstacle_detection import EDGE_M, RUN_M, has_walls, led_clear, level_ahead
+from runtime.terrain.obstacle_detection import EDGE_M, RUN_M
+from runtime.terrain.room import drift_from_walls, has_walls
+from runtime.terrain.steps import level_ahead
 from runtime.traversal.obstacle_probe import CLEAR, HALF_BODY_M, ObstacleProbe, held_back
 from runtime.traversal.traversal import traversal_velocity
 
@@ -101,7 +103,7 @@ def _past_obstacles(
                 here = state.trajectory.here[i]
                 velocity[i] = held_back(terrain, here, velocity[i], probe.ahead)
             if walls:
-                velocity[i] = led_clear(terrain, state.trajectory.here[i], velocity[i])
+                velocity[i] = drift_from_walls(terrain, state.trajectory.here[i], velocity[i])
     return velocity
 
 

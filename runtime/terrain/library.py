@@ -24,9 +24,24 @@ from runtime.terrain.height_map import Terrain
 
 SIZE_M = 40.0
 START_RADIUS_M = 2.5  # level ground around the origin
+START_EASE_M = 3.5  # over which the ground rises from level to its full height
 STEP_RISE_M = 0.16
 STEP_RUN_M = 0.32
-KEPT = 9  # generated grounds: one of each
+STEPS = 8  # of a flight of stairs
+STAIRS_BEGIN_M = 3.0  # from the start
+LANDING_LENGTH_M = 2.56
+STEP_EDGE_M = 1e-6  # of the grid's own rounding
+HILLS_SLOPE_DEGREES, ROUGH_SLOPE_DEGREES = 18.0, 20.0  # of the steepest hundredth of the ground
+HILLS_WAVELENGTH_M, KNOLLS_WAVELENGTH_M, KNOLLS_FRACTION = 14.0, 4.0, 0.12
+BUMPS_WAVELENGTH_M, BUMPS_CHANGE_M, SWELLS_WAVELENGTH_M = 0.9, 6.0, 5.0
+MIN_BUMPS_M, BUMPS_RANGE_M = 0.05, 0.10  # heights of bumps: 5 to 15 cm
+BUMPS_FRACTION, SWELLS_FRACTION = 0.4, 0.1
+PLATFORM_HEIGHTS_M = (0.3, 0.45, 0.6)
+PLATFORM_SPACING_M = 6.0
+PLATFORM_HALF_WIDTH_M = (0.8, 1.1)  # smallest and largest
+PLATFORM_STEP_RISE_M, PLATFORM_STEP_RUN_M, PLATFORM_RAMP_SLOPE = 0.15, 0.4, 0.33
+STEEPEST_FRACTION = 0.99  # of the ground is less steep than the slope that a terrain is scaled to
+KEPT_TERRAINS = 9  # generated grounds in memory: one of each
 
 
 def make_terrain(name: str, seed: int = 0) -> Terrain:
@@ -65,7 +80,7 @@ def _made(maker: Callable[[int], Terrain], name: str, seed: int) -> Terrain:
         found = maker(seed)
         found.heights.flags.writeable = False
     _kept[name, seed] = found
-    while len(_kept) > KEPT:
+    while len(_kept) > KEPT_TERRAINS:
         _kept.popitem(last=False)
     return found
 
@@ -73,31 +88,34 @@ def _made(maker: Callable[[int], Terrain], name: str, seed: int) -> Terrain:
 def _hills(seed: int) -> Terrain:
     cell = 0.1
     x, z = _grid(cell)
-    heights = _noise(len(x), cell, 14.0, seed) + 0.12 * _noise(len(x), cell, 4.0, seed + 1)
-    heights = _level_start(heights, x, z)
-    return _terrain("hills", _scale_to_slope(heights, cell, np.tan(np.deg2rad(18.0))), cell)
+    knolls = KNOLLS_FRACTION * _noise(len(x), cell, KNOLLS_WAVELENGTH_M, seed + 1)
+    heights = _level_start(_noise(len(x), cell, HILLS_WAVELENGTH_M, seed) + knolls, x, z)
+    return _terrain("hills", _scale_to_slope(heights, cell, HILLS_SLOPE_DEGREES), cell)
 
 
 def _rough(seed: int) -> Terrain:
     cell = 0.1
     x, z = _grid(cell)
-    bumps = _noise(len(x), cell, 0.9, seed)
-    strength = 0.05 + 0.10 * smoothstep((_noise(len(x), cell, 6.0, seed + 1) + 1.0) / 2.0)  # 5 to 15 cm
-    heights = _level_start(0.4 * strength * bumps + 0.1 * _noise(len(x), cell, 5.0, seed + 2), x, z)
-    return _terrain("rough", _scale_to_slope(heights, cell, np.tan(np.deg2rad(20.0))), cell)
+    bumps = _noise(len(x), cell, BUMPS_WAVELENGTH_M, seed)
+    change = smoothstep((_noise(len(x), cell, BUMPS_CHANGE_M, seed + 1) + 1.0) / 2.0)
+    strength = BUMPS_FRACTION * (MIN_BUMPS_M + BUMPS_RANGE_M * change)
+    swells = SWELLS_FRACTION * _noise(len(x), cell, SWELLS_WAVELENGTH_M, seed + 2)
+    heights = _level_start(strength * bumps + swells, x, z)
+    return _terrain("rough", _scale_to_slope(heights, cell, ROUGH_SLOPE_DEGREES), cell)
 
 
 def _stairs(_seed: int) -> Terrain:
     """Square rings around the start: up a flight, over a landing, down a flight, along a floor."""
     cell = 0.04  # the run is a whole number of cells, a riser is one cell wide
     x, z = _grid(cell)
-    distance = np.maximum(np.abs(x), np.abs(z)) - 3.0
-    steps, landing = 8, 2.56
-    flight = steps * STEP_RUN_M
-    period = 2.0 * (flight + landing)
+    distance = np.maximum(np.abs(x), np.abs(z)) - STAIRS_BEGIN_M
+    flight = STEPS * STEP_RUN_M
+    period = 2.0 * (flight + LANDING_LENGTH_M)
     inside = np.mod(distance, period)
-    up = np.clip(np.floor(inside / STEP_RUN_M + 1e-6) + 1, 0, steps)
-    down = np.clip(steps - 1 - np.floor((inside - flight - landing) / STEP_RUN_M + 1e-6), 0, steps)
+    up = np.clip(np.floor(inside / STEP_RUN_M + STEP_EDGE_M) + 1, 0, STEPS)
+    down = np.clip(
+        STEPS - 1 - np.floor((inside - flight - LANDING_LENGTH_M) / STEP_RUN_M + STEP_EDGE_M), 0, STEPS
+    )
     count = np.where(distance < 0, 0, np.minimum(up, down))
     return _terrain("stairs", STEP_RISE_M * count, cell)
 
@@ -107,19 +125,19 @@ def _platforms(seed: int) -> Terrain:
     cell = 0.05
     x, z = _grid(cell)
     rng = np.random.default_rng(seed)
-    pitch = 6.0
+    pitch = PLATFORM_SPACING_M
     heights = np.zeros_like(x)
     x, z = x[:, :1], z[:1]
     for i in range(-3, 4):
         for j in range(-3, 4):
-            top = rng.choice([0.3, 0.45, 0.6])
-            half_x, half_z = rng.uniform(0.8, 1.1, 2)
+            top = rng.choice(PLATFORM_HEIGHTS_M)
+            half_x, half_z = rng.uniform(*PLATFORM_HALF_WIDTH_M, 2)
             if i == 0 and j == 0:
                 continue
             beyond_x = np.maximum(np.abs(x - pitch * i) - half_x, 0.0)
             beyond_z = np.maximum(np.abs(z - pitch * j) - half_z, 0.0)
-            steps = 0.15 * np.ceil(beyond_x / 0.4 - 1e-6)
-            heights = np.maximum(heights, top - np.maximum(steps, 0.33 * beyond_z))
+            steps = PLATFORM_STEP_RISE_M * np.ceil(beyond_x / PLATFORM_STEP_RUN_M - STEP_EDGE_M)
+            heights = np.maximum(heights, top - np.maximum(steps, PLATFORM_RAMP_SLOPE * beyond_z))
     return _terrain("platforms", heights, cell)
 
 
@@ -154,7 +172,7 @@ def _terrain(name: str, heights: Array, cell: float) -> Terrain:
 
 def _level_start(heights: Array, x: Array, z: Array) -> Array:
     centre = len(heights) // 2
-    fraction = smoothstep((np.hypot(x, z) - START_RADIUS_M) / 3.5)
+    fraction = smoothstep((np.hypot(x, z) - START_RADIUS_M) / START_EASE_M)
     return (heights - heights[centre, centre]) * fraction
 
 
@@ -168,12 +186,12 @@ def _noise(n: int, cell: float, wavelength_m: float, seed: int) -> Array:
     return (field - field.mean()) / field.std()
 
 
-def _scale_to_slope(heights: Array, cell: float, steepest: float) -> Array:
-    """Scale heights so that the steepest hundredth of the ground begins at `steepest` (rise over run)."""
+def _scale_to_slope(heights: Array, cell: float, degrees: float) -> Array:
+    """Scale heights so that the steepest hundredth of the ground begins at a slope of so many degrees."""
     gx, gz = np.gradient(heights, cell)
     # as `np.percentile`, whose first call imports a package, a twentieth of a start
     slopes = np.hypot(gx, gz).ravel()
-    place = 0.99 * (len(slopes) - 1)
+    place = STEEPEST_FRACTION * (len(slopes) - 1)
     low = int(place)
     below, above = np.partition(slopes, (low, low + 1))[low : low + 2]
-    return heights * (steepest / float(above - (above - below) * (1.0 - (place - low))))
+    return heights * (np.tan(np.deg2rad(degrees)) / float(above - (above - below) * (1.0 - (place - low))))

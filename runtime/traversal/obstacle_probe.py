@@ -10,16 +10,9 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.pose import DT
 from runtime.terrain.height_map import Terrain
-from runtime.terrain.obstacle_detection import (
-    LANDING_RISE_M,
-    ObstacleAhead,
-    ObstacleKind,
-    blocked_message,
-    can_climb,
-    can_land,
-    obstacle_ahead,
-    step_ahead,
-)
+from runtime.terrain.obstacle_detection import ObstacleAhead, ObstacleKind, obstacle_ahead
+from runtime.terrain.room import LANDING_RISE_M, can_climb, can_land
+from runtime.terrain.steps import blocked_message, step_ahead
 
 PROBE_M = 3.0  # ahead for obstacles, and what is covered while a character stops
 HIGHEST_CLIMB_M = 1.5

@@ -19,7 +19,7 @@ from runtime.pose import Pose
 from runtime.rotations import angle_between
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
-from runtime.terrain.obstacle_detection import level_ahead, step_ahead
+from runtime.terrain.steps import level_ahead, step_ahead
 
 FLAT = Terrain.flat()
 

@@ -9,7 +9,7 @@ from runtime.motion.controller import Controller
 from runtime.rotations import identity
 from runtime.skeleton import J
 from runtime.terrain.height_map import Terrain
-from runtime.terrain.obstacle_detection import step_ahead, within_steps
+from runtime.terrain.steps import step_ahead, within_steps
 from tests.helpers.shipped import shipped_model
 
 NORTH = np.array([0.0, 1.0])

@@ -14,14 +14,14 @@ from runtime.motion.limbs import resolve_penetration
 from runtime.motion.state import standing
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
-from runtime.terrain.obstacle_detection import (
-    HAND_M,
+from runtime.terrain.room import (
+    HAND_REACH_M,
+    blocked_by_walls,
     can_climb,
     can_land,
     can_stand,
+    drift_from_walls,
     has_walls,
-    kept_off,
-    led_clear,
     nearest_place,
 )
 from tests.helpers.walker import WalkerModel
@@ -34,9 +34,9 @@ angles = st.floats(-np.pi, np.pi)
 @given(angle=angles, away=st.floats(0.12, 2.0), z=st.floats(-5, 5))
 def test_a_root_leaves_a_cliff_and_never_goes_into_it(angle: float, away: float, z: float) -> None:
     velocity = np.array([np.cos(angle), np.sin(angle)])
-    kept = kept_off(CLIFF, np.array([-away, z]), velocity)
+    kept = blocked_by_walls(CLIFF, np.array([-away, z]), velocity)
     assert (kept == velocity).all() or (kept == 0.0).all()
-    if velocity[0] < -0.87 or away > HAND_M + 0.1:
+    if velocity[0] < -0.87 or away > HAND_REACH_M + 0.1:
         assert (kept == velocity).all()
     if velocity[0] > 0.5 and away < 0.4:
         assert (kept == 0.0).all()
@@ -70,9 +70,9 @@ def test_no_gap_is_leapt_beside_what_stands_in_it() -> None:
 
 def test_a_root_in_a_wall_drifts_out_of_it_and_up_no_step() -> None:
     for away in (0.05, 0.2, 0.3):
-        kept = led_clear(CLIFF, np.array([-away, 0.0]), np.array([0.3, 1.0]))
+        kept = drift_from_walls(CLIFF, np.array([-away, 0.0]), np.array([0.3, 1.0]))
         assert kept[0] < -0.3
-    assert (led_clear(CLIFF, np.array([-0.8, 0.0]), np.array([0.0, 1.0])) == [0.0, 1.0]).all()
+    assert (drift_from_walls(CLIFF, np.array([-0.8, 0.0]), np.array([0.0, 1.0])) == [0.0, 1.0]).all()
 
 
 def test_a_wall_is_climbed_only_where_a_body_has_room() -> None:

@@ -38,15 +38,21 @@ class Spec:
 
     def read(self, value: Any, default: Any) -> Any:
         """An untrusted value of JSON as the type of `default`, where it may be used; else the default."""
-        text = is_text(value) and len(value) < MAX_TEXT and "\0" not in value
-        number = isinstance(value, int | float) and not isinstance(value, bool)
         if self.choices is not None:
-            known = text or number or value is None
+            known = value is None or _is_short_text(value) or _is_number(value)
             return next((choice for choice in self.choices if known and choice == value), default)
         if isinstance(default, bool):
             return value if isinstance(value, bool) else default
-        fits = text if isinstance(default, str) else number
+        fits = _is_short_text(value) if isinstance(default, str) else _is_number(value)
         return type(default)(value) if fits and self.allows(value) else default
+
+
+def _is_short_text(value: Any) -> bool:
+    return is_text(value) and len(value) < MAX_TEXT and "\0" not in value
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def specified(default: Any, low: float = -math.inf, high: float = math.inf, **spec: Any) -> Any:

@@ -120,11 +120,7 @@ def _read(hint: Any, value: Tree, arrays: typing.Sequence[np.ndarray], path: str
         optional = value is None and type(None) in inside
         return None if optional else _read(hint, value, arrays, path, metadata)
     if origin is tuple:
-        if not isinstance(value, list) or len(value) > LONGEST_TUPLE:
-            raise _error(path, "expected a list")
-        kinds = [inside[0]] * len(value) if inside[-1] is Ellipsis else inside
-        if len(kinds) != len(value):
-            raise _error(path, f"expected {len(kinds)} values")
+        kinds = _kinds(inside, value, path)
         pairs = enumerate(zip(kinds, value, strict=True))
         return tuple(_read(kind, item, arrays, f"{path}[{k}]", metadata) for k, (kind, item) in pairs)
     if origin is np.ndarray:
@@ -132,6 +128,16 @@ def _read(hint: Any, value: Tree, arrays: typing.Sequence[np.ndarray], path: str
     if is_dataclass(hint):
         return read_record(typing.cast(Any, hint), value, arrays, path)
     return (_chosen if hint in (bool, str) else _number)(hint, value, path, metadata)
+
+
+def _kinds(inside: tuple[Any, ...], value: Tree, path: str) -> typing.Sequence[Any]:
+    """The kind of each item of a tuple's values."""
+    if not isinstance(value, list) or len(value) > LONGEST_TUPLE:
+        raise _error(path, "expected a list")
+    kinds = [inside[0]] * len(value) if inside[-1] is Ellipsis else inside
+    if len(kinds) != len(value):
+        raise _error(path, f"expected {len(kinds)} values")
+    return kinds
 
 
 def _chosen(hint: Any, value: Tree, path: str, metadata: Any) -> Any:

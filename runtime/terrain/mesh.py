@@ -126,15 +126,13 @@ def _obj_geometry(text: str, path: Path) -> tuple[Array, NDArray[np.int64]]:
     vertices: list[list[str]] = []
     faces: list[tuple[int, int, int]] = []
     for line in text.replace("\\\n", " ").replace("\\\r\n", " ").splitlines():
-        words = line.split(None, MAX_TRIANGLES)
-        if not words or words[0] not in ("v", "f"):
-            continue
-        if words[0] == "v":
-            vertices.append(words[1:4])
-            continue
-        corners = [int(word.partition("/")[0]) for word in words[1:]]
-        corners = [k - 1 if k > 0 else len(vertices) + k for k in corners]
-        faces += [(corners[0], b, c) for b, c in pairwise(corners[1:])]
+        kind, *words = line.split(None, MAX_TRIANGLES) or [""]
+        if kind == "v":
+            vertices.append(words[:3])
+        elif kind == "f":
+            numbers = [int(word.partition("/")[0]) for word in words]
+            corners = [k - 1 if k > 0 else len(vertices) + k for k in numbers]
+            faces += [(corners[0], b, c) for b, c in pairwise(corners[1:])]
         if len(faces) > MAX_TRIANGLES:
             raise FileError(f"{path}: more than {MAX_TRIANGLES} triangles.", _REMEDY)
         if len(vertices) > MAX_VERTICES:

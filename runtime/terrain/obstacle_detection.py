@@ -105,19 +105,13 @@ def _edge(row: Array, along: Array, first: int, run: int) -> float:
 
 
 def _classified(row: Array, along: Array, first: int, run: int, near: float) -> ObstacleAhead | None:
+    """The obstacle whose edge lies at `near`, or None for a low step."""
     base = float(row[first])
     here = round(near / SPACING_M)
     after = row[here : here + run + 3]
     peak = after[int(np.argmax(np.abs(after - base)))]
     step = float(peak - base)
-    rest = row[here + run :] - base
-    back = (
-        np.abs(rest) < RETURN_FRACTION * step
-        if step > 0.0
-        else rest > max(-GAP_RETURN_M, GAP_RETURN_FRACTION * step)
-    )
-    ends = int(np.argmax(back)) if back.any() else None
-    far = float("inf") if ends is None else float(along[here + run + ends])
+    far = _far_edge(row[here + run :] - base, along[here + run :], step)
     if step > 0.0 and far - near <= THICKEST_BAR_M:
         beyond = _level_after(row, far) - base
         if abs(beyond) <= LEVEL_M:
@@ -130,6 +124,15 @@ def _classified(row: Array, along: Array, first: int, run: int, near: float) -> 
         return None
     kind = ObstacleKind.UP if step > 0.0 else ObstacleKind.DOWN
     return ObstacleAhead(kind, near, far, step, step, 0.0, base)
+
+
+def _far_edge(rises: Array, along: Array, step: float) -> float:
+    """Distance (m) at which the ground returns to its height before the `step` (m), or infinity."""
+    if step > 0.0:
+        returns = np.abs(rises) < RETURN_FRACTION * step
+    else:
+        returns = rises > max(-GAP_RETURN_M, GAP_RETURN_FRACTION * step)
+    return float(along[int(np.argmax(returns))]) if returns.any() else float("inf")
 
 
 def _level_after(row: Array, far: float) -> float:

@@ -14,7 +14,8 @@ from runtime.pose import Pose
 from runtime.rotations import identity
 from runtime.skeleton import SPORT_SKELETON
 from training.evaluation import on_moments as m
-from training.evaluation.on_moments import FPS, Points
+from training.evaluation.metrics import moments
+from training.evaluation.metrics.moments import FPS, Points
 
 JOINTS = {  # of a body at rest that faces +Z, legs of 0.82 m
     "hips": (0, 0.9, 0), "neck": (0, 1.45, 0), "head": (0, 1.55, 0),
@@ -48,7 +49,7 @@ def ramp(*stretches: tuple[float, float]) -> np.ndarray:
 
 
 def figures(points: Points, script: str, kind: str) -> dict[str, float]:
-    return next(one.figures for one in m.moments(points, parse_stick(script)) if one.kind == kind)
+    return next(one.figures for one in moments.moments(points, parse_stick(script)) if one.kind == kind)
 
 
 def test_a_start_and_a_stop_take_the_time_that_they_take() -> None:
@@ -58,7 +59,7 @@ def test_a_start_and_a_stop_take_the_time_that_they_take() -> None:
     start, stop = figures(points, script, "start"), figures(points, script, "stop")
     assert start["reached_s"] == pytest.approx(0.9 * 1.2 / 1.4, abs=0.05)
     assert start["peak_ratio"] == pytest.approx(1.4 / 1.2, abs=0.06)
-    assert stop["stop_s"] == pytest.approx(1.2 * (1 - m.STILL / 1.2), abs=0.05)
+    assert stop["stop_s"] == pytest.approx(1.2 * (1 - moments.STILL / 1.2), abs=0.05)
     assert stop["calm_after_s"] == 0.0  # no limb moves against the hips
 
 
@@ -77,26 +78,26 @@ def test_turns_are_found_by_the_hips() -> None:
     points = puppet(np.zeros(300), yaw)
     assert figures(points, "stand 2; walk*0>90 3", "spin")["turn"] == pytest.approx(180.0, rel=0.03)
     assert figures(points, "walk 2; walk@90 3", "turn")["turn"] == pytest.approx(180.0, rel=0.03)
-    assert m.raw_turns(points)["turn"] == pytest.approx(180.0, rel=0.03)
+    assert moments.raw_turns(points)["turn"] == pytest.approx(180.0, rel=0.03)
 
 
 def test_a_knee_that_bends_in_one_frame_pops_once() -> None:
     points = puppet(np.zeros(600))
     for frame, shift in ((200, 0.1), (400, 0.01)):  # 14 degrees, and 1.4
         points["lk"][frame:, 2] += shift
-    knees, elbows = m.joint_pops(points)
+    knees, elbows = moments.joint_pops(points)
     assert len(knees) == 1
     assert abs(knees[0] - 200) <= 1
     assert len(elbows) == 0
-    whole = m.whole_clip(points, parse_stick("stand 10"))
+    whole = moments.whole_clip(points, parse_stick("stand 10"))
     assert whole["knee_pops"] == pytest.approx(6.0)
 
 
 def test_pops_of_jumps_are_counted_apart() -> None:
     points = puppet(np.zeros(600))
     points["lk"][400:, 2] += 0.1
-    assert m.raw_jumps(points) == {"knee_pops_in_jumps": pytest.approx(6.0), "elbow_pops_in_jumps": 0.0}
-    whole = m.whole_clip(points, parse_stick("stand 5; jump 5"))
+    assert moments.raw_jumps(points) == {"knee_pops_in_jumps": pytest.approx(6.0), "elbow_pops_in_jumps": 0.0}
+    whole = moments.whole_clip(points, parse_stick("stand 5; jump 5"))
     assert whole["knee_pops"] == 0.0
     assert whole["knee_pops_in_jumps"] == pytest.approx(12.0)
 
@@ -110,7 +111,7 @@ def test_toes_that_slide_near_the_ground_are_found_and_lifted_ones_are_not() -> 
     points["lt"][130:161, 1] += 0.05
     assert figures(points, script, "start")["toe_path_cm"] < 2.0
     points["rt"][200:203, 1] -= 0.03  # of 360 frames
-    assert m.whole_clip(points, parse_stick(script))["toe_under_cm"] == pytest.approx(-3.0, abs=0.5)
+    assert moments.whole_clip(points, parse_stick(script))["toe_under_cm"] == pytest.approx(-3.0, abs=0.5)
 
 
 def test_jumping() -> None:
@@ -125,10 +126,10 @@ def test_jumping() -> None:
 
 
 def test_raw_takes_are_measured_by_themselves() -> None:
-    start = m.raw_start(pushed(ramp((0.0, 1.0), (1.2, 1.0), (1.2, 2.0))))
-    assert start["reached_s"] == pytest.approx(0.9 - m.STILL / 1.2, abs=0.06)
-    stop = m.raw_stop(pushed(ramp((1.2, 0.1), (1.2, 2.0), (0.0, 1.0), (0.0, 1.0))))
-    assert stop["stop_s"] == pytest.approx(0.9 - m.STILL / 1.2, abs=0.06)
+    start = moments.raw_start(pushed(ramp((0.0, 1.0), (1.2, 1.0), (1.2, 2.0))))
+    assert start["reached_s"] == pytest.approx(0.9 - moments.STILL / 1.2, abs=0.06)
+    stop = moments.raw_stop(pushed(ramp((1.2, 0.1), (1.2, 2.0), (0.0, 1.0), (0.0, 1.0))))
+    assert stop["stop_s"] == pytest.approx(0.9 - moments.STILL / 1.2, abs=0.06)
 
 
 def test_an_exported_file_is_measured_and_shown(tmp_path: Path) -> None:

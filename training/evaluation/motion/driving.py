@@ -287,19 +287,20 @@ def _run_together(
 ) -> list[RingRun]:
     course = ring()
     places = [int(np.random.default_rng(walk.seed).integers(POINTS)) for walk in walks]
-    members = [Controller(model, terrain, walk.seed) for walk in walks]
-    for place, walk, member in zip(places, walks, members, strict=True):
-        member.set_style(walk.code, 0.0)
-        heading = course[(place + 5) % POINTS] - course[place]
-        x, z = (float(v) for v in course[place])
-        member.reset(x, z, float(np.arctan2(*heading)))
+    members = [
+        _placed(Controller(model, terrain, walk.seed), walk.code, course, place)
+        for walk, place in zip(walks, places, strict=True)
+    ]
     recorders, crowd = [Recorder(member) for member in members], Crowd(members)
     roots, speeds = [], []
     for _ in range(LEAD_IN_FRAMES + round(seconds * FPS)):
         here = [member.pose.root_position[[0, 2]].astype(np.float64) for member in members]
         places = [_nearest(course, root, place) for root, place in zip(here, places, strict=True)]
-        aims = [_towards(course, root, place) for root, place in zip(here, places, strict=True)]
-        poses = crowd.step([Controls(aim, gait=walk.gait) for aim, walk in zip(aims, walks, strict=True)])
+        sticks = [
+            Controls(_towards(course, root, place), gait=walk.gait)
+            for root, place, walk in zip(here, places, walks, strict=True)
+        ]
+        poses = crowd.step(sticks)
         for recorder, pose in zip(recorders, poses, strict=True):
             recorder.add(pose)
         roots.append([pose.root_position[[0, 2]] for pose in poses])
@@ -313,6 +314,15 @@ def _run_together(
         motion = recorder.motion(name, walk.style, labels, LEAD_IN_FRAMES)
         made.append(RingRun(motion, path_error(scored[0][:, k], course), scored[1][:, k]))
     return made
+
+
+def _placed(member: Controller, code: Array, course: Array, place: int) -> Controller:
+    """The controller on a point of the course, facing along it."""
+    member.set_style(code, 0.0)
+    heading = course[(place + 5) % POINTS] - course[place]
+    x, z = (float(v) for v in course[place])
+    member.reset(x, z, float(np.arctan2(*heading)))
+    return member
 
 
 def _nearest(course: Array, root: Array, last: int) -> int:

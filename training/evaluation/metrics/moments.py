@@ -1,0 +1,299 @@
+"""What a body does in the first and the last second of everything: starts, stops, turns and jumps, from world positions.
+
+Points are world positions `(T, 3)` by the keys of `training.data.gait` at 60 frames a second, in a body with 0.82 m legs;
+speeds are m/s, angles degrees. The measures know nothing of how the program moves a character, so that raw capture is
+measured alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import find_peaks
+
+from runtime.arrays import Array
+from runtime.controls import Gait
+from runtime.formats.bvh import read_bvh
+from runtime.motion.control_scripts import StickScript, StickSegment
+from training.data.gait import GaitJoints
+
+FPS = 60
+STILL = 0.08  # m/s of the smoothed hips: slower is standing
+CALM = 0.25  # m/s of head, wrists and knees against the hips
+REACHED = 0.9  # of the steady speed
+POP = 6.0  # degrees a frame squared: a captured knee has none
+POP_APART = 6  # frames; nearer ones are one pop
+SMOOTH_HIPS, SMOOTH_YAW = 6, 2  # frames, of a Gaussian
+BEGIN = round(1.5 * FPS)  # frames of a start or turn
+LAST = 1.5  # seconds of steady going before a stop
+SETTLED = FPS  # frames after which a standing body is at rest
+NEAR_GROUND = 0.01  # m over a toe's resting height
+TURNING = 60.0  # degrees a second: slower hips do not turn, they swing
+IN_AIR = 0.04  # m of both toes over their resting height
+LIMBS = ("lw", "rw", "head", "lk", "rk")
+Points = dict[str, Array]
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What happens in a segment of the stick: its kind, its gait, its first and last frame and its figures."""
+
+    kind: str  # "start", "stop", "turn", "spin" (a turn on the spot), "change" (of gait), "steady", "stand", "jump"
+    gait: str  # which is started, stopped or gone in; "half walk" with half of the stick
+    first: int
+    end: int
+    figures: dict[str, float]
+
+
+def read_points(path: Path) -> Points:
+    """Joints of a BVH of any known skeleton, resampled to 60 frames a second."""
+    joints = GaitJoints.of(read_bvh(path))
+    count = len(joints.points["hips"])
+    if abs(joints.fps - FPS) < 1.0:
+        return joints.points
+    seconds = np.arange(count) / joints.fps
+    at = np.arange(0.0, seconds[-1], 1.0 / FPS)
+    return {
+        k: np.stack([np.interp(at, seconds, v[:, i]) for i in range(3)], -1) for k, v in joints.points.items()
+    }
+
+
+# --- curves ----------------------------------------------------------------------------------------------------------
+
+
+def speed(points: Array) -> Array:
+    """Of points `(T, 2)` or `(T, 3)`, m/s `(T,)`."""
+    return np.asarray(np.linalg.norm(np.gradient(points, axis=0) * FPS, axis=-1))
+
+
+def hips_speed(p: Points) -> Array:
+    """Over the ground, smoothed over 0.1 s."""
+    return np.asarray(gaussian_filter1d(speed(p["hips"][:, [0, 2]]), SMOOTH_HIPS))
+
+
+def hips_turn(p: Points) -> Array:
+    """Degrees a second at which the line across the hips turns, without sign."""
+    across = p["lh"] - p["rh"]
+    yaw = np.degrees(np.unwrap(np.arctan2(-across[:, 2], across[:, 0])))
+    return np.abs(np.gradient(gaussian_filter1d(yaw, SMOOTH_YAW))) * FPS
+
+
+def bend(p: Points, joint: str, upper: str, lower: str) -> Array:
+    """Flexion of a joint between two others, degrees `(T,)`."""
+    a, b = p[joint] - p[upper], p[lower] - p[joint]
+    cosine = (a * b).sum(-1) / (np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1))
+    return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def pops(flexion: Array) -> NDArray[np.intp]:
+    """Frames at which a flexion `(T,)` bends its course by more than POP: the first of each pop."""
+    found = np.flatnonzero(np.abs(np.diff(flexion, n=2)) > POP) + 1
+    return found[np.diff(found, prepend=-1 - POP_APART) > POP_APART]
+
+
+def joint_pops(p: Points) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Frames of the pops of both knees, and of both elbows."""
+    knees = [pops(bend(p, s + "k", s + "h", s + "a")) for s in "lr"]
+    elbows = [pops(bend(p, s + "e", s + "s", s + "w")) for s in "lr"]
+    return np.sort(np.concatenate(knees)), np.sort(np.concatenate(elbows))
+
+
+def toe_heights(p: Points, resting: NDArray[np.bool_]) -> Array:
+    """Of both toe joints over their own median height in `resting` frames `(T,)`; `(T, 2)`, without columns if unknown."""
+    if "lt" not in p or not resting.any():
+        return np.zeros((len(p["hips"]), 0))
+    heights = np.stack([p["lt"][:, 1], p["rt"][:, 1]], -1)
+    return np.asarray(heights - np.median(heights[resting], axis=0))
+
+
+def paths_near_ground(toe: Array, height: Array) -> list[float]:
+    """Centimetres that a toe `(T, 3)` travels over the ground in each stay within NEAR_GROUND of its resting height."""
+    edges = np.flatnonzero(np.diff(height < NEAR_GROUND, prepend=False, append=False))
+    steps = np.linalg.norm(np.diff(toe[:, [0, 2]], axis=0), axis=-1)
+    return [100.0 * float(steps[a : b - 1].sum()) for a, b in edges.reshape(-1, 2).tolist()]
+
+
+class Curves:
+    """The curves of a clip, and the figures of what happens between two of its frames."""
+
+    def __init__(self, p: Points, resting: NDArray[np.bool_] | None = None) -> None:
+        """`resting` `(T,)`: when the body stands; by default while its hips do."""
+        self.p, self.hips, self.turn = p, hips_speed(p), hips_turn(p)
+        up = p["neck"] - p["hips"]
+        self.tilt = np.degrees(np.arctan2(np.linalg.norm(up[:, [0, 2]], axis=-1), up[:, 1]))
+        self.wrists = np.stack([speed(p[w] - p["hips"]) for w in ("lw", "rw")], -1)
+        self.limbs = np.max([speed(p[k] - p["hips"]) for k in LIMBS], axis=0)
+        self.toes = toe_heights(p, self.hips < STILL if resting is None else resting)
+
+    def start_figures(self, first: int, end: int, steady: float | None = None) -> dict[str, float]:
+        """From rest to a speed, by default that of the last second."""
+        if steady is None:
+            steady = float(np.median(self.hips[first + max(end - first - FPS, (end - first) // 2) : end]))
+        reached = np.flatnonzero(self.hips[first:end] > REACHED * steady)
+        begin = slice(first, min(end, first + BEGIN))
+        return {
+            "reached_s": float(reached[0]) / FPS if len(reached) else float("inf"),
+            "peak_ratio": float(self.hips[begin].max()) / max(steady, 1e-6),
+            "tilt": float(self.tilt[begin].max()),
+        } | self._toe_paths(begin)
+
+    def stop_figures(self, first: int, end: int, until: int | None = None) -> dict[str, float]:
+        """From a speed, steady `until` a frame, to rest; the last two frames see what comes next."""
+        stopped = np.flatnonzero(self.hips[first:end] < STILL)
+        stop = float(stopped[0]) / FPS if len(stopped) else float("inf")
+        busy = np.flatnonzero(self.limbs[first : end - 2] > CALM)
+        settled = float(busy[-1] + 1) / FPS if len(busy) else 0.0
+        until = max(first - 1, 1) if until is None else until
+        steady = self.wrists[max(first - round(LAST * FPS), 0) : until].max()
+        return {
+            "stop_s": stop,
+            "calm_after_s": max(settled - stop, 0.0),
+            "wrists_ratio": float(self.wrists[first : end - 2].max() / max(steady, 1e-6)),
+            "tilt": float(self.tilt[first:end].max()),
+        }
+
+    def turn_figures(self, first: int, end: int) -> dict[str, float]:
+        """The fastest moment of a turn."""
+        fastest, tilt = float(self.turn[first:end].max()), float(self.tilt[first:end].max())
+        return {"turn": fastest, "tilt": tilt} | self._toe_paths(slice(first, min(end, first + BEGIN)))
+
+    def jump_figures(self, first: int, end: int) -> dict[str, float]:
+        """When both toes leave the ground, and how far the hips rise."""
+        known = self.toes.shape[1] > 0
+        air = np.flatnonzero((self.toes[first:end] > IN_AIR).all(-1) & known)
+        height = self.p["hips"][:, 1]
+        rise = height[first:end].max() - np.median(height[max(first - FPS, 0) : first + 1])
+        return {
+            "take_off_s": float(air[0]) / FPS if len(air) > 3 else float("inf"),
+            "rise_cm": 100.0 * float(rise),
+        }
+
+    def _toe_paths(self, w: slice) -> dict[str, float]:
+        """The 90th percentile of `paths_near_ground` in a window."""
+        toes = zip(("lt", "rt"), self.toes.T, strict=False)
+        paths = [path for key, heights in toes for path in paths_near_ground(self.p[key][w], heights[w])]
+        return {"toe_path_cm": float(np.percentile(paths, 90))} if paths else {}
+
+
+# --- moments of a script -----------------------------------------------------------------------------------------------
+
+
+def moments(p: Points, script: StickScript) -> list[Moment]:
+    """Every segment of the stick with its figures."""
+    curves = Curves(p, _resting(script, len(p["hips"])))
+    of = {
+        "start": curves.start_figures,
+        "stop": curves.stop_figures,
+        "turn": curves.turn_figures,
+        "spin": curves.turn_figures,
+        "jump": curves.jump_figures,
+    }
+    return [
+        Moment(kind, gait, first, end, of[kind](first, end) if kind in of else {})
+        for kind, gait, first, end in _segments(script, len(p["hips"]))
+    ]
+
+
+def _segments(script: StickScript, frames: int) -> Iterator[tuple[str, str, int, int]]:
+    """Kind, gait, first frame and end of every segment that lies within the clip."""
+    first, before = 0, StickSegment(Gait.STAND, 1.0)
+    for segment in script.segments:
+        end = min(first + round(segment.seconds * FPS), frames)
+        if end - first >= 2:
+            kind = _kind(segment, before)
+            yield kind, _gait(before if kind in ("stop", "jump") else segment), first, end
+        first = end
+        if segment.gait != Gait.JUMP:
+            before = segment
+
+
+def _kind(segment: StickSegment, before: StickSegment) -> str:
+    rests, turned = _rests(segment), segment.facing != before.facing
+    if segment.gait == Gait.JUMP:
+        return "jump"
+    if rests != _rests(before):
+        return "stop" if rests else "start"
+    if rests:
+        return "spin" if turned and segment.facing is not None else "stand"
+    if turned or segment.heading != before.heading:
+        return "turn"
+    return "steady" if (segment.gait, segment.amount) == (before.gait, before.amount) else "change"
+
+
+def _gait(segment: StickSegment) -> str:
+    part = {0.0: "", 1.0: "", 0.5: "half "}.get(segment.amount, f"{segment.amount:g} ")
+    return part + segment.gait.label
+
+
+def _rests(segment: StickSegment) -> bool:
+    return segment.gait == Gait.STAND or segment.amount == 0.0
+
+
+def _resting(script: StickScript, frames: int) -> NDArray[np.bool_]:
+    """Frames in which a body stands; all of them where the stick never rests for long."""
+    result = np.zeros(frames, bool)
+    for kind, _, first, end in _segments(script, frames):
+        if kind in ("stand", "stop", "spin"):
+            result[first + (0 if first == 0 else 2 * SETTLED) : end] = True
+    return result if result.any() else np.ones(frames, bool)
+
+
+def whole_clip(p: Points, script: StickScript) -> dict[str, float]:
+    """Pops of knees and elbows a minute without jumps, and in jumps; toes under their resting height, cm (0.1th percentile)."""
+    jumps = np.zeros(len(p["hips"]), bool)
+    for kind, _, first, end in _segments(script, len(jumps)):
+        jumps[first:end] |= kind == "jump"
+    result = {}
+    for name, frames in zip(("knee_pops", "elbow_pops"), joint_pops(p), strict=True):
+        for there, title in ((~jumps, name), (jumps, name + "_in_jumps")):
+            if there.any():
+                result[title] = float(there[frames].sum()) / (there.sum() / FPS / 60.0)
+    toes = toe_heights(p, _resting(script, len(p["hips"])))
+    if toes.size:
+        result["toe_under_cm"] = 100.0 * float(np.percentile(toes, 0.1))
+    return result
+
+
+# --- raw capture, whose stick is unknown -----------------------------------------------------------------------------
+
+
+def raw_start(p: Points) -> dict[str, float]:
+    """Of a take that begins at rest and goes: from the first frame that moves to 90 % of the steady speed."""
+    curves = Curves(p)
+    v = curves.hips
+    steady = float(np.median(v[v > 0.5 * v.max()]))
+    begins = np.flatnonzero(v[: int(np.argmax(v > REACHED * steady)) + 1] < STILL)
+    return curves.start_figures(int(begins[-1]) if len(begins) else 0, len(v), steady)
+
+
+def raw_stop(p: Points) -> dict[str, float]:
+    """Of a take that goes and ends at rest: from the last frame at 90 % of the steady speed to the first that stands."""
+    curves = Curves(p)
+    v = curves.hips
+    steady = float(np.median(v[v > 0.5 * v.max()]))
+    last = int(np.flatnonzero(v > REACHED * steady)[-1])
+    return curves.stop_figures(last, len(v) + 2, last + 1) if (v[last:] < STILL).any() else {}
+
+
+def raw_turns(p: Points) -> dict[str, float]:
+    """Of all turns of the hips in a take, one a second at most: the 90th percentile of their fastest moments."""
+    turn = hips_turn(p)
+    peaks, _ = find_peaks(turn, height=TURNING, distance=FPS)
+    return {"turn": float(np.percentile(turn[peaks], 90))} if len(peaks) else {}
+
+
+def raw_pops(p: Points) -> dict[str, float]:
+    """Pops of knees and elbows a minute."""
+    minutes = len(p["hips"]) / FPS / 60.0
+    knees, elbows = joint_pops(p)
+    return {"knee_pops": len(knees) / minutes, "elbow_pops": len(elbows) / minutes}
+
+
+def raw_jumps(p: Points) -> dict[str, float]:
+    """The same of a take that is full of jumps."""
+    return {f"{key}_in_jumps": value for key, value in raw_pops(p).items()}

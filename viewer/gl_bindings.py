@@ -10,7 +10,7 @@ from __future__ import annotations
 from runtime.errors import DisplayError
 
 try:
-    from imgui_bundle import imgui
+    from imgui_bundle import imgui, implot
     from imgui_bundle.imguizmo import im_guizmo
     import glfw
     import moderngl
@@ -20,4 +20,4 @@ except ImportError as error:  # a missing shared library of the system surfaces 
         "Install libgl1, libegl1, libx11-6 and libxext6 (apt) or your system's OpenGL, and `pip install sport-viewer` again.",
     ) from error
 
-__all__ = ["glfw", "im_guizmo", "imgui", "moderngl"]
+__all__ = ["glfw", "im_guizmo", "imgui", "implot", "moderngl"]

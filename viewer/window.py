@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import DisplayError
-from viewer.gl_bindings import glfw, imgui, moderngl
+from viewer.gl_bindings import glfw, imgui, implot, moderngl
 from viewer.render.gl import shown_size
 from viewer.render.quality import is_software
 
@@ -269,6 +269,7 @@ class Window:
             return
         imgui.backends.opengl3_shutdown()
         imgui.backends.glfw_shutdown()
+        implot.destroy_context()
         imgui.destroy_context()
         self._release_framebuffer()
         self.ctx.release()
@@ -312,6 +313,7 @@ class Window:
 
     def _start_imgui(self) -> None:
         imgui.create_context()
+        implot.create_context()
         io = imgui.get_io()
         io.set_ini_filename(None)  # the layout follows the window, nothing to remember
         # otherwise one exception between begin and end makes every later frame fail

@@ -17,6 +17,7 @@ from viewer.compare.compare_view import CompareView
 from viewer.edit.camera_keys import CameraKeys
 from viewer.edit.cutting import Cutting
 from viewer.edit.ghosts import Trails, ghosts
+from viewer.edit.graph_editor import GraphEditor
 from viewer.edit.path import PathTool
 from viewer.edit.pins import Pins
 from viewer.edit.posing import Posing
@@ -99,7 +100,10 @@ class Workspace:
             editor, takes, scene.camera, lambda: (self.exporting.form.size, self.exporting.form.fov_degrees)
         )
         self.cutting = Cutting(takes)
-        self.transport = Transport(editing, self.pins, self.posing, self.camera_keys, self.cutting)
+        self.graph = GraphEditor(editor, takes, self.pins)
+        self.transport = Transport(
+            editing, self.pins, self.posing, self.camera_keys, self.cutting, self.graph
+        )
         self.references = References(editor, takes)
         self.compare = CompareView(editor, settings, messages, scene, takes, self.path, prompting)
         self.prompt = PromptPanel(
@@ -155,6 +159,7 @@ class Workspace:
             bar.panel(),
             pins.panel(),
             self.posing.panel(),
+            self.graph.panel(),
             references.panel(),
             guide.panel(self.guide, covered=lambda: compare.open),
             self.settings_window.panel(),

@@ -12,6 +12,7 @@ from runtime.skeleton import PART_NAMES
 from runtime.takes.pins import Pin, Pinned
 from viewer.edit.camera_keys import CameraKeys
 from viewer.edit.cutting import Cutting
+from viewer.edit.graph_editor import GraphEditor
 from viewer.edit.pins import Pins
 from viewer.edit.posing import Posing
 from viewer.edit.reference_card import ReferenceCard
@@ -42,6 +43,7 @@ NEW_FOOTPLANT_FRAMES = 8
 CAMERA_HINT = "Views of the camera, for a film by “keyed”.\nDrag a key; right-click removes it"
 PIN_HINT = "A click shows the pin's fields; drag it or its ends"
 POSING_HINT = "Pose joints by hand over the motion: click one in the view and drag its handles"
+CURVES_HINT = "Curves of the pose and camera keys"
 POSE_HINT = "Keys of the pose layer.\nDrag a key; right-click removes it"
 FEET_HINT = (
     "When a foot bears: the left one above, the right one below.\n"
@@ -163,6 +165,7 @@ class Transport:
     posing: Posing
     cameras: CameraKeys
     cutting: Cutting
+    graph: GraphEditor
     timeline: Timeline = field(init=False)
     _tracks: TakeTracks = field(init=False)
     _wide: bool = True
@@ -313,6 +316,9 @@ class Transport:
     def _more(self, references: ReferenceCard) -> None:
         """Tracks of body parts, and what the take is compared with."""
         editing, gap = self.editing, px(4)
+        imgui.same_line(0, gap)
+        if widgets.toggle("Curves", self.graph.open, px(52), CURVES_HINT) != self.graph.open:
+            self.graph.toggle()
         imgui.same_line(0, gap)
         hint = "A track for what each body part does"
         editing.part_tracks = widgets.toggle("Parts", editing.part_tracks, px(48), hint)

@@ -1,0 +1,404 @@
+"""The graph editor: curves of pose and camera keys over the frames of a take, whose keys are chosen, dragged and eased."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from runtime.arrays import Array
+from runtime.errors import SportError
+from runtime.takes.key_curves import CAMERA_AXES, POSE_AXES, Channel, Curve, CurveKey, KeyedCurves, span_of
+from runtime.takes.pose_layer import MAX_EASE_S, PoseLayer, Tangent
+from viewer.edit.pins import Pins
+from viewer.edit.posing import NAMES
+from viewer.edit.rings import AXES
+from viewer.editor import Editor
+from viewer.gl_bindings import imgui, implot
+from viewer.gui import theme, widgets
+from viewer.gui.layout import Rect
+from viewer.gui.panels import Panel, PanelPlace
+from viewer.gui.widgets import px
+from viewer.session.playback import Playback
+from viewer.session.takes import Takes
+
+SIZE_PX = (760.0, 300.0)  # of the window when it opens, at scale 1
+MIN_SIZE_PX = (420.0, 200.0)
+LIST_WIDTH_PX, FIELD_WIDTH_PX = 132.0, 74.0
+GRAB_PX = 9.0  # a click nearer to a key takes it
+KEY_PX, CHOSEN_KEY_PX = 4.0, 5.5  # radii
+SAMPLES = 240  # of a curve across the plot
+MIN_SPAN = {"°": 10.0, "cm": 4.0, "m": 0.5}  # of the values shown
+_FLAGS = imgui.WindowFlags_
+CAMERA_TINTS = ((0.95, 0.78, 0.42, 1.0), (0.80, 0.55, 0.92, 1.0), (0.45, 0.80, 0.86, 1.0), *AXES)
+HELP = (
+    "Click or box keys, Shift adds. Drag moves them; Ctrl in one direction alone.\n"
+    "Double click sets a key. Del removes, Ctrl+A chooses all.\n"
+    "Wheel zooms, a middle drag scrolls; the line is the frame shown."
+)
+
+
+@dataclass(frozen=True)
+class Grab:
+    """What the left button holds since it was pressed: keys, the line of the frame shown, or a box."""
+
+    what: str  # "keys", "frame" or "box"
+    frame: float  # where it was pressed,
+    value: float  # in the plot's axes
+    before: KeyedCurves  # what was there then
+    chosen: frozenset[CurveKey]  # likewise
+
+
+@dataclass
+class GraphEditor:
+    """Which curves are shown, which keys are chosen, and what the mouse holds."""
+
+    editor: Editor
+    takes: Takes
+    pins: Pins
+    open: bool = False
+    chosen: frozenset[CurveKey] = frozenset()
+    hidden: set[tuple[Curve, int]] = field(default_factory=set)
+    _grab: Grab | None = None
+    _fits: bool = True  # the plot shows everything in the next frame
+    _take: int = 0  # whose keys are chosen
+
+    @property
+    def playback(self) -> Playback | None:
+        """What plays."""
+        return self.takes.playback
+
+    @property
+    def curves(self) -> KeyedCurves:
+        """The curves of the take that plays."""
+        playback = self.playback
+        if playback is None:
+            return KeyedCurves(PoseLayer(), (), 1.0, 1)
+        take = playback.take
+        return KeyedCurves(take.poses.layer, take.cameras, playback.clip.fps, playback.frames)
+
+    def toggle(self) -> None:
+        """Open the window, or close it."""
+        self.open, self._fits = not self.open, True
+
+    def close(self) -> bool:
+        """Let the chosen keys go, then close the window; return whether anything was open."""
+        was = self.open and self.playback is not None
+        self.open, self.chosen, self._grab = self.open and bool(self.chosen), frozenset(), None
+        return was
+
+    def panel(self) -> Panel:
+        """The window, over the view until it is moved; Escape closes it."""
+        return Panel(
+            "Curves", PanelPlace.VIEW, self._draw,
+            shown=lambda: self.open and self.playback is not None, close=self.close,
+        )  # fmt: skip
+
+    # --- edits
+
+    def put(self, label: str, change: Callable[[], KeyedCurves], held: bool = False) -> None:
+        """Put other curves in the place of those of the take, as a step of undo."""
+        playback = self.playback
+        if playback is None or self.pins.fixed:
+            return
+        take = playback.take
+        try:
+            made = change()
+            poses = replace(take.poses, layer=made.layer)
+        except SportError as error:
+            self.editor.messages.error(error)
+            return
+        label = f"{label} of {take.title}"
+        self.editor.put(label, take.number, held, poses=poses, cameras=made.cameras)
+
+    def remove(self) -> None:
+        """Take the chosen keys away."""
+        chosen, self.chosen = self.chosen, frozenset()
+        if chosen:
+            self.put("removal of keys", lambda: self.curves.removed(chosen))
+
+    def insert(self, channel: Channel, frame: int) -> None:
+        """Set a key on the curve of a channel, and choose it."""
+        self.put("new key", lambda: self.curves.inserted(channel, frame))
+        self.chosen = frozenset({CurveKey(channel, frame)})
+
+    def move(self, frames: int, value: float) -> None:
+        """Move the keys that the mouse holds from where they were by frames, and by a value on the plot's axis."""
+        grab = self._grab
+        if grab is None:
+            return
+        moved = grab.before.moved(grab.chosen, 0, lambda _: 0.0)  # as it is, where nothing can be moved
+        frames = grab.before.bounded(grab.chosen, frames)
+
+        def change() -> KeyedCurves:
+            return grab.before.moved(grab.chosen, frames, lambda channel: value)
+
+        if frames or value:
+            self.put("move of keys", change, held=True)
+        elif moved != self.curves:
+            self.put("move of keys", lambda: moved, held=True)
+        self.chosen = frozenset(key._replace(frame=key.frame + frames) for key in grab.chosen)
+
+    # --- the window
+
+    def _draw(self, view: Rect) -> None:
+        playback = self.playback
+        if playback is None:
+            return
+        if self._take != playback.number:
+            self._take, self.chosen, self._grab, self._fits = playback.number, frozenset(), None, True
+        curves = self.curves
+        self.chosen = frozenset(key for key in self.chosen if key.frame in curves.keys(key.channel))
+        size = imgui.ImVec2(min(px(SIZE_PX[0]), view.width - px(20)), min(px(SIZE_PX[1]), 0.45 * view.height))
+        place = imgui.ImVec2(view.x + px(10), view.y + px(56))
+        imgui.set_next_window_pos(place, imgui.Cond_.appearing)
+        imgui.set_next_window_size(size, imgui.Cond_.appearing)
+        imgui.set_next_window_size_constraints(
+            imgui.ImVec2(px(MIN_SIZE_PX[0]), px(MIN_SIZE_PX[1])), imgui.ImVec2(4096, 4096)
+        )
+        flags = (
+            _FLAGS.no_saved_settings | _FLAGS.no_collapse | _FLAGS.no_scrollbar | _FLAGS.no_scroll_with_mouse
+        )
+        shown, keep = imgui.begin("Curves", True, flags)
+        try:
+            if shown:
+                self._tools(curves)
+                self._list(curves)
+                imgui.same_line()
+                self._plot(curves, playback)
+                self._keys()
+        finally:
+            imgui.end()
+        if not keep:
+            self.open = False
+
+    def _keys(self) -> None:
+        """Keys of the keyboard while the mouse is over the window, as it is where keys are clicked."""
+        over = imgui.is_window_hovered(imgui.HoveredFlags_.root_and_child_windows)
+        if not over or imgui.get_io().want_text_input:
+            return
+        if imgui.is_key_pressed(imgui.Key.delete, False):
+            self.remove()
+        if imgui.get_io().key_ctrl and imgui.is_key_pressed(imgui.Key.a, False):
+            self.chosen = frozenset(self._all_keys())
+
+    def _all_keys(self) -> list[CurveKey]:
+        curves = self.curves
+        return [CurveKey(channel, frame) for channel in self._shown(curves) for frame in curves.keys(channel)]
+
+    def _shown(self, curves: KeyedCurves) -> list[Channel]:
+        return [each for each in curves.channels() if (each.curve, each.joint) not in self.hidden]
+
+    def _tools(self, curves: KeyedCurves) -> None:
+        """The line above the plot: the chosen key in numbers, its tangent, and the eases of the pose layer."""
+        if widgets.button("Fit##curves", 0.0, f"Show every key\n{HELP}"):
+            self._fits = True
+        imgui.same_line()
+        (first, *others) = self.chosen or (None,)
+        frame = value = 0.0
+        if first is not None:
+            frame, value = float(first.frame), curves.keys(first.channel)[first.frame]
+        with widgets.disabled(first is None or others):
+            new_frame = self._number("frame", frame, "frame %.0f", "Frame of the chosen key")
+            unit = first.channel.unit if first is not None else ""
+            new_value = self._number("value", value, f"%.1f {unit}", "Value of the chosen key")
+        if first is not None and (round(new_frame) != first.frame or abs(new_value - value) > 1e-4):
+            by, chosen = round(new_frame) - first.frame, self.chosen
+            change = new_value - value
+            self.put("move of keys", lambda: curves.moved(chosen, by, lambda _: change), held=True)
+            self.chosen = frozenset({first._replace(frame=first.frame + curves.bounded(chosen, by))})
+        tangents = {curves.tangent(key) for key in self.chosen} - {None}
+        with widgets.disabled(not tangents):
+            imgui.set_next_item_width(px(FIELD_WIDTH_PX))
+            options = [(tangent, str(tangent).capitalize()) for tangent in Tangent]
+            now = next(iter(tangents)) if len(tangents) == 1 else None
+            picked = widgets.combo("##curve tangent", options, now)
+            widgets.tooltip("How the curves pass the chosen pose keys")
+        if isinstance(picked, Tangent) and tangents != {picked} and tangents:
+            self.put("tangent of keys", lambda: curves.with_tangent(self.chosen, picked))
+        imgui.same_line()
+        self._eases(curves)
+
+    def _number(self, name: str, value: float, text: str, hint: str) -> float:
+        imgui.set_next_item_width(px(FIELD_WIDTH_PX))
+        _, made = imgui.drag_float(f"##curve {name}", value, 0.1, 0.0, 0.0, text)
+        widgets.tooltip(hint)
+        imgui.same_line()
+        return float(made)
+
+    def _eases(self, curves: KeyedCurves) -> None:
+        layer = curves.layer
+        with widgets.disabled(not layer):
+            eases = [
+                self._number(name, getattr(layer, name), f"{text} %.2f s", hint)
+                for name, text, hint in (
+                    ("ease_in", "in", "Ease in before a joint's first key"),
+                    ("ease_out", "out", "Ease out after its last key"),
+                )
+            ]
+        bounded = [min(max(ease, 0.0), MAX_EASE_S) for ease in eases]
+        if layer and np.abs(np.subtract(bounded, (layer.ease_in, layer.ease_out))).max() > 1e-6:
+            made = replace(layer, ease_in=bounded[0], ease_out=bounded[1])
+            self.put("ease of the pose layer", lambda: replace(curves, layer=made), held=True)
+        imgui.new_line()
+        imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - imgui.get_style().item_spacing.y)
+
+    def _list(self, curves: KeyedCurves) -> None:
+        """The curves by joint; a click hides or shows one."""
+        if imgui.begin_child("channels", imgui.ImVec2(px(LIST_WIDTH_PX), 0)):
+            groups = dict.fromkeys((each.curve, each.joint) for each in curves.channels())
+            for curve, joint in groups:
+                on = (curve, joint) not in self.hidden
+                name = "Camera" if curve is Curve.CAMERA else f"{NAMES.get(joint, joint)} {curve}"
+                clicked, on = imgui.checkbox(f"{name}##channel {curve} {joint}", on)
+                if clicked:
+                    (self.hidden.discard if on else self.hidden.add)((curve, joint))
+            if not groups:
+                widgets.muted("No keys yet. Pose a joint, or key the camera.", wrap=True)
+        imgui.end_child()
+
+    # --- the plot
+
+    def _plot(self, curves: KeyedCurves, playback: Playback) -> None:
+        flags = implot.Flags_
+        chosen = flags.no_title | flags.no_legend | flags.no_menus | flags.no_box_select | flags.no_mouse_text
+        implot.get_input_map().pan = 2  # the middle button: the left one chooses and drags
+        if not implot.begin_plot("##curves", imgui.ImVec2(-1, -1), chosen):
+            return
+        try:
+            channels = self._shown(curves)
+            self._fit(curves, channels)
+            implot.setup_axes("", "", implot.AxisFlags_.no_label, implot.AxisFlags_.no_label)
+            implot.setup_finish()
+            for channel in channels:
+                self._curve(curves, channel)
+            self._mouse(curves, channels, playback)
+            self._overlay(playback)
+        finally:
+            implot.end_plot()
+
+    def _fit(self, curves: KeyedCurves, channels: list[Channel]) -> None:
+        if not self._fits:
+            return
+        self._fits = False
+        keys = [(frame, value) for each in channels for frame, value in curves.keys(each).items()]
+        least = max((MIN_SPAN[each.unit] for each in channels), default=10.0)
+        low, high = span_of([value for _, value in keys], least)
+        first, last = span_of([float(frame) for frame, _ in keys], 60.0)
+        implot.setup_axes_limits(first, last, low, high, imgui.Cond_.always)
+
+    def _curve(self, curves: KeyedCurves, channel: Channel) -> None:
+        limits = implot.get_plot_limits()
+        frames = np.linspace(max(limits.x.min, 0.0), min(limits.x.max, curves.frames - 1.0), SAMPLES)
+        if frames[-1] <= frames[0]:
+            return
+        tint = imgui.ImVec4(*_tint(channel))
+        name = (CAMERA_AXES if channel.curve is Curve.CAMERA else POSE_AXES)[channel.axis]
+        values = np.asarray(curves.values(channel, frames / curves.fps), np.float64)
+        spec = implot.Spec()
+        spec.line_color, spec.line_weight = tint, px(1.4)
+        implot.plot_line(f"{channel.curve} {channel.joint} {name}", frames, values, spec)
+        drawing = implot.get_plot_draw_list()
+        implot.push_plot_clip_rect()
+        for frame, value in curves.keys(channel).items():
+            at, own = implot.plot_to_pixels(frame, value), CurveKey(channel, frame) in self.chosen
+            color = theme.TEXT if own else _tint(channel)
+            drawing.add_circle_filled(at, px(CHOSEN_KEY_PX if own else KEY_PX), widgets.packed(color))
+        implot.pop_plot_clip_rect()
+
+    def _overlay(self, playback: Playback) -> None:
+        """The line of the frame shown, and the box that chooses keys."""
+        limits, drawing = implot.get_plot_limits(), implot.get_plot_draw_list()
+        implot.push_plot_clip_rect()
+        low, high = (
+            implot.plot_to_pixels(playback.frame, limits.y.min),
+            implot.plot_to_pixels(playback.frame, limits.y.max),
+        )
+        drawing.add_line(low, high, widgets.packed(theme.TEXT), px(1))
+        if self._grab is not None and self._grab.what == "box":
+            corner, mouse = implot.plot_to_pixels(self._grab.frame, self._grab.value), imgui.get_mouse_pos()
+            drawing.add_rect_filled(corner, mouse, widgets.packed(theme.ACCENT_DIM))
+            drawing.add_rect(corner, mouse, widgets.packed(theme.ACCENT))
+        implot.pop_plot_clip_rect()
+
+    def _mouse(self, curves: KeyedCurves, channels: list[Channel], playback: Playback) -> None:
+        mouse = implot.get_plot_mouse_pos()
+        if self._grab is None and implot.is_plot_hovered():
+            near = self._near(curves, channels)
+            if imgui.is_mouse_double_clicked(0) and near is None:
+                self._insert_under(curves, channels, mouse.x, mouse.y)
+            elif imgui.is_mouse_clicked(0):
+                self._press(curves, near, playback, mouse)
+        if self._grab is not None:
+            self._carry(self._grab, playback, mouse)
+            if not imgui.is_mouse_down(0):
+                self._let_go(self._grab, curves, channels)
+
+    def _near(self, curves: KeyedCurves, channels: list[Channel]) -> CurveKey | None:
+        """The key under the mouse."""
+        mouse, found = imgui.get_mouse_pos(), []
+        for channel in channels:
+            for frame, value in curves.keys(channel).items():
+                at = implot.plot_to_pixels(frame, value)
+                found.append((float(np.hypot(at.x - mouse.x, at.y - mouse.y)), CurveKey(channel, frame)))
+        away, key = min(found, key=lambda each: each[0], default=(np.inf, None))
+        return key if away <= px(GRAB_PX) else None
+
+    def _press(
+        self, curves: KeyedCurves, near: CurveKey | None, playback: Playback, mouse: implot.Point
+    ) -> None:
+        adds = imgui.get_io().key_shift
+        if near is not None:
+            if adds:
+                self.chosen = self.chosen ^ {near}
+            elif near not in self.chosen:
+                self.chosen = frozenset({near})
+            what = "keys" if near in self.chosen else ""
+        else:
+            line = implot.plot_to_pixels(playback.frame, mouse.y)
+            what = "frame" if abs(line.x - imgui.get_mouse_pos().x) <= px(GRAB_PX) else "box"
+        if what == "box" and not adds:
+            self.chosen = frozenset()
+        self._grab = Grab(what, mouse.x, mouse.y, curves, self.chosen) if what else None
+
+    def _carry(self, grab: Grab, playback: Playback, mouse: implot.Point) -> None:
+        if grab.what == "frame":
+            playback.seek(min(max(round(mouse.x), 0), playback.frames - 1))
+        if grab.what != "keys":
+            return
+        frames, value = round(mouse.x - grab.frame), mouse.y - grab.value
+        if imgui.get_io().key_ctrl:  # the larger way on the screen alone
+            drag = imgui.get_mouse_drag_delta(0)
+            frames, value = (frames, 0.0) if abs(drag.x) >= abs(drag.y) else (0, value)
+        if imgui.is_mouse_dragging(0):
+            self.move(frames, value)
+
+    def _let_go(self, grab: Grab, curves: KeyedCurves, channels: list[Channel]) -> None:
+        self._grab = None
+        if grab.what == "keys":
+            self.editor.finish_drag()
+        if grab.what != "box":
+            return
+        corner, mouse = implot.plot_to_pixels(grab.frame, grab.value), imgui.get_mouse_pos()
+        left, right = sorted((corner.x, mouse.x))
+        top, bottom = sorted((corner.y, mouse.y))
+        inside = set()
+        for channel in channels:
+            for frame, value in curves.keys(channel).items():
+                at = implot.plot_to_pixels(frame, value)
+                if left <= at.x <= right and top <= at.y <= bottom:
+                    inside.add(CurveKey(channel, frame))
+        self.chosen = grab.chosen | inside
+
+    def _insert_under(self, curves: KeyedCurves, channels: list[Channel], frame: float, value: float) -> None:
+        """Set a key on the curve that is nearest to a point of the plot."""
+        at = min(max(round(frame), 0), curves.frames - 1)
+        seconds: Array = np.array([at / curves.fps])
+        away = [abs(float(curves.values(channel, seconds)[0]) - value) for channel in channels]
+        if away:
+            self.insert(channels[int(np.argmin(away))], at)
+
+
+def _tint(channel: Channel) -> theme.Color:
+    return (CAMERA_TINTS if channel.curve is Curve.CAMERA else AXES)[channel.axis]

@@ -15,6 +15,12 @@ from hypothesis import settings
 
 from tests.helpers.browser import browser  # noqa: F401  (fixture)
 from tests.helpers.gpt_endpoint import endpoint, expander_of, settings_of  # noqa: F401  (fixtures)
+from tests.helpers.skips import (  # noqa: F401  (hooks)
+    pytest_addoption,
+    pytest_pycollect_makemodule,
+    pytest_runtest_setup,
+    pytest_terminal_summary,
+)
 from tests.helpers.slow_model import asking, language_model  # noqa: F401  (fixtures)
 
 # every run has the same few examples; `pytest --hypothesis-profile long` looks for more
@@ -191,7 +197,6 @@ def exported_tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     It is exported once, also where several processes run the tests: the first does it, the others wait.
     """
-    pytest.importorskip("onnxscript")
     from runtime.file_lock import open_locked
     from tests.helpers.quick_export import export_motion_quickly
     from tests.helpers.tiny_model import tiny_trained

@@ -7,8 +7,9 @@ import importlib.util
 import re
 import shlex
 import sys
+from collections.abc import Iterable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -25,6 +26,7 @@ DOCUMENTS = [
     ROOT / "assets" / "NOTICE.md",
 ]
 WITH_SUBCOMMANDS = ("training.evaluation", "training.baselines", "benchmarks.study")
+TRAINING = re.compile(rf"\btraining\.|^(?:python -m )?sport (?:{'|'.join(training.COMMANDS)})\b")
 SETTING = re.compile(r"[A-Z_]+=\S*")  # a variable in front of a command
 
 
@@ -51,6 +53,12 @@ def commands(path: Path) -> list[Command]:
     return [Command(path.relative_to(ROOT).as_posix(), line) for line in stripped if line]
 
 
+def cases(found: Iterable[Command]) -> list[Any]:
+    """Parameters of a test for each command; the modules of those that train need torch."""
+    marks = {True: [pytest.mark.needs_torch], False: []}
+    return [pytest.param(*one, marks=marks[bool(TRAINING.search(one.line))]) for one in found]
+
+
 def check_command(line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """That program and options exist: `sport` by its parser, modules by the options in their help."""
     words = shlex.split(line)
@@ -61,7 +69,6 @@ def check_command(line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
     if words[:3] == ["python", "-m", "sport"]:
         words = words[2:]
     if words[0] == "sport" and words[1:2] and words[1] in training.COMMANDS:
-        pytest.importorskip("torch")
         module, flags = training.COMMANDS[words[1]][0], words[2:]
         flags = ["--text", *(f for f in flags if f != "--text")] if "--text" in flags else flags
         check_help(module, flags, monkeypatch, capsys)
@@ -92,20 +99,15 @@ def check_help(
     options = [word.split("=")[0] for word in arguments if word.startswith("--")]
     if not options or importlib.util.find_spec(module.split(".")[0]) is None:
         return
-    try:
-        imported = importlib.import_module(module)
-        main = (
-            importlib.import_module(f"{module}.__main__") if hasattr(imported, "__path__") else imported
-        ).main
-    except ModuleNotFoundError as error:
-        pytest.skip(f"{error.name} is not installed")
+    imported = importlib.import_module(module)
+    program = importlib.import_module(f"{module}.__main__") if hasattr(imported, "__path__") else imported
     own = {"--text", "--courses"}  # of `sport evaluate`: each has a help of its own
     subcommand = options[:1] if options[0] in own else []
     if module in WITH_SUBCOMMANDS:
         subcommand = arguments[:1]
     monkeypatch.setattr(sys, "argv", [module, *subcommand, "--help"])
     with pytest.raises(SystemExit):
-        main()
+        program.main()
     shown = set(re.findall(r"--[\w-]+", capsys.readouterr().out))
     assert set(options) <= shown | own, f"{module}: {set(options) - shown}"
 

@@ -112,8 +112,8 @@ def test_06_batch_goes_on_where_it_stopped(tmp_path: Path) -> None:
     assert not (clips / "queen_0.bvh").exists()  # it was in the manifest
 
 
+@pytest.mark.needs_torch
 def test_07_evaluate_model(run: Callable[[str], str]) -> None:
-    pytest.importorskip("torch", reason="needs the extra [train]")
     shown = run("07_evaluate_model.py")
     speeds = [float(share) for share in re.findall(r"speed ([\d.]+) of the request", shown)]
     assert len(speeds) == 6

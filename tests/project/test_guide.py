@@ -17,6 +17,7 @@ from tests.helpers.documents import (
     GUIDE,
     ROOT,
     blocks,
+    cases,
     check_command,
     commands,
     text_of,
@@ -27,7 +28,7 @@ from viewer.input.bindings import HELP, pad_text
 PAGES = [path for path in DOCUMENTS if path.name != "README.md"]
 
 
-@pytest.mark.parametrize(("where", "line"), [one for page in PAGES for one in commands(page)])
+@pytest.mark.parametrize(("where", "line"), cases(one for page in PAGES for one in commands(page)))
 def test_commands_exist_with_these_options(
     where: str, line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -15,6 +15,7 @@ from tests.helpers.documents import (
     Command,
     anchors,
     blocks,
+    cases,
     check_command,
     commands,
     links,
@@ -70,7 +71,7 @@ def test_constraints_are_names_and_versions_and_cover_what_is_needed() -> None:
     assert {re.split(r"[<>=; \[]", line)[0] for line in needed} <= pinned.keys()
 
 
-@pytest.mark.parametrize(("where", "line"), [*commands(README), *image_script()])
+@pytest.mark.parametrize(("where", "line"), cases([*commands(README), *image_script()]))
 def test_commands_exist_with_these_options(
     where: str, line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -5,25 +5,24 @@ import itertools
 
 import numpy as np
 import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-torch = pytest.importorskip("torch")
+from runtime import rotations
+from runtime.motion.features import FPS, OUTPUT
+from runtime.skeleton import PART_JOINTS, PART_NAMES, SPORT_SKELETON, J
+from tests.helpers.synthetic_clips import flat_patch, save_motion
+from tests.helpers.walker import walk
+from training.augmentation.catalogue import catalogue, part_edits
+from training.batches import FrameTensors
+from training.composition import PARTS, Composer, CompositionPlan, acts_on_base
+from training.frames import FIRST_OF_UPPER, LAYERED, FrameTable, load_frames
+from training.kinematics import shown_joints
+from training.sampling import moments, sampling_weights, sprint_starts
+from training.styles import StyleTexts
 
-
-from hypothesis import given, settings  # noqa: E402
-from hypothesis import strategies as st  # noqa: E402
-
-from runtime import rotations  # noqa: E402
-from runtime.motion.features import FPS, OUTPUT  # noqa: E402
-from runtime.skeleton import PART_JOINTS, PART_NAMES, SPORT_SKELETON, J  # noqa: E402
-from tests.helpers.synthetic_clips import flat_patch, save_motion  # noqa: E402
-from tests.helpers.walker import walk  # noqa: E402
-from training.augmentation.catalogue import catalogue, part_edits  # noqa: E402
-from training.batches import FrameTensors  # noqa: E402
-from training.composition import PARTS, Composer, CompositionPlan, acts_on_base  # noqa: E402
-from training.frames import FIRST_OF_UPPER, LAYERED, FrameTable, load_frames  # noqa: E402
-from training.kinematics import shown_joints  # noqa: E402
-from training.sampling import moments, sampling_weights, sprint_starts  # noqa: E402
-from training.styles import StyleTexts  # noqa: E402
+pytestmark = pytest.mark.needs_torch
 
 # (name, style, content, held out, first frame of the walk, keys of parts that an edit changes)
 CLIPS = (

@@ -3,16 +3,16 @@
 from contextlib import nullcontext
 
 import pytest
+import torch
+from torch.utils._python_dispatch import TorchDispatchMode
+from torch.utils._pytree import tree_leaves
 
-torch = pytest.importorskip("torch")
+from tests.training.test_composition import drawn, frames, table, texts  # noqa: F401
+from tests.training.test_resume import run
+from training import gpu
+from training.stages import content, motion, phase
 
-from torch.utils._python_dispatch import TorchDispatchMode  # noqa: E402
-from torch.utils._pytree import tree_leaves  # noqa: E402
-
-from tests.training.test_composition import drawn, frames, table, texts  # noqa: E402, F401
-from tests.training.test_resume import run  # noqa: E402
-from training import gpu  # noqa: E402
-from training.stages import content, motion, phase  # noqa: E402
+pytestmark = pytest.mark.needs_torch
 
 aten = torch.ops.aten
 WAITS = (aten._local_scalar_dense, aten.nonzero, aten.lift_fresh, aten.masked_select, aten.equal)

@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
-
-from runtime import rotations  # noqa: E402
-from runtime.controls import Gait  # noqa: E402
-from runtime.motion.features import (  # noqa: E402
+from runtime import rotations
+from runtime.controls import Gait
+from runtime.motion.features import (
     FPS,
     INPUT,
     INPUT_SIZE,
@@ -17,19 +16,21 @@ from runtime.motion.features import (  # noqa: E402
     TRAJECTORY_OFFSETS,
     L,
 )
-from runtime.skeleton import SPORT_SKELETON, J  # noqa: E402
-from tests.training.test_training import clips, frames, small_table  # noqa: E402, F401
-from training import losses  # noqa: E402
-from training.batches import Normalisation  # noqa: E402
-from training.export.pace import captured_paces, straight_speeds, style_speeds  # noqa: E402
-from training.frames import LAYERED, FrameTable  # noqa: E402
-from training.kinematics import KNEES, knee_flexion, shown_joints, turns  # noqa: E402
-from training.networks.generator import Generator  # noqa: E402
-from training.presets import preset  # noqa: E402
-from training.rollouts import MOVEMENTS, RolloutLanes, steered  # noqa: E402
-from training.session import Session  # noqa: E402
-from training.stages.motion import MotionData, estimate_variance, from_other_poses  # noqa: E402
-from training.styles import StyleTable  # noqa: E402
+from runtime.skeleton import SPORT_SKELETON, J
+from tests.training.test_training import clips, frames, small_table  # noqa: F401
+from training import losses
+from training.batches import Normalisation
+from training.export.pace import captured_paces, straight_speeds, style_speeds
+from training.frames import LAYERED, FrameTable
+from training.kinematics import KNEES, knee_flexion, shown_joints, turns
+from training.networks.generator import Generator
+from training.presets import preset
+from training.rollouts import MOVEMENTS, RolloutLanes, steered
+from training.session import Session
+from training.stages.motion import MotionData, estimate_variance, from_other_poses
+from training.styles import StyleTable
+
+pytestmark = pytest.mark.needs_torch
 
 
 def test_steps_that_are_the_velocity_are_no_unrest_and_trembling_is():

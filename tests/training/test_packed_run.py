@@ -4,18 +4,19 @@ import json
 import shutil
 
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
+from runtime.assets import asset_path
+from runtime.errors import FileError, UsageError
+from tests.helpers.tiny_model import tiny_trained
+from training.export.graph import store_model_in_half
+from training.export.model_card import model_card
+from training.networks.generator import Generator
+from training.packed_run import BEFORE, START, History, pack, unpack
+from training.presets import preset
+from training.session import load_checkpoint, save_checkpoint
 
-from runtime.assets import asset_path  # noqa: E402
-from runtime.errors import FileError, UsageError  # noqa: E402
-from tests.helpers.tiny_model import tiny_trained  # noqa: E402
-from training.export.graph import store_model_in_half  # noqa: E402
-from training.export.model_card import model_card  # noqa: E402
-from training.networks.generator import Generator  # noqa: E402
-from training.packed_run import BEFORE, START, History, pack, unpack  # noqa: E402
-from training.presets import preset  # noqa: E402
-from training.session import load_checkpoint, save_checkpoint  # noqa: E402
+pytestmark = pytest.mark.needs_torch
 
 
 @pytest.fixture

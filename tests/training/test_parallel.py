@@ -1,12 +1,13 @@
 """Training in two processes: averaged gradients, equal weights, one writer."""
 
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
+from runtime.errors import UsageError
+from training import parallel
+from training.session import MovingAverage, Session, StageLength, TrainingState, load_checkpoint, train
 
-from runtime.errors import UsageError  # noqa: E402
-from training import parallel  # noqa: E402
-from training.session import MovingAverage, Session, StageLength, TrainingState, load_checkpoint, train  # noqa: E402
+pytestmark = pytest.mark.needs_torch
 
 STEPS = 3
 

@@ -5,16 +5,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
+from tests.training.test_composition import frames, table, texts  # noqa: F401
+from training import session as training_session
+from training.presets import preset
+from training.sampling import sampling_weights
+from training.session import Session, StageLength, load_checkpoint
+from training.stages import content, ground, motion, phase
+from training.styles import StyleTable
 
-from tests.training.test_composition import frames, table, texts  # noqa: E402, F401
-from training import session as training_session  # noqa: E402
-from training.presets import preset  # noqa: E402
-from training.sampling import sampling_weights  # noqa: E402
-from training.session import Session, StageLength, load_checkpoint  # noqa: E402
-from training.stages import content, ground, motion, phase  # noqa: E402
-from training.styles import StyleTable  # noqa: E402
+pytestmark = pytest.mark.needs_torch
 
 STEPS = 5
 CONFIG = replace(preset("tiny"), measures=False, text_size=4, direction_words=False, one_sided_words=False)

@@ -2,17 +2,18 @@
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
+from runtime.motion import features
+from runtime.motion.features import INPUT, OUTPUT
+from runtime.skeleton import REST_HIPS_HEIGHT
+from tests.helpers.synthetic_clips import LENGTH, SPEED, write_clip
+from training.batches import FrameTensors
+from training.frames import clip_frames, load_frames
+from training.rollouts import RolloutLanes
+from training.sampling import sampling_weights
 
-from runtime.motion import features  # noqa: E402
-from runtime.motion.features import INPUT, OUTPUT  # noqa: E402
-from runtime.skeleton import REST_HIPS_HEIGHT  # noqa: E402
-from tests.helpers.synthetic_clips import LENGTH, SPEED, write_clip  # noqa: E402
-from training.batches import FrameTensors  # noqa: E402
-from training.frames import clip_frames, load_frames  # noqa: E402
-from training.rollouts import RolloutLanes  # noqa: E402
-from training.sampling import sampling_weights  # noqa: E402
+pytestmark = pytest.mark.needs_torch
 
 
 @pytest.fixture(scope="module")

@@ -44,8 +44,10 @@ def test_it_leaves_when_the_body_sets_off_and_does_nothing_for_a_quiet_style():
     assert left[-1] == pytest.approx(STILL)
 
 
+@pytest.mark.needs_torch
 def test_the_rhythm_of_standing_clips_is_read_off_their_words():
-    torch = pytest.importorskip("torch")
+    import torch
+
     from runtime.controls import Gait
     from runtime.motion.features import INPUT, MOTION_INPUT_SIZE, OUTPUT_SIZE, L
     from training.export.pace import rest_rhythm

@@ -91,8 +91,10 @@ def test_a_network_of_another_kind_is_refused(tmp_path: Path) -> None:
         TextEncoder(tmp_path).encode(["a"])
 
 
+@pytest.mark.needs_torch
 def test_plain_torch_encoder_agrees_with_itself_under_padding() -> None:
-    torch = pytest.importorskip("torch")
+    import torch
+
     from training.text.encoders import BertConfig, SentenceEncoder
 
     torch.manual_seed(0)

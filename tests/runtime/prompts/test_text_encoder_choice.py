@@ -125,9 +125,11 @@ def test_the_library_always_compares_by_the_shipped_one(stand_in: Path) -> None:
 # --- training -----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.needs_torch
 def test_the_content_encoder_takes_embeddings_of_any_size() -> None:
-    torch = pytest.importorskip("torch")
     from dataclasses import replace
+
+    import torch
 
     from training.networks.content import ContentEncoder
     from training.presets import preset
@@ -142,7 +144,8 @@ def test_the_content_encoder_takes_embeddings_of_any_size() -> None:
 
 def write_clip_folder(folder: Path) -> Path:
     """A CLIP of two narrow layers with random weights, stored as Hugging Face does."""
-    torch = pytest.importorskip("torch")
+    import torch
+
     from training.text.encoders import ClipTextConfig, ClipTextTower
 
     text = {"vocab_size": len(WORDS), "hidden_size": 16, "intermediate_size": 32, "num_hidden_layers": 2}
@@ -180,8 +183,10 @@ def write_clip_folder(folder: Path) -> Path:
     return folder
 
 
+@pytest.mark.needs_torch
 def test_the_tower_agrees_with_torch_layers(tmp_path: Path) -> None:
-    torch = pytest.importorskip("torch")
+    import torch
+
     from training.text.encoders import load_tower
 
     tower = load_tower(write_clip_folder(tmp_path))
@@ -207,9 +212,9 @@ def test_the_tower_agrees_with_torch_layers(tmp_path: Path) -> None:
         torch.testing.assert_close(tower(padded, mask), expected)  # what follows the text does not count
 
 
+@pytest.mark.needs_torch
 @pytest.mark.parametrize("precision", ["float32", "int8"])
 def test_clip_becomes_a_text_encoder_folder(tmp_path: Path, precision: str) -> None:
-    pytest.importorskip("torch")
     from training.text.export_clip import export_clip
 
     weights = tmp_path / "clip"
@@ -222,9 +227,9 @@ def test_clip_becomes_a_text_encoder_folder(tmp_path: Path, precision: str) -> N
     np.testing.assert_array_equal(long[0], long[1])  # cut after the tower's 12 positions
 
 
+@pytest.mark.needs_torch
 @pytest.mark.parametrize("damage", ["config.json", "tokenizer.json", "model.safetensors", "another network"])
 def test_a_folder_that_is_no_clip_is_named(tmp_path: Path, damage: str) -> None:
-    pytest.importorskip("torch")
     from training.text.export_clip import export_clip
 
     write_clip_folder(tmp_path)

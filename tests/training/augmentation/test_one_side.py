@@ -106,8 +106,10 @@ def test_inputs_hold_what_their_length_says():
     assert words[[name for name, _ in GROUPS].index("right")] == 0.0
 
 
+@pytest.mark.needs_torch
 def test_the_code_of_mirrored_words_is_the_mirrored_code():
-    torch = pytest.importorskip("torch")
+    import torch
+
     from training.networks.content import PART_SIZE, PartTextEncoder, StatisticsReader
 
     torch.manual_seed(0)

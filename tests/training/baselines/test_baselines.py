@@ -7,12 +7,6 @@ import math
 
 import numpy as np
 import pytest
-
-from tests.helpers.synthetic_clips import save_motion
-from tests.helpers.walker import walk
-
-pytest.importorskip("torch")
-
 import torch
 
 from runtime.assets import model_folder
@@ -22,6 +16,8 @@ from runtime.motion.features import INPUT, INPUT_SIZE, OUTPUT, OUTPUT_SIZE
 from runtime.motion.model import load_model
 from runtime.terrain.height_map import Terrain
 from tests.helpers.quick_export import export_quickly
+from tests.helpers.synthetic_clips import save_motion
+from tests.helpers.walker import walk
 from training.baselines import networks as phases
 from training.baselines.networks import (
     FilmModulated,
@@ -34,6 +30,8 @@ from training.baselines.networks import (
 from training.baselines.train import BaselineStepGraph
 from training.evaluation.motion.evaluated_model import count_parameters
 from training.presets import preset
+
+pytestmark = pytest.mark.needs_torch
 
 
 def test_pfnns_phase_function_is_a_cyclic_catmull_rom_spline():

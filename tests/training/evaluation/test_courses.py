@@ -7,14 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tests.helpers.walker import WalkerModel, settle_soon, walk
-
-pytest.importorskip("sklearn")
-
 from runtime.controls import Gait
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.courses import BEAM, BEAM_RAMP_M, GAPS, HURDLES, WALLS, Obstacle
 from runtime.terrain.height_map import Terrain
+from tests.helpers.walker import WalkerModel, settle_soon, walk
 from training.evaluation.metrics import traversal
 from training.evaluation.metrics.traversal import capsule_points, depth_inside, limb_depths
 from training.evaluation.on_obstacles import COURSES, markdown, score_obstacles

@@ -5,16 +5,13 @@ import json
 import numpy as np
 import pytest
 
-from tests.helpers.synthetic_clips import save_motion
-from tests.helpers.walker import WalkerModel, walk
-
-pytest.importorskip("sklearn")
-
 from runtime.assets import asset_path
 from runtime.controls import Gait
 from runtime.errors import FileError, SportError, UsageError
 from runtime.motion.features import OUTPUT
 from runtime.terrain.height_map import Terrain
+from tests.helpers.synthetic_clips import save_motion
+from tests.helpers.walker import WalkerModel, walk
 from training.evaluation.command import MOTION, main
 from training.evaluation.metrics.motion import load_motion
 from training.evaluation.motion import driving, evaluated_model, scores
@@ -168,6 +165,7 @@ def test_replay_takes_the_clips_controls_and_seeds_matter_only_with_temperature(
     assert np.abs(seen[50][:48] - frames.x[50][:48].astype(np.float32)).max() < 0.02
 
 
+@pytest.mark.needs_torch
 def test_scores_of_a_walker_are_those_of_a_walker(results):
     model = results["models"][0]
     own = model["following"]["styles"]["neutral"]
@@ -181,6 +179,7 @@ def test_scores_of_a_walker_are_those_of_a_walker(results):
     assert results["held_out"]["recognition"]["score"] == {"neutral": 1.0, "old": 1.0}
 
 
+@pytest.mark.needs_torch
 def test_bars_count_and_name_what_misses(results):
     bars = check(results["models"][0], results["held_out"])
     assert all(0 <= b.met <= b.cases and len(b.missed) == b.cases - b.met for b in bars)
@@ -192,6 +191,7 @@ def test_bars_count_and_name_what_misses(results):
     assert "old 0.1 < 0.8" in missed
 
 
+@pytest.mark.needs_torch
 def test_tables_hold_the_capture_and_every_model(results):
     text = markdown(json.loads(json.dumps(results)))
     assert "| held-out capture |" in text

@@ -8,8 +8,6 @@ from typing import Any
 
 import pytest
 
-pytest.importorskip("sklearn")
-
 from runtime.errors import FileError
 from training.evaluation import compared_models as table1
 from training.evaluation.compared_models import CAPTURE, ROWS, SHIPPED, TABLE1, distances_table

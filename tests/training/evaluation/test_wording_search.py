@@ -7,8 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
-
 from runtime.prompts.phrasing import ModelPhrasing, adherence_of
 from runtime.prompts.prompter import Prompter
 from tests.helpers.shipped import shipped_model
@@ -18,6 +16,8 @@ from training.evaluation.text.walks import Walker
 from training.evaluation.text.wording import NEUTRAL, better_wordings, walk_all
 from training.text.claims import sentence_fraction, unclaimed_change
 from training.text.measure import ArmMeasures, BodyMeasures, HeadMeasures, LegMeasures, TorsoMeasures
+
+pytestmark = pytest.mark.needs_torch
 
 
 def _body(**torso: float) -> BodyMeasures:

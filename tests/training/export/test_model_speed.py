@@ -10,26 +10,26 @@ import numpy as np
 import onnx
 import onnxruntime
 import pytest
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from onnx import TensorProto, helper, numpy_helper
 
-torch = pytest.importorskip("torch")
-pytest.importorskip("onnxscript")
-
-from runtime.errors import FileError, ModelError  # noqa: E402
-from runtime.motion.features import OUTPUT  # noqa: E402
-from runtime.motion.model import load_model  # noqa: E402
-from runtime.motion.model_files import PRODUCT, signed_products_are_exact  # noqa: E402
-from runtime.motion.unsigned_weights import unsigned_weights  # noqa: E402
-from training.export.graph import store_in_half  # noqa: E402
-from training.export.quantize import (  # noqa: E402
+from runtime.errors import FileError, ModelError
+from runtime.motion.features import OUTPUT
+from runtime.motion.model import load_model
+from runtime.motion.model_files import PRODUCT, signed_products_are_exact
+from runtime.motion.unsigned_weights import unsigned_weights
+from training.export.graph import store_in_half
+from training.export.quantize import (
     KEPT,
     CalibrationFrames,
     main,
     quantize_model,
     quantize_step,
 )
+
+pytestmark = pytest.mark.needs_torch
 
 
 @pytest.fixture(scope="module")

@@ -4,20 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
-
-from runtime.motion.features import INPUT_SIZE  # noqa: E402
-from training.networks.decoder import blend_codes  # noqa: E402
-from training.networks.diffusion import (  # noqa: E402
+from runtime.motion.features import INPUT_SIZE
+from training.networks.decoder import blend_codes
+from training.networks.diffusion import (
     Schedule,
     add_noise,
     analytic_variance,
     noise_estimate,
     reverse_steps,
 )
-from training.networks.generator import Generator  # noqa: E402
-from training.presets import preset  # noqa: E402
+from training.networks.generator import Generator
+from training.presets import preset
+
+pytestmark = pytest.mark.needs_torch
 
 
 def test_noise_estimate_inverts_the_forward_process():

@@ -4,17 +4,18 @@ import re
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
+from runtime.assets import PROJECT_ROOT
+from training import losses
+from training.networks.content import Gaussian
+from training.networks.decoder import blend_codes
+from training.networks.diffusion import Schedule, analytic_variance, reverse_steps
+from training.networks.generator import Generator
+from training.networks.phase import PeriodicAutoencoder
+from training.presets import preset
 
-from runtime.assets import PROJECT_ROOT  # noqa: E402
-from training import losses  # noqa: E402
-from training.networks.content import Gaussian  # noqa: E402
-from training.networks.decoder import blend_codes  # noqa: E402
-from training.networks.diffusion import Schedule, analytic_variance, reverse_steps  # noqa: E402
-from training.networks.generator import Generator  # noqa: E402
-from training.networks.phase import PeriodicAutoencoder  # noqa: E402
-from training.presets import preset  # noqa: E402
+pytestmark = pytest.mark.needs_torch
 
 
 def test_equation_1_amplitude_times_sine_and_cosine_of_the_shift():

@@ -6,21 +6,22 @@ from dataclasses import replace
 import numpy as np
 import onnxruntime
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
+from runtime.motion.features import INPUT_SIZE, OUTPUT_SIZE
+from runtime.motion.model_files import FOLDED
+from runtime.skeleton import PART_JOINTS, PART_NAMES, SPORT_SKELETON
+from training.batches import Normalisation
+from training.export.graph import export_graph
+from training.export.model import MixtureStepGraph, StyleGraph
+from training.export.step import export_step
+from training.networks.content import ContentEncoder, StatisticsReader, pose_statistics
+from training.networks.generator import Generator, MotionEncoder
+from training.networks.modulator import instance_norm
+from training.networks.phase import two_hop_neighbours
+from training.presets import ablation, preset
 
-from runtime.motion.features import INPUT_SIZE, OUTPUT_SIZE  # noqa: E402
-from runtime.motion.model_files import FOLDED  # noqa: E402
-from runtime.skeleton import PART_JOINTS, PART_NAMES, SPORT_SKELETON  # noqa: E402
-from training.batches import Normalisation  # noqa: E402
-from training.export.graph import export_graph  # noqa: E402
-from training.export.model import MixtureStepGraph, StyleGraph  # noqa: E402
-from training.export.step import export_step  # noqa: E402
-from training.networks.content import ContentEncoder, StatisticsReader, pose_statistics  # noqa: E402
-from training.networks.generator import Generator, MotionEncoder  # noqa: E402
-from training.networks.modulator import instance_norm  # noqa: E402
-from training.networks.phase import two_hop_neighbours  # noqa: E402
-from training.presets import ablation, preset  # noqa: E402
+pytestmark = pytest.mark.needs_torch
 
 
 def _millions(config, without_diffusion=False) -> float:

@@ -4,18 +4,19 @@ from functools import cache
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
+from runtime.prompts.content import part_inputs
+from runtime.skeleton import PART_NAMES
+from training.augmentation.catalogue import catalogue, part_edits
+from training.augmentation.sentences import LongerSentence, longer_sentences, other_sentences
+from training.networks.content import ContentEncoder
+from training.presets import preset
+from training.session import StageLength
+from training.stages.words import codes_of, disturbed, learn_longer_sentences
+from training.styles import StyleTexts
 
-from runtime.prompts.content import part_inputs  # noqa: E402
-from runtime.skeleton import PART_NAMES  # noqa: E402
-from training.augmentation.catalogue import catalogue, part_edits  # noqa: E402
-from training.augmentation.sentences import LongerSentence, longer_sentences, other_sentences  # noqa: E402
-from training.networks.content import ContentEncoder  # noqa: E402
-from training.presets import preset  # noqa: E402
-from training.session import StageLength  # noqa: E402
-from training.stages.words import codes_of, disturbed, learn_longer_sentences  # noqa: E402
-from training.styles import StyleTexts  # noqa: E402
+pytestmark = pytest.mark.needs_torch
 
 
 @cache

@@ -17,34 +17,34 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
-pytest.importorskip("onnxscript")
+from runtime.controls import Controls
+from runtime.errors import FileError, ModelError, UsageError
+from runtime.motion.controller import Controller
+from runtime.motion.features import PAPER_OUTPUT_SIZE
+from runtime.motion.model import load_model
+from runtime.pose import Pose
+from runtime.prompts.content import PromptEncoder
+from runtime.prompts.parts import PartDescriptions
+from runtime.skeleton import PART_NAMES, SPORT_SKELETON
+from runtime.terrain.height_map import Terrain
+from tests.helpers.quick_export import export_quickly
+from tests.helpers.synthetic_clips import write_clip
+from tests.training.stages.test_stage_words import BagOfWords
+from training import ablations, pipeline
+from training.ablations import SHARED
+from training.arguments import StageSteps
+from training.augmentation.sentences import longer_sentences
+from training.export import model as export_module
+from training.export import quantize
+from training.networks.content import StatisticsReader
+from training.networks.generator import Generator
+from training.networks.phase import PeriodicAutoencoder, two_hop_neighbours
+from training.presets import ABLATIONS, PRESETS, ablation, preset
+from training.stages import motion as stage_motion
 
-from runtime.controls import Controls  # noqa: E402
-from runtime.errors import FileError, ModelError, UsageError  # noqa: E402
-from runtime.motion.controller import Controller  # noqa: E402
-from runtime.motion.features import PAPER_OUTPUT_SIZE  # noqa: E402
-from runtime.motion.model import load_model  # noqa: E402
-from runtime.pose import Pose  # noqa: E402
-from runtime.prompts.content import PromptEncoder  # noqa: E402
-from runtime.prompts.parts import PartDescriptions  # noqa: E402
-from runtime.skeleton import PART_NAMES, SPORT_SKELETON  # noqa: E402
-from runtime.terrain.height_map import Terrain  # noqa: E402
-from tests.helpers.quick_export import export_quickly  # noqa: E402
-from tests.helpers.synthetic_clips import write_clip  # noqa: E402
-from tests.training.stages.test_stage_words import BagOfWords  # noqa: E402
-from training import ablations, pipeline  # noqa: E402
-from training.ablations import SHARED  # noqa: E402
-from training.arguments import StageSteps  # noqa: E402
-from training.augmentation.sentences import longer_sentences  # noqa: E402
-from training.export import model as export_module  # noqa: E402
-from training.export import quantize  # noqa: E402
-from training.networks.content import StatisticsReader  # noqa: E402
-from training.networks.generator import Generator  # noqa: E402
-from training.networks.phase import PeriodicAutoencoder, two_hop_neighbours  # noqa: E402
-from training.presets import ABLATIONS, PRESETS, ablation, preset  # noqa: E402
-from training.stages import motion as stage_motion  # noqa: E402
+pytestmark = pytest.mark.needs_torch
 
 NARROW = {  # of the tiny preset; everything else stays as the preset has it
     name: getattr(PRESETS["tiny"], name)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
+from runtime.skeleton import PART_NAMES
+from tests.helpers.walker import CYCLE_FRAMES, STRIDE_M, walk
+from training.networks.content import PARTS, MeasuresReader, odd_codes
+from training.text.clip_measures import MOST, _standardised, signs_of
+from training.text.measure import measure, measure_names
 
-from runtime.skeleton import PART_NAMES  # noqa: E402
-from tests.helpers.walker import CYCLE_FRAMES, STRIDE_M, walk  # noqa: E402
-from training.networks.content import PARTS, MeasuresReader, odd_codes  # noqa: E402
-from training.text.clip_measures import MOST, _standardised, signs_of  # noqa: E402
-from training.text.measure import measure, measure_names  # noqa: E402
+pytestmark = pytest.mark.needs_torch
 
 LEFT, RIGHT, TORSO = (PART_NAMES.index(n) for n in ("left_leg", "right_leg", "torso"))
 

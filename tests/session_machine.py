@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import shutil
 import tempfile
-import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -38,7 +37,6 @@ from viewer.session.takes import RECORDED_FRAMES
 
 GROUNDS = ("flat", "stairs", "hills")
 PROMPTS = ("a proud king", "an old king", "a zombie")
-KILLED_S = 0.3  # after which a process that is killed has lost nothing of an edit
 
 
 def shown(session: Session) -> dict[str, Any]:
@@ -497,12 +495,12 @@ class SessionMachine(RuleBasedStateMachine):
 
     @rule(recording=st.booleans())
     def kill(self, recording: bool) -> None:
-        """The process is gone a moment after the last edit; what its file was then is opened again."""
+        """The process is gone once the last edit is on disk; what its file was then is opened again."""
         self.app.editor.finish_drag()
         if recording:
             self.app.takes.toggle_recording()
             run(self.app, 20)
-        time.sleep(KILLED_S)
+        assert self.app.editor.file.flush(60.0)
         file, copy = self.app.editor.file.path, self._name()
         for ending in ("", "-wal", "-shm"):
             beside = file.with_name(file.name + ending)

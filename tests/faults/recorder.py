@@ -80,7 +80,7 @@ def _record(app_class: Any, options: argparse.Namespace) -> None:
 
 def _keep_pace(app: Any) -> None:
     """Wait for a writer that is a transaction behind: a busy machine must not decide how much is lost."""
-    database, end = app.editor.file.database, time.monotonic() + 2.0
+    database, end = app.editor.file.database, time.monotonic() + 60.0
     while database._submitted - database._written > 1 and not database.problem and time.monotonic() < end:
         time.sleep(0.005)
 

@@ -52,7 +52,7 @@ def run(app: App, frames: int = 1) -> None:
         app.frame()
 
 
-def run_until(app: App, condition: Callable[[], bool], seconds: float = 20.0) -> None:
+def run_until(app: App, condition: Callable[[], bool], seconds: float = 60.0) -> None:
     """Frames at the pace of a display until something holds."""
     end = time.monotonic() + seconds
     while not condition():

@@ -53,5 +53,5 @@ def run_in_blender(script: str, folder: Path, *arguments: object) -> str:
     file, target = folder / "in_blender.py", folder / "read.json"
     file.write_text(script)
     command = blender_command(file, *arguments, target)
-    subprocess.run(command, check=True, capture_output=True, timeout=300)
+    subprocess.run(command, check=True, capture_output=True, timeout=600)
     return target.read_text()

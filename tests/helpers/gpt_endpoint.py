@@ -57,7 +57,7 @@ def late(seconds):
     """Answers well, but too late."""
 
     def behave(handler):
-        handler.server.released.wait(seconds)
+        handler.server.waited_out += not handler.server.released.wait(seconds)
         handler.reply(200, completion(PROUD.to_json()))
 
     return behave
@@ -127,6 +127,7 @@ class Endpoint(ThreadingHTTPServer):
     def __init__(self):
         super().__init__(("127.0.0.1", 0), Handler)
         self.lock, self.released = threading.Lock(), threading.Event()
+        self.waited_out = 0  # requests that somebody waited for as long as they took
         self.script, self.requests = [say(PROUD.to_json())], []
 
     def handle_error(self, request, client_address):
@@ -198,7 +199,7 @@ class Encoder:
         return np.full((6, 64), len(descriptions.head), np.float32)
 
 
-def wait_for(worker, seconds=20.0):
+def wait_for(worker, seconds=60.0):
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         result = worker.poll()

@@ -337,3 +337,21 @@ def test_shaders_and_assets_are_named_by_the_code_that_reads_them() -> None:
     glsl = "\n".join(p.read_text(encoding="utf-8") for p in shaders)
     for shader in shaders:
         assert shader.stem in code or f'"{shader.name}"' in glsl, shader
+
+
+def test_no_test_asserts_a_time_of_this_machine() -> None:
+    """Loops may wait until `time.monotonic` says that it never comes; costs are counted, or measured by `sport bench`."""
+    clocks = re.compile(r"\b(?:perf_counter|process_time|thread_time|getrusage)\b|monotonic\(\) - [a-z]")
+    found = {
+        path.relative_to(PROJECT_ROOT / "tests").as_posix()
+        for path in (PROJECT_ROOT / "tests").rglob("*.py")
+        if clocks.search(path.read_text(encoding="utf-8"))
+    }
+    assert found <= {
+        "faults/recorder.py",  # keeps the pace of a display
+        "fuzz/run.py",  # the long run by hand
+        "helpers/counting.py",  # bounds against bombs
+        "helpers/in_blender.py",  # tells Blender's own time
+        "project/test_architecture.py",
+        "viewer/scene/test_driving.py",  # a clock of its own
+    }

@@ -135,7 +135,7 @@ def test_damaged_arrays_and_graphs_are_one_sentence_in_node() -> None:
         "-e",
         DAMAGE.replace("import.meta.url", f'"{FOLDER.as_uri()}/"'),
     ]
-    done = subprocess.run(call, cwd=FOLDER, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(call, cwd=FOLDER, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
     whole, *arrays, graph, other, metadata = json.loads(done.stdout)
     assert (whole, graph) == ("", "")
@@ -147,7 +147,7 @@ def test_damaged_arrays_and_graphs_are_one_sentence_in_node() -> None:
 @needs_package
 def test_the_step_runs_in_node() -> None:
     done = subprocess.run(
-        [str(NODE), "check.mjs"], cwd=FOLDER, capture_output=True, text=True, timeout=120, check=False
+        [str(NODE), "check.mjs"], cwd=FOLDER, capture_output=True, text=True, timeout=600, check=False
     )
     assert done.returncode == 0, done.stderr + done.stdout
     assert json.loads(done.stdout)["worst"] < 1e-4

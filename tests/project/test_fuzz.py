@@ -20,7 +20,7 @@ from tests.fuzz.target import Target
 @pytest.mark.parametrize("name", TARGETS)
 def test_damage_ends_in_a_sentence(name: str, tmp_path: Path) -> None:
     count = max(3, round(20 * TARGETS[name].weight))
-    tally = run(TARGETS[name], tmp_path, 0, count)
+    tally = run(TARGETS[name], tmp_path, 0, count, measured=False)
     assert tally.failures == []
     assert tally.read + tally.refused == tally.inputs == count
 

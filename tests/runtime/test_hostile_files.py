@@ -1,12 +1,10 @@
-"""Small files that would cost much, run something or never end: refused or read within two seconds and 500 MB."""
+"""Small files that would cost much, run something or never end: refused, or read at their own size."""
 
 from __future__ import annotations
 
+import contextlib
 import os
 import struct
-import subprocess
-import sys
-import time
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -16,7 +14,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from runtime.assets import PROJECT_ROOT
 from runtime.character.character import load_character
 from runtime.character.joint_map import read_joint_map
 from runtime.errors import FileError, SportError
@@ -28,6 +25,7 @@ from runtime.prompts.text_encoder import TextEncoder
 from runtime.skeleton import REST_HIPS_HEIGHT
 from runtime.takes.clip import Clip
 from runtime.terrain.files import read_terrain
+from tests.helpers.counting import allocated, bounded
 from tests.helpers.gltf_characters import character_glb, join_glb, split_glb, textured
 from training.baselines.matching import Database
 from viewer.edit.video import read_video
@@ -120,14 +118,12 @@ READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
 def test_a_pipe_or_a_device_is_refused_at_once(case: str, tmp_path: Path) -> None:
     name, read = READERS[case]
     os.mkfifo(tmp_path / name)
-    started = time.monotonic()
     with pytest.raises(SportError, match="not a regular file"):
         read(tmp_path / name)
     (tmp_path / name).unlink()
     (tmp_path / name).symlink_to("/dev/zero")
     with pytest.raises(SportError, match="not a regular file"):
         read(tmp_path / name)
-    assert time.monotonic() - started < 2.0
 
 
 # --- bombs
@@ -262,55 +258,21 @@ BOMBS = {
     if name.startswith("bomb_")
 }
 READ = ("bvh at the limit", "glb chain", "ground png", "texture")
-_RUN = """
-import sys, time
-from pathlib import Path
-import numpy, trimesh, PIL.PngImagePlugin
-from tests.runtime.test_hostile_files import BOMBS
-from runtime.errors import SportError
-held = lambda name: int(Path("/proc/self/status").read_text().split(name + ":")[1].split()[0]) / 1024
-for number, name in enumerate(BOMBS):
-    work = BOMBS[name](Path(sys.argv[1]) / f"{number}.bin")
-    Path("/proc/self/clear_refs").write_text("5")
-    before, started = held("VmRSS"), time.thread_time()
-    try:
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_a_bomb_is_refused_or_read_and_costs_little(name: str, tmp_path: Path) -> None:
+    work = BOMBS[name](tmp_path / "0.bin")
+    refused = contextlib.nullcontext() if name in READ else pytest.raises(SportError)
+    with bounded(), refused:
         work()
-        said = "read"
-    except SportError as error:
-        said = "refused: " + str(error)
-    print(f"{name}|{time.thread_time() - started:.2f}|{held('VmHWM') - before:.0f}|{said[:100]}")
-"""
-
-
-@pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="memory is measured on Linux")
-def test_a_bomb_costs_two_seconds_and_500_mb_at_most(tmp_path: Path) -> None:
-    """In another process; `pytest -s` prints name, seconds of the processor, MB and what came of it."""
-    done = subprocess.run(
-        [sys.executable, "-c", _RUN, str(tmp_path)],
-        cwd=PROJECT_ROOT, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    print(done.stdout)
-    assert done.returncode == 0, done.stderr
-    rows = [line.split("|") for line in done.stdout.splitlines()]
-    assert [name for name, *_ in rows] == list(BOMBS)
-    for name, seconds, megabytes, said in rows:
-        most = 5.0 if name == "glb chain" else 2.0  # 4 s on a processor of 2017, under 2 on newer ones
-        assert float(seconds) < most, name
-        assert float(megabytes) < 500.0, name
-        assert said.startswith("read" if name in READ else "refused"), name
 
 
 def test_a_valid_bvh_costs_little_more_than_its_motion() -> None:
-    import tracemalloc
-
     frames, width = 20_000, 6
     head = chain(1, "Xposition Yposition Zposition Zrotation Yrotation Xrotation")
     data = (head + MOTION.format(frames) + "1.23456 " * (frames * width)).encode()
-    tracemalloc.start()
-    try:
+    with allocated() as peak:
         motion = parse_bvh(data)
-        peak = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
     assert motion.positions[-1, 0, 2] == pytest.approx(1.23456)
-    assert peak < motion.positions.nbytes + motion.local_rotations.nbytes + 40e6
+    assert peak[0] < motion.positions.nbytes + motion.local_rotations.nbytes + 40e6

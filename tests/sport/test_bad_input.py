@@ -252,7 +252,7 @@ def run_sport(arguments: list[str], **environment: str) -> subprocess.CompletedP
         capture_output=True,
         text=True,
         check=False,
-        timeout=120,
+        timeout=600,
     )
 
 

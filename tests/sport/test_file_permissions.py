@@ -80,7 +80,7 @@ def process(*words: str, folder: Path, given: str = "") -> subprocess.CompletedP
     environment["PYTHONPATH"] = str(PROJECT_ROOT)
     return subprocess.run(
         [*DROPPED, sys.executable, *words],
-        input=given, capture_output=True, text=True, env=environment, check=False, timeout=300,
+        input=given, capture_output=True, text=True, env=environment, check=False, timeout=600,
     )  # fmt: skip
 
 

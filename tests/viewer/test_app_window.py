@@ -69,7 +69,7 @@ def test_a_shown_window_has_scene_and_panels_at_every_size(tmp_path: Path) -> No
             env={**os.environ, "DISPLAY": name, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
             capture_output=True,
             text=True,
-            timeout=120,
+            timeout=600,
             check=False,
         )
     assert done.returncode == 0, done.stderr

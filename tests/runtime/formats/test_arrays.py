@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import importlib.util
 import json
-import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from runtime.formats.table import check_export, save_motion
 from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
 from runtime.terrain.height_map import Terrain
+from tests.helpers.counting import allocated
 from tests.helpers.walker import walk
 
 CLIP = Clip("walk", 60.0, *walk(180), prompts=(PromptEvent(0.0, 'a "proud", walk'), PromptEvent(1.0, "=drunk")),
@@ -64,11 +64,9 @@ def test_a_csv_of_a_longer_take_needs_no_more_memory(tmp_path: Path, monkeypatch
     def peak(times: int) -> int:
         hips, local, contacts = (np.tile(part, (times, *[1] * (part.ndim - 1))) for part in walk(128))
         take = prepare(Clip("walk", 60.0, hips, local, contacts), ExportOptions(), FLAT)
-        tracemalloc.start()
-        arrays.save_csv(take, tmp_path / "a.csv", None, None, lambda: None)
-        found = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-        return found
+        with allocated() as most:
+            arrays.save_csv(take, tmp_path / "a.csv", None, None, lambda: None)
+        return most[0]
 
     assert peak(4) < 1.2 * peak(1)
 

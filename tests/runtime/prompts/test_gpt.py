@@ -178,10 +178,9 @@ def test_the_library_answers_instead_and_says_why(endpoint, expander_of, caplog,
     endpoint.script = [behave]
     limit = 0.4 if "within" in reason else 20.0
     gpt = expander_of(endpoint, timeout_s=limit, deadline_s=limit)
-    started = time.monotonic()
     with caplog.at_level(logging.DEBUG):
         expansion = FallbackExpander(gpt, Library()).expand("a proud king")
-    assert time.monotonic() - started < LONG / 2
+    assert endpoint.waited_out == 0
     assert (expansion.source, expansion.descriptions, expansion.nearest) == (
         "library",
         DRUNK,
@@ -241,10 +240,11 @@ def test_the_deadline_ends_retries(endpoint, expander_of):
 @pytest.mark.parametrize("drips", [trickle, trickle_headers])
 def test_an_endpoint_that_drips_costs_one_request(endpoint, expander_of, drips):
     endpoint.script = [drips]
-    started = time.monotonic()
-    with pytest.raises(PromptError, match="no answer within"):
+    with pytest.raises(PromptError, match="no answer within") as caught:
         expander_of(endpoint, timeout_s=0.3, deadline_s=20.0, backoff_s=0.01).expand("proud")
-    assert time.monotonic() - started < 2.0
+    assert (
+        float(re.findall(r"within ([\d.]+) s", str(caught.value))[0]) < 18.0
+    )  # of the 20 until its deadline
     assert len(endpoint.requests) == 1
 
 
@@ -282,7 +282,7 @@ def test_a_cheap_failure_is_tried_again_at_once(endpoint, expander_of):
 )  # fmt: skip
 def test_retry_after_is_seconds_or_a_date(headers, seconds):
     assert retry_after(headers) == seconds
-    assert 50 < retry_after({"retry-after": formatdate(time.time() + 60)}) <= 60
+    assert 3000 < retry_after({"retry-after": formatdate(time.time() + 3600)}) <= 3600
 
 
 # stopping

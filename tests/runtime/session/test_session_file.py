@@ -26,6 +26,7 @@ from runtime.takes import input_edits
 from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputRecording, StyleChange, resimulated_take
 from runtime.takes.metadata import PromptEvent
+from tests.helpers.counting import python_calls
 from tests.helpers.full_session import (
     answer,
     controller,
@@ -178,7 +179,7 @@ def record(
 
 def abandoned(file: SessionFile, to: Path) -> Path:
     """The file as a process that is killed leaves it: with its log, under another name."""
-    assert file.flush(20.0), file.problem
+    assert file.flush(60.0), file.problem
     SessionFile.copy(file.path, to)
     return to
 
@@ -295,14 +296,14 @@ def test_three_hundred_resimulations_do_not_grow_for_ever(tmp_path: Path) -> Non
     assert [text_of(step.session) for step in found.steps] == wanted
     for _ in range(5):
         assert found.go(1)
-    assert again.flush(20.0)
+    assert again.flush(60.0)
     assert rows(tmp_path / "a.sport", "motions") == kept
     size = (tmp_path / "a.sport").stat().st_size
     found.push("other", resimulated(found.present.session, 1000))  # what was undone is forgotten
     again.write(found)
     assert again.close()
     last, found = reopened(tmp_path / "a.sport", tmp_path)
-    assert last.flush(20.0)
+    assert last.flush(60.0)
     assert rows(tmp_path / "a.sport", "motions") == 7
     assert last.close()
     reopened(tmp_path / "a.sport", tmp_path)[0].close()
@@ -401,7 +402,7 @@ def test_a_transaction_that_is_rolled_back_is_written_again_whole(
     other = edits.renamed(session, 1, "meanwhile")
     file.write(history_of(session, other))
     broken[0] = False
-    end = time.monotonic() + 20.0
+    end = time.monotonic() + 60.0
     while file.problem and time.monotonic() < end:
         time.sleep(0.02)
     assert file.problem == ""
@@ -417,24 +418,19 @@ def test_a_transaction_that_is_rolled_back_is_written_again_whole(
 # --- memory and damage that is found late
 
 
-def test_an_edit_of_five_hundred_takes_costs_the_frame_little_and_opening_them_a_second(
-    tmp_path: Path,
+def test_an_edit_of_five_hundred_takes_costs_the_frame_little_and_opening_reads_no_frames(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of the processor, so that what else the machine does counts for nothing."""
     takes = [Take(motion=Motion.of(still(3, f"{n}", n))) for n in range(500)]
     file = SessionFile.create(tmp_path / "a.sport", tmp_path)
     editor = Editor(Messages(), file)
     editor.do("takes", lambda session: reduce(edits.with_new_take, takes, session))
     assert file.flush(60.0)
-    spent = []
     for number in range(50):
-        begun = time.thread_time()
-        editor.do("name", partial(edits.renamed, number=1 + number * 7, name=f"name {number}"))
-        spent.append(time.thread_time() - begun)
-    assert max(spent) < 5e-3
+        edit = partial(edits.renamed, number=1 + number * 7, name=f"name {number}")
+        assert python_calls(partial(editor.do, "name", edit)) < 3 * 500  # of them one for each take
     assert file.close()
-    begun = time.thread_time()
+    monkeypatch.setattr(Database, "frames", None)
     again, history = reopened(tmp_path / "a.sport", tmp_path)
-    assert time.thread_time() - begun < 1.0
     assert len(history.present.session.takes) == 500
     again.close()

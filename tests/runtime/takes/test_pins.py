@@ -162,7 +162,7 @@ def test_a_session_keeps_the_motion_under_its_edits(walk: Clip, tmp_path: Path) 
     history.push("take", Session((made,), counter=1))
     file = SessionFile.create(tmp_path / "a.sport", tmp_path)
     file.write(history)
-    assert file.close(5.0)
+    assert file.close(60.0)
     file, history = SessionFile.open(tmp_path / "a.sport", tmp_path)
     (found,) = history.present.session.takes
     assert found.poses == edits

@@ -56,7 +56,7 @@ def receiver(addon: ModuleType) -> Iterator[Any]:
 
 def drain(receiver: Any, count: int) -> list:
     """Poses, as soon as so many datagrams of any kind have come."""
-    poses, end = [], time.monotonic() + 5.0
+    poses, end = [], time.monotonic() + 60.0
     while receiver.received + receiver.refused < count and time.monotonic() < end:
         poses += receiver.drain()
     return poses

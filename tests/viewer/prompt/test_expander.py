@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import threading
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -121,7 +120,7 @@ def test_the_key_is_typed_used_and_written_nowhere(
     run(app)
     app.takes.export()
     run_until(app, lambda: (tmp_path / "clips").exists() and any((tmp_path / "clips").glob("*.bvh")))
-    assert app.editor.file.flush(10.0)
+    assert app.editor.file.flush(60.0)
     save_settings(app.settings, app.config)
     told = "\n".join([caplog.text, repr(app.language_model), *(m.text for m in app.messages.recent)])
     assert "refuses the key" in told
@@ -157,9 +156,8 @@ def test_the_end_does_not_wait_for_a_test(asking: Callable[[], App], language_mo
     app.settings.gpt_timeout_s = 120.0
     app.language_model.test()
     run_until(app, lambda: bool(language_model.asked))
-    begin = time.monotonic()
     app.close()
-    assert time.monotonic() - begin < 10.0  # the model was given two minutes, and does not answer
+    assert language_model.waited_out == 0  # it was given two minutes, and does not answer
 
 
 def test_without_a_key_or_an_address_the_library_answers_and_the_panel_says_why(start: Start) -> None:

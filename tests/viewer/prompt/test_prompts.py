@@ -101,7 +101,7 @@ def test_enter_changes_the_shipped_models_style_at_the_next_frame_after_the_answ
     assert not np.array_equal(walker.style.z, before)
     answer = app.editor.session.live.prompt.a
     assert answer.prompt == "a drunk person stumbling home"
-    assert 0.0 < answer.milliseconds < 10_000.0
+    assert answer.milliseconds > 0.0
 
 
 # the six fields

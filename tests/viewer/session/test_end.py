@@ -39,8 +39,14 @@ def test_the_program_ends_in_time_and_the_next_start_has_the_take(
     app, never, given_up = start(), threading.Event(), threading.Event()
     path, keep_there = app.editor.file.path, Database._keep_there
 
+    waited_out: list[float] = []
+
+    def wait(event: threading.Event, seconds: float) -> None:
+        if not event.wait(seconds):
+            waited_out.append(seconds)
+
     def late(slow: Database) -> None:
-        never.wait(20.0 if what == "a slow disk" else 60.0)
+        wait(never, 20.0 if what == "a slow disk" else 60.0)
         keep_there(slow)
 
     def full(_: Database) -> None:
@@ -66,19 +72,17 @@ def test_the_program_ends_in_time_and_the_next_start_has_the_take(
     app.jobs.blocking = False
     if what == "measurements":
         for _ in range(11):
-            app.jobs.submit(Slot("blend"), lambda: never.wait(60), lambda _: None)
+            app.jobs.submit(Slot("blend"), lambda: wait(never, 60.0), lambda _: None)
     elif what == "an export":
         app.jobs.submit(
-            Slot("export", "x"), lambda: never.wait(60), lambda _: None, writing="the export of x"
+            Slot("export", "x"), lambda: wait(never, 60.0), lambda _: None, writing="the export of x"
         )
     elif what == "a film that ends when told":
-        film = lambda: given_up.wait(60)  # noqa: E731
+        film = lambda: wait(given_up, 60.0)  # noqa: E731
         app.jobs.submit(Slot("export"), film, lambda _: None, writing="the film", cancel=given_up.set)
-    begun = time.monotonic()
     code = app.end()
-    seconds = time.monotonic() - begun
     said = [message.text for message in app.messages.recent]
-    assert seconds < 15.0, "it waited for what does not end"
+    assert not waited_out, "it waited for what does not end"
     assert code == (disk or what == "an export")
     assert given_up.is_set() == (what == "a film that ends when told")
     waits = {"an export": "Waiting for the export", "a slow disk": "Waiting for the session Untitled"}
@@ -115,7 +119,7 @@ def test_of_stale_jobs_only_the_newest_is_begun_and_what_is_written_keeps_its_or
         jobs.submit(Slot("save"), lambda n=number: written.append(n), lambda _: None, writing="x")  # type: ignore[misc]
     assert jobs.finish("save")
     gate.set()
-    end = time.monotonic() + 20
+    end = time.monotonic() + 60.0
     while jobs.busy(Slot("blend")) and time.monotonic() < end:
         jobs.deliver()
         time.sleep(0.005)
@@ -135,7 +139,7 @@ def test_jobs_about_two_things_of_one_name_do_not_meet_and_are_named_in_words() 
     jobs.submit(Slot("ground of a take", second), lambda: second, done.append)
     assert jobs.busy(Slot("ground of a take", first))
     assert not jobs.busy(Slot("ground of a take"))
-    end = time.monotonic() + 20
+    end = time.monotonic() + 60.0
     while jobs.busy(Slot("ground of a take", first)) or jobs.busy(Slot("ground of a take", second)):
         assert time.monotonic() < end
         jobs.deliver()
@@ -170,7 +174,7 @@ def test_a_result_that_a_newer_job_has_replaced_is_not_handed_over() -> None:
     jobs, gate, done = Jobs(Messages()), threading.Event(), []
     jobs.submit(Slot("open", "a"), lambda: gate.wait(20), lambda _: done.append("old"), reading="old.glb")
     jobs.submit(Slot("open", "a"), lambda: None, lambda _: done.append("new"), reading="new.glb")
-    end = time.monotonic() + 20
+    end = time.monotonic() + 60.0
     while jobs.busy(Slot("open", "a")) and time.monotonic() < end:
         jobs.deliver()
         gate.set()

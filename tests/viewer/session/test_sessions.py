@@ -157,7 +157,7 @@ def test_a_camera_key_is_dragged_past_another_one_and_never_onto_it(start: Start
 def test_save_as_of_an_untitled_session_removes_the_untitled_file(start: Start, tmp_path: Path) -> None:
     app = start()
     record(app)
-    assert app.editor.file.flush(20.0)
+    assert app.editor.file.flush(60.0)
     assert len(list(untitled(tmp_path).glob("*.sport"))) == 1
     app.sessions.save_as(tmp_path / "named.sport")
     assert list(untitled(tmp_path).glob("*")) == []
@@ -283,7 +283,7 @@ def test_a_full_disk_is_said_with_a_remedy_and_nothing_is_lost_once_there_is_roo
 ) -> None:
     app = start()
     record(app)
-    assert app.editor.file.flush(10.0)
+    assert app.editor.file.flush(60.0)
     is_full = full(monkeypatch)
     record(app)
     run_until(app, lambda: app.editor.file.problem != "")
@@ -375,7 +375,7 @@ def test_damaged_frames_are_said_when_the_take_is_played_and_the_rest_goes_on(
     app.editing.go_on()
     app.takes.rename(1, "damaged")
     run(app, 2)
-    assert app.editor.file.flush(10.0)
+    assert app.editor.file.flush(60.0)
 
 
 # --- dialogs

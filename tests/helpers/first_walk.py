@@ -1,0 +1,64 @@
+"""`python -m tests.helpers.first_walk LINE FOLDER`: runs a line of shell in a folder until the character in its window walks.
+
+The window is on a virtual screen (Xvfb, xdotool). W is held and recorded; the session then has a take that goes somewhere.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from runtime.errors import SportError
+from runtime.session.session_file import SessionFile
+from tests.faults.faults import display
+
+LEAST_M = 1.0
+END_S = 600.0  # with what the line downloads
+
+
+def main() -> None:
+    """Say how far it walked; an error where the line ends before, or nobody walks."""
+    line, folder = sys.argv[1], Path(sys.argv[2])
+    with display() as (_, name), tempfile.TemporaryDirectory() as home:
+        env = {**os.environ, "DISPLAY": name, "WAYLAND_DISPLAY": "", "SPORT_CONFIG_DIR": home}
+        process = subprocess.Popen(["bash", "-c", line], cwd=folder, env=env, start_new_session=True)
+        try:
+            end, metres = time.monotonic() + END_S, 0.0
+            while metres < LEAST_M:
+                if process.poll() is not None or time.monotonic() > end:
+                    sys.exit(f"nobody walked (exit code {process.poll()})")
+                for key in (["key", "r"], ["keydown", "w"], ["sleep", "3", "keyup", "w"], ["key", "r"]):
+                    subprocess.run(["xdotool", *key], env=env, check=False)
+                metres = walked(Path(home))
+            print(f"walked {metres:.1f} m")
+        finally:
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+def walked(home: Path) -> float:
+    """Metres between the first and the last frame of the longest way in the sessions of a running program."""
+    ways = [0.0]
+    for path in home.rglob("*.sport"):
+        copy = path.with_suffix(".copy")
+        try:
+            SessionFile.copy(path, copy)
+            file, history = SessionFile.open(copy, home)
+            clips = [take.made.clip for take in history.present.session.takes]
+            ways += [float(np.linalg.norm(np.ptp(clip.hips_positions[[0, -1]], axis=0))) for clip in clips]
+            file.close()
+        except SportError:  # it is being made
+            continue
+        finally:
+            copy.unlink(missing_ok=True)
+    return max(ways)
+
+
+if __name__ == "__main__":
+    main()

@@ -14,7 +14,7 @@ from runtime.pose import Pose
 from runtime.session.prompt_blend import Side
 from viewer.gl_bindings import glfw, imgui
 from viewer.gui.focus import KeyRouter
-from viewer.input.bindings import Intent, to_controls
+from viewer.input.bindings import Action, Intent, to_controls
 from viewer.input.devices import Devices, KeyScript
 from viewer.input.gamepad import GamepadSource, GlfwGamepads
 from viewer.jobs import Slot
@@ -23,6 +23,7 @@ from viewer.options import ViewOptions
 from viewer.process import Ending, MemoryWatch, give_back_large_blocks
 from viewer.prompt.prompt_controller import CLOSE_SECONDS
 from viewer.render.offscreen import save_png
+from viewer.render.overlays import Overlays
 from viewer.scene.simulation import STEP_SECONDS
 from viewer.services import Services
 from viewer.settings import (
@@ -44,6 +45,12 @@ LONGEST_FRAME_S = (
 MINIMISED_WAIT_S = 0.1
 LOADING_FPS = 20.0
 MEMORY_FRAMES = 60  # between two looks at the memory
+OVER_EVERYTHING = {
+    Action.HELP,
+    Action.NEXT_PANEL,
+    Action.FULLSCREEN,
+    Action.SCREENSHOT,
+}  # also with a modal window
 PATIENCE_S = 0.2  # with the encoder of a prompt, after which the process ends with it
 # From the user's close on. What is not written by then is for the next start or given up: exports first, settings last.
 END_S, SESSION_S, SETTINGS_S = 1.6, 1.4, 0.1
@@ -66,7 +73,8 @@ def run(options: ViewOptions, services: Services | None = None, config: Path | N
                 app.interrupt()  # a frame that did not end
             except Exception:
                 ending.saving = True
-                app.sessions.finish(keep=True, until=app.until())  # a defect must not cost what was recorded
+                # defects that follow each other must not cost what was recorded
+                app.sessions.finish(keep=True, until=app.until(), ended=False)
                 raise
             ending.saving = True
             code = app.end()
@@ -144,8 +152,14 @@ class App(Workspace):
     # --- one frame
 
     def frame(self) -> None:
+        """One picture; a defect in it costs what it was about."""
+        with self.defects.guarded("showing a picture", self.close_tools):
+            self._frame()
+        self.window.end_frame()
+
+    def _frame(self) -> None:
         """Poll, control, step, interpolate, draw, panels, swap."""
-        window = self.window
+        window, guarded = self.window, self.defects.guarded
         dt = self._tick()
         window.poll(MINIMISED_WAIT_S if window.minimised and not self.options.offscreen else 0.0)
         if window.minimised:
@@ -158,7 +172,8 @@ class App(Workspace):
         intent = self._read_devices(dt)
         self._act(intent)
         self._poll(dt, intent)
-        self._simulate(dt, intent)
+        with guarded("moving the character", self.close_tools):
+            self._simulate(dt, intent)
         pose, *others = self.compare.shown(not self.options.offscreen) or [self.shown_pose()]
         self.shell.arrange(window.ui_scale)
         self._move_camera(pose, intent, dt)
@@ -166,8 +181,10 @@ class App(Workspace):
         self.shell.draw()
         self._finish_drag()
         imgui.render()
-        live = None if self.takes.playback is not None or others else self.scene.controller
-        overlays = self.overlays(live, others)
+        overlays = Overlays()
+        with guarded("drawing what lies over the view", self.close_tools):
+            live = None if self.takes.playback is not None or others else self.scene.controller
+            overlays = self.overlays(live, others)
         self.scene.renderer.render(window.framebuffer, self.scene.camera.current, pose, overlays)
         window.draw_interface()
         self.screenshots.capture(window, self.frames_shown)
@@ -176,18 +193,27 @@ class App(Workspace):
     def _act(self, intent: Intent) -> None:
         """What keys and buttons do that were pressed."""
         self.keys.end_enter()
+        modal = self.shell.modal
         for action in intent.pressed:  # held actions and gaits are none of this table
-            self.actions.get(action, lambda: None)()
+            if modal and action not in OVER_EVERYTHING:
+                continue
+            with self.defects.guarded(f"doing “{action.name.replace('_', ' ').lower()}”"):
+                self.actions.get(action, lambda: None)()
         self.state.crouching = self.devices.mapper.crouching
 
     def _poll(self, dt: float, intent: Intent) -> None:
         """Take what workers and dialogs have ready."""
-        self.jobs.deliver()
-        self.prompting.poll()
-        self.pins.poll()
-        self.path.poll()
-        self.sessions.poll()
-        self.guide.watch(dt, intent.move != (0.0, 0.0))
+        moving = intent.move != (0.0, 0.0)
+        for doing, poll, close in (
+            ("taking the results of workers", self.jobs.deliver, None),
+            ("taking the answer to a prompt", self.prompting.poll, None),
+            ("polling the pins", self.pins.poll, self.pins.close),
+            ("polling the path", self.path.poll, self.path.stop),
+            ("polling the session", self.sessions.poll, None),
+            ("watching the first steps", lambda: self.guide.watch(dt, moving), self.guide.skip),
+        ):
+            with self.defects.guarded(doing, close or (lambda: None)):
+                poll()
         if self.kept.active:
             self.settings.width, self.settings.height = self.window.unscaled_size
         self.kept.watch()
@@ -251,13 +277,16 @@ class App(Workspace):
     def _move_camera(self, pose: Pose, intent: Intent, dt: float) -> None:
         camera, ground = self.scene.camera, self.takes.ground_to_show().terrain
         self.scene.draw_ground(ground)
-        pinning = self.posing.use_mouse(camera.current) or self.pins.use_mouse(camera.current)
-        drawing = pinning or self.path.use_mouse(camera.current, ground)
-        dragging = camera.use_mouse(drawing, self.settings.navigation)
+        used = False
+        with self.defects.guarded("using the mouse in the view", self.close_tools):
+            pinning = self.posing.use_mouse(camera.current) or self.pins.use_mouse(camera.current)
+            used = pinning or self.path.use_mouse(camera.current, ground)
+        dragging = camera.use_mouse(used, self.settings.navigation)
         moving = intent.move != (0.0, 0.0) and not intent.strafe and not dragging
         camera.update(pose, dt, intent.look, intent.zoom * dt, ground, moving)
-        self.camera_keys.look(pose, ground)
-        self.compare.frame_all(camera, self.shell.aspect, dt)
+        with self.defects.guarded("moving the camera", self.close_tools):
+            self.camera_keys.look(pose, ground)
+            self.compare.frame_all(camera, self.shell.aspect, dt)
         right, up, fit = self.shell.framing
         if self.camera_keys.through:
             fit = self.camera_keys.fit(fit, self.shell.aspect)

@@ -168,7 +168,7 @@ class Jobs:
         except Exception as error:  # whatever a loader meets becomes a message; the window lives on
             known = error if isinstance(error, SportError) else _for_animators(job, error)
             if not job.told:
-                self.messages.error(known, job.slot)
+                self.messages.error(known, job.slot, holds=not (job.reading or job.writing))
             for other in reading:
                 other.told |= other.reading == job.reading
             self.first_error = self.first_error or known

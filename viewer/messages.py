@@ -1,9 +1,8 @@
-"""The message of the status line: errors stay until they hold no longer, warnings and notes fade, and everything is logged."""
+"""Messages of the status line: what is shown now, what waits for its turn, and the list of the last ones."""
 
 from __future__ import annotations
 
 import logging
-import math
 import time
 from collections import deque
 from collections.abc import Callable
@@ -14,8 +13,10 @@ from pathlib import Path
 from runtime.safe_read import printable
 from viewer.process import show_in_folder
 
-WARNING_SECONDS = 60.0
-SETTLED_SECONDS = 4.0  # what holds no longer is still there to be read
+NOTE_S, WARNING_S, ERROR_S = 8.0, 60.0, 60.0  # how long each is shown, when nothing else is said
+READ_S = 4.0  # so long, nothing of less weight takes the place of a warning or an error
+SETTLED_S = 4.0  # so long, what holds no longer is still there to be read
+MAX_MESSAGES = 50
 _LOG = logging.getLogger("sport.viewer")
 
 
@@ -27,35 +28,60 @@ class Level(IntEnum):
     ERROR = logging.ERROR
 
 
-_SHOWN_S = {Level.NOTE: 8.0, Level.WARNING: WARNING_SECONDS, Level.ERROR: math.inf}
+_SHOWN_S = {Level.NOTE: NOTE_S, Level.WARNING: WARNING_S, Level.ERROR: ERROR_S}
 
 
 @dataclass(frozen=True)
 class Message:
-    """One message and the clock's seconds at which it was posted."""
+    """One message, and the clock's seconds from which on it is shown."""
 
     text: str
     level: Level
-    posted: float
+    begins_s: float
     topic: object = None  # what it is about: `settle` ends it
     settled: bool = False
     path: Path | None = None  # of a file that was written, which can be shown in its folder
+    remedy: str = ""  # the end of the text: what can be done
+    holds: bool = False  # it complains of a state: shown again after others, until it is settled
+    told_at: str = ""  # hours, minutes and seconds
+
+    @property
+    def problem(self) -> str:
+        """The text without its remedy."""
+        return self.text.removesuffix(self.remedy).rstrip()
+
+    @property
+    def ends_s(self) -> float:
+        # a film may take minutes
+        shown_s = WARNING_S if self.path is not None else _SHOWN_S[self.level]
+        return self.begins_s + min(shown_s, SETTLED_S if self.settled else shown_s)
 
 
 @dataclass
 class Messages:
-    """The current message and the recent ones, newest last."""
+    """The recent messages, newest last."""
 
     clock: Callable[[], float] = time.monotonic
     logged: bool = True  # False while the caller raises what goes wrong, so that it is not shown twice
-    recent: deque[Message] = field(default_factory=lambda: deque(maxlen=50))
+    recent: deque[Message] = field(default_factory=lambda: deque(maxlen=MAX_MESSAGES))
 
     def post(
-        self, text: str, level: Level = Level.NOTE, topic: object = None, path: Path | None = None
+        self,
+        text: str,
+        level: Level = Level.NOTE,
+        topic: object = None,
+        path: Path | None = None,
+        remedy: str = "",
+        holds: bool = False,
     ) -> None:
-        """Show and log `text`; the same error again only refreshes the one shown."""
-        last = self.recent[-1] if self.recent else None
-        message = Message(printable(" ".join(text.split())), level, self.clock(), topic, path=path)
+        """Show and log `text`, after what weighs more was read; the same again only refreshes the one shown."""
+        last, now = self.recent[-1] if self.recent else None, self.clock()
+        text, remedy = (printable(" ".join(words.split())) for words in (text, remedy))
+        begins_s = now
+        if last is not None and last.level >= level and not last.settled:
+            begins_s = max(now, last.begins_s + READ_S * (last.level > level))
+        told_at = time.strftime("%H:%M:%S")
+        message = Message(text, level, begins_s, topic, False, path, remedy, holds, told_at)
         if last is not None and (last.text, last.level) == (message.text, level):
             self.recent[-1] = message
             return
@@ -68,12 +94,17 @@ class Messages:
         self.post(text, Level.NOTE, path=path)
 
     def warn(self, text: str, topic: object = None) -> None:
-        """Post something the user should look at."""
+        """Post something the user should look at; about a topic it holds until that is settled, for a minute at most."""
         self.post(text, Level.WARNING, topic)
 
-    def error(self, problem: BaseException | str, topic: object = None) -> None:
-        """Post an error; an exception is shown as its own sentence."""
-        self.post(str(problem) or type(problem).__name__, Level.ERROR, topic)
+    def error(self, problem: BaseException | str, topic: object = None, holds: bool = True) -> None:
+        """Post an error; an exception is shown as its own sentence.
+
+        About a topic it `holds` until that is settled, unless it was an attempt that failed, such as the reading of a file.
+        """
+        text = str(problem) or type(problem).__name__
+        remedy = str(getattr(problem, "remedy", ""))
+        self.post(text, Level.ERROR, topic, remedy=remedy, holds=holds and topic is not None)
 
     def show_in_folder(self, path: Path) -> None:
         """Open the system's file manager where a file is."""
@@ -85,18 +116,18 @@ class Messages:
 
     def settle(self, topic: object) -> None:
         """What was said about a topic holds no longer: it went well since. A note goes at once."""
-        if self.recent and self.recent[-1].topic == topic:
-            last = self.recent.pop()
-            if last.level is not Level.NOTE:
-                self.recent.append(replace(last, settled=True))
+        for at, message in reversed(list(enumerate(self.recent))):
+            if message.topic == topic and not message.settled:
+                if message.level is Level.NOTE:
+                    del self.recent[at]
+                else:
+                    self.recent[at] = replace(message, settled=True)
 
     @property
     def current(self) -> Message | None:
-        """What the status line shows now."""
-        if not self.recent:
-            return None
-        last = self.recent[-1]
-        # a film may take minutes
-        shown_s = WARNING_SECONDS if last.path is not None else _SHOWN_S[last.level]
-        seconds = min(shown_s, SETTLED_SECONDS if last.settled else math.inf)
-        return None if self.clock() - last.posted > seconds else last
+        """What the status line shows now: the newest message, then again what still holds."""
+        now = self.clock()
+        begun = [message for message in self.recent if message.begins_s <= now]
+        if begun and now <= begun[-1].ends_s:
+            return begun[-1]
+        return next((message for message in reversed(begun) if message.holds and not message.settled), None)

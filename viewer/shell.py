@@ -11,6 +11,7 @@ from viewer.edit.resimulation import Resimulation
 from viewer.edit.tracks import extra_rows
 from viewer.gl_bindings import imgui
 from viewer.gui import help, status, theme, widgets
+from viewer.gui.defects import Defects, safe_panel
 from viewer.gui.focus import OVER, Focus, Use, is_drawn
 from viewer.gui.layout import Layout, Rect, arrange, framing
 from viewer.gui.panels import FIXED, Panel, PanelPlace, draw_centred, draw_tabs, draw_titled, draw_window
@@ -51,6 +52,7 @@ class Shell:
     panels: Sequence[Panel]
     texts: Callable[[], Iterable[str]]  # what is typed, which needs fonts
     fonts: Fonts
+    defects: Defects
     focus: Focus = field(default_factory=Focus)
     _system_fonts: SystemFonts = field(init=False)
     _scale: float = 0.0
@@ -75,9 +77,10 @@ class Shell:
             Panel("Crouching", PanelPlace.SIGN, draw_crouching, shown=crouching),
             Panel(
                 "Controls", PanelPlace.WINDOW, lambda _: self._help(), shown=lambda: state.help_open,
-                close=close_help,
+                close=close_help, modal=True,
             ),
         ]  # fmt: skip
+        self.panels = [safe_panel(panel, self.defects) for panel in self.panels]
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
@@ -100,11 +103,17 @@ class Shell:
             if panel.begin_typing is not None and panel.shown():
                 panel.begin_typing()
 
+    @property
+    def modal(self) -> bool:
+        """Whether a window is open that keeps the keys from all behind it."""
+        return any(panel.modal and panel.shown() for panel in self.panels)
+
     def _next_panel(self) -> None:
-        """Give the keys to the next panel; after the last one to the view."""
-        drawn = [name for name in self._windows if is_drawn(name)]
+        """Give the keys to the next panel, and after the last one to the view; among the windows over everything if there are any."""
+        drawn = [name for name in self.focus.windows or self._windows if is_drawn(name)]
         after = drawn.index(self.focus.holder) + 1 if self.focus.holder in drawn else 0
-        self.focus.give_to(drawn[after] if after < len(drawn) else "")
+        first = drawn[0] if self.focus.windows else ""
+        self.focus.give_to(drawn[after] if after < len(drawn) else first)
 
     def _cancel(self) -> None:
         """Close the window in front, else take the keys from a panel, else close what is open in the view."""
@@ -162,7 +171,7 @@ class Shell:
         self._cover_scripts()
         self._windows = []
         for panel in self.panels:
-            if panel.keys is not None:
+            if panel.keys is not None and not self.modal:
                 panel.keys()
         self._draw_over(PanelPlace.SIGN, view)
         self._draw_columns(layout)
@@ -226,8 +235,7 @@ class Shell:
 
     def _cover_scripts(self) -> None:
         """Have a font for what is typed and said, or say that there is none."""
-        said = self.messages.current
-        missing = self._system_fonts.cover([*self.texts(), said.text if said else ""])
+        missing = self._system_fonts.cover([*self.texts(), *(said.text for said in self.messages.recent)])
         if missing:
             codes = ", ".join(f"U+{ord(c):04X}" for c in missing[:4])
             self.messages.warn(
@@ -241,8 +249,7 @@ class Shell:
 
     def _status_line(self) -> None:
         doing, cancel = self.jobs.shown()
-        message, show = self.messages.current, self.messages.show_in_folder
-        if status.draw(message, self._facts(), printable(doing), cancel is not None, show) and cancel:
+        if status.draw(self.messages, self._facts(), printable(doing), cancel is not None) and cancel:
             cancel()
         imgui.pop_style_var(2)
 

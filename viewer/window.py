@@ -205,6 +205,11 @@ class Window:
         self.framebuffer.use()
         imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
 
+    def end_frame(self) -> None:
+        """End an ImGui frame that a defect has left open; nothing after a whole one."""
+        if self.handle is not None and imgui.get_current_context().within_frame_scope:
+            imgui.end_frame()
+
     def present(self) -> None:
         """Show the framebuffer; without a display the picture is only drawn to its end."""
         if self._offscreen:
@@ -319,6 +324,10 @@ class Window:
         # otherwise one exception between begin and end makes every later frame fail
         io.config_error_recovery_enable_assert = False
         io.config_flags |= imgui.ConfigFlags_.nav_enable_keyboard
+        context = (
+            imgui.get_current_context()
+        )  # F6 goes from panel to panel, Ctrl+Tab would go behind a window
+        context.config_nav_windowing_key_next = context.config_nav_windowing_key_prev = 0
         io.config_error_recovery_enable_tooltip = False  # it is logged; the user cannot repair it
         self.address = ctypes.cast(self.handle, ctypes.c_void_p).value or 0  # as ImGui's backend wants it
         imgui.backends.glfw_init_for_opengl(self.address, True)

@@ -29,6 +29,7 @@ from viewer.edit.video import SUFFIXES as VIDEOS
 from viewer.editor import Editor
 from viewer.exports import panel as exports_panel
 from viewer.exports.exporting import Exporting
+from viewer.gui.defects import Defects
 from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.gui.panels import Panel
 from viewer.gui.theme import load_fonts
@@ -38,6 +39,7 @@ from viewer.messages import Messages
 from viewer.options import ViewOptions
 from viewer.panels import guide, joint_panel, take_prompt_panel, takes_panel
 from viewer.panels.guide import Guide
+from viewer.panels.recovery import CutOffWindow, defect_panel
 from viewer.panels.scene_panel import ScenePanel
 from viewer.panels.session_bar import SessionBar
 from viewer.panels.settings_panel import SettingsWindow
@@ -120,11 +122,17 @@ class Workspace:
         )
         self.trails = Trails()
         self.screenshots = Screenshots(settings, messages, jobs, options.frames_directory)
+        device = str(window.ctx.info["GL_RENDERER"])
+        self.defects = Defects(
+            state_folder / "reports", device, self.sessions.keep, active=not options.offscreen
+        )
+        self.cut_off = CutOffWindow(self.sessions)
         fonts = load_fonts()
         panels = self._panels(dialogs)
         self.shell = Shell(
-            self.state, settings, messages, jobs, scene, editing, panels, lambda: prompting.texts, fonts
-        )
+            self.state, settings, messages, jobs, scene, editing, panels, lambda: prompting.texts, fonts,
+            self.defects,
+        )  # fmt: skip
         own = {
             Action.FRAME_SELECTION: self.frame_selection,
             Action.FULLSCREEN: self.window.toggle_full_screen,
@@ -165,7 +173,9 @@ class Workspace:
             self.settings_window.panel(),
             exports_panel.panel(self.exporting),
             joint_panel.panel(self.scene.joints),
+            self.cut_off.panel(),
             dialogs.panel(),
+            defect_panel(self.defects, self.sessions, self.messages),
         ]  # fmt: skip
 
     def load(self) -> None:
@@ -186,6 +196,8 @@ class Workspace:
         if options.clip is not None:
             self.takes.open(options.clip, keep_ground=options.terrain is not None)
         self.sessions.begin(options.session, looking=not options.offscreen)
+        if not options.offscreen and options.session is None:
+            self.cut_off.begin()
         (self._check if options.offscreen else self._begin)()
 
     def _check(self) -> None:
@@ -225,6 +237,16 @@ class Workspace:
         file = io.BytesIO()
         picture.save(file, "PNG")
         return file.getvalue()
+
+    def close_tools(self) -> None:
+        """End everything that goes on in the view, after a defect: a take that plays, a path, pins, variants."""
+        self.settings.show_ghosts = self.settings.show_trails = False
+        self.compare.close()
+        self.path.stop()
+        self.path.active = False
+        self.pins.close()
+        self.posing.close()
+        self.takes.close_playback()
 
     def frame_selection(self) -> None:
         """Bring the selected pin into the middle, or the whole character."""

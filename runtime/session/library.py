@@ -63,6 +63,13 @@ def find(folder: Path) -> list[SessionSummary]:
     return found
 
 
+def look_at(path: Path) -> SessionSummary | None:
+    """What is shown of one session; None where it cannot be read, is empty, or is held by a living process."""
+    with contextlib.suppress(FileError, OSError):
+        return None if is_held(path) else _summary(path)
+    return None
+
+
 def keep_newest(folder: Path, count: int = 10) -> list[SessionSummary]:
     """What `find` finds, at most `count`: the older ones are removed."""
     found = find(folder)

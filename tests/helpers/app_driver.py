@@ -153,8 +153,9 @@ def typing(app: App) -> bool:
 
 
 def message(app: App) -> str:
-    current = app.messages.current
-    return "" if current is None else current.text
+    """The newest message, also one that waits until a weightier one was read."""
+    recent = app.messages.recent
+    return recent[-1].text if recent and recent[-1].ends_s >= app.messages.clock() else ""
 
 
 def words(app: App) -> dict[str, str]:

@@ -32,12 +32,13 @@ def test_config_directory_obeys_the_environment() -> None:
 def test_errors_stay_and_notes_fade() -> None:
     now = [0.0]
     messages = Messages(clock=lambda: now[0])
-    messages.error("a\nb")
+    messages.error("a\nb", topic="a state")
     now[0] = 1000.0
     assert messages.current is not None
     assert messages.current.text == "a b"
     messages.note("fine")
     assert messages.current.text == "fine"
+    messages.settle("a state")
     now[0] = 2000.0
     assert messages.current is None
 

@@ -14,7 +14,7 @@ from runtime.safe_read import printable
 from viewer.gl_bindings import imgui
 from viewer.gui import widgets
 from viewer.gui.focus import OVER
-from viewer.gui.panels import Panel, PanelPlace
+from viewer.gui.panels import Panel, PanelPlace, dim_behind
 from viewer.gui.widgets import px
 from viewer.messages import Messages
 
@@ -121,13 +121,17 @@ class Dialogs:
         return question is not None
 
     def panel(self) -> Panel:
-        return Panel("Path", PanelPlace.WINDOW, lambda _: self.draw(), close=self.close)
+        return Panel(
+            "Path", PanelPlace.WINDOW, lambda _: self.draw(), modal=True, close=self.close,
+            shown=lambda: self.question is not None and self.question.native is None,
+        )  # fmt: skip
 
     def draw(self) -> None:
         """The line to type into, where the system has no dialog."""
         question = self.question
         if question is None or question.native is not None:
             return
+        dim_behind("path")
         size = imgui.get_io().display_size
         center = imgui.ImVec2(size.x / 2, size.y / 2)
         imgui.set_next_window_pos(center, imgui.Cond_.always, imgui.ImVec2(0.5, 0.5))

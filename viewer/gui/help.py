@@ -5,7 +5,7 @@ from __future__ import annotations
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.focus import OVER
-from viewer.gui.panels import FITTED
+from viewer.gui.panels import FITTED, dim_behind
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
 from viewer.input.bindings import HELP, pad_text
@@ -16,7 +16,7 @@ COLUMNS = (190.0, 190.0, 170.0)  # what, keyboard and mouse, gamepad; pixels at 
 def draw(fonts: Fonts, changes: str = "") -> bool:
     """A window in the middle, above everything, with `changes` of the pad's buttons; whether it was closed by its button or a click outside."""
     size = imgui.get_io().display_size
-    closed = _dimmed_background(size)
+    closed = dim_behind("Controls")
     imgui.set_next_window_pos(
         imgui.ImVec2(size.x / 2, size.y / 2), imgui.Cond_.always, imgui.ImVec2(0.5, 0.5)
     )
@@ -32,24 +32,6 @@ def draw(fonts: Fonts, changes: str = "") -> bool:
     imgui.pop_style_var()
     imgui.pop_style_color()
     return closed
-
-
-def _dimmed_background(size: imgui.ImVec2) -> bool:
-    """Darken everything behind; answers whether it was clicked."""
-    imgui.set_next_window_pos(imgui.ImVec2(0, 0))
-    imgui.set_next_window_size(size)
-    flags = (
-        imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_move
-    )
-    imgui.push_style_color(imgui.Col_.window_bg, imgui.ImVec4(0.0, 0.0, 0.0, 0.5))
-    imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
-    imgui.push_style_var(imgui.StyleVar_.window_border_size, 0.0)
-    imgui.begin("help background", None, flags)
-    clicked = imgui.is_window_hovered() and any(map(imgui.is_mouse_clicked, range(3)))
-    imgui.end()
-    imgui.pop_style_var(2)
-    imgui.pop_style_color()
-    return bool(clicked)
 
 
 def _title(fonts: Fonts) -> bool:

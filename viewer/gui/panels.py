@@ -38,6 +38,9 @@ class PanelPlace(Enum):
     WINDOW = auto()  # over everything
 
 
+IN_PLACE = (PanelPlace.LEFT, PanelPlace.RIGHT_TOP, PanelPlace.RIGHT_BOTTOM, PanelPlace.BELOW)
+
+
 @dataclass(frozen=True)
 class Panel:
     """One panel with everything that the shell has to know of it."""
@@ -48,6 +51,7 @@ class Panel:
     icon: str = ""
     shown: Callable[[], bool] = lambda: True
     width: float = 0.0  # of a window in the middle, pixels at scale 1; 0: it draws its own window
+    modal: bool = False  # while it is shown, nothing behind it takes mouse or keys
     tools: Callable[[], None] | None = None  # buttons in the line of the title
     tools_width: float = 0.0  # pixels at scale 1
     actions: Mapping[Action, Callable[[], None]] = field(default_factory=dict)
@@ -102,9 +106,27 @@ def _tools(panel: Panel, top: imgui.ImVec2, width: float) -> None:
     imgui.set_cursor_pos(after)
 
 
+def dim_behind(name: str) -> bool:
+    """Darken all that lies behind a window of this name, and keep the mouse from it; whether it was clicked."""
+    imgui.set_next_window_pos(imgui.ImVec2(0, 0))
+    imgui.set_next_window_size(imgui.get_io().display_size)
+    imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
+    imgui.push_style_var(imgui.StyleVar_.window_border_size, 0.0)
+    with widgets.color(imgui.Col_.window_bg, (0.0, 0.0, 0.0, 0.5)):
+        imgui.begin(f"behind {name}", None, _CARD)
+    if imgui.is_window_appearing():
+        imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
+    clicked = imgui.is_window_hovered() and any(map(imgui.is_mouse_clicked, range(3)))
+    imgui.end()
+    imgui.pop_style_var(2)
+    return bool(clicked)
+
+
 def draw_centred(panel: Panel, rect: Rect, fonts: Fonts) -> None:
     """A panel in a window of its own in the middle, over everything but the status line; its button closes it."""
     size = imgui.get_io().display_size
+    if panel.modal:
+        dim_behind(panel.name)
     free = max(size.y - px(STATUS_HEIGHT), 1.0)
     wide = min(px(panel.width), size.x - px(20))
     imgui.set_next_window_pos(imgui.ImVec2(size.x / 2, free / 2), imgui.Cond_.always, imgui.ImVec2(0.5, 0.5))

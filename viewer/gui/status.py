@@ -1,4 +1,4 @@
-"""The status line: the last message on the left, the machine on the right."""
+"""The status line: the message on the left, with the list of the last ones behind it; the machine on the right."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
-from viewer.messages import Level, Message
+from viewer.messages import Level, Message, Messages
 
 _LOOKS = {
     Level.NOTE: (ICON.note, theme.ACCENT),
@@ -20,6 +20,7 @@ _LOOKS = {
 MIN_MESSAGE_WIDTH = 260.0
 SHOW = "Show in folder"
 ICON_WIDTH = 26.0  # before a message
+LIST, LIST_WIDTH = "messages", 620.0
 DRIVE_HINT = "W A S D or the left stick to move,  F1 for all controls"
 FPS_HALF_LIFE_S = 0.5
 
@@ -42,17 +43,17 @@ class Stats:
 
 
 def draw(
-    message: Message | None,
+    messages: Messages,
     facts: list[tuple[str, str]],
     doing: str,
     can_end: bool,
-    show: Callable[[Path], None],
 ) -> bool:
     """The line: a message, and facts with their hints, which drop off from the left where the message needs their room.
 
     The last fact stays. Before the message what the program is `doing`, with a button where it can be ended; whether that
-    was pressed. `show` shows the file of a message in its folder.
+    was pressed.
     """
+    message = messages.current
     width, gap = imgui.get_content_region_avail().x, px(18)
     text = DRIVE_HINT if message is None else message.text
     wanted = max(imgui.calc_text_size(text).x + px(ICON_WIDTH) + gap, px(MIN_MESSAGE_WIDTH))
@@ -65,7 +66,8 @@ def draw(
         imgui.same_line(0, gap)
         room -= imgui.get_cursor_pos_x() - begin
     if message or not doing:
-        _message(message, room, show)
+        _message(message, room, messages.show_in_folder)
+    _list(messages)
     imgui.same_line(width - sum(widths) + gap + imgui.get_style().window_padding.x)
     for text, hint in facts[-len(widths) :]:
         widgets.muted(text)
@@ -85,7 +87,10 @@ def _doing(text: str, width: float, can_end: bool) -> bool:
 
 def _message(message: Message | None, width: float, show: Callable[[Path], None]) -> None:
     if message is None:
+        imgui.begin_group()
         widgets.muted(widgets.elided(f"{ICON.help} {DRIVE_HINT}", width))
+        imgui.end_group()
+        _opens_list()
         return
     icon, color = _LOOKS[message.level]
     with widgets.color(imgui.Col_.text, color):
@@ -96,9 +101,53 @@ def _message(message: Message | None, width: float, show: Callable[[Path], None]
     with widgets.color(imgui.Col_.text, plain):
         shown = widgets.elided(message.text, width - px(ICON_WIDTH))
         imgui.text_unformatted(shown)
-    if shown != message.text and imgui.is_item_hovered():
-        widgets.tooltip(message.text)
+    _opens_list("" if shown == message.text else message.text)
     if message.path is not None:
         imgui.same_line(0, px(10))
         if imgui.small_button(f"{SHOW}##show in folder"):
             show(message.path)
+
+
+def _opens_list(text: str = "") -> None:
+    """A click on the item before opens the list of messages."""
+    if imgui.is_item_hovered():
+        widgets.tooltip(f"{text}\nClick: the last messages".lstrip())
+        if imgui.is_mouse_clicked(0):
+            imgui.open_popup(LIST)
+
+
+def _list(messages: Messages) -> None:
+    """The last messages, newest first, above the line: time, text, and what can be done."""
+    corner = imgui.get_window_pos()
+    width, space = min(px(LIST_WIDTH), imgui.get_window_width() - px(20)), imgui.get_io().display_size.y
+    imgui.set_next_window_pos(
+        imgui.ImVec2(corner.x + px(10), corner.y - px(6)), imgui.Cond_.always, imgui.ImVec2(0, 1)
+    )
+    imgui.set_next_window_size_constraints(imgui.ImVec2(width, 0), imgui.ImVec2(width, 0.6 * space))
+    if not imgui.begin_popup(LIST):
+        return
+    if not messages.recent:
+        widgets.muted("Nothing was said yet.")
+    for number, message in enumerate(reversed(messages.recent)):
+        imgui.push_id(number)
+        _entry(message, messages.show_in_folder)
+        imgui.pop_id()
+    imgui.end_popup()
+
+
+def _entry(message: Message, show: Callable[[Path], None]) -> None:
+    icon, color = _LOOKS[message.level]
+    over = message.settled or message.level is Level.NOTE
+    widgets.muted(message.told_at)
+    imgui.same_line(0, px(10))
+    with widgets.color(imgui.Col_.text, theme.MUTED if message.settled else color):
+        imgui.text_unformatted(ICON.check if message.settled else icon)
+    imgui.same_line(0, px(8))
+    imgui.begin_group()
+    with widgets.color(imgui.Col_.text, theme.TEXT if over else color):
+        imgui.text_wrapped(message.problem + (" It is over." if message.settled else ""))
+    if message.remedy and not message.settled:
+        widgets.muted(message.remedy, wrap=True)
+    if message.path is not None and imgui.small_button(f"{SHOW}##of message"):
+        show(message.path)
+    imgui.end_group()

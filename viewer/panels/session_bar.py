@@ -63,8 +63,6 @@ class SessionBar:
     def keys(self) -> None:
         """Ctrl+S, Ctrl+Shift+S, Ctrl+O, Ctrl+E, and undo and redo wherever no text is typed."""
         sessions = self.sessions
-        if sessions.dialogs.question is not None:
-            return
         if imgui.is_key_chord_pressed(_SAVE_AS):
             sessions.ask_save()
         elif imgui.is_key_chord_pressed(_SAVE):

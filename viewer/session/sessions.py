@@ -119,6 +119,15 @@ class Sessions:
         """The newest untitled session, when it was cut off."""
         return self.earlier[0] if self.earlier and not self.earlier[0].ended else None
 
+    def find_cut_off(self) -> SessionSummary | None:
+        """The session that was open last, untitled or the user's own file, where it was cut off."""
+        named = library.look_at(self.recent[0]) if self.recent else None
+        named = named and replace(
+            named, name=named.path.stem
+        )  # it is written with the view, and may be older
+        found = [left for left in (self.cut_off, named) if left is not None and not left.ended]
+        return max(found, key=lambda left: left.saved_s, default=None)
+
     # --- actions
 
     def new(self) -> None:
@@ -360,13 +369,21 @@ class Sessions:
                 self._write_view()
             self._viewed_s = time.monotonic()
 
-    def finish(self, keep: bool, until: float) -> None:
-        """The program ends, at a time of `time.monotonic`: what the file has not taken by then is for the next start."""
+    def keep(self) -> None:
+        """Write all that was done so far, whatever happens next."""
+        self.editor.finish_drag()
+        self.editor.file.flush(MENTIONED_S)
+
+    def finish(self, keep: bool, until: float, ended: bool = True) -> None:
+        """The program ends, at a time of `time.monotonic`: what the file has not taken by then is for the next start.
+
+        Not `ended` as planned, that start offers the session.
+        """
         self.editor.finish_drag()
         self.takes.end_recording()
         file, empty = self.editor.file, self._is_empty or (not keep and self.path is None)
         if not empty:
-            self._write_view(ended=True)
+            self._write_view(ended)
             if not file.flush(MENTIONED_S):
                 self.messages.note(f"Waiting for the session {self.name} to be written.")
         whole = file.close(max(until - time.monotonic(), 0.0))

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
+from runtime.session.library import SessionSummary
 from tests.helpers import hand
 from tests.helpers.app_driver import (
     Start,
@@ -14,11 +17,13 @@ from tests.helpers.app_driver import (
     message,
     place,
     press,
+    record,
     run,
     typing,
 )
 from viewer.app import App
 from viewer.gl_bindings import imgui
+from viewer.gui.defects import Defect
 from viewer.gui.layout import Layout, Rect
 
 LETTERS = "abcdefghijklmnopqrstuvwxyz0123456789"
@@ -186,3 +191,61 @@ def test_tab_goes_through_a_panel_and_its_fields(start: Start) -> None:
         reached.add(context.nav_id)
     assert len(reached) >= 12, "every button"
     assert app.takes.playback is not None
+
+
+MODAL = ("help", "path dialog", "defect", "last session")
+
+
+@pytest.mark.parametrize("what", MODAL)
+def test_no_key_reaches_what_lies_behind_a_modal_window(start: Start, what: str) -> None:
+    app = start()
+    record(app)
+    run(app, 2)
+    app.sessions.dialogs.available = lambda: False
+
+    def show() -> None:
+        if what == "help":
+            app.state.help_open = True
+        elif what == "path dialog":
+            app.sessions.ask_open()
+        elif what == "defect":
+            app.defects.shown = Defect("drawing", "report", None)
+        else:
+            app.cut_off.left = SessionSummary(Path("a.sport"), "a", False, 0.0, 1, 1.0, b"")
+        run(app, 3)
+
+    show()
+    assert app.shell.modal
+    before = app.editor.session, app.settings.show_trajectory, app.scene.camera.mode
+    for keys in (
+        ("f6",),
+        ("space",),
+        ("ctrl", "tab"),
+        ("space",),
+        ("f6",),
+        ("f6",),
+        ("ctrl", "z"),
+        ("f2",),
+        ("v",),
+    ):
+        press(app, *keys)
+        run(app, 2)
+        if keys == ("space",):  # presses a button of the window itself
+            show()
+        assert app.shell.focus.holder in app.shell.focus.windows
+    assert before == (app.editor.session, app.settings.show_trajectory, app.scene.camera.mode)
+    assert app.shell.modal
+    click(app, *place(app, "##terrain"))
+    run(app, 2)
+    assert not len(imgui.get_current_context().open_popup_stack), "the list behind it does not open"
+
+
+def test_f6_stays_among_the_windows_over_everything(start: Start) -> None:
+    app = start()
+    record(app)
+    app.settings_window.toggle()
+    run(app, 3)
+    for _ in range(4):
+        press(app, "f6")
+        run(app, 2)
+        assert app.shell.focus.holder == "Settings##overlay"

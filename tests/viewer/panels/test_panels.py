@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
+from runtime.errors import FileError
 from runtime.formats.bvh_clip import load_clip_bvh
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click, click_on, drawn, place, press, record, run, titles
+from tests.helpers.app_driver import Start, click, click_on, drawn, place, press, record, run, texts, titles
 from viewer.app import App
 from viewer.gl_bindings import imgui
 from viewer.gui.layout import STATUS_HEIGHT
 from viewer.gui.theme import ICON
-from viewer.messages import SETTLED_SECONDS, WARNING_SECONDS, Messages
+from viewer.messages import SETTLED_S, WARNING_S, Level, Messages
 from viewer.panels.guide import STEPS
 
 
@@ -218,11 +220,65 @@ def test_a_message_leaves_when_it_holds_no_longer() -> None:
     messages.error("no such ground", "terrain")
     messages.settle("terrain")
     assert messages.current is not None  # there to be read
-    now[0] += SETTLED_SECONDS + 0.1
+    now[0] += SETTLED_S + 0.1
     assert messages.current is None
     messages.warn("something")
-    now[0] += WARNING_SECONDS + 0.1
+    now[0] += WARNING_S + 0.1
     assert messages.current is None
+
+
+# what is said at which second, and what the line shows at which: n, w and e begin notes, warnings and errors
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        ({0: "w at start", 1: "n slow"}, {0: "w at start", 3: "w at start", 4.5: "n slow", 13: ""}),
+        ({0: "n one", 1: "n two"}, {0: "n one", 1: "n two", 10: ""}),
+        ({0: "n one", 1: "e bad"}, {1: "e bad", 20: "e bad"}),
+        ({0: "e bad", 10: "n done"}, {10: "n done", 19: ""}),
+        ({0: "h disk", 10: "n done"}, {10: "n done", 19: "h disk", 1000: "h disk"}),
+        ({0: "h disk", 10: "n done", 20: "over"}, {10: "n done", 21: ""}),
+        ({0: "w at start", 1: "n slow", 2: "n third"}, {3: "w at start", 5: "n third", 20: ""}),
+    ],
+)
+def test_the_line_shows_what_weighs_more_first_and_again_what_holds(
+    said: dict[float, str], shown: dict[float, str]
+) -> None:
+    now = [0.0]
+    messages = Messages(clock=lambda: now[0])
+    say = {"n": messages.note, "w": messages.warn, "e": messages.error}
+    for second in sorted({*said, *shown}):
+        now[0], text = second, said.get(second, "")
+        if text == "over":
+            messages.settle("disk")
+        elif text.startswith("h"):
+            messages.error(text, "disk")
+        elif text:
+            say[text[0]](text)
+        if second in shown:
+            current = messages.current
+            assert (current.text if current else "") == shown[second], second
+    assert [m.text for m in messages.recent] == [text for text in said.values() if text != "over"]
+
+
+def test_behind_the_line_is_a_list_with_what_can_be_done(start: Start) -> None:
+    app = start()
+    app.messages.error(FileError("dunes.png: damaged.", "Save it again as PNG."), "ground")
+    app.messages.note("Saved walk.bvh", Path("walk.bvh"))
+    run(app, 2)
+    click(app, 100.0, app.window.size[1] - 15.0)
+    run(app, 2)
+    said = texts(app)
+    assert "Save it again as PNG." in said
+    assert "dunes.png: damaged." in said
+    assert said.index("Saved walk.bvh") < said.index("dunes.png: damaged.")
+    assert any(re.fullmatch(r"\d\d:\d\d:\d\d", text) for text in said)
+    app.messages.settle("ground")
+    assert "dunes.png: damaged. It is over." in texts(app)
+    assert "Save it again as PNG." not in texts(app)
+    press(app, "escape")
+    run(app, 2)
+    assert "dunes.png: damaged. It is over." not in texts(app)
+    assert app.messages.recent[0].level is Level.ERROR
 
 
 def test_takes_are_rated_noted_searched_sorted_and_exported_as_found(start: Start, tmp_path: Path) -> None:

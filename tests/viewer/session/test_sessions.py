@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import sqlite3
 import tempfile
@@ -23,7 +24,18 @@ from runtime.session.session import Session, Take
 from runtime.session.session_file import SessionFile
 from runtime.terrain.files import write_height_png
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click_on, drawn, press, prompt, record, run, run_until, titles
+from tests.helpers.app_driver import (
+    Start,
+    click_on,
+    drawn,
+    press,
+    prompt,
+    record,
+    run,
+    run_until,
+    texts,
+    titles,
+)
 from tests.helpers.full_session import history_of, still, text_of, written
 from tests.helpers.gltf_characters import user_character
 from viewer.app import App
@@ -458,3 +470,46 @@ def test_a_name_that_is_no_text_kills_nothing(start: Start, tmp_path: Path) -> N
     assert app.end() == 0
     app.close()
     assert [take.title for take in in_file(path, tmp_path).takes] == wanted
+
+
+@pytest.mark.parametrize("named", [False, True], ids=["untitled", "named"])
+@pytest.mark.parametrize("button", ["Reopen", "Later", "Discard"])
+def test_the_start_after_a_crash_offers_the_work(
+    start: Start, tmp_path: Path, button: str, named: bool
+) -> None:
+    killed, path = start(), tmp_path / "a.sport"
+    record(killed, 60)
+    if named:
+        killed.sessions.save_as(path)
+    killed.takes.rename(1, "a walk")
+    killed.sessions.finish(keep=True, until=time.monotonic() + 20.0, ended=False)  # as after a defect
+    killed.close()
+    app = start()
+    app.settings.recent_sessions = [str(path)] if named else []
+    app.sessions.begin(None, looking=True)
+    app.cut_off.begin()
+    run(app, 3)
+    offer = " ".join(texts(app))
+    assert re.search(rf"{'a' if named else 'Untitled'}, 1 take, 0:01\.0, \d\d \w+ \d\d:\d\d", offer)
+    buttons = [text for text, _ in drawn(app) if text.endswith("##cut off")]
+    assert len(buttons) == 3
+    enabled = not (named and button == "Discard")  # a file that the user named stays
+    click_on(app, button, -1)
+    run(app, 4)
+    assert titles(app) == (["a walk"] if button == "Reopen" else [])
+    assert (app.cut_off.left is None) == enabled
+    kept = [path] if named else [p for p in untitled(tmp_path).glob("*.sport") if p != app.editor.file.path]
+    assert [p.exists() for p in kept] == ([] if button == "Discard" and not named else [True] * len(kept))
+
+
+def test_no_work_is_offered_after_a_planned_end(start: Start, tmp_path: Path) -> None:
+    before = start()
+    record(before)
+    before.sessions.save_as(tmp_path / "a.sport")
+    before.sessions.finish(keep=True, until=time.monotonic() + 20.0)
+    before.close()
+    app = start()
+    app.settings.recent_sessions = [str(tmp_path / "a.sport")]
+    app.sessions.begin(None, looking=True)
+    app.cut_off.begin()
+    assert app.cut_off.left is None

@@ -24,7 +24,8 @@ from runtime.motion.features import FPS, INPUT_SIZE
 from runtime.motion.model import MotionModel, load_model
 from runtime.prompts.prompter import Prompter
 from runtime.session.motion import MotionHeader
-from runtime.session.session_file import ROW, SessionFile
+from runtime.session.recording import ROW
+from runtime.session.session_file import SessionFile
 from runtime.takes.input_recording import COLUMNS, KEYFRAME_STEPS, InputRecorder, resimulate
 from runtime.takes.recorder import ClipRecorder
 from runtime.terrain.height_map import Terrain

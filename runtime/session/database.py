@@ -1,7 +1,6 @@
 """A session on disk while it is worked on: each change is a transaction that one thread writes soon after.
 
-What is read is treated as untrusted: every length is counted before anything of that size is made. It is what is on
-disk: `Database.flush` first to read what was just submitted.
+What is read is what is on disk: `Database.flush` first to read what was just submitted.
 """
 
 from __future__ import annotations
@@ -12,31 +11,28 @@ import os
 import sqlite3
 import threading
 import time
-import zlib
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby, islice
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 from runtime.errors import FileError
 from runtime.session import unwritten
+from runtime.session.recovery import fill_gaps
+from runtime.session.salvage import salvaged
 from runtime.session.sqlite_file import (
-    LARGE_BYTES,
-    MAX_TEXT_BYTES,
-    REMEDY,
     ROOM,
     Budget,
-    check_content,
     check_files,
-    check_schema,
     connect,
     connect_reader,
     connect_writer,
-    copy_rows,
     drop_lock,
     file_errors,
     in_memory,
+    keep_aside,
     lock_of,
     new_file,
     real_path,
@@ -45,8 +41,19 @@ from runtime.session.sqlite_file import (
     take_lock,
     unwritten_files,
 )
+from runtime.session.stored_rows import StoredRows
+from runtime.session.tables import (
+    MAX_ROWS,
+    DamageError,
+    VersionError,
+    check_content,
+    copy_rows,
+    put_rows,
+    version_of,
+)
 from runtime.session.writer import Writer
 
+MAX_SALVAGED_ROWS = 2 * MAX_ROWS  # of a damaged file
 GATHER_S = 0.05  # that works wait for others before they are written
 IDLE_S = 1.0  # without work until the log goes into the file, and between two attempts where the disk takes nothing
 MAX_WAITING = 20_000  # works that wait for a disk; of a recording an hour and more
@@ -57,17 +64,14 @@ Work = Callable[[Writer], None]
 
 
 @dataclass
-class Database:
+class Database(StoredRows):
     """One session's rows in one SQLite file, written by one thread of its own. Made by `create`, `open` and `read`."""
 
-    path: Path  # without links
-    budget: Budget
+    repaired: str = ""  # what was damaged when it was opened, in a user's words
+    aside: Path = Path()  # the damaged file
     _handle: int = -1  # of the lock; -1 for reading only
-    _reader: sqlite3.Connection | None = None
     _writer: sqlite3.Connection | None = None
     _files: list[tuple[int, int]] = field(default_factory=list)  # which ones were opened
-    # rows that the budget paid for, or this process wrote
-    _counted: set[tuple[Any, ...]] = field(default_factory=set)
     _queue: deque[Work] = field(default_factory=deque)
     _submitted: int = 0
     _written: int = 0
@@ -85,7 +89,6 @@ class Database:
     _changed: threading.Condition = field(default_factory=threading.Condition)
     _turn: threading.Lock = field(default_factory=threading.Lock)  # of who writes
     _working: threading.Lock = field(default_factory=threading.Lock)  # works run one at a time
-    _reading: threading.RLock = field(default_factory=threading.RLock)
     _thread: threading.Thread | None = None
 
     @staticmethod
@@ -98,7 +101,7 @@ class Database:
                 raise FileError(f"{path}: this file exists.", "Choose another name.")
             with new_file(path):
                 pass
-            return Database(path, Budget.for_file(0), handle)._begin()
+            return Database(path, Budget.for_file(0), _handle=handle)._begin()
         except BaseException:
             drop_lock(handle, path)
             raise
@@ -113,28 +116,51 @@ class Database:
         check_files(path)
         handle = take_lock(path)
         try:
-            database = Database(path, Budget.for_file(check_files(path)), handle)
-            log = side_files(path)[0]
-            mode = "ro" if log.exists() and log.stat().st_size else "immutable"
-            try:
-                with (
-                    file_errors(path),
-                    contextlib.closing(_checked(connect(path, mode))) as connection,
-                    new_file(path) as target,
-                ):
-                    copy_rows(connection, target)
-                    unwritten.make(unwritten.read(path), target)
-                    connection.close()  # before the file is replaced
-            except FileError as error:
-                if not _is_of_the_disk(error.__cause__):
-                    raise
-                with file_errors(path), contextlib.closing(_checked(connect(path, mode))) as connection:
-                    database._unwritten = unwritten.read(path)
-                    database._reader = database._writer = _memory_of(connection, database._unwritten)
-            return database._begin()
+            database = Database(path, Budget.for_file(check_files(path)), _handle=handle)
+            database._renew()
+            return database._begin(checked=True)
         except BaseException:
             drop_lock(handle, path)
             raise
+
+    def _renew(self) -> None:
+        """Put a new file with the rows of the one that is there in its place; of a damaged one all that are sound."""
+        path, log = self.path, side_files(self.path)[0]
+        mode = "ro" if log.exists() and log.stat().st_size else "immutable"
+        try:
+            with (
+                file_errors(path),
+                contextlib.closing(_checked(connect(path, mode))) as connection,
+                new_file(path) as target,
+            ):
+                copy_rows(connection, target)
+                unwritten.make(unwritten.read(path), target)
+                connection.close()  # before the file is replaced
+        except FileError as error:
+            if _is_damage(error.__cause__):
+                self._salvage(error)
+            elif _is_of_the_disk(error.__cause__):
+                with file_errors(path), contextlib.closing(_checked(connect(path, mode))) as connection:
+                    self._unwritten = unwritten.read(path)
+                    self._reader = self._writer = _memory_of(connection, self._unwritten)
+            else:
+                raise
+
+    def _salvage(self, damage: FileError) -> None:
+        """Put a new file with the sound rows of a damaged one in its place, which is kept aside; `damage` where it has none."""
+        with new_file(self.path, self._keep_aside) as target:
+            rows = islice(salvaged(self.path), MAX_SALVAGED_ROWS)
+            for table, found in groupby(rows, lambda pair: pair[0]):
+                put_rows(target, table, (row for _, row in found), known="IGNORE")
+            if not target.execute("SELECT 1 FROM meta UNION SELECT 1 FROM frames LIMIT 1").fetchone():
+                raise damage
+            held = fill_gaps(target)
+            unwritten.make(unwritten.read(self.path), target)
+        gaps = f" {held} frames that are lost hold the pose before them." if held else ""
+        self.repaired = f"It was damaged; what is sound is here, the damaged file is {self.aside.name}.{gaps}"
+
+    def _keep_aside(self) -> None:
+        self.aside = keep_aside(self.path)
 
     @staticmethod
     def read(path: Path, thorough: bool = True) -> Database:
@@ -294,9 +320,14 @@ class Database:
                 drop_lock(self._handle, self.path)
                 self._handle = -1
 
-    def _begin(self) -> Database:
+    def _begin(self, checked: bool = False) -> Database:
+        """Begin to write; `checked`: look through the file that was just made, meanwhile."""
         if self._reader is None:
             self._connect()
+            if checked:
+                threading.Thread(
+                    target=self._check_integrity, name="sport-session check", daemon=True
+                ).start()
         self._thread = threading.Thread(target=self._run, name="sport-session", daemon=True)
         self._thread.start()
         return self
@@ -307,6 +338,20 @@ class Database:
             self._reader = connect(self.path, "ro")
             self._reader.execute("SELECT * FROM meta LIMIT 0")  # opens the log while it has its name
             self._files = self._present()
+
+    def _check_integrity(self) -> None:
+        """Say it where the disk gives back other pages than were written."""
+        try:
+            with contextlib.closing(connect(self.path, "ro")) as connection:
+                connection.set_progress_handler(lambda: self._ending, 20_000)
+                (found,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
+        except sqlite3.Error as error:
+            found = "ok" if self._ending else said(error)
+        if found != "ok":
+            _LOG.error("integrity_check of %s: %s", self.path, found)
+            self._lost = (
+                f"{self.path}: its disk gives back other bytes than were written. Save a copy elsewhere."
+            )
 
     def _disconnect(self) -> None:
         """Both at once: the last one removes the log, by its name."""
@@ -432,93 +477,14 @@ class Database:
             with contextlib.suppress(sqlite3.Error):  # it did so by itself
                 self._writer.execute("ROLLBACK")
 
-    # --- reading
 
-    def steps(self) -> list[tuple[int, str]]:
-        return self._rows(
-            "steps", "number, label", (int, str), "16 + length(CAST(label AS BLOB))", "1 ORDER BY number"
-        )
-
-    def step(self, number: int) -> str:
-        """The document of a step; FileError where there is none."""
-        size = "length(CAST(document AS BLOB))"
-        return self._one(
-            self._rows("steps", "document", (str,), size, "number = ?", number), f"step {number}"
-        )[0]
-
-    def blob(self, key: str) -> bytes:
-        """Bytes by their key; FileError where there are none."""
-        return self._content("blobs", "key = ?", key)
-
-    def motion(self, key: str) -> str:
-        """The header of a motion; FileError where there is none."""
-        size = "length(CAST(header AS BLOB))"
-        return self._one(self._rows("motions", "header", (str,), size, "key = ?", key), f"motion {key}")[0]
-
-    def motions(self) -> list[str]:
-        """Keys of the motions, in the order in which they were made."""
-        rows = self._rows("motions", "key", (str,), "length(CAST(key AS BLOB))", "1 ORDER BY number")
-        return [key for (key,) in rows]
-
-    def frames(self, key: str) -> Iterator[tuple[int, bytes]]:
-        """The pieces of a motion in order: how many frames, and what `put_frames` got."""
-        rows = self._rows("frames", "number, count", (int, int), "16", "motion = ? ORDER BY number", key)
-        for number, count in rows:
-            yield count, self._content("frames", "motion = ? AND number = ?", key, number)
-
-    def frame_count(self, key: str) -> int:
-        """How many frames the pieces of a motion say they have."""
-        return sum(count for (count,) in self._rows("frames", "count", (int,), "8", "motion = ?", key))
-
-    def meta(self, name: str, default: str = "") -> str:
-        rows = self._rows("meta", "value", (str,), "length(CAST(value AS BLOB))", "name = ?", name)
-        return rows[0][0] if rows else default
-
-    def meta_bytes(self, name: str) -> bytes:
-        """The bytes under a name; b"" for none."""
-        rows = self._rows("meta", "value", (bytes,), "length(value)", "name = ?", name)
-        return rows[0][0] if rows else b""
-
-    def _content(self, table: str, where: str, *values: Any) -> bytes:
-        rows = self._rows(
-            table, "size, content", (int, bytes), "max(size, 0) + length(content)", where, *values
-        )
-        size, content = self._one(rows, f"{table} {values[0]}")
-        with file_errors(self.path):
-            if not 0 <= size <= LARGE_BYTES:
-                raise ValueError(f"{size} bytes")
-            unfold = zlib.decompressobj()
-            made = unfold.decompress(content, size + 1)
-            if len(made) != size or not unfold.eof or unfold.unused_data:
-                raise ValueError(f"expected {size} bytes")
-        return made
-
-    def _one(self, rows: Sequence[Any], what: str) -> Any:
-        if len(rows) != 1:
-            raise FileError(f"{self.path}: {what[:80]} is missing.", REMEDY)
-        return rows[0]
-
-    def _rows(
-        self, table: str, columns: str, kinds: tuple[type, ...], size: str, where: str, *values: Any
-    ) -> Any:
-        """Rows of values of these kinds; what they come to is counted before they are made, once for each question."""
-        question = (table, *values)
-        with self._reading, file_errors(self.path):
-            if self._reader is None:
-                raise ValueError("it is closed")
-            if question not in self._counted:
-                sized = (
-                    f"SELECT coalesce(sum({size}), 0), coalesce(max({size}), 0) FROM {table} WHERE {where}"
-                )
-                total, most = self._reader.execute(sized, values).fetchone()
-                if most > MAX_TEXT_BYTES and bytes not in kinds:
-                    raise ValueError("a text is too long")
-                self.budget.spend(total)
-                self._counted.add(question)
-            rows = self._reader.execute(f"SELECT {columns} FROM {table} WHERE {where}", values).fetchall()
-            if any(type(value) is not kind for row in rows for value, kind in zip(row, kinds, strict=True)):
-                raise ValueError("a value is of another type")
-        return rows
+def _is_damage(error: BaseException | None) -> bool:
+    """Whether the content of a file is at fault."""
+    wrong = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CONSTRAINT, sqlite3.SQLITE_ERROR)
+    code = getattr(
+        error, "sqlite_errorcode", sqlite3.SQLITE_ERROR if isinstance(error, sqlite3.Error) else -1
+    )
+    return isinstance(error, DamageError | VersionError) or code & 0xFF in wrong
 
 
 def _is_of_the_disk(error: BaseException | None) -> bool:
@@ -532,7 +498,7 @@ def _is_of_the_disk(error: BaseException | None) -> bool:
 def _checked(connection: sqlite3.Connection, thorough: bool = True) -> sqlite3.Connection:
     """A connection to a file that is what it must be; else it is closed, ValueError or sqlite3.Error."""
     try:
-        check_schema(connection)
+        version_of(connection)
         if thorough:
             check_content(connection)
     except BaseException:

@@ -33,7 +33,7 @@ from runtime.session.character_files import safe_name
 from runtime.session.frames import packed_table, unpacked_table
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.prompt_blend import Answer, PromptBlend
-from runtime.session.session import MAX_RATING, CharacterChoice, Ground, Session, Take
+from runtime.session.session import LIVE, MAX_RATING, CharacterChoice, Ground, Session, Take
 from runtime.skeleton import PART_NAMES
 from runtime.takes.camera_keys import MAX_KEYS
 from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, MAX_SIZE, MIN_SIZE
@@ -63,6 +63,7 @@ MAX_TEXT = 4096  # characters of a name
 MAX_ITEMS = 400_000  # values of one text
 # in memory, about: of a take without its frames, of a state, and of a change of what made a take
 TAKE_BYTES, STATE_BYTES, CHANGE_BYTES = 20_000, 65_536, 4096
+ITEM_BYTES = 100  # of a value of a text
 CODE = (6, 64)
 SOURCES = ("library", "gpt", "explicit")
 Json = Any
@@ -208,6 +209,7 @@ class DocumentReader:
     blobs: BlobReader
     motion: Callable[[str], Motion]
     _forms: dict[Any, Callable[[Json], Any]] = field(init=False)  # of what is no record
+    left_out: set[str] = field(default_factory=set)  # references of takes that cannot be read
 
     def __post_init__(self) -> None:
         self._forms = {
@@ -219,13 +221,18 @@ class DocumentReader:
         }
 
     def session(self, text: str) -> Session:
-        return self.checked(lambda: self._record(Session, parse_json(text, MAX_ITEMS)))
+        return self.checked(lambda: self._record(Session, self._parsed(text)))
+
+    def _parsed(self, text: str) -> Json:
+        """The value of a text, whose making is counted before."""
+        self.blobs.budget.spend(ITEM_BYTES * sum(map(text.count, "[{,")))
+        return parse_json(text, MAX_ITEMS)
 
     def header(self, text: str) -> tuple[MotionHeader, bool]:
         """A motion's header, and whether its recording was cut off."""
 
         def read() -> tuple[MotionHeader, bool]:
-            value = parse_json(text, MAX_ITEMS)
+            value = self._parsed(text)
             return self._record(MotionHeader, value), value.pop("recording") is True
 
         return self.checked(read)
@@ -280,16 +287,32 @@ class DocumentReader:
         if not isinstance(value, list) or len(value) > MAX_TAKES:
             raise ValueError("expected a list of some values")
         if inside[0] is Take:
-            return [self._take(reference) for reference in value]
+            return [take for reference in value if (take := self._sound_take(reference)) is not None]
         hints = inside if len(inside) > 1 and inside[-1] is not Ellipsis else inside[:1] * len(value)
         return [self._value(h, v, longest) for h, v in zip(hints, value, strict=True)]
 
-    def _take(self, reference: Json) -> Take:
+    def is_whole(self, text: str) -> bool:
+        """Whether every take of a session that was read is there."""
+        return not any(reference in text for reference in self.left_out)
+
+    def _sound_take(self, reference: Json) -> Take | None:
+        """A take; None for one that cannot be read, which its session is without."""
+        if str(reference) in self.left_out:
+            return None
+        try:
+            return self.take(reference)
+        except FileError:
+            self.left_out.add(str(reference))
+            return None
+
+    def take(self, reference: Json) -> Take:
+        """The take of a reference; FileError."""
+
         def made() -> Take:
             self.blobs.budget.spend(TAKE_BYTES)
-            return self._record(Take, parse_json(self.blobs.text(reference), MAX_ITEMS))
+            return self._record(Take, self._parsed(self.blobs.text(reference)))
 
-        return self.blobs.once("take", reference, made)
+        return self.checked(lambda: self.blobs.once("take", reference, made))
 
     def _ground(self, value: Json) -> Ground:
         spec, terrain = value
@@ -396,8 +419,7 @@ def _refuse(what: str, wrong: bool) -> None:
 
 def _check_session(session: Session) -> Session:
     numbers = [take.number for take in session.takes]
-    unmade = any(take.motion is None for take in session.takes)
-    _refuse("takes without numbers of their own", len(set(numbers)) < len(numbers) or unmade or 0 in numbers)
+    _refuse("takes without numbers of their own", len(set(numbers)) < len(numbers) or 0 in numbers)
     _refuse(f"{len(session.variants)} variants", len(session.variants) > MAX_VARIANTS)
     selected = session.selected if session.selected in numbers else 0
     return replace(session, counter=max(session.counter, *numbers, 0), selected=selected)
@@ -406,6 +428,7 @@ def _check_session(session: Session) -> Session:
 def _check_take(take: Take) -> None:
     many = len(take.cameras) > MAX_KEYS or len(take.path) > MAX_POINTS
     edits = take.poses.pins, take.poses.footplants, take.poses.layer.keys
+    _refuse("a take without a motion", take.number != LIVE and take.motion is None)
     _refuse("edits without end", many or max(map(len, edits)) > MAX_PINS)
     _refuse("a rating", not 0 <= take.rating <= MAX_RATING)
     _refuse("a frame number", not 0 <= take.numbered_from <= MAX_FRAMES)

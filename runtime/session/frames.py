@@ -72,6 +72,11 @@ def unpacked_frames(data: bytes, count: int) -> tuple[AnyArray, AnyArray, AnyArr
     return hips, rotations.astype(np.float32), contacts, unpacked_table(parts[4], count, np.int8)[:, 0]
 
 
+def packed_gaits(data: bytes, count: int) -> AnyArray:
+    """The gaits `(T,)` of `packed_frames`, which are its last bytes."""
+    return np.frombuffer(data, np.int8, count, (BYTES - 1) * count)
+
+
 def _others(largest: AnyArray) -> AnyArray:
     """The three other components `(..., 3)` of a quaternion."""
     return (largest[..., None] + np.arange(1, 4)) % 4

@@ -203,3 +203,9 @@ class Session:
             return replace(self, live=replace(self.live, **changes))
         takes = tuple(replace(take, **changes) if take.number == number else take for take in self.takes)
         return replace(self, takes=takes)
+
+
+def has_edits(session: Session) -> bool:
+    """Whether a session holds work besides takes: a path, poses and camera keys of the live character, variants."""
+    live = session.live
+    return bool(live.path or live.poses or live.cameras or session.variants)

@@ -5,22 +5,21 @@ What is submitted here returns at once; the database's own thread packs and writ
 
 from __future__ import annotations
 
+import contextlib
 import json
-import re
+import logging
 import threading
-import uuid
+import time
 import weakref
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from runtime.arrays import Float32Array
 from runtime.errors import FileError
 from runtime.safe_read import parse_json, printable
 from runtime.session.blobs import REMEDY, BlobReader
@@ -31,6 +30,7 @@ from runtime.session.character_files import (
 )
 from runtime.session.database import Database
 from runtime.session.document import (
+    MAX_FRAMES,
     DocumentReader,
     DocumentWriter,
     header_text,
@@ -38,26 +38,32 @@ from runtime.session.document import (
     read_view,
     unpack_sticks,
 )
-from runtime.session.frames import BYTES, CLIP_BYTES, packed_frames, pieces, unpacked_frames
-from runtime.session.history import History, Step
+from runtime.session.edits import with_new_take
+from runtime.session.frames import (
+    BYTES,
+    CLIP_BYTES,
+    packed_frames,
+    packed_gaits,
+    pieces,
+    unpacked_frames,
+)
+from runtime.session.history import MAX_STEPS, History, Step
+from runtime.session.lost import LostTake, settle
 from runtime.session.motion import Motion, MotionHeader
-from runtime.session.session import CharacterChoice, Session, Take
+from runtime.session.recording import Recording
+from runtime.session.recovery import INPUT, TAIL, UNKNOWN_FPS, UNKNOWN_NAME
+from runtime.session.session import MIN_FRAMES, CharacterChoice, Session, Take, has_edits
 from runtime.session.sqlite_file import Budget, file_errors
 from runtime.session.writer import Writer
 from runtime.skeleton import J
 from runtime.takes.clip import Clip, are_poses
 from runtime.takes.input_recording import COLUMNS, InputFrames, InputRecording
-from runtime.takes.metadata import PromptEvent, gait_seconds
+from runtime.takes.metadata import gait_seconds
 
 LOADED_CLIPS = 4  # whose frames stay in memory when nothing shows them
-RECORDED_PIECE = 300  # frames that are packed as one while a recording runs
-ROW = 3 + 4 * J + 4 + 1  # numbers of a recorded frame: hips, local rotations, contacts, gait
-INPUT, TAIL = ".input", ".tail"  # of a motion's key: what drove it, and its newest frames
-DROPPED_STEPS = 50  # of the history, after which what only they referred to is removed
-# in texts of the file: every reference, those of the texts of takes, and keys of characters and motions
-_REFERENCE = re.compile(r'"(?:<f[48]|\|[iu]1) [0-9x]* ([0-9a-f]{32})"')
-_TAKE = re.compile(r'"\|u1 [0-9]+ ([0-9a-f]{32})"')
-_CHARACTER, _MOTION = re.compile(r'"key": "([^"\\]+)"'), re.compile(r'"motion": "([0-9a-f]{32})"')
+_LOG = logging.getLogger("sport.session")
+DROPPED_STEPS = 50  # of the history, after which what only they referred to is noted as lost
+MAX_RECOVERED_TAKES = 1000
 
 
 @dataclass
@@ -66,6 +72,8 @@ class SessionFile:
 
     database: Database
     cache: Path  # folder for the files of characters
+    repaired: str = ""  # what was wrong with the file when it was opened, in a user's words
+    recovered: int = 0  # takes that no step named
     _documents: DocumentWriter = field(init=False)
     _written: dict[int, Session] = field(default_factory=dict)  # steps of the file, by their numbers
     _known: set[str] = field(default_factory=set)  # blobs, motions and characters that the file has
@@ -75,7 +83,8 @@ class SessionFile:
     _held: weakref.WeakValueDictionary[str, Motion | Recording] = field(
         default_factory=weakref.WeakValueDictionary
     )
-    _dropped: int = 0  # steps of the history since the last removal of what is not used
+    _dropped: int = 0  # steps of the history since the last look at what is not used
+    _lost: bool = False  # the file may hold something that is noted as lost
     _clips: OrderedDict[str, Clip] = field(default_factory=OrderedDict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
@@ -88,11 +97,15 @@ class SessionFile:
 
     @staticmethod
     def open(path: Path, cache: Path) -> tuple[SessionFile, History]:
-        """An existing file and its history, as untrusted; FileError, FileInUse."""
+        """An existing file and its history, as untrusted; FileError, FileInUse.
+
+        Steps and takes that are not sound are left out; a motion that none of them names is a recovered take of a last step.
+        """
         database = Database.open(path)
         try:
-            file, history = _opened(database, cache)
-            file._remove_unused()
+            file = SessionFile(database, cache, repaired=database.repaired)
+            history = file._read_history()
+            file._settle_lost()
             return file, history
         except BaseException:
             database.close()
@@ -127,9 +140,10 @@ class SessionFile:
         """Bring the file to a history; takes no time on the thread that calls."""
         steps = [s for s in history.steps if self._written.get(s.number) is not s.session]
         first, last, present = history.steps[0].number, history.steps[-1].number, history.present
-        kept = {s.number: s.session for s in history.steps}
-        self._dropped += len(self._written.keys() - kept.keys())
-        self._written = kept
+        history_steps, kept = list(history.steps), {s.number: s.session for s in history.steps}
+        before, self._written = self._written, kept
+        dropped = [session for number, session in before.items() if kept.get(number) is not session]
+        self._dropped += len(before.keys() - kept.keys())
 
         def work(writer: Writer) -> None:
             self._begin(writer)
@@ -138,28 +152,47 @@ class SessionFile:
                 writer.put_step(step.number, printable(step.label), self._documents.session(step.session))
             writer.drop_steps(first=last + 1)
             writer.drop_steps(before=first)
+            self._note_lost(writer, [step.session for step in steps], dropped, kept)
             takes = present.session.takes
             seconds = sum((b - a) / t.made.header.fps for t in takes for a, b in (t.range,))
-            for name, value in (("at", present.number), ("takes", len(takes)), ("seconds", f"{seconds:.3f}")):
+            edits = "1" if any(has_edits(step.session) for step in history_steps) else ""
+            for name, value in (
+                ("at", present.number), ("takes", len(takes)), ("seconds", f"{seconds:.3f}"),
+                ("edits", edits), ("ended", ""),
+            ):  # fmt: skip
                 writer.set_meta(name, str(value))
-            writer.set_meta("ended", "")
 
         self.database.submit(work)
         if self._dropped >= DROPPED_STEPS:
-            self._remove_unused()
+            self._settle_lost()
 
-    def _remove_unused(self) -> None:
-        """Have the writer remove motions and blobs that no step refers to and nothing in this process holds."""
-        self._dropped = 0
+    def _note_lost(
+        self, writer: Writer, new: list[Session], dropped: list[Session], kept: Mapping[int, Session]
+    ) -> None:
+        """Note motions that only dropped steps named as lost, and those that a new step names as found."""
+        gone = set[str]().union(*map(_motion_keys, dropped))
+        for session in kept.values() if gone else ():
+            gone -= _motion_keys(session)
+        writer.find(sorted(set[str]().union(*map(_motion_keys, new))) if self._lost else [])
+        writer.lose(sorted(gone), int(time.time()))
+        self._lost = self._lost or bool(gone)
+
+    def lose(self, key: str) -> None:
+        """Note that no step will name a motion."""
+        self._lost = True
+        self.database.submit(lambda writer: writer.lose([key, key + TAIL], int(time.time())))
+
+    def _settle_lost(self) -> None:
+        """Have the writer note what no step refers to and nothing in this process holds; what is lost for long goes."""
+        self._dropped, self._lost = 0, True
 
         def work(writer: Writer) -> None:
             self._begin(writer)
-            held = [known.key for known in self._held.valuerefs() if known() is not None]
-            motions, blobs = _used(writer, held)
-            writer.keep_only(motions, blobs)
-            self._known &= motions | blobs
-            self._fresh &= motions | blobs
-            self._documents = DocumentWriter(self._put)  # what it remembers to have packed may be gone
+            removed = settle(writer, list(self._held.keys()), int(time.time()))
+            if removed:
+                self._known -= removed
+                self._fresh -= removed
+                self._documents = DocumentWriter(self._put)  # what it remembers to have packed is gone
 
         self.database.submit(work)
 
@@ -247,13 +280,140 @@ class SessionFile:
 
     def begin_recording(self, header: MotionHeader) -> Recording:
         """Keep what is recorded from now on."""
-        recording = Recording(self, uuid.uuid4().hex, header)
+        recording = Recording(self, header)
         self.hold(recording.key, recording)
         return recording
 
     def hold(self, key: str, motion: Motion | Recording) -> None:
         """Keep what is stored of a motion for as long as this lives."""
         self._held[key] = motion
+
+    # --- opening
+
+    def _read_history(self) -> History:
+        """The history of the file, with what no step names as takes of a step of its own."""
+        known: dict[str, Motion] = {}
+        reader = DocumentReader(
+            BlobReader(self.path, self.database.blob, self.database.budget),
+            lambda key: self._motion(key, known),
+        )
+        steps, unsound = list[Step](), dict[int, str]()
+        whole = set[int]()  # numbers of the steps whose takes are all there
+        for number, label in reversed(self.database.steps(MAX_STEPS + 1)):
+            try:
+                text = self.database.step(number)
+                steps.insert(0, Step(number, label, reader.session(text)))
+                whole |= {number} if reader.is_whole(text) else set()
+            except FileError as error:
+                unsound[number] = error.problem
+        most = max((len(step.session.takes) for step in steps if step.number in whole), default=-1)
+        for step in [s for s in steps if s.number not in whole and len(s.session.takes) <= most]:
+            steps.remove(step)
+            unsound[step.number] = "takes of it cannot be read"
+        places = {str(step.number): i for i, step in enumerate(steps)}
+        history = History(steps, places.get(self.database.meta("at"), len(steps) - 1)) if steps else History()
+        self._written = {step.number: step.session for step in steps}
+        self._known = set(self.database.motions()).union(*map(_character_keys, self._written.values()))
+        self._held.update(known)
+        self._note_unsound(unsound, len(reader.left_out))
+        self._recover(history, set(known))
+        return history
+
+    def _note_unsound(self, unsound: Mapping[int, str], left_out: int) -> None:
+        """Move steps that cannot be read to the lost things, and say what is missing."""
+        now_s, texts = int(time.time()), {number: self.database.step(number) for number in unsound}
+
+        def work(writer: Writer) -> None:
+            for number, text in texts.items():
+                writer.lose([f"step {number} of {now_s}"], now_s, text)
+                writer.drop_step(number)
+
+        parts = [f"{len(unsound)} of its steps cannot be read."] if unsound else []
+        parts += [f"{left_out} of its takes cannot be read as they were."] if left_out else []
+        self.repaired = " ".join(filter(None, [self.repaired, *parts]))
+        if unsound:
+            _LOG.warning("%s: %s", self.path, "; ".join(f"step {n}: {why}" for n, why in unsound.items()))
+            self.database.submit(work)
+
+    def _recover(self, history: History, named: set[str]) -> None:
+        """Take up motions with frames that no step names: recordings that were cut off, and what damaged steps named."""
+        lost = {key for key, _, _ in self.database.lost()}
+        keys = [key for key in self.database.framed_motions() if key not in named and key not in lost]
+        motions = [found for key in keys[-MAX_RECOVERED_TAKES:] if (found := self._recovered(key))]
+        if not motions:
+            return
+        takes = self._takes_of({motion.key for motion, cut_off in motions if not cut_off})
+        session = history.present.session
+        for motion, _ in motions:
+            take = takes.get(motion.key, Take(motion=motion, ground=history.present.session.ground))
+            session = with_new_take(session, replace(take, motion=motion))
+        name = motions[0][0].header.name if len(motions) == 1 else f"{len(motions)} takes"
+        history.push(f"recovery of {name}", session)
+        self.recovered = len(motions)
+        headers = {motion.key: header_text(motion.header) for motion, _ in motions}
+
+        def work(writer: Writer) -> None:
+            for key, text in headers.items():
+                writer.put_motion(key, text)
+
+        self.database.submit(work)
+        self.write(history)
+
+    def _recovered(self, key: str) -> tuple[Motion, bool] | None:
+        """A motion of the file as far as its frames are there, and whether its recording was cut off; None for too few."""
+        frames, cut_off = self._frame_count(key), False
+        try:
+            header, cut_off = self._reader().header(self.database.motion(key))
+        except FileError:
+            header = MotionHeader(UNKNOWN_NAME, UNKNOWN_FPS, frames)
+        if not MIN_FRAMES <= frames <= MAX_FRAMES:
+            return None
+        if cut_off or header.frames != frames:
+            header = replace(header, frames=frames, gait_seconds=self._gait_seconds(key, header.fps))
+            header = replace(header, resimulable=header.resimulable and self._has_inputs(key, frames))
+        return Motion(key, header, source=self), cut_off
+
+    def _gait_seconds(self, key: str, fps: float) -> tuple[tuple[str, float], ...]:
+        parts = [packed_gaits(content, count) for count, content in self._pieces(key)]
+        gaits = np.concatenate(parts)
+        return gait_seconds(gaits, fps) if ((gaits >= -1) & (gaits < 10)).all() else ()
+
+    def _has_inputs(self, key: str, frames: int) -> bool:
+        try:
+            inputs = self.load_inputs(key)
+        except FileError:
+            return False
+        return inputs is not None and len(inputs) == frames
+
+    def _takes_of(self, keys: set[str]) -> dict[str, Take]:
+        """The newest text of a take that names each of some motions, where there is one that can be read."""
+        found: dict[str, Take] = {}
+        reader = self._reader()
+        for key, size in self.database.text_blobs() if keys else ():
+            with contextlib.suppress(FileError):
+                take = reader.take(f"|u1 {size} {key}")
+                if take.made.key in keys:
+                    found.setdefault(take.made.key, take)
+        return found
+
+    @property
+    def lost_takes(self) -> list[LostTake]:
+        """Motions that no step has named for less than `LOST_DAYS`, the newest first; FileError."""
+        framed, takes = set(self.database.framed_motions()), []
+        for key, since_s, _ in reversed(self.database.lost()):
+            found = self._recovered(key) if key in framed else None
+            if found is not None:
+                takes.append(LostTake(key, found[0].header.name, found[0].header.seconds, since_s))
+        return takes
+
+    def found_take(self, lost: LostTake) -> Take:
+        """A lost take with its edits, to be put into the session again; FileError."""
+        found = self._recovered(lost.key)
+        if found is None:
+            raise FileError(f"{self.path}: {lost.name} is gone.", REMEDY)
+        take = self._takes_of({lost.key}).get(lost.key, Take())
+        self.hold(lost.key, found[0])
+        return replace(take, motion=found[0])
 
     # --- reading
 
@@ -357,66 +517,8 @@ class SessionFile:
         return self.database.close(seconds)
 
 
-@dataclass
-class Recording:
-    """A motion while it is recorded. A process that is killed loses what was not added yet."""
-
-    file: SessionFile
-    key: str
-    header: MotionHeader
-    _rows: list[Float32Array] = field(default_factory=list)  # of frames that are not packed as one piece yet
-    _sticks: list[NDArray[np.float64]] = field(default_factory=list)
-    _packed: int = 0  # frames
-
-    def add(
-        self,
-        rows: Float32Array,
-        sticks: NDArray[np.float64] | None,
-        prompts: tuple[PromptEvent, ...] = (),
-        inputs: InputRecording | None = None,
-    ) -> None:
-        """More frames `(T, 132)` as a `ClipRecorder` keeps them, with their sticks and settings `(T, 8)`.
-
-        `prompts` and `inputs` are those of all frames so far where they are others than before.
-        """
-        about = replace(
-            self.header, frames=self.header.frames + len(rows), prompts=prompts or self.header.prompts
-        )
-        self.header = about
-        part, first = len(self._rows), self._packed
-        self._rows.append(rows)
-        self._sticks += [] if sticks is None else [sticks]
-        whole = sum(map(len, self._rows)) >= RECORDED_PIECE
-        tables, table_sticks = list(self._rows), list(self._sticks)
-        if whole:
-            self._packed += sum(map(len, tables))
-            self._rows, self._sticks = [], []
-
-        def work(writer: Writer) -> None:
-            if whole:
-                table = np.concatenate(tables)
-                known = np.concatenate(table_sticks) if len(table_sticks) == len(tables) else None
-                writer.put_frames(self.key, first, len(table), _row_piece(table, known))
-                writer.drop_frames(self.key + TAIL)
-            else:
-                writer.put_frames(self.key + TAIL, part, len(rows), _row_piece(rows, sticks))
-            self.file.put_recorded(writer, self.key, header_text(about, recording=True), inputs)
-
-        self.file.database.submit(work)
-
-    def finish(self, clip: Clip, inputs: InputRecording | None) -> Motion:
-        """The motion that was recorded. Its frames are in the file already, unless they are more than the clip's."""
-        whole = len(clip) == self.header.frames
-        motion = (
-            Motion(self.key, MotionHeader.of(clip, inputs), clip, inputs)
-            if whole
-            else Motion.of(clip, inputs)
-        )
-        if whole:
-            self.file.hold(self.key, motion)
-        text = header_text(motion.header)
-        self.file.database.submit(partial(self.file.put_recorded, key=self.key, header=text, inputs=inputs))
-        return motion
+def _motion_keys(session: Session) -> set[str]:
+    return {take.made.key for take in session.takes}
 
 
 def _character_keys(session: Session) -> list[str]:
@@ -426,66 +528,6 @@ def _character_keys(session: Session) -> list[str]:
 def _characters(session: Session) -> list[CharacterChoice]:
     choices = (session.character, None if session.reference is None else session.reference.character)
     return [choice for choice in choices if choice is not None and choice.key]
-
-
-def _used(writer: Writer, held: Iterable[str]) -> tuple[set[str], set[str]]:
-    """Keys of the motions and blobs that steps, or motions that are `held`, refer to."""
-    takes, characters, blobs, motions = set[str](), set[str](), set[str](), set(held)
-    for document in writer.documents():
-        takes.update(_TAKE.findall(document))
-        blobs.update(_REFERENCE.findall(document))
-        characters.update(f"character {key}" for key in _CHARACTER.findall(document))
-    texts = [writer.blob(key).decode("utf-8", "replace") for key in takes | characters]
-    for text in texts:
-        motions.update(_MOTION.findall(text))
-    texts += [writer.motion(key + INPUT) for key in motions]
-    for text in texts:
-        blobs.update(_REFERENCE.findall(text))
-    return {key + part for key in motions for part in ("", INPUT, TAIL)}, blobs | characters
-
-
-def _opened(database: Database, cache: Path) -> tuple[SessionFile, History]:
-    """The session of a database, with what was being recorded when it was cut off as takes of a step of their own."""
-    file = SessionFile(database, cache)
-    blobs = BlobReader(database.path, database.blob, database.budget)
-    known: dict[str, Motion] = {}
-    reader = DocumentReader(blobs, lambda key: file._motion(key, known))
-    steps = [Step(number, label, reader.session(database.step(number))) for number, label in database.steps()]
-    places = {str(step.number): i for i, step in enumerate(steps)}
-    history = History(steps, places.get(database.meta("at"), len(steps) - 1)) if steps else History()
-    motions = {key for key in database.motions() if not key.endswith(INPUT)}
-    file._written = {step.number: step.session for step in steps}
-    file._known = motions.union(*map(_character_keys, file._written.values()))
-    file._held.update(known)
-    for key in sorted(motions - set(known)):
-        header, cut_off = reader.header(database.motion(key))
-        if cut_off:
-            _recover(file, history, key, header)
-    return file, history
-
-
-def _recover(file: SessionFile, history: History, key: str, header: MotionHeader) -> None:
-    """Take up a recording that was cut off, as far as its frames are there."""
-    from runtime.session.edits import with_new_take
-
-    frames = file._frame_count(key)
-    if not frames:
-        return
-    header = replace(header, frames=frames)
-    try:
-        inputs = file.load_inputs(key) if header.resimulable else None
-        whole = inputs is not None and len(inputs) == frames
-    except FileError:
-        whole = False
-    clip = file.load_clip(key, header)
-    header = replace(header, gait_seconds=gait_seconds(clip.gaits, clip.fps), resimulable=whole)
-    motion = Motion(key, header, source=file)
-    session = with_new_take(
-        history.present.session, Take(motion=motion, ground=history.present.session.ground)
-    )
-    history.push(f"recovery of {header.name}", session)
-    file.database.submit(lambda writer: writer.put_motion(key, header_text(header)))
-    file.write(history)
 
 
 def check_motion(clip: Clip, path: Path | str = "a take") -> None:
@@ -498,9 +540,3 @@ def check_motion(clip: Clip, path: Path | str = "a take") -> None:
 def _piece(clip: Clip, part: slice) -> bytes:
     gaits = None if clip.gaits is None else clip.gaits[part]
     return packed_frames(clip.hips_positions[part], clip.local_rotations[part], clip.contacts[part], gaits)
-
-
-def _row_piece(rows: Float32Array, sticks: NDArray[np.float64] | None) -> bytes:
-    turns = rows[:, 3:-5].reshape(len(rows), J, 4)
-    content = packed_frames(rows[:, :3], turns, rows[:, -5:-1], rows[:, -1])
-    return content + (b"" if sticks is None else pack_sticks(sticks))

@@ -1,7 +1,7 @@
-"""The SQLite file of a session: its tables, how it is made whole, opened, and checked as untrusted.
+"""The SQLite file of a session: how it is made whole, locked and opened.
 
 Of a file that is opened only the rows are used: they are copied into a new file. No SQL of a file runs, as its schema must
-be the text below and nothing else.
+be that of `tables` and nothing else.
 """
 
 from __future__ import annotations
@@ -9,11 +9,13 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import shutil
 import sqlite3
 import stat
 import tempfile
+import time
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
@@ -22,37 +24,16 @@ from runtime.atomic import atomic_path
 from runtime.errors import FileError
 from runtime.file_lock import open_locked
 from runtime.safe_read import reason
+from runtime.session.tables import MAX_CONTENT_BYTES, PAGE_BYTES, VersionError, create
 
 SUFFIX = ".sport"
-APPLICATION_ID = 0x53504F52  # "SPOR"
-SCHEMA_VERSION = 1
 MAX_BYTES = 1 << 29  # of the file, and of its log
 MAX_VALUE_BYTES = (1 << 28) + (1 << 20)  # of one row as it is stored
-MAX_TEXT_BYTES = 16 << 20  # of one text
-MAX_ROWS = 1_000_000  # of one table
-MAX_OPERATIONS = 400_000_000  # of SQLite's machine while a file is checked: a million rows cost a tenth
 # a small file makes no more than this, a large one a multiple of its size
-SMALL_BYTES, PER_BYTE, LARGE_BYTES = 128 << 20, 16, 3 << 29
+SMALL_BYTES, PER_BYTE, LARGE_BYTES = 128 << 20, 16, MAX_CONTENT_BYTES
+ASIDE, KEPT_ASIDE_DAYS = ".damaged-", 30.0  # of a damaged session's name, and how long it is kept
 REMEDY = "Choose another file, or an older copy of it."
 ROOM = "Make room on the disk, or save a copy elsewhere."
-TABLES = {
-    "meta": "name TEXT PRIMARY KEY, value",
-    "steps": "number INTEGER PRIMARY KEY, label TEXT, document TEXT",
-    "blobs": "key TEXT PRIMARY KEY, size INTEGER, content BLOB",  # size: of what it unfolds to
-    "motions": "number INTEGER PRIMARY KEY, key TEXT UNIQUE, header TEXT",
-    "frames": "motion TEXT, number INTEGER, count INTEGER, size INTEGER, content BLOB, PRIMARY KEY (motion, number)",
-}
-_TEXT = f"typeof({{0}}) = 'text' AND length(CAST({{0}} AS BLOB)) <= {MAX_TEXT_BYTES}"
-_NUMBER = "typeof({0}) = 'integer' AND {0} BETWEEN {1} AND {2}"
-_CONTENT = f"{_NUMBER.format('size', 0, LARGE_BYTES)} AND typeof(content) = 'blob'"
-_SOUND = {  # what is true of each row
-    "meta": f"{_TEXT.format('name')} AND (typeof(value) = 'blob' OR {_TEXT.format('value')})",
-    "steps": f"{_TEXT.format('label')} AND {_TEXT.format('document')}",
-    "blobs": f"{_TEXT.format('key')} AND {_CONTENT}",
-    "motions": f"{_TEXT.format('key')} AND {_TEXT.format('header')}",
-    "frames": f"{_TEXT.format('motion')} AND {_NUMBER.format('number', 0, 1_000_000)} "
-    f"AND {_NUMBER.format('count', 1, 1_000_000)} AND {_CONTENT}",
-}
 _SAID = {
     sqlite3.SQLITE_FULL: f"there is no room left, or the session has reached {MAX_BYTES >> 20} MB",
     sqlite3.SQLITE_IOERR: "the disk cannot be read or written",
@@ -88,9 +69,9 @@ class Budget:
 
     def spend(self, count: int) -> None:
         """Count what is about to be made; ValueError where it is too much."""
-        self.left -= count
-        if self.left < 0:
+        if count > self.left:
             raise ValueError(f"it unfolds to more than {self.of >> 20} MB")
+        self.left -= count
 
 
 def said(error: Exception) -> str:
@@ -111,6 +92,8 @@ def file_errors(path: Path, remedy: str = REMEDY) -> Iterator[None]:
     except (sqlite3.Error, OSError, ValueError, OverflowError, MemoryError, zlib.error) as error:
         if getattr(error, "sqlite_errorcode", 0) & 0xFF in _OF_CONTENT:
             remedy = REMEDY
+        if isinstance(error, VersionError):
+            remedy = "Update this program."
         raise FileError(f"{path}: {said(error)}.", remedy) from error
 
 
@@ -124,6 +107,27 @@ def unwritten_files(path: Path) -> tuple[Path, Path]:
     key = hashlib.sha256(os.fsencode(path)).hexdigest()[:16]
     folder = Path(tempfile.gettempdir()) / "sport-sessions"
     return path.with_name(f".{path.name}.unwritten"), folder / f"{key}.unwritten"
+
+
+def keep_aside(path: Path) -> Path:
+    """Keep a damaged session as it is under another name next to it, for `KEPT_ASIDE_DAYS`; OSError."""
+    aside = path.with_name(f"{path.name}{ASIDE}{time.strftime('%Y%m%d-%H%M%S')}")
+    for file, kept in zip((path, side_files(path)[0]), (aside, side_files(aside)[0]), strict=True):
+        if file.exists():
+            try:
+                os.link(file, kept)
+            except OSError:  # a disk without links, such as FAT
+                shutil.copyfile(file, kept)
+    return aside
+
+
+def kept_aside(path: Path, days: float = 0.0) -> list[Path]:
+    """What `keep_aside` has kept of a session longer than so many days."""
+    stamp = time.strftime("%Y%m%d-%H%M%S", time.localtime(time.time() - 86400.0 * days))
+    begin = f"{path.name}{ASIDE}"
+    with contextlib.suppress(OSError):
+        return [file for file in path.parent.iterdir() if begin < file.name <= begin + stamp + "~"]
+    return []
 
 
 def lock_of(path: Path) -> Path:
@@ -240,94 +244,32 @@ def connect_writer(path: Path) -> sqlite3.Connection:
     return connection
 
 
-def check_schema(connection: sqlite3.Connection) -> None:
-    """ValueError or sqlite3.Error unless the file has our tables and nothing else."""
-    calls = iter(range(MAX_OPERATIONS // 100_000))
-    connection.set_progress_handler(lambda: next(calls, None) is None, 100_000)
-    numbers = [
-        connection.execute(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version")
-    ]
-    if numbers[0] != APPLICATION_ID:
-        raise ValueError("it is no session")
-    if numbers[1] != SCHEMA_VERSION:
-        raise ValueError(f"version {numbers[1]} of the format, expected {SCHEMA_VERSION}")
-    found = connection.execute("SELECT type, name, tbl_name, sql FROM sqlite_master LIMIT 20").fetchall()
-    if sorted(found, key=str) != _schema():
-        raise ValueError("it is no session: its tables are others")
-
-
-def check_content(connection: sqlite3.Connection) -> None:
-    """ValueError or sqlite3.Error unless the pages are sound, the values of their types, and the rows not too many.
-
-    The check of the pages comes first: none is part of two things then, and what follows ends.
-    """
-    for (problem,) in connection.execute("PRAGMA quick_check(1)"):
-        if problem != "ok":
-            raise ValueError("it is damaged")
-    for table, sound in _SOUND.items():  # SQLite ignores a CHECK where it only reads
-        query = f"SELECT count(*), total(NOT ({sound})) FROM {table}"
-        rows, wrong = connection.execute(query).fetchone()
-        if rows > MAX_ROWS:
-            raise ValueError(f"more than {MAX_ROWS} rows")
-        if wrong:
-            raise ValueError("a value is of another type or too large")
-
-
-def _create(connection: sqlite3.Connection) -> None:
-    for table, columns in TABLES.items():
-        connection.execute(f"CREATE TABLE {table} ({columns}, CHECK ({_SOUND[table]}))")
-    connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
-    connection.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
-
-
-def _schema() -> list[tuple[str | None, ...]]:
-    with contextlib.closing(sqlite3.connect(":memory:")) as connection:
-        _create(connection)
-        return sorted(connection.execute("SELECT type, name, tbl_name, sql FROM sqlite_master"), key=str)
-
-
 def in_memory() -> sqlite3.Connection:
     """An empty session that is no file."""
     memory = connect(Path(":memory:"), "memory")
-    _create(memory)
+    create(memory)
     return memory
 
 
 @contextlib.contextmanager
-def new_file(path: Path) -> Iterator[sqlite3.Connection]:
+def new_file(path: Path, before: Callable[[], None] = lambda: None) -> Iterator[sqlite3.Connection]:
     """A connection to a new file that takes the place of `path`, its log included, when the block ends; FileError.
 
-    It has the tables, and is checked like one that is opened first.
+    It has the tables, and rows that fit them. `before` is called before the file is replaced.
     """
     with atomic_path(path) as temporary, file_errors(path, ROOM):
         with contextlib.closing(connect(temporary, "rw")) as connection:
             # the file has no name yet: what is cut off is thrown away, and `atomic_path` syncs the rest
+            connection.execute(f"PRAGMA page_size = {PAGE_BYTES}")
             connection.execute("PRAGMA journal_mode = OFF")
             connection.execute("PRAGMA synchronous = OFF")
             connection.execute("BEGIN")
-            _create(connection)
+            create(connection)
             yield connection
             connection.execute("COMMIT")
             connection.execute("PRAGMA journal_mode = WAL")
-        with contextlib.closing(connect(temporary, "immutable")) as connection:
-            check_schema(connection)
-            check_content(connection)
         check_files(temporary)
+        before()
         # what stayed would be read as the new file's
         for file in (*side_files(path), *unwritten_files(path)):
             file.unlink(missing_ok=True)
-
-
-def copy_rows(source: sqlite3.Connection, target: sqlite3.Connection) -> None:
-    """Put the rows of one file into the tables of another, as they are at one moment; sqlite3.Error."""
-    source.execute("BEGIN")
-    try:
-        for table in TABLES:
-            rows = source.execute(f"SELECT * FROM {table}")
-            first = rows.fetchone()
-            if first is not None:
-                insert = f"INSERT INTO {table} VALUES ({', '.join('?' * len(first))})"
-                target.execute(insert, first)
-                target.executemany(insert, rows)
-    finally:
-        source.execute("COMMIT")

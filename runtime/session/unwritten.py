@@ -22,7 +22,10 @@ from runtime.session.sqlite_file import MAX_BYTES, PER_BYTE, unwritten_files
 from runtime.session.writer import Writer
 
 Change = tuple[str, list[Any], dict[str, Any]]  # a method of `Writer` and what it gets
-CHANGES = ("put_blob", "put_motion", "put_frames", "drop_frames", "put_step", "drop_steps", "set_meta")
+CHANGES = (
+    "put_blob", "put_motion", "put_frames", "drop_frames", "put_step", "drop_step", "drop_steps", "set_meta",
+    "lose", "find",
+)  # fmt: skip
 SMALL_BYTES = 64 << 20  # a small file may unfold to so much, see `PER_BYTE`
 MAX_ITEMS = 1 << 25  # commas of texts are counted too
 REMEDY = "Move it away to open the session without its last changes."
@@ -49,8 +52,17 @@ class ChangeLog:
     def blob(self, _key: str) -> bytes:
         return b""
 
-    def keep_only(self, _motions: Collection[str], _blobs: Collection[str]) -> None:
-        """What is not used is removed when the session is opened."""
+    def lost(self) -> list[tuple[str, int, str]]:
+        return []
+
+    def kept(self) -> tuple[list[str], list[str]]:
+        return [], []
+
+    def remove(self, _keys: Collection[str]) -> None:
+        """What is lost for long is removed when the session is opened."""
+
+    def stored_bytes(self) -> int:
+        return 0
 
 
 def keep(path: Path, changes: Sequence[Change], seconds: float) -> Path | None:

@@ -17,8 +17,8 @@ from runtime.safe_read import printable
 from runtime.session import edits
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.prompt_blend import PromptBlend
+from runtime.session.recording import Recording
 from runtime.session.session import LIVE, MIN_FRAMES, Ground, Reference, Session, Take
-from runtime.session.session_file import Recording
 from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputRecorder, InputRecording, StyleChange
 from runtime.takes.metadata import Origin, PromptEvent, gait_of, origin_of
@@ -232,6 +232,8 @@ class Takes:
             clip = cut(name, self.scene.terrain_spec, self._origin)
         except SportError as error:
             self.messages.warn(str(error))
+            if recording is not None:
+                recording.give_up()
             return
         clip = replace(clip, size=self.scene.terrain.unit_m)
         first = self.recorder.next_frame - len(clip)

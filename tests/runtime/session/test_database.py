@@ -153,12 +153,12 @@ class Model(RuleBasedStateMachine):
         self.database.submit(lambda writer: writer.set_meta(name, value))
         self.meta[name] = value
 
-    @rule(motions=st.sets(KEYS), blobs=st.sets(KEYS))
-    def keep_only(self, motions: set[str], blobs: set[str]) -> None:
-        self.database.submit(lambda writer: writer.keep_only(motions, blobs))
-        self.motions = {key: header for key, header in self.motions.items() if key in motions}
-        self.frames = {at: piece for at, piece in self.frames.items() if at[0] in motions}
-        self.blobs = {key: piece for key, piece in self.blobs.items() if key in blobs}
+    @rule(keys=st.sets(KEYS))
+    def remove_lost(self, keys: set[str]) -> None:
+        self.database.submit(lambda writer: writer.remove(keys))
+        self.motions = {key: header for key, header in self.motions.items() if key not in keys}
+        self.frames = {at: piece for at, piece in self.frames.items() if at[0] not in keys}
+        self.blobs = {key: piece for key, piece in self.blobs.items() if key not in keys}
 
     @rule()
     def open_again(self) -> None:

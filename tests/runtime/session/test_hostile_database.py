@@ -8,16 +8,19 @@ import shutil
 import sqlite3
 import zlib
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from runtime.errors import FileError
 from runtime.session.database import Database
-from runtime.session.sqlite_file import lock_of, side_files
+from runtime.session.sqlite_file import kept_aside, lock_of, side_files
+from runtime.session.tables import SCHEMA_VERSION, TABLES, create, version_of
 from runtime.session.writer import Writer
 from tests.helpers.counting import bounded
-from tests.helpers.full_session import packed_zeros
+from tests.helpers.full_session import packed_zeros, reseal
+from tests.runtime.session.test_database import content
 
 
 @pytest.fixture
@@ -29,9 +32,9 @@ def path(tmp_path: Path) -> Path:
         for number in range(3):
             writer.put_step(number, f"step {number}", "{}" * 3000)
             writer.put_blob(f"b{number}", os.urandom(3000))
-            writer.put_motion(f"m{number}", "header")
+            writer.put_motion(f"m{number}", '{"frames": 75}')
             for piece in range(5):
-                writer.put_frames(f"m{number}", piece, 15, os.urandom(2000))
+                writer.put_frames(f"m{number}", 15 * piece, 15, os.urandom(2000))
         writer.set_meta("name", "walk")
 
     session.submit(work)
@@ -65,8 +68,25 @@ def opened(path: Path, use: Callable[[Database], object], match: str) -> None:
             database.close()
 
 
-def change(path: Path, *statements: str, values: tuple[object, ...] = ()) -> None:
-    """Change a file as any program can."""
+def salvaged(path: Path, wanted: dict[str, object]) -> None:
+    """It opens with rows that are those of `wanted`, without anything else of it; the file itself is kept aside."""
+    before = path.read_bytes()
+    with pytest.raises(FileError, match=path.name):
+        Database.read(path)
+    with bounded():
+        database = Database.open(path)
+    assert content(database) == wanted
+    assert "It was damaged" in database.repaired
+    (aside,) = kept_aside(path)
+    assert aside.read_bytes() == before
+    assert database.close()
+    again = Database.open(path)
+    assert (again.repaired, content(again)) == ("", wanted)
+    assert again.close()
+
+
+def change(path: Path, *statements: str, values: tuple[object, ...] = (), sealed: bool = True) -> None:
+    """Change a file as any program can; `sealed`: with checksums that fit."""
     connection = sqlite3.connect(path, isolation_level=None)
     connection.execute("PRAGMA ignore_check_constraints = ON")
     connection.execute("PRAGMA writable_schema = ON")
@@ -74,6 +94,8 @@ def change(path: Path, *statements: str, values: tuple[object, ...] = ()) -> Non
         connection.execute(statement, values if "?" in statement else ())
     connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
     connection.close()
+    if sealed:
+        reseal(path)
 
 
 # --- no session
@@ -88,10 +110,48 @@ def test_what_is_no_database(data: bytes, tmp_path: Path) -> None:
     refused(tmp_path / "a.sport", "no session|damaged")
 
 
+@pytest.fixture
+def rows(path: Path) -> dict[str, object]:
+    """All that can be read of the session."""
+    database = Database.read(path)
+    found = content(database)
+    database.close()
+    return found
+
+
 @pytest.mark.parametrize("name", ["application_id", "user_version"])
-def test_of_another_program_or_version(name: str, path: Path) -> None:
+def test_a_wrong_number_in_the_head_costs_nothing(name: str, path: Path, rows: dict[str, object]) -> None:
     change(path, f"PRAGMA {name} = 7")
-    refused(path, "no session" if name == "application_id" else "version 7")
+    salvaged(path, rows)
+
+
+def test_a_later_version_is_refused_with_the_advice_to_update(path: Path) -> None:
+    change(
+        path,
+        "PRAGMA user_version = 7",
+        *(f"UPDATE {table} SET checksum = 5" for table in TABLES),
+        sealed=False,
+    )
+    said = refused(path, "a later version of this program")
+    assert said.endswith("Update this program.")
+
+
+def test_a_session_of_the_first_version_gets_its_checksums(tmp_path: Path) -> None:
+    connection = sqlite3.connect(tmp_path / "old.sport", isolation_level=None)
+    create(connection, 1)
+    connection.execute("INSERT INTO steps VALUES (3, 'über', '{}')")
+    connection.execute("INSERT INTO motions VALUES (1, 'm', 'header')")
+    connection.execute("INSERT INTO frames VALUES ('m', 0, 15, 5, ?)", (zlib.compress(b"poses"),))
+    connection.close()
+    for use in (Database.read, Database.open):
+        database = use(tmp_path / "old.sport")
+        assert content(database) == {
+            "steps": {3: ("über", "{}")},
+            "motions": {"m": ("header", [(15, b"poses")])},
+        }
+        database.close()
+    with closing(sqlite3.connect(tmp_path / "old.sport")) as connection:
+        assert version_of(connection) == SCHEMA_VERSION
 
 
 SCHEMAS = {
@@ -112,12 +172,18 @@ SCHEMAS = {
 
 
 @pytest.mark.parametrize("kind", SCHEMAS)
-def test_other_tables(kind: str, path: Path) -> None:
+def test_of_a_file_with_other_tables_only_our_rows_are_used(
+    kind: str, path: Path, rows: dict[str, object]
+) -> None:
     try:
-        change(path, SCHEMAS[kind])
+        change(path, SCHEMAS[kind], sealed=False)
     except sqlite3.OperationalError as error:
         pytest.skip(f"this SQLite cannot: {error}")
-    refused(path, "no session|damaged|malformed")
+    if kind == "one table twice":
+        rows["motions"] = {
+            key: (header, rows["motions"][key][1]) for key, (header, _) in rows["motions"].items()
+        }  # type: ignore[index, attr-defined]
+    salvaged(path, rows)
 
 
 # --- values
@@ -129,7 +195,7 @@ def test_values_of_another_type(path: Path) -> None:
         "UPDATE blobs SET size = -1",
         "UPDATE blobs SET size = 'many'",
         "UPDATE frames SET count = 1e300",
-        "UPDATE frames SET number = x'00' WHERE number = 3",
+        "UPDATE frames SET number = x'00' WHERE number = 45",
         "UPDATE steps SET document = x'00'",
         "UPDATE meta SET value = 3",
         "UPDATE motions SET header = zeroblob(5)",
@@ -137,18 +203,28 @@ def test_values_of_another_type(path: Path) -> None:
         other = path.with_name("other.sport")
         shutil.copyfile(path, other)
         change(other, statement)
-        refused(other, "of another type or too large")
+        with pytest.raises(FileError, match="of another type or too large"):
+            Database.read(other)
+        database = Database.open(other)
+        assert "It was damaged" in database.repaired
+        assert database.close()
 
 
 def test_text_that_is_none(path: Path) -> None:
-    change(path, "UPDATE steps SET label = CAST(x'80ff' AS TEXT), document = CAST(x'6100ed' AS TEXT)")
+    change(
+        path,
+        "UPDATE steps SET label = CAST(x'80ff' AS TEXT), document = CAST(x'6100ed' AS TEXT)",
+        sealed=False,
+    )
     database = Database.read(path)
     for use in (database.steps, lambda: database.step(1)):
         with pytest.raises(FileError):
             use()
     database.close()
-    with pytest.raises(FileError):
-        Database.open(path)
+    database = Database.open(path)
+    assert database.steps() == []
+    assert len(database.motions()) == 3
+    database.close()
 
 
 def test_zero_bytes_in_text_are_text(path: Path) -> None:
@@ -185,7 +261,10 @@ def test_content_that_goes_on_or_is_cut_off(path: Path) -> None:
 
 def test_a_long_text(path: Path) -> None:
     change(path, "UPDATE steps SET document = ? WHERE number = 1", values=("x" * (20 << 20),))
-    refused(path, "of another type or too large")
+    shutil.copyfile(path, path.with_name("b.sport"))
+    database = Database.open(path.with_name("b.sport"))
+    assert [number for number, _ in database.steps()] == [0, 2]
+    database.close()
     database = Database.read(path, thorough=False)
     with pytest.raises(FileError, match="too long"):
         database.step(1)
@@ -201,12 +280,12 @@ def test_a_long_text(path: Path) -> None:
     database.close()
 
 
-def test_rows_that_an_index_does_not_know(path: Path) -> None:
+def test_rows_that_an_index_does_not_know(path: Path, rows: dict[str, object]) -> None:
     """Two rows of one key: an index that lies about it."""
     change(path, "UPDATE sqlite_master SET sql = replace(sql, 'PRIMARY KEY', '') WHERE name = 'blobs'",
            "DELETE FROM sqlite_master WHERE name = 'sqlite_autoindex_blobs_1'")  # fmt: skip
     change(path, "INSERT INTO blobs SELECT * FROM blobs")
-    refused(path, "no session|damaged")
+    salvaged(path, rows)
 
 
 # --- bytes

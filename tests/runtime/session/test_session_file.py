@@ -20,8 +20,9 @@ from runtime.session.frames import packed_frames, unpacked_frames
 from runtime.session.history import MAX_STEPS, History
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.prompt_blend import PromptBlend
+from runtime.session.recording import PIECE_FRAMES
 from runtime.session.session import Session, Take
-from runtime.session.session_file import DROPPED_STEPS, RECORDED_PIECE, SessionFile
+from runtime.session.session_file import DROPPED_STEPS, SessionFile
 from runtime.takes import input_edits
 from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputRecording, StyleChange, resimulated_take
@@ -234,7 +235,7 @@ def test_a_recording_whose_input_is_not_whole_is_still_a_take(tmp_path: Path, ki
 
 
 def test_a_recording_that_ends_is_the_same_motion_and_packed_in_large_pieces(tmp_path: Path) -> None:
-    clip, inputs = driven_take(RECORDED_PIECE + 30)
+    clip, inputs = driven_take(PIECE_FRAMES + 30)
     file = SessionFile.create(tmp_path / "a.sport", tmp_path)
     recording, _ = record(file, clip, inputs)
     motion = recording.finish(clip, inputs)  # type: ignore[attr-defined]
@@ -271,7 +272,15 @@ def resimulated(session: Session, number: int) -> Session:
     return edits.resimulated(session, 1, motion)
 
 
-def test_three_hundred_resimulations_do_not_grow_for_ever(tmp_path: Path) -> None:
+def later(monkeypatch: pytest.MonkeyPatch, days: float) -> None:
+    """Set the clock of the program ahead."""
+    now = time.time() + 86400.0 * days
+    monkeypatch.setattr(time, "time", lambda: now)
+
+
+def test_what_three_hundred_resimulations_replaced_stays_for_thirty_days(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     file = SessionFile.create(tmp_path / "a.sport", tmp_path)
     clip, inputs = driven_take()
     history = History()
@@ -283,7 +292,7 @@ def test_three_hundred_resimulations_do_not_grow_for_ever(tmp_path: Path) -> Non
     assert file.flush(60.0)
     kept = len(history.steps)
     assert rows(tmp_path / "a.sport", "steps") == kept == MAX_STEPS + 1
-    assert kept <= rows(tmp_path / "a.sport", "motions") <= kept + DROPPED_STEPS + 3
+    assert rows(tmp_path / "a.sport", "motions") == 302  # with the first one's input
     wanted = [text_of(step.session) for step in history.steps]
     for _ in range(MAX_STEPS):  # all the way back, with every motion of it
         history.go(-1)
@@ -297,14 +306,28 @@ def test_three_hundred_resimulations_do_not_grow_for_ever(tmp_path: Path) -> Non
     for _ in range(5):
         assert found.go(1)
     assert again.flush(60.0)
-    assert rows(tmp_path / "a.sport", "motions") == kept
     size = (tmp_path / "a.sport").stat().st_size
-    found.push("other", resimulated(found.present.session, 1000))  # what was undone is forgotten
+    found.push("other", resimulated(found.present.session, 1000))  # what was undone is no step any more
     again.write(found)
     assert again.close()
+    later(monkeypatch, 29.0)
     last, found = reopened(tmp_path / "a.sport", tmp_path)
     assert last.flush(60.0)
-    assert rows(tmp_path / "a.sport", "motions") == 7
+    assert last.recovered == 0
+    names = [lost.name for lost in last.lost_takes]
+    assert len(names) == 302 - 1 - 7 + 1  # but those of the seven steps
+    back = next(lost for lost in last.lost_takes if lost.name == "motion 250")
+    found.push("recovery", edits.with_new_take(found.present.session, last.found_take(back)))
+    last.write(found)
+    assert last.close()
+    later(monkeypatch, 2.0)
+    caplog.set_level("INFO")
+    last, found = reopened(tmp_path / "a.sport", tmp_path)
+    assert last.flush(60.0)
+    assert found.present.session.takes[-1].made.clip.name == "motion 250"
+    assert last.lost_takes == []
+    assert rows(tmp_path / "a.sport", "motions") == 8
+    assert '"name": "motion 299"' in caplog.text
     assert last.close()
     reopened(tmp_path / "a.sport", tmp_path)[0].close()
     assert (tmp_path / "a.sport").stat().st_size < size / 4  # the room is given back when it is opened

@@ -1,0 +1,108 @@
+"""What no step of a session names: it stays in the file for `LOST_DAYS`, and can be had back until then."""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from runtime.safe_read import parse_json
+from runtime.session.document import MAX_ITEMS
+from runtime.session.recovery import INPUT, TAIL
+from runtime.session.sqlite_file import MAX_BYTES
+from runtime.session.writer import Writer
+
+LOST_DAYS = 30
+MAX_STORED_BYTES = MAX_BYTES // 2  # of a file before the oldest lost things go earlier
+_REFERENCE = re.compile(r"(<f[48]|\|[iu]1) [0-9x]* ([0-9a-f]{32})")
+_LOG = logging.getLogger("sport.session")
+
+
+@dataclass(frozen=True)
+class LostTake:
+    """A motion that no step names any more."""
+
+    key: str
+    name: str
+    seconds: float
+    since_s: int  # since 1970
+
+
+def settle(writer: Writer, held: Iterable[str], now_s: int) -> set[str]:
+    """Note what no step and nothing in this process names, and remove what was lost `LOST_DAYS` ago; keys of that."""
+    named = _named(writer)
+    used = named | _inputs(writer, set(held))
+    motions, blobs = writer.kept()
+    lost = {key: since for key, since, _ in writer.lost()}
+    unnamed = [key for key in (*motions, *blobs) if key not in used]
+    writer.find([key for key in lost if key in named])
+    writer.lose([key for key in unnamed if key not in lost], now_s)
+    due = [key for key, since in lost.items() if key not in used and since < now_s - 86400 * LOST_DAYS]
+    _remove(writer, due)
+    rest = [key for key in (*lost, *unnamed) if key not in used and key not in due]
+    while rest and writer.stored_bytes() > MAX_STORED_BYTES:
+        early, rest = rest[: len(rest) // 8 + 1], rest[len(rest) // 8 + 1 :]
+        _remove(writer, early)
+        due += early
+    return set(due)
+
+
+def _remove(writer: Writer, keys: list[str]) -> None:
+    """Remove what is lost, with a copy of its texts in the log."""
+    texts = {key: text for key, _, text in writer.lost()}
+    for key in keys:
+        text = texts.get(key) or writer.motion(key)
+        if text:
+            _LOG.info("no step has named %s for %d days, it is removed: %s", key, LOST_DAYS, text)
+    writer.remove(keys)
+
+
+def _named(writer: Writer) -> set[str]:
+    """Keys of the motions and blobs that steps refer to."""
+    steps, inner = _Names(), _Names()
+    for document in writer.documents():
+        steps.add(document)
+    for key in steps.texts | steps.characters:
+        inner.add(writer.blob(key).decode("utf-8", "replace"))
+    return steps.blobs | inner.blobs | steps.characters | _inputs(writer, inner.motions)
+
+
+def _inputs(writer: Writer, motions: set[str]) -> set[str]:
+    """Keys of motions with all that is kept of each, and of the blobs that their inputs refer to."""
+    names = _Names()
+    for key in motions:
+        names.add(writer.motion(key + INPUT))
+    return names.blobs | {key + part for key in motions for part in ("", INPUT, TAIL)}
+
+
+class _Names:
+    """What texts of a session refer to."""
+
+    def __init__(self) -> None:
+        self.blobs, self.texts = set[str](), set[str]()  # all contents, and those that can be texts
+        self.characters, self.motions = set[str](), set[str]()
+
+    def add(self, text: str) -> None:
+        """Add what a text names; one that is no JSON names nothing."""
+        try:
+            left = [parse_json(text, MAX_ITEMS)] if text[:1] in ("{", "[") else []
+        except ValueError:
+            return
+        while left:
+            value = left.pop()
+            if isinstance(value, dict):
+                self._add_fields(value)
+                left += value.values()
+            elif isinstance(value, list):
+                left += value
+            elif isinstance(value, str) and (found := _REFERENCE.fullmatch(value)):
+                self.blobs.add(found[2])
+                if found[1] == "|u1":
+                    self.texts.add(found[2])
+
+    def _add_fields(self, value: dict[str, Any]) -> None:
+        for name, kept, begin in (("key", self.characters, "character "), ("motion", self.motions, "")):
+            if isinstance(value.get(name), str) and value[name]:
+                kept.add(begin + value[name])

@@ -1,0 +1,97 @@
+"""A motion while it is recorded: its frames go to the session's file six times a second."""
+
+from __future__ import annotations
+
+import uuid
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.arrays import Float32Array
+from runtime.session.document import header_text, pack_sticks
+from runtime.session.frames import packed_frames
+from runtime.session.motion import Motion, MotionHeader
+from runtime.session.recovery import TAIL
+from runtime.session.writer import Writer
+from runtime.skeleton import J
+from runtime.takes.clip import Clip
+from runtime.takes.input_recording import InputRecording
+from runtime.takes.metadata import PromptEvent
+
+if TYPE_CHECKING:
+    from runtime.session.session_file import SessionFile
+
+PIECE_FRAMES = 300  # that are packed as one while a recording runs
+ROW = 3 + 4 * J + 4 + 1  # numbers of a recorded frame: hips, local rotations, contacts, gait
+
+
+@dataclass
+class Recording:
+    """A motion while it is recorded. A process that is killed loses what was not added yet."""
+
+    file: SessionFile
+    header: MotionHeader
+    key: str = field(default_factory=lambda: uuid.uuid4().hex)
+    _rows: list[Float32Array] = field(default_factory=list)  # of frames that are not packed as one piece yet
+    _sticks: list[NDArray[np.float64]] = field(default_factory=list)
+    _packed: int = 0  # frames
+
+    def add(
+        self,
+        rows: Float32Array,
+        sticks: NDArray[np.float64] | None,
+        prompts: tuple[PromptEvent, ...] = (),
+        inputs: InputRecording | None = None,
+    ) -> None:
+        """Add frames `(T, 132)` as a `ClipRecorder` keeps them, with their sticks and settings `(T, 8)`.
+
+        `prompts` and `inputs` are those of all frames so far where they are others than before.
+        """
+        about = replace(
+            self.header, frames=self.header.frames + len(rows), prompts=prompts or self.header.prompts
+        )
+        self.header = about
+        part, first = len(self._rows), self._packed
+        self._rows.append(rows)
+        self._sticks += [] if sticks is None else [sticks]
+        whole = sum(map(len, self._rows)) >= PIECE_FRAMES
+        tables, table_sticks = list(self._rows), list(self._sticks)
+        if whole:
+            self._packed += sum(map(len, tables))
+            self._rows, self._sticks = [], []
+
+        def work(writer: Writer) -> None:
+            if whole:
+                table = np.concatenate(tables)
+                known = np.concatenate(table_sticks) if len(table_sticks) == len(tables) else None
+                writer.put_frames(self.key, first, len(table), _packed_rows(table, known))
+                writer.drop_frames(self.key + TAIL)
+            else:
+                writer.put_frames(self.key + TAIL, part, len(rows), _packed_rows(rows, sticks))
+            self.file.put_recorded(writer, self.key, header_text(about, recording=True), inputs)
+
+        self.file.database.submit(work)
+
+    def finish(self, clip: Clip, inputs: InputRecording | None) -> Motion:
+        """Return the motion that was recorded. Its frames are in the file already, unless they are more than the clip's."""
+        if len(clip) != self.header.frames:
+            self.give_up()
+            return Motion.of(clip, inputs)
+        motion = Motion(self.key, MotionHeader.of(clip, inputs), clip, inputs)
+        self.file.hold(self.key, motion)
+        text = header_text(motion.header)
+        self.file.database.submit(partial(self.file.put_recorded, key=self.key, header=text, inputs=inputs))
+        return motion
+
+    def give_up(self) -> None:
+        """Leave what was recorded to the lost things of the file."""
+        self.file.lose(self.key)
+
+
+def _packed_rows(rows: Float32Array, sticks: NDArray[np.float64] | None) -> bytes:
+    turns = rows[:, 3:-5].reshape(len(rows), J, 4)
+    content = packed_frames(rows[:, :3], turns, rows[:, -5:-1], rows[:, -1])
+    return content + (b"" if sticks is None else pack_sticks(sticks))

@@ -1,0 +1,85 @@
+"""What is made of a session of which something is missing: motions whose pieces are not all there, takes that no step names."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import zlib
+from itertools import groupby
+from operator import itemgetter
+
+import numpy as np
+
+from runtime.safe_read import parse_json
+from runtime.session.document import header_text
+from runtime.session.frames import BYTES, packed_frames, unpacked_frames
+from runtime.session.motion import MotionHeader
+from runtime.session.tables import checksum, put_rows, sealed
+
+MAX_HELD_FRAMES = 100_000  # of a session that hold the pose before them: half an hour
+INPUT, TAIL = ".input", ".tail"  # of a motion's key: what drove it, and its newest frames
+UNKNOWN_NAME, UNKNOWN_FPS = "Recovered take", 60.0  # of a motion whose header is lost
+Piece = tuple[str, int, int]  # key of the motion, number of the first frame, count
+
+
+def fill_gaps(connection: sqlite3.Connection) -> int:
+    """Let frames whose pieces are missing hold the pose before them, and every motion say how many it has; how many hold."""
+    rows = connection.execute("SELECT motion, number, count FROM frames ORDER BY motion, number").fetchall()
+    pieces: dict[str, list[Piece]] = {key: list(found) for key, found in groupby(rows, itemgetter(0))}
+    held = 0
+    for key in dict.fromkeys(key.removesuffix(TAIL) for key in pieces):
+        gaps = _gaps(pieces.get(key, []))
+        if held + sum(count for _, count, _ in gaps) <= MAX_HELD_FRAMES:
+            held += sum(_hold(connection, key, *gap) for gap in gaps)
+        _set_header(connection, key, bool(gaps))
+    return held
+
+
+def _gaps(pieces: list[Piece]) -> list[tuple[int, int, Piece]]:
+    """First frame and count of what is missing before a piece, and the piece next to it whose pose it holds."""
+    gaps, end = [], 0
+    for at, piece in enumerate(pieces):
+        _, first, count = piece
+        if first > end:
+            gaps.append((end, first - end, pieces[max(at - 1, 0)]))
+        end = max(end, first + count)
+    return gaps
+
+
+def _hold(connection: sqlite3.Connection, key: str, first: int, count: int, near: Piece) -> int:
+    """Add a piece of frames that hold one pose; how many there are."""
+    where = "SELECT content FROM frames WHERE motion = ? AND number = ?"
+    (content,) = connection.execute(where, near[:2]).fetchone()
+    try:
+        data = zlib.decompressobj().decompress(content, BYTES * near[2])
+        parts = unpacked_frames(data, near[2])
+    except (zlib.error, ValueError):
+        return 0
+    pose = -1 if near[1] < first else 0
+    made = packed_frames(*(np.repeat(part[pose][None], count, axis=0) for part in parts))
+    row = sealed("frames", (key, first, count, len(made), zlib.compress(made, 1)))
+    put_rows(connection, "frames", [row])
+    return count
+
+
+def _set_header(connection: sqlite3.Connection, key: str, gaps: bool) -> None:
+    """Have the header of a motion say how many frames it has, and that it cannot be resimulated where some are missing."""
+    (frames,) = connection.execute(
+        "SELECT sum(count) FROM frames WHERE motion IN (?, ?)", (key, key + TAIL)
+    ).fetchone()
+    found = connection.execute("SELECT header FROM motions WHERE key = ?", (key,)).fetchone()
+    try:
+        value = parse_json(found[0]) if found else None
+    except ValueError:
+        value = None
+    if not isinstance(value, dict):
+        text = header_text(MotionHeader(UNKNOWN_NAME, UNKNOWN_FPS, frames))
+    elif gaps or value.get("frames") != frames:
+        text = json.dumps(value | {"frames": frames, "resimulable": False}, ensure_ascii=True)
+    else:
+        return
+    connection.execute(
+        "INSERT OR REPLACE INTO motions (number, key, header, checksum)"
+        " VALUES ((SELECT number FROM motions WHERE key = ?), ?, ?, ?)",
+        (key, key, text, checksum("motions", (0, key, text))),
+    )

@@ -1,0 +1,247 @@
+"""Rows of a damaged session: found on its pages one by one, without SQLite, and known by their checksums.
+
+A row with one wrong bit is repaired: the checksum tells which one it is.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from runtime.session.sqlite_file import side_files
+from runtime.session.tables import PAGE_BYTES, TABLES, Row, Value, packed_row, sealed
+
+LEAF, INDICES = 13, (2, 10)  # kinds of pages: one with rows of a table, and those of an index
+MAX_SEARCHED_PAGES = (
+    400  # that are searched byte by byte, for rows whose page no longer says where they begin
+)
+MAX_SEARCHED_BITS = 40_000_000  # of rows with a wrong bit: about 2 s
+MAX_READ_RATIO = 2  # bytes of all rows over those of the file: pages that name one another without end
+_WAL_MAGIC = (0x377F0682, 0x377F0683)
+_SIZES = (0, 1, 2, 3, 4, 6, 8, 8, 0, 0)  # bytes of a value by its kind
+_COLUMNS = {table: columns.count(",") + 2 for table, columns in TABLES.items()}
+_NUMBERED = ("steps", "motions")  # whose first column is the number of the row, which is stored apart
+_POLYNOMIAL = 0xEDB88320  # of CRC-32
+Cell = tuple[int, list[Value | None]]  # number of a row and its values; texts as bytes
+
+
+def salvaged(path: Path) -> Iterator[tuple[str, Row]]:
+    """Every row of a file and its log whose checksum fits, with its table; OSError where it cannot be read."""
+    with path.open("rb") as file:
+        yield from _Pages(file, path.stat().st_size, _logged(path)).rows()
+
+
+def _logged(path: Path) -> dict[int, bytes]:
+    """Pages that the log of a file holds in their newest form; those after its last commit are left out."""
+    log = side_files(path)[0]
+    data = log.read_bytes() if log.is_file() else b""
+    pages, waiting = dict[int, bytes](), dict[int, bytes]()
+    if len(data) < 32 or struct.unpack_from(">I", data)[0] not in _WAL_MAGIC:
+        return {}
+    for at in range(32, len(data) - PAGE_BYTES - 23, PAGE_BYTES + 24):
+        number, committed = struct.unpack_from(">II", data, at)
+        if data[at + 8 : at + 16] != data[16:24]:  # of an earlier log in the same file
+            break
+        waiting[number] = data[at + 24 : at + 24 + PAGE_BYTES]
+        if committed:
+            pages |= waiting
+            waiting = {}
+    return pages
+
+
+class _Pages:
+    """The pages of a database, the first of which is number 1."""
+
+    def __init__(self, file: BinaryIO, size: int, logged: dict[int, bytes]) -> None:
+        self.file, self.logged = file, logged
+        self.count = max(-(-size // PAGE_BYTES), *logged, 1)
+        self.size = size + PAGE_BYTES * len(logged)
+        self.left, self.bits = MAX_READ_RATIO * self.size, MAX_SEARCHED_BITS
+        self.used: set[int] = set()  # pages that belong to rows which were found
+
+    def page(self, number: int) -> bytes:
+        if number in self.logged:
+            return self.logged[number]
+        self.file.seek((number - 1) * PAGE_BYTES)
+        return self.file.read(PAGE_BYTES)
+
+    def rows(self) -> Iterator[tuple[str, Row]]:
+        doubtful = []
+        for number in range(1, self.count + 1):
+            found, whole = [], True
+            for cell in self._cells(number):
+                row = None if cell is None else self._row(cell)
+                whole = whole and row is not None
+                found += [] if row is None else [row]
+            yield from found
+            if not (found and whole):
+                doubtful.append(number)
+        searched = [number for number in doubtful if number not in self.used and self._is_unclear(number)]
+        for number in searched[:MAX_SEARCHED_PAGES]:
+            page = self.page(number)
+            for at in range(len(page) - 4):
+                cell = self._cell(page, at)
+                row = None if cell is None else self._row(cell, repairs=False)
+                if row is not None:
+                    yield row
+
+    def _is_unclear(self, number: int) -> bool:
+        """Whether a page may hold rows of which it says nothing: it is neither empty nor one of an index."""
+        page = self.page(number)
+        return bool(page.strip(b"\0")) and page[0] not in INDICES
+
+    def _cells(self, number: int) -> Iterator[Cell | None]:
+        """Where a page says that rows are; None for what is no row."""
+        page, head = self.page(number), 100 * (number == 1)
+        if len(page) < head + 8 or page[head] != LEAF:
+            return
+        (count,) = struct.unpack_from(">H", page, head + 3)
+        for k in range(min(count, (len(page) - head - 8) // 2)):
+            (at,) = struct.unpack_from(">H", page, head + 8 + 2 * k)
+            yield self._cell(page, at)
+
+    def _cell(self, page: bytes, at: int) -> Cell | None:
+        """The row that begins at a place of a page; None where there is none."""
+        try:
+            size, at = _varint(page, at)
+            number, at = _varint(page, at)
+            head, _ = _varint(page, at)
+            if not 4 <= head <= 60 or size < head:
+                return None
+            kinds = _kinds(page, at)
+            if len(kinds) not in _COLUMNS.values() or head + sum(map(_size, kinds)) != size:
+                return None
+            return number - (number >> 63 << 64), _values(kinds, self._payload(page, at, size)[head:])
+        except (IndexError, struct.error, ValueError):
+            return None
+
+    def _payload(self, page: bytes, at: int, size: int) -> bytes:
+        """The bytes of a row, those on further pages too; ValueError where they are not there."""
+        inside, room = size, PAGE_BYTES - 4
+        if size > PAGE_BYTES - 35:
+            least = (PAGE_BYTES - 12) * 32 // 255 - 23
+            inside = least + (size - least) % room
+            inside = inside if inside <= PAGE_BYTES - 35 else least
+        parts, left = [page[at : at + inside]], size - inside
+        self.left -= size
+        if self.left < 0 or size > self.size:
+            raise ValueError("more than the file holds")
+        following = struct.unpack_from(">I", page, at + inside)[0] if left else 0
+        chain = []
+        while left > 0:
+            page = self.page(following)
+            if not 1 < following <= self.count:
+                raise ValueError("no such page")
+            chain.append(following)
+            parts.append(page[4 : 4 + left])
+            left -= room
+            following = struct.unpack_from(">I", page)[0]
+        self.used.update(chain)
+        return b"".join(parts)
+
+    def _row(self, cell: Cell, repairs: bool = True) -> tuple[str, Row] | None:
+        """A row of one of our tables whose checksum fits, at once or by turning one bit; None for any other."""
+        number, values = cell
+        known = values.pop()
+        for table, columns in _COLUMNS.items():
+            if len(values) != columns - 1 or (values[0] is None) != (table in _NUMBERED):
+                continue
+            row = [number if value is None else value for value in values]
+            crc = zlib.crc32(packed_row(table, row))
+            wrong = crc ^ known & 0xFFFFFFFF if isinstance(known, int) else -1
+            if wrong > 0 and repairs:
+                wrong = self._repair(table, row, wrong)
+            if wrong == 0 and (texts := _texts(row)) is not None:
+                return table, sealed(table, texts)
+        return None
+
+    def _repair(self, table: str, row: list[Value], difference: int) -> int:
+        """Turn the one bit of a row that makes its CRC-32 differ so; 0 where there is one.
+
+        Behind each bit of the data the CRC-32 changes by the polynomial, shifted once for each bit that follows.
+        """
+        if difference.bit_count() == 1:  # of the checksum itself
+            return 0
+        change = _POLYNOMIAL
+        for column in range(len(row) - 1, -1, -1):
+            content, head = _content(row[column]), b"" if isinstance(row[column], int) else bytes(8)
+            if table == "motions" and column == 0:
+                break
+            for bit in range(8 * len(content)):
+                if change == difference:
+                    row[column] = _turned(row[column], bit)
+                    return 0
+                change = change >> 1 ^ (_POLYNOMIAL if change & 1 else 0)
+            self.bits -= 8 * len(content)
+            if self.bits < 0:
+                break
+            for _ in range(8 * (len(head) + 1)):  # the length and the kind of the value
+                change = change >> 1 ^ (_POLYNOMIAL if change & 1 else 0)
+        return difference
+
+
+class _Text(bytes):
+    """The bytes of a text, which a wrong bit may have made none."""
+
+
+def _content(value: Value) -> bytes:
+    return struct.pack("<q", value) if isinstance(value, int) else bytes(value)  # type: ignore[arg-type]
+
+
+def _turned(value: Value, bit: int) -> Value:
+    """A value with one bit turned, counted from the end."""
+    data = bytearray(_content(value))
+    data[len(data) - 1 - bit // 8] ^= 0x80 >> bit % 8
+    return struct.unpack("<q", data)[0] if isinstance(value, int) else type(value)(data)
+
+
+def _texts(row: list[Value]) -> list[Value] | None:
+    """The values of a row with its texts decoded; None where one is no text."""
+    try:
+        return [value.decode("utf-8") if isinstance(value, _Text) else value for value in row]
+    except UnicodeDecodeError:
+        return None
+
+
+def _varint(data: bytes, at: int) -> tuple[int, int]:
+    """A whole number of SQLite's at a place, and the place after it."""
+    value = 0
+    for k in range(8):
+        value = value << 7 | data[at + k] & 0x7F
+        if data[at + k] < 0x80:
+            return value, at + k + 1
+    return value << 8 | data[at + 8], at + 9
+
+
+def _kinds(page: bytes, at: int) -> list[int]:
+    """Kinds of the values of a row whose head begins at a place."""
+    size, place = _varint(page, at)
+    end, kinds = at + size, []
+    while place < end:
+        kind, place = _varint(page, place)
+        kinds.append(kind)
+    return kinds
+
+
+def _size(kind: int) -> int:
+    return _SIZES[kind] if kind < 10 else (kind - 12) // 2
+
+
+def _values(kinds: list[int], data: bytes) -> list[Value | None]:
+    """Values of a row by their kinds."""
+    values, at = list[Value | None](), 0
+    for kind in kinds:
+        part = data[at : at + _size(kind)]
+        at += len(part)
+        if kind == 0:
+            values.append(None)
+        elif kind in (8, 9):
+            values.append(kind - 8)
+        elif kind < 12:
+            values.append(int.from_bytes(part, "big", signed=True))
+        else:
+            values.append(_Text(part) if kind % 2 else part)
+    return values

@@ -1,0 +1,144 @@
+"""Rows of a session as they are on disk, read as untrusted: every length is counted before anything of that size is made."""
+
+from __future__ import annotations
+
+import sqlite3
+import threading
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from runtime.errors import FileError
+from runtime.session.recovery import TAIL
+from runtime.session.sqlite_file import LARGE_BYTES, REMEDY, Budget, file_errors
+from runtime.session.tables import MAX_TEXT_BYTES
+
+MAX_TAKE_TEXT_BYTES, MAX_TAKE_TEXTS = 1 << 18, 10_000  # of one, and how many are looked through
+
+
+@dataclass
+class StoredRows:
+    """The rows of the tables, by what they are; FileError where they are missing, damaged or more than the budget has."""
+
+    path: Path  # without links
+    budget: Budget
+    _reader: sqlite3.Connection | None = None
+    # rows that the budget paid for, or this process wrote
+    _counted: set[tuple[Any, ...]] = field(default_factory=set)
+    _reading: threading.RLock = field(default_factory=threading.RLock)
+
+    def steps(self, count: int = -1) -> list[tuple[int, str]]:
+        """Numbers and labels of the last so many steps; all for -1."""
+        size, order = "16 + length(CAST(label AS BLOB))", f"ORDER BY number DESC LIMIT {count}"
+        return self._rows("steps", "number, label", (int, str), size, order=order)[::-1]
+
+    def step(self, number: int) -> str:
+        """The document of a step; FileError where there is none."""
+        size = "length(CAST(document AS BLOB))"
+        return self._one(
+            self._rows("steps", "document", (str,), size, "number = ?", number), f"step {number}"
+        )[0]
+
+    def blob(self, key: str) -> bytes:
+        """Bytes by their key; FileError where there are none."""
+        return self._content("blobs", "key = ?", key)
+
+    def motion(self, key: str) -> str:
+        """The header of a motion; FileError where there is none."""
+        size = "length(CAST(header AS BLOB))"
+        return self._one(self._rows("motions", "header", (str,), size, "key = ?", key), f"motion {key}")[0]
+
+    def motions(self) -> list[str]:
+        """Keys of the motions, in the order in which they were made."""
+        rows = self._rows("motions", "key", (str,), "length(CAST(key AS BLOB))", order="ORDER BY number")
+        return [key for (key,) in rows]
+
+    def framed_motions(self) -> list[str]:
+        """Keys of the motions that have frames, in the order in which they were made."""
+        size = "length(CAST(motion AS BLOB))"
+        order = "GROUP BY motion ORDER BY min(rowid)"
+        found = self._rows("frames", "motion", (str,), size, order=order)
+        return list(dict.fromkeys(key.removesuffix(TAIL) for (key,) in found))
+
+    def text_blobs(self) -> list[tuple[str, int]]:
+        """Keys and lengths of blobs that may be texts of takes, the newest first."""
+        size, where = "length(CAST(key AS BLOB))", f"size BETWEEN 2 AND {MAX_TAKE_TEXT_BYTES}"
+        order = f"ORDER BY rowid DESC LIMIT {MAX_TAKE_TEXTS}"
+        return self._rows("blobs", "key, size", (str, int), size, where, order=order)
+
+    def lost(self) -> list[tuple[str, int, str]]:
+        """Keys, times in seconds since 1970 and texts of what no step names, the oldest first."""
+        size = "length(CAST(key AS BLOB)) + length(CAST(text AS BLOB))"
+        return self._rows("lost", "key, since, text", (str, int, str), size, order="ORDER BY since, rowid")
+
+    def frames(self, key: str) -> Iterator[tuple[int, bytes]]:
+        """The pieces of a motion in order: how many frames, and what `put_frames` got."""
+        rows = self._rows(
+            "frames", "number, count", (int, int), "16", "motion = ?", key, order="ORDER BY number"
+        )
+        for number, count in rows:
+            yield count, self._content("frames", "motion = ? AND number = ?", key, number)
+
+    def frame_count(self, key: str) -> int:
+        """How many frames the pieces of a motion say they have."""
+        return sum(count for (count,) in self._rows("frames", "count", (int,), "8", "motion = ?", key))
+
+    def meta(self, name: str, default: str = "") -> str:
+        rows = self._rows("meta", "value", (str,), "length(CAST(value AS BLOB))", "name = ?", name)
+        return rows[0][0] if rows else default
+
+    def meta_bytes(self, name: str) -> bytes:
+        """The bytes under a name; b"" for none."""
+        rows = self._rows("meta", "value", (bytes,), "length(value)", "name = ?", name)
+        return rows[0][0] if rows else b""
+
+    def _content(self, table: str, where: str, *values: Any) -> bytes:
+        rows = self._rows(
+            table, "size, content", (int, bytes), "max(size, 0) + length(content)", where, *values
+        )
+        size, content = self._one(rows, f"{table} {values[0]}")
+        with file_errors(self.path):
+            if not 0 <= size <= LARGE_BYTES:
+                raise ValueError(f"{size} bytes")
+            unfold = zlib.decompressobj()
+            made = unfold.decompress(content, size + 1)
+            if len(made) != size or not unfold.eof or unfold.unused_data:
+                raise ValueError(f"expected {size} bytes")
+        return made
+
+    def _one(self, rows: Sequence[Any], what: str) -> Any:
+        if len(rows) != 1:
+            raise FileError(f"{self.path}: {what[:80]} is missing.", REMEDY)
+        return rows[0]
+
+    def _rows(
+        self,
+        table: str,
+        columns: str,
+        kinds: tuple[type, ...],
+        size: str,
+        where: str = "1",
+        *values: Any,
+        order: str = "",
+    ) -> Any:
+        """Rows of values of these kinds; what they come to is counted before they are made, once for each question."""
+        question = (table, *values)
+        with self._reading, file_errors(self.path):
+            if self._reader is None:
+                raise ValueError("it is closed")
+            if question not in self._counted:
+                sized = (
+                    f"SELECT coalesce(sum({size}), 0), coalesce(max({size}), 0) FROM {table} WHERE {where}"
+                )
+                total, most = self._reader.execute(sized, values).fetchone()
+                if most > MAX_TEXT_BYTES and bytes not in kinds:
+                    raise ValueError("a text is too long")
+                self.budget.spend(total)
+                self._counted.add(question)
+            query = f"SELECT {columns} FROM {table} WHERE {where} {order}"
+            rows = self._reader.execute(query, values).fetchall()
+            if any(type(value) is not kind for row in rows for value, kind in zip(row, kinds, strict=True)):
+                raise ValueError("a value is of another type")
+        return rows

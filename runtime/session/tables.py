@@ -1,0 +1,166 @@
+"""The tables of a session's file: their rows with a checksum each, and what is checked of a file from elsewhere."""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+import struct
+import zlib
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
+
+APPLICATION_ID = 0x53504F52  # "SPOR"
+SCHEMA_VERSION = 2
+PLAIN_VERSION = 1  # without checksums and without lost things
+PAGE_BYTES = 4096
+MAX_TEXT_BYTES = 16 << 20  # of one text
+MAX_CONTENT_BYTES = 3 << 29  # that one content unfolds to
+MAX_ROWS = 200_000  # of one table: of a full file, 28 hours, a fourth
+MAX_OPERATIONS = 400_000_000  # of SQLite's machine while a file is checked: a full file costs a tenth
+TABLES = {
+    "meta": "name TEXT PRIMARY KEY, value",
+    "steps": "number INTEGER PRIMARY KEY, label TEXT, document TEXT",
+    "blobs": "key TEXT PRIMARY KEY, size INTEGER, content BLOB",  # size: of what it unfolds to
+    "motions": "number INTEGER PRIMARY KEY, key TEXT UNIQUE, header TEXT",
+    "frames": "motion TEXT, number INTEGER, count INTEGER, size INTEGER, content BLOB",
+    # what no step names since a time in seconds since 1970: a motion, a blob, or the text of a step
+    "lost": "key TEXT PRIMARY KEY, since INTEGER, text TEXT",
+}
+_KEYS = {"frames": "PRIMARY KEY (motion, number)"}
+_TEXT = f"typeof({{0}}) = 'text' AND length(CAST({{0}} AS BLOB)) <= {MAX_TEXT_BYTES}"
+_NUMBER = "typeof({0}) = 'integer' AND {0} BETWEEN {1} AND {2}"
+_CONTENT = f"{_NUMBER.format('size', 0, MAX_CONTENT_BYTES)} AND typeof(content) = 'blob'"
+_SOUND = {  # what is true of each row
+    "meta": f"{_TEXT.format('name')} AND (typeof(value) = 'blob' OR {_TEXT.format('value')})",
+    "steps": f"{_TEXT.format('label')} AND {_TEXT.format('document')}",
+    "blobs": f"{_TEXT.format('key')} AND {_CONTENT}",
+    "motions": f"{_TEXT.format('key')} AND {_TEXT.format('header')}",
+    "frames": f"{_TEXT.format('motion')} AND {_NUMBER.format('number', 0, 2_000_000)} "
+    f"AND {_NUMBER.format('count', 1, 1_000_000)} AND {_CONTENT}",
+    "lost": f"{_TEXT.format('key')} AND {_NUMBER.format('since', 0, 1 << 40)} AND {_TEXT.format('text')}",
+}
+Value = str | int | bytes
+Row = Sequence[Value]
+
+
+class DamageError(ValueError):
+    """Rows or pages of a session are not what was written."""
+
+
+class VersionError(ValueError):
+    """The file is of a later program."""
+
+
+def checksum(table: str, row: Row) -> int:
+    """CRC-32 of the values of a row without its checksum, and without the number of a motion, which is its place only."""
+    return zlib.crc32(packed_row(table, row))
+
+
+def packed_row(table: str, row: Row) -> bytes:
+    """The bytes that a checksum is of: the table, then kind, length and content of each value."""
+    parts = [f"{SCHEMA_VERSION} {table}".encode()]
+    for value in row[1:] if table == "motions" else row:
+        if isinstance(value, int):
+            parts.append(b"i" + struct.pack("<q", value))
+        else:
+            content = value.encode("utf-8", "surrogatepass") if isinstance(value, str) else value
+            parts += [b"c" + struct.pack("<q", len(content)), content]
+    return b"".join(parts)
+
+
+def sealed(table: str, row: Row) -> tuple[Value, ...]:
+    """A row as it is stored, with its checksum."""
+    return (*row, checksum(table, row))
+
+
+def create(connection: sqlite3.Connection, version: int = SCHEMA_VERSION) -> None:
+    """Make the tables."""
+    sums = version > PLAIN_VERSION
+    for table, columns in TABLES.items():
+        if table == "lost" and not sums:
+            continue
+        more = [columns, *(["checksum INTEGER"] if sums else []), *filter(None, [_KEYS.get(table)])]
+        sound = _SOUND[table] + " AND typeof(checksum) = 'integer'"
+        if not sums:
+            sound = _SOUND[table].replace("2000000", "1000000")
+        connection.execute(f"CREATE TABLE {table} ({', '.join(more)}, CHECK ({sound}))")
+    connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+    connection.execute(f"PRAGMA user_version = {version}")
+
+
+@cache
+def _schema(version: int) -> list[tuple[str | None, ...]]:
+    with contextlib.closing(sqlite3.connect(":memory:")) as connection:
+        create(connection, version)
+        return sorted(connection.execute("SELECT type, name, tbl_name, sql FROM sqlite_master"), key=str)
+
+
+def version_of(connection: sqlite3.Connection) -> int:
+    """The version of a file's tables; ValueError or sqlite3.Error unless it has them and nothing else."""
+    calls = iter(range(MAX_OPERATIONS // 100_000))
+    connection.set_progress_handler(lambda: next(calls, None) is None, 100_000)
+    program, version = (
+        connection.execute(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version")
+    )
+    if program != APPLICATION_ID:
+        raise DamageError("it is no session")
+    if version not in (PLAIN_VERSION, SCHEMA_VERSION):
+        raise VersionError(
+            f"a later version of this program wrote it (format {version}, known {SCHEMA_VERSION})"
+        )
+    found = connection.execute("SELECT type, name, tbl_name, sql FROM sqlite_master LIMIT 20").fetchall()
+    if sorted(found, key=str) != _schema(version):
+        raise DamageError("it is no session: its tables are others")
+    return int(version)
+
+
+def check_content(connection: sqlite3.Connection) -> None:
+    """ValueError or sqlite3.Error unless the pages are sound, the values of their types, and the rows not too many.
+
+    The check of the pages comes first: none is part of two things then, and what follows ends.
+    """
+    check_row_counts(connection)
+    for (problem,) in connection.execute("PRAGMA quick_check(1)"):
+        if problem != "ok":
+            raise DamageError("it is damaged")
+    for table in _tables(connection):  # SQLite ignores a CHECK where it only reads
+        if connection.execute(f"SELECT 1 FROM {table} WHERE NOT ({_SOUND[table]}) LIMIT 1").fetchone():
+            raise DamageError("a value is of another type or too large")
+
+
+def check_row_counts(connection: sqlite3.Connection) -> None:
+    """ValueError where a table has more than `MAX_ROWS`."""
+    for table in _tables(connection):
+        query = f"SELECT count(*) FROM (SELECT 1 FROM {table} LIMIT {MAX_ROWS + 1})"
+        if connection.execute(query).fetchone()[0] > MAX_ROWS:
+            raise ValueError(f"more than {MAX_ROWS} rows")
+
+
+def _tables(connection: sqlite3.Connection) -> list[str]:
+    version = connection.execute("PRAGMA user_version").fetchone()[0]
+    return [table for table in TABLES if table != "lost" or version > PLAIN_VERSION]
+
+
+def copy_rows(source: sqlite3.Connection, target: sqlite3.Connection) -> None:
+    """Put the rows of one file into the tables of another, as they are at one moment; sqlite3.Error, DamageError."""
+    source.execute("BEGIN")
+    try:
+        plain = source.execute("PRAGMA user_version").fetchone()[0] == PLAIN_VERSION
+        for table in _tables(source):
+            rows = source.execute(f"SELECT * FROM {table}")
+            put_rows(target, table, (sealed(table, row) for row in rows) if plain else _checked(table, rows))
+    finally:
+        source.execute("COMMIT")
+
+
+def put_rows(target: sqlite3.Connection, table: str, rows: Iterable[Row], known: str = "ABORT") -> None:
+    """Insert rows with their checksums; `known`: what SQLite is to do where there is one of the same key."""
+    marks = ", ".join("?" * (TABLES[table].count(",") + 2))
+    target.executemany(f"INSERT OR {known} INTO {table} VALUES ({marks})", rows)
+
+
+def _checked(table: str, rows: Iterable[Row]) -> Iterator[Row]:
+    for row in rows:
+        if checksum(table, row[:-1]) != row[-1]:
+            raise DamageError("it is damaged")
+        yield row

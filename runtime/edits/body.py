@@ -13,7 +13,9 @@ from runtime.edits.arms import ArmEdit, ArmPose, Axes, Body
 from runtime.edits.legs import LegEdit
 from runtime.edits.request import LEG, ROW_ARMS, EditRequest, asks
 from runtime.edits.trunk import TrunkEdit
+from runtime.feet.foot_lock import carrying_rise
 from runtime.feet.leg import LegPose, leg_bones, leg_forward
+from runtime.feet.planted_foot import span
 from runtime.scalar_math import Quaternion, Vector, add, dot, multiply, relative, rotate, subtract
 from runtime.skeleton import SPORT_SKELETON
 
@@ -34,6 +36,18 @@ class EditedPose(NamedTuple):
     local: Array
     contacts: Array
     legs: tuple[LegPose, LegPose] | None = None
+
+    def moved(self, by: Vector) -> EditedPose:
+        """The pose with its hips moved by metres over feet that stay; they rise so that legs which carry them bend no more."""
+        east, up, south = by
+        x, y, z = (float(v) for v in self.hips)
+        rotations = np.asarray(self.local, np.float64).tolist()
+        left, right = self.legs or (leg_forward(bones, (x, y, z), rotations) for bones in _BONES)
+        heel, toe, other_heel, other_toe = self.contacts.tolist()
+        legs = [_under(leg, east, up, south) for leg in (left, right)]
+        up += carrying_rise(legs, (span(left), span(right)), (max(heel, toe), max(other_heel, other_toe)))
+        legs = [_under(leg, east, up, south) for leg in (left, right)]
+        return self._replace(hips=np.array((x + east, y + up, z + south)), legs=(legs[0], legs[1]))
 
 
 @dataclass

@@ -20,9 +20,12 @@ from runtime.feet.ik import EASE_REACH, MAX_REACH
 from runtime.feet.leg import Knee, LegPose, bent, leg_forward, leg_inverse, turned_out
 from runtime.feet.narrow_support import Balance, SidewaysLead, may_be_narrow, pull_of_beam, side_of_beam
 from runtime.feet.next_step import SteppedOver, has_edges
-from runtime.feet.planted_foot import SETTINGS, PlantedFoot, span
+from runtime.feet.planted_foot import LEGS, SETTINGS, PlantedFoot, span
 from runtime.scalar_math import Vector, damp, smoothstep
 from runtime.terrain.height_map import PointHeights, Terrain
+
+UNLOADED_FOOT_WEIGHT = 0.05  # of a foot without contact, in what carries the hips
+BENT_LEG_FRACTION = 0.93  # of a leg's length: one that spans less carries no height
 
 
 @dataclass
@@ -103,6 +106,20 @@ def rise_for(hip: Vector, ankle: Vector, spans: float) -> float:
     """Metres that `hip` must rise to be `spans` away from `ankle`, over it; as near as possible when it never is."""
     across = (ankle[0] - hip[0]) ** 2 + (ankle[2] - hip[2]) ** 2
     return ankle[1] + sqrt(max(spans * spans - across, 0.0)) - hip[1]
+
+
+def carrying_rise(legs: Sequence[LegPose], spans: Sequence[float], bears: Sequence[float]) -> float:
+    """Metres that hips rise so that legs which bear them and are nearly straight span what they are to.
+
+    `bears` is how surely each foot is in contact, 0 to 1.
+    """
+    total = rise = 0.0
+    for leg, reach, weight, bones in zip(legs, spans, bears, LEGS, strict=True):
+        straight = smoothstep((reach / bones.length - BENT_LEG_FRACTION) / (1.0 - BENT_LEG_FRACTION))
+        carries = UNLOADED_FOOT_WEIGHT + straight * weight
+        rise += carries * rise_for(leg.hip, leg.ankle, reach)
+        total += carries
+    return rise / total
 
 
 class Support(NamedTuple):

@@ -28,13 +28,13 @@ from runtime.motion.state import CharacterState, bound_speed, network_pose, plac
 from runtime.motion.style import Style
 from runtime.motion.trajectory import JOG_SHARE, PRESENT, SAMPLES, Plan
 from runtime.records import copied, joined, part
-from runtime.scalar_math import decay
+from runtime.scalar_math import Vector, decay
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacle_detection import EDGE_M, RUN_M
 from runtime.terrain.room import has_walls
 from runtime.terrain.steps import level_ahead, within_steps
-from runtime.traversal.obstacle_probe import PROBE_M, STOP_SECONDS, ObstacleProbe
+from runtime.traversal.obstacle_probe import CLEAR, PROBE_M, STOP_SECONDS, ObstacleProbe
 from runtime.traversal.traversal import decide, end_when_over, seen_heights, traversal_pose
 
 MAX_OUTPUT = 1e4  # metres, m/s, rad/s: no body has more, and bones would be lost in rounding
@@ -124,9 +124,11 @@ def step(
         np.minimum(np.maximum(y.contacts, 0.0), 1.0), 1.0 - state.settling.fraction[:, None]
     )
     gains = [style.swings for style in styles]
-    swung = state.swings.apply(joints[:, 0], local, contacts, gains, _walking(state))
+    steady = _steady(state)
+    swung = state.swings.apply(joints[:, 0], local, contacts, gains, _walking(state, steady))
     network = placed(*swung, state.trajectory, state.ground)
-    unlocked = _plant(state, *network, joints, contacts, terrain)
+    shifts = _balance(state, probes, steady)
+    unlocked = _plant(state, *network, joints, contacts, shifts, terrain)
     _cross(state, unlocked, network, probes, styles)
     _feed_back(state, y, joints, probes, styles, terrain, haste)
 
@@ -136,14 +138,32 @@ def step(
     return state, Frame(*unlocked, reasons, ~sound)
 
 
-def _walking(state: CharacterState) -> list[bool]:
-    """Which characters walk on, rather than start, stop, turn, jog, crouch or jump."""
-    walk = state.trajectory.gait[:, PRESENT, Gait.WALK] > 0.5
-    steady = (state.wished_speed > 0.0) & (state.measured_speed > STEADY * state.requested_speed)
+def _steady(state: CharacterState) -> list[bool]:
+    """Return which characters move on straight ahead, rather than start, stop, turn or jump."""
+    going = (state.wished_speed > 0.0) & (state.measured_speed > STEADY * state.requested_speed)
     turned = state.trajectory.yaw[:, PRESENT] - state.trajectory.yaw[:, PRESENT - TURN_FRAMES]
     ahead = np.abs((turned + np.pi) % (2.0 * np.pi) - np.pi) < TURN_MOST * TURN_FRAMES * DT
     jumps = [bool(jump.stage) for jump in state.jumps]
-    return (walk & steady & ahead & ~np.array(jumps)).tolist()
+    return (going & ahead & ~np.array(jumps)).tolist()
+
+
+def _walking(state: CharacterState, steady: Sequence[bool]) -> list[bool]:
+    """Return which of the `steady` characters walk, rather than jog or crouch."""
+    walk = (state.trajectory.gait[:, PRESENT, Gait.WALK] > 0.5).tolist()
+    return [walks and goes for walks, goes in zip(walk, steady, strict=True)]
+
+
+def _balance(state: CharacterState, probes: Sequence[ObstacleProbe], steady: Sequence[bool]) -> list[Vector]:
+    """Return the metres by which each character's hips are moved to keep it in balance; none near obstacles and on beams."""
+    free = [
+        goes and probe is CLEAR and not traversal.kind and not feet.on_beam
+        for goes, probe, traversal, feet in zip(steady, probes, state.traversals, state.feet, strict=True)
+    ]
+    stands = [(bool(left), bool(right)) for left, right in (feet.held for feet in state.feet)]
+    shifts = state.balance.update(
+        state.poses.positions, state.ground, state.trajectory.velocity, stands, free
+    )
+    return [(x, 0.0, z) for x, z in shifts.tolist()]
 
 
 def full_speed(style: Style, gait: Gait) -> float:
@@ -323,7 +343,13 @@ def _network(model: MotionModel, x: Array, noise: Sequence[Array], styles: Seque
 
 
 def _plant(
-    state: CharacterState, hips: Array, local: Array, joints: Array, contacts: Array, terrain: Terrain
+    state: CharacterState,
+    hips: Array,
+    local: Array,
+    joints: Array,
+    contacts: Array,
+    shifts: Sequence[Vector],
+    terrain: Terrain,
 ) -> tuple[Array, Array]:
     """Write the poses to show: keyed over an obstacle, else the network's with planted feet, edited as its words ask.
 
@@ -356,6 +382,8 @@ def _plant(
             edited = EditedPose(unlocked_hips[i], unlocked_local[i], contacts[i])
             if (asked := _edit_request(state, i, joints[i])) is not None:
                 edited = state.edits[i].apply(*edited[:3], asked)
+            if any(shifts[i]):
+                edited = edited.moved(shifts[i])
             support = Support(jump.airborne, patience, edited.legs, traversal.over)
             locked = feet.apply(edited.hips, edited.local, edited.contacts, terrain, DT, support)
             shown_hips[i], shown_local[i] = locked.hips_position, locked.local_rotations

@@ -12,6 +12,7 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.edits.body import BodyEdits
 from runtime.feet.foot_lock import FootLock
+from runtime.motion.balance import StrideBalance
 from runtime.motion.features import DT, PHASE_OFFSETS, C, OutputParts, split_output
 from runtime.motion.model import MotionModel
 from runtime.motion.pace import SpeedRegulator, Stall, StrideState
@@ -155,6 +156,7 @@ class CharacterState:
     settling: Settling
     edits: tuple[BodyEdits, ...]
     swings: Swings = field(metadata={"later": True})
+    balance: StrideBalance = field(metadata={"later": True})
     feet: tuple[FootLock, ...]
     traversals: tuple[Traversal, ...]
     jumps: tuple[Jump, ...]
@@ -204,6 +206,7 @@ def standing(
         settling=Settling.awake(relative),
         edits=(BodyEdits(),),
         swings=Swings(),
+        balance=StrideBalance(),
         feet=(feet,),
         traversals=(Traversal(),),
         jumps=(Jump.standing(float(hips[0, 1]), float(ground[0])),),

@@ -17,7 +17,7 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.errors import ModelError
-from runtime.feet.foot_lock import rise_for
+from runtime.feet.foot_lock import carrying_rise
 from runtime.feet.leg import leg_bones, leg_forward, leg_inverse
 from runtime.feet.planted_foot import span
 from runtime.scalar_math import (
@@ -32,7 +32,6 @@ from runtime.scalar_math import (
     relative,
     rotate,
     scale,
-    smoothstep,
     subtract,
     to_vector,
 )
@@ -57,8 +56,6 @@ UNKNOWN = 0.01  # weight of the gain 1 against that of a style at its own code
 UNSEEN = 0.03  # of a gain: nearer to 1 it is left alone
 MEAN_HALF_LIFE = 0.8  # seconds in which the means follow the pose
 SETS_IN, LEAVES = 0.5, 0.12  # seconds, half-lives, in which gains come into force in a walk, and go
-UNBORNE = 0.05  # of a foot without contact, in what carries the hips
-BENT = 0.93  # of a leg's length: one that spans less carries no height
 _SPINE = tuple(SPORT_SKELETON.index(name) for name in ("LowerBack", "Spine", "Spine1"))
 _NECK = SPORT_SKELETON.index("Neck")
 _SHOULDERS = (SPORT_SKELETON.index("LeftShoulder"), SPORT_SKELETON.index("RightShoulder"))
@@ -184,17 +181,13 @@ def _swung(
         swing = to_vector(multiply(q, inverse(mean)))
         size = min(abs(more[ARMS]), MOST[ARMS] / max(length(swing), 1e-9))
         result[joint] = multiply(from_vector(scale(swing, copysign(size, more[ARMS]))), q)
-    legs, total, lifts = [], 0.0, 0.0
-    for k, (bones, leg) in enumerate(zip(_LEGS, before, strict=True)):
+    legs = []
+    for bones, leg in zip(_LEGS, before, strict=True):
         moved = leg_forward(bones, tuple(hips.tolist()), rotations)
-        leg = leg._replace(base=moved.base, hip=moved.hip, knee=add(leg.knee, subtract(moved.hip, leg.hip)))
-        spans = span(before[k])
-        straight = smoothstep((spans / bones.length - BENT) / (1.0 - BENT))
-        weight = UNBORNE + straight * max(contacts[2 * k], contacts[2 * k + 1])
-        lifts += weight * rise_for(leg.hip, leg.ankle, spans)
-        total += weight
-        legs.append(leg)
-    rise += lifts / total
+        knee = add(leg.knee, subtract(moved.hip, leg.hip))
+        legs.append(leg._replace(base=moved.base, hip=moved.hip, knee=knee))
+    bears = max(contacts[:2]), max(contacts[2:])
+    rise += carrying_rise(legs, [span(leg) for leg in before], bears)
     for bones, leg in zip(_LEGS, legs, strict=True):
         result[list(bones.joints[1:4])] = leg_inverse(leg, leg.ankle, leg.foot, -rise)
     x, y, z = hips.tolist()

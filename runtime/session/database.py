@@ -32,6 +32,7 @@ from runtime.session.sqlite_file import (
     drop_lock,
     file_errors,
     in_memory,
+    is_own,
     keep_aside,
     lock_of,
     new_file,
@@ -137,7 +138,7 @@ class Database(StoredRows):
                 unwritten.make(unwritten.read(path), target)
                 connection.close()  # before the file is replaced
         except FileError as error:
-            if _is_damage(error.__cause__):
+            if is_damage(error):
                 self._salvage(error)
             elif _is_of_the_disk(error.__cause__):
                 with file_errors(path), contextlib.closing(_checked(connect(path, mode))) as connection:
@@ -172,7 +173,7 @@ class Database(StoredRows):
         database = Database(path, Budget.for_file(check_files(path)))
         with file_errors(path):
             reader = _checked(connect_reader(path), thorough)
-            if any(file.exists() for file in unwritten_files(path)):
+            if any(is_own(file) for file in unwritten_files(path)):
                 with contextlib.closing(reader):
                     reader = _memory_of(reader, unwritten.read(path))
             database._reader = reader
@@ -478,13 +479,13 @@ class Database(StoredRows):
                 self._writer.execute("ROLLBACK")
 
 
-def _is_damage(error: BaseException | None) -> bool:
-    """Whether the content of a file is at fault."""
+def is_damage(error: FileError) -> bool:
+    """Whether the content of a file is at fault, and it may be one of a session."""
+    cause = error.__cause__
     wrong = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CONSTRAINT, sqlite3.SQLITE_ERROR)
-    code = getattr(
-        error, "sqlite_errorcode", sqlite3.SQLITE_ERROR if isinstance(error, sqlite3.Error) else -1
-    )
-    return isinstance(error, DamageError | VersionError) or code & 0xFF in wrong
+    plain = sqlite3.SQLITE_ERROR if isinstance(cause, sqlite3.Error) else -1  # text that is none
+    code = getattr(cause, "sqlite_errorcode", plain)
+    return isinstance(cause, DamageError | VersionError) or code & 0xFF in wrong
 
 
 def _is_of_the_disk(error: BaseException | None) -> bool:

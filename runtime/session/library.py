@@ -1,8 +1,12 @@
-"""Untitled sessions in the data folder: found by the next start, and removed when there are too many."""
+"""Untitled sessions in the data folder: each that holds work is found by the next start; only what was found before is removed.
+
+Those with takes or recordings are the last to go, then those with a path, poses or camera keys.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import re
 import time
@@ -10,19 +14,23 @@ import uuid
 from dataclasses import dataclass
 from pathlib import Path
 
-from runtime.errors import FileError
-from runtime.session.database import Database
+from runtime.atomic import write_atomic
+from runtime.errors import FileError, SportError
+from runtime.safe_read import parse_json, read_bounded
+from runtime.session.database import Database, is_damage
 from runtime.session.sqlite_file import (
     SUFFIX,
     Budget,
     drop_lock,
     is_held,
+    kept_aside,
     side_files,
     take_lock,
     unwritten_files,
 )
 
 SUMMARY_BYTES = 8 << 20  # that a summary may cost
+OFFERED = "offered.json"  # names of the sessions that were found the last time
 _NAME = re.compile(r"(\d{8}-\d{6})-(\d{4})-")
 
 
@@ -34,9 +42,16 @@ class SessionSummary:
     name: str  # of the project, or "Untitled"
     ended: bool  # closed as planned; else it was cut off
     saved_s: float  # seconds since 1970
-    takes: int
+    takes: int  # in its list
     seconds: float  # of all takes
     picture: bytes  # PNG; b"" for none
+    recordings: int = 0  # motions of the file, in the list or not: undone, removed or cut off
+    damaged: bool = False  # nothing can be said of it before it is opened
+
+    @property
+    def has_motions(self) -> bool:
+        """Whether takes or recordings are in it, or may be."""
+        return self.damaged or self.takes > 0 or self.recordings > 0
 
 
 def new_path(folder: Path) -> Path:
@@ -50,7 +65,7 @@ def new_path(folder: Path) -> Path:
 
 
 def find(folder: Path) -> list[SessionSummary]:
-    """Sessions that no living process holds, newest first. What cannot be read stays, unseen; what is empty goes."""
+    """Sessions that hold work and that no living process holds, newest first; empty ones are removed."""
     found = []
     for path in _sessions(folder):
         if not is_held(path):
@@ -71,11 +86,28 @@ def look_at(path: Path) -> SessionSummary | None:
 
 
 def keep_newest(folder: Path, count: int = 10) -> list[SessionSummary]:
-    """What `find` finds, at most `count`: the older ones are removed."""
+    """What `find` finds. Of more than `count` those that an earlier call has found too are removed, the least first."""
     found = find(folder)
-    for old in found[count:]:
-        remove(old.path)
-    return found[:count]
+    known = _offered(folder)
+    least_first = sorted(found[::-1], key=lambda summary: summary.has_motions)
+    for old in least_first[: max(len(found) - count, 0)]:
+        if old.path.name in known:
+            remove(old.path)
+            found.remove(old)
+    names = [summary.path.name for summary in found]
+    if set(names) != known:
+        with contextlib.suppress(SportError):  # then none of these is removed the next time
+            write_atomic(folder / OFFERED, json.dumps(names))
+    return found
+
+
+def _offered(folder: Path) -> set[str]:
+    """Names of the sessions that an earlier call of `keep_newest` has found."""
+    try:
+        names = parse_json(read_bounded(folder / OFFERED, SUMMARY_BYTES))
+    except (SportError, ValueError):
+        return set()
+    return {name for name in names if isinstance(name, str)} if isinstance(names, list) else set()
 
 
 def remove(path: Path) -> None:
@@ -83,7 +115,7 @@ def remove(path: Path) -> None:
     with contextlib.suppress(FileError, OSError):
         handle = take_lock(path)
         try:
-            for file in (path, *side_files(path), *unwritten_files(path)):
+            for file in (path, *side_files(path), *unwritten_files(path), *kept_aside(path)):
                 file.unlink(missing_ok=True)
         finally:
             drop_lock(handle, path)
@@ -97,23 +129,31 @@ def _sessions(folder: Path) -> list[Path]:
 
 
 def _summary(path: Path) -> SessionSummary | None:
-    """None for a session in which nothing was done."""
+    """What a session holds; None where that is nothing. FileError, OSError for what is no session or of a later program."""
     saved_s = max(os.stat(file).st_mtime for file in (path, *side_files(path)[:1]) if file.exists())
-    database = Database.read(path, thorough=False)
+    try:
+        database = Database.read(path, thorough=False)
+    except FileError as error:
+        if not is_damage(error):
+            raise
+        return SessionSummary(path, "Untitled", False, saved_s, 0, 0.0, b"", damaged=True)
     database.budget = Budget(SUMMARY_BYTES, SUMMARY_BYTES)
     try:
-        if not database.steps():
+        takes, edits = int(database.meta("takes", "0")), database.meta("edits", "1")
+        recordings = len(database.framed_motions())
+        if not (takes or recordings or (edits and database.steps())):
             return None
-        with contextlib.suppress(ValueError):
-            return SessionSummary(
-                path,
-                database.meta("name") or "Untitled",
-                database.meta("ended") == "1",
-                saved_s,
-                int(database.meta("takes", "0")),
-                max(0.0, min(float(database.meta("seconds", "0")), 1e9)),  # a number also where it says none
-                database.meta_bytes("picture"),
-            )
+        return SessionSummary(
+            path,
+            database.meta("name") or "Untitled",
+            database.meta("ended") == "1",
+            saved_s,
+            takes,
+            max(0.0, min(float(database.meta("seconds", "0")), 1e9)),  # a number also where it says none
+            database.meta_bytes("picture"),
+            recordings,
+        )
+    except (FileError, ValueError):
+        return SessionSummary(path, "Untitled", False, saved_s, 0, 0.0, b"", damaged=True)
     finally:
         database.close()
-    raise FileError(f"{path}: it does not say what it holds.")

@@ -5,12 +5,13 @@ from __future__ import annotations
 import uuid
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.arrays import Float32Array
+from runtime.session.database import Database
 from runtime.session.document import header_text, pack_sticks
 from runtime.session.frames import packed_frames
 from runtime.session.motion import Motion, MotionHeader
@@ -21,18 +22,30 @@ from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputRecording
 from runtime.takes.metadata import PromptEvent
 
-if TYPE_CHECKING:
-    from runtime.session.session_file import SessionFile
-
 PIECE_FRAMES = 300  # that are packed as one while a recording runs
 ROW = 3 + 4 * J + 4 + 1  # numbers of a recorded frame: hips, local rotations, contacts, gait
+
+
+class RecordingFile(Protocol):
+    """The session's file, as a recording uses it."""
+
+    database: Database
+
+    def put_recorded(self, writer: Writer, key: str, header: str, inputs: InputRecording | None) -> None:
+        """Put the header of a motion, and what drove it."""
+
+    def hold(self, key: str, motion: Motion | Recording) -> None:
+        """Keep what is stored of a motion for as long as this lives."""
+
+    def lose(self, key: str) -> None:
+        """Note that no step will name a motion."""
 
 
 @dataclass
 class Recording:
     """A motion while it is recorded. A process that is killed loses what was not added yet."""
 
-    file: SessionFile
+    file: RecordingFile
     header: MotionHeader
     key: str = field(default_factory=lambda: uuid.uuid4().hex)
     _rows: list[Float32Array] = field(default_factory=list)  # of frames that are not packed as one piece yet

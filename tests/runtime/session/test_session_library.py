@@ -52,6 +52,9 @@ def test_what_is_shown_of_a_session(tmp_path: Path) -> None:
     assert found.picture == b"PNG"
     assert abs(found.saved_s - time.time()) < 60
     remove(found.path)
+
+
+def test_a_session_without_a_summary_may_hold_work(tmp_path: Path) -> None:
     bare = untitled(tmp_path, lambda writer: writer.put_step(0, "", "{}"))
     (found,) = find(tmp_path)
     assert (found.path, found.name, found.ended, found.takes, found.picture) == (
@@ -68,6 +71,7 @@ def test_a_session_that_is_open_is_not_found_nor_removed(tmp_path: Path) -> None
     held = untitled(tmp_path, close=False)
     closed = untitled(tmp_path)
     assert [summary.path for summary in find(tmp_path)] == [closed.path]
+    keep_newest(tmp_path, 0)
     keep_newest(tmp_path, 0)
     remove(held.path)
     assert [path.name for path in tmp_path.glob("*.sport")] == [held.path.name]
@@ -92,14 +96,57 @@ def test_a_session_that_was_cut_off_is_found_with_what_its_log_holds(tmp_path: P
     assert done.returncode == -9
     (found,) = find(tmp_path)
     assert found.takes == 2
-    keep_newest(tmp_path, 0)
+    remove(found.path)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_newest_stay_and_nothing_of_the_others(tmp_path: Path) -> None:
-    paths = [untitled(tmp_path).path for _ in range(4)]
-    assert [summary.path for summary in keep_newest(tmp_path, 2)] == paths[:1:-1]
-    assert sorted(tmp_path.iterdir()) == paths[2:]
+def of_meta(**values: str) -> Callable[[Writer], None]:
+    """A session of one step with these values."""
+
+    def work(writer: Writer) -> None:
+        writer.put_step(0, "", "{}")
+        for name, value in values.items():
+            writer.set_meta(name, value)
+
+    return work
+
+
+def cut_off(writer: Writer) -> None:
+    """A first recording that was killed."""
+    of_meta(takes="0", edits="")(writer)
+    writer.put_motion("m", "{}")
+    writer.put_frames("m.tail", 0, 15, b"frames")
+
+
+def test_only_what_was_offered_before_is_removed_and_what_has_takes_last(tmp_path: Path) -> None:
+    kinds = {
+        "takes": None,
+        "a recording": cut_off,
+        "a path": of_meta(takes="0", edits="1"),
+        "another path": of_meta(takes="0", edits="1"),
+    }
+    paths = {name: untitled(tmp_path, work).path for name, work in kinds.items()}
+    names = {path: name for name, path in paths.items()}
+
+    def kept(count: int) -> list[str]:
+        return [names[summary.path] for summary in keep_newest(tmp_path, count)]
+
+    assert kept(2) == list(kinds)[::-1]  # all are offered once
+    assert kept(3) == ["another path", "a recording", "takes"]
+    paths["new"] = untitled(tmp_path, of_meta(takes="0", edits="1")).path
+    names[paths["new"]] = "new"
+    assert kept(2) == ["new", "a recording", "takes"]
+    assert kept(1) == ["a recording"]
+    assert [path for path in tmp_path.glob("*.sport")] == [paths["a recording"]]
+
+
+def test_without_the_list_of_what_was_offered_nothing_is_removed(tmp_path: Path) -> None:
+    for _ in range(3):
+        untitled(tmp_path)
+    for content in ("", "{}", "[5]", None):
+        assert len(keep_newest(tmp_path, 0)) == 3
+        file = tmp_path / "offered.json"
+        file.unlink() if content is None else file.write_text(content)
 
 
 def many(writer: Writer) -> None:
@@ -119,18 +166,17 @@ def endless(writer: Writer) -> None:
 
 def test_a_summary_costs_little_and_its_numbers_can_be_shown(tmp_path: Path) -> None:
     untitled(tmp_path, heavy)
-    assert find(tmp_path) == []
+    assert find(tmp_path)[0].damaged
     untitled(tmp_path, endless)
     assert find(tmp_path)[0].seconds == 1e9
 
 
-def test_empty_sessions_go_and_what_cannot_be_read_stays_unseen(tmp_path: Path) -> None:
-    untitled(tmp_path, lambda writer: writer.set_meta("name", "empty"))
+def test_empty_sessions_go_and_what_cannot_be_read_is_offered_as_damaged(tmp_path: Path) -> None:
+    for work in (lambda writer: writer.set_meta("name", "empty"), of_meta(takes="0", edits="")):
+        untitled(tmp_path, work)
     (tmp_path / "20200101-000000-0000-x.sport").write_bytes(b"of another program")
-    wrong = untitled(tmp_path, many)
+    untitled(tmp_path, many)
     (tmp_path / "folder.sport").mkdir()
-    assert find(tmp_path) == []
-    keep_newest(tmp_path, 0)
+    assert [(summary.damaged, summary.has_motions) for summary in find(tmp_path)] == [(True, True)] * 2
     assert len(list(tmp_path.iterdir())) == 3
-    assert wrong.path.exists()
     remove(tmp_path / "none.sport")

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from functools import lru_cache
 from pathlib import Path
 
 from runtime.errors import FileError
+from runtime.safe_read import parse_json, read_bounded
 
 _PACKAGES = Path(__file__).resolve().parent.parent
 # in a checkout assets and shaders lie next to the packages, in an installed wheel inside `sport`
 PROJECT_ROOT = _PACKAGES if (_PACKAGES / "assets").is_dir() else _PACKAGES / "sport"
 DEFAULT_MODEL = "compact"
+MAX_METADATA_BYTES = 16 << 20
 
 
 def asset_path(relative: str) -> Path:
@@ -55,3 +58,22 @@ def model_name(folder: Path | None) -> str:
     if folder is None:
         return DEFAULT_MODEL
     return next((name for name, path in shipped_models().items() if path == folder), "")
+
+
+def model_hashes(folder: Path) -> set[str]:
+    """SHA-256 of the networks of a model, as its metadata says; none where there is no model."""
+    try:
+        hashes = parse_json(read_bounded(folder / "metadata.json", MAX_METADATA_BYTES)).get("sha256", {})
+    except (FileError, ValueError, AttributeError):
+        return set()
+    return (
+        {value for value in hashes.values() if isinstance(value, str)} if isinstance(hashes, dict) else set()
+    )
+
+
+def state_directory(environment: dict[str, str] | None = None) -> Path:
+    """Where takes lie that are not exported: $SPORT_CONFIG_DIR, else $XDG_STATE_HOME/sport-viewer, else ~/.local/state/…."""
+    env = os.environ if environment is None else environment
+    if env.get("SPORT_CONFIG_DIR"):
+        return Path(env["SPORT_CONFIG_DIR"])
+    return Path(os.path.expanduser(env.get("XDG_STATE_HOME") or "~/.local/state")) / "sport-viewer"

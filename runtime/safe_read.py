@@ -10,7 +10,7 @@ import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, Any, BinaryIO, TypeGuard
 
 from runtime.errors import FileError, SportError
 
@@ -35,26 +35,40 @@ def read_bounded(
 
     Pipes, sockets and devices are refused without waiting for them, and a file that grows is read up to the limit.
     """
-    try:
-        # without O_NONBLOCK a pipe without a writer would hold up the program for ever
-        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    with open_regular(path, missing=missing, error=error) as file:
         try:
-            status = os.fstat(handle)
-            if not stat.S_ISREG(status.st_mode):
-                kind = "a folder" if stat.S_ISDIR(status.st_mode) else "not a regular file"
-                raise error(f"{path}: this is {kind}.", missing)
-            with open(handle, "rb", closefd=False) as file:
-                most = min(limit, max(status.st_size, 1 << 20))  # a buffer of the limit would be made first
-                data = b"" if status.st_size > limit else file.read(most + 1)
-        finally:
-            os.close(handle)
+            size = os.fstat(file.fileno()).st_size
+            most = min(limit, max(size, 1 << 20))  # a buffer of the limit would be made first
+            data = b"" if size > limit else file.read(most + 1)
+        except OSError as problem:
+            raise error(f"{path}: {problem.strerror or problem}.", missing) from problem
+    if max(size, len(data)) > limit:
+        raise error(f"{path}: larger than {_size(limit)}.", remedy)
+    return data
+
+
+@contextmanager
+def open_regular(
+    path: str | Path, *, missing: str = "Check the path.", error: type[SportError] = FileError
+) -> Iterator[BinaryIO]:
+    """A regular file, open for reading, as an `error` where it is missing or no such file: no device or pipe is opened."""
+    try:
+        status = os.stat(path)
+        # without O_NONBLOCK a pipe that takes its place would hold up the program for ever
+        flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+        handle = os.open(path, flags) if stat.S_ISREG(status.st_mode) else -1
+        status = status if handle < 0 else os.fstat(handle)
     except OSError as problem:
         raise error(f"{path}: {problem.strerror or problem}.", missing) from problem
     except ValueError as problem:  # a zero byte in the name
         raise error(f"{str(path)[:80]!r}: not the name of a file.", missing) from problem
-    if max(status.st_size, len(data)) > limit:
-        raise error(f"{path}: larger than {_size(limit)}.", remedy)
-    return data
+    if not stat.S_ISREG(status.st_mode):
+        if handle >= 0:
+            os.close(handle)
+        kind = "a folder" if stat.S_ISDIR(status.st_mode) else "not a regular file"
+        raise error(f"{path}: this is {kind}.", missing)
+    with open(handle, "rb") as file:
+        yield file
 
 
 def _size(limit: int) -> str:

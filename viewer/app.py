@@ -8,6 +8,7 @@ import sys
 import time
 from pathlib import Path
 
+from runtime.assets import state_directory
 from runtime.controls import Controls
 from runtime.motion.control_scripts import parse_stick
 from runtime.pose import Pose
@@ -32,7 +33,6 @@ from viewer.settings import (
     Settings,
     config_directory,
     load_settings,
-    state_directory,
 )
 from viewer.window import KEY_CODES, Window, WindowEvents
 from viewer.workspace import Workspace
@@ -344,6 +344,7 @@ class App(Workspace):
         ends as planned keeps no untitled session. The code is 1 when anything was lost or went elsewhere.
         """
         until = self.until()
+        self.sessions.note_unfinished()
         self.jobs.end()
         lost = not self.jobs.finish("export", until - SESSION_S)
         keep = self.interrupted or not self.options.offscreen

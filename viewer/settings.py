@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import copy
 import dataclasses
 import json
@@ -15,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from runtime.atomic import write_atomic
+from runtime.atomic import write_atomic, write_new
 from runtime.errors import FileError
 from runtime.motion.controller import TEMPERATURE
 from runtime.options import spec_of, specified
@@ -124,6 +123,8 @@ class Settings:
     pad_buttons: str = ""  # changes of the gamepad, see `viewer.input.bindings.pad_buttons`
     invert_look: bool = specified(False, label="Invert look", hint="Stick and keys up look down")
     text_size: float = specified(1.0, choices={0.9: "Small", 1.0: "Normal", 1.15: "Large"})
+    known_models: list[str] = field(default_factory=list)  # folders that were chosen here, newest first
+    known_films: list[str] = field(default_factory=list)  # films that were chosen here, newest first
     model_folder: str = ""  # name of a shipped model or folder of an exported one; "": the default
     first_minute_seen: bool = False
     recent_sessions: list[str] = field(default_factory=list)  # newest first
@@ -145,14 +146,6 @@ def config_directory(environment: dict[str, str] | None = None) -> Path:
         return Path(env["SPORT_CONFIG_DIR"])
     base = env.get("XDG_CONFIG_HOME") or "~/.config"
     return Path(base).expanduser() / "sport-viewer"
-
-
-def state_directory(environment: dict[str, str] | None = None) -> Path:
-    """Where takes lie that are not exported: $SPORT_CONFIG_DIR, else $XDG_STATE_HOME/sport-viewer, else ~/.local/state/…."""
-    env = os.environ if environment is None else environment
-    if env.get("SPORT_CONFIG_DIR"):
-        return Path(env["SPORT_CONFIG_DIR"])
-    return Path(os.path.expanduser(env.get("XDG_STATE_HOME") or "~/.local/state")) / "sport-viewer"
 
 
 def load_settings(directory: Path) -> tuple[Settings, list[str]]:
@@ -193,11 +186,15 @@ def _read(path: Path) -> dict[str, Any]:
 def checked(name: str, value: Any, default: Any) -> Any:
     """`value` for the setting `name`, as the type of `default`, when it is allowed; else None."""
     if isinstance(default, list):
-        usable = isinstance(value, list) and len(value) <= MAX_LIST and all(map(_is_text, value))
-        return list(value) if usable else None
+        return list(filter(_is_text, value))[:MAX_LIST] if isinstance(value, list) else None
     read = spec_of(Settings, name).read(value, default)
     same = value == default and isinstance(value, bool) == isinstance(default, bool)
     return read if same or read != default else None
+
+
+def remembered(text: str, known: list[str], count: int = MAX_LIST) -> list[str]:
+    """A list of the newest first with a text as its first, at most so many."""
+    return [text, *(other for other in known if other != text)][:count]
 
 
 def _is_text(value: Any) -> bool:
@@ -254,11 +251,28 @@ def save_settings(settings: Settings, directory: Path, before: Settings | None =
     path = directory / FILE_NAME
     content: dict[str, Any] = {}
     if before is not None:
-        with contextlib.suppress(FileError):  # said at the start
-            content = _read(path)
+        content = _read_or_keep_aside(path)
         values = {**content, **_changes(values, dataclasses.asdict(before), content)}
     if values != content:  # else there is nothing to complain about where nothing can be written
         write_atomic(path, json.dumps(values, indent=2) + "\n")
+
+
+def _read_or_keep_aside(path: Path) -> dict[str, Any]:
+    """The fields of the file; one that holds values that cannot be used is kept under another name before it is replaced."""
+    try:
+        content = _read(path)
+        kept = Settings()
+        unusable = [
+            name
+            for name, value in content.items()
+            if hasattr(kept, name) and checked(name, value, getattr(kept, name)) != value
+        ]
+    except FileError:  # said at the start
+        content, unusable = {}, [FILE_NAME]
+    if unusable and path.is_file():
+        stamp = time.strftime("%Y%m%d-%H%M%S")
+        write_new(path.with_name(f"{path.name}.damaged-{stamp}"), read_bounded(path, MAX_BYTES))
+    return content
 
 
 def _changes(values: dict[str, Any], before: dict[str, Any], content: dict[str, Any]) -> dict[str, Any]:

@@ -84,6 +84,7 @@ class SessionFile:
         default_factory=weakref.WeakValueDictionary
     )
     _dropped: int = 0  # steps of the history since the last look at what is not used
+    _has_motions: bool = False
     _lost: bool = False  # the file may hold something that is noted as lost
     _clips: OrderedDict[str, Clip] = field(default_factory=OrderedDict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
@@ -144,6 +145,7 @@ class SessionFile:
         before, self._written = self._written, kept
         dropped = [session for number, session in before.items() if kept.get(number) is not session]
         self._dropped += len(before.keys() - kept.keys())
+        self._has_motions = self._has_motions or any(step.session.takes for step in steps)
 
         def work(writer: Writer) -> None:
             self._begin(writer)
@@ -165,6 +167,15 @@ class SessionFile:
         self.database.submit(work)
         if self._dropped >= DROPPED_STEPS:
             self._settle_lost()
+
+    @property
+    def has_work(self) -> bool:
+        """Whether the file has takes or recordings, also lost ones, or a step has other work."""
+        return self._has_motions or any(map(has_edits, self._written.values()))
+
+    def set_meta(self, name: str, text: str) -> None:
+        """Keep a text under a name."""
+        self.database.submit(lambda writer: writer.set_meta(name, text))
 
     def _note_lost(
         self, writer: Writer, new: list[Session], dropped: list[Session], kept: Mapping[int, Session]
@@ -282,6 +293,7 @@ class SessionFile:
         """Keep what is recorded from now on."""
         recording = Recording(self, header)
         self.hold(recording.key, recording)
+        self._has_motions = True
         return recording
 
     def hold(self, key: str, motion: Motion | Recording) -> None:
@@ -315,6 +327,7 @@ class SessionFile:
         self._written = {step.number: step.session for step in steps}
         self._known = set(self.database.motions()).union(*map(_character_keys, self._written.values()))
         self._held.update(known)
+        self._has_motions = bool(self.database.framed_motions())
         self._note_unsound(unsound, len(reader.left_out))
         self._recover(history, set(known))
         return history

@@ -12,7 +12,6 @@ import os
 import shutil
 import sqlite3
 import stat
-import tempfile
 import time
 import zlib
 from collections.abc import Callable, Iterator
@@ -20,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
+from runtime.assets import state_directory
 from runtime.atomic import atomic_path
 from runtime.errors import FileError
 from runtime.file_lock import open_locked
@@ -103,10 +103,20 @@ def side_files(path: Path) -> tuple[Path, Path]:
 
 
 def unwritten_files(path: Path) -> tuple[Path, Path]:
-    """Where changes lie that a session's file had not taken, see `unwritten`: next to it, and in the temporary folder."""
+    """Where changes lie that a session's file had not taken, see `unwritten`: next to it, and in the user's state folder."""
     key = hashlib.sha256(os.fsencode(path)).hexdigest()[:16]
-    folder = Path(tempfile.gettempdir()) / "sport-sessions"
-    return path.with_name(f".{path.name}.unwritten"), folder / f"{key}.unwritten"
+    return path.with_name(f".{path.name}.unwritten"), state_directory() / "unwritten" / f"{key}.unwritten"
+
+
+def is_own(path: Path) -> bool:
+    """Whether a file or folder is there, no link, and of this user, whom alone it lets write."""
+    try:
+        status = path.lstat()
+    except OSError:
+        return False
+    if stat.S_ISLNK(status.st_mode):
+        return False
+    return not hasattr(os, "geteuid") or (status.st_uid == os.geteuid() and not status.st_mode & 0o022)
 
 
 def keep_aside(path: Path) -> Path:

@@ -7,10 +7,13 @@ of them by then is brought to the same state.
 from __future__ import annotations
 
 import base64
+import contextlib
 import json
+import os
 import sqlite3
 import threading
 import time
+import uuid
 import zlib
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
@@ -18,7 +21,7 @@ from typing import Any
 
 from runtime.errors import FileError
 from runtime.safe_read import parse_json, read_bounded
-from runtime.session.sqlite_file import MAX_BYTES, PER_BYTE, unwritten_files
+from runtime.session.sqlite_file import MAX_BYTES, PER_BYTE, is_own, unwritten_files
 from runtime.session.writer import Writer
 
 Change = tuple[str, list[Any], dict[str, Any]]  # a method of `Writer` and what it gets
@@ -68,7 +71,7 @@ class ChangeLog:
 def keep(path: Path, changes: Sequence[Change], seconds: float) -> Path | None:
     """Put changes where the next one that opens `path` finds them; the file that has them, or None.
 
-    The first place is next to the session, the other in the temporary folder, for a disk that is full or hangs. They are
+    The first place is next to the session, the other in the user's state folder, for a disk that is full or hangs. They are
     not synced: this process ends, the system does not.
     """
     text = json.dumps(changes, default=lambda data: {"bytes": base64.b64encode(data).decode("ascii")})
@@ -82,13 +85,17 @@ def keep(path: Path, changes: Sequence[Change], seconds: float) -> Path | None:
 
 
 def _write(file: Path, content: bytes, done: threading.Event) -> None:
+    """Write a file of this user's own; no link is followed, and only what this made is replaced."""
+    temporary = file.with_name(f"{file.name}.{uuid.uuid4().hex}")
     try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        temporary = file.with_name(f"{file.name}.new")
-        temporary.write_bytes(content)
-        temporary.replace(file)
+        file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if file.name.startswith(".") or is_own(file.parent):
+            with open(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as opened:
+                opened.write(content)
+            temporary.replace(file)
     except OSError:
-        pass  # `keep` sees that it is not there
+        with contextlib.suppress(OSError):  # `keep` sees that it is not there
+            temporary.unlink(missing_ok=True)
     done.set()
 
 
@@ -100,8 +107,8 @@ def _is_there(file: Path, content: bytes) -> bool:
 
 
 def read(path: Path) -> list[Change]:
-    """All that a session's file has not taken; FileError where that is damaged."""
-    files = [file for file in unwritten_files(path) if file.exists()]
+    """All that a session's file has not taken; FileError where that is damaged. What another user has put there is left alone."""
+    files = [file for file in unwritten_files(path) if is_own(file)]
     changes: list[Change] = []
     for file in sorted(files, key=lambda file: file.stat().st_mtime):
         try:

@@ -14,6 +14,7 @@ import numpy as np
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.pose import Pose
+from runtime.safe_read import printable
 from runtime.session.session import LIVE, CharacterChoice, Reference, Session, Take
 from runtime.takes.clip import Clip
 from runtime.takes.own_skeleton import OwnSkeleton
@@ -25,6 +26,7 @@ from viewer.render.overlays import Figure
 from viewer.scene.simulation import make_pose
 from viewer.session.playback import Playback
 from viewer.session.takes import Takes
+from viewer.settings import remembered
 
 CHARACTER, VIDEO, FRAMES = (
     Slot("reference character"),
@@ -125,7 +127,8 @@ class References:
 
     def open_video(self, path: Path) -> None:
         """Show a film with the take that plays, or that plays next."""
-        made = Reference(video=str(path.absolute()))
+        made, settings = Reference(video=str(path.absolute())), self.takes.settings
+        settings.known_films = remembered(made.video, settings.known_films)
 
         def take(video: Video) -> None:
             self._take_video(video)
@@ -152,14 +155,25 @@ class References:
         if reference.video != self._video_path:
             self.video, self._video_path = None, reference.video
             if reference.video:
-                path = Path(reference.video)
-                jobs.submit(VIDEO, partial(read_video, path), self._take_video, reading=path.name)
+                self._load_video(Path(reference.video))
         choice = reference.character
         if choice != self._character_of:
             self._character_of, self.character = choice, None
             if choice is not None:
                 load = partial(self.takes.scene.read_choice, choice)
                 jobs.submit(CHARACTER, load, lambda loaded: setattr(self, "character", loaded[2]))
+
+    def _load_video(self, path: Path) -> None:
+        """Load the film that the session names, where it was chosen here or lies with the session's file."""
+        home = self.editor.file.path.parent
+        known = str(path) in self.takes.settings.known_films
+        inside = path.is_absolute() and ".." not in path.parts and path.is_relative_to(home)
+        if known or (inside and path.resolve().is_relative_to(home)):
+            self.takes.jobs.submit(VIDEO, partial(read_video, path), self._take_video, reading=path.name)
+        else:
+            self.editor.messages.warn(
+                f"The session's film {printable(path.name)} lies elsewhere and is not opened by itself: choose it again."
+            )
 
     def _take_video(self, video: Video) -> None:
         self.video, self._video_path = video, str(video.path.absolute())

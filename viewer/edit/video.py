@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import FileError
-from runtime.safe_read import reason
+from runtime.safe_read import open_regular, reason
 
 SUFFIXES = (".mp4", ".mov", ".m4v", ".webm", ".mkv", ".avi", ".gif", ".webp")
 MAX_SIDE = 640  # pixels: a larger picture is made smaller
@@ -21,6 +21,8 @@ MAX_PICTURES, MAX_SECONDS = 7200, 240.0  # what is read
 MAX_KEPT_BYTES = 200 * 1024 * 1024  # of all pictures
 MAX_SOURCE_PIXELS = 1 << 24  # of one: its decoder holds several
 JPEG_QUALITY = 85
+# formats of one file, and nothing that such a file names
+ALONE = {"format_whitelist": "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,gif", "protocol_whitelist": "none"}
 REMEDY = "Write it again as MP4 (H.264) or GIF."
 
 
@@ -104,7 +106,7 @@ def _decoded(path: Path) -> Iterator[tuple[float, Any]]:
         raise FileError(
             f"{path.name}: films need the Python package 'av' ({error}).", "Run pip install av."
         ) from error
-    with av.open(str(path)) as container:
+    with open_regular(path) as file, av.open(file, "r", options=ALONE, io_open=_no_other) as container:
         if not container.streams.video:
             raise FileError(f"{path.name}: it has sound only.", "Choose a film.")
         stream = container.streams.video[0]
@@ -115,11 +117,15 @@ def _decoded(path: Path) -> Iterator[tuple[float, Any]]:
             yield number / rate if frame.time is None else float(frame.time), frame.to_image()
 
 
+def _no_other(address: str, _flags: int, _options: dict[str, str]) -> Any:
+    raise FileError(f"{address[:80]}: a film must be one file.", REMEDY)
+
+
 def _webp(path: Path) -> Iterator[tuple[float, Any]]:
     from PIL import Image, ImageSequence
 
     time_s = 0.0
-    with Image.open(path) as image:
+    with open_regular(path) as file, Image.open(file) as image:
         _check(path, *image.size)
         for frame in ImageSequence.Iterator(image):
             yield time_s, frame.convert("RGB")

@@ -23,7 +23,7 @@ from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.panels.guide import Guide
 from viewer.scene.scene import Scene
-from viewer.settings import Settings
+from viewer.settings import Settings, remembered
 
 FREE, BOUND = "free to publish with credits", "non-commercial"
 RESET = (
@@ -79,6 +79,8 @@ class SettingsWindow:
         controller = self.scene.controller
         folder = None if model_name(folder) == DEFAULT_MODEL else folder
         self.settings.model_folder = "" if folder is None else model_name(folder) or str(folder)
+        if folder is not None and not model_name(folder):
+            self.settings.known_models = remembered(str(folder), self.settings.known_models)
         self.load_model(folder, 0 if controller is None else controller.seed)
 
     def _draw(self, _: Rect) -> None:

@@ -11,11 +11,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from runtime.assets import model_folder
+from runtime.assets import model_folder, model_hashes, shipped_models
 from runtime.errors import SportError
-from runtime.session import library
+from runtime.session import edits, library
 from runtime.session.history import History
 from runtime.session.library import SessionSummary
+from runtime.session.lost import LostTake
 from runtime.session.session import ModelName
 from runtime.session.session_file import SessionFile
 from runtime.session.sqlite_file import SUFFIX, FileInUse
@@ -29,7 +30,7 @@ from viewer.messages import Messages
 from viewer.prompt.prompt_controller import PromptController
 from viewer.scene.scene import Scene
 from viewer.session.takes import Takes
-from viewer.settings import CAMERAS, Settings, checked
+from viewer.settings import CAMERAS, Settings, checked, remembered
 
 FILTERS = ("SPORT sessions", f"*{SUFFIX}")
 MAX_RECENT = 8
@@ -37,6 +38,8 @@ KEPT_SESSIONS = 10  # untitled ones that can be opened again
 VIEW_S = 10.0  # between two times at which the view is written
 OPENING, CLOSING, COPYING = Slot("session"), Slot("closing of a session"), Slot("copy of the session")
 PROBLEM = Slot("file of the session")  # a topic of messages
+RESIMULATION = Slot("resimulation of a take")
+UNFINISHED = "unfinished"  # under which a file says what an end of the program cut short
 CLOSE_S = 1.0  # no more than an end of the program has
 MENTIONED_S = 0.2  # an end that waits longer says so
 KEPT_SETTINGS = (
@@ -62,12 +65,23 @@ def first_file(folder: Path, cache: Path) -> tuple[SessionFile, str]:
 
 def describe(summary: SessionSummary) -> str:
     """Name, takes, length and time in a few words."""
-    takes = f"{summary.takes} take{'s' * (summary.takes != 1)}"
     try:
         when = time.strftime("%d %b %H:%M", time.localtime(summary.saved_s))
     except (OverflowError, ValueError, OSError):  # of a clock that was far off
         when = "at an unknown time"
-    return f"{summary.name}, {takes}, {clock(summary.seconds)}, {when}"
+    return f"{summary.name}, {_contents(summary)}, {when}"
+
+
+def _contents(summary: SessionSummary) -> str:
+    if summary.damaged:
+        return "damaged"
+    if summary.takes:
+        return f"{_count(summary.takes)}, {clock(summary.seconds)}"
+    return f"{_count(summary.recordings)} to recover" if summary.recordings else "no takes"
+
+
+def _count(takes: int) -> str:
+    return f"{takes} take{'s' * (takes != 1)}"
 
 
 @dataclass
@@ -116,8 +130,9 @@ class Sessions:
 
     @property
     def cut_off(self) -> SessionSummary | None:
-        """The newest untitled session, when it was cut off."""
-        return self.earlier[0] if self.earlier and not self.earlier[0].ended else None
+        """The newest untitled session with takes or recordings, when it was cut off."""
+        newest = next((summary for summary in self.earlier if summary.has_motions), None)
+        return None if newest is None or newest.ended else newest
 
     def find_cut_off(self) -> SessionSummary | None:
         """The session that was open last, untitled or the user's own file, where it was cut off."""
@@ -171,12 +186,10 @@ class Sessions:
         if not said and not self._is_untitled(path):
             self._remember(path)
         self.earlier = [summary for summary in self.earlier if summary.path != path]
-        count = len(history.present.session.takes)
-        text = said or f"{self.name}: {count} take{'s' * (count != 1)}."
-        recovered = history.present.label.startswith("recovery of ") and not said
-        label = history.present.label
-        more = f" {label[:1].upper()}{label[1:]}: it was cut off." if recovered else ""
-        (self.messages.warn if said or more else self.messages.note)(text + more)
+        recovered = f"Recovered: {_count(file.recovered)}." if file.recovered else ""
+        wrong = [text for text in (said, recovered, file.repaired, self._unfinished(file)) if text]
+        text = said or f"{self.name}: {_count(len(history.present.session.takes))}."
+        (self.messages.warn if wrong else self.messages.note)(" ".join(dict.fromkeys([text, *wrong])))
 
     def open_last(self) -> None:
         """Open what was open last, with or without a name."""
@@ -237,6 +250,15 @@ class Sessions:
         if not self.editor.do("revert to when it was opened", lambda _: opened):
             self.messages.note("Nothing was changed since it was opened.")
 
+    def lost_takes(self) -> list[LostTake]:
+        """Motions of the file that no step of the history names any more, the newest first; FileError."""
+        return self.editor.file.lost_takes
+
+    def recover(self, lost: LostTake) -> None:
+        """Put a lost take with its edits into the list again."""
+        take = self.editor.file.found_take(lost)
+        self.editor.do(f"recovery of {lost.name}", lambda session: edits.with_new_take(session, take))
+
     def discard(self, summary: SessionSummary) -> None:
         """Remove an untitled session of another run for good."""
         library.remove(summary.path)
@@ -276,15 +298,11 @@ class Sessions:
     @property
     def _is_empty(self) -> bool:
         """Whether the session is untitled and never held anything that took work; prompts are in their own history."""
-        sessions = [step.session for step in self.editor.history.steps]
-        return self.path is None and not any(
-            s.takes or s.live.path or s.live.poses or s.live.cameras or s.variants for s in sessions
-        )
+        return self.path is None and not self.editor.file.has_work
 
     def _remember(self, path: Path) -> None:
-        text = str(path.absolute())
-        rest = [known for known in self.settings.recent_sessions if known != text]
-        self.settings.recent_sessions = [text, *rest][:MAX_RECENT]
+        settings = self.settings
+        settings.recent_sessions = remembered(str(path.absolute()), settings.recent_sessions, MAX_RECENT)
 
     def _home(self) -> Path:
         return self.recent[0].parent if self.recent else Path(self.settings.export_folder).expanduser()
@@ -327,15 +345,21 @@ class Sessions:
             return True
         if origin_of(self.scene.controller, "").model_sha256 == wanted.sha256:
             return True
-        folder = model_folder(wanted.folder) if wanted.folder else None
-        if folder is not None and not folder.is_dir():
+        folder = self._known_model(wanted)
+        if folder is None:
             self.messages.warn(
-                f"The session's model {wanted.name or wanted.folder!r} is missing: takes play and export,"
-                " but cannot be resimulated."
+                f"The session's model {wanted.name or wanted.folder!r} is not one that is known here: takes play and"
+                " export, but cannot be resimulated until you choose it in the settings."
             )
-        elif folder != self.scene.model_folder:
+        elif folder != model_folder(self.scene.model_folder):
             self.load_model(folder, wanted.seed)
         return False
+
+    def _known_model(self, wanted: ModelName) -> Path | None:
+        """The folder of a shipped model, or of one that was chosen here, whose network is the wanted one."""
+        chosen = str(self.scene.model_folder or ""), self.settings.model_folder, *self.settings.known_models
+        folders = [*shipped_models().values(), *(Path(text) for text in chosen if os.path.isabs(text))]
+        return next((folder for folder in folders if wanted.sha256 in model_hashes(folder)), None)
 
     # --- while it is open
 
@@ -351,9 +375,8 @@ class Sessions:
             self.open(Path(session))
 
     def look(self) -> None:
-        """Find the untitled sessions of other runs; the oldest go."""
-        found = library.keep_newest(self.untitled_folder, KEPT_SESSIONS)
-        self.earlier = [summary for summary in found if summary.takes]
+        """Find the untitled sessions of other runs that hold work; of too many the least go."""
+        self.earlier = library.keep_newest(self.untitled_folder, KEPT_SESSIONS)
 
     def poll(self) -> None:
         """Write the view now and then, and say when the file cannot be written; call once a frame."""
@@ -394,6 +417,20 @@ class Sessions:
         elif self.path is None and file.path.parent != self.untitled_folder:
             self.incomplete = True
             self.messages.error(f"The session is in {file.path}.")
+
+    def note_unfinished(self) -> None:
+        """Say what the end of the program cuts short, now and when the session is opened again."""
+        if self.jobs.busy(RESIMULATION):
+            text = f"The {RESIMULATION.what} was not finished when the program ended: do that edit again."
+            self.editor.file.set_meta(UNFINISHED, text)
+            self.messages.warn(text)
+
+    def _unfinished(self, file: SessionFile) -> str:
+        """What the last end of the program cut short; it is said once."""
+        text = file.database.meta(UNFINISHED)
+        if text:
+            file.set_meta(UNFINISHED, "")
+        return text
 
     def _not_whole(self, file: SessionFile) -> None:
         self.incomplete = True

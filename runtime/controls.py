@@ -34,7 +34,8 @@ STAND_SPEED = 0.12  # m/s; slower requests mean standing
 class Controls:
     """World-space requests, UsageError where one is no number or no gait: the viewer has already turned stick axes by the camera's heading.
 
-    `move` is the requested direction in the XZ plane with a length of 0 (stand) to 1 (full stick);
+    `move` is the requested direction in the XZ plane with a length of 0 (stand) to 1 (full stick, the style's own speed),
+    and up to 2 for a program that asks for more;
     `facing` a unit XZ direction to look at while strafing, or None to face where the character goes.
     `gait` is the gait to move in: WALK, JOG, CROUCH or JUMP; standing follows from `move` alone.
     """

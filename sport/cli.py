@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import NoReturn
 
 from runtime.errors import UsageError, run_command
-from sport.commands import bench, convert, generate, training, view
+from sport.commands import bench, convert, generate, restyle, training, view
 from sport.commands.arguments import export_arguments
 
 _DESCRIPTION = "Type a prompt, drive the character over uneven ground, take home the clip as BVH."
@@ -22,6 +22,7 @@ _EXAMPLES = """examples:
   sport generate --prompt "a proud walk" --blend "a zombie" --blend-weights torso=1,head=0.5 --out blend.bvh
   sport generate --character me.glb --loop --out walk.glb
   sport convert proud.bvh proud.glb proud.mp4
+  sport restyle walk.bvh --prompt "a zombie" --out zombie.bvh
   sport bench --json bench.json
   sport train all --preset compact --data DIR --out DIR     needs pip install -e '.[train]'
 """
@@ -77,7 +78,7 @@ def build_parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (view, generate, convert, bench):
+    for command in (view, generate, restyle, convert, bench):
         command.add(commands)
     for name, (_, text) in training.COMMANDS.items():
         commands.add_parser(name, help=text, add_help=False)

@@ -41,6 +41,9 @@ MAX_OUTPUT = 1e4  # metres, m/s, rad/s: no body has more, and bones would be los
 REST_TEMPERATURE = 0.35  # of the temperature, while standing: breathing and shifts of weight stay
 TAKE_OFF_FRAMES = 6  # whose mean velocity a body keeps in the air
 MIN_GAIT_SPEED = 0.3  # m/s; slower, feet may well rest for a while
+MAX_STICK_LENGTH = (
+    2.0  # devices give 1 at most; who leads a character may ask for more than its style's own speed
+)
 CROUCH_SPEED = 0.8  # m/s at full stick
 GATHERED = 0.8  # of the plan's speed: slower, a body that starts to jog is still gathering speed
 JOG_START_GAIN = 1.0  # of the regulator at most, until then
@@ -173,10 +176,11 @@ def full_speed(style: Style, gait: Gait) -> float:
 
 
 def _stick(controls: Controls) -> tuple[float, float, float]:
-    """X, Z and length of the stick, which is 1 at most."""
+    """X, Z and length of the stick, which is at most `MAX_STICK_LENGTH`."""
     x, z = float(controls.move[0]), float(controls.move[1])
     amount = hypot(x, z)
-    return (x / amount, z / amount, 1.0) if amount > 1.0 else (x, z, amount)
+    kept = min(1.0, MAX_STICK_LENGTH / max(amount, 1e-9))
+    return x * kept, z * kept, amount * kept
 
 
 def _probe(

@@ -78,8 +78,14 @@ class FakeController:
     def set_terrain(self, terrain: Terrain) -> None:
         self.terrain = terrain
 
-    def reset(self, x: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> None:
+    def reset(self, x: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Pose:
         self.x, self.z, self.yaw = x, z, yaw
+        ground = float(self.terrain.height(x, z))
+        standing = rest_pose(self.terrain, x, z, yaw)
+        return make_pose(standing.hips_position, standing.local_rotations, np.ones(4), ground, yaw)
+
+    def full_speed(self, gait: Any) -> float:
+        return 1.2
 
     @property
     def state(self) -> CharacterState:

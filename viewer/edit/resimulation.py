@@ -120,7 +120,7 @@ class Resimulation:
         label = f"words of {_short(title(mark.of.event))}"
 
         def edit(inputs: InputRecording) -> Edit:
-            style = self._style(mark.start, request, known)
+            style = self.style(mark.start, request, known)
             return input_edits.reworded(inputs, input_edits.prompt_spans(inputs)[index], style)
 
         self._again(label, edit)
@@ -144,11 +144,11 @@ class Resimulation:
             frame = self.playback.frame
             self._again(
                 f"prompt {_short(text)}",
-                lambda inputs: input_edits.with_prompt(inputs, self._style(frame, text, None)),
+                lambda inputs: input_edits.with_prompt(inputs, self.style(frame, text, None)),
             )
 
-    def _style(self, frame: int, request: Request, known: Answer | None) -> StyleChange:
-        """The style of a request from a frame on; waits for the answer."""
+    def style(self, frame: int, request: Request, known: Answer | None) -> StyleChange:
+        """Return the style of a request from a frame on; waits for the answer, so call it on a worker."""
         answer, seconds = self.prompting.answer(request), self.takes.settings.blend_seconds
         if isinstance(request, PartDescriptions):
             base = known or dataclasses.replace(answer, prompt="")
@@ -214,13 +214,13 @@ class Resimulation:
         def made() -> Motion:
             inputs = motion.inputs
             assert inputs is not None
-            clip, again = work(motion.clip, inputs, model.twin(), self._note_progress)
+            clip, again = work(motion.clip, inputs, model.twin(), self.note_progress)
             self._left_out = unfitted(clip, take.poses.footplants)
             return Motion.of(clip, again)
 
         self.takes.jobs.submit(SLOT, made, lambda result: self._take(take, result, label, path))
 
-    def _note_progress(self, fraction: float) -> None:
+    def note_progress(self, fraction: float) -> None:
         self.progress = fraction
 
     def _take(self, before: Take, motion: Motion, label: str, path: tuple[Waypoint, ...]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from runtime.skeleton import PART_NAMES
 from runtime.takes.metadata import title
 from viewer.edit.resimulation import Resimulation
+from viewer.edit.restyling import restyle
 from viewer.edit.timeline import Mark
 from viewer.edit.tracks import mark_at, words_of
 from viewer.gl_bindings import imgui
@@ -32,8 +33,7 @@ def draw(editing: Resimulation) -> None:
         return
     index = mark_at(tracks.prompts, playback.frame)
     if index < 0:
-        editing.shown = None
-        widgets.muted("The prompts of this motion are unknown.", wrap=True)
+        _restyle(editing)
         return
     mark = tracks.prompts[index]
     if editing.shown is not mark:
@@ -48,6 +48,19 @@ def draw(editing: Resimulation) -> None:
         _prompt(editing, index)
     widgets.muted(fixed or "Enter resimulates the take.", wrap=True)
     _parts(editing, index, mark, bool(fixed))
+
+
+def _restyle(editing: Resimulation) -> None:
+    """A prompt for a motion that has none: it is walked again by it."""
+    if editing.shown is not None:
+        editing.shown, editing.prompt = None, ""
+    widgets.muted("This motion has no prompt. Type one to walk its path again in another style.", wrap=True)
+    with widgets.disabled(editing.busy):
+        entered, editing.prompt, _ = wrapped_text("##restyle prompt", editing.prompt)
+        _hold(editing)
+        if widgets.button(f"{ICON.wand} Restyle", -1, primary=True) or entered:
+            restyle(editing, editing.prompt)
+    widgets.muted("The new take lies beside it, on the ground that is shown.", wrap=True)
 
 
 def _fill(editing: Resimulation, mark: Mark) -> None:

@@ -15,9 +15,9 @@ VIDEO_RATES = (24000 / 1001, 24.0, 25.0, 30000 / 1001, 30.0, 48.0, 50.0, 60000 /
 
 
 def video_rate(fps: float) -> float:
-    """The frame rate of video that a rounded rate stands for (29.97 is 30000 / 1001), else the rate to a thousandth."""
-    nearest = min(VIDEO_RATES, key=lambda rate: abs(fps - rate))
-    return nearest if abs(fps - nearest) < 2e-4 * nearest else float(round(fps, 3))
+    """The rate of video or the whole one that a rounded rate stands for (29.97 is 30000 / 1001, 144.001 is 144), else it to a thousandth."""
+    nearest = min((*VIDEO_RATES, max(round(fps), 1)), key=lambda rate: abs(fps - rate))
+    return float(nearest) if abs(fps - nearest) < 2e-4 * nearest else float(round(fps, 3))
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@
 
   let changed = true; // since the last picture
   orbit.addEventListener("change", () => { changed = true; });
-  const players = []; // {root, mixer, hips, shift}
+  const players = []; // {root, mixer, hips, seconds}
   const middle = new THREE.Vector3(), before = new THREE.Vector3(), toward = new THREE.Vector3();
 
   async function bytes(text) {
@@ -56,7 +56,7 @@
       mixer.clipAction(animation).play();
       let hips = null;
       root.traverse((node) => { if (!hips && node.name === name) hips = node; });
-      players.push({ root, mixer, hips: hips || root });
+      players.push({ root, mixer, hips: hips || root, seconds: animation.duration }); // a shorter take waits at its end
       scene.add(root);
     });
     pose(0);
@@ -68,7 +68,7 @@
 
   function pose(seconds) {
     state.seconds = Math.min(Math.max(seconds, 0), facts.seconds);
-    for (const player of players) player.mixer.setTime(Math.min(state.seconds, facts.seconds - 1e-4));
+    for (const player of players) player.mixer.setTime(Math.min(state.seconds, player.seconds - 1e-4));
     scene.updateMatrixWorld(true);
     middle.set(0, 0, 0);
     for (const player of players) middle.add(player.hips.getWorldPosition(toward));

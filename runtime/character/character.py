@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from runtime.arrays import AnyArray
+from runtime.character.bodies import open_character
 from runtime.character.body_surface import BodySurface, fit_surface
 from runtime.character.guess import JointGuess, guess_joints, require
 from runtime.character.hand_contact import clear_hands
@@ -18,8 +19,9 @@ from runtime.character.joint_map import read_joint_map, saved_joint_map
 from runtime.character.joints import Alignment, align
 from runtime.character.mesh import MeshData, read_meshes
 from runtime.character.planted_feet import Soles, find_soles, plant_feet
-from runtime.character.read import MAX_VALUE, STRUCTURE_ERRORS, GltfFile, open_gltf
+from runtime.character.read import MAX_VALUE, REMEDY, STRUCTURE_ERRORS, GltfFile
 from runtime.character.skinned_mesh import SkinnedMesh, Surface
+from runtime.errors import FileError
 from runtime.pose import Pose
 from runtime.safe_read import is_text, reason
 
@@ -47,10 +49,10 @@ class Character(SkinnedMesh):
     def adapted(
         self, positions: AnyArray, world_rotations: AnyArray, contacts: AnyArray
     ) -> tuple[AnyArray, AnyArray]:
-        """A SPORT pose of any leading shape as this body shows it: feet planted, hands on its own surface."""
+        """A SPORT pose, or the frames of a motion `(T, ...)`, as this body shows it: feet planted, hands on its own surface."""
         if not self.alignment.native:
             positions, world_rotations = plant_feet(self, self.soles, positions, world_rotations, contacts)
-        return clear_hands(self, self.body, positions, world_rotations)
+        return clear_hands(self, self.body, positions, world_rotations, positions.ndim > 2)
 
     @cached_property
     def soles(self) -> Soles:
@@ -79,25 +81,25 @@ def load_character(
     joint name in the file, "" for none), or its file, overrides them one by one; by default it is the one next to the file.
     `unit` is a key of `NAMED_UNITS`; None: metres, or what fits the height of the body.
     """
-    with _reading(path) as file:
-        return _assemble(file, *_guessed(file, joint_map), unit)
+    with _reading(path) as (file, note):
+        character = _assemble(file, *_guessed(file, joint_map), unit)
+        return replace(character, note=f"{note} {character.note}".strip())
 
 
 def joints_of(path: str | Path, joint_map: Mapping[str, str] | None = None) -> JointGuess:
     """What the joints of a character file play, also where some are missing; FileError as `load_character`."""
-    with _reading(path) as file:
+    with _reading(path) as (file, _):
         return _guessed(file, joint_map)[0]
 
 
 @contextmanager
-def _reading(path: str | Path) -> Iterator[GltfFile]:
-    """A file whose damage becomes a FileError."""
-    file = open_gltf(Path(path))
+def _reading(path: str | Path) -> Iterator[tuple[GltfFile, str]]:
+    """A file of one body, and what was left out, whose damage becomes a FileError."""
     try:
         with np.errstate(all="ignore"):  # what comes of it is checked
-            yield file
+            yield open_character(Path(path))
     except STRUCTURE_ERRORS as error:
-        raise file.error(f"damaged glTF structure ({reason(error)}).") from error
+        raise FileError(f"{path}: damaged glTF structure ({reason(error)}).", REMEDY) from error
 
 
 def _guessed(file: GltfFile, joint_map: Mapping[str, str] | Path | None) -> tuple[JointGuess, MeshData]:

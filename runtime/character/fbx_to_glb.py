@@ -102,7 +102,9 @@ def _node(document: GlbBuffer, node: Any, nodes: dict[int, int], materials: dict
     made = g.Node(
         name=node.name or "root",
         translation=[t.translation.x, t.translation.y, t.translation.z],
-        rotation=_unit([t.rotation.x, t.rotation.y, t.rotation.z, t.rotation.w]),
+        rotation=_active(node, np.array([[t.rotation.x, t.rotation.y, t.rotation.z, t.rotation.w]]))[
+            0
+        ].tolist(),
         scale=[t.scale.x, t.scale.y, t.scale.z],
         children=[nodes[child.typed_id] for child in node.children],
     )
@@ -143,6 +145,7 @@ def _moved(node: Any, transforms: list[Any]) -> Iterator[tuple[str, Any]]:
     for path, axes in (("translation", "xyz"), ("rotation", "xyzw"), ("scale", "xyz")):
         rows = [getattr(t, path) for t in (node.local_transform, *transforms)]
         values = np.array([[getattr(row, axis) for axis in axes] for row in rows])
+        values = _active(node, values) if path == "rotation" else values
         if np.abs(values[1:] - values[0]).max() > STILL:
             yield path, values[1:]
 
@@ -159,8 +162,31 @@ def _span(stack: Any) -> tuple[float, float]:
     return begin, max((float(curve.max_time) for curve in curves), default=begin)
 
 
-def _unit(q: list[float]) -> list[float]:
-    return (np.array(q) / max(float(np.linalg.norm(q)), 1e-12)).tolist()
+def _active(node: Any, turns: Any) -> Any:
+    """Unit quaternions `(T, 4)`, x first, without the turns before and after that FBX leaves out where RotationActive is 0."""
+    from scipy.spatial.transform import Rotation
+
+    turns = turns / np.maximum(np.linalg.norm(turns, axis=-1, keepdims=True), 1e-12)
+    active = node.props.value.find_prop("RotationActive")
+    if active is not None and active.value_int:
+        return turns
+    before, after = (_euler(node, name) for name in ("PreRotation", "PostRotation"))
+    if not np.any(before) and not np.any(after):
+        return turns
+    first, last = (
+        Rotation.from_quat([q.x, q.y, q.z, q.w])
+        for q in (node.adjust_pre_rotation, node.adjust_post_rotation)
+    )
+    pre, post = (Rotation.from_euler("xyz", degrees, degrees=True) for degrees in (before, after))
+    left, right = first * pre.inv() * first.inv(), last.inv() * post * last
+    return (left * Rotation.from_quat(turns) * right).as_quat()
+
+
+def _euler(node: Any, name: str) -> list[float]:
+    """Three angles of a property in degrees, zeros without it."""
+    found = node.props.value.find_prop(name)
+    value = None if found is None else Kept(found).value_vec4
+    return [0.0, 0.0, 0.0] if value is None else [value.x, value.y, value.z]
 
 
 def _triangles(mesh: Any) -> tuple[Any, Any]:

@@ -170,6 +170,9 @@ def _guessed_joints(
     named = all(name in by_name for name in REQUIRED)
     if named and not refusals(by_name, tree):
         return by_name, "VRM" if humanoid else convention
+    exchanged = {_other_side(joint): k for joint, k in by_name.items()}
+    if named and not refusals(exchanged, tree):  # of a body that was mirrored with its names
+        return exchanged, f"{convention}, left and right exchanged"
     by_tree = guess_by_structure(tree, points)
     if not _missing(by_tree) and (not named or not refusals(by_tree, tree)):
         return by_tree, BY_TREE
@@ -177,6 +180,15 @@ def _guessed_joints(
     if _missing(by_name) and len(by_tree) > len(by_name):
         return by_tree, BY_TREE
     return by_name, convention
+
+
+def _other_side(joint: str) -> str:
+    other = (
+        joint.replace("Left", "Right", 1) if joint.startswith("Left") else joint.replace("Right", "Left", 1)
+    )
+    return {"LThumb": "RThumb", "RThumb": "LThumb", "LHipJoint": "RHipJoint", "RHipJoint": "LHipJoint"}.get(
+        joint, other
+    )
 
 
 def _missing(found: Mapping[str, int]) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from runtime import rotations
 from runtime.arrays import AnyArray
@@ -52,6 +53,9 @@ def ramp(value: AnyArray, none: float, full: float) -> AnyArray:
     return smoothstep((value - none) / (full - none))
 
 
+# of a motion: how much of its fastest step nearby a hand may be moved more or less in the next frame, frames that are near
+STEP_FRACTION, NEAR_FRAMES = (0.25, 30)
+MAX_TURN_STEP_RAD = 0.1  # of a hand in its wrist, from frame to frame
 ROUNDS = 4  # of turning and of pushing: what leaves one part may still be in the next
 MOST_TURN = 1.2  # radians that a wrist gives way
 NECK_M, WAIST_M = 0.1, 0.25  # under the shoulder: a hand at neck or head does not turn, for it would flutter
@@ -68,23 +72,33 @@ BELOW = {
 
 
 def clear_hands(
-    mesh: SkinnedMesh, body: BodySurface | None, positions: AnyArray, world_rotations: AnyArray
+    mesh: SkinnedMesh,
+    body: BodySurface | None,
+    positions: AnyArray,
+    world_rotations: AnyArray,
+    frames: bool = False,
 ) -> tuple[AnyArray, AnyArray]:
     """A SPORT pose as `joint_transforms` takes it, any leading shape, whose hands lie on the surface `body` of `mesh`.
 
     The wrist turns first, so that fingers that would sink in lie along the body; then shoulder and elbow take the hand
-    out. A pose whose hands are free comes back as it is.
+    out. A pose whose hands are free comes back as it is. Where the poses are `frames` of a motion `(T, ...)`, a hand
+    that goes through the body keeps about the speed of the motion instead of jumping from one side to the other.
     """
     if body is None:
         return positions, world_rotations
     pivots, _ = mesh.joint_transforms(positions, world_rotations)
     if not mesh.alignment.native:
-        pivots, world_rotations = _placed(mesh, body.sides, pivots, positions, world_rotations)
+        pivots, world_rotations = _placed(mesh, body.sides, pivots, positions, world_rotations, frames)
     seen = _Seen(mesh, body, pivots, world_rotations)
     if seen.free:
         return positions, world_rotations
     turns = seen.turns()
     way = seen.way_out(turns)
+    if frames:
+        turns = rotations.from_rotation_vector(
+            without_jumps(rotations.to_rotation_vector(turns), np.full(turns.shape[:-1], MAX_TURN_STEP_RAD))
+        )
+        way = without_jumps(way, _steps(seen.wrists))
     for k, side in enumerate(body.sides):
         if np.any(turns[..., k, 1:]):
             positions, world_rotations = _turned(mesh, side, turns[..., k, :], positions, world_rotations)
@@ -103,6 +117,7 @@ def _placed(
     pivots: AnyArray,
     positions: AnyArray,
     world_rotations: AnyArray,
+    frames: bool,
 ) -> tuple[AnyArray, AnyArray]:
     """Pivots and rotations with hands that touch the body in their place on this one."""
     source = mesh.alignment.source
@@ -115,10 +130,50 @@ def _placed(
         if np.any(touch):
             wrist = pivots[..., _joint(mesh, side, 2), :]
             way = touch[..., None] * (reach(positions, anchors, ARM[side]) - wrist)
+            way = without_jumps(way, _steps(wrist)) if frames else way
             _, placed = _bent(mesh, side, way, pivots, positions, placed)
     if placed is world_rotations:
         return pivots, placed
     return mesh.joint_transforms(positions, placed)[0], placed
+
+
+def _steps(wrists: AnyArray) -> AnyArray:
+    """Metres `(T, ...)` by which the way that a hand is moved may differ in the next frame: a part of its own fastest step nearby.
+
+    `wrists` `(T, ..., 3)` in each frame.
+    """
+    steps = np.linalg.norm(np.diff(wrists, axis=0, append=wrists[-1:]), axis=-1)
+    return STEP_FRACTION * maximum_filter1d(steps, 2 * NEAR_FRAMES + 1, axis=0, mode="nearest")
+
+
+def without_jumps(values: AnyArray, steps: AnyArray) -> AnyArray:
+    """Values `(T, ..., n)` that differ by at most `steps` `(T, ...)` in the next frame.
+
+    The mean of what follows them as fast as it may, and of what does so backwards: a jump becomes a way about its middle.
+    """
+    change = np.linalg.norm(np.diff(values, axis=0), axis=-1)
+    if not np.any(change > steps[:-1]):
+        return values
+    later = _followed(values, steps[:-1])
+    before = _followed(values[::-1], steps[-2::-1])[::-1]
+    return np.asarray(0.5 * (later + before))
+
+
+def _followed(values: AnyArray, steps: AnyArray) -> AnyArray:
+    """What goes after values `(T, ..., n)` by at most `steps` `(T - 1, ...)` a frame."""
+    found = np.array(values, np.float64)
+    for side in np.ndindex(values.shape[1:-1]):
+        every = (slice(None), *side)
+        own, wanted, limits = found[every], values[every], steps[every]
+        for first in np.flatnonzero(np.linalg.norm(np.diff(wanted, axis=0), axis=-1) > limits):
+            for t in range(first + 1, len(wanted)):
+                gap = wanted[t] - own[t - 1]
+                length = float(np.linalg.norm(gap))
+                if length <= limits[t - 1]:
+                    own[t] = wanted[t]
+                    break
+                own[t] = own[t - 1] + gap * (limits[t - 1] / length)
+    return found
 
 
 class _Seen:

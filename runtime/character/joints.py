@@ -69,6 +69,12 @@ def simple_name(name: str) -> str:
     return re.sub(r"^mixamorig\d*|[^a-z0-9]", "", bare.lower())
 
 
+def name_variants(name: str) -> set[str]:
+    """Simple names of a joint name, whole and without what stands before each of its separators."""
+    cuts = [0, *(cut.end() for cut in re.finditer(r"[-_:|. ]", name))]
+    return {simple_name(name[cut:]) for cut in cuts}
+
+
 def match_names(names: Sequence[str]) -> tuple[dict[str, int], str]:
     """SPORT joint name -> index into `names`, by the naming convention that recognises most joints, and which one that is."""
     best: tuple[dict[str, int], str] = ({}, "")

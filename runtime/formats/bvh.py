@@ -26,6 +26,7 @@ MAX_VALUE = 1e9  # of a length in the file's unit, or an angle in degrees
 MOVING_ORDER, JOINT_ORDER = "YXZ", "ZYX"  # of rotations: the heading first where it may be any
 _CHUNK_BYTES = 1 << 20  # of numbers that are read at once
 _WRITTEN_FRAMES = 4096  # that are formatted at once
+_BRACES = re.compile(r"((?<!\S)[{}](?!\S)|\{(?=\s*$))")  # that stand alone, or end a line
 _REMEDY = "Export the clip again as BVH, or choose another file."
 
 
@@ -77,6 +78,8 @@ def parse_bvh(data: bytes | str, name: str = "BVH") -> BvhMotion:
     data = data.encode("utf-8", "replace") if isinstance(data, str) else data
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         data = decode_text(data).encode("utf-8", "replace")
+    if b"\r" in data[:MAX_HEAD_BYTES]:
+        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     at = data.find(b"MOTION")
     head = decode_text(data[: max(at, 0)])
     if at < 0 or not head.lstrip().startswith("HIERARCHY"):
@@ -98,7 +101,7 @@ def check_size(joints: int, frames: int, name: str) -> None:
 
 def _numbers(tokens: list[str], count: int, line: int, name: str) -> list[float]:
     try:
-        values = [float(t) for t in tokens[:count]]
+        values = [float(t.replace(",", ".")) for t in tokens[:count]]
     except ValueError as error:
         raise FileError(f"{name}, line {line}: expected {count} numbers.", _REMEDY) from error
     if len(values) != count or not all(abs(value) <= MAX_VALUE for value in values):
@@ -122,10 +125,11 @@ class _Hierarchy:
             "ROOT": self._joint, "JOINT": self._joint, "End": self._end, "{": self._open, "}": self._close,
             "OFFSET": self._offset, "CHANNELS": self._channels, "HIERARCHY": lambda tokens: True,
         }  # fmt: skip
-        for self._line, line in enumerate(head.splitlines(), 1):
-            tokens = line.split()
-            if tokens and not (tokens[0] in keywords and keywords[tokens[0]](tokens)):
-                raise FileError(f"{name}, line {self._line}: unexpected '{tokens[0][:40]}'.", _REMEDY)
+        for self._line, line in enumerate(head.split("\n"), 1):
+            for part in _BRACES.split(line):
+                tokens = part.split()
+                if tokens and not (tokens[0] in keywords and keywords[tokens[0]](tokens)):
+                    raise FileError(f"{name}, line {self._line}: unexpected '{tokens[0][:40]}'.", _REMEDY)
         if self._stack or not self.names or sum(p < 0 for p in self.parents) != 1:
             raise FileError(f"{name}: expected one closed hierarchy with one ROOT.", _REMEDY)
 
@@ -240,16 +244,24 @@ def _line_of(data: bytes, at: int) -> int:
 
 def _parse_frames(data: bytes, at: int, name: str) -> tuple[int, float, int]:
     """The number of frames, the seconds of one, and where their values begin."""
-    lines = data[at : at + 1000].lstrip().split(b"\n", 2)
+    head = re.match(
+        rb"\s*Frames\s*:\s*(-?\d+)\s+Frame\s*Time\s*:\s*([\d.,eE+-]+)(?:/(\d+))?[ \t]*(?=\s|$)",
+        data[at : at + 1000],
+    )
     try:
-        count = int(lines[0].split(b":")[1])
-        frame_seconds = float(lines[1].split(b":")[1])
-    except (IndexError, ValueError) as error:
-        raise FileError(f"{name}: expected 'Frames:' and 'Frame Time:'.", _REMEDY) from error
+        if head is None:
+            raise ValueError("no such lines")
+        frame_seconds = float(head[2].replace(b",", b".")) / float(head[3] or 1)
+    except (ValueError, ZeroDivisionError) as error:
+        raise FileError(
+            f"{name}, line {_line_of(data, at)}: after MOTION expected a line 'Frames: 120' and a line 'Frame Time: 0.0333'.",
+            _REMEDY,
+        ) from error
     if not 1e-4 <= frame_seconds <= 10.0:
         raise FileError(f"{name}: a frame of {frame_seconds} s; expected 0.0001 to 10 s.", _REMEDY)
-    at = data.index(lines[0], at) + len(lines[0]) + 1
-    return count, frame_seconds, at + len(lines[1]) + 1
+    if not data[at + head.end() :].strip():
+        raise FileError(f"{name}: it has no frames.", _REMEDY)
+    return int(head[1]), frame_seconds, at + head.end()
 
 
 def _number_blocks(data: bytes, at: int, name: str) -> Iterator[NDArray[np.float64]]:
@@ -260,7 +272,7 @@ def _number_blocks(data: bytes, at: int, name: str) -> Iterator[NDArray[np.float
             cuts = [data.rfind(space, at, end) for space in (b" ", b"\n", b"\t", b"\r")]
             end = max(cuts) if max(cuts) > at else len(data)
         try:
-            values = np.array(data[at:end].split(), np.float64)
+            values = np.array(data[at:end].replace(b",", b".").split(), np.float64)
             usable = bool(np.all(np.abs(values) <= MAX_VALUE))
         except ValueError:
             usable = False
@@ -274,7 +286,7 @@ def _unreadable(data: bytes, at: int, end: int, name: str) -> FileError:
     """The error that names the first value of a block that is none."""
     for match in re.finditer(rb"\S+", data[at:end]):
         try:
-            if not abs(float(match[0])) <= MAX_VALUE:
+            if not abs(float(match[0].replace(b",", b"."))) <= MAX_VALUE:
                 break
         except ValueError:
             break

@@ -9,10 +9,10 @@ import numpy as np
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.assets import asset_path
+from runtime.character.bodies import open_character
 from runtime.character.character import Character, load_character
 from runtime.character.glb_buffer import GlbBuffer
 from runtime.character.mesh import read_meshes
-from runtime.character.read import open_gltf
 from runtime.formats.glb_skeleton import (
     Rig,
     joint_worlds,
@@ -60,7 +60,10 @@ def glb_document(
 ) -> tuple[GlbBuffer, int]:
     """The document of `save_glb` with some takes, and the number of its node of the hips. FileError."""
     source = options.character or asset_path(MANNEQUIN)
-    character, file = load_character(source, options.joint_map, options.character_unit), open_gltf(source)
+    character, file = (
+        load_character(source, options.joint_map, options.character_unit),
+        open_character(source)[0],
+    )
     buffer = GlbBuffer.of_file(file)
     buffer.gltf.asset.generator = "SPORT viewer"
     size, plain = body_size(takes[0].clip, options, character), options.plain or options.engine is not None

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 ROOT_NAMES = ("Root", "GroundRoot", "SportGroundRoot")
 # of a root joint at rest: Blender joins the hips to one whose tail meets them, and drops where they go
 OFF_THE_HIPS_M = 1e-3
+HANDS_FRAMES = 120  # before and after those that are written, by which hands find their way
 SAME = 1e-4  # a character that needs less scaling and turning than this stands in our space already
 
 
@@ -284,12 +285,17 @@ def nearest_rotation(linear: Array) -> Array:
 def joint_worlds(rig: Rig, take: PreparedTake, frames: slice) -> dict[int, Array]:
     """World matrices `(n, 4, 4)` in the take's space of every joint node in some frames of a take."""
     clip, character = take.clip, rig.character
-    hips = np.asarray(clip.hips_positions[frames], np.float64)
+    begin = max(frames.start - HANDS_FRAMES, 0)  # hands go on over the ends of a part
+    wide = slice(begin, min(frames.stop + HANDS_FRAMES, len(clip)))
+    hips = np.asarray(clip.hips_positions[wide], np.float64)
     skeleton_positions, world = SPORT_SKELETON.forward_kinematics(
-        hips, np.asarray(clip.local_rotations[frames], np.float64)
+        hips, np.asarray(clip.local_rotations[wide], np.float64)
     )
-    contacts = np.asarray(clip.contacts[frames], np.float64)
-    pivots, turns = character.joint_transforms(*character.adapted(skeleton_positions, world, contacts))
+    contacts = np.asarray(clip.contacts[wide], np.float64)
+    adapted = character.adapted(skeleton_positions, world, contacts)
+    own = slice(frames.start - begin, frames.stop - begin)
+    hips, adapted = hips[own], (adapted[0][own], adapted[1][own])
+    pivots, turns = character.joint_transforms(*adapted)
     pivots = rig.size * pivots
     linear = rig.size * rotations.to_matrix(turns) @ character.alignment.basis
     result: dict[int, Array] = {}

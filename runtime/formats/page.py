@@ -32,11 +32,13 @@ def save_page(
     options = replace(options, with_ground=ground)
     takes = [take, *further_takes(options, terrain)]
     buffer, hips = glb_document(takes, options, terrain, check, GROUND_VERTICES, GROUND_MARGIN_M)
-    contacts = take.clip.contacts > 0.5
+    seconds = max(each.clip.seconds for each in takes)
+    frames = max(len(take.clip), round(seconds * take.clip.fps) + 1)
+    contacts = np.pad(take.clip.contacts > 0.5, ((0, frames - len(take.clip)), (0, 0)))
     feet = np.stack([contacts[:, :2].any(axis=1), contacts[:, 2:].any(axis=1)], axis=1) @ np.array([1, 2])
     facts = {
         "fps": take.clip.fps,
-        "seconds": take.clip.seconds,
+        "seconds": seconds,
         "hips": hips,
         "markers": markers(take.clip),
         "contacts": "".join(str(bits) for bits in feet.tolist()),

@@ -45,6 +45,8 @@ def prepare(clip: Clip, options: ExportOptions, terrain: Terrain | None = None) 
     terrain = None if terrain is None else terrain.seen_by(clip.size)
     at_rate = with_contacts(on_its_ground(clip), terrain).resampled(options.fps)
     track = root_track(at_rate, terrain)
+    if clip.placed is None:  # a take in place, whose root was written at the origin
+        track = RootTrack(np.zeros_like(track.positions), track.yaw)
     taken, track = _in_range(at_rate, track, options)
     if options.loop:
         taken, track = make_loop(taken, track, options.strides)

@@ -75,7 +75,8 @@ def open_take(path: Path, animation: str = "") -> OpenedTake:
         clip, unit = clip_of_motion(motion, path)
     except OtherSkeleton:
         reference = _reference(motion, path)
-        clip, unit = reference.clip, nearest_unit(reference.scale) if is_bvh(path) else "cm"
+        clip, unit = reference.clip, nearest_unit(reference.scale)
+    unit = unit if is_bvh(path) else "cm"  # other formats have a unit of their own
     clip = replace(clip, name=printable(animation)) if animation else clip
     return OpenedTake(clip, unit, reference, motion.note, motion.animations)
 

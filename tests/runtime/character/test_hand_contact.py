@@ -105,7 +105,7 @@ def test_a_hand_lies_on_the_surface(
     character = mannequin if kind == "mannequin" else stout(mannequin)
     hips, local = reaching(np.array([PLACES[place]]))
     after = depth_cm(character, hips[0], local[0])
-    monkeypatch.setattr("runtime.character.character.clear_hands", lambda c, b, p, w: (p, w))
+    monkeypatch.setattr("runtime.character.character.clear_hands", lambda c, b, p, w, frames: (p, w))
     before = depth_cm(character, hips[0], local[0])
     assert before > 3.0
     assert after < 2.5

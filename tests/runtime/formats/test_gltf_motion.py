@@ -12,7 +12,7 @@ import pytest
 from runtime import rotations
 from runtime.assets import asset_path
 from runtime.errors import FileError
-from runtime.formats import gltf_motion
+from runtime.formats import gltf_keys, gltf_motion
 from runtime.formats.glb import MANNEQUIN, save_glb
 from runtime.formats.gltf_motion import contents, read_gltf_motion
 from runtime.formats.prepare import ExportOptions, prepare
@@ -262,18 +262,18 @@ def test_of_many_animations_few_are_read(
         animated(tmp_path / "a.glb", nodes, *[(f"take {k}", keys) for k in range(61)]),
         Counter[str](),
     )
-    keys_of = gltf_motion._keys
+    keys_of = gltf_keys._keys
     monkeypatch.setattr(gltf_motion, "MAX_LOOKED_AT", 800)
 
     def counted(*call: Any) -> Any:
         read["channels"] += 1
         return keys_of(*call)
 
-    monkeypatch.setattr(gltf_motion, "_keys", counted)
+    monkeypatch.setattr(gltf_keys, "_keys", counted)
     motion = read_gltf_motion(path)
     assert motion.note == "61 animations; take 0 is read."
     assert len(motion.animations) == 61
-    assert read["channels"] <= (len(keys) if moves else 800 // gltf_motion.CHANNEL)
+    assert read["channels"] <= (len(keys) if moves else 800 // gltf_motion.CHANNEL_COST)
 
 
 def test_joints_that_no_skin_names_are_joints(clip: Clip, tmp_path: Path) -> None:

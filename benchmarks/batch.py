@@ -7,10 +7,10 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 from benchmarks.timing import times_ms
+from runtime.atomic import temporary_folder
 from runtime.errors import run_command
 
 PROMPTS = ("a proud walk", "drunk", "an old man", "march like a soldier")
@@ -34,8 +34,8 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=2)
     args = parser.parse_args()
     os.environ["OMP_NUM_THREADS"] = "1"
-    with tempfile.TemporaryDirectory() as folder:
-        ms = times_ms(lambda: make_clips(Path(folder), args.clips, args.seconds, args.workers), 1)[0]
+    with temporary_folder() as folder:
+        ms = times_ms(lambda: make_clips(folder, args.clips, args.seconds, args.workers), 1)[0]
     print(
         f"{args.clips} clips of {args.seconds:g} s on {args.workers} workers: {6e4 * args.clips / ms:.1f} a minute"
     )

@@ -5,9 +5,7 @@ from __future__ import annotations
 import importlib.util
 import os
 import platform
-import subprocess
 import sys
-import tempfile
 import time
 from functools import partial
 from pathlib import Path
@@ -16,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.timing import clock_and_processor_ms, cpu_name, times_ms, write_figures
-from runtime.atomic import check_target
+from runtime.atomic import check_target, temporary_folder
 from runtime.controls import Controls
 from runtime.errors import SportError, UsageError
+from runtime.interrupts import run_child
 from runtime.motion.controller import Controller, Crowd
 from runtime.motion.features import FPS, INPUT_SIZE
 from runtime.motion.model import MotionModel, load_model
@@ -185,8 +184,8 @@ def _recording_times(frames: int) -> dict[str, float]:
     rows, sticks = np.zeros((RECORDED_FRAMES, ROW), np.float32), np.zeros((RECORDED_FRAMES, COLUMNS))
     rows[:, 3:-5:4] = 1.0  # unit rotations
     times: list[float] = []
-    with tempfile.TemporaryDirectory() as folder:
-        file = SessionFile.create(Path(folder) / "bench.sport", Path(folder) / "characters")
+    with temporary_folder() as folder:
+        file = SessionFile.create(folder / "bench.sport", folder / "characters")
         recording = file.begin_recording(MotionHeader("bench", 60.0, 0))
         elsewhere = time.process_time() - time.thread_time()
         for _ in range(max(frames // RECORDED_FRAMES, 1)):
@@ -213,7 +212,7 @@ def _resimulation_times(network: MotionModel) -> dict[str, float]:
 
 def _generation_times(model: Path | None) -> dict[str, float]:
     named = [] if model is None else ["--model", str(model)]
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary_folder() as folder:
         clip = ["--prompt", PROMPTS[1], "--seconds", str(GENERATED_S), "--out", f"{folder}/clip.bvh"]
         begin = time.perf_counter()
         _run([sys.executable, "-m", "sport", "generate", *clip, *named])
@@ -252,8 +251,8 @@ def _film_times(network: MotionModel) -> dict[str, float]:
     for _ in range(FILMED_FRAMES * 2):
         recorder.add(controller.step(FORWARD))
     drawn: list[float] = []
-    with tempfile.TemporaryDirectory() as folder:
-        clip, path = recorder.last(FILM_S), Path(folder) / "film.mp4"
+    with temporary_folder() as folder:
+        clip, path = recorder.last(FILM_S), folder / "film.mp4"
         make_film(clip, ground, path, FilmOptions(), progress=lambda *_: drawn.append(time.perf_counter()))
     seconds = (time.perf_counter() - drawn[0]) / (len(drawn) - 1)
     return {"film_s": FILM_S * FilmOptions.fps * seconds}
@@ -290,10 +289,10 @@ def _start_times(model: Path | None) -> dict[str, float | None]:
     """Seconds from nothing to the first frame of a new process (second of two starts), and a run's memory."""
     named = [str(model)] if model else []
     command = [sys.executable, "-m", "sport", "view", "--offscreen", "--frames", "120"]
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary_folder() as folder:
         # modules are compiled once, as for whoever starts the program a second time
         compiled = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
-        compiled["PYTHONPYCACHEPREFIX"] = folder
+        compiled["PYTHONPYCACHEPREFIX"] = str(folder)
         for _ in range(2):
             begin = str(time.monotonic())
             shown = _run([sys.executable, "-c", _START, begin, *named], compiled)
@@ -321,7 +320,7 @@ def peak_memory_mb(command: list[str]) -> float | None:
 
 
 def _run(command: list[str], environment: dict[str, str] | None = None) -> str:
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    done = run_child(command, env=environment)
     if done.returncode != 0:
         shown = " ".join(command[1:])[:80]
         raise SportError(f"`{shown}` failed: {done.stderr.strip()[-300:]}", "Fix that first.")

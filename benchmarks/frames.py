@@ -9,14 +9,13 @@ from __future__ import annotations
 import argparse
 import statistics
 import sys
-import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from benchmarks.timing import cpu_name, times_ms
+from runtime.atomic import temporary_folder
 from viewer.app import App
 from viewer.options import ViewOptions
 from viewer.settings import QUALITIES
@@ -33,9 +32,9 @@ def main() -> int:
     parser.add_argument("--frames", type=int, default=150)
     options = parser.parse_args()
     width, height = (int(side) for side in options.size.split("x"))
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary_folder() as folder:
         view = ViewOptions(width=width, height=height, quality=options.quality, controls="walk 3600")
-        app = App(view, config=Path(folder))
+        app = App(view, config=folder)
         app.settings.max_fps = 1000.0
         deadline = time.monotonic() + LOAD_S
         while app.scene.simulation.controller is None and time.monotonic() < deadline:

@@ -14,7 +14,6 @@ import argparse
 import os
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -28,7 +27,7 @@ import numpy as np
 from benchmarks.timing import cpu_name, times_ms, write_figures
 from runtime.arrays import Float32Array
 from runtime.assets import PROJECT_ROOT, model_folder
-from runtime.atomic import check_target
+from runtime.atomic import check_target, temporary_folder
 from runtime.errors import UsageError, run_command
 from runtime.motion.model_files import FOLDED, INT8_GRAPH, open_graph, read_graph, read_metadata
 from training.markdown import check_section, write_section
@@ -86,8 +85,8 @@ def main(argv: list[str] | None = None) -> int:
 def figures_of(preset: str | None, model: Path) -> dict[str, Any]:
     """The machine, its read bandwidth, and the rows."""
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
-    with tempfile.TemporaryDirectory() as folder:
-        variants = _variants(Path(folder), preset, model)
+    with temporary_folder() as folder:
+        variants = _variants(folder, preset, model)
         bandwidth = {count: read_bandwidth(count) for count in (1, 2) if count <= (os.cpu_count() or 1)}
         rows = measure(variants, bandwidth, _errors(variants) if preset else _known_errors(model))
     return {

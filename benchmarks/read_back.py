@@ -11,7 +11,6 @@ import argparse
 import itertools
 import multiprocessing
 import os
-import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from importlib.util import find_spec
@@ -23,6 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from runtime.arrays import AnyArray
 from runtime.assets import asset_path
+from runtime.atomic import temporary_folder
 from runtime.character.character import load_character
 from runtime.character.fbx_to_glb import Kept
 from runtime.errors import run_command
@@ -233,10 +233,10 @@ def _truth(take: Path, options: ExportOptions, suffix: str) -> dict[str, AnyArra
 def measure(wanted: list[Row]) -> tuple[list[list[str]], bool]:
     """The lines of the table, and whether a cell failed."""
     rows, failed = list[list[str]](), False
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary_folder() as folder:
         clip = generate_clip("a proud walk", seconds=2.0)
         parts = {"walk": clip, "on": clip.trim(20, 90), "back": replace(clip.trim(5, 60), fps=50.0)}
-        takes = [save_bvh(part, Path(folder) / f"{name}.bvh", part.fps) for name, part in parts.items()]
+        takes = [save_bvh(part, folder / f"{name}.bvh", part.fps) for name, part in parts.items()]
         for row in wanted:
             cells = [cell(row, rate, takes) for rate in RATES]
             failed |= any(wrong or worst > 1.0 for worst, wrong in cells)

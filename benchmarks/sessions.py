@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import statistics
-import tempfile
 import time
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
 from benchmarks.timing import cpu_name, times_ms
+from runtime.atomic import temporary_folder
 from runtime.pose import FPS
 from runtime.session import edits
 from runtime.session.history import History
@@ -27,8 +26,8 @@ RECORDED_S, PIECE = 60, 15  # seconds of a recording, and its frames that are wr
 
 def main() -> None:
     """Measure and print."""
-    with tempfile.TemporaryDirectory() as folder:
-        home = Path(folder)
+    with temporary_folder() as folder:
+        home = folder
         file, history = SessionFile.create(home / "hour.sport", home / "characters"), History()
         random = np.random.default_rng(1)
         for number in range(TAKES):

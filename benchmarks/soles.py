@@ -6,13 +6,12 @@ python -m benchmarks.soles --seconds 4
 from __future__ import annotations
 
 import argparse
-import tempfile
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from runtime.assets import asset_path
+from runtime.atomic import temporary_folder
 from runtime.character.character import Character, load_character
 from runtime.character.shape import BodyShape, shaped
 from runtime.character.skinned_mesh import skin_vertices
@@ -70,8 +69,8 @@ def main() -> None:
     clips = [(f"{p}, {g}", generate_clip(p, gait=g, seconds=seconds, path="circle")) for p, g in WALKS]
     print("body, walk: deepest, first percentile (cm over the ground), slide of standing toes (cm a frame)")
     for name, shape in BODIES.items():
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "body.glb"
+        with temporary_folder() as folder:
+            path = folder / "body.glb"
             write_character(path, shaped(mannequin, shape))
             character = load_character(path)
         for walk, clip in clips:

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import re
+import shutil
 import stat
 import sys
+import tempfile
 import time
-import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from runtime.errors import FileError
+from runtime.interrupts import forget, remove_when_ended, undo_when_ended
+from runtime.safe_read import printable
 
 _REMEDY = "Choose a folder that can be written, with space left."
+_REMEDY_TMP = "Make room there, or name another folder for temporary files by TMPDIR."
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 _OURS = re.compile(r"\..*-sport-([0-9a-f]{6})[0-9a-f]{6}(\.[^.]*)?")  # the process and a random number
 MAX_NUMBER = 100_000  # of names tried by `write_new`
 
@@ -35,11 +41,11 @@ def atomic_path(target: str | Path) -> Iterator[Path]:
     except OSError as error:
         raise FileError(f"{target}: {error.strerror or error}.", _REMEDY) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        _remove(temporary)
 
 
 def sweep(folder: Path, older_s: float = 600.0) -> list[Path]:
-    """Remove the temporary files that a killed program left in a folder.
+    """Remove the temporary files and folders that a killed program left in a folder.
 
     Those that are still written to belong to a process that runs, or are younger: clocks jump, and another machine may
     write here.
@@ -51,7 +57,7 @@ def sweep(folder: Path, older_s: float = 600.0) -> list[Path]:
             if name is not None and not _runs(int(name[1], 16)):
                 with contextlib.suppress(OSError):
                     if time.time() - path.lstat().st_mtime > older_s:
-                        path.unlink()
+                        _discard(path)
                         removed.append(path)
     return removed
 
@@ -62,7 +68,46 @@ def sweep_of(process: int, folder: Path) -> None:
         for path in folder.iterdir():
             name = _OURS.fullmatch(path.name)
             if name is not None and int(name[1], 16) == process & 0xFFFFFF:
-                path.unlink(missing_ok=True)
+                _discard(path)
+
+
+def _discard(path: Path) -> None:
+    """Remove a file, or a folder with all that is in it; OSError."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def temporary_folder(beside: Path | None = None) -> Iterator[Path]:
+    """Make a folder for the length of the block, in the system's place for them or beside the file that it is for.
+
+    It is removed with what is in it when the block ends, or when a signal ends the process before. FileError names the
+    file, or the system's folder where that has no room.
+    """
+    parent = Path(tempfile.gettempdir()) if beside is None else beside.parent
+    folder = parent / _temporary_name("" if beside is None else beside.stem)
+
+    def remove() -> None:
+        for _ in range(3):  # another thread may be writing into it
+            with contextlib.suppress(OSError):
+                _discard(folder)
+
+    undo_when_ended(folder, remove)
+    try:
+        _make_folder(parent)
+        folder.mkdir(mode=0o700)
+        yield folder
+    except OSError as error:
+        if beside is None and error.errno not in NO_ROOM and folder.is_dir():
+            raise
+        raise FileError(
+            f"{beside or parent}: {error.strerror or error}.", _REMEDY if beside else _REMEDY_TMP
+        ) from error
+    finally:
+        remove()
+        forget(folder)
 
 
 def _runs(process: int) -> bool:
@@ -92,7 +137,7 @@ def write_new(target: str | Path, content: str | bytes) -> Path:
     except OSError as error:
         raise FileError(f"{target}: {error.strerror or error}.", _REMEDY) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        _remove(temporary)
 
 
 def _take_name(temporary: Path, target: Path) -> Path:
@@ -119,7 +164,7 @@ def _take_name(temporary: Path, target: Path) -> Path:
 
 def check_target(target: str | Path) -> None:
     """FileError when `target` cannot be written: for use before the work whose result it holds."""
-    _temporary_beside(Path(target))[1].unlink()
+    _remove(_temporary_beside(Path(target))[1])
 
 
 def _temporary_beside(target: Path) -> tuple[Path, Path]:
@@ -134,11 +179,11 @@ def _temporary_beside(target: Path) -> tuple[Path, Path]:
 
 def _temporary(target: Path, final: Path, found: os.stat_result | None = None) -> Path:
     """A new empty file next to `final`, with the mode of the one found there or the umask's; errors name `target`."""
-    number = f"{os.getpid() & 0xFFFFFF:06x}{uuid.uuid4().hex[:6]}"
-    temporary = final.with_name(f".{final.stem[:20]}-sport-{number}{final.suffix[:12]}")
+    temporary = final.with_name(_temporary_name(final.stem, final.suffix))
     flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY
     try:
-        final.parent.mkdir(parents=True, exist_ok=True)
+        _make_folder(final.parent)
+        remove_when_ended(temporary)
         os.close(os.open(temporary, flags, 0o666))  # less the umask
         if found is not None:
             temporary.chmod(stat.S_IMODE(found.st_mode))
@@ -147,6 +192,23 @@ def _temporary(target: Path, final: Path, found: os.stat_result | None = None) -
     except (OSError, ValueError) as error:
         raise FileError(f"{target}: {getattr(error, 'strerror', None) or error}.", _REMEDY) from error
     return temporary
+
+
+def _temporary_name(stem: str, suffix: str = "") -> str:
+    return f".{stem[:20]}-sport-{os.getpid() & 0xFFFFFF:06x}{os.urandom(3).hex()}{suffix[:12]}"
+
+
+def _make_folder(folder: Path) -> None:
+    """Make a folder and those above it; a signal that ends the process takes away those that stay empty."""
+    missing = [path for path in (folder, *folder.parents) if not os.path.exists(path)]
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in reversed(missing):
+        remove_when_ended(path)
+
+
+def _remove(temporary: Path) -> None:
+    temporary.unlink(missing_ok=True)
+    forget(temporary)
 
 
 def _existing(target: Path) -> os.stat_result | None:
@@ -168,7 +230,7 @@ def _finish(temporary: Path) -> None:
 
 
 def _bytes(content: str | bytes) -> bytes:
-    return content.encode("utf-8") if isinstance(content, str) else content
+    return printable(content).encode("utf-8") if isinstance(content, str) else content
 
 
 def write_atomic(target: str | Path, content: str | bytes) -> None:
@@ -176,3 +238,12 @@ def write_atomic(target: str | Path, content: str | bytes) -> None:
     data = _bytes(content)
     with atomic_path(target) as temporary:
         temporary.write_bytes(data)
+
+
+def write_together(contents: Mapping[Path, str | bytes]) -> None:
+    """Write several files, none before there is room for all; see `atomic_path`."""
+    with contextlib.ExitStack() as stack:
+        for target, content in contents.items():
+            temporary = stack.enter_context(atomic_path(target))
+            temporary.write_bytes(_bytes(content))
+            _finish(temporary)

@@ -170,14 +170,21 @@ def _script(
     return stick, stick(0.0).gait, stick.seconds if seconds is None else seconds
 
 
+def check_seconds(seconds: float) -> None:
+    """Raise UsageError unless a clip may last so long."""
+    frame = 1.0 / FPS
+    if not frame <= seconds <= MAX_SECONDS:
+        expected = f"{frame:.3f} (one frame) to {MAX_SECONDS:.0f}"
+        raise UsageError(f" {seconds:g}: expected {expected}.", "Try 10.", "seconds")
+
+
 def _check(options: ClipOptions, seconds: float, seed: int) -> None:
     """UsageError names the number of `generate_clip` that is out of its range."""
     from runtime.motion.model import MAX_STRENGTH, MIN_STRENGTH
     from runtime.motion.trajectory import MAX_RESPONSE, MIN_RESPONSE
 
-    frame = 1.0 / FPS
+    check_seconds(seconds)
     for name, value, low, high, expected, remedy in (
-        ("seconds", seconds, frame, MAX_SECONDS, f"{frame:.3f} (one frame) to {MAX_SECONDS:.0f}", "Try 10."),
         ("transition_seconds", options.transition_seconds, 0.0, 60.0, "0 to 60 seconds", "Try 1."),
         ("strength", options.strength, MIN_STRENGTH, MAX_STRENGTH, "0 to 2", "1 is as the model shows it."),
         ("response", options.response, MIN_RESPONSE, MAX_RESPONSE, "0 (as in capture) to 1 (as in a game)", "Try 0."),

@@ -71,6 +71,15 @@ def open_regular(
         yield file
 
 
+def check_source(path: str | Path) -> None:
+    """Raise FileError where there is no file to read: for use before the work that reads it."""
+    try:
+        os.stat(path)
+    except (OSError, ValueError) as problem:
+        why = getattr(problem, "strerror", None) or "not the name of a file"
+        raise FileError(f"{path}: {why}.", "Check the path.") from problem
+
+
 def _size(limit: int) -> str:
     return f"{limit >> 20} MB" if limit >= 1 << 20 else f"{limit} bytes"
 

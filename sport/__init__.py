@@ -5,10 +5,10 @@ Nothing is imported before it is used: `import sport` and `sport --help` load ne
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
-
+TYPE_CHECKING = False  # an import of `typing` would come before the command takes its signals
 if TYPE_CHECKING:  # "as": names that this package gives on
+    from typing import Any
+
     from runtime.assets import asset_path as asset_path
     from runtime.character.character import load_character as load_character
     from runtime.character.joint_map import read_joint_map as read_joint_map
@@ -71,6 +71,8 @@ def __getattr__(name: str) -> Any:
     """A public name, from the module that defines it."""
     if name not in _MODULES:
         raise AttributeError(f"module 'sport' has no attribute '{name}'")
+    import importlib
+
     return getattr(importlib.import_module(_MODULES[name]), name)
 
 

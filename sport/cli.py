@@ -1,89 +1,45 @@
-"""The `sport` command: parses the subcommand and imports only what that one needs."""
+"""The `sport` command: takes the signals that end it, then imports what its subcommand needs."""
 
 from __future__ import annotations
 
-import argparse
-import gc
 import sys
-from collections.abc import Callable, Sequence
-from typing import NoReturn
 
-from runtime.errors import UsageError, run_command
-from sport.commands import bench, convert, generate, restyle, training, view
-from sport.commands.arguments import export_arguments
+from runtime.interrupts import leave, take_signals
 
-_DESCRIPTION = "Type a prompt, drive the character over uneven ground, take home the clip as BVH."
-_EXAMPLES = """examples:
-  sport                                                    open the viewer
-  sport view --terrain stairs --prompt "an exhausted soldier, left arm hanging"
-  sport view --offscreen --frames 120 --screenshot shot.png
-  sport generate --prompt "a proud walk" --path circle --seconds 12 --out proud.bvh
-  sport generate --prompts "0:walk calmly; 4:a zombie" --terrain hills --out change.bvh
-  sport generate --prompt "a proud walk" --blend "a zombie" --blend-weights torso=1,head=0.5 --out blend.bvh
-  sport generate --character me.glb --loop --out walk.glb
-  sport convert proud.bvh proud.glb proud.mp4
-  sport restyle walk.bvh --prompt "a zombie" --out zombie.bvh
-  sport bench --json bench.json
-  sport train all --preset compact --data DIR --out DIR     needs pip install -e '.[train]'
-"""
-MAX_MESSAGE = 400  # characters of what a parser says
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
 NEW_OBJECTS = (
     20_000  # between two looks for garbage: Python's 700 cost a tenth of a start and a thirtieth of a frame
 )
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; the exit code: 0, 1 for a failed check, 2 when the user can correct what is wrong."""
+    """Run the command; the exit code: 0, 1 for a failed check, 2 when the user can correct what is wrong.
+
+    Without `argv` the command is this whole process: a signal ends it, and it does not return.
+    """
+    if argv is None:
+        take_signals("sport")
+        leave(run(sys.argv[1:]))
+    return run(list(argv))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the command with its arguments, `view` without any; the exit code."""
+    import gc
+
     gc.set_threshold(NEW_OBJECTS)
-    arguments = list(sys.argv[1:] if argv is None else argv) or ["view"]
-    return run_command("sport", lambda: _run(arguments))
+    from runtime.errors import run_command
 
+    def command() -> int:
+        from sport.parser import run
 
-def _run(arguments: list[str]) -> int:
-    if arguments[0] in training.COMMANDS:
-        return training.run(arguments[0], arguments[1:])
-    options = build_parser().parse_args(arguments)
-    command: Callable[[argparse.Namespace], int] = options.command
-    try:
-        return command(options)
-    except UsageError as error:
-        raise _with_flag(error) from error
+        return run([*arguments] or ["view"])
 
-
-def _with_flag(error: UsageError) -> UsageError:
-    """The error with the argument's name in place of the parameter's."""
-    if not error.parameter:
-        return error
-    options = {field.name: spec.flag for field, spec in export_arguments()}
-    named = "transition" if error.parameter == "transition_seconds" else error.parameter.replace("_", "-")
-    flag = options.get(error.parameter, f"--{named}")
-    return UsageError(error.problem.removeprefix(error.parameter), error.remedy, flag)
-
-
-class _Parser(argparse.ArgumentParser):
-    """Reports a mistake in one sentence, as every other error of the command, not with a page of usage."""
-
-    def error(self, message: str) -> NoReturn:
-        said = str(UsageError(message))  # on one line, whatever was typed
-        said = said if len(said) <= MAX_MESSAGE else said[:MAX_MESSAGE] + "…"
-        self.exit(2, f"{self.prog}: {said}. See {self.prog} --help.\n")
-
-
-def build_parser() -> argparse.ArgumentParser:
-    """The command line, without importing what the subcommands need."""
-    parser = _Parser(
-        prog="sport",
-        description=_DESCRIPTION,
-        epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (view, generate, restyle, convert, bench):
-        command.add(commands)
-    for name, (_, text) in training.COMMANDS.items():
-        commands.add_parser(name, help=text, add_help=False)
-    return parser
+    return run_command("sport", command)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -22,7 +22,7 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
     """Write the clip or its variants; `tools` gives a loaded model and its prompter for these options. SportError."""
     from runtime.formats.bvh_clip import check_bvh_length
     from runtime.formats.table import format_of
-    from runtime.generate import generate_clip
+    from runtime.generate import check_seconds, generate_clip
     from runtime.motion.features import FPS
     from runtime.terrain.library import load_terrain
     from sport.commands.export import check_outputs, export_options, note, write_take
@@ -30,6 +30,7 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
     export = export_options(options)
     outputs = _outputs(options)
     controls, seconds = _controls(options)
+    check_seconds(seconds)
     arguments = _arguments(options, controls)
     if any(out.suffix.lower() == ".bvh" for out in outputs):
         check_bvh_length(seconds, export.fps)

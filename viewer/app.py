@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import logging
-import os
-import sys
 import time
 from pathlib import Path
 
 from runtime.assets import state_directory
 from runtime.controls import Controls
+from runtime.interrupts import exit_code, forget, say
 from runtime.motion.control_scripts import parse_stick
 from runtime.pose import Pose
 from runtime.session.prompt_blend import Side
@@ -54,6 +52,7 @@ OVER_EVERYTHING = {
 PATIENCE_S = 0.2  # with the encoder of a prompt, after which the process ends with it
 # From the user's close on. What is not written by then is for the next start or given up: exports first, settings last.
 END_S, SESSION_S, SETTINGS_S = 1.6, 1.4, 0.1
+LATE_S = 0.25  # after that end, a process that was to end because of a signal is ended
 
 
 def run(options: ViewOptions, services: Services | None = None, config: Path | None = None) -> int:
@@ -63,28 +62,24 @@ def run(options: ViewOptions, services: Services | None = None, config: Path | N
     cannot be used or no window can be opened.
     """
     app = App(options, services, config=config)
-    ending = Ending(app.interrupt)
+    ending = Ending(app.interrupt, END_S + LATE_S)
     with ending.handled():
         try:
             try:
                 while not app.finished:
                     app.frame()
-            except KeyboardInterrupt:
-                app.interrupt()  # a frame that did not end
             except Exception:
-                ending.saving = True
+                ending.saving.set()
                 # defects that follow each other must not cost what was recorded
                 app.sessions.finish(keep=True, until=app.until(), ended=False)
                 raise
-            ending.saving = True
+            ending.saving.set()
             code = app.end()
         finally:
             app.close()
-    if not options.offscreen:
-        logging.shutdown()
-        sys.stdout.flush()
-        # what is to be written is written: the interpreter would take seconds, or wait for threads
-        os._exit(code)
+        if ending.number:
+            say(ending.number, "sport")
+            return exit_code(ending.number)
     return code
 
 
@@ -336,6 +331,7 @@ class App(Workspace):
     def interrupt(self) -> None:
         """End the main loop after the frame in hand."""
         self.interrupted = True
+        self.until()
 
     def end(self) -> int:
         """After the last frame: keep unsaved takes, remember the settings, write the screenshot; the exit code.
@@ -351,12 +347,13 @@ class App(Workspace):
         self.sessions.finish(keep, until - SETTINGS_S)
         lost = lost or self.sessions.incomplete
         lost = not self.kept.finish(until) or lost
-        if self.options.screenshot is not None:
+        if self.options.screenshot is not None and not self.interrupted:  # of the last frame
             save_png(self.window.read_pixels(), self.options.screenshot)
         return int(lost)
 
     def close(self) -> None:
         until = self.until()
+        forget(self)  # the session that it began
         self.window.hide()
         self.editor.file.close(max(until - time.monotonic(), 0.0))
         self.jobs.close(until)

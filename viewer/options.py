@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -10,6 +11,8 @@ from runtime.atomic import check_target
 from runtime.errors import UsageError
 from runtime.options import Spec, spec_of, specified
 from runtime.prompts.blend import ALL_A, Weights
+from runtime.safe_read import check_source
+from runtime.terrain.library import load_terrain
 from viewer.settings import CAMERAS, QUALITIES, VIEWS
 
 SIDES = (64, 8192)  # pixels
@@ -62,12 +65,21 @@ class ViewOptions:
             value, spec = getattr(self, name), spec_of(self, name)
             if spec.flag and value is not None and not spec.allows(value):
                 raise UsageError(f"{spec.flag} {value}: expected {_expected(spec)}.", "Choose another value.")
+        self._check_sources()
         if self.frames_directory is not None:
             if not self.offscreen:
                 raise UsageError("--save-frames: works with --offscreen only.", "Add --offscreen.")
             check_target(self.frames_directory.expanduser() / "frame_00000.png")
         if self.screenshot is not None:
             check_target(self.screenshot.expanduser())
+
+    def _check_sources(self) -> None:
+        """FileError or TerrainError where a file or ground is named that is not there."""
+        session = Path(self.session) if self.session and self.session != "last" else None
+        for path in filter(None, (session, self.clip, self.character, self.joint_map)):
+            check_source(path.expanduser())
+        if self.terrain is not None and not os.path.exists(self.terrain):
+            load_terrain(self.terrain)  # made quickly, or refused with the list of names
 
 
 def _expected(spec: Spec) -> str:

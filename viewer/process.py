@@ -15,7 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-PATIENCE_S = 1.0  # a Ctrl+C later than this after the first one breaks off a frame that does not end
+from runtime.interrupts import SIGNALS, end_now
+
+FRAME_S = 0.9  # that the frame in hand may take after a signal
 
 
 def show_in_folder(path: Path) -> None:
@@ -29,22 +31,21 @@ class Ending:
     """Calls `end` at SIGINT, SIGTERM and SIGHUP (a logout, a closed terminal), which then no longer kill the process.
 
     They raise nothing: an exception would get lost in a callback of the window, and a second signal, which is usual
-    when a terminal closes or a user is impatient, would cut short the writing that the first one began. Only a frame
-    that does not end is broken off, by a Ctrl+C with KeyboardInterrupt; once `saving` is set, nothing is.
+    when a terminal closes or a user is impatient, would cut short the writing that the first one began. A frame that
+    does not end is left behind, and so is writing that has not ended after `limit_s`.
     """
 
-    def __init__(self, end: Callable[[], None]) -> None:
-        self.saving = False
-        self._end = end
-        self._first_s: float | None = None
+    def __init__(self, end: Callable[[], None], limit_s: float) -> None:
+        self.number = 0  # of the first signal
+        self.saving = threading.Event()  # set once the main loop is over
+        self._end, self._limit_s = end, limit_s
 
     @contextlib.contextmanager
     def handled(self) -> Iterator[None]:
         """Take the signals within the block; before and after it they do what they did."""
         before: dict[int, Any] = {}
         if threading.current_thread() is threading.main_thread():  # no other one may set handlers
-            names = ("SIGINT", "SIGTERM", "SIGHUP")  # Windows has no SIGHUP
-            for number in filter(None, (getattr(signal, name, None) for name in names)):
+            for number in SIGNALS:
                 if signal.getsignal(number) not in (None, signal.SIG_IGN):  # `nohup` is obeyed
                     before[number] = signal.signal(number, self._signalled)
         try:
@@ -54,12 +55,15 @@ class Ending:
                 signal.signal(number, handler)
 
     def _signalled(self, number: int, _frame: object) -> None:
-        now = time.monotonic()
-        late = self._first_s is not None and now - self._first_s > PATIENCE_S
-        self._first_s = now if self._first_s is None else self._first_s
-        self._end()
-        if late and number == signal.SIGINT and not self.saving:
-            raise KeyboardInterrupt
+        if not self.number:
+            self.number = number
+            threading.Thread(target=self._watch, args=(time.monotonic(),), daemon=True).start()
+            self._end()
+
+    def _watch(self, begun_s: float) -> None:
+        if self.saving.wait(FRAME_S):
+            time.sleep(max(self._limit_s - (time.monotonic() - begun_s), 0.0))
+        end_now(self.number, "sport")
 
 
 _STATUS = Path("/proc/self/statm")

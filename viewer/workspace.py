@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import io
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from runtime.atomic import sweep
 from runtime.character.read import MOTIONS, SUFFIXES
+from runtime.interrupts import undo_when_ended
 from runtime.motion.controller import Controller
 from runtime.pose import Pose
+from runtime.session import library
 from runtime.session.sqlite_file import SUFFIX
 from runtime.takes.input_recording import InputRecorder
 from viewer.compare import panel as compare_panel
@@ -59,6 +62,7 @@ from viewer.shell import Shell, ShellState
 from viewer.window import Window
 
 PICTURE_WIDTH = 256  # pixels
+LEAVE_S = 0.7  # to write what a session has when the process ends before its loop does
 MEMORY_S = 3.0  # of the live character, for ghosts and trails
 
 
@@ -83,6 +87,7 @@ class Workspace:
         if problem:
             messages.warn(problem)
         self.editor = editor = Editor(messages, file)
+        undo_when_ended(self, self._leave_session)
         inputs, dialogs = InputRecorder(), Dialogs(messages)
         renderer = services.make_renderer(self.window.ctx, options.quality or settings.quality)
         self.scene = scene = Scene(
@@ -140,6 +145,14 @@ class Workspace:
         }
         rooms = [*(panel.actions for panel in panels), self.shell.actions, own]
         self.actions = {action: do for room in rooms for action, do in room.items()}
+
+    def _leave_session(self) -> None:
+        """Let go of the session's file where the process ends before its loop does; of an empty one nothing stays."""
+        until = time.monotonic() + LEAVE_S
+        if hasattr(self, "sessions"):
+            self.sessions.finish(keep=True, until=until)
+        elif self.editor.file.close(LEAVE_S):
+            library.remove(self.editor.file.path)
 
     def _panels(self, dialogs: Dialogs) -> list[Panel]:
         """Every panel, from the left to the right and from the back to the front."""

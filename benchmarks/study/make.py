@@ -10,7 +10,6 @@ from __future__ import annotations
 import base64
 import json
 import secrets
-import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -19,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from runtime.atomic import write_atomic
+from runtime.atomic import temporary_folder, write_atomic
 from runtime.controls import Gait
 from runtime.errors import UsageError
 from runtime.motion.features import FPS
@@ -124,8 +123,8 @@ def draw(scene: Scene) -> bytes:
 
     camera = "side" if scene.kind == "obstacle" else "front"
     options = FilmOptions(*SIZE, fps=FILM_FPS, camera=camera, captions=False, quality="software")
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "film.mp4"
+    with temporary_folder() as folder:
+        path = folder / "film.mp4"
         make_film(scene.clip, _widened(scene.terrain, scene.clip), path, options)
         return path.read_bytes()
 

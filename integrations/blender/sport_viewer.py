@@ -53,6 +53,7 @@ HEADER = struct.Struct("<4sBBHII")  # magic, version, kind, joints, sequence, sk
 ROOT = struct.Struct("<d3f")  # seconds, position of the uppermost joint
 JOINT = struct.Struct("<h3fB")  # parent, offset, bytes of the name
 MAX_JOINTS = 1024
+MAX_DATAGRAMS = 512  # that one call takes: eight seconds of poses
 
 
 class MessageError(Exception):
@@ -144,13 +145,13 @@ class Receiver:
         self._sender, self._next = None, None
 
     def drain(self):
-        """Poses of the announced skeleton, oldest first; those that came before it are counted, not returned."""
+        """Return the poses of the announced skeleton that came, oldest first; those before it are only counted."""
         poses = []
-        while True:
+        for _ in range(MAX_DATAGRAMS):  # the rest waits for the next call: a flood must not hold up Blender
             try:
                 data, sender = self.socket.recvfrom(65535)
             except (BlockingIOError, InterruptedError):
-                return poses
+                break
             except ConnectionResetError:  # Windows: no program listens where this socket sent to
                 continue
             try:
@@ -162,6 +163,7 @@ class Receiver:
                 self.skeleton = message
             elif self._count(message, sender) and self._fits(message):
                 poses.append(message)
+        return poses
 
     def _count(self, pose, sender):
         """Count gaps in the sequence; False for a pose that is older than the last one."""

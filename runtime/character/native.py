@@ -9,12 +9,13 @@ import importlib.util
 import json
 import subprocess
 import sys
-import tempfile
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from runtime.atomic import temporary_folder
 from runtime.errors import FileError
+from runtime.interrupts import run_child
 
 HEADS = (b"Kaydara FBX Binary", b"; FBX")  # of an FBX
 PACKAGES = {  # of each kind: the module, the package that has it, what needs it
@@ -61,15 +62,13 @@ def fbx_as_glb(path: Path, motion: bool = False) -> bytes:
 def _decoded(kind: str, facts: str, data: bytes) -> bytes:
     """What the worker wrote; ValueError says what is wrong."""
     limit = WORKING_BYTES + BYTES_FOR_ONE * json.loads(facts).get("size", len(data))
-    with tempfile.TemporaryDirectory(prefix="sport-native-") as folder:
-        source, target = Path(folder) / "in", Path(folder) / "out"
+    with temporary_folder() as folder:
+        source, target = folder / "in", folder / "out"
         source.write_bytes(data)
         source.with_name("facts.json").write_text(facts, encoding="utf-8")
-        command = [sys.executable, "-P", "-c", _START, str(_ROOT), kind, folder, str(limit), str(CPU_S)]
+        command = [sys.executable, "-P", "-c", _START, str(_ROOT), kind, str(folder), str(limit), str(CPU_S)]
         try:
-            done = subprocess.run(
-                command, capture_output=True, text=True, errors="replace", timeout=TIMEOUT_S, check=False
-            )
+            done = run_child(command, timeout=TIMEOUT_S)
         except subprocess.TimeoutExpired as error:
             raise ValueError(f"not read in {TIMEOUT_S:g} s") from error
         except OSError as error:

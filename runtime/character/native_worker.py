@@ -8,12 +8,15 @@ from __future__ import annotations
 import io
 import json
 import os
+import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+PR_SET_PDEATHSIG = 1  # of linux/prctl.h
 
 
 def main(kind: str, folder: str, memory: str, cpu_s: str) -> None:
@@ -32,8 +35,11 @@ def main(kind: str, folder: str, memory: str, cpu_s: str) -> None:
 def _limit(memory: int, cpu_s: int) -> None:
     """Bounds of this process from here on; Windows and macOS have the time limit of the caller only."""
     if sys.platform == "linux":
+        import ctypes
         import resource
 
+        # it ends with its caller, however that ends
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
         used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (used + memory, used + memory))
         resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s))

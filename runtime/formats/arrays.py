@@ -18,6 +18,14 @@ from runtime.formats.sidecar import CONTACTS, FEET, foot_phases, markers
 from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
 
+FORMULAS = (
+    "=",
+    "+",
+    "-",
+    "@",
+    "\t",
+    "\r",
+)  # a spreadsheet computes a cell that begins so; a ' before it is text
 ROWS = 1024  # of a table that are in memory at once
 ALL = slice(None)
 
@@ -68,7 +76,8 @@ def save_csv(take: PreparedTake, path: Path, options: object, terrain: object, c
             if first == 0:
                 file.write(",".join([*columns, "gait", "prompt"]) + "\n")
             for row, gait, prompt in zip(np.column_stack([*columns.values()]).tolist(), *words, strict=True):
-                quoted = prompt.replace('"', '""')
+                plain = f"'{prompt}" if prompt.startswith(FORMULAS) else prompt
+                quoted = plain.replace('"', '""')
                 file.write(",".join("" if v != v else f"{v:.7g}" for v in row) + f',{gait},"{quoted}"\n')
 
 
@@ -80,8 +89,11 @@ def save_parquet(take: PreparedTake, path: Path, options: object, terrain: objec
     frame = pandas.DataFrame({name: values.astype(np.float32) for name, values in columns.items()})
     frame["gait"], frame["prompt"] = gaits, prompts
     frame.attrs = {"fps": take.clip.fps, "name": take.clip.name}
-    with atomic_path(path) as temporary:
-        frame.to_parquet(temporary, index=False)
+    with (
+        atomic_path(path) as temporary,
+        temporary.open("wb") as file,
+    ):  # Arrow takes no name that is not UTF-8
+        frame.to_parquet(file, index=False)
         check()
 
 

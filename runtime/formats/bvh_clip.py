@@ -9,7 +9,7 @@ import numpy as np
 
 from runtime import rotations
 from runtime.arrays import Array
-from runtime.atomic import write_atomic, write_new
+from runtime.atomic import write_atomic, write_new, write_together
 from runtime.errors import FileError
 from runtime.formats.bvh import BvhMotion, check_size, format_bvh, read_bvh
 from runtime.formats.engines import ENGINES
@@ -76,11 +76,15 @@ def save_take_bvh(
 
 
 def _write(clip: Clip, path: Path, text: str, new: bool = False) -> Path:
-    if new:
-        path = write_new(path, text)
-    else:
-        write_atomic(path, text)
-    write_atomic(sidecar_path(path), format_metadata(clip, text))
+    if not new:
+        write_together({path: text, sidecar_path(path): format_metadata(clip, text)})
+        return path
+    path = write_new(path, text)
+    try:
+        write_atomic(sidecar_path(path), format_metadata(clip, text))
+    except FileError:
+        path.unlink(missing_ok=True)
+        raise
     return path
 
 

@@ -5,6 +5,7 @@ Nothing heavy is imported: `sport --help` reads this file.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -221,7 +222,7 @@ _RULES: tuple[_Rule, ...] = (  # an option, whether it can be used, what is wron
      lambda o: f" {str(o.character_unit)[:20]}: expected m, cm, mm or in.", "Choose one of them."),
     ("euler_order", lambda o: str(o.euler_order or "XYZ").upper() in ROTATION_ORDERS,
      lambda o: f" {str(o.euler_order)[:20]}: unknown.", f"Choose {', '.join(ROTATION_ORDERS)}."),
-    ("start_s", lambda o: o.start_s >= 0.0 and (o.end_s is None or o.end_s > o.start_s),
+    ("start_s", lambda o: 0.0 <= o.start_s < math.inf and (o.end_s is None or o.end_s > o.start_s),
      lambda o: f" {o.start_s:g}:{'' if o.end_s is None else f'{o.end_s:g}'}: expected 0 or more, and an end after the start.",
      "Write seconds, such as 2:6.5."),
     ("strides", lambda o: 1 <= o.strides <= MAX_STRIDES and (o.strides == 1 or o.loop),

@@ -11,6 +11,7 @@ from runtime import rotations
 from runtime.errors import UsageError
 from runtime.feet.skating import measured_contacts
 from runtime.formats.options import ExportOptions
+from runtime.safe_read import printable
 from runtime.skeleton import REST_HIPS_HEIGHT, J
 from runtime.takes.clip import Clip
 from runtime.takes.loop import make_loop
@@ -60,7 +61,16 @@ def prepare(clip: Clip, options: ExportOptions, terrain: Terrain | None = None) 
         taken, track = _with_rest_frame(taken, track)
     lost = options.in_place or clip.placed is None
     taken = replace(taken, placed=None if lost else (placement.yaw, *placement.offset))
-    return PreparedTake(taken, track, placement, options.rest_frame)
+    return PreparedTake(_printable(taken), track, placement, options.rest_frame)
+
+
+def _printable(clip: Clip) -> Clip:
+    """Return the clip with texts that can be written: names of files may be any bytes."""
+    prompts = [
+        replace(e, prompt=printable(e.prompt), words=printable(e.words), typed=printable(e.typed))
+        for e in clip.prompts
+    ]
+    return replace(clip, name=printable(clip.name), prompts=tuple(prompts))
 
 
 def placement_of(clip: Clip) -> Placement:

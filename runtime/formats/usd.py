@@ -9,7 +9,6 @@ import itertools
 import json
 import os
 import re
-import tempfile
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +19,7 @@ import numpy as np
 
 from runtime import rotations
 from runtime.arrays import AnyArray
-from runtime.atomic import atomic_path
+from runtime.atomic import atomic_path, temporary_folder
 from runtime.character.mesh import skin_joints
 from runtime.character.read import (
     Entry,
@@ -53,8 +52,7 @@ def save_usd(
     """
     from pxr import Tf, UsdUtils
 
-    with tempfile.TemporaryDirectory(prefix="sport-usd-") as name, atomic_path(path) as target:
-        folder = Path(name)
+    with temporary_folder() as folder, atomic_path(path) as target:
         glb, layer, packed = folder / "take.glb", folder / "take.usdc", folder / "take.usdz"
         takes = [take, *further_takes(options, terrain)]
         document, _ = glb_document(takes, replace(options, plain=True), terrain, check)

@@ -14,9 +14,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
-from runtime.atomic import write_atomic
+from runtime.atomic import temporary_folder, write_atomic
 from runtime.errors import FileError, UsageError
 from runtime.file_lock import open_locked
+from runtime.interrupts import remark_when_ended
 from runtime.safe_read import parse_json, printable, read_bounded
 from sport.batch.rows import RowParser, Task, plan, read_rows, sha256
 from sport.batch.work import Line, below, cores, entry, make_rows, processes
@@ -33,14 +34,15 @@ def run_batch(options: argparse.Namespace, parser: RowParser) -> int:
         raise UsageError(f" {options.workers}: expected 1 to {MAX_WORKERS}.", "Try 2.", "workers")
     rows = read_rows(options.batch)
     tasks, refused = plan(rows, parser, options)
-    with _held(options.out):
+    remark_when_ended("the same command goes on from here")
+    with _held(options.out), temporary_folder() as scratch:
         manifest = Manifest(options.out)
         missing = [task for task in tasks if not manifest.done(task)]
         progress = BatchProgress(len(rows), len(tasks) - len(missing))
         if progress.kept:
             print(f"sport: {progress.kept} of {len(rows)} clips are there already", file=sys.stderr)
         _make(
-            itertools.chain((entry(row, row.error) for row in refused), _lines(missing, options)),
+            itertools.chain((entry(row, row.error) for row in refused), _lines(missing, options, scratch)),
             manifest,
             progress,
         )
@@ -55,19 +57,16 @@ def _make(lines: Iterator[Line], manifest: Manifest, progress: BatchProgress) ->
         for line in lines:
             manifest.add(line)
             progress.add(failed=bool(line["error"]))
-    except KeyboardInterrupt:
-        print("\nsport: stopped; the same command goes on from here", file=sys.stderr)
-        raise
     finally:
         manifest.close()
 
 
-def _lines(tasks: list[Task], options: argparse.Namespace) -> Iterator[Line]:
+def _lines(tasks: list[Task], options: argparse.Namespace, scratch: Path) -> Iterator[Line]:
     """The lines of tasks as they are made."""
     workers = options.workers or cores()
     if not tasks:
         return iter(())
-    return make_rows(tasks, options.out, lambda: processes(min(workers, len(tasks))), workers)
+    return make_rows(tasks, options.out, lambda: processes(min(workers, len(tasks)), scratch), workers)
 
 
 def _report(manifest: Manifest, numbers: list[int], progress: BatchProgress) -> None:

@@ -20,8 +20,9 @@ from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from runtime.atomic import write_atomic
+from runtime.atomic import temporary_folder, write_atomic
 from runtime.errors import FileError, SportError
+from runtime.interrupts import end_children, signals_kept_from_children
 from sport.batch.rows import Task
 
 AHEAD = 2  # rows that wait for each core
@@ -37,15 +38,16 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def processes(workers: int) -> ProcessPoolExecutor:
-    """Processes of this machine, each with one thread."""
+def processes(workers: int, scratch: Path | None = None) -> ProcessPoolExecutor:
+    """Processes of this machine, each with one thread; what they write for a while lies in the folder `scratch`."""
     os.environ.update(THREADS)  # for the processes that begin here
-    return ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _begin)
+    return ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _begin, (scratch,))
 
 
-def _begin() -> None:
-    """A worker ends with the process that leads, however that went; Ctrl+C is for the latter."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _begin(scratch: Path | None) -> None:
+    """A worker ends with the process that leads, however that went; signals are for the latter."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # on Windows no mask keeps it away
+    tempfile.tempdir = str(scratch) if scratch else None
     leader = multiprocessing.parent_process()
     assert leader is not None
 
@@ -103,7 +105,8 @@ def _submit(
     while waiting and len(under_way) < most:
         task = waiting.pop()
         try:
-            under_way[pool.submit(make_row, task)] = task
+            with signals_kept_from_children():
+                under_way[pool.submit(make_row, task)] = task
         except BrokenProcessPool:
             return [task]
     return []
@@ -111,9 +114,12 @@ def _submit(
 
 @contextlib.contextmanager
 def _closed(executor: Executor) -> Iterator[Executor]:
-    """An executor that drops what has not begun when the block ends."""
+    """An executor that drops what has not begun when the block ends, and after an error ends its processes, too."""
     try:
         yield executor
+    except BaseException:
+        end_children()
+        raise
     finally:
         executor.shutdown(cancel_futures=True)
 
@@ -147,8 +153,8 @@ def _problem(error: Exception) -> str:
 
 def make_row(task: Task) -> Made:
     """On a worker: a task's line of the manifest, whatever happens, and its files."""
-    with tempfile.TemporaryDirectory(prefix="sport-batch-") as name:
-        begin, folder, printed = time.perf_counter(), Path(name) / "row", io.StringIO()
+    with temporary_folder() as scratch:
+        begin, folder, printed = time.perf_counter(), scratch / "row", io.StringIO()
         try:
             folder.mkdir()
             with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(printed):

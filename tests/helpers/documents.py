@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from runtime.assets import PROJECT_ROOT
-from sport import cli
+from sport import parser
 from sport.commands import training
 
 ROOT = PROJECT_ROOT
@@ -73,7 +73,7 @@ def check_command(line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
         flags = ["--text", *(f for f in flags if f != "--text")] if "--text" in flags else flags
         check_help(module, flags, monkeypatch, capsys)
     elif words[0] == "sport":
-        cli.build_parser().parse_args(words[1:] or ["view"])
+        parser.build_parser().parse_args(words[1:] or ["view"])
     elif words[:2] == ["python", "-m"]:
         check_help(words[2], words[3:], monkeypatch, capsys)
     else:

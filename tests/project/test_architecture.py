@@ -45,7 +45,7 @@ ARROWS = {
 # the rooms of a package from the ground up: each may use itself and those before it
 ROOMS = {
     "runtime": (
-        "errors", "arrays", "safe_read", "checked", "options", "easing", "assets", "atomic", "file_lock", "records", "rotations", "skeleton", "pose", "scalar_math", "controls",
+        "errors", "interrupts", "arrays", "safe_read", "checked", "options", "easing", "assets", "atomic", "file_lock", "records", "rotations", "skeleton", "pose", "scalar_math", "controls",
         "character", "terrain", "feet", "edits", "traversal", "motion", "prompts", "prompts.english", "prompts.gpt", "prompts.prompter", "takes", "session", "formats",
         "generate",
     ),

@@ -18,14 +18,14 @@ import pytest
 
 from runtime.assets import PROJECT_ROOT
 from runtime.errors import FileError, UsageError
-from sport import cli, clips
+from sport import cli, clips, parser
 from sport.batch import run, work
 from sport.batch.rows import BatchRow, Task, plan, read_rows, sha256
 from sport.commands import generate
 
 
 def base(*words: str) -> argparse.Namespace:
-    return cli.build_parser().parse_args(["generate", "--batch", "list.csv", "--out", "clips", *words])
+    return parser.build_parser().parse_args(["generate", "--batch", "list.csv", "--out", "clips", *words])
 
 
 def write(path: Path, text: str) -> Path:
@@ -155,7 +155,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> list[str]:
             return future
 
     monkeypatch.setattr(clips, "write_clips", write_clips)
-    monkeypatch.setattr(run, "processes", lambda workers: Here())
+    monkeypatch.setattr(run, "processes", lambda workers, scratch: Here())
     monkeypatch.setattr(work, "AHEAD", 1)
     monkeypatch.setattr(run, "cores", lambda: 1)
     return made
@@ -220,12 +220,9 @@ def test_a_second_run_makes_what_is_missing_changed_or_failed(fake: list[str], t
     assert fake == []
 
 
-def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(
-    fake: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(fake: list[str], tmp_path: Path) -> None:
     code, folder = batch(tmp_path, "old", "drunk", "stop", "proud")
     assert code == 130
-    assert "goes on from here" in capsys.readouterr().err
     assert sorted(p.name for p in folder.glob("*.bvh")) == ["00001.bvh", "00002.bvh"]
     with (folder / run.MANIFEST).open("a") as file:
         file.write('{"row": 3, "err')  # as a crash cuts it off

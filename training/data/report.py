@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from collections import Counter, defaultdict
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -12,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from runtime.atomic import temporary_folder
 from runtime.controls import Gait
 from runtime.formats.bvh_clip import save_bvh
 from runtime.safe_read import open_npz
@@ -144,13 +144,13 @@ Measures = dict[str, float]
 def compare(data: Path, clips: Path) -> dict[tuple[str, str], tuple[Measures, Measures]]:
     """Median measures of source files and of the imported clips, by source and style, of walks on a floor."""
     result = {}
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary_folder() as folder:
         for key, files in sorted(_walks(data, clips).items()):
             chosen = files[:: max(1, -(-len(files) // FILES))]
             pairs = []
             for source, imported in chosen:
                 raw = gait.measure_file(source.path, BY_NAME[source.source].first_frame)
-                made = gait.measure_file(_exported(imported, Path(folder)))
+                made = gait.measure_file(_exported(imported, folder))
                 if raw is not None and made is not None:
                     pairs.append((raw, made))
             if pairs:

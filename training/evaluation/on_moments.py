@@ -6,7 +6,6 @@ stick (`training.evaluation.metrics.moments`).
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from itertools import product
@@ -15,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from runtime.atomic import temporary_folder
 from runtime.errors import UsageError
 from runtime.formats.bvh_clip import save_bvh
 from runtime.generate import clip_of
@@ -149,8 +149,8 @@ def clips_of(setting: Setting) -> dict[str, list[dict[str, Any]]]:
     args = setting.args
     result: dict[str, list[dict[str, Any]]] = {prompt: [] for prompt in args.prompts}
     members = list(product(args.prompts, args.seeds))
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "clip.bvh"
+    with temporary_folder() as folder:
+        path = folder / "clip.bvh"
         for (prompt, seed), clip in zip(members, clips_together(setting, members), strict=True):
             save_bvh(clip, path)
             result[prompt].append({"seed": seed, **measure(path, args.script)})

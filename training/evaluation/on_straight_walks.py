@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from runtime.atomic import temporary_folder
 from runtime.errors import UsageError
 from runtime.formats.bvh_clip import save_bvh
 from runtime.generate import clip_of
@@ -89,9 +89,9 @@ def generated_walks(evaluated: EvaluatedModel, styles: Iterable[str]) -> dict[st
         member.set_style(evaluated.style(style, 0), 0.0)
     result, script = {}, control_script("forward", "walk", 1.0, 0)
     walks = walk_together(members, script, round(WALK_SECONDS * FPS))
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary_folder() as folder:
         for style, poses in zip(names, walks, strict=True):
-            path = Path(folder) / f"{style}.bvh"
+            path = folder / f"{style}.bvh"
             save_bvh(clip_of(poses, style, (), "flat"), path)
             measured = gait.measure_file(path)
             if measured is not None:

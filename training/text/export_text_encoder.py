@@ -12,12 +12,12 @@ import argparse
 import hashlib
 import json
 import shutil
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from runtime.atomic import temporary_folder
 from runtime.errors import run_command
 
 if TYPE_CHECKING:
@@ -46,8 +46,8 @@ def write_encoder(
     """
     out.mkdir(parents=True, exist_ok=True)
     graph = out / metadata["graph"]
-    with tempfile.TemporaryDirectory() as scratch:
-        plain = Path(scratch) / "fp32.onnx"
+    with temporary_folder() as scratch:
+        plain = scratch / "fp32.onnx"
         export_onnx(network, plain)
         if precision == "int8":
             quantise(plain, graph)

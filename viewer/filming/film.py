@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import multiprocessing
 import os
 import threading
@@ -25,6 +24,7 @@ from runtime.atomic import sweep_of
 from runtime.character.character import DEFAULT_CHARACTER, Character, load_character
 from runtime.errors import SportError, UsageError
 from runtime.formats.prepare import ExportOptions, PreparedTake
+from runtime.interrupts import forget, signals_kept_from_children, undo_when_ended
 from runtime.pose import Pose
 from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent, title
@@ -233,12 +233,20 @@ def film_in_process(
     """As `film_of_take`, in another process; waits for it. SportError also when that process was ended from outside."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
-    make = partial(film_of_take, take, terrain, path, export, film)
-    process = context.Process(target=_work, args=(theirs, make), name="sport-film", daemon=True)
-    process.start()
+    process = context.Process(target=_work, args=(theirs,), name="sport-film", daemon=True)
+
+    def end() -> None:
+        process.kill()
+        process.join()
+        sweep_of(process.pid or 0, path.parent)
+
+    with signals_kept_from_children():
+        process.start()
+    undo_when_ended(process, end)
     theirs.close()
     try:
-        return _follow(ours, progress, cancel, process.kill)
+        work = partial(film_of_take, take, terrain, path, export, film)
+        return _follow(ours, work, progress, cancel, process.kill)
     except (EOFError, ConnectionError) as error:
         if cancel.is_set():
             return ""
@@ -247,13 +255,17 @@ def film_in_process(
         ) from error
     finally:
         ours.close()
-        process.join()
-        if cancel.is_set() and process.pid is not None:
-            sweep_of(process.pid, path.parent)
+        end() if cancel.is_set() else process.join()
+        forget(process)
 
 
-def _follow(pipe: Connection, progress: Progress, cancel: threading.Event, kill: Callable[[], None]) -> str:
-    """Hand progress on until the film is done; its sentence. EOFError or ConnectionError when the process is gone."""
+Make = Callable[[Progress, threading.Event], str]
+
+
+def _follow(
+    pipe: Connection, work: Make, progress: Progress, cancel: threading.Event, kill: Callable[[], None]
+) -> str:
+    """Hand the work over and progress on until the film is done; its sentence. EOFError or ConnectionError when the process is gone."""
     cancelled = 0.0
     while True:
         if cancel.is_set() and not cancelled:
@@ -264,7 +276,9 @@ def _follow(pipe: Connection, progress: Progress, cancel: threading.Event, kill:
         if not pipe.poll(POLL_S):
             continue
         kind, value = pipe.recv()
-        if kind == "progress":
+        if kind == "ready":
+            pipe.send(work)
+        elif kind == "progress":
             progress(*value)
         elif kind == "failed":
             raise value
@@ -272,8 +286,8 @@ def _follow(pipe: Connection, progress: Progress, cancel: threading.Event, kill:
             return str(value)
 
 
-def _work(pipe: Connection, make: Callable[[Progress, threading.Event], str]) -> None:
-    """The other process; when the window's is gone, the film is given up."""
+def _work(pipe: Connection) -> None:
+    """Make the film in the other process; when the window's is gone, it is given up."""
     if hasattr(os, "nice"):
         os.nice(NICENESS)
     cancel = threading.Event()
@@ -289,8 +303,14 @@ def _work(pipe: Connection, make: Callable[[Progress, threading.Event], str]) ->
             cancel.set()
         report("progress", (done, total))
 
-    with contextlib.suppress(KeyboardInterrupt):  # Ctrl+C reaches both; the window's process decides
-        try:
-            report("done", make(progress, cancel))
-        except Exception as error:  # raised again where the film was wanted
-            report("failed", error)
+    report("ready", None)
+    try:
+        make = pipe.recv()
+    except (EOFError, OSError):
+        return  # the program has ended
+    if make == "cancel":
+        return
+    try:
+        report("done", make(progress, cancel))
+    except Exception as error:  # raised again where the film was wanted
+        report("failed", error)

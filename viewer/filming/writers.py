@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.atomic import atomic_path
+from runtime.atomic import atomic_path, temporary_folder
 from runtime.errors import FileError, UsageError
-from viewer.render.offscreen import save_png
 
 Frame = NDArray[np.uint8]  # (H, W, 3), sRGB
 FrameWriter = Callable[[Frame], None]  # called with each frame in its order
@@ -84,14 +83,19 @@ def _mp4(path: Path, size: tuple[int, int], fps: float) -> Iterator[FrameWriter]
         context.colorspace = context.color_primaries = context.color_trc = _BT709
         context.color_range = _LIMITED
         count = 0
+        failures: list[FileError] = []
 
         def encode(frame: Any) -> None:
+            if (
+                failures
+            ):  # frames that waited: a muxer that has failed ends the process when it is called again
+                raise failures[0]
             try:
                 container.mux(stream.encode(frame))
             except (av.FFmpegError, OSError) as error:
-                raise FileError(
-                    f"{path}: the film cannot be written ({error}).", "Choose a folder with space left."
-                ) from error
+                why = getattr(error, "strerror", None) or error
+                failures.append(FileError(f"{path}: {why}.", "Choose a folder with space left."))
+                raise failures[0] from error
 
         def write(frame: Frame) -> None:
             nonlocal count
@@ -110,18 +114,19 @@ def _mp4(path: Path, size: tuple[int, int], fps: float) -> Iterator[FrameWriter]
 
 @contextmanager
 def _numbered(path: Path, _size: tuple[int, int], _fps: float) -> Iterator[FrameWriter]:
-    """Frames NAME_00000.png and on; without their film they are taken away again."""
+    """Frames NAME_00000.png and on; they take their places, and those of an older film, when all are there."""
+    from PIL import Image
+
     written: list[Path] = []
 
     def write(frame: Frame) -> None:
-        written.append(save_png(frame, path.with_name(f"{path.stem}_{len(written):05d}.png")))
+        written.append(folder / f"{path.stem}_{len(written):05d}.png")
+        Image.fromarray(frame).save(written[-1], compress_level=3)
 
-    try:
+    with temporary_folder(beside=path) as folder:
         yield write
-    except BaseException:
         for made in written:
-            made.unlink(missing_ok=True)
-        raise
+            made.replace(path.with_name(made.name))
 
 
 @contextmanager

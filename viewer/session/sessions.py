@@ -13,13 +13,14 @@ from typing import Any
 
 from runtime.assets import model_folder, model_hashes, shipped_models
 from runtime.errors import SportError
+from runtime.interrupts import removed_when_ended
 from runtime.session import edits, library
 from runtime.session.history import History
 from runtime.session.library import SessionSummary
 from runtime.session.lost import LostTake
 from runtime.session.session import ModelName
 from runtime.session.session_file import SessionFile
-from runtime.session.sqlite_file import SUFFIX, FileInUse
+from runtime.session.sqlite_file import SUFFIX, FileInUse, lock_of, side_files
 from runtime.takes.metadata import origin_of
 from runtime.takes.pose_edits import NO_EDITS
 from viewer.editor import Editor
@@ -55,8 +56,10 @@ PLACES = {
 
 def first_file(folder: Path, cache: Path) -> tuple[SessionFile, str]:
     """The file of a session that has no name yet, and why it is not in `folder`; "" where it is."""
+    path = library.new_path(folder)
     try:
-        return SessionFile.create(library.new_path(folder), cache), ""
+        with removed_when_ended(path, *side_files(path), lock_of(path)):
+            return SessionFile.create(path, cache), ""
     except SportError as error:
         place = Path(tempfile.mkdtemp(prefix="sport-"))
         file = SessionFile.create(library.new_path(place), cache)

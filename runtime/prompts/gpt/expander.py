@@ -11,7 +11,6 @@ import importlib.util
 import json
 import logging
 import os
-import tempfile
 import threading
 import time
 from collections.abc import Iterator, Mapping
@@ -19,7 +18,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from runtime.atomic import write_atomic
+from runtime.atomic import temporary_folder, write_atomic
 from runtime.errors import FileError, PromptError, SportError, UsageError
 from runtime.prompts.expander import Expander, Expansion, PromptCancelledError, check_prompt
 from runtime.prompts.gpt.client import INSTALL, ChatClient, EndpointError
@@ -209,8 +208,8 @@ def check_endpoint(settings: GptSettings, stop: threading.Event) -> str:
     Waits for the answer: call it in a worker thread. SportError says what is wrong, PromptCancelledError that `stop`
     was set meanwhile.
     """
-    with tempfile.TemporaryDirectory(prefix="sport-check-") as empty_cache:
-        expander = GptExpander(settings, Path(empty_cache))
+    with temporary_folder() as empty_cache:
+        expander = GptExpander(settings, empty_cache)
         expander.prepare()
         started = time.monotonic()
         expander.expand(TEST_PROMPT, stop)

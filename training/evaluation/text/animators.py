@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from runtime.arrays import Array
+from runtime.atomic import temporary_folder
 from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
 from runtime.generate import generate_clip
 from runtime.motion.model import load_model
@@ -82,8 +82,8 @@ def animators(setting: Setting) -> dict[str, list[Outcome]]:
     """The outcomes of every section of the list."""
     model = load_model(setting.folders[0])
     prompter = Prompter(model)
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "clip.bvh"
+    with temporary_folder() as folder:
+        path = folder / "clip.bvh"
 
         def walk(prompt: str) -> dict[str, float]:
             seed = setting.args.seed

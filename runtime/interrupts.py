@@ -1,0 +1,203 @@
+"""Ends this process at Ctrl+C, SIGTERM or SIGHUP: unfinished files and child processes go, and one sentence says so.
+
+The handler raises nothing. An exception between any two lines would be lost in a callback of a library, leave a module
+half imported, or wait for a worker; and threads of libraries abort a process whose interpreter is taken down under them.
+It is imported before anything else, and imports next to nothing: until then Ctrl+C is a traceback.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sys
+import threading
+import time
+
+TYPE_CHECKING = False  # `typing`, too, would keep Ctrl+C waiting
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from pathlib import Path
+    from subprocess import CompletedProcess
+    from typing import NoReturn
+
+SIGNALS = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)  # Windows has no SIGHUP
+CLEAN_UP_S = 1.2  # after which the process ends with whatever is left
+
+
+class _Unfinished:
+    """What is to be undone when this process is ended: an action by a key, for a file, a folder or a session."""
+
+    def __init__(self) -> None:
+        self.actions: dict[object, Callable[[], object]] = {}
+        self.ending = False
+        self.remark = "what was unfinished is removed"  # of the sentence
+
+    def undo(self) -> None:
+        """Call all actions, the last one first; one that fails must not keep the others from being called."""
+        for action in reversed([*self.actions.values()]):
+            with contextlib.suppress(Exception):
+                action()
+
+
+_UNFINISHED = _Unfinished()
+
+
+def undo_when_ended(key: object, action: Callable[[], object]) -> None:
+    """Call `action` when a signal or a failure ends this process before `forget(key)`."""
+    while _UNFINISHED.ending and threading.current_thread() is not threading.main_thread():
+        time.sleep(1.0)  # the process is about to end: nothing new may begin
+    _UNFINISHED.actions[key] = action
+
+
+def forget(key: object) -> None:
+    """Take back `undo_when_ended`."""
+    _UNFINISHED.actions.pop(key, None)
+
+
+def remark_when_ended(remark: str) -> None:
+    """What the sentence about a signal says of this command, after "stopped by Ctrl+C;"."""
+    _UNFINISHED.remark = remark
+
+
+@contextlib.contextmanager
+def removed_when_ended(*paths: Path) -> Iterator[None]:
+    """Remove files when this process is ended within the block."""
+    for path in paths:
+        remove_when_ended(path)
+    try:
+        yield
+    finally:
+        for path in paths:
+            forget(path)
+
+
+def remove_when_ended(path: Path) -> None:
+    """Remove `path`, a file or an empty folder, when this process is ended before `forget(path)`."""
+    undo_when_ended(path, lambda: (path.rmdir if path.is_dir() else path.unlink)())
+
+
+def exit_code(number: int) -> int:
+    """The exit code of a process that ends because of a signal: 130 for SIGINT, 143 for SIGTERM."""
+    return 128 + number
+
+
+def take_signals(name: str) -> None:
+    """From now on a signal of `SIGNALS` ends this process, with the code of `exit_code`; main thread only.
+
+    A signal that is ignored stays ignored, as `nohup` wants. `name` is that of the command in the sentence on
+    stderr.
+    """
+    owner = os.getpid()
+
+    def end(number: int, _frame: object) -> None:
+        if os.getpid() != owner:  # a fork of the process, which says nothing and owns nothing
+            os._exit(exit_code(number))
+        end_now(number, name)
+
+    for number in SIGNALS:
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, end)
+
+
+def end_now(number: int, name: str) -> None:
+    """Undo what is unfinished, say so in a sentence, and end the process without taking the interpreter down.
+
+    It returns where that is under way already: a second signal does not cut short what the first one began.
+    """
+    if _UNFINISHED.ending:
+        return
+    _UNFINISHED.ending = True
+    threading.Thread(target=_end_late, args=(exit_code(number),), daemon=True).start()
+    end_children()
+    remove_shared = getattr(sys.modules.get("multiprocessing.util"), "_exit_function", None)
+    if remove_shared is not None:  # semaphores; the interpreter calls it at its end
+        remove_shared()
+    _UNFINISHED.undo()
+    with contextlib.suppress(OSError, ValueError, RuntimeError, AttributeError):  # it may be in use right now
+        sys.stdout.flush()
+    say(number, name, _UNFINISHED.remark)
+    os._exit(exit_code(number))
+
+
+def say(number: int, name: str, remark: str = "") -> None:
+    """Write the sentence about a signal to stderr, on a line of its own."""
+    begin = "\n" if os.isatty(2) else ""  # after the terminal's ^C or a line of progress
+    what = "Ctrl+C" if number == signal.SIGINT else signal.Signals(number).name
+    with contextlib.suppress(OSError):
+        os.write(2, f"{begin}{name}: stopped by {what}{remark and '; '}{remark}.\n".encode())
+
+
+def _end_late(code: int) -> None:
+    time.sleep(CLEAN_UP_S)
+    os._exit(code)
+
+
+def end_children() -> None:
+    """Kill the processes that `multiprocessing` has started here."""
+    multiprocessing = sys.modules.get("multiprocessing")
+    for process in () if multiprocessing is None else multiprocessing.active_children():
+        process.kill()
+
+
+@contextlib.contextmanager
+def signals_kept_from_children() -> Iterator[None]:
+    """Processes of `multiprocessing` that this thread starts within the block get no signal: this process ends them.
+
+    A terminal sends Ctrl+C to all of them, and they would say so in the midst of their imports.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # it would let the signals through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def run_child(
+    command: Sequence[str], timeout: float | None = None, env: Mapping[str, str] | None = None
+) -> CompletedProcess[str]:
+    """Run a program to its end and return its code and output; it is killed after `timeout` seconds or with this process.
+
+    subprocess.TimeoutExpired, OSError.
+    """
+    from subprocess import PIPE, CompletedProcess, Popen
+
+    with Popen(command, stdout=PIPE, stderr=PIPE, text=True, errors="replace", env=env) as child:
+        undo_when_ended(child, child.kill)
+        try:
+            out, err = child.communicate(timeout=timeout)
+        finally:
+            child.kill()
+            forget(child)
+    return CompletedProcess(command, child.returncode, out, err)
+
+
+def run_process(name: str, command: Callable[[], int | None]) -> NoReturn:
+    """Run a command that is this whole process, and end with its exit code; see `take_signals` and `run_command`."""
+    take_signals(name)
+    from runtime.errors import run_command
+
+    leave(run_command(name, command))
+
+
+def leave(code: int) -> NoReturn:
+    """End the process with an exit code, after a failure without what is unfinished.
+
+    The interpreter is not taken down: that takes seconds, and aborts where a library still runs threads.
+    """
+    if code:
+        _UNFINISHED.undo()
+    if "logging" in sys.modules:
+        sys.modules["logging"].shutdown()
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError, AttributeError):  # a pipe that nobody reads any more
+            stream.flush()
+    os._exit(code)

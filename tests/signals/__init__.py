@@ -1,0 +1,1 @@
+"""Signals at any moment of any command: how it ends, how soon, and what it leaves."""

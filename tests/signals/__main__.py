@@ -1,0 +1,77 @@
+"""`python -m tests.signals [--only NAME] [--moments N]`: SIGINT and SIGTERM at moments of each command, as a table."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from tests.signals.commands import COMMANDS, SPORT, STARTED_S, Place, run_signalled, words
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+def make_inputs(folder: Path) -> Path:
+    """The takes, session and list that the commands read."""
+    folder.mkdir()
+    for name, seconds in (("take", 2), ("long", 20)):
+        clip = ["generate", "--prompt", "zombie", "--seconds", str(seconds), "--out", f"{folder / name}.bvh"]
+        subprocess.run([*SPORT, *clip], check=True, stderr=subprocess.DEVNULL)
+    (folder / "list.csv").write_text("prompt,out\n" + "".join(f"zombie,{k}.bvh\n" for k in range(12)))
+    from runtime.session.session_file import SessionFile
+
+    SessionFile.create(folder / "one.sport", folder / "characters").close()
+    return folder
+
+
+def main() -> int:
+    """Print a row for each command and signal; 1 when anything is wrong."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", default="", help="commands whose name holds this")
+    parser.add_argument("--moments", type=int, default=12)
+    parser.add_argument("--limit", type=float, default=2.0, help="seconds from the signal to the end")
+    parser.add_argument("--group", action="store_true", help="to all processes, as a terminal does")
+    options = parser.parse_args()
+    print(
+        "| command | lasts (s) | signal | moments | slowest end (s) | wrong |\n| --- | --- | --- | --- | --- | --- |"
+    )
+    bad = 0
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        inputs = make_inputs(folder / "inputs")
+        for label, line in COMMANDS.items():
+            if options.only not in label:
+                continue
+            whole, begin = Place(folder / "whole", inputs), time.monotonic()
+            process = whole.start(words(line))
+            ended = whole.ended(process, begin, 120.0)
+            lasts = min(time.monotonic() - begin, 120.0)
+            if ended.code not in (0, 137):
+                print(f"{label}: {ended.said[-500:]}", file=sys.stderr)
+            shutil.rmtree(folder / "whole")
+            for number in SIGNALS:
+                slowest, wrong = 0.0, []
+                for k in range(options.moments):
+                    after_s = STARTED_S + (lasts - STARTED_S) * (k / options.moments) ** 1.5
+                    place = Place(folder / "run", inputs)
+                    ended = run_signalled(place, words(line), after_s, number, options.group)
+                    slowest = max(slowest, ended.seconds)
+                    wrong += [f"{after_s:.2f} s: {text}" for text in ended.problems(number, options.limit)]
+                    shutil.rmtree(folder / "run")
+                bad += len(wrong)
+                print(
+                    f"| {label} | {lasts:.1f} | {signal.Signals(number).name} | {options.moments} | {slowest:.2f} | {len(wrong)} |",
+                    flush=True,
+                )
+                for text in wrong:
+                    print(f"{label}: {signal.Signals(number).name} after {text}", file=sys.stderr, flush=True)
+    return int(bad > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from runtime.session.history import History
 from runtime.session.session import Session
 from runtime.session.session_file import SessionFile
+from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 
 Change = Callable[[Session], Session]
@@ -33,6 +35,8 @@ class Editor:
     session: Session = field(init=False)  # what holds now, with the drag under way
     _draft: Session | None = None
     _draft_label: str = ""
+    # by the numbers of the steps that jobs still make: what ends the job
+    _running: dict[int, Callable[[], None]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.opened = self.session = self.history.present.session
@@ -52,6 +56,54 @@ class Editor:
         self.history.push(label, after)
         self._changed(before)
         return True
+
+    def run(
+        self,
+        jobs: Jobs,
+        label: str,
+        slot: Slot,
+        work: Callable[[], Any],
+        change: Callable[[Any, Session], Session],
+        begin: Change = lambda session: session,
+        done: Callable[[Any], None] = lambda _: None,
+        **about: Any,
+    ) -> None:
+        """A step whose result a job makes: it is undone from now on, which ends the job.
+
+        `change(result, session)` is made to the step and to every later one, so it must look whether a session still has
+        what the job was begun for. `begin` is made at once. `about` is what else `Jobs.submit` takes.
+        """
+        self.finish_drag()
+        before = self.session
+        number = self.history.push(label, begin(before), awaited=True).number
+        self._running[number] = partial(jobs.end_slot, slot)
+        self._tell(before)
+
+        def land(result: Any) -> None:
+            if self._running.pop(number, None) is not None:
+                self._land(number, partial(change, result))
+                done(result)
+
+        jobs.submit(slot, work, land, failed=lambda _: self._abandon(number), **about)
+
+    def _land(self, number: int, change: Change) -> None:
+        before = self.session
+        self.history.land(number, change)
+        self._draft = None if self._draft is None else change(self._draft)
+        self._changed(before)
+
+    def _abandon(self, number: int) -> None:
+        """A step that a job makes is none; the job ends."""
+        end, before = self._running.pop(number, None), self.session
+        if end is not None:
+            end()
+            self.history.drop(number)
+            self._changed(before)
+
+    def end_running(self) -> None:
+        """End every job that makes a step."""
+        for number in sorted(self._running, reverse=True):
+            self._abandon(number)
 
     def drag(self, label: str, change: Change) -> None:
         """A change while the mouse holds something: shown at once, one step with all that follows under this label."""
@@ -112,8 +164,11 @@ class Editor:
         self.finish_drag()
         if any([take_back() for take_back in self.withdraw]):
             return
-        label = self.history.undo_label
-        if self._go(-1):
+        label, present = self.history.undo_label, self.history.present
+        if present.awaited:
+            self._abandon(present.number)
+            self.messages.note(f"Undone: {label}, before it was done.")
+        elif self._go(-1):
             self.messages.note(f"Undone: {label}. Ctrl+Y redoes it.")
         else:
             self.messages.note("Nothing to undo.")
@@ -144,7 +199,7 @@ class Editor:
         self._tell(before)
 
     def _changed(self, before: Session) -> None:
-        self.file.write(self.history)
+        self.file.write(self.history.settled)
         self._tell(before)
 
     def _tell(self, before: Session) -> None:

@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable, Hashable, Iterator
 from concurrent.futures import CancelledError, Future, wait
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from runtime.errors import SportError
@@ -25,8 +26,8 @@ PATIENCE_S = 0.7  # a file that is read or written faster is not mentioned
 AT_ONCE = 2  # jobs that neither read nor write a file of the user
 
 
-class ReadingCancelled(SportError):
-    """The user has stopped the reading of a file."""
+class JobCancelled(SportError):
+    """The user has ended a job."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,7 @@ class _Job:
     failed: Callable[[Exception], None] | None
     reading: str = ""  # what is read: it can be cancelled, and the end of the program does not wait for it
     writing: str = ""  # what is written: the end of the program waits for it
+    doing: str = ""  # what else the status line says of it
     cancel: Callable[[], None] | None = None  # ends it early
     begun: float = field(default_factory=time.monotonic)
     dropped: bool = False  # its result comes no more
@@ -53,8 +55,14 @@ class _Job:
     @property
     def words(self) -> str:
         """What the job is about, as a sentence begins."""
-        what = self.writing or self.slot.what
+        what = self.writing or self.doing or self.slot.what
         return self.reading or what[:1].upper() + what[1:]
+
+    @property
+    def shown(self) -> str:
+        """What the status line says; "" for nothing."""
+        about = (("Reading", self.reading), ("Writing", self.writing))
+        return next((f"{verb} {what}" for verb, what in about if what), self.doing)
 
 
 @dataclass
@@ -67,7 +75,7 @@ class Jobs:
     messages: Messages
     blocking: bool = False
     first_error: SportError | None = None
-    progress: dict[Slot, str] = field(default_factory=dict)  # how far what is written is; any thread
+    progress: dict[Slot, str] = field(default_factory=dict)  # how far a job is; written by any thread
     _turn: threading.Semaphore = field(default_factory=lambda: threading.Semaphore(AT_ONCE))
     _jobs: list[_Job] = field(default_factory=list)
 
@@ -79,18 +87,19 @@ class Jobs:
         failed: Callable[[Exception], None] | None = None,
         reading: str = "",
         writing: str = "",
+        doing: str = "",
         cancel: Callable[[], None] | None = None,
     ) -> None:
         """Run `work` on a thread, then `done(result)` here; a failure is posted and given to `failed`.
 
-        `reading` is the name of a file that is read: `cancel_reading` ends that. `writing` says what is written, in words
-        for the user. `cancel` makes a job that runs end early.
+        `reading` is the name of a file that is read: `cancel_reading` ends that. `writing` says what is written, `doing`
+        what else is done, in words for the user. `cancel` makes a job that runs end early.
         """
         before = [job.future for job in self._of(slot, writing=True)]
         if not writing:
             self._drop(self._of(slot, writing=False))
         future: Future[Any] = Future()
-        self._jobs.append(_Job(slot, future, done, failed, reading, writing, cancel))
+        self._jobs.append(_Job(slot, future, done, failed, reading, writing, doing, cancel))
 
         def run() -> None:
             wait(before if writing else ())
@@ -118,7 +127,8 @@ class Jobs:
         return [job for job in self._jobs if job.slot == slot and bool(job.writing) is writing]
 
     def _drop(self, jobs: list[_Job]) -> None:
-        """End jobs whose results are not needed, as far as they let themselves be ended."""
+        """End jobs whose results are not needed, as far as they let themselves be ended; what is read is forgotten."""
+        self._jobs = [job for job in self._jobs if not (job.reading and job in jobs)]
         for job in jobs:
             job.dropped = True
             if not job.future.cancel() and job.cancel is not None:
@@ -128,26 +138,33 @@ class Jobs:
         """What the status line says is read or written, once that takes a while, and what ends it early; "" for nothing."""
         late = time.monotonic() - PATIENCE_S
         for job in self._jobs:
-            if job.begun < late and not job.dropped and job.reading:
-                return f"Reading {job.reading}", self.cancel_reading
-            if job.begun < late and not job.dropped and job.writing:
-                return ": ".join(
-                    filter(None, (f"Writing {job.writing}", self.progress.get(job.slot)))
-                ), job.cancel
+            if job.begun < late and not job.dropped and job.shown:
+                text = ": ".join(filter(None, (job.shown, self.progress.get(job.slot))))
+                if job.reading:
+                    return text, self.cancel_reading
+                return text, job.cancel if job.writing else partial(self._cancel, [job])
         return "", None
 
     def cancel_reading(self) -> None:
         """Drop what is being read: its result comes no more."""
-        stopped = [job for job in self._jobs if job.reading and not job.dropped]
-        self._jobs = [job for job in self._jobs if not job.reading]
-        self._drop(stopped)
-        for job in stopped:
-            self.messages.note(f"Stopped reading {job.reading}.")
+        self._cancel([job for job in self._jobs if job.reading and not job.dropped])
+
+    def _cancel(self, jobs: list[_Job]) -> None:
+        """End jobs for the user, who is told."""
+        self._drop(jobs)
+        for job in jobs:
+            self.messages.note(
+                f"Stopped reading {job.reading}." if job.reading else f"{job.words}: cancelled."
+            )
             if job.failed is not None:
-                job.failed(ReadingCancelled(f"{job.reading}: cancelled."))
+                job.failed(JobCancelled(f"{job.words}: cancelled."))
 
     def busy(self, slot: Slot) -> bool:
-        return any(job.slot == slot for job in self._jobs)
+        return any(job.slot == slot and not job.dropped for job in self._jobs)
+
+    def end_slot(self, slot: Slot) -> None:
+        """End what makes a result in a slot; it comes no more."""
+        self._drop(self._of(slot, writing=False))
 
     def deliver(self) -> None:
         """Hand over what has finished; call once a frame."""

@@ -10,11 +10,16 @@ from runtime.session.session import LIVE, MIN_FRAMES, Session, Take
 MAX_NAME = 60
 
 
-def with_new_take(session: Session, take: Take) -> Session:
-    """The session with one take more at the end, selected."""
-    number = session.counter + 1
+def with_number(session: Session) -> Session:
+    """The session with the number of its next take given to one that is still being made."""
+    return replace(session, counter=session.counter + 1)
+
+
+def with_new_take(session: Session, take: Take, number: int = LIVE) -> Session:
+    """The session with one take more at the end, selected; `number` where it was given one already."""
+    number = number or session.counter + 1
     takes = (*session.takes, replace(take, number=number))
-    return replace(session, takes=takes, counter=number, selected=number)
+    return replace(session, takes=takes, counter=max(number, session.counter), selected=number)
 
 
 def without_take(session: Session, number: int) -> Session:

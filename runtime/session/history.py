@@ -12,11 +12,15 @@ MAX_STEPS = 200
 
 @dataclass(frozen=True)
 class Step:
-    """A session, and the edit that made it in the user's words; `number` counts all steps that there ever were."""
+    """A session, and the edit that made it in the user's words; `number` counts all steps that there ever were.
+
+    A step that is `awaited` was begun, and a job is still making its result.
+    """
 
     number: int
     label: str
     session: Session
+    awaited: bool = False
 
 
 @dataclass
@@ -40,13 +44,38 @@ class History:
         """What redo would do again; "" when there is nothing."""
         return self.steps[self.at + 1].label if self.at + 1 < len(self.steps) else ""
 
-    def push(self, label: str, session: Session) -> None:
+    @property
+    def settled(self) -> History:
+        """The history without steps that are awaited: what a file keeps."""
+        steps = [step for step in self.steps if not step.awaited]
+        return History(steps, sum(not step.awaited for step in self.steps[: self.at + 1]) - 1)
+
+    def push(self, label: str, session: Session, awaited: bool = False) -> Step:
         """A new step after the present one; what was undone is forgotten, and the oldest beyond `MAX_STEPS`."""
-        number = self.present.number + 1
         del self.steps[self.at + 1 :]
-        self.steps.append(Step(number, label, session))
-        del self.steps[: -MAX_STEPS - 1]
+        self.steps.append(Step(self.present.number + 1, label, session, awaited))
+        excess = len(self.steps) - MAX_STEPS - 1
+        if excess > 0:  # the oldest one that is kept is none that is awaited
+            first = next(i for i, step in enumerate(self.steps) if i >= excess and not step.awaited)
+            del self.steps[:first]
         self.at = len(self.steps) - 1
+        return self.steps[-1]
+
+    def land(self, number: int, change: Callable[[Session], Session]) -> None:
+        """The result of an awaited step is there: the change is made to it and to every later step."""
+        self.steps = [
+            replace(s, session=change(s.session), awaited=s.awaited and s.number != number)
+            if s.number >= number
+            else s
+            for s in self.steps
+        ]
+
+    def drop(self, number: int) -> None:
+        """An awaited step has no result, and is as if it had not been begun."""
+        at = next((i for i, s in enumerate(self.steps) if s.number == number and s.awaited), -1)
+        if at > 0:
+            del self.steps[at]
+            self.at -= self.at >= at
 
     def replace(self, session: Session) -> None:
         """Another session in the place of the present one, as the same step."""

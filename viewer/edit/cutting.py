@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from runtime.session import edits
 from runtime.session.motion import Motion
-from runtime.session.session import LIVE, Take
+from runtime.session.session import LIVE, Session, Take
 from runtime.takes.clip import Clip
 from runtime.takes.joined import joined, repeated, without
 from runtime.terrain.height_map import Terrain
@@ -16,7 +16,7 @@ from viewer.gui import widgets
 from viewer.jobs import Slot
 from viewer.session.takes import Takes
 
-SLOT = Slot("cut of a take")
+CUTTING = Slot("cut of a take")
 TIMES = (2, 3, 4, 8)
 MAX_FRAMES = 216_000  # of what is made: an hour
 CUT_HINT = "A new take without the frames between the trim handles, blended over the gap"
@@ -81,13 +81,21 @@ class Cutting:
         cameras = tuple(replace(k, seconds=k.seconds - start) for k in take.cameras if k.seconds >= start)
         name = name[: edits.MAX_NAME]
 
-        def done(clip: Clip) -> None:
-            made = Take(motion=Motion.of(replace(clip, name=name)), cameras=cameras, ground=take.ground)
-            self.takes.editor.do(name, lambda session: edits.with_new_take(session, made))
-            self.takes.play(self.takes.session.selected)
+        editor, number = self.takes.editor, self.takes.session.counter + 1
+
+        def make() -> Take:
+            motion = Motion.of(replace(work(), name=name))
+            return Take(motion=motion, cameras=cameras, ground=take.ground)
+
+        def add(made: Take, session: Session) -> Session:
+            return edits.with_new_take(session, made, number)
+
+        def done(_: Take) -> None:
+            self.takes.play(number)
             self.takes.messages.note(f"{name} is in the list.")
 
-        self.takes.jobs.submit(SLOT, work, done)
+        slot = replace(CUTTING, of=number)
+        editor.run(self.takes.jobs, name, slot, make, add, edits.with_number, done, doing=f"Making {name}")
 
     def menu(self) -> None:
         take = self.takes.played

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -28,12 +30,13 @@ from runtime.takes.input_edits import Edit
 from runtime.takes.input_recording import InputRecording, Steppable, StyleChange, resimulate, resimulated_take
 from runtime.takes.metadata import Origin, PromptEvent, origin_of, title
 from viewer.edit.tracks import Tracks, mark_at, tracks_of, words_of
-from viewer.jobs import Slot
+from viewer.editor import Change
+from viewer.jobs import JobCancelled, Slot
 from viewer.prompt.prompt_controller import PromptController
 from viewer.session.playback import Playback
 from viewer.session.takes import Takes
 
-SLOT = Slot("resimulation of a take")
+RESIMULATION = Slot("resimulation of a take")
 MAX_LABEL = 32  # characters of a prompt in the name of an edit
 # the driven clip, its input, a controller of its model and what hears the progress; another clip with its input
 Work = Callable[[Clip, InputRecording, Steppable, Callable[[float], None]], tuple[Clip, InputRecording]]
@@ -45,7 +48,6 @@ class Resimulation:
 
     takes: Takes
     prompting: PromptController
-    progress: float = 0.0  # fraction of the frames that were resimulated; written by the worker
     part_tracks: bool = False
     new_prompt: str = ""
     focus_requested: bool = False  # of the take's prompt
@@ -54,7 +56,8 @@ class Resimulation:
     parts: dict[str, str] = field(default_factory=dict)
     _tracks: Tracks | None = None
     _model: tuple[Origin, Controller, bool] | None = None  # whether a controller made what has an origin
-    _left_out: int = 0  # changed plants that the take has no steps for; written by the worker
+    # by the number of a take, the fraction of its frames that were resimulated; written by workers
+    _done: dict[int, float] = field(default_factory=dict)
 
     @property
     def playback(self) -> Playback | None:
@@ -67,7 +70,13 @@ class Resimulation:
 
     @property
     def busy(self) -> bool:
-        return self.takes.jobs.busy(SLOT)
+        """Whether the take that plays is being resimulated."""
+        return self.take is not None and self.takes.jobs.busy(replace(RESIMULATION, of=self.take.number))
+
+    @property
+    def progress(self) -> float:
+        """How much of the take that plays was resimulated."""
+        return 0.0 if self.take is None else self._done.get(self.take.number, 0.0)
 
     @property
     def model(self) -> Controller | None:
@@ -203,42 +212,65 @@ class Resimulation:
         if points:
             self.run("path", work, points)
 
-    def run(self, label: str, work: Work, path: tuple[Waypoint, ...] = ()) -> None:
-        """Resimulate the take that plays by `work`, on a worker thread."""
+    def run(
+        self,
+        label: str,
+        work: Work,
+        path: tuple[Waypoint, ...] = (),
+        also: Change = lambda session: session,
+    ) -> None:
+        """Resimulate the take that plays by `work`, on a worker thread; the step makes the change `also` at once."""
         take, model = self.take, self.model
         if take is None or model is None or self.fixed:
             self.takes.messages.warn(self.fixed)
             return
-        motion, self.progress = take.made, 0.0
+        motion, number = take.made, take.number
 
-        def made() -> Motion:
+        def made(progress: Callable[[float], None]) -> tuple[Motion, int]:
             inputs = motion.inputs
             assert inputs is not None
-            clip, again = work(motion.clip, inputs, model.twin(), self.note_progress)
-            self._left_out = unfitted(clip, take.poses.footplants)
-            return Motion.of(clip, again)
+            clip, again = work(motion.clip, inputs, model.twin(), progress)
+            return Motion.of(clip, again), unfitted(clip, take.poses.footplants)
 
-        self.takes.jobs.submit(SLOT, made, lambda result: self._take(take, result, label, path))
+        def change(result: tuple[Motion, int], session: Session) -> Session:
+            now = session.take(number)
+            if now is None or now.motion != motion:
+                return session
+            return edits.resimulated(session, number, result[0]).with_take(number, path=path)
 
-    def note_progress(self, fraction: float) -> None:
-        self.progress = fraction
+        def done(result: tuple[Motion, int]) -> None:
+            text, dropped = f"{take.title}: {label}. Ctrl+Z undoes it.", result[1]
+            if dropped:
+                count = "One changed footplant" if dropped == 1 else f"{dropped} changed footplants"
+                self.takes.messages.warn(f"{count} of {take.title} dropped: the steps have changed. {text}")
+            else:
+                self.takes.messages.note(text)
 
-    def _take(self, before: Take, motion: Motion, label: str, path: tuple[Waypoint, ...]) -> None:
-        now = self.takes.session.take(before.number)
-        if now is None or now.motion != before.motion:  # undone meanwhile
-            return
+        self.submit(f"{label} of {take.title}", take, made, change, done, also)
 
-        def change(session: Session) -> Session:
-            made = edits.resimulated(session, before.number, motion)
-            return made.with_take(before.number, path=path)
+    def submit(
+        self,
+        label: str,
+        take: Take,
+        work: Callable[[Callable[[float], None]], Any],
+        change: Callable[[Any, Session], Session],
+        done: Callable[[Any], None],
+        also: Change = lambda session: session,
+    ) -> None:
+        """Have a worker make the step of an edit from the input of a take."""
+        slot, ended, jobs = replace(RESIMULATION, of=take.number), threading.Event(), self.takes.jobs
+        self._done[take.number] = 0.0
 
-        self.takes.editor.do(f"{label} of {before.title}", change)
-        text = f"{before.title}: {label}. Ctrl+Z undoes it."
-        if self._left_out:
-            count = "One changed footplant" if self._left_out == 1 else f"{self._left_out} changed footplants"
-            self.takes.messages.warn(f"{count} of {before.title} dropped: the steps have changed. {text}")
-        else:
-            self.takes.messages.note(text)
+        def progress(fraction: float) -> None:
+            if ended.is_set():
+                raise JobCancelled("Resimulation: cancelled.")
+            self._done[take.number] = fraction
+            jobs.progress[slot] = f"{fraction:.0%}"
+
+        self.takes.editor.run(
+            jobs, label, slot, lambda: work(progress), change, also, done,
+            doing=f"Resimulating {take.title}", cancel=ended.set,
+        )  # fmt: skip
 
     # --- going on
 
@@ -248,34 +280,33 @@ class Resimulation:
         if take is None or playback is None or model is None or self.fixed:
             self.takes.messages.warn(self.fixed)
             return
-        motion, frame = take.made, playback.frame
-
-        def work() -> tuple[Snapshot, Pose]:
-            inputs, twin = motion.inputs, model.twin()
-            assert inputs is not None
-            poses, _ = resimulate(inputs, twin, frame, frame)
-            return take_snapshot(twin), poses[-1]
-
-        self.takes.jobs.submit(SLOT, work, lambda made: self._go_on(take, frame, *made))
-
-    def _go_on(self, take: Take, frame: int, snapshot: Snapshot, pose: Pose) -> None:
-        inputs = take.made.inputs
+        frame, before, inputs = playback.frame, self.takes.session, take.made.inputs
         if inputs is None:
             return
         style, ground = _style_at(inputs, frame), inputs.ground(frame)
         blend = None if style is None else style.note or PromptBlend((_answer_of(style), None))
 
-        def change(session: Session) -> Session:
-            if ground is not None:
-                session = replace(session, ground=Ground.of(ground.name, ground.terrain.seen_by(1.0)))
-            return session if blend is None else session.with_take(LIVE, prompt=blend)
+        def work(progress: Callable[[float], None]) -> tuple[Snapshot, Pose]:
+            twin = model.twin()
+            poses, _ = resimulate(inputs, twin, frame, frame, progress)
+            return take_snapshot(twin), poses[-1]
 
-        self.takes.close_playback()
-        self.prompting.adopt(f"going on from frame {frame} of {take.title}", change)
-        self.takes.scene.go_on_from(snapshot, pose)
-        if style is not None:
-            self.takes.mark_style_in_force(style)
-        self.takes.messages.note(f"Live from frame {frame} of {take.title}.")
+        def change(_: object, session: Session) -> Session:
+            if ground is not None and session.ground == before.ground:
+                session = replace(session, ground=Ground.of(ground.name, ground.terrain.seen_by(1.0)))
+            if blend is not None and session.live.prompt == before.live.prompt:
+                session = session.with_take(LIVE, prompt=blend)
+            return session
+
+        def done(made: tuple[Snapshot, Pose]) -> None:
+            self.takes.close_playback()
+            self.takes.scene.go_on_from(*made)
+            if style is not None and blend is not None:
+                self.takes.mark_style_in_force(style)
+                self.prompting.moves_by(blend)
+            self.takes.messages.note(f"Live from frame {frame} of {take.title}.")
+
+        self.submit(f"going on from frame {frame} of {take.title}", take, work, change, done)
 
 
 def _style_at(inputs: InputRecording, frame: int) -> StyleChange | None:

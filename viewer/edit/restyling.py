@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from runtime.session import edits
 from runtime.session.motion import Motion
 from runtime.session.session import Reference, Session, Take
 from runtime.takes.restyle import PathError, path_error, restyled
-from viewer.edit.resimulation import SLOT, Resimulation
+from viewer.edit.resimulation import Resimulation
 
 LATE_S = 0.15  # by which the new take may be off the time of the clip without a word
 
@@ -24,25 +25,25 @@ def restyle(editing: Resimulation, prompt: str) -> None:
         return
     take, ground, terrain = playback.take, takes.scene.ground, takes.scene.terrain
     clip = playback.clip.trim(playback.first, playback.last)
-    editing.progress = 0.0
 
-    def work() -> tuple[Motion, PathError]:
+    def work(progress: Callable[[float], None]) -> tuple[Motion, PathError]:
         walker = controller.twin()
         walker.set_terrain(terrain)
-        made, inputs = restyled(clip, walker, editing.style(0, prompt, None), editing.note_progress)
+        made, inputs = restyled(clip, walker, editing.style(0, prompt, None), progress)
         made = replace(made, name=f"{take.title}, restyled", size=terrain.unit_m)
         return Motion.of(made, inputs), path_error(made, clip)
 
+    def change(found: tuple[Motion, PathError], session: Session) -> Session:
+        led = session.take(take.number)
+        if led is None or led.motion != take.motion:
+            return session
+        made = edits.with_new_take(session, Take(motion=found[0], ground=ground))
+        return replace(made, reference=Reference(take=take.number))
+
     def done(found: tuple[Motion, PathError]) -> None:
-        motion, error = found
-
-        def change(session: Session) -> Session:
-            session = edits.with_new_take(session, Take(motion=motion, ground=ground))
-            kept = session.take(take.number) is not None
-            return replace(session, reference=Reference(take=take.number)) if kept else session
-
-        takes.editor.do(f"restyling of {take.title}", change)
-        takes.play(takes.session.counter)
+        error, new = found[1], takes.session.takes[-1:]
+        if new and new[0].motion == found[0]:
+            takes.play(new[0].number)
         if error.time_s > LATE_S:
             text = f"{take.title} goes faster than these words can: the new take is {error.time_s:.1f} s off its time."
             takes.messages.warn(text)
@@ -51,4 +52,4 @@ def restyle(editing: Resimulation, prompt: str) -> None:
                 f"{take.title} restyled: {100.0 * error.path_m:.0f} cm off its path, {error.time_s:.2f} s off its time."
             )
 
-    takes.jobs.submit(SLOT, work, done)
+    editing.submit(f"restyling of {take.title}", take, work, change, done)

@@ -172,7 +172,6 @@ class PromptController:
     _exact_legs: bool = True  # as the style in force was made
     _due_seconds: float | None = None  # a style waits for the character, with this transition
     _styled: bool = False  # the character has had a style
-    _adopting: bool = False  # the character moves by the coming edit already
     _coding: bool = False  # codes of another model are on their way
     _numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
 
@@ -291,11 +290,13 @@ class PromptController:
 
     def adopt(self, label: str, change: Change) -> None:
         """A step after which the character moves by the prompt already: it is in force without a transition."""
-        self._adopting = True
-        try:
-            self.editor.do(label, change)
-        finally:
-            self._adopting = False
+        self.editor.do(label, change)
+        self.moves_by(self.prompt)
+
+    def moves_by(self, blend: PromptBlend) -> None:
+        """The character moves by a blend already; from there it changes to the prompt in force, if that is another one."""
+        self._due_seconds = None
+        self._change_style(blend, self.prompt)
 
     def _do(self, label: str, change: Callable[[PromptBlend], PromptBlend]) -> None:
         self.editor.do(label, _with_prompt(change))
@@ -315,10 +316,7 @@ class PromptController:
             if question and (opened or (question.answered and not question.held_by(prompt.answers[side]))):
                 self._give_up(side)
         self._fill(shown, prompt, every=opened)
-        if self._adopting:
-            self._due_seconds = None
-        else:
-            self._change_style(shown, prompt)
+        self._change_style(shown, prompt)
 
     def _change_style(self, old: PromptBlend, new: PromptBlend) -> None:
         """Have the character change from one blend to another: at once while only weights are dragged or measured."""

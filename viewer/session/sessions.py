@@ -249,6 +249,7 @@ class Sessions:
 
     def revert(self) -> None:
         """Back to what the session was when it was opened; a step of undo."""
+        self.editor.end_running()
         opened = self.editor.opened
         if not self.editor.do("revert to when it was opened", lambda _: opened):
             self.messages.note("Nothing was changed since it was opened.")
@@ -271,6 +272,7 @@ class Sessions:
     # --- from one session to the other
 
     def _use(self, file: SessionFile, history: History) -> None:
+        self.editor.end_running()
         self.editor.finish_drag()
         self.takes.end_recording()
         self.takes.close_playback()
@@ -405,6 +407,7 @@ class Sessions:
 
         Not `ended` as planned, that start offers the session.
         """
+        self.editor.end_running()
         self.editor.finish_drag()
         self.takes.end_recording()
         file, empty = self.editor.file, self._is_empty or (not keep and self.path is None)

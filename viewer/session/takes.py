@@ -354,18 +354,15 @@ class Takes:
     def _open(
         self, path: Path, keep_ground: bool, animation: str, show: Callable[[int], None], selects: bool = True
     ) -> None:
-        load = None if keep_ground else self.scene.read_ground
+        load, number = None if keep_ground else self.scene.read_ground, self.session.counter + 1
+
+        def add(found: Opened, session: Session) -> Session:
+            made = edits.with_new_take(session, found.take, number)
+            return made if selects else replace(made, selected=session.selected)
 
         def opened(found: Opened) -> None:
-            selected = self.session.selected
-
-            def add(session: Session) -> Session:
-                made = edits.with_new_take(session, found.take)
-                return made if selects else replace(made, selected=selected)
-
-            self.editor.do(f"opening of {path.name}", add)
-            self.animations[self.session.counter] = path, found.animations
-            show(self.session.counter)
+            self.animations[number] = path, found.animations
+            show(number)
             self.messages.note(found.text)
             if found.problem:
                 shown = self.scene.terrain.name
@@ -373,8 +370,17 @@ class Takes:
                     f"{found.problem} It plays on {shown}. Put that file into the same folder and open it again."
                 )
 
-        self.jobs.submit(
-            replace(OPENING, of=path), partial(read_take, path, load, animation), opened, reading=path.name
+        work = partial(read_take, path, load, animation)
+        slot = replace(OPENING, of=(path, animation))
+        self.editor.run(
+            self.jobs,
+            f"opening of {path.name}",
+            slot,
+            work,
+            add,
+            edits.with_number,
+            opened,
+            reading=path.name,
         )
 
     # --- playback

@@ -8,7 +8,6 @@ from functools import partial
 
 from runtime.safe_read import printable
 from viewer.edit.resimulation import Resimulation
-from viewer.edit.tracks import extra_rows
 from viewer.gl_bindings import imgui
 from viewer.gui import help, status, theme, widgets
 from viewer.gui.defects import Defects, safe_panel
@@ -56,7 +55,6 @@ class Shell:
     focus: Focus = field(default_factory=Focus)
     _system_fonts: SystemFonts = field(init=False)
     _scale: float = 0.0
-    _scene_height: float = 0.0
     _layout: Layout = field(default_factory=lambda: arrange(64.0, 64.0, 1.0))
     _windows: list[str] = field(default_factory=list)  # of panels, in the order of the keyboard
 
@@ -137,13 +135,10 @@ class Shell:
         """Fit the panels to the window for a UI scale; call before `draw`, within an ImGui frame."""
         if scale != self._scale:
             theme.apply_style(scale)
-            self._scale, self._scene_height = scale, 0.0
+            self._scale = scale
         imgui.get_style().font_scale_main = self.settings.text_size
         size, playing = imgui.get_io().display_size, self.editing.playback is not None
-        tracks = extra_rows(self.editing.take, self.editing.part_tracks)
-        panels = self.state.panels_open
-        kept = max(panel.least_height() for panel in self.panels)
-        self._layout = arrange(size.x, size.y, scale, panels, playing, self._scene_height, tracks, kept)
+        self._layout = arrange(size.x, size.y, scale, self.state.panels_open, playing)
 
     def draw_at(self, scale: float) -> None:
         """Fit and draw every panel, for a pass that only takes input."""
@@ -217,17 +212,10 @@ class Shell:
         for panel in shown:
             rect = rects[panel.place]
             if rect is not None:
-                self._window(panel.name, rect, partial(self._titled, panel, rect))
+                self._window(panel.name, rect, partial(draw_titled, panel, rect, self.fonts))
         for name, tabs, rect in (("Right", right, layout.right_tabs), ("Tabs", shown, layout.tabs)):
             if rect is not None:
                 self._window(name, rect, partial(draw_tabs, tabs, rect))
-
-    def _titled(self, panel: Panel, rect: Rect) -> None:
-        draw_titled(panel, rect, self.fonts)
-        if panel.place is PanelPlace.RIGHT_TOP:
-            # the contents end one spacing above the cursor; the next frame fits the window to them
-            spacing, padding = imgui.get_style().item_spacing.y, imgui.get_style().window_padding.y
-            self._scene_height = imgui.get_cursor_pos_y() + imgui.get_scroll_y() - spacing + padding
 
     def _window(self, name: str, rect: Rect, contents: Callable[[], None]) -> None:
         self._windows.append(name)

@@ -182,7 +182,7 @@ def test_undo_removes_the_camera_key_and_not_the_pin_before_it(start: Start) -> 
 def test_a_shape_of_the_mannequin_is_one_step_and_comes_back_as_sliders(start: Start, tmp_path: Path) -> None:
     app = start(services={"load_character": services.load_character})
     run(app, 2)
-    click_on(app, "Open a file, shape the body")
+    click_on(app, "Files, body, links")
     begin, end = (place(app, "##shape height", share=share) for share in (0.5, 0.2))
     steps = app.editor.history.present.number
     drag(app, begin, end)
@@ -204,7 +204,7 @@ def test_the_unit_of_a_character_is_chosen_and_undone(start: Start, tmp_path: Pa
     app.open_files([RIGS["centimetres"](tmp_path / "rig.glb")])
     run(app, 6)
     guessed = app.scene.size
-    click_on(app, "Open a file, shape the body")
+    click_on(app, "Files, body, links")
     click_on(app, "##character unit")
     click_on(app, "Unit: inches")
     run(app, 4)

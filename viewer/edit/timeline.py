@@ -19,6 +19,7 @@ from viewer.gui.widgets import px
 from viewer.session.playback import Playback
 
 RULER, SPACING = 26.0, 3.0  # pixels at scale 1, as all lengths here
+USUAL_TRACKS, USUAL_HEIGHT = 8, 109.0  # what every take has, and the height of those tracks
 TALLEST = 1.6  # of a track's height, where there is room
 TICK_STEPS = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 3600, 7200, 18000, 36000)
 TICK_WIDTH = 56.0  # at least, between two numbers
@@ -445,8 +446,11 @@ class Timeline:
 
 
 def _fitting(tracks: Sequence[Track], room: float) -> tuple[Sequence[Track], float]:
-    """The tracks for which there is room, and how much taller than they need they are drawn."""
-    fits = (room - RULER - (len(tracks) + 1) * SPACING) / (sum(track.height for track in tracks) + 2.0)
+    """The tracks for which there is room, and how much taller than they need they are drawn.
+
+    That does not depend on how many there are: no track moves when another one appears.
+    """
+    fits = (room - RULER - (USUAL_TRACKS + 1) * SPACING) / USUAL_HEIGHT
     if fits < 1.0:
         return [track for track in tracks if not track.optional], 1.0
     return tracks, min(fits, TALLEST)

@@ -12,7 +12,6 @@ from runtime.controls import Gait
 from runtime.errors import SportError
 from runtime.prompts.blend import BlendedPrompt, Words, read_words
 from runtime.prompts.parts import PartDescriptions
-from runtime.session.session import Take
 from runtime.skeleton import PART_NAMES
 from runtime.takes.clip import Clip
 from runtime.takes.input_edits import PromptSpan, gait_spans, prompt_spans
@@ -109,9 +108,3 @@ def lanes(pins: Sequence[Pin]) -> list[list[int]]:
         else:
             lane.append(i)
     return found
-
-
-def extra_rows(take: Take | None, parts: bool) -> int:
-    """How many tracks a take has besides those that every one has."""
-    own = 0 if take is None else len(lanes(take.poses.pins)) + bool(take.cameras) + bool(take.poses.layer)
-    return own + (len(PART_NAMES) if parts else 0)

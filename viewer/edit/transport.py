@@ -30,8 +30,8 @@ from viewer.session.playback import Playback
 
 SPEEDS = (0.1, 2.0)
 WIDE = 520.0  # pixels at scale 1: words next to the icons
+GAP, TOOL_PADDING = 4.0, 11.0  # between two buttons, and beside the words of one
 TINY = 400.0  # in less only what has no other way stays
-COMPARE_POPUP = "compare"
 CUT_HINT = "Split, cut, repeat the take, or join another one to it"
 NEW_PIN_HINT = "Hold a hand, a foot, the look or the pose from this frame on, or key the camera here"
 PROMPTS, ROW, FEET = 21.0, 15.0, 8.0  # heights at scale 1, where there is no more room
@@ -93,16 +93,20 @@ class TakeTracks:
         ]  # fmt: skip
 
     def _of_edits(self, playback: Playback) -> list[Track]:
-        take, fps, pins, cameras = playback.take, playback.clip.fps, self.pins, self.cameras
-        posing, rows = self.posing, []
-        if take.cameras:
-            track = Track("camera", "Camera", ROW, _points(take.cameras, fps), (theme.ACCENT,), CAMERA_HINT)
-            rows.append(_keyed(track, playback, cameras.remove, cameras.move))
-        if take.poses.layer.keys:
-            marks = _points(take.poses.layer.keys, fps)
-            track = Track("poses", "Pose", ROW, marks, (POSE_TINT,), POSE_HINT)
-            rows.append(_keyed(track, playback, posing.remove, posing.move_key))
-        for number, lane in enumerate(lanes(take.poses.pins)):
+        """Footplants, keys and pins. Each has its row before anything lies on it: no row moves when it does."""
+        take, fps, pins, cameras, posing = (
+            playback.take, playback.clip.fps, self.pins, self.cameras, self.posing,
+        )  # fmt: skip
+        camera = Track("camera", "Camera", ROW, _points(take.cameras, fps), (theme.ACCENT,), CAMERA_HINT)
+        keys = _points(take.poses.layer.keys, fps)
+        poses = Track("poses", "Pose", ROW, keys, (POSE_TINT,), POSE_HINT)
+        rows = [
+            self._feet(0),
+            self._feet(1),
+            _keyed(camera, playback, cameras.remove, cameras.move),
+            _keyed(poses, playback, posing.remove, posing.move_key),
+        ]
+        for number, lane in enumerate(lanes(take.poses.pins) or [[]]):
             marks = [_pin(i, take.poses.pins[i], playback) for i in lane]
             lit = lane.index(pins.selected) if pins.selected in lane else -1
             rows.append(
@@ -111,7 +115,7 @@ class TakeTracks:
                     press=lambda mark: setattr(pins, "selected", mark.of[0]), move=pins.move,
                 )
             )  # fmt: skip
-        return [*rows, self._feet(0), self._feet(1)]
+        return rows
 
     def _feet(self, foot: int) -> Track:
         pins = self.pins
@@ -156,6 +160,70 @@ def _pin(index: int, pin: Pin, playback: Playback) -> Mark:
     return Mark(start, max(last, start) + 1, text.capitalize(), of=(index, pin))
 
 
+@dataclass(frozen=True)
+class Tool:
+    """A button of the bar, or an entry of its menu in a narrow window; the higher `folds`, the earlier that.
+
+    It acts, or opens what `menu` draws. `why` it cannot be used, "" where it can.
+    """
+
+    text: str
+    hint: str
+    folds: int
+    why: str = ""
+    act: Callable[[], object] | None = None
+    menu: Callable[[], None] | None = None
+    lit: bool = False
+
+    @property
+    def width(self) -> float:
+        return imgui.calc_text_size(self.text).x + px(TOOL_PADDING)
+
+    def draw(self) -> None:
+        padding = imgui.ImVec2(px(TOOL_PADDING / 2), imgui.get_style().frame_padding.y)
+        imgui.push_style_var(imgui.StyleVar_.frame_padding, padding)
+        with widgets.disabled(self.why):
+            pressed = widgets.toggle(self.text, self.lit, self.width, self.why or self.hint) != self.lit
+        imgui.pop_style_var()
+        if pressed and self.act is not None:
+            self.act()
+        elif pressed:
+            imgui.open_popup(f"{self.text} menu")
+        if self.menu is not None and imgui.begin_popup(f"{self.text} menu"):
+            self.menu()
+            imgui.end_popup()
+
+    def draw_entry(self) -> None:
+        if self.menu is not None:
+            if imgui.begin_menu(self.text, not self.why):
+                self.menu()
+                imgui.end_menu()
+        elif widgets.item(self.text, self.why or self.hint, self.lit, not self.why) and self.act is not None:
+            self.act()
+
+
+def _draw_tools(tools: Sequence[Tool], room: float) -> None:
+    """The tools in one line; those for which there is no room are in a menu at its end."""
+    gap, more = px(GAP), Tool("…", "More tools", 0)
+    shown = list(tools)
+    while shown and sum(t.width + gap for t in shown) + (more.width + gap) * (len(shown) < len(tools)) > room:
+        last = max(tool.folds for tool in shown)
+        shown.remove(next(tool for tool in reversed(shown) if tool.folds == last))
+    for number, tool in enumerate(shown):
+        if number:
+            imgui.same_line(0, gap)
+        tool.draw()
+    folded = [tool for tool in tools if tool not in shown]
+
+    def menu() -> None:
+        for tool in folded:
+            tool.draw_entry()
+
+    if folded:
+        imgui.same_line(0, gap if shown else 0.0)
+        replace(more, menu=menu).draw()
+
+
 @dataclass
 class Transport:
     """The buttons of the bar, and the timeline under them."""
@@ -198,8 +266,6 @@ class Transport:
             return
         width = imgui.get_content_region_avail().x
         self._wide, self._tiny = width >= px(WIDE), width < px(TINY)
-        if not self._wide:
-            editing.part_tracks = False  # its button is not there
         self._playing(playback)
         self._edits(playback, references)
         self.timeline.draw(
@@ -275,69 +341,47 @@ class Transport:
         widgets.muted(next(text for text in choices if imgui.calc_text_size(text).x <= space or not text))
 
     def _edits(self, playback: Playback, references: ReferenceCard) -> None:
-        """What lies on the tracks: trim, new spans, undo, and going on from here."""
-        editing, gap = self.editing, px(4)
-        takes, fixed = editing.takes, editing.fixed
-        if self._wide:  # the handles of the ruler do the same
-            if widgets.button("[ In", px(44), "Keep the clip from this frame"):
-                takes.trim(first=playback.frame)
-            imgui.same_line(0, gap)
-            if widgets.button("Out ]", px(50), "Keep the clip up to this frame"):
-                takes.trim(last=playback.frame)
-            imgui.same_line(0, px(8))
-        gait_hint = "Another gait from this frame to the end of the current one"
-        for text, hint, draw, why in (
-            ("+ Prompt", "Another prompt from this frame on", self._new_prompt, fixed),
-            ("+ Gait", gait_hint, self._new_gait, fixed),
-            ("+ Pin", NEW_PIN_HINT, self._new_pin, self.pins.fixed),
-            ("Cut…", CUT_HINT, self.cutting.menu, self.pins.fixed),
-        ):
-            if widgets.button(text, 0.0, why or hint, enabled=not why):
-                editing.new_prompt = ""
-                imgui.open_popup(f"{text} menu")
-            imgui.same_line(0, gap)
-            if imgui.begin_popup(f"{text} menu"):
-                draw()
-                imgui.end_popup()
-        self._pose_button()
-        if self._wide:
-            self._more(references)
-        else:
-            imgui.same_line(0, gap)
+        """What lies on the tracks: trim, new spans, tools, and going on from here."""
+        takes, fixed = self.editing.takes, self.editing.fixed
+        undo_width = 0.0 if self._wide else 2 * imgui.get_frame_height() + px(GAP)
+        go_on = imgui.calc_text_size(ICON.walk).x + 2 * imgui.get_style().frame_padding.x + px(GAP)
+        _draw_tools(
+            self._tools(playback, references), imgui.get_content_region_avail().x - undo_width - go_on
+        )
+        if not self._wide:
+            imgui.same_line(0, px(GAP))
             undo_buttons(takes.editor, "take ", 0.0)
         self._go_on(fixed)
 
-    def _pose_button(self) -> None:
-        posing = self.posing
-        with widgets.disabled(self.pins.fixed):
-            if widgets.toggle("Pose", posing.open, px(42), POSING_HINT) != posing.open:
-                posing.toggle()
+    def _tools(self, playback: Playback, references: ReferenceCard) -> list[Tool]:
+        editing, pinned, posing, graph = self.editing, self.pins.fixed, self.posing, self.graph
+        trim, fixed = editing.takes.trim, editing.fixed
+        gait_hint = "Another gait from this frame to the end of the current one"
+        parts_hint = "A track for what each body part does"
+        compare_hint = "Compare with another take, a BVH or a film: next to it or over it"
 
-    def _more(self, references: ReferenceCard) -> None:
-        """Tracks of body parts, and what the take is compared with."""
-        editing, gap = self.editing, px(4)
-        imgui.same_line(0, gap)
-        if widgets.toggle("Curves", self.graph.open, px(52), CURVES_HINT) != self.graph.open:
-            self.graph.toggle()
-        imgui.same_line(0, gap)
-        hint = "A track for what each body part does"
-        editing.part_tracks = widgets.toggle("Parts", editing.part_tracks, px(48), hint)
-        imgui.same_line(0, gap)
-        hint = "Compare with another take, a BVH or a film: next to it or over it"
-        shown = references.reference.shown
-        if widgets.toggle("Compare…", shown, px(78), hint) != shown:
-            imgui.open_popup(COMPARE_POPUP)
-        if imgui.begin_popup(COMPARE_POPUP):
-            references.menu()
-            imgui.end_popup()
+        def show_parts() -> None:
+            editing.part_tracks = not editing.part_tracks
+
+        return [
+            Tool("[ In", "Keep the clip from this frame", 5, act=lambda: trim(first=playback.frame)),
+            Tool("Out ]", "Keep the clip up to this frame", 5, act=lambda: trim(last=playback.frame)),
+            Tool("+ Prompt", "Another prompt from this frame on", 0, fixed, menu=self._new_prompt),
+            Tool("+ Gait", gait_hint, 2, fixed, menu=self._new_gait),
+            Tool("+ Pin", NEW_PIN_HINT, 0, pinned, menu=self._new_pin),
+            Tool("Cut…", CUT_HINT, 1, pinned, menu=self.cutting.menu),
+            Tool("Pose", POSING_HINT, 1, pinned, act=posing.toggle, lit=posing.open),
+            Tool("Curves", CURVES_HINT, 3, act=graph.toggle, lit=graph.open),
+            Tool("Parts", parts_hint, 4, act=show_parts, lit=editing.part_tracks),
+            Tool("Compare…", compare_hint, 3, menu=references.menu, lit=references.reference.shown),
+        ]
 
     def _go_on(self, fixed: str) -> None:
         """The button at the end of the line, with as many words as there is room for."""
-        imgui.same_line(0, px(4))
+        imgui.same_line(0, px(GAP))
         end = imgui.get_window_width() - imgui.get_style().window_padding.x
         padding, room = 2 * imgui.get_style().frame_padding.x, end - imgui.get_cursor_pos_x()
-        words = ("Go on from here", "Go on", "") if self._wide else ("",) if self._tiny else ("Go on", "")
-        texts = [f"{ICON.walk} {text}".rstrip() for text in words]
+        texts = [f"{ICON.walk} {text}".rstrip() for text in ("Go on from here", "Go on", "")]
         text = next((t for t in texts if imgui.calc_text_size(t).x + padding <= room), texts[-1])
         width = imgui.calc_text_size(text).x + padding
         imgui.same_line(end - width)

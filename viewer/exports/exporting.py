@@ -98,7 +98,6 @@ class Exporting:
     missing: str = ""  # what the format needs and is not installed, and how to get it
     progress: tuple[int, int] = (0, 0)  # frames of film done, and in all
     report: str = ""  # what became of the last export
-    shown_report: str = ""  # the one of the frame before
     report_good: bool = True
     saved: Path | None = None  # what it wrote
     _cancel: threading.Event = field(default_factory=threading.Event)

@@ -12,7 +12,8 @@ from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 
-WIDTH = 470.0  # pixels at scale 1
+WIDTH, HEIGHT = 470.0, 560.0  # pixels at scale 1
+END_HEIGHT = 112.0  # of the buttons and of what became of the last export
 LISTS = ("part", "fps", "unit", "euler_order", "engine", "ground", "film_fps", "size", "camera")
 SLIDERS = (("distance", 0.5, "%.1f m"), ("fov_degrees", 15.0, "%.0f degrees"))  # the least value, the text
 TOGGLES = (
@@ -39,14 +40,17 @@ def panel(exporting: Exporting) -> Panel:
         widgets.muted(widgets.elided(f"{take.title}: {length}", imgui.get_content_region_avail().x))
         with widgets.disabled(exporting.busy):
             _target(exporting)
-            _lists_and_sliders(exporting)
-            _toggles(exporting)
-            _strides(exporting)
+            # the buttons below stay where they are, however many options a format has
+            if imgui.begin_child("options", imgui.ImVec2(0, -px(END_HEIGHT))):
+                _lists_and_sliders(exporting)
+                _toggles(exporting)
+                _strides(exporting)
+            imgui.end_child()
         _end(exporting)
         exporting.remember()
 
     return Panel(
-        "Export", PanelPlace.WINDOW, draw, ICON.save, lambda: exporting.shown, WIDTH,
+        "Export", PanelPlace.WINDOW, draw, ICON.save, lambda: exporting.shown, WIDTH, HEIGHT,
         close=exporting.close,
     )  # fmt: skip
 
@@ -140,13 +144,19 @@ def _end(exporting: Exporting) -> None:
         exporting.export()
     if exporting.report:
         _report(exporting)
-    exporting.shown_report = exporting.report
 
 
 def _report(exporting: Exporting) -> None:
+    show = "Show in folder"
+    room = imgui.get_content_region_avail().x - imgui.calc_text_size(show).x - px(30)
+    imgui.begin_group()
     with widgets.color(imgui.Col_.text, theme.TEXT if exporting.report_good else theme.ERROR):
-        imgui.text_wrapped(exporting.report)
-    if exporting.saved and widgets.button("Show in folder##show export", -1):
-        exporting.messages.show_in_folder(exporting.saved)
-    if exporting.report != exporting.shown_report:  # in a low window it lies below the edge
-        imgui.set_scroll_here_y(1.0)
+        imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + room)
+        imgui.text_unformatted(widgets.elided(exporting.report, 1.8 * room))
+        imgui.pop_text_wrap_pos()
+    imgui.end_group()
+    widgets.tooltip(exporting.report)
+    if exporting.saved:
+        imgui.same_line(imgui.get_cursor_start_pos().x + room + px(8))
+        if widgets.button(f"{show}##show export"):
+            exporting.messages.show_in_folder(exporting.saved)

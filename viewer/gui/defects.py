@@ -136,7 +136,7 @@ def safe_panel(panel: Panel, defects: Defects) -> Panel:
         panel, draw=draw_or_offer, shown=shown_or_failed, tools=guard(panel.tools, "drawing the buttons of"),
         keys=guard(panel.keys, "reading keys for"), close=guard(panel.close, "closing"),
         begin_typing=guard(panel.begin_typing, "typing into"),
-        least_height=guard(panel.least_height, "measuring", 0.0), covers=guard(panel.covers, "measuring", 0.0),
+        covers=guard(panel.covers, "measuring", 0.0),
     )  # fmt: skip
 
 

@@ -8,13 +8,15 @@ MARGIN = 10.0  # all lengths at scale 1
 STATUS_HEIGHT = 30.0
 LEFT_WIDTH, RIGHT_WIDTH = 316.0, 296.0
 SCENE_MIN_WIDTH = 240.0  # of the free view between the columns
-TIMELINE_HEIGHT = 202.0  # two rows of buttons, the ruler and the tracks
-TRACKS_HEIGHT = 89.0  # of that, the tracks
-MORE_TRACK_HEIGHT = 18.4  # more, for each track of a body part or of pins
+TIMELINE_HEIGHT = (
+    257.0  # two rows of buttons, the ruler and the tracks that every take has; more of them scroll
+)
+TRACKS_HEIGHT = 144.0  # of that, the tracks
 TALL_FROM, TALL_TO, TALLER = 700.0, 1000.0, 0.6  # in views of such heights the tracks grow by this fraction
 MAX_TIMELINE_SHARE = 0.45  # of the height above the status line
-SCENE_PANEL_HEIGHT = 384.0  # with its sections folded; they scroll where there is no more room
-CLIPS_MIN_HEIGHT, CLIPS_MAX_HEIGHT = 210.0, 460.0
+SCENE_PANEL_HEIGHT = 350.0  # with its sections folded; they scroll where there is no more room
+SCENE_SHARE = 0.53  # of a tall column
+CLIPS_MIN_HEIGHT = 210.0
 PROMPT_MAX_HEIGHT = 770.0  # what the six fields fill
 MIN_VIEW_SHARE = 0.2  # of the window's width; in less nothing is centred
 
@@ -45,19 +47,11 @@ class Layout:
 
 
 def arrange(
-    width: float,
-    height: float,
-    scale: float,
-    panels: bool = True,
-    transport: bool = False,
-    scene_height: float = 0.0,
-    more_tracks: int = 0,
-    clips_height: float = 0.0,
+    width: float, height: float, scale: float, panels: bool = True, transport: bool = False
 ) -> Layout:
     """Lay the panels out in a window of `width` x `height` screen units.
 
-    `scene_height` is what the scene panel's contents need, 0 before they were measured, `clips_height` what the takes panel
-    keeps. They change how the column is divided, never which panels there are: contents look different in another panel.
+    Nothing depends on what the panels hold: what is under the mouse stays there when their contents change.
     """
     m, status_height = MARGIN * scale, STATUS_HEIGHT * scale
     status = Rect(0.0, max(height - status_height, 0.0), width, min(status_height, height))
@@ -74,23 +68,20 @@ def arrange(
             view = Rect(x, 0.0, max(width - x, 1.0), view.height)
         else:
             prompt = replace(left, height=min(column_height, PROMPT_MAX_HEIGHT * scale))
-            columns = {"prompt": prompt, **_divided(right, scale, scene_height, clips_height)}
+            columns = {"prompt": prompt, **_divided(right, scale)}
             view = Rect(m + left.width, 0.0, right.x - m - left.width, view.height)
-    bar = _timeline(view, scale, more_tracks) if transport else None
+    bar = _timeline(view, scale) if transport else None
     return Layout(status, view, bar, **columns)
 
 
-def _divided(column: Rect, scale: float, scene_height: float, clips_height: float) -> dict[str, Rect]:
+def _divided(column: Rect, scale: float) -> dict[str, Rect]:
     """The panels of the right column: one over the other, or as tabs where it is too low for that."""
-    m = MARGIN * scale
-    most = column.height - m - CLIPS_MIN_HEIGHT * scale
-    if most < SCENE_PANEL_HEIGHT * scale:
+    m, least = MARGIN * scale, SCENE_PANEL_HEIGHT * scale
+    if column.height - m - CLIPS_MIN_HEIGHT * scale < least:
         return {"right_tabs": column}
-    most = column.height - m - max(CLIPS_MIN_HEIGHT * scale, clips_height)
-    scene = replace(column, height=min(scene_height or SCENE_PANEL_HEIGHT * scale, most))
-    rest = column.height - m - scene.height
-    clips = Rect(column.x, scene.y + scene.height + m, column.width, min(rest, CLIPS_MAX_HEIGHT * scale))
-    return {"scene": scene, "clips": clips}
+    scene = replace(column, height=max(SCENE_SHARE * (column.height - m), least))
+    top = scene.y + scene.height + m
+    return {"scene": scene, "clips": replace(column, y=top, height=column.y + column.height - top)}
 
 
 def framing(layout: Layout, covered: float = 0.0) -> tuple[float, float, float]:
@@ -110,12 +101,11 @@ def framing(layout: Layout, covered: float = 0.0) -> tuple[float, float, float]:
     return across, 1.0 - above, above
 
 
-def _timeline(view: Rect, scale: float, more_tracks: int) -> Rect | None:
+def _timeline(view: Rect, scale: float) -> Rect | None:
     """Under the view, which it takes from: `framing` shows the character above it."""
     m = MARGIN * scale
-    more = MORE_TRACK_HEIGHT * more_tracks
     room = min(max((view.height / scale - TALL_FROM) / (TALL_TO - TALL_FROM), 0.0), 1.0)
-    wanted = (TIMELINE_HEIGHT + more + room * TALLER * (TRACKS_HEIGHT + more)) * scale
+    wanted = (TIMELINE_HEIGHT + room * TALLER * TRACKS_HEIGHT) * scale
     height = min(wanted, MAX_TIMELINE_SHARE * view.height)
     width = view.width - 2 * m
     if width < 180 * scale or height < 88 * scale:

@@ -15,6 +15,7 @@ from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
 from viewer.input.bindings import Action
 
+WINDOW_TOP = 60.0  # of a window that grows with its contents
 CARD_MARGIN = 10.0  # to the edges of the view, pixels at scale 1
 _FLAGS = imgui.WindowFlags_
 _KEPT = _FLAGS.no_move | _FLAGS.no_saved_settings
@@ -51,6 +52,7 @@ class Panel:
     icon: str = ""
     shown: Callable[[], bool] = lambda: True
     width: float = 0.0  # of a window in the middle, pixels at scale 1; 0: it draws its own window
+    height: float = 0.0  # that such a window keeps, whatever it holds; 0: as high as its contents
     modal: bool = False  # while it is shown, nothing behind it takes mouse or keys
     tools: Callable[[], None] | None = None  # buttons in the line of the title
     tools_width: float = 0.0  # pixels at scale 1
@@ -58,7 +60,6 @@ class Panel:
     begin_typing: Callable[[], None] | None = None  # Enter in the view goes to its field
     keys: Callable[[], None] | None = None  # acts on combinations with Ctrl, once a frame
     close: Callable[[], bool] | None = None  # Escape: close what is open; whether anything was
-    least_height: Callable[[], float] = lambda: 0.0  # that it keeps in a column, in screen units
     # how much of the view's left side it covers, in screen units
     covers: Callable[[Rect], float] = lambda _: 0.0
 
@@ -69,6 +70,9 @@ def draw_window(name: str, rect: Rect, contents: Callable[[], None], flags: int 
         return
     imgui.set_next_window_pos(imgui.ImVec2(rect.x, rect.y))
     imgui.set_next_window_size(imgui.ImVec2(rect.width, rect.height))
+    # a scrollbar has its place in the padding: nothing gets narrower when it appears
+    inside = rect.width - 2 * imgui.get_style().window_padding.x
+    imgui.set_next_window_content_size(imgui.ImVec2(max(inside, 1.0), 0))
     imgui.begin(name, None, flags)
     try:
         contents()
@@ -123,21 +127,27 @@ def dim_behind(name: str) -> bool:
 
 
 def draw_centred(panel: Panel, rect: Rect, fonts: Fonts) -> None:
-    """A panel in a window of its own in the middle, over everything but the status line; its button closes it."""
+    """A panel in a window of its own over everything but the status line; its button closes it.
+
+    It opens in the middle and hangs from its top, where it stays when it grows; a drag of its title moves it.
+    """
     size = imgui.get_io().display_size
     if panel.modal:
         dim_behind(panel.name)
     free = max(size.y - px(STATUS_HEIGHT), 1.0)
-    wide = min(px(panel.width), size.x - px(20))
-    imgui.set_next_window_pos(imgui.ImVec2(size.x / 2, free / 2), imgui.Cond_.always, imgui.ImVec2(0.5, 0.5))
-    imgui.set_next_window_size_constraints(imgui.ImVec2(wide, 0), imgui.ImVec2(wide, max(free - px(20), 64)))
+    wide, high = min(px(panel.width), size.x - px(20)), free - px(20)
+    top = (free - min(px(panel.height), high)) / 2 if panel.height else px(WINDOW_TOP)
+    imgui.set_next_window_pos(imgui.ImVec2(size.x / 2, top), imgui.Cond_.appearing, imgui.ImVec2(0.5, 0.0))
+    low = min(px(panel.height), high)
+    imgui.set_next_window_size_constraints(imgui.ImVec2(wide, low), imgui.ImVec2(wide, max(low or high, 64)))
     with widgets.color(imgui.Col_.window_bg, (*theme.PANEL[:3], 1.0)):
-        imgui.begin(f"{panel.name}{OVER}", None, FITTED)
+        imgui.begin(f"{panel.name}{OVER}", None, FITTED & ~_FLAGS.no_move)
         try:
-            top = imgui.get_cursor_pos()
-            imgui.set_cursor_pos_x(top.x + imgui.get_content_region_avail().x - imgui.get_frame_height())
+            _keep_inside(size.x, free)
+            top_left = imgui.get_cursor_pos()
+            imgui.set_cursor_pos_x(top_left.x + imgui.get_content_region_avail().x - imgui.get_frame_height())
             closed = widgets.icon_button(ICON.close, f"close {panel.name}", "Close (Esc)", theme.TEXT)
-            imgui.set_cursor_pos(top)
+            imgui.set_cursor_pos(top_left)
             widgets.heading(fonts, panel.icon, panel.name)
             imgui.dummy(imgui.ImVec2(0, px(2)))
             panel.draw(rect)
@@ -145,6 +155,15 @@ def draw_centred(panel: Panel, rect: Rect, fonts: Fonts) -> None:
             imgui.end()
     if closed and panel.close is not None:
         panel.close()
+
+
+def _keep_inside(width: float, height: float) -> None:
+    """Move the window back that was dragged out of the screen, or grew over its edge."""
+    at, size = imgui.get_window_pos(), imgui.get_window_size()
+    x = max(min(at.x, width - size.x), 0.0)
+    y = max(min(at.y, height - size.y), 0.0)
+    if (x, y) != (at.x, at.y):
+        imgui.set_window_pos(imgui.ImVec2(x, y))
 
 
 @contextmanager

@@ -235,15 +235,18 @@ def slider(
     return bool(changed), float(value)
 
 
-def segmented(name: str, options: Sequence[tuple[Any, str]], value: Any) -> Any:
+def segmented(
+    name: str, options: Sequence[tuple[Any, str]], value: Any, unavailable: Sequence[Any] = ()
+) -> Any:
     """One of a few choices side by side; options are (value, text), answers the chosen value."""
     width = column_width(len(options))
     imgui.push_id(name)
     for i, (option, text) in enumerate(options):
         if i:
             same_line()
-        if toggle(f"{text}##{option}", option == value, width) != (option == value):
-            value = option
+        with disabled(option in unavailable):
+            if toggle(f"{text}##{option}", option == value, width) != (option == value):
+                value = option
     imgui.pop_id()
     return value
 

@@ -45,25 +45,29 @@ class ScenePanel:
     def _draw(self, _: Rect) -> None:
         scene = self.scene
         _terrain(scene, self.takes)
-        with widgets.section("Open a file, shape the body") as opened:
+        with widgets.section("Files, body, links") as opened:
             if opened:
                 self._open_file()
                 _character(scene)
+                self._links()
         self._camera()
         _views(scene)
-        self.path.draw(self.draw_pins)
         _toggles(scene.settings)
         _drawing(scene)
-        _links(scene.live, scene.vmc)
+        self.path.draw(self.draw_pins)  # the last one: it gets longer
+
+    def _links(self) -> None:
+        """Where poses are sent."""
+        _links(self.scene.live, self.scene.vmc)
         if imgui.begin_popup_context_item("vmc root"):
-            widgets.setting_toggle(scene.settings, "vmc_root", px(160))
+            widgets.setting_toggle(self.scene.settings, "vmc_root", px(160))
             imgui.end_popup()
 
     def _camera(self) -> None:
         """How the camera goes along; of a take with camera keys also as they say."""
-        keyed = [("keyed", "Keyed")] if self.cameras.keys else []
         now = "keyed" if self.cameras.through else self.scene.camera.mode
-        mode = widgets.segmented("camera", [*CAMERAS.items(), *keyed], now)
+        options = [*CAMERAS.items(), ("keyed", "Keyed")]
+        mode = widgets.segmented("camera", options, now, () if self.cameras.keys else ("keyed",))
         if mode == "keyed" != now:
             self.cameras.toggle()
         elif mode != now:

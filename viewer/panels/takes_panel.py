@@ -20,8 +20,7 @@ from viewer.session.sessions import OPENING, Sessions, describe
 from viewer.session.takes import EXPORT_ALL, Takes
 from viewer.settings import TAKE_ORDERS, Settings
 
-# the list keeps so many rows; pixels at scale 1 of a row, of the search, and of the rest of the panel in its low form
-ROWS, ROW, SEARCH, REST = 6, 25.0, 34.0, 168.0
+ROWS, ROW = 6, 25.0  # that the list keeps, and the height of one in pixels at scale 1
 RENAME_HINT = "Double-click renames it"
 MENU = "take menu"
 COLORS = ("No color", "Red", "Yellow", "Green", "Blue", "Violet")
@@ -38,12 +37,7 @@ def panel(
         lambda _: draw(takes, references, export_window, sessions),
         ICON.clips,
         actions=takes.actions,
-        least_height=lambda: px(_rows(takes) * ROW + takes.searchable * SEARCH + REST),
     )
-
-
-def _rows(takes: Takes) -> int:
-    return min(len(takes.session.takes), ROWS)
 
 
 def sign(takes: Takes) -> Panel:
@@ -65,9 +59,13 @@ def draw(
         _search(takes)
     line, room = imgui.get_frame_height_with_spacing(), imgui.get_content_region_avail().y
     # in a low panel the list and the button matter; rate and unit are in the export window too
-    short = room < max(5.0 * line, _export_height(False) + _rows(takes) * px(ROW))
+    short = room < _export_height(False) + px(ROWS * ROW)
     current = takes.session.current
     height = max(room - (_export_height(short) if current is not None else 0.0), line)
+    width = (
+        imgui.get_content_region_avail().x - imgui.get_style().scrollbar_size
+    )  # also while it has no scrollbar
+    imgui.set_next_window_content_size(imgui.ImVec2(max(width, 1.0), 0))
     if imgui.begin_child("take list", imgui.ImVec2(0, height)):
         _list(takes, references)
     imgui.end_child()

@@ -106,24 +106,30 @@ class PromptPanel:
         self._apply()
         blend = controller.prompt
         rows = NEAREST_ROWS if imgui.get_window_height() >= px(TALL) else 1
-        near = _answer(controller, blend, Side.A, rows)
+        # what is below stays where it is when an answer comes
+        line = imgui.get_text_line_height() + px(3)
+        near, flags = "", imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
+        if imgui.begin_child("answer", imgui.ImVec2(0, line * (1 + max(rows, 2))), window_flags=flags):
+            if blend.b is not None:
+                _no_blend(controller, blend)
+                rows = min(rows // 2, 1)
+            near = _answer(controller, blend, Side.A, rows, 2 if rows > 1 else 1)
+        imgui.end_child()
         if near:
             controller.submit_prompt(near)
-        if blend.b is not None:
-            _no_blend(controller, blend)
         if not imgui.begin_tab_bar("prompt tabs"):
             return
         if widgets.tab("Body parts"):
             _scrolling("parts", self._parts)
+            imgui.end_tab_item()
+        if widgets.tab("Ready prompts"):
+            self._ready()
             imgui.end_tab_item()
         blended = " •" if blend.blended else ""
         wanted = imgui.TabItemFlags_.set_selected if self.tab_requested == "blend" else 0
         if widgets.tab(f"Blend{blended}###blend", wanted):
             self.tab_requested = ""
             _scrolling("blend", lambda: _blend(controller, self.suggester))
-            imgui.end_tab_item()
-        if widgets.tab("Ready prompts"):
-            self._ready()
             imgui.end_tab_item()
         imgui.end_tab_bar()
 

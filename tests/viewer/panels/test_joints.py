@@ -108,7 +108,7 @@ def test_a_vrm_is_dropped_chosen_in_the_dialog_and_given_to_the_command(start: S
     assert app.scene.character_path == path
     app.scene.open_character(None)
     run(app, 2)
-    click_on(app, "Open a file, shape the body")
+    click_on(app, "Files, body, links")
     click_on(app, "##browse file")
     question = app.sessions.dialogs.question
     assert question is not None

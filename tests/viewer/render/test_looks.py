@@ -25,7 +25,7 @@ def test_parts_are_where_the_body_has_them() -> None:
 
 def test_the_walker_is_chosen_in_the_window_and_taken_back(start: Start) -> None:
     app = start(services={"load_character": load_character_file})
-    click_on(app, "Open a file, shape the body")
+    click_on(app, "Files, body, links")
     click_on(app, "##walker")
     run(app, 3)
     assert (app.scene.character_name, app.scene.character_path) == ("walker", character_file("walker"))
@@ -49,7 +49,7 @@ def test_a_look_is_chosen_and_kept(start: Start, monkeypatch: pytest.MonkeyPatch
     shown = []
     monkeypatch.setattr("viewer.scene.scene.dressed", lambda character, look: shown.append(look) or character)
     app = start()
-    click_on(app, "Open a file, shape the body")
+    click_on(app, "Files, body, links")
     run(app, 3)
     click_on(app, "##parts")
     run(app, 3)

@@ -99,12 +99,13 @@ def temporary_folder(beside: Path | None = None) -> Iterator[Path]:
         _make_folder(parent)
         folder.mkdir(mode=0o700)
         yield folder
-    except OSError as error:
-        if beside is None and error.errno not in NO_ROOM and folder.is_dir():
+    except (OSError, FileError) as error:
+        cause = error.__cause__ if isinstance(error, FileError) else error
+        of_folder = error is cause or str(folder) in str(error)
+        if not isinstance(cause, OSError) or not of_folder or (beside is None and cause.errno not in NO_ROOM):
             raise
-        raise FileError(
-            f"{beside or parent}: {error.strerror or error}.", _REMEDY if beside else _REMEDY_TMP
-        ) from error
+        why = f"{beside or parent}: {cause.strerror or cause}."
+        raise FileError(why, _REMEDY if beside else _REMEDY_TMP) from error
     finally:
         remove()
         forget(folder)

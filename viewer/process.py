@@ -38,6 +38,7 @@ class Ending:
     def __init__(self, end: Callable[[], None], limit_s: float) -> None:
         self.number = 0  # of the first signal
         self.saving = threading.Event()  # set once the main loop is over
+        self._over = threading.Event()
         self._end, self._limit_s = end, limit_s
 
     @contextlib.contextmanager
@@ -51,19 +52,21 @@ class Ending:
         try:
             yield
         finally:
+            self._over.set()
             for number, handler in before.items():
                 signal.signal(number, handler)
 
     def _signalled(self, number: int, _frame: object) -> None:
         if not self.number:
             self.number = number
-            threading.Thread(target=self._watch, args=(time.monotonic(),), daemon=True).start()
+            threading.Thread(target=self._watch, daemon=True).start()
             self._end()
 
-    def _watch(self, begun_s: float) -> None:
-        if self.saving.wait(FRAME_S):
-            time.sleep(max(self._limit_s - (time.monotonic() - begun_s), 0.0))
-        end_now(self.number, "sport")
+    def _watch(self) -> None:
+        until_s = time.monotonic() + self._limit_s
+        in_time = self.saving.wait(FRAME_S) and self._over.wait(until_s - time.monotonic())
+        if not in_time:
+            end_now(self.number, "sport")
 
 
 _STATUS = Path("/proc/self/statm")

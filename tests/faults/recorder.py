@@ -35,10 +35,12 @@ def main() -> int:
     sys.path.insert(0, str(ROOT))
     from tests.helpers.viewer_fakes import fake_services
     from viewer import app as app_module
+    from viewer import process
     from viewer.options import ViewOptions
 
     # a busy machine must not decide whether all is written or handed over to the next start
     app_module.END_S, app_module.SESSION_S = 30.0, 29.8
+    process.FRAME_S = 30.0
     _spoil_writing(options)
     _record(app_module.App, options)
     frames = None if options.window else 1_000_000

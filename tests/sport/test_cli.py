@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import types
+from importlib.metadata import version
 
 import pytest
 
@@ -29,6 +30,34 @@ def test_help_names_every_command(capsys):
     text = capsys.readouterr().out
     for word in ("view", "generate", "bench", "train", "examples", "--offscreen", "--out"):
         assert word in text
+
+
+def test_the_version_is_that_of_the_package(capsys):
+    with pytest.raises(SystemExit) as end:
+        cli.main(["--version"])
+    assert end.value.code == 0
+    assert capsys.readouterr().out == f"sport {version('sport-viewer')}\n"
+
+
+@pytest.mark.parametrize(
+    "option",
+    [("--session", "none.sport"), ("--clip", "none.bvh"), ("--character", "none.glb"), ("--joint-map", "none.json"),
+     ("--terrain", "none.png"), ("--terrain", "nothing"), ("--model", "nothing")],
+)  # fmt: skip
+def test_files_that_are_not_there_are_refused_before_anything_is_loaded(viewed, option, capsys):
+    assert cli.main(["view", *option]) == 2
+    error = capsys.readouterr().err
+    assert option[1] in error
+    assert error.count("\n") == 1
+    assert viewed == []
+
+
+@pytest.mark.parametrize("seconds", ["inf", "nan", "-3", "1e9", "0"])
+def test_impossible_lengths_are_named(seconds, tmp_path, capsys):
+    assert cli.main(["generate", "--seconds", seconds, "--out", str(tmp_path / "a.bvh")]) == 2
+    assert capsys.readouterr().err == (
+        f"sport: --seconds {float(seconds):g}: expected 0.017 (one frame) to 3600. Try 10.\n"
+    )
 
 
 def test_plain_sport_opens_the_viewer(viewed):

@@ -135,3 +135,9 @@ def test_an_export_that_is_cancelled_leaves_no_file(suffix: str, tmp_path: Path)
             assert asked < most
             break
     assert most > 2
+
+
+@pytest.mark.parametrize("start", ["inf", "nan", "-1"])
+def test_a_range_begins_at_a_time(start: str) -> None:
+    with pytest.raises(UsageError, match="expected 0 or more"):
+        parsed(f"--range={start}:")

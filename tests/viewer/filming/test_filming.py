@@ -17,7 +17,7 @@ import pytest
 from PIL import Image
 
 from runtime.character.character import load_character
-from runtime.errors import UsageError
+from runtime.errors import FileError, UsageError
 from runtime.formats.prepare import ExportOptions, prepare
 from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
@@ -25,7 +25,14 @@ from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import load_terrain
 from tests.helpers.foreign_rigs import vrm_rig
 from tests.helpers.walker import walk
-from viewer.filming.film import caption, count_frames, film_in_process, make_film, write_caption
+from viewer.filming.film import (
+    _work,
+    caption,
+    count_frames,
+    film_in_process,
+    make_film,
+    write_caption,
+)
 from viewer.filming.shots import CAMERAS, VIEW, FilmOptions, Shot, camera_path
 from viewer.filming.writers import open_writer
 from viewer.render.camera import Camera
@@ -151,6 +158,67 @@ def test_a_film_whose_process_does_not_answer_is_given_up_at_once(tmp_path: Path
     take = prepare(CLIP, ExportOptions(), FLAT)
     assert film_in_process(take, FLAT, tmp_path / "a.mp4", ExportOptions(), film, stop, cancel) == ""
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("handed_over", [None, "cancel"])
+def test_a_film_that_the_program_no_longer_wants_ends_without_a_word(handed_over: str | None) -> None:
+    ours, theirs = multiprocessing.Pipe()
+    if handed_over:
+        ours.send(handed_over)
+    else:
+        os.write(ours.fileno(), b"\0\0\1\0half")  # the program ended as it handed the take over
+        ours.close()
+    _work(theirs)
+
+
+def test_a_film_without_room_is_refused_once_and_its_muxer_left_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Frames that wait must not reach it again: that ends the process."""
+    path, calls = tmp_path / "a.mp4", []
+    path.write_bytes(b"the film before")
+    real = av.open
+
+    class Full:
+        def __init__(self, *args: Any, **options: Any) -> None:
+            self._real = real(*args, **options)
+            self.add_stream = self._real.add_stream
+
+        def mux(self, packets: Any) -> None:
+            calls.append(packets)
+            raise OSError(28, "No space left on device")
+
+        def __enter__(self) -> None:
+            return None
+
+        def __exit__(self, *_: object) -> None:
+            self._real.close()
+
+    monkeypatch.setattr(av, "open", Full)
+    with pytest.raises(FileError, match=r"a\.mp4: No space left on device\. Choose a folder with space left"):
+        make_film(CLIP, FLAT, path, SMALL, open_studio=paper)
+    assert len(calls) == 1
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+    assert path.read_bytes() == b"the film before"
+
+
+def test_numbered_frames_replace_an_older_film_only_when_all_are_there(tmp_path: Path) -> None:
+    old = tmp_path / "a_00000.png"
+    old.write_bytes(b"old")
+
+    def film(broken: bool) -> None:
+        with open_writer(tmp_path / "a.png", (96, 64), 30.0) as write:
+            write(np.zeros((64, 96, 3), np.uint8))
+            write(np.zeros((64, 96, 3), np.uint8))
+            if broken:
+                raise OSError(28, "No space left on device")
+
+    with pytest.raises(FileError, match=r"a\.png: No space left on device"):
+        film(broken=True)
+    assert [p.read_bytes() for p in tmp_path.iterdir()] == [b"old"]
+    film(broken=False)
+    assert [p.name for p in sorted(tmp_path.iterdir())] == ["a_00000.png", "a_00001.png"]
+    assert Image.open(old).size == (96, 64)
 
 
 @pytest.mark.parametrize(

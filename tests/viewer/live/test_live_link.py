@@ -128,6 +128,27 @@ def test_poses_arrive_over_udp_in_order_and_losses_are_counted(receiver: Any) ->
     link.stop()
 
 
+def test_a_flood_does_not_hold_a_receiver_up(addon: ModuleType, receiver: Any) -> None:
+    class Endless:
+        """Has a datagram whenever one is asked for."""
+
+        def __init__(self, data: bytes) -> None:
+            self.data, self.taken = data, 0
+
+        def recvfrom(self, _: int) -> tuple[bytes, str]:
+            self.taken += 1
+            return self.data, "somebody"
+
+        def close(self) -> None:
+            pass
+
+    receiver.close()
+    for data in (b"no message", skeleton_message(JOINTS, J, 0), pose_message(some_pose(), NUMBER, 0, 0.0)):
+        receiver.socket = Endless(data)
+        assert len(receiver.drain()) <= addon.MAX_DATAGRAMS
+        assert receiver.socket.taken == addon.MAX_DATAGRAMS
+
+
 def test_a_receiver_that_comes_later_learns_the_skeleton_within_a_second(receiver: Any) -> None:
     ticks = itertools.count(0.0, 1.0 / 60.0)
     link = LiveLink(Messages(), lambda: next(ticks), Address(*receiver.address))

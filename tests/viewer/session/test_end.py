@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import tempfile
 import threading
 import time
@@ -10,15 +12,19 @@ from pathlib import Path
 
 import pytest
 
-from runtime.errors import FileError
+from runtime import interrupts
+from runtime.errors import FileError, SportError
 from runtime.session import database, library
 from runtime.session.database import Database
 from runtime.session.session_file import SessionFile
 from runtime.session.sqlite_file import lock_of
 from tests.helpers.app_driver import Start, run
+from tests.helpers.viewer_fakes import fake_services
 from viewer import app as app_module
+from viewer import process
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
+from viewer.options import ViewOptions
 
 
 @pytest.mark.parametrize(
@@ -179,3 +185,47 @@ def test_a_result_that_a_newer_job_has_replaced_is_not_handed_over() -> None:
         jobs.deliver()
         gate.set()
     assert done == ["new"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows sends no signals to another process")
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (None, 0)])
+@pytest.mark.parametrize("recorded", [False, True])
+def test_a_signal_ends_the_loop_with_its_code_and_a_sentence(
+    number: int | None,
+    code: int,
+    recorded: bool,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """What was recorded is kept, as after any end that was not planned; nothing else stays, no picture either."""
+    monkeypatch.setattr(app_module, "END_S", 30.0)  # a busy machine must not decide
+    monkeypatch.setattr(process, "FRAME_S", 30.0)
+    frame = app_module.App.frame
+
+    def watched(app: app_module.App) -> None:
+        frame(app)
+        if recorded and app.frames_shown == 1:
+            app.takes.toggle_recording()
+        if number is not None and app.frames_shown == 20:
+            os.kill(os.getpid(), number)
+            os.kill(os.getpid(), number)  # as an impatient user sends it
+
+    monkeypatch.setattr(app_module.App, "frame", watched)
+    options = ViewOptions(offscreen=True, frames=40, terrain="flat", screenshot=tmp_path / "shot.png")
+    before = signal.getsignal(signal.SIGINT)
+    assert app_module.run(options, fake_services(drawn=False), tmp_path / "config") == code
+    assert signal.getsignal(signal.SIGINT) is before
+    assert len(library.find(tmp_path / "config" / "sessions")) == int(recorded and number is not None)
+    assert (tmp_path / "shot.png").exists() == (number is None)
+    what = {signal.SIGINT: "Ctrl+C", signal.SIGTERM: "SIGTERM"}.get(number)  # type: ignore[call-overload]
+    assert capfd.readouterr().err == (f"sport: stopped by {what}.\n" if what else "")
+
+
+def test_a_start_that_fails_leaves_no_session(tmp_path: Path) -> None:
+    options = ViewOptions(offscreen=True, terrain="flat", prompt=" ")
+    with pytest.raises(SportError):
+        app_module.App(options, fake_services(drawn=False), config=tmp_path)
+    interrupts._UNFINISHED.undo()  # as the command does before it ends
+    assert [path.name for path in (tmp_path / "sessions").iterdir()] == []
+    interrupts._UNFINISHED.actions.clear()

@@ -11,7 +11,19 @@ from dataclasses import dataclass, field
 from math import acos, asin, atan2, cos, degrees, hypot, pi, radians, sin, sqrt
 from typing import NamedTuple
 
-from runtime.edits.request import ARM, FRAMES, PLACE, Swing, Targets, asks, followed, limited, value_of
+from runtime.edits.request import (
+    ARM,
+    FRAMES,
+    PLACE,
+    Swing,
+    Target,
+    Targets,
+    asks,
+    followed,
+    least_of,
+    limited,
+    range_of,
+)
 from runtime.scalar_math import (
     Quaternion,
     Vector,
@@ -34,7 +46,7 @@ from runtime.scalar_math import (
 )
 from runtime.skeleton import SPORT_SKELETON
 
-BEND, STRAIGHT, OUT, CLOSE, SWING, STILL = range(len(ARM))
+ELBOW, OUT, SWING = range(len(ARM))
 MEAN_HALF_LIFE, RANGE_HALF_LIFE = 0.4, 0.6  # seconds in which the measures follow the pose
 HALF_LIFE = 0.25  # seconds in which what is added follows what is missing
 MOST_BEND, MOST_OUT = 110.0, 60.0  # degrees that are added to elbow and shoulder
@@ -141,14 +153,12 @@ class ArmEdit:
     def _follow(self, targets: Targets) -> None:
         """Let what is added go towards what is missing."""
         known = self.bend.known
-        bend = _between(targets[BEND], targets[STRAIGHT], self.bend.middle)
+        bend = _lacking(targets[ELBOW], self.bend.middle)
         self.more_bend = followed(self.more_bend, known * limited(bend, MOST_BEND), HALF_LIFE)
-        angle = _between(targets[OUT], targets[CLOSE], self.out.middle, _raised)
+        angle = _lacking(targets[OUT], self.out.middle, _raised)
         self.more_out = followed(self.more_out, known * limited(angle, MOST_OUT), HALF_LIFE)
-        least, most = targets[SWING], targets[STILL]
-        gain, own = least[0] * self.swing.gain(value_of(least), LEAST_SWING, MOST_GAIN), self.swing.range
-        rest = least[0] * known * max(value_of(least) - own * (1.0 + gain), 0.0) if least[0] > 0.0 else 0.0
-        gain += most[0] * known * min(value_of(most) / max(own, 1e-3) - 1.0, 0.0)
+        gain, swing = self.swing.gain(targets[SWING], LEAST_SWING, MOST_GAIN), targets[SWING]
+        rest = swing[0] * known * max(range_of(swing)[0] - self.swing.range * (1.0 + gain), 0.0)
         self.more_swing = followed(self.more_swing, gain, HALF_LIFE)
         self.in_step = followed(self.in_step, rest, HALF_LIFE)
         places: list[float] = []
@@ -157,7 +167,7 @@ class ArmEdit:
             weight, *place = self.places[now : now + 1 + len(PLACE)]
             wanted = targets[first][0]
             if wanted > 1e-6:
-                goal = [value_of(target) for target in targets[first : first + len(PLACE)]]
+                goal = [least_of(target) for target in targets[first : first + len(PLACE)]]
                 moved = [followed(a, b, HALF_LIFE) for a, b in zip(place, goal, strict=True)]
                 place = goal if weight < 1e-3 else moved
             places += [followed(weight, wanted, HALF_LIFE), *place]
@@ -204,12 +214,11 @@ class ArmEdit:
         return _laid(_reached(arm, wrist, pole, placed, smoothstep(length(moved) / FAR)), body, placed)
 
 
-def _between(
-    least: list[float], most: list[float], has: float, angle: Callable[[float], float] = float
-) -> float:
-    """What is missing to be `least` and no more than `most`, by their weights, of what is shown."""
-    return least[0] * max(angle(value_of(least)) - angle(has), 0.0) + most[0] * min(
-        angle(value_of(most)) - angle(has), 0.0
+def _lacking(target: Target, has: float, angle: Callable[[float], float] = float) -> float:
+    """What is missing of a range by its weight, in an `angle` that grows with the measure."""
+    low, high = range_of(target)
+    return target[0] * (
+        max(angle(low) - angle(has), 0.0) + min(angle(high) - angle(has), 0.0)
     )
 
 

@@ -8,20 +8,32 @@ data do it. The network is fed its own pose, so that the measure does not depend
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import asin, atan2, cos, degrees, dist, hypot, pi, radians, sin, sqrt
+from math import acos, asin, atan2, cos, degrees, dist, hypot, pi, radians, sin, sqrt
 
 from runtime.edits.line import FootLine
-from runtime.edits.request import LEG, MOST_OF_LEG, EditRequest, Targets, followed, limited, narrow, value_of
+from runtime.edits.request import (
+    LEG,
+    MOST_OF_LEG,
+    EditRequest,
+    Target,
+    Targets,
+    followed,
+    lacking,
+    limited,
+    narrow,
+    range_of,
+)
 from runtime.feet.leg import LegPose
 from runtime.scalar_math import Quaternion, Vector, add, decay, dot, length, multiply, rotate, scale, subtract
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 
-OUTWARD, LOWER, HEEL, TOE_OUT, KNEE, LOW, TOES = range(len(LEG))
+OUTWARD, LOWER, PITCH, TOE_OUT, KNEE, LIFT = range(len(LEG))
 HALF_LIFE = 0.2  # seconds in which an edit follows its measure
 MEASURE_HALF_LIFE = 0.25  # seconds in which a measure follows the pose
 LINE_HALF_LIFE = 0.15  # seconds on both feet in which their line is measured,
 ON_ONE_FOOT = 0.2  # and what a second on one foot or none counts of that
-LIFT_HALF_LIFE = 2.0  # seconds in which the height of a swing is forgotten
+LIFT_HALF_LIFE = 2.0  # seconds in which the height of a swing, and the largest bend of a knee, are forgotten
+STIFFENS = 5.0  # degrees over the bend that is asked for, at which a knee is straightened wholly
 WALKS = 0.3  # m/s, from which on it is
 RISE_HALF_LIFE, MOST_RISE = 0.1, 0.05  # seconds, metres: the hips go with legs that stand elsewhere
 TIPTOE_RISE = 0.1  # metres that hips rise per radian of a raised heel, half of what the ankles do,
@@ -52,7 +64,8 @@ class LegEdit:
     rise: float = 0.0  # m that the hips go with legs that stand elsewhere
     aside: tuple[float, float] = (0.0, 0.0)  # m that a straight leg swings outward
     lift: tuple[float, float] = (0.0, 0.0)  # m that an ankle rises in its swings
-    # what is added, by `LEG`; of a low foot the fraction of its height that is gone
+    bend: tuple[float, float] = (0.0, 0.0)  # degrees that a knee bends in its swings
+    # what is added, by `LEG`; of a lift the fraction that is gone, of a knee the bend that it has at most
     left: tuple[float, ...] = _NOTHING
     right: tuple[float, ...] = _NOTHING
 
@@ -60,6 +73,11 @@ class LegEdit:
     def active(self) -> bool:
         """Whether anything is added."""
         return any(self.left) or any(self.right)
+
+    @property
+    def lowered(self) -> float:
+        """Metres that the hips are lower than in a neutral walk."""
+        return UPRIGHT - self.height
 
     def apply(
         self, height: float, legs: tuple[LegPose, LegPose], chances: list[float], request: EditRequest
@@ -74,12 +92,12 @@ class LegEdit:
         self._follow(request)
         added = (self.left, self.right)
         side: Vector = (cos(request.yaw), 0.0, -sin(request.yaw))  # towards the left
-        heels = [radians(each[HEEL]) for each in added]
+        pitches = [radians(each[PITCH]) for each in added]
         lower = self.left[LOWER]
-        up = -lower if lower > 1e-3 else TIPTOE_RISE * min(heels)
-        up -= HEEL_SINK * radians(min(self.left[TOES], self.right[TOES]))
+        up = -lower if lower > 1e-3 else TIPTOE_RISE * max(min(pitches), 0.0)
+        up += HEEL_SINK * min(max(pitches), 0.0)
         feet = [
-            _low(_foot(leg, sign, each), each[LOW], request.ground) if each[LOW] else _foot(leg, sign, each)
+            _low(_foot(leg, sign, each), each[LIFT], request.ground) if each[LIFT] else _foot(leg, sign, each)
             for leg, sign, each in zip(legs, (1.0, -1.0), added, strict=True)
         ]
         ankles = [foot.ankle for foot in feet]
@@ -105,9 +123,9 @@ class LegEdit:
             toe = add(foot.toe, subtract(ankle, foot.ankle))
             hip, knee = ((p[0], p[1] + up, p[2]) for p in (foot.hip, foot.knee))
             result.append(foot._replace(hip=hip, knee=knee, toe=toe, ankle=ankle))
-            if added[k][HEEL] > ROLLED:
+            if added[k][PITCH] > ROLLED:
                 chances[2 * k] = 0.0
-            if added[k][TOES] > ROLLED:
+            if added[k][PITCH] < -ROLLED:
                 chances[2 * k + 1] = 0.0
         self.aside = (swings[0], swings[1])
         return up, result
@@ -129,15 +147,17 @@ class LegEdit:
             self.known += seen * (1.0 - self.known)
         follow = 1.0 - decay(MEASURE_HALF_LIFE)
         self.height = height if self.height == 0.0 else self.height + follow * (height - self.height)
-        pitch, yaw, lift = list(self.pitch), list(self.yaw), list(self.lift)
+        pitch, yaw, lift, bend = map(list, (self.pitch, self.yaw, self.lift, self.bend))
         for k, (leg, sign) in enumerate(zip(legs, (1.0, -1.0), strict=True)):
             lift[k] = max(leg.ankle[1] - request.ground - ANKLE_HEIGHT, lift[k] * decay(LIFT_HALF_LIFE))
+            bend[k] = max(_bend(leg), bend[k] * decay(LIFT_HALF_LIFE))
             if bears[k] > 0.5:
                 ahead = subtract(leg.toe, leg.ankle)
                 turned = (atan2(ahead[0], ahead[2]) - request.yaw + pi) % (2.0 * pi) - pi
                 pitch[k] += follow * (degrees(_heel_up(leg)) - pitch[k])
                 yaw[k] += follow * (sign * degrees(turned) - yaw[k])
-        self.pitch, self.yaw, self.lift = (pitch[0], pitch[1]), (yaw[0], yaw[1]), (lift[0], lift[1])
+        self.pitch, self.yaw = (pitch[0], pitch[1]), (yaw[0], yaw[1])
+        self.lift, self.bend = (lift[0], lift[1]), (bend[0], bend[1])
 
     def _follow(self, request: EditRequest) -> None:
         """Let what is added go towards what is missing."""
@@ -151,16 +171,19 @@ class LegEdit:
             setattr(self, name, tuple(followed(a, b, HALF_LIFE) for a, b in zip(before, goal, strict=True)))
 
     def _missing(self, targets: Targets, leg: int, middle: float) -> list[float]:
-        beside = 0.5 * self.across + (-middle if leg else middle)
-        low = 1.0 - value_of(targets[LOW]) / max(self.lift[leg], 1e-3)
-        shown = (
-            beside / max(self.known, 1e-6), UPRIGHT - self.height, self.pitch[leg], self.yaw[leg], 0.0,
-            value_of(targets[LOW]) - low, -self.pitch[leg]
-        )  # fmt: skip
-        wanted = []
-        for k, (target, has, most) in enumerate(zip(targets, shown, MOST_OF_LEG, strict=False)):
-            lacks = limited(value_of(target) - has, most) * (self.known if k == OUTWARD else 1.0)
-            wanted.append(target[0] * (max(lacks, 0.0) if k in (LOWER, HEEL, LOW, TOES) else lacks))
+        beside = (0.5 * self.across + (-middle if leg else middle)) / max(self.known, 1e-6)
+        shown = (beside, self.lowered, self.pitch[leg], self.yaw[leg], 0.0, 0.0)
+        wanted = [
+            limited(lacking(target, has), most)
+            for target, has, most in zip(targets, shown, MOST_OF_LEG, strict=False)
+        ]
+        wanted[OUTWARD] *= self.known
+        wanted[LOWER] = max(wanted[LOWER], 0.0)
+        most, bend = range_of(targets[KNEE])[1], self.bend[leg]
+        stiffens = limited(max(bend - most, 0.0) / STIFFENS, 1.0)
+        wanted[KNEE] = targets[KNEE][0] * limited(most, MOST_OF_LEG[KNEE]) * stiffens
+        lift, has = range_of(targets[LIFT])[1], self.lift[leg]
+        wanted[LIFT] = targets[LIFT][0] * max(1.0 - lift / max(has, 1e-3), 0.0)
         return wanted
 
     def _rise(
@@ -191,13 +214,13 @@ def _foot(leg: LegPose, sign: float, added: tuple[float, ...]) -> LegPose:
         turn = _about(_UP, radians(sign * added[TOE_OUT]))
         toe = add(leg.ankle, rotate(turn, subtract(leg.toe, leg.ankle)))
         leg = leg._replace(foot=multiply(turn, leg.foot), toe=toe)
-    if added[HEEL]:
-        leg = _about_toe(leg, radians(added[HEEL]))
+    if added[PITCH] > 0.0:
+        leg = _about_toe(leg, radians(added[PITCH]))
     # first about the toe until the heel is down, then about the heel, on which the foot stands
-    if added[TOES]:
-        up = min(radians(added[TOES]), max(_heel_up(leg), 0.0))
+    if added[PITCH] < 0.0:
+        up = min(-radians(added[PITCH]), max(_heel_up(leg), 0.0))
         leg = _about_toe(leg, -up)
-        turn = _about(rotate(leg.foot, (1.0, 0.0, 0.0)), up - radians(added[TOES]))
+        turn = _about(rotate(leg.foot, (1.0, 0.0, 0.0)), up + radians(added[PITCH]))
         from_heel = rotate(leg.foot, _FROM_HEEL)
         ankle = add(subtract(leg.ankle, from_heel), rotate(turn, from_heel))
         toe = add(ankle, rotate(turn, subtract(leg.toe, leg.ankle)))
@@ -210,6 +233,12 @@ def _low(leg: LegPose, gone: float, ground: float) -> LegPose:
     leg = _about_toe(leg, -gone * max(_heel_up(leg), 0.0))
     down = (0.0, -gone * max(leg.ankle[1] - ground - ANKLE_HEIGHT, 0.0), 0.0)
     return leg._replace(ankle=add(leg.ankle, down), toe=add(leg.toe, down))
+
+
+def _bend(leg: LegPose) -> float:
+    """Degrees by which a knee bends."""
+    thigh, shin, reach = dist(leg.knee, leg.hip), dist(leg.ankle, leg.knee), dist(leg.ankle, leg.hip)
+    return degrees(acos(limited((reach * reach - thigh * thigh - shin * shin) / (2.0 * thigh * shin), 1.0)))
 
 
 def _heel_up(leg: LegPose) -> float:
@@ -225,14 +254,14 @@ def _about_toe(leg: LegPose, up: float) -> LegPose:
     return leg._replace(foot=multiply(turn, leg.foot), ankle=ankle)
 
 
-def _straight(leg: LegPose, added: float, asked: list[float]) -> tuple[float, float]:
+def _straight(leg: LegPose, added: float, asked: Target) -> tuple[float, float]:
     """Metres that a leg spans at least, standing and swinging, whose knee bends by what is `asked` at most.
 
     `added` is what is in force of it, in degrees.
     """
     if added <= 0.0:
         return 0.0, 0.0
-    most = radians(value_of(asked)) if asked[0] > 1e-6 else 0.5 * pi
+    most = radians(min(range_of(asked)[1], 90.0))
     thigh, shin, reach = dist(leg.knee, leg.hip), dist(leg.ankle, leg.knee), dist(leg.ankle, leg.hip)
     stands, swings = (
         sqrt(thigh * thigh + shin * shin + 2.0 * thigh * shin * cos(bend))

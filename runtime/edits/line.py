@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import cos, hypot, sin
 
-from runtime.edits.request import OUTWARD, EditRequest, limited, narrow, value_of
+from runtime.edits.request import OUTWARD, EditRequest, limited, narrow, range_of
 from runtime.pose import FPS
 from runtime.scalar_math import Vector, add, decay, dot, scale, subtract
 
@@ -49,7 +49,7 @@ class FootLine:
         off = dot(subtract(scale(add(*stand), 0.5), hips), side)
         self.off += (1.0 - decay(OFF_HALF_LIFE)) * (off - self.off)
         centring = limited(CENTRING * self.off, MOST_CENTRING)
-        wanted = sum(value_of(leg[OUTWARD]) for leg in request.targets[:2])
+        wanted = sum(range_of(leg[OUTWARD])[1] for leg in request.targets[:2])
         steps, moved = [self.left, self.right], []
         for k, (sign, ankle, other) in enumerate(zip((1.0, -1.0), ankles, stand[::-1], strict=True)):
             apart, free = subtract(ankle, other), max(1.0 - bears[k], 0.0)

@@ -1,7 +1,7 @@
 """What words ask of a body in numbers, and what edits of its parts share: a measure of a swing, and what is followed.
 
-A target is a weight (0 to 1) and a value times that weight, so that targets of two prompts blend by their weights. Edits
-measure the network's own parts as it moves and add what is missing.
+A target is a weight (0 to 1) and a range, its lowest and highest value times that weight, so that targets of two prompts
+blend by their weights. Edits measure the network's own parts as it moves and add what lies outside the range.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.scalar_math import Vector, decay
 
+GAITS = ("walk", "jog", "crouch")  # what is asked differs between them
 # of a leg: metres of a foot from the middle line, metres that the hips are lowered, degrees of the heel raised over the
-# toe, degrees that the foot is turned out, the largest bend of the knee in degrees, metres that the ankle rises in its
-# swing at most, and degrees of the toes raised over the heel
-LEG = ("outward", "lower", "heel", "toe_out", "knee", "low", "toes")
-# and of the way that they go: fractions of a neutral walk's speed, at most and at least
-PACE = ("slow", "fast")
-# of the trunk: degrees that it leans forward and to the left of neutral walking, and that shoulders are turned to the
-# left of the hips; metres and degrees from end to end in which hips sway and the trunk rocks, metres in which hips rise and
-# fall, degrees from upright that the trunk leans forward at most, at any moment, and degrees that the shoulders are raised
+# toe of a planted foot, degrees that the foot is turned out, the bend of the knee in degrees, metres that the ankle rises
+# in its swing
+LEG = ("outward", "lower", "pitch", "toe_out", "knee", "lift")
+PACE = "pace"  # and of the way that they go: fractions of a neutral walk's speed
+# of the trunk: degrees that it leans forward and to the left, and that shoulders are turned to the left of the hips;
+# metres and degrees from end to end in which hips sway and the trunk rocks, metres in which hips rise and fall, degrees
+# from upright that the trunk leans forward at any moment, and degrees that the shoulders are raised
 TRUNK = ("lean", "aside", "twist", "sway", "rock", "bounce", "fold", "shrug")
-# of an arm: degrees that the elbow bends at least and at most, metres of the elbow outward of the shoulder at least and at
-# most, metres from end to end in which the hand swings forward and back at least and at most
-ARM = ("bend", "straight", "out", "close", "swing", "still")
+# of an arm: degrees that the elbow bends, metres of the elbow outward of the shoulder, metres from end to end in which
+# the hand swings forward and back
+ARM = ("elbow", "elbow_out", "swing")
 # and the place of its hand in each of these axes, those of a left arm: metres, the way that the elbow points, and
 # metres from the place within which a hand is there
 FRAMES = ("shoulder", "hips", "chest", "head")
@@ -36,36 +36,47 @@ PARTS = ("left_leg", "right_leg", "torso", "left_arm", "right_arm")  # the rows 
 ROW_TRUNK, ROW_ARMS = 2, 3
 FOLD = ROW_TRUNK, TRUNK.index("fold")  # what every trunk is asked for, whatever is said of it
 WIDTH = len(ARM) + len(FRAMES) * len(PLACE)
-SHAPE = (len(PARTS), WIDTH, 2)  # of what is asked for: each target's weight, and value times that
+SHAPE = (len(GAITS), len(PARTS), WIDTH, 3)  # of what is asked for: each target's weight, and ends times that
 OUTWARD = LEG.index("outward")
-SLOW, FAST = (len(LEG) + k for k in range(len(PACE)))
+PACED = len(LEG)  # the column of a leg's pace
 # metres of a foot from the middle line while both stand, in usual and in narrow walking
 USUAL, NARROW = 0.05, 0.02
-MOST_OF_LEG = (0.3, 0.4, 50.0, 50.0, 90.0, 1.0, 50.0)  # that is added
-FIRST_TARGETS = 5  # of legs and trunk, in files without arms
-LARGEST = 200.0  # degrees, metres of any target
-Targets = list[list[float]]  # of one part
+MOST_OF_LEG = (0.3, 0.4, 50.0, 50.0, 90.0, 1.0)  # that is added
+LARGEST = 200.0  # degrees, metres of any target; of an open end
+Target = list[float]  # weight, and both ends of the range times that
+Targets = list[Target]  # of one part
 
 
 class EditRequest(NamedTuple):
     """What the parts of a body are asked to show, and how the body goes."""
 
-    targets: list[Targets]  # [part][target]: weight, and value times weight
+    targets: list[Targets]  # [part][target]
     yaw: float  # radians, the way that the body faces
     velocity: tuple[float, float]  # m/s of the root, X and Z
     ground: float  # metres, the height under the body
     feet: tuple[Vector, Vector] | None = None  # where the ankles were shown last
 
 
-def value_of(target: list[float]) -> float:
-    """What a target asks for; 0 where it asks for nothing."""
-    weight, weighted = target
-    return weighted / weight if weight > 1e-6 else 0.0
+def range_of(target: Target) -> tuple[float, float]:
+    """The lowest and the highest value that a target asks for; open at both ends where it asks for nothing."""
+    weight, low, high = target
+    return (low / weight, high / weight) if weight > 1e-6 else (-LARGEST, LARGEST)
+
+
+def least_of(target: Target) -> float:
+    """The lowest value that a target asks for; 0 where it asks for nothing."""
+    return target[1] / target[0] if target[0] > 1e-6 else 0.0
+
+
+def lacking(target: Target, shown: float) -> float:
+    """What is missing of a range by its weight: 0 within it."""
+    low, high = range_of(target)
+    return target[0] * (max(low - shown, 0.0) + min(high - shown, 0.0))
 
 
 def asks(targets: Targets) -> bool:
     """Whether any of the targets asks for anything."""
-    return any(weight > 1e-6 for weight, _ in targets)
+    return any(target[0] > 1e-6 for target in targets)
 
 
 def narrow(targets: list[Targets]) -> float:
@@ -73,7 +84,7 @@ def narrow(targets: list[Targets]) -> float:
     found = []
     for leg in targets[:ROW_TRUNK]:
         outward = leg[OUTWARD]
-        found.append(outward[0] * min(max((USUAL - value_of(outward)) / (USUAL - NARROW), 0.0), 1.0))
+        found.append(outward[0] * min(max((USUAL - range_of(outward)[1]) / (USUAL - NARROW), 0.0), 1.0))
     return min(found)
 
 
@@ -113,34 +124,33 @@ class Swing:
         """From end to end of a swing."""
         return 2.0 * sqrt(2.0 * self.square / self.known) if self.known > 0.0 else 0.0
 
-    def gain(self, least: float, smallest: float, most: float) -> float:
-        """Times its own that is to be added so that it swings `least` at least; what swings less than `smallest` is no rhythm."""
-        return self.known * min(max(least / max(self.range, smallest) - 1.0, 0.0), most)
+    def gain(self, target: Target, smallest: float, most: float) -> float:
+        """Times its own that is to be added to swing within the range asked for; less than `smallest` is no rhythm."""
+        low, high = range_of(target)
+        more = min(max(low / max(self.range, smallest) - 1.0, 0.0), most)
+        return target[0] * self.known * (more + min(max(high, 0.0) / max(self.range, 1e-3) - 1.0, 0.0))
 
 
 def written_targets(targets: Array) -> list[list[float]]:
-    """Targets `(5, 34, 2)` for a file: row, column, weight and value times weight of those that ask for something."""
+    """Targets for a file: gait, row and column of those that ask for something, with weight and weighted ends."""
     return [[*at, *targets[tuple(at)].tolist()] for at in np.argwhere(targets.any(-1)).tolist()]
 
 
 def checked_targets(values: Any) -> Array:
-    """Targets `(5, 34, 2)` of a file, as written or whole; ValueError for what no description asks for."""
+    """Targets of a file, as written or whole; none of a file in which they had no ranges. ValueError for what no description asks for."""
     given: Array = np.array(values, np.float64)
-    if given.ndim == 3 and given.shape != SHAPE and given.shape[1:] == (FIRST_TARGETS, 2):
-        targets: Array = np.zeros(SHAPE)  # of a file with fewer parts and targets
-        targets[: len(given), :FIRST_TARGETS] = given[: len(PARTS)]
-    else:
-        targets = given if given.shape == SHAPE else _placed(given.reshape(-1, 4))
-    weights, legs = targets[..., 0], np.abs(targets[:ROW_TRUNK, : len(LEG), 1])
-    within = (np.abs(targets) <= LARGEST).all() and (legs <= MOST_OF_LEG).all()
-    if not within or not ((weights >= 0.0) & (weights <= 1.0)).all():
+    if given.shape[-1:] in ((2,), (4,)) and given.ndim < len(SHAPE):
+        return np.zeros(SHAPE)  # of a file in which a target was one value: its words ask anew
+    targets = given if given.shape == SHAPE else _placed(given.reshape(-1, 6))
+    weights = targets[..., 0]
+    if not (np.abs(targets) <= LARGEST).all() or not ((weights >= 0.0) & (weights <= 1.0)).all():
         raise ValueError("edits that no description asks for")
     return targets
 
 
 def _placed(written: Array) -> Array:
-    targets, at = np.zeros(SHAPE), written[:, :2].astype(int)
-    if not ((at >= 0) & (at < SHAPE[:2]) & (at == written[:, :2])).all():
+    targets, at = np.zeros(SHAPE), written[:, :3].astype(int)
+    if not ((at >= 0) & (at < SHAPE[:3]) & (at == written[:, :3])).all():
         raise ValueError("edits of no part")
-    targets[at[:, 0], at[:, 1]] = written[:, 2:]
+    targets[tuple(at.T)] = written[:, 3:]
     return targets

@@ -22,9 +22,11 @@ from runtime.edits.request import (
     Targets,
     asks,
     followed,
+    lacking,
+    least_of,
     limited,
     narrow,
-    value_of,
+    range_of,
 )
 from runtime.pose import FPS
 from runtime.scalar_math import (
@@ -42,8 +44,7 @@ from runtime.scalar_math import (
 from runtime.skeleton import SPORT_SKELETON
 
 LEAN, ASIDE, TWIST, SWAY, ROCK, BOUNCE, FOLD, SHRUG = range(len(TRUNK))
-UPRIGHT = (-5.0, 0.0, 0.0)  # degrees of lean, aside and twist in neutral walking
-MOST = (25.0, 20.0, 40.0)  # degrees of them that are added
+MOST = (25.0, 20.0, 40.0)  # degrees of lean, aside and twist that are added
 MOST_GAIN, MOST_SHIFT, MOST_ROCK = 2.5, 0.07, 12.0  # of sway and rock: times the network's; metres, degrees
 MOST_SHRUG = 30.0  # degrees that shoulders are raised
 MOST_BOUNCE = 0.06  # metres that hips go down or up
@@ -121,12 +122,12 @@ class TrunkEdit:
             shift, up, lean, rolled = self._edit(hips, shown, side, request)
         elif self.lean.known > 0.0:
             vars(self).update(vars(TrunkEdit(steady=self.steady)))  # what is asked for later is measured anew
-        weight, _ = targets[FOLD]
+        weight, most = targets[FOLD][0], range_of(targets[FOLD])[1]
         if weight > 1e-6:
             leans = shown[LEAN] + lean
-            lean -= weight * _too_far(leans, self._bound(value_of(targets[FOLD])))
-            lean += weight * _too_far(-leans, self._back(value_of(targets[LEAN])))
-            aside, tips = shown[ASIDE] + rolled, TIPS + abs(value_of(targets[ASIDE]))
+            lean -= weight * _too_far(leans, self._bound(most))
+            lean += weight * _too_far(-leans, self._back(min(range_of(targets[LEAN])[1], 0.0)))
+            aside, tips = shown[ASIDE] + rolled, TIPS + abs(least_of(targets[ASIDE]))
             rolled -= weight * copysign(_too_far(abs(aside), tips), aside)
         if lean or rolled or self.more_twist:
             local = _turned(local, rotations, (lean, rolled, self.more_twist), (side, ahead))
@@ -165,7 +166,8 @@ class TrunkEdit:
             setattr(self, name, getattr(self, name).observed(value, *halves))
         self._follow(request.targets[ROW_TRUNK], narrow(request.targets))
         rocked = limited(self.more_rock * (shown[ASIDE] - self.aside.middle), MOST_ROCK)
-        bounced = self.more_bounce * (height - self.bounce.middle - SINKS * self.bounce.range)
+        sinks = SINKS * self.bounce.range if self.more_bounce > 0.0 else 0.0
+        bounced = self.more_bounce * (height - self.bounce.middle - sinks)
         return (
             limited(self.more_sway * swayed, MOST_SHIFT),
             limited(bounced, MOST_BOUNCE),
@@ -178,11 +180,7 @@ class TrunkEdit:
         for k, (name, measure) in enumerate(
             (("lean", self.lean), ("aside", self.aside), ("twist", self.twist))
         ):
-            value = value_of(targets[k])
-            lacks = value + UPRIGHT[k] - measure.middle
-            # what leans or turns more than said stays
-            lacks = max(lacks, 0.0) if value > 0.0 else min(lacks, 0.0)
-            goal = targets[k][0] * measure.known * limited(lacks, MOST[k])
+            goal = measure.known * limited(lacking(targets[k], measure.middle), MOST[k])
             setattr(self, f"more_{name}", followed(getattr(self, f"more_{name}"), goal, HALF_LIFE))
         self.shrug = followed(self.shrug, limited(targets[SHRUG][1], MOST_SHRUG), HALF_LIFE)
         for k, name, measure, least in (
@@ -190,7 +188,7 @@ class TrunkEdit:
             (ROCK, "rock", self.aside, LEAST_ROCK),
             (BOUNCE, "bounce", self.bounce, LEAST_BOUNCE),
         ):
-            goal = targets[k][0] * measure.gain(value_of(targets[k]), least, MOST_GAIN)
+            goal = measure.gain(targets[k], least, MOST_GAIN)
             if k == SWAY:
                 most = measure.known * (MOST_SWAY / max(measure.range, MOST_SWAY) - 1.0)
                 goal += on_a_line * min(most - goal, 0.0)

@@ -413,7 +413,9 @@ def _edit_request(state: CharacterState, index: int, joints: Array) -> EditReque
     x, z = path.velocity[index].tolist()
     left, right = state.poses.positions[index, ANKLES].tolist()
     yaw, ground = float(path.yaw[index, PRESENT]), float(state.ground[index])
-    return EditRequest(style.asked, yaw, (x, z), ground, (tuple(left), tuple(right)))
+    gait = path.gait[index, PRESENT]
+    asked = style.asked[1 if gait[Gait.JOG] > 0.5 else 2 if gait[Gait.CROUCH] > 0.5 else 0]
+    return EditRequest(asked, yaw, (x, z), ground, (tuple(left), tuple(right)))
 
 
 def _cross(

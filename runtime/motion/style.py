@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from runtime.arrays import Array, Float32Array
-from runtime.edits.request import FAST, FOLD, ROW_TRUNK, SHAPE, SLOW
+from runtime.edits.request import FOLD, PACED, ROW_TRUNK, SHAPE, range_of
 from runtime.motion.calibration import Calibration
 from runtime.motion.features import C
 from runtime.motion.mirror import LIMBS, Ways, mirrored_code
@@ -52,32 +52,33 @@ class Style:
     @cached_property
     def is_edited(self) -> bool:
         """Whether any part is to show anything."""
-        asked = np.count_nonzero(self.edits[..., 0]) - np.count_nonzero(
-            self.edits[:ROW_TRUNK, SLOW : FAST + 1, 0]
-        )
-        return asked > (self.edits[FOLD][0] > 0.0)
+        asked = self.edits[..., 0].astype(bool)
+        asked[:, FOLD[0], FOLD[1]] = asked[:, :ROW_TRUNK, PACED] = False
+        return bool(asked.any())
 
     @cached_property
     def speeds(self) -> tuple[float, float]:
         """m/s at which it walks and jogs: its own, as slow or as fast as its words say of the legs."""
-        return self._paced(self.walk_speed, NEUTRAL_SPEEDS[0]), self._paced(self.jog_speed, NEUTRAL_SPEEDS[1])
+        own = self.walk_speed, self.jog_speed
+        walk, jog = (self._paced(k, each, NEUTRAL_SPEEDS[k]) for k, each in enumerate(own))
+        return walk, jog
 
-    def _paced(self, own: float, neutral: float) -> float:
+    def _paced(self, gait: int, own: float, neutral: float) -> float:
         changes = 0.0
-        for leg in self.edits[:ROW_TRUNK]:
-            (slow, most), (fast, least) = leg[SLOW], leg[FAST]
-            changes += min(most * neutral - slow * own, 0.0) + max(least * neutral - fast * own, 0.0)
+        for leg in self.edits[gait, :ROW_TRUNK, PACED].tolist():
+            low, high = (neutral * end for end in range_of(leg))
+            changes += leg[0] * (min(high - own, 0.0) + max(low - own, 0.0))
         return float(own + 0.5 * changes)
 
     @cached_property
     def fold(self) -> float:
         """Degrees from upright that the trunk leans forward at most; infinite where nothing bounds it."""
-        weight, weighted = self.edits[FOLD].tolist()
-        return weighted / weight if weight > 0.0 else inf
+        fold = self.edits[0][FOLD].tolist()
+        return range_of(fold)[1] if fold[0] > 0.0 else inf
 
     @cached_property
-    def asked(self) -> list[list[list[float]]]:
-        """What parts are to show, as plain numbers."""
+    def asked(self) -> list[list[list[list[float]]]]:
+        """What parts are to show in each of `GAITS`, as plain numbers."""
         return self.edits.tolist()
 
     @property

@@ -1,10 +1,15 @@
-"""What descriptions ask of a body in numbers (`runtime.edits.request`), by the phrases of assets/prompts/edits.toml."""
+"""What descriptions ask of a body in numbers (`runtime.edits.request`), by the phrases of assets/prompts/edits.toml.
+
+What a phrase means was measured on the captured clips whose captions use it (`runtime.prompts.captured`); only what no
+capture shows is written by hand. A caption of a captured style asks for nothing in a walk: the network learnt it from there.
+"""
 
 from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping, Sequence
 from functools import cache, lru_cache
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -13,31 +18,35 @@ from runtime.arrays import Array
 from runtime.assets import asset_path
 from runtime.edits.request import (
     ARM,
-    FAST,
     FOLD,
     FRAMES,
+    GAITS,
+    LARGEST,
     LEG,
     PACE,
+    PACED,
     PARTS,
     PLACE,
     ROW_TRUNK,
     SHAPE,
-    SLOW,
     TRUNK,
 )
 from runtime.errors import FileError
+from runtime.prompts.captured import Range, Ranges, captured, kind_of
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
 
 HAND = "hand"
 ALONE, BESIDE = "alone", "beside"  # whole clauses of a kind that the edit shows alone, and beside others
 PLAIN_LEG = "{side} leg stepping evenly, knee lifting moderately, foot rolling from heel to toe"
-TARGETS = {"leg": (*LEG, *PACE), "torso": TRUNK, "arm": (*ARM, HAND)}  # by the last word of a part's name
-FOLDS, FOLDS_MORE = 20.0, 15.0  # degrees from upright that any trunk may lean forward, and over what is said
-NEAR = 0.06  # metres within which a hand is at its place, where the file does not say it
+TARGETS = {"leg": (*LEG, PACE), "torso": TRUNK, "arm": (*ARM, HAND)}  # by the last word of a part's name
+RELATIVE = "lean"  # a target that is written by hand against what is usual in a gait
+IN_EVERY_GAIT = ("lean", "bounce")  # what every trunk is asked for in jogs, whatever is said
+FOLD_DEGREES, MORE_FOLD_DEGREES = 20.0, 15.0  # that any trunk leans forward at most, and over what is said
+NEAR_M = 0.06  # within which a hand is at its place, where the file does not say it
 _PLACE_KEYS = {"frame", "point", "pole", "near"}
-Values = tuple[tuple[int, float], ...]  # columns of a part's row, and the value of each
-Phrases = dict[str, Values]  # what each phrase asks for; () for one that asks for nothing
+Values = tuple[Any, ...]  # a range, or the seven numbers of a place; () for what asks for nothing
+Phrases = dict[str, tuple[int, Values]]  # the first column that each phrase fills in a part's row, and with what
 
 
 @cache
@@ -80,51 +89,95 @@ def read_phrases(tree: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> dict[st
     return found
 
 
-def _columns(target: str, names: Sequence[str], value: Any) -> Values:
+def _columns(target: str, names: Sequence[str], value: Any) -> tuple[int, Values]:
     if value is False:
-        return ()
+        return 0, ()
     if target != HAND:
-        return ((names.index(target), float(value)),)
+        low, high = map(float, value)
+        if not low <= high:
+            raise ValueError(f"{target} of {value}: expected a lowest and a highest value")
+        return names.index(target), (low, high)
     if not set(value) <= _PLACE_KEYS:
         raise ValueError(f"a place has {', '.join(sorted(_PLACE_KEYS))}, not {', '.join(value)}")
     x, y, z = value["point"]
     px, py, pz = value["pole"]
     first = len(ARM) + FRAMES.index(value["frame"]) * len(PLACE)
-    return tuple(enumerate((x, y, z, px, py, pz, value.get("near", NEAR)), first))
+    return first, (x, y, z, px, py, pz, value.get("near", NEAR_M))
 
 
-def targets_of(part: str, sentence: str) -> dict[str, tuple[float, ...]]:
-    """What the description of a part ("left_leg") asks for: the values of a target by its name, of those that it speaks of."""
-    return {
-        name: tuple(value for _, value in values) for name, values in _asked(part, sentence).items() if values
-    }
+def targets_of(part: str, sentence: str) -> dict[str, Values]:
+    """What the phrases of a description ("left_leg") ask for by hand: a range or a place by target, of those that it speaks of."""
+    found = spoken(part, sentence)
+    return {name: values for name, (_, _, (_, values)) in found.items() if values}
 
 
 @lru_cache(512)
-def _asked(part: str, sentence: str) -> dict[str, Values]:
-    clauses = sentence.lower().split(",")
-    return {name: _longest(clauses, table) for name, table in phrases()[part.split("_")[-1]].items()}
+def spoken(part: str, sentence: str) -> dict[str, tuple[str, str, tuple[int, Values]]]:
+    """By target: the first clause that speaks of it, the longest phrase of that, and what the phrase asks for by hand."""
+    clauses, found = sentence.lower().split(","), {}
+    for name, table in phrases()[kind_of(part)].items():
+        for clause in clauses:
+            said = [phrase for phrase in table if phrase in clause]
+            if said:
+                phrase = max(said, key=len)
+                found[name] = clause.strip(), phrase, table[phrase]
+                break
+    return found
 
 
-def _longest(clauses: Sequence[str], table: Phrases) -> Values:
-    """What the longest phrase of the first clause that has one asks for."""
-    for clause in clauses:
-        found = [phrase for phrase in table if phrase in clause]
-        if found:
-            return table[max(found, key=len)]
-    return ()
+@lru_cache(512)
+def _asked(part: str, sentence: str) -> tuple[tuple[int, Ranges], ...]:
+    """Columns of a part's row, each with its range in every gait."""
+    measured, kind = captured(), kind_of(part)
+    if measured.is_caption(part, sentence):
+        own = measured.caption(part, sentence)
+        return tuple((TARGETS[kind].index(n), (None, *ranges[1:])) for n, ranges in own.items())
+    found: list[tuple[int, Ranges]] = []
+    for name, (clause, phrase, (column, values)) in spoken(part, sentence).items():
+        if not values:
+            continue
+        if name == HAND:
+            if not measured.moves(part, clause):
+                places = enumerate(values, column)
+                found += [(at, ((value, value),) * len(GAITS)) for at, value in places]
+            continue
+        shown = measured.clause(part, clause, name) or measured.phrase(kind, phrase, name)
+        by_hand = [_by_hand(name, values, measured.usual(gait)) for gait in GAITS]
+        ranges = [own or other for own, other in zip(shown or by_hand, by_hand, strict=True)]
+        found.append((column, tuple(ranges)))
+    return tuple(found)
+
+
+def _by_hand(name: str, values: Values, usual: Mapping[str, Range]) -> Range:
+    low, high = values
+    middle = 0.5 * sum(usual["lean"]) if name == RELATIVE and "lean" in usual else 0.0
+    return low + middle, high + middle
 
 
 def edit_targets(descriptions: PartDescriptions) -> Array:
-    """What the parts are asked to show, `(5, 34, 2)`: weights and weighted values."""
+    """What the parts are asked to show, `request.SHAPE`: weights and the weighted ends of ranges."""
     result = np.zeros(SHAPE)
     for row, part in enumerate(PARTS):
-        for values in _asked(part, getattr(descriptions, part)).values():
-            for column, value in values:
-                result[row, column] = 1.0, value
-    weight, lean = result[ROW_TRUNK, TRUNK.index("lean")]
-    result[FOLD] = 1.0, max(FOLDS, lean + FOLDS_MORE) if weight else FOLDS
+        for column, ranges in _asked(part, getattr(descriptions, part)):
+            for gait, ends in enumerate(ranges):
+                if ends is not None:
+                    result[gait, row, column] = 1.0, max(ends[0], -LARGEST), min(ends[1], LARGEST)
+    _ask_of_every_trunk(result)
     return result
+
+
+def _ask_of_every_trunk(result: Array) -> None:
+    """Write the bound of a fold; and of jogs what captured runs do, where words say nothing else."""
+    jog = GAITS.index("jog")
+    for name in IN_EVERY_GAIT:
+        low, high = captured().usual("jog").get(name, (-inf, inf))
+        target = result[jog, ROW_TRUNK, TRUNK.index(name)]
+        if not target[0]:
+            target[:] = (1.0, low, LARGEST) if name == "lean" else (1.0, -LARGEST, high)
+    for gait in result:
+        weight, low, _ = gait[ROW_TRUNK, TRUNK.index("lean")]
+        fold = max(FOLD_DEGREES, low + MORE_FOLD_DEGREES) if weight else FOLD_DEGREES
+        gait[FOLD] = 1.0, -LARGEST, fold
 
 
 def blended_targets(a: PartDescriptions, b: PartDescriptions, weights: Sequence[float]) -> Array:
@@ -141,6 +194,8 @@ def left_to_network(descriptions: PartDescriptions) -> PartDescriptions:
     _, alone, beside = _read()
     for part in ("left_leg", "right_leg"):
         side = part.split("_")[0]
+        if captured().is_caption(part, getattr(descriptions, part)):
+            continue
         said = getattr(descriptions, part).split(", ")
         kept = [clause for clause in said if clause.removeprefix(f"{side} ") not in alone]
         rest = [clause for clause in kept if clause.removeprefix(f"{side} ") not in beside]
@@ -154,8 +209,8 @@ def edited_parts(descriptions: PartDescriptions | None) -> frozenset[str]:
     """The parts, by name, of whose description an edit shows what the network does not."""
     if descriptions is None:
         return frozenset()
-    asked = edit_targets(descriptions)[..., 0]
+    asked = edit_targets(descriptions)[GAITS.index("walk"), ..., 0]
     asked[FOLD] = 0.0  # of every trunk, whatever is said
     # of the stick, not of the pose: how a leg steps is the network's
-    asked[:ROW_TRUNK, SLOW : FAST + 1] = 0.0
+    asked[:ROW_TRUNK, PACED] = 0.0
     return frozenset(part for part, weights in zip(PARTS, asked, strict=True) if weights.any())

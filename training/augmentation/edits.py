@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.edits.legs import KNEE, LegEdit
-from runtime.edits.request import LEG, EditRequest
+from runtime.edits.request import LARGEST, LEG, EditRequest
 from runtime.feet import ik
 from runtime.feet.leg import leg_bones, leg_forward
 from runtime.motion.features import FPS
@@ -296,9 +296,9 @@ def _stiff(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) ->
     knee = _amount(edit, "knee", random, 0.07)
     sides = [0, 1] if edit.slot == "legs" else [_SIDES[edit.slot.removesuffix("_leg")][0]]
     ankles, _, feet = motion.feet()
-    shown = [[[0.0, 0.0] for _ in LEG] for _ in _SIDES]
+    shown = [[[0.0, 0.0, 0.0] for _ in LEG] for _ in _SIDES]
     for column in sides:
-        shown[column][KNEE] = [1.0, knee]
+        shown[column][KNEE] = [1.0, -LARGEST, knee]
     yaw = rotations.to_euler(motion.facing, "YXZ")[:, 0]
     velocity = np.gradient(motion.path, axis=0)[:, [0, 2]] * FPS
     ground = motion.ground.height(motion.hips[:, 0], motion.hips[:, 2])

@@ -110,8 +110,8 @@ def _agreeing(part: str, words: str, figure: str) -> list[str]:
     if part not in _PAIRS["legs"] or figure == PLAIN_LEG.format(side=part.split("_")[0]):
         return []
     targets = targets_of(part, words)
-    asked = targets.keys() - PACE
-    shown = {c: targets_of(part, c).keys() - PACE for c in clauses}  # by an edit, beside its speed
+    asked = targets.keys() - {PACE}
+    shown = {c: targets_of(part, c).keys() - {PACE} for c in clauses}  # by an edit, beside its speed
     free = [c for c in clauses if not shown[c] & asked]
     if targets.get("outward", (USUAL,))[0] < USUAL and not (free and shown[free[0]]):
         return []  # on a line feet keep their balance in plain steps, if they do not shuffle or the like

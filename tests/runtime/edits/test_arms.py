@@ -25,7 +25,7 @@ HIPS = np.array([0.3, 0.98, -0.2])
 def said(words: str) -> Array:
     """What both arms are asked for by a sentence, "{s}" the side."""
     sides = {f"{side}_arm": words.format(s=side) for side in ("left", "right")}
-    return edit_targets(PartDescriptions(**(PLAIN | sides)))
+    return edit_targets(PartDescriptions(**(PLAIN | sides)))[0]
 
 
 @cache
@@ -83,7 +83,7 @@ PLACES = [
     ("{s} hand behind the head", (0.06, 0.49, -0.13)),
     ("{s} arm folded across the chest", (-0.1, 0.16, 0.18)),
     ("{s} arm raised overhead", (0.22, 0.76, 0.03)),
-    ("{s} arm stretched straight out to the side at shoulder height", (0.65, 0.3, 0.0)),
+    ("{s} arm held out sideways at shoulder height", (0.65, 0.3, 0.0)),
 ]
 
 
@@ -133,8 +133,8 @@ def test_a_hand_passes_round_the_trunk() -> None:
 
 
 def test_nothing_stays_of_a_place_that_is_no_longer_asked_for() -> None:
-    targets = [said("{s} hand on the hip")] * 90 + [np.zeros(SHAPE)] * 330
-    positions, plain = move(targets), move([np.zeros(SHAPE)] * len(targets))
+    targets = [said("{s} hand on the hip")] * 90 + [np.zeros(SHAPE[1:])] * 330
+    positions, plain = move(targets), move([np.zeros(SHAPE[1:])] * len(targets))
     np.testing.assert_allclose(positions[-60:], plain[-60:], atol=1e-6)
     accelerations = np.diff(positions[88:, AT("LeftHand")], n=2, axis=0)
     assert np.abs(accelerations[4:]).max() < 0.02
@@ -153,15 +153,15 @@ def test_elbows_bend_as_is_said(words: str, low: float, high: float) -> None:
     assert low <= shown.mean() <= high
 
 
-def test_an_elbow_that_bends_more_stays() -> None:
-    shown = bends(move([said("{s} elbow bent at a right angle")] * STEPS, bend=110.0))[-60:]
-    assert shown.mean() == pytest.approx(110.0, abs=1.0)
+def test_an_elbow_within_what_is_said_stays() -> None:
+    shown = bends(move([said("{s} elbow bent at a right angle")] * STEPS, bend=94.0))[-60:]
+    assert shown.mean() == pytest.approx(94.0, abs=1.0)
 
 
 @pytest.mark.parametrize(("swing", "least"), [(0.25, 0.38), (0.0, 0.38)])
 def test_arms_swing_widely_whatever_they_did(swing: float, least: float) -> None:
     """An arm without a swing of its own takes that of the other side's leg."""
-    positions = move([said("{s} arm swinging widely")] * 240, swing=swing)
+    positions = move([said("{s} arm swinging widely by the body")] * 240, swing=swing)
     for side, other in (("Left", "Right"), ("Right", "Left")):
         assert least < swings(positions, side) < 0.62
         hand, foot = positions[-60:, AT(f"{side}Hand"), 2], positions[-60:, AT(f"{other}Foot"), 2]
@@ -169,15 +169,15 @@ def test_arms_swing_widely_whatever_they_did(swing: float, least: float) -> None
 
 
 def test_arms_that_do_not_swing_hang_still() -> None:
-    assert swings(move([said("{s} arm at the side, not swinging")] * 240)) < 0.1
+    assert swings(move([said("{s} arm by the body, not swinging")] * 240)) < 0.1
     assert swings(move([said("{s} arm at rest")] * 240)) > 0.2
 
 
 def test_one_arm_alone_is_edited_and_a_side_is_the_others_mirror_image() -> None:
     words = PLAIN | {"right_arm": "right hand on the hip"}
-    targets = edit_targets(PartDescriptions(**words))
+    targets = edit_targets(PartDescriptions(**words))[0]
     assert edited_parts(PartDescriptions(**words)) == {"right_arm"}
-    positions, plain = move([targets] * STEPS), move([np.zeros(SHAPE)] * STEPS)
+    positions, plain = move([targets] * STEPS), move([np.zeros(SHAPE[1:])] * STEPS)
     np.testing.assert_allclose(positions[:, AT("LeftHand")], plain[:, AT("LeftHand")], atol=1e-9)
     both = move([said("{s} hand on the hip")] * STEPS, swing=0.0)
     np.testing.assert_allclose(both[-1, AT("LeftHand")] * [-1, 1, 1], both[-1, AT("RightHand")], atol=1e-6)
@@ -193,11 +193,11 @@ def test_one_arm_alone_is_edited_and_a_side_is_the_others_mirror_image() -> None
 def test_whatever_is_asked_arms_stay_whole(
     frame: int, place: list[float], values: list[float], weight: float
 ) -> None:
-    targets = np.zeros(SHAPE)
+    targets = np.zeros(SHAPE[1:])
     first = len(ARM) + frame * len(PLACE)
     targets[ROW_ARMS:, : len(ARM), 0] = targets[ROW_ARMS:, first : first + len(PLACE), 0] = weight
-    targets[ROW_ARMS:, : len(ARM), 1] = weight * np.array(values) * [90.0, 90.0, 0.25, 0.25, 0.6, 0.6]
-    targets[ROW_ARMS:, first : first + len(PLACE), 1] = weight * np.array([*place, 0.05])
+    targets[ROW_ARMS:, : len(ARM), 1:] = weight * (np.array(values) * [90.0, 0.25, 0.6])[:, None]
+    targets[ROW_ARMS:, first : first + len(PLACE), 1:] = weight * np.array([*place, 0.05])[:, None]
     positions = move([targets] * 120)
     assert np.isfinite(positions).all()
     assert np.abs(np.diff(positions, axis=0)).max() * 60.0 < 12.0  # m/s

@@ -14,7 +14,7 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.edits.body import BodyEdits
 from runtime.edits.legs import LegEdit
-from runtime.edits.request import LEG, MOST_OF_LEG, SHAPE, EditRequest
+from runtime.edits.request import LARGEST, LEG, MOST_OF_LEG, SHAPE, EditRequest
 from runtime.feet import ik
 from runtime.feet.foot_lock import FootLock, Support
 from runtime.feet.leg import leg_bones, leg_forward
@@ -37,10 +37,10 @@ PLAIN = PartDescriptions(*["at rest"] * 6)
 
 
 def asked(**values: float) -> Array:
-    """Both legs by these targets."""
-    targets = np.zeros(SHAPE)
+    """Both legs by these targets: the largest bends and lifts, and all others exactly."""
+    targets = np.zeros(SHAPE[1:])
     for name, value in values.items():
-        targets[:2, LEG.index(name)] = 1.0, value
+        targets[:2, LEG.index(name)] = 1.0, -LARGEST if name in ("knee", "lift") else value, value
     return targets
 
 
@@ -67,7 +67,7 @@ def walk(targets: Array, yaw: float = 0.0, width: float = 0.1, height: float = 0
 
 @cache
 def plain_walk() -> Array:
-    return walk(np.zeros(SHAPE))
+    return walk(np.zeros(SHAPE[1:]))
 
 
 def across(positions: Array, yaw: float = 0.0) -> float:
@@ -111,7 +111,7 @@ def test_hips_that_are_low_already_are_not_raised() -> None:
 
 def test_heels_rise_over_the_toes_and_toes_turn() -> None:
     plain = plain_walk()
-    tiptoe = walk(asked(heel=28.0))
+    tiptoe = walk(asked(pitch=28.0))
     rise = (tiptoe[:, ik.LEG_FEET, 1] - tiptoe[:, ik.LEG_TOES, 1]) - (
         plain[:, ik.LEG_FEET, 1] - plain[:, ik.LEG_TOES, 1]
     )
@@ -147,7 +147,7 @@ def test_a_straight_leg_that_stands_lifts_the_hips_and_stays_where_it_is() -> No
 def test_a_low_foot_hardly_leaves_the_ground() -> None:
     lifts = [
         np.ptp(walk(targets)[:, ik.LEG_FEET, 1], axis=0).max()
-        for targets in (np.zeros(SHAPE), asked(low=0.03))
+        for targets in (np.zeros(SHAPE[1:]), asked(lift=0.03))
     ]
     assert lifts[0] > 0.07
     assert lifts[1] < 0.045
@@ -158,8 +158,8 @@ def test_who_walks_on_the_heels_has_the_toes_up() -> None:
         rise = positions[:, ik.LEG_TOES, 1] - positions[:, ik.LEG_FEET, 1] + ANKLE_HEIGHT - TOE_HEIGHT
         return float(np.median(rise))
 
-    assert pitch(walk(asked(toes=20.0))) - pitch(plain_walk()) > 0.03
-    assert pitch(walk(asked(toes=20.0))) > 0.03
+    assert pitch(walk(asked(pitch=-20.0))) - pitch(plain_walk()) > 0.03
+    assert pitch(walk(asked(pitch=-20.0))) > 0.03
 
 
 def test_an_edit_that_is_no_longer_asked_for_fades() -> None:
@@ -170,7 +170,7 @@ def test_an_edit_that_is_no_longer_asked_for_fades() -> None:
     assert up < -0.1
     assert edit.active
     for _ in range(300):
-        up, legs = edit.apply(0.93, (leg, leg), [0.0] * 4, asks._replace(targets=np.zeros(SHAPE).tolist()))
+        up, legs = edit.apply(0.93, (leg, leg), [0.0] * 4, asks._replace(targets=np.zeros(SHAPE[1:]).tolist()))
     assert not edit.active
     assert up == pytest.approx(0.0, abs=1e-6)
     assert legs[0].ankle == pytest.approx(leg.ankle, abs=1e-6)
@@ -179,9 +179,9 @@ def test_an_edit_that_is_no_longer_asked_for_fades() -> None:
 @settings(max_examples=3)
 @given(st.lists(st.floats(-1.0, 1.0), min_size=len(LEG), max_size=len(LEG)), st.floats(-3.0, 3.0))
 def test_any_targets_give_poses_that_can_be_shown(values: list[float], yaw: float) -> None:
-    targets = np.zeros(SHAPE)
+    targets = np.zeros(SHAPE[1:])
     targets[:2, : len(LEG), 0] = 1.0
-    targets[:2, : len(LEG), 1] = np.array(values) * MOST_OF_LEG
+    targets[:2, : len(LEG), 1:] = (np.array(values) * MOST_OF_LEG)[:, None]
     positions = walk(targets, yaw)
     assert np.isfinite(positions).all()
     assert np.abs(np.diff(positions, axis=0)).max() < 0.2
@@ -196,11 +196,11 @@ def test_any_targets_give_poses_that_can_be_shown(values: list[float], yaw: floa
         ("left foot placed on one line, narrow stance", {"outward": (-0.01, 0.02)}),
         ("left leg crossing in front of the other at every step", {"outward": (-0.06, -0.01)}),
         ("left leg walking with a wide stance, feet apart", {"outward": (0.08, 0.15)}),
-        ("left foot on tiptoe, heel raised, left knee bent deeply, crouching low", {"heel": (20, 35), "lower": (0.1, 0.25)}),
+        ("left foot on tiptoe, heel raised, left knee bent deeply, crouching low", {"pitch": (20, 35), "lower": (0.1, 0.25)}),
         ("left knee slightly bent", {"lower": (0.01, 0.04)}),
         ("left foot turned outward like a duck", {"toe_out": (15, 30)}),
         ("left toes turned slightly in", {"toe_out": (-15, -5)}),
-        ("left leg stiff and straight, foot dragging over the ground", {"knee": (15, 35)}),
+        ("left leg stiff and straight, foot dragging over the ground", {"knee": (-np.inf, 35)}),
         ("left leg stepping evenly, foot rolling from heel to toe", {}),
         ("left leg springing off the toes at every step", {}),
     ],
@@ -233,8 +233,8 @@ def test_legs_of_a_blend_are_between_those_of_its_prompts() -> None:
     )
     line = replace(PLAIN, left_leg="left foot placed on one line", right_leg="right foot placed on one line")
     half = blended_targets(wide, line, (0.0, 0.0, 0.5, 0.0, 0.0, 0.0))
-    np.testing.assert_allclose(half[0], 0.5 * (edit_targets(wide) + edit_targets(line))[0])
-    np.testing.assert_allclose(half[1], edit_targets(wide)[1])
+    np.testing.assert_allclose(half[:, 0], 0.5 * (edit_targets(wide) + edit_targets(line))[:, 0])
+    np.testing.assert_allclose(half[:, 1], edit_targets(wide)[:, 1])
 
 
 SENTENCES = {

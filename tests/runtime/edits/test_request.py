@@ -9,33 +9,34 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.edits.request import ROW_ARMS, SHAPE, Swing, checked_targets, written_targets
+from runtime.edits.request import LARGEST, SHAPE, Swing, checked_targets, written_targets
 from runtime.prompts.edit_targets import phrases, read_phrases, targets_of
 
 PART = {"leg": "left_leg", "torso": "torso", "arm": "left_arm"}
 
 
-@given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 33), st.floats(0.1, 1.0), st.floats(-0.3, 0.3))))
-def test_targets_come_back_from_a_file(asked: list[tuple[int, int, float, float]]) -> None:
+AT = st.tuples(st.integers(0, 2), st.integers(0, 4), st.integers(0, 30))
+
+
+@given(st.lists(st.tuples(AT, st.floats(0.1, 1.0), st.floats(-0.3, 0.3), st.floats(0.3, 9.0))))
+def test_targets_come_back_from_a_file(asked: list[tuple[tuple[int, int, int], float, float, float]]) -> None:
     targets = np.zeros(SHAPE)
-    for row, column, *value in asked:
-        targets[row, column] = value
+    for at, *value in asked:
+        targets[at] = value
     np.testing.assert_array_equal(checked_targets(json.loads(json.dumps(written_targets(targets)))), targets)
     np.testing.assert_array_equal(checked_targets(targets), targets)
 
 
-def test_files_without_arms_are_read() -> None:
-    before = np.full((3, 5, 2), 0.2)
-    targets = checked_targets(before)
-    np.testing.assert_array_equal(targets[:3, :5], before)
-    assert not targets[ROW_ARMS:].any()
-    assert checked_targets(before[:2]).shape == SHAPE
+@pytest.mark.parametrize("before", [np.full((3, 5, 2), 0.2), np.full((5, 34, 2), 0.2), [[0, 1, 1.0, 0.2]]])
+def test_targets_of_files_without_ranges_ask_for_nothing(before: object) -> None:
+    assert not checked_targets(before).any()
 
 
 @pytest.mark.parametrize(
     "damaged",
-    [[1.0], [[0, 99, 1.0, 0.1]], [[9, 0, 1.0, 0.1]], [[0.5, 0, 1.0, 0.1]], [[0, 0, 2.0, 0.1]], [[0, 0, 1.0, 9.0]],
-     [[2, 0, 1.0, 1e9]], [[2, 0, float("nan"), 1.0]], np.full(SHAPE, np.nan), "legs"],
+    [[1.0], [[0, 0, 99, 1.0, 0.1, 0.1]], [[0, 9, 0, 1.0, 0.1, 0.1]], [[0, 0.5, 0, 1.0, 0.1, 0.1]],
+     [[0, 0, 0, 2.0, 0.1, 0.1]], [[0, 2, 0, 1.0, 1e9, 1e9]], [[0, 2, 0, float("nan"), 1.0, 1.0]],
+     np.full(SHAPE, np.nan), "legs"],
 )  # fmt: skip
 def test_targets_of_a_file_are_checked(damaged: object) -> None:
     with pytest.raises(ValueError, match=r"edits|could not|reshape"):
@@ -45,17 +46,17 @@ def test_targets_of_a_file_are_checked(damaged: object) -> None:
 def test_a_phrase_asks_for_what_its_kind_says() -> None:
     for part, targets in phrases().items():
         for target, table in targets.items():
-            for phrase, values in table.items():
+            for phrase, (_, values) in table.items():
                 found = targets_of(PART[part], f"left side {phrase}, at rest").get(target, ())
-                assert found == tuple(value for _, value in values), phrase
+                assert found == values, phrase
 
 
 @pytest.mark.parametrize(
     "tree",
     [
-        {"leg": {"odd": {"phrases": ["odd"], "height": 1.0}}},
-        {"tail": {"odd": {"phrases": ["odd"], "lower": 1.0}}},
-        {"leg": {"a": {"phrases": ["odd"], "lower": 0.1}, "b": {"phrases": ["odd"], "lower": 0.2}}},
+        {"leg": {"odd": {"phrases": ["odd"], "height": [1.0, 2.0]}}},
+        {"tail": {"odd": {"phrases": ["odd"], "lower": [1.0, 2.0]}}},
+        {"leg": {"a": {"phrases": ["odd"], "lower": [0.1, 1.0]}, "b": {"phrases": ["odd"], "lower": [0.2, 1.0]}}},
         {"arm": {"odd": {"phrases": ["odd"], "hand": {"place": [0, 0, 0]}}}},
     ],
 )
@@ -70,5 +71,6 @@ def test_a_swing_knows_its_middle_and_its_ends() -> None:
         swing = swing.observed(2.0 + 0.3 * np.sin(2.0 * np.pi * t / 60.0), 0.4, 0.6)
     assert swing.middle == pytest.approx(2.0, abs=0.1)
     assert swing.range == pytest.approx(0.6, abs=0.12)
-    assert swing.gain(1.2, 0.1, 5.0) == pytest.approx(1.0, abs=0.4)
-    assert swing.gain(0.3, 0.1, 5.0) == 0.0
+    assert swing.gain([1.0, 1.2, LARGEST], 0.1, 5.0) == pytest.approx(1.0, abs=0.4)
+    assert swing.gain([1.0, -LARGEST, 0.3], 0.1, 5.0) == pytest.approx(-0.5, abs=0.15)
+    assert swing.gain([1.0, 0.3, 1.0], 0.1, 5.0) == 0.0

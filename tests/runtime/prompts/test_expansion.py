@@ -309,7 +309,7 @@ def test_a_figure_that_walks_slowly_keeps_its_gait_and_only_its_speed_is_bounded
         "right_leg", f"{own.right_leg}, walking slowly"
     )
     assert left_to_network(slow) == left_to_network(own)
-    assert "slow" in targets_of("left_leg", slow.left_leg)
+    assert "pace" in targets_of("left_leg", slow.left_leg)
 
 
 # typing errors

@@ -1,0 +1,148 @@
+"""What phrases mean by the captured clips whose captions use them: `assets/prompts/phrase_measures.json`.
+
+`python -m training.text.phrase_measures` writes the file: of every captured style and gait the range of each target
+(`runtime.edits.request`), of every phrase that captions use the range over the styles whose captions do, and what is
+usual in a gait. Captions are the descriptions of styles.json.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+from runtime.assets import asset_path
+from runtime.edits.request import GAITS, PARTS
+from runtime.errors import FileError
+from runtime.prompts.english.library_data import LibraryStyle, load_styles
+
+PHRASE_MEASURES = "prompts/phrase_measures.json"
+# what a caption asks for in other gaits than its walk: what the network adds to a style's walk to jog it
+OF_CAPTIONS = ("lower", "lean", "bounce", "elbow", "elbow_out")
+MOVING_HAND_M = 0.12  # from end to end: a captured hand that moves further has no place
+Range = tuple[float, float]
+Ranges = tuple[Range | None, ...]  # by `GAITS`; None where nothing was captured
+Measured = Mapping[str, Range]  # by target
+Clause = tuple[str, str]  # a part and the words of a caption's clause, or of a whole one
+
+
+@dataclass(frozen=True)
+class CapturedPhrases:
+    """The measures of captured styles and of phrases, with the captions that they belong to."""
+
+    styles: Mapping[str, Mapping[str, Mapping[str, Measured]]] = field(default_factory=dict)  # style, gait, part
+    phrases: Mapping[str, Mapping[str, Mapping[str, Ranges]]] = field(default_factory=dict)  # kind, target, phrase
+    usual_of: Mapping[str, Measured] = field(default_factory=dict)  # by gait, of trunks
+    captions: Mapping[Clause, frozenset[str]] = field(default_factory=dict)  # styles by whole descriptions
+    clauses: Mapping[Clause, frozenset[str]] = field(default_factory=dict)  # and by their clauses
+
+    def is_caption(self, part: str, sentence: str) -> bool:
+        """Whether a description is a caption of a captured style."""
+        return _words(part, sentence) in self.captions
+
+    def caption(self, part: str, sentence: str) -> dict[str, Ranges]:
+        """The ranges of the styles that a description is a caption of, by target."""
+        styles = self.captions.get(_words(part, sentence), frozenset())
+        return {name: self._over(styles, part, name) for name in self._names(styles, part)}
+
+    def clause(self, part: str, clause: str, target: str) -> Ranges | None:
+        """The range of the one style whose captions have a clause; None for others: they say no more than their phrases."""
+        styles = self.clauses.get((part, clause), frozenset())
+        found = self._over(styles, part, target) if len(styles) == 1 else ()
+        return found if any(found) else None
+
+    def phrase(self, kind: str, phrase: str, target: str) -> Ranges | None:
+        """The range of a phrase that captions use; None for others."""
+        return self.phrases.get(kind, {}).get(target, {}).get(phrase)
+
+    def moves(self, part: str, clause: str) -> bool:
+        """Whether the hand of every style whose captions have the clause moves too far for a place."""
+        styles = self.clauses.get((part, clause), frozenset())
+        hands = [self.styles[style]["walk"].get(part, {}).get("hand_range", (0.0, 0.0)) for style in styles]
+        return bool(hands) and min(low for low, _ in hands) > MOVING_HAND_M
+
+    def usual(self, gait: str) -> Measured:
+        """What trunks do in the captured clips of a gait."""
+        return self.usual_of.get(gait, {})
+
+    def _names(self, styles: frozenset[str], part: str) -> list[str]:
+        rows = [row.get(part, {}) for style in styles for row in self.styles.get(style, {}).values()]
+        return [name for name in OF_CAPTIONS if any(name in row for row in rows)]
+
+    def _over(self, styles: frozenset[str], part: str, target: str) -> Ranges:
+        """From the lowest to the highest of several styles, in every gait."""
+        found = []
+        for gait in GAITS:
+            rows = [self.styles.get(style, {}).get(gait, {}).get(part, {}).get(target) for style in styles]
+            ends = [row for row in rows if row is not None]
+            found.append((min(e[0] for e in ends), max(e[1] for e in ends)) if ends else None)
+        return tuple(found)
+
+
+def _words(part: str, sentence: str) -> Clause:
+    return part, " ".join(sentence.lower().split())
+
+
+def kind_of(part: str) -> str:
+    """The kind of a part: "leg" of "left_leg"."""
+    return part.split("_")[-1]
+
+
+@cache
+def captured() -> CapturedPhrases:
+    """The shipped file; FileError where it is malformed."""
+    path = asset_path(PHRASE_MEASURES)
+    styles = load_styles(asset_path("prompts/styles.json"))
+    captions: dict[Clause, set[str]] = {}
+    clauses: dict[Clause, set[str]] = {}
+    try:
+        tree = json.loads(path.read_text("utf-8"))
+        measured = {s: _by_part(gaits) for s, gaits in tree["styles"].items() if "walk" in gaits}
+        for name, part, sentence in captions_by_style(styles):
+            if name in measured:  # a gesture that was captured standing says nothing of a walk
+                captions.setdefault((part, sentence), set()).add(name)
+                for clause in sentence.split(", "):
+                    clauses.setdefault((part, clause), set()).add(name)
+        return CapturedPhrases(
+            measured,
+            {k: {t: _by_phrase(of) for t, of in targets.items()} for k, targets in tree["phrases"].items()},
+            {gait: _ranges(measures) for gait, measures in tree["usual"].items()},
+            {key: frozenset(names) for key, names in captions.items()},
+            {key: frozenset(names) for key, names in clauses.items()},
+        )
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise FileError(f"{path}: not readable as measures ({error!r}).", "Restore the file.") from error
+
+
+def captions_by_style(styles: Mapping[str, LibraryStyle]) -> Iterator[tuple[str, str, str]]:
+    """Style, part and description in small letters, of every caption; of styles without a side their mirror images too."""
+    for name, style in styles.items():
+        sided = any(side in name for side in ("left", "right"))
+        for descriptions in style.descriptions:
+            for words in (descriptions,) if sided else (descriptions, descriptions.mirrored()):
+                for part in PARTS:
+                    yield name, part, getattr(words, part).lower()
+
+
+def _ranges(measures: Mapping[str, Any]) -> dict[str, Range]:
+    return {name: _range(value) for name, value in measures.items()}
+
+
+def _by_part(gaits: Mapping[str, Any]) -> dict[str, dict[str, Measured]]:
+    return {gait: {part: _ranges(own) for part, own in parts.items()} for gait, parts in gaits.items()}
+
+
+def _by_phrase(phrases: Mapping[str, Any]) -> dict[str, Ranges]:
+    return {
+        phrase: tuple(_range(of[gait]) if gait in of else None for gait in GAITS)
+        for phrase, of in phrases.items()
+    }
+
+
+def _range(value: Any) -> Range:
+    low, high = map(float, value)
+    if not low <= high:
+        raise ValueError(f"range of {value}")
+    return low, high

@@ -1,0 +1,282 @@
+"""What phrases of descriptions mean by the captured clips whose captions use them.
+
+    python -m training.text.phrase_measures --clips RUN/clips [--disagreements]
+
+The edits of the shown pose read every steady stretch of a clip as they read a walk of the network, so that what is asked and
+what is shown are one measure. `assets/prompts/phrase_measures.json` gets, of every captured style and gait, the range of each
+target; of every phrase of edits.toml that captions use, the range over the styles whose captions do; and what is usual in a
+gait. `--disagreements` lists the captions whose words, where they have a hand-written meaning, say what their capture does not show.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runtime.arrays import Array, Flags
+from runtime.assets import asset_path
+from runtime.atomic import write_atomic
+from runtime.edits.body import BodyEdits
+from runtime.edits.request import ARM, GAITS, LARGEST, LEG, SHAPE, TRUNK, EditRequest
+from runtime.errors import FileError, run_command
+from runtime.motion.features import FPS
+from runtime.motion.style import NEUTRAL_SPEEDS
+from runtime.prompts.captured import PHRASE_MEASURES, captions_by_style, captured, kind_of
+from runtime.prompts.edit_targets import HAND, phrases, spoken
+from runtime.prompts.english.library_data import load_styles
+from runtime.safe_read import open_npz
+from runtime.skeleton import SPORT_SKELETON
+from training.frames import PLAIN
+from training.text.measure import smoothed, smoothed_facing
+
+ASKED = 1e-5  # weight of what is asked: enough to be measured, and next to nothing is added
+LABELS = {"walk": 1, "jog": 2, "crouch": 3}  # columns of a clip's gait
+# what a clip of one gait is called; slow runs are labelled as walks
+_CONTENTS = {"walk": ("walk",), "jog": ("run", "jog", "dash"), "crouch": ("crouch",)}
+LEAD_S, SHORTEST_S, EVERY_S = 0.8, 1.3, 0.2  # read after a lead, in stretches that last, so often
+MIN_SPEED_M_PER_S, MAX_TURN_RAD_PER_S, MAX_OFF_RAD = 0.25, 0.7, 0.45  # of a steady stretch straight ahead
+CLIPS_OF_STYLE, LONGEST_S = 12, 10.0  # of a style and content, and of a stretch, that are read at most
+_NOT_AHEAD = ("back", "left", "right", "side", "turn", "jump", "idle", "stand", "transition", "terrain")
+ENDS_PERCENT = (20.0, 80.0)
+UNMEASURED = (HAND, "shrug")
+HAND_RANGE = "hand_range"  # of an arm, beside its targets
+# degrees, metres, fractions of a speed out of a phrase's range from which a caption says what its capture does not show
+FAR_OFF = {
+    "outward": 0.05, "lower": 0.06, "pitch": 15.0, "toe_out": 15.0, "knee": 20.0, "lift": 0.04, "pace": 0.25,
+    "lean": 8.0, "aside": 6.0, "twist": 15.0, "sway": 0.05, "rock": 5.0, "bounce": 0.03,
+    "elbow": 25.0, "elbow_out": 0.07, "swing": 0.15,
+}  # fmt: skip
+Reading = dict[str, dict[str, float]]  # part, target
+Readings = dict[str, dict[str, list[float]]]
+
+
+def read_clip(path: Path) -> tuple[str, dict[str, list[Reading]]]:
+    """The style of a clip, and what is read in its steady stretches by gait."""
+    with open_npz(path, "Run the importer again.") as clip:
+        style = str(clip["style"])
+        hips, local, contacts = clip["hips_positions"], clip["local_rotations"], clip["contacts"]
+        gaits, content = clip["gait"], str(clip["content"])
+    positions, _ = SPORT_SKELETON.forward_kinematics(hips, local)
+    yaw = smoothed_facing(positions)
+    velocity = np.gradient(smoothed(hips[:, [0, 2]], 0.5), axis=0) * FPS
+    steady, found = _steady(yaw, velocity), {}
+    named = [gait for gait, words in _CONTENTS.items() if any(word in content for word in words)]
+    for gait in named[-1:] if len(named) == 1 or named[-1:] == ["crouch"] else named:
+        rows: list[Reading] = []
+        shows = steady if len(named) == 1 or gait == "crouch" else steady & (gaits[:, LABELS[gait]] > 0.5)
+        for first, last in _stretches(shows):
+            part = slice(first, last)
+            rows += _read(hips[part], local[part], contacts[part], yaw[part], velocity[part], gait == "jog")
+        if rows:
+            found[gait] = rows
+    return style, found
+
+
+def _steady(yaw: Array, velocity: Array) -> Flags:
+    speed = np.linalg.norm(velocity, axis=1)
+    turn = np.abs(np.gradient(np.unwrap(yaw))) * FPS
+    off = np.arctan2(velocity[:, 0], velocity[:, 1]) - yaw
+    off = np.abs((off + np.pi) % (2.0 * np.pi) - np.pi)
+    return np.asarray(
+        (speed > MIN_SPEED_M_PER_S)
+        & (smoothed(turn[:, None], 0.5)[:, 0] < MAX_TURN_RAD_PER_S)
+        & (smoothed(off[:, None], 0.5)[:, 0] < MAX_OFF_RAD)
+    )
+
+
+def _stretches(steady: Flags) -> Iterator[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.r_[False, steady, False].astype(int)))
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        if last - first >= SHORTEST_S * FPS:
+            yield int(first), int(min(last, first + LONGEST_S * FPS))
+
+
+def _read(
+    hips: Array, local: Array, contacts: Array, yaw: Array, velocity: Array, jogs: bool
+) -> Iterator[Reading]:
+    edits, targets = BodyEdits(), np.zeros(SHAPE[1:])
+    targets[:, :, 0] = ASKED
+    targets[..., 1], targets[..., 2] = -ASKED * LARGEST, ASKED * LARGEST
+    targets[3:, len(ARM) :] = 0.0  # no places
+    targets[2, len(TRUNK) :] = 0.0
+    asked = targets.tolist()
+    reach = _hand_ranges(hips, local)
+    for k in range(len(hips)):
+        request = EditRequest(asked, float(yaw[k]), (float(velocity[k, 0]), float(velocity[k, 1])), 0.0)
+        edits.apply(hips[k], local[k], contacts[k].astype(float), request)
+        if k >= LEAD_S * FPS and k % round(EVERY_S * FPS) == 0:
+            found = reading(edits, float(np.hypot(*velocity[k])) / NEUTRAL_SPEEDS[jogs])
+            for part, moved in reach.items():
+                found[part][HAND_RANGE] = moved
+            yield found
+
+
+def _hand_ranges(hips: Array, local: Array) -> dict[str, float]:
+    """Metres from end to end in which each hand moves against its shoulder."""
+    positions, _ = SPORT_SKELETON.forward_kinematics(hips - hips * [1, 0, 1], local)
+    found = {}
+    for side in ("Left", "Right"):
+        reach = positions[:, SPORT_SKELETON.index(f"{side}Hand")] - positions[:, SPORT_SKELETON.index(f"{side}Arm")]
+        away = reach - smoothed(reach, 1.1)
+        found[f"{side.lower()}_arm"] = float(2.0 * np.sqrt(2.0 * (away**2).sum(1).mean()))
+    return found
+
+
+def reading(edits: BodyEdits, pace: float) -> Reading:
+    """What the edits know of a body, by part and target."""
+    legs, trunk = edits.legs, edits.trunk
+    found: Reading = {}
+    for k, side in enumerate(("left", "right")):
+        beside = (0.5 * legs.across + (-legs.middle if k else legs.middle)) / max(legs.known, 1e-6)
+        found[f"{side}_leg"] = dict(
+            zip((*LEG, "pace"), (beside, legs.lowered, legs.pitch[k], legs.yaw[k], legs.bend[k], legs.lift[k], pace), strict=True)
+        )  # fmt: skip
+        arm = edits.arms[k]
+        found[f"{side}_arm"] = {
+            "elbow": arm.bend.middle, "elbow_out": arm.out.middle, "swing": arm.swing.range
+        }  # fmt: skip
+    found["torso"] = {
+        "lean": trunk.lean.middle, "aside": trunk.aside.middle, "twist": trunk.twist.middle,
+        "sway": trunk.sway.range, "rock": trunk.aside.range, "bounce": trunk.bounce.range,
+    }  # fmt: skip
+    return found
+
+
+def measured(clips: Path) -> dict[str, Any]:
+    """The file's tree of the clips in a folder; FileError where there is none."""
+    paths = _chosen(clips)
+    read: dict[str, dict[str, list[Reading]]] = defaultdict(lambda: defaultdict(list))
+    for style, found in map(read_clip, paths):
+        for gait, rows in found.items():
+            read[style][gait] += rows
+    return tree_of(read)
+
+
+def tree_of(read: Mapping[str, Mapping[str, Sequence[Reading]]]) -> dict[str, Any]:
+    """The same of readings by style and gait."""
+    styles = {s: {g: _range_of(rows) for g, rows in gaits.items() if rows} for s, gaits in read.items()}
+    named = [row["jog"]["torso"]["lean"] for s, row in styles.items() if s != PLAIN and s.startswith(PLAIN) and "jog" in row]
+    if named and "jog" in styles.get(PLAIN, {}):  # of several captures, whose spines stand differently
+        styles[PLAIN]["jog"]["torso"]["lean"] = _over(named)
+    plain = [row for style, gaits in read.items() if style.startswith(PLAIN) for row in gaits.get("walk", ())]
+    usual = _range_of(plain)
+    return {"usual": _usual(styles), "phrases": _phrases(styles, usual), "styles": styles}
+
+
+def _chosen(clips: Path) -> list[Path]:
+    """Captured clips that go ahead, some of every style and content; FileError where there is none."""
+    found: dict[tuple[str, str], list[Path]] = defaultdict(list)
+    for path in sorted(clips.glob("*.npz")):
+        if path.stem.startswith("layer_") or path.stem.endswith(("_m", "_t")):
+            continue
+        with open_npz(path, "Run the importer again.") as clip:
+            style, content = str(clip["style"]), str(clip["content"])
+        if not any(word in content for word in _NOT_AHEAD):
+            found[style, content].append(path)
+    if not found:
+        raise FileError(f"{clips}: holds no clips (*.npz).", "Run `sport train import --data DIR --out DIR`.")
+    return [path for own in found.values() for path in own[:: -(-len(own) // CLIPS_OF_STYLE)]]
+
+
+def _percentile(rows: Sequence[Reading], percent: float) -> dict[str, dict[str, float]]:
+    return {
+        part: {name: float(np.percentile([row[part][name] for row in rows], percent)) for name in rows[0][part]}
+        for part in rows[0]
+    }
+
+
+def _range_of(rows: Sequence[Reading]) -> dict[str, dict[str, list[float]]]:
+    low, high = (_percentile(rows, percent) for percent in ENDS_PERCENT)
+    return {p: {n: [_rounded(low[p][n]), _rounded(high[p][n])] for n in low[p]} for p in low}
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.3g}") if abs(value) < 100.0 else round(value)
+
+
+def _usual(styles: Mapping[str, Any]) -> dict[str, dict[str, list[float]]]:
+    """What trunks do in a gait: from the lower to the upper quartile of the styles' middles."""
+    found: dict[str, dict[str, list[float]]] = {}
+    for gait in GAITS:
+        trunks = [row[gait]["torso"] for row in styles.values() if gait in row]
+        for name in ("lean", "bounce") if trunks else ():
+            middles = [0.5 * sum(trunk[name]) for trunk in trunks]
+            found.setdefault(gait, {})[name] = [_rounded(v) for v in np.percentile(middles, (25.0, 75.0))]
+    return found
+
+
+def _phrases(styles: Mapping[str, Any], usual: Mapping[str, Any]) -> dict[str, Any]:
+    """By kind, target and phrase the range in every gait over the styles whose captions use the phrase, where they show it."""
+    said = captions_by_style(load_styles(asset_path("prompts/styles.json")))
+    using: dict[tuple[str, str, str], list[str]] = defaultdict(list)
+    for style, part, text in said:
+        if part in ("left_leg", "torso", "left_arm") and style in styles:
+            for name, (_, phrase, (_, values)) in spoken(part, text).items():
+                if values and name not in UNMEASURED:
+                    using[part, name, phrase].append(style)
+    found: dict[str, Any] = {}
+    for (part, name, phrase), names in sorted(using.items()):
+        rows = [styles[style] for style in dict.fromkeys(names)]
+        ranges = {g: _over([row[g][part][name] for row in rows if g in row]) for g in GAITS}
+        by_hand = phrases()[kind_of(part)][name][phrase][1]
+        if ranges["walk"] and _shows(ranges["walk"], usual[part][name], by_hand):
+            table = found.setdefault(kind_of(part), {}).setdefault(name, {})
+            table[phrase] = {gait: own for gait, own in ranges.items() if own}
+    return found
+
+
+def _shows(range_: Sequence[float], usual: Sequence[float], by_hand: Sequence[float]) -> bool:
+    """Whether captures show a phrase: their range lies beyond what is usual, on the side that the words say."""
+    least, most = by_hand
+    if least <= 0.5 * sum(usual) <= most:
+        return True
+    return range_[0] > usual[1] if least > 0.5 * sum(usual) else range_[1] < usual[0]
+
+
+def _over(ranges: Sequence[Sequence[float]]) -> list[float]:
+    """The range of one style; of several the quartiles of their middles."""
+    if len(ranges) < 2:
+        return list(ranges[0]) if ranges else []
+    return [_rounded(v) for v in np.percentile([0.5 * sum(r) for r in ranges], (25.0, 75.0))]
+
+
+def disagreements(styles: Mapping[str, Any]) -> Iterator[str]:
+    """Lines of captions that say what their capture's walk is far from."""
+    seen = set()
+    for style, part, text in captions_by_style(load_styles(asset_path("prompts/styles.json"))):
+        own = styles.get(style, {}).get("walk", {}).get(part)
+        if own is None or (style, text) in seen or part.startswith("right_"):
+            continue
+        seen.add((style, text))
+        for name, (clause, phrase, (_, values)) in spoken(part, text).items():
+            if name == HAND and values and own[HAND_RANGE][0] > values[-1] + FAR_OFF["swing"]:
+                yield f"{style}: {clause}: its hand moves by {own[HAND_RANGE]} m ({text})"
+            elif values and name in FAR_OFF:
+                shown = captured().phrase(kind_of(part), phrase, name)
+                least, most = (shown and shown[0]) or values
+                low, high = own[name]
+                if low > most + FAR_OFF[name] or high < least - FAR_OFF[name]:
+                    yield f"{style}: {clause}: {name} of {least} to {most}, captured {low} to {high} ({text})"
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description="Measure what phrases of captions mean.")
+    parser.add_argument("--clips", type=Path, required=True, help="folder of imported clips")
+    parser.add_argument("--disagreements", action="store_true", help="list captions that their capture does not show")
+    args = parser.parse_args(argv)
+    tree = measured(args.clips)
+    if args.disagreements:
+        print("\n".join(disagreements(tree["styles"])))
+    else:
+        write_atomic(asset_path(PHRASE_MEASURES), json.dumps(tree, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_command("phrase measures", main))

@@ -217,9 +217,7 @@ class ArmEdit:
 def _lacking(target: Target, has: float, angle: Callable[[float], float] = float) -> float:
     """What is missing of a range by its weight, in an `angle` that grows with the measure."""
     low, high = range_of(target)
-    return target[0] * (
-        max(angle(low) - angle(has), 0.0) + min(angle(high) - angle(has), 0.0)
-    )
+    return target[0] * (max(angle(low) - angle(has), 0.0) + min(angle(high) - angle(has), 0.0))
 
 
 def _raised(outward: float) -> float:

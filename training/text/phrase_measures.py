@@ -122,7 +122,10 @@ def _hand_ranges(hips: Array, local: Array) -> dict[str, float]:
     positions, _ = SPORT_SKELETON.forward_kinematics(hips - hips * [1, 0, 1], local)
     found = {}
     for side in ("Left", "Right"):
-        reach = positions[:, SPORT_SKELETON.index(f"{side}Hand")] - positions[:, SPORT_SKELETON.index(f"{side}Arm")]
+        reach = (
+            positions[:, SPORT_SKELETON.index(f"{side}Hand")]
+            - positions[:, SPORT_SKELETON.index(f"{side}Arm")]
+        )
         away = reach - smoothed(reach, 1.1)
         found[f"{side.lower()}_arm"] = float(2.0 * np.sqrt(2.0 * (away**2).sum(1).mean()))
     return found
@@ -161,7 +164,11 @@ def measured(clips: Path) -> dict[str, Any]:
 def tree_of(read: Mapping[str, Mapping[str, Sequence[Reading]]]) -> dict[str, Any]:
     """The same of readings by style and gait."""
     styles = {s: {g: _range_of(rows) for g, rows in gaits.items() if rows} for s, gaits in read.items()}
-    named = [row["jog"]["torso"]["lean"] for s, row in styles.items() if s != PLAIN and s.startswith(PLAIN) and "jog" in row]
+    named = [
+        row["jog"]["torso"]["lean"]
+        for s, row in styles.items()
+        if s != PLAIN and s.startswith(PLAIN) and "jog" in row
+    ]
     if named and "jog" in styles.get(PLAIN, {}):  # of several captures, whose spines stand differently
         styles[PLAIN]["jog"]["torso"]["lean"] = _over(named)
     plain = [row for style, gaits in read.items() if style.startswith(PLAIN) for row in gaits.get("walk", ())]
@@ -186,7 +193,9 @@ def _chosen(clips: Path) -> list[Path]:
 
 def _percentile(rows: Sequence[Reading], percent: float) -> dict[str, dict[str, float]]:
     return {
-        part: {name: float(np.percentile([row[part][name] for row in rows], percent)) for name in rows[0][part]}
+        part: {
+            name: float(np.percentile([row[part][name] for row in rows], percent)) for name in rows[0][part]
+        }
         for part in rows[0]
     }
 
@@ -269,7 +278,9 @@ def main(argv: list[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description="Measure what phrases of captions mean.")
     parser.add_argument("--clips", type=Path, required=True, help="folder of imported clips")
-    parser.add_argument("--disagreements", action="store_true", help="list captions that their capture does not show")
+    parser.add_argument(
+        "--disagreements", action="store_true", help="list captions that their capture does not show"
+    )
     args = parser.parse_args(argv)
     tree = measured(args.clips)
     if args.disagreements:

@@ -170,7 +170,9 @@ def test_an_edit_that_is_no_longer_asked_for_fades() -> None:
     assert up < -0.1
     assert edit.active
     for _ in range(300):
-        up, legs = edit.apply(0.93, (leg, leg), [0.0] * 4, asks._replace(targets=np.zeros(SHAPE[1:]).tolist()))
+        up, legs = edit.apply(
+            0.93, (leg, leg), [0.0] * 4, asks._replace(targets=np.zeros(SHAPE[1:]).tolist())
+        )
     assert not edit.active
     assert up == pytest.approx(0.0, abs=1e-6)
     assert legs[0].ankle == pytest.approx(leg.ankle, abs=1e-6)

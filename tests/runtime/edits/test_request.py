@@ -56,7 +56,12 @@ def test_a_phrase_asks_for_what_its_kind_says() -> None:
     [
         {"leg": {"odd": {"phrases": ["odd"], "height": [1.0, 2.0]}}},
         {"tail": {"odd": {"phrases": ["odd"], "lower": [1.0, 2.0]}}},
-        {"leg": {"a": {"phrases": ["odd"], "lower": [0.1, 1.0]}, "b": {"phrases": ["odd"], "lower": [0.2, 1.0]}}},
+        {
+            "leg": {
+                "a": {"phrases": ["odd"], "lower": [0.1, 1.0]},
+                "b": {"phrases": ["odd"], "lower": [0.2, 1.0]},
+            }
+        },
         {"arm": {"odd": {"phrases": ["odd"], "hand": {"place": [0, 0, 0]}}}},
     ],
 )

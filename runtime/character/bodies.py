@@ -41,8 +41,9 @@ class Nodes:
 
     @cached_property
     def skinned(self) -> set[int]:
-        """The joints that skins name."""
-        return {joint for skin in self.file.gltf.skins or [] for joint in skin.joints}
+        """The joints that skins name; reading the skins says of others that they are not there."""
+        every = range(len(self.parents))
+        return {joint for skin in self.file.gltf.skins or [] for joint in skin.joints or [] if joint in every}
 
     @cached_property
     def rest(self) -> AnyArray:

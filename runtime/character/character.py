@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from runtime.arrays import AnyArray
-from runtime.character.bodies import open_character
+from runtime.character.bodies import Nodes, open_character
 from runtime.character.body_surface import BodySurface, fit_surface
 from runtime.character.guess import JointGuess, guess_joints, require
 from runtime.character.hand_contact import clear_hands
@@ -20,6 +20,7 @@ from runtime.character.joints import Alignment, align
 from runtime.character.mesh import MeshData, read_meshes
 from runtime.character.planted_feet import Soles, find_soles, plant_feet
 from runtime.character.read import MAX_VALUE, REMEDY, STRUCTURE_ERRORS, GltfFile
+from runtime.character.rest_pose import bind_worlds
 from runtime.character.skinned_mesh import SkinnedMesh, Surface
 from runtime.errors import FileError
 from runtime.pose import Pose
@@ -104,11 +105,12 @@ def _reading(path: str | Path) -> Iterator[tuple[GltfFile, str]]:
 
 def _guessed(file: GltfFile, joint_map: Mapping[str, str] | Path | None) -> tuple[JointGuess, MeshData]:
     data = read_meshes(file)
+    data = replace(data, rest_world=bind_worlds(Nodes.of(file), data.joint_nodes))
     if joint_map is None:
         joint_map = saved_joint_map(file.path)
     elif isinstance(joint_map, Path):
         joint_map = read_joint_map(joint_map)
-    return guess_joints(file.path, data, _names(file, data), joint_map)
+    return guess_joints(file.path, data, _names(file, data), joint_map), data
 
 
 def _names(file: GltfFile, data: MeshData) -> tuple[str, ...]:

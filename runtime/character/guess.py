@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from runtime.arrays import AnyArray
 from runtime.character.joint_map import joint_map_path
-from runtime.character.joints import NEEDED, REQUIRED, canonical_axes, match_centre, match_names
+from runtime.character.joints import NEEDED, REQUIRED, match_centre, match_names
 from runtime.character.mesh import MeshData
 from runtime.character.structure import guess_by_structure, leg_count
 from runtime.character.tree import JointTree
@@ -32,7 +32,6 @@ LEANING = -0.6  # cosine between legs and trunk; an upright trunk goes the other
 ALIKE = 0.5  # cosine between front and hind legs
 DEEP = 0.5  # how far front legs reach down from the hips
 LOW, APART = 0.75, 0.6  # ends of limbs on the ground, and how far they are from the feet
-CROOKED = 0.04  # share of the body's size by which left and right of a rest pose may differ
 
 
 class JointsUnknown(FileError):
@@ -64,20 +63,11 @@ class JointGuess:
 
 def guess_joints(
     path: Path, data: MeshData, names: tuple[str, ...], joint_map: Mapping[str, str]
-) -> tuple[JointGuess, MeshData]:
-    """What the joints play, and the mesh data in the rest pose they were read off: as the file stands, or as it was bound.
-
-    FileError where the map names a joint that is not there; `NotUpright` for a quadruped.
-    """
-    standing = _found(data, names)
-    best = (*standing, data)
-    bound = bind_pose(data)
-    if bound is not None and _crookedness(standing[0], data) > CROOKED:
-        other = _found(bound, names)
-        if _crookedness(other[0], bound) < 0.5 * _crookedness(standing[0], data):
-            best = (*other, bound)
-    found, origin, data = best
-    return _believed(path, names, _tree(data), found, origin, joint_map), data
+) -> JointGuess:
+    """What the joints of a mesh in its rest pose play. FileError where the map names a joint that is not there; `NotUpright` for a quadruped."""
+    tree = JointTree(data.joint_parents, data.rest_world[:, :3, 3])
+    found, origin = _guessed_joints(tree, data.rest_positions(), names, data.humanoid)
+    return _believed(path, names, tree, found, origin, joint_map)
 
 
 def require(path: Path, guess: JointGuess) -> None:
@@ -158,10 +148,6 @@ def _bending(found: Mapping[str, int], tree: JointTree, turning: AnyArray) -> di
     return moved
 
 
-def _found(data: MeshData, names: tuple[str, ...]) -> tuple[dict[str, int], str]:
-    return _guessed_joints(_tree(data), data.rest_positions(), names, data.humanoid)
-
-
 def _guessed_joints(
     tree: JointTree, points: AnyArray, names: tuple[str, ...], humanoid: Mapping[str, int]
 ) -> tuple[dict[str, int], str]:
@@ -196,10 +182,6 @@ def _missing(found: Mapping[str, int]) -> tuple[str, ...]:
     return tuple(name for name in NEEDED if name not in found)
 
 
-def _tree(data: MeshData) -> JointTree:
-    return JointTree(data.joint_parents, data.rest_world[:, :3, 3])
-
-
 def _chosen(path: Path, names: tuple[str, ...], joint_map: Mapping[str, str]) -> dict[str, int]:
     chosen = {}
     for joint, name in joint_map.items():
@@ -210,36 +192,6 @@ def _chosen(path: Path, names: tuple[str, ...], joint_map: Mapping[str, str]) ->
             )
         chosen[joint] = names.index(name) if name else -1
     return chosen
-
-
-def bind_pose(data: MeshData) -> MeshData | None:
-    """The same mesh as it was bound to its joints, None where its skins do not agree on that.
-
-    Many files rest in a frame of an animation; what they were bound in is a T- or A-pose.
-    """
-    root = next((k for k, parent in enumerate(data.joint_parents) if parent < 0), 0)
-    try:
-        bind = np.linalg.inv(data.inverse_bind.astype(np.float64))
-    except np.linalg.LinAlgError:
-        return None
-    to_scene = data.rest_world[root] @ data.inverse_bind[root]
-    scale = float(np.cbrt(abs(np.linalg.det(to_scene[:3, :3]))))
-    turn = np.zeros((3, 3))
-    for row in range(3):  # an animation may have turned the root a little; files stand on an axis
-        axis = int(np.argmax(np.abs(to_scene[row, :3])))
-        turn[row, axis] = np.sign(to_scene[row, axis])
-    if scale < 1e-9 or abs(np.linalg.det(turn) - 1.0) > 1e-6:
-        return None
-    frame = np.eye(4)
-    frame[:3, :3] = turn * scale
-    worlds = frame @ bind
-    return replace(data, rest_world=worlds) if np.all(np.isfinite(worlds)) else None
-
-
-def _crookedness(found: Mapping[str, int], data: MeshData) -> float:
-    """`lopsided` of a mesh's rest pose, 1 where joints lack."""
-    tree = _tree(data)
-    return 1.0 if _missing(found) else lopsided(found, tree, canonical_axes(found, tree.positions))
 
 
 def refusals(found: Mapping[str, int], tree: JointTree) -> dict[str, str]:
@@ -352,19 +304,6 @@ def _other_feet(
         if mirrored and float(np.linalg.norm(away)) > APART * length:
             return True
     return False
-
-
-def lopsided(found: Mapping[str, int], tree: JointTree, axes: AnyArray) -> float:
-    """How far left and right limbs are from mirror images in `axes` `(3, 3)`, as a share of the body's size."""
-    position = tree.positions @ axes.T
-    middle = 0.5 * (position[found["LeftUpLeg"], 0] + position[found["RightUpLeg"], 0])
-    gaps = []
-    for bone in ("Leg", "Foot", "ForeArm", "Hand"):
-        if _on_both_sides(found, bone):
-            left, right = position[found[f"Left{bone}"]], position[found[f"Right{bone}"]]
-            mirrored = np.array([2.0 * middle - left[0], left[1], left[2]])
-            gaps.append(float(np.linalg.norm(mirrored - right)))
-    return float(np.mean(gaps)) / max(float(np.ptp(position[:, 1])), 1e-9)
 
 
 def _middle(found: Mapping[str, int], tree: JointTree, bone: str) -> AnyArray:

@@ -25,11 +25,11 @@ from runtime.character.read import (
     nearest_of,
     open_gltf,
 )
+from runtime.character.rest_pose import bind_worlds
 from runtime.checked import number_field
 from runtime.errors import FileError
 from runtime.formats.bvh import MAX_FRAMES, MAX_JOINT_FRAMES, MAX_JOINTS, MAX_VALUE, BvhMotion
 from runtime.formats.gltf_keys import KEYS_REMEDY, PATHS, Channels, MovingNodes, read_channels, rotation_parts
-from runtime.formats.gltf_rest import bind_worlds
 from runtime.pose import MAX_FPS, VIDEO_RATES
 from runtime.safe_read import parse_json, printable, reason
 from runtime.skeleton import Skeleton
@@ -63,12 +63,8 @@ MAX_NAME, MAX_SHOWN, MAX_LISTED = 200, 60, 6  # letters of a joint and of an ani
 MAX_LOOKED_AT, CHANNEL_COST = (50_000, 8)
 
 
-@dataclass(frozen=True)
-class _Listed:
-    """An animation of a file and the body that it moves, by the keys that it has; None where it moves none."""
-
-    entry: Any
-    body: Body | None
+# by name an animation of a file and the body that it moves, by the keys that it has; None where it moves none
+_Listed = dict[str, tuple[Any, Body | None]]
 
 
 @dataclass(frozen=True)
@@ -202,27 +198,24 @@ def _targets(nodes: Nodes, entry: Any) -> set[int]:
     return {target.node for target in found if target.path in PATHS and target.node in every}
 
 
-def _listed(nodes: Nodes, animations: dict[str, Any], bodies: list[Body]) -> dict[str, _Listed]:
-    """What may be read, by name: each animation with the body that it has most keys for, and with others that it moves."""
+def _listed(nodes: Nodes, animations: dict[str, Any], bodies: list[Body]) -> _Listed:
+    """What may be read: each animation with the body that it has most keys for, or holds, and with others that it moves."""
     inside = {joint: k for k, body in enumerate(bodies) for joint in body.joints}
-    listed: dict[str, _Listed] = {}
+    above = [set(nodes.with_ancestors(body.joints[:1])) for body in bodies]
+    listed: _Listed = {}
     for name, entry in animations.items():
-        hits = Counter(inside[node] for node in _targets(nodes, entry) if node in inside)
+        targets = _targets(nodes, entry)
+        hits = Counter(inside[node] for node in targets if node in inside)
         moved = sorted(hits, key=lambda k: (not bodies[k].known, -hits[k]))
-        listed[name] = _Listed(entry, bodies[moved[0]] if moved else _held(nodes, entry, bodies))
+        moved = moved or [k for k, holding in enumerate(above) if not targets.isdisjoint(holding)][:1]
+        listed[name] = entry, bodies[moved[0]] if moved else None
         for k in moved[1:]:
             if bodies[k].known:
-                listed[f"{name} / {printable(bodies[k].name)[:MAX_SHOWN]}"] = _Listed(entry, bodies[k])
+                listed[f"{name} / {printable(bodies[k].name)[:MAX_SHOWN]}"] = entry, bodies[k]
     return listed
 
 
-def _held(nodes: Nodes, entry: Any, bodies: list[Body]) -> Body | None:
-    """The first body that an animation moves as a whole, by a node above it."""
-    targets = _targets(nodes, entry)
-    return next((b for b in bodies if not targets.isdisjoint(nodes.with_ancestors(b.joints[:1]))), None)
-
-
-def _chosen(nodes: Nodes, listed: dict[str, _Listed], wanted: str) -> _Animation:
+def _chosen(nodes: Nodes, listed: _Listed, wanted: str) -> _Animation:
     """The animation of a name, else the first one that moves a body. FileError."""
     wanted = printable(wanted)[: 2 * MAX_SHOWN]
     if wanted and wanted not in listed:
@@ -237,7 +230,7 @@ def _chosen(nodes: Nodes, listed: dict[str, _Listed], wanted: str) -> _Animation
     return first
 
 
-def _note(animation: _Animation, listed: dict[str, _Listed], bodies: list[Body], wanted: str) -> str:
+def _note(animation: _Animation, listed: _Listed, bodies: list[Body], wanted: str) -> str:
     """What was taken, and what else there is; "" of a file with one animation of one body."""
     others = [
         printable(body.name)[:MAX_SHOWN] for body in bodies if body.known and body is not animation.body
@@ -251,18 +244,18 @@ def _note(animation: _Animation, listed: dict[str, _Listed], bodies: list[Body],
     return " ".join(texts)
 
 
-def _as_far_as_needed(nodes: Nodes, listed: dict[str, _Listed]) -> list[_Animation]:
+def _as_far_as_needed(nodes: Nodes, listed: _Listed) -> list[_Animation]:
     """Animations up to the first one of which half as many joints move as any later one has keys for. FileError."""
-    targets = [len(_targets(nodes, one.entry)) if one.body else 0 for one in listed.values()]
+    targets = [len(_targets(nodes, entry)) if body else 0 for entry, body in listed.values()]
     later = [*accumulate(targets[:0:-1], max, initial=0)][::-1]
     read: list[_Animation] = []
     keys = looked_at = moved = 0
-    for (label, one), most in zip(listed.items(), later, strict=True):
-        keys += _key_count(nodes.file, one.entry)
+    for (label, (entry, body)), most in zip(listed.items(), later, strict=True):
+        keys += _key_count(nodes.file, entry)
         if keys > _room(nodes.file):
             raise nodes.file.error("more keys than a file of its size has.", KEYS_REMEDY)
-        read.append(_animation(nodes, label, one))
-        looked_at += len(nodes.parents) + CHANNEL_COST * (1 + len(one.entry.channels or []))
+        read.append(_animation(nodes, label, entry, body))
+        looked_at += len(nodes.parents) + CHANNEL_COST * (1 + len(entry.channels or []))
         moved = max(moved, read[-1].moved)
         if looked_at > MAX_LOOKED_AT or read[-1].moved >= max(most, moved) / 2 > 0:
             break
@@ -280,12 +273,10 @@ def _room(file: GltfFile) -> float:
     return MAX_UNBAKED + KEYS_PER_BYTE * sum(map(len, file.buffers))
 
 
-def _animation(nodes: Nodes, label: str, listed: _Listed) -> _Animation:
-    channels, told = read_channels(nodes.file, listed.entry), _metadata(nodes.file, listed.entry)
-    if listed.body is None:
-        return _Animation(label, channels, None, 0, told)
+def _animation(nodes: Nodes, label: str, entry: Any, body: Body | None) -> _Animation:
+    channels, told = read_channels(nodes.file, entry), _metadata(nodes.file, entry)
     changed = {node for (node, _), channel in channels.items() if np.ptp(channel.values, axis=0).max() > 1e-6}
-    return _Animation(label, channels, listed.body, len(changed.intersection(listed.body.joints)), told)
+    return _Animation(label, channels, body, len(changed.intersection(body.joints if body else ())), told)
 
 
 def _metadata(file: GltfFile, animation: Any) -> dict[str, Any]:

@@ -1,0 +1,126 @@
+"""The rest pose of bodies in a glTF file: that in which their skins are bound, put where the nodes stand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from runtime.arrays import AnyArray
+from runtime.character.bodies import Nodes
+from runtime.character.mesh import skin_joints
+from runtime.character.read import nearest_of
+
+MAX_BIND_MATRICES = 50_000
+LEAST_TO_AGREE = 3  # joints of a skin that can tell its space
+ALIKE_FRACTION = 1e-3  # of a body's size, by which rounding moves a joint
+SAME_LENGTH_FACTOR = 1.03
+MAX_STRETCH_FACTOR = 1.5  # bones of skin and nodes that differ by more do not belong together
+REMEDY = "Apply the scale of the armature and export it again."
+Pose = dict[int, AnyArray]  # matrices (4, 4) of joints in the world, by node
+
+
+def bind_worlds(nodes: Nodes, joints: Sequence[int]) -> AnyArray:
+    """Transforms `(joints, 4, 4)` in the world at rest: the bind pose where skins tell it, else the nodes as they stand.
+
+    Each skin tells it in a space of its own (`_space`). What no skin tells lies to the joint above it, or below, as the
+    nodes do. FileError where bones of a skin and of the nodes differ in length.
+    """
+    rest, told, spaces, wanted = nodes.rest, Pose(), list[AnyArray](), set(joints)
+    skins = nodes.file.gltf.skins or []
+    if sum(len(skin.joints) for skin in skins) > MAX_BIND_MATRICES:
+        raise nodes.file.error(f"more than {MAX_BIND_MATRICES} bind matrices.", REMEDY)
+    for skin in sorted(range(len(skins)), key=lambda skin: -len(skins[skin].joints)):
+        bound = {node: m for node, m in _bound(nodes, skin).items() if node in wanted}
+        members = [node for node in nodes.order if node in bound]
+        bind = np.array([bound[node] for node in members]).reshape(-1, 4, 4)
+        space = _space(nodes, skin, members, bind, spaces, told) if members else None
+        if space is not None:
+            spaces.append(space)
+            told = dict(zip(members, space @ bind, strict=True)) | told
+    # from where a node stands to where it was bound
+    moved = {node: matrix @ np.linalg.inv(rest[node]) for node, matrix in told.items()}
+    if not moved:
+        return np.asarray(rest[list(joints)])
+    for node in nodes.with_ancestors(moved)[::-1]:
+        moved.setdefault(nodes.parents[node], moved[node])
+    for node in nodes.order:
+        moved.setdefault(node, moved[nodes.parents[node]])
+    return np.array([moved[joint] @ rest[joint] for joint in joints])
+
+
+def _bound(nodes: Nodes, skin: int) -> Pose:
+    """Bind matrices of a skin's joints in its own space; none of a skin that tells none."""
+    if nodes.file.gltf.skins[skin].inverseBindMatrices is None:
+        return {}
+    joints, inverse = skin_joints(nodes.file, skin)
+    inverse = inverse[: len(joints)].astype(np.float64)
+    usable = np.flatnonzero(np.abs(np.linalg.det(inverse)) > 1e-15)
+    return {joints[k]: matrix for k, matrix in zip(usable, np.linalg.inv(inverse[usable]), strict=True)}
+
+
+def _space(
+    nodes: Nodes, skin: int, members: list[int], bind: AnyArray, spaces: list[AnyArray], told: Pose
+) -> AnyArray | None:
+    """The transform `(4, 4)` from a skin's own space, in which its `members` have the matrices `bind`, to the world.
+
+    It is the one that most joints agree on, for they stand as they were bound. Where they stand otherwise, as in a frame
+    of a motion, it is the space of another skin, of a node that holds this one, or the world: of those in which bones
+    are as long as those of the nodes the one that moves joints least. Else the uppermost joint stands as it was bound.
+    None where that cannot be known. FileError where no space makes bones as long as those of the nodes.
+    """
+    at = nodes.rest[members]
+    if len(members) >= LEAST_TO_AGREE:
+        if np.ptp(bind[:, :3, 3], axis=0).max() <= ALIKE_FRACTION * np.abs(bind[:, :3, :3]).max():
+            return None  # matrices that tell nothing
+        found = at @ np.linalg.inv(bind)
+        apart = np.einsum("kab,jb->kja", found[:, :3], bind[:, :, 3]) - at[None, :, :3, 3]
+        size = max(float(np.linalg.norm(np.ptp(at[:, :3, 3], axis=0))), 1e-9)
+        agreeing = (np.abs(apart).max(axis=-1) < ALIKE_FRACTION * size).sum(axis=1)
+        if 2 * agreeing.max() > len(members):
+            return np.asarray(found[int(np.argmax(agreeing))])
+    fitting = [
+        space
+        for space in (*spaces, *_holding(nodes, skin, members[0]), np.eye(4))
+        if _stretch(nodes, members, space @ bind, told)[0] < SAME_LENGTH_FACTOR
+    ]
+    if fitting:
+        return min(fitting, key=lambda space: _moved(space @ bind, at))
+    if told and len(members) < LEAST_TO_AGREE:
+        return None
+    space = at[0] @ np.linalg.inv(bind[0])
+    stretch, problem = _stretch(nodes, members, space @ bind, told)
+    if stretch > MAX_STRETCH_FACTOR:
+        raise nodes.file.error(problem, REMEDY)
+    return np.asarray(space)
+
+
+def _holding(nodes: Nodes, skin: int, top: int) -> AnyArray:
+    """World matrices of the node above the joints of a skin, those that show it, and those above them."""
+    shown = [node for node in nodes.order if nodes.entry(node).skin == skin]
+    above = (nodes.parents[node] for node in (top, *shown))
+    return np.asarray(nodes.rest[[node for node in (*shown, *above) if node >= 0]])
+
+
+def _stretch(nodes: Nodes, members: list[int], worlds: AnyArray, told: Pose) -> tuple[float, str]:
+    """By which factor bones of joints with the matrices `worlds` are longer or shorter than those of the nodes, and what to say of the longest."""
+    here = told | dict(zip(members, worlds, strict=True))
+    nearest = nearest_of(nodes.order, nodes.parents, here)
+    pairs = [(nearest[nodes.parents[node]], node) for node in members if nodes.parents[node] >= 0]
+    pairs = [(above, node) for above, node in pairs if above >= 0]
+    lengths = np.array([np.linalg.norm(nodes.rest[b, :3, 3] - nodes.rest[a, :3, 3]) for a, b in pairs])
+    own = np.array([np.linalg.norm(here[b][:3, 3] - here[a][:3, 3]) for a, b in pairs])
+    usable = lengths > ALIKE_FRACTION * lengths.max(initial=0.0)
+    if not np.any(usable):
+        return 1.0, ""
+    ratio = max(float(np.median(own[usable] / lengths[usable])), 1e-9)
+    longest = int(np.argmax(lengths))
+    above, joint = (nodes.name(node)[:40] for node in pairs[longest])
+    problem = f"its skin binds {joint!r} {own[longest]:.3g} from {above!r}, but the node is {lengths[longest]:.3g} away."
+    return max(ratio, 1.0 / ratio), problem
+
+
+def _moved(worlds: AnyArray, at: AnyArray) -> float:
+    """Mean distance between joints of two poses whose middles lie on each other."""
+    gaps = worlds[:, :3, 3] - at[:, :3, 3]
+    return float(np.linalg.norm(gaps - gaps.mean(axis=0), axis=-1).mean())

@@ -69,7 +69,6 @@ class Database(StoredRows):
     """One session's rows in one SQLite file, written by one thread of its own. Made by `create`, `open` and `read`."""
 
     repaired: str = ""  # what was damaged when it was opened, in a user's words
-    aside: Path = Path()  # the damaged file
     _handle: int = -1  # of the lock; -1 for reading only
     _writer: sqlite3.Connection | None = None
     _files: list[tuple[int, int]] = field(default_factory=list)  # which ones were opened
@@ -91,6 +90,8 @@ class Database(StoredRows):
     _turn: threading.Lock = field(default_factory=threading.Lock)  # of who writes
     _working: threading.Lock = field(default_factory=threading.Lock)  # works run one at a time
     _thread: threading.Thread | None = None
+    _checker: threading.Thread | None = None  # looks through the file that was opened, until another one is
+    _unchecked: threading.Event = field(default_factory=threading.Event)
 
     @staticmethod
     def create(path: Path) -> Database:
@@ -132,10 +133,11 @@ class Database(StoredRows):
             with (
                 file_errors(path),
                 contextlib.closing(_checked(connect(path, mode))) as connection,
-                new_file(path) as target,
+                new_file(path, self._keep_aside) as target,
             ):
                 copy_rows(connection, target)
                 unwritten.make(unwritten.read(path), target)
+                self._mend(target)
                 connection.close()  # before the file is replaced
         except FileError as error:
             if is_damage(error):
@@ -155,13 +157,23 @@ class Database(StoredRows):
                 put_rows(target, table, (row for _, row in found), known="IGNORE")
             if not target.execute("SELECT 1 FROM meta UNION SELECT 1 FROM frames LIMIT 1").fetchone():
                 raise damage
-            held = fill_gaps(target)
             unwritten.make(unwritten.read(self.path), target)
-        gaps = f" {held} frames that are lost hold the pose before them." if held else ""
-        self.repaired = f"It was damaged; what is sound is here, the damaged file is {self.aside.name}.{gaps}"
+            self.repaired = "It was damaged: what is sound is here."
+            self._mend(target)
+
+    def _mend(self, target: sqlite3.Connection) -> None:
+        """Make motions whole of which pieces are missing."""
+        changed, held = fill_gaps(target)
+        if changed:
+            self.repaired = (
+                f"{self.repaired or 'It was damaged.'} {changed} of its motions are not as they were"
+            )
+            self.repaired += f": {held} frames hold the pose before them." if held else "."
 
     def _keep_aside(self) -> None:
-        self.aside = keep_aside(self.path)
+        """Keep a damaged file before it is replaced."""
+        if self.repaired:
+            self.repaired += f" The damaged file is {keep_aside(self.path).name}."
 
     @staticmethod
     def read(path: Path, thorough: bool = True) -> Database:
@@ -344,10 +356,10 @@ class Database(StoredRows):
         """Say it where the disk gives back other pages than were written."""
         try:
             with contextlib.closing(connect(self.path, "ro")) as connection:
-                connection.set_progress_handler(lambda: self._ending, 20_000)
+                connection.set_progress_handler(self._unchecked.is_set, 20_000)
                 (found,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
         except sqlite3.Error as error:
-            found = "ok" if self._ending else said(error)
+            found = "ok" if self._unchecked.is_set() else said(error)
         if found != "ok":
             _LOG.error("integrity_check of %s: %s", self.path, found)
             self._lost = (
@@ -356,6 +368,9 @@ class Database(StoredRows):
 
     def _disconnect(self) -> None:
         """Both at once: the last one removes the log, by its name."""
+        self._unchecked.set()
+        if self._checker is not None:
+            self._checker.join()
         with self._reading:
             for connection in (self._reader, self._writer):
                 if connection is not None:

@@ -22,28 +22,34 @@ UNKNOWN_NAME, UNKNOWN_FPS = "Recovered take", 60.0  # of a motion whose header i
 Piece = tuple[str, int, int]  # key of the motion, number of the first frame, count
 
 
-def fill_gaps(connection: sqlite3.Connection) -> int:
-    """Let frames whose pieces are missing hold the pose before them, and every motion say how many it has; how many hold."""
+def fill_gaps(connection: sqlite3.Connection) -> tuple[int, int]:
+    """Let frames whose pieces are missing hold the pose before them, and every motion say how many it has.
+
+    Returns how many motions were changed, and how many frames hold a pose.
+    """
     rows = connection.execute("SELECT motion, number, count FROM frames ORDER BY motion, number").fetchall()
     pieces: dict[str, list[Piece]] = {key: list(found) for key, found in groupby(rows, itemgetter(0))}
-    held = 0
+    changed = held = 0
     for key in dict.fromkeys(key.removesuffix(TAIL) for key in pieces):
-        gaps = _gaps(pieces.get(key, []))
+        gaps, fits = _gaps(pieces.get(key, []))
+        if not fits:
+            continue
         if held + sum(count for _, count, _ in gaps) <= MAX_HELD_FRAMES:
             held += sum(_hold(connection, key, *gap) for gap in gaps)
-        _set_header(connection, key, bool(gaps))
-    return held
+        changed += _set_header(connection, key, bool(gaps))
+    return changed, held
 
 
-def _gaps(pieces: list[Piece]) -> list[tuple[int, int, Piece]]:
-    """First frame and count of what is missing before a piece, and the piece next to it whose pose it holds."""
-    gaps, end = [], 0
+def _gaps(pieces: list[Piece]) -> tuple[list[tuple[int, int, Piece]], bool]:
+    """First frame and count of what is missing before a piece, with the piece whose pose it holds; whether none overlap."""
+    gaps, end, fits = [], 0, True
     for at, piece in enumerate(pieces):
         _, first, count = piece
         if first > end:
             gaps.append((end, first - end, pieces[max(at - 1, 0)]))
+        fits = fits and first >= end
         end = max(end, first + count)
-    return gaps
+    return gaps, fits
 
 
 def _hold(connection: sqlite3.Connection, key: str, first: int, count: int, near: Piece) -> int:
@@ -62,8 +68,11 @@ def _hold(connection: sqlite3.Connection, key: str, first: int, count: int, near
     return count
 
 
-def _set_header(connection: sqlite3.Connection, key: str, gaps: bool) -> None:
-    """Have the header of a motion say how many frames it has, and that it cannot be resimulated where some are missing."""
+def _set_header(connection: sqlite3.Connection, key: str, gaps: bool) -> bool:
+    """Have the header of a motion say how many frames it has, and that it cannot be resimulated where some are missing.
+
+    Returns whether it said something else.
+    """
     (frames,) = connection.execute(
         "SELECT sum(count) FROM frames WHERE motion IN (?, ?)", (key, key + TAIL)
     ).fetchone()
@@ -77,9 +86,10 @@ def _set_header(connection: sqlite3.Connection, key: str, gaps: bool) -> None:
     elif gaps or value.get("frames") != frames:
         text = json.dumps(value | {"frames": frames, "resimulable": False}, ensure_ascii=True)
     else:
-        return
+        return False
     connection.execute(
         "INSERT OR REPLACE INTO motions (number, key, header, checksum)"
         " VALUES ((SELECT number FROM motions WHERE key = ?), ?, ?, ?)",
         (key, key, text, checksum("motions", (0, key, text))),
     )
+    return True

@@ -132,9 +132,9 @@ class _Pages:
         following = struct.unpack_from(">I", page, at + inside)[0] if left else 0
         chain = []
         while left > 0:
-            page = self.page(following)
             if not 1 < following <= self.count:
                 raise ValueError("no such page")
+            page = self.page(following)
             chain.append(following)
             parts.append(page[4 : 4 + left])
             left -= room

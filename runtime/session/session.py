@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from typing import Any
 
 from runtime.character.shape import BodyShape
 from runtime.errors import UsageError
 from runtime.motion.control_scripts import Waypoint
+from runtime.session.clip_cache import ClipCache
 from runtime.session.motion import Motion
 from runtime.session.prompt_blend import PromptBlend
 from runtime.takes.camera_keys import CameraKey
@@ -26,7 +26,6 @@ LIVE = 0  # the number of the live character among the takes
 MIN_FRAMES = 2  # that a trim keeps
 MAX_RATING = 5
 NO_SHAPE, NO_PROMPT = BodyShape(), PromptBlend()
-SHOWN_CLIPS = 6  # takes with pins, plants or mirrored whose frames are kept in memory
 
 
 @dataclass(frozen=True)
@@ -156,16 +155,20 @@ class Take:
         return clip.trim(*self.range) if self.trimmed else clip
 
 
-@lru_cache(SHOWN_CLIPS)
+_CLIPS = ClipCache()  # mirrored, or with pins and plants
+
+
 def _mirrored(motion: Motion) -> Clip:
     from runtime.takes.mirror import mirrored
 
-    return mirrored(motion.clip)
+    return _CLIPS.get(motion, lambda: mirrored(motion.clip))
 
 
-@lru_cache(SHOWN_CLIPS)
-def _posed(motion: Motion, mirrored: bool, poses: PoseEdits) -> Clip:
-    return replace(poses.apply(_mirrored(motion) if mirrored else motion.clip), loop=None)
+def _posed(motion: Motion, is_mirrored: bool, poses: PoseEdits) -> Clip:
+    def made() -> Clip:
+        return replace(poses.apply(_mirrored(motion) if is_mirrored else motion.clip), loop=None)
+
+    return _CLIPS.get((motion, is_mirrored, poses), made)
 
 
 @dataclass(frozen=True)

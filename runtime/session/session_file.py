@@ -8,13 +8,12 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
-import threading
 import time
 import weakref
-from collections import OrderedDict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +27,7 @@ from runtime.session.character_files import (
     read_character_files,
     write_character_files,
 )
+from runtime.session.clip_cache import ClipCache
 from runtime.session.database import Database
 from runtime.session.document import (
     MAX_FRAMES,
@@ -60,10 +60,10 @@ from runtime.takes.clip import Clip, are_poses
 from runtime.takes.input_recording import COLUMNS, InputFrames, InputRecording
 from runtime.takes.metadata import gait_seconds
 
-LOADED_CLIPS = 4  # whose frames stay in memory when nothing shows them
+MAX_CLIP_BYTES = 300 << 20  # of one take in memory: two and a half hours
 _LOG = logging.getLogger("sport.session")
 DROPPED_STEPS = 50  # of the history, after which what only they referred to is noted as lost
-MAX_RECOVERED_TAKES = 1000
+MAX_RECOVERED_TAKES = 500
 
 
 @dataclass
@@ -86,8 +86,7 @@ class SessionFile:
     _dropped: int = 0  # steps of the history since the last look at what is not used
     _has_motions: bool = False
     _lost: bool = False  # the file may hold something that is noted as lost
-    _clips: OrderedDict[str, Clip] = field(default_factory=OrderedDict)
-    _lock: threading.Lock = field(default_factory=threading.Lock)
+    _clips: ClipCache = field(default_factory=ClipCache)
 
     def __post_init__(self) -> None:
         self._documents = DocumentWriter(self._put)
@@ -432,18 +431,17 @@ class SessionFile:
 
     def load_clip(self, key: str, header: MotionHeader) -> Clip:
         """The frames of a motion; on any thread, FileError."""
-        with self._lock:
-            if key not in self._clips:
-                self._clips[key] = self._read_clip(key, header)
-                while len(self._clips) > LOADED_CLIPS:
-                    self._clips.popitem(last=False)
-            self._clips.move_to_end(key)
-            return self._clips[key]
+        return self._clips.get(key, lambda: self._read_clip(key, header))
 
     def _read_clip(self, key: str, header: MotionHeader) -> Clip:
         count, found = header.frames, self._frame_count(key)
         if found != count:
             raise FileError(f"{self.path}: {header.name} has {found} frames of {count}.", REMEDY)
+        if CLIP_BYTES * count > MAX_CLIP_BYTES:
+            minutes = MAX_CLIP_BYTES // CLIP_BYTES / header.fps / 60.0
+            raise FileError(
+                f"{self.path}: {header.name} is longer than {minutes:.0f} minutes.", "Record it in parts."
+            )
         with file_errors(self.path):
             self._budget().spend(CLIP_BYTES * count)
             hips, rotations = np.empty((count, 3), np.float32), np.empty((count, J, 4), np.float32)
@@ -478,7 +476,7 @@ class SessionFile:
         return self.database.frame_count(key) + self.database.frame_count(key + TAIL)
 
     def _pieces(self, key: str) -> Iterator[tuple[int, bytes]]:
-        for count, content in (*self.database.frames(key), *self.database.frames(key + TAIL)):
+        for count, content in chain(self.database.frames(key), self.database.frames(key + TAIL)):
             if len(content) not in (BYTES * count, (BYTES + 8 * COLUMNS) * count):
                 raise FileError(f"{self.path}: damaged frames.", REMEDY)
             yield count, content

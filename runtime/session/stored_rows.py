@@ -15,6 +15,7 @@ from runtime.session.recovery import TAIL
 from runtime.session.sqlite_file import LARGE_BYTES, REMEDY, Budget, file_errors
 from runtime.session.tables import MAX_TEXT_BYTES
 
+MIN_PIECE_FRAMES, MAX_SMALL_PIECES = 100, 400  # of a motion on average, and pieces of the newest frames
 MAX_TAKE_TEXT_BYTES, MAX_TAKE_TEXTS = 1 << 18, 10_000  # of one, and how many are looked through
 
 
@@ -78,6 +79,8 @@ class StoredRows:
         rows = self._rows(
             "frames", "number, count", (int, int), "16", "motion = ?", key, order="ORDER BY number"
         )
+        if len(rows) > sum(count for _, count in rows) // MIN_PIECE_FRAMES + MAX_SMALL_PIECES:
+            raise FileError(f"{self.path}: frames in {len(rows)} pieces.", REMEDY)
         for number, count in rows:
             yield count, self._content("frames", "motion = ? AND number = ?", key, number)
 

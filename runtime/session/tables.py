@@ -15,7 +15,7 @@ PLAIN_VERSION = 1  # without checksums and without lost things
 PAGE_BYTES = 4096
 MAX_TEXT_BYTES = 16 << 20  # of one text
 MAX_CONTENT_BYTES = 3 << 29  # that one content unfolds to
-MAX_ROWS = 200_000  # of one table: of a full file, 28 hours, a fourth
+MAX_ROWS = 100_000  # of one table: of a full file, 28 hours, half
 MAX_OPERATIONS = 400_000_000  # of SQLite's machine while a file is checked: a full file costs a tenth
 TABLES = {
     "meta": "name TEXT PRIMARY KEY, value",

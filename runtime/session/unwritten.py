@@ -31,6 +31,7 @@ CHANGES = (
 )  # fmt: skip
 SMALL_BYTES = 64 << 20  # a small file may unfold to so much, see `PER_BYTE`
 MAX_ITEMS = 1 << 25  # commas of texts are counted too
+MAX_CHANGES = 200_000
 REMEDY = "Move it away to open the session without its last changes."
 
 
@@ -114,9 +115,11 @@ def read(path: Path) -> list[Change]:
         try:
             unfold, content = zlib.decompressobj(), read_bounded(file, MAX_BYTES, REMEDY)
             text = unfold.decompress(content, SMALL_BYTES + PER_BYTE * len(content))
-            if not unfold.eof:
+            if not unfold.eof or text.count(b"], {") > 2 * MAX_CHANGES:
                 raise ValueError("cut off, or it unfolds to more than it may")
             changes += [_change(value) for value in parse_json(text, MAX_ITEMS)]
+            if len(changes) > MAX_CHANGES:
+                raise ValueError("more changes than are ever waiting")
         except (ValueError, TypeError, KeyError, zlib.error) as error:
             raise FileError(f"{file}: damaged.", REMEDY) from error
     return changes

@@ -21,6 +21,7 @@ from runtime.takes.pinned import drop_to
 
 CONTACT = 0.5  # of a heel or toe: it bears the character
 LIFT_M = 0.06  # of a foot over a plant that was taken away
+MAX_WINDOW_FRAMES = 36_000  # ten minutes: an edit that changes more fits no clip
 MIN_FRAMES = 2  # of a plant, and between two
 EASE_FRAMES = 8  # in which a foot comes down for a plant that was added
 MAX_FRAME = 1 << 31
@@ -72,14 +73,55 @@ def unfitted(clip: Clip, edits: Sequence[FootplantEdit]) -> int:
 
 
 def _each(clip: Clip, edits: Sequence[FootplantEdit]) -> tuple[Clip, int]:
-    left_out = 0
+    """The clip with the edits that fit it, and how many do not."""
+    left_out, made = 0, clip
     for edit in edits:
-        known = footplants(clip.contacts[:, 2 * edit.foot : 2 * edit.foot + 2])
-        if (edit.old is None or edit.old in known) and max(edit.new or (0, 0)) <= len(clip):
-            clip = _replanted(clip, edit, known)
-        else:
+        known = footplants(made.contacts[:, 2 * edit.foot : 2 * edit.foot + 2])
+        part = _window(edit, known, len(clip))
+        fits = (edit.old is None or edit.old in known) and max(edit.new or (0, 0)) <= len(clip)
+        if not fits or part.stop - part.start > MAX_WINDOW_FRAMES:
             left_out += 1
-    return clip, left_out
+            continue
+        if made is clip:
+            arrays = (a.copy() for a in (clip.hips_positions, clip.local_rotations, clip.contacts))
+            made = _with_arrays(clip, *arrays)
+        around = _replanted(
+            _with_arrays(made, *(a[part] for a in _arrays(made))), *_shifted(edit, known, part)
+        )
+        for whole, inside in zip(_arrays(made), _arrays(around), strict=True):
+            whole[part] = inside
+    return made, left_out
+
+
+def _arrays(clip: Clip) -> tuple[Array, Array, Array]:
+    return clip.hips_positions, clip.local_rotations, clip.contacts
+
+
+def _with_arrays(clip: Clip, hips: Array, local: Array, contacts: Array) -> Clip:
+    gaits = clip.gaits if len(hips) == len(clip) else None
+    return replace(clip, hips_positions=hips, local_rotations=local, contacts=contacts, gaits=gaits)
+
+
+def _window(edit: FootplantEdit, known: list[Frames], count: int) -> slice:
+    """The frames that an edit can change: from the plant before it to the one after it, and as long as hips sink and rise."""
+    frames = [*(edit.old or ()), *(edit.new or ())]
+    first, last = min(frames, default=0), max(frames, default=0)
+    first = min([first, *(b for _, b in known[::-1] if b < first)][:2])
+    last = max([last, *(a for a, _ in known if a > last)][:2])
+    if not any(a > max(frames, default=0) for a, _ in known):
+        last = count
+    return slice(max(first - 4 * EASE_FRAMES, 0), min(last + 4 * EASE_FRAMES, count))
+
+
+def _shifted(edit: FootplantEdit, known: list[Frames], part: slice) -> tuple[FootplantEdit, list[Frames]]:
+    """An edit and plants as they are counted in some frames of a clip."""
+    low, high = part.start, part.stop
+
+    def moved(frames: Frames | None) -> Frames | None:
+        return None if frames is None else (frames[0] - low, frames[1] - low)
+
+    inside = [(max(a, low) - low, min(b, high) - low) for a, b in known if a < high and b > low]
+    return replace(edit, old=moved(edit.old), new=moved(edit.new)), inside
 
 
 def _replanted(clip: Clip, edit: FootplantEdit, known: list[Frames]) -> Clip:

@@ -19,6 +19,8 @@ from runtime.takes.clip import Clip
 from runtime.takes.pins import Pin, Pinned
 
 ARMS = {Pinned.LEFT_HAND: (18, 19, 20), Pinned.RIGHT_HAND: (25, 26, 27)}  # upper arm, forearm, hand
+FEET = (Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT)
+CHUNK_FRAMES = 2048  # that are bent together: what is made on the way stays small
 ARM_M = float(np.linalg.norm(SPORT_SKELETON.offsets[[19, 20]], axis=1).sum())
 LEG_M = float(np.linalg.norm(SPORT_SKELETON.offsets[[3, 4]], axis=1).sum())
 CHEST, HEAD = 13, 16
@@ -45,6 +47,10 @@ class _Frames:
     local: Array
     contacts: Array
 
+    def part(self, part: slice) -> _Frames:
+        """A copy of some frames, in which they are bent."""
+        return _Frames(self.hips[part].astype(float), self.local[part].astype(float), self.contacts[part])
+
     def world(self) -> tuple[Array, Array]:
         return SPORT_SKELETON.forward_kinematics(self.hips, self.local)
 
@@ -60,14 +66,23 @@ def pinned(clip: Clip, pins: Sequence[Pin], only: int | None = None) -> Clip:
         held = np.flatnonzero(weights > 0.0)
         if len(held) == 0:
             continue
-        part = slice(int(held[0]), int(held[-1]) + 1)
-        frames = _Frames(made.hips[part].astype(float), made.local[part].astype(float), made.contacts[part])
-        if pin.what is Pinned.POSE:
-            at = min(round(pin.of * clip.fps), len(clip) - 1)
-            _hold_pose(frames, clip.local_rotations[at], weights[part])
-        else:
-            _bend(frames, pin, weights[part])
-        made.hips[part], made.local[part], made.contacts[part] = frames.hips, frames.local, frames.contacts
+        parts = [
+            slice(first, min(first + CHUNK_FRAMES, int(held[-1]) + 1))
+            for first in range(int(held[0]), int(held[-1]) + 1, CHUNK_FRAMES)
+        ]
+        flat = _foot_heading(made, pin, parts, weights) if pin.what in FEET and len(parts) > 1 else None
+        for part in parts:
+            frames = made.part(part)
+            if pin.what is Pinned.POSE:
+                at = min(round(pin.of * clip.fps), len(clip) - 1)
+                _hold_pose(frames, clip.local_rotations[at], weights[part])
+            else:
+                _bend(frames, pin, weights[part], flat)
+            made.hips[part], made.local[part], made.contacts[part] = (
+                frames.hips,
+                frames.local,
+                frames.contacts,
+            )
     return replace(clip, hips_positions=made.hips, local_rotations=made.local, contacts=made.contacts)
 
 
@@ -100,7 +115,7 @@ def point_of(what: Pinned, positions: Array, world: Array) -> Array:
         ahead = np.asarray(positions[HEAD] + 2.0 * rotations.rotate(world[HEAD], _FORWARD))
         return ahead
     joint = np.array(positions[_joint(what)], float)
-    return joint - (0.0, ANKLE_HEIGHT, 0.0) if what in (Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT) else joint
+    return joint - (0.0, ANKLE_HEIGHT, 0.0) if what in FEET else joint
 
 
 def in_world(pin: Pin, hips: Array, hips_rotation: Array) -> tuple[Array, ...]:
@@ -122,7 +137,8 @@ def along_with(point: Array, hips: Array, hips_rotation: Array) -> Array:
     return np.asarray(rotations.rotate(back, offset) + np.array([0.0, REST_HIPS_HEIGHT, 0.0]))
 
 
-def _bend(frames: _Frames, pin: Pin, weights: Array) -> None:
+def _bend(frames: _Frames, pin: Pin, weights: Array, flat: Array | None = None) -> None:
+    """Bend frames to a pin; `flat` `(4,)`: the heading of a pinned foot, where that is of other frames too."""
     positions, world = frames.world()
     goals = _goals(pin, frames, positions, world)
     if pin.what is Pinned.LOOK:
@@ -130,7 +146,7 @@ def _bend(frames: _Frames, pin: Pin, weights: Array) -> None:
     elif pin.what in ARMS:
         _reach(frames, positions, world, goals, weights, pin.what)
     else:
-        _step_on(frames, positions, world, goals, weights, 0 if pin.what is Pinned.LEFT_FOOT else 1)
+        _step_on(frames, positions, world, goals, weights, FEET.index(pin.what), flat)
 
 
 def _goals(pin: Pin, frames: _Frames, positions: Array, world: Array) -> Array:
@@ -142,7 +158,7 @@ def _goals(pin: Pin, frames: _Frames, positions: Array, world: Array) -> Array:
         along = end - points
         fraction = np.sum((near - points) * along, -1) / np.maximum(np.sum(along * along, -1), 1e-9)
         points = points + np.clip(fraction, 0.0, 1.0)[:, None] * along
-    sole = pin.what in (Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT)
+    sole = pin.what in FEET
     return np.asarray(points + np.array([0.0, ANKLE_HEIGHT if sole else 0.0, 0.0]))
 
 
@@ -232,21 +248,49 @@ def _elbow_pole(positions: Array, world: Array, shoulder: int, elbow: int, hand:
     return rotations.normalize(bend + np.maximum(POLE_M - out, 0.0) * easy)
 
 
+def _foot_heading(made: _Frames, pin: Pin, parts: Sequence[slice], weights: Array) -> Array:
+    """The heading `(4,)` of a pinned foot in the middle of the frames in which it is held."""
+    side = FEET.index(pin.what)
+    bearing, headings = [], []
+    for part in parts:
+        frames = made.part(part)
+        positions, world = frames.world()
+        bearing.append(_bearing(positions, _goals(pin, frames, positions, world), weights[part], side))
+        headings.append(rotations.yaw_of(world[:, LEG_FEET[side]]))
+    return _heading(np.concatenate(headings), np.concatenate(bearing))
+
+
+def _bearing(positions: Array, goals: Array, weights: Array, side: int) -> Array:
+    """Weights `(T,)` of a foot on its mark: it lets go of one that the leg does not reach."""
+    return weights * _falls(
+        np.linalg.norm(goals - positions[:, 2 + 5 * side], axis=-1) / LEG_M, *FOOT_LETS_GO
+    )
+
+
+def _heading(yaws: Array, weights: Array) -> Array:
+    most = np.flatnonzero(weights >= weights.max() - 1e-9)
+    middle = int(most[len(most) // 2])
+    return np.asarray(rotations.from_yaw(yaws[middle : middle + 1]))[0]
+
+
 def _step_on(
-    frames: _Frames, positions: Array, world: Array, goals: Array, weights: Array, side: int
+    frames: _Frames,
+    positions: Array,
+    world: Array,
+    goals: Array,
+    weights: Array,
+    side: int,
+    flat: Array | None,
 ) -> None:
-    """A foot flat on its mark, bearing; it lets go of one that the leg does not reach."""
+    """A foot flat on its mark, bearing."""
     hip, ankle = positions[:, 2 + 5 * side], positions[:, LEG_FEET[side]]
-    weights = weights * _falls(np.linalg.norm(goals - hip, axis=-1) / LEG_M, *FOOT_LETS_GO)
+    weights = _bearing(positions, goals, weights, side)
     frames.hips[:, 1] -= weights * drop_to(hip, goals)
     targets = positions[:, LEG_FEET].astype(float)
     targets[:, side] = ankle + weights[:, None] * (goals - ankle)
     feet = world[:, LEG_FEET].astype(float)
-    most = np.flatnonzero(weights >= weights.max() - 1e-9)
-    middle = int(most[len(most) // 2])
-    flat = np.broadcast_to(
-        rotations.from_yaw(rotations.yaw_of(feet[middle : middle + 1, side])), feet[:, side].shape
-    )
+    heading = _heading(rotations.yaw_of(feet[:, side]), weights) if flat is None else flat
+    flat = np.broadcast_to(heading, feet[:, side].shape)
     feet[:, side] = rotations.slerp(feet[:, side], flat, weights)
     solved = solve_legs(frames.hips, frames.local, targets, feet)
     toe = LEG_TOES[side]

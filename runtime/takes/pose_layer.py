@@ -30,6 +30,7 @@ ELBOWS = {19: (18, 20), 26: (25, 27)}  # forearm: upper arm and hand
 KNEES = {3: (2, 4), 8: (7, 9)}  # shin: thigh and foot
 DEFAULT_EASE_S, MAX_EASE_S, MAX_TIME_S = 0.3, 60.0, 36_000.0
 MAX_KEYS = 1000
+CHUNK_FRAMES = 2048  # that are posed together: what is made on the way stays small
 APART_S = 1e-6  # of two keys: a curve between nearer ones overflows
 MAX_TURN, MAX_MOVE_M = 7.0, 10.0  # radians, metres
 REMEDY = "Undo, or delete the key and set it again."
@@ -261,12 +262,15 @@ def layered(clip: Clip, layer: PoseLayer, only: int | None = None) -> Clip:
     if not changed.any():
         return clip
     hips, local = clip.hips_positions.copy(), clip.local_rotations.copy()
-    hips[changed], local[changed] = added(
-        hips[changed].astype(float),
-        local[changed].astype(float),
-        {joint: curve[changed] for joint, curve in turns.items()},
-        {joint: curve[changed] for joint, curve in moves.items()},
-    )
+    frames = np.flatnonzero(changed)
+    for first in range(0, len(frames), CHUNK_FRAMES):
+        part = frames[first : first + CHUNK_FRAMES]
+        hips[part], local[part] = added(
+            hips[part].astype(float),
+            local[part].astype(float),
+            {joint: curve[part] for joint, curve in turns.items()},
+            {joint: curve[part] for joint, curve in moves.items()},
+        )
     return replace(clip, hips_positions=hips, local_rotations=local)
 
 

@@ -188,11 +188,13 @@ def reseal(path: Path) -> None:
     """Give rows that another program has changed the checksums that fit them, as who lies on purpose does."""
     with closing(sqlite3.connect(path, isolation_level=None)) as connection:
         connection.execute("PRAGMA ignore_check_constraints = ON")
+        connection.execute("BEGIN")
         for table in TABLES:
             for number, *row in connection.execute(f"SELECT rowid, * FROM {table}").fetchall():
                 if all(type(value) in (int, str, bytes) for value in row[:-1]):
                     fits = checksum(table, row[:-1])
                     connection.execute(f"UPDATE {table} SET checksum = ? WHERE rowid = ?", (fits, number))
+        connection.execute("COMMIT")
 
 
 def snapshot_bytes() -> bytes:

@@ -23,7 +23,7 @@ from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputRecorder, InputRecording, StyleChange
 from runtime.takes.metadata import Origin, PromptEvent, gait_of, origin_of
 from runtime.takes.pins import pins_of_take
-from runtime.takes.pose_edits import PoseEdits
+from runtime.takes.pose_edits import NO_EDITS, PoseEdits
 from runtime.takes.recorder import ClipRecorder
 from runtime.terrain.height_map import Terrain
 from viewer.editor import Editor
@@ -40,6 +40,7 @@ MAX_NAME, MAX_NOTE = 60, 500
 SEARCHED_FROM = 8  # takes from which on the list can be searched
 EXPORT_ALL = Slot("export", "all takes")
 SHOWING, PLAYING = Slot("frames of the take"), Slot("take")
+LONG_FRAMES = 20_000  # of a take whose pins and plants take longer than a user waits
 RECORDED_FRAMES = 10  # that are written down together: six times a second
 
 
@@ -390,6 +391,10 @@ class Takes:
         if take is None or take.motion is None:
             return
 
+        # a long take is shown at once, without its pins and plants until they are made
+        long = take.frames > LONG_FRAMES
+        shown = replace(take, poses=NO_EDITS) if take.poses and long else take
+
         def begin(loaded: tuple[Clip, InputRecording | None, SportError | None]) -> None:
             now, (clip, inputs, problem) = self.session.take(number), loaded
             if problem is not None:
@@ -400,11 +405,11 @@ class Takes:
             ground = live if now.ground is None else now.ground.terrain
             self.playback = Playback(now, clip, ground, live, inputs)
             self.select(number)
-            if now != take:
-                self.playback.shown = take
+            if now != shown:
+                self.playback.shown = shown
                 self._refresh(self.playback, now)
 
-        self.jobs.submit(PLAYING, partial(_loaded, take), begin)
+        self.jobs.submit(PLAYING, partial(_loaded, shown), begin, reading=take.title if long else "")
 
     def ground_to_show(self) -> Ground:
         """The ground to draw: that of the take that plays, in the frame that is shown, or the live one."""

@@ -140,14 +140,14 @@ def test_a_session_of_the_first_version_gets_its_checksums(tmp_path: Path) -> No
     connection = sqlite3.connect(tmp_path / "old.sport", isolation_level=None)
     create(connection, 1)
     connection.execute("INSERT INTO steps VALUES (3, 'über', '{}')")
-    connection.execute("INSERT INTO motions VALUES (1, 'm', 'header')")
+    connection.execute("INSERT INTO motions VALUES (1, 'm', '{\"frames\": 15}')")
     connection.execute("INSERT INTO frames VALUES ('m', 0, 15, 5, ?)", (zlib.compress(b"poses"),))
     connection.close()
     for use in (Database.read, Database.open):
         database = use(tmp_path / "old.sport")
         assert content(database) == {
             "steps": {3: ("über", "{}")},
-            "motions": {"m": ("header", [(15, b"poses")])},
+            "motions": {"m": ('{"frames": 15}', [(15, b"poses")])},
         }
         database.close()
     with closing(sqlite3.connect(tmp_path / "old.sport")) as connection:

@@ -199,7 +199,7 @@ def opened_without(path: Path, steps: int, frames: set[int]) -> None:
     with bounded():
         file, history = SessionFile.open(path, path.parent / "cache")
     takes = history.present.session.takes
-    assert "cannot be read" in file.repaired
+    assert "cannot be read" in file.repaired or "not as they were" in file.repaired
     assert len(history.steps) == steps + (file.recovered > 0)
     assert {len(take.made.clip) for take in takes} == frames
     assert file.flush(20.0)
@@ -329,9 +329,9 @@ def test_a_motion_of_too_many_frames_is_refused_when_it_is_looked_at(path: Path)
 
 
 def looked_at(path: Path) -> list[str]:
-    """What is said when every motion of a file is loaded with its input; it is opened before."""
-    said = []
+    """What is said when a file is opened, and every motion loaded with its input."""
     file, history = SessionFile.open(path, path.parent / "cache")
+    said = [f"{path.name}: {file.repaired}"] if file.repaired else []
     for found in history.present.session.takes:
         for load in (lambda t=found: t.made.clip, lambda t=found: t.made.inputs):  # type: ignore[misc]
             try:

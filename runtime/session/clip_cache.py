@@ -1,0 +1,38 @@
+"""Clips that stay in memory when nothing shows them: the ones used last, within so many bytes."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
+
+from runtime.session.frames import CLIP_BYTES
+from runtime.takes.clip import Clip
+
+MAX_KEPT_BYTES = 128 << 20  # half an hour of frames, or one clip of any length
+
+
+@dataclass
+class ClipCache:
+    """Clips by what they were made of; any thread."""
+
+    _clips: OrderedDict[Hashable, Clip] = field(default_factory=OrderedDict)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def get(self, key: Hashable, make: Callable[[], Clip]) -> Clip:
+        """Return the clip of a key, made where it is not kept."""
+        with self._lock:
+            if key in self._clips:
+                self._clips.move_to_end(key)
+                return self._clips[key]
+        made = make()
+        with self._lock:
+            self._clips[key] = made
+            while len(self._clips) > 1 and self._kept_bytes > MAX_KEPT_BYTES:
+                self._clips.popitem(last=False)
+        return made
+
+    @property
+    def _kept_bytes(self) -> int:
+        return sum(CLIP_BYTES * len(clip) for clip in self._clips.values())

@@ -1,0 +1,62 @@
+"""A damaged session gives back every take that can be had, and changes no text: a share of `python -m tests.damage`."""
+
+from __future__ import annotations
+
+import random
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from runtime.session.session_file import SessionFile
+from tests.damage.damages import DAMAGES, FRAMES, Known, check, seed_session
+
+
+@pytest.fixture(scope="module")
+def seed(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, Known]:
+    """A session's file, and what it holds."""
+    path = seed_session(tmp_path_factory.mktemp("seed"))
+    return path.read_bytes(), Known.of(path)
+
+
+@pytest.mark.parametrize("kind", DAMAGES)
+def test_takes_that_can_be_had_are_had(kind: str, seed: tuple[bytes, Known], tmp_path: Path) -> None:
+    content, known = seed
+    for number in range(4):
+        path = tmp_path / f"{number}.sport"
+        path.write_bytes(content)
+        DAMAGES[kind](random.Random(number), path)
+        assert check(path, known) == "", number
+
+
+def test_a_wrong_bit_of_a_row_is_turned_back(seed: tuple[bytes, Known], tmp_path: Path) -> None:
+    content, known = seed
+    at = content.index(b'"name": "motion of 400"') + 12
+    data = bytearray(content)
+    data[at] ^= 4
+    (tmp_path / "a.sport").write_bytes(data)
+    file, history = SessionFile.open(tmp_path / "a.sport", tmp_path)
+    assert "damaged" in file.repaired
+    assert [len(take.made.clip) for take in history.present.session.takes] == list(FRAMES)
+    assert {take.made.header.name for take in history.present.session.takes} <= known.texts
+    assert len(history.steps) == 8
+    file.close()
+
+
+@pytest.mark.parametrize("table", ["steps", "blobs"])
+def test_without_steps_or_texts_every_motion_is_a_take(
+    table: str, seed: tuple[bytes, Known], tmp_path: Path
+) -> None:
+
+    (tmp_path / "a.sport").write_bytes(seed[0])
+    with closing(sqlite3.connect(tmp_path / "a.sport")) as connection, connection:
+        connection.execute(f"DELETE FROM {table}")
+    for _ in range(3):
+        file, history = SessionFile.open(tmp_path / "a.sport", tmp_path)
+        takes = history.present.session.takes
+        assert [take.frames for take in takes] == list(FRAMES)
+        if table == "steps":  # their names and notes are in texts of their own
+            assert [take.note for take in takes] == ["Läufer über Stock!", "走る男!", "take three!"]
+        assert all(len(take.made.clip) == take.frames for take in takes)
+        assert file.close()

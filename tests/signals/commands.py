@@ -32,6 +32,7 @@ COMMANDS: dict[str, str] = {
         f"convert {suffix}": f"convert long.bvh out{suffix}"
         for suffix in (".usdz", ".usd", ".html", ".parquet", ".csv", ".npz", ".glb", ".fbx", ".vrma", ".bvh")
     },
+    "restyle": "restyle take.bvh --prompt zombie --out out.bvh",
     "bench": "bench --frames 20 --json bench.json",
     "evaluate": "evaluate --text --quick --json scores.json",
     "study": "-m benchmarks.study make study --seconds 2",

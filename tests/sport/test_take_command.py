@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import av
@@ -19,6 +20,8 @@ from sport import cli
 from tests.helpers.foreign_rigs import centimetre_rig
 from tests.helpers.glb_playback import play
 from tests.helpers.walker import walk
+from viewer.scene.simulation import rest_pose
+from viewer.tools.contact_sheet import BACK_VIEW_RAD, FRONT_VIEW_RAD, cell_camera
 from viewer.tools.contact_sheet import main as contact_sheet
 
 SMALL = ["--size", "96x64", "--quality", "software"]
@@ -171,3 +174,13 @@ def test_a_contact_sheet_shows_each_clip_on_its_own_ground(take: Path) -> None:
         sheets[name] = np.asarray(Image.open(out)).astype(int)
     assert np.array_equal(sheets["own"], sheets["hills"])
     assert np.abs(sheets["own"] - sheets["flat"]).max() > 30
+
+
+@pytest.mark.parametrize("view_rad", [FRONT_VIEW_RAD, BACK_VIEW_RAD])
+def test_cells_of_a_contact_sheet_are_seen_from_above_the_ground(view_rad: tuple[float, float]) -> None:
+    ground = load_terrain("stairs")
+    for z in np.arange(0.0, 12.0, 0.4):
+        for yaw in (0.0, math.pi):
+            camera = cell_camera(rest_pose(ground, 0.0, float(z), yaw), ground, view_rad)
+            line = camera.target + np.linspace(0.2, 1.0, 40)[:, None] * (camera.position - camera.target)
+            assert (line[:, 1] > ground.height(line[:, 0], line[:, 2]) + 0.05).all()

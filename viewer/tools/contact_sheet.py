@@ -13,14 +13,28 @@ import numpy as np
 
 from runtime.errors import run_command
 from runtime.motion import features
-from viewer.render.camera import Camera, looked_at
+from runtime.pose import Pose
+from runtime.terrain.height_map import Terrain
+from viewer.render.camera import FollowCamera, looked_at
 
-CELL = (200, 250)  # pixels
-FRONT = 2.5, 0.12  # turn from the character's facing and pitch, radians: a three-quarter view from the front
-BEHIND = 0.75, 0.3  # for terrain that would hide the character
+CELL_PIXELS = (200, 250)
+# turn from the character's facing and pitch, radians: a three-quarter view, and one where ground would hide the character
+FRONT_VIEW_RAD, BACK_VIEW_RAD = (2.5, 0.12), (0.75, 0.3)
+DISTANCE_M = 3.6
+SETTLED_S = 10.0  # after which a camera has risen to where it clears the ground
+
+
+def cell_camera(pose: Pose, ground: Terrain, view_rad: tuple[float, float]) -> FollowCamera:
+    """Return the camera of a cell: turned from the character's facing, and above the ground."""
+    turn, pitch = view_rad
+    yaw = float(features.facing_yaw(pose.positions)) + turn
+    camera = FollowCamera(looked_at(pose.hips_position, ground), yaw, pitch, DISTANCE_M)
+    camera.keep_above(ground, SETTLED_S)
+    return camera
 
 
 def main(argv: Sequence[str] | None = None) -> int:
+    """Draw the sheet; the exit code."""
     from PIL import Image, ImageDraw, ImageFont
 
     from runtime.formats.bvh_clip import load_clip_bvh
@@ -39,20 +53,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--interval", type=float, default=0.15, help="seconds between two frames")
     parser.add_argument("--start", type=float, default=3.0, help="seconds")
     args = parser.parse_args(argv)
-    turn, pitch = BEHIND if args.behind else FRONT
+    view_rad = BACK_VIEW_RAD if args.behind else FRONT_VIEW_RAD
     seconds = [args.start + k * args.interval for k in range(args.columns)]
     rows = []
     for path in args.clips:
         clip = load_clip_bvh(path)
         ground, clip = ground_of(clip, path, args.terrain), on_its_ground(clip)
         poses = [clip.sample(min(at, clip.seconds)) for at in seconds]
-        yaws = [float(features.facing_yaw(pose.positions)) + turn for pose in poses]
-        with studio(CELL, ground) as draw:
-            cameras = [
-                Camera(looked_at(pose.hips_position, ground), yaw, pitch, 3.6)
-                for pose, yaw in zip(poses, yaws, strict=True)
-            ]
-            rows.append(np.concatenate([draw(*seen) for seen in zip(cameras, poses, strict=True)], axis=1))
+        with studio(CELL_PIXELS, ground) as draw:
+            cells = [draw(cell_camera(pose, ground, view_rad), pose) for pose in poses]
+        rows.append(np.concatenate(cells, axis=1))
     image = Image.fromarray(np.concatenate(rows))
     drawing, labels = ImageDraw.Draw(image), args.labels or [path.stem for path in args.clips]
     for row, label in enumerate(labels):

@@ -38,7 +38,7 @@ class _Unfinished:
     def undo(self) -> None:
         """Call all actions, the last one first; one that fails must not keep the others from being called."""
         for action in reversed([*self.actions.values()]):
-            with contextlib.suppress(Exception):
+            with contextlib.suppress(OSError, RuntimeError, ValueError):
                 action()
 
 

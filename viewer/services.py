@@ -15,10 +15,10 @@ from runtime.motion.controller import Controller, Crowd
 from runtime.motion.model import load_model as read_model
 from runtime.motion.perceptual_weights import perceptual_weights
 from runtime.prompts.english.library import LibraryExpander
-from runtime.prompts.english.library_data import load_library, load_styles
 from runtime.prompts.expander import Expander
 from runtime.prompts.gpt.expander import check_endpoint, open_expander
 from runtime.prompts.gpt.settings import GptSettings
+from runtime.prompts.library_data import load_library, load_styles
 from runtime.prompts.prompter import Prompter
 from runtime.prompts.service import PromptWorker
 from runtime.terrain.height_map import Terrain

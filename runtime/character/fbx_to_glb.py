@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from runtime import rotations
 from runtime.character.glb_buffer import ARRAY_BUFFER, ELEMENT_BUFFER, GlbBuffer
 from runtime.character.textures import linear
 
@@ -164,8 +165,6 @@ def _span(stack: Any) -> tuple[float, float]:
 
 def _active(node: Any, turns: Any) -> Any:
     """Unit quaternions `(T, 4)`, x first, without the turns before and after that FBX leaves out where RotationActive is 0."""
-    from scipy.spatial.transform import Rotation
-
     turns = turns / np.maximum(np.linalg.norm(turns, axis=-1, keepdims=True), 1e-12)
     active = node.props.value.find_prop("RotationActive")
     if active is not None and active.value_int:
@@ -174,12 +173,14 @@ def _active(node: Any, turns: Any) -> Any:
     if not np.any(before) and not np.any(after):
         return turns
     first, last = (
-        Rotation.from_quat([q.x, q.y, q.z, q.w])
-        for q in (node.adjust_pre_rotation, node.adjust_post_rotation)
+        np.array([q.w, q.x, q.y, q.z]) for q in (node.adjust_pre_rotation, node.adjust_post_rotation)
     )
-    pre, post = (Rotation.from_euler("xyz", degrees, degrees=True) for degrees in (before, after))
-    left, right = first * pre.inv() * first.inv(), last.inv() * post * last
-    return (left * Rotation.from_quat(turns) * right).as_quat()
+    pre, post = (rotations.from_euler(np.radians(degrees[::-1]), "ZYX") for degrees in (before, after))
+    inverse, multiply = rotations.inverse, rotations.multiply
+    left = multiply(multiply(first, inverse(pre)), inverse(first))
+    right = multiply(multiply(inverse(last), post), last)
+    made = multiply(multiply(left, np.roll(turns, 1, axis=-1)), right)
+    return np.roll(made, -1, axis=-1)
 
 
 def _euler(node: Any, name: str) -> list[float]:

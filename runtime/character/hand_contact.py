@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
 from runtime import rotations
 from runtime.arrays import AnyArray
@@ -143,7 +142,9 @@ def _steps(wrists: AnyArray) -> AnyArray:
     `wrists` `(T, ..., 3)` in each frame.
     """
     steps = np.linalg.norm(np.diff(wrists, axis=0, append=wrists[-1:]), axis=-1)
-    return STEP_FRACTION * maximum_filter1d(steps, 2 * NEAR_FRAMES + 1, axis=0, mode="nearest")
+    ends = [(NEAR_FRAMES, NEAR_FRAMES)] + [(0, 0)] * (steps.ndim - 1)
+    near = np.lib.stride_tricks.sliding_window_view(np.pad(steps, ends, "edge"), 2 * NEAR_FRAMES + 1, axis=0)
+    return np.asarray(STEP_FRACTION * near.max(-1))
 
 
 def without_jumps(values: AnyArray, steps: AnyArray) -> AnyArray:

@@ -403,19 +403,18 @@ def _edit_request(state: CharacterState, index: int, joints: Array) -> EditReque
 
     None where its words ask for nothing, nothing is added, and the trunk is not about to fold.
     """
-    style, edits = state.styles[index].style, state.edits[index]
+    style, edits, path = state.styles[index].style, state.edits[index], state.trajectory
+    shown = path.gait[index, PRESENT]
+    gait = 1 if shown[Gait.JOG] > 0.5 else 2 if shown[Gait.CROUCH] > 0.5 else 0
     left, up, ahead = (joints[NECK] - joints[0]).tolist()
     lean, aside = degrees(atan2(ahead, up)), degrees(atan2(left, up))
-    folds = style.fold < inf and edits.trunk.watch(lean, aside, style.fold)
-    if not (folds or style.is_edited or edits.active):
+    folds = style.folds[gait] < inf and edits.trunk.watch(lean, aside, style.folds[gait])
+    if not (folds or style.is_edited[gait] or edits.active):
         return None
-    path = state.trajectory
     x, z = path.velocity[index].tolist()
     left, right = state.poses.positions[index, ANKLES].tolist()
     yaw, ground = float(path.yaw[index, PRESENT]), float(state.ground[index])
-    gait = path.gait[index, PRESENT]
-    asked = style.asked[1 if gait[Gait.JOG] > 0.5 else 2 if gait[Gait.CROUCH] > 0.5 else 0]
-    return EditRequest(asked, yaw, (x, z), ground, (tuple(left), tuple(right)))
+    return EditRequest(style.asked[gait], yaw, (x, z), ground, (tuple(left), tuple(right)))
 
 
 def _cross(

@@ -50,11 +50,11 @@ class Style:
     swings: tuple[float, ...] = PLAIN  # gains of `runtime.motion.swing.SWINGS`
 
     @cached_property
-    def is_edited(self) -> bool:
-        """Whether any part is to show anything."""
+    def is_edited(self) -> tuple[bool, ...]:
+        """Whether any part is to show anything, in each of `GAITS`."""
         asked = self.edits[..., 0].astype(bool)
         asked[:, FOLD[0], FOLD[1]] = asked[:, :ROW_TRUNK, PACED] = False
-        return bool(asked.any())
+        return tuple(asked.any((1, 2)).tolist())
 
     @cached_property
     def speeds(self) -> tuple[float, float]:
@@ -71,10 +71,10 @@ class Style:
         return float(own + 0.5 * changes)
 
     @cached_property
-    def fold(self) -> float:
-        """Degrees from upright that the trunk leans forward at most; infinite where nothing bounds it."""
-        fold = self.edits[0][FOLD].tolist()
-        return range_of(fold)[1] if fold[0] > 0.0 else inf
+    def folds(self) -> tuple[float, ...]:
+        """Degrees from upright that the trunk leans forward at most, in each gait; infinite where nothing bounds it."""
+        found = [gait[FOLD].tolist() for gait in self.edits]
+        return tuple(range_of(fold)[1] if fold[0] > 0.0 else inf for fold in found)
 
     @cached_property
     def asked(self) -> list[list[list[list[float]]]]:

@@ -16,7 +16,7 @@ from typing import Any
 from runtime.assets import asset_path
 from runtime.edits.request import GAITS, PARTS
 from runtime.errors import FileError
-from runtime.prompts.english.library_data import LibraryStyle, load_styles
+from runtime.prompts.library_data import LibraryStyle, load_styles
 
 PHRASE_MEASURES = "prompts/phrase_measures.json"
 # what a caption asks for in other gaits than its walk: what the network adds to a style's walk to jog it

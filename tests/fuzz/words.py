@@ -22,11 +22,11 @@ from runtime.motion.controller import Controller
 from runtime.motion.model import load_model
 from runtime.prompts.blend import BlendedPrompt, parse_weights, read_words
 from runtime.prompts.english.library import LibraryExpander
-from runtime.prompts.english.library_data import load_styles
 from runtime.prompts.gpt.client import ChatClient, retry_after
 from runtime.prompts.gpt.expander import AnswerCache
 from runtime.prompts.gpt.prompt import load_structured_prompt
 from runtime.prompts.gpt.settings import GptSettings, Secret
+from runtime.prompts.library_data import load_styles
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
 from sport import cli

@@ -16,11 +16,11 @@ import runtime.motion.model
 import runtime.prompts.content
 import runtime.prompts.gpt.expander
 from runtime.assets import asset_path
-from runtime.prompts.english.library_data import load_styles
 from runtime.prompts.expander import Expansion
 from runtime.prompts.gpt.expander import GptExpander
 from runtime.prompts.gpt.prompt import load_structured_prompt
 from runtime.prompts.gpt.settings import GptSettings, Secret
+from runtime.prompts.library_data import load_styles
 
 KEY = "test-0123456789-abcdef"
 STYLES = load_styles(asset_path("prompts/styles.json"))

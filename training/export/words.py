@@ -18,7 +18,7 @@ from runtime.atomic import check_target, write_atomic
 from runtime.errors import run_command
 from runtime.motion.model import load_model
 from runtime.motion.model_files import read_metadata
-from runtime.prompts.english.library_data import load_library, load_styles
+from runtime.prompts.library_data import load_library, load_styles
 from runtime.prompts.phrasing import ADHERENCE, PHRASINGS, ModelPhrasing, adherence_of, load_phrasings
 from runtime.prompts.prompter import Prompter
 from training.evaluation.text.prompt_adherence import SECONDS, measure_adherence

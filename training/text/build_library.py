@@ -19,7 +19,10 @@ from runtime.assets import asset_path
 from runtime.errors import run_command
 from runtime.prompts.content import one_sided
 from runtime.prompts.english.grammar import grammar
-from runtime.prompts.english.library_data import (
+from runtime.prompts.english.other_languages import save_languages
+from runtime.prompts.english.phrases import PhraseIndex
+from runtime.prompts.english.spelling import ENGLISH, Spelling
+from runtime.prompts.library_data import (
     PromptLibrary,
     embed_library,
     library_hash,
@@ -28,9 +31,6 @@ from runtime.prompts.english.library_data import (
     save_embeddings,
     sentences,
 )
-from runtime.prompts.english.other_languages import save_languages
-from runtime.prompts.english.phrases import PhraseIndex
-from runtime.prompts.english.spelling import ENGLISH, Spelling
 from runtime.prompts.phrasing import PHRASINGS, load_phrasings
 from runtime.prompts.text_encoder import STORED, TextEncoder
 

@@ -29,7 +29,7 @@ from runtime.motion.features import FPS
 from runtime.motion.style import NEUTRAL_SPEEDS
 from runtime.prompts.captured import PHRASE_MEASURES, captions_by_style, captured, kind_of
 from runtime.prompts.edit_targets import HAND, phrases, spoken
-from runtime.prompts.english.library_data import load_styles
+from runtime.prompts.library_data import load_styles
 from runtime.safe_read import open_npz
 from runtime.skeleton import SPORT_SKELETON
 from training.frames import PLAIN
@@ -210,13 +210,15 @@ def _rounded(value: float) -> float:
 
 
 def _usual(styles: Mapping[str, Any]) -> dict[str, dict[str, list[float]]]:
-    """What trunks do in a gait: from the lower to the upper quartile of the styles' middles."""
+    """What trunks do in a gait: of walks the neutral style, of others the quartiles of the styles' middles."""
     found: dict[str, dict[str, list[float]]] = {}
     for gait in GAITS:
         trunks = [row[gait]["torso"] for row in styles.values() if gait in row]
         for name in ("lean", "bounce") if trunks else ():
             middles = [0.5 * sum(trunk[name]) for trunk in trunks]
             found.setdefault(gait, {})[name] = [_rounded(v) for v in np.percentile(middles, (25.0, 75.0))]
+        if gait == "walk" and PLAIN in styles:
+            found[gait] = {name: styles[PLAIN][gait]["torso"][name] for name in ("lean", "bounce")}
     return found
 
 

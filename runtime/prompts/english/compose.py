@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from runtime.edits.request import PACE, USUAL
 from runtime.prompts.edit_targets import PLAIN_LEG, targets_of
-from runtime.prompts.english.library_data import LibraryEmbeddings, LibraryEntry
 from runtime.prompts.english.phrases import FIGURES, SLIGHTLY, Element
 from runtime.prompts.english.sides import OPPOSITE, SIDE, only_side
+from runtime.prompts.library_data import LibraryEmbeddings, LibraryEntry
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
 

@@ -28,7 +28,13 @@ from runtime.prompts.english.compose import (
     with_figure,
     words_of_parts,
 )
-from runtime.prompts.english.library_data import (
+from runtime.prompts.english.other_languages import OtherLanguages
+from runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, Reading, numbers_of, read_phrases
+from runtime.prompts.english.sides import OPPOSITE, named_side
+from runtime.prompts.english.spelling import ENGLISH, Spelling, is_foreign, knows_no_word
+from runtime.prompts.english.words import PERSONS, PLACES, Word, plain_denials, words_of
+from runtime.prompts.expander import Expansion, check_prompt
+from runtime.prompts.library_data import (
     NEUTRAL_STYLE,
     LibraryEmbeddings,
     LibraryEntry,
@@ -38,12 +44,6 @@ from runtime.prompts.english.library_data import (
     load_library,
     load_styles,
 )
-from runtime.prompts.english.other_languages import OtherLanguages
-from runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, Reading, numbers_of, read_phrases
-from runtime.prompts.english.sides import OPPOSITE, named_side
-from runtime.prompts.english.spelling import ENGLISH, Spelling, is_foreign, knows_no_word
-from runtime.prompts.english.words import PERSONS, PLACES, Word, plain_denials, words_of
-from runtime.prompts.expander import Expansion, check_prompt
 from runtime.prompts.parts import PartDescriptions, mirror_text
 from runtime.prompts.phrasing import adherence_of
 from runtime.prompts.text_encoder import TextEncoderLike

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.prompts.english.library_data import PromptLibrary, library_hash, unit_vectors, vectors_as_bytes
+from runtime.prompts.library_data import PromptLibrary, library_hash, unit_vectors, vectors_as_bytes
 from runtime.safe_read import open_npz
 
 FILE = "languages.npz"  # next to library.json

@@ -6,7 +6,6 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from runtime.prompts.english.library_data import NEUTRAL_STYLE, LibraryEntry, PromptLibrary
 from runtime.prompts.english.words import (
     ABSENCES,
     DEGREES,
@@ -26,6 +25,7 @@ from runtime.prompts.english.words import (
     word_set,
     words_of,
 )
+from runtime.prompts.library_data import NEUTRAL_STYLE, LibraryEntry, PromptLibrary
 
 _SIMILE = re.compile(r"\b(?:as )?(?P<adjective>\w+) as (?:an? |the )?(?P<thing>\w+)\b(?! (?:if|though))")
 LONGEST = 9  # words of a phrase

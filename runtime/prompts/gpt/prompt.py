@@ -16,8 +16,8 @@ from typing import Any
 
 from runtime.assets import asset_path
 from runtime.errors import PromptError
-from runtime.prompts.english.library_data import checked, load_library, load_styles, read_object
 from runtime.prompts.expander import MAX_PROMPT_CHARACTERS
+from runtime.prompts.library_data import checked, load_library, load_styles, read_object
 from runtime.prompts.parts import PartDescriptions, check_text
 from runtime.skeleton import PART_NAMES
 

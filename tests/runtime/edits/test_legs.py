@@ -260,5 +260,5 @@ def test_a_full_stick_is_as_slow_or_fast_as_is_said_of_the_legs(
         assert found == pytest.approx(min(max(own, within[0] * neutral), within[1] * neutral))
     one = replace(style, edits=edit_targets(replace(PLAIN, left_leg=f"left {words}")))
     assert one.speeds == pytest.approx(0.5 * np.add(style.speeds, (walk, jog)))
-    assert not style.is_edited
+    assert not style.is_edited[0]
     assert not edited_parts(said)

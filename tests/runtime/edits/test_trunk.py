@@ -190,7 +190,7 @@ def test_a_trunk_turns_back_without_a_jump() -> None:
             np.array([0.0, 0.98, 0.0]), local, np.ones(4), EditRequest(targets.tolist(), 0.0, (0.0, 0.0), 0.0)
         )
         place, _ = SPORT_SKELETON.forward_kinematics(posed.hips, posed.local)
-        heads.append(place[SPORT_SKELETON.index("LeftArm")])
+        heads.append(place[SPORT_SKELETON.index("RightArm")])
     assert not edits.active
     assert np.linalg.norm(heads[-1] - heads[199]) > 0.02
     assert np.abs(np.diff(heads, n=2, axis=0)[2:]).max() < 0.004  # m a frame, from frame to frame
@@ -199,8 +199,11 @@ def test_a_trunk_turns_back_without_a_jump() -> None:
 def test_words_of_a_trunk() -> None:
     words = PLAIN.to_mapping() | {"torso": "torso turned to the left, swaying from side to side"}
     targets = edit_targets(PartDescriptions(**words))
-    assert targets[ROW_TRUNK, TWIST, 1] > 0.0
+    assert targets[0, ROW_TRUNK, TWIST, 1] > 0.0
     assert edited_parts(PartDescriptions(**words)) == {"torso"}
     plain = edit_targets(PLAIN)
-    assert plain[FOLD][1] == 20.0  # of every trunk, so that it is none of its words
-    assert np.count_nonzero(plain) == 2
+    assert plain[0][FOLD][2] == 20.0  # of every trunk, so that it is none of its words
+    assert np.count_nonzero(plain[0, ..., 0]) == 1
+    jog = plain[1, ROW_TRUNK]  # captured runs lean forward, and rise and fall less than a hop
+    assert 3.0 < jog[TRUNK.index("lean"), 1] < 12.0
+    assert 0.06 < jog[TRUNK.index("bounce"), 2] < 0.14

@@ -13,7 +13,7 @@ from runtime.assets import asset_path
 from runtime.errors import FileError
 from runtime.prompts.english import other_languages
 from runtime.prompts.english.library import LibraryExpander
-from runtime.prompts.english.library_data import library_hash, load_library, load_styles
+from runtime.prompts.library_data import library_hash, load_library, load_styles
 from tests.helpers.shipped import shipped_encoder, shipped_library
 
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from runtime.errors import FileError
-from runtime.prompts.english import library_data
+from runtime.prompts import library_data
 from runtime.prompts.english.compose import compose_neighbours
-from runtime.prompts.english.library_data import LibraryEmbeddings, LibraryEntry
 from runtime.prompts.expander import Expansion
+from runtime.prompts.library_data import LibraryEmbeddings, LibraryEntry
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.phrasing import (
     ModelPhrasing,

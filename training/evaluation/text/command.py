@@ -9,7 +9,7 @@ from typing import Any
 from runtime.assets import asset_path
 from runtime.errors import UsageError
 from runtime.motion.model import load_model
-from runtime.prompts.english.library_data import load_styles
+from runtime.prompts.library_data import load_styles
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.prompter import Prompter
 from runtime.prompts.text_encoder import TextEncoder

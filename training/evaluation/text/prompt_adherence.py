@@ -16,7 +16,7 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.motion.model import MotionModel
-from runtime.prompts.english.library_data import LibraryStyle
+from runtime.prompts.library_data import LibraryStyle
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.phrasing import as_left_limb
 from runtime.prompts.prompter import Prompter

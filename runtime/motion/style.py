@@ -54,7 +54,7 @@ class Style:
         """Whether any part is to show anything, in each of `GAITS`."""
         asked = self.edits[..., 0].astype(bool)
         asked[:, FOLD[0], FOLD[1]] = asked[:, :ROW_TRUNK, PACED] = False
-        return tuple(bool(any_part) for any_part in asked.any((1, 2)))
+        return tuple(bool(gait.any()) for gait in asked)
 
     @cached_property
     def speeds(self) -> tuple[float, float]:

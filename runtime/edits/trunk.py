@@ -51,7 +51,7 @@ MOST_BOUNCE = 0.06  # metres that hips go down or up
 SINKS = 0.35  # of a bounce's range, that hips are lower: legs grow no longer
 MEAN_HALF_LIFE = 0.4  # seconds in which the measures follow the pose,
 RANGE_HALF_LIFE = 0.6  # and the ranges of sway, rock and bounce
-HALF_LIFE = 0.3  # seconds in which what is added follows what is missing
+HALF_LIFE = 0.36  # seconds in which what is added follows what is missing
 MOST_SWAY = 0.06  # metres from end to end over feet on a line: less than half a foot's width to either side
 # metres, degrees: what swings less is not amplified more
 LEAST_SWAY, LEAST_ROCK, LEAST_BOUNCE = 0.008, 1.0, 0.008

@@ -23,7 +23,7 @@ from runtime.motion.features import FPS, INPUT_SIZE
 from runtime.motion.model import MotionModel, load_model
 from runtime.prompts.prompter import Prompter
 from runtime.session.motion import MotionHeader
-from runtime.session.recording import ROW
+from runtime.session.recording import FRAME_NUMBERS
 from runtime.session.session_file import SessionFile
 from runtime.takes.input_recording import COLUMNS, KEYFRAME_STEPS, InputRecorder, resimulate
 from runtime.takes.recorder import ClipRecorder
@@ -181,7 +181,10 @@ def _crowd_times(network: MotionModel, frames: int) -> dict[str, float]:
 
 def _recording_times(frames: int) -> dict[str, float]:
     """A recording at the rate of the simulation: milliseconds a frame, the writing thread's processor time included."""
-    rows, sticks = np.zeros((RECORDED_FRAMES, ROW), np.float32), np.zeros((RECORDED_FRAMES, COLUMNS))
+    rows, sticks = (
+        np.zeros((RECORDED_FRAMES, FRAME_NUMBERS), np.float32),
+        np.zeros((RECORDED_FRAMES, COLUMNS)),
+    )
     rows[:, 3:-5:4] = 1.0  # unit rotations
     times: list[float] = []
     with temporary_folder() as folder:

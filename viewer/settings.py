@@ -22,11 +22,11 @@ from runtime.prompts.gpt.settings import has_credentials
 from runtime.safe_read import is_text, parse_json, read_bounded
 from viewer.jobs import Jobs, Slot
 
-MAX_BYTES = 1_000_000
-MAX_LIST = 50  # entries of a list
-MAX_TEXT = 4096  # characters of a text
+MAX_FILE_BYTES = 1_000_000
+MAX_LIST_ENTRIES = 50  # entries of a list
+MAX_TEXT_CHARACTERS = 4096  # characters of a text
 FILE_NAME = "settings.json"
-INTERVAL_S = 1.0
+WRITE_INTERVAL_S = 1.0
 MAPPINGS_NAME = "gamecontrollerdb.txt"
 _SLOT = Slot("settings")
 
@@ -175,7 +175,7 @@ def _read(path: Path) -> dict[str, Any]:
     if not os.path.lexists(path):
         return {}
     try:
-        content = parse_json(read_bounded(path, MAX_BYTES))
+        content = parse_json(read_bounded(path, MAX_FILE_BYTES))
     except ValueError:
         content = None
     if not isinstance(content, dict):
@@ -186,24 +186,24 @@ def _read(path: Path) -> dict[str, Any]:
 def checked(name: str, value: Any, default: Any) -> Any:
     """`value` for the setting `name`, as the type of `default`, when it is allowed; else None."""
     if isinstance(default, list):
-        return list(filter(_is_text, value))[:MAX_LIST] if isinstance(value, list) else None
+        return list(filter(_is_text, value))[:MAX_LIST_ENTRIES] if isinstance(value, list) else None
     read = spec_of(Settings, name).read(value, default)
     same = value == default and isinstance(value, bool) == isinstance(default, bool)
     return read if same or read != default else None
 
 
-def remembered(text: str, known: list[str], count: int = MAX_LIST) -> list[str]:
+def remembered(text: str, known: list[str], count: int = MAX_LIST_ENTRIES) -> list[str]:
     """A list of the newest first with a text as its first, at most so many."""
     return [text, *(other for other in known if other != text)][:count]
 
 
 def _is_text(value: Any) -> bool:
-    return is_text(value) and len(value) < MAX_TEXT and "\0" not in value
+    return is_text(value) and len(value) < MAX_TEXT_CHARACTERS and "\0" not in value
 
 
 @dataclass
 class KeptSettings:
-    """Settings that are written, on a worker, at most `INTERVAL_S` after they change."""
+    """Settings that are written, on a worker, at most `WRITE_INTERVAL_S` after they change."""
 
     settings: Settings
     directory: Path
@@ -220,7 +220,7 @@ class KeptSettings:
     def watch(self) -> None:
         """Write what was changed; call once a frame."""
         if self.active and self.clock() >= self._next_s and self.settings != self._tried:
-            self._next_s = self.clock() + INTERVAL_S
+            self._next_s = self.clock() + WRITE_INTERVAL_S
             self._write()
 
     def finish(self, until: float) -> bool:
@@ -271,7 +271,7 @@ def _read_or_keep_aside(path: Path) -> dict[str, Any]:
         content, unusable = {}, [FILE_NAME]
     if unusable and path.is_file():
         stamp = time.strftime("%Y%m%d-%H%M%S")
-        write_new(path.with_name(f"{path.name}.damaged-{stamp}"), read_bounded(path, MAX_BYTES))
+        write_new(path.with_name(f"{path.name}.damaged-{stamp}"), read_bounded(path, MAX_FILE_BYTES))
     return content
 
 
@@ -290,4 +290,4 @@ def _changes(values: dict[str, Any], before: dict[str, Any], content: dict[str, 
 def _joined(ours: list[str], theirs: list[str], before: list[str]) -> list[str]:
     """This run's list, then what another run has added to it since."""
     added = [text for text in theirs if text not in before and text not in ours]
-    return [*ours, *added][:MAX_LIST]
+    return [*ours, *added][:MAX_LIST_ENTRIES]

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from runtime.errors import FileError
 from runtime.session.sqlite_file import Budget
 
-MAX_SIDE = 1 << 29
+MAX_CONTENT_VALUES = 1 << 29
 REMEDY = "Choose another file, or a copy of this one."
 Made = TypeVar("Made")
 # kind, shape, hash
@@ -115,6 +115,6 @@ class BlobReader:
         if found is None:
             raise FileError(f"{self.path}: {str(reference)[:40]!r} names no content.", REMEDY)
         sides = [int(text) for text in found[2].split("x") if text]
-        if math.prod(sides) > MAX_SIDE:
+        if math.prod(sides) > MAX_CONTENT_VALUES:
             raise FileError(f"{self.path}: content of {math.prod(sides)} values.", REMEDY)
         return found[1], sides, found[3]

@@ -22,7 +22,7 @@ from runtime.errors import FileError
 from runtime.safe_read import is_text, parse_json, read_bounded
 
 MAX_FILES = 1000
-MAX_NAME = 200  # bytes
+MAX_NAME_BYTES = 200  # bytes
 MAX_ALL_BYTES = MAX_FILE_BYTES  # of all files
 REMEDY = "Choose another project."
 Files = dict[str, bytes]
@@ -151,7 +151,11 @@ def check_character_files(files: Files) -> None:
 
 def safe_name(name: Any) -> bool:
     """Whether a relative name stays in its folder and can be written on every system."""
-    if not is_text(name) or not 0 < len(name.encode()) <= MAX_NAME or _UNSAFE.search(name.replace("/", "-")):
+    if (
+        not is_text(name)
+        or not 0 < len(name.encode()) <= MAX_NAME_BYTES
+        or _UNSAFE.search(name.replace("/", "-"))
+    ):
         return False
     parts = PurePosixPath(name).parts
     whole = all(part == part.strip() and not part.endswith(".") for part in parts)

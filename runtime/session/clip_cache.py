@@ -7,7 +7,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 
-from runtime.session.frames import CLIP_BYTES
+from runtime.session.frames import CLIP_FRAME_BYTES
 from runtime.takes.clip import Clip
 
 MAX_KEPT_BYTES = 128 << 20  # half an hour of frames, or one clip of any length
@@ -35,4 +35,4 @@ class ClipCache:
 
     @property
     def _kept_bytes(self) -> int:
-        return sum(CLIP_BYTES * len(clip) for clip in self._clips.values())
+        return sum(CLIP_FRAME_BYTES * len(clip) for clip in self._clips.values())

@@ -23,7 +23,7 @@ from runtime.session import unwritten
 from runtime.session.recovery import fill_gaps
 from runtime.session.salvage import salvaged
 from runtime.session.sqlite_file import (
-    ROOM,
+    ROOM_REMEDY,
     Budget,
     check_files,
     connect,
@@ -57,7 +57,7 @@ from runtime.session.writer import Writer
 MAX_SALVAGED_ROWS = 2 * MAX_ROWS  # of a damaged file
 GATHER_S = 0.05  # that works wait for others before they are written
 IDLE_S = 1.0  # without work until the log goes into the file, and between two attempts where the disk takes nothing
-MAX_WAITING = 20_000  # works that wait for a disk; of a recording an hour and more
+MAX_WAITING_WORKS = 20_000  # works that wait for a disk; of a recording an hour and more
 _LOG = logging.getLogger("sport.session")
 # for what the file does not take: that long also where the end is late
 HAND_OVER_S, LONGEST_HAND_OVER_S = (0.8, 10.0)
@@ -209,7 +209,7 @@ class Database(StoredRows):
             raise FileError(f"{self.path}: it is open for reading only.", "Save a copy of it.")
         with self._changed:
             # what came later would build on what is missing
-            if self._full or len(self._queue) >= MAX_WAITING:
+            if self._full or len(self._queue) >= MAX_WAITING_WORKS:
                 self._full = True
                 slow = self._trouble or f"{self.path}: its disk is too slow."
                 self._lost = f"{slow} What is done from now on is in memory only."
@@ -460,7 +460,9 @@ class Database(StoredRows):
                     self._written += 1
                 return self._write()
             problem = (
-                error if isinstance(error, FileError) else FileError(f"{self.path}: {said(error)}.", ROOM)
+                error
+                if isinstance(error, FileError)
+                else FileError(f"{self.path}: {said(error)}.", ROOM_REMEDY)
             )
             with self._changed:
                 self._trouble = str(problem)

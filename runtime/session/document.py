@@ -59,12 +59,12 @@ from runtime.terrain.mesh import MAX_SIDE
 
 MAX_TAKES, MAX_VARIANTS, MAX_NEAREST = 10_000, 9, 20
 MAX_FRAMES = 2_000_000  # of a take: nine hours
-MAX_TEXT = 4096  # characters of a name
+MAX_TEXT_CHARACTERS = 4096  # characters of a name
 MAX_ITEMS = 400_000  # values of one text
 # in memory, about: of a take without its frames, of a state, and of a change of what made a take
 TAKE_BYTES, STATE_BYTES, CHANGE_BYTES = 20_000, 65_536, 4096
 ITEM_BYTES = 100  # of a value of a text
-CODE = (6, 64)
+CODE_SHAPE = (6, 64)
 SOURCES = ("library", "gpt", "explicit")
 Json = Any
 # what JSON of another shape raises where it is unpacked
@@ -124,7 +124,10 @@ class DocumentWriter:
             (frozenset, sorted),
             (np.ndarray, self.blobs.array),
             (Motion, lambda motion: motion.key),
-            (Ground, lambda ground: [_text(ground.spec)[:MAX_TEXT], self._terrain(ground.terrain)]),
+            (
+                Ground,
+                lambda ground: [_text(ground.spec)[:MAX_TEXT_CHARACTERS], self._terrain(ground.terrain)],
+            ),
             (OwnSkeleton, lambda own: self._once.get("own skeleton", own, lambda: self._own(own))),
             (PartDescriptions, PartDescriptions.to_mapping),
         ]
@@ -144,7 +147,7 @@ class DocumentWriter:
         packed = {name: self._value(getattr(value, name)) for name, _ in _schema(kind)}
         if kind in _LONG_TEXTS:
             return packed
-        return {name: v[:MAX_TEXT] if isinstance(v, str) else v for name, v in packed.items()}
+        return {name: v[:MAX_TEXT_CHARACTERS] if isinstance(v, str) else v for name, v in packed.items()}
 
     def _value(self, value: Any) -> Json:
         for kind, pack in self._forms:
@@ -213,7 +216,7 @@ class DocumentReader:
 
     def __post_init__(self) -> None:
         self._forms = {
-            Motion: lambda value: self.motion(read_text(value, MAX_TEXT)),
+            Motion: lambda value: self.motion(read_text(value, MAX_TEXT_CHARACTERS)),
             Ground: self._ground,
             OwnSkeleton: self._own,
             PartDescriptions: PartDescriptions.from_mapping,
@@ -261,7 +264,7 @@ class DocumentReader:
         return InputRecording(frames, changes, keyframes)
 
     def _record(self, kind: Any, value: Json) -> Any:
-        longest = math.inf if kind in _LONG_TEXTS else MAX_TEXT
+        longest = math.inf if kind in _LONG_TEXTS else MAX_TEXT_CHARACTERS
         schema = _schema(kind)
         if value.keys() != {name for name, _ in schema}:
             schema = tuple(entry for entry in schema if entry[0] in value or (kind, entry[0]) not in _LATER)
@@ -317,7 +320,7 @@ class DocumentReader:
     def _ground(self, value: Json) -> Ground:
         spec, terrain = value
         made = self._terrain(terrain)
-        name = read_text(spec, MAX_TEXT)
+        name = read_text(spec, MAX_TEXT_CHARACTERS)
         return self.blobs.once("ground of", (id(made), name), lambda: Ground.of(name, made))
 
     def _terrain(self, value: Json) -> Terrain:
@@ -371,14 +374,14 @@ class DocumentReader:
         if not isinstance(value, list):
             return self._code(value)
         number, parts, edits = value
-        codes = self._finite(self.blobs.array(number, "<f4", (len(parts), *CODE)))
+        codes = self._finite(self.blobs.array(number, "<f4", (len(parts), *CODE_SHAPE)))
         mixed = tuple(read_number(part, 1.0) for part in parts)
         if not mixed or min(mixed) < 0.0 or abs(sum(mixed) - 1.0) > 1e-3:
             raise ValueError("fractions of styles that are no mix")
         return StyleMix(mixed, tuple(codes), checked_targets(edits))
 
     def _code(self, value: Json) -> Any:
-        return self._finite(self.blobs.array(value, "<f4", CODE))
+        return self._finite(self.blobs.array(value, "<f4", CODE_SHAPE))
 
     def _finite(self, values: Any) -> Any:
         if not (np.abs(values) <= 1e6).all():
@@ -491,6 +494,6 @@ def read_view(text: str) -> dict[str, Any]:
     return {
         key: entry
         for key, entry in known
-        if (is_text(entry) and len(entry) <= MAX_TEXT)
+        if (is_text(entry) and len(entry) <= MAX_TEXT_CHARACTERS)
         or (isinstance(entry, bool | int | float) and math.isfinite(entry))
     }

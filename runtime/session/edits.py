@@ -7,7 +7,7 @@ from dataclasses import replace
 from runtime.session.motion import Motion
 from runtime.session.session import LIVE, MIN_FRAMES, Session, Take
 
-MAX_NAME = 60
+MAX_NAME_CHARACTERS = 60
 
 
 def with_number(session: Session) -> Session:
@@ -39,7 +39,7 @@ def without_take(session: Session, number: int) -> Session:
 def renamed(session: Session, number: int, name: str) -> Session:
     """Another name for a take; an empty one brings the motion's back."""
     take = session.take(number)
-    name = " ".join(name.split())[:MAX_NAME]
+    name = " ".join(name.split())[:MAX_NAME_CHARACTERS]
     if take is None or name == take.title:
         return session
     return session.with_take(number, name="" if name == replace(take, name="").title else name)
@@ -51,7 +51,7 @@ def mirrored_copy(session: Session, number: int) -> Session:
     if take is None or take.motion is None:
         return session
     made = Take(motion=take.motion, mirrored=not take.mirrored, recorded=True, ground=take.ground)
-    name = "" if not take.name else f"{take.name}, mirrored"[:MAX_NAME]
+    name = "" if not take.name else f"{take.name}, mirrored"[:MAX_NAME_CHARACTERS]
     return with_new_take(session, replace(made, name=name))
 
 
@@ -74,7 +74,7 @@ def split(session: Session, number: int, frame: int) -> Session:
     first, last = take.range
     if not first + MIN_FRAMES - 1 <= frame <= last - MIN_FRAMES + 1:
         return session
-    at, name = session.index(number) + 1, f"{take.title}, rest"[:MAX_NAME]
+    at, name = session.index(number) + 1, f"{take.title}, rest"[:MAX_NAME_CHARACTERS]
     rest = replace(take, number=session.counter + 1, name=name, trim=(frame, last), numbered_from=frame)
     takes = (*session.takes[:at], rest, *session.takes[at:])
     session = replace(session, takes=takes, counter=rest.number)

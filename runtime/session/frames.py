@@ -1,7 +1,7 @@
 """The frames of a take as they are kept in a project: quantised, and as differences that compress to a fifth.
 
 Hips are kept to `HIPS_STEP_M` / 2 = 0.031 mm, local rotations to 0.005 degrees, contacts to 1 / 256; gaits are exact. Frames are
-kept in pieces of `PIECE` frames, so that versions of a take have in common what an edit left as it was.
+kept in pieces of `PIECE_FRAMES` frames, so that versions of a take have in common what an edit left as it was.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ import numpy as np
 from runtime.arrays import AnyArray
 from runtime.skeleton import J
 
-PIECE = 300  # frames: 5 s
+PIECE_FRAMES = 300  # frames: 5 s
 HIPS_STEP_M = 1.0 / 16384.0
 # of a component: the three smaller ones of a quaternion are below 0.7072
-ROTATION_STEP = 1.0 / (32767.0 * 2.0**0.5)
+ROTATION_COMPONENT_STEP = 1.0 / (32767.0 * 2.0**0.5)
 CONTACT_STEP = 1.0 / 128.0
-LOWEST_CONTACT = -0.5
-BYTES = 3 * 4 + J * (1 + 3 * 2) + 4 + 1  # of a packed frame: hips, rotations, contacts, gait
-CLIP_BYTES = 4 * (3 + 4 * J + 4) + 1  # of a frame in memory
+MIN_CONTACT_PROBABILITY = -0.5
+PACKED_FRAME_BYTES = 3 * 4 + J * (1 + 3 * 2) + 4 + 1  # of a packed frame: hips, rotations, contacts, gait
+CLIP_FRAME_BYTES = 4 * (3 + 4 * J + 4) + 1  # of a frame in memory
 
 
 def pieces(count: int) -> Iterator[slice]:
-    for first in range(0, count, PIECE):
-        yield slice(first, min(first + PIECE, count))
+    for first in range(0, count, PIECE_FRAMES):
+        yield slice(first, min(first + PIECE_FRAMES, count))
 
 
 def packed_frames(hips: AnyArray, rotations: AnyArray, contacts: AnyArray, gaits: AnyArray | None) -> bytes:
@@ -35,9 +35,9 @@ def packed_frames(hips: AnyArray, rotations: AnyArray, contacts: AnyArray, gaits
     largest = np.abs(rotations).argmax(axis=-1)
     negative = np.take_along_axis(rotations, largest[..., None], axis=-1) < 0.0
     rest = np.take_along_axis(rotations, _others(largest), axis=-1) * np.where(negative, -1.0, 1.0)
-    small = np.clip(np.round(rest / ROTATION_STEP), -32767, 32767).astype(np.int16)
+    small = np.clip(np.round(rest / ROTATION_COMPONENT_STEP), -32767, 32767).astype(np.int16)
     signs = (largest | (negative[..., 0] << 2)).astype(np.uint8)
-    touching = np.round((contacts - LOWEST_CONTACT) / CONTACT_STEP).astype(np.uint8)
+    touching = np.round((contacts - MIN_CONTACT_PROBABILITY) / CONTACT_STEP).astype(np.uint8)
     requested = np.zeros(len(hips), np.int8) if gaits is None else gaits.astype(np.int8)
     columns = (
         signs,
@@ -51,7 +51,7 @@ def packed_frames(hips: AnyArray, rotations: AnyArray, contacts: AnyArray, gaits
 
 def unpacked_frames(data: bytes, count: int) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray]:
     """Hips, rotations, contacts and gaits of `packed_frames`; ValueError for other bytes."""
-    if len(data) != BYTES * count:
+    if len(data) != PACKED_FRAME_BYTES * count:
         raise ValueError(f"{len(data)} bytes of {count} frames")
     sizes = np.cumsum([J, J * 3 * 2, 3 * 4, 4]) * count
     parts = [bytes(part) for part in np.split(np.frombuffer(data, np.uint8), sizes)]
@@ -60,7 +60,7 @@ def unpacked_frames(data: bytes, count: int) -> tuple[AnyArray, AnyArray, AnyArr
     places = _sums(unpacked_table(parts[2], count, np.int32))
     if (signs > 7).any() or (small == -32768).any():
         raise ValueError("rotations that are none")
-    rest = small * ROTATION_STEP
+    rest = small * ROTATION_COMPONENT_STEP
     largest = (signs & 3).astype(np.int64)
     main = np.sqrt(np.maximum(1.0 - np.sum(rest * rest, axis=-1), 0.0))
     rotations = np.empty((count, J, 4), np.float64)
@@ -68,13 +68,15 @@ def unpacked_frames(data: bytes, count: int) -> tuple[AnyArray, AnyArray, AnyArr
     np.put_along_axis(rotations, largest[..., None], main[..., None], axis=-1)
     rotations *= np.where(signs & 4, -1.0, 1.0)[..., None]
     hips = (places * HIPS_STEP_M).astype(np.float32)
-    contacts = (unpacked_table(parts[3], count, np.uint8) * CONTACT_STEP + LOWEST_CONTACT).astype(np.float32)
+    contacts = (unpacked_table(parts[3], count, np.uint8) * CONTACT_STEP + MIN_CONTACT_PROBABILITY).astype(
+        np.float32
+    )
     return hips, rotations.astype(np.float32), contacts, unpacked_table(parts[4], count, np.int8)[:, 0]
 
 
 def packed_gaits(data: bytes, count: int) -> AnyArray:
     """The gaits `(T,)` of `packed_frames`, which are its last bytes."""
-    return np.frombuffer(data, np.int8, count, (BYTES - 1) * count)
+    return np.frombuffer(data, np.int8, count, (PACKED_FRAME_BYTES - 1) * count)
 
 
 def _others(largest: AnyArray) -> AnyArray:

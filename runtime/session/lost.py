@@ -11,11 +11,11 @@ from typing import Any
 from runtime.safe_read import parse_json
 from runtime.session.document import MAX_ITEMS
 from runtime.session.recovery import INPUT, TAIL
-from runtime.session.sqlite_file import MAX_BYTES
+from runtime.session.sqlite_file import MAX_FILE_BYTES
 from runtime.session.writer import Writer
 
 LOST_DAYS = 30
-MAX_STORED_BYTES = MAX_BYTES // 2  # of a file before the oldest lost things go earlier
+MAX_STORED_BYTES = MAX_FILE_BYTES // 2  # of a file before the oldest lost things go earlier
 _REFERENCE = re.compile(r"(<f[48]|\|[iu]1) [0-9x]* ([0-9a-f]{32})")
 _LOG = logging.getLogger("sport.session")
 

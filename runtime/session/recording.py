@@ -23,7 +23,7 @@ from runtime.takes.input_recording import InputRecording
 from runtime.takes.metadata import PromptEvent
 
 PIECE_FRAMES = 300  # that are packed as one while a recording runs
-ROW = 3 + 4 * J + 4 + 1  # numbers of a recorded frame: hips, local rotations, contacts, gait
+FRAME_NUMBERS = 3 + 4 * J + 4 + 1  # numbers of a recorded frame: hips, local rotations, contacts, gait
 
 
 class RecordingFile(Protocol):

@@ -12,7 +12,7 @@ import numpy as np
 
 from runtime.safe_read import parse_json
 from runtime.session.document import header_text
-from runtime.session.frames import BYTES, packed_frames, unpacked_frames
+from runtime.session.frames import PACKED_FRAME_BYTES, packed_frames, unpacked_frames
 from runtime.session.motion import MotionHeader
 from runtime.session.tables import checksum, put_rows, sealed
 
@@ -57,7 +57,7 @@ def _hold(connection: sqlite3.Connection, key: str, first: int, count: int, near
     where = "SELECT content FROM frames WHERE motion = ? AND number = ?"
     (content,) = connection.execute(where, near[:2]).fetchone()
     try:
-        data = zlib.decompressobj().decompress(content, BYTES * near[2])
+        data = zlib.decompressobj().decompress(content, PACKED_FRAME_BYTES * near[2])
         parts = unpacked_frames(data, near[2])
     except (zlib.error, ValueError):
         return 0

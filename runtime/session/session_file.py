@@ -40,8 +40,8 @@ from runtime.session.document import (
 )
 from runtime.session.edits import with_new_take
 from runtime.session.frames import (
-    BYTES,
-    CLIP_BYTES,
+    CLIP_FRAME_BYTES,
+    PACKED_FRAME_BYTES,
     packed_frames,
     packed_gaits,
     pieces,
@@ -437,19 +437,19 @@ class SessionFile:
         count, found = header.frames, self._frame_count(key)
         if found != count:
             raise FileError(f"{self.path}: {header.name} has {found} frames of {count}.", REMEDY)
-        if CLIP_BYTES * count > MAX_CLIP_BYTES:
-            minutes = MAX_CLIP_BYTES // CLIP_BYTES / header.fps / 60.0
+        if CLIP_FRAME_BYTES * count > MAX_CLIP_BYTES:
+            minutes = MAX_CLIP_BYTES // CLIP_FRAME_BYTES / header.fps / 60.0
             raise FileError(
                 f"{self.path}: {header.name} is longer than {minutes:.0f} minutes.", "Record it in parts."
             )
         with file_errors(self.path):
-            self._budget().spend(CLIP_BYTES * count)
+            self._budget().spend(CLIP_FRAME_BYTES * count)
             hips, rotations = np.empty((count, 3), np.float32), np.empty((count, J, 4), np.float32)
             contacts, gaits = np.empty((count, 4), np.float32), np.empty(count, np.int8)
             at = 0
             for size, content in self._pieces(key):
                 part = slice(at, at + size)
-                frames = unpacked_frames(content[: BYTES * size], size)
+                frames = unpacked_frames(content[: PACKED_FRAME_BYTES * size], size)
                 hips[part], rotations[part], contacts[part], gaits[part] = frames
                 at += size
         clip = header.clip(hips, rotations, contacts, gaits)
@@ -464,7 +464,7 @@ class SessionFile:
             value = parse_json(self.database.motion(key + INPUT), 400_000)
             rows = [unpack_sticks(reader.blobs.data(value["lead"]), value["lead_frames"])]
             for size, content in self._pieces(key):
-                rows.append(unpack_sticks(content[BYTES * size :], size))
+                rows.append(unpack_sticks(content[PACKED_FRAME_BYTES * size :], size))
             table = np.concatenate(rows)
             reader.blobs.budget.spend(8 * table.size)
             return reader.inputs(value, InputFrames(table))
@@ -477,7 +477,7 @@ class SessionFile:
 
     def _pieces(self, key: str) -> Iterator[tuple[int, bytes]]:
         for count, content in chain(self.database.frames(key), self.database.frames(key + TAIL)):
-            if len(content) not in (BYTES * count, (BYTES + 8 * COLUMNS) * count):
+            if len(content) not in (PACKED_FRAME_BYTES * count, (PACKED_FRAME_BYTES + 8 * COLUMNS) * count):
                 raise FileError(f"{self.path}: damaged frames.", REMEDY)
             yield count, content
 

@@ -27,15 +27,15 @@ from runtime.safe_read import reason
 from runtime.session.tables import MAX_CONTENT_BYTES, PAGE_BYTES, VersionError, create
 
 SUFFIX = ".sport"
-MAX_BYTES = 1 << 29  # of the file, and of its log
+MAX_FILE_BYTES = 1 << 29  # of the file, and of its log
 MAX_VALUE_BYTES = (1 << 28) + (1 << 20)  # of one row as it is stored
 # a small file makes no more than this, a large one a multiple of its size
-SMALL_BYTES, PER_BYTE, LARGE_BYTES = 128 << 20, 16, MAX_CONTENT_BYTES
+MIN_BUDGET_BYTES, BUDGET_PER_FILE_BYTE, MAX_BUDGET_BYTES = 128 << 20, 16, MAX_CONTENT_BYTES
 ASIDE, KEPT_ASIDE_DAYS = ".damaged-", 30.0  # of a damaged session's name, and how long it is kept
 REMEDY = "Choose another file, or an older copy of it."
-ROOM = "Make room on the disk, or save a copy elsewhere."
+ROOM_REMEDY = "Make room on the disk, or save a copy elsewhere."
 _SAID = {
-    sqlite3.SQLITE_FULL: f"there is no room left, or the session has reached {MAX_BYTES >> 20} MB",
+    sqlite3.SQLITE_FULL: f"there is no room left, or the session has reached {MAX_FILE_BYTES >> 20} MB",
     sqlite3.SQLITE_IOERR: "the disk cannot be read or written",
     sqlite3.SQLITE_CANTOPEN: "it cannot be opened",
     sqlite3.SQLITE_PERM: "it must not be written",
@@ -64,7 +64,7 @@ class Budget:
 
     @staticmethod
     def for_file(size: int) -> Budget:
-        most = min(SMALL_BYTES + PER_BYTE * size, LARGE_BYTES)
+        most = min(MIN_BUDGET_BYTES + BUDGET_PER_FILE_BYTE * size, MAX_BUDGET_BYTES)
         return Budget(most, most)
 
     def spend(self, count: int) -> None:
@@ -202,8 +202,8 @@ def check_files(path: Path) -> int:
             raise FileError(f"{file}: this is {kind}.", "Check the path.")
         if file.name.endswith("-journal"):  # SQLite would do what it says; this program writes none
             raise FileError(f"{file}: this is of another program.", "Move it away.")
-        if status.st_size > MAX_BYTES:
-            raise FileError(f"{file}: larger than {MAX_BYTES >> 20} MB.", REMEDY)
+        if status.st_size > MAX_FILE_BYTES:
+            raise FileError(f"{file}: larger than {MAX_FILE_BYTES >> 20} MB.", REMEDY)
         total += status.st_size
     return total
 
@@ -249,7 +249,7 @@ def connect_writer(path: Path) -> sqlite3.Connection:
     connection.execute("PRAGMA synchronous = FULL")
     connection.execute("PRAGMA secure_delete = ON")  # what was removed does not leave with the file
     page = connection.execute("PRAGMA page_size").fetchone()[0]
-    connection.execute(f"PRAGMA max_page_count = {MAX_BYTES // page}")
+    connection.execute(f"PRAGMA max_page_count = {MAX_FILE_BYTES // page}")
     connection.execute("SELECT * FROM meta LIMIT 0")  # the log is there from now on
     return connection
 
@@ -267,7 +267,7 @@ def new_file(path: Path, before: Callable[[], None] = lambda: None) -> Iterator[
 
     It has the tables, and rows that fit them. `before` is called before the file is replaced.
     """
-    with atomic_path(path) as temporary, file_errors(path, ROOM):
+    with atomic_path(path) as temporary, file_errors(path, ROOM_REMEDY):
         with contextlib.closing(connect(temporary, "rw")) as connection:
             # the file has no name yet: what is cut off is thrown away, and `atomic_path` syncs the rest
             connection.execute(f"PRAGMA page_size = {PAGE_BYTES}")

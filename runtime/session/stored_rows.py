@@ -12,7 +12,7 @@ from typing import Any
 
 from runtime.errors import FileError
 from runtime.session.recovery import TAIL
-from runtime.session.sqlite_file import LARGE_BYTES, REMEDY, Budget, file_errors
+from runtime.session.sqlite_file import MAX_BUDGET_BYTES, REMEDY, Budget, file_errors
 from runtime.session.tables import MAX_TEXT_BYTES
 
 MIN_PIECE_FRAMES, MAX_SMALL_PIECES = 100, 400  # of a motion on average, and pieces of the newest frames
@@ -103,7 +103,7 @@ class StoredRows:
         )
         size, content = self._one(rows, f"{table} {values[0]}")
         with file_errors(self.path):
-            if not 0 <= size <= LARGE_BYTES:
+            if not 0 <= size <= MAX_BUDGET_BYTES:
                 raise ValueError(f"{size} bytes")
             unfold = zlib.decompressobj()
             made = unfold.decompress(content, size + 1)

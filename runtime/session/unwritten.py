@@ -21,7 +21,7 @@ from typing import Any
 
 from runtime.errors import FileError
 from runtime.safe_read import parse_json, read_bounded
-from runtime.session.sqlite_file import MAX_BYTES, PER_BYTE, is_own, unwritten_files
+from runtime.session.sqlite_file import BUDGET_PER_FILE_BYTE, MAX_FILE_BYTES, is_own, unwritten_files
 from runtime.session.writer import Writer
 
 Change = tuple[str, list[Any], dict[str, Any]]  # a method of `Writer` and what it gets
@@ -29,7 +29,7 @@ CHANGES = (
     "put_blob", "put_motion", "put_frames", "drop_frames", "put_step", "drop_step", "drop_steps", "set_meta",
     "lose", "find",
 )  # fmt: skip
-SMALL_BYTES = 64 << 20  # a small file may unfold to so much, see `PER_BYTE`
+MIN_UNFOLDED_BYTES = 64 << 20  # a small file may unfold to so much, see `BUDGET_PER_FILE_BYTE`
 MAX_ITEMS = 1 << 25  # commas of texts are counted too
 MAX_CHANGES = 200_000
 REMEDY = "Move it away to open the session without its last changes."
@@ -113,8 +113,8 @@ def read(path: Path) -> list[Change]:
     changes: list[Change] = []
     for file in sorted(files, key=lambda file: file.stat().st_mtime):
         try:
-            unfold, content = zlib.decompressobj(), read_bounded(file, MAX_BYTES, REMEDY)
-            text = unfold.decompress(content, SMALL_BYTES + PER_BYTE * len(content))
+            unfold, content = zlib.decompressobj(), read_bounded(file, MAX_FILE_BYTES, REMEDY)
+            text = unfold.decompress(content, MIN_UNFOLDED_BYTES + BUDGET_PER_FILE_BYTE * len(content))
             if not unfold.eof or text.count(b"], {") > 2 * MAX_CHANGES:
                 raise ValueError("cut off, or it unfolds to more than it may")
             changes += [_change(value) for value in parse_json(text, MAX_ITEMS)]

@@ -9,7 +9,7 @@ from typing import Any
 
 from runtime.session.tables import MAX_TEXT_BYTES, PAGE_BYTES, Row, checksum, put_rows, sealed
 
-LEVEL = 1  # of zlib
+ZLIB_LEVEL = 1  # of zlib
 
 
 class Writer:
@@ -26,7 +26,7 @@ class Writer:
         """Keep bytes under the hash of their content; once is enough."""
         self._counted.add(("blobs", key))
         if self._run("SELECT 1 FROM blobs WHERE key = ?", (key,)).fetchone() is None:
-            self._put("blobs", (key, len(content), zlib.compress(content, LEVEL)))
+            self._put("blobs", (key, len(content), zlib.compress(content, ZLIB_LEVEL)))
 
     def put_motion(self, key: str, header: str) -> None:
         """Keep the header of a motion, or replace it; its place in the order stays."""
@@ -40,7 +40,7 @@ class Writer:
     def put_frames(self, key: str, number: int, count: int, content: bytes) -> None:
         """Keep piece `number` of a motion, of `count` frames, or replace it."""
         self._counted.add(("frames", key, number))
-        self._put("frames", (key, number, count, len(content), zlib.compress(content, LEVEL)))
+        self._put("frames", (key, number, count, len(content), zlib.compress(content, ZLIB_LEVEL)))
 
     def drop_frames(self, key: str) -> None:
         self._run("DELETE FROM frames WHERE motion = ?", (key,))

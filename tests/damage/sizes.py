@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from runtime.session import edits
-from runtime.session.frames import BYTES, pieces
+from runtime.session.frames import PACKED_FRAME_BYTES, pieces
 from runtime.session.motion import Motion
 from runtime.session.session import Session, Take
 from runtime.session.sqlite_file import unwritten_files
@@ -77,11 +77,12 @@ def _zeros(connection: sqlite3.Connection, frames: int, piece: int) -> None:
     connection.execute(
         "UPDATE motions SET header = ?", (json.dumps(json.loads(header) | {"frames": frames}),)
     )
-    packed = {n: zlib.compress(bytes(BYTES * n)) for n in {piece, frames % piece or piece}}
+    packed = {n: zlib.compress(bytes(PACKED_FRAME_BYTES * n)) for n in {piece, frames % piece or piece}}
     for first in range(0, frames, piece):
         count = min(piece, frames - first)
         connection.execute(
-            "INSERT INTO frames VALUES (?, ?, ?, ?, ?, 0)", (key, first, count, BYTES * count, packed[count])
+            "INSERT INTO frames VALUES (?, ?, ?, ?, ?, 0)",
+            (key, first, count, PACKED_FRAME_BYTES * count, packed[count]),
         )
 
 
@@ -149,12 +150,12 @@ def unnamed_motions(path: Path, count: int = 60_000) -> Path:
 
     def change(connection: sqlite3.Connection) -> None:
         (header,) = connection.execute("SELECT header FROM motions").fetchone()
-        frames = zlib.compress(bytes(2 * BYTES))
+        frames = zlib.compress(bytes(2 * PACKED_FRAME_BYTES))
         for n in range(count):
             row = sealed("motions", (n + 5, f"{n:032x}", header))
             connection.execute("INSERT INTO motions VALUES (?, ?, ?, ?)", row)
             connection.execute(
-                "INSERT INTO frames VALUES (?, 0, 2, ?, ?, 0)", (f"{n:032x}", 2 * BYTES, frames)
+                "INSERT INTO frames VALUES (?, 0, 2, ?, ?, 0)", (f"{n:032x}", 2 * PACKED_FRAME_BYTES, frames)
             )
 
     _change(path, change)

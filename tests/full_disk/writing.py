@@ -46,12 +46,13 @@ def session(path: Path) -> None:
     """Make a session with a recording of ten seconds, and close it; SportError where not all is in the file."""
     from runtime.errors import FileError
     from runtime.session.motion import MotionHeader
-    from runtime.session.session_file import ROW, SessionFile
+    from runtime.session.recording import FRAME_NUMBERS
+    from runtime.session.session_file import SessionFile
     from runtime.takes.input_recording import COLUMNS
 
     file = SessionFile.create(path, path.parent / "characters")
     recording = file.begin_recording(MotionHeader("full", 60.0, 0))
-    rows = np.random.default_rng(0).normal(size=(10, ROW)).astype(np.float32)
+    rows = np.random.default_rng(0).normal(size=(10, FRAME_NUMBERS)).astype(np.float32)
     for _ in range(60):
         recording.add(rows, np.zeros((10, COLUMNS)))
     if not file.close(2.0):

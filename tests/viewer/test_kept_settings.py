@@ -14,7 +14,7 @@ from tests.helpers.app_driver import Start, click_on, message, run, run_until
 from viewer.app import App
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
-from viewer.settings import FILE_NAME, INTERVAL_S, KeptSettings, Settings, load_settings, save_settings
+from viewer.settings import FILE_NAME, WRITE_INTERVAL_S, KeptSettings, Settings, load_settings, save_settings
 
 KILLED = """
 import sys
@@ -52,13 +52,13 @@ def test_a_change_by_mouse_is_in_the_file_a_second_later(start: Start) -> None:
     run(app, 3)
     click_on(app, "Ghosts")
     assert app.settings.show_ghosts
-    now[0] += INTERVAL_S
+    now[0] += WRITE_INTERVAL_S
     run_until(app, lambda: written(app).get("show_ghosts") is True)
     click_on(app, "##settings")
     click_on(app, "##text size")
     click_on(app, "Large")
     assert not app.jobs.busy(Slot("settings"))
-    now[0] += INTERVAL_S
+    now[0] += WRITE_INTERVAL_S
     run_until(app, lambda: written(app).get("text_size") == 1.15)
 
 
@@ -99,10 +99,10 @@ def test_two_windows_keep_what_the_other_one_changed_meanwhile(tmp_path: Path) -
     (a, keep_a, _), (b, keep_b, _) = kept(tmp_path, now), kept(tmp_path, now)
     a.camera, a.dead_zone = "orbit", 0.2
     keep_a.watch()
-    now[0] += INTERVAL_S
+    now[0] += WRITE_INTERVAL_S
     b.dead_zone = 0.4
     keep_b.watch()
-    now[0] += INTERVAL_S
+    now[0] += WRITE_INTERVAL_S
     a.show_grid = False  # what it wrote before is no change any more
     keep_a.watch()
     assert keep_a.finish(0.0)
@@ -117,7 +117,7 @@ def test_a_folder_that_cannot_be_written_is_said_once_and_at_the_end(tmp_path: P
     settings, keep, messages = kept(tmp_path / "file" / "config", now)
     settings.show_grid = False
     for _ in range(10):
-        now[0] += INTERVAL_S
+        now[0] += WRITE_INTERVAL_S
         keep.watch()
     assert len(messages.recent) == 1
     assert not keep.finish(time.monotonic() + 5.0)

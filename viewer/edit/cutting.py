@@ -79,7 +79,7 @@ class Cutting:
             return
         start = begin / take.made.header.fps
         cameras = tuple(replace(k, seconds=k.seconds - start) for k in take.cameras if k.seconds >= start)
-        name = name[: edits.MAX_NAME]
+        name = name[: edits.MAX_NAME_CHARACTERS]
 
         editor, number = self.takes.editor, self.takes.session.counter + 1
 

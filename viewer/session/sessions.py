@@ -34,15 +34,15 @@ from viewer.session.takes import Takes
 from viewer.settings import CAMERAS, Settings, checked, remembered
 
 FILTERS = ("SPORT sessions", f"*{SUFFIX}")
-MAX_RECENT = 8
+MAX_RECENT_SESSIONS = 8
 KEPT_SESSIONS = 10  # untitled ones that can be opened again
-VIEW_S = 10.0  # between two times at which the view is written
+VIEW_INTERVAL_S = 10.0  # between two times at which the view is written
 OPENING, CLOSING, COPYING = Slot("session"), Slot("closing of a session"), Slot("copy of the session")
 PROBLEM = Slot("file of the session")  # a topic of messages
 RESIMULATION = Slot("resimulation of a take")
 UNFINISHED = "unfinished"  # under which a file says what an end of the program cut short
-CLOSE_S = 1.0  # no more than an end of the program has
-MENTIONED_S = 0.2  # an end that waits longer says so
+CLOSE_LIMIT_S = 1.0  # no more than an end of the program has
+MENTION_AFTER_S = 0.2  # an end that waits longer says so
 KEPT_SETTINGS = (
     "temperature", "response", "strength", "blend_seconds", "show_grid", "show_trajectory", "show_skeleton",
     "show_contacts",
@@ -129,7 +129,7 @@ class Sessions:
     @property
     def recent(self) -> list[Path]:
         """Named sessions that were open last, newest first."""
-        return [Path(text) for text in self.settings.recent_sessions[:MAX_RECENT]]
+        return [Path(text) for text in self.settings.recent_sessions[:MAX_RECENT_SESSIONS]]
 
     @property
     def cut_off(self) -> SessionSummary | None:
@@ -288,7 +288,7 @@ class Sessions:
             self._write_view(ended=True)
 
         def close() -> bool:
-            whole = file.close(CLOSE_S)
+            whole = file.close(CLOSE_LIMIT_S)
             if empty:
                 library.remove(file.path)
             return whole
@@ -307,7 +307,9 @@ class Sessions:
 
     def _remember(self, path: Path) -> None:
         settings = self.settings
-        settings.recent_sessions = remembered(str(path.absolute()), settings.recent_sessions, MAX_RECENT)
+        settings.recent_sessions = remembered(
+            str(path.absolute()), settings.recent_sessions, MAX_RECENT_SESSIONS
+        )
 
     def _home(self) -> Path:
         return self.recent[0].parent if self.recent else Path(self.settings.export_folder).expanduser()
@@ -392,7 +394,7 @@ class Sessions:
         elif self._said and not problem:
             self.messages.settle(PROBLEM)
         self._said = problem
-        if time.monotonic() - self._viewed_s > VIEW_S and not self._is_empty:
+        if time.monotonic() - self._viewed_s > VIEW_INTERVAL_S and not self._is_empty:
             if self._view() != self._viewed:
                 self._write_view()
             self._viewed_s = time.monotonic()
@@ -400,7 +402,7 @@ class Sessions:
     def keep(self) -> None:
         """Write all that was done so far, whatever happens next."""
         self.editor.finish_drag()
-        self.editor.file.flush(MENTIONED_S)
+        self.editor.file.flush(MENTION_AFTER_S)
 
     def finish(self, keep: bool, until: float, ended: bool = True) -> None:
         """The program ends, at a time of `time.monotonic`: what the file has not taken by then is for the next start.
@@ -413,7 +415,7 @@ class Sessions:
         file, empty = self.editor.file, self._is_empty or (not keep and self.path is None)
         if not empty:
             self._write_view(ended)
-            if not file.flush(MENTIONED_S):
+            if not file.flush(MENTION_AFTER_S):
                 self.messages.note(f"Waiting for the session {self.name} to be written.")
         whole = file.close(max(until - time.monotonic(), 0.0))
         if empty:

@@ -170,6 +170,15 @@ class Model(RuleBasedStateMachine):
             file.exists() for file in (*side_files(self.database.path), lock_of(self.database.path))
         )
         self.database = Database.open(self.database.path)
+        self.adopt_headers()
+
+    def adopt_headers(self) -> None:
+        """An opened file has headers that say how many frames there are; the others are as they were."""
+        framed = {key for key, _ in self.frames}
+        assert set(self.motions) <= set(self.database.motions()) <= set(self.motions) | framed
+        now = {key: self.database.motion(key) for key in self.database.motions()}
+        assert all(now[key] == header for key, header in self.motions.items() if key not in framed)
+        self.motions = now
 
     @rule()
     def kill(self) -> None:
@@ -178,6 +187,7 @@ class Model(RuleBasedStateMachine):
         self.count += 1
         self.database.close()
         self.database = Database.open(path)
+        self.adopt_headers()
 
     @rule()
     def save_as(self) -> None:
@@ -190,7 +200,7 @@ class Model(RuleBasedStateMachine):
     def save_copy(self) -> None:
         path = self.fresh()
         self.database.save_copy(path)
-        copy = Database.open(path)
+        copy = Database.read(path)
         self.check(copy)
         copy.close()
 

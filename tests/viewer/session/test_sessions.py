@@ -304,7 +304,7 @@ def test_a_full_disk_is_said_with_a_remedy_and_nothing_is_lost_once_there_is_roo
     assert app.messages.current is not None
     text = app.messages.current.text  # the error holds, whatever was said after it
     assert "No space left" in text
-    assert sqlite_file.ROOM in text
+    assert sqlite_file.ROOM_REMEDY in text
     assert "in memory only" in text
     app.takes.play(2)  # it still plays and is edited
     run(app, 2)

@@ -7,8 +7,11 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import pytest
 
 from tests.helpers.app_driver import Start, click_on, message, run, run_until
 from viewer.app import App
@@ -19,6 +22,7 @@ from viewer.settings import FILE_NAME, WRITE_INTERVAL_S, KeptSettings, Settings,
 KILLED = """
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 from tests.helpers.app_driver import InjectedPads, click_on, run
@@ -131,3 +135,18 @@ def test_what_changed_in_the_last_second_is_written_at_the_end(start: Start) -> 
     app.settings.invert_look = True
     assert app.end() == 0, message(app)
     assert written(app)["invert_look"] is True
+
+
+@pytest.mark.parametrize("content", ["{", '{"width": "wide", "prompt_history": ["a", 5, "b"]}'])
+def test_a_damaged_file_is_kept_aside_before_it_is_replaced(content: str, tmp_path: Path) -> None:
+    (tmp_path / FILE_NAME).write_text(content)
+    before, _ = load_settings(tmp_path)
+    now = replace(before, height=500)
+    save_settings(now, tmp_path, before)
+    (aside,) = tmp_path.glob(f"{FILE_NAME}.damaged-*")
+    assert aside.read_text() == content
+    again, problems = load_settings(tmp_path)
+    assert (again.height, problems) == (500, [])
+    assert again.prompt_history == (["a", "b"] if "prompt" in content else [])
+    save_settings(replace(again, height=600), tmp_path, again)
+    assert len(list(tmp_path.glob(f"{FILE_NAME}.damaged-*"))) == 1

@@ -49,6 +49,15 @@ class Look(StrEnum):
     CHARACTER = "Its own character"  # from a file
 
 
+def _lies_in(folder: Path, path: Path) -> bool:
+    """Whether a path leads into a folder without a link; one that leads elsewhere is not looked at."""
+    if ".." in path.parts or not path.is_relative_to(folder):
+        return False
+    return not any(
+        part.is_symlink() for part in (path, *path.parents) if part.is_relative_to(folder) and part != folder
+    )
+
+
 @dataclass
 class References:
     """What is compared with the take that plays, from where that begins: what the session says, with what was loaded for it."""
@@ -166,9 +175,7 @@ class References:
     def _load_video(self, path: Path) -> None:
         """Load the film that the session names, where it was chosen here or lies with the session's file."""
         home = self.editor.file.path.parent
-        known = str(path) in self.takes.settings.known_films
-        inside = path.is_absolute() and ".." not in path.parts and path.is_relative_to(home)
-        if known or (inside and path.resolve().is_relative_to(home)):
+        if str(path) in self.takes.settings.known_films or _lies_in(home, path):
             self.takes.jobs.submit(VIDEO, partial(read_video, path), self._take_video, reading=path.name)
         else:
             self.editor.messages.warn(

@@ -11,6 +11,8 @@ import pytest
 
 from runtime.session.session_file import SessionFile
 from tests.damage.damages import DAMAGES, FRAMES, Known, check, seed_session
+from tests.damage.ends import DONE, KINDS, offered
+from tests.damage.names import NAMES, lost
 
 
 @pytest.fixture(scope="module")
@@ -60,3 +62,13 @@ def test_without_steps_or_texts_every_motion_is_a_take(
             assert [take.note for take in takes] == ["Läufer über Stock!", "走る男!", "take three!"]
         assert all(len(take.made.clip) == take.frames for take in takes)
         assert file.close()
+
+
+@pytest.mark.parametrize(("done", "end"), KINDS)
+def test_the_next_start_offers_what_holds_work(done: str, end: str, tmp_path: Path) -> None:
+    assert offered(done, end, tmp_path) is DONE[done][1]
+
+
+@pytest.mark.parametrize("name", NAMES[::8])
+def test_what_has_a_name_of_any_script_is_there_after_every_opening(name: str, tmp_path: Path) -> None:
+    assert lost(name, tmp_path, 2) == ""

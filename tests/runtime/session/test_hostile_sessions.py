@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sqlite3
 import zlib
 from collections.abc import Callable, Iterator
@@ -16,6 +17,8 @@ import pytest
 from runtime.errors import FileError, SportError
 from runtime.session.recovery import INPUT
 from runtime.session.session_file import SessionFile
+from runtime.session.sqlite_file import unwritten_files
+from runtime.session.unwritten import keep
 from tests.helpers.counting import bounded
 from tests.helpers.full_session import full_session, history_of, packed_zeros, reseal, written
 
@@ -253,6 +256,45 @@ def test_changes_that_lie_are_one_sentence(content: bytes, path: Path) -> None:
     refused(path)
     path.with_name(f".{path.name}.unwritten").unlink()
     SessionFile.open(path, path.parent / "cache")[0].close()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX")
+@pytest.mark.parametrize("planted", ["a link", "writable for all", "of another user"])
+@pytest.mark.parametrize("place", [0, 1])
+def test_changes_of_somebody_else_are_left_alone(
+    planted: str, place: int, path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SPORT_CONFIG_DIR", str(tmp_path / "state"))
+    file, real = unwritten_files(path)[place], tmp_path / "real"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    content = zlib.compress(b'[["drop_steps", [], {"first": 0}]]')
+    if planted == "a link":
+        real.write_bytes(content)
+        file.symlink_to(real)
+    else:
+        file.write_bytes(content)
+        file.chmod(0o666 if planted == "writable for all" else 0o600)
+    if planted == "of another user":
+        monkeypatch.setattr(os, "geteuid", lambda: 12345)
+    opened, history = SessionFile.open(path, path.parent / "cache")
+    assert len(history.steps) == 3
+    opened.close()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX")
+def test_what_is_handed_over_follows_no_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SPORT_CONFIG_DIR", str(tmp_path / "state"))
+    path, mine = tmp_path / "a.sport", tmp_path / "mine"
+    mine.write_text("mine")
+    beside, own = unwritten_files(path)
+    own.parent.mkdir(parents=True)
+    own.parent.chmod(0o777)  # anybody may write there
+    for file in (beside, own):
+        file.symlink_to(mine)
+    assert keep(path, [("put_step", [5, "x", "{}"], {})], 5.0) == beside
+    assert mine.read_text() == "mine"
+    assert not beside.is_symlink()
+    assert own.is_symlink()
 
 
 @pytest.mark.parametrize("case", HEADERS)

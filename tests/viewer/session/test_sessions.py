@@ -7,8 +7,10 @@ import re
 import shutil
 import sqlite3
 import tempfile
+import threading
 import time
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +22,7 @@ from runtime.session import edits, sqlite_file
 from runtime.session.database import Database
 from runtime.session.library import find, new_path
 from runtime.session.motion import Motion
-from runtime.session.session import Session, Take
+from runtime.session.session import ModelName, Reference, Session, Take
 from runtime.session.session_file import SessionFile
 from runtime.terrain.files import write_height_png
 from tests.helpers import hand
@@ -39,6 +41,7 @@ from tests.helpers.app_driver import (
 from tests.helpers.full_session import history_of, still, text_of, written
 from tests.helpers.gltf_characters import user_character
 from viewer.app import App
+from viewer.session.sessions import RESIMULATION
 
 
 def said(app: App) -> str:
@@ -211,6 +214,67 @@ def test_the_session_that_is_open_is_not_opened_again(start: Start, tmp_path: Pa
     assert titles(app) == ["Take 1"]
 
 
+# --- of others
+
+
+@pytest.mark.parametrize("where", ["elsewhere", "a link", "http:", "beside it", "chosen before"])
+def test_a_film_of_a_session_is_read_where_it_lies_with_it_or_was_chosen_here(
+    where: str, start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    foreign, home = tmp_path / "foreign", tmp_path / "home"
+    films = {
+        "http:": "http://127.0.0.1:9/a.mp4",
+        "beside it": str(home / "films" / "a.mp4"),
+        "a link": str(home / "link.mp4"),
+    }
+    film, read = films.get(where, str(foreign / "a.mp4")), list[Path]()
+    session = replace(Session(), reference=Reference(video=film))
+    written(home / "a.sport", history_of(session), tmp_path)
+    foreign.mkdir()
+    (foreign / "a.mp4").write_bytes(b"film")
+    (home / "link.mp4").symlink_to(foreign / "a.mp4")
+    app = start()
+    if where == "chosen before":
+        app.settings.known_films = [film]
+    monkeypatch.setattr("viewer.edit.reference.read_video", read.append)
+    app.sessions.open(home / "a.sport")
+    run(app, 2)
+    assert read == ([Path(film)] if where in ("beside it", "chosen before") else [])
+    told = any("is not opened by itself" in message.text for message in app.messages.recent)
+    assert told == (not read)
+
+
+def test_of_a_session_a_network_is_loaded_from_known_folders_only(start: Start, tmp_path: Path) -> None:
+    for name in ("known", "foreign"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "metadata.json").write_text('{"sha256": {"step": "%s"}}' % (name[0] * 64))
+    app, loaded = start(), list[Path | None]()
+    app.sessions.load_model = lambda folder, seed: loaded.append(folder)
+    app.settings.known_models = [str(tmp_path / "known")]
+    for folder, sha256 in (("foreign", "f"), ("foreign", "k"), ("known", "k")):
+        model = ModelName(str(tmp_path / folder), "mine", sha256 * 64)
+        path = tmp_path / f"{folder} {sha256}.sport"
+        app.sessions.open(written(path, history_of(replace(Session(), model=model)), tmp_path))
+        run(app, 2)
+    assert loaded == [tmp_path / "known"] * 2
+
+
+def test_what_the_end_cuts_short_is_said_then_and_at_the_next_opening(start: Start, tmp_path: Path) -> None:
+    app = start()
+    record(app)
+    app.sessions.save_as(tmp_path / "a.sport")
+    app.jobs.blocking = False
+    app.jobs.submit(RESIMULATION, threading.Event().wait, lambda _: None)
+    app.interrupt()
+    app.end()
+    assert any("was not finished" in message.text for message in app.messages.recent)
+    app.close()
+    again = start(session=str(tmp_path / "a.sport"))
+    assert "resimulation of a take was not finished" in said(again)
+    again.close()
+    assert "not finished" not in said(start(session=str(tmp_path / "a.sport")))
+
+
 # --- cut off
 
 
@@ -234,7 +298,7 @@ def test_a_session_that_was_cut_off_while_recording_is_one_offer(
         assert len(list(untitled(tmp_path).glob("*.sport"))) == 1  # its own
     else:
         assert titles(app) == ["Take 1", "Take 2"]
-        assert "Recovery of Take 2" in said(app)
+        assert said(app) == "Untitled: 2 takes. Recovered: 1 take."
         assert app.editor.undo_label == "recovery of Take 2"
         assert 30 <= app.editor.session.takes[1].frames <= 41
         assert app.editor.session.takes[1].made.header.resimulable
@@ -262,16 +326,38 @@ def test_a_named_session_that_was_cut_off_has_it_all_when_it_is_opened(start: St
     app.settings.recent_sessions = [str(tmp_path / "a.sport")]
     app.sessions.open_last()
     assert titles(app) == ["after it was saved", "Take 2"]
-    assert "Recovery of Take 2: it was cut off." in said(app)
+    assert said(app) == "a: 2 takes. Recovered: 1 take."
 
 
-def test_of_many_days_the_ten_newest_sessions_without_a_name_stay(start: Start, tmp_path: Path) -> None:
+def test_what_is_offered_may_go_later_and_of_many_sessions_ten_stay(start: Start, tmp_path: Path) -> None:
     folder = untitled(tmp_path)
-    paths = [written(new_path(folder), history_of(Session()), tmp_path) for _ in range(12)]
+    paths = [make_named(new_path(folder)) for _ in range(12)]
+    empty = written(new_path(folder), history_of(Session()), tmp_path / "cache")
     app = start()
-    app.sessions.look()
-    left = sorted(path.name for path in folder.glob("*.sport") if path != app.editor.file.path)
-    assert left == [path.name for path in paths[2:]]
+    for kept in (paths, paths[2:]):
+        app.sessions.look()
+        assert [summary.path for summary in app.sessions.earlier] == kept[::-1]
+        left = sorted(path for path in folder.glob("*.sport") if path != app.editor.file.path)
+        assert left == kept
+    assert not empty.exists()
+
+
+def test_a_take_that_left_the_history_can_be_had_back_with_its_edits(start: Start) -> None:
+    app = start()
+    record(app)
+    app.takes.rename(1, "gone")
+    app.takes.remove(1)
+    for number in range(205):
+        app.editor.do("edit", lambda session, n=number: replace(session, counter=10 + n))  # type: ignore[misc]
+    assert app.editor.file.flush(20.0)
+    (lost,) = app.sessions.lost_takes()
+    assert lost.name == "Take 1"
+    app.sessions.recover(lost)
+    assert titles(app) == ["gone"]
+    assert app.editor.file.flush(20.0)
+    assert app.sessions.lost_takes() == []
+    app.takes.play(app.editor.session.takes[0].number)
+    assert app.takes.playback is not None
 
 
 # --- the disk

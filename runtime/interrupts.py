@@ -36,10 +36,12 @@ class _Unfinished:
         self.remark = "what was unfinished is removed"  # of the sentence
 
     def undo(self) -> None:
-        """Call all actions, the last one first; one that fails must not keep the others from being called."""
+        """Call all actions, the last one first; one that fails is told, and does not keep the others from being called."""
         for action in reversed([*self.actions.values()]):
-            with contextlib.suppress(OSError, RuntimeError, ValueError):
+            try:
                 action()
+            except Exception as error:
+                _write(f"not undone: {type(error).__name__}: {error}")
 
 
 _UNFINISHED = _Unfinished()
@@ -76,7 +78,12 @@ def removed_when_ended(*paths: Path) -> Iterator[None]:
 
 def remove_when_ended(path: Path) -> None:
     """Remove `path`, a file or an empty folder, when this process is ended before `forget(path)`."""
-    undo_when_ended(path, lambda: (path.rmdir if path.is_dir() else path.unlink)())
+
+    def remove() -> None:
+        with contextlib.suppress(OSError):  # it is not there any more, or no longer empty
+            (path.rmdir if path.is_dir() else path.unlink)()
+
+    undo_when_ended(path, remove)
 
 
 def exit_code(number: int) -> int:
@@ -126,8 +133,13 @@ def say(number: int, name: str, remark: str = "") -> None:
     """Write the sentence about a signal to stderr, on a line of its own."""
     begin = "\n" if os.isatty(2) else ""  # after the terminal's ^C or a line of progress
     what = "Ctrl+C" if number == signal.SIGINT else signal.Signals(number).name
+    _write(f"{begin}{name}: stopped by {what}{remark and '; '}{remark}.")
+
+
+def _write(line: str) -> None:
+    """Write a line to stderr without Python's own, which may be in use right now."""
     with contextlib.suppress(OSError):
-        os.write(2, f"{begin}{name}: stopped by {what}{remark and '; '}{remark}.\n".encode())
+        os.write(2, f"{line}\n".encode())
 
 
 def _end_late(code: int) -> None:

@@ -114,12 +114,15 @@ def test_what_is_undone_when_the_process_ends_is_forgotten_when_it_is_done(tmp_p
     assert interrupts._UNFINISHED.actions == before
 
 
-def test_one_action_that_fails_does_not_keep_the_others_from_being_called(tmp_path: Path) -> None:
+def test_one_action_that_fails_does_not_keep_the_others_from_being_called(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
     unfinished = interrupts._Unfinished()
     called: list[int] = []
     unfinished.actions = {1: lambda: called.append(1), 2: lambda: 1 // 0, 3: lambda: called.append(3)}
     unfinished.undo()
     assert called == [3, 1]
+    assert capfd.readouterr().err == "not undone: ZeroDivisionError: integer division or modulo by zero\n"
 
 
 def test_a_child_ends_with_its_time() -> None:

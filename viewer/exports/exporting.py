@@ -31,7 +31,7 @@ GROUNDS = {"": "No ground", "inside": "Ground inside", ".obj": "OBJ file", ".glb
 
 @dataclass(frozen=True)
 class ExportForm(ExportOptions):
-    """What is chosen in the window: the options of an export (0 frames a second: as the take), and what only it has."""
+    """Holds what is chosen in the window: the options of an export (0 frames a second: as the take), and what only a window has."""
 
     fps: float = field(default=0.0, metadata=ExportOptions.__dataclass_fields__["fps"].metadata)
     suffix: str = option(".glb", ALL, label="Format", choices={f.suffix: f.name for f in FORMATS.values()})
@@ -50,7 +50,7 @@ class ExportForm(ExportOptions):
         return FORMATS[self.suffix]
 
     def chosen(self, fps: float) -> dict[str, Any]:
-        """The values of the format's options for a take of `fps` frames a second."""
+        """Return the values of the format's options for a take of `fps` frames a second."""
         bones = bool(self.engine and ENGINES[self.engine].bones)
         return {name: getattr(self, name) for name in self.format.options} | {
             "fps": self.fps or fps, "strides": self.strides if self.loop else 1,
@@ -62,12 +62,12 @@ class ExportForm(ExportOptions):
 
 
 def form_to_json(form: ExportForm) -> dict[str, Any]:
-    """The options that the window shows, as plain values; see `form_from_json`."""
+    """Return the options that the window shows, as plain values; see `form_from_json`."""
     return {name: getattr(form, name) for name in _shown()}
 
 
 def form_from_json(value: Mapping[str, Any]) -> ExportForm:
-    """A form of untrusted values: one that is missing or cannot be used has its default."""
+    """Return a form of untrusted values: one that is missing or cannot be used has its default."""
     usual = ExportForm()
     read = {name: spec_of(usual, name).read(value.get(name), getattr(usual, name)) for name in _shown()}
     return ExportForm(**read)
@@ -132,7 +132,7 @@ class Exporting:
         self.propose()
 
     def close(self) -> bool:
-        """Close the window; whether it was open."""
+        """Close the window; return whether it was open."""
         was, self.shown = self.shown, False
         return was
 
@@ -212,12 +212,12 @@ class Exporting:
         self._cancel.set()
 
     def _check(self) -> None:
-        """Called on the worker: ends an export that was cancelled."""
+        """Raise ExportCancelled where the export was cancelled; called on the worker."""
         if self._cancel.is_set():
             raise ExportCancelled("The export was cancelled.")
 
     def _work(self, take: Take, path: Path, form: ExportForm, options: ExportOptions) -> Callable[[], str]:
-        """What the worker does, with everything it needs; UsageError for options that do not go together."""
+        """Return what the worker does, with everything it needs; UsageError for options that do not go together."""
         ground = self._ground_of(take)
         if form.format.film:
             film = self._film_options(form, take, options.start_s)
@@ -226,7 +226,7 @@ class Exporting:
         return lambda: " ".join(save_motion(_named_clip(take), path, options, ground(), self._check))
 
     def _options(self, form: ExportForm, take: Take, path: Path) -> ExportOptions:
-        """The options of the form that its format has, for a take that goes to a path."""
+        """Return the options of the form's format for a take that goes to a path."""
         fps = take.made.header.fps
         own = self.scene.character_path if form.own_character else None
         chosen = form.chosen(fps) | {
@@ -244,7 +244,7 @@ class Exporting:
         return options
 
     def range_of(self, take: Take) -> tuple[int, int]:
-        """First and last frame of a take that are exported."""
+        """Return the first and the last frame of a take that are exported."""
         last = take.frames - 1
         if self.form.part == "shown":
             first, end = self.shown_frames(take.number) or (0, last)
@@ -252,7 +252,7 @@ class Exporting:
         return take.range if self.form.part else (0, last)
 
     def _film_options(self, form: ExportForm, take: Take, start_s: float) -> Any:
-        """The options of a film that begins at a time of a take."""
+        """Return the options of a film that begins at a time of a take."""
         from viewer.filming.film import FilmOptions
         from viewer.filming.shots import Shot
 
@@ -273,7 +273,7 @@ class Exporting:
         return options
 
     def _ground_of(self, take: Take) -> Callable[[], Terrain]:
-        """What finds the ground that a take was made on."""
+        """Return a function that finds the ground on which a take was made."""
         spec, scene, shown = take.made.header.terrain, self.scene, self.scene.terrain
         is_shown = spec == scene.terrain_spec or not take.recorded
 
@@ -289,7 +289,7 @@ class Exporting:
         return found
 
     def _film(self, clip: Clip, terrain: Terrain, path: Path, export: ExportOptions, film: Any) -> str:
-        """Make a film on the worker; "" when it was given up."""
+        """Make a film on the worker; return a sentence about it, "" when it was given up."""
         from runtime.formats.prepare import on_its_ground, prepare
         from viewer.filming.film import film_in_process, film_of_take
 
@@ -320,7 +320,7 @@ class Exporting:
 
 
 def _held(take: Take, form: ExportForm, options: ExportOptions) -> Take | None:
-    """The take that a BVH of this form holds as it is; None for any other file."""
+    """Return the take that a BVH of this form holds unchanged; None for any other file."""
     changes = replace(
         options, fps=ExportOptions.fps, unit="cm", euler_order=None, ground_out=None, start_s=0.0, end_s=None
     )
@@ -339,7 +339,7 @@ def _named_clip(take: Take) -> Clip:
 
 
 def _named(error: SportError) -> SportError:
-    """The same mistake by the names of the window."""
+    """Return the error with the option's name in the window."""
     if not isinstance(error, UsageError) or not error.parameter:
         return error
     known = error.parameter in ExportOptions.__dataclass_fields__

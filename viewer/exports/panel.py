@@ -69,7 +69,7 @@ def _target(exporting: Exporting) -> None:
 
 
 def _list(exporting: Exporting, name: str, widget: str) -> object:
-    """A row with the choices of an option; the chosen one."""
+    """Draw a row with the choices of an option; return the chosen one."""
     spec = spec_of(exporting.form, name)
     widgets.row(spec.label, spec.hint)
     choices = [
@@ -81,7 +81,7 @@ def _list(exporting: Exporting, name: str, widget: str) -> object:
 
 
 def _lists_and_sliders(exporting: Exporting) -> None:
-    """The options that the format has, except for toggles."""
+    """Draw the options of the format, except for toggles."""
     if exporting.form.ground == "inside" and not exporting.form.has("with_ground"):
         exporting.choose(ground="")
     hidden = () if exporting.scene.character_path else ("character_unit",)
@@ -99,7 +99,7 @@ def _lists_and_sliders(exporting: Exporting) -> None:
 
 
 def _toggles(exporting: Exporting) -> None:
-    """What is on or off, in two columns, or in one row."""
+    """Draw the toggles, in two columns or in one row."""
     form, own = exporting.form, exporting.scene.character_path
     applies = {
         "humanoid_names": form.engine and ENGINES[form.engine].bones, "own_character": own,
@@ -128,7 +128,7 @@ def _strides(exporting: Exporting) -> None:
 
 
 def _end(exporting: Exporting) -> None:
-    """Progress and the buttons, and what became of the last export."""
+    """Draw progress, the buttons, and what became of the last export."""
     imgui.separator()
     if exporting.busy:
         done, total = exporting.progress

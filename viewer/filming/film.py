@@ -42,7 +42,7 @@ _BACK, _INK = (20, 28, 40, 170), (240, 244, 250, 255)
 
 
 def caption(prompts: Sequence[PromptEvent], seconds: float) -> str:
-    """What was typed for the prompt in force at a moment, in quotation marks; "" before the first."""
+    """Return the text typed for the prompt in force at a moment, in quotation marks; "" before the first."""
     begun = [event for event in prompts if event.seconds <= seconds + 1e-6]
     if not begun:
         return ""
@@ -61,7 +61,7 @@ def write_caption(frame: NDArray[np.uint8], text: str) -> None:
 
 @lru_cache(maxsize=8)
 def draw_caption(size: tuple[int, int], text: str) -> tuple[int, int, NDArray[np.float32]]:
-    """Left, top, and pixels `(h, w, 4)` of a caption for a frame: as large as fits, cut where even small letters do not."""
+    """Return left, top and pixels `(h, w, 4)` of a caption for a frame: as large as fits, cut where even small letters do not."""
     from PIL import Image, ImageDraw, ImageFont
 
     image = Image.new("RGBA", size, (0, 0, 0, 0))
@@ -94,7 +94,7 @@ Draw = Callable[[Camera, Pose], Frame]
 def studio(
     size: tuple[int, int], terrain: Terrain, character: Character | None = None, quality: str = "high"
 ) -> Iterator[Draw]:
-    """A function that draws a pose of `character` (None: the shipped one) as seen by a camera: `(H, W, 3)`, sRGB.
+    """Yield a function that draws a pose of `character` (None: the shipped one) as seen by a camera: `(H, W, 3)`, sRGB.
 
     DisplayError without OpenGL.
     """
@@ -122,7 +122,7 @@ QUEUED = 6  # frames drawn ahead of the writer
 
 
 def count_frames(clip: Clip, fps: float) -> int:
-    """Frames of a film that lasts as long as the clip; UsageError when they are too many."""
+    """Return the number of frames of a film that lasts as long as the clip; UsageError when they are too many."""
     count = max(1, round(len(clip) / clip.fps * fps))
     if count > MAX_FRAMES:
         raise UsageError(
@@ -134,7 +134,7 @@ def count_frames(clip: Clip, fps: float) -> int:
 def film_frames(
     clip: Clip, terrain: Terrain, options: FilmOptions, draw: Draw, camera: CameraPath | None = None
 ) -> Iterator[Frame]:
-    """The frames of a film one by one, as `draw` draws a pose; `camera` in place of the one of the options."""
+    """Yield the frames of a film, as `draw` draws a pose; `camera` is used in place of the one of the options."""
     see = camera or camera_path(options, clip, terrain)
     for index in range(count_frames(clip, options.fps)):
         seconds = index / options.fps
@@ -156,7 +156,9 @@ def make_film(
     cancel: threading.Event | None = None,
     open_studio: OpenStudio = studio,
 ) -> int:
-    """Write a film of a clip on its ground: its frames, 0 where it was cancelled. Its form follows from the ending of `path`.
+    """Write a film of a clip on its ground; return its number of frames, 0 where it was cancelled.
+
+    Its form follows from the ending of `path`.
 
     `character` is a `runtime.character.character.Character` (None: the mannequin). `progress` is called on the calling thread after
     each drawn frame; when `cancel` is set, what was written is taken away. The OpenGL context is made on the calling
@@ -189,7 +191,7 @@ def make_film(
 
 
 class _Cancelled(Exception):
-    """The film is not wanted any more."""
+    """Raised where a film is no longer wanted."""
 
 
 def film_of_take(
@@ -201,7 +203,10 @@ def film_of_take(
     progress: Progress = lambda done, total: None,
     cancel: threading.Event | None = None,
 ) -> str:
-    """Write a film of a prepared take, on its ground, with the character of its options; a sentence about it, "" when cancelled."""
+    """Write a film of a prepared take, on its ground, with the character of its options.
+
+    Returns a sentence about it, "" when it was cancelled.
+    """
     from runtime.character.character import load_character
 
     character = None
@@ -230,7 +235,10 @@ def film_in_process(
     progress: Progress,
     cancel: threading.Event,
 ) -> str:
-    """As `film_of_take`, in another process; waits for it. SportError also when that process was ended from outside."""
+    """Do what `film_of_take` does in another process, and wait for it.
+
+    SportError also when that process was ended from outside.
+    """
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=_work, args=(theirs,), name="sport-film", daemon=True)
@@ -265,7 +273,10 @@ Make = Callable[[Progress, threading.Event], str]
 def _follow(
     pipe: Connection, work: Make, progress: Progress, cancel: threading.Event, kill: Callable[[], None]
 ) -> str:
-    """Hand the work over and progress on until the film is done; its sentence. EOFError or ConnectionError when the process is gone."""
+    """Hand over the work, report progress until the film is done, and return its sentence.
+
+    EOFError or ConnectionError when the process is gone.
+    """
     cancelled = 0.0
     while True:
         if cancel.is_set() and not cancelled:

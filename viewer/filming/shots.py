@@ -27,7 +27,7 @@ CLEARANCE_M = 0.3  # of a still camera over the ground
 
 @dataclass(frozen=True)
 class Shot:
-    """A camera that goes with the character: `turn` radians from its facing, `orbit` radians a second on top of that.
+    """Says how a camera goes with the character: `turn` radians from its facing, and `orbit` radians a second more.
 
     With `fixed` the turn is from +Z, whatever the character faces.
     """
@@ -53,7 +53,7 @@ CAMERAS = (*SHOTS, STILL)
 
 @dataclass(frozen=True)
 class FilmOptions:
-    """How a film looks; `fps` is that of the film, whatever the take's."""
+    """Says how a film looks; `fps` is that of the film, whatever the take's."""
 
     width: int = 1280
     height: int = 720
@@ -67,7 +67,7 @@ class FilmOptions:
     keys: tuple[CameraKey, ...] = ()  # of the camera "keyed", in the time of the film
 
     def check(self) -> None:
-        """UsageError names the option that cannot be used."""
+        """Raise UsageError, which names the option that cannot be used."""
         if not 1.0 <= self.fps <= 60.0:
             raise UsageError(f" {self.fps:g}: a film has 1 to 60.", "Try 30.", "fps")
         if not all(MIN_SIDE <= side <= MAX_SIDE for side in self.size):
@@ -87,7 +87,7 @@ class FilmOptions:
 
 
 def camera_path(options: FilmOptions, clip: Clip, terrain: Terrain, height: float = 0.0) -> CameraPath:
-    """The camera of a film of a clip, of a character of a `height` in metres; UsageError lists the names."""
+    """Return the camera of a film of a clip; the character is `height` metres tall. UsageError lists the names."""
     path = _path_by_name(options, clip, terrain, max(1.0, height / USUAL_HEIGHT_M))
 
     def see(pose: Pose) -> Camera:
@@ -137,7 +137,7 @@ def _moving(shot: Shot, options: FilmOptions, clip: Clip, terrain: Terrain, size
 
 
 def _keyed(options: FilmOptions, clip: Clip, terrain: Terrain) -> CameraPath:
-    """A camera that goes along and looks as the keys say."""
+    """Return a camera that goes along and looks as the keys say."""
     follow = FollowCamera(looked_at(clip.sample(0.0).hips_position, terrain))
     frame = 0
 
@@ -152,7 +152,7 @@ def _keyed(options: FilmOptions, clip: Clip, terrain: Terrain) -> CameraPath:
 
 
 def _still(options: FilmOptions, clip: Clip, terrain: Terrain, size: float) -> Camera:
-    """A camera at the side of the path, far enough to see all of it, high enough to look over the ground between."""
+    """Return a camera at the side of the path, far enough to see all of it, high enough to look over the ground between."""
     path = np.asarray(clip.hips_positions, np.float64)
     low, high = path.min(axis=0), path.max(axis=0)
     target = looked_at(0.5 * (low + high), terrain, size)

@@ -30,7 +30,7 @@ MAX_ANIMATED_FRAMES = 1200  # they are all held in memory
 
 
 def check_writer(path: Path, size: tuple[int, int], frames: int) -> None:
-    """UsageError when a film of this size and length cannot be written with this ending."""
+    """Raise UsageError when a film of this size and length cannot be written with this ending."""
     suffix = path.suffix.lower()
     if suffix == ".mp4" and any(side % 2 for side in size):
         raise UsageError(f" {size[0]}x{size[1]}: H.264 needs even numbers.", "Try 1280x720.", "size")
@@ -45,7 +45,7 @@ def check_writer(path: Path, size: tuple[int, int], frames: int) -> None:
 
 @contextmanager
 def open_writer(path: Path, size: tuple[int, int], fps: float) -> Iterator[FrameWriter]:
-    """A writer for the ending of `path`; what it wrote disappears when the block ends with an error. FileError."""
+    """Yield a writer for the ending of `path`; what it wrote disappears when the block ends with an error. FileError."""
     suffix = path.suffix.lower()
     if suffix not in WRITERS:
         raise UsageError(f"{path}: no film is written with this ending.", "Choose .mp4, .png, .webp or .gif.")
@@ -65,7 +65,7 @@ def _import_av() -> Any:
 
 @contextmanager
 def _mp4(path: Path, size: tuple[int, int], fps: float) -> Iterator[FrameWriter]:
-    """H.264, BT.709, with the index in front so that it plays while it loads."""
+    """Write H.264, BT.709, with the index in front so that it plays while it loads."""
     av = _import_av()
     rate = Fraction(fps).limit_denominator(1001)
     with atomic_path(path) as temporary:
@@ -114,7 +114,7 @@ def _mp4(path: Path, size: tuple[int, int], fps: float) -> Iterator[FrameWriter]
 
 @contextmanager
 def _numbered(path: Path, _size: tuple[int, int], _fps: float) -> Iterator[FrameWriter]:
-    """Frames NAME_00000.png and on; they take their places, and those of an older film, when all are there."""
+    """Write frames NAME_00000.png and on, which replace those of an older film only when all are there."""
     from PIL import Image
 
     written: list[Path] = []

@@ -23,7 +23,7 @@ MODIFIERS = frozenset({"ctrl", "shift", "alt"})
 
 @dataclass
 class Keyboard:
-    """Held keys and the presses since the last `take_pressed`, as names: "w", "shift", "f1"."""
+    """Holds the keys that are down and the presses since the last `take_pressed`, as names: "w", "shift", "f1"."""
 
     held: set[str] = field(default_factory=set)
     _pressed: list[str] = field(default_factory=list)
@@ -46,13 +46,13 @@ class Keyboard:
         self.held.clear()
 
     def take_pressed(self) -> list[str]:
-        """Names of the keys pressed since the last call, in order."""
+        """Return the names of the keys pressed since the last call, in order."""
         pressed, self._pressed = self._pressed, []
         return pressed
 
 
 class Action(Enum):
-    """Everything a key or button can do, each with what triggers it: any of `keys`, or the pad's `button`.
+    """Lists everything a key or button can do, each with what triggers it: any of `keys`, or the pad's `button`.
 
     While a take plays `take_key` comes before the keys. HELD actions act while down, the others once per press.
     """
@@ -142,7 +142,7 @@ BUTTON_NAMES = {
 
 
 def pad_buttons(changes: str = "") -> dict[Action, str]:
-    """The pad's button of each action that has one; `changes` is text such as "jump=x crouch=a", where what is none is passed over."""
+    """Return the pad's button of each action that has one; `changes` is text such as "jump=x crouch=a", whose unknown words are passed over."""
     buttons = {action: action.button for action in Action if action.button}
     by_name = {action.name.lower(): action for action in buttons}
     for change in changes.split():
@@ -153,7 +153,7 @@ def pad_buttons(changes: str = "") -> dict[Action, str]:
 
 
 def changed_buttons(changes: str, action: Action, button: str) -> str:
-    """The changes with another button for an action; the action that had it gets the old one."""
+    """Return the changes with another button for an action; the action that had it gets the old one."""
     buttons, before = pad_buttons(changes), pad_buttons()
     for other, theirs in buttons.items():
         if theirs == button and other is not action:
@@ -207,7 +207,7 @@ HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
 
 
 def pad_text(text: str, changes: str) -> str:
-    """The help's text on the pad with its buttons as they were changed."""
+    """Return the help's text on the pad with its buttons as they were changed."""
     buttons = pad_buttons(changes).items()
     names = {action.name.lower(): BUTTON_NAMES[button] for action, button in buttons}
     return text.format_map(names).replace("D-pad up, D-pad down", "D-pad up / down")
@@ -215,7 +215,7 @@ def pad_text(text: str, changes: str) -> str:
 
 @dataclass(frozen=True)
 class Intent:
-    """What the user asks for in one frame, relative to the camera.
+    """Holds what the user asks for in one frame, relative to the camera.
 
     `move` is (right, forward) and `look` the camera stick (right, up), both with a length of 0..1; `zoom` is in wheel
     steps per second (positive comes nearer); `pressed` are the actions that began in this frame.
@@ -248,7 +248,10 @@ class InputMapper:
         take: bool = False,
         changes: str = "",
     ) -> Intent:
-        """The intent of this frame of `dt` seconds; `take`: one is shown, and some keys are its; `changes` see `pad_buttons`."""
+        """Return the intent of this frame of `dt` seconds.
+
+        `take`: a take is shown, and some keys move its playhead; `changes`: see `pad_buttons`.
+        """
         buttons = pad_buttons(changes)
         held = _held_actions(keyboard.held - _TAKE_KEYS if take else keyboard.held, pad, buttons)
         pressed = self._pressed(keyboard, pad, take, buttons)
@@ -302,7 +305,7 @@ class InputMapper:
         return Gait.JOG if trigger or Action.JOG in held else Gait.WALK
 
     def _release_crouch(self, held: bool, dt: float) -> None:
-        """A key that was held for some time was no toggle."""
+        """Stand up when a crouch key that was held for some time is let go."""
         if not held and self._crouch_held_s > HOLD_SECONDS:
             self.crouching = False
         self._crouch_held_s = self._crouch_held_s + dt if held else 0.0
@@ -315,7 +318,7 @@ def _held_actions(held: Set[str], pad: GamepadState | None, bound: Mapping[Actio
 
 
 def _key_axes(held: frozenset[Action]) -> tuple[tuple[float, float], tuple[float, float]]:
-    """move and look of the held keys; diagonals keep unit length."""
+    """Return move and look of the held keys; diagonals keep unit length."""
 
     def axis(towards: Action, back: Action) -> float:
         return float((towards in held) - (back in held))
@@ -327,7 +330,7 @@ def _key_axes(held: frozenset[Action]) -> tuple[tuple[float, float], tuple[float
 
 
 def to_controls(intent: Intent, heading: float) -> Controls:
-    """World-space controls of an intent seen by a camera that looks along yaw `heading` (0 is +Z, positive to +X)."""
+    """Return the world-space controls of an intent seen by a camera that looks along yaw `heading` (0 is +Z, positive to +X)."""
     forward = (math.sin(heading), math.cos(heading))
     right = (-forward[1], forward[0])  # Y up, right-handed: facing +Z, the right hand is at -X
     x, y = intent.move

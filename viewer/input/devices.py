@@ -1,4 +1,4 @@
-"""Keyboard, gamepad and the script of keys as one: what they ask for in each frame."""
+"""Joins keyboard, gamepad and the script of keys to one request in each frame."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MAX_SECONDS = 24 * 3600.0
 
 @dataclass(frozen=True)
 class KeyScript:
-    """Key chords and how long each is held, in seconds."""
+    """Holds key chords and how long each is held, in seconds."""
 
     steps: tuple[tuple[frozenset[str], float], ...] = ()
 
@@ -27,7 +27,7 @@ class KeyScript:
         return KeyScript(tuple(_parse_step(step, known_keys) for step in steps if step))
 
     def keys_at(self, time_s: float) -> frozenset[str]:
-        """Keys held at a time; nothing after the end."""
+        """Return the keys held at a time; none after the end."""
         for keys, seconds in self.steps:
             if time_s < seconds - 1e-9:
                 return keys
@@ -60,7 +60,7 @@ KEYBOARD = "keyboard"
 
 @dataclass
 class Devices:
-    """What drives the character; `name` is the gamepad in use, or the keyboard."""
+    """Reads what drives the character; `name` is the gamepad in use, or the keyboard."""
 
     pads: GamepadSource
     script: KeyScript
@@ -72,7 +72,7 @@ class Devices:
 
     @staticmethod
     def acts_alone(name: str) -> bool:
-        """Whether a letter does something in the view."""
+        """Return whether a letter does something in the view."""
         return len(name) == 1 and any(name in action.keys for action in Action)
 
     def play_script(self, time_s: float) -> None:
@@ -85,7 +85,7 @@ class Devices:
         self._scripted = keys
 
     def read(self, dt: float, typing: bool, settings: Settings, take: bool) -> tuple[Intent, str]:
-        """The intent of a frame of `dt` seconds, and what there is to say of a pad that came or went.
+        """Return the intent of a frame of `dt` seconds, and a sentence when a pad came or went.
 
         `take`: one is shown, and some keys are its.
         """

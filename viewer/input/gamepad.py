@@ -22,7 +22,7 @@ _RELEASED = -0.7  # a raw trigger counts once it was seen below: what rests in i
 
 @dataclass(frozen=True)
 class GamepadState:
-    """One reading. Sticks are (x right, y up) in -1..1 as the device says, triggers 0..1."""
+    """Holds one reading: sticks as (x right, y up) in -1..1 as the device says, triggers 0..1."""
 
     name: str
     left: tuple[float, float] = (0.0, 0.0)
@@ -33,20 +33,20 @@ class GamepadState:
 
     @property
     def touched(self) -> bool:
-        """Whether it is held: any button, trigger or stick out of its rest."""
+        """Return whether any button, trigger or stick is out of its rest."""
         axes = (*self.left, *self.right, self.left_trigger, self.right_trigger)
         return bool(self.buttons) or any(abs(a) > 0.4 for a in axes)
 
 
 class GamepadSource(Protocol):
-    """Where gamepad readings come from."""
+    """Gives gamepad readings."""
 
     def poll(self) -> GamepadState | None:
-        """The pad in use, or None without one."""
+        """Return the reading of the pad in use, or None without one."""
 
 
 def radial_dead_zone(stick: tuple[float, float], dead: float) -> tuple[float, float]:
-    """A stick (x, y) whose length below `dead` is 0 and rises evenly to 1 at `FULL`; the direction is kept."""
+    """Return a stick (x, y) whose length below `dead` is 0 and rises evenly to 1 at `FULL`; the direction is kept."""
     x, y = stick
     length = math.hypot(x, y)
     if not math.isfinite(length) or length <= dead:
@@ -57,7 +57,7 @@ def radial_dead_zone(stick: tuple[float, float], dead: float) -> tuple[float, fl
 
 @dataclass
 class GlfwGamepads:
-    """Pads by glfw: SDL mappings where there is one, the usual raw axes where there is none.
+    """Reads pads by glfw: by their SDL mapping, or by the usual raw axes where there is none.
 
     With several pads the one last touched is in use.
     """
@@ -89,7 +89,7 @@ class GlfwGamepads:
         return self._read_raw(pad)
 
     def _read_raw(self, pad: int) -> GamepadState | None:
-        """An unmapped pad by the axis order of Linux' xpad driver."""
+        """Return the reading of an unmapped pad by the axis order of Linux' xpad driver."""
         pointer, count = self.glfw.get_joystick_axes(pad)
         button_pointer, button_count = self.glfw.get_joystick_buttons(pad)
         if count < 4 or button_count < 6:
@@ -108,7 +108,7 @@ class GlfwGamepads:
         )
 
     def add_mappings(self, path: Path) -> str:
-        """Add the user's SDL mapping file when there is one; the complaint about it, or ""."""
+        """Add the user's SDL mapping file when there is one; return the complaint about it, or ""."""
         if not path.exists():
             return ""
         try:
@@ -124,14 +124,14 @@ class GlfwGamepads:
 
 
 def _axis(number: int, value: float, trigger: bool, live: set[int]) -> float:
-    """The value of a raw axis, or that of one at rest until it was seen there."""
+    """Return the value of a raw axis, or the value at rest until the axis was seen there."""
     if value < _RELEASED if trigger else abs(value) < _REST:
         live.add(number)
     return value if number in live else -float(trigger)
 
 
 def _is_mapping(line: str) -> bool:
-    """Whether a line looks like a mapping: glfw answers success for garbage too."""
+    """Return whether a line looks like a mapping: glfw answers success for garbage too."""
     return line.count(",") >= 2 and "\0" not in line
 
 

@@ -40,7 +40,7 @@ class Address:
 
     @property
     def loopback(self) -> bool:
-        """Whether what is sent there stays on this computer."""
+        """Return whether what is sent there stays on this computer."""
         return ip_address(self.host).is_loopback
 
     def __str__(self) -> str:
@@ -48,7 +48,7 @@ class Address:
 
 
 def parse_address(text: str, port_number: int = DEFAULT_PORT, flag: str = "--live-link") -> Address:
-    """The address of "HOST:PORT", "HOST", "PORT", ":PORT" or ""; HOST is an IP address or localhost.
+    """Return the address of "HOST:PORT", "HOST", "PORT", ":PORT" or ""; HOST is an IP address or localhost.
 
     `port_number` is that of a text without one, `flag` the argument that it came from. UsageError.
     """
@@ -71,7 +71,7 @@ def parse_address(text: str, port_number: int = DEFAULT_PORT, flag: str = "--liv
 
 
 def skeleton_joints(skeleton: Skeleton) -> bytes:
-    """Names, parents and offsets of all joints; what a skeleton message holds behind its header."""
+    """Return names, parents and offsets of all joints, as a skeleton message holds them behind its header."""
     found = []
     for name, parent, offset in zip(skeleton.names, skeleton.parents, skeleton.offsets, strict=True):
         text = name.encode("utf-8")
@@ -80,18 +80,18 @@ def skeleton_joints(skeleton: Skeleton) -> bytes:
 
 
 def skeleton_number(joints: bytes) -> int:
-    """What tells one skeleton from another: poses carry it, too."""
+    """Return the number that identifies a skeleton; poses carry it, too."""
     return zlib.crc32(joints)
 
 
 def skeleton_message(joints: bytes, count: int, sequence: int) -> bytes:
-    """The announcement of `count` joints from `skeleton_joints`; `sequence` is that of the pose that comes next."""
+    """Return the message that announces `count` joints of `skeleton_joints`; `sequence` is that of the next pose."""
     header = _HEADER.pack(MAGIC, VERSION, SKELETON, count, sequence % _SEQUENCES, skeleton_number(joints))
     return header + joints
 
 
 def pose_message(pose: Pose, skeleton: int, sequence: int, seconds: float) -> bytes:
-    """A pose after `seconds` of motion: position of the hips in metres, local rotations w, x, y, z."""
+    """Return the message of a pose after `seconds` of motion: position of the hips in metres, local rotations w, x, y, z."""
     rotations = np.ascontiguousarray(pose.local_rotations, "<f4")
     header = _HEADER.pack(MAGIC, VERSION, POSE, len(rotations), sequence % _SEQUENCES, skeleton)
     return header + _ROOT.pack(seconds, *(float(v) for v in pose.hips_position)) + rotations.tobytes()
@@ -99,7 +99,7 @@ def pose_message(pose: Pose, skeleton: int, sequence: int, seconds: float) -> by
 
 @dataclass
 class LiveLink:
-    """Off until `start`. `sent` and `dropped` count poses: one that the system does not take at once is dropped."""
+    """Sends poses from `start` to `stop`. `sent` and `dropped` count them: one that the system does not take at once is dropped."""
 
     messages: Messages
     clock: Callable[[], float] = time.perf_counter
@@ -119,7 +119,7 @@ class LiveLink:
         return self._socket is not None
 
     def begin(self, typed: str | None) -> None:
-        """Start at an address as it was typed; None leaves the link off. UsageError."""
+        """Start sending to an address as it was typed; None leaves the link off. UsageError."""
         if typed is not None:
             self.start(parse_address(typed, self.address.port, f"--{self.name.lower().replace(' ', '-')}"))
 
@@ -175,13 +175,13 @@ class LiveLink:
             self._send_pose([pose_message(pose, number, self.sent + self.dropped, self._motion_s)], step_s)
 
     def _send_pose(self, messages: Sequence[bytes], step_s: float) -> None:
-        """Send a pose, which went only when all its messages did."""
+        """Send a pose; it counts as sent when all its messages were."""
         went = all([self._send(message) for message in messages])
         self._motion_s += step_s
         self.sent, self.dropped = self.sent + went, self.dropped + (not went)
 
     def _send(self, data: bytes) -> bool:
-        """Whether the system took a message; another failure than a full buffer ends the link, and says so."""
+        """Send a message and return whether the system took it; any failure but a full buffer ends the link, and is told."""
         if self._socket is None:
             return False
         try:
@@ -196,5 +196,5 @@ class LiveLink:
 
 
 def scaled(skeleton: Skeleton, size: float) -> Skeleton:
-    """A skeleton `size` times as large."""
+    """Return a skeleton `size` times as large."""
     return replace(skeleton, offsets=skeleton.offsets * np.float32(size))

@@ -37,7 +37,7 @@ PARENTS = tuple(_bone_above(joint) for joint in JOINTS)
 
 
 def osc_message(address: str, *values: str | float) -> bytes:
-    """An OSC 1.0 message of strings, whole numbers and floats."""
+    """Return an OSC 1.0 message of strings, whole numbers and floats."""
 
     def text(value: str) -> bytes:
         data = value.encode("utf-8") + b"\0"
@@ -52,7 +52,7 @@ def osc_message(address: str, *values: str | float) -> bytes:
 
 
 def osc_bundles(messages: Sequence[bytes]) -> list[bytes]:
-    """Messages as bundles of at most `MAX_BYTES`, to be applied at once. python-osc takes five times as long for a pose."""
+    """Return messages as bundles of at most `MAX_BYTES`, to be applied at once; python-osc takes five times as long."""
     head = b"#bundle\0" + struct.pack(">Q", 1)
     bundles = [head]
     for message in messages:
@@ -68,7 +68,7 @@ ORIGIN: Place = np.zeros(3), rotations.identity()
 
 
 def vmc_messages(pose: Pose, seconds: float, root: Place = ORIGIN) -> list[bytes]:
-    """The messages of a pose after `seconds` of motion: each bone against the bone above it, the hips against a root."""
+    """Return the messages of a pose after `seconds` of motion: each bone relative to the bone above it, the hips to a root."""
     messages = [osc_message("/VMC/Ext/OK", 1), osc_message("/VMC/Ext/T", float(seconds))]
     places = [
         *zip(pose.positions.astype(np.float64), pose.world_rotations.astype(np.float64), strict=True),
@@ -81,7 +81,7 @@ def vmc_messages(pose: Pose, seconds: float, root: Place = ORIGIN) -> list[bytes
 
 
 def _unity(place: Place, above: Place) -> list[float]:
-    """A place against the one above it as x, y, z and a rotation x, y, z, w in Unity's axes."""
+    """Return a place relative to the one above it as x, y, z and a rotation x, y, z, w in Unity's axes."""
     back = rotations.inverse(above[1])
     x, y, z = rotations.rotate(back, place[0] - above[0]).tolist()
     w, i, j, k = rotations.multiply(back, place[1]).tolist()
@@ -90,7 +90,7 @@ def _unity(place: Place, above: Place) -> list[float]:
 
 @dataclass
 class VmcLink(LiveLink):
-    """The live link by VMC; a pose is `sent` when all its bundles were."""
+    """Sends poses by the VMC protocol; a pose is `sent` when all its bundles were."""
 
     name: str = "VMC"
     receivers: str = "Unity, Warudo, VSeeFace and other VMC receivers"

@@ -38,7 +38,7 @@ ORBIT_CLEARANCE_M = 0.08  # an orbit camera may look at feet from close to the g
 
 
 def look_at(eye: Array, target: Array) -> Array:
-    """View matrix `(4, 4)` of an eye that looks at `target` with +Y up."""
+    """Return the view matrix `(4, 4)` of an eye that looks at `target` with +Y up."""
     back = np.asarray(eye, float) - target
     back = back / max(float(np.linalg.norm(back)), 1e-9)
     right = np.cross((0.0, 1.0, 0.0), back)
@@ -50,13 +50,16 @@ def look_at(eye: Array, target: Array) -> Array:
 
 
 def looked_at(hips: Array, terrain: Terrain, size: float = 1.0) -> Array:
-    """A point `(3,)` over the ground under the hips, so that steps do not shake the camera, of a body `size` times as tall."""
+    """Return the point `(3,)` that a camera looks at: over the ground under the hips, so that steps do not shake it.
+
+    The body is `size` times as tall as ours.
+    """
     x, _, z = (float(value) for value in hips)
     return np.array([x, float(terrain.height(x, z)) + size * LOOK_HEIGHT_M, z])
 
 
 def perspective(fov_y: float, aspect: float, near: float, far: float) -> Array:
-    """OpenGL projection matrix `(4, 4)`; `fov_y` in radians, `aspect` is width / height."""
+    """Return the OpenGL projection matrix `(4, 4)`; `fov_y` in radians, `aspect` is width / height."""
     f = 1.0 / math.tan(fov_y / 2)
     m = np.zeros((4, 4), np.float32)
     m[0, 0], m[1, 1] = f / aspect, f
@@ -66,7 +69,7 @@ def perspective(fov_y: float, aspect: float, near: float, far: float) -> Array:
 
 @dataclass(eq=False)
 class Camera:
-    """A view of the world: what the renderer and the controls need to know, whatever moves it."""
+    """Holds the view of the world that the renderer and the controls use, whatever moves it."""
 
     target: Array = field(default_factory=lambda: np.array([0.0, 0.9, 0.0]))
     yaw: float = math.pi
@@ -84,18 +87,18 @@ class Camera:
 
     @property
     def forward(self) -> Array:
-        """Unit direction `(3,)` of the boom, from where the camera would be without any lift to the target."""
+        """Unit direction `(3,)` from the camera, before any lift, to the target."""
         c = math.cos(self.pitch)
         return np.array([math.sin(self.yaw) * c, -math.sin(self.pitch), math.cos(self.yaw) * c])
 
     @property
     def heading(self) -> float:
-        """Yaw that the controls call forward."""
+        """Yaw (radians) in which the controls call forward."""
         return self.yaw
 
     @property
     def half_height(self) -> float:
-        """Half the height of what the window shows, at a distance of 1."""
+        """Half the height that the window shows at a distance of 1."""
         return math.tan(self.fov_y / 2) / self.fit
 
     @property
@@ -106,14 +109,14 @@ class Camera:
         return look_at(self.position, self.target)
 
     def projection_matrix(self, aspect: float) -> Array:
-        """Camera to clip space, `(4, 4)`, for width / height `aspect`."""
+        """Return the matrix `(4, 4)` from camera to clip space, for `aspect` = width / height."""
         projection = perspective(2 * math.atan(self.half_height), aspect, NEAR_M, FAR_M)
         projection[:2, 2] = -self.shift, -self.shift_up
         return projection
 
 
 class OrbitCamera(Camera):
-    """Turned, shifted and zoomed by the mouse about a target that stays where it is put."""
+    """Orbits a fixed target; the mouse turns, shifts and zooms it."""
 
     MIN_PITCH, MAX_PITCH = math.radians(-20.0), math.radians(88.0)
     MIN_DISTANCE, MAX_DISTANCE = 0.6, 60.0
@@ -139,12 +142,12 @@ class OrbitCamera(Camera):
         self.target = self.target + (-dx_px * right + dy_px * up) * metres
 
     def zoom(self, steps: float) -> None:
-        """Wheel steps; positive comes closer."""
+        """Zoom by steps of the wheel; positive ones come closer."""
         distance = self.distance * ZOOM_PER_STEP**steps
         self.distance = min(max(distance, self.MIN_DISTANCE), self.MAX_DISTANCE)
 
     def _lift_over_feet(self, terrain: Terrain) -> float:
-        """Metres to lift the eye so that steps before the feet under the target do not hide them."""
+        """Return how far (metres) the eye rises so that steps of the ground do not hide the feet under the target."""
         x, y, z = (float(v) for v in self.target)
         foot = PointHeights(terrain).height(x, z) + FOOT_M
         if y - foot > STANDING_M:  # no character stands at the target
@@ -156,7 +159,7 @@ class OrbitCamera(Camera):
         return min(float(np.max(lift)), MAX_LIFT * self.distance)
 
     def keep_above(self, terrain: Terrain | None, dt: float) -> None:
-        """Glide to where the boom clears the ground."""
+        """Lift the eye, smoothly, until no ground lies between it and the target."""
         goal = 0.0
         if terrain is not None:
             points = self.target - _ON_BOOM[:, None] * self.distance * self.forward
@@ -189,7 +192,7 @@ class FollowCamera(OrbitCamera):
 
     @property
     def heading(self) -> float:
-        """Yaw that the controls call forward: in an opening view where the character looks, not the camera."""
+        """Yaw (radians) in which the controls call forward: in an opening view the character's, not the camera's."""
         return self.yaw - self._opening
 
     def open_at(self, heading: float, turn: float) -> None:

@@ -28,7 +28,7 @@ COVERING_OPACITY = 0.35  # of all ghosts before the character together, which mu
 
 
 class SkinnedMesh(Protocol):
-    """What is drawn: `runtime.character.character.Character`, or a stand-in with the same arrays."""
+    """Says what is drawn: a `runtime.character.character.Character`, or a stand-in with the same arrays."""
 
     @property
     def positions(self) -> Array: ...  # (V, 3) rest pose, metres
@@ -100,7 +100,7 @@ class CharacterPass:
         self._add("depth", "depth", mesh.triangles if full else coarse_triangles(*solid, SHADOW_CELL_M))
 
     def _add(self, name: str, program: str, triangles: NDArray[np.integer]) -> None:
-        """What `_render` draws by a name."""
+        """Return the vertex array that `_render` draws by a name."""
         indices = self._buffer(triangles, np.uint32)
         self._arrays[name] = self._ctx.vertex_array(self._programs[program], self._content[program], indices)
 
@@ -132,7 +132,7 @@ class CharacterPass:
             self._render(shown, slot)
 
     def _crowd(self, name: str) -> str:
-        """The name of what stands for a program's mesh in a crowd; made when the first one is drawn."""
+        """Return the name of the simpler mesh that a program draws in a crowd; it is made when the first one is drawn."""
         crowd, mesh = f"crowd {name}", self._mesh
         if crowd not in self._arrays and mesh is not None:
             cell_m, colors = (CROWD_CELL_M, mesh.colors) if name == "surface" else (CROWD_SHADOW_CELL_M, None)
@@ -198,13 +198,13 @@ class CharacterPass:
 
 
 def _mask_colors(target: moderngl.Framebuffer, written: bool) -> None:
-    """Whether drawing writes colours; a mask comes into force when its framebuffer is bound."""
+    """Choose whether drawing writes colours; a mask comes into force when its framebuffer is bound."""
     target.color_mask = written, written, written, written
     target.use()
 
 
 def ghost_draws(ghosts: list[Pose], pose: Pose | None, eye: Array) -> list[CharacterDraw]:
-    """Ghosts around a character as they are drawn: fainter, the more of them stand between it and the `eye` `(3,)`."""
+    """Return the ghosts with the opacity they are drawn with: fainter, the more of them stand before the character as seen from `eye` `(3,)`."""
 
     def away(one: Pose) -> float:
         return float(np.linalg.norm(one.hips_position - eye))
@@ -218,7 +218,7 @@ def ghost_draws(ghosts: list[Pose], pose: Pose | None, eye: Array) -> list[Chara
 def coarse_triangles(
     positions: Array, triangles: NDArray[np.integer], cell_m: float, colors: Array | None = None
 ) -> NDArray[np.integer]:
-    """Fewer triangles `(n, 3)` over the same vertices: one vertex stands for its cell of space.
+    """Return fewer triangles `(n, 3)` over the same vertices: one vertex stands for its cell of space.
 
     With `colors` `(V, 3)` for those of its color there: where two colors meet, both keep to the same line.
     """
@@ -241,7 +241,7 @@ def coarse_triangles(
 
 
 def _groups(rows: Array | NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The first of each kind of row, and the kind of every row: `np.unique` imports a package at its first call."""
+    """Return the index of the first row of each kind, and the kind of every row; `np.unique` imports a package at its first call."""
     order = np.lexsort(rows.T)
     begins = np.ones(len(rows), bool)
     begins[1:] = (rows[order][1:] != rows[order][:-1]).any(1)

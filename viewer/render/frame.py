@@ -23,7 +23,7 @@ UNIFORM_BYTES = 2 * 64 + 7 * 16  # two matrices and seven vectors
 
 @dataclass(frozen=True)
 class RenderFrame:
-    """What every pass may ask about the frame that is being drawn."""
+    """Holds what the passes need to know about the frame that is being drawn."""
 
     size: tuple[int, int]  # pixels
     eye: Array  # (3,) metres
@@ -34,7 +34,7 @@ class RenderFrame:
     uniforms: bytes  # the block `Frame` of common.glsl
 
     def ground_box(self, reach_m: float) -> tuple[Array, Array]:
-        """Least and greatest x, z `(2,)` of characters and shadows, and at least `reach_m` around."""
+        """Return the least and greatest x, z `(2,)` of characters and shadows, and at least `reach_m` around."""
         if not len(self.cast):
             return np.zeros(2), np.zeros(2)
         low, high = self.cast[:, ::2].min(0), self.cast[:, ::2].max(0)
@@ -42,7 +42,7 @@ class RenderFrame:
         return low - spare, high + spare
 
     def screen_box(self, points: Array, margin_m: float) -> tuple[int, int, int, int]:
-        """Pixels (x, y, width, height; y up) that `points` `(n, 3)` cover; all when one lies behind the eye."""
+        """Return the box of pixels (x, y, width, height; y up) that `points` `(n, 3)` cover; all when one lies behind the eye."""
         width, height = self.size
         if not len(points):
             return 0, 0, 0, 0
@@ -59,7 +59,7 @@ class RenderFrame:
 def make_frame(
     camera: Camera, size: tuple[int, int], poses: list[Pose], shadow_reach_m: float, most_texels: int
 ) -> RenderFrame:
-    """The frame of a camera and the poses that cast shadows, on a map of `most_texels` a side or what they need."""
+    """Return the frame of a camera and of the poses that cast shadows, whose map has at most `most_texels` a side."""
     aspect = size[0] / max(size[1], 1)
     view, projection = camera.view_matrix(), camera.projection_matrix(aspect)
     eye = np.asarray(camera.position, np.float32)
@@ -81,7 +81,7 @@ def make_frame(
 
 
 def _shadow_points(poses: list[Pose]) -> Array:
-    """Joints and their places in the shadow `(n, 3)`, as if the ground were level."""
+    """Return the joints and where their shadows fall on level ground `(n, 3)`."""
     if not poses:
         return np.zeros((0, 3))
     points = np.concatenate([pose.positions for pose in poses]).astype(float)
@@ -91,7 +91,7 @@ def _shadow_points(poses: list[Pose]) -> Array:
 
 
 def _fit_shadow(poses: list[Pose], focus: Array, reach_m: float, most_texels: int) -> tuple[Array, int]:
-    """World to shadow map `(4, 4)` in 0..1 around the poses, and its texels a side."""
+    """Return the matrix `(4, 4)` from the world to the shadow map around the poses, 0 to 1, and the map's texels a side."""
     points = np.concatenate([pose.positions for pose in poses] or [focus[None]]).astype(float)
     centre = 0.5 * (points.min(0) + points.max(0))
     radius = float(np.max(np.linalg.norm(points - centre, axis=1))) + SHADOW_MARGIN_M

@@ -43,7 +43,7 @@ def _read(name: str) -> str:
 
 
 def screen_triangle(ctx: moderngl.Context, fragment: str) -> moderngl.VertexArray:
-    """One triangle over the whole frame, at the far plane, with a fragment shader; render 3 vertices."""
+    """Return a triangle over the whole frame, at the far plane, with a fragment shader; render 3 vertices."""
     return ctx.vertex_array(load_program(ctx, "sky.vert", fragment), [])
 
 
@@ -70,7 +70,7 @@ def scissored(framebuffer: moderngl.Framebuffer, box: tuple[int, int, int, int])
 
 
 def shown_size(framebuffer: moderngl.Framebuffer) -> tuple[int, int]:
-    """Pixels that are drawn into: of a window's own framebuffer `size` stays what it was when the window opened."""
+    """Return the size in pixels of what is drawn into; moderngl's `size` of a window's own framebuffer never changes."""
     _, _, width, height = framebuffer.viewport
     return width, height
 

@@ -63,7 +63,7 @@ SOLE_HEIGHTS = np.array([ANKLE_HEIGHT, TOE_HEIGHT, ANKLE_HEIGHT, TOE_HEIGHT], np
 def make_strokes(
     start: Array, end: Array, radius: float, color: Array | tuple[float, ...], hole: float = 0.0
 ) -> Strokes:
-    """`(n,)` strokes from `start` to `end` `(n, 3)`; `color` `(4,)` or `(n, 4)`."""
+    """Return `(n,)` strokes from `start` to `end` `(n, 3)`; `color` is `(4,)` or `(n, 4)`."""
     strokes = np.zeros(len(start), STROKE)
     strokes["start"], strokes["end"] = start, end
     strokes["radius"] = radius, hole
@@ -72,7 +72,7 @@ def make_strokes(
 
 
 def trajectory_strokes(trajectory: TrajectoryOverlay, terrain: Terrain) -> Strokes:
-    """A dot per sample with a tick where it faces, laid on the terrain: past grey, future blue."""
+    """Return a dot for each sample of a trajectory, with a tick where it faces, laid on the terrain: past grey, future blue."""
     places = np.asarray(trajectory.positions, np.float32)[:, [0, 2]]
     ends = places + TICK_LENGTH_M * np.asarray(trajectory.directions, np.float32)
     past = np.asarray(trajectory.past, bool)[:, None]
@@ -85,7 +85,7 @@ def trajectory_strokes(trajectory: TrajectoryOverlay, terrain: Terrain) -> Strok
 
 
 def path_strokes(path: PathOverlay, terrain: Terrain) -> Strokes:
-    """The legs of a path laid on the terrain, and a dot at each point, a larger one where it is selected."""
+    """Return a path as lines laid on the terrain, and a dot at each point, a larger one where it is selected."""
     corners = np.asarray(path.points, np.float32)
     lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
     even = np.linspace(0.0, lengths[-1], 2 + int(lengths[-1] / PATH_STEP_M))
@@ -99,7 +99,7 @@ def path_strokes(path: PathOverlay, terrain: Terrain) -> Strokes:
 
 
 def contact_strokes(pose: Pose, terrain: Terrain) -> Strokes:
-    """A ring on the ground under each heel and toe, filled and green while it bears the character."""
+    """Return a ring on the ground under each heel and toe, filled and green while it bears the character."""
     places = _on_terrain(pose.positions[CONTACT_INDICES][:, [0, 2]], terrain)
     size, hole = CONTACT_RADIUS_M, 0.8 * CONTACT_RADIUS_M
     ring = make_strokes(places, places, size, _contact_colors(pose, 0.4, 0.6), hole)
@@ -108,26 +108,26 @@ def contact_strokes(pose: Pose, terrain: Terrain) -> Strokes:
 
 
 def contact_dots(pose: Pose, pixel_scale: float) -> Strokes:
-    """A dot over everything at each heel and toe, green while it bears the character."""
+    """Return a dot over everything at each heel and toe, green while it bears the character."""
     places, size = _soles(pose), 1.3 * JOINT_RADIUS_PX * pixel_scale
     rim = make_strokes(places, places, size + OUTLINE_PX * pixel_scale, OUTLINE)
     return np.concatenate([rim, make_strokes(places, places, size, _contact_colors(pose, 0.55, 0.45))])
 
 
 def _soles(pose: Pose) -> Array:
-    """The ground contacts `(4, 3)` under the joints, in the order of `Pose.contacts`."""
+    """Return the points `(4, 3)` of heels and toes on the ground, in the order of `Pose.contacts`."""
     return pose.positions[CONTACT_INDICES] - SOLE_HEIGHTS[:, None] * (0.0, 1.0, 0.0)
 
 
 def _contact_colors(pose: Pose, opacity: float, more: float) -> Array:
-    """Colours `(4, 4)` from free to bearing; so much `more` opaque while it bears."""
+    """Return colours `(4, 4)` from free to bearing, by `more` more opaque while it bears."""
     bearing = np.clip(pose.contacts, 0.0, 1.0)[:, None]
     color = np.array(FREE) + (np.array(TOUCHING) - np.array(FREE)) * bearing
     return np.hstack([color, opacity + more * bearing])
 
 
 def skeleton_strokes(pose: Pose, pixel_scale: float) -> Strokes:
-    """Bones and joints over everything: left teal, right orange, the middle dark, with a light outline."""
+    """Return bones and joints over everything: left teal, right orange, the middle dark, with a light outline."""
     child, parent = _visible_bones().T
     colors = _joint_colors()[child]
     start, end = pose.positions[parent], pose.positions[child]
@@ -143,7 +143,7 @@ def skeleton_strokes(pose: Pose, pixel_scale: float) -> Strokes:
 
 
 def trail_strokes(trails: TrailOverlay, pixel_scale: float) -> Strokes:
-    """A line for each joint over everything: blue where it rests, over green to red where it is fast; ahead paler."""
+    """Return a line for each joint over everything: blue where it rests, over green to red where it is fast; the future is paler."""
     points, speeds = np.asarray(trails.points, np.float32), np.asarray(trails.speeds, np.float32)
     steps, joints = len(points) - 1, points.shape[1]
     if steps < 1:
@@ -158,7 +158,7 @@ def trail_strokes(trails: TrailOverlay, pixel_scale: float) -> Strokes:
 
 
 def pin_strokes(pins: PinOverlay, pixel_scale: float) -> Strokes:
-    """A dot at each point over everything, a larger one where it is selected, and lines for rails."""
+    """Return a dot at each pin over everything, a larger one where it is selected, and lines for rails."""
     size, rim = PIN_RADIUS_PX * pixel_scale, OUTLINE_PX * pixel_scale
     places, rails = np.asarray(pins.points, np.float32), np.asarray(pins.rails, np.float32)
     dots = make_strokes(places, places, size, (*PIN, 1.0))
@@ -170,7 +170,7 @@ def pin_strokes(pins: PinOverlay, pixel_scale: float) -> Strokes:
 
 
 def marks_of(pose: Pose) -> Array:
-    """What darkens the ground close by, `(2, 3, 4)`: of both feet and the body, heels with radii and toes with strengths."""
+    """Return what darkens the ground close by, `(2, 3, 4)`: for both feet and the body, heels with radii and toes with strengths."""
     soles = _soles(pose).reshape(2, 2, 3).swapaxes(0, 1)
     places = np.concatenate([soles, np.tile(pose.root_position, (2, 1, 1))], axis=1)
     sizes = [FOOT_RADIUS_M, FOOT_RADIUS_M, BODY_RADIUS_M], [FOOT_STRENGTH, FOOT_STRENGTH, BODY_STRENGTH]
@@ -178,13 +178,13 @@ def marks_of(pose: Pose) -> Array:
 
 
 def _on_terrain(places: Array, terrain: Terrain) -> Array:
-    """Points `(n, 3)` of the ground at `places` `(n, 2)`, x and z."""
+    """Return the points `(n, 3)` of the ground at `places` `(n, 2)`, x and z."""
     x, z = places.T
     return np.stack([x, terrain.height(x, z), z], -1)
 
 
 def _laid(strokes: Strokes, place: str, terrain: Terrain, reach_m: float = 0.05) -> Strokes:
-    """The strokes, each laid on the ground as it slopes at its `place` ("start" or "end")."""
+    """Return the strokes, each laid on the ground as it slopes at its `place` ("start" or "end")."""
     at = strokes[place]
     strokes["normal"] = terrain.normal(at[:, 0], at[:, 2], reach_m=reach_m)
     return strokes

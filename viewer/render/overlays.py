@@ -17,7 +17,7 @@ PAST_SAMPLES = 6  # of the 12 of the trajectory: one second back, then the prese
 
 @dataclass(frozen=True)
 class TrajectoryOverlay:
-    """The controller's trajectory in world space."""
+    """Holds the controller's trajectory in world space."""
 
     positions: Array  # (12, 3) metres
     directions: Array  # (12, 2) facing on the XZ plane
@@ -31,7 +31,7 @@ def trajectory_overlay(controller: Controller) -> TrajectoryOverlay:
 
 @dataclass(frozen=True)
 class PathOverlay:
-    """Points of a path on the ground; one may be selected."""
+    """Holds the points of a path on the ground; one may be selected."""
 
     points: Array  # (n, 2) x and z, metres
     selected: int = -1
@@ -39,7 +39,7 @@ class PathOverlay:
 
 @dataclass(frozen=True)
 class TrailOverlay:
-    """Where joints were and will be, with their speeds."""
+    """Holds the positions of joints over time, with their speeds."""
 
     points: Array  # (T, J, 3) metres
     speeds: Array  # (T, J) metres per second
@@ -48,7 +48,7 @@ class TrailOverlay:
 
 @dataclass(frozen=True)
 class PinOverlay:
-    """Points that hands, feet and looks are pinned to, and rails between two of them."""
+    """Holds the points to which hands, feet and gaze are pinned, and rails between two of them."""
 
     points: Array  # (n, 3) metres
     selected: NDArray[np.bool_]  # (n,)
@@ -75,7 +75,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Overlays:
-    """Toggles and extra figures of one frame; `Overlays()` shows the grid and nothing else."""
+    """Says what is drawn over the scene in one frame; `Overlays()` shows the grid and nothing else."""
 
     trajectory: TrajectoryOverlay | None = None
     show_skeleton: bool = False

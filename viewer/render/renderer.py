@@ -106,7 +106,7 @@ class Renderer:
         self.ctx.enable_only(moderngl.NOTHING)
 
     def _prepare_figure(self, figure: Figure | None) -> tuple[list[CharacterPass], list[CharacterPass]]:
-        """The pass of a figure of another mesh, among the characters or on top of everything."""
+        """Draw a figure of another mesh, among the characters or on top of everything."""
         if figure is None:
             return [], []
         if self._figure is None:

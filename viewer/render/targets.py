@@ -11,7 +11,7 @@ from viewer.render.quality import Quality
 
 
 class ShadowMap:
-    """A depth texture seen from the sun, compared when it is read."""
+    """Holds depths seen from the sun, in a texture that compares them as it is read."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self._ctx = ctx
@@ -38,7 +38,7 @@ class ShadowMap:
 
 
 class SceneTarget:
-    """The scene's own image with depth, and its way into the framebuffer that is shown."""
+    """Holds the scene's own image with depth, and copies it into the framebuffer that is shown."""
 
     def __init__(self, ctx: moderngl.Context, quality: Quality) -> None:
         self._ctx = ctx
@@ -63,7 +63,7 @@ class SceneTarget:
         self._scene = self._ctx.framebuffer([self._color or self._picture], self._depth)
 
     def begin(self, shown_size: tuple[int, int]) -> moderngl.Framebuffer:
-        """The scene's framebuffer for a frame of `shown_size` pixels, made anew when the size has changed."""
+        """Return the scene's framebuffer for a frame of `shown_size` pixels, made anew when the size has changed."""
         if shown_size != self._shown_size:
             self._free_images()
             self._make_images(shown_size)
@@ -104,7 +104,7 @@ class SceneTarget:
 
 
 def scene_size(shown_size: tuple[int, int], quality: Quality) -> tuple[int, int]:
-    """Pixels to render for a frame of `shown_size` pixels."""
+    """Return how many pixels to render, in x and y, for a frame of `shown_size` pixels."""
     width, height = (side * quality.render_scale for side in shown_size)
     if quality.max_pixels and width * height > quality.max_pixels:
         shrink = math.sqrt(quality.max_pixels / (width * height))

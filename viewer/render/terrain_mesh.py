@@ -33,7 +33,7 @@ RELIEF = ((0.07, 0.05, 0.30), (0.60, 0.10, 0.45))
 
 @dataclass(frozen=True)
 class TerrainWindow:
-    """A part of a terrain as a grid with a ring around it; index [0] and [-1] are the ring."""
+    """Holds a part of a terrain as a grid with a ring around it; index [0] and [-1] are the ring."""
 
     heights: Array  # (nx + 2, nz + 2) float32
     cell_m: float
@@ -46,17 +46,17 @@ class TerrainWindow:
 
     @property
     def centre(self) -> Array:
-        """x and z of the middle, `(2,)`."""
+        """Return x and z of the middle, `(2,)`."""
         return np.array(self.origin) + 0.5 * self.cell_m * TILE * np.array(self.tiles)
 
     @cached_property
     def slopes(self) -> NDArray[np.float16]:
-        """Rise per metre along x and along z at each vertex, `(nx + 2, nz + 2, 2)`."""
+        """Return the slope (metres per metre) along x and along z at each vertex, `(nx + 2, nz + 2, 2)`."""
         return np.stack(tuple(np.gradient(self.heights, self.cell_m)), -1).astype(np.float16)
 
     @cached_property
     def relief(self) -> NDArray[np.float16]:
-        """How much lighter (edges, crests) or darker (hollows) each vertex is than level ground, `(nx + 2, nz + 2)`."""
+        """Return by how much each vertex is lighter (edges, crests) or darker (hollows) than level ground, `(nx + 2, nz + 2)`."""
         h = self.heights
         relief = np.zeros(h.shape, np.float32)
         for size, full, weight in RELIEF:
@@ -66,13 +66,13 @@ class TerrainWindow:
 
     @cached_property
     def height_range(self) -> tuple[Array, Array]:
-        """Lowest and highest vertex of each tile, both `(tiles x, tiles z)`."""
+        """Return the lowest and the highest vertex of each tile, both `(tiles x, tiles z)`."""
         blocks = _tile_blocks(self.heights[1:-1, 1:-1])
         return blocks.min((1, 3)), blocks.max((1, 3))
 
     @cached_property
     def errors(self) -> Array:
-        """Largest height error in metres per axis, level and tile, `(2, LEVELS, tiles x, tiles z)`, rising by level.
+        """Return the largest height error (metres) per axis, level and tile, `(2, LEVELS, tiles x, tiles z)`, rising by level.
 
         Errors of the two axes add at most: linear interpolation along one does not enlarge those of the other.
         """
@@ -87,7 +87,7 @@ class TerrainWindow:
 
 
 def _mean_around(grid: Array, radius: int) -> Array:
-    """Mean over the square of `2 * radius + 1` cells about each point; edges carry on."""
+    """Return the mean over the square of `2 * radius + 1` cells about each point; edges carry on."""
     for axis in (0, 1):
         pad = [(0, 0), (0, 0)]
         pad[axis] = (radius + 1, radius)
@@ -99,7 +99,7 @@ def _mean_around(grid: Array, radius: int) -> Array:
 
 
 def _skip_error(grid: Array, step: int) -> Array:
-    """What is lost at each point `(n, m)` when only every `step`-th row is kept and the others interpolated."""
+    """Return the error at each point `(n, m)` when only every `step`-th row is kept and the others are interpolated."""
     kept = grid[::step]
     fraction = (np.arange(step, dtype=np.float32) / step)[:, None]
     between = kept[:-1, None] + (kept[1:] - kept[:-1])[:, None] * fraction
@@ -109,14 +109,14 @@ def _skip_error(grid: Array, step: int) -> Array:
 
 
 def _tile_blocks(grid: Array) -> Array:
-    """View `(tiles x, 17, tiles z, 17)` of a grid: each tile with its own edges."""
+    """Return a view `(tiles x, 17, tiles z, 17)` of a grid: each tile with its own edges."""
     shape = ((grid.shape[0] - 1) // TILE, TILE + 1, (grid.shape[1] - 1) // TILE, TILE + 1)
     sx, sz = grid.strides
     return np.lib.stride_tricks.as_strided(grid, shape, (sx * TILE, sx, sz * TILE, sz), writeable=False)
 
 
 def cut_window(terrain: Terrain, centre: Array) -> TerrainWindow:
-    """The part of `terrain` about `centre` (x, z) that is drawn; all of it when it is small."""
+    """Return the part of `terrain` about `centre` (x, z) that is drawn; all of it when it is small."""
     min_x, min_z, max_x, max_z = terrain.extent
     spans = (max_x - min_x, max_z - min_z)
     cell = max(terrain.cell_m, min(max(spans), WINDOW_M) / MAX_CELLS)
@@ -139,7 +139,7 @@ def cut_window(terrain: Terrain, centre: Array) -> TerrainWindow:
 
 @lru_cache(maxsize=2048)
 def _tile_pattern(levels: tuple[int, ...], row: int) -> Indices:
-    """Vertex offsets of one tile's triangles.
+    """Return the vertex offsets of one tile's triangles.
 
     `levels` are its own along x and z, then those of its edges: along z at -x and +x, along x at -z and +z;
     `row` is the number of vertices in a row of the grid.
@@ -162,7 +162,7 @@ def _tile_pattern(levels: tuple[int, ...], row: int) -> Indices:
 
 @lru_cache(maxsize=128)
 def _apron_pattern(level: int, side: int, row: int) -> Indices:
-    """Vertex offsets, from a border tile's first vertex, of the strip between its outer side and the ring."""
+    """Return the vertex offsets, from a border tile's first vertex, of the strip between its outer side and the ring."""
     k = np.arange(0, TILE + 1, 2**level)
     along, out, start = ((1, -row, 0), (1, row, TILE * row), (row, -1, 0), (row, 1, TILE))[side]
     near = start + k * along
@@ -213,11 +213,11 @@ class TerrainMesh:
         return np.all(np.sum(normal * corner, -1) + planes[:, None, None, 3] >= 0, axis=0)
 
     def touching(self, low: Array, high: Array) -> NDArray[np.bool_]:
-        """Tiles that overlap the rectangle from `low` to `high` (x, z)."""
+        """Return the tiles that overlap the rectangle from `low` to `high` (x, z)."""
         return np.all((self._low[..., ::2] <= high) & (self._high[..., ::2] >= low), axis=-1)
 
     def corners(self, low: Array, high: Array, chosen: NDArray[np.bool_]) -> Array:
-        """Corners `(8, 3)` of the ground over the rectangle from `low` to `high` (x, z), as high as the `chosen` tiles."""
+        """Return the corners `(8, 3)` of a box around the ground from `low` to `high` (x, z), as high as the `chosen` tiles."""
         y = (
             np.min(self._low[..., 1], where=chosen, initial=np.inf),
             np.max(self._high[..., 1], where=chosen, initial=-np.inf),
@@ -225,7 +225,7 @@ class TerrainMesh:
         return np.array([[x, h, z] for x in (low[0], high[0]) for h in y for z in (low[1], high[1])])
 
     def indices(self, levels: Levels, chosen: NDArray[np.bool_]) -> Indices:
-        """Vertex indices of the triangles of the `chosen` tiles."""
+        """Return the vertex indices of the triangles of the `chosen` tiles."""
         x, z = levels
         wide_x, wide_z = np.pad(x, 1, mode="edge"), np.pad(z, 1, mode="edge")
         digits = [x, z, wide_z[:-2, 1:-1], wide_z[2:, 1:-1], wide_x[1:-1, :-2], wide_x[1:-1, 2:]]
@@ -241,7 +241,7 @@ class TerrainMesh:
         return np.concatenate(parts) if parts else np.zeros(0, np.uint32)
 
     def apron_indices(self, levels: Levels) -> Indices:
-        """Vertex indices of the strips and corners that carry the edge heights on to the ring."""
+        """Return the vertex indices of the strips and corners that carry the edge heights on to the ring."""
         sides = (np.s_[0, :], np.s_[-1, :], np.s_[:, 0], np.s_[:, -1])
         parts = []
         for side, border in enumerate(sides):

@@ -19,7 +19,7 @@ from viewer.gui import theme, widgets
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.widgets import px
 from viewer.input.bindings import Action
-from viewer.render.camera import FOV_Y, looked_at
+from viewer.render.camera import FOV_Y_RAD, looked_at
 from viewer.scene.camera_control import CameraControl
 from viewer.session.takes import Takes
 
@@ -124,7 +124,7 @@ class CameraKeys:
 
     def fit(self, most: float, aspect: float) -> float:
         """The fraction of the height for the view, so that the film lies in a free view of this `aspect`."""
-        usual = math.tan(FOV_Y / 2) / self._half_height
+        usual = math.tan(FOV_Y_RAD / 2) / self._half_height
         return FRAMED * usual * min(most, aspect / self._aspect)
 
     @property
@@ -135,7 +135,7 @@ class CameraKeys:
     @property
     def _half_height(self) -> float:
         """Of a film, at distance 1."""
-        return math.tan((math.radians(self.film()[1]) or FOV_Y) / 2)
+        return math.tan((math.radians(self.film()[1]) or FOV_Y_RAD) / 2)
 
     def _draw(self) -> None:
         camera, shown = self.control.current, imgui.get_io().display_size

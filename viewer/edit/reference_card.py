@@ -86,7 +86,7 @@ class ReferenceCard:
         if self._film is None or self.reference.takes.playback is None or view.width < px(MIN_VIEW):
             return 0.0
         least = SMALL_WIDTH if view.width < px(SMALL_VIEW) else WIDTH
-        return max(px(least), self.reference.reference.size * view.width) + px(panels.CARD_MARGIN)
+        return max(px(least), self.reference.reference.size * view.width) + px(panels.CARD_MARGIN_PX)
 
     def _draw(self, view: Rect) -> None:
         reference, playback, film = self.reference, self.reference.takes.playback, self._film
@@ -99,7 +99,7 @@ class ReferenceCard:
         if film is None:
             self._line(playback, view)
             return
-        width = self._film_width(view) / px(1.0) - panels.CARD_MARGIN
+        width = self._film_width(view) / px(1.0) - panels.CARD_MARGIN_PX
         with panels.card("Reference", view, width, bottom=True):
             if panels.card_title(reference.name, "reference"):
                 reference.close()
@@ -115,26 +115,26 @@ class ReferenceCard:
         """
         reference = self.reference
         bar = imgui.internal.find_window_by_name("Session")
-        taken = 0.0 if bar is None or not bar.active else bar.size.x + px(panels.CARD_MARGIN)
-        room = (view.width - 2 * px(panels.CARD_MARGIN) - taken) / px(1.0)
+        taken = 0.0 if bar is None or not bar.active else bar.size.x + px(panels.CARD_MARGIN_PX)
+        room = (view.width - 2 * px(panels.CARD_MARGIN_PX) - taken) / px(1.0)
         at_top = room >= SMALL_LINE_WIDTH and not self.corner_taken()
-        room = room if at_top else view.width / px(1.0) - 2 * panels.CARD_MARGIN
+        room = room if at_top else view.width / px(1.0) - 2 * panels.CARD_MARGIN_PX
         wide = room >= LINE_WIDTH + LEAST_NAME
         fields = LINE_WIDTH if wide else SMALL_LINE_WIDTH
         name = min(
-            imgui.calc_text_size(reference.name).x / px(1.0) + 2 * widgets.GAP, NAME_WIDTH, room - fields
+            imgui.calc_text_size(reference.name).x / px(1.0) + 2 * widgets.GAP_PX, NAME_WIDTH, room - fields
         )
         name = name if name >= LEAST_NAME else 0.0
         if not at_top:  # close to the timeline: right above it are feet
-            view = replace(view, height=view.height + px(panels.CARD_MARGIN - widgets.GAP))
+            view = replace(view, height=view.height + px(panels.CARD_MARGIN_PX - widgets.GAP_PX))
         with panels.card("Reference", view, min(fields + name, room), right=at_top, bottom=not at_top):
             if name:
                 imgui.align_text_to_frame_padding()
                 left = imgui.get_cursor_pos_x()
-                widgets.label(widgets.elided(reference.name, px(name - widgets.GAP)), theme.ACCENT)
+                widgets.label(widgets.elided(reference.name, px(name - widgets.GAP_PX)), theme.ACCENT)
                 widgets.tooltip(reference.name)
                 imgui.same_line(left + px(name))
-            self._fields(playback, wide, imgui.get_frame_height() + px(widgets.GAP))
+            self._fields(playback, wide, imgui.get_frame_height() + px(widgets.GAP_PX))
             widgets.same_line()
             if widgets.icon_button(ICON.close, "close reference", "Close (Esc)", theme.TEXT):
                 reference.close()
@@ -143,8 +143,8 @@ class ReferenceCard:
         """When and where it is, and who shows it, in one line that leaves `spare` screen units of its room."""
         reference = self.reference
         side, over = imgui.get_frame_height(), px(60 if wide else 44)
-        others = over + px(widgets.GAP) + (side + px(widgets.GAP) if reference.video is None else 0.0)
-        each = (imgui.get_content_region_avail().x - spare - others - px(widgets.GAP)) / 2
+        others = over + px(widgets.GAP_PX) + (side + px(widgets.GAP_PX) if reference.video is None else 0.0)
+        each = (imgui.get_content_region_avail().x - spare - others - px(widgets.GAP_PX)) / 2
         imgui.push_item_width(each)
         self._offset(playback.clip.fps, wide)
         widgets.same_line()

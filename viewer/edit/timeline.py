@@ -31,9 +31,9 @@ ZOOM_PER_STEP = 0.8
 SCROLL_PER_STEP = 0.1  # of what is shown
 BUTTON_WIDTH = 30.0
 GRIP = 7.0  # how near to an end of a mark or to a point the mouse takes it
-NAME_SIZE = theme.FONT_SIZE * 0.87  # of letters
+NAME_SIZE = theme.FONT_SIZE_PX * 0.87  # of letters
 LEAST_LETTERS = 3  # of a word that is cut, with its dots
-SMALL, TEXT_FRACTION = theme.FONT_SIZE * 0.8, 0.76  # letters: at least, and of a row's height
+SMALL, TEXT_FRACTION = theme.FONT_SIZE_PX * 0.8, 0.76  # letters: at least, and of a row's height
 DIM = (*theme.PANEL[:3], 0.6)  # over what the trim leaves out
 TRIM_HINT = "Drag: only what lies between the handles plays and is exported"
 
@@ -175,7 +175,7 @@ class Shapes:
 
     def text(self, x: float, row: Row, text: str, tint: Color, width: float, size: float = 0.0) -> None:
         """Words in the middle of a row's height, cut to a width; none where less than three letters fit."""
-        size = size or min(max(TEXT_FRACTION * row.height / px(1.0), SMALL), theme.FONT_SIZE)
+        size = size or min(max(TEXT_FRACTION * row.height / px(1.0), SMALL), theme.FONT_SIZE_PX)
         imgui.push_font(None, size)
         y, shown = row.top + (row.height - imgui.get_text_line_height()) / 2, widgets.elided(text, width)
         if shown == text or len(shown) > LEAST_LETTERS:

@@ -12,7 +12,7 @@ from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 
-WIDTH, HEIGHT = 470.0, 560.0  # pixels at scale 1
+WINDOW_WIDTH, WINDOW_HEIGHT = 470.0, 560.0  # pixels at scale 1
 END_HEIGHT = 112.0  # of the buttons and of what became of the last export
 LISTS = ("part", "fps", "unit", "euler_order", "engine", "ground", "film_fps", "size", "camera")
 SLIDERS = (("distance", 0.5, "%.1f m"), ("fov_degrees", 15.0, "%.0f degrees"))  # the least value, the text
@@ -50,7 +50,7 @@ def panel(exporting: Exporting) -> Panel:
         exporting.remember()
 
     return Panel(
-        "Export", PanelPlace.WINDOW, draw, ICON.save, lambda: exporting.shown, WIDTH, HEIGHT,
+        "Export", PanelPlace.WINDOW, draw, ICON.save, lambda: exporting.shown, WINDOW_WIDTH, WINDOW_HEIGHT,
         close=exporting.close,
     )  # fmt: skip
 

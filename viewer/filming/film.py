@@ -37,7 +37,7 @@ from viewer.render.overlays import Overlays
 from viewer.render.quality import choose_quality
 from viewer.render.renderer import Renderer
 
-SMALLEST = 8  # letters, pixels
+MIN_LETTER_PX = 8  # letters, pixels
 _BACK, _INK = (20, 28, 40, 170), (240, 244, 250, 255)
 
 
@@ -70,8 +70,8 @@ def draw_caption(size: tuple[int, int], text: str) -> tuple[int, int, NDArray[np
     def width(letters: int) -> float:
         return draw.textlength(text, ImageFont.load_default(letters)) + 2.2 * letters
 
-    letters = max(SMALLEST, image.height // 22)
-    while letters > SMALLEST and width(letters) > 0.96 * image.width:
+    letters = max(MIN_LETTER_PX, image.height // 22)
+    while letters > MIN_LETTER_PX and width(letters) > 0.96 * image.width:
         letters -= 1
     while len(text) > 1 and width(letters) > 0.96 * image.width:
         text = text[:-2] + "…"
@@ -118,7 +118,7 @@ Progress = Callable[[int, int], None]  # frames done, frames in all
 OpenStudio = Callable[[tuple[int, int], Terrain, Any, str], AbstractContextManager[Draw]]
 
 MAX_FRAMES = 216_000  # an hour at 60 frames a second
-QUEUED = 6  # frames drawn ahead of the writer
+MAX_QUEUED_FRAMES = 6  # frames drawn ahead of the writer
 
 
 def count_frames(clip: Clip, fps: float) -> int:
@@ -178,7 +178,7 @@ def make_film(
         ):
             for done, frame in enumerate(film_frames(clip, terrain, options, draw, camera), 1):
                 writing.append(writer.submit(write, frame))
-                if len(writing) > QUEUED:
+                if len(writing) > MAX_QUEUED_FRAMES:
                     writing.popleft().result()
                 progress(done, total)
                 if cancel is not None and cancel.is_set():

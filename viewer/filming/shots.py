@@ -14,14 +14,15 @@ from runtime.pose import Pose
 from runtime.takes.camera_keys import CameraKey, view_at
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
-from viewer.render.camera import FOV_Y, Camera, FollowCamera, looked_at
+from viewer.render.camera import FOV_Y_RAD, Camera, FollowCamera, looked_at
 
 CameraPath = Callable[[Pose], Camera]  # called once for each frame, in their order
 
 MIN_SIDE, MAX_SIDE = 16, 4096
-USUAL_HEIGHT_M = 1.9  # of characters that the shots are for; from a taller one the camera steps back
-ORBIT_SPEED = math.radians(24.0)  # per second
-MAX_PITCH = math.radians(70.0)
+# of characters that the shots are for; from a taller one the camera steps back
+USUAL_CHARACTER_HEIGHT_M = 1.9
+ORBIT_RAD_PER_S = math.radians(24.0)  # per second
+MAX_PITCH_RAD = math.radians(70.0)
 CLEARANCE_M = 0.3  # of a still camera over the ground
 
 
@@ -43,7 +44,7 @@ SHOTS = {
     "front": Shot(2.7, 0.16, 4.1),
     "follow": Shot(0.0, 0.22, 4.0),
     "side": Shot(0.5 * math.pi, 0.12, 3.9),
-    "orbit": Shot(2.7, 0.2, 4.2, ORBIT_SPEED),
+    "orbit": Shot(2.7, 0.2, 4.2, ORBIT_RAD_PER_S),
 }
 STILL = "still"  # stands where it sees the whole path
 KEYED = "keyed"  # as the keys of the take show it; of the window alone
@@ -88,11 +89,11 @@ class FilmOptions:
 
 def camera_path(options: FilmOptions, clip: Clip, terrain: Terrain, height: float = 0.0) -> CameraPath:
     """Return the camera of a film of a clip; the character is `height` metres tall. UsageError lists the names."""
-    path = _path_by_name(options, clip, terrain, max(1.0, height / USUAL_HEIGHT_M))
+    path = _path_by_name(options, clip, terrain, max(1.0, height / USUAL_CHARACTER_HEIGHT_M))
 
     def see(pose: Pose) -> Camera:
         camera = path(pose)
-        camera.fov_y = math.radians(options.fov_degrees) or FOV_Y
+        camera.fov_y = math.radians(options.fov_degrees) or FOV_Y_RAD
         return camera
 
     return see
@@ -159,10 +160,10 @@ def _still(options: FilmOptions, clip: Clip, terrain: Terrain, size: float) -> C
     along = path[-1] - path[0]
     yaw = math.atan2(along[0], along[2]) + 0.5 * math.pi
     across = math.hypot(high[0] - low[0], high[2] - low[2]) + 1.6
-    tangent = 2.0 * math.tan(FOV_Y / 2)
+    tangent = 2.0 * math.tan(FOV_Y_RAD / 2)
     away = options.distance or max(across * options.height / options.width, 2.4 * size) / tangent
     camera = Camera(target, yaw, 0.14, away)
-    while camera.pitch < MAX_PITCH and not _clear(camera, terrain):
+    while camera.pitch < MAX_PITCH_RAD and not _clear(camera, terrain):
         camera.pitch += 0.03
     return camera
 

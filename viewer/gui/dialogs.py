@@ -19,7 +19,7 @@ from viewer.gui.widgets import px
 from viewer.messages import Messages
 
 LINUX_PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")
-WIDTH = 460.0  # pixels at scale 1
+DIALOG_WIDTH = 460.0  # pixels at scale 1
 Filters = Sequence[str]  # in turns a name and its patterns: ["Projects", "*.sport"]
 
 
@@ -135,7 +135,7 @@ class Dialogs:
         size = imgui.get_io().display_size
         center = imgui.ImVec2(size.x / 2, size.y / 2)
         imgui.set_next_window_pos(center, imgui.Cond_.always, imgui.ImVec2(0.5, 0.5))
-        imgui.set_next_window_size(imgui.ImVec2(min(px(WIDTH), size.x - px(20)), 0))
+        imgui.set_next_window_size(imgui.ImVec2(min(px(DIALOG_WIDTH), size.x - px(20)), 0))
         flags = imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_title_bar
         imgui.begin(f"Path{OVER}", None, flags | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_resize)
         imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())

@@ -57,7 +57,7 @@ def _table(fonts: Fonts, changes: str) -> None:
     for title, rows in HELP:
         imgui.table_next_row()
         imgui.table_set_column_index(0)
-        imgui.push_font(fonts.bold, theme.FONT_SIZE)
+        imgui.push_font(fonts.bold, theme.FONT_SIZE_PX)
         with widgets.color(imgui.Col_.text, theme.ACCENT):
             imgui.text_unformatted(title)
         imgui.pop_font()

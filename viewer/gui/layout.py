@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-MARGIN = 10.0  # all lengths at scale 1
+MARGIN_PX = 10.0  # all lengths at scale 1
 STATUS_HEIGHT = 30.0
 LEFT_WIDTH, RIGHT_WIDTH = 316.0, 296.0
 SCENE_MIN_WIDTH = 240.0  # of the free view between the columns
@@ -12,7 +12,11 @@ TIMELINE_HEIGHT = (
     257.0  # two rows of buttons, the ruler and the tracks that every take has; more of them scroll
 )
 TRACKS_HEIGHT = 144.0  # of that, the tracks
-TALL_FROM, TALL_TO, TALLER = 700.0, 1000.0, 0.6  # in views of such heights the tracks grow by this fraction
+TALL_FROM_PX, TALL_TO_PX, TALLER_FRACTION = (
+    700.0,
+    1000.0,
+    0.6,
+)  # in views of such heights the tracks grow by this fraction
 MAX_TIMELINE_SHARE = 0.45  # of the height above the status line
 SCENE_PANEL_HEIGHT = 350.0  # with its sections folded; they scroll where there is no more room
 SCENE_SHARE = 0.53  # of a tall column
@@ -53,13 +57,13 @@ def arrange(
 
     Nothing depends on what the panels hold: what is under the mouse stays there when their contents change.
     """
-    m, status_height = MARGIN * scale, STATUS_HEIGHT * scale
+    m, status_height = MARGIN_PX * scale, STATUS_HEIGHT * scale
     status = Rect(0.0, max(height - status_height, 0.0), width, min(status_height, height))
     column_height = height - status_height - 2 * m
     view = Rect(0.0, 0.0, width, max(height - status_height, 1.0))
     columns: dict[str, Rect] = {}
     if panels and column_height >= 80 * scale:
-        narrow = width < (LEFT_WIDTH + RIGHT_WIDTH + SCENE_MIN_WIDTH + 4 * MARGIN) * scale
+        narrow = width < (LEFT_WIDTH + RIGHT_WIDTH + SCENE_MIN_WIDTH + 4 * MARGIN_PX) * scale
         left = Rect(m, m, min(LEFT_WIDTH * scale, width - 2 * m), column_height)
         right = Rect(width - m - RIGHT_WIDTH * scale, m, RIGHT_WIDTH * scale, column_height)
         if narrow:
@@ -76,7 +80,7 @@ def arrange(
 
 def _divided(column: Rect, scale: float) -> dict[str, Rect]:
     """The panels of the right column: one over the other, or as tabs where it is too low for that."""
-    m, least = MARGIN * scale, SCENE_PANEL_HEIGHT * scale
+    m, least = MARGIN_PX * scale, SCENE_PANEL_HEIGHT * scale
     if column.height - m - CLIPS_MIN_HEIGHT * scale < least:
         return {"right_tabs": column}
     scene = replace(column, height=max(SCENE_SHARE * (column.height - m), least))
@@ -103,9 +107,9 @@ def framing(layout: Layout, covered: float = 0.0) -> tuple[float, float, float]:
 
 def _timeline(view: Rect, scale: float) -> Rect | None:
     """Under the view, which it takes from: `framing` shows the character above it."""
-    m = MARGIN * scale
-    room = min(max((view.height / scale - TALL_FROM) / (TALL_TO - TALL_FROM), 0.0), 1.0)
-    wanted = (TIMELINE_HEIGHT + room * TALLER * TRACKS_HEIGHT) * scale
+    m = MARGIN_PX * scale
+    room = min(max((view.height / scale - TALL_FROM_PX) / (TALL_TO_PX - TALL_FROM_PX), 0.0), 1.0)
+    wanted = (TIMELINE_HEIGHT + room * TALLER_FRACTION * TRACKS_HEIGHT) * scale
     height = min(wanted, MAX_TIMELINE_SHARE * view.height)
     width = view.width - 2 * m
     if width < 180 * scale or height < 88 * scale:

@@ -15,8 +15,8 @@ from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
 from viewer.input.bindings import Action
 
-WINDOW_TOP = 60.0  # of a window that grows with its contents
-CARD_MARGIN = 10.0  # to the edges of the view, pixels at scale 1
+WINDOW_TOP_PX = 60.0  # of a window that grows with its contents
+CARD_MARGIN_PX = 10.0  # to the edges of the view, pixels at scale 1
 _FLAGS = imgui.WindowFlags_
 _KEPT = _FLAGS.no_move | _FLAGS.no_saved_settings
 FIXED = (
@@ -136,7 +136,7 @@ def draw_centred(panel: Panel, rect: Rect, fonts: Fonts) -> None:
         dim_behind(panel.name)
     free = max(size.y - px(STATUS_HEIGHT), 1.0)
     wide, high = min(px(panel.width), size.x - px(20)), free - px(20)
-    top = (free - min(px(panel.height), high)) / 2 if panel.height else px(WINDOW_TOP)
+    top = (free - min(px(panel.height), high)) / 2 if panel.height else px(WINDOW_TOP_PX)
     imgui.set_next_window_pos(imgui.ImVec2(size.x / 2, top), imgui.Cond_.appearing, imgui.ImVec2(0.5, 0.0))
     low = min(px(panel.height), high)
     imgui.set_next_window_size_constraints(imgui.ImVec2(wide, low), imgui.ImVec2(wide, max(low or high, 64)))
@@ -181,8 +181,8 @@ def card(
     It lies at the `right`, at the `bottom`, or `below` so much more at the top. `width` and `below` are pixels at scale 1;
     one `behind` is not brought to the front by a click.
     """
-    x = view.x + (view.width - px(CARD_MARGIN) if right else px(CARD_MARGIN))
-    y = view.y + (view.height - px(CARD_MARGIN) if bottom else px(CARD_MARGIN + below))
+    x = view.x + (view.width - px(CARD_MARGIN_PX) if right else px(CARD_MARGIN_PX))
+    y = view.y + (view.height - px(CARD_MARGIN_PX) if bottom else px(CARD_MARGIN_PX + below))
     imgui.set_next_window_pos(
         imgui.ImVec2(x, y), imgui.Cond_.always, imgui.ImVec2(float(right), float(bottom))
     )

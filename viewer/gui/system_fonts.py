@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from viewer.gl_bindings import imgui
-from viewer.gui.theme import FONT_SIZE
+from viewer.gui.theme import FONT_SIZE_PX
 
 # By script, the ones to be preferred first, in lower case.
 NAMES: dict[str, tuple[str, ...]] = {
@@ -78,7 +78,7 @@ class SystemFonts:
         config = imgui.ImFontConfig()
         config.merge_mode, config.dst_font = True, self.regular
         try:
-            imgui.get_io().fonts.add_font_from_file_ttf(str(path), FONT_SIZE, config)
+            imgui.get_io().fonts.add_font_from_file_ttf(str(path), FONT_SIZE_PX, config)
         except RuntimeError:  # ImGui's word for a file that is no font
             _LOG.warning("%s: this font cannot be read.", path)
             return

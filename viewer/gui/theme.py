@@ -11,7 +11,7 @@ from viewer.gl_bindings import imgui
 
 Color = tuple[float, float, float, float]
 
-FONT_SIZE = 15.0  # pixels at scale 1
+FONT_SIZE_PX = 15.0  # pixels at scale 1
 
 
 def _hex(code: str, alpha: float = 1.0) -> Color:
@@ -110,12 +110,12 @@ def load_fonts() -> Fonts:
         for path in (root / name, icons):
             if not path.is_file():
                 raise DisplayError(f"{path}: this font is missing.", "Install imgui-bundle again.")
-        font = atlas.add_font_from_file_ttf(str(root / name), FONT_SIZE)
+        font = atlas.add_font_from_file_ttf(str(root / name), FONT_SIZE_PX)
         merge = imgui.ImFontConfig()
         merge.merge_mode = True
-        merge.glyph_min_advance_x = FONT_SIZE * 1.25  # icons of one width line up
+        merge.glyph_min_advance_x = FONT_SIZE_PX * 1.25  # icons of one width line up
         merge.glyph_offset = imgui.ImVec2(0.0, 1.0)
-        atlas.add_font_from_file_ttf(str(icons), FONT_SIZE * 0.86, merge)
+        atlas.add_font_from_file_ttf(str(icons), FONT_SIZE_PX * 0.86, merge)
         return font
 
     regular = load("Roboto/Roboto-Regular.ttf")  # the first one is the default
@@ -144,7 +144,7 @@ def apply_style(scale: float) -> None:
     style.window_border_size = style.popup_border_size = style.tab_bar_border_size = 1.0
     style.frame_border_size = 0.0
     style.disabled_alpha = 0.45
-    style.font_size_base = FONT_SIZE
+    style.font_size_base = FONT_SIZE_PX
     style.font_scale_dpi = scale
     _set_colors(style)
 

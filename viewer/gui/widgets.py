@@ -14,11 +14,11 @@ from viewer.gui.layout import Rect
 from viewer.gui.theme import Color
 from viewer.settings import Settings
 
-GAP = 4.0  # between items side by side, pixels at scale 1
+GAP_PX = 4.0  # between items side by side, pixels at scale 1
 LABEL_WIDTH = 150.0  # of the name of a row, pixels at scale 1
 TOOLTIP_WIDTH, TOOLTIP_MIN_WIDTH = 290.0, 180.0  # pixels at scale 1
 TOOLTIP_LENGTH = 360  # characters
-TOOLTIP_EDGE = 40.0  # a column is at most so far from the edge of the window
+TOOLTIP_EDGE_PX = 40.0  # a column is at most so far from the edge of the window
 
 
 _PRIMARY: dict[int, Color] = {
@@ -68,14 +68,14 @@ def muted(text: str, wrap: bool = False) -> None:
 
 def label(text: str, tint: Color = theme.MUTED) -> None:
     """A field's label, above it."""
-    imgui.push_font(None, theme.FONT_SIZE * 0.87)
+    imgui.push_font(None, theme.FONT_SIZE_PX * 0.87)
     with color(imgui.Col_.text, tint):
         imgui.text_unformatted(text)
     imgui.pop_font()
 
 
 def heading(fonts: theme.Fonts, icon: str, text: str) -> None:
-    imgui.push_font(fonts.bold, theme.FONT_SIZE * 1.1)
+    imgui.push_font(fonts.bold, theme.FONT_SIZE_PX * 1.1)
     with color(imgui.Col_.text, theme.ACCENT):
         imgui.text_unformatted(icon)
     imgui.same_line(0, px(7))
@@ -113,7 +113,7 @@ def _place_in_view() -> float:
         return width
     right = space.x - (root.pos.x + root.size.x)
     left, width = root.pos.x, px(TOOLTIP_WIDTH)
-    if max(left, right) < px(TOOLTIP_MIN_WIDTH) or min(left, right) > px(TOOLTIP_EDGE):
+    if max(left, right) < px(TOOLTIP_MIN_WIDTH) or min(left, right) > px(TOOLTIP_EDGE_PX):
         return width
     padding = 2 * imgui.get_style().window_padding.x
     width = min(width, max(left, right) - padding - 2 * gap)
@@ -143,7 +143,7 @@ def icon_button(
 
 def tag(text: str, tint: Color = theme.ACCENT) -> None:
     """A short word on a rounded ground of its own colour."""
-    imgui.push_font(None, theme.FONT_SIZE * 0.87)
+    imgui.push_font(None, theme.FONT_SIZE_PX * 0.87)
     size, pad = imgui.calc_text_size(text), px(6)
     corner = imgui.get_cursor_screen_pos()
     low, high = corner, imgui.ImVec2(corner.x + size.x + 2 * pad, corner.y + size.y + px(2))
@@ -315,12 +315,12 @@ def tab(label: str, flags: int = 0) -> bool:
 
 def column_width(count: int) -> float:
     """The width of each of `count` items side by side in the rest of the line."""
-    return (imgui.get_content_region_avail().x - (count - 1) * px(GAP)) / count
+    return (imgui.get_content_region_avail().x - (count - 1) * px(GAP_PX)) / count
 
 
 def same_line() -> None:
     """The next item goes on the line of the one before."""
-    imgui.same_line(0, px(GAP))
+    imgui.same_line(0, px(GAP_PX))
 
 
 def row(label: str, hint: str = "") -> None:

@@ -10,10 +10,10 @@ from enum import Enum, auto
 from runtime.controls import Controls, Gait
 from viewer.input.gamepad import GamepadState, radial_dead_zone
 
-ZOOM_RATE = 9.0  # wheel steps per second of a held key
-HOLD_SECONDS = 0.35  # a crouch key that is held longer stands up when it is let go
-JUMP_SECONDS = 0.05  # a press lasts at least this long: one shorter than a step must not be lost
-TRIGGER_ON = 0.3
+ZOOM_STEPS_PER_S = 9.0  # wheel steps per second of a held key
+HOLD_S = 0.35  # a crouch key that is held longer stands up when it is let go
+JUMP_PRESS_S = 0.05  # a press lasts at least this long: one shorter than a step must not be lost
+TRIGGER_PRESSED_FRACTION = 0.3
 
 
 # Keys that work while a text field has the focus: they type nothing.
@@ -264,7 +264,7 @@ class InputMapper:
         return Intent(
             move=move,
             look=(look[0], -look[1] if invert else look[1]),
-            zoom=ZOOM_RATE * ((Action.ZOOM_IN in held) - (Action.ZOOM_OUT in held)),
+            zoom=ZOOM_STEPS_PER_S * ((Action.ZOOM_IN in held) - (Action.ZOOM_OUT in held)),
             gait=self._gait(held, pressed, pad, dt),
             strafe=Action.STRAFE in held,
             pressed=pressed,
@@ -293,7 +293,7 @@ class InputMapper:
             if action is Action.CROUCH:
                 self.crouching = not self.crouching
             elif action is Action.JUMP:
-                self._jump_left_s = JUMP_SECONDS
+                self._jump_left_s = JUMP_PRESS_S
         self._release_crouch(Action.CROUCH in held, dt)
         jumping = self._jump_left_s > 0.0
         self._jump_left_s = max(self._jump_left_s - dt, 0.0)
@@ -301,12 +301,12 @@ class InputMapper:
             return Gait.JUMP
         if self.crouching:
             return Gait.CROUCH
-        trigger = pad is not None and pad.right_trigger > TRIGGER_ON
+        trigger = pad is not None and pad.right_trigger > TRIGGER_PRESSED_FRACTION
         return Gait.JOG if trigger or Action.JOG in held else Gait.WALK
 
     def _release_crouch(self, held: bool, dt: float) -> None:
         """Stand up when a crouch key that was held for some time is let go."""
-        if not held and self._crouch_held_s > HOLD_SECONDS:
+        if not held and self._crouch_held_s > HOLD_S:
             self.crouching = False
         self._crouch_held_s = self._crouch_held_s + dt if held else 0.0
 

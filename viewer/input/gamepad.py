@@ -15,9 +15,10 @@ BUTTONS = (
     "left_thumb", "right_thumb", "dpad_up", "dpad_right", "dpad_down", "dpad_left",
 )  # fmt: skip
 MAX_MAPPING_BYTES = 4_000_000
-FULL = 0.95  # length of a stick that is all the way out
-_REST = 0.3  # a raw axis counts once it was seen this near its middle: dead and shifted axes never do
-_RELEASED = -0.7  # a raw trigger counts once it was seen below: what rests in its middle there is none
+FULL_STICK_RADIUS = 0.95  # length of a stick that is all the way out
+# a raw axis counts once it was seen this near its middle: dead and shifted axes never do
+_REST_DISTANCE = 0.3
+_MAX_RELEASED = -0.7  # a raw trigger counts once it was seen below: what rests in its middle there is none
 
 
 @dataclass(frozen=True)
@@ -46,12 +47,12 @@ class GamepadSource(Protocol):
 
 
 def radial_dead_zone(stick: tuple[float, float], dead: float) -> tuple[float, float]:
-    """Return a stick (x, y) whose length below `dead` is 0 and rises evenly to 1 at `FULL`; the direction is kept."""
+    """Return a stick (x, y) whose length below `dead` is 0 and rises evenly to 1 at `FULL_STICK_RADIUS`; the direction is kept."""
     x, y = stick
     length = math.hypot(x, y)
     if not math.isfinite(length) or length <= dead:
         return 0.0, 0.0
-    scale = min((length - dead) / max(FULL - dead, 1e-6), 1.0) / length
+    scale = min((length - dead) / max(FULL_STICK_RADIUS - dead, 1e-6), 1.0) / length
     return x * scale, y * scale
 
 
@@ -125,7 +126,7 @@ class GlfwGamepads:
 
 def _axis(number: int, value: float, trigger: bool, live: set[int]) -> float:
     """Return the value of a raw axis, or the value at rest until the axis was seen there."""
-    if value < _RELEASED if trigger else abs(value) < _REST:
+    if value < _MAX_RELEASED if trigger else abs(value) < _REST_DISTANCE:
         live.add(number)
     return value if number in live else -float(trigger)
 

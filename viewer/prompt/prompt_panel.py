@@ -88,7 +88,7 @@ class PromptPanel:
     def _tools(self) -> None:
         """Undo, redo and who answers, in the line of the panel's title."""
         controller, model = self.controller, self.language_model
-        prompt_field.undo_buttons(controller.editor, "", px(widgets.GAP), 26.0, bool(controller.pending))
+        prompt_field.undo_buttons(controller.editor, "", px(widgets.GAP_PX), 26.0, bool(controller.pending))
         widgets.same_line()
         hint = model.problem or f"Who answers prompts: {model.name or 'the library'}"
         tint = theme.WARNING if model.problem else theme.TEXT

@@ -15,24 +15,24 @@ from runtime.arrays import Array
 from runtime.easing import spring
 from runtime.terrain.height_map import PointHeights, Terrain
 
-FOV_Y = math.radians(38.0)
+FOV_Y_RAD = math.radians(38.0)
 LOOK_HEIGHT_M = 0.86  # of the point looked at, over the ground
 NEAR_M = 0.1
 FAR_M = 300.0
-ORBIT_RADIANS_PER_PIXEL = 0.006
+ORBIT_RAD_PER_PX = 0.006
 FOOT_M, STANDING_M = 0.15, 2.0  # a foot over the ground, and the highest that a camera looks at a character
-MAX_LIFT = 0.6  # of the distance, to see feet behind a step
-ZOOM_PER_STEP = 0.88
-STICK_TURN_SPEED = 2.6  # radians per second at full stick
-STICK_TILT_SPEED = 1.6
-TARGET_HALF_LIFE = 0.09  # seconds, horizontal
-TARGET_HEIGHT_HALF_LIFE = 0.20  # slower, so that stairs do not shake the view
-STICK_HALF_LIFE = 0.05
-STICK_REST = 0.02  # a stick this close to its middle rests
-ALIGN_HALF_LIFE = 1.1
-LIFT_HALF_LIFE = 0.10
+MAX_LIFT_FRACTION = 0.6  # of the distance, to see feet behind a step
+ZOOM_STEP_FACTOR = 0.88
+STICK_TURN_RAD_PER_S = 2.6  # radians per second at full stick
+STICK_TILT_RAD_PER_S = 1.6
+TARGET_HALF_LIFE_S = 0.09  # seconds, horizontal
+TARGET_HEIGHT_HALF_LIFE_S = 0.20  # slower, so that stairs do not shake the view
+STICK_HALF_LIFE_S = 0.05
+STICK_REST_RADIUS = 0.02  # a stick this close to its middle rests
+ALIGN_HALF_LIFE_S = 1.1
+LIFT_HALF_LIFE_S = 0.10
 _BEFORE_FEET, _ON_BOOM = np.linspace(0.15, 0.9, 16), np.linspace(0.25, 1.0, 12)  # of the way to the eye
-OPENING_HALF_LIFE = 0.35  # of the turn of an opening view, once the character walks
+OPENING_HALF_LIFE_S = 0.35  # of the turn of an opening view, once the character walks
 GROUND_CLEARANCE_M = 0.35
 ORBIT_CLEARANCE_M = 0.08  # an orbit camera may look at feet from close to the ground
 
@@ -75,7 +75,7 @@ class Camera:
     yaw: float = math.pi
     pitch: float = 0.2
     distance: float = 4.5
-    fov_y: float = FOV_Y
+    fov_y: float = FOV_Y_RAD
     # where the target shows, -1 (left, bottom) to 1, and the fraction of the window's height that the view fills:
     # panels may cover a side, and a timeline the ground
     shift: float = 0.0
@@ -131,8 +131,8 @@ class OrbitCamera(Camera):
 
     def orbit(self, dx_px: float, dy_px: float) -> None:
         """Drag the scene by pixels: right turns it to the right, down shows it from above."""
-        self.yaw = math.remainder(self.yaw - dx_px * ORBIT_RADIANS_PER_PIXEL, math.tau)
-        pitch = self.pitch + dy_px * ORBIT_RADIANS_PER_PIXEL
+        self.yaw = math.remainder(self.yaw - dx_px * ORBIT_RAD_PER_PX, math.tau)
+        pitch = self.pitch + dy_px * ORBIT_RAD_PER_PX
         self.pitch = min(max(pitch, self.MIN_PITCH), self.MAX_PITCH)
 
     def pan(self, dx_px: float, dy_px: float, viewport_height_px: float) -> None:
@@ -143,7 +143,7 @@ class OrbitCamera(Camera):
 
     def zoom(self, steps: float) -> None:
         """Zoom by steps of the wheel; positive ones come closer."""
-        distance = self.distance * ZOOM_PER_STEP**steps
+        distance = self.distance * ZOOM_STEP_FACTOR**steps
         self.distance = min(max(distance, self.MIN_DISTANCE), self.MAX_DISTANCE)
 
     def _lift_over_feet(self, terrain: Terrain) -> float:
@@ -156,7 +156,7 @@ class OrbitCamera(Camera):
         way = _BEFORE_FEET
         over = terrain.height(x + way * (eye[0] - x), z + way * (eye[2] - z)) + FOOT_M / 3
         lift = (over - foot - way * (eye[1] - foot)) / way
-        return min(float(np.max(lift)), MAX_LIFT * self.distance)
+        return min(float(np.max(lift)), MAX_LIFT_FRACTION * self.distance)
 
     def keep_above(self, terrain: Terrain | None, dt: float) -> None:
         """Lift the eye, smoothly, until no ground lies between it and the target."""
@@ -166,7 +166,7 @@ class OrbitCamera(Camera):
             ground = terrain.height(points[:, 0], points[:, 2]) + self.CLEARANCE_M
             goal = max(0.0, float(np.max((ground - points[:, 1]) / _ON_BOOM)), self._lift_over_feet(terrain))
         self._lift_m, self._lift_velocity = spring(
-            self._lift_m, self._lift_velocity, np.array(goal), LIFT_HALF_LIFE, dt
+            self._lift_m, self._lift_velocity, np.array(goal), LIFT_HALF_LIFE_S, dt
         )
         if terrain is not None:  # never inside the ground, however fast it rises
             x, y, z = self.position.tolist()
@@ -223,31 +223,31 @@ class FollowCamera(OrbitCamera):
         `target` `(3,)` is what to follow, `stick` the right stick (x right, y up, -1..1), `terrain` what to stay
         above, `align_yaw` a heading to turn towards gently while the stick rests (None: keep the heading).
         """
-        half_life = np.array([TARGET_HALF_LIFE, TARGET_HEIGHT_HALF_LIFE, TARGET_HALF_LIFE])
+        half_life = np.array([TARGET_HALF_LIFE_S, TARGET_HEIGHT_HALF_LIFE_S, TARGET_HALF_LIFE_S])
         self.target, self._target_velocity = spring(
             self.target, self._target_velocity, np.asarray(target, float), half_life, dt
         )
         self._turn_by_stick(stick, dt)
-        if align_yaw is not None and math.hypot(*stick) < STICK_REST:
+        if align_yaw is not None and math.hypot(*stick) < STICK_REST_RADIUS:
             self._align(align_yaw, dt)
         self.keep_above(terrain, dt)
 
     def _turn_by_stick(self, stick: tuple[float, float], dt: float) -> None:
-        if abs(stick[0]) >= STICK_REST:
+        if abs(stick[0]) >= STICK_REST_RADIUS:
             self._opening = 0.0
-        goal = np.array([-stick[0] * STICK_TURN_SPEED, -stick[1] * STICK_TILT_SPEED])
-        self._turn, self._turn_velocity = spring(self._turn, self._turn_velocity, goal, STICK_HALF_LIFE, dt)
+        goal = np.array([-stick[0] * STICK_TURN_RAD_PER_S, -stick[1] * STICK_TILT_RAD_PER_S])
+        self._turn, self._turn_velocity = spring(self._turn, self._turn_velocity, goal, STICK_HALF_LIFE_S, dt)
         self.yaw = math.remainder(self.yaw + float(self._turn[0]) * dt, math.tau)
         self.pitch = min(max(self.pitch + float(self._turn[1]) * dt, self.MIN_PITCH), self.MAX_PITCH)
 
     def _align(self, yaw: float, dt: float) -> None:
         if self._opening:
-            step = self._opening * (1.0 - 0.5 ** (dt / OPENING_HALF_LIFE))
+            step = self._opening * (1.0 - 0.5 ** (dt / OPENING_HALF_LIFE_S))
             step = step if abs(self._opening) > 0.01 else self._opening
             self._opening -= step
             self.yaw = math.remainder(self.yaw - step, math.tau)
             return
         difference = math.remainder(yaw - self.yaw, math.tau)
-        fraction = 1.0 - 0.5 ** (dt / ALIGN_HALF_LIFE)
+        fraction = 1.0 - 0.5 ** (dt / ALIGN_HALF_LIFE_S)
         # sin: a character that comes straight at the camera must not spin it round
         self.yaw = math.remainder(self.yaw + fraction * math.sin(difference), math.tau)

@@ -218,7 +218,7 @@ def ghost_draws(ghosts: list[Pose], pose: Pose | None, eye: Array) -> list[Chara
 def coarse_triangles(
     positions: Array, triangles: NDArray[np.integer], cell_m: float, colors: Array | None = None
 ) -> NDArray[np.integer]:
-    """Return fewer triangles `(n, 3)` over the same vertices: one vertex stands for its cell of space.
+    """Fewer triangles `(n, 3)` over the same vertices: one vertex stands for its cell of space.
 
     With `colors` `(V, 3)` for those of its color there: where two colors meet, both keep to the same line.
     """

@@ -21,9 +21,9 @@ STROKE = np.dtype(
 
 # Radii in metres on the ground, in pixels of a frame 720 high on top; colours sRGB.
 FOOT_RADIUS_M = 0.145
-FOOT_STRENGTH = 0.60
+FOOT_SHADE_WEIGHT = 0.60
 BODY_RADIUS_M = 0.60
-BODY_STRENGTH = 0.16
+BODY_SHADE_WEIGHT = 0.16
 DOT_RADIUS_M = 0.038
 TICK_RADIUS_M = 0.013
 TICK_LENGTH_M = 0.20
@@ -53,7 +53,7 @@ SPEED_COLORS = (
     (0.98, 0.62, 0.10),
     (0.92, 0.18, 0.14),
 )
-FAST_MPS = 4.0  # metres per second of the last of them
+FAST_M_PER_S = 4.0  # metres per second of the last of them
 
 CONTACT_JOINTS = ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase")  # in the order of Pose.contacts
 CONTACT_INDICES = [SPORT_SKELETON.index(name) for name in CONTACT_JOINTS]
@@ -72,7 +72,7 @@ def make_strokes(
 
 
 def trajectory_strokes(trajectory: TrajectoryOverlay, terrain: Terrain) -> Strokes:
-    """Return a dot for each sample of a trajectory, with a tick where it faces, laid on the terrain: past grey, future blue."""
+    """A dot per sample with a tick where it faces, laid on the terrain: past grey, future blue."""
     places = np.asarray(trajectory.positions, np.float32)[:, [0, 2]]
     ends = places + TICK_LENGTH_M * np.asarray(trajectory.directions, np.float32)
     past = np.asarray(trajectory.past, bool)[:, None]
@@ -148,7 +148,7 @@ def trail_strokes(trails: TrailOverlay, pixel_scale: float) -> Strokes:
     steps, joints = len(points) - 1, points.shape[1]
     if steps < 1:
         return make_strokes(np.zeros((0, 3)), np.zeros((0, 3)), 1.0, OUTLINE)
-    stops = np.linspace(0.0, FAST_MPS, len(SPEED_COLORS))
+    stops = np.linspace(0.0, FAST_M_PER_S, len(SPEED_COLORS))
     rgb = [np.interp(speeds[1:], stops, np.array(SPEED_COLORS)[:, k]) for k in range(3)]
     ahead = (np.arange(steps) >= trails.now)[:, None]
     alpha = np.where(ahead, 0.45, 0.95) * np.ones((1, joints))
@@ -173,7 +173,10 @@ def marks_of(pose: Pose) -> Array:
     """Return what darkens the ground close by, `(2, 3, 4)`: for both feet and the body, heels with radii and toes with strengths."""
     soles = _soles(pose).reshape(2, 2, 3).swapaxes(0, 1)
     places = np.concatenate([soles, np.tile(pose.root_position, (2, 1, 1))], axis=1)
-    sizes = [FOOT_RADIUS_M, FOOT_RADIUS_M, BODY_RADIUS_M], [FOOT_STRENGTH, FOOT_STRENGTH, BODY_STRENGTH]
+    sizes = (
+        [FOOT_RADIUS_M, FOOT_RADIUS_M, BODY_RADIUS_M],
+        [FOOT_SHADE_WEIGHT, FOOT_SHADE_WEIGHT, BODY_SHADE_WEIGHT],
+    )
     return np.concatenate([places, np.array(sizes)[..., None]], axis=-1).astype(np.float32)
 
 

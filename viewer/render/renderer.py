@@ -34,7 +34,7 @@ from viewer.render.quality import Quality, choose_quality
 from viewer.render.targets import SceneTarget, ShadowMap
 from viewer.render.terrain_pass import TerrainPass
 
-LEVEL = 0.02  # rise over run: such a ground has no edges to soften
+LEVEL_SLOPE_RATIO = 0.02  # rise over run: such a ground has no edges to soften
 FIGURE_OPACITY = 0.75  # of one that stands where the character does
 
 
@@ -101,7 +101,7 @@ class Renderer:
             characters.draw(self._shadow_map.texture, on_top=True)
         self._draw_top_overlays(frame, pose, overlays)
         around = frame.screen_box(frame.cast[: len(frame.cast) // 2], SHADOW_MARGIN_M)
-        level = self._ground.steepest < LEVEL or self.quality.smooth_edges != "all"
+        level = self._ground.steepest < LEVEL_SLOPE_RATIO or self.quality.smooth_edges != "all"
         self._scene.present(target, around if level else (0, 0, *scene.size))
         self.ctx.enable_only(moderngl.NOTHING)
 

@@ -15,8 +15,8 @@ from runtime.terrain.height_map import Terrain
 from viewer.gl_bindings import imgui
 from viewer.input.bindings import NAVIGATION, Drag
 from viewer.render.camera import (
-    TARGET_HALF_LIFE,
-    TARGET_HEIGHT_HALF_LIFE,
+    TARGET_HALF_LIFE_S,
+    TARGET_HEIGHT_HALF_LIFE_S,
     FollowCamera,
     OrbitCamera,
 )
@@ -33,7 +33,7 @@ OPENING_TURN = -0.62  # radians from the walker's back, on the side that the sun
 NEAR_M, FAR_M, STEP_M = 1.0, 15.0, 0.25  # where obstacles are looked for
 DIRECTIONS = 16
 CLIMB_M = 0.15  # up and down along the way; less is level
-_TRACKING = np.array([TARGET_HALF_LIFE, TARGET_HEIGHT_HALF_LIFE, TARGET_HALF_LIFE])
+_TRACKING = np.array([TARGET_HALF_LIFE_S, TARGET_HEIGHT_HALF_LIFE_S, TARGET_HALF_LIFE_S])
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from runtime.controls import Gait
 from runtime.errors import UsageError
 from viewer.input.bindings import (
-    HOLD_SECONDS,
-    JUMP_SECONDS,
+    HOLD_S,
+    JUMP_PRESS_S,
     Action,
     InputMapper,
     Intent,
@@ -98,7 +98,7 @@ def test_keys_of_a_shortcut_do_nothing_of_their_own() -> None:
 
 def test_a_crouch_key_that_is_held_stands_up_when_it_is_let_go() -> None:
     mapper, keyboard = InputMapper(), pressed_keys("c")
-    frames = round(2 * HOLD_SECONDS / DT)
+    frames = round(2 * HOLD_S / DT)
     assert {mapper.read(keyboard, None, DT).gait for _ in range(frames)} == {Gait.CROUCH}
     keyboard.key("c", False)
     assert mapper.read(keyboard, None, DT).gait is Gait.WALK
@@ -111,8 +111,8 @@ def test_crouch_is_a_toggle_and_jump_lasts() -> None:
     assert mapper.read(keyboard, None, DT).gait is Gait.CROUCH
     keyboard.key("space", True)
     keyboard.key("space", False)  # both within one frame
-    frames = [mapper.read(keyboard, None, DT).gait for _ in range(round(JUMP_SECONDS * 60) + 3)]
-    assert frames.count(Gait.JUMP) == pytest.approx(JUMP_SECONDS * 60, abs=1)
+    frames = [mapper.read(keyboard, None, DT).gait for _ in range(round(JUMP_PRESS_S * 60) + 3)]
+    assert frames.count(Gait.JUMP) == pytest.approx(JUMP_PRESS_S * 60, abs=1)
     assert frames[-1] is Gait.CROUCH
     keyboard.key("c", True)
     assert mapper.read(keyboard, None, DT).gait is Gait.WALK

@@ -5,13 +5,12 @@ from __future__ import annotations
 import argparse
 import shutil
 import signal
-import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
 
-from tests.signals.commands import COMMANDS, SPORT, STARTED_S, Place, run_signalled, words
+from tests.signals.commands import COMMANDS, STARTED_S, Place, run_signalled, words
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -19,9 +18,12 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 def make_inputs(folder: Path) -> Path:
     """The takes, session and list that the commands read."""
     folder.mkdir()
+    from runtime.formats.bvh_clip import save_bvh
+    from runtime.takes.clip import Clip
+    from tests.helpers.walker import walk
+
     for name, seconds in (("take", 2), ("long", 20)):
-        clip = ["generate", "--prompt", "zombie", "--seconds", str(seconds), "--out", f"{folder / name}.bvh"]
-        subprocess.run([*SPORT, *clip], check=True, stderr=subprocess.DEVNULL)
+        save_bvh(Clip(name, 60.0, *walk(60 * seconds)), folder / f"{name}.bvh")
     (folder / "list.csv").write_text("prompt,out\n" + "".join(f"zombie,{k}.bvh\n" for k in range(12)))
     from runtime.session.session_file import SessionFile
 
@@ -33,6 +35,7 @@ def main() -> int:
     """Print a row for each command and signal; 1 when anything is wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="", help="commands whose name holds this")
+    parser.add_argument("--exact", help="one command by its whole name")
     parser.add_argument("--moments", type=int, default=12)
     parser.add_argument("--limit", type=float, default=2.0, help="seconds from the signal to the end")
     parser.add_argument("--group", action="store_true", help="to all processes, as a terminal does")
@@ -45,7 +48,7 @@ def main() -> int:
         folder = Path(name)
         inputs = make_inputs(folder / "inputs")
         for label, line in COMMANDS.items():
-            if options.only not in label:
+            if options.only not in label or options.exact not in (None, label):
                 continue
             whole, begin = Place(folder / "whole", inputs), time.monotonic()
             process = whole.start(words(line))

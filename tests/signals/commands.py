@@ -12,7 +12,6 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 SPORT = (sys.executable, "-m", "sport")
-STARTED_S = 0.12  # before which Python itself is imported, and nobody can take a signal
 # shader caches of the driver, and what finished runs leave too
 KEPT = ("mesa_shader_cache", ".sport-batch.lock", "manifest.jsonl", "settings.json")
 
@@ -114,7 +113,7 @@ class Place:
         with out.open("w") as stdout, err.open("w") as stderr:
             return subprocess.Popen(
                 command, cwd=self.folder / "work", env=self.environment(), stdin=subprocess.DEVNULL,
-                stdout=stdout, stderr=stderr, text=True, start_new_session=True,
+                stdout=stdout, stderr=stderr, text=True, start_new_session=True, preexec_fn=_heed,
             )  # fmt: skip
 
     def ended(self, process: subprocess.Popen[str], since: float, limit_s: float = 60.0) -> Ended:
@@ -132,6 +131,12 @@ class Place:
         left = sorted(self.files() - self.before)
         said = (self.folder / "err").read_text(errors="replace")
         return Ended(code if code >= 0 else 128 - code, seconds, said, left, len(running))
+
+
+def _heed() -> None:
+    """Take the signals as a command in the foreground does: a shell has its background jobs ignore Ctrl+C."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
 
 
 def others(session: int) -> list[int]:

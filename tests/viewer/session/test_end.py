@@ -213,9 +213,10 @@ def test_a_signal_ends_the_loop_with_its_code_and_a_sentence(
 
     monkeypatch.setattr(app_module.App, "frame", watched)
     options = ViewOptions(offscreen=True, frames=40, terrain="flat", screenshot=tmp_path / "shot.png")
-    before = signal.getsignal(signal.SIGINT)
+    before = signal.default_int_handler
+    shells = signal.signal(signal.SIGINT, before)  # which ignores it in the background
     assert app_module.run(options, fake_services(drawn=False), tmp_path / "config") == code
-    assert signal.getsignal(signal.SIGINT) is before
+    assert signal.signal(signal.SIGINT, shells) is before
     assert len(library.find(tmp_path / "config" / "sessions")) == int(recorded and number is not None)
     assert (tmp_path / "shot.png").exists() == (number is None)
     what = {signal.SIGINT: "Ctrl+C", signal.SIGTERM: "SIGTERM"}.get(number)  # type: ignore[call-overload]

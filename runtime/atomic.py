@@ -1,4 +1,4 @@
-"""Files appear whole or not at all: write next to the target, then rename over it or link it to a name that is free."""
+"""Writes files whole or not at all: next to the target, then renamed over it or linked to a name that is free."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MAX_NUMBER = 100_000  # of names tried by `write_new`
 
 @contextlib.contextmanager
 def atomic_path(target: str | Path) -> Iterator[Path]:
-    """Path of a temporary file next to `target` that replaces it when the block ends without an error.
+    """Yield the path of a temporary file next to `target`, which it replaces when the block ends without an error.
 
     Missing folders are made, a link is followed, and the mode is that of the old file or the umask's. FileError names
     the target when it cannot be written or is a device or pipe; the old file then stays as it was.
@@ -112,7 +112,7 @@ def temporary_folder(beside: Path | None = None) -> Iterator[Path]:
 
 
 def _runs(process: int) -> bool:
-    """Whether a process of this number runs here; on Windows, where such a check would end it, False."""
+    """Return whether a process of this number runs here; on Windows, where such a check would end it, False."""
     if process == 0 or sys.platform == "win32":
         return False
     try:
@@ -125,7 +125,7 @@ def _runs(process: int) -> bool:
 
 
 def write_new(target: str | Path, content: str | bytes) -> Path:
-    """Write a whole file under `target`'s name, or the first of name-2, name-3, … that is free; the path it got.
+    """Write a whole file under `target`'s name, or the first of name-2, name-3, … that is free; return its path.
 
     The name is taken and filled in one step, so that programs that write at the same moment all keep their files.
     """
@@ -142,7 +142,7 @@ def write_new(target: str | Path, content: str | bytes) -> Path:
 
 
 def _take_name(temporary: Path, target: Path) -> Path:
-    """Give the finished file the first name that is free; its path."""
+    """Give the finished file the first name that is free; return its path."""
     for number in range(1, MAX_NUMBER):
         candidate = target if number == 1 else target.with_stem(f"{target.stem}-{number}")
         try:
@@ -164,12 +164,12 @@ def _take_name(temporary: Path, target: Path) -> Path:
 
 
 def check_target(target: str | Path) -> None:
-    """FileError when `target` cannot be written: for use before the work whose result it holds."""
+    """Raise FileError when `target` cannot be written: for use before the work whose result it holds."""
     _remove(_temporary_beside(Path(target))[1])
 
 
 def _temporary_beside(target: Path) -> tuple[Path, Path]:
-    """The file that `target` means, its links followed, and a new empty file next to it with the mode it is to have."""
+    """Return the file that `target` names, its links followed, and a new empty file next to it with the right mode."""
     try:
         found = _existing(target)
         final = Path(os.path.realpath(target)) if target.is_symlink() else target
@@ -179,7 +179,7 @@ def _temporary_beside(target: Path) -> tuple[Path, Path]:
 
 
 def _temporary(target: Path, final: Path, found: os.stat_result | None = None) -> Path:
-    """A new empty file next to `final`, with the mode of the one found there or the umask's; errors name `target`."""
+    """Make an empty file next to `final`, with the mode of the one found there or the umask's; errors name `target`."""
     temporary = final.with_name(_temporary_name(final.stem, final.suffix))
     flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY
     try:
@@ -213,7 +213,7 @@ def _remove(temporary: Path) -> None:
 
 
 def _existing(target: Path) -> os.stat_result | None:
-    """What is known of a file that is there; FileError for what must not be replaced: folders, devices, pipes."""
+    """Return the status of a file, None where there is none; FileError for what must not be replaced: folders, devices, pipes."""
     try:
         found = target.stat()
     except (FileNotFoundError, NotADirectoryError):

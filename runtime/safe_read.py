@@ -31,7 +31,7 @@ def read_bounded(
     missing: str = "Check the path.",
     error: type[SportError] = FileError,
 ) -> bytes:
-    """The bytes of a regular file of at most `limit` bytes, as an `error` where it is missing, larger or no such file.
+    """Return the bytes of a regular file; raise `error` where it is missing, larger than `limit`, or no such file.
 
     Pipes, sockets and devices are refused without waiting for them, and a file that grows is read up to the limit.
     """
@@ -51,7 +51,7 @@ def read_bounded(
 def open_regular(
     path: str | Path, *, missing: str = "Check the path.", error: type[SportError] = FileError
 ) -> Iterator[BinaryIO]:
-    """A regular file, open for reading, as an `error` where it is missing or no such file: no device or pipe is opened."""
+    """Yield a regular file, open for reading; raise `error` where it is missing, a device or a pipe, which are not opened."""
     try:
         status = os.stat(path)
         # without O_NONBLOCK a pipe that takes its place would hold up the program for ever
@@ -85,7 +85,7 @@ def _size(limit: int) -> str:
 
 
 def decode_text(data: bytes) -> str:
-    """Text in UTF-8 or UTF-16 with or without a byte order mark, else Latin-1, which can read every byte."""
+    """Return the text of bytes in UTF-8 or UTF-16, with or without a byte order mark, else in Latin-1, which can read every byte."""
     encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     try:
         return data.decode(encoding)
@@ -94,7 +94,10 @@ def decode_text(data: bytes) -> str:
 
 
 def parse_json(data: str | bytes, max_items: int = MAX_JSON_ITEMS, kind: type[dict[str, Any]] = dict) -> Any:
-    """The value of a JSON text in UTF-8, its objects of a `kind`; ValueError for all that is none, too deep or of more than `max_items` items."""
+    """Return the value of a JSON text in UTF-8, its objects as `kind`.
+
+    ValueError for all that is not JSON, too deep or of more than `max_items` items.
+    """
     text = data.decode("utf-8-sig") if isinstance(data, bytes) else data
     if sum(text.count(sign) for sign in "[{,") > max_items:
         raise ValueError(f"more than {max_items} items")
@@ -105,7 +108,7 @@ def parse_json(data: str | bytes, max_items: int = MAX_JSON_ITEMS, kind: type[di
 
 
 def _integer(digits: str) -> int | float:
-    """Of more digits than any field has, Python makes no number but an error for the whole text."""
+    """Return the number of a whole text of digits; infinity for more digits than any field has, at which Python raises an error."""
     return (
         int(digits)
         if len(digits) <= MAX_DIGITS
@@ -117,7 +120,7 @@ def _integer(digits: str) -> int | float:
 def open_npz(
     path: str | Path, remedy: str = "Choose another file.", error: type[SportError] = FileError
 ) -> Iterator[NpzFile]:
-    """Arrays of an NPZ by name, each read when it is first used.
+    """Yield the arrays of an NPZ by name, each read when it is first used.
 
     An `error` where the headers say objects, or more bytes than such a file may unpack to, and where the block finds an
     array missing, damaged or of another kind.
@@ -148,7 +151,7 @@ def open_npz(
 
 
 def _check_headers(path: str | Path) -> None:
-    """ValueError where the arrays of an NPZ are of objects, or of more bytes than it may unpack to."""
+    """Raise ValueError where the arrays of an NPZ are of objects, or of more bytes than it may unpack to."""
     import zipfile
 
     import numpy as np
@@ -168,12 +171,12 @@ def _check_headers(path: str | Path) -> None:
 
 
 def printable(text: object) -> str:
-    """Text that can be shown and written as UTF-8: what cannot, as in a file name that is no UTF-8, becomes U+FFFD."""
+    """Return text that can be shown and written as UTF-8: lone surrogates, as in a file name that is no UTF-8, become U+FFFD."""
     return re.sub(r"[\ud800-\udfff]", "\ufffd", str(text))
 
 
 def is_text(value: Any) -> TypeGuard[str]:
-    """Whether a value of JSON is text that can be shown and written: lone surrogates cannot."""
+    """Return whether a value of JSON is text that can be shown and written: lone surrogates cannot."""
     if not isinstance(value, str):
         return False
     try:
@@ -184,7 +187,7 @@ def is_text(value: Any) -> TypeGuard[str]:
 
 
 def reason(error: BaseException) -> str:
-    """What a library says of a file, short and on one line, for the brackets of a message."""
+    """Return a library's words on a file, short and on one line, for the brackets of a message."""
     said = " ".join(str(error).split())
     return (said if said and isinstance(error, OSError | ValueError) else f"{type(error).__name__}: {said}")[
         :160

@@ -68,7 +68,7 @@ __all__ = [*_MODULES]
 
 
 def __getattr__(name: str) -> Any:
-    """A public name, from the module that defines it."""
+    """Return a public name from the module that defines it."""
     if name not in _MODULES:
         raise AttributeError(f"module 'sport' has no attribute '{name}'")
     import importlib

@@ -16,7 +16,7 @@ NEW_OBJECTS = (
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; the exit code: 0, 1 for a failed check, 2 when the user can correct what is wrong.
+    """Run the command and return its exit code: 0, 1 for a failed check, 2 when the user can correct what is wrong.
 
     Without `argv` the command is this whole process: a signal ends it, and it does not return.
     """
@@ -27,7 +27,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run the command with its arguments, `view` without any; the exit code."""
+    """Run the command with its arguments, `view` without any, and return the exit code."""
     import gc
 
     gc.set_threshold(NEW_OBJECTS)

@@ -55,7 +55,7 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
 
 
 def _arguments(options: argparse.Namespace, controls: StickScript | None) -> dict[str, Any]:
-    """Those of `generate_clip` that all variants have."""
+    """Return the arguments of `generate_clip` that all variants have."""
     from sport.commands.export import note
 
     return {
@@ -68,7 +68,7 @@ def _arguments(options: argparse.Namespace, controls: StickScript | None) -> dic
 
 
 def _size_of(export: ExportOptions) -> float:
-    """How large the character of an export is, that the motion be made for it; 1 for the mannequin. FileError."""
+    """Return the size of the export's character, for which the motion is made; 1 for the mannequin. FileError."""
     from runtime.character.character import load_character
 
     if export.character is None or export.fit_to_motion:
@@ -77,7 +77,7 @@ def _size_of(export: ExportOptions) -> float:
 
 
 def _outputs(options: argparse.Namespace) -> list[Path]:
-    """The file, or one for each variant; UsageError."""
+    """Return the file, or one for each variant; UsageError."""
     from sport.commands.export import numbered
 
     if options.seed < 0:
@@ -94,7 +94,7 @@ def _outputs(options: argparse.Namespace) -> list[Path]:
 
 
 def _controls(options: argparse.Namespace) -> tuple[StickScript | None, float]:
-    """The stick as text, where it is given, and the seconds of the clip; UsageError."""
+    """Return the script of the stick, where one is given, and the seconds of the clip; UsageError."""
     from runtime.motion.control_scripts import parse_stick
 
     if options.controls is None:
@@ -107,7 +107,7 @@ def _controls(options: argparse.Namespace) -> tuple[StickScript | None, float]:
 
 
 def _prompt(options: argparse.Namespace) -> Any:
-    """What `generate_clip` takes: a prompt, prompts with times, six descriptions, or a blend."""
+    """Return the prompt that `generate_clip` takes: one text, texts with times, six descriptions, or a blend."""
     from runtime.generate import load_parts, parse_prompts
     from runtime.prompts.blend import BlendedPrompt
     from runtime.prompts.expander import DEFAULT_PROMPT, check_prompt

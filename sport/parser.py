@@ -28,7 +28,7 @@ MAX_MESSAGE = 400  # characters of what a parser says
 
 
 def run(arguments: list[str]) -> int:
-    """Run a command with its arguments; its exit code. SportError."""
+    """Run a command with its arguments and return its exit code. SportError."""
     if arguments[0] in training.COMMANDS:
         return training.run(arguments[0], arguments[1:])
     options = build_parser().parse_args(arguments)
@@ -40,7 +40,7 @@ def run(arguments: list[str]) -> int:
 
 
 def _with_flag(error: UsageError) -> UsageError:
-    """The error with the argument's name in place of the parameter's."""
+    """Return the error with the argument's name in place of the parameter's."""
     if not error.parameter:
         return error
     options = {field.name: spec.flag for field, spec in export_arguments()}
@@ -59,7 +59,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 class _ShowVersion(argparse.Action):
-    """`--version`: the version of the installed package."""
+    """Prints the version of the installed package (`--version`)."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
         from importlib.metadata import PackageNotFoundError, version
@@ -73,7 +73,7 @@ class _ShowVersion(argparse.Action):
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """The command line, without importing what the subcommands need."""
+    """Return the parser of the command line, without importing what the subcommands need."""
     parser = _Parser(
         prog="sport",
         description=_DESCRIPTION,

@@ -33,7 +33,7 @@ _SWITCH = {
 
 @dataclass(frozen=True)
 class BatchRow:
-    """One clip: its number from 1 on, what its row gives by the name of the argument, and why it cannot be made."""
+    """Holds a row of the list: its number from 1 on, its values by the names of arguments, and why it cannot be made."""
 
     number: int
     values: dict[str, Any]
@@ -42,7 +42,7 @@ class BatchRow:
 
 @dataclass(frozen=True)
 class Task:
-    """One clip to make: `options` are the arguments of `sport generate`; `key` changes with them and what they name."""
+    """Holds a clip to make: `options` are the arguments of `sport generate`; `key` changes with them and the files that they name."""
 
     number: int
     values: dict[str, Any]
@@ -58,7 +58,7 @@ class RowParser(argparse.ArgumentParser):
 
 
 def read_rows(path: Path) -> list[BatchRow]:
-    """The rows of a list; a row that cannot be read has an `error`. FileError or UsageError for the list as a whole."""
+    """Return the rows of a list; a row that cannot be read has an `error`. FileError or UsageError for the list as a whole."""
     suffix = path.suffix.lower()
     if suffix not in (".csv", ".jsonl"):
         raise UsageError(f" {path}: expected .csv or .jsonl.", _REMEDY, "batch")
@@ -106,14 +106,14 @@ def _json_row(number: int, line: str) -> BatchRow:
 
 
 def _name(text: str | None) -> str:
-    """The name of an argument as columns may spell it: "--ground-out", "Ground out" and "ground_out" are one."""
+    """Return the argument's name of a column: "--ground-out", "Ground out" and "ground_out" are one."""
     return (text or "").strip().lstrip("-").replace("-", "_").replace(" ", "_").lower()
 
 
 def plan(
     rows: Sequence[BatchRow], parser: RowParser, base: argparse.Namespace
 ) -> tuple[list[Task], list[BatchRow]]:
-    """Tasks of the rows that can be made, and the others with their errors; UsageError for a column that is no argument.
+    """Return tasks of the rows that can be made, and the others with their errors; UsageError for a column that is no argument.
 
     `parser` knows the arguments of `sport generate`, `base` has those of the command, which stand for every row.
     """
@@ -139,7 +139,7 @@ def plan(
 def _options(
     row: BatchRow, parser: RowParser, known: dict[str, argparse.Action], base: argparse.Namespace
 ) -> argparse.Namespace:
-    """The arguments of a row over those of the command."""
+    """Return the arguments of a row over those of the command."""
     if row.error:
         raise UsageError(row.error)
     kept = {name: value for name, value in vars(base).items() if name not in (*NOT_COLUMNS, "command")}
@@ -158,7 +158,7 @@ def _options(
 
 
 def _check_targets(options: argparse.Namespace, number: int, writers: dict[str, int]) -> None:
-    """UsageError unless a row writes below the folder of the batch, and what no row before it writes."""
+    """Raise UsageError unless a row writes below the folder of the batch, and into no file of an earlier row."""
     for path in filter(None, (options.out, options.ground_out)):
         parts = PurePosixPath(path.as_posix()).parts
         if path.is_absolute() or path.drive or ".." in parts or not path.name or parts[0].startswith("."):
@@ -169,7 +169,7 @@ def _check_targets(options: argparse.Namespace, number: int, writers: dict[str, 
 
 
 def _key(options: argparse.Namespace) -> str:
-    """Changes with every argument, and with the content of the files and the model that they name."""
+    """Return a hash of every argument, and of the files and the model that they name."""
     values = {k: str(v) if isinstance(v, Path) else v for k, v in vars(options).items()}
     model = model_folder(options.model)
     paths = [model / "metadata.json", *(Path(p) for name in _FILES if (p := getattr(options, name)))]
@@ -179,7 +179,7 @@ def _key(options: argparse.Namespace) -> str:
 
 @cache  # of one plan: rows name the same files
 def _fingerprint(path: Path) -> str:
-    """The hash of a file; "" for a name of the library, or a file that the row will miss."""
+    """Return the hash of a file; "" for a name of the library, or a file that does not exist."""
     try:
         size = path.stat().st_size if path.is_file() else -1
         if 0 <= size <= MAX_HASHED_BYTES:
@@ -190,6 +190,6 @@ def _fingerprint(path: Path) -> str:
 
 
 def sha256(path: Path) -> str:
-    """Hash of a file."""
+    """Return the SHA-256 of a file."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

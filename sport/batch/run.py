@@ -1,4 +1,4 @@
-"""A batch from its list to its manifest: what is there is kept, what is missing is made, what fails is listed."""
+"""Runs a batch from its list to its manifest: files that are there are kept, missing ones are made, failures are listed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MAX_WORKERS = 1024
 
 
 def run_batch(options: argparse.Namespace, parser: RowParser) -> int:
-    """Make the clips of `options.batch` in the folder `options.out`; 0, or 1 when rows failed. SportError."""
+    """Make the clips of `options.batch` in the folder `options.out`; return 0, or 1 when rows failed. SportError."""
     if options.workers is not None and not 1 <= options.workers <= MAX_WORKERS:
         raise UsageError(f" {options.workers}: expected 1 to {MAX_WORKERS}.", "Try 2.", "workers")
     rows = read_rows(options.batch)
@@ -62,7 +62,7 @@ def _make(lines: Iterator[Line], manifest: Manifest, progress: BatchProgress) ->
 
 
 def _lines(tasks: list[Task], options: argparse.Namespace, scratch: Path) -> Iterator[Line]:
-    """The lines of tasks as they are made."""
+    """Yield the lines of tasks as they are made."""
     workers = options.workers or cores()
     if not tasks:
         return iter(())
@@ -83,7 +83,7 @@ def _report(manifest: Manifest, numbers: list[int], progress: BatchProgress) -> 
 
 @contextmanager
 def _held(folder: Path) -> Iterator[None]:
-    """No other batch writes into the folder. FileError."""
+    """Keep other batches out of the folder. FileError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         handle = open_locked(folder / LOCK, create=True)
@@ -100,7 +100,7 @@ def _held(folder: Path) -> Iterator[None]:
 
 
 class Manifest:
-    """What is known of the rows of `folder`; `add` appends a line that a crash cannot take back."""
+    """Holds what is known of the rows of `folder`; `add` appends a line that a crash cannot take back."""
 
     def __init__(self, folder: Path) -> None:
         self.path = below(folder, MANIFEST)
@@ -108,7 +108,7 @@ class Manifest:
         self._file: IO[bytes] | None = None
 
     def done(self, task: Task) -> bool:
-        """Whether a task was made, of these arguments, and all its files are still as they were."""
+        """Return whether a task was made with these arguments, and all its files are unchanged."""
         line = self.lines.get(task.number, {})
         if line.get("error") or line.get("key") != task.key or not isinstance(line.get("files"), dict):
             return False
@@ -132,7 +132,7 @@ class Manifest:
             ) from error
 
     def finish(self, numbers: Iterable[int]) -> None:
-        """One line for each of these rows, in their order; older ones go."""
+        """Write one line for each of these rows, in their order, without older ones."""
         write_atomic(self.path, "".join(_text(self.lines[n]) for n in sorted(numbers) if n in self.lines))
 
     def close(self) -> None:
@@ -143,7 +143,7 @@ class Manifest:
 
 
 def read_lines(path: Path) -> dict[int, Line]:
-    """The last line of each row; lines that are damaged, as the last one of a run that was killed, are left out."""
+    """Return the last line of each row, without damaged ones, such as the last one of a run that was killed."""
     if not path.exists():
         return {}
     found = {}
@@ -163,7 +163,7 @@ def _text(line: Line) -> str:
 
 @dataclass
 class BatchProgress:
-    """One line on a terminal, a line every tenth in a log; `kept` are those that were there already."""
+    """Shows progress in one line on a terminal, a line every tenth in a log; `kept` counts clips that were there already."""
 
     total: int
     kept: int = 0
@@ -173,11 +173,11 @@ class BatchProgress:
 
     @property
     def per_minute(self) -> float:
-        """Rows a minute since the start."""
+        """Return the rows made in a minute since the start."""
         return 60.0 * (self.made + self.failed) / max(time.monotonic() - self.begun_s, 1e-6)
 
     def add(self, failed: bool) -> None:
-        """One row is done: counts, rows a minute, and the time that is left."""
+        """Count a row that is done, and show counts, rows a minute, and the time that is left."""
         self.failed, self.made = self.failed + failed, self.made + (not failed)
         done = self.kept + self.made + self.failed
         left_s = (self.total - done) / max(self.per_minute, 1e-6) * 60.0

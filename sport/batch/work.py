@@ -1,4 +1,4 @@
-"""Rows made into files: one row, and all of them by processes of this machine."""
+"""Makes rows into files: one row, and all of them by processes of this machine."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ _PROGRESS = re.compile(r": (a film of|\d+ of \d+ frames|this folder is new)")
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def processes(workers: int, scratch: Path | None = None) -> ProcessPoolExecutor:
-    """Processes of this machine, each with one thread; what they write for a while lies in the folder `scratch`."""
+    """Return an executor of processes of this machine, each with one thread; their temporary files are in `scratch`."""
     os.environ.update(THREADS)  # for the processes that begin here
     return ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _begin, (scratch,))
 
 
 def _begin(scratch: Path | None) -> None:
-    """A worker ends with the process that leads, however that went; signals are for the latter."""
+    """Set up a worker: it ends with the process that leads, however that ends; signals are for the latter."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # on Windows no mask keeps it away
     tempfile.tempdir = str(scratch) if scratch else None
     leader = multiprocessing.parent_process()
@@ -59,7 +59,7 @@ def _begin(scratch: Path | None) -> None:
 
 
 def entry(row: Any, error: str = "", **made: Any) -> Line:
-    """A line of a row or task: its arguments, file, files with their hashes, seconds of work, error."""
+    """Return the manifest's line of a row or task: arguments, file, files with their hashes, seconds of work, error."""
     fields: Line = {
         "file": None,
         "sha256": None,
@@ -74,7 +74,7 @@ def entry(row: Any, error: str = "", **made: Any) -> Line:
 def make_rows(
     tasks: Sequence[Task], target: Path, executor: Callable[[], Executor], workers: int
 ) -> Iterator[Line]:
-    """The line of each task as it is finished, its files in place.
+    """Yield the line of each task as it is finished, its files in place.
 
     A process that dies takes its executor with it: the rows under way are made once more, each by an executor of its
     own, so that one that ends its process again costs itself alone.
@@ -101,7 +101,7 @@ def make_rows(
 def _submit(
     pool: Executor, waiting: list[Task], under_way: dict[Future[Made], Task], most: int
 ) -> list[Task]:
-    """Begin tasks until `most` are under way; the one that a broken pool refuses."""
+    """Begin tasks until `most` are under way; return the one that a broken pool refuses."""
     while waiting and len(under_way) < most:
         task = waiting.pop()
         try:
@@ -114,7 +114,7 @@ def _submit(
 
 @contextlib.contextmanager
 def _closed(executor: Executor) -> Iterator[Executor]:
-    """An executor that drops what has not begun when the block ends, and after an error ends its processes, too."""
+    """Yield an executor that drops what has not begun when the block ends; after an error its processes end, too."""
     try:
         yield executor
     except BaseException:
@@ -125,7 +125,7 @@ def _closed(executor: Executor) -> Iterator[Executor]:
 
 
 def _placed(task: Task, future: Future[Made], target: Path) -> Line:
-    """The line of a task; its files written, each whole, the main one last."""
+    """Write the files of a task, each whole, the main one last, and return its line."""
     try:
         line, files = future.result()
         for name in sorted(files, key=lambda name: name == line["file"]):
@@ -138,7 +138,7 @@ def _placed(task: Task, future: Future[Made], target: Path) -> Line:
 
 
 def below(folder: Path, name: str) -> Path:
-    """The place of a file in the folder of the batch. FileError where a link is on the way: it may lead anywhere."""
+    """Return the path of a file in the folder of the batch; FileError where a link is on the way: it may lead anywhere."""
     path = folder
     for part in PurePosixPath(name).parts:
         path /= part
@@ -152,7 +152,7 @@ def _problem(error: Exception) -> str:
 
 
 def make_row(task: Task) -> Made:
-    """On a worker: a task's line of the manifest, whatever happens, and its files."""
+    """Return a task's line of the manifest, whatever happens, and its files; called on a worker."""
     with temporary_folder() as scratch:
         begin, folder, printed = time.perf_counter(), scratch / "row", io.StringIO()
         try:
@@ -174,7 +174,7 @@ def make_row(task: Task) -> Made:
 
 
 def _write_clips(task: Task, folder: Path) -> None:
-    """As `sport generate` does; imported here, since a process that only leads needs none of it."""
+    """Write the clips of a row as `sport generate` does; imported here, since a process that only leads needs none of it."""
     from sport.clips import write_clips
 
     options = argparse.Namespace(**vars(task.options))
@@ -194,5 +194,5 @@ def _model_and_prompter(folder: Path | None, expander: str, text_encoder: Path |
 
 
 def _main_file(name: str, files: Collection[str]) -> str:
-    """The file of that name, else the first of several."""
+    """Return the file of that name, else the first of several."""
     return name if name in files else min((f for f in files if not f.endswith(".json")), default=min(files))

@@ -37,7 +37,7 @@ def add_blend(command: argparse.ArgumentParser) -> None:
 
 
 def blend_weights(options: argparse.Namespace) -> tuple[float, ...]:
-    """The share of the second prompt in each part, in the order of `PART_NAMES`."""
+    """Return the weight of the second prompt in each part, in the order of `PART_NAMES`."""
     from runtime.prompts.blend import parse_weights
 
     if options.blend is None and options.blend_weights is not None:
@@ -46,7 +46,7 @@ def blend_weights(options: argparse.Namespace) -> tuple[float, ...]:
 
 
 def size(text: str) -> tuple[int, int]:
-    """Width and height in pixels of "1280x720"; UsageError shows the form."""
+    """Return width and height in pixels of "1280x720"; UsageError shows the form."""
     parts = text.lower().split("x")
     if len(parts) != 2 or not all(part.isdigit() for part in parts):
         raise UsageError(f"--size {text}: expected WIDTHxHEIGHT in pixels.", "Write 1280x720.")
@@ -54,7 +54,7 @@ def size(text: str) -> tuple[int, int]:
 
 
 def export_arguments() -> Iterator[tuple[Field[object], ExportSpec]]:
-    """The options of an export that have an argument."""
+    """Yield the options of an export that have an argument."""
     for field in fields(ExportOptions):
         spec = spec_of(ExportOptions, field.name)
         if isinstance(spec, ExportSpec) and spec.flag:
@@ -62,7 +62,7 @@ def export_arguments() -> Iterator[tuple[Field[object], ExportSpec]]:
 
 
 def add_export_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments that every export has; None, or False of a flag, where one is not given."""
+    """Declare the arguments that every export has; one that is not given is None, or False for a flag."""
     take = parser.add_argument_group("form of the take")
     film = parser.add_argument_group("form of a film")
     for field, spec in export_arguments():

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def export_options(arguments: argparse.Namespace) -> ExportOptions:
-    """Options from parsed arguments; UsageError."""
+    """Return the options of an export from parsed arguments; UsageError."""
     given: dict[str, Any] = {}
     for field, spec in export_arguments():
         value = getattr(arguments, spec.argument)
@@ -43,7 +43,7 @@ def export_options(arguments: argparse.Namespace) -> ExportOptions:
 
 
 def parse_range(text: str) -> tuple[float, float | None]:
-    """Seconds from "2:6.5"; "2:" goes to the end, ":6.5" begins at 0. UsageError shows the form."""
+    """Return start and end in seconds of "2:6.5"; "2:" goes to the end, ":6.5" begins at 0. UsageError shows the form."""
     start, colon, end = text.partition(":")
     try:
         if not colon:
@@ -56,7 +56,7 @@ def parse_range(text: str) -> tuple[float, float | None]:
 
 
 def check_outputs(paths: list[Path], options: ExportOptions) -> None:
-    """Everything about the files that can be known before the work; missing folders are made, and said so."""
+    """Check all that can be known of the files before the work; make missing folders, and say so."""
     from runtime.character.character import load_character
 
     for path in paths:
@@ -92,7 +92,7 @@ def write_take(clip: Clip, path: Path, options: ExportOptions, terrain: Terrain)
 
 
 def film_options(options: ExportOptions) -> FilmOptions:
-    """How a film of these options looks; UsageError names the one that cannot be used."""
+    """Return how a film of these options looks; UsageError names the one that cannot be used."""
     from viewer.filming.film import FilmOptions
 
     width, height = size(options.size)
@@ -104,7 +104,7 @@ def film_options(options: ExportOptions) -> FilmOptions:
 
 
 def _progress(path: Path) -> Progress:
-    """Progress in one line on a terminal, in ten lines in a log."""
+    """Return what shows progress: one line on a terminal, ten lines in a log."""
     terminal, said = sys.stderr.isatty(), f"sport: {printable(path.name)}: "
 
     def show(done: int, total: int) -> None:
@@ -117,10 +117,10 @@ def _progress(path: Path) -> Progress:
 
 
 def numbered(path: Path, number: int) -> Path:
-    """`walk.bvh` with a number: `walk-2.bvh`."""
+    """Return `walk.bvh` with a number: `walk-2.bvh`."""
     return path.with_stem(f"{path.stem}-{number}")
 
 
 def note(text: str) -> None:
-    """A remark on stderr, as every other one of the command."""
+    """Write a remark to stderr, as every other one of the command."""
     print(f"sport: {printable(text)}", file=sys.stderr)

@@ -137,7 +137,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def row_parser() -> RowParser:
-    """What parses a row of a batch: the arguments of this command without those of the batch itself."""
+    """Return the parser of a row of a batch: it has the arguments of this command without those of the batch itself."""
     from sport.batch.rows import RowParser
 
     parser = RowParser(prog="row", add_help=False, allow_abbrev=False)

@@ -72,7 +72,7 @@ def add(commands: Subparsers) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Open the viewer; its exit code."""
+    """Open the viewer and return its exit code."""
     from viewer.live.link import parse_address
     from viewer.options import ViewOptions
 

@@ -86,7 +86,7 @@ class ReferenceCard:
         if self._film is None or self.reference.takes.playback is None or view.width < px(MIN_VIEW):
             return 0.0
         least = SMALL_WIDTH if view.width < px(SMALL_VIEW) else WIDTH
-        return max(px(least), self.reference.reference.size * view.width) + px(panels.CARD_MARGIN_PX)
+        return max(px(least), self.reference.reference.size * view.width) + px(panels.CARD_MARGIN)
 
     def _draw(self, view: Rect) -> None:
         reference, playback, film = self.reference, self.reference.takes.playback, self._film
@@ -99,7 +99,7 @@ class ReferenceCard:
         if film is None:
             self._line(playback, view)
             return
-        width = self._film_width(view) / px(1.0) - panels.CARD_MARGIN_PX
+        width = self._film_width(view) / px(1.0) - panels.CARD_MARGIN
         with panels.card("Reference", view, width, bottom=True):
             if panels.card_title(reference.name, "reference"):
                 reference.close()
@@ -115,10 +115,10 @@ class ReferenceCard:
         """
         reference = self.reference
         bar = imgui.internal.find_window_by_name("Session")
-        taken = 0.0 if bar is None or not bar.active else bar.size.x + px(panels.CARD_MARGIN_PX)
-        room = (view.width - 2 * px(panels.CARD_MARGIN_PX) - taken) / px(1.0)
+        taken = 0.0 if bar is None or not bar.active else bar.size.x + px(panels.CARD_MARGIN)
+        room = (view.width - 2 * px(panels.CARD_MARGIN) - taken) / px(1.0)
         at_top = room >= SMALL_LINE_WIDTH and not self.corner_taken()
-        room = room if at_top else view.width / px(1.0) - 2 * panels.CARD_MARGIN_PX
+        room = room if at_top else view.width / px(1.0) - 2 * panels.CARD_MARGIN
         wide = room >= LINE_WIDTH + LEAST_NAME
         fields = LINE_WIDTH if wide else SMALL_LINE_WIDTH
         name = min(
@@ -126,7 +126,7 @@ class ReferenceCard:
         )
         name = name if name >= LEAST_NAME else 0.0
         if not at_top:  # close to the timeline: right above it are feet
-            view = replace(view, height=view.height + px(panels.CARD_MARGIN_PX - widgets.GAP_PX))
+            view = replace(view, height=view.height + px(panels.CARD_MARGIN - widgets.GAP_PX))
         with panels.card("Reference", view, min(fields + name, room), right=at_top, bottom=not at_top):
             if name:
                 imgui.align_text_to_frame_padding()

@@ -42,7 +42,7 @@ class PendingDialog:
     replacing: str = ""  # the path of a file that exists, once the user was warned
 
     def would_replace(self, path: str) -> bool:
-        """Whether a path is that of a file that exists, with or without its ending, and would be written."""
+        """Return whether a path, with or without its ending, is that of an existing file that would be overwritten."""
         if self.kind is not DialogKind.SAVE or not path:
             return False
         target = Path(path).expanduser()
@@ -50,7 +50,7 @@ class PendingDialog:
         return target.is_file() or target.with_name(target.name + ending).is_file()
 
     def accept(self) -> str | None:
-        """The path that was typed; None where there is none, or where the user is warned of a file first."""
+        """Return the path that was typed; None where there is none, or where the user is warned of a file first."""
         path = self.typed.strip().strip('"').replace("\0", "")
         if path != self.replacing and self.would_replace(path):
             self.replacing = path
@@ -59,12 +59,12 @@ class PendingDialog:
 
 
 def has_native_dialogs() -> bool:
-    """Whether this system has a program that shows dialogs."""
+    """Return whether this system has a program that shows dialogs."""
     return sys.platform in ("win32", "darwin") or any(map(shutil.which, LINUX_PROGRAMS))
 
 
 def open_native(question: PendingDialog) -> Any:
-    """The system's dialog for a question: an object with `ready(milliseconds)` and `result()`."""
+    """Open the system's dialog for a question: an object with `ready(milliseconds)` and `result()`."""
     from imgui_bundle import portable_file_dialogs as dialogs
 
     start, filters = str(question.start), list(question.filters) or None
@@ -77,7 +77,7 @@ def open_native(question: PendingDialog) -> Any:
 
 @dataclass
 class Dialogs:
-    """At most one dialog at a time."""
+    """Asks for files, by at most one dialog at a time."""
 
     messages: Messages
     available: Callable[[], bool] = has_native_dialogs
@@ -116,7 +116,7 @@ class Dialogs:
             question.done(Path(answer))
 
     def close(self) -> bool:
-        """Ask no more; whether there was a question."""
+        """Withdraw the question; return whether there was one."""
         question, self.question = self.question, None
         return question is not None
 
@@ -127,7 +127,7 @@ class Dialogs:
         )  # fmt: skip
 
     def draw(self) -> None:
-        """The line to type into, where the system has no dialog."""
+        """Draw the line to type into, where the system has no dialog."""
         question = self.question
         if question is None or question.native is not None:
             return
@@ -149,7 +149,7 @@ class Dialogs:
             question.done(Path(chosen).expanduser())
 
     def _field(self, question: PendingDialog) -> str | None:
-        """The field and its buttons: a path, "" to leave, None for no answer yet."""
+        """Draw the field and its buttons; return a path, "" to leave, None for no answer yet."""
         widgets.full_width()
         if not question.shown:
             imgui.set_keyboard_focus_here()

@@ -1,4 +1,4 @@
-"""Who has the keys: the view, where single keys drive and act, or a panel or window, where they type and choose."""
+"""Says who has the keys: the view, where single keys drive and act, or a panel or window, where they type and choose."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _IMPLICIT = "Debug##"  # ImGui's own window, which is never shown
 
 
 class Use(Enum):
-    """What becomes of a key in the window that has the keys."""
+    """Says what becomes of a key in the window that has the keys."""
 
     NONE = auto()  # nothing there is in use
     OPEN = auto()  # a field is typed into, a list or menu is open, a button or slider is held
@@ -36,11 +36,11 @@ class Focus:
 
     @property
     def in_view(self) -> bool:
-        """Whether single keys drive and act."""
+        """Return whether single keys drive and act."""
         return not self.holder and self.use is Use.NONE
 
     def press(self, x: float, y: float) -> None:
-        """The mouse was pressed at a place on the screen; ImGui has not seen it yet."""
+        """Give the keys to what lies under a press of the mouse, which ImGui has not seen yet."""
         self.holder = window_at(x, y)
         if self.holder or self.use is Use.OPEN:
             self.use = Use.UNSURE
@@ -59,7 +59,7 @@ class Focus:
         self.use = use
 
     def _settle(self, context: Any, opened: list[str], drawn: list[str]) -> None:
-        """Nothing is in use: what was opened gets the keys, and what closed gives them back."""
+        """Give the keys to a window that was opened, and take them from one that closed, while nothing is in use."""
         if opened:
             self.holder = opened[-1]
         elif self.use is Use.OPEN or (self.holder and self.holder not in drawn):
@@ -70,7 +70,7 @@ class Focus:
             imgui.set_window_focus(self.holder or None)
 
     def release(self) -> None:
-        """A panel gives the keys back; a window over everything keeps them as long as it is open."""
+        """Take the keys back from a panel; a window over everything keeps them as long as it is open."""
         if self.holder not in self.windows:
             self.holder = self.windows[-1] if self.holder.endswith(OVER) and self.windows else ""
 
@@ -98,36 +98,36 @@ class KeyRouter:
 
     @property
     def typing(self) -> bool:
-        """Whether keys are text: also in the frames until ImGui says so, in which a slow machine gets several keys."""
+        """Return whether keys are text: also in the frames until ImGui says so, in which a slow machine gets several keys."""
         entered = imgui.internal.get_input_text_state(imgui.internal.get_active_id()) is not None
         return bool(imgui.get_io().want_text_input or entered or self.asks_text())
 
     def key(self, name: str, down: bool) -> bool:
-        """Take a key; whether it acts in the view."""
+        """Take a key; return whether it acts in the view."""
         if self._waiting or self.focus.use is Use.UNSURE:
             self._waiting.append((name, down))
             return False
         return self._take(name, down)
 
     def begin_frame(self) -> None:
-        """Take the keys that waited, once it is sure whose they are."""
+        """Take the keys that waited, once it is certain who gets them."""
         if self.focus.use is not Use.UNSURE:
             waiting, self._waiting = self._waiting, []
             for name, down in waiting:
                 self._take(name, down)
 
     def end_enter(self) -> None:
-        """The field that Enter opened has the keyboard, or none has."""
+        """End the wait for the field that Enter opened, once it or none has the keyboard."""
         self._field_entered = False
 
     def lose_window(self) -> None:
-        """The window lost the focus: no key is down any more."""
+        """Let go of all keys: the window lost the focus."""
         self.devices.keyboard.release_all()
         self._ctrl = False
         self._waiting.clear()
 
     def _take(self, name: str, down: bool) -> bool:
-        """Function keys act always, all others while the view has the keys. Whether this one does."""
+        """Return whether a key acts: function keys always do, all others while the view has the keys."""
         typing, in_view = self.typing or self._field_entered, self.focus.in_view
         self.devices.keyboard.key(name, down, typing or not in_view)
         self._ctrl = down if name == "ctrl" else self._ctrl
@@ -141,7 +141,7 @@ class KeyRouter:
 
 
 def _use_of(context: Any) -> Use:
-    """What is in use: a popup, an item that is held, or one that the keyboard goes to, by Tab or for a field."""
+    """Return whether a popup is open, an item is held, or the keyboard goes to one, by Tab or for a field."""
     if len(context.open_popup_stack):
         return Use.OPEN
     if context.nav_move_submitted or context.nav_next_activate_id:
@@ -152,7 +152,7 @@ def _use_of(context: Any) -> Use:
 
 
 def window_at(x: float, y: float) -> str:
-    """The window of the last frame at a place on the screen, of a menu the one that it belongs to; "" for the view."""
+    """Return the window that the last frame drew at a place on the screen, for a menu the one that it belongs to; "" for the view."""
     for window in reversed(list(imgui.get_current_context().windows)):
         across = window.pos.x <= x < window.pos.x + window.size.x
         along = window.pos.y <= y < window.pos.y + window.size.y
@@ -163,12 +163,12 @@ def window_at(x: float, y: float) -> str:
 
 
 def is_drawn(name: str) -> bool:
-    """Whether a window was drawn in the last frame."""
+    """Return whether a window was drawn in the last frame."""
     window = imgui.internal.find_window_by_name(name)
     return window is not None and window.was_active
 
 
 def _owner(window: Any) -> str:
-    """The name of the window that a list, a menu or a part of a window belongs to."""
+    """Return the name of the window that a list, a menu or a part of a window belongs to."""
     name = "" if window is None else window.root_window_popup_tree.name
     return "" if name.startswith(_IMPLICIT) else str(name)

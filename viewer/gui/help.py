@@ -14,7 +14,10 @@ COLUMNS = (190.0, 190.0, 170.0)  # what, keyboard and mouse, gamepad; pixels at 
 
 
 def draw(fonts: Fonts, changes: str = "") -> bool:
-    """A window in the middle, above everything, with `changes` of the pad's buttons; whether it was closed by its button or a click outside."""
+    """Draw the help in the middle, above everything, with `changes` of the pad's buttons.
+
+    Returns whether it was closed by its button or a click outside.
+    """
     size = imgui.get_io().display_size
     closed = dim_behind("Controls")
     imgui.set_next_window_pos(

@@ -1,4 +1,4 @@
-"""Where the panels lie: a pure function of the window, so that nothing can overlap at any size or scale."""
+"""Places the panels: a pure function of the window, so that nothing can overlap at any size or scale."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Rect:
 
 @dataclass(frozen=True)
 class Layout:
-    """Panels of one window size; None where there is no room.
+    """Holds the rectangles of the panels in one window size; None where there is no room.
 
     `tabs` replaces both columns in a narrow window, `right_tabs` the two panels on the right in a low one.
     """
@@ -79,7 +79,7 @@ def arrange(
 
 
 def _divided(column: Rect, scale: float) -> dict[str, Rect]:
-    """The panels of the right column: one over the other, or as tabs where it is too low for that."""
+    """Place the panels of the right column: one over the other, or as tabs where it is too low for that."""
     m, least = MARGIN_PX * scale, SCENE_PANEL_HEIGHT * scale
     if column.height - m - CLIPS_MIN_HEIGHT * scale < least:
         return {"right_tabs": column}
@@ -89,7 +89,7 @@ def _divided(column: Rect, scale: float) -> dict[str, Rect]:
 
 
 def framing(layout: Layout, covered: float = 0.0) -> tuple[float, float, float]:
-    """Middle of the free view, from -1 (left, bottom of the window) to 1, and the fraction of the height that it fills.
+    """Return the middle of the free view, from -1 (left, bottom of the window) to 1, and the fraction of the height that it fills.
 
     So much of the view's left side is `covered`, unless hardly anything is left of it. 0 to the side where hardly
     anything is free.

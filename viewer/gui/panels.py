@@ -16,7 +16,7 @@ from viewer.gui.widgets import px
 from viewer.input.bindings import Action
 
 WINDOW_TOP_PX = 60.0  # of a window that grows with its contents
-CARD_MARGIN_PX = 10.0  # to the edges of the view, pixels at scale 1
+CARD_MARGIN = 10.0  # to the edges of the view, pixels at scale 1
 _FLAGS = imgui.WindowFlags_
 _KEPT = _FLAGS.no_move | _FLAGS.no_saved_settings
 FIXED = (
@@ -28,7 +28,7 @@ _CARD = _KEPT | _FLAGS.no_decoration | _FLAGS.no_focus_on_appearing
 
 
 class PanelPlace(Enum):
-    """Where a panel lies; `draw` gets the rectangle of the place."""
+    """Says where a panel lies; `draw` gets the rectangle of the place."""
 
     LEFT = auto()
     RIGHT_TOP = auto()
@@ -44,7 +44,7 @@ IN_PLACE = (PanelPlace.LEFT, PanelPlace.RIGHT_TOP, PanelPlace.RIGHT_BOTTOM, Pane
 
 @dataclass(frozen=True)
 class Panel:
-    """One panel with everything that the shell has to know of it."""
+    """Holds one panel with everything that the shell needs to know of it."""
 
     name: str
     place: PanelPlace
@@ -65,7 +65,7 @@ class Panel:
 
 
 def draw_window(name: str, rect: Rect, contents: Callable[[], None], flags: int = FIXED) -> None:
-    """A window that fills a rectangle; nothing where there is no room."""
+    """Draw within a window that fills a rectangle; draw nothing where there is no room."""
     if rect.width < 1 or rect.height < 1:
         return
     imgui.set_next_window_pos(imgui.ImVec2(rect.x, rect.y))
@@ -101,7 +101,7 @@ def draw_tabs(panels: Sequence[Panel], rect: Rect) -> None:
 
 
 def _tools(panel: Panel, top: imgui.ImVec2, width: float) -> None:
-    """A panel's own buttons at the right end of its title or tabs."""
+    """Draw a panel's own buttons at the right end of its title or tabs."""
     if panel.tools is None or width < px(panel.tools_width):
         return
     after = imgui.get_cursor_pos()
@@ -111,7 +111,7 @@ def _tools(panel: Panel, top: imgui.ImVec2, width: float) -> None:
 
 
 def dim_behind(name: str) -> bool:
-    """Darken all that lies behind a window of this name, and keep the mouse from it; whether it was clicked."""
+    """Darken all that lies behind a window of this name, and keep the mouse from it; return whether it was clicked."""
     imgui.set_next_window_pos(imgui.ImVec2(0, 0))
     imgui.set_next_window_size(imgui.get_io().display_size)
     imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
@@ -127,7 +127,7 @@ def dim_behind(name: str) -> bool:
 
 
 def draw_centred(panel: Panel, rect: Rect, fonts: Fonts) -> None:
-    """A panel in a window of its own over everything but the status line; its button closes it.
+    """Draw a panel in a window of its own over everything but the status line; its button closes it.
 
     It opens in the middle and hangs from its top, where it stays when it grows; a drag of its title moves it.
     """
@@ -181,8 +181,8 @@ def card(
     It lies at the `right`, at the `bottom`, or `below` so much more at the top. `width` and `below` are pixels at scale 1;
     one `behind` is not brought to the front by a click.
     """
-    x = view.x + (view.width - px(CARD_MARGIN_PX) if right else px(CARD_MARGIN_PX))
-    y = view.y + (view.height - px(CARD_MARGIN_PX) if bottom else px(CARD_MARGIN_PX + below))
+    x = view.x + (view.width - px(CARD_MARGIN) if right else px(CARD_MARGIN))
+    y = view.y + (view.height - px(CARD_MARGIN) if bottom else px(CARD_MARGIN + below))
     imgui.set_next_window_pos(
         imgui.ImVec2(x, y), imgui.Cond_.always, imgui.ImVec2(float(right), float(bottom))
     )
@@ -197,7 +197,10 @@ def card(
 
 
 def card_title(text: str, close: str, remove: str = "") -> str:
-    """A card's first line: its name, then buttons named `close …` and, with a hint, `remove …`; which of the two was pressed."""
+    """Draw a card's first line: its name, then buttons named `close …` and, with a hint, `remove …`.
+
+    Returns which of the two was pressed.
+    """
     side, buttons, pressed = imgui.get_frame_height(), 1 + bool(remove), ""
     room = imgui.get_content_region_avail().x
     imgui.align_text_to_frame_padding()

@@ -48,7 +48,7 @@ def draw(
     doing: str,
     can_end: bool,
 ) -> bool:
-    """The line: a message, and facts with their hints, which drop off from the left where the message needs their room.
+    """Draw the line: a message, and facts with their hints, which drop off from the left where the message needs their room.
 
     The last fact stays. Before the message what the program is `doing`, with a button where it can be ended; whether that
     was pressed.
@@ -109,7 +109,7 @@ def _message(message: Message | None, width: float, show: Callable[[Path], None]
 
 
 def _opens_list(text: str = "") -> None:
-    """A click on the item before opens the list of messages."""
+    """Open the list of messages at a click on the item before."""
     if imgui.is_item_hovered():
         widgets.tooltip(f"{text}\nClick: the last messages".lstrip())
         if imgui.is_mouse_clicked(0):
@@ -117,7 +117,7 @@ def _opens_list(text: str = "") -> None:
 
 
 def _list(messages: Messages) -> None:
-    """The last messages, newest first, above the line: time, text, and what can be done."""
+    """Draw the last messages, newest first, above the line: time, text, and what can be done."""
     corner = imgui.get_window_pos()
     width, space = min(px(LIST_WIDTH), imgui.get_window_width() - px(20)), imgui.get_io().display_size.y
     imgui.set_next_window_pos(

@@ -1,4 +1,4 @@
-"""Scripts that the shipped font lacks, such as Japanese, are drawn with fonts of the system."""
+"""Draws scripts that the shipped font lacks, such as Japanese, with fonts of the system."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _LOG = logging.getLogger("sport.viewer")
 
 
 def find_fonts() -> list[Path]:
-    """Installed fonts of `NAMES`, in their order; those of the user before those of the system."""
+    """Return the installed fonts of `NAMES`, in their order; those of the user come before those of the system."""
     known = [name for names in NAMES.values() for name in names]
     found: dict[str, Path] = {}
     for folder in FOLDERS.get(sys.platform, FOLDERS["linux"]):
@@ -60,7 +60,7 @@ class SystemFonts:
     _rest: list[Path] | None = None  # fonts that were not loaded yet; None before any was looked for
 
     def cover(self, texts: Iterable[str]) -> str:
-        """Characters of new texts that no font here has; each is answered once."""
+        """Return the characters of new texts that no font here has, each once."""
         new = {c for text in texts if not text.isascii() for c in text if ord(c) >= FIRST} - self._seen
         self._seen |= new
         missing = self._lacking(new)

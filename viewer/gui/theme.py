@@ -41,7 +41,7 @@ CLEAR: Color = (0.0, 0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Icons:
-    """FontAwesome 6 glyphs that the panels use."""
+    """Lists the FontAwesome 6 glyphs that the panels use."""
 
     prompt: str = "\uf075"
     scene: str = "\uf6fc"
@@ -92,14 +92,14 @@ ICON = Icons()
 
 @dataclass(frozen=True)
 class Fonts:
-    """The fonts of the panels, with the icons merged in."""
+    """Holds the fonts of the panels, with the icons merged in."""
 
     regular: Any
     bold: Any
 
 
 def load_fonts() -> Fonts:
-    """Roboto with FontAwesome from imgui-bundle; DisplayError when they are missing."""
+    """Load Roboto with FontAwesome from imgui-bundle; DisplayError when they are missing."""
     import imgui_bundle
 
     root = Path(imgui_bundle.__file__).parent / "assets" / "fonts"

@@ -39,7 +39,7 @@ _BARE_SLIDER: dict[int, Color] = {
 
 
 def px(length: float) -> float:
-    """A length at scale 1 in screen units."""
+    """Return a length at scale 1 in screen units."""
     return length * imgui.get_style().font_scale_dpi
 
 
@@ -67,7 +67,7 @@ def muted(text: str, wrap: bool = False) -> None:
 
 
 def label(text: str, tint: Color = theme.MUTED) -> None:
-    """A field's label, above it."""
+    """Draw a field's label, above it."""
     imgui.push_font(None, theme.FONT_SIZE_PX * 0.87)
     with color(imgui.Col_.text, tint):
         imgui.text_unformatted(text)
@@ -97,7 +97,7 @@ def tooltip(text: str) -> None:
 
 
 def _place_in_view() -> float:
-    """Put the next window into the view next to the item's column; the width of its text.
+    """Put the next window into the view next to the item's column; return the width of its text.
 
     That of a bar along the bottom, as the timeline, stands over the bar. Of what lies in no column at the left or right
     the tooltip stays at the mouse.
@@ -129,7 +129,7 @@ def _place_in_view() -> float:
 def icon_button(
     icon: str, name: str, hint: str, tint: Color = theme.MUTED, enabled: bool = True, size: float = 0.0
 ) -> bool:
-    """A button of an icon alone, without a background until the mouse is over it; `size` is its side at scale 1."""
+    """Draw a button of an icon alone, without a background until the mouse is over it; `size` is its side at scale 1."""
     side = px(size) if size else imgui.get_frame_height()
     # padding as in a frame of this height, or the line would grow to keep the baselines level
     padding = max((side - imgui.get_text_line_height()) / 2, 0.0)
@@ -142,7 +142,7 @@ def icon_button(
 
 
 def tag(text: str, tint: Color = theme.ACCENT) -> None:
-    """A short word on a rounded ground of its own colour."""
+    """Draw a short word on a rounded ground of its own colour."""
     imgui.push_font(None, theme.FONT_SIZE_PX * 0.87)
     size, pad = imgui.calc_text_size(text), px(6)
     corner = imgui.get_cursor_screen_pos()
@@ -155,12 +155,12 @@ def tag(text: str, tint: Color = theme.ACCENT) -> None:
 
 
 def packed(value: Color) -> int:
-    """A colour as drawing lists take it."""
+    """Return a colour as drawing lists take it."""
     return int(imgui.get_color_u32(imgui.ImVec4(*value)))
 
 
 class disabled:
-    """Items that take no mouse and no keys where `when` is true."""
+    """Draw items within the block that take no mouse and no keys where `when` is true."""
 
     def __init__(self, when: object = True) -> None:
         self._when = bool(when)
@@ -175,7 +175,7 @@ class disabled:
 def button(
     text: str, width: float = 0.0, hint: str = "", primary: bool = False, enabled: object = True
 ) -> bool:
-    """A button; `primary` is filled with the accent, width -1 takes the rest of the line."""
+    """Draw a button and return whether it was clicked; `primary` fills it with the accent, width -1 takes the rest of the line."""
     with colors(_PRIMARY if primary else {}), disabled(not enabled):
         clicked = bool(imgui.button(text, imgui.ImVec2(width, 0)))
     tooltip(hint)
@@ -183,7 +183,7 @@ def button(
 
 
 def item(text: str, hint: str = "", chosen: bool = False, enabled: object = True) -> bool:
-    """A line of a menu; whether it was clicked."""
+    """Draw a line of a menu; return whether it was clicked."""
     clicked = bool(imgui.menu_item(text, "", chosen, bool(enabled))[0])
     tooltip(hint)
     return clicked
@@ -192,7 +192,7 @@ def item(text: str, hint: str = "", chosen: bool = False, enabled: object = True
 def drag(
     name: str, value: float, limits: tuple[float, float], text: str, hint: str = "", speed: float = 0.005
 ) -> tuple[bool, float]:
-    """A number that is dragged or, after a double click, typed, and shows `text` (a format); a whole one where `value` is."""
+    """Draw a number that is dragged or, after a double click, typed, and shown by `text` (a format); a whole one where `value` is."""
     kind = imgui.drag_int if isinstance(value, int) else imgui.drag_float
     moved, value = kind(name, value, speed, *limits, text)  # type: ignore[arg-type]
     tooltip(hint)
@@ -200,13 +200,13 @@ def drag(
 
 
 def input_text(name: str, value: str, hint: str = "", flags: int = 0) -> tuple[bool, str]:
-    """A field of one line; whether Enter was pressed, and what stands in it."""
+    """Draw a field of one line; return whether Enter was pressed, and its text."""
     flags |= imgui.InputTextFlags_.enter_returns_true
     return imgui.input_text_with_hint(name, hint, value, flags)
 
 
 def toggle(text: str, on: bool, width: float, hint: str = "") -> bool:
-    """A button that stays lit while `on`; answers the new state."""
+    """Draw a button that stays lit while `on`; return the new state."""
     ground, ink = (theme.ACCENT_DIM, theme.ACCENT) if on else (theme.FIELD, theme.MUTED)
     with colors({imgui.Col_.button: ground, imgui.Col_.text: ink}):
         clicked = imgui.button(text, imgui.ImVec2(width, 0))
@@ -217,7 +217,7 @@ def toggle(text: str, on: bool, width: float, hint: str = "") -> bool:
 def slider(
     name: str, value: float, low: float, high: float, text: str, logarithmic: bool = False
 ) -> tuple[bool, float]:
-    """A bar that fills with the value and shows `text` (a format); Ctrl+click types a number."""
+    """Draw a bar that fills with the value and shows `text` (a format); Ctrl+click types a number."""
     flags = imgui.SliderFlags_.always_clamp
     fraction = (value - low) / (high - low)
     if logarithmic:
@@ -238,7 +238,7 @@ def slider(
 def segmented(
     name: str, options: Sequence[tuple[Any, str]], value: Any, unavailable: Sequence[Any] = ()
 ) -> Any:
-    """One of a few choices side by side; options are (value, text), answers the chosen value."""
+    """Draw a few choices side by side and return the chosen value; `options` are (value, text)."""
     width = column_width(len(options))
     imgui.push_id(name)
     for i, (option, text) in enumerate(options):
@@ -253,7 +253,7 @@ def segmented(
 
 @contextmanager
 def section(title: str) -> Iterator[bool]:
-    """A part of a panel that a click on its title opens; whether it is open."""
+    """Draw the title of a part of a panel, which a click opens; return whether it is open."""
     opened = imgui.tree_node_ex(title, imgui.TreeNodeFlags_.span_avail_width)
     if opened:
         imgui.unindent(imgui.get_style().indent_spacing)
@@ -264,7 +264,7 @@ def section(title: str) -> Iterator[bool]:
 
 
 def elided(text: str, width: float) -> str:
-    """`text` cut with an ellipsis so that it fits into `width`."""
+    """Return `text` cut with an ellipsis so that it fits into `width`."""
     if imgui.calc_text_size(text).x <= width:
         return text
     low, high = 0, len(text)
@@ -276,7 +276,7 @@ def elided(text: str, width: float) -> str:
 
 
 def sign(view: Rect, text: str, tint: Color) -> None:
-    """Words on a rounded ground at the top of the view."""
+    """Draw words on a rounded ground at the top of the view."""
     drawing = imgui.get_foreground_draw_list()
     size, pad = imgui.calc_text_size(text), px(10)
     x, y = view.x + (view.width - size.x) / 2, view.y + px(16)
@@ -286,18 +286,18 @@ def sign(view: Rect, text: str, tint: Color) -> None:
 
 
 def full_width() -> None:
-    """The next item takes the rest of the line."""
+    """Let the next item take the rest of the line."""
     imgui.set_next_item_width(-1)
 
 
 def clock(seconds: float) -> str:
-    """Seconds as minutes:seconds.tenths."""
+    """Return seconds as minutes:seconds.tenths."""
     tenths = max(round(float(f"{seconds:.1f}") * 10), 0)  # rounded as in the messages
     return f"{tenths // 600}:{tenths // 10 % 60:02d}.{tenths % 10}"
 
 
 def tab(label: str, flags: int = 0) -> bool:
-    """Begin a tab; whether it is open, and `imgui.end_tab_item` has to follow.
+    """Begin a tab; return whether it is open, and `imgui.end_tab_item` has to follow.
 
     ImGui takes a click on a tab only where the mouse was over it in the frame before. At twenty frames a second one
     moves there and clicks within a frame.
@@ -314,17 +314,17 @@ def tab(label: str, flags: int = 0) -> bool:
 
 
 def column_width(count: int) -> float:
-    """The width of each of `count` items side by side in the rest of the line."""
+    """Return the width of each of `count` items side by side in the rest of the line."""
     return (imgui.get_content_region_avail().x - (count - 1) * px(GAP_PX)) / count
 
 
 def same_line() -> None:
-    """The next item goes on the line of the one before."""
+    """Put the next item on the line of the one before."""
     imgui.same_line(0, px(GAP_PX))
 
 
 def row(label: str, hint: str = "") -> None:
-    """The name of what comes next, on its left; the next item takes the rest of the line."""
+    """Draw the name of the next item on its left; that item takes the rest of the line."""
     imgui.align_text_to_frame_padding()
     muted(label)
     tooltip(hint)
@@ -333,7 +333,7 @@ def row(label: str, hint: str = "") -> None:
 
 
 def combo(name: str, options: Sequence[tuple[object, str]], value: object) -> object:
-    """A list of (value, text); the chosen value."""
+    """Draw a list of (value, text); return the chosen value."""
     shown = next((text for option, text in options if option == value), str(value))
     if imgui.begin_combo(name, shown, imgui.ComboFlags_.height_large):
         for option, text in options:
@@ -359,7 +359,7 @@ def setting_slider(settings: Settings, name: str) -> None:
 
 
 def setting_drag(settings: Settings, name: str) -> None:
-    """A number that is dragged or typed."""
+    """Draw a number that is dragged or typed."""
     spec, value, flags = spec_of(settings, name), getattr(settings, name), imgui.SliderFlags_.always_clamp
     _, value = imgui.drag_float(f"##{name}", value, spec.speed, spec.low, spec.high, spec.label, flags)
     setattr(settings, name, value)
@@ -372,6 +372,6 @@ def setting_toggle(settings: Settings, name: str, width: float) -> None:
 
 
 def setting_choice(settings: Settings, name: str) -> None:
-    """One of a few values side by side."""
+    """Draw a few values side by side, of which one is chosen."""
     options = list((spec_of(settings, name).choices or {}).items())
     setattr(settings, name, segmented(name, options, getattr(settings, name)))

@@ -87,7 +87,7 @@ def panel(guide: Guide, covered: Callable[[], bool]) -> Panel:
     """The card; not shown while it would be `covered`, or cover."""
 
     def draw(view: Rect) -> None:
-        if view.height >= px(MIN_HEIGHT) and view.width >= px(WIDTH + 4 * panels.CARD_MARGIN_PX):
+        if view.height >= px(MIN_HEIGHT) and view.width >= px(WIDTH + 4 * panels.CARD_MARGIN):
             _draw(guide, view)
 
     return Panel("First minute", PanelPlace.VIEW, draw, shown=lambda: guide.shown and not covered())

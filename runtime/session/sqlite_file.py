@@ -74,11 +74,16 @@ class Budget:
         self.left -= count
 
 
+def _code(error: Exception) -> int:
+    """Return SQLite's primary code of an error, 0 for any other; an index of the log without room is a full disk, too."""
+    code: int = getattr(error, "sqlite_errorcode", 0)
+    return sqlite3.SQLITE_FULL if code == sqlite3.SQLITE_IOERR_SHMSIZE else code & 0xFF
+
+
 def said(error: Exception) -> str:
     """What went wrong with a file, in a user's words."""
-    code = getattr(error, "sqlite_errorcode", None)
-    if code is not None:
-        return _SAID.get(code & 0xFF, reason(error))
+    if isinstance(error, sqlite3.Error):
+        return _SAID.get(_code(error), reason(error))
     if isinstance(error, zlib.error):
         return _SAID[sqlite3.SQLITE_CORRUPT]
     return getattr(error, "strerror", None) or reason(error)
@@ -90,8 +95,8 @@ def file_errors(path: Path, remedy: str = REMEDY) -> Iterator[None]:
     try:
         yield
     except (sqlite3.Error, OSError, ValueError, OverflowError, MemoryError, zlib.error) as error:
-        if getattr(error, "sqlite_errorcode", 0) & 0xFF in _OF_CONTENT:
-            remedy = REMEDY
+        code = _code(error)
+        remedy = REMEDY if code in _OF_CONTENT else ROOM if code == sqlite3.SQLITE_FULL else remedy
         if isinstance(error, VersionError):
             remedy = "Update this program."
         raise FileError(f"{path}: {said(error)}.", remedy) from error

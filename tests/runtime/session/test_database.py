@@ -6,6 +6,7 @@ import contextlib
 import os
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 import threading
@@ -22,7 +23,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from runtime.assets import PROJECT_ROOT
 from runtime.errors import FileError
 from runtime.session.database import Database
-from runtime.session.sqlite_file import FileInUse, lock_of, side_files
+from runtime.session.sqlite_file import FileInUse, file_errors, lock_of, side_files
 from runtime.session.writer import Writer
 
 RIGHTS = "-dac_override,-dac_read_search,-fowner"  # of root, to whom nothing is denied
@@ -596,3 +597,14 @@ def test_reading_goes_on_while_the_file_becomes_another(session: Database, tmp_p
     ended.set()
     thread.join()
     assert wrong == []
+
+
+@pytest.mark.parametrize("code", [sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_SHMSIZE])
+def test_a_full_disk_is_called_so_wherever_sqlite_meets_it(code: int, tmp_path: Path) -> None:
+    error = sqlite3.OperationalError("disk I/O error")
+    error.sqlite_errorcode = code
+    with (
+        pytest.raises(FileError, match=r"there is no room left.* Make room on the disk"),
+        file_errors(tmp_path / "a"),
+    ):
+        raise error

@@ -51,7 +51,7 @@ class Nodes:
         return node_world_matrices(self.file, self.order, self.parents)
 
     def entry(self, node: int) -> Entry:
-        """What the file says of a node."""
+        """Return the glTF object of a node."""
         entry: Entry = self.file.gltf.nodes[node]
         return entry
 
@@ -141,7 +141,7 @@ def open_character(path: Path) -> tuple[GltfFile, str]:
 
 
 def _films(entry: Entry) -> bool:
-    """Whether a node shows nothing, but films or lights."""
+    """Return whether a node is a camera or a light."""
     return entry.camera is not None or bool((entry.extensions or {}).get("KHR_lights_punctual"))
 
 
@@ -173,7 +173,7 @@ def _named_tops(nodes: Nodes) -> list[int]:
 
 
 def _outside(nodes: Nodes, bones: Collection[int], tops: Collection[int]) -> set[int]:
-    """Those of some nodes that are neither in the branch of a top nor above one."""
+    """Return the bones that are neither in the branch of a top nor an ancestor of one."""
     inside, above = nearest_of(nodes.order, nodes.parents, tops), set(nodes.with_ancestors(tops))
     return {node for node in bones if inside[node] < 0 and node not in above}
 
@@ -208,7 +208,7 @@ def _parted(nodes: Nodes, top: int, bones: Collection[int], depth: int = 8) -> d
 
 
 def _joints(nodes: Nodes, inside: list[int], bones: Collection[int]) -> dict[int, list[int]]:
-    """By the top of a body its joints, parents first: all nodes in its branch but ends that show or light something.
+    """Return the joints of each body by its top, parents first: its branch without leaf meshes, cameras and lights.
 
     Those are more than skins name, which many programs write without joints that hold no vertex.
     """

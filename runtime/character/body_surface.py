@@ -22,7 +22,7 @@ UP = 16
 CAP_M = 0.04  # the ends of a trunk's table are rounded over this height
 HEAD_UP_M = 0.06
 SAMPLES = 60_000  # points on the mesh
-LEAST_FILLED = 0.4  # of a table's entries; a body of loose pieces has no surface
+MIN_FILLED_FRACTION = 0.4  # of a table's entries; a body of loose pieces has no surface
 HAND_POINTS = 14  # that stand for a hand
 
 
@@ -171,7 +171,7 @@ def _table(points: AnyArray, of: AnyArray, name: str, joint: int, pivots: AnyArr
     column = np.round(np.arctan2(away[:, 2], away[:, 0]) / (2 * np.pi) * AROUND).astype(np.int64) % AROUND
     at = np.clip(row.astype(np.int64), 0, rows - 1), column
     np.maximum.at(radii, at, np.linalg.norm(away, axis=1))
-    if (radii > 0.0).mean() < LEAST_FILLED:
+    if (radii > 0.0).mean() < MIN_FILLED_FRACTION:
         return None
     source = SPORT_SKELETON.index(name)
     return Table(joint, source, origin - pivots[joint], _filled(radii), name == HEAD)

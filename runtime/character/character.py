@@ -154,7 +154,7 @@ def _assemble(file: GltfFile, guess: JointGuess, data: MeshData, unit: str | Non
 
 
 def _size_note(file: GltfFile, character: Character, vertices: AnyArray) -> str:
-    """Which height a body was given that is not that of its file in metres, or in the unit that was chosen."""
+    """Return a sentence that says which height was assumed for the body."""
     high = float(np.ptp(vertices, axis=0).max())
     return (
         f"{file.path.name}: {high:.4g} units high, taken as {high * character.size / character.alignment.units:.2f} m;"
@@ -169,6 +169,6 @@ def file_unit(vertices: AnyArray) -> float | None:
 
 
 def own_size(alignment: Alignment, vertices: AnyArray, unit: float | None = None) -> float:
-    """How large a body is in ours, by the metres of a `unit` of its file or by `file_unit`; where none fits, our size."""
+    """Return the size of a body relative to ours, by the metres of a `unit` of its file or `file_unit`; 1 if none fits."""
     unit = file_unit(vertices) if unit is None else unit
     return 1.0 if unit is None else float(np.clip(alignment.units * unit, MIN_SIZE, MAX_SIZE))

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 MAX_NODES, MAX_VERTICES = 20_000, 6_000_000  # of a file; the latter are corners of faces
 MAX_SAMPLES = 3_000_000  # of the nodes of its animations
-STILL = 1e-7  # metres, or of a quaternion: what is nearer to rest is not moved
+STILL_TOLERANCE = 1e-7  # metres, or of a quaternion: what is nearer to rest is not moved
 INFLUENCES = 8  # joints of a vertex, the strongest
 _KEPT: list[Any] = []
 
@@ -60,7 +60,7 @@ def _kept(value: Any) -> Any:
 
 
 def convert(source: Path, motion: bool) -> bytes:
-    """What an FBX shows at rest as GLB, in metres, Y up; with `motion` its animations too."""
+    """Convert an FBX to GLB, in metres, Y up; with `motion` its animations too."""
     import pygltflib as g
     import ufbx
 
@@ -91,7 +91,7 @@ def convert(source: Path, motion: bool) -> bytes:
 
 
 def _note(*elements: Any) -> dict[str, str]:
-    """What the first of nodes or takes that does so tells of a take of ours."""
+    """Return the metadata of our exports from the first node or take that has them."""
     told = [prop.value_str for each in elements if (prop := each.props.value.find_prop("sport"))]
     return {"sport": told[0]} if told else {}
 
@@ -147,7 +147,7 @@ def _moved(node: Any, transforms: list[Any]) -> Iterator[tuple[str, Any]]:
         rows = [getattr(t, path) for t in (node.local_transform, *transforms)]
         values = np.array([[getattr(row, axis) for axis in axes] for row in rows])
         values = _active(node, values) if path == "rotation" else values
-        if np.abs(values[1:] - values[0]).max() > STILL:
+        if np.abs(values[1:] - values[0]).max() > STILL_TOLERANCE:
             yield path, values[1:]
 
 

@@ -24,7 +24,7 @@ ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963
 _COMPONENT_TYPES = {"uint8": 5121, "uint16": 5123, "uint32": 5125, "float32": 5126}
 _ELEMENT_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 NAMES_ACCESSORS = {"EXT_mesh_gpu_instancing"}
-WEIGHT_ERROR = 1e-3  # of their sum: 8 bits round by as much
+WEIGHT_SUM_TOLERANCE = 1e-3  # of their sum: 8 bits round by as much
 _IMAGE_TYPES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 
 
@@ -82,7 +82,7 @@ class GlbBuffer:
         if any(values.shape != sets[0].shape for values in sets):
             return list(indices)
         total = sum(values.sum(axis=1, keepdims=True) for values in sets)
-        if np.all(np.abs(total - 1.0) < WEIGHT_ERROR) or np.any(total <= 0.0):
+        if np.all(np.abs(total - 1.0) < WEIGHT_SUM_TOLERANCE) or np.any(total <= 0.0):
             return list(indices)
         return [self.add(values / total, ARRAY_BUFFER) for values in sets]
 

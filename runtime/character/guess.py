@@ -19,19 +19,22 @@ from runtime.errors import FileError
 from runtime.skeleton import SPORT_SKELETON
 
 BY_TREE = "tree and rest pose"
-STILL = 0.01  # radians: a joint that turns less in a whole motion does not move
+STILL_RAD = 0.01  # radians: a joint that turns less in a whole motion does not move
 SIDES = ("Left", "Right")
 LIMBS = {  # limb: its joints from the trunk outwards, and the least share of the longer one of its two bones
     "leg": (("UpLeg", "Leg", "Foot"), 0.35),
     "arm": (("Arm", "ForeArm", "Hand"), 0.3),
 }
-UNEVEN = 0.3  # by which left and right may differ
-SIDE_SEEN = 0.2  # of the width of the hips: feet that point less far forward tell no side
+MAX_UNEVEN_FRACTION = 0.3  # by which left and right may differ
+MIN_FORWARD_FRACTION = 0.2  # of the width of the hips: feet that point less far forward tell no side
 # a body on four legs, in shares of the length of its legs
-LEANING = -0.6  # cosine between legs and trunk; an upright trunk goes the other way
-ALIKE = 0.5  # cosine between front and hind legs
-DEEP = 0.5  # how far front legs reach down from the hips
-LOW, APART = 0.75, 0.6  # ends of limbs on the ground, and how far they are from the feet
+MIN_LEANING_COSINE = -0.6  # cosine between legs and trunk; an upright trunk goes the other way
+MIN_ALIKE_COSINE = 0.5  # cosine between front and hind legs
+FRONT_LEG_FRACTION = 0.5  # how far front legs reach down from the hips
+GROUND_FRACTION, OTHER_FEET_FRACTION = (
+    0.75,
+    0.6,
+)  # ends of limbs on the ground, and how far they are from the feet
 
 
 class JointsUnknown(FileError):
@@ -141,10 +144,10 @@ def _bending(found: Mapping[str, int], tree: JointTree, turning: AnyArray) -> di
     for side in ("Left", "Right"):
         for upper, lower in (("UpLeg", "Leg"), ("Arm", "ForeArm")):
             top, below = moved.get(side + upper, -1), moved.get(side + lower, -1)
-            if top < 0 or below < 0 or top not in tree.ancestors(below) or turning[top] > STILL:
+            if top < 0 or below < 0 or top not in tree.ancestors(below) or turning[top] > STILL_RAD:
                 continue
             between = tree.chain(top, below)[1:-1]
-            moved[side + upper] = next((k for k in between if turning[k] > STILL), top)
+            moved[side + upper] = next((k for k in between if turning[k] > STILL_RAD), top)
     return moved
 
 
@@ -209,7 +212,7 @@ def refusals(found: Mapping[str, int], tree: JointTree) -> dict[str, str]:
             if length is not None:
                 spans[side] = length
         shorter = min(spans, key=lambda side: spans[side], default="")
-        if len(spans) == 2 and spans[shorter] < (1.0 - UNEVEN) * max(spans.values()):
+        if len(spans) == 2 and spans[shorter] < (1.0 - MAX_UNEVEN_FRACTION) * max(spans.values()):
             wrong[shorter + bones[0]] = f"this {limb} is much shorter than the other one"
     swapped = [side + bone for bone in _swapped(found, tree) for side in SIDES]
     return wrong | dict.fromkeys(swapped, "it is on the other side, as the feet point")
@@ -218,7 +221,7 @@ def refusals(found: Mapping[str, int], tree: JointTree) -> dict[str, str]:
 def _limb(
     found: Mapping[str, int], tree: JointTree, side: str, limb: str
 ) -> tuple[dict[str, str], float | None]:
-    """What is wrong with the bones of one limb, and its length where all its joints are known."""
+    """Return the problems of one limb by joint, and its length if all its joints are known."""
     bones, least = LIMBS[limb]
     joints = [found.get(side + bone, -1) for bone in bones]
     if min(joints[:2]) >= 0 and joints[1] in tree.ancestors(joints[0]):
@@ -240,7 +243,7 @@ def _on_both_sides(found: Mapping[str, int], *bones: str) -> bool:
 
 
 def _apart(found: Mapping[str, int], tree: JointTree, bone: str) -> AnyArray:
-    """From the right joint of a bone to the left one."""
+    """Return the vector from the right joint of a bone to the left one."""
     return np.asarray(tree.positions[found["Left" + bone]] - tree.positions[found["Right" + bone]])
 
 
@@ -255,7 +258,7 @@ def _swapped(found: Mapping[str, int], tree: JointTree) -> list[str]:
         ahead = _middle(found, tree, "ToeBase") - _middle(found, tree, "Foot")
         seen = float(np.cross(ahead, down) @ across)  # down, left and ahead are right-handed
         width = float(np.linalg.norm(across))
-        if seen < -SIDE_SEEN * width * float(np.linalg.norm(down)) * width:
+        if seen < -MIN_FORWARD_FRACTION * width * float(np.linalg.norm(down)) * width:
             wrong.append("UpLeg")
     if _on_both_sides(found, "Arm") and _apart(found, tree, "Arm") @ across < 0.0:
         wrong.append("Arm")
@@ -276,7 +279,11 @@ def on_four_legs(found: Mapping[str, int], tree: JointTree) -> bool:
         ends = [_deepest(tree, found[side + "Arm"], along) for side in SIDES]
         front = tree.positions[ends].mean(axis=0)
         leaning, pointing = _cosine(along, shoulders - hips), _cosine(along, front - shoulders)
-        if leaning > LEANING and pointing > ALIKE and float((front - hips) @ along) / length > DEEP:
+        if (
+            leaning > MIN_LEANING_COSINE
+            and pointing > MIN_ALIKE_COSINE
+            and float((front - hips) @ along) / length > FRONT_LEG_FRACTION
+        ):
             return True
     return _other_feet(found, tree, hips, along, length)
 
@@ -293,7 +300,7 @@ def _other_feet(
     across = _apart(found, tree, "UpLeg")
     across = across / max(float(np.linalg.norm(across)), 1e-9)
     feet = _middle(found, tree, "Foot") - hips
-    low = (tree.positions - hips) @ along > LOW * length
+    low = (tree.positions - hips) @ along > GROUND_FRACTION * length
     ends = [joint for joint in tree.ends if low[joint] and joint not in own and tree.parents[joint] >= 0]
     for a, b in itertools.combinations(ends, 2):
         gap = tree.positions[a] - tree.positions[b]
@@ -301,7 +308,7 @@ def _other_feet(
         away = 0.5 * (tree.positions[a] + tree.positions[b]) - hips - feet
         away = away - (away @ along) * along
         mirrored = wide > 0.1 * length and abs(gap @ across) > 0.9 * wide
-        if mirrored and float(np.linalg.norm(away)) > APART * length:
+        if mirrored and float(np.linalg.norm(away)) > OTHER_FEET_FRACTION * length:
             return True
     return False
 

@@ -14,8 +14,8 @@ from runtime.skeleton import SPORT_SKELETON
 
 ANCHORS = tuple(SPORT_SKELETON.index(name) for name in ("Hips", "Spine1", "Head"))
 # Of our own body, metres: half width and depth of the trunk, from under the hips to the neck; the head about its middle.
-TRUNK_WIDTH, TRUNK_DEPTH, TRUNK_LOW, TRUNK_HIGH = 0.16, 0.11, -0.06, 0.5
-HEAD_RADIUS, HEAD_UP = 0.13, 0.08
+TRUNK_WIDTH_M, TRUNK_DEPTH_M, TRUNK_LOW_M, TRUNK_HIGH_M = 0.16, 0.11, -0.06, 0.5
+HEAD_RADIUS_M, HEAD_UP_M = 0.13, 0.08
 NEAR_M, FAR_M = 0.06, 0.14  # from the surface to the wrist: touching, and free
 BENT, STRAIGHT = np.radians((75.0, 40.0))  # of the elbow
 
@@ -24,12 +24,12 @@ def touching(positions: AnyArray, world_rotations: AnyArray, arm: tuple[int, ...
     """How far `(...)` the hand of an arm (SPORT joints) of a pose touches trunk or head: 0 free, 1 on it."""
     wrist = positions[..., arm[2], :]
     seen = rotations.rotate(rotations.inverse(world_rotations[..., 0, :]), wrist - positions[..., 0, :])
-    over = np.maximum(np.maximum(TRUNK_LOW - seen[..., 1], seen[..., 1] - TRUNK_HIGH), 0.0)
-    widths = np.hypot(seen[..., 0] / TRUNK_WIDTH, seen[..., 2] / TRUNK_DEPTH)
+    over = np.maximum(np.maximum(TRUNK_LOW_M - seen[..., 1], seen[..., 1] - TRUNK_HIGH_M), 0.0)
+    widths = np.hypot(seen[..., 0] / TRUNK_WIDTH_M, seen[..., 2] / TRUNK_DEPTH_M)
     aside = np.hypot(seen[..., 0], seen[..., 2]) * (1.0 - 1.0 / np.maximum(widths, 1.0))
     trunk = np.hypot(aside, over)
-    middle = positions[..., ANCHORS[2], :] + np.array([0.0, HEAD_UP, 0.0])
-    head = np.maximum(np.linalg.norm(wrist - middle, axis=-1) - HEAD_RADIUS, 0.0)
+    middle = positions[..., ANCHORS[2], :] + np.array([0.0, HEAD_UP_M, 0.0])
+    head = np.maximum(np.linalg.norm(wrist - middle, axis=-1) - HEAD_RADIUS_M, 0.0)
     upper, fore = (positions[..., arm[k + 1], :] - positions[..., arm[k], :] for k in (0, 1))
     cosine = np.sum(upper * fore, axis=-1) / np.linalg.norm(upper, axis=-1) / np.linalg.norm(fore, axis=-1)
     bent = np.arccos(np.clip(cosine, -1.0, 1.0))
@@ -56,9 +56,9 @@ def ramp(value: AnyArray, none: float, full: float) -> AnyArray:
 STEP_FRACTION, NEAR_FRAMES = (0.25, 30)
 MAX_TURN_STEP_RAD = 0.1  # of a hand in its wrist, from frame to frame
 ROUNDS = 4  # of turning and of pushing: what leaves one part may still be in the next
-MOST_TURN = 1.2  # radians that a wrist gives way
+MAX_WRIST_TURN_RAD = 1.2  # radians that a wrist gives way
 NECK_M, WAIST_M = 0.1, 0.25  # under the shoulder: a hand at neck or head does not turn, for it would flutter
-FORWARD = 0.4  # a hand that points straight into the body turns forward, as one on the hip
+FORWARD_WEIGHT = 0.4  # a hand that points straight into the body turns forward, as one on the hip
 _ELBOW = np.array([0.0, -1.0, -0.5])  # where a straight arm bends: down and back
 ARM = {
     side: tuple(SPORT_SKELETON.index(side + bone) for bone in ("Arm", "ForeArm", "Hand"))
@@ -137,7 +137,7 @@ def _placed(
 
 
 def _steps(wrists: AnyArray) -> AnyArray:
-    """Metres `(T, ...)` by which the way that a hand is moved may differ in the next frame: a part of its own fastest step nearby.
+    """Return the largest change (metres, `(T, ...)`) of a hand offset to the next frame: a fraction of the fastest wrist step nearby.
 
     `wrists` `(T, ..., 3)` in each frame.
     """
@@ -161,7 +161,7 @@ def without_jumps(values: AnyArray, steps: AnyArray) -> AnyArray:
 
 
 def _followed(values: AnyArray, steps: AnyArray) -> AnyArray:
-    """What goes after values `(T, ..., n)` by at most `steps` `(T - 1, ...)` a frame."""
+    """Follow values `(T, ..., n)`, changing by at most `steps` `(T - 1, ...)` per frame."""
     found = np.array(values, np.float64)
     for side in np.ndindex(values.shape[1:-1]):
         every = (slice(None), *side)
@@ -208,14 +208,14 @@ class _Seen:
 
     @property
     def free(self) -> bool:
-        """Whether no hand is inside."""
+        """Return whether no hand is inside the body."""
         return not np.any(self._depth(self.hands)[0])
 
     def turns(self) -> AnyArray:
         """Turns `(..., S, 4)` of the hands in the wrists towards lying along the body: out, and forward where they stick in."""
         turns = np.zeros((*self.wrists.shape[:-1], 4))
         turns[..., 0] = 1.0
-        left = MOST_TURN * self.low
+        left = MAX_WRIST_TURN_RAD * self.low
         for _ in range(ROUNDS):
             hands = rotations.rotate(turns[..., None, :], self.hands)
             deep, out = self._depth(hands)
@@ -223,7 +223,7 @@ class _Seen:
                 break
             way = rotations.normalize((deep * out).sum(axis=-2))
             aside = 1.0 - np.sum(way * self.ahead, axis=-1, keepdims=True) ** 2
-            way = way + FORWARD * aside * self.ahead
+            way = way + FORWARD_WEIGHT * aside * self.ahead
             reach = hands.mean(axis=-2)
             axis = np.cross(reach, way)
             angle = self.low * deep.max(axis=(-2, -1)) / np.linalg.norm(hands, axis=-1).max(axis=-1)

@@ -16,7 +16,7 @@ MAP_ENDING = ".joints.json"
 
 
 def joint_map_path(character: str | Path) -> Path:
-    """Where the map of a character file is kept: FILE.joints.json next to it."""
+    """Return the path of the joint map of a character: FILE.joints.json next to it."""
     path = Path(character)
     return path.with_name(path.name + MAP_ENDING)
 

@@ -33,7 +33,7 @@ _START = "import sys; sys.path.insert(0, sys.argv[1]); from runtime.character im
 
 
 def decode(kind: str, path: Path, facts: Any, data: bytes, remedy: str) -> bytes:
-    """What the worker of a kind (`native_worker`) makes of `data`; FileError names `path`."""
+    """Decode `data` by the worker of a kind (`native_worker`); FileError names `path`."""
     module, package, what = PACKAGES[kind]
     if importlib.util.find_spec(module) is None:
         raise FileError(
@@ -60,7 +60,7 @@ def fbx_as_glb(path: Path, motion: bool = False) -> bytes:
 
 @lru_cache(2)  # a character is opened several times: to look at its joints, to show and to write it
 def _decoded(kind: str, facts: str, data: bytes) -> bytes:
-    """What the worker wrote; ValueError says what is wrong."""
+    """Run the worker and return its output; ValueError says what went wrong."""
     limit = WORKING_BYTES + BYTES_FOR_ONE * json.loads(facts).get("size", len(data))
     with temporary_folder() as folder:
         source, target = folder / "in", folder / "out"

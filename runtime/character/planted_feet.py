@@ -24,16 +24,16 @@ LEGS = tuple(
 )
 OUR_HEEL = np.array([0.0, -ANKLE_HEIGHT, -0.05])  # of our own sole, metres from the ankle
 OUR_BALL = np.array([0.0, -ANKLE_HEIGHT, float(SPORT_SKELETON.offsets[LEGS[0][3], 2])])
-LOW = 0.25  # of the height of the ankle over the sole: vertices up to there are the sole
+SOLE_FRACTION = 0.25  # of the height of the ankle over the sole: vertices up to there are the sole
 KNEE = np.array([0.0, 0.0, 1.0])  # where a straight knee gives way
 HEEL_DOWN, HEEL_UP = np.radians((-2.0, -15.0))  # pitch of a foot from which on its toes bend, and all the way
 TOE_BEND = np.radians(80.0)  # how far they do
 OUTLINE = 13  # points of a foot or of toes,
-LEAN = 0.35  # sideways, tangent of how far feet roll
+OUTLINE_LEAN_FACTOR = 0.35  # sideways, tangent of how far feet roll
 FLAT = (0.8, 1.0)  # contacts of heel and toe from which a foot stands flat,
-ON_SLOPES = 0.8  # on a slope too, where its heel may lie lower: it is lifted by so much less
-PRESSED = 0.002  # m that our soles lie in the ground, `sink` of the foot lock
-TOES_UP = 0.1  # sine of the pitch from which a foot rolls over its heel
+ON_SLOPES_WEIGHT = 0.8  # on a slope too, where its heel may lie lower: it is lifted by so much less
+PRESSED_M = 0.002  # m that our soles lie in the ground, `sink` of the foot lock
+TOES_UP_FRACTION = 0.1  # sine of the pitch from which a foot rolls over its heel
 
 
 @dataclass(frozen=True)
@@ -83,10 +83,10 @@ def find_soles(mesh: SkinnedMesh, rest: AnyArray, pivots: AnyArray) -> Soles:
 
 
 def _sole(points: AnyArray) -> tuple[float, float, float]:
-    """How far below the ankle the lowest of the points about it is, and from where to where along Z the sole reaches."""
+    """Return the depth of a sole below the ankle, and its extent along Z (back, front)."""
     depth = -float(points[:, 1].min())
     # else a foot above its ankle
-    low = points[points[:, 1] <= -(1.0 - LOW) * depth] if depth > 0.0 else points
+    low = points[points[:, 1] <= -(1.0 - SOLE_FRACTION) * depth] if depth > 0.0 else points
     return depth, float(low[:, 2].min()), float(low[:, 2].max())
 
 
@@ -96,7 +96,7 @@ def _outline(points: AnyArray) -> AnyArray:
     directions = np.concatenate(
         [
             np.stack([np.full(OUTLINE, side), -np.cos(angles), np.sin(angles)], 1)
-            for side in (-LEAN, 0.0, LEAN)
+            for side in (-OUTLINE_LEAN_FACTOR, 0.0, OUTLINE_LEAN_FACTOR)
         ]
     )
     return np.asarray(points[np.argmax(points @ directions.T, axis=0)])
@@ -116,7 +116,7 @@ def plant_feet(
     turned = world[..., foot, :]
     world[..., toe, :] = toes = _flat_toes(turned, world[..., toe, :])
     toe_height = positions[..., toe, 1] - positions[..., foot, 1] - TOE_HEIGHT
-    floor = np.minimum(toe_height, -ANKLE_HEIGHT) + PRESSED
+    floor = np.minimum(toe_height, -ANKLE_HEIGHT) + PRESSED_M
     pairs = np.reshape(contacts, (*np.shape(contacts)[:-1], 2, 2))
     target = positions[..., foot, :] + _shift(soles, turned, toes, pairs, floor)
     ahead = rotations.rotate(world[..., upper, :], KNEE)
@@ -143,7 +143,7 @@ def _shift(soles: Soles, foot: AnyArray, toes: AnyArray, contacts: AnyArray, flo
     toe_contact = contacts[..., 1]
     ahead = rotations.rotate(foot, KNEE)
     level = rotations.from_yaw(np.arctan2(ahead[..., 0], ahead[..., 2]))
-    heel_share = np.clip(ahead[..., 1] / TOES_UP, 0.0, 1.0) * (1.0 - np.clip(toe_contact, 0.0, 1.0))
+    heel_share = np.clip(ahead[..., 1] / TOES_UP_FRACTION, 0.0, 1.0) * (1.0 - np.clip(toe_contact, 0.0, 1.0))
     flat = np.array([1.0, 0.0, 1.0])
     over_ball = rotations.rotate(toes, soles.ball * flat + soles.aside) - rotations.rotate(foot, soles.ball)
     over_heel = rotations.rotate(level, soles.heel * flat + soles.aside) - rotations.rotate(foot, soles.heel)
@@ -163,5 +163,5 @@ def _shift(soles: Soles, foot: AnyArray, toes: AnyArray, contacts: AnyArray, flo
     in_foot = (rotations.to_matrix(foot).swapaxes(-1, -2) @ down)[..., None, :]
     own_low = np.minimum(np.sum(soles.foot * in_foot, -1).min(-1), own_toes) + shift[..., 1]
     stands = smoothstep((contacts.min(axis=-1) - FLAT[0]) / (FLAT[1] - FLAT[0]))
-    lift = np.maximum(floor - own_low, 0.0) * (1.0 - ON_SLOPES * stands)
+    lift = np.maximum(floor - own_low, 0.0) * (1.0 - ON_SLOPES_WEIGHT * stands)
     return np.asarray(shift + lift[..., None] * down)

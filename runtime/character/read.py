@@ -149,7 +149,7 @@ def _load_buffers(path: Path, gltf: Entry, blob: memoryview) -> list[memoryview]
 
 
 def _is_fallback(buffer: Entry) -> bool:
-    """Whether a buffer without bytes stands for what readers without compression would read."""
+    """Return whether a buffer without bytes is the fallback for readers without compression."""
     return not buffer.uri and any((buffer.extensions or {}).get(name) for name in MESHOPT)
 
 
@@ -204,7 +204,7 @@ def _accessor(file: GltfFile, index: Any) -> Entry | None:
 
 
 def accessor_count(file: GltfFile, index: Any) -> int:
-    """How many elements an accessor has by what it says of itself; 0 where it is missing or damaged."""
+    """Return the declared element count of an accessor; 0 if it is missing or damaged."""
     accessor = _accessor(file, index)
     count = 0 if accessor is None else accessor.count
     return count if isinstance(count, int) and count > 0 else 0

@@ -103,7 +103,7 @@ def _holding(nodes: Nodes, skin: int, top: int) -> AnyArray:
 
 
 def _stretch(nodes: Nodes, members: list[int], worlds: AnyArray, told: Pose) -> tuple[float, str]:
-    """By which factor bones of joints with the matrices `worlds` are longer or shorter than those of the nodes, and what to say of the longest."""
+    """Return the factor by which bones at `worlds` differ in length from those of the nodes, and a sentence about the longest."""
     here = told | dict(zip(members, worlds, strict=True))
     nearest = nearest_of(nodes.order, nodes.parents, here)
     pairs = [(nearest[nodes.parents[node]], node) for node in members if nodes.parents[node] >= 0]

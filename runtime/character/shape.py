@@ -16,8 +16,8 @@ from runtime.character.writer import write_character
 from runtime.errors import UsageError
 from runtime.skeleton import SPORT_SKELETON
 
-LOW, HIGH = 0.4, 2.5  # of every share
-GIRTH = 0.5  # power of a limb's length that its thickness grows by
+MIN_FACTOR, MAX_FACTOR = 0.4, 2.5  # of every share
+GIRTH_GROWTH_FACTOR = 0.5  # power of a limb's length that its thickness grows by
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,10 @@ class BodyShape:
     def check(self) -> None:
         """UsageError names the share that no body has."""
         for name, value in vars(self).items():
-            if not LOW <= value <= HIGH:
-                raise UsageError(f" {value:g}: expected {LOW:g} to {HIGH:g} of the {name}.", "Try 1.", name)
+            if not MIN_FACTOR <= value <= MAX_FACTOR:
+                raise UsageError(
+                    f" {value:g}: expected {MIN_FACTOR:g} to {MAX_FACTOR:g} of the {name}.", "Try 1.", name
+                )
 
 
 def shaped(character: Character, shape: BodyShape) -> Character:
@@ -86,11 +88,11 @@ def shaped_file(shape: BodyShape, folder: Path) -> Path:
 
 
 def _growth(name: str, shape: BodyShape) -> AnyArray:
-    """How much the flesh about a joint grows along each axis of the rest pose."""
+    """Return the growth factors `(3,)` of the mesh around a joint along the axes of the rest pose."""
     if name.endswith(("UpLeg", "Leg")):
-        return np.array([shape.legs**GIRTH, shape.legs, shape.legs**GIRTH])
+        return np.array([shape.legs**GIRTH_GROWTH_FACTOR, shape.legs, shape.legs**GIRTH_GROWTH_FACTOR])
     if name.endswith(("Arm", "ForeArm")):
-        return np.array([shape.arms, shape.arms**GIRTH, shape.arms**GIRTH])
+        return np.array([shape.arms, shape.arms**GIRTH_GROWTH_FACTOR, shape.arms**GIRTH_GROWTH_FACTOR])
     if name == "Head":
         return np.full(3, shape.head)
     if name in ("LowerBack", "Spine", "Spine1"):

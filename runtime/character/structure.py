@@ -10,18 +10,18 @@ from runtime.arrays import AnyArray
 from runtime.character.tree import JointTree
 
 # shares of the height of all joints
-NEAR_GROUND = 0.2  # ends of legs
-HIGH = 0.25  # tops of legs
-LEG = 0.2  # from top to end
-ANKLE = 0.15  # the first joint of a leg below this is its ankle
+GROUND_FRACTION = 0.2  # ends of legs
+LEG_TOP_FRACTION = 0.25  # tops of legs
+LEG_FRACTION = 0.2  # from top to end
+ANKLE_FRACTION = 0.15  # the first joint of a leg below this is its ankle
 # of the way from the first joint to the knee: there the thigh begins, beyond are twists
-BUTTOCK = (0.01, 0.2)
-TOE = 0.03  # from ankle to toe, along the ground
+BUTTOCK_FRACTIONS = (0.01, 0.2)
+TOE_FRACTION = 0.03  # from ankle to toe, along the ground
 TOLERANCE = 0.1  # between left and right
 # shares of an arm from its first joint to its tip
-UPPER_ARM_FROM = 0.47  # joints up to here may be the upper arm, those beyond are twists
-FINGERS = 0.25  # what a hand without separate fingers may have beyond the wrist
-HEAD_JOINT = 0.8  # of the way from chest to crown; joints above are ends and hair
+UPPER_ARM_FRACTION = 0.47  # joints up to here may be the upper arm, those beyond are twists
+FINGERS_FRACTION = 0.25  # what a hand without separate fingers may have beyond the wrist
+HEAD_FRACTION = 0.8  # of the way from chest to crown; joints above are ends and hair
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def guess_by_structure(tree: JointTree, vertices: AnyArray) -> dict[str, int]:
 
 
 def leg_count(tree: JointTree) -> int:
-    """How many legs are seen: ends of limbs on the ground."""
+    """Count the legs: limbs that end on the ground."""
     return sum(len(legs) for _, legs in _leg_forks(tree))
 
 
@@ -81,7 +81,7 @@ def _leg_forks(tree: JointTree) -> list[tuple[int, tuple[_Leg, ...]]]:
 def _in_the_middle(
     tree: JointTree, forks: list[tuple[int, tuple[_Leg, ...]]]
 ) -> list[tuple[int, tuple[_Leg, ...]]]:
-    """Those whose legs stand on both sides of one plane: two fingers of a hand are no legs."""
+    """Keep the forks whose legs stand on both sides of one plane; two fingers of a hand are no legs."""
     if len(forks) < 2:
         return forks
     gaps = [tree.positions[legs[0].end] - tree.positions[legs[1].end] for _, legs in forks]
@@ -101,10 +101,13 @@ def _in_the_middle(
 def _leg(tree: JointTree, top: int, taken: set[int]) -> _Leg | None:
     if top in taken:
         return None
-    tip, limit = tree.lowest(top), tree.floor + NEAR_GROUND * tree.size
+    tip, limit = tree.lowest(top), tree.floor + GROUND_FRACTION * tree.size
     joints = tree.along(tree.chain(top, tip))
     length = 0.0 if len(joints) < 2 else float(joints[-1])
-    if length < LEG * tree.size or tree.positions[top, 1] < tree.floor + HIGH * tree.size:
+    if (
+        length < LEG_FRACTION * tree.size
+        or tree.positions[top, 1] < tree.floor + LEG_TOP_FRACTION * tree.size
+    ):
         return None
     if tree.positions[tip, 1] < limit:
         return _Leg(top, tip, -1) if len(joints) > 2 else None
@@ -156,7 +159,7 @@ def _left(tree: JointTree, legs: tuple[_Leg, ...], vertices: AnyArray) -> AnyArr
             forward += tree.positions[joints["ToeBase"]] - tree.positions[joints["Foot"]]
     ankles = np.mean([tree.positions[leg.end] for leg in legs], axis=0)
     soles = vertices[vertices[:, 1] < tree.floor + 0.05 * tree.size]
-    if np.linalg.norm(forward * (1.0, 0.0, 1.0)) < TOE * tree.size and len(soles):
+    if np.linalg.norm(forward * (1.0, 0.0, 1.0)) < TOE_FRACTION * tree.size and len(soles):
         forward = 0.5 * (soles.max(axis=0) + soles.min(axis=0)) - ankles
     forward = forward - (forward @ across) * across
     if np.hypot(forward[0], forward[2]) < 0.005 * tree.size:
@@ -169,19 +172,21 @@ def _leg_joints(tree: JointTree, leg: _Leg, hips: int) -> dict[str, int]:
     at = tree.positions[chain]
     if leg.foot >= 0:
         return {"UpLeg": chain[0], "Leg": chain[1], "Foot": leg.foot}
-    low = np.flatnonzero(at[:, 1] < tree.floor + ANKLE * tree.size)
+    low = np.flatnonzero(at[:, 1] < tree.floor + ANKLE_FRACTION * tree.size)
     ankle = max(int(low[0]) if len(low) else len(chain) - 1, 2)
     offset = np.linalg.norm((at - tree.positions[hips])[:, [0, 2]], axis=1)
     first = next((i for i in range(ankle - 1) if offset[i] > 0.15 * offset[ankle]), 0)
     knee = max(range(first + 1, ankle), key=lambda i: _shorter(tree, chain[first], chain[i], chain[ankle]))
     reach = tree.along(chain[first : knee + 1])
     near = [
-        i for i, share in enumerate(reach / max(float(reach[-1]), 1e-9)) if BUTTOCK[0] < share < BUTTOCK[1]
+        i
+        for i, share in enumerate(reach / max(float(reach[-1]), 1e-9))
+        if BUTTOCK_FRACTIONS[0] < share < BUTTOCK_FRACTIONS[1]
     ]
     first += near[-1] if near else 0  # a short bone before the thigh
     joints = {"UpLeg": chain[first], "Leg": chain[knee], "Foot": chain[ankle]}
     ahead = np.hypot(*(at[ankle + 1 :] - at[ankle])[:, [0, 2]].T)
-    toe = np.flatnonzero(ahead > TOE * tree.size)
+    toe = np.flatnonzero(ahead > TOE_FRACTION * tree.size)
     if len(toe):
         joints["ToeBase"] = chain[ankle + 1 + int(toe[0])]
     return joints
@@ -248,7 +253,7 @@ def _free_arm(tree: JointTree, chain: list[int]) -> dict[str, int]:
     hand = _wrist(tree, chain, along / along[-1])
     elbow = max(range(1, hand), key=lambda i: _shorter(tree, chain[0], chain[i], chain[hand]))
     reach = along[: elbow + 1] / max(float(along[elbow]), 1e-9)
-    upper = max(i for i in range(elbow) if reach[i] < UPPER_ARM_FROM)
+    upper = max(i for i in range(elbow) if reach[i] < UPPER_ARM_FRACTION)
     joints = {"Arm": chain[upper], "ForeArm": chain[elbow]}
     if upper:
         joints["Shoulder"] = chain[0]
@@ -268,7 +273,7 @@ def _wrist(tree: JointTree, chain: list[int], share: AnyArray) -> int:
         fingers = sum(tree.heights[child] >= 1 for child in tree.children[chain[i]])
         if share[i] > 0.5 and fingers >= 2:
             return i
-    return next(i for i in range(2, len(chain)) if 1.0 - share[i] < FINGERS or i == len(chain) - 1)
+    return next(i for i in range(2, len(chain)) if 1.0 - share[i] < FINGERS_FRACTION or i == len(chain) - 1)
 
 
 def _trunk(
@@ -304,5 +309,5 @@ def _head(tree: JointTree, chain: list[int], low: float, vertices: AnyArray) -> 
     """The joint of a chain up from the chest, at height `low`, that carries several others, else the last below the crown."""
     crown = float(tree.positions[chain[-1], 1])
     crown = max(float(vertices[:, 1].max()) if len(vertices) else 0.0, crown)
-    below = [j for j in chain if tree.positions[j, 1] - low <= HEAD_JOINT * (crown - low)] or chain[:1]
+    below = [j for j in chain if tree.positions[j, 1] - low <= HEAD_FRACTION * (crown - low)] or chain[:1]
     return next((j for j in below if sum(tree.heights[c] > 0 for c in tree.children[j]) > 1), below[-1])

@@ -84,10 +84,10 @@ class JointTree:
         return next((joint for joint in self.ancestors(b) if joint in above), -1)
 
     def distance(self, a: int, b: int) -> float:
-        """How far two joints are from each other."""
+        """Return the distance between two joints."""
         return float(np.linalg.norm(self.positions[a] - self.positions[b]))
 
     def along(self, chain: Sequence[int]) -> AnyArray:
-        """How far each joint of a chain is from its first one, along the chain."""
+        """Return the distance of each joint of a chain from its first one, along the chain."""
         steps = np.linalg.norm(np.diff(self.positions[list(chain)], axis=0), axis=1)
         return np.concatenate([[0.0], np.cumsum(steps)])

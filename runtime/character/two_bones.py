@@ -7,7 +7,7 @@ import numpy as np
 from runtime import rotations
 from runtime.arrays import AnyArray
 
-REACH = 0.9995  # of the limb's length
+REACH_FRACTION = 0.9995  # of the limb's length
 GIVES_WAY_M = 0.005  # pull on the middle joint of a limb that is straight
 
 
@@ -20,7 +20,7 @@ def bend(
     """
     a, b = np.linalg.norm(middle - top, axis=-1), np.linalg.norm(end - middle, axis=-1)
     length = np.linalg.norm(target - top, axis=-1)
-    length = np.clip(length, np.abs(a - b) + 1e-4, REACH * (a + b))
+    length = np.clip(length, np.abs(a - b) + 1e-4, REACH_FRACTION * (a + b))
     along, wanted = rotations.normalize(end - top), rotations.normalize(target - top)
     aside = (middle - top) - np.sum((middle - top) * along, axis=-1, keepdims=True) * along
     off = np.sum(toward * along, axis=-1, keepdims=True) * along

@@ -135,7 +135,7 @@ def _packed_by_draco(gltf: Any) -> list[Any]:
 
 
 def _unpacked_bytes(gltf: Any, primitive: Any) -> int:
-    """How large the attributes and indices of a packed primitive become, four bytes a number."""
+    """Return the unpacked size (bytes) of a primitive, four bytes per number."""
     accessors = (
         primitive.indices,
         *(primitive.attributes[n] for n in primitive.extensions[DRACO].attributes),

@@ -227,7 +227,7 @@ def _read_rows(
 
 
 def _uneven_end(data: bytes, at: int, width: int, name: str) -> bool:
-    """Whether the last line is a part of a frame; FileError names another line that is no frame of `width` values."""
+    """Return whether the last line is part of a frame; FileError names any other line without `width` values."""
     lines = [(k, len(text.split())) for k, text in enumerate(data[at:].splitlines())]
     uneven = [(k, values) for k, values in lines if values not in (0, width)]
     last = max((k for k, values in lines if values), default=0)

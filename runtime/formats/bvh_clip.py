@@ -149,7 +149,7 @@ def nearest_unit(metres_per_unit: float) -> str:
 
 
 def _joint_order(motion: BvhMotion, path: Path) -> list[int]:
-    """Where each joint of the SPORT skeleton is in the file; FileError names those that are missing."""
+    """Return the index in the file of each joint of the SPORT skeleton; FileError names missing joints."""
     for bones in [{}, *(engine.bones for engine in ENGINES.values())]:  # of our own files for an engine
         ours = {bone: name for name, bone in bones.items()}
         names = [ours.get(name, name) for name in motion.skeleton.names]

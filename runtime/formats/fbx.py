@@ -164,7 +164,7 @@ class _Scene:
 
 
 def _note(entry: Entry) -> str:
-    """What a file tells of a take."""
+    """Return the JSON text of the metadata of a take."""
     return json.dumps(entry.extras["sport"], ensure_ascii=False)
 
 

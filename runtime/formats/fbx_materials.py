@@ -86,6 +86,6 @@ class Materials:
 
 
 def _metal(entry: Entry, surface: Entry) -> float:
-    """How much of a metal a surface is; none where the factor is not all that tells."""
+    """Return the metallic factor of a surface; 0 if a texture holds it."""
     unlit = "KHR_materials_unlit" in (entry.extensions or {})
     return 0.0 if unlit or surface.metallicRoughnessTexture else float(surface.get("metallicFactor", 1.0))

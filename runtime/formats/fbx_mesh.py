@@ -17,7 +17,7 @@ from runtime.formats.fbx_materials import Materials
 from runtime.formats.fbx_nodes import Document, Node, leaves, matrix
 
 MAX_COLORS = 16  # of vertices: so few are materials of their own, since most programs do not show them
-SAME_COLOR = 0.06  # of sRGB: colours that near are one of them
+SAME_COLOR_DISTANCE = 0.06  # of sRGB: colours that near are one of them
 MAX_SHADES = 256
 
 
@@ -152,7 +152,7 @@ class _Part:
         return surface is not None and surface.baseColorTexture is not None
 
     def has(self, name: str) -> bool:
-        """Whether a layer comes of this primitive."""
+        """Return whether this primitive has the layer."""
         return name in self.primitive.attributes and not (name == "COLOR_0" and self.palette)
 
     def values(self, name: str) -> AnyArray:
@@ -202,7 +202,7 @@ def _palette(colors: AnyArray) -> tuple[AnyArray, AnyArray]:
         return exact, which.ravel()
     seen, kept = srgb(exact), list[int]()
     for one in np.argsort(-counts, kind="stable"):
-        if not (np.abs(seen[kept] - seen[one]).max(axis=1, initial=0.0) < SAME_COLOR).any():
+        if not (np.abs(seen[kept] - seen[one]).max(axis=1, initial=0.0) < SAME_COLOR_DISTANCE).any():
             kept.append(int(one))
     nearest = np.abs(seen[:, None] - seen[kept]).max(axis=2).argmin(axis=1)
     return exact[kept], nearest[which.ravel()]
@@ -212,7 +212,7 @@ class _Parts(list[_Part]):
     """The primitives of a mesh, whose vertices follow one another."""
 
     def joined(self, values: Callable[..., AnyArray], *given: Any) -> AnyArray:
-        """What a method of `_Part` has of all vertices."""
+        """Return the values of a method of `_Part` for all vertices."""
         return np.concatenate([values(part, *given) for part in self])
 
     def corners(self) -> AnyArray:

@@ -164,7 +164,7 @@ class Document:
 
 
 def _header() -> Node:
-    """What a file says of itself."""
+    """Return the header: version, time of creation, creator."""
     stamp = leaves(Version=1000, Year=1970, Month=1, Day=1, Hour=10, Minute=0, Second=0, Millisecond=0)
     about = leaves(Version=100, Title="", Subject="", Author="", Keywords="", Revision="", Comment="")
     facts = [prop(name, "KString", "take.fbx") for name in ("DocumentUrl", "SrcDocumentUrl")]

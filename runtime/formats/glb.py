@@ -35,7 +35,7 @@ from runtime.terrain.height_map import Terrain
 MANNEQUIN = "character/mannequin.glb"
 HIPS = SPORT_SKELETON.index("Hips")
 CHUNK = 1800  # frames worked on at once, so that an hour does not fill the memory
-STILL = 1e-6  # metres: a joint that moves less against its parent has no translation track
+STILL_M = 1e-6  # metres: a joint that moves less against its parent has no translation track
 
 
 def save_glb(
@@ -123,7 +123,7 @@ def _animate(rig: Rig, buffer: GlbBuffer, take: PreparedTake, name: str, check: 
         channels.append((node, "rotation", quaternions))
         above = written(rig, rig.rest[rig.parents[node]]) if rig.parents[node] >= 0 else np.eye(4)
         unit = float(np.abs(np.linalg.det(above[:3, :3]))) ** (1 / 3)  # metres of a unit of the track
-        if np.abs(translations - np.array(nodes[node].translation)).max() * unit > STILL:
+        if np.abs(translations - np.array(nodes[node].translation)).max() * unit > STILL_M:
             channels.append((node, "translation", translations))
     add_animation(buffer, take, name, channels)
 

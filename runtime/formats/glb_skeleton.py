@@ -25,7 +25,7 @@ ROOT_NAMES = ("Root", "GroundRoot", "SportGroundRoot")
 # of a root joint at rest: Blender joins the hips to one whose tail meets them, and drops where they go
 OFF_THE_HIPS_M = 1e-3
 HANDS_FRAMES = 120  # before and after those that are written, by which hands find their way
-SAME = 1e-4  # a character that needs less scaling and turning than this stands in our space already
+SAME_TOLERANCE = 1e-4  # a character that needs less scaling and turning than this stands in our space already
 
 
 @dataclass
@@ -149,7 +149,7 @@ def _line(parents: Sequence[int], node: int) -> list[int]:
 
 
 def _under_joint(rig: Rig, node: int) -> bool:
-    """Whether a node is a joint or below one."""
+    """Return whether a node is a joint or a descendant of one."""
     return any(above in rig.joints for above in _line(rig.parents, node))
 
 
@@ -170,7 +170,7 @@ def _set_scene(rig: Rig) -> None:
     carried = {_line(rig.parents, joint)[-1] for joint in rig.joints}
     moved = sorted(carried)
     skinned = [top for top in _alone(rig) if top not in carried and gltf.nodes[top].skin is not None]
-    if np.allclose(rig.space, np.eye(4), atol=SAME):
+    if np.allclose(rig.space, np.eye(4), atol=SAME_TOLERANCE):
         rig.space = np.eye(4)
     else:
         turn, scale = rotation_and_scale(rig.space)
@@ -312,7 +312,7 @@ def joint_worlds(rig: Rig, take: PreparedTake, frames: slice) -> dict[int, Array
 
 
 def _rest_place(rig: Rig, take: PreparedTake) -> Array:
-    """What carries the rest pose to where the take begins."""
+    """Return the transform `(4, 4)` from the rest pose to the start of the take."""
     place = np.eye(4)
     place[:3, :3] = rotations.to_matrix(rotations.from_yaw(take.root.yaw[0]))
     place[:3, 3] = rig.size * take.root.positions[0] - place[:3, :3] @ rig.ground_point

@@ -14,7 +14,7 @@ from runtime.character.read import GltfFile, read_accessor
 AT_KEY_S = 1e-5  # what is that little before a key is at it
 KEYS_REMEDY = "Export it again with its animation baked, or as BVH."
 PATHS = {"translation": 3, "rotation": 4, "scale": 3}
-ASTRAY_HANDLE = 0.5  # of the radius of the sphere of rotations, from a key towards its middle
+ASTRAY_HANDLE_FRACTION = 0.5  # of the radius of the sphere of rotations, from a key towards its middle
 _FLAT_SCALE = 1e-9  # of a node that is scaled away, as hidden parts are
 _SQUARE_TOLERANCE = 1e-4  # of a matrix that is a rotation but for rounding
 
@@ -89,7 +89,9 @@ def _of_one_sign(times: Array, values: Array) -> Array:
     for column in (0, 2):
         along = (values[:, column] * key).sum(-1) / np.maximum((key * key).sum(-1), 1e-12)
         turning = values[:, column] - along[:, None] * key
-        astray = (np.abs(along) * thirds > ASTRAY_HANDLE) & (np.abs(along) > np.linalg.norm(turning, axis=-1))
+        astray = (np.abs(along) * thirds > ASTRAY_HANDLE_FRACTION) & (
+            np.abs(along) > np.linalg.norm(turning, axis=-1)
+        )
         values[:, column] = np.where(astray[:, None], -turning, values[:, column])
     alike = np.append(1.0, (key[1:] * key[:-1]).sum(-1))
     return np.asarray(values * np.cumprod(np.where(alike < 0.0, -1.0, 1.0))[:, None, None])

@@ -48,16 +48,14 @@ USUAL_RATES = (
 )  # in the order they are tried
 # keys in so many frames of a rate, and at least so many steps, are one in every frame
 DENSE_FRACTION, LEAST_STEPS = (0.9, 4)
-LEAST_FPS, LEAST_CUBIC_FPS = (
-    5.0,
-    15.0,
-)  # of keys in every frame: fewer are apart, and cubics between them bend
+# of keys in every frame: fewer are apart, and cubics between them bend
+LEAST_FPS, LEAST_CUBIC_FPS = (4.5, 15.0)
 ON_FRAME_TOLERANCE = 2e-4  # frames from one to a key that is on it; 29.97 and 30 differ by 1e-3
 # what Blender writes for it, and what it is
 NTSC = {rate * 1.001: rate / 1.001 for rate in (24.0, 30.0, 60.0)}
 CHUNK_FRAMES = 1024  # whose transforms are worked out at once
 # nodes x frames, and keys, that any file may have; and more for each byte of it
-MAX_UNBAKED, KEYS_PER_BYTE = 500_000, 0.5
+MAX_UNBAKED, KEYS_PER_BYTE_FACTOR = 500_000, 0.5
 MAX_NAME, MAX_SHOWN, MAX_LISTED = 200, 60, 6  # letters of a joint and of an animation; bodies in a sentence
 # nodes of animations that are looked at for a body, and what a channel counts
 MAX_LOOKED_AT, CHANNEL_COST = (50_000, 8)
@@ -199,7 +197,7 @@ def _targets(nodes: Nodes, entry: Any) -> set[int]:
 
 
 def _listed(nodes: Nodes, animations: dict[str, Any], bodies: list[Body]) -> _Listed:
-    """What may be read: each animation with the body that it has most keys for, or holds, and with others that it moves."""
+    """List the choices: each animation with the body that it moves most, and once more for each further body."""
     inside = {joint: k for k, body in enumerate(bodies) for joint in body.joints}
     above = [set(nodes.with_ancestors(body.joints[:1])) for body in bodies]
     listed: _Listed = {}
@@ -231,7 +229,7 @@ def _chosen(nodes: Nodes, listed: _Listed, wanted: str) -> _Animation:
 
 
 def _note(animation: _Animation, listed: _Listed, bodies: list[Body], wanted: str) -> str:
-    """What was taken, and what else there is; "" of a file with one animation of one body."""
+    """Return a sentence that says what was read and what else the file has; "" if that is all."""
     others = [
         printable(body.name)[:MAX_SHOWN] for body in bodies if body.known and body is not animation.body
     ]
@@ -269,8 +267,8 @@ def _key_count(file: GltfFile, animation: Any) -> int:
 
 
 def _room(file: GltfFile) -> float:
-    """How many keys, and nodes x frames, a file of this size may have."""
-    return MAX_UNBAKED + KEYS_PER_BYTE * sum(map(len, file.buffers))
+    """Return the most keys, and nodes x frames, that a file of this size may have."""
+    return MAX_UNBAKED + KEYS_PER_BYTE_FACTOR * sum(map(len, file.buffers))
 
 
 def _animation(nodes: Nodes, label: str, entry: Any, body: Body | None) -> _Animation:
@@ -280,7 +278,7 @@ def _animation(nodes: Nodes, label: str, entry: Any, body: Body | None) -> _Anim
 
 
 def _metadata(file: GltfFile, animation: Any) -> dict[str, Any]:
-    """What a file of ours tells of the take that an animation is, {} for any other; an FBX has it of one take, as text."""
+    """Return the metadata that our exports store with an animation, {} for other files; an FBX stores it as text."""
     gltf = file.gltf
     for holder in (animation, *((gltf.scenes or [])[:1] if len(gltf.animations) == 1 else ())):
         extras = holder.get("extras")

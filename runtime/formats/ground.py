@@ -25,7 +25,7 @@ COLOR = (0.42, 0.44, 0.40)  # linear RGB
 
 
 def names_ground(clip: Clip) -> bool:
-    """Whether a clip from a file says where it was made; one without metadata does not."""
+    """Return whether the metadata of a clip name its ground."""
     return clip.terrain != "flat" or bool(clip.prompts) or clip.origin != UNKNOWN
 
 

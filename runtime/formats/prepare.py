@@ -74,7 +74,7 @@ def _printable(clip: Clip) -> Clip:
 
 
 def placement_of(clip: Clip) -> Placement:
-    """Where an export has moved a clip to from its place on its ground."""
+    """Return the placement by which an export moved a clip from its place on its ground."""
     yaw, x, y, z = clip.placed or UNMOVED
     return Placement(yaw, (x, y, z))
 

@@ -25,8 +25,8 @@ from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON, J
 from runtime.takes.clip import MAX_DISTANCE_M, Clip
 from runtime.takes.own_skeleton import MAX_POINTS, OwnSkeleton
 
-UPRIGHT = 0.3  # share of a body's extent that its head is above its feet in a rest pose that is one
-STANDS = 0.05  # share of the frames whose lowest foot may be below the ground
+UPRIGHT_FRACTION = 0.3  # share of a body's extent that its head is above its feet in a rest pose that is one
+BELOW_GROUND_FRACTION = 0.05  # share of the frames whose lowest foot may be below the ground
 LEGS = ("LeftUpLeg", "RightUpLeg")
 SOLES = ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase")
 
@@ -42,7 +42,7 @@ class ReferenceMotion:
     scale: float
 
     def describe(self) -> str:
-        """What a person should know of it."""
+        """Return a phrase for the user: joints found, and how."""
         return f", another skeleton: {self.joints} of {J} joints by {self.origin}, a reference to look at"
 
 
@@ -82,7 +82,7 @@ def open_take(path: Path, animation: str = "") -> OpenedTake:
 
 
 def is_bvh(path: Path) -> bool:
-    """Whether a motion is read as BVH: all that is no other format of motion."""
+    """Return whether a file is read as BVH: any ending that is no other motion format."""
     return path.suffix.lower() not in MOTIONS[1:]
 
 
@@ -146,13 +146,16 @@ def _rest(motion: BvhMotion, positions: Array, world: Array, path: Path) -> _Res
 
 
 def _stands(found: dict[str, int], at: Array) -> bool:
-    """Whether a body is stretched out: its head is far from its feet, the hips between them."""
+    """Return whether a pose is upright: head far from the feet, hips between them."""
     up = at[found["Head"]] - at[found["Hips"]]
     down = at[[found["LeftFoot"], found["RightFoot"]]].mean(axis=0) - at[found["Hips"]]
     size = float(np.linalg.norm(np.ptp(at[list(found.values())], axis=0)))
     apart = float(np.linalg.norm(at[found["LeftUpLeg"]] - at[found["RightUpLeg"]]))
     return bool(
-        np.linalg.norm(up - down) > UPRIGHT * size and up @ down < 0.0 and apart > 0.01 * size and size > 0.0
+        np.linalg.norm(up - down) > UPRIGHT_FRACTION * size
+        and up @ down < 0.0
+        and apart > 0.01 * size
+        and size > 0.0
     )
 
 
@@ -203,7 +206,7 @@ def _own(
     points = np.concatenate([positions, *(tip[:, None] for tip in tips)], axis=1).astype(np.float64)
     points = rotations.rotate(axes, points) * scale - start
     if not motion.metadata:
-        points[..., 1] -= np.quantile(points[..., 1].min(axis=1), STANDS)
+        points[..., 1] -= np.quantile(points[..., 1].min(axis=1), BELOW_GROUND_FRACTION)
     return OwnSkeleton(tuple(parents)[:MAX_POINTS], points[:, :MAX_POINTS].astype(np.float32))
 
 
@@ -243,5 +246,5 @@ def _placed(legs: Array, local: Array) -> tuple[Array, Array]:
     soles = [SPORT_SKELETON.index(name) for name in SOLES]
     above = SPORT_SKELETON.rest_positions[soles, 1] + REST_HIPS_HEIGHT  # of a sole on the ground
     lowest = (hips[:, 1, None] + at[:, soles, 1] - above).min(axis=1)
-    start = np.array([hips[0, 0], float(np.quantile(lowest, STANDS)), hips[0, 2]])
+    start = np.array([hips[0, 0], float(np.quantile(lowest, BELOW_GROUND_FRACTION)), hips[0, 2]])
     return np.asarray(hips - start), start

@@ -40,7 +40,7 @@ from runtime.takes.metadata import (
 MAX_BYTES = 64 * 1024 * 1024
 CONTACTS = ("left_heel", "left_toe", "right_heel", "right_toe")
 FEET = ("left", "right")
-NO_PHASE = -1.0  # of JSON, which has no NaN
+NO_PHASE_ANGLE = -1.0  # of JSON, which has no NaN
 MARKERS_VERSION = 1
 _FORMAT = "sport-take"
 _LOG = logging.getLogger("sport.clip")
@@ -50,7 +50,7 @@ MAX_NAME = 250  # bytes of a file name, less those of ".json"
 
 
 def sidecar_path(bvh: Path) -> Path:
-    """Where the metadata of a BVH file stand."""
+    """Return the path of the metadata of a BVH file."""
     name = bvh.name.encode(errors="surrogateescape")[:MAX_NAME].decode(errors="surrogateescape")
     return bvh.with_name(name + ".json")
 
@@ -70,7 +70,7 @@ def format_metadata(clip: Clip, bvh_text: str) -> str:
 
 
 def _metadata(clip: Clip) -> dict[str, Any]:
-    """What a file of any format tells of its take, but for ground, origin and feet."""
+    """Return the metadata that every format stores: all but ground, origin and feet."""
     return {
         "format": _FORMAT,
         "name": printable(clip.name),
@@ -91,8 +91,8 @@ def _metadata(clip: Clip) -> dict[str, Any]:
 
 
 def foot_tracks(clip: Clip) -> dict[str, dict[str, list[float]]]:
-    """Contacts (0 to 1) of each sole point and the phase of each foot (radians, `NO_PHASE` without one), frame by frame."""
-    phases = np.nan_to_num(foot_phases(clip), nan=NO_PHASE)
+    """Contacts (0 to 1) of each sole point and the phase of each foot (radians, `NO_PHASE_ANGLE` without one), frame by frame."""
+    phases = np.nan_to_num(foot_phases(clip), nan=NO_PHASE_ANGLE)
     columns = (("contacts", CONTACTS, clip.contacts), ("phase", FEET, phases))
     return {
         track: {name: [round(v, 4) for v in values[:, k].tolist()] for k, name in enumerate(names)}

@@ -47,7 +47,7 @@ class Format:
 
     @property
     def film(self) -> bool:
-        """Whether it is drawn, by `viewer.filming`."""
+        """Return whether the format is a film, drawn by `viewer.filming`."""
         return not self.write
 
     def check_program(self, path: Path) -> None:
@@ -98,7 +98,7 @@ def format_of(path: Path) -> Format:
 
 
 def check_export(path: Path, options: ExportOptions) -> None:
-    """What can be known to be wrong before a take is made: options, endings, a missing library. UsageError."""
+    """Check options, ending and libraries before a take is made. UsageError."""
     options.check()
     format = format_of(path)
     for entry in fields(ExportOptions):
@@ -154,7 +154,7 @@ def save_ground_beside(
 
 
 def describe(take: PreparedTake, path: Path) -> str:
-    """What stands in the file: frames, rate, seconds, and what the loop came to."""
+    """Return a sentence about the file: frames, rate, seconds, loop."""
     count, fps = len(take.clip), take.clip.fps
     text = f"{path}: {count} frames at {fps:g} fps, {count / fps:.1f} s"
     return text if take.clip.loop is None else f"{text}; {take.clip.loop.describe()}"

@@ -117,7 +117,7 @@ class _Stage:
 
     @property
     def renamed(self) -> str:
-        """What the file calls joints whose own names are none of USD, or are there twice; "" without any."""
+        """Return a phrase that lists joints renamed because their names are invalid in USD or duplicate; "" without any."""
         own = [self.file.gltf.nodes[node].name for node in self.joints]
         pairs = [
             f"{old[:40]} is {new[:40]}"
@@ -363,7 +363,7 @@ class _Stage:
         return output
 
     def _colored(self, material: int) -> bool:
-        """Whether the vertices of all meshes with a material have colours."""
+        """Return whether all meshes of a material have vertex colours."""
         used = [p for mesh in self.file.gltf.meshes for p in mesh.primitives if p.material == material]
         return all("COLOR_0" in p.attributes for p in used)
 

@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from runtime import rotations
 from runtime.character.character import Character, load_character
-from runtime.character.hand_contact import clear_hands, touching
+from runtime.character.hand_contact import clear_hands, touching, without_jumps
 from runtime.character.skinned_mesh import skin_vertices
 from runtime.formats.bvh_clip import load_clip_bvh
 from runtime.formats.prepare import ExportOptions
@@ -134,6 +136,31 @@ def test_a_hand_that_comes_near_is_not_thrown_about(mannequin: Character) -> Non
     assert np.allclose(again, shown, atol=1e-4), "bones keep their lengths"
     one = clear_hands(mannequin, mannequin.body, positions[80], world[80])[0]
     assert np.allclose(one, shown[80], atol=1e-6), "a clip and its frames are treated alike"
+
+
+def test_a_hand_that_goes_through_the_body_keeps_its_speed(mannequin: Character) -> None:
+    """From the front of the hips through them to the back: each frame alone would put it on one side or the other."""
+    goals = np.linspace((0.06, 0.0, 0.3), (0.02, 0.0, -0.3), 40)
+    positions, world = SPORT_SKELETON.forward_kinematics(*reaching(goals))
+    steps = [
+        np.linalg.norm(np.diff(at[:, HAND], axis=0), axis=-1).max()
+        for at in (
+            positions,
+            clear_hands(mannequin, mannequin.body, positions, world)[0],
+            clear_hands(mannequin, mannequin.body, positions, world, frames=True)[0],
+        )
+    ]
+    assert steps[1] > 3.0 * steps[0]
+    assert steps[2] < 1.3 * steps[0]
+
+
+@given(st.integers(2, 40), st.integers(0, 2**32 - 1))
+def test_values_without_jumps_differ_by_no_more_than_they_may(frames: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    values, steps = rng.normal(size=(frames, 2, 3)), rng.uniform(0.01, 2.0, (frames, 2))
+    found = without_jumps(values, steps)
+    assert np.all(np.linalg.norm(np.diff(found, axis=0), axis=-1) <= steps[:-1] + 1e-9)
+    assert np.array_equal(without_jumps(values, np.full((frames, 2), 100.0)), values)
 
 
 def test_glb_has_the_hand_on_the_surface_and_bvh_the_motion_as_it_is(

@@ -63,6 +63,8 @@ def test_written_motion_reads_back(order, units):
     [
         ("MOTION", "MUTATION", "HIERARCHY and MOTION"),
         ("Frame Time: 0.0333333", "Frame Time: 0", "0.0 s"),
+        ("Frame Time: 0.0333333", "Frame Time: soon", "line 16: after MOTION expected a line 'Frames: 120'"),
+        ("Frames: 2", "Frames", "line 16: after MOTION expected a line 'Frames: 120'"),
         ("-12 4 5", "-12 nan 5", "line 20: .nan. in MOTION"),
         ("-12 4 5", "-12 1.5-2.5 5", "line 20: .1.5-2.5. in MOTION"),
         ("1 2 3 90", "1 2 390", "line 19: 11 values; expected 12"),
@@ -76,6 +78,39 @@ def test_damage_is_named(old, new, expected):
     assert old in SMALL
     with pytest.raises(FileError, match=expected):
         parse_bvh(SMALL.replace(old, new, 1), "take.bvh")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("\n{", " {"),
+        ("\n  {", "{"),
+        ("End Site\n    {", "End Site {"),
+        ("\n      OFFSET 0 -5 1\n    }", "\n      OFFSET 0 -5 1 }"),
+        ("0.0333333", "0,0333333"),
+        ("1 2 3 90", "1,0 2,0 3 90"),
+        ("\n", "\r"),
+        ("\n", "\r\n"),
+    ],
+)
+def test_other_ways_to_write_a_file_are_the_same_motion(old: str, new: str) -> None:
+    assert old in SMALL
+    motion, same = parse_bvh(SMALL.replace(old, new)), parse_bvh(SMALL)
+    assert motion.skeleton.names == same.skeleton.names
+    assert motion.frame_seconds == same.frame_seconds
+    np.testing.assert_array_equal(motion.positions, same.positions)
+    np.testing.assert_array_equal(motion.end_offsets[1], same.end_offsets[1])
+
+
+def test_the_time_of_a_frame_may_be_a_fraction() -> None:
+    assert parse_bvh(SMALL.replace("0.0333333", "1/30")).frame_seconds == pytest.approx(1 / 30)
+
+
+@pytest.mark.parametrize("frames", ["0", "2"])
+def test_a_file_without_frames_says_so(frames: str) -> None:
+    head = SMALL[: SMALL.index("\n1 2 3 90")].replace("Frames: 2", f"Frames: {frames}")
+    with pytest.raises(FileError, match=r"take\.bvh: it has no frames"):
+        parse_bvh(head, "take.bvh")
 
 
 @pytest.mark.parametrize("cut", range(0, len(SMALL) - 30, 23))

@@ -394,6 +394,15 @@ def test_an_fbx_of_euler_curves_turns_as_they_say(tmp_path: Path) -> None:
     assert "mixamo.com is read" in motion.note
 
 
+def test_an_fbx_joint_whose_rotation_is_not_active_has_no_turn_before_it(tmp_path: Path) -> None:
+    pytest.importorskip("ufbx", reason="needs the extra [characters]")
+    path, turned = tmp_path / "a.fbx", 'P: "PreRotation", "Vector3D", "Vector", "",-90,0,0'
+    path.write_text(FBX.replace('"RotationActive", "bool", "", "",1', '"RotationActive", "bool", "", "",0'))
+    inactive = read_gltf_motion(path)
+    path.write_text(FBX.replace(turned, 'P: "PreRotation", "Vector3D", "Vector", "",0,0,0'))
+    assert np.abs(inactive.world()[0] - read_gltf_motion(path).world()[0]).max() < 1e-5
+
+
 def test_a_file_without_animation_says_so(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="no animation"):
         read_gltf_motion(asset_path(MANNEQUIN))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +36,34 @@ def test_the_page_is_one_small_file_that_needs_no_network(page: Path) -> None:
     assert text.count("</script>") == 4, "what was typed ends no script"
     assert 'src="' not in text
     assert "three.js" in text
+
+
+def facts_of(page: Path) -> dict[str, Any]:
+    text = page.read_text(encoding="utf-8")
+    return json.loads(re.findall(r'<script[^>]*id="facts"[^>]*>(.*?)</script>', text, re.S)[0])
+
+
+def longer_page(folder: Path) -> Path:
+    """A page of a take of 2 s and a further one of 3 s."""
+    save_motion(Clip("long", 60.0, *walk(181)), folder / "long.bvh", ExportOptions())
+    options = ExportOptions(with_takes=(folder / "long.bvh",))
+    save_motion(CLIP, folder / "two.html", options)
+    return folder / "two.html"
+
+
+def test_a_page_plays_until_its_longest_take_ends(tmp_path: Path) -> None:
+    facts = facts_of(longer_page(tmp_path))
+    assert facts["seconds"] == pytest.approx(3.0)
+    assert len(facts["contacts"]) == 181
+    assert set(facts["contacts"][120:]) == {"0"}, "the shorter one waits"
+
+
+@needs_browser
+def test_a_browser_shows_a_longer_take_to_its_end(tmp_path: Path, browser: Any) -> None:
+    browser.get(longer_page(tmp_path).as_uri())
+    until(browser, "window.take && window.take.ready")
+    key(browser, "\ue010")  # End
+    assert script(browser, "take.seconds") == pytest.approx(3.0, abs=1e-3)
 
 
 @needs_browser

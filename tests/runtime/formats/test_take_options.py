@@ -73,6 +73,15 @@ def test_in_place_the_way_is_gone_and_the_steps_stay() -> None:
     assert take.clip.placed is None
 
 
+def test_a_take_in_place_keeps_its_root_still_when_it_is_written_again(tmp_path: Path) -> None:
+    save_motion(moved_walk(), tmp_path / "a.bvh", ExportOptions(in_place=True, ground_root=True))
+    again = load_clip_bvh(tmp_path / "a.bvh")
+    save_motion(again, tmp_path / "b.bvh", ExportOptions(ground_root=True))
+    root = read_bvh(tmp_path / "b.bvh").positions[:, 0]
+    assert np.abs(root).max() < 1e-3
+    assert np.abs(load_clip_bvh(tmp_path / "b.bvh").world()[0] - again.world()[0]).max() < 1e-3
+
+
 def test_in_place_on_a_hill_stays_on_one_level() -> None:
     hips, local, contacts = walk(700, terrain=HILLS)
     take = prepare(

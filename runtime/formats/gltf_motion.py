@@ -235,7 +235,8 @@ def _note(animation: _Animation, listed: _Listed, bodies: list[Body], wanted: st
     ]
     texts = []
     if len(listed) > 1 and not wanted:
-        texts.append(f"{len(listed)} animations; {animation.label} is read.")
+        more = [label for label in listed if label != animation.label][:MAX_LISTED]
+        texts.append(f"{len(listed)} animations; {animation.label} is read, not {', '.join(more)}.")
     if others and animation.body:
         name = printable(animation.body.name)[:MAX_SHOWN]
         texts.append(f"{1 + len(others)} bodies; {name} is read, not {', '.join(others[:MAX_LISTED])}.")

@@ -271,7 +271,7 @@ def test_of_many_animations_few_are_read(
 
     monkeypatch.setattr(gltf_keys, "_keys", counted)
     motion = read_gltf_motion(path)
-    assert motion.note == "61 animations; take 0 is read."
+    assert motion.note.startswith("61 animations; take 0 is read, not take 1, take 2,")
     assert len(motion.animations) == 61
     assert read["channels"] <= (len(keys) if moves else 800 // gltf_motion.CHANNEL_COST)
 

@@ -35,7 +35,9 @@ from runtime.terrain.obstacle_detection import EDGE_M, RUN_M
 from runtime.terrain.room import has_walls
 from runtime.terrain.steps import level_ahead, within_steps
 from runtime.traversal.obstacle_probe import CLEAR, PROBE_M, STOP_SECONDS, ObstacleProbe
-from runtime.traversal.traversal import decide, end_when_over, seen_heights, traversal_pose
+from runtime.traversal.plan import decide
+from runtime.traversal.traversal import end_when_over
+from runtime.traversal.traversal_frame import seen_heights, traversal_pose
 
 MAX_OUTPUT = 1e4  # metres, m/s, rad/s: no body has more, and bones would be lost in rounding
 REST_TEMPERATURE = 0.35  # of the temperature, while standing: breathing and shifts of weight stay

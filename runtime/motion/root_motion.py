@@ -24,7 +24,7 @@ from runtime.terrain.obstacle_detection import EDGE_M, RUN_M
 from runtime.terrain.room import drift_from_walls, has_walls
 from runtime.terrain.steps import level_ahead
 from runtime.traversal.obstacle_probe import CLEAR, HALF_BODY_M, ObstacleProbe, held_back
-from runtime.traversal.traversal import traversal_velocity
+from runtime.traversal.traversal_frame import traversal_velocity
 
 LAST_SPEED = 9.0  # times the planned speed: what is more fades at the end of a stop,
 FIRM_CONTACT = 0.5  # sum of squared contacts that carry a root

@@ -36,7 +36,7 @@ from runtime.scalar_math import (
 from runtime.skeleton import SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain.height_map import PointHeights, Terrain
 from runtime.traversal.keyframes import ARMS, bend_trunk, quaternions
-from runtime.traversal.traversal import PlannedSteps
+from runtime.traversal.planned_steps import PlannedSteps
 
 GRAVITY = 9.81
 STAGES = ("", "push", "flight", "land")

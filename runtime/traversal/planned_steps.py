@@ -1,0 +1,112 @@
+"""When the feet come down: landings, strides and speed of a body on its way to an obstacle, from frame to frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import hypot
+
+import numpy as np
+
+from runtime.arrays import Array
+from runtime.feet.ik import LEG_FEET
+from runtime.pose import DT, Pose
+
+MIN_LANDING_S = 0.08  # the next landing takes at least so long: a step may be slower than the last ones
+SETTING_OFF_SPEED_M_PER_S = 0.3  # m/s: slower, the first steps are short and quick
+STRIDE_RANGE_S = (0.5, 2.2)  # seconds that a stride of two steps may take
+WALK_STRIDE_S = 1.05  # of a stride at a neutral walk,
+JOG_STRIDE_S = 0.75  # and at a jog,
+MIN_JOG_SPEED_M_PER_S = 1.8  # which is faster than so many m/s
+MIN_STRIDE_S = 0.25  # between two landings of one foot
+SAME_FOOT_STRIDE_FRACTION = 0.8  # of a stride, until the same foot may come down twice running
+VELOCITY_SMOOTHING_FRACTION = 0.15  # fraction of a frame in the mean velocity
+SPEED_SMOOTHING_FRACTION = 0.05  # fraction of a frame in the mean speed
+STRIDE_RATIO_RANGE = (0.6, 1.6)  # of the stride before: other lengths come of a landing that was missed
+
+
+@dataclass
+class PlannedSteps:
+    """Landings of the feet, from frame to frame."""
+
+    stance: int | None = field(
+        default=None, metadata={"most": 1}
+    )  # the foot that came down last: 0 left, 1 right
+    elapsed: float = 0.0  # seconds since then
+    seconds: float = WALK_STRIDE_S  # of a stride
+    measured: bool = False  # whether `seconds` was
+    speed: float = 0.0  # of the root, m/s, smoothed, at full pace
+    velocity: Array = field(
+        default_factory=lambda: np.zeros(2), metadata={"whole": (2,)}
+    )  # of the root, m/s, smoothed
+    ahead: float = 0.2  # m of the last landing before the root
+    stood: tuple[bool, bool] = (True, True)  # which feet did in the last frame
+    since: tuple[float, float] = (9.0, 9.0)  # seconds since each foot came down
+    root: Array | None = field(default=None, metadata={"whole": (2,)})  # place (XZ) in the last frame
+
+    @property
+    def length(self) -> float:
+        """Metres of a step at full pace."""
+        return max(0.5 * self.speed * self.seconds, 0.15)
+
+    def watch(self, pose: Pose, held: Sequence[object], way: Array | None, pace: float) -> bool:
+        """Whether a foot came down in this frame; `held` tells which feet stand, `way` (XZ) where the root goes."""
+        x, _, z = pose.root_position.tolist()
+        if self.root is not None:
+            last_x, last_z = self.root.tolist()
+            velocity_x, velocity_z = self.velocity.tolist()
+            way_x, way_z = (x - last_x) / DT, (z - last_z) / DT
+            self.velocity = np.array(
+                (
+                    velocity_x + (way_x - velocity_x) * VELOCITY_SMOOTHING_FRACTION,
+                    velocity_z + (way_z - velocity_z) * VELOCITY_SMOOTHING_FRACTION,
+                )
+            )
+            self.speed += (min(hypot(way_x, way_z) / pace, 6.0) - self.speed) * SPEED_SMOOTHING_FRACTION
+        self.root = np.array((x, z))
+        self.elapsed += DT
+        self.since = (self.since[0] + DT, self.since[1] + DT)
+        fresh = [k for k in (0, 1) if held[k] and not self.stood[k] and self._comes_down(k)]
+        self.stood = (bool(held[0]), bool(held[1]))
+        for foot in fresh:
+            ankle = pose.positions[LEG_FEET[foot]]
+            ahead = 0.0 if way is None else float((ankle[0] - x) * way[0] + (ankle[2] - z) * way[1])
+            if ahead > -0.05:  # else it is the trailing foot, held again
+                self._landed(foot, ahead)
+                return True
+        return False
+
+    def _comes_down(self, foot: int) -> bool:
+        """Whether a foot that is held anew has come down, and was not let go of for a moment."""
+        again = SAME_FOOT_STRIDE_FRACTION * self.seconds if foot == self.stance else MIN_STRIDE_S
+        return self.since[foot] > again
+
+    def _landed(self, foot: int, ahead: float) -> None:
+        stride = self.since[foot]
+        if STRIDE_RANGE_S[0] < stride < STRIDE_RANGE_S[1] and (
+            not self.measured or STRIDE_RATIO_RANGE[0] < stride / self.seconds < STRIDE_RATIO_RANGE[1]
+        ):
+            self.seconds = stride if not self.measured else self.seconds + 0.6 * (stride - self.seconds)
+            self.measured = self.speed > SETTING_OFF_SPEED_M_PER_S
+        elif not self.measured:
+            step = self.since[1 - foot]
+            guess = JOG_STRIDE_S if self.speed > MIN_JOG_SPEED_M_PER_S else WALK_STRIDE_S
+            self.seconds = 2.0 * step if STRIDE_RANGE_S[0] < 2.0 * step < 1.5 * guess else guess
+        self.stance, self.elapsed, self.ahead = foot, 0.0, max(ahead, 0.0)
+        self.since = (0.0, self.since[1]) if foot == 0 else (self.since[0], 0.0)
+
+    def ankle(self, pose: Pose, way: Array) -> float:
+        """Metres along `way` from the root to the ankle that stands."""
+        joint, root = pose.positions[LEG_FEET[self.stance or 0]], pose.root_position
+        return float((joint[0] - root[0]) * way[0] + (joint[2] - root[2]) * way[1])
+
+    def next_ankle(self, pace: float) -> float:
+        """Metres from the root of now to where the next ankle will come down."""
+        return self.speed * pace * max(0.5 * self.seconds - self.elapsed, MIN_LANDING_S) + self.ahead
+
+    def after_leap(self, stance: int) -> None:
+        """The stance foot of a leap comes down now: half a stride after the other one."""
+        self.root = None
+        self.stood = (stance != 0, stance != 1)
+        times = (self.seconds, 0.5 * self.seconds)
+        self.since = (times[stance], times[1 - stance])

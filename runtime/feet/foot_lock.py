@@ -1,9 +1,9 @@
-"""Feet that stand: holds toes and heels on the terrain while they are in contact, and lifts them over it in swing.
+"""Feet that stand: toes and heels are held on the terrain while they are in contact, and lifted over it in swing.
 
-Per foot: contact with hysteresis → the held point (toe in preference to heel) → rotation → position → clearance;
-then the pelvis sinks as far as a held foot needs, closed-form IK brings the legs there as fast as knees can follow, and
-the toes bend on the ground. The difference between incoming and outgoing foot is one offset, held constant by nothing and
-damped to zero when the foot is free, so that nothing jumps.
+Per foot: contact with hysteresis, the held point (toe in preference to heel), rotation, position and clearance. Then the
+pelvis sinks as far as a held foot needs, closed-form IK brings the legs there as fast as knees can follow, and the toes
+bend on the ground. What the outgoing foot differs by from the incoming one is an offset: it stays while the foot is held,
+and is damped to zero when the foot is free, so that nothing jumps.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from runtime.feet.ik import EASE_REACH, MAX_REACH
 from runtime.feet.leg import Knee, LegPose, bent, leg_forward, leg_inverse, turned_out
 from runtime.feet.narrow_support import Balance, SidewaysLead, may_be_narrow, pull_of_beam, side_of_beam
 from runtime.feet.next_step import SteppedOver, has_edges
-from runtime.feet.planted_foot import LEGS, SETTINGS, PlantedFoot, span
+from runtime.feet.planted_foot import LEGS, PlantedFoot, SpannedFoot, span
+from runtime.feet.settings import SETTINGS
 from runtime.scalar_math import Vector, damp, smoothstep
 from runtime.terrain.height_map import PointHeights, Terrain
 
@@ -131,6 +132,7 @@ class Support(NamedTuple):
         None  # where they are to stand, if not where the incoming pose has them
     )
     over: SteppedOver | None = None  # what the gait itself steps over
+    walks: bool = False  # one foot at least is on the ground
 
 
 @dataclass(frozen=True)
@@ -169,66 +171,93 @@ class FootLock:
         dt: float,
         support: Support | None = None,
     ) -> FootLockResult:
-        """Planted pose of an incoming one.
+        """Return the planted pose of an incoming one.
 
         `hips_position` `(3,)`, `local_rotations` `(31, 4)`, `contacts` `(4,)` in 0..1 (left heel, left toe, right
         heel, right toe), `dt` seconds since the previous call.
         """
+        support = support or Support()
         x, y, z = (float(v) for v in hips_position)
         local = np.asarray(local_rotations, np.float64).tolist()
-        chances = np.asarray(contacts, np.float64).tolist()
-        s, support = SETTINGS, support or Support()
-        ground = PointHeights(terrain, y - s.ground_under_hips, y + s.ground_over_hips)
-        drop = -self.pelvis.offset
+        ground = PointHeights(terrain, y - SETTINGS.ground_under_hips, y + SETTINGS.ground_over_hips)
         left, right = (leg_forward(foot.bones, (x, y, z), local) for foot in self.feet)
         incoming = (left, right)
-        legs, shown = list(support.legs or incoming), local_rotations
+        legs, shown = support.legs or incoming, local_rotations
         if may_be_narrow(ground):
-            legs, shown = self._on_beam((x, y, z), (legs[0], legs[1]), shown, ground, dt)
-        edges = has_edges(ground)
-        if edges:
-            legs = self._on_edges(incoming, (legs[0], legs[1]), support.over, dt)
-        for side, (foot, leg) in enumerate(zip(self.feet, legs, strict=True)):
-            foot.observe(leg, chances[2 * side], chances[2 * side + 1], ground, dt)
-            over = edges and foot.is_over(support.over, ground)
-            foot.choose_anchor(leg, drop, self.feet[1 - side].refractory > 0.0, support.patience, over)
-            foot.plant(leg, drop, ground, dt)
-        rise = support.over.hips_rise((x, y, z)) if edges and support.over else 0.0
+            legs, shown = self._on_beam((x, y, z), legs, shown, ground, dt)
+        if has_edges(ground):
+            legs = self._on_edges(incoming, legs, support.over, dt)
+        self._plant_feet(legs, np.asarray(contacts, np.float64).tolist(), support, ground, dt)
+        rise = support.over.hips_rise((x, y, z)) if support.over and has_edges(ground) else 0.0
         self.pelvis.carry(legs, self.feet, dt, support.airborne, rise)
-        drop = -self.pelvis.offset
+        reached, drop = self._reach_feet(incoming, legs, ground, dt)
         result = np.array(shown, copy=True)
-        targets = [foot.within_reach(leg, drop, ground) for foot, leg in zip(self.feet, legs, strict=True)]
-        hips = [(leg.hip[0], leg.hip[1] - drop, leg.hip[2]) for leg in incoming]
-        reaches = [
-            knee.follow(leg, hip, target, foot.bones, dt)
-            for knee, leg, hip, target, foot in zip(
-                self.knees, incoming, hips, targets, self.feet, strict=True
-            )
-        ]
-        spans = list(zip(self.feet, hips, targets, reaches, strict=True))
-        spanned = [foot.spanned(hip, target, reach, ground) for foot, hip, target, reach in spans]
-        room = self.pelvis.make_room([depth for *_, depth in spanned], dt)
-        if room > 0.0:
-            drop -= room
-            hips = [(x, y + room, z) for x, y, z in hips]
-            spanned = [
-                foot.spanned(hip, target, reach, ground)
-                for (foot, _, target, reach), hip in zip(spans, hips, strict=True)
-            ]
-        for foot, knee, leg, hip, (joint, ankle, rotation, up) in zip(
-            self.feet, self.knees, incoming, hips, spanned, strict=True
-        ):
-            first, toe = foot.bones.joints[1], foot.bones.joints[4]
-            ankle = (ankle[0], ankle[1] + up, ankle[2])
-            knee.bend_to(leg, hip, ankle, foot.bones, dt)
-            result[first : first + 3] = leg_inverse(leg, ankle, rotation, drop)
-            if edges and (out := foot.knee_out(leg, hip, result[first : first + 3], ground, dt)):
-                result[first : first + 3] = leg_inverse(
-                    turned_out(leg, foot.side, out), ankle, rotation, drop
-                )
-            result[toe] = bent(local[toe], rotation, (joint[0], joint[1] + up, joint[2]), ground, s.sink)
+        self._bend_legs(result, incoming, reached, drop, ground, dt)
+        for foot, end in zip(self.feet, reached, strict=True):
+            toe = foot.bones.joints[4]
+            result[toe] = bent(local[toe], end.rotation, end.lifted(end.toe), ground, SETTINGS.sink)
         position = np.array([x, y - drop, z], np.asarray(hips_position).dtype)
         return FootLockResult(position, result)
+
+    def _plant_feet(
+        self,
+        legs: tuple[LegPose, LegPose],
+        chances: list[float],
+        support: Support,
+        ground: PointHeights,
+        dt: float,
+    ) -> None:
+        """Choose what holds each foot, and where it is: by `chances` of contact (left heel, left toe, right heel, right toe)."""
+        drop, edges = -self.pelvis.offset, has_edges(ground)
+        for side, (foot, leg) in enumerate(zip(self.feet, legs, strict=True)):
+            other = self.feet[1 - side]
+            foot.observe(leg, chances[2 * side], chances[2 * side + 1], ground, dt)
+            over = edges and foot.is_over(support.over, ground)
+            last = support.walks and not other.anchor
+            foot.choose_anchor(leg, drop, other.refractory > 0.0, support.patience, over, last)
+            foot.plant(leg, drop, ground, dt)
+
+    def _reach_feet(
+        self,
+        incoming: tuple[LegPose, LegPose],
+        legs: tuple[LegPose, LegPose],
+        ground: PointHeights,
+        dt: float,
+    ) -> tuple[list[SpannedFoot], float]:
+        """Return the feet as far as their legs reach and knees can follow, and the metres that the hips sink for it."""
+        drop = -self.pelvis.offset
+        targets = [foot.within_reach(leg, drop, ground) for foot, leg in zip(self.feet, legs, strict=True)]
+        hips = [(leg.hip[0], leg.hip[1] - drop, leg.hip[2]) for leg in incoming]
+        each = list(zip(self.feet, self.knees, incoming, hips, targets, strict=True))
+        reaches = [knee.follow(leg, hip, target, foot.bones, dt) for foot, knee, leg, hip, target in each]
+        ends = list(zip(self.feet, hips, targets, reaches, strict=True))
+        reached = [foot.spanned(hip, target, reach, ground) for foot, hip, target, reach in ends]
+        room = self.pelvis.make_room([end.depth for end in reached], dt)
+        if room > 0.0:
+            reached = [
+                foot.spanned((x, y + room, z), target, reach, ground)
+                for foot, (x, y, z), target, reach in ends
+            ]
+        return reached, drop - room
+
+    def _bend_legs(
+        self,
+        result: Array,
+        incoming: tuple[LegPose, LegPose],
+        reached: list[SpannedFoot],
+        drop: float,
+        ground: PointHeights,
+        dt: float,
+    ) -> None:
+        """Write the local rotations of thighs, shins and feet that bring the feet there, with the hips `drop` metres lower."""
+        for foot, knee, leg, end in zip(self.feet, self.knees, incoming, reached, strict=True):
+            hip = (leg.hip[0], leg.hip[1] - drop, leg.hip[2])
+            first, ankle = foot.bones.joints[1], end.lifted(end.ankle)
+            knee.bend_to(leg, hip, ankle, foot.bones, dt)
+            joints = slice(first, first + 3)
+            result[joints] = leg_inverse(leg, ankle, end.rotation, drop)
+            if has_edges(ground) and (out := foot.knee_out(leg, hip, result[joints], ground, dt)):
+                result[joints] = leg_inverse(turned_out(leg, foot.side, out), ankle, end.rotation, drop)
 
     def _on_edges(
         self,
@@ -236,25 +265,28 @@ class FootLock:
         legs: tuple[LegPose, LegPose],
         over: SteppedOver | None,
         dt: float,
-    ) -> list[LegPose]:
-        """Legs whose feet are led past what is stepped over."""
+    ) -> tuple[LegPose, LegPose]:
+        """Return legs whose feet are led past what is stepped over."""
         steps, held = [foot.next_step for foot in self.feet], [bool(foot.anchor) for foot in self.feet]
         for foot, step, other, leg in zip(self.feet, steps, steps[::-1], incoming, strict=True):
             down = foot.toe_down or foot.heel_down
             step.watch(leg, other, bool(foot.anchor), down, foot.velocity, dt)
-        return [step.lead(leg, over, stands, dt) for step, leg, stands in zip(steps, legs, held, strict=True)]
+        left, right = (
+            step.lead(leg, over, stands, dt) for step, leg, stands in zip(steps, legs, held, strict=True)
+        )
+        return left, right
 
     def _on_beam(
         self, hips: Vector, incoming: tuple[LegPose, LegPose], local: Array, ground: PointHeights, dt: float
-    ) -> tuple[list[LegPose], Array]:
-        """Legs moved onto the middle of a beam, and local rotations with the arms held out; as they came elsewhere."""
+    ) -> tuple[tuple[LegPose, LegPose], Array]:
+        """Return legs moved onto the middle of a beam, and local rotations with the arms held out; as they came elsewhere."""
         side_way = side_of_beam(hips, incoming, ground)
         self.on_beam, self.pull = side_way is not None, pull_of_beam(hips, side_way, ground)
-        legs = [
+        left, right = (
             lead.apply(leg, other, side_way, bool(foot.anchor), ground, dt)
             for lead, leg, other, foot in zip(self.leads, incoming, incoming[::-1], self.feet, strict=True)
-        ]
-        return legs, self.balance.apply(local, self.on_beam, dt)
+        )
+        return (left, right), self.balance.apply(local, self.on_beam, dt)
 
     def take_over(self, shown: tuple[Array, Array], incoming: tuple[Array, Array]) -> None:
         """Go on from a pose that was shown in place of the incoming one: what they differ by fades like any offset.

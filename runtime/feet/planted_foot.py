@@ -1,14 +1,16 @@
-"""One foot of the foot lock: what holds it, where it stands, and how it clears the ground on its way; and the settings of all."""
+"""One foot of the foot lock: what holds it, where it stands, and how it clears the ground on its way."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import atan2, cos, dist, pi, sin, sqrt
+from typing import NamedTuple
 
 from runtime.arrays import Array
 from runtime.feet.ik import EASE_REACH, MAX_REACH
 from runtime.feet.leg import LegBones, LegPose, leg_bones, roll_cosine, rolled, soft_reach
 from runtime.feet.next_step import HEEL_M, NextStep, SteppedOver, has_edges
+from runtime.feet.settings import SETTINGS
 from runtime.scalar_math import (
     Quaternion,
     Vector,
@@ -29,89 +31,24 @@ from runtime.scalar_math import (
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 from runtime.terrain.height_map import PointHeights
 
-
-@dataclass(frozen=True)
-class FootLockSettings:
-    """Thresholds and half-lives; metres, seconds, radians, contact probabilities."""
-
-    contact_on: float = 0.5
-    contact_off: float = 0.3
-    lock_speed: float = 1.2  # m/s: a faster point is not held, whatever the network says
-    lock_height: float = 0.2  # m: nor one that is higher over its resting height
-    still_speed: float = 0.3  # m/s: a point slower than this and near the ground is in contact
-    still_height: float = 0.025  # m over its resting height
-    release_rise: float = 0.035  # m that the incoming point may rise over its lowest while held
-    release_rise_sure: float = 0.12  # the same while the network is sure of the contact
-    release_offset: float = 0.2  # m between the held and the incoming point
-    release_stretch: float = 0.04  # m that the leg would have to grow
-    straightest: float = 0.97  # of leg and foot in one line: rolled farther, the foot would turn over its toe
-    release_under: float = (
-        0.12  # m that the ankle must stay under its hip: a body that goes down a steep slope leaves it behind
-    )
-    trailing: float = (
-        0.08  # m behind the hips from which a foot begins to roll over its toe, wholly at twice that
-    )
-    rolls_away: float = 0.05  # m that it rolls its ankle farther from the hip at most
-    refractory: float = 0.15  # s without a new hold after a forced release
-    refractory_lift: float = 0.04  # m: a forced release becomes a small step
-    release_half_life: float = 0.07
-    rise_half_life: float = 0.03  # of a free foot's height over the incoming one, upwards
-    fall_half_life: float = 0.03  # the same downwards
-    far: float = 0.08  # m: what is farther
-    far_slower: float = 0.12  # s/m, takes so much longer
-    settle_half_life: float = 0.02  # of a held point's height
-    unseen: float = (
-        0.0015  # m over or under the ground that a standing foot may keep: a straight knee shows them
-    )
-    settle_slower: float = 0.5  # s/m: added to it for every metre that is missing
-    flat_half_life: float = 0.06  # of the sole's alignment to the ground
-    yaw_half_life: float = 0.10
-    hips_half_life: float = 0.08
-    max_yaw: float = 0.6
-    max_drop: float = 0.35  # m that the hips may sink
-    max_rise: float = 0.02  # m that they may be carried up
-    carry_half_life: float = 0.02  # in which the hips follow
-    max_room: float = 0.012  # m that they make room for a knee that bends no faster
-    least_room: float = 1e-5  # m; less is none
-    room_speed: float = 0.3  # m/s in which they do
-    room_half_life: float = 0.05
-    rise_over_half_life: float = 0.04  # in which the hips rise over a bar
-    max_free_rise: float = 0.01  # m that a foot in the air may carry them, up or down
-    straight_span: float = (
-        0.99  # fraction of its length that a straight leg spans (16 degrees): it carries the hips
-    )
-    bent_span: float = 0.94  # and a bent one (40 degrees), which does not
-    free_weight: float = 0.02  # of no leg at all: the hips stay where they are
-    sink: float = 0.002  # m that a sole may press into the ground; more, and a moving toe counts as skating
-    look_ahead: float = 0.12  # s of swing in which edges are seen
-    soft_floor: float = 0.015  # m over the ground in which a landing foot slows down
-    swing_clearance: float = 0.02  # m between the ground and a sole that moves at `swing_speed` or faster
-    swing_speed: float = 2.0  # m/s
-    travel_clearance: float = 0.025  # m that a free toe keeps from the ground at `travel_speed` or faster
-    travel_speed: float = 0.8  # m/s
-    travel_height: float = 0.015  # m, and lower it may not travel freely,
-    travel_near: float = 0.15  # m/s on the ground
-    travel_rise: float = 1.0  # m/s more on the way up, beyond all bounds at `travel_height`
-    max_behind: float = 0.2  # m that it may so stay behind the incoming one; what is more is taken up
-    behind_seconds: float = 0.05  # in so many
-    catch_up: float = 150.0  # m/s2 with which a toe that an edge held up comes back to the incoming one
-    catch_up_seconds: float = 0.1  # in which one that was held comes back to the incoming one
-    shallow: float = 0.17  # rise over run of a toe's way: at twice that it needs no clearance
-    clearance: float = 0.02  # m between the sole and an edge
-    folded: float = 0.25  # m that an ankle stays under its hip where it clears the ground ahead
-    edge_slope: float = 0.7  # rise over run from which the ground is an edge, not a slope
-    ground_under_hips: float = 3.0  # m: no foot is put on ground that is farther below the hips
-    ground_over_hips: float = 0.3  # m: nor over them; higher ground is a wall
-
-
-SETTINGS = FootLockSettings()
-
-
 ANCHORS = ("", "heel", "toe")
 NOWHERE: Vector = (0.0, 0.0, 0.0)
 LEGS = (leg_bones(0), leg_bones(1))
 HIGH_M = 0.1  # over the ground a foot next to a bar is still coming down
 REACH_TRIALS = 4  # raisings of a foot that its leg does not reach; one is the rule
+
+
+class SpannedFoot(NamedTuple):
+    """A foot where its leg reaches."""
+
+    toe: Vector
+    ankle: Vector
+    rotation: Quaternion  # in the world
+    depth: float  # m that it is too deep in the ground
+
+    def lifted(self, joint: Vector) -> Vector:
+        """Return one of its joints, out of the ground."""
+        return joint[0], joint[1] + self.depth, joint[2]
 
 
 @dataclass
@@ -187,22 +124,26 @@ class PlantedFoot:
         return chance > s.contact_on and speed < s.lock_speed and height < s.lock_height
 
     def choose_anchor(
-        self, leg: LegPose, drop: float, other_steps: bool, patience: float = 1.0, over: bool = False
+        self,
+        leg: LegPose,
+        drop: float,
+        other_steps: bool,
+        patience: float = 1.0,
+        over: bool = False,
+        last: bool = False,
     ) -> None:
         """Take, keep or give up the held point; the toe goes before the heel, so that the foot rolls over it.
 
-        A foot that is `over` something comes down first.
+        A foot that is `over` something comes down first. The `last` foot of a walk stays until the other one is down.
         """
         s = SETTINGS
-        anchor = "toe" if self.toe_down else "heel" if self.heel_down else ""
+        anchor = "toe" if self.toe_down else "heel" if self.heel_down else self.anchor if last else ""
         if self.refractory > 0.0 or not anchor or (over and not self.anchor):
             self.anchor = ""
             return
         k = ("toe", "heel").index(anchor)
-        rise, may_rise = (
-            self.heights[k],
-            s.release_rise_sure if self.chances[k] > s.contact_on else s.release_rise,
-        )
+        sure = last or self.chances[k] > s.contact_on
+        rise, may_rise = self.heights[k], s.release_rise_sure if sure else s.release_rise
         if anchor != self.anchor:
             joint = (self.toe, self.ankle)[k]
             self.point, self.lowest = (joint[0], joint[2]), rise
@@ -212,7 +153,7 @@ class PlantedFoot:
         hip = (leg.hip[0], leg.hip[1] - drop, leg.hip[2])
         stretch = dist(self.ankle, hip) - self.bones.length
         strain = max(away / (patience * s.release_offset), stretch / s.release_stretch)
-        overstrained = strain > (1.5 if other_steps else 1.0)
+        overstrained = strain > (s.last_patience if last else 1.5 if other_steps else 1.0)
         if rise > self.lowest + may_rise:
             self.anchor, self.toe_down, self.heel_down = "", False, False
         elif (
@@ -448,13 +389,8 @@ class PlantedFoot:
             ground.height(ankle[0], ankle[2]) + ANKLE_HEIGHT - SETTINGS.sink - ankle[1],
         )
 
-    def spanned(
-        self, hip: Vector, target: Vector, reach: float, ground: PointHeights
-    ) -> tuple[Vector, Vector, Quaternion, float]:
-        """The foot with its ankle at `reach` from `hip` in place of at `target`: rolled over the toe, or slid on the heel.
-
-        Toe, ankle, world rotation, and the metres by which it so lies too deep in the ground.
-        """
+    def spanned(self, hip: Vector, target: Vector, reach: float, ground: PointHeights) -> SpannedFoot:
+        """Return the foot with its ankle at `reach` from `hip` in place of at `target`: rolled over the toe, or slid on the heel."""
         sole, rotation = rotate(self.rotation, self.bones.offsets[4]), self.rotation
         toe = add(target, sole)
         to_hip, along = subtract(hip, toe), unit(scale(sole, -1.0))
@@ -467,7 +403,7 @@ class PlantedFoot:
             turned = rolled(to_hip, along, cosine)
             ankle = add(toe, scale(turned, self.bones.foot_length))
             rotation = multiply(between(along, turned), rotation)
-        return toe, ankle, rotation, max(0.0, self._depth(toe, ankle, ground))
+        return SpannedFoot(toe, ankle, rotation, max(0.0, self._depth(toe, ankle, ground)))
 
     def knee_out(self, leg: LegPose, hip: Vector, local: Array, ground: PointHeights, dt: float) -> float:
         """Radians that the knee turns outwards for the ground; `local` are thigh, shin and foot over the base of `leg`."""

@@ -6,7 +6,7 @@ import pytest
 from runtime import rotations
 from runtime.feet import ik
 from runtime.feet.foot_lock import FootLock
-from runtime.feet.planted_foot import FootLockSettings
+from runtime.feet.settings import FootLockSettings
 from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS, joint_heights, skating
 from runtime.feet.skating import joint_heights as toe_heights
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, J

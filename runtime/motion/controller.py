@@ -19,6 +19,7 @@ from runtime.motion.model import MotionModel
 from runtime.motion.state import CharacterState, standing
 from runtime.motion.style import Style, StyleBlend, StyleCodes, StyleFolder, StyleMix
 from runtime.motion.trajectory import Trajectory, TrajectoryView
+from runtime.motion.walkable import WalkableShare
 from runtime.pose import Pose
 from runtime.records import copied, joined, part
 from runtime.terrain.height_map import Terrain
@@ -101,6 +102,8 @@ class Controller:
         """
         _check(transition_seconds=transition_seconds)
         self._restyle(self._state.styles[0].towards(style, float(transition_seconds), self._folder.fold))
+        if transition_seconds <= 0.0:
+            self._state.walkable = WalkableShare()
 
     def twin(self) -> Controller:
         """Another character of the same model, at the start of the same ground: to make a take again next to this one."""

@@ -98,7 +98,7 @@ def step(
     """
     before, state = state, copied(state)
     state.styles = tuple(style.advanced(DT) for style in state.styles)
-    styles = [blend.style for blend in state.styles]
+    styles = state.walkable.styles(model, state.styles)
 
     probes = _probe(model, state, controls, terrain)
     request = _request(state, controls, probes, styles)
@@ -132,8 +132,9 @@ def step(
     steady = _steady(state)
     swung = state.swings.apply(joints[:, 0], local, contacts, gains, _walking(state, steady))
     network = placed(*swung, state.trajectory, state.ground)
-    shifts = _balance(state, probes, steady)
-    unlocked = _plant(state, *network, joints, contacts, shifts, terrain)
+    even = _undisturbed(state, probes, steady)
+    shifts = _watch_strides(state, even)
+    unlocked = _plant(state, *network, joints, contacts, shifts, even, terrain)
     _cross(state, unlocked, network, probes, styles)
     _feed_back(state, y, joints, probes, styles, terrain, haste)
 
@@ -158,15 +159,25 @@ def _walking(state: CharacterState, steady: Sequence[bool]) -> list[bool]:
     return [walks and goes for walks, goes in zip(walk, steady, strict=True)]
 
 
-def _balance(state: CharacterState, probes: Sequence[ObstacleProbe], steady: Sequence[bool]) -> list[Vector]:
-    """Return the metres by which each character's hips are moved to keep it in balance; none near obstacles and on beams."""
-    free = [
+def _undisturbed(
+    state: CharacterState, probes: Sequence[ObstacleProbe], steady: Sequence[bool]
+) -> list[bool]:
+    """Return which of the `steady` characters have no obstacle ahead, cross none, and are on no beam."""
+    return [
         goes and probe is CLEAR and not traversal.kind and not feet.on_beam
         for goes, probe, traversal, feet in zip(steady, probes, state.traversals, state.feet, strict=True)
     ]
+
+
+def _watch_strides(state: CharacterState, even: Sequence[bool]) -> list[Vector]:
+    """Return the metres by which the hips are moved to keep who goes on `even` ground in balance; watches how they walk."""
     stands = [(bool(left), bool(right)) for left, right in (feet.held for feet in state.feet)]
+    heights = state.poses.hips[:, 1].astype(np.float64) - state.ground
+    walks = (state.trajectory.gait[:, PRESENT, Gait.JOG] < 0.5).tolist()
+    blending = [blend.blending for blend in state.styles]
+    state.walkable.update(heights, stands, walks, even, blending)
     shifts = state.balance.update(
-        state.poses.positions, state.ground, state.trajectory.velocity, stands, free
+        state.poses.positions, state.ground, state.trajectory.velocity, stands, even
     )
     return [(x, 0.0, z) for x, z in shifts.tolist()]
 
@@ -355,6 +366,7 @@ def _plant(
     joints: Array,
     contacts: Array,
     shifts: Sequence[Vector],
+    even: Sequence[bool],
     terrain: Terrain,
 ) -> tuple[Array, Array]:
     """Write the poses to show: keyed over an obstacle, else the network's with planted feet, edited as its words ask.
@@ -390,7 +402,8 @@ def _plant(
                 edited = state.edits[i].apply(*edited[:3], asked)
             if any(shifts[i]):
                 edited = edited.moved(shifts[i])
-            support = Support(jump.airborne, patience, edited.legs, traversal.over)
+            walks = even[i] and float(state.trajectory.gait[i, PRESENT, Gait.JOG]) < 0.5
+            support = Support(jump.airborne, patience, edited.legs, traversal.over, walks)
             locked = feet.apply(edited.hips, edited.local, edited.contacts, terrain, DT, support)
             shown_hips[i], shown_local[i] = locked.hips_position, locked.local_rotations
             if walls:

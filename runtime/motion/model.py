@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import threading
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from importlib.metadata import entry_points
 from math import cos, pi, sin
@@ -19,7 +20,7 @@ from runtime.assets import model_folder
 from runtime.errors import ModelError
 from runtime.motion.calibration import MAX_GAIN, Calibration
 from runtime.motion.features import C
-from runtime.motion.mirror import Mirror
+from runtime.motion.mirror import Mirror, mirrored_code
 from runtime.motion.model_files import (
     FOLDED,
     INT8_GRAPH,
@@ -135,6 +136,15 @@ class MotionModel:
     def neutral(self) -> Float32Array:
         """Z^t `(6, 64)` of neutral walking; zeros, the middle of all training sentences, where a model does not tell it."""
         return np.zeros(self.style_shape, np.float32) if self._neutral_code is None else self._neutral_code
+
+    def neutral_style(self, mirrored: bool) -> Style:
+        """Return neutral walking, folded once; `mirrored` as what is walked in the mirror."""
+        return self._neutral_styles[mirrored]
+
+    @cached_property
+    def _neutral_styles(self) -> tuple[Style, Style]:
+        mirrored = replace(self.fold_style(mirrored_code(self.neutral)), z=self.neutral, mirrored=True)
+        return self.fold_style(self.neutral), mirrored
 
     def fold_style(self, z: Float32Array, strength: float = 1.0) -> Style:
         """Fold Z^t `(6, 64)` into the modulator's weights: once per prompt, and per frame while prompts blend.

@@ -21,6 +21,7 @@ from runtime.motion.pose_smoothing import Inertialization, Settling
 from runtime.motion.style import StyleBlend
 from runtime.motion.swing import Swings
 from runtime.motion.trajectory import LENGTH, PRESENT, Trajectory
+from runtime.motion.walkable import WalkableShare
 from runtime.pose import Pose
 from runtime.scalar_math import add, multiply, rotate
 from runtime.skeleton import SPORT_SKELETON, J
@@ -157,6 +158,7 @@ class CharacterState:
     edits: tuple[BodyEdits, ...]
     swings: Swings = field(metadata={"later": True})
     balance: StrideBalance = field(metadata={"later": True})
+    walkable: WalkableShare = field(metadata={"later": True})
     feet: tuple[FootLock, ...]
     traversals: tuple[Traversal, ...]
     jumps: tuple[Jump, ...]
@@ -207,6 +209,7 @@ def standing(
         edits=(BodyEdits(),),
         swings=Swings(),
         balance=StrideBalance(),
+        walkable=WalkableShare(),
         feet=(feet,),
         traversals=(Traversal(),),
         jumps=(Jump.standing(float(hips[0, 1]), float(ground[0])),),

@@ -64,11 +64,13 @@ class Style:
         return walk, jog
 
     def _paced(self, gait: int, own: float, neutral: float) -> float:
-        changes = 0.0
+        changes = []
         for leg in self.edits[gait, :ROW_TRUNK, PACED].tolist():
             low, high = (neutral * end for end in range_of(leg))
-            changes += leg[0] * (min(high - own, 0.0) + max(low - own, 0.0))
-        return float(own + 0.5 * changes)
+            changes.append(leg[0] * (min(high - own, 0.0) + max(low - own, 0.0)))
+        # the quick step of a limp is that of one leg: only what both are to do changes the speed
+        left, right = changes
+        return float(own + 0.5 * (left + right)) if left * right > 0.0 else own
 
     @cached_property
     def folds(self) -> tuple[float, ...]:

@@ -15,7 +15,7 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.feet.leg import LegPose, leg_bones, leg_forward, leg_inverse, roll_cosine, rolled
-from runtime.feet.planted_foot import SETTINGS
+from runtime.feet.settings import SETTINGS
 from runtime.pose import DT, Pose
 from runtime.scalar_math import (
     Quaternion,

@@ -1,0 +1,91 @@
+"""Styles that a body cannot walk in are drawn towards neutral until it can.
+
+Parts composed by words may lie where the network has seen no motion: both feet leave the ground in a walk, one stays in the air,
+or the hips leap. Captured walks of all styles do none of it. What goes wrong is seen in the pose that is shown, and the
+style is mixed with neutral walking until it is gone; it keeps that share until another style is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import numpy as np
+
+from runtime.arrays import Array
+from runtime.motion.features import DT
+from runtime.motion.model import MotionModel
+from runtime.motion.style import Style, StyleBlend, mixed
+from runtime.scalar_math import decay
+
+LEAST_SHARE = 0.5  # of a style that is asked for
+SHARE_STEPS = 20  # in which the share changes: each is mixed once
+SHARE_LOSS_PER_S = 0.8  # while something is wrong
+SHARE_GAIN_PER_S = 1.0  # on the way to another style
+MAX_FLIGHT_S = 0.05  # with both feet off the ground, walking
+MAX_SWING_S = 0.8  # of a foot, walking
+MAX_RISE_M = 0.055  # root mean square of the hips' height about its mean: 16 cm from end to end
+RISE_HALF_LIFE_S = 0.6
+_FOLLOWS = 1.0 - decay(RISE_HALF_LIFE_S)
+
+
+@dataclass
+class WalkableShare:
+    """The share of its style that each of N characters is shown with, and how it walks."""
+
+    share: Array = field(default_factory=lambda: np.ones(1), metadata={"shape": (), "most": 1.0})
+    # seconds for which the left, the right and both feet have been in the air
+    in_air: Array = field(default_factory=lambda: np.zeros((1, 3)), metadata={"shape": (3,)})
+    # mean (m) and mean square (m2) of the hips' height
+    height: Array = field(default_factory=lambda: np.zeros((1, 2)), metadata={"shape": (2,)})
+
+    def styles(self, model: MotionModel, blends: Sequence[StyleBlend]) -> list[Style]:
+        """Return what the network is to walk in."""
+        steps = [round(share * SHARE_STEPS) for share in self.share.tolist()]
+        return [
+            blend.style if share >= SHARE_STEPS else _weakened(model, blend, share)
+            for blend, share in zip(blends, steps, strict=True)
+        ]
+
+    def update(
+        self,
+        heights: Array,
+        stands: Sequence[tuple[bool, bool]],
+        walks: Sequence[bool],
+        steady: Sequence[bool],
+        blending: Sequence[bool],
+    ) -> None:
+        """Take a frame in: the hips' `heights` `(N,)` over the ground, and whether the left and the right foot stand.
+
+        Who `walks` has a foot on the ground; who is not `steady` may do as he likes; who is `blending` gets a new style.
+        """
+        numbers = (self.share.tolist(), self.in_air.tolist(), self.height.tolist(), heights.tolist())
+        made = []
+        for share, air, (mean, square), height, (left, right), walking, even, changing in zip(
+            *numbers, stands, walks, steady, blending, strict=True
+        ):
+            feet = (left, right, left or right)
+            air = [0.0 if down or not even else seconds + DT for down, seconds in zip(feet, air, strict=True)]
+            mean += _FOLLOWS * (height - mean)
+            square = square + _FOLLOWS * ((height - mean) ** 2 - square) if even else 0.0
+            wrong = square > MAX_RISE_M**2
+            wrong = wrong or (walking and (air[2] > MAX_FLIGHT_S or max(air[:2]) > MAX_SWING_S))
+            if changing:
+                share = min(share + SHARE_GAIN_PER_S * DT, 1.0)
+            elif wrong and even:
+                share = max(share - SHARE_LOSS_PER_S * DT, LEAST_SHARE)
+            made.append((share, *air, mean, square))
+        values = np.array(made)
+        self.share, self.in_air, self.height = values[:, 0], values[:, 1:4], values[:, 4:]
+
+
+@lru_cache(maxsize=16)
+def _weakened(model: MotionModel, blend: StyleBlend, steps: int) -> Style:
+    """The style of a blend, mixed with neutral walking folded the same ways round; what words ask of poses stays."""
+    style, fraction = blend.style, steps / SHARE_STEPS
+    neutral = model.neutral_style(style.mirrored)
+    if style.opposite is not None:
+        opposite = model.neutral_style(not style.mirrored)
+        neutral = replace(neutral, opposite=opposite, limbs=style.limbs)
+    return replace(mixed((neutral, style), (1.0 - fraction, fraction)), z=style.z, edits=style.edits)

@@ -67,7 +67,7 @@ class WalkableShare:
         ):
             feet = (left, right, left or right)
             air = [0.0 if down or not even else seconds + DT for down, seconds in zip(feet, air, strict=True)]
-            mean += _FOLLOWS * (height - mean)
+            mean = mean + _FOLLOWS * (height - mean) if even else height
             square = square + _FOLLOWS * ((height - mean) ** 2 - square) if even else 0.0
             wrong = square > MAX_RISE_M**2
             wrong = wrong or (walking and (air[2] > MAX_FLIGHT_S or max(air[:2]) > MAX_SWING_S))

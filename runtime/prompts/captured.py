@@ -20,7 +20,7 @@ from runtime.prompts.library_data import LibraryStyle, load_styles
 
 PHRASE_MEASURES = "prompts/phrase_measures.json"
 # what a caption asks for in other gaits than its walk: what the network adds to a style's walk to jog it
-OF_CAPTIONS = ("lower", "lean", "bounce", "elbow", "elbow_out")
+OF_CAPTIONS = ("lean", "bounce", "elbow", "elbow_out")
 MOVING_HAND_M = 0.12  # from end to end: a captured hand that moves further has no place
 Range = tuple[float, float]
 Ranges = tuple[Range | None, ...]  # by `GAITS`; None where nothing was captured

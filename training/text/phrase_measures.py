@@ -43,7 +43,7 @@ LEAD_S, SHORTEST_S, EVERY_S = 0.8, 1.3, 0.2  # read after a lead, in stretches t
 MIN_SPEED_M_PER_S, MAX_TURN_RAD_PER_S, MAX_OFF_RAD = 0.25, 0.7, 0.45  # of a steady stretch straight ahead
 CLIPS_OF_STYLE, LONGEST_S = 12, 10.0  # of a style and content, and of a stretch, that are read at most
 _NOT_AHEAD = ("back", "left", "right", "side", "turn", "jump", "idle", "stand", "transition", "terrain")
-ENDS_PERCENT = (20.0, 80.0)
+ENDS_PERCENT = (30.0, 70.0)
 UNMEASURED = (HAND, "shrug")
 HAND_RANGE = "hand_range"  # of an arm, beside its targets
 # degrees, metres, fractions of a speed out of a phrase's range from which a caption says what its capture does not show

@@ -21,6 +21,7 @@ from runtime.prompts.library_data import LibraryStyle, load_styles
 PHRASE_MEASURES = "prompts/phrase_measures.json"
 # what a caption asks for in other gaits than its walk: what the network adds to a style's walk to jog it
 OF_CAPTIONS = ("lean", "bounce", "elbow", "elbow_out")
+OWN_CLAUSE_WORDS = 4  # shorter ones are said of anybody
 MOVING_HAND_M = 0.12  # from end to end: a captured hand that moves further has no place
 Range = tuple[float, float]
 Ranges = tuple[Range | None, ...]  # by `GAITS`; None where nothing was captured
@@ -52,9 +53,10 @@ class CapturedPhrases:
         return {name: self._over(styles, part, name) for name in self._names(styles, part)}
 
     def clause(self, part: str, clause: str, target: str) -> Ranges | None:
-        """The range of the one style whose captions have a clause; None for others: they say no more than their phrases."""
+        """The range of the one style whose captions have a clause; None for others, which say no more than their phrases."""
         styles = self.clauses.get((part, clause), frozenset())
-        found = self._over(styles, part, target) if len(styles) == 1 else ()
+        own = len(styles) == 1 and len(clause.split()) >= OWN_CLAUSE_WORDS
+        found = self._over(styles, part, target) if own else ()
         return found if any(found) else None
 
     def phrase(self, kind: str, phrase: str, target: str) -> Ranges | None:

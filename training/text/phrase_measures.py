@@ -163,17 +163,17 @@ def measured(clips: Path) -> dict[str, Any]:
 
 def tree_of(read: Mapping[str, Mapping[str, Sequence[Reading]]]) -> dict[str, Any]:
     """The same of readings by style and gait."""
-    styles = {s: {g: _range_of(rows) for g, rows in gaits.items() if rows} for s, gaits in read.items()}
-    named = [
-        row["jog"]["torso"]["lean"]
-        for s, row in styles.items()
-        if s != PLAIN and s.startswith(PLAIN) and "jog" in row
-    ]
+    full = {s: {g: _range_of(rows) for g, rows in gaits.items() if rows} for s, gaits in read.items()}
+    plain = [row for style, gaits in read.items() if style.startswith(PLAIN) for row in gaits.get("walk", ())]
+    styles = {s: {g: _ends(parts) for g, parts in gaits.items()} for s, gaits in full.items()}
+    named = [full[s]["jog"]["torso"]["lean"] for s in full if s.startswith(f"{PLAIN}_") and "jog" in full[s]]
     if named and "jog" in styles.get(PLAIN, {}):  # of several captures, whose spines stand differently
         styles[PLAIN]["jog"]["torso"]["lean"] = _over(named)
-    plain = [row for style, gaits in read.items() if style.startswith(PLAIN) for row in gaits.get("walk", ())]
-    usual = _range_of(plain)
-    return {"usual": _usual(styles), "phrases": _phrases(styles, usual), "styles": styles}
+    return {"usual": _usual(full), "phrases": _phrases(full, _range_of(plain)), "styles": styles}
+
+
+def _ends(parts: Mapping[str, Any]) -> dict[str, dict[str, list[float]]]:
+    return {part: {name: [r[0], r[-1]] for name, r in ranges.items()} for part, ranges in parts.items()}
 
 
 def _chosen(clips: Path) -> list[Path]:
@@ -201,8 +201,9 @@ def _percentile(rows: Sequence[Reading], percent: float) -> dict[str, dict[str, 
 
 
 def _range_of(rows: Sequence[Reading]) -> dict[str, dict[str, list[float]]]:
-    low, high = (_percentile(rows, percent) for percent in ENDS_PERCENT)
-    return {p: {n: [_rounded(low[p][n]), _rounded(high[p][n])] for n in low[p]} for p in low}
+    """Low end, median and high end of each target."""
+    found = [_percentile(rows, percent) for percent in (ENDS_PERCENT[0], 50.0, ENDS_PERCENT[1])]
+    return {p: {n: [_rounded(each[p][n]) for each in found] for n in found[0][p]} for p in found[0]}
 
 
 def _rounded(value: float) -> float:
@@ -215,10 +216,14 @@ def _usual(styles: Mapping[str, Any]) -> dict[str, dict[str, list[float]]]:
     for gait in GAITS:
         trunks = [row[gait]["torso"] for row in styles.values() if gait in row]
         for name in ("lean", "bounce") if trunks else ():
-            middles = [0.5 * sum(trunk[name]) for trunk in trunks]
+            middles = [trunk[name][1] for trunk in trunks]
             found.setdefault(gait, {})[name] = [_rounded(v) for v in np.percentile(middles, (25.0, 75.0))]
         if gait == "walk" and PLAIN in styles:
-            found[gait] = {name: styles[PLAIN][gait]["torso"][name] for name in ("lean", "bounce")}
+            found[gait] = {
+                name: ends
+                for name, ends in _ends(styles[PLAIN][gait])["torso"].items()
+                if name in found[gait]
+            }
     return found
 
 
@@ -245,16 +250,17 @@ def _phrases(styles: Mapping[str, Any], usual: Mapping[str, Any]) -> dict[str, A
 def _shows(range_: Sequence[float], usual: Sequence[float], by_hand: Sequence[float]) -> bool:
     """Whether captures show a phrase: their range lies beyond what is usual, on the side that the words say."""
     least, most = by_hand
-    if least <= 0.5 * sum(usual) <= most:
+    low, middle, high = usual
+    if least <= middle <= most:
         return True
-    return range_[0] > usual[1] if least > 0.5 * sum(usual) else range_[1] < usual[0]
+    return range_[0] > high if least > middle else range_[1] < low
 
 
 def _over(ranges: Sequence[Sequence[float]]) -> list[float]:
-    """The range of one style; of several the quartiles of their middles."""
+    """The ends of one style; of several the quartiles of their medians."""
     if len(ranges) < 2:
-        return list(ranges[0]) if ranges else []
-    return [_rounded(v) for v in np.percentile([0.5 * sum(r) for r in ranges], (25.0, 75.0))]
+        return [ranges[0][0], ranges[0][-1]] if ranges else []
+    return [_rounded(v) for v in np.percentile([r[1] for r in ranges], (25.0, 75.0))]
 
 
 def disagreements(styles: Mapping[str, Any]) -> Iterator[str]:

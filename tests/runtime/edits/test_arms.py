@@ -169,7 +169,7 @@ def test_arms_swing_widely_whatever_they_did(swing: float, least: float) -> None
 
 
 def test_arms_that_do_not_swing_hang_still() -> None:
-    assert swings(move([said("{s} arm by the body, not swinging")] * 240)) < 0.1
+    assert swings(move([said("{s} arm by the body, not swinging")] * 240)) < 0.12
     assert swings(move([said("{s} arm at rest")] * 240)) > 0.2
 
 

@@ -70,9 +70,9 @@ class Monkey:
             "edit": lambda: takes.playback is not None and app.editing.insert_prompt(choice(WORDS[:3])),
             "undo": app.editor.undo,
             "redo": app.editor.redo,
-            "export": lambda: (takes.select(self.take()), takes.export()),
+            "export": lambda: (takes.select(self.take()), app.bvh_export.export()),
             "remove": lambda: takes.remove(self.take()),
-            "move": lambda: takes.move(self.take(), choice((-1, 1))),
+            "selection": lambda: self.act_on_selection(),
             "mirror": lambda: takes.mirror(self.take()),
             "color": lambda: takes.set_color(self.take(), self.rng.randrange(6)),
             "pin": lambda: app.pins.add(choice(list(Pinned))),
@@ -117,6 +117,16 @@ class Monkey:
         if playback is not None:
             name, held = self.rng.choice(("first", "last")), self.rng.random() < 0.5
             self.app.takes.trim(**{name: self.rng.randrange(playback.frames)}, held=held)
+
+    def act_on_selection(self) -> None:
+        """Select something or all of a kind, and do one thing to it."""
+        chosen = self.app.transport.selection
+        items = chosen.all([self.rng.choice(sorted(chosen.kinds))])
+        chosen.pick(self.rng.choice((items[:1], items, items[-1:])))
+        acts = (chosen.delete, chosen.copy, chosen.cut, chosen.paste, chosen.duplicate, chosen.pick_all)
+        act = self.rng.choice((*acts, lambda: chosen.nudge(1), lambda: chosen.nudge(-10)))
+        self.done[-1] = f"selection {[item.key for item in items]}: {act}"
+        act()
 
     def drop(self) -> None:
         files = sorted(self.folder.glob("clips/*.bvh")) + sorted(self.folder.glob("*.*"))

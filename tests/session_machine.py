@@ -7,12 +7,16 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import shutil
 import tempfile
+import threading
+import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import pytest
 from hypothesis import HealthCheck, Phase, seed, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import (
@@ -31,6 +35,8 @@ from tests.helpers.app_driver import InjectedPads, run
 from tests.helpers.full_session import text_of
 from tests.helpers.viewer_fakes import fake_services
 from viewer.app import App
+from viewer.edit.resimulation import RESIMULATION
+from viewer.jobs import AT_ONCE
 from viewer.messages import Level
 from viewer.options import ViewOptions
 from viewer.session.takes import RECORDED_FRAMES
@@ -71,11 +77,28 @@ def shown(session: Session) -> dict[str, Any]:
     }
 
 
+@dataclass(eq=False)
+class Running:
+    """A resimulation that has begun: its step, its take, and the gate that lets its worker end."""
+
+    step: dict[str, Any]
+    number: int
+    gate: threading.Event
+
+
+def shortened(take: tuple[Any, ...]) -> tuple[Any, ...]:
+    """What the model knows of a take after its resimulation, which makes one frame less."""
+    number, title, frames, (first, last), *rest = take
+    end = frames - 2 if last == frames - 1 else min(last, frames - 2)
+    return number, title, frames - 1, (max(min(first, end - 1), 0), end), *rest
+
+
 @dataclass
 class Model:
     """One session as a list of what it was after each edit."""
 
     steps: list[dict[str, Any]]
+    running: list[Running] = field(default_factory=list)
     at: int = 0
     opened: dict[str, Any] = field(default_factory=dict)
     # of each step, once it was seen: all of the session as text, and the name of the edit
@@ -91,8 +114,50 @@ class Model:
         self.at += 1
         self.seen = {at: seen for at, seen in self.seen.items() if at < self.at}
 
+    def begin(self, number: int) -> Running:
+        """A step of a job."""
+        self.edit()
+        self.running.append(Running(self.now, number, threading.Event()))
+        return self.running[-1]
+
+    def land(self, job: Running) -> None:
+        """The job's take is another one in its step and in all later ones."""
+        self.running.remove(job)
+        first = self.place(job)
+        for step in self.steps[first:]:
+            step["takes"] = [shortened(take) if take[0] == job.number else take for take in step["takes"]]
+        self.seen = {at: seen for at, seen in self.seen.items() if at < first}
+
+    def drop(self, job: Running) -> None:
+        """The job's step is none."""
+        self.running.remove(job)
+        place = self.place(job)
+        del self.steps[place]
+        self.at -= self.at >= place
+        self.seen = {at: seen for at, seen in self.seen.items() if at < place}
+
+    def place(self, job: Running) -> int:
+        return next(i for i, step in enumerate(self.steps) if step is job.step)
+
+    def end_jobs(self) -> None:
+        for job in list(self.running):
+            self.drop(job)
+
+    def undo(self) -> None:
+        job = next((job for job in self.running if job.step is self.now), None)
+        if job is not None:
+            self.drop(job)
+        else:
+            self.at = max(self.at - 1, 0)
+
     def copy(self) -> Model:
-        return Model([dict(step) for step in self.steps], self.at, dict(self.opened), dict(self.seen))
+        """What a file has of it: no steps that jobs still make."""
+        waiting = [job.step for job in self.running]
+        kept = [i for i, step in enumerate(self.steps) if all(step is not each for each in waiting)]
+        places = {at: place for place, at in enumerate(kept)}
+        steps = [dict(self.steps[i]) for i in kept]
+        seen = {places[at]: seen for at, seen in self.seen.items() if at in places}
+        return Model(steps, at=sum(i <= self.at for i in kept) - 1, opened=dict(self.opened), seen=seen)
 
 
 def of_a_take(**drawn: Any) -> Any:
@@ -147,6 +212,9 @@ class SessionMachine(RuleBasedStateMachine):
         assert playback is None or self.session.take(playback.number) == playback.take
         assert self.session.selected == 0 or self.session.current is not None
         assert not [m.text for m in self.app.messages.recent if m.level is Level.ERROR]
+
+    def busy(self, take: Any) -> bool:
+        return any(job.number == take.number for job in self.model.running)
 
     def pick(self, place: int) -> Any:
         takes = self.session.takes
@@ -262,7 +330,9 @@ class SessionMachine(RuleBasedStateMachine):
     def move(self, place: int, by: int) -> None:
         takes = list(self.model.now["takes"])
         at = place % len(takes)
-        self.app.takes.move(takes[at][0], by)
+        selection = self.app.transport.selection
+        selection.pick(item for item in selection.all(["takes"]) if item.lane == takes[at][0])
+        selection.nudge(by)
         if 0 <= at + by < len(takes):
             takes.insert(at + by, takes.pop(at))
             self.model.edit(takes=takes)
@@ -272,6 +342,8 @@ class SessionMachine(RuleBasedStateMachine):
         take = self.pick(place)
         self.app.takes.play(take.number)
         self.app.pins.add(what)
+        if self.busy(take):  # it is being resimulated
+            return
         self.model.edit(takes=self.replaced(take.number, pins=len(take.poses.pins) + 1))
 
     @of_a_take(frame=st.integers(0, 4), copied=st.booleans())
@@ -289,6 +361,8 @@ class SessionMachine(RuleBasedStateMachine):
         after = self.session.take(take.number)
         assert after is not None
         keys = {round(key.seconds * 60) for key in take.poses.layer.keys} | {frame}
+        if self.busy(take):
+            return
         assert len(after.poses.layer.keys) == len(keys)
         if after != take:
             self.model.edit(takes=self.replaced(take.number, poses=len(keys)))
@@ -413,13 +487,57 @@ class SessionMachine(RuleBasedStateMachine):
         run(self.app, 5)
         self.app.window.inject_key("w", False)
 
+    # --- jobs that run
+
+    @of_a_take()
+    def begin_job(self, place: int) -> None:
+        """Resimulate a take, which takes until the gate is opened."""
+        take, app = self.pick(place), self.app
+        app.takes.play(take.number)
+        if len(self.model.running) == AT_ONCE or app.editing.fixed or take.frames < 8:
+            return
+        job = self.model.begin(take.number)
+
+        def work(clip: Any, inputs: Any, model: Any, progress: Any) -> Any:
+            while not job.gate.wait(0.002):
+                progress(0.5)
+            return clip.trim(0, len(clip) - 2), replace(inputs, frames=inputs.frames[:-1])
+
+        app.jobs.blocking = False
+        app.editing.run("job", work)
+        app.jobs.blocking = True
+
+    @precondition(lambda self: self.model.running)
+    @rule(place=st.integers(0, 9))
+    def finish_job(self, place: int) -> None:
+        job = self.model.running[place % len(self.model.running)]
+        job.gate.set()
+        slot, end = dataclasses.replace(RESIMULATION, of=job.number), time.monotonic() + 10.0
+        while self.app.jobs.busy(slot):
+            assert time.monotonic() < end, "the job never ended"
+            run(self.app)
+            time.sleep(0.002)
+        self.model.land(job)
+
+    @precondition(lambda self: self.model.running)
+    @rule()
+    def cancel_job(self) -> None:
+        """By the button of the status line, which is that of the job that began first."""
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("viewer.jobs.PATIENCE_S", -1.0)
+            text, cancel = self.app.jobs.shown()
+        assert text.startswith("Resimulating")
+        assert cancel is not None
+        cancel()
+        self.model.drop(self.model.running[0])
+
     # --- history and files
 
     @rule(count=st.integers(1, 4))
     def undo(self, count: int) -> None:
         for _ in range(count):
             self.app.editor.undo()
-            self.model.at = max(self.model.at - 1, 0)
+            self.model.undo()
 
     @rule(count=st.integers(1, 4))
     def redo(self, count: int) -> None:
@@ -429,9 +547,9 @@ class SessionMachine(RuleBasedStateMachine):
 
     @rule()
     def revert(self) -> None:
-        before = self.session
         self.app.sessions.revert()
-        if self.session != before:
+        self.model.end_jobs()
+        if self.app.editor.history.at != self.model.at:
             self.model.edit(**self.model.opened)
 
     def _name(self) -> Path:
@@ -456,9 +574,10 @@ class SessionMachine(RuleBasedStateMachine):
     @rule()
     def new(self) -> None:
         if self.app.sessions.path is not None:
-            self.kept[self.app.sessions.path] = self.model
+            self.kept[self.app.sessions.path] = self.model.copy()
         kept = ("ground", "prompt", "blended", "weights", "locked", "shape")
         self.app.sessions.new()
+        self.model.end_jobs()
         self.model = Model([{**shown(Session()), **{name: self.model.now[name] for name in kept}}])
         self.model.opened = self.model.now
 
@@ -467,7 +586,7 @@ class SessionMachine(RuleBasedStateMachine):
     def open(self, place: int) -> None:
         path = sorted(self.kept)[place % len(self.kept)]
         if self.app.sessions.path is not None:
-            self.kept[self.app.sessions.path] = self.model
+            self.kept[self.app.sessions.path] = self.model.copy()
         self.app.sessions.open(path)
         run(self.app, 3)
         self.model = self.kept.pop(path)
@@ -477,6 +596,7 @@ class SessionMachine(RuleBasedStateMachine):
     def close(self) -> None:
         """The program ends as planned, and the session is opened again: by its name, or among the earlier ones."""
         path = self.app.sessions.path
+        self.model.end_jobs()
         empty = path is None and len(self.model.steps) == 1
         self.app.interrupt()
         assert self.app.end() == 0
@@ -510,6 +630,7 @@ class SessionMachine(RuleBasedStateMachine):
             self.kept[self.app.sessions.path] = self.model.copy()
         self.app.close()
         self.app = self._start()
+        self.model.end_jobs()
         empty = len(self.model.steps) == 1 and self.model.now == self.model.opened and not recording
         if empty:  # nothing was written yet
             self.model = Model([shown(self.session)])

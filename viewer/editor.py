@@ -115,6 +115,11 @@ class Editor:
             self._draft, self._draft_label = after, label
             self._tell(before)
 
+    def drop_drag(self) -> None:
+        """What was dragged is as it was before."""
+        before, self._draft = self.session, None
+        self._tell(before)
+
     def put(self, label: str, number: int, held: bool = False, **values: Any) -> None:
         """Other values for fields of a take, or of the live character; `held`: while the mouse holds them."""
         (self.drag if held else self.do)(label, lambda session: session.with_take(number, **values))

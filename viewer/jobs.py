@@ -114,13 +114,13 @@ class Jobs:
     @contextlib.contextmanager
     def together(self) -> Iterator[None]:
         """Jobs that run next to each other even with `blocking`, and are then done at the end, in their order."""
-        blocking, self.blocking = self.blocking, False
+        blocking, self.blocking, before = self.blocking, False, list(self._jobs)
         try:
             yield
         finally:
             self.blocking = blocking
         if blocking:
-            wait([job.future for job in self._jobs])
+            wait([job.future for job in self._jobs if job not in before])
             self.deliver()
 
     def _of(self, slot: Slot, writing: bool) -> list[_Job]:

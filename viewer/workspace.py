@@ -31,6 +31,7 @@ from viewer.edit.transport import Transport
 from viewer.edit.video import SUFFIXES as VIDEOS
 from viewer.editor import Editor
 from viewer.exports import panel as exports_panel
+from viewer.exports.bvh_export import BvhExport
 from viewer.exports.exporting import Exporting
 from viewer.gui.defects import Defects
 from viewer.gui.dialogs import DialogKind, Dialogs
@@ -46,6 +47,7 @@ from viewer.panels.recovery import CutOffWindow, defect_panel
 from viewer.panels.scene_panel import ScenePanel
 from viewer.panels.session_bar import SessionBar
 from viewer.panels.settings_panel import SettingsWindow
+from viewer.panels.takes_panel import TakesPanel
 from viewer.prompt.language_model import LanguageModel
 from viewer.prompt.prompt_controller import PromptController
 from viewer.prompt.prompt_panel import PromptPanel
@@ -116,12 +118,15 @@ class Workspace:
         self.prompt = PromptPanel(
             settings, prompting, self.language_model, Suggester(settings, jobs), self.compare.toggle
         )
-        self.guide = Guide(settings, editor, takes)
+        self.bvh_export = BvhExport(takes)
+        self.guide = Guide(settings, editor, self.bvh_export)
         self.sessions = Sessions(
             editor, settings, messages, jobs, dialogs, scene, prompting, takes, self.load_model,
             self._picture, state_folder,
         )  # fmt: skip
-        self.exporting = Exporting(takes, scene, messages, jobs, dialogs, self.transport.shown_frames)
+        self.exporting = Exporting(
+            takes, scene, messages, jobs, dialogs, self.bvh_export, self.transport.shown_frames
+        )
         self.settings_window = SettingsWindow(
             settings, messages, jobs, dialogs, scene, self.guide, self.load_model, self.window.use_scale
         )
@@ -138,6 +143,7 @@ class Workspace:
             self.state, settings, messages, jobs, scene, editing, panels, lambda: prompting.texts, fonts,
             self.defects,
         )  # fmt: skip
+        self.transport.in_view = lambda: self.shell.focus.in_view
         own = {
             Action.FRAME_SELECTION: self.frame_selection,
             Action.FULLSCREEN: self.window.toggle_full_screen,
@@ -172,7 +178,9 @@ class Workspace:
                 self.scene, self.takes, self.path, self.camera_keys, self.open_files, self._browse_all,
                 lambda width: pins.draw_live(self.camera_keys.add, width),
             ).panel(),
-            takes_panel.panel(self.takes, references, export, self.sessions),
+            TakesPanel(
+                self.takes, references, self.sessions, self.transport.selection, self.bvh_export, export
+            ).panel(),
             self.transport.panel(references),
             compare_panel.names_panel(compare),
             self.camera_keys.panel(),

@@ -45,6 +45,11 @@ def renamed(session: Session, number: int, name: str) -> Session:
     return session.with_take(number, name="" if name == replace(take, name="").title else name)
 
 
+def copied(take: Take) -> Take:
+    """A take as it is, for a second place in the list."""
+    return replace(take, name=f"{take.title}, copy"[:MAX_NAME])
+
+
 def mirrored_copy(session: Session, number: int) -> Session:
     """A second take with left and right exchanged, at the end; edits of its poses do not come along."""
     take = session.take(number)

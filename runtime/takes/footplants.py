@@ -19,7 +19,7 @@ from runtime.feet.ik import LEG_FEET, LEG_THIGHS, LEG_TOES, solve_legs
 from runtime.takes.clip import Clip
 from runtime.takes.pinned import drop_to
 
-CONTACT = 0.5  # of a heel or toe: it bears the character
+BEARING_CONTACT = 0.5  # of a heel or toe: it bears the character
 LIFT_M = 0.06  # of a foot over a plant that was taken away
 MAX_WINDOW_FRAMES = 36_000  # ten minutes: an edit that changes more fits no clip
 MIN_FRAMES = 2  # of a plant, and between two
@@ -39,16 +39,19 @@ class FootplantEdit:
 
 def footplants(contacts: Array) -> list[Frames]:
     """Frames in which a heel or a toe of one foot bears: `contacts` `(T, 2)`."""
-    down = np.concatenate([[False], (np.asarray(contacts) > CONTACT).any(axis=1), [False]])
+    down = np.concatenate([[False], (np.asarray(contacts) > BEARING_CONTACT).any(axis=1), [False]])
     edges = np.flatnonzero(np.diff(down.astype(np.int8)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def fitted_footplant(clip: Clip, foot: int, old: Frames | None, start: int, end: int) -> Frames:
-    """Where a plant may go that is to last from `start` to `end`; UsageError where there is no room."""
-    others = [p for p in footplants(clip.contacts[:, 2 * foot : 2 * foot + 2]) if p != old]
+def fitted_footplant(known: Sequence[Frames], count: int, old: Frames | None, start: int, end: int) -> Frames:
+    """Where a plant of a foot may go that is to last from `start` to `end`; UsageError where there is no room.
+
+    `known` are the plants of the foot in a clip of `count` frames, `old` that which is moved.
+    """
+    others = [p for p in known if p != old]
     middle = (start + end) / 2 if old is None else (old[0] + old[1]) / 2
-    low, high = 0, len(clip)
+    low, high = 0, count
     for a, b in others:
         if (a + b) / 2 <= middle:
             low = b + MIN_FRAMES
@@ -147,7 +150,7 @@ def _replanted(clip: Clip, edit: FootplantEdit, known: list[Frames]) -> Clip:
         ours[:] = ours[np.clip(np.round(at).astype(int), 0, len(clip) - 1)]
         ours[before : new[0]], ours[new[1] : after] = 0.0, 0.0
         still = ours[slice(*new)]
-        still[:] = np.where((still > CONTACT).any(axis=1, keepdims=True), still, 1.0)
+        still[:] = np.where((still > BEARING_CONTACT).any(axis=1, keepdims=True), still, 1.0)
     targets, feet = positions[:, LEG_FEET].astype(float), world[:, LEG_FEET].astype(float)
     changed = np.any(np.abs(path - targets[:, edit.foot]) > 1e-6, axis=1) | np.any(
         contacts != clip.contacts, axis=1

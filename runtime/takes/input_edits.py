@@ -19,7 +19,7 @@ from runtime.takes.input_recording import InputFrame, InputFrames, InputRecordin
 from runtime.takes.metadata import PromptEvent, gait_of
 
 SETTLE_STEPS = 60  # before the clip, in which hands reach the place that new words give them
-MIN_SPAN = 2  # frames that a move leaves of a neighbour
+SLIVER_FRAMES = 6  # shorter remains of a span under another one cannot be seen and go to their neighbour
 JUMP_FRAMES = 3  # as long as a key's press; the controller jumps on by itself
 
 
@@ -103,31 +103,58 @@ def with_prompt(inputs: InputRecording, style: StyleChange) -> Edit:
     return _with_styles(inputs, (), [style], style.frame)
 
 
-def move_prompt(inputs: InputRecording, index: int, start: int, end: int) -> Edit:
-    """Prompt `index` holds from `start` to `end`; its neighbours keep at least `MIN_SPAN` frames.
+@dataclass(frozen=True)
+class Block(Span):
+    """Frames `start` to `end` that have what span `of` has: of the track as it was, or of those laid over it."""
 
-    The first prompt always begins with the clip, the last one ends with it.
+    of: int
+
+
+def laid(spans: Sequence[Span], gone: Sequence[int], put: Sequence[Span]) -> list[Block]:
+    """The blocks of a track that has no gaps, after an edit.
+
+    Spans `gone` (by their places) leave their frames to the span before, at the start to the one after. Spans `put` then
+    lie over what is there; they are numbered after those of the track. What is left of a span under them is no sliver.
     """
+    frames = spans[-1].end
+    owner = np.repeat(np.arange(len(spans)), [span.end - span.start for span in spans])
+    kept = np.flatnonzero(~np.isin(owner, gone))
+    if len(kept):
+        owner = owner[kept[np.maximum(np.searchsorted(kept, np.arange(frames), side="right") - 1, 0)]]
+    for number, span in enumerate(put, len(spans)):
+        owner[max(span.start, 0) : max(span.end, 0)] = number
+    blocks = _blocks(owner)
+    for block in blocks:
+        own = spans[block.of] if block.of < len(spans) else block
+        if block.end - block.start < min(SLIVER_FRAMES, own.end - own.start) and len(blocks) > 1:
+            owner[block.start : block.end] = owner[block.start - 1 if block.start else block.end]
+    return _blocks(owner)
+
+
+def _blocks(owner: NDArray[np.integer]) -> list[Block]:
+    cuts = [0, *(np.flatnonzero(np.diff(owner)) + 1).tolist(), len(owner)]
+    return [Block(a, b, int(owner[a])) for a, b in pairwise(cuts)]
+
+
+def prompts_laid(inputs: InputRecording, gone: Sequence[int], put: Sequence[PromptSpan]) -> Edit:
+    """Prompts taken away and laid over others, as `laid` says."""
     spans = prompt_spans(inputs)
-    start, end = fitted(spans, index, start, end)
-    span, moved = spans[index], []
-    if start != span.start:
-        moved.append((span, start - span.start))
-    if end != span.end:
-        moved.append((spans[index + 1], end - span.end))
-    first = min([s.start + min(by, 0) for s, by in moved], default=len(inputs))
-    old = [change for s, _ in moved for change in s.changes]
-    new = [replace(change, frame=change.frame + by) for s, by in moved for change in s.changes]
-    return _with_styles(inputs, old, new, first)
-
-
-def fitted(spans: Sequence[Span], index: int, start: int, end: int) -> tuple[int, int]:
-    """Where a span that is to go to `start` to `end` may go between its neighbours."""
-    span, last = spans[index], index == len(spans) - 1
-    low = spans[index - 1].start + MIN_SPAN if index else span.start
-    high = span.end if last else spans[index + 1].end - MIN_SPAN
-    start = min(max(start, low), max(high - MIN_SPAN, low)) if index else low
-    return start, high if last else max(min(end, high), start + MIN_SPAN)
+    known, seen = [*spans, *put], set[int]()
+    blocks, new = laid(spans, gone, put), list[StyleChange]()
+    for block in blocks:
+        # what goes on behind another prompt is as it was in the end
+        changes = known[block.of].changes[-1:] if block.of in seen else known[block.of].changes
+        seen.add(block.of)
+        by = block.start - max(changes[0].frame, 0)
+        moved = (replace(c, frame=c.frame + by) if by else c for c in changes)
+        new += [c for c in moved if c.frame < block.end]
+    old = [change for span in spans for change in span.changes]
+    first = known[blocks[0].of]
+    if first is not spans[0]:  # it comes into force before the clip, in the place of the first one
+        new = [*spans[0].changes, *(change for change in new if change.frame > 0)]
+    changed = [c.frame for c in (*old, *new) if (c in old) is not (c in new)]
+    edit = _with_styles(inputs, old, new, min(changed, default=len(inputs)))
+    return edit if first is spans[0] else reworded(edit.inputs, spans[0], first.changes[-1])
 
 
 def with_gait(inputs: InputRecording, first: int, last: int, gait: Gait) -> Edit:
@@ -149,17 +176,13 @@ def with_gait(inputs: InputRecording, first: int, last: int, gait: Gait) -> Edit
     return Edit(replace(inputs, frames=frames), first)
 
 
-def move_gait(inputs: InputRecording, index: int, start: int, end: int) -> Edit:
-    """Gait span `index` lasts from `start` to `end`; the frames it leaves get the neighbour's gait."""
+def gaits_laid(inputs: InputRecording, gone: Sequence[int], put: Sequence[GaitSpan]) -> Edit:
+    """Gaits taken away and laid over others, as `laid` says."""
     now = inputs.gaits()
     spans = gait_spans(now)
-    start, end = fitted(spans, index, start, end)
-    wanted = now.copy()
-    if index > 0:
-        wanted[spans[index - 1].start : start] = spans[index - 1].gait
-    wanted[start:end] = spans[index].gait
-    if index < len(spans) - 1:
-        wanted[end : spans[index + 1].end] = spans[index + 1].gait
+    known, wanted = [*spans, *put], now.copy()
+    for block in laid(spans, gone, put):
+        wanted[block.start : block.end] = known[block.of].gait
     edit = Edit(inputs, len(inputs))
     for span in gait_spans(np.where(wanted == now, -1, wanted)):
         if span.gait >= 0:

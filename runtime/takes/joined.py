@@ -18,7 +18,7 @@ from runtime.arrays import Array
 from runtime.errors import UsageError
 from runtime.feet.ik import LEG_FEET, LEG_TOES
 from runtime.takes.clip import Clip
-from runtime.takes.footplants import CONTACT
+from runtime.takes.footplants import BEARING_CONTACT
 from runtime.takes.loop import led_legs
 from runtime.takes.metadata import UNKNOWN, PromptEvent, gait_seconds
 from runtime.takes.root import Placement, root_track, smooth
@@ -146,8 +146,8 @@ def _with_feet(first: Clip, second: Clip, hips: Array, local: Array) -> Clip:
     targets, goals, contacts = ankles.copy(), feet.copy(), second.contacts.copy()
     for side in range(2):
         soles = slice(2 * side, 2 * side + 2)
-        stood = bool((first.contacts[-1, soles] > CONTACT).any())
-        stands = np.any(second.contacts[:, soles] > CONTACT, axis=1)
+        stood = bool((first.contacts[-1, soles] > BEARING_CONTACT).any())
+        stands = np.any(second.contacts[:, soles] > BEARING_CONTACT, axis=1)
         gap, speed = _gap(old[:, LEG_FEET[side]].astype(np.float64), ankles[:, side], fps, FASTEST)
         away = float(np.linalg.norm(gap[[0, 2]]))
         steps = bool(stands[0]) and (not stood or away > HELD_M)

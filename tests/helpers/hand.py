@@ -10,9 +10,12 @@ def mouse(window: Window, x: float, y: float, button: int | None = None, down: b
     """Move to x, y (screen units), where a button changes."""
     imgui.backends.glfw_cursor_enter_callback(window.address, 1)
     imgui.backends.glfw_cursor_pos_callback(window.address, x, y)
-    if button is not None:
+    if button is not None and window._injected:
+        # the backend would ask the real keyboard, where no modifier is held
+        window._on_mouse_button(None, button, int(down), 0)
+        imgui.get_io().add_mouse_button_event(button, down)
+    elif button is not None:
         imgui.backends.glfw_mouse_button_callback(window.address, button, int(down), 0)
-        window.hold_modifiers()
 
 
 def wheel(window: Window, steps: float) -> None:

@@ -43,7 +43,7 @@ def test_takes_are_recorded_played_and_kept_while_the_clock_jumps(start: Start, 
         run(app, 5)
         app.takes.close_playback()
     assert [len(item.clip) for item in app.editor.session.takes] == [30, 30, 30]
-    app.takes.export()
+    app.bvh_export.export()
     assert len(load_clip_bvh(next((tmp_path / "clips").glob("*.bvh")))) == 30
     app.interrupt()
     app.end()

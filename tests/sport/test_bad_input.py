@@ -363,8 +363,8 @@ def test_the_viewer_says_it_goes_on_and_loses_nothing(tmp_path: Path) -> None:
         play(30)
         app.takes.toggle_recording()
         app.takes.play(1)
-        app.takes.export_path = str(tmp_path / "kept.bvh")
-        app.takes.export()
+        app.bvh_export.path = str(tmp_path / "kept.bvh")
+        app.bvh_export.export()
         app.frame()
     finally:
         app.close()

@@ -129,7 +129,7 @@ def test_a_removal_leaves_what_plays_alone(start: Start) -> None:
     for _ in range(3):
         record(app, 10)
     play_row(app, 2)
-    menu(app, 0, "Remove")
+    menu(app, 0, "Delete")
     assert app.takes.playback is not None
     assert app.takes.playback.take.title == "Take 3"
     assert app.editor.session.selected == 3

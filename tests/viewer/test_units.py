@@ -13,13 +13,13 @@ from runtime.controls import Controls
 from runtime.errors import UsageError
 from runtime.terrain.height_map import Terrain
 from tests.helpers.viewer_fakes import FakeController
+from viewer.exports.bvh_export import export_target, file_stem, free_path
 from viewer.gui.layout import Rect, arrange, framing
 from viewer.gui.status import Stats
 from viewer.gui.widgets import clock
 from viewer.messages import Messages
 from viewer.scene.simulation import MAX_STEPS, Simulation, interpolate
 from viewer.session.playback import Playback
-from viewer.session.takes import export_target, file_stem, free_path
 from viewer.settings import config_directory
 
 
@@ -155,7 +155,10 @@ def test_export_names(tmp_path: Path) -> None:
     assert export_target('"/a/b.BVH"') == Path("/a/b.BVH")
     with pytest.raises(UsageError, match="folder"):
         export_target(str(tmp_path))
-    assert file_stem("Take 3: Löwe/../x") == "take-3-l-we-x"
+    assert file_stem("Take 3: Löwe/../x") == "take-3-löwe-x"
+    assert file_stem("Mu\u0308de König") == "müde-könig"
+    assert file_stem("疲れた 王") == "疲れた-王"
+    assert len(file_stem("王" * 300).encode()) <= 120
     assert file_stem("***") == "clip"
     (tmp_path / "a.bvh").write_text("", encoding="utf-8")
     assert free_path(tmp_path / "a.bvh") == tmp_path / "a-2.bvh"

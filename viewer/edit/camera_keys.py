@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -82,25 +82,8 @@ class CameraKeys:
             " A film with the camera “keyed” looks through them."
         )
 
-    def _put(self, label: str, keys: tuple[CameraKey, ...], held: bool = False) -> None:
-        self.editor.put(label, LIVE if self.take is None else self.take.number, held, cameras=keys)
-
-    def remove(self, key: CameraKey) -> None:
-        if self.take is not None:
-            kept = tuple(one for one in self.keys if one is not key)
-            self._put(f"removal of a camera key of {self.take.title}", kept)
-
-    def move(self, key: CameraKey, frame: int) -> None:
-        """Put a key, as it was when the mouse took it, to another frame; a frame that has a key keeps its own."""
-        playback, before = self.takes.playback, self.editor.history.present.session
-        take = None if playback is None else before.take(playback.number)
-        if take is None or playback is None:
-            return
-        fps, others = playback.clip.fps, [one for one in take.cameras if one is not key]
-        if frame not in {round(one.seconds * fps) for one in others}:
-            keys = with_key(others, replace(key, seconds=frame / fps), fps)
-            self._put(f"move of a camera key of {take.title}", keys, held=True)
-            playback.seek(frame)
+    def _put(self, label: str, keys: tuple[CameraKey, ...]) -> None:
+        self.editor.put(label, LIVE if self.take is None else self.take.number, cameras=keys)
 
     def look(self, pose: Pose, terrain: Terrain) -> None:
         """Let the view follow the keys while the take plays or is sought; call once a frame before it is drawn."""

@@ -14,12 +14,11 @@ from runtime.errors import SportError
 from runtime.pose import Pose
 from runtime.session.session import LIVE, Session, Take
 from runtime.takes.clip import Clip
-from runtime.takes.footplants import FootplantEdit, Frames, fitted_footplant, footplants, replanted
+from runtime.takes.footplants import Frames, footplants, replanted
 from runtime.takes.pinned import ARMS, along_with, farthest, in_world, point_of
 from runtime.takes.pins import DEFAULT_EASE_S, MAX_TIME_S, Pin, Pinned, held_pins, released
 from viewer.edit.handles import Handles, dragged
 from viewer.edit.resimulation import Resimulation
-from viewer.edit.timeline import Mark
 from viewer.editor import Editor
 from viewer.gl_bindings import imgui
 from viewer.gui import panels, widgets
@@ -145,16 +144,6 @@ class Pins:
         except SportError as error:
             self.editor.messages.error(error)
 
-    def move(self, mark: Mark, start: int, end: int) -> None:
-        """Put the selected pin, which was at a mark of the timeline, to other frames."""
-        (_, pin), playback = mark.of, self.playback
-        if playback is None:
-            return
-        fps, last = playback.clip.fps, playback.clip.seconds
-        begin = pin.start if start == mark.start else start / fps
-        until = pin.end if end == mark.end else min((end - 1) / fps, last)
-        self.change(replace(pin, start=begin, end=max(until, begin)))
-
     def put_along(self, pin: Pin, along: bool) -> None:
         """Let the point go with the character, or stay in the world: where it is now."""
         pose = self._pose()
@@ -208,44 +197,23 @@ class Pins:
 
     # --- footplants
 
-    @property
-    def planted(self) -> Clip | None:
-        """The take that plays with its footplants and without its pins."""
-        if self.playback is None:
-            return None
-        take, known = self.playback.shown, self._planted
-        key = take.made, take.mirrored, take.poses.footplants
+    def planted_frames(self, take: Take, foot: int) -> list[Frames]:
+        """When a foot of a take bears, with its footplants and without its pins."""
+        key, known = (take.made, take.mirrored, take.poses.footplants), self._planted
         if known is None or known[0] != key:
             known = self._planted = key, replanted(take.base_clip, take.poses.footplants)
-        return known[1]
+        return footplants(known[1].contacts[:, 2 * foot : 2 * foot + 2])
 
     def footplants(self, foot: int) -> list[Frames]:
         """When a foot of the take that plays bears; while one is dragged, as it would."""
-        clip, playback = self.planted, self.playback
-        if clip is None or playback is None:
+        playback = self.playback
+        if playback is None:
             return []
-        known = footplants(clip.contacts[:, 2 * foot : 2 * foot + 2])
+        known = self.planted_frames(playback.shown, foot)
         for edit in playback.take.poses.footplants[len(playback.shown.poses.footplants) :]:
             if edit.foot == foot:
-                known = [p for p in known if p != edit.old] + ([edit.new] if edit.new else [])
+                known = sorted([p for p in known if p != edit.old] + ([edit.new] if edit.new else []))
         return known
-
-    def set_footplant(self, foot: int, old: Frames | None, new: Frames | None) -> None:
-        """Move, add or remove a footplant, while the mouse holds it."""
-        clip, playback = self.planted, self.playback
-        if clip is None or playback is None or self.fixed:
-            return
-        try:
-            fitted = None if new is None else fitted_footplant(clip, foot, old, *new)
-        except SportError as error:
-            self.editor.messages.error(error)
-            return
-        take = playback.take
-        what = "removal" if new is None else "addition" if old is None else "change"
-        label = f"{what} of a {('left', 'right')[foot]} footplant in {take.title}"
-        edits = (*playback.shown.poses.footplants, FootplantEdit(foot, old, fitted))
-        made = replace(take.poses, footplants=edits)
-        self.editor.put(label, take.number, held=True, poses=made)
 
     # --- in the view
 

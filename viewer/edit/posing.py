@@ -157,10 +157,6 @@ class Posing:
 
         self.put(f"{'release' if release else 'key'} of the {NAMES[joint].lower()}", change)
 
-    def remove(self, key: PoseKey) -> None:
-        """Take a key away."""
-        self.put("removal of a pose key", lambda layer: layer.without_key(key))
-
     def remove_joint(self) -> None:
         """Take the picked joint out of the key at the frame shown, and a key that holds nothing more away."""
         key, joint, playback = self.key, self.joint, self.playback
@@ -174,18 +170,6 @@ class Posing:
                     layer.with_key(left, playback.clip.fps) if left and joint >= 0 else layer.without_key(key)
                 ),
             )
-
-    def move_key(self, key: PoseKey, frame: int) -> None:
-        """Put a key, as it was when the mouse took it, to another frame; a frame that has a key keeps its own."""
-        playback, before = self.playback, self.editor.history.present.session
-        take = None if playback is None else before.take(playback.number)
-        if take is None or playback is None:
-            return
-        fps, others = playback.clip.fps, take.poses.layer.without_key(key)
-        if others.key_at(frame, fps) is None:
-            moved = others.with_key(replace(key, seconds=frame / fps), fps)
-            self.put("move of a pose key", lambda _: moved, held=True)
-            playback.seek(frame)
 
     def set_tangent(self, tangent: Tangent) -> None:
         """How the curves pass the key at the frame shown."""

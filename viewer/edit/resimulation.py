@@ -179,13 +179,6 @@ class Resimulation:
         end = tracks.gaits[at].end if (at := mark_at(tracks.gaits, frame)) >= 0 else playback.frames
         self._again(f"gait {gait.label}", lambda inputs: input_edits.with_gait(inputs, frame, end - 1, gait))
 
-    def move_prompt(self, index: int, start: int, end: int) -> None:
-        """A prompt goes to other frames, at the cost of its neighbours."""
-        self._again("move of a prompt", lambda inputs: input_edits.move_prompt(inputs, index, start, end))
-
-    def move_gait(self, index: int, start: int, end: int) -> None:
-        self._again("move of a gait", lambda inputs: input_edits.move_gait(inputs, index, start, end))
-
     # --- resimulating
 
     def _again(self, label: str, edit: Callable[[InputRecording], Edit]) -> None:

@@ -11,7 +11,9 @@ from dataclasses import dataclass, field, replace
 from enum import Enum, auto
 from typing import Any
 
-from runtime.takes.input_edits import Span, fitted
+from runtime.takes.input_edits import laid
+from viewer.edit.items import Item, Items, Mark
+from viewer.edit.selection import Selection
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.theme import Color
@@ -35,6 +37,9 @@ NAME_SIZE = theme.FONT_SIZE_PX * 0.87  # of letters
 LEAST_LETTERS = 3  # of a word that is cut, with its dots
 SMALL, TEXT_FRACTION = theme.FONT_SIZE_PX * 0.8, 0.76  # letters: at least, and of a row's height
 DIM = (*theme.PANEL[:3], 0.6)  # over what the trim leaves out
+SNAP_REACH = 6.0  # pixels from what a drag snaps to
+MIN_BOX = 4.0  # pixels; a shorter drag is a click
+SELECTED_TINT = (1.0, 1.0, 1.0, 0.9)
 TRIM_HINT = "Drag: only what lies between the handles plays and is exported"
 
 
@@ -77,21 +82,11 @@ class Part(Enum):
 
 
 @dataclass(frozen=True)
-class Mark(Span):
-    """Frames, or a point where start and end are the same; `of` is what it stands for."""
-
-    text: str = ""
-    hint: str = ""
-    of: Any = None
-
-
-@dataclass(frozen=True)
 class Track:
-    """One row of the timeline and what the mouse does on it.
+    """One row of the timeline.
 
-    A mark that is held is moved: `move` gets it as it was when it was taken, with the frames it would have now. Of
-    `drop` the mark stays where it was let go while its take is resimulated. `menu` draws the entries of a right click
-    on a mark or, with None, a frame; `remove` takes the mark away at once.
+    Marks with an item are selected, moved and so on by the selection. `move` takes a handle of the ruler to another frame.
+    `more` are entries of a right click on a free frame.
     """
 
     key: str
@@ -104,26 +99,23 @@ class Track:
     adjacent: bool = False  # each mark ends where the next one begins
     optional: bool = False  # shown only where there is room
     fixed: bool = False  # nothing can be dragged
-    press: Callable[[Mark], None] | None = None
-    move: Callable[[Mark, int, int], None] | None = None
-    drop: Callable[[int, int, int], None] | None = None
-    menu: Callable[[Mark | None, int], None] | None = None
-    remove: Callable[[Mark], None] | None = None
+    move: Callable[[Mark, int], None] | None = None
+    more: tuple[tuple[str, Callable[[int], None]], ...] = ()
 
 
 @dataclass(frozen=True)
 class Held:
-    """A mark in the mouse since the frame `grabbed`, and where it would go."""
+    """A mark in the mouse since the frame `grabbed`, with the items that move with it and the frames that they snap to."""
 
     key: str
-    index: int
     mark: Mark
     part: Part
     grabbed: int
-    start: int
-    end: int
+    items: Items
+    snaps: tuple[int, ...] = ()
+    snapped: int | None = None
+    by: int = 0
     moved: bool = False
-    dropped: bool = False
 
 
 @dataclass(frozen=True)
@@ -200,13 +192,15 @@ class Timeline:
     """The frames that are shown, what the mouse holds on the tracks, and what was drawn of them."""
 
     trim: Callable[[int | None, int | None], None]  # first and last frame, while the mouse holds a handle
+    selection: Selection
     held: Held | None = None
+    box: tuple[float, float] | None = None  # the corner from which the mouse draws a box
     shown: Range = Range(0.0, 1.0, 1.0)
     _of: tuple[int, int] = (-1, 0)  # the take of that range and the frame shown last
     _zero: int = 0  # the frame that is numbered 0
     _bar: float = 0.0  # width of the scrollbar in the frame before
     _scrolling: bool = False  # the middle button holds the tracks
-    _menu: tuple[str, Mark | None, int] = ("", None, 0)  # what a right click was on
+    _menu: tuple[str, int] = ("", 0)  # the track and the frame of a right click
     _kept: dict[str, tuple[Any, Shapes]] = field(default_factory=dict)
 
     def fit(self, selection: tuple[int, int] | None = None) -> None:
@@ -222,6 +216,8 @@ class Timeline:
     def _follow(self, playback: Playback) -> None:
         """Keep the range within the take, and the frame in it when it goes on or is sought."""
         (take, before), end, now = self._of, max(playback.frames - 1.0, 1.0), playback.frame
+        if take != playback.number:
+            self.held = self.box = None
         if take != playback.number or (end != self.shown.end and self.whole):
             self.shown, self._zero = Range(0.0, end, end), playback.take.numbered_from
             if playback.take.numbered_from:
@@ -232,16 +228,12 @@ class Timeline:
             self.shown = shown.scrolled(now - shown.first - 0.1 * shown.frames)
         self._of = playback.number, now
 
-    def draw(
-        self, tracks: Sequence[Track], playback: Playback, busy: bool, selection: tuple[int, int]
-    ) -> None:
+    def draw(self, tracks: Sequence[Track], playback: Playback, selection: tuple[int, int]) -> None:
         """The tracks, one below the other, as tall as there is room; in less height than they need they scroll.
 
         A button shows the frames of the `selection`.
         """
         self._follow(playback)
-        if self.held is not None and self.held.dropped and not busy:
-            self.held = None  # the tracks are those of the edit, or it failed
         room = imgui.get_content_region_avail()
         tracks, tall = _fitting(tracks, room.y / px(1.0))
         imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(SPACING)))
@@ -256,6 +248,7 @@ class Timeline:
         flags = 0 if over_names else imgui.WindowFlags_.no_scroll_with_mouse
         if imgui.begin_child("tracks", imgui.ImVec2(0, 0), window_flags=flags):
             self._rows("tracks", tracks, playback, tall, 0.0)
+            self._draw_box()
             self._bar = imgui.get_style().scrollbar_size * (imgui.get_scroll_max_y() > 0.0)
         imgui.end_child()
         imgui.pop_style_var()
@@ -263,9 +256,9 @@ class Timeline:
     def _rows(self, name: str, tracks: Sequence[Track], playback: Playback, tall: float, bar: float) -> None:
         """Some tracks with the line of the frame shown across them."""
         corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x - bar
-        held, place = self.held, (corner.x, corner.y, width, bar, tall, px(1.0))
-        kept = playback.first, playback.last
-        state = tracks, place, self.shown, held if held is not None and held.moved else None, kept, self._zero
+        place = corner.x, corner.y, width, bar, tall, px(1.0)
+        kept, chosen = (playback.first, playback.last), self.selection
+        state = tracks, place, self.shown, (chosen.keys, chosen.preview), kept, self._zero
         known = self._kept.get(name)
         if known is None or known[0] != state:
             known = self._kept[name] = state, self._shapes(tracks, place, kept)
@@ -277,7 +270,12 @@ class Timeline:
         half, top = (px(1.5), _base(rows[0]) - px(4)) if name == "ruler" else (px(0.5), rows[0].top)
         low, high = imgui.ImVec2(at - half, top), imgui.ImVec2(at + half, rows[-1].top + rows[-1].height)
         inside = rows[0].left - half <= at <= rows[0].right + half
-        known[1].draw(*([(low, high, widgets.packed(theme.TEXT), 0.0)] if inside else []))
+        lines = [(low, high, widgets.packed(theme.TEXT), 0.0)] if inside else []
+        if self.held is not None and self.held.snapped is not None:
+            x = rows[0].x(self.held.snapped)
+            low, high = imgui.ImVec2(x - px(1), low.y), imgui.ImVec2(x + px(1), high.y)
+            lines.append((low, high, widgets.packed(theme.ACCENT), 0.0))
+        known[1].draw(*lines)
 
     def _fit_buttons(self, corner: imgui.ImVec2, selection: tuple[int, int]) -> None:
         imgui.set_cursor_screen_pos(corner)
@@ -300,15 +298,22 @@ class Timeline:
         imgui.set_cursor_screen_pos(imgui.ImVec2(row.left - edge, row.top))
         imgui.invisible_button(f"##{key}", imgui.ImVec2(max(row.outer, 1.0), max(row.height, 1.0)))
         self._navigate(row)
-        if self._holds(row.track) or imgui.is_item_active() or imgui.is_item_hovered():
+        if (
+            self._holds(row.track)
+            or imgui.is_item_active()
+            or imgui.is_item_hovered()
+            or imgui.is_item_deactivated()
+        ):
             self._use_mouse(row, playback)
-        if self._menu[0] == key and row.track.menu is not None and imgui.begin_popup(f"menu of {key}"):
-            row.track.menu(*self._menu[1:])
+        if self._menu[0] == key and imgui.begin_popup(f"menu of {key}"):
+            for text, act in row.track.more:
+                if widgets.item(text):
+                    act(self._menu[1])
+            self.selection.menu()
             imgui.end_popup()
 
     def _holds(self, track: Track) -> Held | None:
-        held = self.held
-        return held if held is not None and held.key == track.key and not held.dropped else None
+        return self.held if self.held is not None and self.held.key == track.key else None
 
     def _navigate(self, row: Row) -> None:
         """Zoom and scroll by the wheel and the middle button over the row whose item was just made."""
@@ -356,25 +361,27 @@ class Timeline:
         for i, mark in marks:
             tint, (left, right) = track.tints[i % len(track.tints)], row.ends(mark)
             if left <= row.right and right >= row.left:
-                _draw_mark(shapes, row, mark, tint, i == track.lit)
+                chosen = mark.item is not None and mark.item.key in self.selection.keys
+                _draw_mark(shapes, row, mark, tint, i == track.lit, chosen)
 
     def _moved(self, track: Track) -> Sequence[Mark]:
-        """The marks as they would lie after the drag in hand; of others than adjacent ones the session has that."""
-        held = self.held
-        if held is None or not held.moved or held.key != track.key or track.drop is None:
-            return track.marks
-        shown, i = list(track.marks), held.index
-        shown[i] = replace(shown[i], start=held.start, end=held.end)
-        if i > 0:
-            shown[i - 1] = replace(shown[i - 1], end=held.start)
-        if i + 1 < len(shown):
-            shown[i + 1] = replace(shown[i + 1], start=held.end)
-        return shown
+        """The marks as they would lie after what is dragged or being made; of others than adjacent ones the session has that."""
+        preview, marks = self.selection.preview, track.marks
+        if preview is None or not track.adjacent or not marks:
+            return marks
+        keys = {item.key for item in preview[1]}
+        gone = [i for i, mark in enumerate(marks) if mark.item is not None and mark.item.key in keys]
+        put = [item for item in preview[2] if item.kind == track.key]
+        values = {id(marks[i].item.value): i for i in range(len(marks)) if marks[i].item is not None}  # type: ignore[union-attr]
+        of = [*range(len(marks)), *(values.get(id(item.value), 0) for item in put)]
+        return [
+            replace(marks[of[block.of]], start=block.start, end=block.end) for block in laid(marks, gone, put)
+        ]
 
     def _ruler(self, playback: Playback) -> Track:
         """Frame numbers, and the part that is kept with its handles, which are dragged in the lower half."""
 
-        def move(mark: Mark, start: int, _: int) -> None:
+        def move(mark: Mark, start: int) -> None:
             self.trim(*((start, None) if mark.of == "first" else (None, start)))
 
         first, last = playback.first, playback.last
@@ -387,61 +394,129 @@ class Timeline:
     # --- the mouse
 
     def _use_mouse(self, row: Row, playback: Playback) -> None:
-        """What the mouse does on a row whose item was just made. Where no mark is, the frame shown follows it."""
+        """What the mouse does on a row whose item was just made. On the ruler the frame shown follows it."""
         track, mouse = row.track, imgui.get_io().mouse_pos
         frame, hit = row.frame_at(mouse.x), _hit(row, mouse)
-        waits = self.held is not None and self.held.dropped
-        if imgui.is_item_activated() and hit is not None and not waits:
-            self._press(track, *hit, frame)
+        if imgui.is_item_activated():
+            self._press(track, hit, frame, playback)
         held = self._holds(track)
         if held is not None:
-            self._carry(held, row, frame)
-            if imgui.is_item_deactivated():
-                self._let_go(track, frame, playback)
-        elif imgui.is_item_active():
+            self._carry(held, row, frame, playback)
+        elif imgui.is_item_active() and self.box is None:
             playback.seek(frame)
         elif imgui.is_item_hovered():
             self._hover(track, hit, frame)
+        if imgui.is_item_deactivated():
+            self._let_go(track, frame, playback)
 
-    def _press(self, track: Track, index: int, part: Part, frame: int) -> None:
-        mark = track.marks[index]
-        self.held = Held(track.key, index, mark, part, frame, mark.start, mark.end)
-        if track.press is not None:
-            track.press(mark)
-
-    def _carry(self, held: Held, row: Row, frame: int) -> None:
-        track, by = row.track, frame - held.grabbed
-        if track.fixed or not (track.move or track.drop) or not (by or held.moved):
+    def _press(self, track: Track, hit: tuple[int, Part] | None, frame: int, playback: Playback) -> None:
+        """Take a mark with everything that is selected, or begin a box; with Shift select more."""
+        selection, mark = self.selection, None if hit is None else track.marks[hit[0]]
+        if mark is None or hit is None:
+            mouse = imgui.get_io().mouse_pos
+            self.box = None if track.key == "timeline" else (mouse.x, mouse.y)
             return
-        start, end = _where(held, by, track, round(row.shown.end) + 1)
-        self.held = replace(held, start=start, end=end, moved=True)
+        if mark.item is not None and (imgui.get_io().key_shift or mark.item.key not in selection.keys):
+            selection.pick([mark.item], extend=imgui.get_io().key_shift)
+        if mark.item is not None or track.move is not None:
+            alone = hit[1] is not Part.BODY and mark.item is not None
+            items = [mark.item] if alone and mark.item is not None else selection.items
+            self.held = Held(track.key, mark, hit[1], frame, items, self._snaps(playback))
+
+    def _snaps(self, playback: Playback) -> tuple[int, ...]:
+        """Frames that a drag snaps to: that shown, the trim, and the ends of what is not selected."""
+        marks = (
+            [mark for row in self._kept["tracks"][1].rows for mark in row.track.marks] if self._kept else []
+        )
+        free = [m for m in marks if m.item is None or m.item.key not in self.selection.keys]
+        ends = {frame for mark in free for frame in (mark.start, mark.end)}
+        return tuple(sorted({playback.frame, playback.first, playback.last, *ends}))
+
+    def _carry(self, held: Held, row: Row, frame: int, playback: Playback) -> None:
+        track, by = row.track, frame - held.grabbed
+        if track.fixed or not (by or held.moved):
+            return
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
         if track.move is not None:
-            track.move(held.mark, start, end)
+            self.held = replace(held, moved=True)
+            track.move(held.mark, min(max(held.mark.start + by, 0), round(row.shown.end)))
+            return
+        by, snapped = self._snapped(held, by, row)
+        if by != held.by or not held.moved:
+            self._move(held, by, playback, held=True)
+        self.held = replace(held, moved=True, by=by, snapped=snapped)
+
+    def _snapped(self, held: Held, by: int, row: Row) -> tuple[int, int | None]:
+        """By how many frames the mouse moves, to the nearest frame to snap to where one is near; Alt snaps to none."""
+        ends = {held.mark.start} if held.part is not Part.END else set[int]()
+        ends |= {held.mark.end} if held.part is not Part.START else set()
+        reach = px(SNAP_REACH) / row.width * row.shown.frames
+        near = [(abs(snap - end - by), snap, snap - end) for snap in held.snaps for end in ends]
+        away, snap, to = min(near, default=(math.inf, 0, 0))
+        if away > reach or imgui.get_io().key_alt:
+            return by, None
+        return to, snap
+
+    def _move(self, grip: Held, by: int, playback: Playback, **how: bool) -> None:
+        """Move what is held by frames from where it was taken, or one end of it."""
+        selection, item = self.selection, grip.mark.item
+        if grip.part is Part.BODY or item is None:
+            made = selection.moved(grip.items, by)
+        else:
+            made = [selection.resized(item, by, grip.part is Part.START)]
+        selection.replace("move", grip.items, made, **how)
+        if item is not None and item.start == item.end:
+            playback.seek(item.start + by)
 
     def _let_go(self, track: Track, frame: int, playback: Playback) -> None:
-        held, self.held = self.held, None
-        if held is None:
+        held, box, self.held, self.box = self.held, self.box, None, None
+        if box is not None:
+            mouse = imgui.get_io().mouse_pos
+            if math.hypot(mouse.x - box[0], mouse.y - box[1]) < px(MIN_BOX):
+                self.selection.let_go()
+                playback.seek(frame)
+            else:
+                self.selection.pick(self._inside(box, mouse), extend=imgui.get_io().key_shift)
+        elif held is None or (held.mark.item is None and held.moved):
             return
-        if not held.moved and track.press is None:
-            playback.seek(frame)
-        elif track.drop is not None and (held.start, held.end) != (held.mark.start, held.mark.end):
-            self.held = replace(held, dropped=True)
-            track.drop(held.index, held.start, held.end)
+        elif held.moved:
+            self._move(held, held.by, playback)
+        elif not imgui.get_io().key_shift:
+            if held.mark.item is not None:
+                self.selection.pick([held.mark.item])
+            if track.key not in ("foot 0", "foot 1") and not track.key.startswith("pins"):
+                playback.seek(held.mark.start if held.mark.start == held.mark.end else frame)
+
+    def _inside(self, corner: tuple[float, float], mouse: imgui.ImVec2) -> list[Item]:
+        """The items that a box touches."""
+        (left, right), (top, bottom) = sorted((corner[0], mouse.x)), sorted((corner[1], mouse.y))
+        return [
+            mark.item
+            for row in self._kept["tracks"][1].rows
+            for mark in row.track.marks
+            if mark.item is not None and row.top <= bottom and row.top + row.height >= top
+            and row.ends(mark)[0] <= right and row.ends(mark)[1] >= left
+        ]  # fmt: skip
+
+    def _draw_box(self) -> None:
+        if self.box is not None:
+            drawing, mouse, corner = (
+                imgui.get_window_draw_list(),
+                imgui.get_io().mouse_pos,
+                imgui.ImVec2(*self.box),
+            )
+            drawing.add_rect_filled(corner, mouse, widgets.packed((*theme.ACCENT[:3], 0.15)))
+            drawing.add_rect(corner, mouse, widgets.packed(theme.ACCENT))
 
     def _hover(self, track: Track, hit: tuple[int, Part] | None, frame: int) -> None:
         mark, part = (None, Part.BODY) if hit is None else (track.marks[hit[0]], hit[1])
         if mark is not None and not track.fixed and (part is not Part.BODY or mark.start == mark.end):
             imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
         widgets.tooltip(track.hint or ("" if mark is None else mark.hint or mark.text))
-        if imgui.is_mouse_clicked(1):
-            self._right_click(track, mark, frame)
-
-    def _right_click(self, track: Track, mark: Mark | None, frame: int) -> None:
-        if track.remove is not None and mark is not None:
-            track.remove(mark)
-        elif track.menu is not None:
-            self._menu = track.key, mark, frame
+        if imgui.is_mouse_clicked(1) and track.key != "timeline":
+            if mark is None or (mark.item is not None and mark.item.key not in self.selection.keys):
+                self.selection.pick([] if mark is None or mark.item is None else [mark.item])
+            self._menu = track.key, frame
             imgui.open_popup(f"menu of {track.key}")
 
 
@@ -456,10 +531,14 @@ def _fitting(tracks: Sequence[Track], room: float) -> tuple[Sequence[Track], flo
     return tracks, min(fits, TALLEST)
 
 
-def _draw_mark(shapes: Shapes, row: Row, mark: Mark, tint: Color, lit: bool) -> None:
+def _draw_mark(shapes: Shapes, row: Row, mark: Mark, tint: Color, lit: bool, chosen: bool) -> None:
     left, right = row.ends(mark)
     bottom, half, adjacent = row.top + row.height, row.height / 2, row.track.adjacent
     if mark.start == mark.end:
+        if chosen:
+            shapes.points.append(
+                (imgui.ImVec2(left, row.top + half), half * 1.2, widgets.packed(SELECTED_TINT), 4)
+            )
         shapes.points.append((imgui.ImVec2(left, row.top + half), half * 0.95, widgets.packed(tint), 4))
         return
     short = right - left < px(LEAST_WIDTH) + 1 and adjacent
@@ -467,6 +546,9 @@ def _draw_mark(shapes: Shapes, row: Row, mark: Mark, tint: Color, lit: bool) -> 
     right = max(min(right, row.right) - px(1), left + 1)
     if adjacent:
         shapes.rect(left, row.top, right, bottom, theme.FIELD, px(3))
+    if chosen:
+        shapes.rect(left - px(1), row.top - px(1), right + px(1), bottom + px(1), SELECTED_TINT, px(3))
+        shapes.rect(left, row.top, right, bottom, theme.PANEL, px(3))
     fill = (*tint[:3], min(tint[3] + 0.12 * lit + 0.3 * short, 1.0))
     shapes.rect(left, row.top, right, bottom, fill, px(3) if mark.text else px(1))
     if mark.text:
@@ -540,19 +622,3 @@ def _part(row: Row, index: int, x: float) -> Part:
         return Part.START
     last = track.adjacent and index == len(track.marks) - 1
     return Part.END if right - x <= grip and not last else Part.BODY
-
-
-def _where(held: Held, by: int, track: Track, frames: int) -> tuple[int, int]:
-    """Where the mark would go that is moved by so many frames: within the take, or between its neighbours."""
-    mark = held.mark
-    start = mark.start + (by if held.part is not Part.END else 0)
-    end = mark.end + (by if held.part is not Part.START else 0)
-    if track.adjacent:
-        return fitted(track.marks, held.index, start, end)
-    if held.part is Part.START:
-        return min(max(start, 0), mark.end - 1), mark.end
-    if held.part is Part.END:
-        return mark.start, max(min(end, frames), mark.start + 1)
-    last = frames - 1 if mark.start == mark.end else frames - (mark.end - mark.start)
-    start = min(max(start, 0), last)
-    return start, start + mark.end - mark.start

@@ -18,7 +18,7 @@ from runtime.takes.input_edits import PromptSpan, gait_spans, prompt_spans
 from runtime.takes.input_recording import GroundChange, InputRecording, StyleChange
 from runtime.takes.metadata import PromptEvent, title
 from runtime.takes.pins import Pin
-from viewer.edit.timeline import Mark
+from viewer.edit.items import Item, Mark
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +38,14 @@ def tracks_of(clip: Clip, inputs: InputRecording | None) -> Tracks:
     gaits = () if clip.gaits is None else [s for s in gait_spans(clip.gaits) if s.gait >= 0]
     return Tracks(
         clip,
-        tuple(Mark(s.start, s.end, title(s.event), of=s) for s in spans),
+        tuple(
+            Mark(s.start, s.end, title(s.event), of=s, item=Item(s.start, s.end, "prompts", s)) for s in spans
+        ),
         {part: _part(spans, part) for part in PART_NAMES},
-        tuple(Mark(s.start, s.end, Gait(s.gait).label.capitalize()) for s in gaits),
+        tuple(
+            Mark(s.start, s.end, Gait(s.gait).label.capitalize(), item=Item(s.start, s.end, "gaits", s))
+            for s in gaits
+        ),
         _grounds(clip, inputs),
     )
 

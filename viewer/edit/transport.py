@@ -13,11 +13,22 @@ from runtime.takes.pins import Pin, Pinned
 from viewer.edit.camera_keys import CameraKeys
 from viewer.edit.cutting import Cutting
 from viewer.edit.graph_editor import GraphEditor
+from viewer.edit.item_kinds import (
+    CAMERA_KEYS,
+    FOOTPLANTS,
+    POSE_KEYS,
+    camera_items,
+    item_kinds,
+    pin_items,
+    pose_items,
+)
+from viewer.edit.items import PINS, Item, Mark
 from viewer.edit.pins import Pins
 from viewer.edit.posing import Posing
 from viewer.edit.reference_card import ReferenceCard
 from viewer.edit.resimulation import Resimulation
-from viewer.edit.timeline import Mark, Timeline, Track
+from viewer.edit.selection import Selection
+from viewer.edit.timeline import Timeline, Track
 from viewer.edit.tracks import Tracks, lanes, mark_at
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
@@ -40,29 +51,29 @@ GAIT_TINT, GROUND_TINT = (0.78, 0.62, 0.34, 0.42), (0.55, 0.58, 0.62, 0.35)
 POSE_TINT = (0.62, 0.78, 0.40, 1.0)
 PART_TINT, PIN_TINT = (0.36, 0.55, 0.78, 0.28), (0.86, 0.48, 0.62, 0.45)
 NEW_FOOTPLANT_FRAMES = 8
-CAMERA_HINT = "Views of the camera, for a film by “keyed”.\nDrag a key; right-click removes it"
+CAMERA_HINT = "Views of the camera, for a film by “keyed”.\nDrag keys; Delete removes what is selected"
 PIN_HINT = "A click shows the pin's fields; drag it or its ends"
 POSING_HINT = "Pose joints by hand over the motion: click one in the view and drag its handles"
 CURVES_HINT = "Curves of the pose and camera keys"
-POSE_HINT = "Keys of the pose layer.\nDrag a key; right-click removes it"
+POSE_HINT = "Keys of the pose layer.\nDrag keys; Delete removes what is selected"
 FEET_HINT = (
     "When a foot bears: the left one above, the right one below.\n"
-    "Drag a footplant or its ends; right-click adds or removes one"
+    "Drag a footplant or its ends; right-click adds one, Delete removes what is selected"
 )
 
 
 class TakeTracks:
     """Gathers the tracks of all tools; the same ones again until something changes."""
 
-    def __init__(self, editing: Resimulation, pins: Pins, posing: Posing, cameras: CameraKeys) -> None:
-        self.editing, self.pins, self.posing, self.cameras = editing, pins, posing, cameras
+    def __init__(self, editing: Resimulation, pins: Pins, selection: Selection) -> None:
+        self.editing, self.pins, self.selection = editing, pins, selection
         self._state: tuple[Any, ...] = ()
         self._rows: list[Track] = []
 
     def rows(self, tracks: Tracks, playback: Playback) -> list[Track]:
-        editing, pins, frame = self.editing, self.pins, playback.frame
+        editing, frame = self.editing, playback.frame
         fixed, lit = bool(editing.fixed), (mark_at(tracks.prompts, frame), mark_at(tracks.gaits, frame))
-        state = tracks, playback.take, playback.shown, pins.selected, editing.part_tracks, fixed, lit
+        state = tracks, playback.take, playback.shown, editing.part_tracks, fixed, lit
         if len(state) != len(self._state) or any(
             a is not b and a != b for a, b in zip(state, self._state, strict=True)
         ):
@@ -78,12 +89,11 @@ class TakeTracks:
         return [
             Track(
                 "prompts", "Prompts", PROMPTS, tracks.prompts, PROMPT_TINTS, lit=lit[0], adjacent=True,
-                fixed=fixed, drop=editing.move_prompt,
+                fixed=fixed,
             ),
             *parts,
             Track(
                 "gaits", "Gait", ROW, tracks.gaits, (GAIT_TINT,), lit=lit[1], adjacent=True, fixed=fixed,
-                drop=editing.move_gait,
             ),
             # one ground all the way says the least
             Track(
@@ -94,70 +104,41 @@ class TakeTracks:
 
     def _of_edits(self, playback: Playback) -> list[Track]:
         """Footplants, keys and pins. Each has its row before anything lies on it: no row moves when it does."""
-        take, fps, pins, cameras, posing = (
-            playback.take, playback.clip.fps, self.pins, self.cameras, self.posing,
-        )  # fmt: skip
-        camera = Track("camera", "Camera", ROW, _points(take.cameras, fps), (theme.ACCENT,), CAMERA_HINT)
-        keys = _points(take.poses.layer.keys, fps)
-        poses = Track("poses", "Pose", ROW, keys, (POSE_TINT,), POSE_HINT)
-        rows = [
-            self._feet(0),
-            self._feet(1),
-            _keyed(camera, playback, cameras.remove, cameras.move),
-            _keyed(poses, playback, posing.remove, posing.move_key),
-        ]
+        take, pins = playback.take, pin_items(playback.take)
+        rows = [self._feet(0), self._feet(1)]
+        for kind, items, name, tint, hint in (
+            (CAMERA_KEYS, camera_items(take), "Camera", theme.ACCENT, CAMERA_HINT),
+            (POSE_KEYS, pose_items(take), "Pose", POSE_TINT, POSE_HINT),
+        ):
+            rows.append(Track(kind, name, ROW, _marks(items), (tint,), hint))
         for number, lane in enumerate(lanes(take.poses.pins) or [[]]):
-            marks = [_pin(i, take.poses.pins[i], playback) for i in lane]
-            lit = lane.index(pins.selected) if pins.selected in lane else -1
-            rows.append(
-                Track(
-                    f"pins {number}", "" if number else "Pins", ROW, marks, (PIN_TINT,), PIN_HINT, lit,
-                    press=lambda mark: setattr(pins, "selected", mark.of[0]), move=pins.move,
-                )
-            )  # fmt: skip
+            marks = _marks([pins[index] for index in lane])
+            rows.append(Track(f"pins {number}", "" if number else "Pins", ROW, marks, (PIN_TINT,), PIN_HINT))
         return rows
 
     def _feet(self, foot: int) -> Track:
-        pins = self.pins
-        marks = [Mark(first, end, of=(first, end)) for first, end in pins.footplants(foot)]
+        items = [Item(first, end, FOOTPLANTS, None, foot) for first, end in self.pins.footplants(foot)]
+        half, selection = NEW_FOOTPLANT_FRAMES // 2, self.selection
 
-        def menu(mark: Mark | None, frame: int) -> None:
-            half = NEW_FOOTPLANT_FRAMES // 2
-            if mark is not None and widgets.item("Lift the foot here"):
-                pins.set_footplant(foot, mark.of, None)
-            if mark is None and widgets.item("Plant the foot here"):
-                pins.set_footplant(foot, None, (frame - half, frame + half))
+        def plant(frame: int) -> None:
+            new = Item(frame - half, frame + half, FOOTPLANTS, None, foot)
+            selection.replace("addition", [], [new])
 
-        def move(mark: Mark, start: int, end: int) -> None:
-            pins.set_footplant(foot, mark.of, (start, end))
-
-        name, fixed = "" if foot else "Feet", bool(pins.fixed)
         return Track(
-            f"foot {foot}", name, FEET, marks, (theme.ACCENT,), FEET_HINT, fixed=fixed, move=move, menu=menu
-        )
+            f"foot {foot}", "" if foot else "Feet", FEET, _marks(items), (theme.ACCENT,), FEET_HINT,
+            fixed=bool(self.pins.fixed), more=(("Plant the foot here", plant),),
+        )  # fmt: skip
 
 
-def _points(keys: Sequence[Any], fps: float) -> list[Mark]:
-    """The marks of keys at times."""
-    return [Mark(at, at, of=key) for key in keys for at in (round(key.seconds * fps),)]
+def _marks(items: Sequence[Item]) -> list[Mark]:
+    return [Mark(item.start, item.end, _text(item.value), item=item) for item in items]
 
 
-def _keyed(
-    track: Track, playback: Playback, remove: Callable[[Any], None], move: Callable[[Any, int], None]
-) -> Track:
-    """A track of keys that are sought, dragged and removed."""
-    return replace(
-        track, press=lambda mark: playback.seek(mark.start), remove=lambda mark: remove(mark.of),
-        move=lambda mark, start, _: move(mark.of, start),
-    )  # fmt: skip
-
-
-def _pin(index: int, pin: Pin, playback: Playback) -> Mark:
-    """The mark of a pin, `of` its place and itself; its last frame is in it."""
-    fps = playback.clip.fps
-    text = f"{pin.what}" + (" on a rail" if pin.rail else " along" if pin.along else "")
-    start, last = round(pin.start * fps), round(pin.end_in(playback.clip.seconds) * fps)
-    return Mark(start, max(last, start) + 1, text.capitalize(), of=(index, pin))
+def _text(value: Any) -> str:
+    """What is written on the mark of a pin."""
+    if not isinstance(value, Pin):
+        return ""
+    return f"{value.what}{' on a rail' if value.rail else ' along' if value.along else ''}".capitalize()
 
 
 @dataclass(frozen=True)
@@ -234,20 +215,26 @@ class Transport:
     cameras: CameraKeys
     cutting: Cutting
     graph: GraphEditor
+    selection: Selection = field(init=False)
     timeline: Timeline = field(init=False)
     _tracks: TakeTracks = field(init=False)
+    in_view: Callable[[], bool] = lambda: True  # whether the view has the keys
+    _keys_seen: frozenset[Any] = frozenset()
     _wide: bool = True
     _tiny: bool = False
 
     def __post_init__(self) -> None:
         trim = lambda first, last: self.editing.takes.trim(first, last, held=True)  # noqa: E731
-        self.timeline = Timeline(trim)
-        self._tracks = TakeTracks(self.editing, self.pins, self.posing, self.cameras)
+        self.selection = Selection(self.editing, item_kinds(self.editing, self.pins))
+        self.timeline = Timeline(trim, self.selection)
+        self._tracks = TakeTracks(self.editing, self.pins, self.selection)
 
     def panel(self, references: ReferenceCard) -> Panel:
-        """The bar; Escape in the view leaves the take."""
+        """The bar; Escape in the view lets go of what is selected, then leaves the take."""
 
         def close() -> bool:
+            if self.selection.let_go():
+                return True
             was_open = self.editing.playback is not None
             self.editing.takes.close_playback()
             return was_open
@@ -257,28 +244,57 @@ class Transport:
             PanelPlace.BELOW,
             lambda _: self._draw(references),
             close=close,
-            actions={Action.FIT_TIMELINE: self._fit},
+            keys=self._keys,
+            actions={
+                Action.FIT_TIMELINE: self._fit,
+                Action.FRAME_BACK: lambda: self._step(-1),
+                Action.FRAME_ON: lambda: self._step(1),
+            },
         )
 
+    def _keys(self) -> None:
+        """Keys act on what is selected where no text is typed and no window is open."""
+        self._follow_pin()
+        if not imgui.get_io().want_text_input and self.in_view():
+            self.selection.use_keys()
+
+    def _step(self, frames: int) -> None:
+        """One frame on or back, unless the arrow key moves what is selected."""
+        arrow = imgui.is_key_down(imgui.Key.left_arrow) or imgui.is_key_down(imgui.Key.right_arrow)
+        if self.editing.playback is not None and not (arrow and self.selection.keys):
+            self.editing.playback.step(frames)
+
+    def _follow_pin(self) -> None:
+        """The card shows the pin that is selected alone, and a pin that is chosen in the view is what is selected."""
+        selection, pins = self.selection, self.pins
+        selection.poll()
+        if self.editing.playback is None:
+            return
+        key = next(iter(selection.keys)) if len(selection.keys) == 1 else ("", -1, 0)
+        alone = int(str(key[1])) if key[0] == PINS else -1
+        if selection.keys != self._keys_seen:
+            pins.selected = alone
+        elif pins.selected != alone:
+            chosen = [item for item in selection.all([PINS]) if item.lane == pins.selected]
+            selection.pick(chosen)
+        self._keys_seen = selection.keys
+
     def _draw(self, references: ReferenceCard) -> None:
-        playback, tracks, editing = self.editing.playback, self.editing.tracks, self.editing
+        playback, tracks = self.editing.playback, self.editing.tracks
         if playback is None or tracks is None:
             return
         width = imgui.get_content_region_avail().x
         self._wide, self._tiny = width >= px(WIDE), width < px(TINY)
         self._playing(playback)
         self._edits(playback, references)
-        self.timeline.draw(
-            self._tracks.rows(tracks, playback), playback, editing.busy, self._selection(playback)
-        )
+        self.timeline.draw(self._tracks.rows(tracks, playback), playback, self._selection(playback))
 
     def _selection(self, playback: Playback) -> tuple[int, int]:
-        """The frames of the selected pin, or those that the trim keeps."""
-        pins, chosen = playback.take.poses.pins, self.pins.selected
-        if not 0 <= chosen < len(pins):
+        """The frames of what is selected, or those that the trim keeps."""
+        items = [] if self.selection.listed else self.selection.items
+        if not items:
             return playback.first, playback.last
-        mark = _pin(chosen, pins[chosen], playback)
-        return mark.start, mark.end
+        return min(item.start for item in items), max(item.end for item in items)
 
     def shown_frames(self, number: int) -> tuple[int, int] | None:
         """First and last frame that the timeline shows of a take; None when it shows another one."""

@@ -18,12 +18,13 @@ from runtime.safe_read import parse_json, printable
 from runtime.session.session import Take
 from runtime.takes.camera_keys import view_at
 from runtime.terrain.height_map import Terrain
+from viewer.exports.bvh_export import BvhExport, export_target, file_stem, free_path
 from viewer.filming.shots import KEYED
 from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.scene.scene import Scene
-from viewer.session.takes import Takes, export_target, file_stem, free_path
+from viewer.session.takes import Takes
 
 PARTS = {"trim": "Between the trim handles", "shown": "As the timeline shows", "": "Whole take"}
 GROUNDS = {"": "No ground", "inside": "Ground inside", ".obj": "OBJ file", ".glb": "GLB file"}
@@ -91,6 +92,7 @@ class Exporting:
     messages: Messages
     jobs: Jobs
     dialogs: Dialogs
+    bvh: BvhExport
     shown_frames: Callable[[int], tuple[int, int] | None]  # first and last, of a take's number
     shown: bool = False
     form: ExportForm = ExportForm()
@@ -308,8 +310,9 @@ class Exporting:
             self.report, self.report_good = "Cancelled: nothing was written.", True
             self.messages.note(f"The export of {take.title} was cancelled.")
             return
-        self.takes.note_file(path, take.number, held)
-        self.takes.settings.export_folder = str(path.parent)
+        self.bvh.note_file(path, take.number, held)
+        if path.parent != Path(self.takes.settings.export_folder).expanduser():
+            self.takes.settings.export_folder = str(path.parent)
         self.report, self.report_good = f"Saved {printable(text)}", True
         self.saved = path
         self.messages.note(f"Saved {text}", path)

@@ -6,13 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from viewer.editor import Editor
+from viewer.exports.bvh_export import BvhExport
 from viewer.gl_bindings import imgui
 from viewer.gui import panels, theme, widgets
 from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
-from viewer.session.takes import Takes
 from viewer.settings import Settings
 
 ARMS = ("left_arm", "right_arm")
@@ -35,7 +35,7 @@ MIN_HEIGHT = 330.0  # a lower view keeps its room
 class Guide:
     settings: Settings
     editor: Editor
-    takes: Takes
+    bvh: BvhExport
     shown: bool = False
     done: int = 0  # bits
     _walked_s: float = 0.0
@@ -74,7 +74,7 @@ class Guide:
             self._prompt != self._first_prompt,
             answer is not None and any(arm in answer.edited for arm in ARMS),
             len(takes) > self._takes,
-            any(self.takes.exported(take) for take in takes[self._takes :]),
+            any(self.bvh.exported(take) for take in takes[self._takes :]),
         )
         for step, sign in enumerate(signs):
             self.done |= sign << step

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from runtime.skeleton import PART_NAMES
 from runtime.takes.metadata import title
+from viewer.edit.items import Mark
 from viewer.edit.resimulation import Resimulation
 from viewer.edit.restyling import restyle
-from viewer.edit.timeline import Mark
 from viewer.edit.tracks import mark_at, words_of
 from viewer.gl_bindings import imgui
 from viewer.gui import widgets

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from runtime.safe_read import printable
 from runtime.session.session import LIVE, MAX_RATING, Take
+from viewer.edit.items import TAKES
 from viewer.edit.reference_card import ReferenceCard
+from viewer.edit.selection import Selection
+from viewer.exports.bvh_export import EXPORT_ALL, BvhExport
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.layout import Rect
@@ -17,7 +21,7 @@ from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.jobs import Slot
 from viewer.session.sessions import OPENING, Sessions, describe
-from viewer.session.takes import EXPORT_ALL, Takes
+from viewer.session.takes import Takes
 from viewer.settings import TAKE_ORDERS, Settings
 
 ROWS, ROW = 6, 25.0  # that the list keeps, and the height of one in pixels at scale 1
@@ -28,16 +32,26 @@ TINTS = (theme.CLEAR, (0.85, 0.35, 0.35, 1.0), (0.85, 0.72, 0.3, 1.0), (0.42, 0.
          (0.38, 0.58, 0.88, 1.0), (0.68, 0.48, 0.85, 1.0))  # fmt: skip
 
 
-def panel(
-    takes: Takes, references: ReferenceCard, export_window: Callable[[], None], sessions: Sessions
-) -> Panel:
-    return Panel(
-        "Takes",
-        PanelPlace.RIGHT_BOTTOM,
-        lambda _: draw(takes, references, export_window, sessions),
-        ICON.clips,
-        actions=takes.actions,
-    )
+@dataclass(frozen=True)
+class TakesPanel:
+    """What the panel shows and uses."""
+
+    takes: Takes
+    references: ReferenceCard
+    sessions: Sessions
+    selection: Selection
+    bvh: BvhExport
+    export_window: Callable[[], None]
+
+    def panel(self) -> Panel:
+        takes = self.takes
+        return Panel(
+            "Takes",
+            PanelPlace.RIGHT_BOTTOM,
+            lambda _: draw(self),
+            ICON.clips,
+            actions=takes.actions,
+        )
 
 
 def sign(takes: Takes) -> Panel:
@@ -50,11 +64,10 @@ def sign(takes: Takes) -> Panel:
     return Panel("Recording", PanelPlace.SIGN, draw_sign, shown=lambda: takes.recording)
 
 
-def draw(
-    takes: Takes, references: ReferenceCard, export_window: Callable[[], None], sessions: Sessions
-) -> None:
+def draw(panel: TakesPanel) -> None:
+    takes = panel.takes
     _record(takes)
-    _cut_off(sessions)
+    _cut_off(panel.sessions)
     if takes.searchable:
         _search(takes)
     line, room = imgui.get_frame_height_with_spacing(), imgui.get_content_region_avail().y
@@ -67,10 +80,10 @@ def draw(
     )  # also while it has no scrollbar
     imgui.set_next_window_content_size(imgui.ImVec2(max(width, 1.0), 0))
     if imgui.begin_child("take list", imgui.ImVec2(0, height)):
-        _list(takes, references)
+        _list(panel)
     imgui.end_child()
     if current is not None:
-        _export(takes, current, export_window, short)
+        _export(panel, current, short)
 
 
 def _cut_off(sessions: Sessions) -> None:
@@ -124,7 +137,8 @@ def _record(takes: Takes) -> None:
         imgui.end_popup()
 
 
-def _list(takes: Takes, references: ReferenceCard) -> None:
+def _list(panel: TakesPanel) -> None:
+    takes = panel.takes
     session = takes.session
     if not session.takes:
         empty = "Nothing recorded yet. Record a take with R, keep the last seconds with T, or drop a BVH file here."
@@ -138,7 +152,7 @@ def _list(takes: Takes, references: ReferenceCard) -> None:
     imgui.push_style_var(imgui.StyleVar_.frame_padding, imgui.ImVec2(padding, px(4)))
     for take in found:
         imgui.push_id(take.number)
-        _name_field(takes, take) if takes.renaming == take.number else _row(takes, references, take)
+        _name_field(takes, take) if takes.renaming == take.number else _row(panel, take)
         imgui.pop_id()
     imgui.pop_style_var(2)
 
@@ -161,13 +175,14 @@ def _search(takes: Takes) -> None:
         imgui.end_popup()
 
 
-def _export_all(takes: Takes, width: float) -> None:
+def _export_all(bvh: BvhExport, width: float) -> None:
+    takes = bvh.takes
     busy, count = takes.jobs.busy(EXPORT_ALL), len(takes.found)
     what = "Every take" if count == len(takes.session.takes) else "Each take that was found"
     hint = f"{what} as BVH into {printable(takes.settings.export_folder)}"
     text = "…" if busy else f"All {count}"
     if widgets.button(f"{text}###export all", width, hint, enabled=count and not busy):
-        takes.export_all()
+        bvh.export_all()
 
 
 def _name_field(takes: Takes, take: Take) -> None:
@@ -187,17 +202,18 @@ def _name_field(takes: Takes, take: Take) -> None:
         takes.renaming = LIVE
 
 
-def _row(takes: Takes, references: ReferenceCard, take: Take) -> None:
+def _row(panel: TakesPanel, take: Take) -> None:
     """Play, name, length, remove; a click anywhere selects."""
+    takes = panel.takes
     width, square = imgui.get_content_region_avail().x, px(24)
     corner, start = imgui.get_cursor_screen_pos(), imgui.get_cursor_pos()
-    _row_ground(takes, take, corner, width)
+    _row_ground(panel, take, corner, width)
     imgui.set_cursor_pos(start)
     playback = takes.playback
     playing = playback is not None and playback.number == take.number and playback.playing
     if _small(ICON.pause if playing else ICON.play, square, "Pause" if playing else "Play (P)"):
         takes.play_or_pause(take.number)
-    seconds = _facts(takes, take)
+    seconds = _facts(panel, take)
     time_width = imgui.calc_text_size(seconds).x
     imgui.same_line(0, px(2))
     imgui.align_text_to_frame_padding()
@@ -213,45 +229,61 @@ def _row(takes: Takes, references: ReferenceCard, take: Take) -> None:
         takes.remove(take.number)
     imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(px(8), px(7)))
     if imgui.begin_popup(MENU):
-        _take_menu(takes, references, take)
+        _take_menu(panel, take)
         imgui.end_popup()
     imgui.pop_style_var()
 
 
-def _facts(takes: Takes, take: Take) -> str:
+def _facts(panel: TakesPanel, take: Take) -> str:
     """Rating, whether there is a note and a file, and the length."""
     first, last = take.range
     rating = f"{take.rating}{ICON.star}" if take.rating else ""
-    marks = rating, ICON.text * bool(take.note), ICON.check * bool(takes.saved(take))
+    marks = rating, ICON.text * bool(take.note), ICON.check * bool(panel.bvh.saved(take))
     return " ".join(filter(None, (*marks, widgets.clock((last - first) / take.made.header.fps))))
 
 
-def _row_ground(takes: Takes, take: Take, corner: imgui.ImVec2, width: float) -> None:
+def _pick(takes: Takes, selection: Selection, take: Take) -> None:
+    """A click selects a take; with Ctrl one more or less, with Shift all from the current one on."""
+    io, items = imgui.get_io(), {item.lane: item for item in selection.all([TAKES])}
+    if io.key_shift and takes.session.current is not None:
+        first, last = sorted((takes.session.index(takes.session.selected), takes.session.index(take.number)))
+        selection.pick(item for item in items.values() if first <= item.start <= last)
+        return
+    selection.pick([items[take.number]], extend=io.key_ctrl)
+    if not io.key_ctrl:
+        takes.select(take.number)
+
+
+def _row_ground(panel: TakesPanel, take: Take, corner: imgui.ImVec2, width: float) -> None:
     """What lies under a row: it takes the mouse, and shows whether it is selected and its color."""
+    takes, selection = panel.takes, panel.selection
     chosen, height = takes.session.selected == take.number, imgui.get_frame_height()
+    picked = (TAKES, take.number, 0) in selection.keys
     imgui.set_next_item_allow_overlap()
     if imgui.invisible_button("row", imgui.ImVec2(width, height)):
-        takes.select(take.number)
+        _pick(takes, selection, take)
     if chosen and _newly_selected(take):  # of the row that was just drawn
         imgui.set_scroll_here_y(1.0 if corner.y > imgui.get_window_pos().y + height else 0.0)
     hovered = imgui.is_item_hovered()
     if hovered:
-        _about(takes, take)
+        _about(panel.bvh, take)
         if imgui.is_mouse_double_clicked(0):
             takes.begin_rename(take.number)
         elif imgui.is_mouse_clicked(imgui.MouseButton_.right):
+            if not picked:
+                _pick(takes, selection, take)
             imgui.open_popup(MENU)
     drawing, bottom = imgui.get_window_draw_list(), corner.y + height
-    ground = theme.ACCENT_DIM if chosen else theme.FIELD if hovered else theme.CLEAR
+    ground = theme.ACCENT_DIM if chosen or picked else theme.FIELD if hovered else theme.CLEAR
     end = imgui.ImVec2(corner.x + width, bottom)
     drawing.add_rect_filled(corner, end, widgets.packed(ground), imgui.get_style().frame_rounding)
     tint = widgets.packed(TINTS[take.color % len(TINTS)])
     drawing.add_rect_filled(corner, imgui.ImVec2(corner.x + px(3), bottom), tint)
 
 
-def _about(takes: Takes, take: Take) -> None:
+def _about(bvh: BvhExport, take: Take) -> None:
     """What the mouse finds out about a take."""
-    saved, exported = takes.saved(take), takes.exported(take)
+    saved, exported = bvh.saved(take), bvh.exported(take)
     lines = [f"Exported as {printable(saved)}" if saved else "Not exported as it is"]
     if exported not in (None, saved):
         lines.append(f"Exported before as {printable(exported)}")
@@ -267,8 +299,8 @@ def _newly_selected(take: Take) -> bool:
     return bool(known != take.number)
 
 
-def _take_menu(takes: Takes, references: ReferenceCard, take: Take) -> None:
-    number = take.number
+def _take_menu(panel: TakesPanel, take: Take) -> None:
+    takes, references, selection, number = panel.takes, panel.references, panel.selection, take.number
     if widgets.item("Rename"):
         takes.begin_rename(number)
     ratings = [ICON.star * stars or "No rating" for stars in range(MAX_RATING + 1)]
@@ -280,9 +312,9 @@ def _take_menu(takes: Takes, references: ReferenceCard, take: Take) -> None:
     _compare(takes, references, take)
     _animations(takes, references, take)
     _choice("Color", COLORS, take.color, partial(takes.set_color, number))
-    _move(takes, number)
-    if widgets.item("Remove"):
-        takes.remove(number)
+    if (TAKES, number, 0) not in selection.keys:
+        selection.pick(item for item in selection.all([TAKES]) if item.lane == number)
+    selection.menu()
 
 
 def _choice(name: str, choices: Sequence[str], chosen: int, choose: Callable[[int], None]) -> None:
@@ -292,16 +324,6 @@ def _choice(name: str, choices: Sequence[str], chosen: int, choose: Callable[[in
             if widgets.item(text, chosen=number == chosen):
                 choose(number)
         imgui.end_menu()
-
-
-def _move(takes: Takes, number: int) -> None:
-    """Up and down in the list, unless that is sorted."""
-    at, last = takes.session.index(number), len(takes.session.takes) - 1
-    free = not (takes.searchable and takes.settings.takes_order)
-    if widgets.item("Move up", enabled=at > 0 and free):
-        takes.move(number, -1)
-    if widgets.item("Move down", enabled=at < last and free):
-        takes.move(number, 1)
 
 
 def _compare(takes: Takes, references: ReferenceCard, take: Take) -> None:
@@ -354,14 +376,13 @@ def _export_height(short: bool) -> float:
     return imgui.get_frame_height_with_spacing() * (2 if short else 3) + px(8)
 
 
-def _export(takes: Takes, take: Take, export_window: Callable[[], None], short: bool) -> None:
+def _export(panel: TakesPanel, take: Take, short: bool) -> None:
+    takes, bvh = panel.takes, panel.bvh
     imgui.separator()
     widgets.full_width()
     flags = imgui.InputTextFlags_.elide_left
-    entered, takes.export_path = widgets.input_text(
-        "##export path", takes.export_path, "~/sport-clips/walk.bvh", flags
-    )
-    widgets.tooltip(f"Where {Path(takes.export_path).name} is written")
+    entered, bvh.path = widgets.input_text("##export path", bvh.path, "~/sport-clips/walk.bvh", flags)
+    widgets.tooltip(f"Where {Path(bvh.path).name} is written")
     if not short:
         _rate_and_unit(takes.settings)
     busy, several = takes.jobs.busy(Slot("export", take.number)), len(takes.session.takes) > 1
@@ -373,10 +394,10 @@ def _export(takes: Takes, take: Take, export_window: Callable[[], None], short: 
     hint = f"Write {what} for Blender, Maya, MotionBuilder"
     text = f"{ICON.save} {'Exporting…' if busy else text}###export"
     if widgets.button(text, width, hint, True, not busy) or entered:
-        takes.export()
+        bvh.export()
     widgets.same_line()
     if several:
-        _export_all(takes, px(52))
+        _export_all(bvh, px(52))
         widgets.same_line()
     if widgets.button("More…###more formats", more, "GLB, FBX, film, loop, root and ground (Ctrl+E)"):
-        export_window()
+        panel.export_window()

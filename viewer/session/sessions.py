@@ -276,7 +276,7 @@ class Sessions:
         self.editor.finish_drag()
         self.takes.end_recording()
         self.takes.close_playback()
-        self.takes.forget_files()
+        self.takes.animations.clear()
         self._leave()
         self.editor.use(file, history)
         self._viewed_s = time.monotonic()

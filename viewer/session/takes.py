@@ -1,9 +1,7 @@
-"""Recording, the list of takes, playback and export as BVH."""
+"""The list of takes: recording into it, opening, playback."""
 
 from __future__ import annotations
 
-import os
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
@@ -11,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.controls import Controls
-from runtime.errors import SportError, UsageError
+from runtime.errors import SportError
 from runtime.pose import Pose
 from runtime.safe_read import printable
 from runtime.session import edits
@@ -36,9 +34,8 @@ from viewer.session.opening import Opened, read_take
 from viewer.session.playback import Playback
 from viewer.settings import Settings
 
-MAX_NAME, MAX_NOTE = 60, 500
+MAX_NOTE = 500  # characters
 SEARCHED_FROM = 8  # takes from which on the list can be searched
-EXPORT_ALL = Slot("export", "all takes")
 SHOWING, PLAYING = Slot("frames of the take"), Slot("take")
 LONG_FRAMES = 20_000  # of a take whose pins and plants take longer than a user waits
 RECORDED_FRAMES = 10  # that are written down together: six times a second
@@ -54,7 +51,6 @@ class Takes:
     inputs: InputRecorder
     recorder: ClipRecorder = field(default_factory=ClipRecorder)
     playback: Playback | None = None
-    export_path: str = ""  # the field
     search: str = ""  # words that the list is searched for
     renaming: int = LIVE  # the take whose name is being typed
     noting: bool = False  # its note in the place of its name
@@ -65,10 +61,6 @@ class Takes:
     _recording: Recording | None = None
     _written: int = 0  # number of the first frame that is not written down yet
     _known: object = None  # the last keyframe and change that are written down
-    # files of this run, by whose number and what they hold; None: the take otherwise than it is
-    _files: dict[Path, tuple[int, object]] = field(default_factory=dict)
-    _proposed: str | None = None  # what was put into the export field, until something else is typed
-    _target: Path | None = None  # the file that it means: a name may hold what no field can show
     _seen: tuple[Terrain, Terrain] | None = None  # a ground, as a take of another size sees it
 
     def __post_init__(self) -> None:
@@ -100,10 +92,9 @@ class Takes:
             self._follow_played(self.playback, now)
         if self.renaming != LIVE and now.take(self.renaming) is None:
             self.renaming = LIVE
-        if now.selected != before.selected or now.current != before.current:
-            self._propose()
-            if self.playback is not None and now.selected not in (LIVE, self.playback.number):
-                self.play(now.selected)
+        changed = now.selected != before.selected or now.current != before.current
+        if changed and self.playback is not None and now.selected not in (LIVE, self.playback.number):
+            self.play(now.selected)
 
     def _follow_played(self, playback: Playback, now: Session) -> None:
         take = now.take(playback.number)
@@ -307,9 +298,6 @@ class Takes:
         change = self.editor.drag if held else self.editor.do
         change(f"trim of {take.title}", lambda session: edits.trimmed(session, take.number, *wanted))
 
-    def move(self, number: int, by: int) -> None:
-        self.editor.do("order of the takes", lambda session: edits.moved(session, number, by))
-
     @property
     def searchable(self) -> bool:
         return len(self.session.takes) >= SEARCHED_FROM
@@ -446,97 +434,6 @@ class Takes:
     def close_playback(self) -> None:
         self.playback = None
 
-    # --- export
-
-    def saved(self, take: Take) -> Path | None:
-        """The BVH of this run that holds what the take keeps; None where there is none any more."""
-        content = _content(take)
-        found = (path for path, (_, held) in reversed(self._files.items()) if held == content)
-        return next((path for path in found if path.is_file()), None)
-
-    def exported(self, take: Take) -> Path | None:
-        """The file of this run that was written last of the take, whatever it holds."""
-        return next((path for path, (by, _) in reversed(self._files.items()) if by == take.number), None)
-
-    def _propose(self) -> None:
-        """Fill the export field with the file that this run wrote of the take, or with a name that is free."""
-        take = self.session.current
-        if take is None:
-            self.export_path, self._proposed, self._target = "", None, None
-            return
-        proposal = self.exported(take)
-        if proposal is None or proposal.suffix != ".bvh":
-            folder = Path(self.settings.export_folder)
-            proposal = folder / free_path(folder.expanduser() / f"{file_stem(take.title)}.bvh").name
-        self._target = proposal.expanduser()
-        self.export_path = self._proposed = printable(proposal)
-
-    def export(self) -> None:
-        """Write what the current take keeps as BVH to the path in the field.
-
-        A path that was typed may be one that exists; what was proposed is free or holds this take already.
-        """
-        take = self.session.current
-        if take is None:
-            return
-        new = False  # whether the name must be a free one
-        try:
-            if self.export_path == self._proposed and self._target is not None:
-                self._propose()  # another program may have taken the name since
-                path = self._target
-                new = self._files.get(path, (LIVE, None))[0] != take.number
-            else:
-                self._proposed = None  # typed: whatever is typed from now on is meant
-                path = export_target(self.export_path)
-        except SportError as error:
-            self.messages.error(error)
-            return
-        from runtime.formats.bvh_clip import save_bvh
-
-        fps, unit = self.settings.export_fps, self.settings.export_unit
-        self.jobs.submit(
-            Slot("export", take.number),
-            lambda: save_bvh(take.exported, path, fps, unit, new=new),
-            lambda done: self._exported(take, done),
-            writing=f"the export of {take.title}",
-        )
-
-    def _exported(self, take: Take, path: Path) -> None:
-        self.note_file(path, take.number, take)
-        self.settings.export_folder = str(path.parent)
-        self.messages.note(f"Saved {path}", path)
-
-    def note_file(self, path: Path, number: int, held: Take | None) -> None:
-        """A file was written of a take, and holds it as `held`; None for another form."""
-        self._files.pop(path, None)
-        self._files[path] = number, None if held is None else _content(held)
-
-    def forget_files(self) -> None:
-        """Another session is open, which gives the numbers to other takes."""
-        self._files.clear()
-        self.animations.clear()
-
-    def export_all(self) -> None:
-        """Write what every take that was found keeps as BVH under its own name; no file is replaced."""
-        takes = self.found
-        folder = Path(self.settings.export_folder).expanduser()
-        fps, unit = self.settings.export_fps, self.settings.export_unit
-
-        def work() -> list[Path]:
-            from runtime.formats.bvh_clip import save_bvh
-
-            return [
-                save_bvh(take.exported, folder / f"{file_stem(take.title)}.bvh", fps, unit, new=True)
-                for take in takes
-            ]
-
-        def done(paths: list[Path]) -> None:
-            for take, path in zip(takes, paths, strict=True):
-                self.note_file(path, take.number, take)
-            self.messages.note(f"Saved {len(paths)} takes in {folder}", folder)
-
-        self.jobs.submit(EXPORT_ALL, work, done, writing="the export of all takes")
-
 
 _ORDERS: dict[str, Callable[[Take], Any]] = {
     "name": lambda take: take.title.lower(),
@@ -562,33 +459,3 @@ def _loaded(take: Take) -> tuple[Clip, InputRecording | None, SportError | None]
         return clip, None if take.mirrored else take.made.inputs, None
     except SportError as error:
         return clip, None, error
-
-
-def _content(take: Take) -> tuple[object, ...]:
-    """What a file of a take holds: equal for takes whose files would be."""
-    return take.motion, take.mirrored, take.poses, take.range
-
-
-def export_target(text: str, suffix: str = ".bvh") -> Path:
-    """The path that was typed, with an ending; UsageError when it names no file."""
-    text = text.strip().strip('"')
-    if not text or "\0" in text:
-        raise UsageError("Export: the path is empty.", f"Write a path such as ~/sport-clips/walk{suffix}.")
-    path = Path(text).expanduser()
-    if path.is_dir():
-        raise UsageError(f"Export: {path} is a folder.", f"Add a file name, for example walk{suffix}.")
-    return path if path.suffix.lower() == suffix else path.with_name(path.name + suffix)
-
-
-def file_stem(name: str) -> str:
-    """A file name for a take's name: lower case, words joined by dashes."""
-    return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:MAX_NAME] or "clip"
-
-
-def free_path(path: Path) -> Path:
-    """`path`, or the first of path-2, path-3, … that does not exist."""
-    candidate, number = path, 2
-    while os.path.lexists(candidate):  # unlike Path.exists, no error where the folder cannot be read
-        candidate = path.with_stem(f"{path.stem}-{number}")
-        number += 1
-    return candidate

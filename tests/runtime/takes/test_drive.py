@@ -187,7 +187,7 @@ def test_a_moved_prompt_and_a_new_gait(take: Take, studio: Studio) -> None:
     clip, inputs = take
     spans = input_edits.prompt_spans(inputs)
     assert [(s.start, len(s.changes)) for s in spans] == [(0, 1), (40, 1), (110, 2)]  # a slider is one span
-    edit = input_edits.move_prompt(inputs, 1, 30, spans[1].end)
+    edit = input_edits.prompts_laid(inputs, [1], [replace(spans[1], start=30)])
     assert (edit.first, input_edits.prompt_spans(edit.inputs)[1].start) == (30, 30)
     edit = input_edits.with_gait(edit.inputs, 130, 160, Gait.CROUCH)
     new, _ = resimulated_take(clip, edit.inputs, studio.controller.twin(), 30)
@@ -216,12 +216,44 @@ def test_moved_gaits_still_fill_the_take(index: int, start: int, end: int) -> No
         frames, (), (Keyframe(-20, take_snapshot(Controller(WalkerModel(), Terrain.flat()))),)
     )
     spans = input_edits.gait_spans(inputs.gaits())
-    edit = input_edits.move_gait(inputs, index % len(spans), start, end)
-    moved = input_edits.gait_spans(edit.inputs.gaits())
-    assert [s.gait for s in moved] == [s.gait for s in spans]
-    assert moved[-1].end == len(inputs)
+    span = spans[index % len(spans)]
+    edit = input_edits.gaits_laid(inputs, [index % len(spans)], [replace(span, start=start, end=end)])
+    wanted, now = inputs.gaits(), edit.inputs.gaits()
+    inside = slice(max(start, 0), max(end, 0))
+    assert set(now[inside]) <= {span.gait}
+    outside = np.ones(len(inputs), bool)
+    outside[inside], outside[span.start : span.end] = False, False
+    slivers = [s for s in input_edits.gait_spans(now) if s.end - s.start < input_edits.SLIVER_FRAMES]
+    assert not slivers or len(input_edits.gait_spans(now)) == 1
+    for s in input_edits.gait_spans(np.where(outside & (now != wanted), 1, 0)):
+        assert s.gait == 0 or s.end - s.start < input_edits.SLIVER_FRAMES
     before = slice(-inputs.start, -inputs.start + edit.first)
     assert edit.inputs.frames[before] == inputs.frames[before]
+
+
+@pytest.mark.parametrize(
+    ("gone", "put", "left"),
+    [
+        ([1], None, [(0, 0), (110, 2)]),  # its frames go to the one before
+        ([0], None, [(0, 1), (110, 2)]),  # the next one begins with the take
+        ([2], None, [(0, 0), (40, 1)]),
+        ([0, 2], None, [(0, 1)]),
+        ([1], (60, 130), [(0, 0), (60, 1), (130, 2)]),
+        ([], (120, 140), [(0, 0), (40, 1), (110, 2), (120, 1), (140, 2)]),  # the one below goes on behind it
+        ([1], (2, 107), [(0, 1), (110, 2)]),  # no sliver of the first one is left
+    ],
+)
+def test_prompts_are_deleted_moved_and_pasted(
+    take: Take, gone: list[int], put: tuple[int, int] | None, left: list[tuple[int, int]]
+) -> None:
+    _, inputs = take
+    spans = input_edits.prompt_spans(inputs)
+    laid = [] if put is None else [replace(spans[1], start=put[0], end=put[1])]
+    made = input_edits.prompts_laid(inputs, gone, laid)
+    words = {span.event.prompt: i for i, span in enumerate(spans)}
+    assert [(s.start, words[s.event.prompt]) for s in input_edits.prompt_spans(made.inputs)] == left
+    before = [change for change in inputs.changes if change.frame < made.first]
+    assert made.first == 0 or before == [c for c in made.inputs.changes if c.frame < made.first]
 
 
 def test_what_cannot_be_made_again_says_so_and_old_frames_are_let_go() -> None:

@@ -107,10 +107,10 @@ def test_a_plant_is_longer_moved_removed_and_added(walk: Clip) -> None:
     bearing = footplants(walk.contacts[:, :2])
     old = bearing[1]
     toe = SPORT_SKELETON.index("LeftToeBase")
-    longer = fitted_footplant(walk, 0, old, old[0] - 4, old[1] + 4)
+    longer = fitted_footplant(footplants(walk.contacts[:, :2]), len(walk), old, old[0] - 4, old[1] + 4)
     made = replanted(walk, [FootplantEdit(0, old, longer)])
     assert footplants(made.contacts[:, :2]) == [bearing[0], longer, *bearing[2:]]
-    moved = fitted_footplant(walk, 0, old, old[0] + 6, old[1] + 6)
+    moved = fitted_footplant(footplants(walk.contacts[:, :2]), len(walk), old, old[0] + 6, old[1] + 6)
     made = replanted(walk, [FootplantEdit(0, old, moved)])
     place, before = made.world()[0][:, toe], walk.world()[0][:, toe]
     assert np.allclose(place[moved[0] : moved[1]], before[old[0] : old[1]], atol=0.01)  # where it was, later
@@ -121,7 +121,7 @@ def test_a_plant_is_longer_moved_removed_and_added(walk: Clip) -> None:
     assert made.world()[0][middle, toe, 1] > before[middle, 1] + 0.05
     assert not (made.contacts[old[0] : old[1], :2]).any()
     swing = (old[1] + bearing[2][0]) // 2
-    added = fitted_footplant(walk, 0, None, swing - 4, swing + 4)
+    added = fitted_footplant(footplants(walk.contacts[:, :2]), len(walk), None, swing - 4, swing + 4)
     made = replanted(walk, [FootplantEdit(0, None, added)])
     stands = made.world()[0][added[0] : added[1], toe]
     assert np.abs(np.diff(stands, axis=0)).max() < 0.001
@@ -130,10 +130,12 @@ def test_a_plant_is_longer_moved_removed_and_added(walk: Clip) -> None:
 
 def test_a_plant_does_not_run_into_its_neighbours(walk: Clip) -> None:
     bearing = footplants(walk.contacts[:, :2])
-    first, end = fitted_footplant(walk, 0, bearing[1], -100, 1000)
+    first, end = fitted_footplant(footplants(walk.contacts[:, :2]), len(walk), bearing[1], -100, 1000)
     assert bearing[0][1] < first < end < bearing[2][0]
     with pytest.raises(UsageError, match="bears already"):
-        fitted_footplant(walk, 0, None, bearing[1][0] + 1, bearing[1][0] + 3)
+        fitted_footplant(
+            footplants(walk.contacts[:, :2]), len(walk), None, bearing[1][0] + 1, bearing[1][0] + 3
+        )
 
 
 @settings(max_examples=15)
@@ -143,7 +145,13 @@ def test_any_plant_leaves_poses_of_rigid_bones(
 ) -> None:
     bearing = footplants(walk.contacts[:, 2 * foot : 2 * foot + 2])
     old = bearing[min(which, len(bearing) - 1)]
-    new = fitted_footplant(walk, foot, old, old[0] + by, max(old[1] + by + longer, old[0] + by + 1))
+    new = fitted_footplant(
+        footplants(walk.contacts[:, 2 * foot : 2 * foot + 2]),
+        len(walk),
+        old,
+        old[0] + by,
+        max(old[1] + by + longer, old[0] + by + 1),
+    )
     made = replanted(walk, [FootplantEdit(foot, old, new)])
     assert new in footplants(made.contacts[:, 2 * foot : 2 * foot + 2])
     assert np.allclose(np.linalg.norm(made.local_rotations, axis=-1), 1.0, atol=1e-4)

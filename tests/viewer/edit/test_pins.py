@@ -18,7 +18,7 @@ from runtime.takes.footplants import FootplantEdit
 from runtime.takes.pinned import farthest
 from runtime.takes.pins import Pinned
 from tests.helpers import hand
-from tests.helpers.app_driver import click_on, drag, message, place, press, run, texts
+from tests.helpers.app_driver import click, click_on, drag, message, place, press, run, texts
 from viewer.app import App
 from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
@@ -94,8 +94,8 @@ def test_a_pin_of_a_take_is_dragged_undone_and_exported(app: App, tmp_path: Path
     assert farthest(item(app).clip, moved) < 0.01
     assert app.editor.undo_label == "pin of the left hand"
     assert item(app).motion == before.motion
-    app.takes.export_path = str(tmp_path / "pinned.bvh")
-    app.takes.export()
+    app.bvh_export.path = str(tmp_path / "pinned.bvh")
+    app.bvh_export.export()
     run(app, 2)
     exported = load_clip_bvh(tmp_path / "pinned.bvh")
     assert np.linalg.norm(exported.world()[0][40, HAND] - moved.point) < 0.01
@@ -199,8 +199,8 @@ def test_a_plant_is_dragged_lifted_and_planted(app: App) -> None:
     assert app.pins.footplants(0) == [(0, 60)]
     (end, y), (to, _) = (place(app, "##foot 0", share=share) for share in (0.99, 40 / 59))
     drag(app, (end, y), (to, y))
-    (bears,) = app.pins.footplants(0)
-    assert bears == item(app).poses.footplants[0].new == (0, pytest.approx(40, abs=1))
+    assert app.pins.footplants(0) == [item(app).poses.footplants[0].new]
+    assert item(app).poses.footplants[0].new == (0, pytest.approx(40, abs=1))
     x, y = place(app, "##foot 0", share=50 / 59)
     for down in (None, True, False):
         hand.mouse(app.window, x, y, None if down is None else 1, bool(down))
@@ -209,7 +209,8 @@ def test_a_plant_is_dragged_lifted_and_planted(app: App) -> None:
     run(app, 3)
     added = app.pins.footplants(0)[1]
     assert sum(added) / 2 == pytest.approx(50, abs=2)
-    app.pins.set_footplant(0, bears, None)
+    click(app, *place(app, "##foot 0", share=20 / 59))
+    press(app, "delete")
     run(app, 3)
     assert app.pins.footplants(0) == [added]
-    assert app.editor.undo_label == "removal of a left footplant in Take"
+    assert app.editor.undo_label == "removal of a footplant of Take"

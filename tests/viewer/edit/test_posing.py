@@ -126,8 +126,8 @@ def test_keys_are_dragged_and_removed_on_their_track(start: Start) -> None:
     run(app, 2)
     click_on(app, "Key")
     run(app, 4)
-    left, y = place(app, "##poses", share=0.0)
-    right, _ = place(app, "##poses", share=1.0)
+    left, y = place(app, "##pose keys", share=0.0)
+    right, _ = place(app, "##pose keys", share=1.0)
     per_frame = (right - left - 8) / 79
     drag(app, (left + 4 + 30 * per_frame, y), (20 * per_frame, 0.0))
     (key,) = layer(app).keys
@@ -136,6 +136,7 @@ def test_keys_are_dragged_and_removed_on_their_track(start: Start) -> None:
     for button, down in ((None, False), (1, True), (1, False)):
         hand.mouse(app.window, x, y, button, down)
         run(app, 2)
+    click_on(app, "Delete")
     assert not layer(app)
 
 

@@ -114,7 +114,7 @@ def test_keys_of_the_camera_are_set_dragged_looked_through_and_kept(app: App, tm
         click_on(app, "Camera key")
         run(app, 2)
     assert [round(key.seconds * 60) for key in keys(app)] == [10, 50]
-    (x, y), (to, _) = (place(app, "##camera", share=share) for share in (50 / 69, 60 / 69))
+    (x, y), (to, _) = (place(app, "##camera keys", share=share) for share in (50 / 69, 60 / 69))
     for at, down in ((x, None), (x, True), (to, True), (to, False)):
         hand.mouse(app.window, at, y, None if down is None else 0, bool(down))
         run(app, 2)
@@ -149,8 +149,9 @@ def test_keys_of_the_camera_are_set_dragged_looked_through_and_kept(app: App, tm
     file, history = SessionFile.open(tmp_path / "a.sport", tmp_path)
     file.close()
     assert history.present.session.takes[0].cameras == keys(app)
-    hand.mouse(app.window, *place(app, "##camera", share=10 / 69), 1, True)
+    hand.mouse(app.window, *place(app, "##camera keys", share=10 / 69), 1, True)
     run(app, 2)
-    hand.mouse(app.window, *place(app, "##camera", share=10 / 69), 1, False)
+    hand.mouse(app.window, *place(app, "##camera keys", share=10 / 69), 1, False)
     run(app, 2)
+    click_on(app, "Delete")
     assert len(keys(app)) == 1

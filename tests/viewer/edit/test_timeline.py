@@ -224,8 +224,8 @@ def test_driving_goes_on_from_a_frame_of_a_take(start: Start) -> None:
 def test_a_take_from_a_file_says_why_it_cannot_be_edited(start: Start, tmp_path: Path) -> None:
     app = start()
     record(app)
-    app.takes.export_path = f"{tmp_path}/walk.bvh"
-    app.takes.export()
+    app.bvh_export.path = f"{tmp_path}/walk.bvh"
+    app.bvh_export.export()
     run(app)
     app.takes.open(tmp_path / "walk.bvh")
     seek(app, 10)

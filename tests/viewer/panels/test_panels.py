@@ -42,7 +42,7 @@ def test_a_take_is_renamed_in_its_row_and_exported_under_its_name(start: Start, 
     press(app, "enter")
     run(app, 2)
     assert titles(app) == ["A proud walk"]
-    app.takes.export()
+    app.bvh_export.export()
     run(app, 2)
     assert (tmp_path / "a-proud-walk.bvh").is_file()
 
@@ -97,7 +97,7 @@ def test_every_take_is_exported_at_once_and_no_file_is_replaced(start: Start, tm
         "take-2.bvh",
     ]
     assert "Saved 2 takes" in said(app)
-    assert all(app.takes.saved(take) for take in app.editor.session.takes)
+    assert all(app.bvh_export.saved(take) for take in app.editor.session.takes)
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (800, 500)])
@@ -131,8 +131,8 @@ def test_the_export_window_writes_what_the_command_writes(start: Start, tmp_path
     assert (tmp_path / "take-1-ground.obj").is_file()
     assert "21 frames at 30 fps" in app.exporting.report
     (take,) = app.editor.session.takes
-    assert app.takes.exported(take) == tmp_path / "take-1.bvh"
-    assert app.takes.saved(take) is None  # half the frames
+    assert app.bvh_export.exported(take) == tmp_path / "take-1.bvh"
+    assert app.bvh_export.saved(take) is None  # half the frames
     exports.choose(in_place=True)
     click_on(app, "##export now")
     run(app, 2)
@@ -194,7 +194,7 @@ def test_the_first_minute_ticks_itself_off_and_does_not_come_back(start: Start, 
     run(app, 2)
     record(app)
     assert [guide.is_done(step) for step in range(len(STEPS))] == [True, True, True, True, False]
-    app.takes.export()
+    app.bvh_export.export()
     run(app, 2)
     assert guide.is_done(4)
     guide._left_s = 0.05

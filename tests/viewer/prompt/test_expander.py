@@ -118,7 +118,7 @@ def test_the_key_is_typed_used_and_written_nowhere(
     assert language_model.keys == {f"Bearer {KEY}"}
     app.takes.toggle_recording()
     run(app)
-    app.takes.export()
+    app.bvh_export.export()
     run_until(app, lambda: (tmp_path / "clips").exists() and any((tmp_path / "clips").glob("*.bvh")))
     assert app.editor.file.flush(60.0)
     save_settings(app.settings, app.config)

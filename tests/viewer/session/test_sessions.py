@@ -458,8 +458,8 @@ def test_damaged_frames_are_said_when_the_take_is_played_and_the_rest_goes_on(
         lambda: app.takes.play(1),
         lambda: app.takes.mirror(1),
         lambda: app.references.show(1),
-        lambda: app.takes.export(),
-        lambda: app.takes.export_all(),
+        lambda: app.bvh_export.export(),
+        lambda: app.bvh_export.export_all(),
         lambda: app.exporting.open(),
     ):
         app.takes.select(1)

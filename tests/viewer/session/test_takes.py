@@ -47,10 +47,10 @@ def test_record_play_trim_export(start: Start, tmp_path: Path) -> None:
     click_on(app, "[ In")
     app.takes.playback.seek(20)
     click_on(app, "Out ]")
-    app.takes.export_path = str(tmp_path / "new folder" / "walk")
-    app.takes.export()
+    app.bvh_export.path = str(tmp_path / "new folder" / "walk")
+    app.bvh_export.export()
     run(app)
-    assert app.takes.saved(app.editor.session.takes[0]) == tmp_path / "new folder" / "walk.bvh"
+    assert app.bvh_export.saved(app.editor.session.takes[0]) == tmp_path / "new folder" / "walk.bvh"
     motion = read_bvh(tmp_path / "new folder" / "walk.bvh")
     assert len(motion.positions) == 16
     assert motion.fps == pytest.approx(60.0, abs=1e-3)
@@ -72,8 +72,8 @@ def test_an_exported_take_tells_its_styles_with_their_transitions_and_what_was_a
     run(app, 20)
     app.takes.toggle_recording()
     app.window.inject_key("w", False)
-    app.takes.export_path = str(tmp_path / "walk.bvh")
-    app.takes.export()
+    app.bvh_export.path = str(tmp_path / "walk.bvh")
+    app.bvh_export.export()
     run(app, 2)
     back = load_clip_bvh(tmp_path / "walk.bvh")
     assert [event.prompt for event in back.prompts] == ["a proud king", "an old king"]
@@ -94,14 +94,14 @@ def test_a_failing_export_keeps_the_clip(start: Start, tmp_path: Path) -> None:
     record(app)
     blocked = tmp_path / "file"
     blocked.write_text("", encoding="utf-8")
-    app.takes.export_path = str(blocked / "walk.bvh")
-    app.takes.export()
+    app.bvh_export.path = str(blocked / "walk.bvh")
+    app.bvh_export.export()
     run(app)
     assert str(blocked) in message(app)
     assert len(app.editor.session.takes) == 1
-    assert app.takes.saved(app.editor.session.takes[0]) is None
-    app.takes.export_path = ""
-    app.takes.export()
+    assert app.bvh_export.saved(app.editor.session.takes[0]) is None
+    app.bvh_export.path = ""
+    app.bvh_export.export()
     assert "path is empty" in message(app)
 
 
@@ -109,32 +109,32 @@ def test_an_earlier_file_is_overwritten_only_when_its_path_was_typed(start: Star
     earlier = tmp_path / "take-1.bvh"  # of another session
     earlier.write_text("earlier", encoding="utf-8")
     app = start()
-    clips = app.takes
     app.settings.export_folder = str(tmp_path)
     run(app, 2)
     record(app)
     own = tmp_path / "take-1-2.bvh"
-    assert clips.export_path == str(own)
+    assert app.bvh_export.path == str(own)
     own.write_text("of a viewer beside this one", encoding="utf-8")  # the name is no longer free
-    app.takes.export()
+    app.bvh_export.export()
     run(app)
     assert (earlier.read_text("utf-8"), own.read_text("utf-8")) == ("earlier", "of a viewer beside this one")
     own = tmp_path / "take-1-3.bvh"
-    assert clips.saved(app.editor.session.takes[0]) == own
-    record(app)  # selects the new take
-    app.takes.select(1)
-    assert clips.export_path == str(own)  # its own file of this session: written again without a new name
-    app.takes.export()
+    assert app.bvh_export.saved(app.editor.session.takes[0]) == own
+    again = tmp_path / "take-1-4.bvh"
+    assert app.bvh_export.path == str(again)  # its own file of this session is not replaced either
+    app.takes.trim(first=5)
+    app.bvh_export.export()
     run(app)
-    assert sorted(tmp_path.glob("*.bvh")) == [tmp_path / "take-1-2.bvh", own, earlier]
-    clips.export_path = str(earlier)
-    app.takes.export()
+    assert len(load_clip_bvh(own)) == len(load_clip_bvh(again)) + 5
+    assert sorted(tmp_path.glob("*.bvh")) == [tmp_path / "take-1-2.bvh", own, again, earlier]
+    app.bvh_export.path = str(earlier)
+    app.bvh_export.export()
     run(app)
     assert earlier.read_text("utf-8").startswith("HIERARCHY")
-    clips.export_path = str(own)  # typed: once proposed, but not what is proposed now
-    app.takes.export()
+    app.bvh_export.path = str(own)  # typed: once proposed, but not what is proposed now
+    app.bvh_export.export()
     run(app)
-    assert clips.saved(app.editor.session.takes[0]) == own
+    assert app.bvh_export.saved(app.editor.session.takes[0]) == own
 
 
 def test_a_trimmed_file_is_not_written_over_the_one_it_was_opened_from(start: Start, tmp_path: Path) -> None:
@@ -142,15 +142,15 @@ def test_a_trimmed_file_is_not_written_over_the_one_it_was_opened_from(start: St
     run(app, 2)
     record(app)
     original = tmp_path / "take-1.bvh"
-    app.takes.export_path = str(original)
-    app.takes.export()
+    app.bvh_export.path = str(original)
+    app.bvh_export.export()
     app.takes.remove(1)
     before = original.read_bytes()
     app.takes.open(original)
     run(app)
     app.takes.playback.seek(10)
     click_on(app, "Out ]")
-    app.takes.export()
+    app.bvh_export.export()
     run(app)
     assert original.read_bytes() == before
     assert len(load_clip_bvh(tmp_path / "take-1-2.bvh")) == 11

@@ -1,0 +1,229 @@
+"""What lies on each track: its items, and how an edit takes some away and puts others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from runtime.errors import UsageError
+from runtime.session import edits
+from runtime.session.session import Session, Take
+from runtime.takes.camera_keys import with_key
+from runtime.takes.footplants import FootplantEdit, fitted_footplant
+from runtime.takes.input_edits import (
+    Edit,
+    GaitSpan,
+    PromptSpan,
+    Span,
+    gait_spans,
+    gaits_laid,
+    prompt_spans,
+    prompts_laid,
+)
+from runtime.takes.input_recording import InputRecording
+from runtime.takes.pins import Pin
+from viewer.edit.items import PINS, TAKES, Item, ItemKind, Items
+from viewer.edit.pins import Pins
+from viewer.edit.resimulation import Resimulation
+from viewer.session.takes import Takes
+
+PROMPTS, GAITS, FOOTPLANTS = "prompts", "gaits", "footplants"
+CAMERA_KEYS, POSE_KEYS = "camera keys", "pose keys"
+TakeChange = Callable[[Take, Items, Items], tuple[Take, Items]]
+
+
+def item_kinds(editing: Resimulation, pins: Pins) -> dict[str, ItemKind]:
+    """Every kind of item by its name, in the order of the tracks."""
+
+    def of_take(items: Callable[[Take], list[Item]]) -> Callable[[], list[Item]]:
+        return lambda: [] if editing.take is None else items(editing.take)
+
+    def of_tracks(kind: str) -> Callable[[], list[Item]]:
+        return lambda: (
+            [] if editing.tracks is None else [m.item for m in getattr(editing.tracks, kind) if m.item]
+        )
+
+    def plants(take: Take) -> list[Item]:
+        return [Item(a, b, FOOTPLANTS, None, foot) for foot in (0, 1) for a, b in pins.footplants(foot)]
+
+    return {
+        PROMPTS: ItemKind("prompt", of_tracks(PROMPTS), edit=_prompts, adjacent=True),
+        GAITS: ItemKind("gait", of_tracks(GAITS), edit=_gaits, adjacent=True),
+        CAMERA_KEYS: ItemKind("camera key", of_take(camera_items), _to_take(_camera_keys)),
+        POSE_KEYS: ItemKind("pose key", of_take(pose_items), _to_take(_pose_keys)),
+        PINS: ItemKind("pin", of_take(pin_items), _to_take(_pins)),
+        FOOTPLANTS: ItemKind(
+            "footplant", of_take(plants), _to_take(lambda *about: _footplants(pins, *about))
+        ),
+        TAKES: ItemKind("take", lambda: take_items(editing.takes), _takes, listed=True),
+    }
+
+
+def _to_take(change: TakeChange) -> Callable[[Session, int, Items, Items], tuple[Session, Items]]:
+    """A change of the take that plays as one of the session."""
+
+    def changed(session: Session, number: int, gone: Items, put: Items) -> tuple[Session, Items]:
+        take = session.take(number)
+        if take is None:
+            return session, put
+        made, put = change(take, gone, put)
+        return session.with_take(number, poses=made.poses, cameras=made.cameras), put
+
+    return changed
+
+
+# --- what is resimulated
+
+
+def _places(spans: Sequence[Span], gone: Items, put: Items) -> list[int]:
+    """The places of spans that an edit takes away; UsageError where nothing would be left."""
+    starts = {item.start for item in gone}
+    places = [i for i, span in enumerate(spans) if span.start in starts]
+    if len(places) == len(spans) and not put:
+        raise UsageError("A take keeps one prompt and one gait.", "Write another prompt in its place.")
+    return places
+
+
+def _prompts(inputs: InputRecording, gone: Items, put: Items) -> Edit:
+    new = [PromptSpan(item.start, item.end, item.value.changes) for item in put]
+    return prompts_laid(inputs, _places(prompt_spans(inputs), gone, put), new)
+
+
+def _gaits(inputs: InputRecording, gone: Items, put: Items) -> Edit:
+    new = [GaitSpan(item.start, item.end, item.value.gait) for item in put]
+    return gaits_laid(inputs, _places(gait_spans(inputs.gaits()), gone, put), new)
+
+
+# --- keys
+
+
+def _points(keys: Sequence[Any], fps: float, kind: str) -> list[Item]:
+    return [Item(frame, frame, kind, key) for key in keys for frame in (round(key.seconds * fps),)]
+
+
+def camera_items(take: Take) -> list[Item]:
+    """The camera keys of a take."""
+    return _points(take.cameras, take.made.header.fps, CAMERA_KEYS)
+
+
+def pose_items(take: Take) -> list[Item]:
+    """The keys of the pose layer of a take."""
+    return _points(take.poses.layer.keys, take.made.header.fps, POSE_KEYS)
+
+
+def _at_seconds(item: Item, fps: float) -> Any:
+    """The key of an item at its frame."""
+    return (
+        item.value
+        if round(item.value.seconds * fps) == item.start
+        else replace(item.value, seconds=item.start / fps)
+    )
+
+
+def _camera_keys(take: Take, gone: Items, put: Items) -> tuple[Take, Items]:
+    fps, frames = take.made.header.fps, {item.start for item in gone}
+    keys = tuple(key for key in take.cameras if round(key.seconds * fps) not in frames)
+    for item in put:
+        keys = with_key(keys, _at_seconds(item, fps), fps)
+    return replace(take, cameras=keys), put
+
+
+def _pose_keys(take: Take, gone: Items, put: Items) -> tuple[Take, Items]:
+    fps, frames, layer = take.made.header.fps, {item.start for item in gone}, take.poses.layer
+    layer = replace(layer, keys=tuple(key for key in layer.keys if round(key.seconds * fps) not in frames))
+    for item in put:
+        layer = layer.with_key(_at_seconds(item, fps), fps)
+    return replace(take, poses=replace(take.poses, layer=layer)), put
+
+
+# --- pins and footplants
+
+
+def pin_items(take: Take) -> list[Item]:
+    """The pins of a take; the last frame of each is in it."""
+    header = take.made.header
+    return [
+        Item(start, max(last, start) + 1, PINS, pin, index)
+        for index, pin in enumerate(take.poses.pins)
+        for start, last in (
+            (round(pin.start * header.fps), round(pin.end_in((header.frames - 1) / header.fps) * header.fps)),
+        )
+    ]
+
+
+def _pins(take: Take, gone: Items, put: Items) -> tuple[Take, Items]:
+    pins, fps, frames = list(take.poses.pins), take.made.header.fps, take.frames
+    if gone and put:
+        for old, new in zip(gone, put, strict=True):
+            start = old.value.start if new.start == old.start else new.start / fps
+            end = old.value.end if new.end == old.end else min(new.end, frames) / fps - 1 / fps
+            pins[int(str(old.lane))] = replace(old.value, start=start, end=max(start, end))
+    elif gone:
+        pins = [pin for index, pin in enumerate(pins) if index not in {item.lane for item in gone}]
+    else:
+        put = [replace(item, lane=len(pins) + place) for place, item in enumerate(put)]
+        pins += [_pin_at(item, fps) for item in put]
+    return replace(take, poses=replace(take.poses, pins=tuple(pins))), put
+
+
+def _pin_at(item: Item, fps: float) -> Pin:
+    pin: Pin = item.value
+    return replace(pin, start=item.start / fps, end=max(item.start, item.end - 1) / fps)
+
+
+def _footplants(pins: Pins, take: Take, gone: Items, put: Items) -> tuple[Take, Items]:
+    """Edits of footplants in an order in which none is in the way of another."""
+    made: list[FootplantEdit] = []
+    paired = (
+        list(zip(gone, put, strict=True))
+        if gone and put
+        else [(g, None) for g in gone] + [(None, p) for p in put]
+    )
+    paired.sort(key=lambda pair: (pair[0] or pair[1]).start)  # type: ignore[union-attr]
+    if gone and put and put[0].start > gone[0].start:
+        paired.reverse()
+    known = {foot: pins.planted_frames(take, foot) for foot in (0, 1)}
+    now: list[Item] = []
+    for old, new in paired:
+        item = old or new
+        assert item is not None
+        foot = int(str(item.lane))
+        before = None if old is None else (old.start, old.end)
+        after = (
+            None if new is None else fitted_footplant(known[foot], take.frames, before, new.start, new.end)
+        )
+        known[foot] = sorted(
+            {*known[foot], *([after] if after else [])} - ({before} if before != after else set())
+        )
+        now += [] if after is None else [item.at(*after)]
+        if before != after:
+            made.append(FootplantEdit(foot, before, after))
+    footplants = (*take.poses.footplants, *made)
+    return replace(take, poses=replace(take.poses, footplants=footplants)), now
+
+
+# --- the list of takes
+
+
+def take_items(takes: Takes) -> list[Item]:
+    """The takes of the list, by their places and numbers."""
+    return [Item(place, place, TAKES, take, take.number) for place, take in enumerate(takes.session.takes)]
+
+
+def _takes(session: Session, _: int, gone: Items, put: Items) -> tuple[Session, Items]:
+    if gone and put:
+        by = put[0].start - gone[0].start
+        ends = {session.index(int(str(item.lane))) for item in gone} & {
+            len(session.takes) - 1 if by > 0 else 0
+        }
+        for item in () if ends else sorted(gone, key=lambda item: -by * item.start):
+            session = edits.moved(session, int(str(item.lane)), by)
+        return session, gone if ends else put
+    for item in gone:
+        session = edits.without_take(session, int(str(item.lane)))
+    made = []
+    for item in put:
+        session = edits.with_new_take(session, edits.copied(item.value))
+        made.append(replace(item, lane=session.counter))
+    return session, made

@@ -1,0 +1,268 @@
+"""One selection for everything that lies on a track or in the list of takes, and what is done to what it holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from runtime.errors import SportError
+from runtime.session.session import LIVE, Session
+from runtime.takes.input_edits import Edit
+from runtime.takes.input_recording import InputRecording, resimulated_take
+from viewer.edit.items import Item, ItemKind, Items, Key
+from viewer.edit.resimulation import Resimulation
+from viewer.gl_bindings import imgui
+from viewer.gui import widgets
+
+KEY_GAP_FRAMES = 10  # between keys and their duplicates
+NUDGE_FRAMES = {False: 1, True: 10}  # of an arrow key, and with Shift
+
+
+@dataclass
+class Selection:
+    """Which items are selected, and what was copied."""
+
+    editing: Resimulation
+    kinds: dict[str, ItemKind] = field(default_factory=dict)
+    keys: frozenset[Key] = frozenset()
+    copied: tuple[Item, ...] = ()
+    # the take, and the items that are moved and where to, which its tracks show until it is resimulated
+    preview: tuple[int, Items, Items] | None = None
+    _subject: int = LIVE
+
+    @property
+    def number(self) -> int:
+        """The take whose tracks are shown."""
+        return LIVE if self.editing.take is None else self.editing.take.number
+
+    def all(self, kinds: Iterable[str]) -> list[Item]:
+        """The items of some kinds."""
+        return [item for kind in kinds for item in self.kinds[kind].items()]
+
+    @property
+    def items(self) -> list[Item]:
+        """What is selected."""
+        if not self.keys:
+            return []
+        return [item for item in self.all(self.kinds) if item.key in self.keys]
+
+    @property
+    def listed(self) -> bool:
+        """Whether what is selected lies in a list."""
+        return any(self.kinds[key[0]].listed for key in self.keys)
+
+    def poll(self) -> None:
+        """Let go of what is on the tracks of another take; call once a frame."""
+        if self._subject != self.number:
+            self._subject, self.preview = self.number, None
+            self.keys = frozenset(key for key in self.keys if self.kinds[key[0]].listed)
+        if self.preview is not None and not self.editing.busy:
+            self.preview = None
+            if not self.items:
+                self.keys = frozenset()
+
+    # --- what is selected
+
+    def pick(self, items: Iterable[Item], extend: bool = False) -> None:
+        """Select items; with `extend` next to what is selected, or not any more where all of them are."""
+        new = frozenset(item.key for item in items)
+        kept = frozenset(
+            k for k in self.keys if all(self.kinds[k[0]].listed is self.kinds[n[0]].listed for n in new)
+        )
+        self.keys = (kept - new if new <= kept else kept | new) if extend else new
+
+    def pick_all(self) -> None:
+        """Select every item of the kinds that are selected; of all tracks where none is."""
+        tracks = {name for name, kind in self.kinds.items() if not kind.listed}
+        self.pick(self.all({key[0] for key in self.keys} or tracks))
+
+    def let_go(self) -> bool:
+        """Select nothing; whether anything was."""
+        was, self.keys = bool(self.keys), frozenset()
+        return was
+
+    # --- what is done to it
+
+    def delete(self) -> None:
+        self.replace("removal", self.items, [])
+
+    def copy(self) -> None:
+        if self.keys:
+            self.copied = tuple(self.items)
+            self.editing.takes.messages.note(f"Copied: {self.named(self.copied)}.")
+
+    def cut(self) -> None:
+        self.copy()
+        self.delete()
+
+    def paste(self) -> None:
+        """Put what was copied with its first item at the frame shown."""
+        playback = self.editing.playback
+        if self.copied and self.kinds[self.copied[0].kind].listed:
+            self.replace("paste", [], self.copied)
+        elif self.copied and playback is not None:
+            self._put_again("paste", self.copied, playback.frame - min(item.start for item in self.copied))
+
+    def duplicate(self) -> None:
+        """Put what is selected once more behind itself, or before itself where there is no room."""
+        items, playback = self.items, self.editing.playback
+        if items and self.listed:
+            self.replace("duplicate", [], items)
+        elif items and playback is not None:
+            first, last = min(item.start for item in items), max(item.end for item in items)
+            by = last - first + KEY_GAP_FRAMES * any(item.start == item.end for item in items)
+            self._put_again("duplicate", items, by if last + 1 < playback.frames - KEY_GAP_FRAMES else -by)
+
+    def _put_again(self, label: str, items: Items, by: int) -> None:
+        playback = self.editing.playback
+        end = 0 if playback is None else playback.frames
+        moved = [
+            item.at(max(item.start + by, 0), min(item.end + by, end))
+            for item in items
+            if item.start + by < end and (item.end + by > 0 or item.start + by == 0)
+        ]
+        if moved:
+            self.replace(label, [], moved)
+        else:
+            self.editing.takes.messages.note("There is no room for that in the take.")
+
+    def moved(self, items: Items, by: int) -> list[Item]:
+        """The items so many frames later, all of them within the take."""
+        playback = self.editing.playback
+        end = 0 if playback is None else playback.frames
+        fixed = {
+            item.key
+            for item in items
+            if self.kinds[item.kind].adjacent and (not item.start or item.end == end)
+        }
+        free = [item for item in items if item.key not in fixed]
+        if free:
+            by = max(by, -min(item.start for item in free))
+            by = min(by, end - max(max(item.end, item.start + 1) for item in free))
+        return [
+            item.at(item.start + by * (item.start > 0), item.end + by * (item.end < end))
+            if item.key in fixed
+            else item.at(item.start + by, item.end + by)
+            for item in items
+        ]
+
+    def resized(self, item: Item, by: int, start: bool) -> Item:
+        """The item with one end so many frames later."""
+        end = 0 if self.editing.playback is None else self.editing.playback.frames
+        if start:
+            return item.at(min(max(item.start + by, 0), item.end - 1), item.end)
+        return item.at(item.start, max(min(item.end + by, end), item.start + 1))
+
+    def nudge(self, by: int) -> None:
+        """Move what is selected by frames, or by places of its list."""
+        items = self.items
+        if items:
+            made = (
+                [item.at(item.start + by, item.end + by) for item in items]
+                if self.listed
+                else self.moved(items, by)
+            )
+            self.replace("move", items, made)
+
+    def replace(self, label: str, gone: Items, put: Items, held: bool = False) -> None:
+        """One step that takes items away and puts others, which are selected then.
+
+        `held`: while the mouse moves them; what would be resimulated is shown as a preview until the mouse lets go.
+        """
+        editor, number, editing = self.editing.takes.editor, self.number, self.editing
+        kinds = [self.kinds[name] for name in self.kinds if any(item.kind == name for item in (*gone, *put))]
+        driven, fixed = [kind for kind in kinds if kind.edit is not None], editing.fixed
+        if (driven and fixed) or (editing.busy and not all(kind.listed for kind in kinds)):
+            editing.takes.messages.warn(fixed)
+            return
+        what, before, now = f"{label} of {self.named(gone or put)}", editor.history.present.session, list(put)
+        try:
+            after, now = self._changed(before, kinds, gone, put)
+        except SportError as error:
+            editing.takes.messages.error(error)
+            return
+        self.preview = (number, gone, put) if driven else None
+        self.keys = frozenset(item.key for item in now)
+        if driven and not held:
+            editor.drop_drag()
+            self._resimulate(what, driven, gone, put, lambda _: after)
+            return
+        take = editing.take
+        title = "" if take is None or all(kind.listed for kind in kinds) else f" of {take.title}"
+        editor.drag(f"{what}{title}", lambda _: after)
+        if not held:
+            editor.finish_drag()
+
+    def _changed(
+        self, session: Session, kinds: Sequence[ItemKind], gone: Items, put: Items
+    ) -> tuple[Session, list[Item]]:
+        """The session after what is made at once, and what was put."""
+        now = [item for item in put if self.kinds[item.kind].edit is not None]
+        for kind in kinds:
+            if kind.change is not None:
+                own = ([item for item in items if self.kinds[item.kind] is kind] for items in (gone, put))
+                session, made = kind.change(session, self.number, *own)
+                now += made
+        return session, now
+
+    def _resimulate(
+        self,
+        label: str,
+        kinds: Sequence[ItemKind],
+        gone: Items,
+        put: Items,
+        also: Callable[[Session], Session],
+    ) -> None:
+        """Make the edits of what drove the take, one kind after the other, and resimulate it once."""
+
+        def work(clip: Any, inputs: InputRecording, model: Any, progress: Callable[[float], None]) -> Any:
+            first = len(inputs)
+            for kind in kinds:
+                own = ([item for item in items if self.kinds[item.kind] is kind] for items in (gone, put))
+                edit = kind.edit(inputs, *own) if kind.edit is not None else Edit(inputs, first)
+                inputs, first = edit.inputs, min(first, edit.first)
+            return resimulated_take(clip, inputs, model, first, progress)
+
+        self.editing.run(label, work, also=also)
+
+    def named(self, items: Items) -> str:
+        """Items in words: one by its kind, several by their number."""
+        kinds = {self.kinds[item.kind].name for item in items}
+        name = kinds.pop() if len(kinds) == 1 else "item"
+        article = "an" if name[0] in "aeiou" else "a"
+        return f"{article} {name}" if len(items) == 1 else f"{len(items)} {name}s"
+
+    # --- keys and menu
+
+    def use_keys(self) -> None:
+        """Act on the keys of this frame."""
+        chords = (
+            (imgui.Key.mod_ctrl | imgui.Key.a, self.pick_all), (imgui.Key.mod_ctrl | imgui.Key.c, self.copy),
+            (imgui.Key.mod_ctrl | imgui.Key.x, self.cut), (imgui.Key.mod_ctrl | imgui.Key.v, self.paste),
+            (imgui.Key.mod_ctrl | imgui.Key.d, self.duplicate), (imgui.Key.delete, self.delete),
+        )  # fmt: skip
+        for chord, act in chords:
+            if imgui.is_key_chord_pressed(chord) and (self.keys or act in (self.pick_all, self.paste)):
+                act()
+        back, on = (
+            (imgui.Key.up_arrow, imgui.Key.down_arrow)
+            if self.listed
+            else (imgui.Key.left_arrow, imgui.Key.right_arrow)
+        )
+        by = NUDGE_FRAMES[imgui.get_io().key_shift and not self.listed]
+        for key, frames in ((back, -by), (on, by)):
+            if self.keys and imgui.is_key_pressed(key):
+                self.nudge(frames)
+
+    def menu(self) -> None:
+        """The entries of a right click."""
+        some, ways = bool(self.keys), ("up", "down") if self.listed else ("back", "on")
+        for text, keys, act, enabled in (
+            ("Cut", "Ctrl+X", self.cut, some), ("Copy", "Ctrl+C", self.copy, some),
+            ("Paste", "Ctrl+V", self.paste, bool(self.copied)), ("Duplicate", "Ctrl+D", self.duplicate, some),
+            ("Delete", "Del", self.delete, some), (f"Move {ways[0]}", "Arrow keys", lambda: self.nudge(-1), some),
+            (f"Move {ways[1]}", "Arrow keys", lambda: self.nudge(1), some), ("Select all", "Ctrl+A", self.pick_all, True),
+        ):  # fmt: skip
+            if widgets.item(text, keys, enabled=enabled):
+                act()

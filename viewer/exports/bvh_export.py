@@ -1,0 +1,154 @@
+"""The export of takes as BVH by one button, and which files of this run hold which take."""
+
+from __future__ import annotations
+
+import os
+import re
+import unicodedata
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from runtime.errors import SportError, UsageError
+from runtime.safe_read import printable
+from runtime.session.session import Session, Take
+from runtime.session.session_file import SessionFile
+from viewer.jobs import Slot
+from viewer.session.takes import Takes
+
+MAX_STEM_BYTES = 120  # of a file name, which systems limit to 255 with its ending
+EXPORT_ALL = Slot("export", "all takes")
+
+
+@dataclass
+class BvhExport:
+    takes: Takes
+    path: str = ""  # the field
+    # files of this run, by whose number and what they hold; None: the take otherwise than it is
+    _files: dict[Path, tuple[int, object]] = field(default_factory=dict)
+    _proposed: str | None = None  # what was put into the field, until something else is typed
+    _target: Path | None = None  # the file that it means: a name may hold what no field can show
+    _session: SessionFile | None = None  # whose takes the numbers are of
+
+    def __post_init__(self) -> None:
+        self._session = self.takes.editor.file
+        self.takes.editor.followers.append(self.follow)
+
+    def follow(self, before: Session, now: Session) -> None:
+        """Propose a name for the take that is selected; another session gives the numbers to other takes."""
+        if self.takes.editor.file is not self._session:
+            self._session = self.takes.editor.file
+            self._files.clear()
+        if now.selected != before.selected or now.current != before.current:
+            self._propose()
+
+    def saved(self, take: Take) -> Path | None:
+        """The BVH of this run that holds what the take keeps; None where there is none any more."""
+        content = _content(take)
+        found = (path for path, (_, held) in reversed(self._files.items()) if held == content)
+        return next((path for path in found if path.is_file()), None)
+
+    def exported(self, take: Take) -> Path | None:
+        """The file of this run that was written last of the take, whatever it holds."""
+        return next((path for path, (by, _) in reversed(self._files.items()) if by == take.number), None)
+
+    def _propose(self) -> None:
+        """Fill the field with a name that is free, in the folder of the last export."""
+        take = self.takes.session.current
+        if take is None:
+            self.path, self._proposed, self._target = "", None, None
+            return
+        folder = Path(self.takes.settings.export_folder)
+        proposal = folder / free_path(folder.expanduser() / f"{file_stem(take.title)}.bvh").name
+        self._target = proposal.expanduser()
+        self.path = self._proposed = printable(proposal)
+
+    def export(self) -> None:
+        """Write what the current take keeps to the path in the field. Only a path that was typed may be one that exists."""
+        takes, take = self.takes, self.takes.session.current
+        if take is None:
+            return
+        new = self.path == self._proposed and self._target is not None
+        try:
+            if new:
+                self._propose()  # another program may have taken the name since
+            else:
+                self._proposed = None  # typed: whatever is typed from now on is meant
+            path = self._target if new and self._target is not None else export_target(self.path)
+        except SportError as error:
+            takes.messages.error(error)
+            return
+        from runtime.formats.bvh_clip import save_bvh
+
+        fps, unit = takes.settings.export_fps, takes.settings.export_unit
+        takes.jobs.submit(
+            Slot("export", take.number),
+            lambda: save_bvh(take.exported, path, fps, unit, new=new),
+            lambda done: self._exported(take, done),
+            writing=f"the export of {take.title}",
+        )
+
+    def _exported(self, take: Take, path: Path) -> None:
+        self.note_file(path, take.number, take)
+        # "~/clips" stays as it was written
+        if path.parent != Path(self.takes.settings.export_folder).expanduser():
+            self.takes.settings.export_folder = str(path.parent)
+        self.takes.messages.note(f"Saved {path}", path)
+        if self._proposed is not None:
+            self._propose()
+
+    def note_file(self, path: Path, number: int, held: Take | None) -> None:
+        """A file was written of a take, and holds it as `held`; None for another form."""
+        self._files.pop(path, None)
+        self._files[path] = number, None if held is None else _content(held)
+
+    def export_all(self) -> None:
+        """Write what every take that was found keeps as BVH under its own name; no file is replaced."""
+        takes, found = self.takes, self.takes.found
+        folder = Path(takes.settings.export_folder).expanduser()
+        fps, unit = takes.settings.export_fps, takes.settings.export_unit
+
+        def work() -> list[Path]:
+            from runtime.formats.bvh_clip import save_bvh
+
+            return [
+                save_bvh(take.exported, folder / f"{file_stem(take.title)}.bvh", fps, unit, new=True)
+                for take in found
+            ]
+
+        def done(paths: list[Path]) -> None:
+            for take, path in zip(found, paths, strict=True):
+                self.note_file(path, take.number, take)
+            takes.messages.note(f"Saved {len(paths)} takes in {folder}", folder)
+
+        takes.jobs.submit(EXPORT_ALL, work, done, writing="the export of all takes")
+
+
+def _content(take: Take) -> tuple[object, ...]:
+    """What a file of a take holds: equal for takes whose files would be."""
+    return take.motion, take.mirrored, take.poses, take.range
+
+
+def export_target(text: str, suffix: str = ".bvh") -> Path:
+    """The path that was typed, with an ending; UsageError when it names no file."""
+    text = text.strip().strip('"')
+    if not text or "\0" in text:
+        raise UsageError("Export: the path is empty.", f"Write a path such as ~/sport-clips/walk{suffix}.")
+    path = Path(text).expanduser()
+    if path.is_dir():
+        raise UsageError(f"Export: {path} is a folder.", f"Add a file name, for example walk{suffix}.")
+    return path if path.suffix.lower() == suffix else path.with_name(path.name + suffix)
+
+
+def file_stem(name: str) -> str:
+    """A file name for a take's name, in any script: lower case, words joined by dashes."""
+    stem = re.sub(r"[\W_]+", "-", unicodedata.normalize("NFC", name).lower()).strip("-")
+    return stem.encode()[:MAX_STEM_BYTES].decode(errors="ignore").strip("-") or "clip"
+
+
+def free_path(path: Path) -> Path:
+    """`path`, or the first of path-2, path-3, … that does not exist."""
+    candidate, number = path, 2
+    while os.path.lexists(candidate):  # unlike Path.exists, no error where the folder cannot be read
+        candidate = path.with_stem(f"{path.stem}-{number}")
+        number += 1
+    return candidate

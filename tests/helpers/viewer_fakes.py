@@ -62,6 +62,12 @@ class FakeController:
         hips = standing.hips_position * (np.nan if self.answer_nan else 1.0)
         return make_pose(hips, local, np.ones(4), ground, self.yaw)
 
+    def settle(self, gait: Gait = Gait.WALK, seconds: float = 0.0) -> Pose:
+        return self.step(Controls(facing=(math.sin(self.yaw), math.cos(self.yaw))))
+
+    def full_speed(self, gait: Gait) -> float:
+        return SPEEDS[gait]
+
     @property
     def trajectory(self) -> Any:
         ahead = np.linspace(-1.0, 1.0, 12)

@@ -10,6 +10,8 @@ from runtime.session.motion import Motion
 from runtime.session.session import LIVE, Session, Take
 from runtime.takes.clip import Clip
 from runtime.takes.joined import joined, repeated, without
+from runtime.takes.loop import make_loop
+from runtime.takes.root import root_track
 from runtime.terrain.height_map import Terrain
 from viewer.gl_bindings import imgui
 from viewer.gui import widgets
@@ -22,6 +24,7 @@ MAX_FRAMES = 216_000  # of what is made: an hour
 CUT_HINT = "A new take without the frames between the trim handles, blended over the gap"
 SPLIT_HINT = "Two takes; the handles of each can be dragged back"
 REPEAT_HINT = "A new take that repeats what the handles keep"
+LOOP_HINT = "A new take of the best cycle, as an export with “Loop” writes it"
 JOIN_HINT = "A new take: this one, then another one"
 
 
@@ -64,6 +67,17 @@ class Cutting:
                 take, name, lambda: repeated(take.exported, times, _ground(take)), take.range[0], times
             )
 
+    def loop(self) -> None:
+        """A new take: the best cycle of what the trim keeps, as an export with "Loop" writes it."""
+        take = self.takes.played
+        if take is not None:
+
+            def work() -> Clip:
+                clip = take.exported
+                return make_loop(clip, root_track(clip))[0]
+
+            self._make(take, f"{take.title}, loop", work, take.range[0])
+
     def join(self, number: int) -> None:
         """A new take: the one that plays, then another one."""
         take, other = self.takes.played, self.takes.session.take(number)
@@ -104,6 +118,8 @@ class Cutting:
             self.split()
         if widgets.item("Cut out what the handles keep", CUT_HINT):
             self.cut()
+        if widgets.item("Loop", LOOP_HINT):
+            self.loop()
         self._several(others)
 
     def _several(self, others: list[Take]) -> None:

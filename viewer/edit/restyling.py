@@ -24,7 +24,7 @@ def restyle(editing: Resimulation, prompt: str) -> None:
     if playback is None or controller is None or editing.busy or not prompt.strip():
         return
     take, ground, terrain = playback.take, takes.scene.ground, takes.scene.terrain
-    clip = playback.clip.trim(playback.first, playback.last)
+    clip, number = playback.clip.trim(playback.first, playback.last), takes.session.counter + 1
 
     def work(progress: Callable[[float], None]) -> tuple[Motion, PathError]:
         walker = controller.twin()
@@ -37,13 +37,12 @@ def restyle(editing: Resimulation, prompt: str) -> None:
         led = session.take(take.number)
         if led is None or led.motion != take.motion:
             return session
-        made = edits.with_new_take(session, Take(motion=found[0], ground=ground))
+        made = edits.with_new_take(session, Take(motion=found[0], ground=ground), number)
         return replace(made, reference=Reference(take=take.number))
 
     def done(found: tuple[Motion, PathError]) -> None:
-        error, new = found[1], takes.session.takes[-1:]
-        if new and new[0].motion == found[0]:
-            takes.play(new[0].number)
+        error = found[1]
+        takes.play(number)
         if error.time_s > LATE_S:
             text = f"{take.title} goes faster than these words can: the new take is {error.time_s:.1f} s off its time."
             takes.messages.warn(text)
@@ -52,4 +51,4 @@ def restyle(editing: Resimulation, prompt: str) -> None:
                 f"{take.title} restyled: {100.0 * error.path_m:.0f} cm off its path, {error.time_s:.2f} s off its time."
             )
 
-    editing.submit(f"restyling of {take.title}", take, work, change, done)
+    editing.submit(f"restyling of {take.title}", take, work, change, done, edits.with_number)

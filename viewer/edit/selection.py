@@ -171,6 +171,9 @@ class Selection:
         `held`: while the mouse moves them; what would be resimulated is shown as a preview until the mouse lets go.
         """
         editor, number, editing = self.editing.takes.editor, self.number, self.editing
+        if list(gone) == list(put) and not held:
+            self.preview = None
+            return
         kinds = [self.kinds[name] for name in self.kinds if any(item.kind == name for item in (*gone, *put))]
         driven, fixed = [kind for kind in kinds if kind.edit is not None], editing.fixed
         if (driven and fixed) or (editing.busy and not all(kind.listed for kind in kinds)):

@@ -249,6 +249,7 @@ class Transport:
                 Action.FIT_TIMELINE: self._fit,
                 Action.FRAME_BACK: lambda: self._step(-1),
                 Action.FRAME_ON: lambda: self._step(1),
+                Action.KEY_POSE: self._key,
             },
         )
 
@@ -257,6 +258,11 @@ class Transport:
         self._follow_pin()
         if not imgui.get_io().want_text_input and self.in_view():
             self.selection.use_keys()
+
+    def _key(self) -> None:
+        """Key the picked joint while the take is posed, else the camera."""
+        if self.editing.playback is not None:
+            (self.posing.set_key if self.posing.shown else self.cameras.add)()
 
     def _step(self, frames: int) -> None:
         """One frame on or back, unless the arrow key moves what is selected."""
@@ -380,8 +386,8 @@ class Transport:
             editing.part_tracks = not editing.part_tracks
 
         return [
-            Tool("[ In", "Keep the clip from this frame", 5, act=lambda: trim(first=playback.frame)),
-            Tool("Out ]", "Keep the clip up to this frame", 5, act=lambda: trim(last=playback.frame)),
+            Tool("[ In", "Keep the clip from this frame (I)", 5, act=lambda: trim(first=playback.frame)),
+            Tool("Out ]", "Keep the clip up to this frame (O)", 5, act=lambda: trim(last=playback.frame)),
             Tool("+ Prompt", "Another prompt from this frame on", 0, fixed, menu=self._new_prompt),
             Tool("+ Gait", gait_hint, 2, fixed, menu=self._new_gait),
             Tool("+ Pin", NEW_PIN_HINT, 0, pinned, menu=self._new_pin),

@@ -84,6 +84,12 @@ class Action(Enum):
     FIRST_FRAME = "", "", "home"
     LAST_FRAME = "", "", "end"
     FIT_TIMELINE = "", "", "z"
+    TRIM_IN = "", "", "i"
+    TRIM_OUT = "", "", "o"
+    PLAY_BACKWARDS = "", "", "j"
+    STOP_PLAYING = "", "", "k"
+    PLAY_FORWARDS = "", "", "l"
+    KEY_POSE = "", "", "s"
     RESET = "home", "left_thumb"
     CAMERA = "o", "right_thumb"
     FRAME = "0"
@@ -186,7 +192,11 @@ HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
         ("Play or pause the clip", "P, or Space while it plays", ""),
         ("One frame back, one on", "Left, Right, or comma, full stop", ""),
         ("First frame, last frame", "Home, End", ""),
+        ("Back, stop, on (again: faster)", "J, K, L", ""),
+        ("In, out, key", "I, O, S", ""),
         ("Timeline: zoom, scroll, fit", "Wheel, Shift+wheel, Z", ""),
+        ("Delete, copy, cut, paste, duplicate", "Del, Ctrl+C, X, V, D", ""),
+        ("Move, select all, let go", "Left / Right, Ctrl+A, Esc", ""),
         ("Screenshot", "F12", ""),
     )),
     ("Show", (

@@ -311,10 +311,29 @@ def _take_menu(panel: TakesPanel, take: Take) -> None:
         takes.mirror(number)
     _compare(takes, references, take)
     _animations(takes, references, take)
+    _versions(takes, take)
     _choice("Color", COLORS, take.color, partial(takes.set_color, number))
     if (TAKES, number, 0) not in selection.keys:
         selection.pick(item for item in selection.all([TAKES]) if item.lane == number)
     selection.menu()
+
+
+def _versions(takes: Takes, take: Take) -> None:
+    """The motions that a take has had, to go back to or to compare with."""
+    versions = takes.versions(take.number)
+    if len(versions) < 2 or not imgui.begin_menu("Versions"):
+        return
+    for number, (label, version) in enumerate(versions, 1):
+        current = version.motion == take.motion
+        if imgui.begin_menu(
+            f"{number}. {widgets.elided(label, px(240))}{' (now)' if current else ''}##version {number}"
+        ):
+            if widgets.item("Go back to it", enabled=not current):
+                takes.go_back_to(version)
+            if widgets.item("Compare with it", enabled=not current):
+                takes.compare_with(version)
+            imgui.end_menu()
+    imgui.end_menu()
 
 
 def _choice(name: str, choices: Sequence[str], chosen: int, choose: Callable[[int], None]) -> None:

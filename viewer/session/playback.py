@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,6 +14,8 @@ from runtime.takes.input_recording import InputRecording
 from runtime.takes.pinned import pinned
 from runtime.takes.pose_layer import layered
 from runtime.terrain.height_map import Terrain
+
+MAX_RATE = 8
 
 
 @dataclass
@@ -30,6 +31,7 @@ class Playback:
     playing: bool = True
     loop: bool = True
     speed: float = 1.0
+    rate: int = 1  # times that speed, negative backwards: of J and L
     shown: Take = field(init=False)  # whose frames `clip` has
     first: int = field(init=False)  # that the trim keeps, as `last`
     last: int = field(init=False)
@@ -70,21 +72,30 @@ class Playback:
         return self.last / self.clip.fps
 
     def advance(self, seconds: float) -> None:
-        """Let time pass; at the end begin again, or stop."""
+        """Let time pass; at the end, or backwards at the start, begin again, or stop."""
         if not self.playing:
             return
-        self.time_s += seconds * self.speed
-        if self.time_s < self.start_s:
-            self.time_s = self.start_s
-        if self.time_s <= self.end_s:
+        outside = self.time_s < self.start_s  # a frame was sought before what the trim keeps
+        self.time_s += seconds * self.speed * self.rate
+        length, over = self.end_s - self.start_s, self.time_s - self.start_s
+        if 0.0 <= over <= length:
             return
-        if self.loop and self.end_s > self.start_s:
-            self.time_s = self.start_s + math.fmod(self.time_s - self.start_s, self.end_s - self.start_s)
+        if over < 0.0 and (self.rate > 0 or outside):
+            self.time_s = self.start_s
+        elif self.loop and length > 0.0:
+            self.time_s = self.start_s + over % length
         else:
-            self.time_s, self.playing = self.end_s, False
+            self.time_s, self.playing = (self.end_s if over > 0.0 else self.start_s), False
+
+    def shuttle(self, direction: int) -> None:
+        """Play on (1) or backwards (-1), faster each time; 0 stops."""
+        again = self.playing and self.rate * direction > 0
+        self.rate = min(abs(self.rate) * 2, MAX_RATE) * direction if again else direction or 1
+        self.playing = direction != 0
 
     def toggle(self) -> None:
         """Play or pause; playing at the end begins again."""
+        self.rate = 1
         if not self.playing and self.time_s >= self.end_s - 1e-6:
             self.time_s = self.start_s
         self.playing = not self.playing

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
@@ -76,6 +77,11 @@ class Takes:
             Action.FRAME_ON: partial(self._played, lambda playback: playback.step(1)),
             Action.FIRST_FRAME: partial(self._played, lambda playback: playback.seek(playback.first)),
             Action.LAST_FRAME: partial(self._played, lambda playback: playback.seek(playback.last)),
+            Action.PLAY_BACKWARDS: partial(self._played, lambda playback: playback.shuttle(-1)),
+            Action.STOP_PLAYING: partial(self._played, lambda playback: playback.shuttle(0)),
+            Action.PLAY_FORWARDS: partial(self._played, lambda playback: playback.shuttle(1)),
+            Action.TRIM_IN: partial(self._played, lambda playback: self.trim(first=playback.frame)),
+            Action.TRIM_OUT: partial(self._played, lambda playback: self.trim(last=playback.frame)),
         }
 
     @property
@@ -190,7 +196,7 @@ class Takes:
         if not self.recorder.recording:
             self.close_playback()
             self.recorder.start()
-            name = f"Take {self.session.counter + 1}"
+            name = self._new_name("Take")
             self._written, self._known = self.recorder.next_frame, None
             header = MotionHeader(
                 name, self.recorder.fps, 0, self.scene.terrain_spec, origin=self._origin,
@@ -213,13 +219,18 @@ class Takes:
         seconds = self.settings.keep_seconds
         self._keep("Last seconds", lambda *about: self.recorder.last(seconds, *about), None)
 
+    def _new_name(self, kind: str) -> str:
+        """ "Take 3" after two recordings: files that were opened do not count."""
+        named = [re.fullmatch(rf"{kind} (\d{{1,6}})", take.made.header.name) for take in self.session.takes]
+        return f"{kind} {max((int(match[1]) for match in named if match), default=0) + 1}"
+
     @property
     def _origin(self) -> Origin:
         return origin_of(self.scene.controller, self.scene.terrain_spec)
 
     def _keep(self, kind: str, cut: Callable[[str, str, Origin], Clip], recording: Recording | None) -> None:
         """Close a piece of the live take: what `cut(name, terrain, origin)` makes of the memory comes into the list."""
-        name = f"{kind} {self.session.counter + 1}"
+        name = self._new_name(kind)
         try:
             clip = cut(name, self.scene.terrain_spec, self._origin)
         except SportError as error:
@@ -310,6 +321,37 @@ class Takes:
         if self.searchable and order:
             found.sort(key=_ORDERS[order])
         return found
+
+    def versions(self, number: int) -> list[tuple[str, Take]]:
+        """What a take was in the history: the take with each of its motions, and the edit that made it, oldest first."""
+        found: list[tuple[str, Take]] = []
+        for step in self.editor.history.steps:
+            take = step.session.take(number)
+            if take is not None and (not found or found[-1][1].motion != take.motion):
+                found.append((step.label, take))
+        return found
+
+    def go_back_to(self, version: Take) -> None:
+        """Give a take the motion of an earlier version again, and what was drawn for it."""
+        change = partial(edits.resimulated, number=version.number, motion=version.made)
+        self.editor.do(
+            f"version of {version.title}",
+            lambda session: change(session).with_take(version.number, path=version.path),
+        )
+
+    def compare_with(self, version: Take) -> None:
+        """Play a take next to an earlier version of it, which comes into the list."""
+        copy, number = (
+            replace(edits.copied(version), name=f"{version.title}, before"[: edits.MAX_NAME]),
+            version.number,
+        )
+
+        def change(session: Session) -> Session:
+            made = edits.with_new_take(session, copy)
+            return replace(made, reference=Reference(take=made.counter), selected=number)
+
+        self.editor.do(f"comparison of {version.title}", change)
+        self.play(number)
 
     def rate(self, number: int, stars: int) -> None:
         self.editor.do("rating of a take", lambda session: session.with_take(number, rating=stars))
@@ -421,6 +463,7 @@ class Takes:
 
     def play_or_pause(self, number: int = LIVE) -> None:
         """Play a take, the shown or the selected one for LIVE; pause it when it is the one that plays."""
+        self.end_recording()  # which selects what was recorded
         if self.playback is not None and number in (LIVE, self.playback.number):
             self.playback.toggle()
         else:

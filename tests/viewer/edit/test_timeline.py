@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from runtime.controls import Gait
+from runtime.controls import Controls, Gait
+from runtime.pose import Pose
 from runtime.session.frames import HIPS_STEP_M
 from runtime.session.session import Take
 from runtime.takes.clip import Clip
@@ -22,8 +24,10 @@ from tests.helpers.app_driver import (
     press,
     prompt,
     run,
+    run_until,
     type_prompt,
 )
+from tests.helpers.viewer_fakes import FakeController
 from viewer.app import App
 from viewer.gl_bindings import imgui
 from viewer.services import Services
@@ -277,3 +281,145 @@ def test_the_ruler_lies_over_the_tracks(start: Start, size: tuple[int, int]) -> 
     rows = {label: box for label, box in drawn(app) if label in ("##timeline", "##prompts", "##gaits")}
     assert len(rows) == 3
     assert len({(left, right) for left, _, right, _ in rows.values()}) == 1
+
+
+class Gate:
+    """Lets a worker that resimulates go on when it is opened."""
+
+    def __init__(self, app: App, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.app, self.open = app, threading.Event()
+        step = FakeController.step
+
+        def gated(controller: FakeController, controls: Controls) -> Pose:
+            if threading.current_thread() is not threading.main_thread():
+                self.open.wait(20)
+            return step(controller, controls)
+
+        monkeypatch.setattr(FakeController, "step", gated)
+        app.jobs.blocking = False
+
+    def finish(self) -> None:
+        self.open.set()
+        run_until(self.app, lambda: not self.app.jobs._jobs)
+
+
+@pytest.mark.parametrize("then", ["undo", "other take", "delete", "finish", "cancel"])
+def test_what_is_done_while_a_prompt_is_moved(
+    start: Start, monkeypatch: pytest.MonkeyPatch, then: str
+) -> None:
+    app = start()
+    record(app)
+    app.takes.toggle_recording()
+    run(app, 30)
+    app.takes.toggle_recording()
+    app.takes.play(1)
+    seek(app, 0)
+    before = app.editor.session
+    gate = Gate(app, monkeypatch)
+    drag(app, "##prompts", 0.505, 0.25)
+    assert app.editing.busy
+    assert app.editor.undo_label.startswith("move of a prompt")
+    if then == "undo":
+        press(app, "ctrl", "z")
+        assert "before it was done" in message(app)
+    elif then == "other take":
+        app.takes.play(2)
+        run(app, 5)
+        drag(app, "##prompts", 0.2, 0.6)
+    elif then == "delete":
+        app.takes.remove(1)
+    elif then == "cancel":
+        monkeypatch.setattr("viewer.jobs.PATIENCE_S", -1.0)
+        run(app, 2)
+        click_on(app, "##doing")
+    gate.finish()
+    run(app, 3)
+    made = app.editor.session.take(1)
+    if then in ("undo", "cancel"):
+        assert app.editor.session == before
+        assert not app.editing.busy
+    elif then == "delete":
+        assert made is None
+        press(app, "ctrl", "z")
+        assert prompts(app)[1][1] < 25
+    else:
+        assert made is not None
+        assert prompts(app)[1][1] < 25
+        assert app.editor.session.takes[1] == before.takes[1]
+
+
+def test_undo_while_a_gait_is_made_takes_that_back_and_not_the_split(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = start()
+    record(app)
+    seek(app, 40)
+    app.cutting.split()
+    run(app, 2)
+    split = app.editor.session
+    gate = Gate(app, monkeypatch)
+    seek(app, 20)
+    app.editing.insert_gait(Gait.JOG)
+    press(app, "ctrl", "z")
+    gate.finish()
+    assert app.editor.session == split
+    press(app, "ctrl", "z")
+    assert len(app.editor.session.takes) == 1
+    press(app, "ctrl", "y")
+    assert app.editor.session == split
+
+
+def test_the_keys_of_editors_trim_key_and_shuttle(start: Start) -> None:
+    app = start()
+    record(app)
+    playback = app.takes.playback
+    assert playback is not None
+    for key, at in (("i", 10), ("o", 60)):
+        seek(app, at)
+        press(app, key)
+    assert take(app).range == (10, 60)
+    seek(app, 30)
+    press(app, "s")
+    assert [round(key.seconds * 60) for key in take(app).cameras] == [30]
+    press(app, "l")
+    assert (playback.playing, playback.rate) == (True, 1)
+    press(app, "l")
+    assert playback.rate == 2
+    press(app, "j")
+    assert playback.rate == -1
+    at = playback.time_s
+    run(app, 2)
+    assert playback.time_s < at
+    press(app, "k")
+    assert not playback.playing
+
+
+def test_p_while_recording_ends_the_take_and_plays_it(start: Start) -> None:
+    app = start()
+    record(app)
+    app.takes.close_playback()
+    app.takes.toggle_recording()
+    run(app, 10)
+    press(app, "p")
+    run(app, 2)
+    assert not app.takes.recording
+    assert app.takes.playback is not None
+    assert app.takes.playback.number == 2
+
+
+def test_versions_of_a_take_are_gone_back_to_and_compared_with(start: Start) -> None:
+    app = start()
+    before = record(app)
+    app.editing.reword(1, "a goose")
+    run(app, 3)
+    (_, first), (label, second) = app.takes.versions(1)
+    assert first.motion == before.motion
+    assert label.startswith("words of")
+    assert second.motion == take(app).motion
+    app.takes.go_back_to(first)
+    run(app, 3)
+    assert prompts(app) == [("a proud king", 0), ("an old king", 40)]
+    app.takes.compare_with(second)
+    run(app, 3)
+    assert app.references.reference.take == 2
+    assert [event.prompt for event in app.editor.session.takes[1].clip.prompts] == ["a proud king", "a goose"]

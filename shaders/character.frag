@@ -18,8 +18,9 @@ vec3 compress(vec3 light) {
 }
 
 void main() {
-    vec3 n = normalize(normal);
     vec3 to_eye = normalize(camera_position.xyz - position);
+    vec3 n = normalize(normal);
+    n *= dot(n, to_eye) < -0.2 ? -1.0 : 1.0;  // of open clothes the inside shows
     float facing = max(dot(n, to_eye), 0.0);
     float key = clamp((dot(n, sun_direction.xyz) + 0.35) / 1.35, 0.0, 1.0);
     key *= key;

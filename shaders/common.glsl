@@ -13,15 +13,19 @@ layout(std140, row_major) uniform Frame {
     vec4 fog;             // focus x, focus z, radius where it begins, radius where all is fog
 };
 
-const vec3 HORIZON = vec3(0.430, 0.490, 0.550);
-const vec3 ZENITH = vec3(0.150, 0.240, 0.370);
-const vec3 SUN_LIGHT = vec3(1.00, 0.955, 0.88);
+const vec3 HORIZON = vec3(0.560, 0.640, 0.700);
+const vec3 ZENITH = vec3(0.095, 0.215, 0.440);
+const vec3 GLOW = vec3(0.300, 0.200, 0.090);  // of the air around the sun
+const vec3 SUN_LIGHT = vec3(1.06, 0.975, 0.85);
 const vec3 SKY_LIGHT = vec3(0.66, 0.73, 0.82);
 const vec3 GROUND_LIGHT = vec3(0.36, 0.34, 0.32);
 
 vec3 sky_color(vec3 direction) {
     float up = clamp(direction.y, 0.0, 1.0);
-    return mix(HORIZON, ZENITH, 1.0 - exp(-2.6 * up));
+    float near = max(dot(direction, sun_direction.xyz), 0.0);
+    float glow = near * near * near;
+    vec3 air = mix(HORIZON, ZENITH, 1.0 - exp(-3.4 * up)) + glow * glow * GLOW;
+    return mix(air, vec3(1.6, 1.5, 1.3), smoothstep(0.9990, 0.9996, near));  // the sun, twice as wide as it is
 }
 
 // Light from above and from below, before the sun.

@@ -1,8 +1,8 @@
 // Anti-aliased grid lines of constant width in metres, never thinner than a pixel but paler instead
 // (after Ben Golus, "The Best Darn Grid Shader (Yet)").
 
-const float MINOR_WIDTH = 0.012;  // of the 1 m cell
-const float MAJOR_WIDTH = 0.007;  // of the 5 m cell
+const float MINOR_WIDTH = 0.008;  // of the 1 m cell
+const float MAJOR_WIDTH = 0.0035;  // of the 5 m cell
 
 float grid_lines(vec2 uv, vec2 pixel, float width) {
     vec2 drawn = clamp(vec2(width), pixel, vec2(0.5));
@@ -15,10 +15,14 @@ float grid_lines(vec2 uv, vec2 pixel, float width) {
     return lines.x + lines.y - lines.x * lines.y;
 }
 
-// Strength of the 1 m lines and of the 5 m lines.
-vec2 metre_grid(vec2 xz) {
+// How much of a place a pixel covers, along both axes.
+vec2 pixel_size(vec2 xz) {
     vec2 dx = dFdx(xz);
     vec2 dy = dFdy(xz);
-    vec2 pixel = sqrt(dx * dx + dy * dy);
+    return sqrt(dx * dx + dy * dy);
+}
+
+// Strength of the 1 m lines and of the 5 m lines.
+vec2 metre_grid(vec2 xz, vec2 pixel) {
     return vec2(grid_lines(xz, pixel, MINOR_WIDTH), grid_lines(xz * 0.2, pixel * 0.2, MAJOR_WIDTH));
 }

@@ -104,6 +104,7 @@ class App(Workspace):
         self._until = 0.0
         self.interrupted = False  # from outside: by a signal or Ctrl+C
         self.memory = MemoryWatch()
+        self._intent = Intent()
         self._was_moving = False
         self._interval_s = 0.0  # since the frame before, by the clock
         self._steps = 0  # of the simulation in this frame
@@ -163,27 +164,36 @@ class App(Workspace):
         window.begin_frame(dt if self.options.offscreen else None)
         if self.keys.typing or not self.shell.focus.in_view:
             window.take_input(self.shell.draw_at)
-        self.keys.begin_frame()
-        intent = self._read_devices(dt)
-        self._act(intent)
-        self._poll(dt, intent)
-        with guarded("moving the character", self.close_tools):
-            self._simulate(dt, intent)
+        if not window.draws_aside:
+            self._control(dt)
         pose, *others = self.compare.shown(not self.options.offscreen) or [self.shown_pose()]
         self.shell.arrange(window.ui_scale)
-        self._move_camera(pose, intent, dt)
+        self._move_camera(pose, self._intent, dt)
 
         self.shell.draw()
         self._finish_drag()
-        imgui.render()
         overlays = Overlays()
         with guarded("drawing what lies over the view", self.close_tools):
             live = None if self.takes.playback is not None or others else self.scene.controller
             overlays = self.overlays(live, others)
         self.scene.renderer.render(window.framebuffer, self.scene.camera.current, pose, overlays)
+        if window.draws_aside:  # the next step is made while this picture is drawn
+            window.begin_drawing()
+            window.poll()
+            self._control(dt)
+        imgui.render()
         window.draw_interface()
         self.screenshots.capture(window, self.frames_shown)
         self._finish_frame()
+
+    def _control(self, dt: float) -> None:
+        """Do what keys, sticks and workers ask for, and let time pass for the character."""
+        self.keys.begin_frame()
+        self._intent = intent = self._read_devices(dt)
+        self._act(intent)
+        self._poll(dt, intent)
+        with self.defects.guarded("moving the character", self.close_tools):
+            self._simulate(dt, intent)
 
     def _act(self, intent: Intent) -> None:
         """What keys and buttons do that were pressed."""

@@ -52,6 +52,7 @@ class Settings:
     max_fps: float = specified(120.0, 10.0, 1000.0)
     quality: str = specified("", choices=QUALITIES, label="Quality")
     terrain: str = "hills"
+    character: str = "walker"  # name of a shipped one, or a file
     height_map_cell_m: float = specified(
         0.1, 0.01, 10.0, label="Pixel %.2f m", speed=0.005,
         hint="Distance between neighbouring pixels. Drag, or double-click to type.",

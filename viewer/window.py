@@ -22,6 +22,8 @@ _LOG = logging.getLogger("sport.viewer")
 _OFFSCREEN_HINT = "Without a display, `sport view --offscreen --screenshot out.png` renders into a file."
 
 TITLE = "SPORT viewer"
+# Mesa draws on a thread of its own while the program goes on, and does not say so
+DRIVER_OPTIONS = {"mesa_glthread": "true", "MESA_DEBUG": "silent"}
 MAX_PASSES = 60  # of the panels in one frame
 PASS_SECONDS = 1e-4
 SHORTEST_S = 1e-6  # of a picture
@@ -86,10 +88,20 @@ class Window:
         self._texture: Any = None
         self._depth: Any = None
         self.framebuffer: Any = None
+        if not offscreen:
+            for name, value in DRIVER_OPTIONS.items():
+                os.environ.setdefault(name, value)
         self.handle: Any = _open(*size, offscreen)
         try:
             glfw.make_context_current(self.handle)
+            # known from events: to ask for them waits for the display, several times a picture
+            self._size: tuple[int, int] = glfw.get_window_size(self.handle)
+            self._pixels: tuple[int, int] = glfw.get_framebuffer_size(self.handle)
+            self._content_scale: float = glfw.get_window_content_scale(self.handle)[0]
+            self._iconified = False
             self.ctx = _context()
+            flush: Any = glfw.get_proc_address("glFlush")
+            self._flush = ctypes.CFUNCTYPE(None)(flush)
             # a processor would copy every pixel once more
             self._direct = is_software(self.ctx) and not (offscreen or kept)
             glfw.swap_interval(1 if vsync and not offscreen else 0)
@@ -104,18 +116,21 @@ class Window:
     @property
     def size(self) -> tuple[int, int]:
         """Width and height in screen units, as the mouse measures."""
-        width, height = glfw.get_window_size(self.handle)
-        return int(width), int(height)
+        return self._size
 
     @property
     def pixels(self) -> tuple[int, int]:
-        width, height = glfw.get_framebuffer_size(self.handle)
-        return int(width), int(height)
+        return self._pixels
 
     @property
     def minimised(self) -> bool:
         """Whether there is nothing to draw on."""
-        return 0 in self.pixels or bool(glfw.get_window_attrib(self.handle, glfw.ICONIFIED))
+        return 0 in self.pixels or self._iconified
+
+    @property
+    def draws_aside(self) -> bool:
+        """Whether other cores of the processor draw while the program goes on."""
+        return self._direct
 
     @property
     def close_requested(self) -> bool:
@@ -134,7 +149,7 @@ class Window:
 
     @property
     def _monitor_scale(self) -> float:
-        scale, width, pixels = glfw.get_window_content_scale(self.handle)[0], self.size[0], self.pixels[0]
+        scale, width, pixels = self._content_scale, self.size[0], self.pixels[0]
         return min(max(scale * width / pixels, 0.5), 4.0) if width > 0 and pixels > 0 else 1.0
 
     def use_scale(self, scale: float) -> None:
@@ -199,6 +214,10 @@ class Window:
             draw(self.ui_scale)
             imgui.end_frame()
             self.begin_frame(PASS_SECONDS)
+
+    def begin_drawing(self) -> None:
+        """Let what was asked for be drawn from now on, not at the next wait."""
+        self._flush()
 
     def draw_interface(self) -> None:
         """Draw the panels over what is in the framebuffer; `imgui.render()` must have run."""
@@ -291,6 +310,12 @@ class Window:
         glfw.set_cursor_pos_callback(self.handle, self._on_mouse_move)
         glfw.set_mouse_button_callback(self.handle, self._on_mouse_button)
         glfw.set_window_focus_callback(self.handle, lambda _, focused: self._events.focus(bool(focused)))
+        glfw.set_window_size_callback(self.handle, lambda _, *size: setattr(self, "_size", size))
+        glfw.set_framebuffer_size_callback(self.handle, lambda _, *size: setattr(self, "_pixels", size))
+        glfw.set_window_content_scale_callback(
+            self.handle, lambda _, across, __: setattr(self, "_content_scale", across)
+        )
+        glfw.set_window_iconify_callback(self.handle, lambda _, on: setattr(self, "_iconified", bool(on)))
         glfw.set_drop_callback(self.handle, self._on_drop)  # type: ignore[arg-type]  # its stub is wrong
 
     def _on_drop(self, _window: Any, paths: list[str]) -> None:

@@ -208,7 +208,8 @@ class Workspace:
         scene.begin(options.camera or settings.camera, options.live_link, options.vmc)
         remembered = None if options.offscreen else self.settings_window.chosen_model()
         with self.jobs.together():
-            scene.open_character(options.character, options.joint_map, step=False)
+            character = options.character or scene.remembered_character()
+            scene.open_character(character, options.joint_map, step=False)
             self.load_model(options.model or remembered, options.seed)
             scene.load_terrain(options.terrain or settings.terrain)
             self.prompt.suggester.load_library(scene.services.library_prompts)

@@ -183,6 +183,8 @@ def test_a_shape_of_the_mannequin_is_one_step_and_comes_back_as_sliders(start: S
     app = start(services={"load_character": services.load_character})
     run(app, 2)
     click_on(app, "Files, body, links")
+    click_on(app, "Mannequin")
+    run(app, 2)
     begin, end = (place(app, "##shape height", share=share) for share in (0.5, 0.2))
     steps = app.editor.history.present.number
     drag(app, begin, end)

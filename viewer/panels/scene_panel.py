@@ -98,7 +98,7 @@ def _terrain(scene: Scene, takes: Takes) -> None:
     imgui.set_next_item_width(imgui.get_content_region_avail().x - reset_width - px(4))
     shown = f"Loading {printable(scene.loading)}…" if scene.loading else _short(spec)
     if imgui.begin_combo("##terrain", shown, imgui.ComboFlags_.height_largest):
-        for name in scene.terrain_names:
+        for name in scene.grounds:
             if imgui.selectable(_short(name), name == spec)[0] and name != spec:
                 scene.load_terrain(name)
         imgui.end_combo()

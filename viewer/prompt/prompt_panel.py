@@ -107,14 +107,16 @@ class PromptPanel:
         blend = controller.prompt
         rows = NEAREST_ROWS if imgui.get_window_height() >= px(TALL) else 1
         # what is below stays where it is when an answer comes
-        line = imgui.get_text_line_height() + px(3)
+        top, line = imgui.get_cursor_pos_y(), imgui.get_text_line_height() + px(3)
+        height = line * (1 + max(rows, 2)) + px(4)
         near, flags = "", imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
-        if imgui.begin_child("answer", imgui.ImVec2(0, line * (1 + max(rows, 2))), window_flags=flags):
+        if imgui.begin_child("answer", imgui.ImVec2(0, height), window_flags=flags):
             if blend.b is not None:
                 _no_blend(controller, blend)
                 rows = min(rows // 2, 1)
             near = _answer(controller, blend, Side.A, rows, 2 if rows > 1 else 1)
         imgui.end_child()
+        imgui.set_cursor_pos_y(top + height)
         if near:
             controller.submit_prompt(near)
         if not imgui.begin_tab_bar("prompt tabs"):

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 from runtime.errors import FileError
 from runtime.pose import Pose
-from viewer.render.gl import JOINTS_BINDING, load_program, release, set_uniforms
+from viewer.render.gl import JOINTS_BINDING, load_program, release, set_uniforms, upload
 from viewer.render.quality import Quality
 
 MAX_JOINTS = 256  # the block in skinning.glsl
 SLOT_BYTES = MAX_JOINTS * 64
-SHADOW_CELL_M = 0.018  # of space, for which one vertex stands
 CROWD = 4  # solid characters, from which on each is small: their meshes and shadows have such cells
 CROWD_CELL_M, CROWD_SHADOW_CELL_M = 0.016, 0.035
+HEM_RINGS = 1  # of triangles around an open edge
 COLORS, SAME_M = 8, 1e-4  # steps from dark to bright, and metres, that count as the same color and place
 NEARER_M = 0.1  # so much nearer, a ghost may hide the character
 GHOST_TINT = (0.20, 0.45, 0.80, 0.75)  # linear colour, weight
@@ -62,7 +62,7 @@ class CharacterPass:
 
     def __init__(self, ctx: moderngl.Context, quality: Quality) -> None:
         self._ctx = ctx
-        self._self_shadow = quality.self_shadow
+        self._quality, self._self_shadow = quality, quality.self_shadow
         defines = {"SELF_SHADOW": int(quality.self_shadow), "SHADOW_TAPS": quality.shadow_taps}
         self._programs = {
             "surface": load_program(ctx, "character.vert", "character.frag", defines),
@@ -95,9 +95,13 @@ class CharacterPass:
             ],
             "depth": [(vertices, "3f4 24x 4f4", "in_position", "in_weights"), joint_indices],
         }
-        solid, full = (mesh.positions, mesh.triangles), self._self_shadow
-        self._add("surface", "surface", mesh.triangles)
-        self._add("depth", "depth", mesh.triangles if full else coarse_triangles(*solid, SHADOW_CELL_M))
+        hems, surface, shadow = near_hems(mesh.positions, mesh.triangles), mesh.triangles, mesh.triangles
+        if self._quality.cell_m:
+            surface = coarse_triangles(mesh.positions, surface, self._quality.cell_m, mesh.colors, hems)
+        if self._quality.shadow_cell_m:
+            shadow = coarse_triangles(mesh.positions, shadow, self._quality.shadow_cell_m)
+        self._add("surface", "surface", np.concatenate([surface, surface[hems[surface].any(1), ::-1]]))
+        self._add("depth", "depth", shadow)
 
     def _add(self, name: str, program: str, triangles: NDArray[np.integer]) -> None:
         """Return the vertex array that `_render` draws by a name."""
@@ -118,8 +122,7 @@ class CharacterPass:
             matrices = self._mesh.skin_matrices(draw.pose) if draw.matrices is None else draw.matrices
             matrices = matrices[:MAX_JOINTS]
             slot[: len(matrices)] = matrices
-        self._joints.orphan(slots.nbytes)
-        self._joints.write(slots.tobytes())
+        upload(self._joints, slots.tobytes())
 
     def _render(self, name: str, slot: int) -> None:
         self._joints.bind_to_uniform_block(JOINTS_BINDING, offset=slot * SLOT_BYTES, size=SLOT_BYTES)
@@ -215,10 +218,28 @@ def ghost_draws(ghosts: list[Pose], pose: Pose | None, eye: Array) -> list[Chara
     return [CharacterDraw(g, each if away(g) < limit else GHOST_OPACITY) for g in ghosts]
 
 
+def near_hems(positions: Array, triangles: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """Which vertices `(V,)` lie at an open edge or a few triangles from it: past a hem the inside of clothes shows."""
+    place = _groups(np.rint(positions / SAME_M))[1]
+    corners = place[triangles]
+    edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], -1).reshape(-1, 2), axis=1)
+    first, kind = _groups(edges)
+    single = edges[first][np.bincount(kind) == 1]
+    hem = np.zeros(place.max(initial=0) + 1, bool)
+    hem[single[single[:, 0] != single[:, 1]]] = True
+    for _ in range(HEM_RINGS):
+        hem[corners[hem[corners].any(1)]] = True
+    return np.asarray(hem[place])
+
+
 def coarse_triangles(
-    positions: Array, triangles: NDArray[np.integer], cell_m: float, colors: Array | None = None
+    positions: Array,
+    triangles: NDArray[np.integer],
+    cell_m: float,
+    colors: Array | None = None,
+    kept: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.integer]:
-    """Fewer triangles `(n, 3)` over the same vertices: one vertex stands for its cell of space.
+    """Fewer triangles `(n, 3)` over the same vertices: one vertex stands for its cell of space, those `kept` for themselves.
 
     With `colors` `(V, 3)` for those of its color there: where two colors meet, both keep to the same line.
     """
@@ -236,6 +257,8 @@ def coarse_triangles(
     first, cell = _groups(keys[order])
     stands = np.empty(len(positions), np.int64)
     stands[order] = order[first][cell]
+    if kept is not None:
+        stands[kept] = np.flatnonzero(kept)
     coarse = stands[triangles]
     return coarse[(coarse != np.roll(coarse, 1, axis=1)).all(1)]
 

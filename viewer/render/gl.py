@@ -14,6 +14,7 @@ from runtime.safe_read import read_bounded
 
 SHADER_ROOT = PROJECT_ROOT / "shaders"
 FRAME_BINDING, JOINTS_BINDING = 0, 1  # of the uniform blocks in common.glsl and skinning.glsl
+UPLOAD_BYTES = 4096  # at once; a command of Mesa's thread holds 8192
 MAX_BYTES = 1 << 20  # of a file
 REMEDY = "Install the program again; if you edited this shader, correct that line."
 
@@ -67,6 +68,13 @@ def scissored(framebuffer: moderngl.Framebuffer, box: tuple[int, int, int, int])
         yield
     finally:
         framebuffer.scissor = None  # type: ignore[assignment]  # the stub omits that None ends it
+
+
+def upload(buffer: moderngl.Buffer, data: bytes) -> None:
+    """Replace what a buffer holds, in parts: for larger ones Mesa's drawing thread would be waited for."""
+    buffer.orphan(len(data))
+    for at in range(0, len(data), UPLOAD_BYTES):
+        buffer.write(data[at : at + UPLOAD_BYTES], offset=at)
 
 
 def shown_size(framebuffer: moderngl.Framebuffer) -> tuple[int, int]:

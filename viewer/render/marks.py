@@ -10,7 +10,7 @@ from runtime.arrays import Array
 from runtime.pose import Pose
 from runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
-from viewer.render.gl import load_program, release
+from viewer.render.gl import load_program, release, upload
 from viewer.render.overlays import PathOverlay, PinOverlay, TrailOverlay, TrajectoryOverlay
 
 Strokes = NDArray[np.void]
@@ -25,8 +25,9 @@ FOOT_SHADE_WEIGHT = 0.60
 BODY_RADIUS_M = 0.60
 BODY_SHADE_WEIGHT = 0.16
 DOT_RADIUS_M = 0.038
-TICK_RADIUS_M = 0.013
-TICK_LENGTH_M = 0.20
+LINE_RADIUS_M, LINE_PIECES = 0.014, 4  # of the trajectory; pieces between two samples
+TICK_RADIUS_M = 0.009
+TICK_LENGTH_M = 0.055  # to each side
 CONTACT_RADIUS_M = 0.075
 PATH_RADIUS_M = 0.02
 PATH_STEP_M = 0.25
@@ -72,16 +73,32 @@ def make_strokes(
 
 
 def trajectory_strokes(trajectory: TrajectoryOverlay, terrain: Terrain) -> Strokes:
-    """A dot per sample with a tick where it faces, laid on the terrain: past grey, future blue."""
+    """One line through the samples, laid on the terrain, with a tick across it at each; grey behind, blue ahead with an arrow."""
     places = np.asarray(trajectory.positions, np.float32)[:, [0, 2]]
-    ends = places + TICK_LENGTH_M * np.asarray(trajectory.directions, np.float32)
-    past = np.asarray(trajectory.past, bool)[:, None]
-    color = np.where(past, (*PAST, 0.65), (*FUTURE, 0.95)).astype(np.float32)
-    dots, tips = _on_terrain(places, terrain), _on_terrain(ends, terrain)
-    strokes = np.concatenate(
-        [make_strokes(dots, tips, TICK_RADIUS_M, color), make_strokes(dots, dots, DOT_RADIUS_M, color)]
-    )
-    return _laid(strokes, "start", terrain, 0.15)
+    facing = np.asarray(trajectory.directions, np.float32)
+    past = np.asarray(trajectory.past, bool)
+    even = np.linspace(0.0, len(places) - 1.0, LINE_PIECES * (len(places) - 1) + 1)
+    fine = np.stack([_smooth(places[:, k], even) for k in (0, 1)], -1)
+    colors = np.where(past[:, None], (*PAST, 0.75), (*FUTURE, 0.95)).astype(np.float32)
+    line = _on_terrain(fine, terrain)
+    legs = make_strokes(line[:-1], line[1:], LINE_RADIUS_M, colors[np.int64(np.floor(even[:-1]))])
+    apart = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    marked = np.flatnonzero(apart[:-1] > TICK_LENGTH_M) + 1  # of a figure that stands they would be one blot
+    across = TICK_LENGTH_M * np.stack([facing[:, 1], -facing[:, 0]], -1)
+    ends = [_on_terrain(places[marked] + side * across[marked], terrain) for side in (-1.0, 1.0)]
+    ticks = make_strokes(ends[0], ends[1], TICK_RADIUS_M, colors[marked])
+    tip, back = places[-1], np.array([1.0, -1.0])[:, None] * across[-1] - TICK_LENGTH_M * facing[-1]
+    head = _on_terrain(np.stack([tip + 1.6 * back[0], tip, tip + 1.6 * back[1]]), terrain)
+    arrow = make_strokes(head[[0, 2]], head[[1, 1]], LINE_RADIUS_M, colors[-1])
+    return _laid(np.concatenate([legs, ticks, arrow]), "start", terrain, 0.15)
+
+
+def _smooth(values: Array, at: Array) -> Array:
+    """Catmull-Rom curve through values, at fractions of their indices."""
+    padded = np.concatenate([2 * values[:1] - values[1:2], values, 2 * values[-1:] - values[-2:-1]])
+    index = np.minimum(at.astype(int), len(values) - 2)
+    t, (a, b, c, d) = at - index, (padded[index + k] for k in range(4))
+    return np.asarray(b + 0.5 * t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a))))
 
 
 def path_strokes(path: PathOverlay, terrain: Terrain) -> Strokes:
@@ -235,8 +252,7 @@ class OverlayPass:
     def _draw(self, array: moderngl.VertexArray, strokes: Strokes) -> None:
         if len(strokes):
             self._ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
-            self._strokes.orphan(strokes.nbytes)
-            self._strokes.write(strokes.tobytes())
+            upload(self._strokes, strokes.tobytes())
             array.render(moderngl.TRIANGLE_STRIP, vertices=4, instances=len(strokes))
 
     def release(self) -> None:

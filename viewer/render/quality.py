@@ -17,6 +17,9 @@ class Quality:
     grid_resolution: int  # terrain vertices per side; the mesh keeps to 2 * grid_resolution ** 2 triangles
     shadow_map_size: int  # texels per side
     shadow_taps: int  # 1: one filtered tap; more: a soft edge
+    # of space, for which one vertex of a character stands: as it is drawn (0: each for itself), and in its shadow
+    cell_m: float
+    shadow_cell_m: float
     terrain_casts_shadow: bool
     self_shadow: bool  # characters receive shadows too
     msaa: int  # samples per pixel; 0: none
@@ -27,9 +30,9 @@ class Quality:
     max_pixels: int  # a larger frame is rendered at this many and stretched; 0: no limit
 
 
-FAST = Quality("fast", 64, 384, 1, False, False, 0, "characters", 0.6, 340_000)
-SOFTWARE = Quality("software", 104, 768, 1, False, False, 0, "characters", 1.0, 1_100_000)
-HIGH = Quality("high", 256, 2048, 8, True, True, 4, "", 1.0, 0)
+FAST = Quality("fast", 64, 384, 8, 0.009, 0.030, False, False, 0, "characters", 0.6, 340_000)
+SOFTWARE = Quality("software", 104, 768, 8, 0.0, 0.018, False, False, 0, "characters", 1.0, 1_100_000)
+HIGH = Quality("high", 256, 2048, 8, 0.0, 0.0, True, True, 4, "", 1.0, 0)
 PRESETS = {preset.name: preset for preset in (FAST, SOFTWARE, HIGH)}
 
 

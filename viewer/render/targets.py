@@ -9,6 +9,8 @@ import moderngl
 from viewer.render.gl import release, scissored, screen_triangle, shown_size
 from viewer.render.quality import Quality
 
+Box = tuple[int, int, int, int]  # pixels: x, y (up), width, height
+
 
 class ShadowMap:
     """Holds depths seen from the sun, in a texture that compares them as it is read."""
@@ -54,9 +56,11 @@ class SceneTarget:
         self._shown_size = shown_size
         size = scene_size(shown_size, self._quality)
         self._picture = self._ctx.texture(size, 4)  # the scene's colour, one sample a pixel
+        self._picture.repeat_x = self._picture.repeat_y = False
         self._resolved = self._ctx.framebuffer([self._picture])
         # the same with softened edges, to be stretched
         self._softened_picture = self._ctx.texture(size if self._softens else (1, 1), 4)
+        self._softened_picture.repeat_x = self._softened_picture.repeat_y = False
         self._softened = self._ctx.framebuffer([self._softened_picture])
         self._depth = self._ctx.depth_renderbuffer(size, samples=self._samples)
         self._color = self._ctx.renderbuffer(size, 4, samples=self._samples) if self._samples else None
@@ -69,30 +73,37 @@ class SceneTarget:
             self._make_images(shown_size)
         return self._scene
 
-    def present(self, target: moderngl.Framebuffer, edges: tuple[int, int, int, int]) -> None:
-        """Copy or stretch the scene into `target`; soften edges in the scene's pixels `edges` (x, y, w, h)."""
+    def present(self, target: moderngl.Framebuffer, edges: Box) -> None:
+        """Draw the scene into the target, stretched where it is smaller; soften edges in the scene's pixels `edges`."""
         if self._samples:
             self._ctx.copy_framebuffer(self._resolved, self._scene)
-        softens = self._softens and edges[2] * edges[3] > 0
-        fits = self._scene.size == shown_size(target)
-        flat = target if fits else self._softened  # before it is stretched, or every step would be larger
-        if fits or softens:  # not from the scene itself: its depth might not fit the target's
-            self._ctx.copy_framebuffer(flat, self._resolved)
-        if softens:
-            self._soften_into(flat, edges)
+        self._ctx.enable_only(moderngl.NOTHING)
+        width, height = shown_size(target)
+        fits, softens = self._scene.size == (width, height), self._softens and edges[2] * edges[3] > 0
+        if softens and not fits:  # before it is stretched, or every step would be larger
+            self._draw(self._smooth_edges, self._softened, edges)
+        # no blit, which Mesa's drawing thread is waited for
+        self._draw(self._stretch, target)
+        if not softens:
+            return
+        if fits:
+            self._draw(self._smooth_edges, target, edges)
+            return
+        self._softened_picture.use(0)
         target.use()
-        if not fits:
-            self._ctx.enable_only(moderngl.NOTHING)
-            (self._softened_picture if softens else self._picture).use(0)
+        x, y, right, top = edges[0] + 1, edges[1] + 1, edges[0] + edges[2] - 1, edges[1] + edges[3] - 1
+        across, up = width / self._scene.size[0], height / self._scene.size[1]
+        left, low = round(x * across), round(y * up)
+        inside = left, low, max(round(right * across) - left, 0), max(round(top * up) - low, 0)
+        with scissored(target, inside):
             self._stretch.render(moderngl.TRIANGLES, vertices=3)
 
-    def _soften_into(self, target: moderngl.Framebuffer, edges: tuple[int, int, int, int]) -> None:
-        """Draw the picture with softened edges into the pixels `edges` of a target of its size."""
-        target.use()
-        self._ctx.enable_only(moderngl.NOTHING)
+    def _draw(self, how: moderngl.VertexArray, target: moderngl.Framebuffer, box: Box | None = None) -> None:
+        """Draw the scene's picture by a program into a target, or into the pixels `box` of it."""
         self._picture.use(0)
-        with scissored(target, edges):
-            self._smooth_edges.render(moderngl.TRIANGLES, vertices=3)
+        target.use()
+        with scissored(target, box or (0, 0, *shown_size(target))):
+            how.render(moderngl.TRIANGLES, vertices=3)
 
     def _free_images(self) -> None:
         release(self._scene, self._resolved, self._softened)

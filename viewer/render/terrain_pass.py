@@ -9,13 +9,18 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 from runtime.terrain.height_map import Terrain
 from viewer.render.frame import SHADOW_REACH_M, SUN_DIRECTION, RenderFrame
-from viewer.render.gl import load_program, release, scissored, set_uniforms
+from viewer.render.gl import load_program, release, scissored, set_uniforms, upload
 from viewer.render.quality import Quality
 from viewer.render.terrain_mesh import APRON_M, Levels, TerrainMesh, cut_window
 
 RECENTRE_SHARE = 0.12  # of the window's size
 SUN_SLOPE = SUN_DIRECTION[1] / np.hypot(*SUN_DIRECTION[::2])  # flatter ground throws no shadow on itself
 MIN_RELIEF_M, MAX_RELIEF_M = 0.25, 3.0  # height over the start that has the full tint
+LEVEL_SLOPE, MEADOW_SLOPE = (
+    0.02,
+    1.5,
+)  # rise over run; between them a ground is a meadow, else the floor of a studio
+NOISE_TEXELS, NOISE_SEED = 256, 7
 LAYOUTS = {  # of a vertex: what each program reads
     "surface": ("1f4 2f2 1f2 2x", "in_height", "in_slope", "in_relief"),
     "depth": ("1f4 8x", "in_height"),
@@ -39,6 +44,7 @@ class TerrainPass:
             "shadow": load_program(ctx, "terrain.vert", "ground_shadow.frag", taps),
             "contact": load_program(ctx, "terrain.vert", "ground_contact.frag"),
         }
+        self._noise = _noise_texture(ctx)
         self._indices = ctx.buffer(reserve=4, dynamic=True)
         self._vertices: moderngl.Buffer | None = None
         self._arrays: dict[str, moderngl.VertexArray] = {}
@@ -101,8 +107,7 @@ class TerrainPass:
 
     def _draw(self, name: str, indices: NDArray[np.uint32]) -> None:
         if len(indices):
-            self._indices.orphan(indices.nbytes)
-            self._indices.write(indices.tobytes())
+            upload(self._indices, indices.tobytes())
             self._arrays[name].render(moderngl.TRIANGLES, vertices=len(indices))
 
     def draw(self, frame: RenderFrame, show_grid: bool) -> None:
@@ -111,7 +116,9 @@ class TerrainPass:
             return
         self._ctx.enable_only(moderngl.DEPTH_TEST)
         self._ctx.depth_func = "<"
-        values = {"grid_strength": float(show_grid), "metres": terrain.unit_m}
+        self._noise.use(0)
+        meadow = float(LEVEL_SLOPE < terrain.steepest < MEADOW_SLOPE)
+        values = {"grid_strength": float(show_grid), "metres": terrain.unit_m, "noise": 0, "meadow": meadow}
         set_uniforms(self._programs["surface"], values)
         tiles = mesh.indices(self._levels, self._visible)
         self._draw("surface", np.concatenate([tiles, mesh.apron_indices(self._levels)]))
@@ -154,4 +161,20 @@ class TerrainPass:
                 self._draw(name, mesh.indices(self._levels, chosen))
 
     def release(self) -> None:
-        release(*self._arrays.values(), *self._programs.values(), self._indices, self._vertices)
+        release(*self._arrays.values(), *self._programs.values(), self._indices, self._vertices, self._noise)
+
+
+def _noise_texture(ctx: moderngl.Context) -> moderngl.Texture:
+    """Smooth noise that repeats, of four sizes down to two texels."""
+    rng, side = np.random.default_rng(NOISE_SEED), NOISE_TEXELS
+    total, wave = np.zeros((side, side)), np.fft.fftfreq(side)[:, None] ** 2 + np.fft.fftfreq(side) ** 2
+    for size in (2.0, 4.0, 9.0, 20.0):
+        smooth = np.fft.ifft2(
+            np.fft.fft2(rng.standard_normal((side, side))) * np.exp(-wave * (2.2 * size) ** 2)
+        )
+        total += smooth.real / smooth.real.std() * size**0.35
+    values = np.clip(0.5 + 0.19 * total / total.std(), 0.0, 1.0)
+    texture = ctx.texture((side, side), 1, np.uint8(255 * values).tobytes(), alignment=1)
+    texture.build_mipmaps()
+    texture.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
+    return texture

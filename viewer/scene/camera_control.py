@@ -29,7 +29,8 @@ FRAME_DISTANCE_M = 4.0  # the whole body, with air above and below
 POINT_DISTANCE_M = 1.6  # a hand or a foot, and the limb that leads to it
 PIXELS_PER_STEP = 40.0  # of a drag that zooms
 BUTTONS = ("left", "right", "middle")  # as ImGui counts them
-OPENING_TURN = -0.62  # radians from the walker's back, on the side that the sun lights
+# radians from the walker's back: where obstacles lie ahead so that they show, else three quarters from the front
+OBSTACLE_TURN_RAD, OPENING_TURN_RAD = -0.62, math.pi - 0.72
 NEAR_M, FAR_M, STEP_M = 1.0, 15.0, 0.25  # where obstacles are looked for
 DIRECTIONS = 16
 CLIMB_M = 0.15  # up and down along the way; less is level
@@ -85,14 +86,14 @@ class CameraControl:
         if isinstance(new, FollowCamera):
             new.snap(old.target)
 
-    def open_at(self, pose: Pose, yaw: float) -> None:
-        """The view of a start: the character from behind and one side, and what lies before it."""
+    def open_at(self, pose: Pose, yaw: float, obstacles: bool) -> None:
+        """The view of a start: the character from the front, or from behind where there are `obstacles` before it."""
         camera = self.current
         camera.target = np.array(self.target(pose))
         self._tracked = None
         if isinstance(camera, FollowCamera):
             camera.snap(camera.target)
-            camera.open_at(yaw, OPENING_TURN)
+            camera.open_at(yaw, OBSTACLE_TURN_RAD if obstacles else OPENING_TURN_RAD)
         else:
             camera.yaw = yaw
 

@@ -32,12 +32,14 @@ from viewer.live.link import LiveLink
 from viewer.live.vmc import VmcLink
 from viewer.messages import Messages
 from viewer.render.looks import dressed
+from viewer.render.terrain_pass import MEADOW_SLOPE
 from viewer.scene.camera_control import VIEWS, CameraControl, start_yaw
 from viewer.scene.joint_mapping import JointMapping
 from viewer.scene.simulation import Simulation, make_pose
 from viewer.services import Loaded, Services
 from viewer.settings import Settings
 
+MANNEQUIN, WALKER = SHIPPED = "mannequin", "walker"  # the characters that come along
 SIMULATION, WAY = "simulation", "way"  # topics of messages
 LoadedCharacter = tuple[CharacterChoice, Path | None, Any]  # with the file that was read, and what it holds
 SLOW_FPS, SLOW_SECONDS = 20.0, 5.0  # fewer frames a second for so long, and automatic quality goes down
@@ -116,11 +118,40 @@ class Scene:
         return make_pose(hips, local, contacts, float(pose.root_position[1]), pose.root_yaw)
 
     def follow(self, before: Session, now: Session) -> None:
-        """Put into force what the session says of ground and character."""
+        """Put into force what the session says of ground and character, and remember it for the next start."""
         if now.ground is not None and now.ground != before.ground:
             self._put_ground(now.ground)
+            self._remember_ground()
         if now.character != self._choice and not self.editor.dragging:
             self._load_choice(now.character)
+        if now.character != before.character:
+            self.settings.character = self.character_name or now.character.path
+
+    def _specs(self) -> list[str]:
+        """The grounds of the session's steps, undone ones included, oldest first."""
+        grounds = [step.session.ground for step in self.editor.history.steps]
+        return ["" if ground is None else ground.spec for ground in grounds]
+
+    @property
+    def grounds(self) -> list[str]:
+        """What can be walked on: the ready grounds, and those of files that this session has shown."""
+        return list(dict.fromkeys([*self.terrain_names, *filter(None, self._specs())]))
+
+    def _remember_ground(self) -> None:
+        """Begin the next time on the ready ground that was chosen last, of what is not undone."""
+        done = self._specs()[: self.editor.history.at + 1]
+        ready = [spec for spec in done if spec in self.terrain_names]
+        self.settings.terrain = ready[-1] if ready else self.settings.terrain
+
+    def remembered_character(self) -> Path | None:
+        """The file of the character that was chosen last; None for the mannequin."""
+        name = self.settings.character
+        if name in SHIPPED:
+            return None if name == MANNEQUIN else character_file(name)
+        if Path(name).is_file():
+            return Path(name)
+        self.messages.warn(f"The character {name} is missing: the walker is shown.")
+        return character_file(WALKER)
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
@@ -194,7 +225,7 @@ class Scene:
         """Put the character back to the start; it and the camera look at what there is to walk over."""
         yaw = start_yaw(self.terrain)
         self.put_character(0.0, 0.0, yaw)
-        self.camera.open_at(self.simulation.current, yaw)
+        self.camera.open_at(self.simulation.current, yaw, self.terrain.steepest > MEADOW_SLOPE)
         if self._first_view:
             self.camera.view(VIEWS[self._first_view], self.simulation.current)
 
@@ -238,8 +269,6 @@ class Scene:
             self.editor.do(f"ground {Path(spec).name}", set_ground)
         else:
             self.editor.amend(set_ground)
-        if spec in self.terrain_names:
-            self.settings.terrain = spec
         self.reset_character()
         if terrain.note or known:
             self.messages.note(terrain.note or f"Ground: {terrain.name}.")
@@ -355,8 +384,8 @@ class Scene:
         """Which of the shipped characters is in use, the mannequin in any shape; "" for that of another file."""
         choice = self.editor.session.character
         if not choice.key:
-            return "mannequin"
-        return "walker" if choice.path == str(character_file("walker")) else ""
+            return MANNEQUIN
+        return WALKER if choice.path == str(character_file(WALKER)) else ""
 
     def _refuse_character(self, path: Path | None, error: Exception) -> None:
         """Let the joints be chosen by hand where they could not be guessed."""
@@ -368,7 +397,7 @@ class Scene:
     def _take_character(self, choice: CharacterChoice, path: Path | None, character: Any) -> None:
         self.renderer.set_character(dressed(character, self.settings.look))
         self._choice, self._character, self.character_path = choice, character, path
-        if choice.path:
+        if choice.path and choice.path != str(character_file(WALKER)):
             self.messages.note(
                 f"Character {Path(choice.path).name} loaded. {getattr(character, 'note', '')}".rstrip()
             )

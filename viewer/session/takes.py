@@ -93,7 +93,9 @@ class Takes:
         return None if self.playback is None else self.playback.take
 
     def follow(self, before: Session, now: Session) -> None:
-        """Show what became of the take that plays; leave it when it is gone."""
+        """Show what became of the take that plays; leave it when it is gone, or another ground was chosen to walk on."""
+        if before.ground is not None and now.ground != before.ground:
+            self.close_playback()  # it would float over that
         if self.playback is not None:
             self._follow_played(self.playback, now)
         if self.renaming != LIVE and now.take(self.renaming) is None:

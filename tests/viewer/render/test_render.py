@@ -101,8 +101,9 @@ def test_golden_hills_high_with_others(render: Render) -> None:
 @pytest.mark.parametrize("terrain", [Terrain.flat(size_m=12.0), hills(size_m=12.0)], ids=["flat", "hills"])
 def test_ground_melts_into_the_background(render: Render, terrain: Terrain) -> None:
     picture = render(terrain, Overlays(show_grid=False), pose=None, pitch=0.25, distance=4.0)
-    column = picture[:, 10].astype(int)
-    assert np.abs(np.diff(column, axis=0)).max() < 16, "a hard edge"
+    column = picture[: len(picture) // 2, 10].astype(int)  # nearer, the ground has a grain
+    most = 16 if terrain.steepest == 0.0 else 32  # a near hill stands before a far one
+    assert np.abs(np.diff(column, axis=0)).max() < most, "a hard edge"
     assert column[-1].mean() < column.mean() - 5, "ground is darker than sky"
 
 

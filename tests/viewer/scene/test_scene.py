@@ -9,15 +9,19 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from runtime.assets import asset_path
+from runtime.assets import asset_path, character_file
+from runtime.character.writer import write_character
 from runtime.controls import Controls
 from runtime.errors import SportError
-from tests.helpers.app_driver import InjectedPads, Start, controller, message, run
+from runtime.terrain.files import write_height_png
+from tests.helpers.app_driver import InjectedPads, Start, controller, message, record, run
+from tests.helpers.gltf_characters import user_character
 from tests.helpers.viewer_fakes import FakeRenderer, fake_services
 from viewer.app import App
 from viewer.messages import Level
 from viewer.options import ViewOptions
 from viewer.scene.simulation import MAX_FAILURES
+from viewer.services import Services
 
 
 def test_a_missing_terrain_shows_a_message_and_keeps_the_old_one(start: Start) -> None:
@@ -184,3 +188,48 @@ def test_the_motion_keeps_its_own_time_at_five_frames_a_second(start: Start) -> 
     assert controller(app).steps - steps == pytest.approx(120, abs=1)
     simulation.model_ms = 100.0  # a model that is slow itself must not hold the display up for ever
     assert len(app.scene.advance(0.2, Controls())) == 6
+
+
+def test_grounds_of_files_are_in_the_list_and_undo_takes_a_choice_from_the_next_start(
+    start: Start, tmp_path: Path
+) -> None:
+    app, own = start(), tmp_path / "dunes.png"
+    write_height_png(own, [[0.0, 0.5], [0.5, 1.0]])
+    app.scene.load_terrain("hills")
+    assert app.settings.terrain == "hills"
+    app.scene.load_terrain(own)
+    app.scene.load_terrain("stairs")
+    assert app.scene.grounds == [*app.scene.terrain_names, str(own)]
+    assert app.settings.terrain == "stairs"
+    for remembered in ("hills", "hills", "flat"):  # a file's is shown, but not remembered
+        app.editor.undo()
+        assert app.settings.terrain == remembered
+
+
+def test_another_ground_ends_the_take_that_plays(start: Start) -> None:
+    app = start()
+    record(app, 30)
+    app.takes.play(1)
+    run(app, 2)
+    app.scene.load_terrain("hills")
+    run(app, 2)
+    assert app.takes.playback is None
+    assert app.takes.ground_to_show().terrain is app.scene.terrain
+
+
+@pytest.mark.parametrize("kept", ["walker", "mannequin", "own"])
+def test_the_chosen_character_is_that_of_the_next_start(start: Start, tmp_path: Path, kept: str) -> None:
+    own = tmp_path / "own.glb"
+    write_character(own, user_character())
+    paths = {"walker": character_file("walker"), "mannequin": None, "own": own}
+    app = start(services={"load_character": Services().load_character})
+    assert app.scene.character_name == "walker", "the one to begin with"
+    app.scene.open_character(paths["mannequin" if kept == "walker" else kept])
+    if kept == "walker":
+        app.editor.undo()
+    assert app.settings.character == (str(own) if kept == "own" else kept)
+    assert app.scene.remembered_character() == paths[kept]
+    own.unlink()
+    if kept == "own":
+        assert app.scene.remembered_character() == paths["walker"]
+        assert "is missing" in message(app)

@@ -12,7 +12,7 @@ in vec3 normal;
 in float relief;
 out vec4 color;
 
-uniform sampler2D noise;      // 0..1, repeats
+uniform sampler2D noise;      // patches and grain, 0..1, repeats
 uniform float meadow;         // 0: the floor of a studio, 1: grass and earth
 
 // darker and cooler than any skin or mannequin; a floor's relief goes from blue in the hollows to ochre on the heights
@@ -25,12 +25,12 @@ const vec3 EARTH = vec3(0.185, 0.150, 0.108);
 const vec3 LINE = vec3(0.010, 0.014, 0.018);
 const float WALL = 0.68;      // of the light on what is too steep to stand on, so that edges read in the sun too
 const float STEEPER = 1.7;    // slopes are lit as if they were so much steeper
-const float PATCH_M = 11.0, GRAIN_M = 1.3;  // that the noise covers before it repeats
+const float PATCH_M = 11.0;   // that the noise covers before it repeats
 const vec2 GRID_M = vec2(5.0, 13.0);        // from the focus on, the grid fades, and is gone
 
 vec3 material(float height) {
-    float grain = texture(noise, position.xz / GRAIN_M).r;
-    float patches = texture(noise, position.xz / PATCH_M).r;
+    vec2 found = texture(noise, position.xz / PATCH_M).rg;
+    float patches = found.r, grain = found.g;
     vec3 even = mix(FLOOR, height > 0.0 ? HIGH_FLOOR : LOW_FLOOR, abs(height)) * (0.955 + 0.09 * grain);
     float dry = smoothstep(0.40, 0.75, 0.75 * patches + 0.35 * height + 0.10);
     vec3 grown = mix(GRASS, DRY_GRASS, dry) * (0.72 + 0.56 * grain);

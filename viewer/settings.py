@@ -149,6 +149,12 @@ def config_directory(environment: dict[str, str] | None = None) -> Path:
     return Path(base).expanduser() / "sport-viewer"
 
 
+def under_home(path: Path) -> str:
+    """A path as one writes it: below the home directory with ~."""
+    home = Path.home()
+    return str(Path("~") / path.relative_to(home)) if path.is_relative_to(home) else str(path)
+
+
 def load_settings(directory: Path) -> tuple[Settings, list[str]]:
     """Settings from `directory` and the complaints about it; whatever cannot be read keeps its default."""
     path = directory / FILE_NAME

@@ -400,6 +400,7 @@ def _open(width: int, height: int, offscreen: bool) -> Any:
             glfw.window_hint(glfw.CONTEXT_CREATION_API, glfw.EGL_CONTEXT_API)
         else:
             glfw.window_hint(glfw.SCALE_TO_MONITOR, True)
+            width, height = _fitting_screen(width, height)
         handle = glfw.create_window(width, height, TITLE, None, None)
     except glfw.GLFWError as error:
         glfw.terminate()
@@ -408,6 +409,17 @@ def _open(width: int, height: int, offscreen: bool) -> Any:
     # from here on an error of glfw is a refused request (a cursor, a clipboard, a position): logged, not fatal
     glfw.ERROR_REPORTING = "log"
     return handle
+
+
+def _fitting_screen(width: int, height: int) -> tuple[int, int]:
+    """The size to ask for, no larger than what the first monitor has free: a window may come from a larger one."""
+    monitor = glfw.get_primary_monitor()
+    if not monitor:
+        return width, height
+    room, scale = glfw.get_monitor_workarea(monitor)[2:], glfw.get_monitor_content_scale(monitor)
+    fits = (max(int(side / max(by, 1.0)), 1) for side, by in zip(room, scale, strict=True))
+    across, up = (min(side, most) for side, most in zip((width, height), fits, strict=True))
+    return across, up
 
 
 def _context() -> Any:

@@ -14,6 +14,7 @@ from runtime.session.session import Session, Take
 from runtime.session.session_file import SessionFile
 from viewer.jobs import Slot
 from viewer.session.takes import Takes
+from viewer.settings import under_home
 
 MAX_STEM_BYTES = 120  # of a file name, which systems limit to 255 with its ending
 EXPORT_ALL = Slot("export", "all takes")
@@ -90,8 +91,7 @@ class BvhExport:
     def _exported(self, take: Take, path: Path) -> None:
         self.note_file(path, take.number, take)
         # "~/clips" stays as it was written
-        if path.parent != Path(self.takes.settings.export_folder).expanduser():
-            self.takes.settings.export_folder = str(path.parent)
+        self.takes.settings.export_folder = under_home(path.parent)
         self.takes.messages.note(f"Saved {path}", path)
         if self._proposed is not None:
             self._propose()

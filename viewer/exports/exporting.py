@@ -25,6 +25,7 @@ from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.scene.scene import Scene
 from viewer.session.takes import Takes
+from viewer.settings import under_home
 
 PARTS = {"trim": "Between the trim handles", "shown": "As the timeline shows", "": "Whole take"}
 GROUNDS = {"": "No ground", "inside": "Ground inside", ".obj": "OBJ file", ".glb": "GLB file"}
@@ -311,8 +312,7 @@ class Exporting:
             self.messages.note(f"The export of {take.title} was cancelled.")
             return
         self.bvh.note_file(path, take.number, held)
-        if path.parent != Path(self.takes.settings.export_folder).expanduser():
-            self.takes.settings.export_folder = str(path.parent)
+        self.takes.settings.export_folder = under_home(path.parent)
         self.report, self.report_good = f"Saved {printable(text)}", True
         self.saved = path
         self.messages.note(f"Saved {text}", path)

@@ -1,4 +1,4 @@
-"""Dialogs for files: the system's own where it has a program for them, else a line to type a path into."""
+"""Dialogs for files: the system's own where it has a program for them, else one of folders and files to click or type."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +16,13 @@ from viewer.gl_bindings import imgui
 from viewer.gui import widgets
 from viewer.gui.focus import OVER
 from viewer.gui.panels import Panel, PanelPlace, dim_behind
+from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.messages import Messages
 
 LINUX_PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")
-DIALOG_WIDTH = 460.0  # pixels at scale 1
+DIALOG_WIDTH, LIST_HEIGHT_PX = 520.0, 240.0  # pixels at scale 1
+MAX_ENTRIES = 500  # of a folder
 Filters = Sequence[str]  # in turns a name and its patterns: ["Projects", "*.sport"]
 
 
@@ -40,6 +43,22 @@ class PendingDialog:
     typed: str = ""
     shown: bool = False
     replacing: str = ""  # the path of a file that exists, once the user was warned
+    # a folder with what is offered of it, read when the folder changes
+    listed: tuple[Path, list[Path]] = (Path(), [])
+
+    @property
+    def folder(self) -> Path:
+        """The folder that is typed, or that of the file."""
+        path = Path(self.typed.strip().strip('"').replace("\0", "") or "~").expanduser()
+        return path if path.is_dir() else path.parent
+
+    def entries(self) -> list[Path]:
+        """Folders, then files with an ending of the filters, of the folder that is shown."""
+        folder = self.folder
+        if self.listed[0] != folder:
+            endings = [pattern for patterns in self.filters[1::2] for pattern in patterns.split()]
+            self.listed = folder, _entries(folder, [] if self.kind is DialogKind.FOLDER else endings or ["*"])
+        return self.listed[1]
 
     def would_replace(self, path: str) -> bool:
         """Return whether a path, with or without its ending, is that of an existing file that would be overwritten."""
@@ -56,6 +75,16 @@ class PendingDialog:
             self.replacing = path
             return None
         return path or None
+
+
+def _entries(folder: Path, patterns: Sequence[str]) -> list[Path]:
+    """The folders in a folder, then the files whose name fits a pattern; hidden ones are left out."""
+    try:
+        found = sorted((p for p in folder.iterdir() if p.name[:1] != "."), key=lambda p: p.name.casefold())
+    except OSError:  # a folder that cannot be read shows nothing
+        return []
+    files = [p for p in found if not p.is_dir() and any(fnmatch(p.name.lower(), one) for one in patterns)]
+    return [*filter(Path.is_dir, found), *files][:MAX_ENTRIES]
 
 
 def has_native_dialogs() -> bool:
@@ -100,9 +129,6 @@ class Dialogs:
             except Exception as error:  # a foreign program; whatever it does, a path can still be typed
                 self.messages.warn(f"The system's dialog failed ({type(error).__name__}): type the path.")
                 return
-        self.messages.note(
-            "No program for dialogs is installed (zenity or kdialog): type the path, or drop the file on the window."
-        )
 
     def poll(self) -> None:
         """Hand over the answer of a system's dialog; call once a frame."""
@@ -140,13 +166,32 @@ class Dialogs:
         imgui.begin(f"Path{OVER}", None, flags | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_resize)
         imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
         imgui.text_unformatted(question.title)
+        clicked = self._browser(question)
         chosen = self._field(question)
         imgui.end()
+        chosen = clicked or chosen
         if chosen is None:
             return
         self.question = None
         if chosen:
             question.done(Path(chosen).expanduser())
+
+    def _browser(self, question: PendingDialog) -> str | None:
+        """Folders and files to click; the path of a file that was clicked twice."""
+        answer = None
+        if imgui.begin_child("files", imgui.ImVec2(0, px(LIST_HEIGHT_PX))):
+            folder = question.folder
+            if imgui.selectable(f"{ICON.back} {printable(folder.parent.name or '/')}##up", False)[0]:
+                question.typed = printable(folder.parent)
+            for number, path in enumerate(question.entries()):
+                within = path.is_dir()
+                text = f"{ICON.folder if within else '     '} {printable(path.name)}"
+                if imgui.selectable(f"{text}##{number}", printable(path) == question.typed)[0]:
+                    question.typed = printable(path)
+                if not within and imgui.is_item_hovered() and imgui.is_mouse_double_clicked(0):
+                    answer = question.accept()
+        imgui.end_child()
+        return answer
 
     def _field(self, question: PendingDialog) -> str | None:
         """Draw the field and its buttons; return a path, "" to leave, None for no answer yet."""

@@ -24,7 +24,8 @@ FIXED = (
     | _FLAGS.no_focus_on_appearing
 )  # fmt: skip
 FITTED = _KEPT | _FLAGS.no_title_bar | _FLAGS.always_auto_resize
-_CARD = _KEPT | _FLAGS.no_decoration | _FLAGS.no_focus_on_appearing
+_BEHIND = _KEPT | _FLAGS.no_decoration | _FLAGS.no_focus_on_appearing
+_CARD = _BEHIND & ~_FLAGS.no_move
 
 
 class PanelPlace(Enum):
@@ -117,7 +118,7 @@ def dim_behind(name: str) -> bool:
     imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
     imgui.push_style_var(imgui.StyleVar_.window_border_size, 0.0)
     with widgets.color(imgui.Col_.window_bg, (0.0, 0.0, 0.0, 0.5)):
-        imgui.begin(f"behind {name}", None, _CARD)
+        imgui.begin(f"behind {name}", None, _BEHIND)
     if imgui.is_window_appearing():
         imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
     clicked = imgui.is_window_hovered() and any(map(imgui.is_mouse_clicked, range(3)))
@@ -178,13 +179,21 @@ def card(
 ) -> Iterator[None]:
     """Draw within a small window in a corner of `view`, as high as its contents.
 
-    It lies at the `right`, at the `bottom`, or `below` so much more at the top. `width` and `below` are pixels at scale 1;
-    one `behind` is not brought to the front by a click.
+    It lies at the `right`, at the `bottom`, or `below` so much more at the top, until it is dragged elsewhere or the view
+    changes. `width` and `below` are pixels at scale 1; one `behind` is not brought to the front by a click.
     """
     x = view.x + (view.width - px(CARD_MARGIN) if right else px(CARD_MARGIN))
     y = view.y + (view.height - px(CARD_MARGIN) if bottom else px(CARD_MARGIN + below))
+    known, place = imgui.internal.find_window_by_name(name), (x, y)
+    storage, keys = None if known is None else known.state_storage, (1, 2)
+    moved = storage is None or place != tuple(storage.get_float(key) for key in keys)
+    for key, value in zip(keys, place, strict=True):
+        if storage is not None:
+            storage.set_float(key, value)
     imgui.set_next_window_pos(
-        imgui.ImVec2(x, y), imgui.Cond_.always, imgui.ImVec2(float(right), float(bottom))
+        imgui.ImVec2(x, y),
+        imgui.Cond_.always if moved else imgui.Cond_.appearing,
+        imgui.ImVec2(float(right), float(bottom)),
     )
     imgui.set_next_window_size(imgui.ImVec2(px(width), 0))
     imgui.push_style_var(imgui.StyleVar_.window_padding, imgui.ImVec2(px(10), px(8)))

@@ -205,6 +205,8 @@ HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
         ("Grid, panels", "F5, F10", "{panels} (panels)"),
         ("Full screen", "F11", ""),
         ("Next panel, back to the view", "F6, Esc", ""),
+        ("Session: save, save as, open", "Ctrl+S, Ctrl+Shift+S, Ctrl+O", ""),
+        ("Export in any format", "Ctrl+E", ""),
     )),
     ("Prompt", (
         ("Write a prompt, leave the field", "Enter, Esc", ""),

@@ -23,7 +23,7 @@ from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.panels.guide import Guide
 from viewer.scene.scene import Scene
-from viewer.settings import Settings, remembered
+from viewer.settings import Settings, remembered, under_home
 
 FREE, BOUND = "free to publish with credits", "non-commercial"
 RESET = (
@@ -131,7 +131,7 @@ class SettingsWindow:
         if widgets.icon_button(ICON.folder, "browse folder", "Choose by a dialog", theme.TEXT):
 
             def chosen(path: Path) -> None:
-                settings.export_folder = str(path)
+                settings.export_folder = under_home(path)
                 self.messages.note(f"Exports go to {path}.")
 
             start = Path(settings.export_folder).expanduser()

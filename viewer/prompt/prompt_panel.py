@@ -268,7 +268,7 @@ def _answer(controller: PromptController, blend: PromptBlend, side: Side, rows: 
     answer, pending = blend.answers[side], side in controller.pending
     missing = _missing(controller, answer, pending)
     if missing or answer is None:
-        widgets.muted(missing)
+        widgets.muted(missing, wrap=True)
         return ""
     _who(answer, pending, controller.language_model, rows)
     chosen = ""

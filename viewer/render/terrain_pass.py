@@ -21,6 +21,7 @@ LEVEL_SLOPE, MEADOW_SLOPE = (
     1.5,
 )  # rise over run; between them a ground is a meadow, else the floor of a studio
 NOISE_TEXELS, NOISE_SEED = 256, 7
+PATCH_TEXELS, GRAIN_TEXELS = (2.0, 4.0, 9.0, 20.0), (0.6, 1.2, 2.5)  # sizes of what the noise is made of
 LAYOUTS = {  # of a vertex: what each program reads
     "surface": ("1f4 2f2 1f2 2x", "in_height", "in_slope", "in_relief"),
     "depth": ("1f4 8x", "in_height"),
@@ -165,16 +166,18 @@ class TerrainPass:
 
 
 def _noise_texture(ctx: moderngl.Context) -> moderngl.Texture:
-    """Smooth noise that repeats, of four sizes down to two texels."""
+    """Smooth noise that repeats, in two channels: patches, and grain of a few texels."""
     rng, side = np.random.default_rng(NOISE_SEED), NOISE_TEXELS
-    total, wave = np.zeros((side, side)), np.fft.fftfreq(side)[:, None] ** 2 + np.fft.fftfreq(side) ** 2
-    for size in (2.0, 4.0, 9.0, 20.0):
-        smooth = np.fft.ifft2(
-            np.fft.fft2(rng.standard_normal((side, side))) * np.exp(-wave * (2.2 * size) ** 2)
-        )
-        total += smooth.real / smooth.real.std() * size**0.35
-    values = np.clip(0.5 + 0.19 * total / total.std(), 0.0, 1.0)
-    texture = ctx.texture((side, side), 1, np.uint8(255 * values).tobytes(), alignment=1)
+    wave = np.fft.fftfreq(side)[:, None] ** 2 + np.fft.fftfreq(side) ** 2
+    channels = []
+    for sizes in (PATCH_TEXELS, GRAIN_TEXELS):
+        total = np.zeros((side, side))
+        for size in sizes:
+            rough = np.fft.fft2(rng.standard_normal((side, side)))
+            smooth = np.fft.ifft2(rough * np.exp(-wave * (2.2 * size) ** 2)).real
+            total += smooth / smooth.std() * size**0.35
+        channels.append(np.clip(0.5 + 0.19 * total / total.std(), 0.0, 1.0))
+    texture = ctx.texture((side, side), 2, np.uint8(255 * np.stack(channels, -1)).tobytes(), alignment=1)
     texture.build_mipmaps()
     texture.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
     return texture

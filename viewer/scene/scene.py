@@ -401,8 +401,10 @@ class Scene:
             self.messages.note(
                 f"Character {Path(choice.path).name} loaded. {getattr(character, 'note', '')}".rstrip()
             )
-        if self.joints.path == path:
+        if self.joints.path == path or path is None:
             self.joints.close()
+        elif self.joints.open:
+            self.joints.begin(path)  # else it would name those of the character before
 
     # --- model and quality
 

@@ -39,6 +39,7 @@ MAX_NOTE = 500  # characters
 SEARCHED_FROM = 8  # takes from which on the list can be searched
 SHOWING, PLAYING = Slot("frames of the take"), Slot("take")
 LONG_FRAMES = 20_000  # of a take whose pins and plants take longer than a user waits
+RECORDED_NAME = re.compile(r"(?:Take|Last seconds) (\d{1,9})")
 RECORDED_FRAMES = 10  # that are written down together: six times a second
 
 
@@ -198,7 +199,7 @@ class Takes:
         if not self.recorder.recording:
             self.close_playback()
             self.recorder.start()
-            name = self._new_name("Take")
+            name = self._free_name("Take")
             self._written, self._known = self.recorder.next_frame, None
             header = MotionHeader(
                 name, self.recorder.fps, 0, self.scene.terrain_spec, origin=self._origin,
@@ -212,6 +213,18 @@ class Takes:
             self._write_down(recording)
         self._keep("Take", self.recorder.stop, recording)
 
+    def _free_name(self, kind: str) -> str:
+        """A name with the next number of those that were recorded, whatever else was opened; removed ones count."""
+        history = self.editor.history
+        names = {
+            take.made.header.name
+            for step in history.steps[: history.at + 1]
+            for take in step.session.takes
+            if take.recorded
+        }
+        numbers = [int(found[1]) for name in names if (found := RECORDED_NAME.fullmatch(name))]
+        return f"{kind} {max(numbers, default=0) + 1}"
+
     def end_recording(self) -> None:
         if self.recorder.recording:
             self.toggle_recording()
@@ -221,18 +234,13 @@ class Takes:
         seconds = self.settings.keep_seconds
         self._keep("Last seconds", lambda *about: self.recorder.last(seconds, *about), None)
 
-    def _new_name(self, kind: str) -> str:
-        """ "Take 3" after two recordings: files that were opened do not count."""
-        named = [re.fullmatch(rf"{kind} (\d{{1,6}})", take.made.header.name) for take in self.session.takes]
-        return f"{kind} {max((int(match[1]) for match in named if match), default=0) + 1}"
-
     @property
     def _origin(self) -> Origin:
         return origin_of(self.scene.controller, self.scene.terrain_spec)
 
     def _keep(self, kind: str, cut: Callable[[str, str, Origin], Clip], recording: Recording | None) -> None:
         """Close a piece of the live take: what `cut(name, terrain, origin)` makes of the memory comes into the list."""
-        name = self._new_name(kind)
+        name = self._free_name(kind)
         try:
             clip = cut(name, self.scene.terrain_spec, self._origin)
         except SportError as error:

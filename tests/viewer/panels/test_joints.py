@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from runtime.assets import character_file
 from runtime.character.character import load_character
 from runtime.character.guess import JointsUnknown
 from runtime.character.joint_map import joint_map_path
@@ -45,7 +46,7 @@ def test_a_character_that_no_guess_maps_opens_the_joints_window(start: Start, tm
     labels = [label for label, _ in drawn(app)]
     assert "##joint LeftArm" in labels
     click_on(app, "##apply joints")  # not yet
-    assert app.scene.character_path is None
+    assert app.scene.character_path == character_file("walker")  # the one before
     assert not joint_map_path(path).exists()
 
 
@@ -122,3 +123,20 @@ def test_a_vrm_is_dropped_chosen_in_the_dialog_and_given_to_the_command(start: S
 def test_without_a_window_the_command_says_what_to_do(start: Start, tmp_path: Path) -> None:
     with pytest.raises(JointsUnknown, match=r"lame\.glb\.joints\.json"):
         start(services=REAL, character=write_odd(tmp_path / "lame.glb", LAME))
+
+
+def test_the_joints_window_goes_to_the_character_that_is_chosen(start: Start, tmp_path: Path) -> None:
+    app, paths = start(services={"load_character": Services().load_character}), []
+    for name in ("one.glb", "two.glb"):
+        paths.append(tmp_path / name)
+        write_character(paths[-1], user_character())
+    app.scene.open_character(paths[0])
+    app.scene.joints.begin(paths[0])
+    run(app, 2)
+    assert app.scene.joints.shown == paths[0]
+    app.scene.open_character(paths[1])
+    run(app, 2)
+    assert app.scene.joints.shown == paths[1]
+    app.scene.open_character(None)
+    run(app, 2)
+    assert app.scene.joints.shown is None

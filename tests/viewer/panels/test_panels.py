@@ -321,3 +321,29 @@ def test_takes_are_rated_noted_searched_sorted_and_exported_as_found(start: Star
     click_on(app, "##export all")
     run(app, 2)
     assert [path.name for path in tmp_path.glob("*.bvh")] == ["take-6.bvh"]
+
+
+def test_recordings_are_numbered_by_themselves_and_the_folder_stays_under_home(
+    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    app = start()
+    record(app)
+    app.takes.mirror(1)
+    app.takes.export()
+    run(app, 2)
+    record(app)
+    assert titles(app)[-1] == "Take 2"
+    app.editor.undo()
+    record(app)
+    assert titles(app)[-1] == "Take 2"
+    app.takes.remove(app.editor.session.takes[-1].number)
+    record(app)
+    assert titles(app)[-1] == "Take 3"  # an undo may bring the other one back
+    assert app.settings.export_folder == "~/sport-clips"
+    app.exporting.open()
+    app.exporting.choose_format(".bvh")
+    app.exporting.export()
+    run(app, 2)
+    assert app.settings.export_folder == "~/sport-clips"
+    assert app.exporting.path.startswith("~/sport-clips/")

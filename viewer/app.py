@@ -42,14 +42,14 @@ LONGEST_FRAME_S = (
 )
 MINIMISED_WAIT_S = 0.1
 LOADING_FPS = 20.0
-MEMORY_FRAMES = 60  # between two looks at the memory
+FRAMES_PER_MEMORY_LOOK = 60  # between two looks at the memory
 OVER_EVERYTHING = {
     Action.HELP,
     Action.NEXT_PANEL,
     Action.FULLSCREEN,
     Action.SCREENSHOT,
 }  # also with a modal window
-PATIENCE_S = 0.2  # with the encoder of a prompt, after which the process ends with it
+PROMPT_PATIENCE_S = 0.2  # with the encoder of a prompt, after which the process ends with it
 # From the user's close on. What is not written by then is for the next start or given up: exports first, settings last.
 END_S, SESSION_S, SETTINGS_S = 1.6, 1.4, 0.1
 LATE_S = 0.25  # after that end, a process that was to end because of a signal is ended
@@ -308,7 +308,7 @@ class App(Workspace):
         if self.frames_shown > 1:  # the first interval is the loading
             work_s = (after if software else before) - self._last_s
             self.state.stats.add(work_s, self._interval_s, self._steps)
-        if self.frames_shown % MEMORY_FRAMES == 1:
+        if self.frames_shown % FRAMES_PER_MEMORY_LOOK == 1:
             self.memory.look()
             self.state.stats.memory_mb = self.memory.mb
         if not self.options.offscreen:
@@ -368,7 +368,7 @@ class App(Workspace):
         self.editor.file.close(max(until - time.monotonic(), 0.0))
         self.jobs.close(until)
         self.language_model.close()
-        self.prompting.close(CLOSE_SECONDS if self.options.offscreen else PATIENCE_S)
+        self.prompting.close(CLOSE_SECONDS if self.options.offscreen else PROMPT_PATIENCE_S)
         self.scene.live.stop()
         self.scene.vmc.stop()
         if self.window.handle is not None:

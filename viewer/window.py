@@ -26,9 +26,9 @@ TITLE = "SPORT viewer"
 DRIVER_OPTIONS = {"mesa_glthread": "true", "MESA_DEBUG": "silent"}
 MAX_PASSES = 60  # of the panels in one frame
 PASS_SECONDS = 1e-4
-SHORTEST_S = 1e-6  # of a picture
-TEXT_FRAMES = 4  # that characters wait for their field
-MAX_WAITING = 4096  # characters that ImGui has not handed out
+MIN_FRAME_S = 1e-6  # of a picture
+TEXT_WAITS_FRAMES = 4  # that characters wait for their field
+MAX_WAITING_CHARACTERS = 4096  # characters that ImGui has not handed out
 
 _PLAIN_KEYS = (
     "SPACE", "ENTER", "ESCAPE", "BACKSPACE", "TAB", "LEFT", "RIGHT", "UP", "DOWN", "HOME", "END", "PAGE_UP", "PAGE_DOWN",
@@ -179,7 +179,7 @@ class Window:
         imgui.backends.opengl3_new_frame()
         imgui.backends.glfw_new_frame()
         if dt is not None:
-            imgui.get_io().delta_time = max(dt, SHORTEST_S)  # it asserts that time has passed
+            imgui.get_io().delta_time = max(dt, MIN_FRAME_S)  # it asserts that time has passed
         imgui.new_frame()
         self._keep_text_for_field()
 
@@ -190,7 +190,7 @@ class Window:
         queue.clear()
         waiting = [*self._early, *((code, 0) for code in text)]
         if imgui.internal.get_input_text_state(imgui.internal.get_active_id()) is None:
-            self._early = [(code, age + 1) for code, age in waiting if age < TEXT_FRAMES]
+            self._early = [(code, age + 1) for code, age in waiting if age < TEXT_WAITS_FRAMES]
         else:
             self._early = []
             for code, _ in waiting:
@@ -330,7 +330,7 @@ class Window:
         self._acts = action != glfw.RELEASE and name in self._acting & _TYPING
 
     def _on_character(self, _window: Any, code: int) -> None:
-        self._typed = [*self._typed[-MAX_WAITING:], (code, not self._acts)]
+        self._typed = [*self._typed[-MAX_WAITING_CHARACTERS:], (code, not self._acts)]
         self._acts = False
 
     def _on_mouse_move(self, _window: Any, x: float, y: float) -> None:

@@ -47,7 +47,7 @@ def renamed(session: Session, number: int, name: str) -> Session:
 
 def copied(take: Take) -> Take:
     """A take as it is, for a second place in the list."""
-    return replace(take, name=f"{take.title}, copy"[:MAX_NAME])
+    return replace(take, name=f"{take.title}, copy"[:MAX_NAME_CHARACTERS])
 
 
 def mirrored_copy(session: Session, number: int) -> Session:

@@ -96,7 +96,7 @@ def file_errors(path: Path, remedy: str = REMEDY) -> Iterator[None]:
         yield
     except (sqlite3.Error, OSError, ValueError, OverflowError, MemoryError, zlib.error) as error:
         code = _code(error)
-        remedy = REMEDY if code in _OF_CONTENT else ROOM if code == sqlite3.SQLITE_FULL else remedy
+        remedy = REMEDY if code in _OF_CONTENT else ROOM_REMEDY if code == sqlite3.SQLITE_FULL else remedy
         if isinstance(error, VersionError):
             remedy = "Update this program."
         raise FileError(f"{path}: {said(error)}.", remedy) from error

@@ -90,9 +90,6 @@ class FakeController:
         standing = rest_pose(self.terrain, x, z, yaw)
         return make_pose(standing.hips_position, standing.local_rotations, np.ones(4), ground, yaw)
 
-    def full_speed(self, gait: Any) -> float:
-        return 1.2
-
     @property
     def state(self) -> CharacterState:
         """What a snapshot keeps: the place, and the steps done so far."""

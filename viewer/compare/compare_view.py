@@ -36,7 +36,7 @@ SPACING_M = 1.5  # between neighbours
 ROW_M = 2.2  # between two rows
 LONGEST_ROW = 5
 ABOVE_M = 2.15  # the highest point of a character and its name
-MARGIN = 0.86  # of the view that they fill
+FILLED_VIEW_FRACTION = 0.86  # of the view that they fill
 
 
 def places(count: int, centre: tuple[float, float], heading: float) -> list[tuple[float, float]]:
@@ -70,7 +70,7 @@ def distance_to(poses: Sequence[Pose], camera: Camera, aspect: float) -> float:
     points = np.concatenate([feet, feet + np.array([0.0, ABOVE_M, 0.0])]) - centre_of(poses)
     axes = camera.view_matrix()[:3, :3].astype(float)
     across, up, back = axes @ points.T
-    half = camera.half_height * MARGIN
+    half = camera.half_height * FILLED_VIEW_FRACTION
     aside = (np.abs(across) + 0.45) / (half * aspect)  # half a character's width
     return float(np.max(np.maximum(aside, np.abs(up) / half) + back))
 
@@ -90,8 +90,8 @@ def weight_of(blend: PromptBlend) -> str:
 
 FEWEST, MOST = 2, 9
 FIRST_COUNT = 3  # variants of a view that was just opened
-LOWEST_PITCH = 0.3  # rad; from lower, a second row hides behind the first
-GLIDE_HALF_LIFE = 0.25  # seconds, of target and distance
+MIN_PITCH_RAD = 0.3  # rad; from lower, a second row hides behind the first
+GLIDE_HALF_LIFE_S = 0.25  # seconds, of target and distance
 _LOG = logging.getLogger("sport.viewer")
 
 
@@ -314,7 +314,7 @@ class CompareView:
         self._camera = camera.mode, camera.current.distance, camera.current.pitch
         self._zoom, self._distance, self._left_s = 1.0, 0.0, 0.0
         camera.use("orbit")
-        camera.orbit.pitch = max(camera.orbit.pitch, LOWEST_PITCH)
+        camera.orbit.pitch = max(camera.orbit.pitch, MIN_PITCH_RAD)
         self._stand()
 
     def _stand(self) -> None:
@@ -442,7 +442,7 @@ class CompareView:
             return
         orbit, poses = camera.orbit, self.poses
         wanted = distance_to(poses, orbit, aspect)
-        fraction = 1.0 - 0.5 ** (dt / GLIDE_HALF_LIFE)
+        fraction = 1.0 - 0.5 ** (dt / GLIDE_HALF_LIFE_S)
         if self._distance:
             self._zoom *= orbit.distance / self._distance
         else:  # just opened

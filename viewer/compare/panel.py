@@ -19,7 +19,7 @@ from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.prompt.prompt_field import is_active, undo_keys
 
-SEED_WIDTH = 112.0  # pixels at scale 1
+SEED_WIDTH_PX = 112.0  # pixels at scale 1
 
 
 def panel(compare: CompareView) -> Panel:
@@ -76,7 +76,7 @@ def _row(compare: CompareView, index: int, variant: Variant) -> tuple[bool, bool
     _prompt(compare, index, variant)
     imgui.dummy(imgui.ImVec2(0, 0))
     imgui.same_line(px(22), 0)
-    imgui.set_next_item_width(px(SEED_WIDTH))
+    imgui.set_next_item_width(px(SEED_WIDTH_PX))
     changed, seed = imgui.input_int("##seed", variant.seed)
     widgets.tooltip("A different seed gives a variation")
     if changed and seed >= 0:
@@ -128,9 +128,9 @@ Place = tuple[float, float]  # on the screen
 HEAD = SPORT_SKELETON.index("Head")
 OVER_HEAD = np.array([0.0, 0.34, 0.0])  # metres
 HALF_WIDTH_M = 0.4  # of a character, to be clicked
-WIDEST, NARROWEST = 190.0, 60.0  # pixels at scale 1
-PAD, LEAST_NAME = 6.0, 56.0
-NUMBERS_ALONE = 110.0  # where there is less room for a name
+MAX_NAME_PX, MIN_NAME_PX = 190.0, 60.0  # pixels at scale 1
+NAME_PADDING_PX, MIN_WORDS_PX = 6.0, 56.0
+NAMES_FROM_PX = 110.0  # where there is less room for a name
 
 
 def names_panel(compare: CompareView) -> Panel:
@@ -159,11 +159,13 @@ def _draw_name(
 ) -> None:
     """The number and name of a character at a place on the screen, as wide as there is room."""
     hovered, count = index == compare.hovered, len(compare.poses)
-    if width < px(NUMBERS_ALONE) and not hovered:  # the panel has the names
+    if width < px(NAMES_FROM_PX) and not hovered:  # the panel has the names
         text = f"{index + 1}"
     else:
         name = _name_of(compare, index, hovered)
-        text = _fitted(f"{index + 1}", *name, (px(WIDEST) if hovered else width) - 2 * px(PAD))
+        text = _fitted(
+            f"{index + 1}", *name, (px(MAX_NAME_PX) if hovered else width) - 2 * px(NAME_PADDING_PX)
+        )
     # of two rows the first has its names under the feet: over the heads they would cover the second
     if foot is not None and index < (count + 1) // 2 and count > LONGEST_ROW:
         head = foot[0], foot[1] + 2.0 * imgui.get_text_line_height()
@@ -184,7 +186,7 @@ def _name_width(heads: list[Place]) -> float:
     """Pixels for one name, so that neighbours at about the same height do not overlap."""
     line = 1.5 * imgui.get_text_line_height()
     gaps = [abs(a[0] - b[0]) for k, a in enumerate(heads) for b in heads[:k] if abs(a[1] - b[1]) < line]
-    return min(max(min(gaps, default=px(WIDEST)) - px(6), px(NARROWEST)), px(WIDEST))
+    return min(max(min(gaps, default=px(MAX_NAME_PX)) - px(6), px(MIN_NAME_PX)), px(MAX_NAME_PX))
 
 
 def _under_mouse(heads: list[Place | None], feet: list[Place | None]) -> int:
@@ -204,13 +206,13 @@ def _under_mouse(heads: list[Place | None], feet: list[Place | None]) -> int:
 def _fitted(number: str, name: str, rest: str, width: float) -> str:
     """The name cut to a width; the rest, which tells it from others of that name, stays whole."""
     room = width - imgui.calc_text_size(rest).x
-    if not name or room < px(LEAST_NAME):
+    if not name or room < px(MIN_WORDS_PX):
         return widgets.elided(f"{number}  {rest.lstrip(', ') or name}", width)
     return widgets.elided(f"{number}  {name}", room) + rest
 
 
 def _label(text: str, head: Place, hovered: bool, view: Rect) -> None:
-    drawing, pad = imgui.get_background_draw_list(), px(PAD)
+    drawing, pad = imgui.get_background_draw_list(), px(NAME_PADDING_PX)
     size = imgui.calc_text_size(text)
     left = min(max(head[0] - size.x / 2, view.x + pad), view.x + view.width - size.x - pad)
     low = imgui.ImVec2(left - pad, head[1] - size.y - px(3))

@@ -25,10 +25,10 @@ STEPS = (
     ("Record", "R starts a take, R ends it"),
     ("Export", "Under Takes, or Ctrl+E for every format"),
 )
-WIDTH, SMALL_WIDTH = 210.0, 150.0  # pixels at scale 1
-BELOW_BAR = 50.0
-SMALL_VIEW = 560.0
-MIN_HEIGHT = 330.0  # a lower view keeps its room
+WIDTH_PX, SMALL_WIDTH_PX = 210.0, 150.0  # pixels at scale 1
+BELOW_BAR_PX = 50.0
+SMALL_VIEW_PX = 560.0
+MIN_VIEW_HEIGHT_PX = 330.0  # a lower view keeps its room
 
 
 @dataclass
@@ -87,17 +87,17 @@ def panel(guide: Guide, covered: Callable[[], bool]) -> Panel:
     """The card; not shown while it would be `covered`, or cover."""
 
     def draw(view: Rect) -> None:
-        if view.height >= px(MIN_HEIGHT) and view.width >= px(WIDTH + 4 * panels.CARD_MARGIN):
+        if view.height >= px(MIN_VIEW_HEIGHT_PX) and view.width >= px(WIDTH_PX + 4 * panels.CARD_MARGIN):
             _draw(guide, view)
 
     return Panel("First minute", PanelPlace.VIEW, draw, shown=lambda: guide.shown and not covered())
 
 
 def _draw(guide: Guide, view: Rect) -> None:
-    small = min(view.height, view.width) < px(SMALL_VIEW)
+    small = min(view.height, view.width) < px(SMALL_VIEW_PX)
     # in a small view next to the feet, where it covers no head
-    width = SMALL_WIDTH if small else WIDTH
-    with panels.card("First minute", view, width, bottom=small, below=BELOW_BAR, behind=True):
+    width = SMALL_WIDTH_PX if small else WIDTH_PX
+    with panels.card("First minute", view, width, bottom=small, below=BELOW_BAR_PX, behind=True):
         left = [step for step in range(len(STEPS)) if not guide.is_done(step)]
         if left:
             place = f"{left[0] + 1} of {len(STEPS)}"

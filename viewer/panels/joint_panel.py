@@ -17,10 +17,10 @@ from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.scene.joint_mapping import JointMapping
 
-WIDTH, HEIGHT = 720.0, 560.0  # pixels at scale 1
-AROUND = 224.0  # of the window's height: title, counts, buttons, margins
-INDENT = 9.0  # of a child in the trees
-NAME_WIDTH = 150.0  # of the project's joints
+WIDTH_PX, HEIGHT_PX = 720.0, 560.0  # pixels at scale 1
+AROUND_LISTS_PX = 224.0  # of the window's height: title, counts, buttons, margins
+INDENT_PX = 9.0  # of a child in the trees
+NAME_WIDTH_PX = 150.0  # of the project's joints
 
 
 def panel(mapping: JointMapping) -> Panel:
@@ -30,7 +30,7 @@ def panel(mapping: JointMapping) -> Panel:
             return
         room = imgui.get_content_region_avail().x
         _found(mapping, mapping.guess, room)
-        height = max(min(px(HEIGHT), imgui.get_io().display_size.y) - px(AROUND), px(80))
+        height = max(min(px(HEIGHT_PX), imgui.get_io().display_size.y) - px(AROUND_LISTS_PX), px(80))
         left, x = 0.42 * room, imgui.get_cursor_pos_x()
         widgets.label("Joints of the file")
         imgui.same_line(x + left + px(8))
@@ -46,7 +46,7 @@ def panel(mapping: JointMapping) -> Panel:
         _end(mapping)
 
     return Panel(
-        "Joints", PanelPlace.WINDOW, draw, ICON.person, lambda: mapping.open, WIDTH, close=mapping.close
+        "Joints", PanelPlace.WINDOW, draw, ICON.person, lambda: mapping.open, WIDTH_PX, close=mapping.close
     )
 
 
@@ -71,7 +71,7 @@ def _file_joints(state: JointMapping, guess: JointGuess) -> None:
     played = {state.plays(joint): joint for joint in SPORT_SKELETON.names if state.plays(joint)}
     for k, depth in _ordered(guess):
         name, plays = printable(guess.names[k]), played.get(guess.names[k], "")
-        imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + px(INDENT) * min(depth, 12))
+        imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + px(INDENT_PX) * min(depth, 12))
         lit = bool(plays) and plays == state.selected
         tint = theme.ACCENT if lit else theme.TEXT if plays else theme.MUTED
         room = imgui.get_content_region_avail().x
@@ -85,11 +85,11 @@ def _mapped_joint(state: JointMapping, guess: JointGuess, joint: int) -> None:
     name, x = SPORT_SKELETON.names[joint], imgui.get_cursor_pos_x()
     plays, by_hand = state.plays(name), name in state.chosen
     lost = name in NEEDED and not plays
-    imgui.set_cursor_pos_x(x + px(INDENT) * 0.8 * _depth(joint))
+    imgui.set_cursor_pos_x(x + px(INDENT_PX) * 0.8 * _depth(joint))
     imgui.align_text_to_frame_padding()
     with widgets.color(imgui.Col_.text, theme.ERROR if lost else theme.TEXT if plays else theme.MUTED):
         imgui.text_unformatted(name)
-    imgui.same_line(x + px(NAME_WIDTH))
+    imgui.same_line(x + px(NAME_WIDTH_PX))
     widgets.full_width()
     shown = f"{printable(plays)}  ({'by hand' if by_hand else 'guessed'})"
     if not plays:

@@ -16,7 +16,7 @@ from viewer.gui.widgets import px
 from viewer.messages import Messages
 from viewer.session.sessions import OPENING, Sessions, SessionSummary, describe
 
-WIDTH, REPORT_HEIGHT = 560.0, 220.0  # pixels at scale 1
+WIDTH_PX, REPORT_HEIGHT_PX = 560.0, 220.0  # pixels at scale 1
 
 
 def defect_panel(defects: Defects, sessions: Sessions, messages: Messages) -> Panel:
@@ -35,7 +35,7 @@ def defect_panel(defects: Defects, sessions: Sessions, messages: Messages) -> Pa
             imgui.text_wrapped(printable(kept))
         where = "It could not be written." if defect.path is None else printable(defect.path)
         widgets.label(f"Report: {where}")
-        room = imgui.ImVec2(-1, px(REPORT_HEIGHT))
+        room = imgui.ImVec2(-1, px(REPORT_HEIGHT_PX))
         imgui.input_text_multiline("##report", defect.report, room, imgui.InputTextFlags_.read_only)
         third = widgets.column_width(3)
         if widgets.button("Copy the report", third, "To send it to those who make the program"):
@@ -48,7 +48,7 @@ def defect_panel(defects: Defects, sessions: Sessions, messages: Messages) -> Pa
             defects.dismiss()
 
     return Panel(
-        "Defect", PanelPlace.WINDOW, draw, ICON.error, lambda: defects.shown is not None, WIDTH,
+        "Defect", PanelPlace.WINDOW, draw, ICON.error, lambda: defects.shown is not None, WIDTH_PX,
         close=defects.dismiss, modal=True,
     )  # fmt: skip
 
@@ -71,7 +71,7 @@ class CutOffWindow:
 
     def panel(self) -> Panel:
         return Panel(
-            "Your last session", PanelPlace.WINDOW, self._draw, ICON.warning, lambda: self.left is not None, WIDTH,
+            "Your last session", PanelPlace.WINDOW, self._draw, ICON.warning, lambda: self.left is not None, WIDTH_PX,
             close=self.close, modal=True,
         )  # fmt: skip
 

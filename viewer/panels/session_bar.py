@@ -24,7 +24,7 @@ from viewer.session.sessions import Sessions, SessionSummary, describe
 POPUP = "session menu"
 NAME_WIDTH = 110.0  # pixels at scale 1
 MENU_WIDTH = 240.0
-MARGIN = 10.0
+MARGIN_PX = 10.0
 MAX_PICTURE = 512  # pixels of a side
 MIN_VIEW = 200.0  # a narrower view has no room for the bar
 # plain numbers: Python 3.11.2, Debian 12's, raises where two of these keys are joined as the enumeration they are
@@ -50,7 +50,7 @@ class SessionBar:
         """The bar at the top left of the view, and what opens from it."""
         if view.width < px(MIN_VIEW):
             return
-        imgui.set_next_window_pos(imgui.ImVec2(view.x + px(MARGIN), view.y + px(MARGIN)))
+        imgui.set_next_window_pos(imgui.ImVec2(view.x + px(MARGIN_PX), view.y + px(MARGIN_PX)))
         imgui.push_style_var(imgui.StyleVar_.window_padding, imgui.ImVec2(px(4), px(4)))
         imgui.begin(
             "Session", None, FIXED | imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.always_auto_resize

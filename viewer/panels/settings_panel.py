@@ -29,7 +29,7 @@ FREE, BOUND = "free to publish with credits", "non-commercial"
 RESET = (
     "ui_scale", "text_size", "keep_seconds", "dead_zone", "invert_look", "navigation", "pad_buttons", "exact_legs",
 )  # fmt: skip
-WIDTH = 470.0  # pixels at scale 1
+WIDTH_PX = 470.0  # pixels at scale 1
 SCALES = (
     (0.0, "As the monitor says"), (0.75, "75 %"), (1.0, "100 %"), (1.25, "125 %"), (1.5, "150 %"), (2.0, "200 %"),
     (3.0, "300 %"),
@@ -62,7 +62,7 @@ class SettingsWindow:
             self._draw,
             ICON.gear,
             lambda: self.shown,
-            WIDTH,
+            WIDTH_PX,
             close=lambda: self.shown and self.toggle(),
         )
 

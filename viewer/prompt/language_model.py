@@ -137,13 +137,13 @@ class LanguageModel:
 
 
 POPUP = "who answers"
-WIDTH = 340.0  # pixels at scale 1
+WIDTH_PX = 340.0  # pixels at scale 1
 
 
 def draw(model: LanguageModel, corner: imgui.ImVec2) -> None:
     """The popup, where it was opened by `imgui.open_popup(POPUP)`; its upper left corner is at `corner`."""
     space = imgui.get_io().display_size
-    width = min(px(WIDTH), space.x - px(16))
+    width = min(px(WIDTH_PX), space.x - px(16))
     left = max(min(corner.x, space.x - width - px(8)), px(8))
     imgui.set_next_window_pos(imgui.ImVec2(left, corner.y), imgui.Cond_.appearing)
     imgui.set_next_window_size_constraints(

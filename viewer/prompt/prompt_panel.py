@@ -34,15 +34,15 @@ EXACT_HINT = (
 )
 WEAK_HINT = "The walk shows little of these words. Other words may show more."
 NEAREST_ROWS = 3  # in a tall panel, else one
-GOOD_MATCH = 0.6  # cosine similarity from which a library prompt is near
+NEAR_SIMILARITY = 0.6  # cosine similarity from which a library prompt is near
 MIN_LINES, MAX_LINES = 2, 3  # of the field of a body part
 # pixels at scale 1
-TALL = 620.0
+TALL_PANEL_PX = 620.0
 MIN_LIST_HEIGHT = 150.0
 TOOLS_WIDTH = 3 * 26.0 + 2 * 4.0
-BAR_WIDTH = 46.0
-LABEL_HEIGHT, ROW_GAP = 17.0, 4.0
-PART_WIDTH = 70.0
+BAR_WIDTH_PX = 46.0
+LABEL_HEIGHT_PX, ROW_GAP_PX = 17.0, 4.0
+PART_WIDTH_PX = 70.0
 
 _ANSWERED = {  # by the source of an answer
     "library": ("Library", "Composed from the shipped library's nearest prompts"),
@@ -105,7 +105,7 @@ class PromptPanel:
         prompt_field.draw(controller, self.suggester, Side.A, HINT, below=below)
         self._apply()
         blend = controller.prompt
-        rows = NEAREST_ROWS if imgui.get_window_height() >= px(TALL) else 1
+        rows = NEAREST_ROWS if imgui.get_window_height() >= px(TALL_PANEL_PX) else 1
         # what is below stays where it is when an answer comes
         top, line = imgui.get_cursor_pos_y(), imgui.get_text_line_height() + px(3)
         height = line * (1 + max(rows, 2)) + px(4)
@@ -159,7 +159,7 @@ class PromptPanel:
             self._weak = {part: weakly_shown(blend, part, self.model) for part in PART_NAMES}
             self._exact = edited_parts(None if blend.a is None else blend.a.words)
         line, padding = imgui.get_text_line_height(), 2 * imgui.get_style().frame_padding.y
-        free = imgui.get_content_region_avail().y / len(PART_NAMES) - px(LABEL_HEIGHT + 2 + ROW_GAP)
+        free = imgui.get_content_region_avail().y / len(PART_NAMES) - px(LABEL_HEIGHT_PX + 2 + ROW_GAP_PX)
         height = min(max(free, MIN_LINES * line + padding), MAX_LINES * line + padding)
         across = imgui.get_style().item_spacing.x
         for part in PART_NAMES:
@@ -167,7 +167,7 @@ class PromptPanel:
             imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(across, px(2)))
             self._part_heading(part, blend, words[part])
             imgui.pop_style_var()
-            imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(across, px(ROW_GAP)))
+            imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(across, px(ROW_GAP_PX)))
             _part_field(part, words[part], height, self.controller)
             imgui.pop_style_var()
             imgui.pop_id()
@@ -192,7 +192,7 @@ class PromptPanel:
             _mark(f"{weight:.0%} of B", theme.MUTED)
         said = getattr(answer.said, part) if answer is not None and edited else ""
         _part_buttons(part, said, locked, imgui.ImVec2(top.x + width, top.y - px(2)), self.controller)
-        imgui.set_cursor_pos(imgui.ImVec2(top.x, top.y + px(LABEL_HEIGHT + 2)))
+        imgui.set_cursor_pos(imgui.ImVec2(top.x, top.y + px(LABEL_HEIGHT_PX + 2)))
 
     def _adherence(self, part: str) -> None:
         """How far the body does what the words say, where that is worth a mark."""
@@ -276,7 +276,7 @@ def _answer(controller: PromptController, blend: PromptBlend, side: Side, rows: 
         for text, similarity in answer.nearest[: min(rows, 1) if answer.note else rows]:
             chosen = text if _near(text, similarity) else chosen
     if answer.note:
-        far = bool(answer.nearest) and answer.nearest[0][1] < GOOD_MATCH
+        far = bool(answer.nearest) and answer.nearest[0][1] < NEAR_SIMILARITY
         _note(answer.note, far or answer.note.startswith("Language model"), lines)
     return chosen
 
@@ -335,15 +335,15 @@ def _near(text: str, similarity: float) -> bool:
     drawing, fraction = imgui.get_window_draw_list(), min(max(similarity, 0.0), 1.0)
     percent, top = f"{fraction:.0%}", corner.y + px(1)
     percent_left = corner.x + width - imgui.calc_text_size(percent).x
-    bar_left = corner.x + width - px(38 + BAR_WIDTH)
+    bar_left = corner.x + width - px(38 + BAR_WIDTH_PX)
     words = widgets.packed(theme.TEXT if hovered else theme.MUTED)
     shown = widgets.elided(text, bar_left - corner.x - px(8))
     drawing.add_text(imgui.ImVec2(corner.x, top), words, shown)
     drawing.add_text(imgui.ImVec2(percent_left, top), words, percent)
     middle = corner.y + height / 2
-    tint = theme.ACCENT if similarity >= GOOD_MATCH else theme.WARNING
+    tint = theme.ACCENT if similarity >= NEAR_SIMILARITY else theme.WARNING
     for end, fill in ((1.0, theme.FIELD_ACTIVE), (fraction, tint)):
-        high = imgui.ImVec2(bar_left + px(BAR_WIDTH) * end, middle + px(2))
+        high = imgui.ImVec2(bar_left + px(BAR_WIDTH_PX) * end, middle + px(2))
         drawing.add_rect_filled(imgui.ImVec2(bar_left, middle - px(2)), high, widgets.packed(fill), px(2))
     return bool(clicked)
 
@@ -383,7 +383,7 @@ def _part_buttons(
     part: str, said: str, locked: bool, right: imgui.ImVec2, controller: PromptController
 ) -> None:
     """Reset to what the expander `said` where that was edited, and lock; they end at `right`."""
-    size = LABEL_HEIGHT + 3
+    size = LABEL_HEIGHT_PX + 3
     if said:
         imgui.set_cursor_pos(imgui.ImVec2(right.x - 2 * px(size) - px(2), right.y))
         if widgets.icon_button(ICON.original, "reset", f"Back to what was said: “{said}”", size=size):
@@ -436,7 +436,7 @@ def _blend(controller: PromptController, suggester: Suggester) -> None:
         return
     imgui.dummy(imgui.ImVec2(0, px(1)))
     right = imgui.get_content_region_avail().x - imgui.calc_text_size("Prompt B").x * 0.87
-    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + px(PART_WIDTH))
+    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + px(PART_WIDTH_PX))
     widgets.label("Prompt A")
     imgui.same_line(imgui.get_cursor_start_pos().x + right)
     widgets.label("Prompt B")
@@ -475,7 +475,7 @@ def _weight_slider(text: str, name: str, weight: float, spare: float = 0.0) -> t
     start = imgui.get_cursor_pos_x()
     imgui.align_text_to_frame_padding()
     widgets.muted(text)
-    imgui.same_line(start + px(PART_WIDTH))
+    imgui.same_line(start + px(PART_WIDTH_PX))
     imgui.set_next_item_width(imgui.get_content_region_avail().x - spare)
     moved, percent = widgets.slider(f"##{name}", 100.0 * weight, 0.0, 100.0, "%.0f%% B")
     return moved, min(max(percent / 100.0, 0.0), 1.0)

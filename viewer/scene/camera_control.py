@@ -21,9 +21,9 @@ from viewer.render.camera import (
     OrbitCamera,
 )
 
-CHEST_SHARE = 0.55  # of the way from the ground to the hips' height: keeps the whole body in view
+CHEST_HEIGHT_FRACTION = 0.55  # of the way from the ground to the hips' height: keeps the whole body in view
 ORBIT_PIXELS_PER_SECOND = 420.0  # what a full stick is worth in the orbit camera
-SHIFT_HALF_LIFE = 0.08  # seconds
+SHIFT_HALF_LIFE_S = 0.08  # seconds
 JUMP_DISTANCE_M = 3.0  # a target that moves farther in one frame was set there: no glide
 FRAME_DISTANCE_M = 4.0  # the whole body, with air above and below
 POINT_DISTANCE_M = 1.6  # a hand or a foot, and the limb that leads to it
@@ -33,7 +33,7 @@ BUTTONS = ("left", "right", "middle")  # as ImGui counts them
 OBSTACLE_TURN_RAD, OPENING_TURN_RAD = -0.62, math.pi - 0.72
 NEAR_M, FAR_M, STEP_M = 1.0, 15.0, 0.25  # where obstacles are looked for
 DIRECTIONS = 16
-CLIMB_M = 0.15  # up and down along the way; less is level
+MIN_CLIMB_M = 0.15  # up and down along the way; less is level
 _TRACKING = np.array([TARGET_HALF_LIFE_S, TARGET_HEIGHT_HALF_LIFE_S, TARGET_HALF_LIFE_S])
 
 
@@ -162,7 +162,7 @@ class CameraControl:
 
     def frame_in(self, framing: tuple[float, float, float], dt: float) -> None:
         """Glide to the place (-1 left to 1 right, -1 bottom to 1 top) and the fraction of the height that panels leave free."""
-        fraction = 1.0 - 0.5 ** (dt / SHIFT_HALF_LIFE)
+        fraction = 1.0 - 0.5 ** (dt / SHIFT_HALF_LIFE_S)
         old = framing if self._framing is None else self._framing
         right, up, fit = (a + (b - a) * fraction for a, b in zip(old, framing, strict=True))
         self._framing = right, up, fit
@@ -213,7 +213,7 @@ class CameraControl:
     def target(pose: Pose) -> tuple[float, float, float]:
         """What the camera looks at: between the feet and the chest."""
         ground, hips = float(pose.root_position[1]), float(pose.hips_position[1])
-        height = ground + max(hips - ground, 0.4) * 2 * CHEST_SHARE * 0.85
+        height = ground + max(hips - ground, 0.4) * 2 * CHEST_HEIGHT_FRACTION * 0.85
         return float(pose.hips_position[0]), height, float(pose.hips_position[2])
 
 
@@ -233,5 +233,5 @@ def start_yaw(terrain: Terrain) -> float:
     heights = terrain.height(np.outer(np.sin(yaws), along), np.outer(np.cos(yaws), along))
     climbs = np.abs(np.diff(heights, axis=1)).sum(axis=1)
     best = int(np.argmax(climbs))
-    ahead = climbs[0] >= CLIMB_M or climbs[best] < CLIMB_M
+    ahead = climbs[0] >= MIN_CLIMB_M or climbs[best] < MIN_CLIMB_M
     return 0.0 if ahead else math.remainder(float(yaws[best]), math.tau)

@@ -22,7 +22,7 @@ STEP_SECONDS = 1.0 / FPS
 # per displayed frame: pictures are dropped and the motion keeps its time, down to one frame a second; where the model
 # itself is slower than that the character slows down instead of falling behind for ever
 MIN_STEPS, MAX_STEPS = 6, 60
-MODEL_SHARE = 0.85  # of a frame's time that its steps may take
+MODEL_TIME_FRACTION = 0.85  # of a frame's time that its steps may take
 TRAVERSALS = {  # by the kinds of `runtime.traversal`
     "bar": "leap over a bar",
     "gap": "leap over a gap",
@@ -79,7 +79,7 @@ def steps_of(due_s: float, frame_s: float, step_ms: float) -> tuple[int, float]:
     """Steps of the time that is due in a frame of `frame_s`, when each takes `step_ms`; and what is left of that time."""
     steps = int(due_s / STEP_SECONDS + 1e-6)
     left_s = min(max(due_s - steps * STEP_SECONDS, 0.0), STEP_SECONDS)
-    affordable = int(MODEL_SHARE * frame_s * 1e3 / max(step_ms, 1e-3))
+    affordable = int(MODEL_TIME_FRACTION * frame_s * 1e3 / max(step_ms, 1e-3))
     return min(steps, max(affordable, MIN_STEPS), MAX_STEPS), left_s
 
 

@@ -352,7 +352,7 @@ class Takes:
     def compare_with(self, version: Take) -> None:
         """Play a take next to an earlier version of it, which comes into the list."""
         copy, number = (
-            replace(edits.copied(version), name=f"{version.title}, before"[: edits.MAX_NAME]),
+            replace(edits.copied(version), name=f"{version.title}, before"[: edits.MAX_NAME_CHARACTERS]),
             version.number,
         )
 

@@ -23,6 +23,7 @@ from runtime.session import unwritten
 from runtime.session.recovery import fill_gaps
 from runtime.session.salvage import salvaged
 from runtime.session.sqlite_file import (
+    KEPT_ASIDE_DAYS,
     ROOM_REMEDY,
     Budget,
     check_files,
@@ -34,6 +35,7 @@ from runtime.session.sqlite_file import (
     in_memory,
     is_own,
     keep_aside,
+    kept_aside,
     lock_of,
     new_file,
     real_path,
@@ -120,6 +122,9 @@ class Database(StoredRows):
         try:
             database = Database(path, Budget.for_file(check_files(path)), _handle=handle)
             database._renew()
+            for file in kept_aside(path, KEPT_ASIDE_DAYS):
+                _LOG.info("removed after %.0f days: %s", KEPT_ASIDE_DAYS, file)
+                file.unlink(missing_ok=True)
             return database._begin(checked=True)
         except BaseException:
             drop_lock(handle, path)

@@ -308,6 +308,22 @@ class SessionFile:
             BlobReader(self.path, self.database.blob, self.database.budget),
             lambda key: self._motion(key, known),
         )
+        steps, unsound = self._read_steps(reader)
+        places = {str(step.number): i for i, step in enumerate(steps)}
+        history = History(steps, places.get(self.database.meta("at"), len(steps) - 1)) if steps else History()
+        self._written = {step.number: step.session for step in steps}
+        self._known = set(self.database.motions()).union(*map(_character_keys, self._written.values()))
+        self._held.update(known)
+        self._has_motions = bool(self.database.framed_motions())
+        self._note_unsound(unsound, len(reader.left_out))
+        self._recover(history, set(known))
+        return history
+
+    def _read_steps(self, reader: DocumentReader) -> tuple[list[Step], dict[int, str]]:
+        """The steps that can be read, and why the others cannot, by their numbers.
+
+        A step without some of its takes is none where another one has as many.
+        """
         steps, unsound = list[Step](), dict[int, str]()
         whole = set[int]()  # numbers of the steps whose takes are all there
         for number, label in reversed(self.database.steps(MAX_STEPS + 1)):
@@ -321,15 +337,7 @@ class SessionFile:
         for step in [s for s in steps if s.number not in whole and len(s.session.takes) <= most]:
             steps.remove(step)
             unsound[step.number] = "takes of it cannot be read"
-        places = {str(step.number): i for i, step in enumerate(steps)}
-        history = History(steps, places.get(self.database.meta("at"), len(steps) - 1)) if steps else History()
-        self._written = {step.number: step.session for step in steps}
-        self._known = set(self.database.motions()).union(*map(_character_keys, self._written.values()))
-        self._held.update(known)
-        self._has_motions = bool(self.database.framed_motions())
-        self._note_unsound(unsound, len(reader.left_out))
-        self._recover(history, set(known))
-        return history
+        return steps, unsound
 
     def _note_unsound(self, unsound: Mapping[int, str], left_out: int) -> None:
         """Move steps that cannot be read to the lost things, and say what is missing."""

@@ -79,6 +79,7 @@ def salvaged(path: Path, wanted: dict[str, object]) -> None:
     assert "It was damaged" in database.repaired
     (aside,) = kept_aside(path)
     assert aside.read_bytes() == before
+    assert kept_aside(path, 1.0) == []
     assert database.close()
     again = Database.open(path)
     assert (again.repaired, content(again)) == ("", wanted)
@@ -334,3 +335,15 @@ def test_a_file_that_is_too_large(path: Path) -> None:
     for use in (Database.open, Database.read):
         with pytest.raises(FileError, match="larger than 512 MB"):
             use(path)
+
+
+def test_a_damaged_file_is_kept_for_thirty_days(path: Path, rows: dict[str, object]) -> None:
+    kept = []
+    for days in (29, 31):
+        stamp = time.strftime("%Y%m%d-%H%M%S", time.localtime(time.time() - 86400 * days))
+        kept.append(path.with_name(f"{path.name}.damaged-{stamp}"))
+        kept[-1].write_bytes(b"damaged")
+    database = Database.open(path)
+    assert content(database) == rows
+    database.close()
+    assert [file.exists() for file in kept] == [True, False]

@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import io
 import time
-from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from runtime.atomic import sweep
-from runtime.character.read import MOTIONS, SUFFIXES
 from runtime.interrupts import undo_when_ended
-from runtime.motion.controller import Controller
 from runtime.pose import Pose
 from runtime.session import library
-from runtime.session.sqlite_file import SUFFIX
 from runtime.takes.input_recording import InputRecorder
 from viewer.compare import panel as compare_panel
 from viewer.compare.compare_view import CompareView
 from viewer.edit.camera_keys import CameraKeys
 from viewer.edit.cutting import Cutting
-from viewer.edit.ghosts import Trails, ghosts
 from viewer.edit.graph_editor import GraphEditor
+from viewer.edit.opening import FileOpener
 from viewer.edit.path import PathTool
 from viewer.edit.pins import Pins
 from viewer.edit.posing import Posing
@@ -28,13 +24,13 @@ from viewer.edit.reference import References
 from viewer.edit.reference_card import ReferenceCard
 from viewer.edit.resimulation import Resimulation
 from viewer.edit.transport import Transport
-from viewer.edit.video import SUFFIXES as VIDEOS
+from viewer.edit.view_overlays import ViewOverlays
 from viewer.editor import Editor
 from viewer.exports import panel as exports_panel
 from viewer.exports.bvh_export import BvhExport
 from viewer.exports.exporting import Exporting
 from viewer.gui.defects import Defects
-from viewer.gui.dialogs import DialogKind, Dialogs
+from viewer.gui.dialogs import Dialogs
 from viewer.gui.panels import Panel
 from viewer.gui.theme import load_fonts
 from viewer.input.bindings import Action
@@ -52,11 +48,9 @@ from viewer.prompt.language_model import LanguageModel
 from viewer.prompt.prompt_controller import PromptController
 from viewer.prompt.prompt_panel import PromptPanel
 from viewer.prompt.suggestions import Suggester
-from viewer.render.overlays import Figure, Overlays, TrailOverlay, trajectory_overlay
 from viewer.scene.scene import Scene
 from viewer.screenshots import Screenshots
 from viewer.services import Services
-from viewer.session.playback import Playback
 from viewer.session.sessions import Sessions, first_file
 from viewer.session.takes import Takes
 from viewer.settings import Settings
@@ -65,7 +59,6 @@ from viewer.window import Window
 
 PICTURE_WIDTH = 256  # pixels
 LEAVE_S = 0.7  # to write what a session has when the process ends before its loop does
-MEMORY_S = 3.0  # of the live character, for ghosts and trails
 
 
 class Workspace:
@@ -130,7 +123,9 @@ class Workspace:
         self.settings_window = SettingsWindow(
             settings, messages, jobs, dialogs, scene, self.guide, self.load_model, self.window.use_scale
         )
-        self.trails = Trails()
+        self.files = FileOpener(scene, takes, self.references, self.sessions)
+        self.open_files = self.files.open
+        self.overlays = ViewOverlays(takes, self.path, self.pins, self.references).of
         self.screenshots = Screenshots(settings, messages, jobs, options.frames_directory)
         device = str(window.ctx.info["GL_RENDERER"])
         self.defects = Defects(
@@ -165,7 +160,7 @@ class Workspace:
         compare, editing, pins, export = self.compare, self.editing, self.pins, self.exporting.open
         references = ReferenceCard(
             self.references,
-            self._browse,
+            self.files.ask,
             self.window.ctx,
             corner_taken=lambda: pins.pin is not None or self.posing.shown,
         )
@@ -175,7 +170,7 @@ class Workspace:
             take_prompt_panel.panel(editing),
             compare_panel.panel(compare),
             ScenePanel(
-                self.scene, self.takes, self.path, self.camera_keys, self.open_files, self._browse_all,
+                self.scene, self.takes, self.path, self.camera_keys, self.open_files, self.files.browse,
                 lambda width: pins.draw_live(self.camera_keys.add, width),
             ).panel(),
             TakesPanel(
@@ -239,15 +234,6 @@ class Workspace:
         for folder in folders | {path.parent for path in self.sessions.recent}:
             sweep(folder)
 
-    def _browse_all(self) -> None:
-        self._browse("Open a file", sorted(self._files), lambda path: self.open_files([path]))
-
-    def _browse(self, title: str, endings: Sequence[str], done: Callable[[Path], None]) -> None:
-        start = Path(self.settings.export_folder).expanduser()
-        filters = [title, " ".join(f"*{ending}" for ending in endings), "All files", "*"]
-        start = start if start.is_dir() else Path.home()
-        self.sessions.dialogs.ask(DialogKind.OPEN, title, start, done, filters)
-
     def _picture(self) -> bytes:
         """A small PNG of the view, to know the session by; b"" before there is one."""
         from PIL import Image
@@ -287,84 +273,6 @@ class Workspace:
             lambda loaded: self.prompt.use_model(loaded, gpt, self.editor.session.model.sha256 != before),
             self.prompting.lose_model,
         )  # fmt: skip
-
-    @property
-    def _files(self) -> dict[str, Callable[[Path], None]]:
-        films = dict.fromkeys(VIDEOS, self.references.open_video)
-        takes = dict.fromkeys(MOTIONS, self.takes.open)
-        models = dict.fromkeys(SUFFIXES, self._open_gltf)
-        return {**self.scene.files, **takes, **models, **films, SUFFIX: self.sessions.open}
-
-    def _open_gltf(self, path: Path) -> None:
-        """A skin is a character, an animation a take; a file that has neither is a ground."""
-
-        from runtime.formats.gltf_motion import contents
-
-        def opened(found: tuple[bool, bool]) -> None:
-            skinned, animated = found
-            with self.jobs.together():  # what is wrong with the file is said once
-                if skinned or not animated:
-                    (self.scene.open_character if skinned else self.scene.load_terrain)(path)
-                if animated:
-                    self.takes.open(path)
-
-        self.jobs.submit(Slot("open", path), lambda: contents(path), opened, reading=path.name)
-
-    def open_files(self, paths: list[Path]) -> None:
-        """Open dropped files by what their names say they are."""
-        table = self._files
-        for path in paths:
-            suffix = path.suffix.lower()
-            if suffix in table:
-                table[suffix](path)
-            else:
-                self.messages.error(
-                    f"{path.name}: {suffix or 'a file without an ending'} cannot be opened."
-                    " Drop a session, a BVH clip, a GLB, FBX or VRM character or animation, or a PNG, NPY or mesh ground."
-                )
-
-    def overlays(self, live: Controller | None, others: list[Pose]) -> Overlays:
-        """What is drawn around the pose; `others` are drawn with it, the trajectory only of a `live` character."""
-        settings, playback = self.settings, self.takes.playback
-        frames, trails = self._other_times(playback, others)
-        figure, over = self._reference(playback, others)
-        return Overlays(
-            trajectory=trajectory_overlay(live) if live is not None and settings.show_trajectory else None,
-            show_skeleton=settings.show_skeleton,
-            show_contacts=settings.show_contacts,
-            show_grid=settings.show_grid,
-            path=self.path.overlay(),
-            trails=trails,
-            pins=None if others and playback is None else self.pins.overlay(),
-            ghosts=over,
-            frames=frames,
-            extra_poses=others,
-            figure=figure,
-        )
-
-    def _other_times(
-        self, playback: Playback | None, others: list[Pose]
-    ) -> tuple[list[Pose], TrailOverlay | None]:
-        """Ghosts and trails of the take that plays, or of the last seconds of the live character alone."""
-        settings, around = self.settings, playback
-        if around is None and (settings.show_ghosts or settings.show_trails) and not others:
-            around = self.takes.memory(MEMORY_S)
-        if around is None:
-            return [], None
-        frames = ghosts(around, round(settings.ghost_frames)) if settings.show_ghosts else []
-        return frames, self.trails.around(around) if settings.show_trails else None
-
-    def _reference(self, playback: Playback | None, others: list[Pose]) -> tuple[Figure | None, list[Pose]]:
-        """What the take that plays is compared with: a figure of its own, a ghost over it, or one of the `others`."""
-        references = self.references
-        pose = None if playback is None else references.pose(playback)
-        if playback is None or pose is None:
-            return None, []
-        figure = references.figure(playback, pose)
-        if figure is not None or references.reference.over:
-            return figure, [] if figure is not None else [pose]
-        others.append(pose)
-        return None, []
 
     def shown_pose(self) -> Pose:
         """The pose in view: that of the take that plays, or the live one."""

@@ -342,8 +342,9 @@ class Scene:
         files = read_character_files(path)
         if joint_map is not None:
             files[joint_map_path(Path(next(iter(files)))).name] = joint_map.read_bytes()
-        kept = write_character_files(files, self.characters)
-        choice = CharacterChoice(path=str(path), key=kept.relative_to(self.characters).as_posix())
+        cache = self.editor.file.cache
+        kept = write_character_files(files, cache)
+        choice = CharacterChoice(path=str(path), key=kept.relative_to(cache).as_posix())
         return choice, path, character
 
     def read_choice(self, choice: CharacterChoice) -> LoadedCharacter:

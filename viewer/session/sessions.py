@@ -62,7 +62,7 @@ def first_file(folder: Path, cache: Path) -> tuple[SessionFile, str]:
             return SessionFile.create(path, cache), ""
     except SportError as error:
         place = Path(tempfile.mkdtemp(prefix="sport-"))
-        file = SessionFile.create(library.new_path(place), cache)
+        file = SessionFile.create(library.new_path(place), place / "characters")
         return file, f"{error.problem} This session is in {file.path} until you save it elsewhere."
 
 

@@ -6,6 +6,8 @@ E5 lie close together, so they are taken about the mean of the library's prompts
 
 from __future__ import annotations
 
+import hashlib
+import json
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.prompts.library_data import PromptLibrary, library_hash, unit_vectors, vectors_as_bytes
+from runtime.prompts.library_data import PromptLibrary, unit_vectors, vectors_as_bytes
 from runtime.safe_read import open_npz
 
 FILE = "languages.npz"  # next to library.json
@@ -47,7 +49,7 @@ class OtherLanguages:
         if not self._path.is_file():
             return None
         with open_npz(self._path, "Install the program again.") as data:
-            if str(data["digest"]) != library_hash(self._library):
+            if str(data["digest"]) != prompts_hash(self._library):
                 return None
             vectors, mean = unit_vectors(data["prompts"]), data["mean"]
             entry_of = data["entry_of"].astype(np.int64)
@@ -55,6 +57,12 @@ class OtherLanguages:
             if vectors.shape != (len(entry_of), len(mean)) or not known or not np.isfinite(mean).all():
                 raise ValueError("vectors that are none of these entries")
             return vectors, entry_of, mean
+
+
+def prompts_hash(library: PromptLibrary) -> str:
+    """SHA-256 over the prompts of all entries: the stored vectors belong to exactly these."""
+    prompts = [[entry.prompt, *entry.also] for entry in library.entries]
+    return hashlib.sha256(json.dumps(prompts).encode()).hexdigest()
 
 
 def open_e5() -> Any:
@@ -86,6 +94,6 @@ def _save(folder: Path, library: PromptLibrary, vectors: NDArray[np.float32], en
         prompts=vectors_as_bytes(centred),
         entry_of=np.array(entry_of, np.int16),
         mean=mean.astype(np.float32),
-        digest=np.array(library_hash(library)),
+        digest=np.array(prompts_hash(library)),
     )
     return folder / FILE

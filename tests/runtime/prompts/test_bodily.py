@@ -13,7 +13,7 @@ from runtime.assets import asset_path
 from runtime.errors import FileError
 from runtime.prompts.english import other_languages
 from runtime.prompts.english.library import LibraryExpander
-from runtime.prompts.library_data import library_hash, load_library, load_styles
+from runtime.prompts.library_data import load_library, load_styles
 from tests.helpers.shipped import shipped_encoder, shipped_library
 
 
@@ -114,7 +114,7 @@ def test_damaged_vectors_of_other_languages_are_one_sentence(
     folder = asset_path("prompts/library.json").parent
     content = load_library(folder / "library.json", load_styles(folder / "styles.json"))
     good = {"prompts": [[1, 0]] * 3, "entry_of": [0, 1, 2], "mean": [0.0, 0.0]} | change
-    np.savez(tmp_path / "languages.npz", digest=np.array(library_hash(content)), **good)
+    np.savez(tmp_path / "languages.npz", digest=np.array(other_languages.prompts_hash(content)), **good)
     monkeypatch.setattr(other_languages, "open_e5", lambda: SimpleNamespace(query=lambda prompt: np.ones(2)))
     with pytest.raises(FileError, match="none of these entries"):
         other_languages.OtherLanguages(tmp_path, content).nearest("ein Narr")

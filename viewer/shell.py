@@ -196,7 +196,7 @@ class Shell:
         return [p for place in places for p in self.panels if p.place is place and p.shown()]
 
     def _help(self) -> None:
-        if help.draw(self.fonts, self.settings.pad_buttons):
+        if help.draw(self.fonts, self.settings):
             self.state.help_open = False
 
     def _draw_over(self, place: PanelPlace, rect: Rect) -> None:

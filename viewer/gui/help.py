@@ -8,13 +8,14 @@ from viewer.gui.focus import OVER
 from viewer.gui.panels import FITTED, dim_behind
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
-from viewer.input.bindings import HELP, pad_text
+from viewer.input.bindings import BUTTONS, HELP, KEYS, help_text
+from viewer.settings import Settings
 
 COLUMNS = (190.0, 190.0, 170.0)  # what, keyboard and mouse, gamepad; pixels at scale 1
 
 
-def draw(fonts: Fonts, changes: str = "") -> bool:
-    """Draw the help in the middle, above everything, with `changes` of the pad's buttons.
+def draw(fonts: Fonts, settings: Settings) -> bool:
+    """Draw the help in the middle, above everything, with the keys and buttons of the settings.
 
     Returns whether it was closed by its button or a click outside.
     """
@@ -30,7 +31,7 @@ def draw(fonts: Fonts, changes: str = "") -> bool:
     imgui.push_style_var(imgui.StyleVar_.cell_padding, imgui.ImVec2(px(6), px(1.5)))
     imgui.begin(f"Controls{OVER}", None, FITTED)
     closed |= _title(fonts)
-    _table(fonts, changes)
+    _table(fonts, settings)
     imgui.end()
     imgui.pop_style_var()
     imgui.pop_style_color()
@@ -48,7 +49,7 @@ def _title(fonts: Fonts) -> bool:
     return closed
 
 
-def _table(fonts: Fonts, changes: str) -> None:
+def _table(fonts: Fonts, settings: Settings) -> None:
     if not imgui.begin_table("controls", 3, imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.row_bg):
         return
     for name, width in zip(("", "Keyboard and mouse", "Gamepad"), COLUMNS, strict=True):
@@ -66,7 +67,8 @@ def _table(fonts: Fonts, changes: str) -> None:
         imgui.pop_font()
         for what, keys, pad in rows:
             imgui.table_next_row()
-            for i, text in enumerate((what, keys, pad_text(pad, changes))):
+            keys = help_text(keys, KEYS, settings.keys)
+            for i, text in enumerate((what, keys, help_text(pad, BUTTONS, settings.pad_buttons))):
                 imgui.table_set_column_index(i)
                 imgui.text_unformatted(text)
     imgui.end_table()

@@ -81,6 +81,10 @@ class GraphEditor:
         take = playback.take
         return KeyedCurves(take.poses.layer, take.cameras, playback.clip.fps, playback.frames)
 
+    def show(self) -> None:
+        """Open the window on every key."""
+        self.open = self._fits = True
+
     def toggle(self) -> None:
         """Open the window, or close it."""
         self.open, self._fits = not self.open, True

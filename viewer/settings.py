@@ -121,7 +121,8 @@ class Settings:
         hint="How far a stick of the gamepad moves before it counts",
     )  # fmt: skip
     navigation: str = specified("sport", choices=NAVIGATIONS)
-    pad_buttons: str = ""  # changes of the gamepad, see `viewer.input.bindings.pad_buttons`
+    pad_buttons: str = ""  # changes of the gamepad, and of the keyboard, see `viewer.input.bindings.bound`
+    keys: str = ""
     invert_look: bool = specified(False, label="Invert look", hint="Stick and keys up look down")
     text_size: float = specified(1.0, choices={0.9: "Small", 1.0: "Normal", 1.15: "Large"})
     known_models: list[str] = field(default_factory=list)  # folders that were chosen here, newest first

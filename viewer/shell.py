@@ -74,8 +74,8 @@ class Shell:
             *self.panels,
             Panel("Crouching", PanelPlace.SIGN, draw_crouching, shown=crouching),
             Panel(
-                "Controls", PanelPlace.WINDOW, lambda _: self._help(), shown=lambda: state.help_open,
-                close=close_help, modal=True,
+                "Controls", PanelPlace.WINDOW, lambda _: help.draw(self.fonts, self.settings), ICON.help,
+                lambda: state.help_open, help.WIDTH_PX, close=close_help, modal=True, light=True,
             ),
         ]  # fmt: skip
         self.panels = [safe_panel(panel, self.defects) for panel in self.panels]
@@ -194,10 +194,6 @@ class Shell:
     def _shown(self, *places: PanelPlace) -> list[Panel]:
         """The panels of places that are shown now, in the order of the places."""
         return [p for place in places for p in self.panels if p.place is place and p.shown()]
-
-    def _help(self) -> None:
-        if help.draw(self.fonts, self.settings.pad_buttons):
-            self.state.help_open = False
 
     def _draw_over(self, place: PanelPlace, rect: Rect) -> None:
         """Draw the panels that lie over the view or over everything."""

@@ -96,13 +96,13 @@ class Workspace:
         self.language_model = LanguageModel(settings, jobs, services, prompting)
         self.editing = editing = Resimulation(takes, prompting)
         self.pins = Pins(editor, editing, scene)
-        self.posing = Posing(editor, takes, scene.camera, self.pins)
+        self.graph = GraphEditor(editor, takes, self.pins)
+        self.posing = Posing(editor, takes, scene.camera, self.pins, self.graph.show)
         self.path = PathTool(editor, editing, scene)
         self.camera_keys = CameraKeys(
             editor, takes, scene.camera, lambda: (self.exporting.form.size, self.exporting.form.fov_degrees)
         )
         self.cutting = Cutting(takes)
-        self.graph = GraphEditor(editor, takes, self.pins)
         self.transport = Transport(
             editing, self.pins, self.posing, self.camera_keys, self.cutting, self.graph
         )

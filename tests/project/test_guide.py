@@ -23,7 +23,7 @@ from tests.helpers.documents import (
     text_of,
 )
 from training.presets import ABLATIONS, preset
-from viewer.input.bindings import HELP, pad_text
+from viewer.input.bindings import BUTTONS, HELP, KEYS, help_text
 
 PAGES = [path for path in DOCUMENTS if path.name != "README.md"]
 
@@ -61,7 +61,7 @@ def test_the_table_of_controls_says_what_the_help_overlay_says() -> None:
     rows = [line for line in page.splitlines() if line.startswith("| ") and line.count("|") == 4]
     for _, entries in HELP:
         for what, keys, pad in entries:
-            needed = words(keys) | words(pad_text(pad, ""))
+            needed = words(help_text(keys, KEYS, "")) | words(help_text(pad, BUTTONS, ""))
             assert any(needed <= words(row) for row in rows), what
 
 

@@ -25,7 +25,9 @@ from viewer.session.takes import Takes
 
 SIZE_PX = (760.0, 300.0)  # of the window when it opens, at scale 1
 MIN_SIZE_PX = (420.0, 200.0)
-LIST_WIDTH_PX, FIELD_WIDTH_PX = 132.0, 74.0
+OPENING_HEIGHT_FRACTION = 0.6  # of the view, at most
+MIN_PLOT_PX = (80.0, 60.0)
+LIST_WIDTH_PX, FIELD_WIDTH_PX, FIELDS = 132.0, 74.0, 5  # fields in the line above the plot
 GRAB_PX = 9.0  # a click nearer to a key takes it
 KEY_PX, CHOSEN_KEY_PX = 4.0, 5.5  # radii
 SAMPLES = 240  # of a curve across the plot
@@ -63,6 +65,7 @@ class GraphEditor:
     _grab: Grab | None = None
     _fits: bool = True  # the plot shows everything in the next frame
     _take: int = 0  # whose keys are chosen
+    _field_width: float = 0.0
 
     @property
     def playback(self) -> Playback | None:
@@ -77,6 +80,10 @@ class GraphEditor:
             return KeyedCurves(PoseLayer(), (), 1.0, 1)
         take = playback.take
         return KeyedCurves(take.poses.layer, take.cameras, playback.clip.fps, playback.frames)
+
+    def show(self) -> None:
+        """Open the window on every key."""
+        self.open = self._fits = True
 
     def toggle(self) -> None:
         """Open the window, or close it."""
@@ -150,7 +157,10 @@ class GraphEditor:
             self._take, self.chosen, self._grab, self._fits = playback.number, frozenset(), None, True
         curves = self.curves
         self.chosen = frozenset(key for key in self.chosen if key.frame in curves.keys(key.channel))
-        size = imgui.ImVec2(min(px(SIZE_PX[0]), view.width - px(20)), min(px(SIZE_PX[1]), 0.45 * view.height))
+        size = imgui.ImVec2(
+            min(px(SIZE_PX[0]), view.width - px(20)),
+            min(px(SIZE_PX[1]), OPENING_HEIGHT_FRACTION * view.height),
+        )
         place = imgui.ImVec2(view.x + px(10), view.y + px(56))
         imgui.set_next_window_pos(place, imgui.Cond_.appearing)
         imgui.set_next_window_size(size, imgui.Cond_.appearing)
@@ -195,6 +205,9 @@ class GraphEditor:
         if widgets.button("Fit##curves", 0.0, f"Show every key\n{HELP}"):
             self._fits = True
         imgui.same_line()
+        gap = imgui.get_style().item_spacing.x
+        room = (imgui.get_content_region_avail().x - FIELDS * gap) / FIELDS
+        self._field_width = min(px(FIELD_WIDTH_PX), room)
         (first, *others) = self.chosen or (None,)
         frame = value = 0.0
         if first is not None:
@@ -210,7 +223,7 @@ class GraphEditor:
             self.chosen = frozenset({first._replace(frame=first.frame + curves.bounded(chosen, by))})
         tangents = {curves.tangent(key) for key in self.chosen} - {None}
         with widgets.disabled(not tangents):
-            imgui.set_next_item_width(px(FIELD_WIDTH_PX))
+            imgui.set_next_item_width(self._field_width)
             options = [(tangent, str(tangent).capitalize()) for tangent in Tangent]
             now = next(iter(tangents)) if len(tangents) == 1 else None
             picked = widgets.combo("##curve tangent", options, now)
@@ -221,7 +234,7 @@ class GraphEditor:
         self._eases(curves)
 
     def _number(self, name: str, value: float, text: str, hint: str) -> float:
-        imgui.set_next_item_width(px(FIELD_WIDTH_PX))
+        imgui.set_next_item_width(self._field_width)
         _, made = imgui.drag_float(f"##curve {name}", value, 0.1, 0.0, 0.0, text)
         widgets.tooltip(hint)
         imgui.same_line()
@@ -264,6 +277,7 @@ class GraphEditor:
         flags = implot.Flags_
         chosen = flags.no_title | flags.no_legend | flags.no_menus | flags.no_box_select | flags.no_mouse_text
         implot.get_input_map().pan = 2  # the middle button: the left one chooses and drags
+        implot.get_style().plot_min_size = imgui.ImVec2(*map(px, MIN_PLOT_PX))
         if not implot.begin_plot("##curves", imgui.ImVec2(-1, -1), chosen):
             return
         try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -15,7 +14,6 @@ from runtime.pose import Pose
 from runtime.session.session import Take
 from runtime.takes.clip import Clip
 from runtime.takes.pose_layer import (
-    MAX_EASE_S,
     PoseKey,
     PoseLayer,
     Tangent,
@@ -28,7 +26,7 @@ from runtime.takes.pose_layer import (
 from viewer.edit.handles import Handles, on_screen
 from viewer.edit.handles import dragged as handles_moved
 from viewer.edit.pins import MIN_VIEW, SMALL_WIDTH, WIDTH, Pins
-from viewer.edit.rings import AXES, Rings
+from viewer.edit.rings import Rings
 from viewer.editor import Editor
 from viewer.gl_bindings import im_guizmo, imgui
 from viewer.gui import panels, theme, widgets
@@ -53,11 +51,9 @@ NAMES = {0: "Hips", 12: "Waist", 13: "Chest", 15: "Neck", 16: "Head"} | {
     for joint, name in names
 }
 JOINTS = tuple(NAMES)
-GIZMO_SIZE = 0.1  # of the arrows: of the width of the view, about
-CURVE_S = 4.0  # that the curves show
-CURVE_HEIGHT = 44.0  # pixels at scale 1
-NARROW, LOW = 520.0, 330.0  # in a narrower view the card is small, in a lower one it has no curves and eases
-STILL = 1e-6
+ARROWS_WIDTH_FRACTION = 0.1  # of the width of the view, about
+NARROW_PX, LOW_PX = 520.0, 330.0  # in a narrower view the card is small, in a lower one it has no curves
+STILL_M = 1e-6
 
 
 @dataclass
@@ -68,6 +64,7 @@ class Posing:
     takes: Takes
     camera: CameraControl
     pins: Pins
+    open_curves: Callable[[], None]
     open: bool = False
     joint: int = -1  # of the skeleton; -1 for none
     moves: bool = False  # the gizmo moves the joint; else it turns it
@@ -234,7 +231,7 @@ class Posing:
         if self.joint >= 0 and self._handles.held < 0:
             self._gizmo(pose)
         if view.width >= px(MIN_VIEW):
-            _draw_card(self, playback, view)
+            _draw_card(self, view)
 
     def _draw_joints(self, pose: Pose) -> None:
         drawing, size = imgui.get_background_draw_list(), imgui.get_io().display_size
@@ -254,7 +251,7 @@ class Posing:
         axes = np.eye(3) if self.world else rotations.to_matrix(world[joint])
         if self.moves:
             by = _moved_by(self.camera.current, place, axes)
-            if np.abs(by).max() > STILL:
+            if np.abs(by).max() > STILL_M:
                 self._move(pose, by)
             return
         turn = self.rings.turn(self.camera.current, place, axes)
@@ -276,7 +273,7 @@ def _moved_by(camera: Camera, place: Array, axes: Array) -> Array:
     matrix = _matrix(before)
     im_guizmo.begin_frame()
     im_guizmo.set_rect(0.0, 0.0, size.x, size.y)
-    im_guizmo.set_gizmo_size_clip_space(GIZMO_SIZE)
+    im_guizmo.set_gizmo_size_clip_space(ARROWS_WIDTH_FRACTION)
     im_guizmo.manipulate(
         _matrix(camera.view_matrix()),
         _matrix(camera.projection_matrix(size.x / max(size.y, 1.0))),
@@ -297,8 +294,8 @@ def _below(take: Take) -> Clip:
     return take.poses.below_layer(take.base_clip)
 
 
-def _draw_card(posing: Posing, playback: Playback, view: Rect) -> None:
-    with panels.card("Pose", view, SMALL_WIDTH if view.width < px(NARROW) else WIDTH, right=True):
+def _draw_card(posing: Posing, view: Rect) -> None:
+    with panels.card("Pose", view, SMALL_WIDTH if view.width < px(NARROW_PX) else WIDTH, right=True):
         if panels.card_title(NAMES.get(posing.joint, "Click a joint"), "pose"):
             posing.open, posing.joint = False, -1
         half = widgets.column_width(2)
@@ -316,11 +313,9 @@ def _draw_card(posing: Posing, playback: Playback, view: Rect) -> None:
             ("Paste", "Key the copied pose here", posing.paste),
             ("Mirror", "Key the mirror image of the copied pose here", lambda: posing.paste(mirror=True)),
         )
-        if view.height < px(LOW):
+        if view.height < px(LOW_PX):
             return
         _draw_layer(posing, half)
-        if posing.joint >= 0:
-            _draw_curve(posing, playback)
 
 
 def _buttons(*buttons: tuple[str, str, Callable[[], None]]) -> None:
@@ -334,81 +329,21 @@ def _buttons(*buttons: tuple[str, str, Callable[[], None]]) -> None:
 
 
 def _draw_layer(posing: Posing, half: float) -> None:
-    """Eases of the layer, and the tangent of the key at the frame shown."""
-    layer = posing.layer
-    made = layer
-    for name, text, hint in (
-        ("ease_in", "in %.2f s", "Ease in before the first key of a joint"),
-        ("ease_out", "out %.2f s", "Ease out after its last key"),
-    ):
-        imgui.set_next_item_width(half)
-        _, value = imgui.drag_float(f"##pose {name}", getattr(layer, name), 0.005, 0.0, MAX_EASE_S, text)
-        widgets.tooltip(hint)
-        widgets.same_line()
-        if abs(value - getattr(layer, name)) > STILL:
-            made = replace(made, **{name: min(max(value, 0.0), MAX_EASE_S)})  # type: ignore[arg-type]
-    imgui.new_line()
-    if made is not layer:
-        posing.put("ease of the pose layer", lambda _: made, held=True)
+    """The way to the curves, whether the layer keeps on, and the tangent of the key at the frame shown."""
+    layer, key = posing.layer, posing.key
+    if widgets.button("Curves##pose", half, "Curves of the keys, their tangents and eases"):
+        posing.open_curves()
+    widgets.same_line()
     hint = "The last key of each joint holds to the end of the take"
     if widgets.toggle("Keep on", layer.keeps, half, hint) != layer.keeps:
         posing.put("keeping of the pose layer", lambda layer: replace(layer, keeps=not layer.keeps))
-    widgets.same_line()
-    key = posing.key
-    imgui.begin_disabled(key is None)
-    imgui.set_next_item_width(half)
-    options = [(tangent, str(tangent).capitalize()) for tangent in Tangent]
-    chosen = widgets.combo("##tangent", options, Tangent.SMOOTH if key is None else key.tangent)
-    widgets.tooltip("How the curves pass this key")
-    imgui.end_disabled()
+    with widgets.disabled(key is None):
+        widgets.full_width()
+        options = [(tangent, str(tangent).capitalize()) for tangent in Tangent]
+        chosen = widgets.combo("##tangent", options, Tangent.SMOOTH if key is None else key.tangent)
+        widgets.tooltip("How the curves pass this key")
     if key is not None and isinstance(chosen, Tangent):
         posing.set_tangent(chosen)
-
-
-def _shown_curve(posing: Posing) -> tuple[int, bool]:
-    """The joint whose curves are drawn, and whether they are those of its shifts."""
-    turned, moved = posing.layer.turned_joints(), posing.layer.moved_joints()
-    curves = {*turned, *moved}
-    joint = next((one for one in posed_by(posing.joint) if one in curves), posing.joint)
-    return joint, joint in moved and (posing.moves or joint not in turned)
-
-
-def _draw_curve(posing: Posing, playback: Playback) -> None:
-    """The curves of the picked joint around the frame shown: degrees, or centimetres where it is moved."""
-    layer, (joint, moved) = posing.layer, _shown_curve(posing)
-    seconds = playback.clip.seconds
-    first = min(max(playback.time_s - CURVE_S / 2, 0.0), max(seconds - CURVE_S, 0.0))
-    times = np.linspace(first, min(first + CURVE_S, seconds), 120)
-    if moved:
-        values, words, unit = layer.moves(joint, times) * 100.0, "centimetres", "cm"
-    else:
-        values, words, unit = np.degrees(layer.turns(joint, times)), "degrees", "°"
-    most = max(float(np.abs(values).max()), 1.0)
-    corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
-    height, drawing = px(CURVE_HEIGHT), imgui.get_window_draw_list()
-    imgui.dummy(imgui.ImVec2(width, height))
-    widgets.tooltip(f"Red x, green y, blue z: {words}")
-    end = imgui.ImVec2(corner.x + width, corner.y + height)
-    drawing.add_rect_filled(corner, end, widgets.packed(theme.FIELD), px(3))
-    for channel, tint in enumerate(AXES):
-        x = corner.x + width * np.linspace(0.0, 1.0, len(times))
-        y = corner.y + height * (0.5 - 0.42 * values[:, channel] / most)
-        points = [(float(a), float(b)) for a, b in zip(x, y, strict=True)]
-        for a, b in pairwise(points):
-            drawing.add_line(a, b, widgets.packed(tint), px(1.2))
-    span = max(float(times[-1] - first), 1e-6)
-    keyed = [key for key in layer.keys if any(value.joint == joint for value in (*key.turns, *key.moves))]
-    for key in (key for key in keyed if first <= key.seconds <= times[-1]):
-        at = corner.x + width * (key.seconds - first) / span
-        place = imgui.ImVec2(at, corner.y + height / 2)
-        drawing.add_circle_filled(place, px(3), widgets.packed(theme.ACCENT))
-    now = corner.x + width * (playback.time_s - first) / span
-    drawing.add_line(imgui.ImVec2(now, corner.y), imgui.ImVec2(now, end.y), widgets.packed(theme.TEXT))
-    if keyed:
-        x, y, z = map(round, values[round((playback.time_s - first) / span * (len(times) - 1))])
-        widgets.muted(f"x {x}  y {y}  z {z} {unit}")
-    else:
-        widgets.muted("No key yet")
 
 
 def _uses_arrows() -> bool:

@@ -55,6 +55,7 @@ class Panel:
     width: float = 0.0  # of a window in the middle, pixels at scale 1; 0: it draws its own window
     height: float = 0.0  # that such a window keeps, whatever it holds; 0: as high as its contents
     modal: bool = False  # while it is shown, nothing behind it takes mouse or keys
+    light: bool = False  # a click beside it closes it
     tools: Callable[[], None] | None = None  # buttons in the line of the title
     tools_width: float = 0.0  # pixels at scale 1
     actions: Mapping[Action, Callable[[], None]] = field(default_factory=dict)
@@ -133,8 +134,7 @@ def draw_centred(panel: Panel, rect: Rect, fonts: Fonts) -> None:
     It opens in the middle and hangs from its top, where it stays when it grows; a drag of its title moves it.
     """
     size = imgui.get_io().display_size
-    if panel.modal:
-        dim_behind(panel.name)
+    beside = dim_behind(panel.name) if panel.modal else False
     free = max(size.y - px(STATUS_HEIGHT), 1.0)
     wide, high = min(px(panel.width), size.x - px(20)), free - px(20)
     top = (free - min(px(panel.height), high)) / 2 if panel.height else px(WINDOW_TOP_PX)
@@ -154,7 +154,7 @@ def draw_centred(panel: Panel, rect: Rect, fonts: Fonts) -> None:
             panel.draw(rect)
         finally:
             imgui.end()
-    if closed and panel.close is not None:
+    if (closed or (beside and panel.light)) and panel.close is not None:
         panel.close()
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 from enum import Enum, auto
+from functools import lru_cache
 
 from runtime.controls import Controls, Gait
 from viewer.input.gamepad import GamepadState, radial_dead_zone
@@ -138,7 +139,6 @@ NAVIGATION: dict[str, dict[tuple[str, str], Drag]] = {
         ("right", ""): Drag.ORBIT,
     },
 }  # fmt: skip
-_TAKE_KEYS = frozenset(action.take_key for action in Action) - {""}
 
 BUTTON_NAMES = {
     "a": "A", "b": "B", "x": "X", "y": "Y", "left_bumper": "Left shoulder", "right_bumper": "Right shoulder",
@@ -147,82 +147,118 @@ BUTTON_NAMES = {
 }  # fmt: skip
 
 
-def pad_buttons(changes: str = "") -> dict[Action, str]:
-    """Return the pad's button of each action that has one; `changes` is text such as "jump=x crouch=a", whose unknown words are passed over."""
-    buttons = {action: action.button for action in Action if action.button}
-    by_name = {action.name.lower(): action for action in buttons}
+KEY_TEXTS = {
+    **{letter: letter.upper() for letter in "abcdefghijklmnopqrstuvwxyz"},
+    **{digit: digit for digit in "0123456789"},
+    **{f"f{i}": f"F{i}" for i in range(1, 13)},
+    **{f"kp_{name}": f"Numpad {name}" for name in ("0", "1", "3", "7", "decimal")},
+    "space": "Space", "enter": "Enter", "tab": "Tab", "shift": "Shift", "alt": "Alt", "left": "Left", "right": "Right",
+    "up": "Up", "down": "Down", "home": "Home", "end": "End", "page_up": "Page Up", "page_down": "Page Down",
+    "equal": "=", "minus": "-", "comma": "comma", "period": "full stop",
+}  # fmt: skip
+BUTTONS = {action: action.button for action in Action if action.button}
+KEYS = {action: (*action.keys, action.take_key)[0] for action in Action}
+
+
+def bound(table: Mapping[Action, str], changes: str) -> dict[Action, str]:
+    """Return `BUTTONS` or `KEYS` with changes: text such as "jump=x crouch=a", whose unknown words are passed over."""
+    made, by_name = dict(table), {action.name.lower(): action for action in table}
+    names = BUTTON_NAMES if table is BUTTONS else KEY_TEXTS
     for change in changes.split():
-        name, _, button = change.partition("=")
-        if name in by_name and button in BUTTON_NAMES:
-            buttons[by_name[name]] = button
-    return buttons
+        name, _, key = change.partition("=")
+        if name in by_name and key in names:
+            made[by_name[name]] = key
+    return made
 
 
-def changed_buttons(changes: str, action: Action, button: str) -> str:
-    """Return the changes with another button for an action; the action that had it gets the old one."""
-    buttons, before = pad_buttons(changes), pad_buttons()
-    for other, theirs in buttons.items():
-        if theirs == button and other is not action:
-            buttons[other] = buttons[action]
-    buttons[action] = button
-    return " ".join(f"{a.name.lower()}={b}" for a, b in buttons.items() if before[a] != b)
+def rebound(table: Mapping[Action, str], changes: str, action: Action, key: str) -> tuple[str, list[Action]]:
+    """Return the changes with another key or button for an action, and the actions that had it, which get the old one."""
+    made = bound(table, changes)
+    had = [
+        other for other, theirs in made.items()
+        if theirs == key and other is not action and bool(other.keys) is bool(action.keys)
+    ]  # fmt: skip
+    made.update({**dict.fromkeys(had, made[action]), action: key})
+    return " ".join(f"{a.name.lower()}={b}" for a, b in made.items() if table[a] != b), had
+
+
+@lru_cache(8)
+def key_tables(changes: str = "") -> tuple[dict[Action, frozenset[str]], dict[str, Action]]:
+    """Return the keys of each action in the view, and the actions of keys that come first while a take plays.
+
+    A key that was chosen is the only one of its action, and its alone.
+    """
+    own = bound(KEYS, changes)
+    chosen = {action for action, key in own.items() if key != KEYS[action]}
+    taken = {own[action] for action in chosen if action.keys}
+    view = {
+        action: frozenset({own[action]} if action in chosen else {*action.keys} - taken)
+        for action in Action
+        if action.keys
+    }
+    take = {
+        own[action] if action in chosen and not action.keys else action.take_key: action
+        for action in Action
+        if action.take_key
+    }
+    return view, take
 
 
 # What the help overlay prints: heading, then rows of what, keyboard and mouse, gamepad: {action} is its button.
 HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
     ("Move", (
-        ("Walk", "W  A  S  D", "Left stick"),
-        ("Jog", "Shift (hold)", "Right trigger"),
-        ("Crouch", "C (press or hold)", "{crouch} (press or hold)"),
-        ("Jump", "Space", "{jump}"),
+        ("Walk", "{forward}  {left}  {back}  {right}", "Left stick"),
+        ("Jog", "{jog} (hold)", "Right trigger"),
+        ("Crouch", "{crouch} (press or hold)", "{crouch} (press or hold)"),
+        ("Jump", "{jump}", "{jump}"),
         ("Strafe, face the camera", "X or Alt (hold)", "{strafe} (hold)"),
-        ("Back to the start", "Home", "{reset}"),
+        ("Back to the start", "{reset}", "{reset}"),
     )),
     ("Camera", (
         ("Turn", "Q  E, arrows, right drag", "Right stick"),
         ("Pan, orbit", "Middle drag, Shift+middle", ""),
         ("Zoom", "Wheel, Page Up / Down", "{zoom_in}, {zoom_out}"),
-        ("Follow or orbit", "O", "{camera}"),
-        ("Front, side, 3/4, feet, top", "1, 2, 3, 4, 5", ""),
-        ("Frame the selection, the character", "F, 0", ""),
+        ("Follow or orbit", "{camera}", "{camera}"),
+        ("Front, side, 3/4, feet, top", "{front}, {side}, {three_quarters}, {feet}, {top}", ""),
+        ("Frame the selection, the character", "{frame_selection}, {frame}", ""),
     )),
     ("Record", (
-        ("Start or stop", "R", "{record}"),
-        ("Keep the last seconds", "T", "{save_last}"),
-        ("Play or pause the clip", "P, or Space while it plays", ""),
-        ("One frame back, one on", "Left, Right, or comma, full stop", ""),
-        ("First frame, last frame", "Home, End", ""),
-        ("Back, stop, on (again: faster)", "J, K, L", ""),
-        ("In, out, key", "I, O, S", ""),
-        ("Timeline: zoom, scroll, fit", "Wheel, Shift+wheel, Z", ""),
+        ("Start or stop", "{record}", "{record}"),
+        ("Keep the last seconds", "{save_last}", "{save_last}"),
+        ("Play or pause the clip", "{play}, or Space while it plays", ""),
+        ("One frame back, one on", "Left, Right, or {frame_back}, {frame_on}", ""),
+        ("First frame, last frame", "{first_frame}, {last_frame}", ""),
+        ("Back, stop, on (again: faster)", "{play_backwards}, {stop_playing}, {play_forwards}", ""),
+        ("In, out, key", "{trim_in}, {trim_out}, {key_pose}", ""),
+        ("Timeline: zoom, scroll, fit", "Wheel, Shift+wheel, {fit_timeline}", ""),
         ("Delete, copy, cut, paste, duplicate", "Del, Ctrl+C, X, V, D", ""),
         ("Move, select all, let go", "Left / Right, Ctrl+A, Esc", ""),
-        ("Screenshot", "F12", ""),
+        ("Screenshot", "{screenshot}", ""),
     )),
     ("Show", (
-        ("This help", "F1", "{help}"),
-        ("Trajectory, skeleton, contacts", "F2, F3, F4", ""),
-        ("Grid, panels", "F5, F10", "{panels} (panels)"),
-        ("Full screen", "F11", ""),
-        ("Next panel, back to the view", "F6, Esc", ""),
+        ("This help", "{help}", "{help}"),
+        ("Trajectory, skeleton, contacts", "{trajectory}, {skeleton}, {contacts}", ""),
+        ("Grid, panels", "{grid}, {panels}", "{panels} (panels)"),
+        ("Full screen", "{fullscreen}", ""),
+        ("Next panel, back to the view", "{next_panel}, Esc", ""),
         ("Session: save, save as, open", "Ctrl+S, Ctrl+Shift+S, Ctrl+O", ""),
         ("Export in any format", "Ctrl+E", ""),
     )),
     ("Prompt", (
-        ("Write a prompt, leave the field", "Enter, Esc", ""),
+        ("Write a prompt, leave the field", "{prompt}, Esc", ""),
         ("Choose a suggestion, take it", "Up / Down, Tab or Enter", ""),
         ("Last prompts, in an empty field", "Up / Down", ""),
-        ("Compare side by side", "V", ""),
+        ("Compare side by side", "{compare}", ""),
         ("Undo, redo", "Ctrl+Z, Ctrl+Y", ""),
     )),
 )  # fmt: skip
 
 
-def pad_text(text: str, changes: str) -> str:
-    """Return the help's text on the pad with its buttons as they were changed."""
-    buttons = pad_buttons(changes).items()
-    names = {action.name.lower(): BUTTON_NAMES[button] for action, button in buttons}
-    return text.format_map(names).replace("D-pad up, D-pad down", "D-pad up / down")
+def help_text(text: str, table: Mapping[Action, str], changes: str) -> str:
+    """Return the help's text on keys or buttons with those that were chosen."""
+    names = BUTTON_NAMES if table is BUTTONS else KEY_TEXTS
+    shown = {action.name.lower(): names[key] for action, key in bound(table, changes).items()}
+    return text.format_map(shown).replace("D-pad up, D-pad down", "D-pad up / down")
 
 
 @dataclass(frozen=True)
@@ -258,15 +294,18 @@ class InputMapper:
         dead_zone: float = 0.15,
         invert: bool = False,
         take: bool = False,
-        changes: str = "",
+        buttons: str = "",
+        keys: str = "",
     ) -> Intent:
         """Return the intent of this frame of `dt` seconds.
 
-        `take`: a take is shown, and some keys move its playhead; `changes`: see `pad_buttons`.
+        `take`: a take is shown, and some keys move its playhead; `buttons` and `keys` are changes, see `bound`.
         """
-        buttons = pad_buttons(changes)
-        held = _held_actions(keyboard.held - _TAKE_KEYS if take else keyboard.held, pad, buttons)
-        pressed = self._pressed(keyboard, pad, take, buttons)
+        by_view, by_take = key_tables(keys)
+        by_take = by_take if take else {}
+        pad_buttons = bound(BUTTONS, buttons)
+        held = _held_actions(keyboard.held - by_take.keys(), by_view, pad, pad_buttons)
+        pressed = self._pressed(keyboard, by_view, by_take, pad, pad_buttons)
         move, look = _key_axes(held)
         if pad is not None:
             stick = radial_dead_zone(pad.left, dead_zone)
@@ -283,19 +322,24 @@ class InputMapper:
         )
 
     def _pressed(
-        self, keyboard: Keyboard, pad: GamepadState | None, take: bool, bound: Mapping[Action, str]
+        self,
+        keyboard: Keyboard,
+        by_view: Mapping[Action, Set[str]],
+        by_take: Mapping[str, Action],
+        pad: GamepadState | None,
+        pad_buttons: Mapping[Action, str],
     ) -> tuple[Action, ...]:
-        keys = keyboard.take_pressed()
         buttons = pad.buttons if pad is not None else frozenset()
         fresh = buttons - self._last_buttons
         self._last_buttons = buttons
         from_keys = [
             action
-            for key in keys
-            for action in Action
-            if (key == action.take_key if take and key in _TAKE_KEYS else key in action.keys)
+            for key in keyboard.take_pressed()
+            for action in (
+                [by_take[key]] if key in by_take else [a for a, keys in by_view.items() if key in keys]
+            )
         ]
-        from_pad = [action for action, button in bound.items() if button in fresh]
+        from_pad = [action for action, button in pad_buttons.items() if button in fresh]
         return tuple(from_keys + from_pad)
 
     def _gait(
@@ -323,10 +367,15 @@ class InputMapper:
         self._crouch_held_s = self._crouch_held_s + dt if held else 0.0
 
 
-def _held_actions(held: Set[str], pad: GamepadState | None, bound: Mapping[Action, str]) -> frozenset[Action]:
+def _held_actions(
+    held: Set[str],
+    by_view: Mapping[Action, Set[str]],
+    pad: GamepadState | None,
+    pad_buttons: Mapping[Action, str],
+) -> frozenset[Action]:
     buttons = pad.buttons if pad is not None else frozenset()
-    by_pad = [action for action, button in bound.items() if button in buttons]
-    return frozenset([*by_pad, *(a for a in Action if not held.isdisjoint(a.keys))])
+    by_pad = [action for action, button in pad_buttons.items() if button in buttons]
+    return frozenset([*by_pad, *(action for action, keys in by_view.items() if not held.isdisjoint(keys))])
 
 
 def _key_axes(held: frozenset[Action]) -> tuple[tuple[float, float], tuple[float, float]]:

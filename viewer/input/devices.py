@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from runtime.errors import UsageError
-from viewer.input.bindings import Action, InputMapper, Intent, Keyboard
+from viewer.input.bindings import InputMapper, Intent, Keyboard, key_tables
 from viewer.input.gamepad import GamepadSource
 from viewer.settings import Settings
 
@@ -69,11 +69,11 @@ class Devices:
     mapper: InputMapper = field(default_factory=InputMapper)
     name: str = KEYBOARD
     _scripted: frozenset[str] = frozenset()
+    _keys: str = ""  # changes, see `bindings.bound`
 
-    @staticmethod
-    def acts_alone(name: str) -> bool:
+    def acts_alone(self, name: str) -> bool:
         """Return whether a letter does something in the view."""
-        return len(name) == 1 and any(name in action.keys for action in Action)
+        return len(name) == 1 and any(name in keys for keys in key_tables(self._keys)[0].values())
 
     def play_script(self, time_s: float) -> None:
         """Press and release the keys that the script holds at this time."""
@@ -89,12 +89,14 @@ class Devices:
 
         `take`: one is shown, and some keys are its.
         """
+        self._keys = settings.keys
         if typing:
             self.keyboard.release_all()
         pad = self.pads.poll()
         before, self.name = self.name, KEYBOARD if pad is None else pad.name
         changed = f"{self.name} connected." if pad else "Gamepad gone: keyboard and mouse drive."
         intent = self.mapper.read(
-            self.keyboard, pad, dt, settings.dead_zone, settings.invert_look, take, settings.pad_buttons
-        )
+            self.keyboard, pad, dt, settings.dead_zone, settings.invert_look, take, settings.pad_buttons,
+            settings.keys,
+        )  # fmt: skip
         return intent, changed if self.name != before else ""

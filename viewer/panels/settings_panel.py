@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -18,7 +18,7 @@ from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
-from viewer.input.bindings import BUTTON_NAMES, changed_buttons, pad_buttons
+from viewer.input.bindings import BUTTON_NAMES, BUTTONS, KEY_TEXTS, KEYS, Action, bound, rebound
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.panels.guide import Guide
@@ -27,7 +27,8 @@ from viewer.settings import Settings, remembered, under_home
 
 FREE, BOUND = "free to publish with credits", "non-commercial"
 RESET = (
-    "ui_scale", "text_size", "keep_seconds", "dead_zone", "invert_look", "navigation", "pad_buttons", "exact_legs",
+    "ui_scale", "text_size", "keep_seconds", "dead_zone", "invert_look", "navigation", "pad_buttons", "keys",
+    "exact_legs",
 )  # fmt: skip
 WIDTH_PX = 470.0  # pixels at scale 1
 SCALES = (
@@ -94,9 +95,13 @@ class SettingsWindow:
         widgets.setting_choice(settings, "navigation")
         widgets.row("Dead zone", "Of the gamepad's sticks")
         widgets.setting_slider(settings, "dead_zone")
-        with widgets.section("Gamepad buttons") as opened:
-            if opened:
-                self._pad_buttons()
+        for title, name, table, texts in (
+            ("Gamepad buttons", "pad_buttons", BUTTONS, BUTTON_NAMES),
+            ("Keys", "keys", KEYS, KEY_TEXTS),
+        ):
+            with widgets.section(title) as opened:
+                if opened:
+                    self._bindings(name, table, texts)
         widgets.setting_toggle(settings, "invert_look", px(104))
         widgets.same_line()
         widgets.setting_toggle(settings, "exact_legs", px(124))
@@ -137,15 +142,18 @@ class SettingsWindow:
             start = Path(settings.export_folder).expanduser()
             self.dialogs.ask(DialogKind.FOLDER, "Folder of exports", start, chosen)
 
-    def _pad_buttons(self) -> None:
-        """What each button of a gamepad does; a button that is taken is exchanged."""
-        settings = self.settings
-        for action, button in pad_buttons(settings.pad_buttons).items():
-            widgets.row(action.name.replace("_", " ").capitalize())
-            name = f"##button {action.name.lower()}"
-            chosen = str(widgets.combo(name, tuple(BUTTON_NAMES.items()), button))
-            if chosen != button:
-                settings.pad_buttons = changed_buttons(settings.pad_buttons, action, chosen)
+    def _bindings(self, setting: str, table: Mapping[Action, str], texts: Mapping[str, str]) -> None:
+        """What each button or key does; one that is taken is exchanged, which is said."""
+        changes = getattr(self.settings, setting)
+        for action, key in bound(table, changes).items():
+            widgets.row(_named(action))
+            chosen = str(widgets.combo(f"##{setting} {action.name.lower()}", tuple(texts.items()), key))
+            if chosen != key:
+                changes, had = rebound(table, changes, action, chosen)
+                setattr(self.settings, setting, changes)
+                others = " and ".join(map(_named, had))
+                gets = f" {others} had it, and gets {texts[key]}." if had else ""
+                self.messages.note(f"{_named(action)}: {texts[chosen]}.{gets}")
 
     def _model(self) -> None:
         scene = self.scene
@@ -164,6 +172,10 @@ class SettingsWindow:
         if widgets.icon_button(ICON.folder, "browse model", hint, theme.TEXT):
             start = Path.home() if scene.model_folder is None else scene.model_folder.parent
             self.dialogs.ask(DialogKind.FOLDER, "Folder of an exported model", start, self.choose_model)
+
+
+def _named(action: Action) -> str:
+    return action.name.replace("_", " ").capitalize()
 
 
 @lru_cache(8)

@@ -14,21 +14,23 @@ from hypothesis import strategies as st
 from runtime.controls import Gait
 from runtime.errors import UsageError
 from viewer.input.bindings import (
+    BUTTONS,
     HOLD_S,
     JUMP_PRESS_S,
+    KEYS,
     Action,
     InputMapper,
     Intent,
     Keyboard,
-    changed_buttons,
-    pad_buttons,
-    pad_text,
+    bound,
+    help_text,
+    rebound,
     to_controls,
 )
 from viewer.input.devices import KeyScript
 from viewer.input.gamepad import GamepadState, GlfwGamepads, radial_dead_zone
 
-KEYS = frozenset({"w", "a", "s", "d", "shift", "r"})
+KNOWN_KEYS = frozenset({"w", "a", "s", "d", "shift", "r"})
 DT = 1 / 60
 
 
@@ -160,7 +162,7 @@ def test_a_take_has_some_keys_while_it_is_shown() -> None:
 
 
 def test_script_holds_chords_for_their_time() -> None:
-    script = KeyScript.parse("w 0.5; W+Shift 1; idle 0.25; r 0.1;", KEYS)
+    script = KeyScript.parse("w 0.5; W+Shift 1; idle 0.25; r 0.1;", KNOWN_KEYS)
     assert script.keys_at(1.8) == {"r"}
     assert script.keys_at(1.85) == frozenset()
     assert script.keys_at(0.0) == {"w"}
@@ -175,7 +177,7 @@ def test_script_holds_chords_for_their_time() -> None:
 )
 def test_a_bad_script_names_its_step(text: str, part: str) -> None:
     with pytest.raises(UsageError, match=f'"{part}"'):
-        KeyScript.parse(text, KEYS)
+        KeyScript.parse(text, KNOWN_KEYS)
 
 
 class StubGlfw:
@@ -290,12 +292,39 @@ def test_a_persons_mappings_are_added_and_garbage_is_named(tmp_path: Path) -> No
     assert "rubbish" not in glfw.mappings
 
 
-def test_buttons_of_a_pad_are_exchanged_and_named_in_the_help() -> None:
-    changes = changed_buttons("", Action.JUMP, "b")
-    assert changes == "jump=b crouch=a"
-    assert pad_buttons(changes + " nothing=at all=1 record=none")[Action.RECORD] == "y"
-    mapper, pad = InputMapper(), GamepadState("pad", buttons=frozenset({"b"}))
-    assert mapper.read(Keyboard(), pad, DT, changes=changes).gait is Gait.JUMP
-    assert pad_text("{crouch} (press or hold)", changes) == "A (press or hold)"
-    assert pad_text("Left stick", changes) == "Left stick"
-    assert changed_buttons(changes, Action.CROUCH, "b") == ""
+@pytest.mark.parametrize(
+    ("table", "action", "key", "changes", "had", "text", "said"),
+    [
+        (BUTTONS, Action.JUMP, "b", "jump=b crouch=a", [Action.CROUCH], "{crouch} (hold)", "A (hold)"),
+        (KEYS, Action.JUMP, "g", "jump=g", [], "{jump}", "G"),
+        (KEYS, Action.JUMP, "c", "jump=c crouch=space", [Action.CROUCH], "{crouch}", "Space"),
+        # a key of a take may do something else in the view
+        (KEYS, Action.TRIM_IN, "w", "trim_in=w", [], "{trim_in} {forward}", "W W"),
+        (KEYS, Action.TRIM_IN, "k", "stop_playing=i trim_in=k", [Action.STOP_PLAYING], "{trim_in}", "K"),
+    ],
+)  # fmt: skip
+def test_keys_and_buttons_are_chosen_and_exchanged(
+    table: dict[Action, str], action: Action, key: str, changes: str, had: list[Action], text: str, said: str
+) -> None:
+    made, others = rebound(table, "", action, key)
+    assert (set(made.split()), others) == (set(changes.split()), had)
+    assert bound(table, f"{made} nothing=at all=1 record=none")[Action.RECORD] == table[Action.RECORD]
+    assert help_text(text, table, made) == said
+    for other in had:
+        made, _ = rebound(table, made, other, key)
+    assert made == "" if had else made
+
+
+def test_a_chosen_key_is_the_only_one_of_its_action_and_its_alone() -> None:
+    def gait(key: str, take: bool = False) -> tuple[Gait, tuple[Action, ...]]:
+        keyboard = Keyboard()
+        keyboard.key(key, True)
+        intent = InputMapper().read(keyboard, None, DT, take=take, keys="jump=equal trim_in=w")
+        return intent.gait, intent.pressed
+
+    assert gait("equal") == (Gait.JUMP, (Action.JUMP,))  # no longer one of the keys that zoom
+    assert gait("space") == (Gait.WALK, ())
+    assert gait("w", take=True)[1] == (Action.TRIM_IN,)
+    assert gait("w")[1] == (Action.FORWARD,)
+    pad = GamepadState("pad", buttons=frozenset({"b"}))
+    assert InputMapper().read(Keyboard(), pad, DT, buttons="jump=b crouch=a").gait is Gait.JUMP

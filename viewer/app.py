@@ -138,7 +138,7 @@ class App(Workspace):
             key=lambda name, down: self.keys.key(name, down),
             mouse_press=lambda x, y: self.shell.focus.press(x, y),
             focus=lambda focused: None if focused else self.keys.lose_window(),
-            drop=self.open_files,
+            drop=lambda paths: self.open_files(paths),
         )
         scale = options.ui_scale or (0.0 if options.offscreen else settings.ui_scale)
         size = options.width or default[0], options.height or default[1]

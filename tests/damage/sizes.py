@@ -217,7 +217,7 @@ def main() -> int:
             )
             cells = [name, f"{size_mb:.1f}"]
             for done in (alone, window):
-                *numbers, said = (done.stdout.strip() or done.stderr[-300:]).split(" | ")
+                *numbers, said = (done.stdout.rstrip("\n") or done.stderr[-300:]).split(" | ")
                 cells += numbers
             print(" | ".join([*cells, said]), flush=True)
     return 0

@@ -123,7 +123,7 @@ class Database(StoredRows):
             database = Database(path, Budget.for_file(check_files(path)), _handle=handle)
             database._renew()
             for file in kept_aside(path, KEPT_ASIDE_DAYS):
-                _LOG.info("removed after %.0f days: %s", KEPT_ASIDE_DAYS, file)
+                _LOG.info("removed after %d days: %s", KEPT_ASIDE_DAYS, file)
                 file.unlink(missing_ok=True)
             return database._begin(checked=True)
         except BaseException:

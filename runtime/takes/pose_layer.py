@@ -271,7 +271,7 @@ def layered(clip: Clip, layer: PoseLayer, only: int | None = None) -> Clip:
             {joint: curve[part] for joint, curve in turns.items()},
             {joint: curve[part] for joint, curve in moves.items()},
         )
-    return replace(clip, hips_positions=hips, local_rotations=local)
+    return clip.posed(hips, local)
 
 
 def added(hips: Array, local: Array, turns: dict[int, Array], moves: dict[int, Array]) -> tuple[Array, Array]:

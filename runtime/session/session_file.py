@@ -29,15 +29,8 @@ from runtime.session.character_files import (
 )
 from runtime.session.clip_cache import ClipCache
 from runtime.session.database import Database
-from runtime.session.document import (
-    MAX_FRAMES,
-    DocumentReader,
-    DocumentWriter,
-    header_text,
-    pack_sticks,
-    read_view,
-    unpack_sticks,
-)
+from runtime.session.document import MAX_FRAMES, DocumentWriter, header_text, pack_sticks, unpack_sticks
+from runtime.session.document_reader import DocumentReader, read_view
 from runtime.session.edits import with_new_take
 from runtime.session.frames import (
     CLIP_FRAME_BYTES,

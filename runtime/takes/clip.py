@@ -67,8 +67,8 @@ class Clip:
         """The clip with other hips `(T, 3)`, local rotations `(T, 31, 4)` and perhaps contacts `(T, 4)`, as float32."""
         return replace(
             self,
-            hips_positions=hips.astype(np.float32),
-            local_rotations=local.astype(np.float32),
+            hips_positions=np.asarray(hips, np.float32),
+            local_rotations=np.asarray(local, np.float32),
             contacts=self.contacts if contacts is None else contacts,
         )
 

@@ -5,7 +5,7 @@ The network's motion goes on underneath: where no pin holds, frames are bit by b
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,8 +27,14 @@ CHEST, HEAD = 13, 16
 SPINE = ((11, 1 / 3), (12, 1 / 3), (13, 1 / 3))  # joints that lean together, with their fractions
 ORDER = (Pinned.POSE, Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT, Pinned.LOOK, Pinned.LEFT_HAND, Pinned.RIGHT_HAND)
 NECK = ((14, 0.3), (15, 0.3), (16, 0.4))  # joints that turn to look, with their fractions
-EASY_ARM_FRACTION, MAX_ARM_FRACTION = 0.94, 0.995  # of its length: from the first on an arm straightens with falling speed
-EASY_LEG_FRACTION, MAX_DROP_M = 0.985, 0.2  # of its length, and how far the hips sink so that a leg is not longer
+EASY_ARM_FRACTION, MAX_ARM_FRACTION = (
+    0.94,
+    0.995,
+)  # of its length: from the first on an arm straightens with falling speed
+EASY_LEG_FRACTION, MAX_DROP_M = (
+    0.985,
+    0.2,
+)  # of its length, and how far the hips sink so that a leg is not longer
 MAX_LEAN_RAD = np.radians(60.0)  # of the spine, to bring a hand nearer
 LETS_GO_REACHES = (1.9, 2.6)  # reaches of an arm from the shoulder: a hand begins to give a point up, and has
 FOOT_LETS_GO_LENGTHS = (1.02, 1.3)  # lengths of a leg from the hip
@@ -55,14 +61,17 @@ class _Frames:
         return SPORT_SKELETON.forward_kinematics(self.hips, self.local)
 
 
-def pinned(clip: Clip, pins: Sequence[Pin], only: int | None = None) -> Clip:
-    """The clip with its poses bent to the pins, in their order: poses, feet, looks, then hands; all frames, or `only` one."""
+def pinned(
+    clip: Clip, pins: Sequence[Pin], begin_s: float = 0.0, pose_at: Callable[[float], Array] | None = None
+) -> Clip:
+    """The clip with its poses bent to the pins, in their order: poses, feet, looks, then hands.
+
+    It may be a part of a take that begins at `begin_s`, of which `pose_at` gives the local rotations at a time.
+    """
     made = _Frames(clip.hips_positions.copy(), clip.local_rotations.copy(), clip.contacts.copy())
-    seconds = np.arange(len(clip)) / clip.fps
+    seconds = begin_s + np.arange(len(clip)) / clip.fps
     for pin in sorted(pins, key=lambda pin: ORDER.index(pin.what)):
         weights = pin.weights(seconds)
-        if only is not None:
-            weights = np.where(np.arange(len(clip)) == only, weights, 0.0)
         held = np.flatnonzero(weights > 0.0)
         if len(held) == 0:
             continue
@@ -75,7 +84,8 @@ def pinned(clip: Clip, pins: Sequence[Pin], only: int | None = None) -> Clip:
             frames = made.part(part)
             if pin.what is Pinned.POSE:
                 at = min(round(pin.of * clip.fps), len(clip) - 1)
-                _hold_pose(frames, clip.local_rotations[at], weights[part])
+                pose = clip.local_rotations[at] if pose_at is None else pose_at(pin.of)
+                _hold_pose(frames, pose, weights[part])
             else:
                 _bend(frames, pin, weights[part], flat)
             made.hips[part], made.local[part], made.contacts[part] = (

@@ -12,8 +12,6 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.errors import SportError
 from runtime.pose import Pose
-from runtime.session.session import Take
-from runtime.takes.clip import Clip
 from runtime.takes.pose_layer import (
     MAX_EASE_S,
     PoseKey,
@@ -196,7 +194,7 @@ class Posing:
             return
         hips, local = self._copied
         local = mirrored_pose(local) if mirror else local
-        key = pose_as_key(hips, local, _below(playback.take), playback.frame)
+        key = pose_as_key(hips, local, playback.take.below_layer, playback.frame)
         self.put("pasted pose", lambda layer: layer.with_key(key, playback.clip.fps))
 
     # --- in the view
@@ -291,10 +289,6 @@ def _moved_by(camera: Camera, place: Array, axes: Array) -> Array:
 def _matrix(values: Array) -> im_guizmo.Matrix16:
     """Column by column, as ImGuizmo reads it."""
     return im_guizmo.Matrix16([float(value) for value in np.asarray(values).T.ravel()])
-
-
-def _below(take: Take) -> Clip:
-    return take.poses.below_layer(take.base_clip)
 
 
 def _draw_card(posing: Posing, playback: Playback, view: Rect) -> None:

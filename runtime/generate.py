@@ -30,7 +30,7 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.prompter import Prompter
 from runtime.safe_read import read_bounded
 from runtime.skeleton import PART_NAMES
-from runtime.takes.clip import Clip
+from runtime.takes.clip import Clip, stacked
 from runtime.takes.metadata import PromptEvent, gait_of, gait_seconds, origin_of
 from runtime.takes.pinned import pinned
 from runtime.takes.pins import Pin, parse_pins
@@ -306,12 +306,4 @@ def simulate(
 
 def clip_of(poses: Sequence[Pose], name: str, prompts: Sequence[PromptEvent], terrain: str) -> Clip:
     """The clip of simulated poses."""
-    return Clip(
-        name=name,
-        fps=float(FPS),
-        hips_positions=np.stack([pose.hips_position for pose in poses]).astype(np.float32),
-        local_rotations=np.stack([pose.local_rotations for pose in poses]).astype(np.float32),
-        contacts=np.stack([pose.contacts for pose in poses]).astype(np.float32),
-        prompts=tuple(prompts),
-        terrain=terrain,
-    )
+    return Clip(name, float(FPS), *stacked(poses), prompts=tuple(prompts), terrain=terrain)

@@ -55,7 +55,7 @@ def prepare(clip: Clip, options: ExportOptions, terrain: Terrain | None = None) 
     if not placement.identity:
         taken, track = placement.clip(taken), track.moved(placement)
     if options.in_place:
-        taken = replace(taken, hips_positions=(taken.hips_positions - track.positions).astype(np.float32))
+        taken = taken.posed(taken.hips_positions - track.positions, taken.local_rotations)
         track = RootTrack(np.zeros_like(track.positions), track.yaw)
     if options.rest_frame:
         taken, track = _with_rest_frame(taken, track)

@@ -31,7 +31,9 @@ _UNSAFE = re.compile(r"""[\x00-\x1f\x7f\\/:*?"<>|\ud800-\udfff]+""")
 
 def read_character_files(path: Path) -> Files:
     """The glTF file first, then buffers and images in its folder and settings of the same name; FileError."""
-    main, left = _safe_form(path.name), MAX_ALL_BYTES
+    stem, suffix = os.path.splitext(path.name)
+    stem = _UNSAFE.sub("-", stem).encode()[:80].decode(errors="ignore").strip(" .-")
+    main, left = (stem or "character") + suffix, MAX_ALL_BYTES
     files, names = {main: read_bounded(path, left)}, dict[str, str]()
     taken = {_one_file(main)}
     for uri in _local_uris(path):
@@ -53,7 +55,7 @@ def _local_uris(path: Path) -> list[str]:
     gltf = open_gltf(path).gltf
     uris: list[Any] = [entry.uri for entry in (*(gltf.buffers or []), *(gltf.images or []))]
     local = dict.fromkeys(uri for uri in uris if isinstance(uri, str) and not uri.startswith("data:"))
-    return [u for u in local if _in_folder(path, unquote(u)) and _is_file(path.parent / unquote(u))]
+    return [uri for uri in local if _is_in_folder(path, unquote(uri))]
 
 
 def _settings_name(name: str, path: Path, main: str) -> str:
@@ -65,17 +67,11 @@ def _settings_name(name: str, path: Path, main: str) -> str:
     return ""
 
 
-def _is_file(path: Path) -> bool:
+def _is_in_folder(path: Path, name: str) -> bool:
+    """Whether a reference is a file that is in the folder of `path`."""
     try:
-        return path.is_file()
-    except (OSError, ValueError):
-        return False
-
-
-def _in_folder(path: Path, name: str) -> bool:
-    """Whether a reference stays in the folder of `path`."""
-    try:
-        return (path.parent / name).resolve().is_relative_to(path.parent.resolve())
+        file = (path.parent / name).resolve()
+        return file.is_relative_to(path.parent.resolve()) and file.is_file()
     except (OSError, ValueError, RuntimeError):
         return False
 
@@ -84,7 +80,8 @@ def _kept_name(name: str, taken: set[str]) -> str:
     """The name that a file is kept by: its own, or another where that is none or taken; it is taken then."""
     kept = name
     if not safe_name(name) or _one_file(name) in taken:
-        others = (f"file {k}{_safe_suffix(name)}" for k in itertools.count(1))
+        suffix = re.search(r"\.[a-zA-Z0-9]{1,8}$", name)
+        others = (f"file {k}{suffix[0] if suffix else ''}" for k in itertools.count(1))
         kept = next(other for other in others if _one_file(other) not in taken)
     taken.add(_one_file(kept))
     return kept
@@ -93,18 +90,6 @@ def _kept_name(name: str, taken: set[str]) -> str:
 def _one_file(name: str) -> str:
     """The same for names that are one file on some system: they differ in case or in the form of Unicode."""
     return normalize("NFC", name).casefold()
-
-
-def _safe_form(name: str) -> str:
-    """A file's name as every system takes it, with its ending."""
-    stem, suffix = os.path.splitext(name)
-    stem = _UNSAFE.sub("-", stem).encode()[:80].decode(errors="ignore").strip(" .-")
-    return (stem or "character") + suffix
-
-
-def _safe_suffix(name: str) -> str:
-    suffix = PurePosixPath(name).suffix
-    return suffix if re.fullmatch(r"\.[a-zA-Z0-9]{1,8}", suffix) else ""
 
 
 def _with_uris(content: bytes, names: dict[str, str]) -> bytes:
@@ -151,18 +136,8 @@ def check_character_files(files: Files) -> None:
 
 def safe_name(name: Any) -> bool:
     """Whether a relative name stays in its folder and can be written on every system."""
-    if (
-        not is_text(name)
-        or not 0 < len(name.encode()) <= MAX_NAME_BYTES
-        or _UNSAFE.search(name.replace("/", "-"))
-    ):
+    if not is_text(name) or not 0 < len(name.encode()) <= MAX_NAME_BYTES:
         return False
-    parts = PurePosixPath(name).parts
-    whole = all(part == part.strip() and not part.endswith(".") for part in parts)
-    return (
-        bool(parts)
-        and whole
-        and not name.startswith("/")
-        and ".." not in parts
-        and os.path.normpath(name) != "."
-    )
+    parts = PurePosixPath(name).parts  # "." and ".." end in a dot
+    plain = all(part == part.strip() and not part.endswith(".") for part in parts)
+    return bool(parts) and plain and not name.startswith("/") and not _UNSAFE.search(name.replace("/", "-"))

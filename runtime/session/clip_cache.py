@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from runtime.session.frames import CLIP_FRAME_BYTES
 from runtime.takes.clip import Clip
 
-MAX_KEPT_BYTES = 128 << 20  # half an hour of frames, or one clip of any length
+MAX_KEPT_FRAMES = (128 << 20) // CLIP_FRAME_BYTES  # half an hour, or one clip of any length
 
 
 @dataclass
@@ -29,10 +29,6 @@ class ClipCache:
         made = make()
         with self._lock:
             self._clips[key] = made
-            while len(self._clips) > 1 and self._kept_bytes > MAX_KEPT_BYTES:
+            while len(self._clips) > 1 and sum(map(len, self._clips.values())) > MAX_KEPT_FRAMES:
                 self._clips.popitem(last=False)
         return made
-
-    @property
-    def _kept_bytes(self) -> int:
-        return sum(CLIP_FRAME_BYTES * len(clip) for clip in self._clips.values())

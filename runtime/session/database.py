@@ -14,14 +14,12 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from itertools import groupby, islice
 from pathlib import Path
 from typing import cast
 
 from runtime.errors import FileError
 from runtime.session import unwritten
-from runtime.session.recovery import fill_gaps
-from runtime.session.salvage import salvaged
+from runtime.session.renewal import Renewal, checked, is_of_the_disk, memory_of
 from runtime.session.sqlite_file import (
     KEPT_ASIDE_DAYS,
     ROOM_REMEDY,
@@ -32,9 +30,7 @@ from runtime.session.sqlite_file import (
     connect_writer,
     drop_lock,
     file_errors,
-    in_memory,
     is_own,
-    keep_aside,
     kept_aside,
     lock_of,
     new_file,
@@ -46,17 +42,10 @@ from runtime.session.sqlite_file import (
 )
 from runtime.session.stored_rows import StoredRows
 from runtime.session.tables import (
-    MAX_ROWS,
-    DamageError,
-    VersionError,
-    check_content,
     copy_rows,
-    put_rows,
-    version_of,
 )
 from runtime.session.writer import Writer
 
-MAX_SALVAGED_ROWS = 2 * MAX_ROWS  # of a damaged file
 GATHER_S = 0.05  # that works wait for others before they are written
 IDLE_S = 1.0  # without work until the log goes into the file, and between two attempts where the disk takes nothing
 MAX_WAITING_WORKS = 20_000  # works that wait for a disk; of a recording an hour and more
@@ -120,65 +109,18 @@ class Database(StoredRows):
         check_files(path)
         handle = take_lock(path)
         try:
-            database = Database(path, Budget.for_file(check_files(path)), _handle=handle)
-            database._renew()
+            size, renewal = check_files(path), Renewal(path)
+            renewal.put()
+            database = Database(path, Budget.for_file(size), renewal.memory, repaired=renewal.repaired)
+            database._handle, database._writer = handle, renewal.memory
+            database._unwritten = renewal.waiting
             for file in kept_aside(path, KEPT_ASIDE_DAYS):
-                _LOG.info("removed after %.0f days: %s", KEPT_ASIDE_DAYS, file)
+                _LOG.info("removed after %d days: %s", KEPT_ASIDE_DAYS, file)
                 file.unlink(missing_ok=True)
             return database._begin(checked=True)
         except BaseException:
             drop_lock(handle, path)
             raise
-
-    def _renew(self) -> None:
-        """Put a new file with the rows of the one that is there in its place; of a damaged one all that are sound."""
-        path, log = self.path, side_files(self.path)[0]
-        mode = "ro" if log.exists() and log.stat().st_size else "immutable"
-        try:
-            with (
-                file_errors(path),
-                contextlib.closing(_checked(connect(path, mode))) as connection,
-                new_file(path, self._keep_aside) as target,
-            ):
-                copy_rows(connection, target)
-                unwritten.make(unwritten.read(path), target)
-                self._mend(target)
-                connection.close()  # before the file is replaced
-        except FileError as error:
-            if is_damage(error):
-                self._salvage(error)
-            elif _is_of_the_disk(error.__cause__):
-                with file_errors(path), contextlib.closing(_checked(connect(path, mode))) as connection:
-                    self._unwritten = unwritten.read(path)
-                    self._reader = self._writer = _memory_of(connection, self._unwritten)
-            else:
-                raise
-
-    def _salvage(self, damage: FileError) -> None:
-        """Put a new file with the sound rows of a damaged one in its place, which is kept aside; `damage` where it has none."""
-        with new_file(self.path, self._keep_aside) as target:
-            rows = islice(salvaged(self.path), MAX_SALVAGED_ROWS)
-            for table, found in groupby(rows, lambda pair: pair[0]):
-                put_rows(target, table, (row for _, row in found), known="IGNORE")
-            if not target.execute("SELECT 1 FROM meta UNION SELECT 1 FROM frames LIMIT 1").fetchone():
-                raise damage
-            unwritten.make(unwritten.read(self.path), target)
-            self.repaired = "It was damaged: what is sound is here."
-            self._mend(target)
-
-    def _mend(self, target: sqlite3.Connection) -> None:
-        """Make motions whole of which pieces are missing."""
-        changed, held = fill_gaps(target)
-        if changed:
-            self.repaired = (
-                f"{self.repaired or 'It was damaged.'} {changed} of its motions are not as they were"
-            )
-            self.repaired += f": {held} frames hold the pose before them." if held else "."
-
-    def _keep_aside(self) -> None:
-        """Keep a damaged file before it is replaced."""
-        if self.repaired:
-            self.repaired += f" The damaged file is {keep_aside(self.path).name}."
 
     @staticmethod
     def read(path: Path, thorough: bool = True) -> Database:
@@ -189,10 +131,10 @@ class Database(StoredRows):
         path = real_path(path)
         database = Database(path, Budget.for_file(check_files(path)))
         with file_errors(path):
-            reader = _checked(connect_reader(path), thorough)
+            reader = checked(connect_reader(path), thorough)
             if any(is_own(file) for file in unwritten_files(path)):
                 with contextlib.closing(reader):
-                    reader = _memory_of(reader, unwritten.read(path))
+                    reader = memory_of(reader, unwritten.read(path))
             database._reader = reader
             reader.set_progress_handler(None, 0)
         return database
@@ -458,7 +400,7 @@ class Database(StoredRows):
                 committed = writer.committed
         except Exception as error:
             self._roll_back()
-            if work is not None and not _is_of_the_disk(error):  # a defect must not hold up what others did
+            if work is not None and not is_of_the_disk(error):  # a defect must not hold up what others did
                 self._defect(error)
                 with self._changed:
                     self._queue.remove(work)
@@ -499,40 +441,3 @@ class Database(StoredRows):
         if self._writer is not None and self._writer.in_transaction:
             with contextlib.suppress(sqlite3.Error):  # it did so by itself
                 self._writer.execute("ROLLBACK")
-
-
-def is_damage(error: FileError) -> bool:
-    """Whether the content of a file is at fault, and it may be one of a session."""
-    cause = error.__cause__
-    wrong = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CONSTRAINT, sqlite3.SQLITE_ERROR)
-    plain = sqlite3.SQLITE_ERROR if isinstance(cause, sqlite3.Error) else -1  # text that is none
-    code = getattr(cause, "sqlite_errorcode", plain)
-    return isinstance(cause, DamageError | VersionError) or code & 0xFF in wrong
-
-
-def _is_of_the_disk(error: BaseException | None) -> bool:
-    """Whether another try may succeed."""
-    return (
-        isinstance(error, OSError | FileError | sqlite3.OperationalError)
-        or type(error) is sqlite3.DatabaseError
-    )
-
-
-def _checked(connection: sqlite3.Connection, thorough: bool = True) -> sqlite3.Connection:
-    """A connection to a file that is what it must be; else it is closed, ValueError or sqlite3.Error."""
-    try:
-        version_of(connection)
-        if thorough:
-            check_content(connection)
-    except BaseException:
-        connection.close()
-        raise
-    return connection
-
-
-def _memory_of(connection: sqlite3.Connection, changes: Sequence[unwritten.Change]) -> sqlite3.Connection:
-    """The rows of a file with changes that it has not taken."""
-    memory = in_memory()
-    copy_rows(connection, memory)
-    unwritten.make(changes, memory)
-    return _checked(memory)

@@ -17,7 +17,8 @@ from pathlib import Path
 from runtime.atomic import write_atomic
 from runtime.errors import FileError, SportError
 from runtime.safe_read import parse_json, read_bounded
-from runtime.session.database import Database, is_damage
+from runtime.session.database import Database
+from runtime.session.renewal import is_damage
 from runtime.session.sqlite_file import (
     SUFFIX,
     Budget,

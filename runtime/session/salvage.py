@@ -15,9 +15,8 @@ from runtime.session.sqlite_file import side_files
 from runtime.session.tables import PAGE_BYTES, TABLES, Row, Value, packed_row, sealed
 
 LEAF, INDICES = 13, (2, 10)  # kinds of pages: one with rows of a table, and those of an index
-MAX_SEARCHED_PAGES = (
-    400  # that are searched byte by byte, for rows whose page no longer says where they begin
-)
+# pages that are searched byte by byte, for rows whose page no longer says where they begin
+MAX_SEARCHED_PAGES = 400
 MAX_SEARCHED_BITS = 40_000_000  # of rows with a wrong bit: about 2 s
 MAX_READ_RATIO = 2  # bytes of all rows over those of the file: pages that name one another without end
 _WAL_MAGIC = (0x377F0682, 0x377F0683)

@@ -145,6 +145,16 @@ class Take:
         return _mirrored(self.made) if self.mirrored else clip
 
     @property
+    def below_layer(self) -> Clip:
+        """Its frames with plants, before the pose layer and pins."""
+        plants = PoseEdits(footplants=self.poses.footplants)
+        return _posed(self.made, self.mirrored, plants) if plants else self.base_clip
+
+    def frame(self, number: int) -> Clip:
+        """One frame of `clip`, alone: what is shown of an edit before all frames are made."""
+        return self.poses.frame(self.below_layer, number)
+
+    @property
     def clip(self) -> Clip:
         return _posed(self.made, self.mirrored, self.poses) if self.poses else self.base_clip
 

@@ -5,73 +5,50 @@ What is submitted here returns at once; the database's own thread packs and writ
 
 from __future__ import annotations
 
-import contextlib
 import json
 import logging
 import time
 import weakref
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from runtime.errors import FileError
-from runtime.safe_read import parse_json, printable
+from runtime.safe_read import printable
 from runtime.session.blobs import REMEDY, BlobReader
 from runtime.session.character_files import (
-    check_character_files,
     read_character_files,
-    write_character_files,
 )
-from runtime.session.clip_cache import ClipCache
 from runtime.session.database import Database
-from runtime.session.document import (
-    MAX_FRAMES,
-    DocumentReader,
-    DocumentWriter,
-    header_text,
-    pack_sticks,
-    read_view,
-    unpack_sticks,
-)
+from runtime.session.document import DocumentWriter, header_text, pack_sticks
+from runtime.session.document_reader import DocumentReader, read_view
 from runtime.session.edits import with_new_take
 from runtime.session.frames import (
-    CLIP_FRAME_BYTES,
-    PACKED_FRAME_BYTES,
     packed_frames,
-    packed_gaits,
     pieces,
-    unpacked_frames,
 )
 from runtime.session.history import MAX_STEPS, History, Step
 from runtime.session.lost import LostTake, settle
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.recording import Recording
-from runtime.session.recovery import INPUT, TAIL, UNKNOWN_FPS, UNKNOWN_NAME
-from runtime.session.session import MIN_FRAMES, CharacterChoice, Session, Take, has_edits
-from runtime.session.sqlite_file import Budget, file_errors
+from runtime.session.recovery import INPUT, TAIL
+from runtime.session.session import CharacterChoice, Session, Take, has_edits
+from runtime.session.stored_motions import StoredMotions, check_motion
 from runtime.session.writer import Writer
-from runtime.skeleton import J
-from runtime.takes.clip import Clip, are_poses
-from runtime.takes.input_recording import COLUMNS, InputFrames, InputRecording
-from runtime.takes.metadata import gait_seconds
+from runtime.takes.clip import Clip
+from runtime.takes.input_recording import InputRecording
 
-MAX_CLIP_BYTES = 300 << 20  # of one take in memory: two and a half hours
 _LOG = logging.getLogger("sport.session")
 DROPPED_STEPS = 50  # of the history, after which what only they referred to is noted as lost
 MAX_RECOVERED_TAKES = 500
 
 
 @dataclass
-class SessionFile:
+class SessionFile(StoredMotions):
     """The file of the session that is open."""
 
-    database: Database
-    cache: Path  # folder for the files of characters
     repaired: str = ""  # what was wrong with the file when it was opened, in a user's words
     recovered: int = 0  # takes that no step named
     _documents: DocumentWriter = field(init=False)
@@ -86,7 +63,6 @@ class SessionFile:
     _dropped: int = 0  # steps of the history since the last look at what is not used
     _has_motions: bool = False
     _lost: bool = False  # the file may hold something that is noted as lost
-    _clips: ClipCache = field(default_factory=ClipCache)
 
     def __post_init__(self) -> None:
         self._documents = DocumentWriter(self._put)
@@ -119,10 +95,6 @@ class SessionFile:
             database.save_copy(target)
         finally:
             database.close()
-
-    @property
-    def path(self) -> Path:
-        return self.database.path
 
     @property
     def problem(self) -> str:
@@ -312,7 +284,8 @@ class SessionFile:
         places = {str(step.number): i for i, step in enumerate(steps)}
         history = History(steps, places.get(self.database.meta("at"), len(steps) - 1)) if steps else History()
         self._written = {step.number: step.session for step in steps}
-        self._known = set(self.database.motions()).union(*map(_character_keys, self._written.values()))
+        characters = (f"character {c.key}" for s in self._written.values() for c in _characters(s))
+        self._known = {*self.database.motions(), *characters}
         self._held.update(known)
         self._has_motions = bool(self.database.framed_motions())
         self._note_unsound(unsound, len(reader.left_out))
@@ -364,9 +337,9 @@ class SessionFile:
             return
         takes = self._takes_of({motion.key for motion, cut_off in motions if not cut_off})
         session = history.present.session
+        unknown = Take(ground=session.ground)
         for motion, _ in motions:
-            take = takes.get(motion.key, Take(motion=motion, ground=history.present.session.ground))
-            session = with_new_take(session, replace(take, motion=motion))
+            session = with_new_take(session, replace(takes.get(motion.key, unknown), motion=motion))
         name = motions[0][0].header.name if len(motions) == 1 else f"{len(motions)} takes"
         history.push(f"recovery of {name}", session)
         self.recovered = len(motions)
@@ -379,53 +352,6 @@ class SessionFile:
         self.database.submit(work)
         self.write(history)
 
-    def _recovered(self, key: str) -> tuple[Motion, bool] | None:
-        """A motion of the file as far as its frames are there, and whether its recording was cut off; None for too few."""
-        frames, cut_off = self._frame_count(key), False
-        try:
-            header, cut_off = self._reader().header(self.database.motion(key))
-        except FileError:
-            header = MotionHeader(UNKNOWN_NAME, UNKNOWN_FPS, frames)
-        if not MIN_FRAMES <= frames <= MAX_FRAMES:
-            return None
-        if cut_off or header.frames != frames:
-            header = replace(header, frames=frames, gait_seconds=self._gait_seconds(key, header.fps))
-            header = replace(header, resimulable=header.resimulable and self._has_inputs(key, frames))
-        return Motion(key, header, source=self), cut_off
-
-    def _gait_seconds(self, key: str, fps: float) -> tuple[tuple[str, float], ...]:
-        parts = [packed_gaits(content, count) for count, content in self._pieces(key)]
-        gaits = np.concatenate(parts)
-        return gait_seconds(gaits, fps) if ((gaits >= -1) & (gaits < 10)).all() else ()
-
-    def _has_inputs(self, key: str, frames: int) -> bool:
-        try:
-            inputs = self.load_inputs(key)
-        except FileError:
-            return False
-        return inputs is not None and len(inputs) == frames
-
-    def _takes_of(self, keys: set[str]) -> dict[str, Take]:
-        """The newest text of a take that names each of some motions, where there is one that can be read."""
-        found: dict[str, Take] = {}
-        reader = self._reader()
-        for key, size in self.database.text_blobs() if keys else ():
-            with contextlib.suppress(FileError):
-                take = reader.take(f"|u1 {size} {key}")
-                if take.made.key in keys:
-                    found.setdefault(take.made.key, take)
-        return found
-
-    @property
-    def lost_takes(self) -> list[LostTake]:
-        """Motions that no step has named for less than `LOST_DAYS`, the newest first; FileError."""
-        framed, takes = set(self.database.framed_motions()), []
-        for key, since_s, _ in reversed(self.database.lost()):
-            found = self._recovered(key) if key in framed else None
-            if found is not None:
-                takes.append(LostTake(key, found[0].header.name, found[0].header.seconds, since_s))
-        return takes
-
     def found_take(self, lost: LostTake) -> Take:
         """A lost take with its edits, to be put into the session again; FileError."""
         found = self._recovered(lost.key)
@@ -434,89 +360,6 @@ class SessionFile:
         take = self._takes_of({lost.key}).get(lost.key, Take())
         self.hold(lost.key, found[0])
         return replace(take, motion=found[0])
-
-    # --- reading
-
-    def load_clip(self, key: str, header: MotionHeader) -> Clip:
-        """The frames of a motion; on any thread, FileError."""
-        return self._clips.get(key, lambda: self._read_clip(key, header))
-
-    def _read_clip(self, key: str, header: MotionHeader) -> Clip:
-        count, found = header.frames, self._frame_count(key)
-        if found != count:
-            raise FileError(f"{self.path}: {header.name} has {found} frames of {count}.", REMEDY)
-        if CLIP_FRAME_BYTES * count > MAX_CLIP_BYTES:
-            minutes = MAX_CLIP_BYTES // CLIP_FRAME_BYTES / header.fps / 60.0
-            raise FileError(
-                f"{self.path}: {header.name} is longer than {minutes:.0f} minutes.", "Record it in parts."
-            )
-        with file_errors(self.path):
-            self._budget().spend(CLIP_FRAME_BYTES * count)
-            hips, rotations = np.empty((count, 3), np.float32), np.empty((count, J, 4), np.float32)
-            contacts, gaits = np.empty((count, 4), np.float32), np.empty(count, np.int8)
-            at = 0
-            for size, content in self._pieces(key):
-                part = slice(at, at + size)
-                frames = unpacked_frames(content[: PACKED_FRAME_BYTES * size], size)
-                hips[part], rotations[part], contacts[part], gaits[part] = frames
-                at += size
-        clip = header.clip(hips, rotations, contacts, gaits)
-        check_motion(clip, self.path)
-        return clip
-
-    def load_inputs(self, key: str) -> InputRecording | None:
-        """The input of a motion; on any thread, FileError."""
-        reader = self._reader()
-
-        def read() -> InputRecording:
-            value = parse_json(self.database.motion(key + INPUT), 400_000)
-            rows = [unpack_sticks(reader.blobs.data(value["lead"]), value["lead_frames"])]
-            for size, content in self._pieces(key):
-                rows.append(unpack_sticks(content[PACKED_FRAME_BYTES * size :], size))
-            table = np.concatenate(rows)
-            reader.blobs.budget.spend(8 * table.size)
-            return reader.inputs(value, InputFrames(table))
-
-        return reader.checked(read)
-
-    def _frame_count(self, key: str) -> int:
-        """Frames that the pieces of a motion say they have."""
-        return self.database.frame_count(key) + self.database.frame_count(key + TAIL)
-
-    def _pieces(self, key: str) -> Iterator[tuple[int, bytes]]:
-        for count, content in chain(self.database.frames(key), self.database.frames(key + TAIL)):
-            if len(content) not in (PACKED_FRAME_BYTES * count, (PACKED_FRAME_BYTES + 8 * COLUMNS) * count):
-                raise FileError(f"{self.path}: damaged frames.", REMEDY)
-            yield count, content
-
-    def _budget(self) -> Budget:
-        return Budget.for_file(self.database.budget.of)
-
-    def _reader(self) -> DocumentReader:
-        blobs = BlobReader(self.path, self.database.blob, self._budget())
-        return DocumentReader(blobs, lambda key: self._motion(key, {}))
-
-    def _motion(self, key: str, known: dict[str, Motion]) -> Motion:
-        if key not in known:
-            header, _ = self._reader().header(self.database.motion(key))
-            known[key] = Motion(key, header, source=self)
-        return known[key]
-
-    def character_path(self, choice: CharacterChoice) -> Path | None:
-        """The glTF of a character, written to the cache where it is not there; None for the mannequin. FileError."""
-        if not choice.key:
-            return None
-        if (self.cache / choice.key).is_file():
-            return self.cache / choice.key
-        reader = self._reader()
-
-        def read() -> Path:
-            names = parse_json(self.database.blob(f"character {choice.key}"))
-            files = {name: reader.blobs.data(reference) for name, reference in names.items()}
-            check_character_files(files)
-            return write_character_files(files, self.cache)
-
-        return reader.checked(read)
 
     # --- the file
 
@@ -540,20 +383,9 @@ def _motion_keys(session: Session) -> set[str]:
     return {take.made.key for take in session.takes}
 
 
-def _character_keys(session: Session) -> list[str]:
-    return [f"character {choice.key}" for choice in _characters(session)]
-
-
 def _characters(session: Session) -> list[CharacterChoice]:
     choices = (session.character, None if session.reference is None else session.reference.character)
     return [choice for choice in choices if choice is not None and choice.key]
-
-
-def check_motion(clip: Clip, path: Path | str = "a take") -> None:
-    """FileError unless every frame can be shown."""
-    known = clip.gaits is None or bool(((clip.gaits >= -1) & (clip.gaits < 10)).all())
-    if not known or not are_poses(clip.hips_positions, clip.local_rotations, clip.contacts):
-        raise FileError(f"{path}: a take whose frames are no poses.", REMEDY)
 
 
 def _piece(clip: Clip, part: slice) -> bytes:

@@ -31,7 +31,7 @@ MAX_FILE_BYTES = 1 << 29  # of the file, and of its log
 MAX_VALUE_BYTES = (1 << 28) + (1 << 20)  # of one row as it is stored
 # a small file makes no more than this, a large one a multiple of its size
 MIN_BUDGET_BYTES, BUDGET_PER_FILE_BYTE, MAX_BUDGET_BYTES = 128 << 20, 16, MAX_CONTENT_BYTES
-ASIDE, KEPT_ASIDE_DAYS = ".damaged-", 30.0  # of a damaged session's name, and how long it is kept
+ASIDE, KEPT_ASIDE_DAYS = ".damaged-", 30  # of a damaged session's name, and how long it is kept
 REMEDY = "Choose another file, or an older copy of it."
 ROOM_REMEDY = "Make room on the disk, or save a copy elsewhere."
 _SAID = {

@@ -38,9 +38,8 @@ class StoredRows:
     def step(self, number: int) -> str:
         """The document of a step; FileError where there is none."""
         size = "length(CAST(document AS BLOB))"
-        return self._one(
-            self._rows("steps", "document", (str,), size, "number = ?", number), f"step {number}"
-        )[0]
+        rows = self._rows("steps", "document", (str,), size, "number = ?", number)
+        return self._one(rows, f"step {number}")[0]
 
     def blob(self, key: str) -> bytes:
         """Bytes by their key; FileError where there are none."""
@@ -76,9 +75,8 @@ class StoredRows:
 
     def frames(self, key: str) -> Iterator[tuple[int, bytes]]:
         """The pieces of a motion in order: how many frames, and what `put_frames` got."""
-        rows = self._rows(
-            "frames", "number, count", (int, int), "16", "motion = ?", key, order="ORDER BY number"
-        )
+        order = "ORDER BY number"
+        rows = self._rows("frames", "number, count", (int, int), "16", "motion = ?", key, order=order)
         if len(rows) > sum(count for _, count in rows) // MIN_PIECE_FRAMES + MAX_SMALL_PIECES:
             raise FileError(f"{self.path}: frames in {len(rows)} pieces.", REMEDY)
         for number, count in rows:

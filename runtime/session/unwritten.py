@@ -15,7 +15,7 @@ import threading
 import time
 import uuid
 import zlib
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,10 @@ CHANGES = (
     "put_blob", "put_motion", "put_frames", "drop_frames", "put_step", "drop_step", "drop_steps", "set_meta",
     "lose", "find",
 )  # fmt: skip
+# what the other methods of `Writer` give; what is lost for long is removed when the session is opened
+NOTHING_READ: dict[str, Any] = {
+    "documents": (), "motion": "", "blob": b"", "lost": [], "kept": ([], []), "remove": None, "stored_bytes": 0,
+}  # fmt: skip
 MIN_UNFOLDED_BYTES = 64 << 20  # a small file may unfold to so much, see `BUDGET_PER_FILE_BYTE`
 MAX_ITEMS = 1 << 25  # commas of texts are counted too
 MAX_CHANGES = 200_000
@@ -42,31 +46,12 @@ class ChangeLog:
         self.changes: list[Change] = []
         self.committed: list[Callable[[], None]] = []
 
-    def __getattr__(self, name: str) -> Callable[..., None]:
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        if name in NOTHING_READ:
+            return lambda *_: NOTHING_READ[name]
         if name not in CHANGES:
             raise AttributeError(name)
         return lambda *values, **named: self.changes.append((name, list(values), named))
-
-    def documents(self) -> Iterator[str]:
-        return iter(())
-
-    def motion(self, _key: str) -> str:
-        return ""
-
-    def blob(self, _key: str) -> bytes:
-        return b""
-
-    def lost(self) -> list[tuple[str, int, str]]:
-        return []
-
-    def kept(self) -> tuple[list[str], list[str]]:
-        return [], []
-
-    def remove(self, _keys: Collection[str]) -> None:
-        """What is lost for long is removed when the session is opened."""
-
-    def stored_bytes(self) -> int:
-        return 0
 
 
 def keep(path: Path, changes: Sequence[Change], seconds: float) -> Path | None:
@@ -80,8 +65,10 @@ def keep(path: Path, changes: Sequence[Change], seconds: float) -> Path | None:
     for file, patience in zip(unwritten_files(path), (0.5, 1.0), strict=True):
         kept = threading.Event()
         threading.Thread(target=_write, args=(file, content, kept), daemon=True).start()
-        if kept.wait(patience * max(until - time.monotonic(), 0.0)) and _is_there(file, content):
-            return file
+        with contextlib.suppress(OSError):
+            in_time = kept.wait(patience * max(until - time.monotonic(), 0.0))
+            if in_time and file.stat().st_size == len(content):
+                return file
     return None
 
 
@@ -98,13 +85,6 @@ def _write(file: Path, content: bytes, done: threading.Event) -> None:
         with contextlib.suppress(OSError):  # `keep` sees that it is not there
             temporary.unlink(missing_ok=True)
     done.set()
-
-
-def _is_there(file: Path, content: bytes) -> bool:
-    try:
-        return file.stat().st_size == len(content)
-    except OSError:
-        return False
 
 
 def read(path: Path) -> list[Change]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -61,6 +62,15 @@ class Clip:
         object.__setattr__(self, "hips_positions", hips_positions)
         object.__setattr__(self, "local_rotations", local_rotations)
         object.__setattr__(self, "contacts", contacts)
+
+    def posed(self, hips: Array, local: Array, contacts: Array | None = None) -> Clip:
+        """The clip with other hips `(T, 3)`, local rotations `(T, 31, 4)` and perhaps contacts `(T, 4)`, as float32."""
+        return replace(
+            self,
+            hips_positions=np.asarray(hips, np.float32),
+            local_rotations=np.asarray(local, np.float32),
+            contacts=self.contacts if contacts is None else contacts,
+        )
 
     @property
     def seconds(self) -> float:
@@ -147,6 +157,15 @@ def _cubic(t: Array, has_before: NDArray[np.bool_], has_after: NDArray[np.bool_]
     alone = ~has_before & ~has_after
     weights[alone] = np.stack([0.0 * t, 1.0 - t, t, 0.0 * t], axis=-1)[alone]
     return weights
+
+
+def stacked(poses: Sequence[Pose]) -> tuple[Array, Array, Array]:
+    """Hips `(T, 3)`, local rotations `(T, 31, 4)` and contacts `(T, 4)` of poses, float32."""
+    names = ("hips_position", "local_rotations", "contacts")
+    hips, local, contacts = (
+        np.stack([getattr(pose, name) for pose in poses]).astype(np.float32) for name in names
+    )
+    return hips, local, contacts
 
 
 def are_poses(hips: Array, rotations: Array, contacts: Array) -> bool:

@@ -19,7 +19,7 @@ from runtime.feet.ik import LEG_FEET, LEG_THIGHS, LEG_TOES, solve_legs
 from runtime.takes.clip import Clip
 from runtime.takes.pinned import drop_to
 
-BEARING_CONTACT = 0.5  # of a heel or toe: it bears the character
+BEARING_CONTACT_THRESHOLD = 0.5  # of a heel or toe: it bears the character
 LIFT_M = 0.06  # of a foot over a plant that was taken away
 MAX_WINDOW_FRAMES = 36_000  # ten minutes: an edit that changes more fits no clip
 MIN_FRAMES = 2  # of a plant, and between two
@@ -39,7 +39,7 @@ class FootplantEdit:
 
 def footplants(contacts: Array) -> list[Frames]:
     """Frames in which a heel or a toe of one foot bears: `contacts` `(T, 2)`."""
-    down = np.concatenate([[False], (np.asarray(contacts) > BEARING_CONTACT).any(axis=1), [False]])
+    down = np.concatenate([[False], (np.asarray(contacts) > BEARING_CONTACT_THRESHOLD).any(axis=1), [False]])
     edges = np.flatnonzero(np.diff(down.astype(np.int8)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
@@ -150,7 +150,7 @@ def _replanted(clip: Clip, edit: FootplantEdit, known: list[Frames]) -> Clip:
         ours[:] = ours[np.clip(np.round(at).astype(int), 0, len(clip) - 1)]
         ours[before : new[0]], ours[new[1] : after] = 0.0, 0.0
         still = ours[slice(*new)]
-        still[:] = np.where((still > BEARING_CONTACT).any(axis=1, keepdims=True), still, 1.0)
+        still[:] = np.where((still > BEARING_CONTACT_THRESHOLD).any(axis=1, keepdims=True), still, 1.0)
     targets, feet = positions[:, LEG_FEET].astype(float), world[:, LEG_FEET].astype(float)
     changed = np.any(np.abs(path - targets[:, edit.foot]) > 1e-6, axis=1) | np.any(
         contacts != clip.contacts, axis=1
@@ -164,7 +164,7 @@ def _replanted(clip: Clip, edit: FootplantEdit, known: list[Frames]) -> Clip:
     local = solve_legs(hips, clip.local_rotations.astype(float), targets, feet)
     made = clip.local_rotations.copy()
     made[changed], made[changed, toe] = local[changed], bends[changed]
-    return replace(clip, hips_positions=hips.astype(np.float32), local_rotations=made, contacts=contacts)
+    return clip.posed(hips, made, contacts)
 
 
 def _smoothed(drop: Array) -> Array:

@@ -25,7 +25,7 @@ from runtime.motion.features import FPS
 from runtime.motion.snapshot import Snapshot, take_snapshot
 from runtime.motion.style import StyleMix
 from runtime.pose import Pose
-from runtime.takes.clip import Clip, are_poses, shift_prompts
+from runtime.takes.clip import Clip, are_poses, shift_prompts, stacked
 from runtime.takes.metadata import PromptEvent, gait_seconds
 from runtime.takes.recorder import LIVE_SECONDS
 from runtime.terrain.height_map import Terrain
@@ -33,7 +33,7 @@ from runtime.terrain.height_map import Terrain
 KEYFRAME_STEPS = 120  # between two keyframes: 2 s are made again in about a quarter of a second
 
 COLUMNS = 8  # of a frame: stick x and z, facing x and z (NaN without), gait, temperature, strength, response
-LARGEST_SETTING = 10.0
+MAX_SETTING = 10.0
 _NOWHERE = (math.nan, math.nan)
 
 
@@ -103,7 +103,7 @@ def are_asked(rows: NDArray[np.float64]) -> bool:
         (np.abs(move) <= MAX_STICK).all()  # nor NaN
         and turned.all()
         and np.isin(gait, [float(each) for each in Gait]).all()
-        and (np.abs(settings) <= LARGEST_SETTING).all()
+        and (np.abs(settings) <= MAX_SETTING).all()
     )
 
 
@@ -333,36 +333,18 @@ def resimulated_take(
 
 def with_poses(clip: Clip, inputs: InputRecording, poses: Sequence[Pose], first_frame: int) -> Clip:
     """The clip with other poses from `first_frame` on, and the prompts and gaits of the inputs that made them; FileError."""
-    _check_poses(poses)
+    if poses:
+        made = stacked(poses)
+        if not are_poses(*made):  # a damaged state of a controller may lead anywhere
+            raise FileError(
+                "The take cannot be resimulated: what it was driven by leads to poses that are none.",
+                "Edit it at another place, or record it again.",
+            )
+        old = (clip.hips_positions, clip.local_rotations, clip.contacts)
+        parts = zip(old, made, strict=True)
+        clip = clip.posed(*(np.concatenate([kept[:first_frame], new]) for kept, new in parts))
     gaits = inputs.gaits()
-    return replace(
-        clip,
-        hips_positions=_joined(clip.hips_positions, first_frame, [p.hips_position for p in poses]),
-        local_rotations=_joined(clip.local_rotations, first_frame, [p.local_rotations for p in poses]),
-        contacts=_joined(clip.contacts, first_frame, [p.contacts for p in poses]),
-        prompts=inputs.prompts(),
-        gaits=gaits,
-        gait_seconds=gait_seconds(gaits, clip.fps),
-    )
-
-
-def _check_poses(poses: Sequence[Pose]) -> None:
-    """FileError unless every pose can be shown: a damaged state of a controller may lead anywhere."""
-    if not poses:
-        return
-    hips, rotations, contacts = (
-        np.stack([getattr(pose, name) for pose in poses])
-        for name in ("hips_position", "local_rotations", "contacts")
-    )
-    if not are_poses(hips, rotations, contacts):
-        raise FileError(
-            "The take cannot be resimulated: what it was driven by leads to poses that are none.",
-            "Edit it at another place, or record it again.",
-        )
-
-
-def _joined(old: Array, first: int, new: Sequence[Array]) -> Array:
-    return np.concatenate([old[:first], np.stack(new).astype(np.float32)]) if new else old.copy()
+    return replace(clip, prompts=inputs.prompts(), gaits=gaits, gait_seconds=gait_seconds(gaits, clip.fps))
 
 
 class InputRecorder:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import reduce
 from itertools import groupby
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,18 +19,18 @@ from runtime.arrays import Array
 from runtime.errors import UsageError
 from runtime.feet.ik import LEG_FEET, LEG_TOES
 from runtime.takes.clip import Clip
-from runtime.takes.footplants import BEARING_CONTACT
+from runtime.takes.footplants import BEARING_CONTACT_THRESHOLD
 from runtime.takes.loop import led_legs
-from runtime.takes.metadata import UNKNOWN, PromptEvent, gait_seconds
-from runtime.takes.root import Placement, root_track, smooth
+from runtime.takes.metadata import UNKNOWN, gait_seconds
+from runtime.takes.root import SMOOTHING_S, Placement, root_track, smooth
 from runtime.terrain.height_map import Terrain
 
 BLEND_S = 0.4  # in which the body's offset goes to zero
 STEP_S = 0.3  # of its time in the air in which a foot comes to its own place
-SAME = 1e-4  # metres and parts of a quaternion within which pieces of one take meet
+SAME_TOLERANCE = 1e-4  # metres and parts of a quaternion within which pieces of one take meet
 HELD_M = 0.2  # farther from where the second take has it, a foot that stands takes a step
-LIFT, MAX_LIFT_M = 0.2, 0.06  # of such a step, over its length
-FASTEST, FASTEST_TURN = 2.0, 6.0  # m/s and rad/s of an offset at the seam
+LIFT_FRACTION, MAX_LIFT_M = 0.2, 0.06  # of such a step, over its length
+MAX_GAP_M_PER_S, MAX_GAP_RAD_PER_S = 2.0, 6.0  # of an offset at the seam
 
 
 Grounds = tuple[Terrain, Terrain]  # of the first clip, on which the result walks, and of the second
@@ -50,12 +51,13 @@ def joined(first: Clip, second: Clip, grounds: Grounds | None = None) -> Clip:
     if first.gaits is not None and second.gaits is not None:
         gaits = np.concatenate([first.gaits, second.gaits[1:]])
     later = [replace(event, seconds=event.seconds + first.seconds) for event in second.prompts]
+    words = attrgetter("prompt", "words")
     return replace(
         first,
         hips_positions=np.concatenate([first.hips_positions, second.hips_positions[1:]]),
         local_rotations=np.concatenate([first.local_rotations, second.local_rotations[1:]]),
         contacts=np.concatenate([first.contacts, second.contacts[1:]]),
-        prompts=tuple(next(same_words) for _, same_words in groupby([*first.prompts, *later], _words)),
+        prompts=tuple(next(same_words) for _, same_words in groupby([*first.prompts, *later], words)),
         gaits=gaits,
         gait_seconds=gait_seconds(gaits, first.fps),
         origin=first.origin if first.origin == second.origin else UNKNOWN,
@@ -65,9 +67,9 @@ def joined(first: Clip, second: Clip, grounds: Grounds | None = None) -> Clip:
 
 def _meet(first: Clip, second: Clip) -> bool:
     """Whether the second begins in the pose and place in which the first ends."""
-    return np.allclose(second.hips_positions[0], first.hips_positions[-1], atol=SAME) and np.allclose(
-        second.local_rotations[0], first.local_rotations[-1], atol=SAME
-    )
+    return np.allclose(
+        second.hips_positions[0], first.hips_positions[-1], atol=SAME_TOLERANCE
+    ) and np.allclose(second.local_rotations[0], first.local_rotations[-1], atol=SAME_TOLERANCE)
 
 
 def repeated(clip: Clip, times: int, ground: Terrain | None = None) -> Clip:
@@ -84,10 +86,6 @@ def without(clip: Clip, first: int, last: int, ground: Terrain | None = None) ->
         raise UsageError("Nothing would be left.", "Trim to the frames that are to be cut out.")
     grounds = None if ground is None else (ground, ground)
     return joined(kept[0], kept[1], grounds) if len(kept) == 2 else kept[0]
-
-
-def _words(event: PromptEvent) -> tuple[str, str]:
-    return event.prompt, event.words
 
 
 def _placed(first: Clip, second: Clip, grounds: Grounds | None) -> Clip:
@@ -109,18 +107,14 @@ def _on_ground(moved: Clip, before: Clip, grounds: Grounds) -> Clip:
     targets[..., 1] = was[..., 1] - own.height(was[..., 0], was[..., 2])
     targets[..., 1] += now.height(ankles[..., 0], ankles[..., 2])
     rises = targets[..., 1] - ankles[..., 1]
-    if np.abs(rises).max() < SAME:
+    if np.abs(rises).max() < SAME_TOLERANCE:
         return moved
     hips = moved.hips_positions.astype(np.float64)
     body = hips, moved.local_rotations.astype(np.float64)
     raised = hips.copy()
-    raised[:, 1] += smooth(rises.min(axis=1)[:, None], moved.fps)[:, 0]
+    raised[:, 1] += smooth(rises.min(axis=1)[:, None], SMOOTHING_S * moved.fps)[:, 0]
     solved = led_legs((raised, body[1].copy()), (targets, feet), body, (ankles, feet))
-    return replace(
-        moved,
-        hips_positions=raised.astype(np.float32),
-        local_rotations=rotations.normalize(solved).astype(np.float32),
-    )
+    return moved.posed(raised, rotations.normalize(solved))
 
 
 def _continued(first: Clip, second: Clip) -> Clip:
@@ -133,7 +127,7 @@ def _continued(first: Clip, second: Clip) -> Clip:
     turns = fade[:, None, None] * gap + drift[:, None, None] * BLEND_S * speed
     local = rotations.multiply(rotations.from_rotation_vector(turns), new)
     hips = second.hips_positions.astype(np.float64)
-    gap, speed = _gap(first.hips_positions[-2:].astype(np.float64), hips, fps, FASTEST)
+    gap, speed = _gap(first.hips_positions[-2:].astype(np.float64), hips, fps)
     hips = hips + fade[:, None] * gap + drift[:, None] * BLEND_S * speed
     return _with_feet(first, second, hips, rotations.normalize(local))
 
@@ -146,9 +140,9 @@ def _with_feet(first: Clip, second: Clip, hips: Array, local: Array) -> Clip:
     targets, goals, contacts = ankles.copy(), feet.copy(), second.contacts.copy()
     for side in range(2):
         soles = slice(2 * side, 2 * side + 2)
-        stood = bool((first.contacts[-1, soles] > BEARING_CONTACT).any())
-        stands = np.any(second.contacts[:, soles] > BEARING_CONTACT, axis=1)
-        gap, speed = _gap(old[:, LEG_FEET[side]].astype(np.float64), ankles[:, side], fps, FASTEST)
+        stood = bool((first.contacts[-1, soles] > BEARING_CONTACT_THRESHOLD).any())
+        stands = np.any(second.contacts[:, soles] > BEARING_CONTACT_THRESHOLD, axis=1)
+        gap, speed = _gap(old[:, LEG_FEET[side]].astype(np.float64), ankles[:, side], fps)
         away = float(np.linalg.norm(gap[[0, 2]]))
         steps = bool(stands[0]) and (not stood or away > HELD_M)
         time = _time_in_air(stands, steps) / fps / STEP_S
@@ -156,7 +150,7 @@ def _with_feet(first: Clip, second: Clip, hips: Array, local: Array) -> Clip:
         targets[:, side] += fade[:, None] * gap
         if steps:
             contacts[: round(STEP_S * fps), soles] = 0.0
-            lift = min(LIFT * away, MAX_LIFT_M) if stood else 0.0
+            lift = min(LIFT_FRACTION * away, MAX_LIFT_M) if stood else 0.0
             targets[:, side, 1] += lift * np.sin(np.pi * np.minimum(time, 1.0)) ** 2
         if not stood:
             targets[:, side] += drift[:, None] * STEP_S * speed
@@ -169,12 +163,7 @@ def _with_feet(first: Clip, second: Clip, hips: Array, local: Array) -> Clip:
         local[:, toe] = rotations.multiply(rotations.from_rotation_vector(fade[:, None] * bend), now[:, toe])
     before = second.hips_positions.astype(np.float64), now
     solved = led_legs((hips, local), (targets, goals), before, (ankles, feet))
-    return replace(
-        second,
-        hips_positions=hips.astype(np.float32),
-        local_rotations=rotations.normalize(solved).astype(np.float32),
-        contacts=contacts,
-    )
+    return second.posed(hips, rotations.normalize(solved), contacts)
 
 
 def _time_in_air(stands: NDArray[np.bool_], steps: bool) -> Array:
@@ -193,10 +182,10 @@ def _decay(t: Array) -> tuple[Array, Array]:
     return rest * (1.0 + 3.0 * t + 6.0 * t * t), rest * t * (1.0 + 3.0 * t)
 
 
-def _gap(old: Array, new: Array, fps: float, fastest: float) -> tuple[Array, Array]:
+def _gap(old: Array, new: Array, fps: float) -> tuple[Array, Array]:
     """Between the last of two places `(2, 3)` and the first of the new ones: the offset, and its velocity, limited."""
     speed = ((old[1] - old[0]) - (new[1] - new[0])) * fps
-    return old[1] - new[0], _limited(speed, fastest)
+    return old[1] - new[0], _limited(speed, MAX_GAP_M_PER_S)
 
 
 def _turn_gap(old: Array, new: Array, fps: float) -> tuple[Array, Array]:
@@ -206,7 +195,7 @@ def _turn_gap(old: Array, new: Array, fps: float) -> tuple[Array, Array]:
         return rotations.to_rotation_vector(rotations.multiply(b, rotations.inverse(a)))
 
     speed = (between(old[0], old[1]) - between(new[0], new[1])) * fps
-    return between(new[0], old[1]), _limited(speed, FASTEST_TURN)
+    return between(new[0], old[1]), _limited(speed, MAX_GAP_RAD_PER_S)
 
 
 def _limited(speed: Array, fastest: float) -> Array:

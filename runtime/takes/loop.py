@@ -18,14 +18,16 @@ from runtime.takes.metadata import LoopReport
 from runtime.takes.root import RootTrack
 
 MIN_CYCLE_S, MAX_CYCLE_S = 0.5, 3.0
-MIN_SPEED = 0.15  # metres a second of the root in a cycle
+MIN_SPEED_M_PER_S = 0.15  # of the root in a cycle
 VELOCITY_S = 0.1  # a metre a second of difference counts as much as this many metres
 SOLE_WEIGHT = 4.0  # of the height of ankles and toes: a foot that stands is to stand as high at both ends
-NEAR_CYCLE = 1.15  # cycles whose lengths differ by less have as many strides
-NEARLY = 1.25  # the shortest cycle within this factor of the best one is taken: one cycle, not two
+NEAR_CYCLE_FACTOR = 1.15  # cycles whose lengths differ by less have as many strides
+NEARLY_BEST_FACTOR = (
+    1.25  # the shortest cycle within this factor of the best one is taken: one cycle, not two
+)
 MAX_ENDS_M, MAX_ENDS_RADIANS = 0.15, np.deg2rad(40.0)  # of ends that can be blended
 MAX_STARTS = 1800  # first frames that are compared
-SWING_SHARE = 0.35  # of a foot's highest speed: above it, it swings
+SWING_FRACTION = 0.35  # of a foot's highest speed: above it, it swings
 _LEGS = np.concatenate([LEG_THIGHS, LEG_SHINS, LEG_FEET])
 _REMEDY = "Record, or choose with --range, at least two full cycles of a steady walk in one style."
 
@@ -56,13 +58,15 @@ def make_loop(clip: Clip, root: RootTrack, strides: int = 1) -> tuple[Clip, Root
 def find_cycle(clip: Clip, root: RootTrack, strides: int = 1) -> tuple[int, int]:
     """First and last frame of the cycle whose ends are most alike; UsageError when the clip is too short or stands.
 
-    With several `strides` it lasts so many times as long as the best single one, within `NEAR_CYCLE`.
+    With several `strides` it lasts so many times as long as the best single one, within `NEAR_CYCLE_FACTOR`.
     """
-    cycle = _best_cycle(clip, root, round(MIN_CYCLE_S * clip.fps), round(MAX_CYCLE_S * clip.fps), NEARLY)
+    cycle = _best_cycle(
+        clip, root, round(MIN_CYCLE_S * clip.fps), round(MAX_CYCLE_S * clip.fps), NEARLY_BEST_FACTOR
+    )
     if strides == 1:
         return cycle
     lag = strides * (cycle[1] - cycle[0])
-    spare = round(lag * (NEAR_CYCLE - 1.0) / strides)
+    spare = round(lag * (NEAR_CYCLE_FACTOR - 1.0) / strides)
     return _best_cycle(clip, root, lag - spare, lag + spare, 1.0)
 
 
@@ -83,14 +87,16 @@ def _best_cycle(clip: Clip, root: RootTrack, least: int, most: int, nearly: floa
         a = np.arange(1, len(clip) - lag - 1, stride)
         cost = np.sqrt(np.mean((shape[a + lag] - shape[a]) ** 2, axis=(1, 2)))
         cost += np.abs(root.yaw[a + lag] - root.yaw[a]) * 0.05
-        cost[path[a + lag] - path[a] < MIN_SPEED * lag / clip.fps] = np.inf
+        cost[path[a + lag] - path[a] < MIN_SPEED_M_PER_S * lag / clip.fps] = np.inf
         if len(a) and np.isfinite(cost).any():
             costs[k], starts[k] = cost.min(), a[np.argmin(cost)]
     if not np.isfinite(costs).any():
         raise UsageError(": the character does not walk in this range.", _REMEDY, "loop")
     good = costs <= costs.min() * nearly + 1e-4
     shortest = np.flatnonzero(good)[0]
-    near = np.flatnonzero(good & (lags <= lags[shortest] * NEAR_CYCLE))  # the best of that cycle's neighbours
+    near = np.flatnonzero(
+        good & (lags <= lags[shortest] * NEAR_CYCLE_FACTOR)
+    )  # the best of that cycle's neighbours
     best = near[np.argmin(costs[near])]
     return int(starts[best]), int(starts[best] + lags[best])
 
@@ -156,12 +162,7 @@ def close_seam(cycle: Clip, root: RootTrack) -> Clip:
     solved[-1], new_hips[-1] = wanted, goal(hips[0])
     contacts = cycle.contacts.copy()
     contacts[-1] = contacts[0]
-    return replace(
-        cycle,
-        hips_positions=new_hips.astype(np.float32),
-        local_rotations=rotations.normalize(solved).astype(np.float32),
-        contacts=contacts,
-    )
+    return cycle.posed(new_hips, rotations.normalize(solved), contacts)
 
 
 Pair = tuple[Array, Array]
@@ -194,7 +195,7 @@ def _swing_ease(positions: Array, ankle: int, toe: int) -> Array:
     """From 0 to 1 over the longest stretch `(T,)` in which neither ankle nor toe of a foot rests."""
     way = np.linalg.norm(np.diff(positions[:, [ankle, toe]][..., [0, 2]].astype(np.float64), axis=0), axis=-1)
     speed = way.min(axis=1)
-    moving = np.concatenate([[False], speed > SWING_SHARE * max(float(speed.max()), 1e-6), [False]])
+    moving = np.concatenate([[False], speed > SWING_FRACTION * max(float(speed.max()), 1e-6), [False]])
     starts = np.flatnonzero(moving[1:] & ~moving[:-1])
     ends = np.flatnonzero(~moving[1:] & moving[:-1])
     longest = int(np.argmax(ends - starts)) if len(starts) else -1

@@ -24,7 +24,7 @@ def mirrored(clip: Clip) -> Clip:
     there = place.inverse().clip(clip)
     hips, local = mirror_motion(there.hips_positions, there.local_rotations)
     return replace(
-        place.clip(replace(there, hips_positions=hips, local_rotations=local)),
+        place.clip(there.posed(hips, local)),
         name=f"{clip.name}, mirrored",
         contacts=clip.contacts[:, [2, 3, 0, 1]],
         prompts=tuple(_mirrored_event(event) for event in clip.prompts),

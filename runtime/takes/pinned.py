@@ -5,8 +5,8 @@ The network's motion goes on underneath: where no pin holds, frames are bit by b
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,13 +27,19 @@ CHEST, HEAD = 13, 16
 SPINE = ((11, 1 / 3), (12, 1 / 3), (13, 1 / 3))  # joints that lean together, with their fractions
 ORDER = (Pinned.POSE, Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT, Pinned.LOOK, Pinned.LEFT_HAND, Pinned.RIGHT_HAND)
 NECK = ((14, 0.3), (15, 0.3), (16, 0.4))  # joints that turn to look, with their fractions
-EASY_ARM, LONGEST_ARM = 0.94, 0.995  # of its length: from the first on an arm straightens with falling speed
-EASY_LEG, MOST_DROP_M = 0.985, 0.2  # of its length, and how far the hips sink so that a leg is not longer
-MOST_LEAN = np.radians(60.0)  # of the spine, to bring a hand nearer
-LETS_GO = (1.9, 2.6)  # reaches of an arm from the shoulder: a hand begins to give a point up, and has
-FOOT_LETS_GO = (1.02, 1.3)  # lengths of a leg from the hip
-LOOKS_AWAY = np.radians((90.0, 150.0))  # so far behind, the head begins to give a point up, and has
-MOST_TURN = np.radians(75.0)  # of the head
+EASY_ARM_FRACTION, MAX_ARM_FRACTION = (
+    0.94,
+    0.995,
+)  # of its length: from the first on an arm straightens with falling speed
+EASY_LEG_FRACTION, MAX_DROP_M = (
+    0.985,
+    0.2,
+)  # of its length, and how far the hips sink so that a leg is not longer
+MAX_LEAN_RAD = np.radians(60.0)  # of the spine, to bring a hand nearer
+LETS_GO_REACHES = (1.9, 2.6)  # reaches of an arm from the shoulder: a hand begins to give a point up, and has
+FOOT_LETS_GO_LENGTHS = (1.02, 1.3)  # lengths of a leg from the hip
+LOOKS_AWAY_RAD = np.radians((90.0, 150.0))  # so far behind, the head begins to give a point up, and has
+MAX_TURN_RAD = np.radians(75.0)  # of the head
 POLE_M = 0.03  # an elbow less far out of its line than this bends towards down and back
 UPPER_BODY = tuple(j for part in ("torso", "left_arm", "right_arm", "head") for j in PART_JOINTS[part] if j)
 _FORWARD = np.array([0.0, 0.0, 1.0])
@@ -55,14 +61,17 @@ class _Frames:
         return SPORT_SKELETON.forward_kinematics(self.hips, self.local)
 
 
-def pinned(clip: Clip, pins: Sequence[Pin], only: int | None = None) -> Clip:
-    """The clip with its poses bent to the pins, in their order: poses, feet, looks, then hands; all frames, or `only` one."""
+def pinned(
+    clip: Clip, pins: Sequence[Pin], begin_s: float = 0.0, pose_at: Callable[[float], Array] | None = None
+) -> Clip:
+    """The clip with its poses bent to the pins, in their order: poses, feet, looks, then hands.
+
+    It may be a part of a take that begins at `begin_s`, of which `pose_at` gives the local rotations at a time.
+    """
     made = _Frames(clip.hips_positions.copy(), clip.local_rotations.copy(), clip.contacts.copy())
-    seconds = np.arange(len(clip)) / clip.fps
+    seconds = begin_s + np.arange(len(clip)) / clip.fps
     for pin in sorted(pins, key=lambda pin: ORDER.index(pin.what)):
         weights = pin.weights(seconds)
-        if only is not None:
-            weights = np.where(np.arange(len(clip)) == only, weights, 0.0)
         held = np.flatnonzero(weights > 0.0)
         if len(held) == 0:
             continue
@@ -75,7 +84,8 @@ def pinned(clip: Clip, pins: Sequence[Pin], only: int | None = None) -> Clip:
             frames = made.part(part)
             if pin.what is Pinned.POSE:
                 at = min(round(pin.of * clip.fps), len(clip) - 1)
-                _hold_pose(frames, clip.local_rotations[at], weights[part])
+                pose = clip.local_rotations[at] if pose_at is None else pose_at(pin.of)
+                _hold_pose(frames, pose, weights[part])
             else:
                 _bend(frames, pin, weights[part], flat)
             made.hips[part], made.local[part], made.contacts[part] = (
@@ -83,7 +93,7 @@ def pinned(clip: Clip, pins: Sequence[Pin], only: int | None = None) -> Clip:
                 frames.local,
                 frames.contacts,
             )
-    return replace(clip, hips_positions=made.hips, local_rotations=made.local, contacts=made.contacts)
+    return clip.posed(made.hips, made.local, made.contacts)
 
 
 def bent_pose(
@@ -181,10 +191,10 @@ def _look(frames: _Frames, positions: Array, world: Array, goals: Array, weights
     wanted = rotations.normalize(goals - positions[:, HEAD])
     chest = rotations.rotate(world[:, CHEST], _FORWARD)
     off = np.arccos(np.clip(np.sum(chest * wanted, -1), -1.0, 1.0))
-    weights = weights * _falls(off, *LOOKS_AWAY)
+    weights = weights * _falls(off, *LOOKS_AWAY_RAD)
     turn = rotations.to_rotation_vector(rotations.between(facing, wanted))
     angle = np.linalg.norm(turn, axis=-1, keepdims=True)
-    turn = turn * weights[:, None] * np.minimum(1.0, MOST_TURN / np.maximum(angle, 1e-9))
+    turn = turn * weights[:, None] * np.minimum(1.0, MAX_TURN_RAD / np.maximum(angle, 1e-9))
     _turn(frames, world, NECK, turn)
 
 
@@ -194,17 +204,17 @@ def _reach(
     """A hand to its goal; the spine leans where the arm is too short, and the hand lets go of what is far too far."""
     shoulder, elbow, hand = ARMS[what]
     distance = np.linalg.norm(goals - positions[:, shoulder], axis=-1)
-    weights = weights * _falls(distance / ARM_M, *LETS_GO)
+    weights = weights * _falls(distance / ARM_M, *LETS_GO_REACHES)
     own = np.linalg.norm(positions[:, hand] - positions[:, shoulder], axis=-1)
     for _ in range(3):
-        lack = distance - np.maximum(own, EASY_ARM * ARM_M)
+        lack = distance - np.maximum(own, EASY_ARM_FRACTION * ARM_M)
         lack = weights * _smooth_positive(lack - 0.005, 0.01)
         base = positions[:, SPINE[0][0]]
         arm, aim = positions[:, shoulder] - base, rotations.normalize(goals - base)
         span = np.maximum(np.linalg.norm(arm, axis=-1), 1e-6)
         axis = rotations.normalize(np.cross(arm, aim))
         room = np.arccos(np.clip(np.sum(arm * aim, -1) / span, -1.0, 1.0))
-        angle = np.minimum(np.minimum(lack / span, room), MOST_LEAN)
+        angle = np.minimum(np.minimum(lack / span, room), MAX_LEAN_RAD)
         _turn(frames, world, SPINE, axis * angle[:, None])
         positions, world = frames.world()
         distance = np.linalg.norm(goals - positions[:, shoulder], axis=-1)
@@ -263,7 +273,7 @@ def _foot_heading(made: _Frames, pin: Pin, parts: Sequence[slice], weights: Arra
 def _bearing(positions: Array, goals: Array, weights: Array, side: int) -> Array:
     """Weights `(T,)` of a foot on its mark: it lets go of one that the leg does not reach."""
     return weights * _falls(
-        np.linalg.norm(goals - positions[:, 2 + 5 * side], axis=-1) / LEG_M, *FOOT_LETS_GO
+        np.linalg.norm(goals - positions[:, 2 + 5 * side], axis=-1) / LEG_M, *FOOT_LETS_GO_LENGTHS
     )
 
 
@@ -303,11 +313,11 @@ def _step_on(
 
 
 def drop_to(hip: Array, ankle: Array) -> Array:
-    """Metres `(T,)` that hips sink so that a leg from `hip` to `ankle` `(T, 3)` is not quite straight; at most `MOST_DROP_M`."""
+    """Metres `(T,)` that hips sink so that a leg from `hip` to `ankle` `(T, 3)` is not quite straight; at most `MAX_DROP_M`."""
     across = np.sum((ankle - hip)[:, [0, 2]] ** 2, axis=-1)
-    high = np.sqrt(np.maximum((EASY_LEG * LEG_M) ** 2 - across, (0.5 * LEG_M) ** 2))
+    high = np.sqrt(np.maximum((EASY_LEG_FRACTION * LEG_M) ** 2 - across, (0.5 * LEG_M) ** 2))
     drop = np.asarray(_smooth_positive(hip[:, 1] - ankle[:, 1] - high, 0.005))
-    return np.minimum(drop, MOST_DROP_M)
+    return np.minimum(drop, MAX_DROP_M)
 
 
 def _smooth_positive(value: Array, width: float) -> Array:
@@ -317,7 +327,7 @@ def _smooth_positive(value: Array, width: float) -> Array:
 
 def _soft_arm(distance: Array, now: Array) -> Array:
     """How far an arm that is `now` `(T, 3)` stretches towards a goal at a distance: straighter than that it becomes slowly."""
-    easy, room = EASY_ARM * ARM_M, (LONGEST_ARM - EASY_ARM) * ARM_M
+    easy, room = EASY_ARM_FRACTION * ARM_M, (MAX_ARM_FRACTION - EASY_ARM_FRACTION) * ARM_M
     over = np.maximum(distance - easy, 0.0)
     soft = np.where(over > 0.0, easy + room * (1.0 - np.exp(-over / room)), distance)
     return np.maximum(soft, np.minimum(distance, np.linalg.norm(now, axis=-1)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from runtime.arrays import Array
 from runtime.takes.clip import Clip
 from runtime.takes.footplants import FootplantEdit, replanted
 from runtime.takes.pinned import pinned
@@ -28,6 +29,17 @@ class PoseEdits:
         if self.layer:
             clip = layered(clip, self.layer)
         return pinned(clip, self.pins) if self.pins else clip
+
+    def frame(self, below: Clip, number: int) -> Clip:
+        """One frame of `apply`, alone, of the motion that the pose layer adds to."""
+
+        def shown(frame: int) -> Clip:
+            return layered(below.trim(frame, frame), self.layer, frame / below.fps)
+
+        def pose_at(seconds: float) -> Array:
+            return shown(min(round(seconds * below.fps), len(below) - 1)).local_rotations[0]
+
+        return pinned(shown(number), self.pins, number / below.fps, pose_at)
 
     def below_layer(self, clip: Clip) -> Clip:
         """The motion that the pose layer adds to."""

@@ -249,16 +249,14 @@ def _hermite(times: Array, values: Array, tangents: Sequence[Tangent], at: Array
     return np.where(kinds == linear, straight, np.where(kinds == step, stays, smooth))
 
 
-def layered(clip: Clip, layer: PoseLayer, only: int | None = None) -> Clip:
-    """The clip with the layer added, to all frames or to `only` one; others stay bit by bit as they were."""
-    seconds = np.arange(len(clip)) / clip.fps
+def layered(clip: Clip, layer: PoseLayer, begin_s: float = 0.0) -> Clip:
+    """The clip, which begins at a time of its take, with the layer added; frames without any stay bit by bit as they were."""
+    seconds = begin_s + np.arange(len(clip)) / clip.fps
     turns = {joint: layer.turns(joint, seconds) for joint in layer.turned_joints()}
     moves = {joint: layer.moves(joint, seconds) for joint in layer.moved_joints()}
     changed = np.zeros(len(clip), bool)
     for curve in (*turns.values(), *moves.values()):
         changed |= (curve != 0.0).any(-1)
-    if only is not None:
-        changed &= np.arange(len(clip)) == only
     if not changed.any():
         return clip
     hips, local = clip.hips_positions.copy(), clip.local_rotations.copy()
@@ -271,7 +269,7 @@ def layered(clip: Clip, layer: PoseLayer, only: int | None = None) -> Clip:
             {joint: curve[part] for joint, curve in turns.items()},
             {joint: curve[part] for joint, curve in moves.items()},
         )
-    return replace(clip, hips_positions=hips, local_rotations=local)
+    return clip.posed(hips, local)
 
 
 def added(hips: Array, local: Array, turns: dict[int, Array], moves: dict[int, Array]) -> tuple[Array, Array]:

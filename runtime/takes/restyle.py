@@ -21,9 +21,10 @@ from runtime.motion.controller import Controller
 from runtime.motion.trajectory import MAX_RESPONSE
 from runtime.pose import FPS, Pose
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON
-from runtime.takes.clip import Clip
+from runtime.takes.clip import Clip, stacked
 from runtime.takes.input_recording import InputRecorder, InputRecording, StyleChange
 from runtime.takes.metadata import gait_seconds, origin_of
+from runtime.takes.root import smooth
 
 LEAD_IN_FRAMES = 2 * FPS  # walked before the clip begins, so that its start has the clip's speed
 PATH_DEVIATION_FRAMES = 12.0  # of the Gaussian that takes the sway of single steps out of the path,
@@ -56,13 +57,13 @@ class ClipRequests:
 def requests_of(clip: Clip) -> ClipRequests:
     """Return what a clip at `FPS` asks of a character."""
     hips = clip.hips_positions.astype(np.float64)
-    path = _smoothed(hips[:, [0, 2]], PATH_DEVIATION_FRAMES)
+    path = smooth(hips[:, [0, 2]], PATH_DEVIATION_FRAMES)
     velocity = np.gradient(path, axis=0) * FPS if len(path) > 1 else np.zeros_like(path)
     headings = np.unwrap(rotations.yaw_of(clip.local_rotations[:, 0].astype(np.float64)))
-    yaw = _smoothed(headings[:, None], YAW_DEVIATION_FRAMES)[:, 0]
+    yaw = smooth(headings[:, None], YAW_DEVIATION_FRAMES)[:, 0]
     speed = np.linalg.norm(velocity, axis=-1)
     off = np.abs((np.arctan2(velocity[:, 0], velocity[:, 1]) - yaw + np.pi) % (2.0 * np.pi) - np.pi)
-    facing = (_smoothed(off[:, None], YAW_DEVIATION_FRAMES)[:, 0] > MIN_FACING_ANGLE) | (
+    facing = (smooth(off[:, None], YAW_DEVIATION_FRAMES)[:, 0] > MIN_FACING_ANGLE) | (
         speed < FACING_SPEED_M_PER_S
     )
     gaits = _gaits(clip, speed) if clip.gaits is None else clip.gaits
@@ -87,7 +88,7 @@ def _gaits(clip: Clip, speed: Array) -> NDArray[np.int8]:
     air = (ankles.min(1) - ground - ANKLE_HEIGHT > AIR_M).astype(np.float64)
     second = np.ones(FPS) / FPS
     flies = np.convolve(np.pad(air, FPS // 2, "edge"), second, "valid")[: len(air)]
-    low = _smoothed(hips[:, None] - ground, PATH_DEVIATION_FRAMES)[:, 0] < CROUCH_HEIGHT_M
+    low = smooth(hips[:, None] - ground, PATH_DEVIATION_FRAMES)[:, 0] < CROUCH_HEIGHT_M
     result = np.full(len(hips), int(Gait.WALK), np.int8)
     result[(speed > JOG_M_PER_S) | ((flies > JOG_AIR_FRACTION) & (speed > 1.2))] = Gait.JOG
     result[low] = Gait.CROUCH
@@ -103,19 +104,6 @@ def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """First frame and end of each stretch in which flags `(T,)` hold."""
     edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))
     return [(int(first), int(end)) for first, end in edges.reshape(-1, 2)]
-
-
-def _smoothed(values: Array, deviation: float) -> Array:
-    """Values `(T, C)` under a Gaussian of a deviation in frames; ends go on straight."""
-    reach = min(round(3.0 * deviation), max(len(values) - 1, 0))
-    if reach < 1:
-        return values.copy()
-    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / deviation) ** 2)
-    before = 2.0 * values[:1] - values[reach:0:-1]
-    behind = 2.0 * values[-1:] - values[-2 : -reach - 2 : -1]
-    padded = np.concatenate([before, values, behind])
-    columns = [np.convolve(column, weights / weights.sum(), "valid") for column in padded.T]
-    return np.stack(columns, axis=-1)
 
 
 def stick_of(requests: ClipRequests, frame: int, pose: Pose, full_speed: Callable[[Gait], float]) -> Controls:
@@ -164,14 +152,11 @@ def restyled(
         progress(frame / len(requests.path))
     inputs = recorder.cut(LEAD_IN_FRAMES)
     assert inputs is not None  # the recorder has every frame
-    kept = poses[LEAD_IN_FRAMES:]
     gaits = inputs.gaits()
     made = Clip(
-        name=f"{clip.name} restyled",
-        fps=float(FPS),
-        hips_positions=np.stack([pose.hips_position for pose in kept]).astype(np.float32),
-        local_rotations=np.stack([pose.local_rotations for pose in kept]).astype(np.float32),
-        contacts=np.stack([pose.contacts for pose in kept]).astype(np.float32),
+        f"{clip.name} restyled",
+        float(FPS),
+        *stacked(poses[LEAD_IN_FRAMES:]),
         prompts=(replace(style.event, seconds=0.0, transition_seconds=0.0),),
         terrain=terrain.name,
         origin=origin_of(controller, terrain.name),
@@ -193,7 +178,7 @@ class PathError:
 def path_error(made: Clip, led_by: Clip) -> PathError:
     """Return how far a restyled clip keeps to the path of another and to its time."""
     path = requests_of(led_by.resampled(float(FPS))).path[LEAD_IN_FRAMES:]
-    own = _smoothed(made.hips_positions[:, [0, 2]].astype(np.float64), PATH_DEVIATION_FRAMES)
+    own = smooth(made.hips_positions[:, [0, 2]].astype(np.float64), PATH_DEVIATION_FRAMES)
     reach, away, late = round(1.5 * FPS), [], []
     for frame, place in enumerate(own[: len(path)]):
         first = max(frame - reach, 0)

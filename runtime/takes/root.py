@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -60,11 +60,7 @@ class Placement:
     def clip(self, clip: Clip) -> Clip:
         local = np.array(clip.local_rotations, np.float64)
         local[:, 0] = rotations.multiply(rotations.from_yaw(self.yaw), local[:, 0])
-        return replace(
-            clip,
-            hips_positions=self.points(clip.hips_positions).astype(np.float32),
-            local_rotations=local.astype(np.float32),
-        )
+        return clip.posed(self.points(clip.hips_positions), local)
 
 
 def root_track(clip: Clip, terrain: Terrain | None = None) -> RootTrack:
@@ -72,24 +68,25 @@ def root_track(clip: Clip, terrain: Terrain | None = None) -> RootTrack:
     positions, _ = clip.world()
     hips = np.asarray(clip.hips_positions, np.float64)
     heading = np.unwrap(features.facing_yaw(positions).astype(np.float64))
-    track = smooth(np.column_stack([hips[:, [0, 2]], heading]), clip.fps)
+    deviation = SMOOTHING_S * clip.fps
+    track = smooth(np.column_stack([hips[:, [0, 2]], heading]), deviation)
     x, z, yaw = track.T
     if terrain is None:
         soles = positions[:, list(SOLE_POINTS), 1] - np.array(SOLE_HEIGHTS)
         ground = np.full(len(x), float(soles.min()))
     else:
-        ground = smooth(terrain.height(x, z)[:, None].astype(np.float64), clip.fps)[:, 0]
+        ground = smooth(terrain.height(x, z)[:, None].astype(np.float64), deviation)[:, 0]
     return RootTrack(np.column_stack([x, ground, z]), yaw)
 
 
-def smooth(values: Array, fps: float) -> Array:
-    """Values `(T, n)` through a Gaussian of `SMOOTHING_S`; the ends go on as they came, so that they are met."""
-    reach = min(round(3.0 * SMOOTHING_S * fps), len(values) - 1)
+def smooth(values: Array, deviation: float) -> Array:
+    """Values `(T, n)` through a Gaussian of a deviation in frames; the ends go on as they came, so that they are met."""
+    reach = min(round(3.0 * deviation), len(values) - 1)
     if reach < 1:
         return np.array(values, np.float64)
     before = 2.0 * values[0] - values[reach:0:-1]
     after = 2.0 * values[-1] - values[-2 : -reach - 2 : -1]
     padded = np.concatenate([before, values, after])
-    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / (SMOOTHING_S * fps)) ** 2)
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / deviation) ** 2)
     kernel /= kernel.sum()
     return np.column_stack([np.convolve(column, kernel, "valid") for column in padded.T])

@@ -24,7 +24,7 @@ from runtime.takes.metadata import gait_of
 
 APART_M = 1.5  # between two points of a straight way
 BEND_M = 0.12  # that the way may lie off the line between two points
-SLOWEST = 0.1  # of the full stick
+MIN_STICK = 0.1  # of the full stick
 STANDS_S = 0.75  # after the end of the way
 MAX_SECONDS = 600.0
 MOVED_M = 0.05  # less is standing
@@ -51,7 +51,7 @@ def _leg(frames: Sequence[Controls]) -> tuple[float, Gait]:
     moving = [c for c in frames if gait_of(c) != Gait.STAND] or frames
     gaits = [c.gait for c in moving if c.gait is not Gait.JUMP] or [Gait.WALK]
     stick = float(np.median([hypot(*c.move) for c in moving]))
-    return min(max(stick, SLOWEST), 1.0), max(set(gaits), key=gaits.count)
+    return min(max(stick, MIN_STICK), 1.0), max(set(gaits), key=gaits.count)
 
 
 def resimulated_along(

@@ -1,9 +1,11 @@
-"""Twenty ways in which a session ends, and whether the next start offers it: a table for tests."""
+"""Ways in which a session ends, and whether the next start offers it: `python -m tests.damage.ends` prints each."""
 
 from __future__ import annotations
 
 import os
 import shutil
+import sys
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -161,3 +163,22 @@ def offered(done: str, end: str, folder: Path, empty_runs: int = 11) -> bool:
     left = {summary.path for summary in library.keep_newest(folder, 10)}
     has_motions = done.startswith(("a take", "a first recording", "a recording"))
     return first and (path in left or not has_motions)
+
+
+def main() -> int:
+    """Try each end and print whether what holds work is offered."""
+    wrong = 0
+    for done, end in KINDS:
+        with tempfile.TemporaryDirectory() as folder:
+            found = offered(done, end, Path(folder))
+        right = found is DONE[done][1]
+        wrong += not right
+        print(
+            f"{done}, {end}: {'offered' if found else 'not offered'}{'' if right else ', wrong'}", flush=True
+        )
+    print(f"{len(KINDS)} kinds of ends, {wrong} wrong")
+    return int(bool(wrong))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,37 +1,86 @@
-"""What opening and playing a session costs, in a process of its own: `python -m tests.damage.opening FILE`."""
+"""What opening and playing a session costs, in a process of its own: `python -m tests.damage.opening FILE [--window]`."""
 
 from __future__ import annotations
 
+import argparse
 import resource
-import sys
+import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from runtime.errors import SportError
 from runtime.session.session_file import SessionFile
 
+PATIENCE_S = 120.0
 
-def main(path: Path) -> None:
-    """Open a file, load its first take, and print seconds of both, megabytes, and what was said."""
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    begun, opened, said, cpu_begun = time.perf_counter(), 0.0, "", time.process_time()
+
+def main() -> None:
+    """Open a file, by itself or in the application without a display, and print seconds, megabytes and what was said."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("file", type=Path)
+    parser.add_argument("--window", action="store_true", help="in the application, and play its first take")
+    options = parser.parse_args()
+    seconds, said = (in_window if options.window else alone)(options.file)
+    most_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10
+    print(" | ".join([*(f"{value:.2f}" for value in seconds), str(most_mb), said[-150:]]))
+
+
+def alone(path: Path) -> tuple[list[float], str]:
+    """Seconds of opening and of loading the first take, and what was said."""
+    begun, times, said = time.perf_counter(), list[float](), ""
     try:
         file, history = SessionFile.open(path, path.parent / "cache")
-        opened = time.perf_counter() - begun
-        said = file.repaired
-        takes = history.present.session.takes
-        if takes:
-            len(takes[0].clip)
+        times, said = [time.perf_counter() - begun], file.repaired
+        for take in history.present.session.takes[:1]:
+            len(take.clip)
+        times.append(time.perf_counter() - begun - times[0])
         file.close()
     except SportError as error:
         said = str(error)
-    seconds = time.perf_counter() - begun
-    cpu = time.process_time() - cpu_begun
-    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    print(
-        f"{opened or seconds:.2f} s, {seconds - opened if opened else 0.0:.2f} s, {cpu:.2f} s of the processor, {most >> 10} MB (before {before >> 10}): {said[-150:]}"
-    )
+    return [*times, time.perf_counter() - begun, 0.0][:2], said
+
+
+def in_window(path: Path) -> tuple[list[float], str]:
+    """Seconds until the window answers, until the first take plays, and of the longest frame; what was said."""
+    from tests.conftest import opened
+    from tests.helpers.viewer_fakes import fake_services
+
+    with tempfile.TemporaryDirectory() as folder:
+        app = opened(Path(folder), {}, fake_services(drawn=False), False)
+        app.frame()
+        app.jobs.blocking = False  # as in a window
+        frames, before = [0.0], app.editor.session
+
+        def until(done: Callable[[], bool]) -> float:
+            begun = last = time.perf_counter()
+            while not done() and last - begun < PATIENCE_S:
+                app.frame()
+                now = time.perf_counter()
+                frames.append(now - last)
+                last = now
+                time.sleep(0.005)
+            return last - begun
+
+        def answered() -> bool:
+            return app.editor.session is not before or any(
+                path.name in message.text and "Reading" not in message.text for message in app.messages.recent
+            )
+
+        app.sessions.open(path)
+        times = [until(answered)]
+        said = app.messages.recent[-1].text if app.messages.recent else ""
+        takes = app.editor.session.takes
+        if takes:
+            app.takes.play(takes[0].number)
+            times.append(
+                until(lambda: app.takes.playback is not None or app.messages.recent[-1].text != said)
+            )
+            settled = time.perf_counter() + 1.0
+            until(lambda: time.perf_counter() > settled)
+        app.close()
+        return [times[0], sum(times[1:]), max(frames)], said
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main()

@@ -1,9 +1,13 @@
-"""Sessions of many frames, pieces, steps and rows: what opening and playing them costs."""
+"""Sessions of many frames, pieces, steps and rows: `python -m tests.damage.sizes` prints what opening and playing each costs."""
 
 from __future__ import annotations
 
+import argparse
 import json
 import sqlite3
+import subprocess
+import sys
+import tempfile
 import zlib
 from collections.abc import Callable
 from contextlib import closing
@@ -13,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from runtime.session import edits
-from runtime.session.frames import PACKED_FRAME_BYTES, pieces
+from runtime.session.frames import PACKED_FRAME_BYTES
 from runtime.session.motion import Motion
 from runtime.session.session import Session, Take
 from runtime.session.sqlite_file import unwritten_files
@@ -186,4 +190,38 @@ SIZES: dict[str, Callable[[Path], Path]] = {
     "9,999 takes": many_takes,
     "60,000 unnamed motions": unnamed_motions,
 }
-assert pieces
+
+
+def main() -> int:
+    """Make each session and open it, alone and in the application, in processes of their own."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", default="", help="sessions whose name holds this")
+    parser.add_argument("--make", nargs=2, metavar=("NAME", "FILE"), help="make one and end")
+    options = parser.parse_args()
+    if options.make:
+        SIZES[options.make[0]](Path(options.make[1]))
+        return 0
+    print(
+        "| session | MB | open (s) | play (s) | MB | answer of the window (s) | plays (s) | longest frame (s) | MB | said |"
+    )
+    for name in (name for name in SIZES if options.only in name):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "a.sport"
+            python = [sys.executable, "-m"]
+            subprocess.run([*python, "tests.damage.sizes", "--make", name, str(path)], check=True)
+            size_mb = sum(file.stat().st_size for file in Path(folder).glob("*")) / (1 << 20)
+            opening = [*python, "tests.damage.opening", str(path)]
+            alone, window = (
+                subprocess.run(command, check=False, capture_output=True, text=True)
+                for command in (opening, [*opening, "--window"])
+            )
+            cells = [name, f"{size_mb:.1f}"]
+            for done in (alone, window):
+                *numbers, said = (done.stdout.rstrip("\n") or done.stderr[-300:]).split(" | ")
+                cells += numbers
+            print(" | ".join([*cells, said]), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -17,7 +17,7 @@ import numpy as np
 from runtime.motion.controller import Controller
 from runtime.motion.snapshot import Snapshot
 from runtime.session import edits
-from runtime.session.document import STRUCTURE_ERRORS
+from runtime.session.document_reader import STRUCTURE_ERRORS
 from runtime.session.history import History
 from runtime.session.motion import Motion
 from runtime.session.session import Session, Take

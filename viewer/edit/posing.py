@@ -11,8 +11,6 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.errors import SportError
 from runtime.pose import Pose
-from runtime.session.session import Take
-from runtime.takes.clip import Clip
 from runtime.takes.pose_layer import (
     PoseKey,
     PoseLayer,
@@ -193,7 +191,7 @@ class Posing:
             return
         hips, local = self._copied
         local = mirrored_pose(local) if mirror else local
-        key = pose_as_key(hips, local, _below(playback.take), playback.frame)
+        key = pose_as_key(hips, local, playback.take.below_layer, playback.frame)
         self.put("pasted pose", lambda layer: layer.with_key(key, playback.clip.fps))
 
     # --- in the view
@@ -290,11 +288,7 @@ def _matrix(values: Array) -> im_guizmo.Matrix16:
     return im_guizmo.Matrix16([float(value) for value in np.asarray(values).T.ravel()])
 
 
-def _below(take: Take) -> Clip:
-    return take.poses.below_layer(take.base_clip)
-
-
-def _draw_card(posing: Posing, view: Rect) -> None:
+def _draw_card(posing: Posing, playback: Playback, view: Rect) -> None:
     with panels.card("Pose", view, SMALL_WIDTH if view.width < px(NARROW_PX) else WIDTH, right=True):
         if panels.card_title(NAMES.get(posing.joint, "Click a joint"), "pose"):
             posing.open, posing.joint = False, -1

@@ -11,8 +11,6 @@ from runtime.pose import Pose
 from runtime.session.session import Take
 from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputRecording
-from runtime.takes.pinned import pinned
-from runtime.takes.pose_layer import layered
 from runtime.terrain.height_map import Terrain
 
 MAX_RATE = 8
@@ -125,9 +123,7 @@ class Playback:
         """The pose of a frame, standing on the terrain shown."""
         if not self._newer:
             return self.standing(self.clip.pose(frame))
-        edits = self.take.poses
-        clip = layered(edits.below_layer(self.take.base_clip), edits.layer, only=frame)
-        return self.standing(pinned(clip, edits.pins, only=frame).pose(frame))
+        return self.standing(self.take.frame(frame).pose(0))
 
     @property
     def _newer(self) -> bool:

@@ -23,6 +23,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from runtime.assets import PROJECT_ROOT
 from runtime.errors import FileError
 from runtime.session.database import Database
+from runtime.session.renewal import Renewal
 from runtime.session.sqlite_file import FileInUse, file_errors, lock_of, side_files
 from runtime.session.writer import Writer
 
@@ -101,7 +102,7 @@ class Model(RuleBasedStateMachine):
         self.folder = Path(tempfile.mkdtemp(prefix="session-"))
         self.count = 0
         self.patch = pytest.MonkeyPatch()
-        self.patch.setattr(Database, "_mend", lambda *_: None)  # to it these motions are damaged
+        self.patch.setattr(Renewal, "_mend", lambda *_: None)  # to it these motions are damaged
         self.database = Database.create(self.folder / "0.sport")
         self.steps: dict[int, tuple[str, str]] = {}
         self.blobs: dict[str, bytes] = {}
@@ -321,6 +322,7 @@ RECORD = """
 import sys, time
 from pathlib import Path
 from runtime.session.database import Database
+from runtime.session.renewal import Renewal
 database = Database.create(Path(sys.argv[1]))
 database.submit(lambda writer: writer.put_motion("m", ""))
 for number in range(10_000):
@@ -465,6 +467,7 @@ FULL = """
 import resource, signal, sys
 from pathlib import Path
 from runtime.session.database import Database
+from runtime.session.renewal import Renewal
 folder = Path(sys.argv[1])
 database = Database.create(folder / "a.sport")
 database.submit(lambda writer: writer.put_step(1, "", "{}"))
@@ -517,6 +520,7 @@ import os, sys
 from pathlib import Path
 from runtime.errors import FileError
 from runtime.session.database import Database
+from runtime.session.renewal import Renewal
 folder = Path(sys.argv[1])
 own = Database.create(folder / "own.sport")
 own.submit(lambda writer: writer.put_step(1, "", "{}"))

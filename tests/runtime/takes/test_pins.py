@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,17 +11,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.errors import UsageError
 from runtime.session.history import History
 from runtime.session.motion import Motion
 from runtime.session.session import Session, Take
 from runtime.session.session_file import SessionFile
 from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON
+from runtime.takes import pose_layer
 from runtime.takes.clip import Clip
 from runtime.takes.footplants import FootplantEdit, fitted_footplant, footplants, replanted, unfitted
 from runtime.takes.pinned import along_with, farthest, pinned
 from runtime.takes.pins import parse_pins
 from runtime.takes.pose_edits import PoseEdits
+from runtime.takes.pose_layer import PoseKey, PoseLayer, added
 
 FRAMES, SPEED = 180, 0.6  # of `walk`
 LEFT_HAND, HEAD, LEFT_FOOT = (SPORT_SKELETON.index(name) for name in ("LeftHand", "Head", "LeftFoot"))
@@ -51,6 +55,26 @@ def test_a_hand_or_foot_is_where_it_is_pinned_and_nothing_jumps(walk: Clip, text
     for name in ("hips_positions", "local_rotations", "contacts"):
         assert np.array_equal(getattr(made, name)[free], getattr(walk, name)[free])
     assert largest_step(made) < 14.0  # an arm's way in 0.3 s
+
+
+def test_one_frame_alone_is_as_in_the_whole_take_and_costs_one(
+    walk: Clip, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    layer = PoseLayer((PoseKey(1.0).with_turn(HEAD, np.array([0.0, 0.4, 0.0])),), keeps=True)
+    pins = parse_pins(
+        "left hand 0.3 1.2 1 from 1 to 2; look 2 1.2 4 from 0.5 to 1.5; pose 1.5 from 0.2 to 0.8"
+    )
+    take = Take(1, Motion.of(walk), poses=PoseEdits(pins, layer=layer))
+    whole, posed = take.clip, list[int]()
+
+    def count(hips: Array, *given: Any) -> Any:
+        posed.append(len(hips))
+        return added(hips, *given)
+
+    monkeypatch.setattr(pose_layer, "added", count)
+    for number in (0, 20, 75, 100, FRAMES - 1):
+        assert np.allclose(take.frame(number).local_rotations[0], whole.local_rotations[number], atol=1e-5)
+    assert set(posed) == {1}
 
 
 def test_the_head_looks_at_its_point_and_not_behind(walk: Clip) -> None:

@@ -1,0 +1,273 @@
+"""A session, a motion's header or its input from the text of `document`, of a file that is not trusted."""
+
+from __future__ import annotations
+
+import json
+import math
+import types
+import typing
+from collections.abc import Callable
+from dataclasses import dataclass, field, is_dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.checked import read_number, read_text, read_whole
+from runtime.edits.request import checked_targets
+from runtime.errors import FileError, SportError
+from runtime.motion.snapshot import Snapshot
+from runtime.motion.style import StyleMix
+from runtime.prompts.parts import PartDescriptions
+from runtime.safe_read import is_text, parse_json, reason
+from runtime.session.blobs import REMEDY, BlobReader
+from runtime.session.document import (
+    LONG_TEXTS,
+    MAX_ITEMS,
+    MAX_TEXT_CHARACTERS,
+    Json,
+    record_fields,
+)
+from runtime.session.document_checks import checked_record
+from runtime.session.motion import Motion, MotionHeader
+from runtime.session.prompt_blend import PromptBlend
+from runtime.session.session import CharacterChoice, Ground, Session, Take
+from runtime.takes.clip import MAX_DISTANCE_M, MAX_SIZE, MIN_SIZE
+from runtime.takes.footplants import MAX_FRAME
+from runtime.takes.input_recording import (
+    Change,
+    GroundChange,
+    InputFrames,
+    InputRecording,
+    Keyframe,
+    Restart,
+    StyleChange,
+)
+from runtime.takes.metadata import PromptEvent
+from runtime.takes.own_skeleton import OwnSkeleton
+from runtime.takes.pose_edits import PoseEdits
+from runtime.terrain.files import MAX_HEIGHT_M
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.mesh import MAX_SIDE
+
+MAX_TAKES = 10_000
+# in memory, about: of a take without its frames, of a state, and of a change of what made a take
+TAKE_BYTES, STATE_BYTES, CHANGE_BYTES = 20_000, 65_536, 4096
+ITEM_BYTES = 100  # of a value of a text
+CODE_SHAPE = (6, 64)
+# what JSON of another shape raises where it is unpacked
+STRUCTURE_ERRORS = (
+    KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, RecursionError, MemoryError,
+)  # fmt: skip
+_LATER = {  # fields that older files lack
+    (PoseEdits, "layer"), (Take, "rating"), (Take, "note"), (Take, "numbered_from"), (CharacterChoice, "unit"),
+    (MotionHeader, "loop"),
+}  # fmt: skip
+
+
+@dataclass
+class DocumentReader:
+    """Unpacks what a `DocumentWriter` packed. `motion` finds one by its key; FileError for what is no session."""
+
+    blobs: BlobReader
+    motion: Callable[[str], Motion]
+    _forms: dict[Any, Callable[[Json], Any]] = field(init=False)  # of what is no record
+    left_out: set[str] = field(default_factory=set)  # references of takes that cannot be read
+
+    def __post_init__(self) -> None:
+        self._forms = {
+            Motion: lambda value: self.motion(read_text(value, MAX_TEXT_CHARACTERS)),
+            Ground: self._ground,
+            OwnSkeleton: self._own,
+            PartDescriptions: PartDescriptions.from_mapping,
+            NDArray[np.float32]: self._code,
+            bool: lambda value: value is True,
+            int: read_whole,
+            float: read_number,
+        }
+
+    def session(self, text: str) -> Session:
+        return self.checked(lambda: self._record(Session, self._parsed(text)))
+
+    def _parsed(self, text: str) -> Json:
+        """The value of a text, whose making is counted before."""
+        self.blobs.budget.spend(ITEM_BYTES * sum(map(text.count, "[{,")))
+        return parse_json(text, MAX_ITEMS)
+
+    def header(self, text: str) -> tuple[MotionHeader, bool]:
+        """A motion's header, and whether its recording was cut off."""
+
+        def read() -> tuple[MotionHeader, bool]:
+            value = self._parsed(text)
+            return self._record(MotionHeader, value), value.pop("recording") is True
+
+        return self.checked(read)
+
+    def checked(self, read: Callable[[], Any]) -> Any:
+        """What `read` gives; FileError where it fails by what it reads."""
+        path = self.blobs.path
+        try:
+            return read()
+        except FileError:
+            raise
+        except SportError as error:
+            raise FileError(f"{path}: damaged ({error.problem.rstrip('.')}).", REMEDY) from error
+        except STRUCTURE_ERRORS as error:
+            raise FileError(f"{path}: damaged ({reason(error)}).", REMEDY) from error
+
+    def inputs(self, value: Json, frames: InputFrames) -> InputRecording:
+        """What made a take, of JSON and its sticks; FileError or one of `STRUCTURE_ERRORS` for what is none."""
+        keyframes = tuple(self._keyframe(*key) for key in value["keyframes"])
+        changes = tuple(self._change(*change) for change in value["changes"])
+        starts = [key.frame for key in keyframes]
+        if not starts or starts != sorted(starts) or starts[0] > 0 or len(frames) + starts[0] < 1:
+            raise FileError(f"{self.blobs.path}: keyframes that do not fit the take.", REMEDY)
+        if starts[-1] >= len(frames) + starts[0]:
+            raise FileError(f"{self.blobs.path}: a keyframe after the take's end.", REMEDY)
+        return InputRecording(frames, changes, keyframes)
+
+    def _record(self, kind: Any, value: Json) -> Any:
+        longest = math.inf if kind in LONG_TEXTS else MAX_TEXT_CHARACTERS
+        schema = record_fields(kind)
+        if value.keys() != {name for name, _ in schema}:
+            schema = tuple(entry for entry in schema if entry[0] in value or (kind, entry[0]) not in _LATER)
+            if kind is not MotionHeader and set(value) != {name for name, _ in schema}:
+                raise ValueError(f"not the fields of a {kind.__name__}")
+        return checked_record(
+            kind(**{name: self._value(hint, value[name], longest) for name, hint in schema})
+        )
+
+    def _value(self, hint: Any, value: Json, longest: float) -> Any:
+        if hint is str:
+            return read_text(value, longest)
+        if hint in self._forms:
+            return self._forms[hint](value)
+        origin, inside = _parts(hint)
+        if origin in (typing.Union, types.UnionType):
+            known = next(each for each in inside if each is not type(None))
+            return None if value is None else self._value(known, value, longest)
+        if origin in (tuple, frozenset):
+            return origin(self._values(inside, value, longest))
+        return self._record(hint, value) if is_dataclass(hint) else hint(value)
+
+    def _values(self, inside: Any, value: Json, longest: float) -> list[Any]:
+        if not isinstance(value, list) or len(value) > MAX_TAKES:
+            raise ValueError("expected a list of some values")
+        if inside[0] is Take:
+            return [take for reference in value if (take := self._sound_take(reference)) is not None]
+        hints = inside if len(inside) > 1 and inside[-1] is not Ellipsis else inside[:1] * len(value)
+        return [self._value(h, v, longest) for h, v in zip(hints, value, strict=True)]
+
+    def is_whole(self, text: str) -> bool:
+        """Whether every take of a session that was read is there."""
+        return not any(reference in text for reference in self.left_out)
+
+    def _sound_take(self, reference: Json) -> Take | None:
+        """A take; None for one that cannot be read, which its session is without."""
+        if str(reference) in self.left_out:
+            return None
+        try:
+            return self.take(reference)
+        except FileError:
+            self.left_out.add(str(reference))
+            return None
+
+    def take(self, reference: Json) -> Take:
+        """The take of a reference; FileError."""
+
+        def made() -> Take:
+            self.blobs.budget.spend(TAKE_BYTES)
+            return self._record(Take, self._parsed(self.blobs.text(reference)))
+
+        return self.checked(lambda: self.blobs.once("take", reference, made))
+
+    def _ground(self, value: Json) -> Ground:
+        spec, terrain = value
+        made = self._terrain(terrain)
+        name = read_text(spec, MAX_TEXT_CHARACTERS)
+        return self.blobs.once("ground of", (id(made), name), lambda: Ground.of(name, made))
+
+    def _terrain(self, value: Json) -> Terrain:
+        """A ground; FileError for one on which no one can stand."""
+        heights = self.blobs.array(value["heights"], "<f4", (None, None))
+        cell, path = read_number(value["cell_m"], 1000.0), self.blobs.path
+        fits = min(heights.shape) >= 2 and max(heights.shape) <= MAX_SIDE and cell >= 1e-4
+        if not fits or not np.abs(heights).max() <= MAX_HEIGHT_M:  # nor with NaN
+            raise FileError(f"{path}: a ground of {heights.shape[0]} x {heights.shape[1]} samples.", REMEDY)
+        origin = (read_number(value["x"], MAX_DISTANCE_M), read_number(value["z"], MAX_DISTANCE_M))
+        unit = read_number(value["unit_m"], MAX_SIZE)
+        if unit < MIN_SIZE:
+            raise FileError(f"{path}: a ground for a body of {unit:g} times our size.", REMEDY)
+        name, note = read_text(value["name"]), read_text(value["note"])
+        key = json.dumps(value, sort_keys=True)
+        return self.blobs.once("ground", key, lambda: Terrain(name, heights, cell, origin, note, unit))
+
+    def _own(self, value: Json) -> OwnSkeleton:
+        parents, middle, steps = value
+        if not all(type(parent) is int for parent in parents):
+            raise ValueError("parents")
+
+        def made() -> OwnSkeleton:
+            self.blobs.budget.spend(10 * self.blobs.size(steps))  # whole numbers and places while it unfolds
+            points = self.blobs.array(middle, "<f4", (None, 3))
+            return OwnSkeleton.unpacked(tuple(parents), points, self.blobs.data(steps))
+
+        return self.blobs.once("own skeleton", (steps, tuple(parents)), made)
+
+    def _keyframe(self, frame: Json, reference: Json) -> Keyframe:
+        def made() -> Snapshot:
+            self.blobs.budget.spend(STATE_BYTES)
+            return Snapshot.from_bytes(self.blobs.data(reference), f"{self.blobs.path}: keyframe {frame}")
+
+        return Keyframe(read_whole(frame, -MAX_FRAME), self.blobs.once("state", reference, made))
+
+    def _change(self, frame: Json, value: Json) -> Change:
+        self.blobs.budget.spend(CHANGE_BYTES)
+        at = read_whole(frame, -MAX_FRAME)
+        if "restart" in value:
+            x, z, yaw = (read_number(v, MAX_DISTANCE_M) for v in value["restart"])
+            return Restart(at, x, z, yaw)
+        if "ground" in value:
+            return GroundChange(at, read_text(value["name"]), self._terrain(value["ground"]))
+        event = replace(self._record(PromptEvent, value["event"]), seconds=0.0)
+        note = None if value["note"] is None else self._record(PromptBlend, value["note"])
+        return StyleChange(at, self._style(value["style"]), read_number(value["seconds"], 1e6), event, note)
+
+    def _style(self, value: Json) -> Any:
+        if not isinstance(value, list):
+            return self._code(value)
+        number, parts, edits = value
+        codes = self._finite(self.blobs.array(number, "<f4", (len(parts), *CODE_SHAPE)))
+        mixed = tuple(read_number(part, 1.0) for part in parts)
+        if not mixed or min(mixed) < 0.0 or abs(sum(mixed) - 1.0) > 1e-3:
+            raise ValueError("fractions of styles that are no mix")
+        return StyleMix(mixed, tuple(codes), checked_targets(edits))
+
+    def _code(self, value: Json) -> Any:
+        return self._finite(self.blobs.array(value, "<f4", CODE_SHAPE))
+
+    def _finite(self, values: Any) -> Any:
+        if not (np.abs(values) <= 1e6).all():
+            raise FileError(f"{self.blobs.path}: a style that is not finite.", REMEDY)
+        return values
+
+
+@cache
+def _parts(hint: Any) -> tuple[Any, tuple[Any, ...]]:
+    return typing.get_origin(hint), typing.get_args(hint)
+
+
+def read_view(text: str) -> dict[str, Any]:
+    """How a session was looked at: entries that are texts, numbers or truth values; none for what is no view."""
+    try:
+        value = parse_json(text) if text else {}
+    except ValueError:
+        return {}
+    known = value.items() if isinstance(value, dict) else ()
+    return {
+        key: entry
+        for key, entry in known
+        if (is_text(entry) and len(entry) <= MAX_TEXT_CHARACTERS)
+        or (isinstance(entry, bool | int | float) and math.isfinite(entry))
+    }

@@ -1,0 +1,129 @@
+"""A session's file as it is opened: its rows go into a new file that takes its place, of a damaged one all that are sound."""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import groupby, islice
+from pathlib import Path
+
+from runtime.errors import FileError
+from runtime.session import unwritten
+from runtime.session.recovery import fill_gaps
+from runtime.session.salvage import salvaged
+from runtime.session.sqlite_file import (
+    connect,
+    file_errors,
+    in_memory,
+    keep_aside,
+    new_file,
+    side_files,
+)
+from runtime.session.tables import (
+    MAX_ROWS,
+    DamageError,
+    VersionError,
+    check_content,
+    copy_rows,
+    put_rows,
+    version_of,
+)
+
+MAX_SALVAGED_ROWS = 2 * MAX_ROWS  # of a damaged file
+
+
+@dataclass
+class Renewal:
+    """What came of renewing a file: what was damaged, and where the disk has no room the rows in memory."""
+
+    path: Path
+    repaired: str = ""  # what was damaged, in a user's words
+    memory: sqlite3.Connection | None = None
+    # of an earlier run, as long as the session is in memory only
+    waiting: list[unwritten.Change] = field(default_factory=list)
+
+    def put(self) -> None:
+        """Put a new file with the rows of the one that is there in its place; of a damaged one all that are sound."""
+        path, log = self.path, side_files(self.path)[0]
+        mode = "ro" if log.exists() and log.stat().st_size else "immutable"
+        try:
+            with (
+                file_errors(path),
+                contextlib.closing(checked(connect(path, mode))) as connection,
+                new_file(path, self._keep_aside) as target,
+            ):
+                copy_rows(connection, target)
+                unwritten.make(unwritten.read(path), target)
+                self._mend(target)
+                connection.close()  # before the file is replaced
+        except FileError as error:
+            if is_damage(error):
+                self._salvage(error)
+            elif is_of_the_disk(error.__cause__):
+                with file_errors(path), contextlib.closing(checked(connect(path, mode))) as connection:
+                    self.waiting = unwritten.read(path)
+                    self.memory = memory_of(connection, self.waiting)
+            else:
+                raise
+
+    def _salvage(self, damage: FileError) -> None:
+        """Put a new file with the sound rows of a damaged one in its place, which is kept aside; `damage` where it has none."""
+        with new_file(self.path, self._keep_aside) as target:
+            rows = islice(salvaged(self.path), MAX_SALVAGED_ROWS)
+            for table, found in groupby(rows, lambda pair: pair[0]):
+                put_rows(target, table, (row for _, row in found), known="IGNORE")
+            if not target.execute("SELECT 1 FROM meta UNION SELECT 1 FROM frames LIMIT 1").fetchone():
+                raise damage
+            unwritten.make(unwritten.read(self.path), target)
+            self.repaired = "It was damaged: what is sound is here."
+            self._mend(target)
+
+    def _mend(self, target: sqlite3.Connection) -> None:
+        """Make motions whole of which pieces are missing."""
+        changed, held = fill_gaps(target)
+        if changed:
+            gaps = f": {held} frames hold the pose before them" if held else ""
+            damaged = self.repaired or "It was damaged."
+            self.repaired = f"{damaged} {changed} of its motions are not as they were{gaps}."
+
+    def _keep_aside(self) -> None:
+        """Keep a damaged file before it is replaced."""
+        if self.repaired:
+            self.repaired += f" The damaged file is {keep_aside(self.path).name}."
+
+
+def is_damage(error: FileError) -> bool:
+    """Whether the content of a file is at fault, and it may be one of a session."""
+    cause = error.__cause__
+    wrong = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CONSTRAINT, sqlite3.SQLITE_ERROR)
+    plain = sqlite3.SQLITE_ERROR if isinstance(cause, sqlite3.Error) else -1  # text that is none
+    code = getattr(cause, "sqlite_errorcode", plain)
+    return isinstance(cause, DamageError | VersionError) or code & 0xFF in wrong
+
+
+def is_of_the_disk(error: BaseException | None) -> bool:
+    """Whether another try may succeed."""
+    kinds = (OSError, FileError, sqlite3.OperationalError)
+    return isinstance(error, kinds) or type(error) is sqlite3.DatabaseError
+
+
+def checked(connection: sqlite3.Connection, thorough: bool = True) -> sqlite3.Connection:
+    """A connection to a file that is what it must be; else it is closed, ValueError or sqlite3.Error."""
+    try:
+        version_of(connection)
+        if thorough:
+            check_content(connection)
+    except BaseException:
+        connection.close()
+        raise
+    return connection
+
+
+def memory_of(connection: sqlite3.Connection, changes: Sequence[unwritten.Change]) -> sqlite3.Connection:
+    """The rows of a file with changes that it has not taken."""
+    memory = in_memory()
+    copy_rows(connection, memory)
+    unwritten.make(changes, memory)
+    return checked(memory)

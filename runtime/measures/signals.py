@@ -5,9 +5,11 @@ All is in the frame of the body: origin under the hips, +Z the smoothed facing d
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +32,10 @@ MOVING_M_PER_S = 0.2  # of a root that goes somewhere
 LEAST_CADENCE_HZ = 0.2  # of steps whose length has a ratio to it
 LEAST_FREQUENCY_HZ = 0.3  # of a movement that is no drift
 _AT = SPORT_SKELETON.index
-_LEFT, _AHEAD = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
+LEFT, AHEAD = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
+
+
+Reader = Callable[["Part"], Any]  # a value in every frame, or one of all
 
 
 @dataclass(frozen=True)
@@ -130,7 +135,60 @@ class Part:
         return rotations.rotate(self.clip.turned[:, _AT(self.side + joint)], axis)
 
 
-# --- Arms -------------------------------------------------------------------------------------------------------------
+# --- Readers for rows: of joints that a row names ----------------------------------------------------------------------
+
+
+def along(start: str, end: str, axis: int, outward: bool = False) -> Reader:
+    """Metres along an axis from one joint to another, to the left or away from the middle of the body."""
+    return lambda part: part.line(start, end)[:, axis] * (part.sign if outward else 1.0)
+
+
+def tilt(start: str, end: str, axis: int) -> Reader:
+    """Degrees from vertical of the line between two joints, towards an axis."""
+    return lambda part: _tilt(part.line(start, end), axis)
+
+
+def bend(upper: str, middle: str, lower: str) -> Reader:
+    """Degrees by which the joint between two bones bends: 0 is straight."""
+    return lambda limb: _bend(limb.line(middle, upper), limb.line(middle, lower))
+
+
+def turned_down(joint: str, axis: Array) -> Reader:
+    """Degrees that an axis of a joint points downward."""
+    return lambda part: np.degrees(np.arcsin(np.clip(-part.turned(joint, axis)[:, 1], -1, 1)))
+
+
+def turned_aside(joint: str, outward: bool = False) -> Reader:
+    """Degrees that a joint points to the left of the facing direction, or away from the middle of the body."""
+
+    def read(part: Part) -> Array:
+        ahead = part.turned(joint, AHEAD)
+        return np.degrees(np.arctan2(ahead[:, 0] * (part.sign if outward else 1.0), ahead[:, 2]))
+
+    return read
+
+
+def cycle_yaw(joint: str) -> Reader:
+    """Degrees that a pair of joints turns about the facing of a cycle."""
+    return lambda trunk: _yaw(trunk.clip.in_cycle(joint))
+
+
+def cycle_roll(joint: str) -> Reader:
+    """Degrees by which the left one of a pair of joints is over the right one."""
+
+    def read(trunk: Part) -> Array:
+        across = trunk.clip.in_cycle(joint)
+        return np.degrees(np.arctan2(across[:, 1], np.linalg.norm(across[:, [0, 2]], axis=1)))
+
+    return read
+
+
+def standing(read: Reader) -> Reader:
+    """What is read, of frames with the foot on the ground."""
+    return lambda leg: read(leg)[leg.stance]
+
+
+# --- Readers of one measure -------------------------------------------------------------------------------------------
 
 
 def hand_level(arm: Part) -> Array:
@@ -139,39 +197,9 @@ def hand_level(arm: Part) -> Array:
     return (arm.at("Hand")[:, 1] - hips) / np.maximum(neck - hips, 0.1)
 
 
-def hand_from_shoulder(arm: Part) -> Array:
-    """The hand from the shoulder `(T, 3)`."""
-    return arm.line("Arm", "Hand")
-
-
-def hand_out(arm: Part) -> Array:
-    """The hand outward from the shoulder."""
-    return hand_from_shoulder(arm)[:, 0] * arm.sign
-
-
-def hand_aside(arm: Part) -> Array:
-    """The hand to the left of the shoulder."""
-    return hand_from_shoulder(arm)[:, 0]
-
-
-def hand_front(arm: Part) -> Array:
-    """The hand forward of the shoulder."""
-    return hand_from_shoulder(arm)[:, 2]
-
-
-def elbow_bend(arm: Part) -> Array:
-    """Degrees by which the elbow bends: 0 is straight."""
-    return _bend(arm, "Arm", "ForeArm", "Hand")
-
-
-def elbow_out(arm: Part) -> Array:
-    """The elbow outward from the shoulder."""
-    return arm.line("Arm", "ForeArm")[:, 0] * arm.sign
-
-
 def frequency(arm: Part) -> float:
     """Hz of the hand's strongest movement, over the summed spectra; 0 when the motion is too short."""
-    x = hand_from_shoulder(arm)
+    x = arm.line("Arm", "Hand")
     if len(x) < 2 * FPS:
         return 0.0
     window = np.hanning(len(x))[:, None]
@@ -180,28 +208,15 @@ def frequency(arm: Part) -> float:
     return float(hertz[np.argmax(np.where(hertz > LEAST_FREQUENCY_HZ, power, 0))])
 
 
-# --- Legs -------------------------------------------------------------------------------------------------------------
-
-
-def knee_bend(leg: Part) -> Array:
-    """Degrees by which the knee bends."""
-    return _bend(leg, "UpLeg", "Leg", "Foot")
-
-
-def standing_knee_bend(leg: Part) -> Array:
-    """The same while the foot is on the ground."""
-    return knee_bend(leg)[leg.stance]
-
-
 def thigh_lift(leg: Part) -> Array:
     """Degrees of the thigh forward from vertical."""
     thigh = leg.line("UpLeg", "Leg")
     return np.degrees(np.arctan2(thigh[:, 2], -thigh[:, 1]))
 
 
-def ankle_height(leg: Part) -> Array:
-    """Height of the ankle in world space."""
-    return leg.foot[:, 1]
+def foot_out(leg: Part) -> Array:
+    """Metres of the ankle outward from the hips' middle."""
+    return leg.at("Foot")[:, 0] * leg.sign
 
 
 def step_length(leg: Part) -> float:
@@ -224,32 +239,6 @@ def walk_ratio(leg: Part) -> float:
     return step_length(leg) / rate if rate > LEAST_CADENCE_HZ else 0.0
 
 
-def root_speed(part: Part) -> Array:
-    """Metres per second of the root."""
-    return part.clip.speed
-
-
-def moving(part: Part) -> Flags:
-    """Whether the root goes somewhere."""
-    return part.clip.speed > MOVING_M_PER_S
-
-
-def foot_out(leg: Part) -> Array:
-    """The ankle outward from the hips' middle while on the ground."""
-    return leg.at("Foot")[leg.stance, 0] * leg.sign
-
-
-def toe_out(leg: Part) -> Array:
-    """Degrees outward of the foot on the ground."""
-    toe = leg.turned("Foot", _AHEAD)[leg.stance]
-    return np.degrees(np.arctan2(toe[:, 0] * leg.sign, toe[:, 2]))
-
-
-def foot_pitch(leg: Part) -> Array:
-    """Degrees that the foot on the ground points down: on tiptoe the heel is up."""
-    return np.degrees(np.arcsin(np.clip(-leg.turned("Foot", _AHEAD)[leg.stance, 1], -1, 1)))
-
-
 def stance_lead(leg: Part) -> float:
     """By which fraction this foot carries alone longer than the other: 0 is even, -1 is never."""
     own, other = leg.down
@@ -259,7 +248,8 @@ def stance_lead(leg: Part) -> float:
 
 def landing(leg: Part) -> float:
     """Metres per second at which the ankle comes down last, median over the landings."""
-    fall = -np.diff(ankle_height(leg), prepend=ankle_height(leg)[:1]) * FPS
+    height = leg.foot[:, 1]
+    fall = -np.diff(height, prepend=height[:1]) * FPS
     frames = [t for t in landings(leg.down[0]) if t > LANDING_FRAMES]
     found = [float(fall[max(t - LANDING_FRAMES, 0) : t + 1].max()) for t in frames]
     return float(np.median(found)) if found else 0.0
@@ -270,20 +260,6 @@ def halting(part: Part) -> float:
     path = smoothed(part.clip.world[0][:, 0][:, [0, 2]], HALTING_S)
     speed = np.linalg.norm(np.diff(path, axis=0), axis=1) * FPS
     return float(speed.std() / max(float(speed.mean()), 0.1))
-
-
-# --- Trunk ------------------------------------------------------------------------------------------------------------
-
-
-def lean(trunk: Part) -> Array:
-    """Degrees of the line from hips to neck forward from vertical."""
-    return _pitch(trunk.line("Hips", "Neck"))
-
-
-def lean_aside(trunk: Part) -> Array:
-    """Degrees of the line from hips to neck towards the left."""
-    spine = trunk.line("Hips", "Neck")
-    return np.degrees(np.arctan2(spine[:, 0], spine[:, 1]))
 
 
 def twist(trunk: Part) -> Array:
@@ -298,64 +274,20 @@ def arch(trunk: Part) -> Array:
     return np.degrees(np.arctan2(upper[:, 2], upper[:, 1]) - np.arctan2(lower[:, 2], lower[:, 1]))
 
 
-def rise(trunk: Part) -> Array:
+def bounce(trunk: Part) -> Array:
     """Height of the hips over their smoothed path."""
-    return _from_path(trunk.clip)[:, 1]
+    return (trunk.clip.hips - smoothed(trunk.clip.hips, SWAY_S))[:, 1]
 
 
 def sway(trunk: Part) -> Array:
     """The hips sideways of their smoothed path."""
-    return _sideways(_from_path(trunk.clip), trunk.clip.facing)
-
-
-def pelvis_yaw(trunk: Part) -> Array:
-    """Degrees that the pelvis turns about the facing of a cycle."""
-    return _yaw(trunk.clip.in_cycle("UpLeg"))
-
-
-def pelvis_roll(trunk: Part) -> Array:
-    """Degrees that the pelvis rolls."""
-    return _roll(trunk.clip.in_cycle("UpLeg"))
-
-
-def shoulder_yaw(trunk: Part) -> Array:
-    """Degrees that the shoulders turn about the facing of a cycle."""
-    return _yaw(trunk.clip.in_cycle("Arm"))
-
-
-def shoulder_roll(trunk: Part) -> Array:
-    """Degrees that the shoulders roll."""
-    return _roll(trunk.clip.in_cycle("Arm"))
+    return _sideways(trunk.clip.hips - smoothed(trunk.clip.hips, SWAY_S), trunk.clip.facing)
 
 
 def wander(trunk: Part) -> Array:
     """The path of a cycle sideways of its course."""
     path = smoothed(trunk.clip.hips, CYCLE_S)
     return _sideways(path - smoothed(trunk.clip.hips, COURSE_S), trunk.clip.cycle_yaw)
-
-
-# --- Head -------------------------------------------------------------------------------------------------------------
-
-
-def gaze_down(head: Part) -> Array:
-    """Degrees that the face points downward."""
-    return np.degrees(np.arcsin(np.clip(-head.turned("Head", _AHEAD)[:, 1], -1, 1)))
-
-
-def head_tilt(head: Part) -> Array:
-    """Degrees of the head towards the left shoulder."""
-    return np.degrees(np.arcsin(np.clip(-head.turned("Head", _LEFT)[:, 1], -1, 1)))
-
-
-def gaze_left(head: Part) -> Array:
-    """Degrees that the face looks to the left of the facing direction."""
-    face = head.turned("Head", _AHEAD)
-    return np.degrees(np.arctan2(face[:, 0], face[:, 2]))
-
-
-def head_forward(head: Part) -> Array:
-    """The head in front of the neck's base."""
-    return head.line("Neck", "Head")[:, 2]
 
 
 # --- What they share --------------------------------------------------------------------------------------------------
@@ -405,28 +337,18 @@ def smoothed_facing(positions: Array) -> Array:
     return np.arctan2(smooth[:, 0], smooth[:, 1])
 
 
-def _from_path(clip: Clip) -> Array:
-    return clip.hips - smoothed(clip.hips, SWAY_S)
-
-
 def _sideways(away: Array, yaw: Array) -> Array:
     return away[:, 0] * np.cos(yaw) - away[:, 2] * np.sin(yaw)
 
 
-def _pitch(line: Array) -> Array:
-    return np.degrees(np.arctan2(line[:, 2], line[:, 1]))
+def _tilt(line: Array, axis: int) -> Array:
+    return np.degrees(np.arctan2(line[:, axis], line[:, 1]))
 
 
 def _yaw(across: Array) -> Array:
     return np.degrees(np.arctan2(-across[:, 2], across[:, 0]))
 
 
-def _roll(across: Array) -> Array:
-    return np.degrees(np.arctan2(across[:, 1], np.linalg.norm(across[:, [0, 2]], axis=1)))
-
-
-def _bend(limb: Part, upper: str, middle: str, lower: str) -> Array:
-    """Degrees by which a joint between two bones bends."""
-    up, down = limb.line(middle, upper), limb.line(middle, lower)
+def _bend(up: Array, down: Array) -> Array:
     cosine = np.sum(rotations.normalize(up) * rotations.normalize(down), axis=-1)
     return 180 - np.degrees(np.arccos(np.clip(cosine, -1, 1)))

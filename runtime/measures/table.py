@@ -16,11 +16,42 @@ from typing import Any
 
 import numpy as np
 
-from runtime.arrays import Array, Flags
-from runtime.measures import signals
-from runtime.measures.signals import Clip, Part
+from runtime.arrays import Array
+from runtime.measures.signals import (
+    AHEAD,
+    LEFT,
+    MOVING_M_PER_S,
+    Clip,
+    Part,
+    Reader,
+    along,
+    arch,
+    bend,
+    bounce,
+    cadence,
+    cycle_roll,
+    cycle_yaw,
+    foot_out,
+    frequency,
+    halting,
+    hand_level,
+    landing,
+    stance_lead,
+    standing,
+    step_length,
+    sway,
+    thigh_lift,
+    tilt,
+    turned_aside,
+    turned_down,
+    twist,
+    walk_ratio,
+    wander,
+)  # fmt: skip
 from runtime.skeleton import PART_NAMES
 
+Statistic = Callable[[Any], float]
+X, Z = 0, 2  # to the left, ahead
 _SIDES = {"left": ("Left", 1.0), "right": ("Right", -1.0)}
 
 
@@ -29,30 +60,17 @@ def median(x: Array) -> float:
     return float(np.median(x))
 
 
-def top(x: Array) -> float:
-    """The 90th percentile."""
-    return float(np.percentile(x, 90))
+def percentile(percent: float) -> Statistic:
+    """The value that so many percent of the frames are under."""
+    return lambda x: float(np.percentile(x, percent))
 
 
-def peak(x: Array) -> float:
-    """The 95th percentile."""
-    return float(np.percentile(x, 95))
+def between(low: float, high: float) -> Statistic:
+    """From one percentile to another."""
+    return lambda x: float(np.subtract(*np.percentile(x, [high, low])))
 
 
-def travel(x: Array) -> float:
-    """From the 10th to the 90th percentile."""
-    low, high = np.percentile(x, [10, 90])
-    return float(high - low)
-
-
-def span(x: Array) -> float:
-    """From the 5th to the 95th percentile."""
-    return float(np.percentile(x, 95) - np.percentile(x, 5))
-
-
-def fraction(x: Flags) -> float:
-    """Of the frames."""
-    return float(x.mean())
+top, peak, travel, span = percentile(90), percentile(95), between(10, 90), between(5, 95)
 
 
 @dataclass(frozen=True)
@@ -66,8 +84,8 @@ class Measure:
     part: str  # arm, leg, torso or head
     name: str
     unit: str
-    read: Callable[[Part], Any]
-    over: Callable[[Any], float]
+    read: Reader
+    over: Statistic
     step: float | None = None
     sided: bool = False
 
@@ -78,54 +96,54 @@ class Measure:
 
 
 MEASURES = (
-    Measure("arm", "hand_level", "heights of the trunk", signals.hand_level, median, 0.4),
-    Measure("arm", "hand_level_top", "heights of the trunk", signals.hand_level, top),
-    Measure("arm", "hand_level_range", "heights of the trunk", signals.hand_level, travel, 0.4),
-    Measure("arm", "hand_out", "m", signals.hand_out, median, 0.15),
-    Measure("arm", "hand_front", "m", signals.hand_front, median, 0.2),
-    Measure("arm", "elbow_bend", "degrees", signals.elbow_bend, median, 35.0),
-    Measure("arm", "elbow_range", "degrees", signals.elbow_bend, travel),
-    Measure("arm", "elbow_out", "m", signals.elbow_out, median),
-    Measure("arm", "swing", "m", signals.hand_front, travel, 0.2),
-    Measure("arm", "side_swing", "m", signals.hand_aside, travel, 0.15),
-    Measure("arm", "frequency", "Hz", signals.frequency, float),
-    Measure("leg", "knee_bend", "degrees", signals.standing_knee_bend, median, 15.0),
-    Measure("leg", "knee_bend_top", "degrees", signals.knee_bend, peak, 15.0),
-    Measure("leg", "thigh_lift", "degrees", signals.thigh_lift, peak),
-    Measure("leg", "foot_lift", "m", signals.ankle_height, span, 0.08),
-    Measure("leg", "step_length", "m", signals.step_length, float, 0.2),
-    Measure("leg", "cadence", "Hz", signals.cadence, float, 0.5),
-    Measure("leg", "speed", "m/s", signals.root_speed, median),
-    Measure("leg", "width", "m", signals.foot_out, median, 0.07),
-    Measure("leg", "toe_out", "degrees", signals.toe_out, median, 15.0),
-    Measure("leg", "moving", "of the frames", signals.moving, fraction),
-    Measure("leg", "foot_pitch", "degrees", signals.foot_pitch, median, 15.0),
-    Measure("leg", "walk_ratio", "m/Hz", signals.walk_ratio, float, 0.15),
-    Measure("leg", "stance_lead", "of the time on one foot", signals.stance_lead, float, 0.4),
-    Measure("leg", "landing", "m/s", signals.landing, float, 0.3),
-    Measure("leg", "halting", "of the speed", signals.halting, float, 0.2),
-    Measure("torso", "pitch", "degrees", signals.lean, median, 12.0),
-    Measure("torso", "pitch_range", "degrees", signals.lean, travel, 10.0),
-    Measure("torso", "roll", "degrees", signals.lean_aside, median, 8.0, sided=True),
-    Measure("torso", "roll_range", "degrees", signals.lean_aside, travel, 8.0),
-    Measure("torso", "twist_range", "degrees", signals.twist, travel, 12.0),
-    Measure("torso", "bounce", "m", signals.rise, travel, 0.04),
-    Measure("torso", "sway", "m", signals.sway, travel, 0.06),
-    Measure("torso", "arch", "degrees", signals.arch, median, 8.0),
-    Measure("torso", "pelvis_yaw_range", "degrees", signals.pelvis_yaw, travel, 12.0),
-    Measure("torso", "pelvis_roll_range", "degrees", signals.pelvis_roll, travel),
-    Measure("torso", "shoulder_yaw_range", "degrees", signals.shoulder_yaw, travel, 10.0),
-    Measure("torso", "shoulder_roll_range", "degrees", signals.shoulder_roll, travel, 8.0),
-    Measure("torso", "wander", "m", signals.wander, travel, 0.15),
-    Measure("head", "pitch", "degrees", signals.gaze_down, median, 12.0),
-    Measure("head", "forward", "m", signals.head_forward, median, 0.04),
-    Measure("head", "roll", "degrees", signals.head_tilt, median, 8.0, sided=True),
-    Measure("head", "roll_range", "degrees", signals.head_tilt, travel, 8.0),
-    Measure("head", "pitch_range", "degrees", signals.gaze_down, travel, 10.0),
-    Measure("head", "turn_range", "degrees", signals.gaze_left, travel, 15.0),
-    Measure("head", "bob", "m", signals.head_forward, travel),
-    Measure("head", "turn", "degrees", signals.gaze_left, median, 20.0, sided=True),
-)
+    Measure("arm", "hand_level", "heights of the trunk", hand_level, median, 0.4),
+    Measure("arm", "hand_level_top", "heights of the trunk", hand_level, top),
+    Measure("arm", "hand_level_range", "heights of the trunk", hand_level, travel, 0.4),
+    Measure("arm", "hand_out", "m from the shoulder", along("Arm", "Hand", X, outward=True), median, 0.15),
+    Measure("arm", "hand_front", "m from the shoulder", along("Arm", "Hand", Z), median, 0.2),
+    Measure("arm", "elbow_bend", "degrees", bend("Arm", "ForeArm", "Hand"), median, 35.0),
+    Measure("arm", "elbow_range", "degrees", bend("Arm", "ForeArm", "Hand"), travel),
+    Measure("arm", "elbow_out", "m from the shoulder", along("Arm", "ForeArm", X, outward=True), median),
+    Measure("arm", "swing", "m, of the hand", along("Arm", "Hand", Z), travel, 0.2),
+    Measure("arm", "side_swing", "m, of the hand", along("Arm", "Hand", X), travel, 0.15),
+    Measure("arm", "frequency", "Hz", frequency, float),
+    Measure("leg", "knee_bend", "degrees, standing", standing(bend("UpLeg", "Leg", "Foot")), median, 15.0),
+    Measure("leg", "knee_bend_top", "degrees", bend("UpLeg", "Leg", "Foot"), peak, 15.0),
+    Measure("leg", "thigh_lift", "degrees from vertical", thigh_lift, peak),
+    Measure("leg", "foot_lift", "m, of the ankle", lambda leg: leg.foot[:, 1], span, 0.08),
+    Measure("leg", "step_length", "m", step_length, float, 0.2),
+    Measure("leg", "cadence", "steps per second of both feet", cadence, float, 0.5),
+    Measure("leg", "speed", "m/s of the root", lambda leg: leg.clip.speed, median),
+    Measure("leg", "width", "m from the hips' middle", standing(foot_out), median, 0.07),
+    Measure("leg", "toe_out", "degrees, standing", standing(turned_aside("Foot", outward=True)), median, 15.0),
+    Measure("leg", "moving", "of the frames", lambda leg: leg.clip.speed > MOVING_M_PER_S, lambda x: float(x.mean())),
+    Measure("leg", "foot_pitch", "degrees that the heel is up", standing(turned_down("Foot", AHEAD)), median, 15.0),
+    Measure("leg", "walk_ratio", "m over steps per second", walk_ratio, float, 0.15),
+    Measure("leg", "stance_lead", "of the time on one foot", stance_lead, float, 0.4),
+    Measure("leg", "landing", "m/s", landing, float, 0.3),
+    Measure("leg", "halting", "of the speed", halting, float, 0.2),
+    Measure("torso", "pitch", "degrees forward", tilt("Hips", "Neck", Z), median, 12.0),
+    Measure("torso", "pitch_range", "degrees", tilt("Hips", "Neck", Z), travel, 10.0),
+    Measure("torso", "roll", "degrees to the left", tilt("Hips", "Neck", X), median, 8.0, sided=True),
+    Measure("torso", "roll_range", "degrees", tilt("Hips", "Neck", X), travel, 8.0),
+    Measure("torso", "twist_range", "degrees", twist, travel, 12.0),
+    Measure("torso", "bounce", "m", bounce, travel, 0.04),
+    Measure("torso", "sway", "m", sway, travel, 0.06),
+    Measure("torso", "arch", "degrees", arch, median, 8.0),
+    Measure("torso", "pelvis_yaw_range", "degrees", cycle_yaw("UpLeg"), travel, 12.0),
+    Measure("torso", "pelvis_roll_range", "degrees", cycle_roll("UpLeg"), travel),
+    Measure("torso", "shoulder_yaw_range", "degrees", cycle_yaw("Arm"), travel, 10.0),
+    Measure("torso", "shoulder_roll_range", "degrees", cycle_roll("Arm"), travel, 8.0),
+    Measure("torso", "wander", "m", wander, travel, 0.15),
+    Measure("head", "pitch", "degrees that it looks down", turned_down("Head", AHEAD), median, 12.0),
+    Measure("head", "forward", "m from the neck's base", along("Neck", "Head", Z), median, 0.04),
+    Measure("head", "roll", "degrees to the left", turned_down("Head", LEFT), median, 8.0, sided=True),
+    Measure("head", "roll_range", "degrees", turned_down("Head", LEFT), travel, 8.0),
+    Measure("head", "pitch_range", "degrees", turned_down("Head", AHEAD), travel, 10.0),
+    Measure("head", "turn_range", "degrees", turned_aside("Head"), travel, 15.0),
+    Measure("head", "bob", "m", along("Neck", "Head", Z), travel),
+    Measure("head", "turn", "degrees to the left", turned_aside("Head"), median, 20.0, sided=True),
+)  # fmt: skip
 
 
 class PartMeasures(SimpleNamespace):

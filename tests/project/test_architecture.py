@@ -46,7 +46,7 @@ ARROWS = {
 ROOMS = {
     "runtime": (
         "errors", "interrupts", "arrays", "safe_read", "checked", "options", "easing", "assets", "atomic", "file_lock", "records", "rotations", "skeleton", "pose", "scalar_math", "controls",
-        "character", "terrain", "feet", "edits", "traversal", "motion", "prompts", "prompts.english", "prompts.gpt", "prompts.prompter", "takes", "session", "formats",
+        "character", "terrain", "feet", "measures", "edits", "traversal", "motion", "prompts", "prompts.english", "prompts.gpt", "prompts.prompter", "takes", "session", "formats",
         "generate",
     ),
     "viewer": (

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.errors import FileError
-from training.text.measure import measure_names
+from runtime.measures.table import Measure, measures_of
 
 _PATH = Path(__file__).with_name("edits.toml")
 _PARAMETERS = {  # that the edits of a kind have
@@ -45,7 +45,7 @@ class PartEdit:
 
     Two edits of one clip never describe the same part.
 
-    `measure` (part, field of its measures in `training.text.measure`) is the quantity that shows the edit.
+    `measure` (part, name in `runtime.measures.table`) is the quantity that shows the edit.
     """
 
     name: str
@@ -54,6 +54,12 @@ class PartEdit:
     parameters: dict[str, Any]
     phrases: dict[str, tuple[str, ...]]
     measure: tuple[str, str]
+
+    @property
+    def shown_by(self) -> Measure:
+        """The row of `measure`."""
+        part, name = self.measure
+        return measures_of(part)[name]
 
     @property
     def moves_feet(self) -> bool:
@@ -158,7 +164,7 @@ def _edit(slot: str, name: str, entry: dict[str, Any]) -> PartEdit:
     phrases = {part: _sided(entry[key], part) for part, key in parts.items() if key in entry}
     part, _, field = entry["measure"].rpartition(".")
     part = part or ("left_leg" if slot == "legs" else slot)
-    if field not in measure_names(part):
+    if field not in measures_of(part):
         raise ValueError(f"{slot}.{name}: {part} has no measure {field}")
     return PartEdit(f"{slot}.{name}", slot, kind, parameters, phrases, (part, field))
 

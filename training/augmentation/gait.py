@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from runtime.arrays import Array
 from runtime.easing import smoothstep
+from runtime.measures.signals import landings
 from runtime.motion.features import FPS
-from training.text.measure import landings
 
 USUAL_CYCLE = 66  # frames, where there are too few landings to tell
 

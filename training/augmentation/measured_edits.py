@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.errors import FileError
+from runtime.measures.signals import smoothed_facing
+from runtime.measures.table import BodyMeasures, measure
 from runtime.safe_read import open_npz
 from runtime.skeleton import SPORT_SKELETON
 from training.augmentation.catalogue import PartEdit, catalogue, part_edits
@@ -20,7 +22,6 @@ from training.augmentation.edits import apply
 from training.augmentation.motion import EditedMotion, cut
 from training.augmentation.pool import load_source
 from training.markdown import table
-from training.text.measure import BodyMeasures, measure, smoothed_facing
 
 Target = tuple[str, str]  # part, field of its measures
 REFERENCE_WALKS = 3  # captured neutral walks of each data set
@@ -174,7 +175,7 @@ def rhythm_section(clips: Path) -> str:
     lines = table(("edit", "numbers", "measure", "neutral walks, median", "in its words"), rows)
     note = (
         f"Measured on {len(reference.walks)} captured neutral walks. An asterisk: never trained, on one side or on "
-        "both; a right side is the mirror image. Measures are those of `training/text/measure.py`, numbers those of "
+        "both; a right side is the mirror image. Measures are those of `runtime/measures/table.py`, numbers those of "
         "`training/augmentation/edits.toml`.\n"
     )
     return "\n".join(["## Rhythm and weight", "", *lines, note])

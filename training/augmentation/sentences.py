@@ -10,13 +10,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 
+from runtime.measures.table import kind_of
 from training.augmentation.catalogue import PartEdit, catalogue
-
-# measures of a movement; the others are of a posture
-_MOVEMENTS = (
-    "swing", "side_swing", "hand_level_range", "foot_lift", "roll_range", "turn_range", "pitch_range", "twist_range", "bounce",
-)  # fmt: skip
-_ACROSS = ("turn", "roll")  # measures of what goes to one side; the others are of forward and back
 
 
 @dataclass(frozen=True)
@@ -63,9 +58,8 @@ def _two_postures(slot: str) -> Iterator[LongerSentence]:
     upright: list[str] = []
     sideways: list[str] = []
     for edit in catalogue().trained:
-        field = edit.measure[1]
-        if edit.slot == slot and field not in _MOVEMENTS and not edit.of_steps:
-            (sideways if field in _ACROSS else upright).extend(edit.phrases[slot])
+        if edit.slot == slot and not edit.shown_by.moves and not edit.of_steps:
+            (sideways if edit.shown_by.sided else upright).extend(edit.phrases[slot])
     return _either_order(slot, upright, sideways)
 
 
@@ -85,9 +79,9 @@ def _either_order(part: str, ones: list[str], others: list[str]) -> Iterator[Lon
 
 
 def _clauses(edit: PartEdit, part: str) -> tuple[str, ...]:
-    clauses, kind, field = catalogue().clauses, part.split("_")[-1], edit.measure[1]
+    clauses, kind, shown = catalogue().clauses, kind_of(part), edit.shown_by
     if edit.of_steps:
         return clauses["in_rhythm"][kind]
-    if field in _MOVEMENTS:
+    if shown.moves:
         return clauses["moving"][kind]
-    return clauses["still"][kind] + (clauses["bent_arm"][kind] if field == "elbow_bend" else ())
+    return clauses["still"][kind] + (clauses["bent_arm"][kind] if shown.name == "elbow_bend" else ())

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -15,10 +15,11 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.atomic import write_atomic
 from runtime.errors import FileError
+from runtime.measures.table import BodyMeasures, PartMeasures, measure, measures_of
+from runtime.pose import FPS
 from runtime.safe_read import open_npz
 from runtime.skeleton import PART_NAMES
 from training.text.descriptions import describe
-from training.text.measure import FPS, BodyMeasures, average, measure, measure_names
 
 PARAPHRASES = 4
 _GESTURE = "hand"  # in the contents of what is captured standing
@@ -27,7 +28,7 @@ _NOT_FORWARD = (
 )  # fmt: skip
 MAX_TILT_CORRECTION = 10.0  # degrees; a neutral walk that looks down by more does look down
 MOST = 4.0  # deviations: what a clip that turns or jumps does beyond that says nothing more
-_ONE_SIDED = ("roll", "turn")  # of torso and head: these change their sign in the mirror image
+_OF_CAPTURE = {"torso": ("pitch", "arch"), "head": ("pitch", "forward")}  # what retargeting may add
 
 
 @dataclass(frozen=True)
@@ -90,13 +91,32 @@ def _relative_to_neutral(clips: list[ClipMeasures]) -> list[ClipMeasures]:
     return [replace(c, body=_subtract(c.body, base[c.capture])) if c.capture in base else c for c in clips]
 
 
+def average(measures: Iterable[tuple[BodyMeasures, float]]) -> BodyMeasures:
+    """Weighted median of every number over (measures, weight in seconds)."""
+    bodies, weights = zip(*measures, strict=True)
+    found = {}
+    for part in PART_NAMES:
+        rows = [vars(getattr(body, part)) for body in bodies]
+        found[part] = PartMeasures(
+            **{name: _median([row[name] for row in rows], weights) for name in rows[0]}
+        )
+    return BodyMeasures(**found)
+
+
+def _median(values: Sequence[float], weights: Sequence[float]) -> float:
+    order = np.argsort(values)
+    total = np.cumsum(np.array(weights)[order])
+    return float(values[order[int(np.searchsorted(total, total[-1] / 2))]])
+
+
 def _subtract(body: BodyMeasures, base: BodyMeasures) -> BodyMeasures:
-    tilt = float(np.clip(base.head.pitch, -MAX_TILT_CORRECTION, MAX_TILT_CORRECTION))
-    torso = replace(
-        body.torso, pitch=body.torso.pitch - base.torso.pitch, arch=body.torso.arch - base.torso.arch
-    )
-    head = replace(body.head, pitch=body.head.pitch - tilt, forward=body.head.forward - base.head.forward)
-    return replace(body, torso=torso, head=head)
+    changed = {}
+    for part, names in _OF_CAPTURE.items():
+        own, usual = vars(getattr(body, part)), vars(getattr(base, part))
+        most = MAX_TILT_CORRECTION if part == "head" else np.inf
+        less = {name: own[name] - float(np.clip(usual[name], -most, most)) for name in names}
+        changed[part] = getattr(body, part).changed(**less)
+    return replace(body, **changed)
 
 
 # --- Standardised, for training ---------------------------------------------------------------------------------------
@@ -104,7 +124,7 @@ def _subtract(body: BodyMeasures, base: BodyMeasures) -> BodyMeasures:
 
 def signs_of(part: str) -> tuple[float, ...]:
     """Of each measure: -1 where it changes its sign in the mirror image, else 1."""
-    return tuple(-1.0 if name in _ONE_SIDED else 1.0 for name in measure_names(part))
+    return tuple(-1.0 if row.sided else 1.0 for row in measures_of(part).values())
 
 
 def clip_values(folder: Path, names: Sequence[str]) -> list[Array]:
@@ -127,4 +147,4 @@ def _standardised(values: Array, part: str) -> Array:
 def _measured(folder: Path, name: str) -> list[tuple[float, ...]]:
     with open_npz(folder / f"{name}.npz", "Run the importer again.") as clip:
         body = measure(clip["hips_positions"], clip["local_rotations"], clip["contacts"])
-    return [astuple(getattr(body, part)) for part in PART_NAMES]
+    return [tuple(vars(getattr(body, part)).values()) for part in PART_NAMES]

@@ -25,6 +25,7 @@ from runtime.atomic import write_atomic
 from runtime.edits.body import BodyEdits
 from runtime.edits.request import ARM, GAITS, LARGEST, LEG, SHAPE, TRUNK, EditRequest
 from runtime.errors import FileError, run_command
+from runtime.measures.signals import smoothed, smoothed_facing
 from runtime.motion.features import FPS
 from runtime.motion.style import NEUTRAL_SPEEDS
 from runtime.prompts.captured import PHRASE_MEASURES, captions_by_style, captured, kind_of
@@ -33,7 +34,6 @@ from runtime.prompts.library_data import load_styles
 from runtime.safe_read import open_npz
 from runtime.skeleton import SPORT_SKELETON
 from training.frames import PLAIN
-from training.text.measure import smoothed, smoothed_facing
 
 ASKED = 1e-5  # weight of what is asked: enough to be measured, and next to nothing is added
 LABELS = {"walk": 1, "jog": 2, "crouch": 3}  # columns of a clip's gait

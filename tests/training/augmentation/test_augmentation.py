@@ -12,6 +12,7 @@ from runtime import rotations
 from runtime.assets import asset_path
 from runtime.errors import FileError
 from runtime.feet.ik import LEG_FEET
+from runtime.measures.table import BodyMeasures, measure
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import ANKLE_HEIGHT, PART_NAMES, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
@@ -24,7 +25,6 @@ from training.augmentation.catalogue import catalogue, load_catalogue, part_edit
 from training.augmentation.edits import apply
 from training.augmentation.gait import left_landings, step_phase
 from training.augmentation.motion import EditedMotion, keep_feet
-from training.text.measure import BodyMeasures, measure
 
 
 @cache

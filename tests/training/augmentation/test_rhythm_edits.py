@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from runtime.measures.table import BodyMeasures, measure
 from runtime.skeleton import SPORT_SKELETON
 from tests.training.augmentation.test_augmentation import walker
 from training.augmentation.catalogue import PartEdit, part_edits
@@ -13,7 +14,6 @@ from training.augmentation.edits import apply
 from training.augmentation.gait import cycle_frames, cycle_mean
 from training.augmentation.motion import EditedMotion
 from training.data.labels import FOOT_JOINTS
-from training.text.measure import BodyMeasures, measure
 
 RHYTHM = sorted(name for name, edit in part_edits().items() if edit.of_steps)
 

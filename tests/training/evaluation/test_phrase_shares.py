@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from runtime.errors import FileError
+from runtime.measures.table import BodyMeasures, measure
 from runtime.prompts import library_data
 from runtime.prompts.english.compose import compose_neighbours
 from runtime.prompts.expander import Expansion
@@ -28,7 +29,6 @@ from training.evaluation.text import prompt_adherence
 from training.evaluation.text import walks as text_walks
 from training.export import words
 from training.text.claims import clause_fraction, clauses
-from training.text.measure import BodyMeasures, measure
 
 PLAIN = PartDescriptions(**{part: f"{part.replace('_', ' ')} as it is" for part in PART_NAMES})
 TABLE = PromptAdherence(

@@ -7,25 +7,23 @@ import dataclasses
 import numpy as np
 import pytest
 
+from runtime.measures.table import BodyMeasures, PartMeasures, measures_of
 from runtime.prompts.phrasing import ModelPhrasing, adherence_of
 from runtime.prompts.prompter import Prompter
+from runtime.skeleton import PART_NAMES
 from tests.helpers.shipped import shipped_model
 from training.evaluation.text import walks as text_walks
 from training.evaluation.text import wording
 from training.evaluation.text.walks import Walker
 from training.evaluation.text.wording import NEUTRAL, better_wordings, walk_all
 from training.text.claims import sentence_fraction, unclaimed_change
-from training.text.measure import ArmMeasures, BodyMeasures, HeadMeasures, LegMeasures, TorsoMeasures
 
 pytestmark = pytest.mark.needs_torch
 
 
 def _body(**torso: float) -> BodyMeasures:
-    def of(kind):
-        return kind(**{f.name: 1.0 for f in dataclasses.fields(kind)})
-
-    arm, leg = of(ArmMeasures), of(LegMeasures)
-    return BodyMeasures(arm, arm, leg, leg, dataclasses.replace(of(TorsoMeasures), **torso), of(HeadMeasures))
+    ones = {part: PartMeasures(**dict.fromkeys(measures_of(part), 1.0)) for part in PART_NAMES}
+    return BodyMeasures(**{**ones, "torso": ones["torso"].changed(**torso)})
 
 
 PLAIN = _body(pitch=0.0)
@@ -62,15 +60,21 @@ def test_a_weak_sentence_gets_the_words_whose_walk_does_it_and_nothing_else():
 
 def test_each_arm_is_told_what_says_the_same_or_less_and_is_done_by_it():
     whole, less = "left hand held behind the back, elbow bent", "left hand held behind the back"
-    arm = dataclasses.replace(PLAIN.right_arm, hand_front=0.1, elbow_bend=10.0)
+    arm = PLAIN.right_arm.changed(hand_front=0.1, elbow_bend=10.0)
     plain = dataclasses.replace(PLAIN, left_arm=arm, right_arm=arm)
-    there = dataclasses.replace(arm, hand_front=-0.15, elbow_bend=60.0)
+    there = arm.changed(hand_front=-0.15, elbow_bend=60.0)
     walks = {NEUTRAL: plain}
     for part in ("left_arm", "right_arm"):
         walks[part, whole] = plain
         walks[part, less] = dataclasses.replace(plain, **({part: there} if part == "right_arm" else {}))
     assert better_wordings(walks, frozenset(), alike) == {"right_arm": {whole: less}}
     assert better_wordings(walks, frozenset({("arm", whole)}), alike) == {}
+
+
+@pytest.mark.parametrize(("neutral", "farther"), [(-3.0, True), (3.0, True), (-3.0, False)])
+def test_too_much_counts_on_either_side_of_zero(neutral: float, farther: bool) -> None:
+    walked = _body(pitch=neutral + (60.0 if farther else 12.0))
+    assert (unclaimed_change("torso", "torso leaning forward", _body(pitch=neutral), walked) > 1.0) == farther
 
 
 def test_captured_sentences_keep_their_words():

@@ -10,12 +10,12 @@ import pytest
 
 from runtime import rotations
 from runtime.errors import FileError
+from runtime.measures.table import measure
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import SPORT_SKELETON, mirror_motion
 from tests.helpers.synthetic_clips import save_motion
-from training.text.clip_measures import captions_of, measure_clips, write_clip_captions
+from training.text.clip_measures import average, captions_of, measure_clips, write_clip_captions
 from training.text.descriptions import describe
-from training.text.measure import average, measure
 
 FRAMES = 240
 Z = np.array([0.0, 0.0, 1.0])

@@ -16,13 +16,13 @@ from runtime.arrays import Array
 from runtime.atomic import temporary_folder
 from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
 from runtime.generate import generate_clip
+from runtime.measures.signals import smoothed
 from runtime.motion.model import load_model
 from runtime.prompts.prompter import Prompter
 from runtime.skeleton import SPORT_SKELETON
 from training.evaluation.experiment import SEED, Experiment, Setting, option
 from training.evaluation.text.walks import PLAIN_PROMPT, body_of
 from training.markdown import table
-from training.text.measure import smoothed
 
 PROMPTS = Path(__file__).parent / "data" / "animator_prompts.txt"
 LEAD, SECONDS = 2.0, 7.0  # walked before measuring, and in all

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from runtime.arrays import Array
+from runtime.measures.table import BodyMeasures
 from runtime.motion.model import MotionModel
 from runtime.prompts.library_data import LibraryStyle
 from runtime.prompts.parts import PartDescriptions
@@ -30,7 +31,6 @@ from training.evaluation.text.edits import phrased
 from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker, straight_walks
 from training.frames import PLAIN
 from training.text.claims import clause_fraction, clauses
-from training.text.measure import BodyMeasures
 
 log = logging.getLogger("sport.evaluate")
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from runtime.arrays import Array
+from runtime.measures.table import BodyMeasures, measure
 from runtime.motion.control_scripts import control_script
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
@@ -22,7 +23,6 @@ from runtime.skeleton import SPORT_SKELETON
 from training.augmentation.measured_edits import Summary, summarise
 from training.data.labels import foot_contacts
 from training.evaluation.motion.driving import TOGETHER, flat_ground, walk_together
-from training.text.measure import BodyMeasures, measure
 
 log = logging.getLogger("sport.evaluate")
 

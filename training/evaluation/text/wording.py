@@ -18,12 +18,12 @@ from operator import itemgetter
 
 from runtime.arrays import Array
 from runtime.assets import asset_path
+from runtime.measures.table import BodyMeasures
 from runtime.prompts.parts import PartDescriptions, mirror_text
 from runtime.prompts.phrasing import as_left_limb
 from runtime.prompts.prompter import Prompter
 from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker
 from training.text.claims import claims, sentence_fraction, unclaimed_change
-from training.text.measure import BodyMeasures
 
 WEAK = 0.6  # fraction of a sentence's claims under which it gets another wording
 GAIN = 0.3  # by which the other wording has to be better

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from copy import copy
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -20,9 +21,8 @@ import numpy as np
 
 from runtime import rotations
 from runtime.arrays import Array, Float32Array
-from runtime.controls import Controls, Gait
+from runtime.controls import Gait
 from runtime.errors import FileError
-from runtime.motion.control_scripts import LOOK_AHEAD_M
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS, INPUT
 from runtime.motion.model import MotionModel
@@ -31,8 +31,9 @@ from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from training.data.clips import Patches, TrainingClip
 from training.evaluation.metrics.traversal import first_problem
-from training.evaluation.motion.driving import Recorder
+from training.evaluation.motion.driving import walked
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
+from training.evaluation.on_obstacles import along_the_middle
 
 log = logging.getLogger("sport.train")
 
@@ -179,19 +180,14 @@ def walk(model: MotionModel, course: Course, style: str, code: Array, gait: Gait
     controller.set_style(code, 0.0)
     controller.reset()
     controller.settle()
-    recorder = Recorder(controller)
     side = 0.0 if course.straight else generator.uniform(-SIDE_M, SIDE_M)
     amount, wave = generator.uniform(0.75, 1.0), generator.uniform(5.0, 12.0)
-    for _ in range(round(60.0 * MINUTES_EACH * FPS)):
-        root = controller.pose.root_position.astype(np.float64)
-        wanted = side * np.sin(2.0 * np.pi * root[2] / wave)
-        ahead = np.array([wanted - root[0], LOOK_AHEAD_M])
-        ahead *= amount / np.linalg.norm(ahead)
-        recorder.step(Controls((float(ahead[0]), float(ahead[1])), gait=gait))
-        if root[2] > LENGTH_M:
-            break
-    count = recorder.frames
-    motion = recorder.motion(f"{style} {course.kind}", style, np.full(count, int(gait)), 0)
+    stick = partial(
+        along_the_middle, gait=gait, amount=amount, side=lambda z: side * np.sin(2.0 * np.pi * z / wave)
+    )
+    frames = round(60.0 * MINUTES_EACH * FPS)
+    (track,) = walked([controller], stick, frames, lambda member: member.pose.root_position[2] > LENGTH_M)
+    motion = track.motion(f"{style} {course.kind}", style, gait)
     hips, local = smoothed(motion.hips, motion.local, motion.positions)
     positions, _ = SPORT_SKELETON.forward_kinematics(hips, local)
     return Walked(course, style, gait, hips, local, motion.contacts, positions)

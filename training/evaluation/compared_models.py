@@ -37,7 +37,7 @@ from training.markdown import number, percent, table
 Cells = dict[str, float]
 SEED_IN_NAME = re.compile(r" seed\d+")  # of a model, `EvaluatedModel.name`
 SHIPPED, CAPTURE = "ours, as shipped", "capture, one half against the other"
-SHOWN = 0.5  # fraction of its windows from which on a style counts as shown
+SHOWN_WINDOWS_FRACTION = 0.5  # fraction of its windows from which on a style counts as shown
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def cells_of(scores: dict[str, Any]) -> Cells:
 
 
 def _recognised(scores: dict[str, float]) -> Cells:
-    shown = float(sum(score >= SHOWN for score in scores.values()))
+    shown = float(sum(score >= SHOWN_WINDOWS_FRACTION for score in scores.values()))
     return {"styles": shown, "recognition": mean(scores)}
 
 

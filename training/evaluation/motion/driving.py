@@ -29,9 +29,9 @@ from training.frames import PAD, extrapolate, repeat_ends, root_motion, smooth
 # simulated before the scored part, so that standing still and the start pose are over
 LEAD_IN_FRAMES = 2 * FPS
 STEADY_FRAMES = 3 * FPS  # on either side of a change of prompt
-REQUEST_SIGMA = 15.0  # frames; a thumb does not follow the sway of every step
+REQUEST_SIGMA_FRAMES = 15.0  # frames; a thumb does not follow the sway of every step
 CORRECTION_PER_S = 1.0  # a player also steers back to where the clip went
-MAX_CORRECTION = 0.5  # m/s
+MAX_CORRECTION_M_PER_S = 0.5  # m/s
 TOGETHER = 32  # characters of a crowd that are walked at once
 FORWARD = Controls((0.0, 1.0))
 _ORIGIN = PlanarPose(0.0, 0.0, 0.0)
@@ -145,7 +145,7 @@ class Requests:
 def requests_of(clip: Motion, lead_in: int) -> Requests:
     """Smoothed root velocity, facing and gait of a clip; the lead-in goes on backwards at the first velocity."""
     xz, yaw = root_motion(clip.positions.astype(np.float64))
-    velocity = smooth(np.gradient(xz, axis=0) * FPS, REQUEST_SIGMA)
+    velocity = smooth(np.gradient(xz, axis=0) * FPS, REQUEST_SIGMA_FRAMES)
     start = velocity[0] if clip.gait[0] != Gait.STAND else np.zeros(2)
     back = np.arange(lead_in, 0, -1)[:, None] / FPS
 
@@ -184,7 +184,7 @@ def _stick(requests: Requests, controller: Controller, frame: int) -> Controls:
         gait = Gait.WALK
     root = controller.pose.root_position
     away = CORRECTION_PER_S * (requests.xz[frame] - np.array([root[0], root[2]], np.float64))
-    away *= min(1.0, MAX_CORRECTION / max(float(np.linalg.norm(away)), 1e-9))
+    away *= min(1.0, MAX_CORRECTION_M_PER_S / max(float(np.linalg.norm(away)), 1e-9))
     move = (requests.velocity[frame] + away) / controller.full_speed(gait)
     move /= max(1.0, float(np.linalg.norm(move)))
     return Controls((float(move[0]), float(move[1])), facing, gait)

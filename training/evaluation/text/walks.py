@@ -27,7 +27,7 @@ log = logging.getLogger("sport.evaluate")
 
 PLAIN_PROMPT = "a person walking normally"  # what words about a part change
 LEAD_SECONDS = 2.0  # walked before measuring: standing still and the start pose are over
-SECONDS = 6.0
+WALK_S = 6.0
 LOGGED = 64  # walks between two lines of the log
 
 
@@ -47,7 +47,7 @@ class Walk:
 class Walker:
     """Makes walks with the model of a folder in full precision, many together, in `workers` processes; the same walk is made once."""
 
-    def __init__(self, folder: Path, workers: int = 1, seconds: float = SECONDS) -> None:
+    def __init__(self, folder: Path, workers: int = 1, seconds: float = WALK_S) -> None:
         self.folder, self.workers, self.seconds = folder, workers, seconds
         self._made: dict[Walk, Summary] = {}
 

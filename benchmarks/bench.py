@@ -36,7 +36,7 @@ RECORDED_FRAMES = 10  # that the viewer writes down together
 FILMED_FRAMES, FILM_S = 31, 6.0
 GENERATED_S = 12
 CROWDS = (1, 9, 32)  # characters
-BUSY = 1.3  # times the fastest call of the network its median takes where others use the processor too
+BUSY_RATIO = 1.3  # times the fastest call of the network its median takes where others use the processor too
 FORWARD = Controls(move=(0.0, 1.0))
 PROMPTS = (
     "an exhausted soldier, left arm hanging",
@@ -127,7 +127,7 @@ def measure(frames: int, model: Path | None) -> dict[str, Any]:
         "python": platform.python_version(),
         "frames": frames,
     }
-    busy = figures["model_ms"] > BUSY * figures["model_ms_fastest"]
+    busy = figures["model_ms"] > BUSY_RATIO * figures["model_ms_fastest"]
     if busy:
         figures["notes"].append(
             "This machine is busy: times are longer than they are, and there are no ratios of them."

@@ -38,7 +38,7 @@ Feed = dict[str, Float32Array]
 BYTES = 256 << 20  # of the read bandwidth: well beyond any cache
 BATCHES = (1, 8, 32)
 # Every row is timed in rounds minutes apart: other tenants of a machine come and go, and would else decide single rows.
-ROUNDS, SECONDS = 3, 0.7  # seconds of a row in each round, and at least MIN_FRAMES
+ROUNDS, ROUND_S = 3, 0.7  # seconds of a row in each round, and at least MIN_FRAMES
 MIN_FRAMES, MAX_FRAMES, WARM_UP = 10, 350, 10
 ERROR_FRAMES = 100
 
@@ -193,7 +193,7 @@ def _times(session: Any, feed: Feed) -> list[tuple[float, float]]:
     """Milliseconds and processor milliseconds of the frames of one round."""
     times_ms(lambda: session.run(None, feed), WARM_UP)
     times: list[tuple[float, float]] = []
-    end = time.perf_counter() + SECONDS
+    end = time.perf_counter() + ROUND_S
     while len(times) < MIN_FRAMES or (time.perf_counter() < end and len(times) < MAX_FRAMES):
         used = time.process_time()
         ms = times_ms(lambda: session.run(None, feed), 1)[0]

@@ -31,7 +31,7 @@ WALKS = (
     ("a proud queen", "walk"),
     ("a relaxed walk", "jog"),
 )
-STANDS = 0.7  # contact of a toe
+MIN_STANDING_CONTACT = 0.7  # contact of a toe
 
 
 def foot_meshes(character: Character) -> Character:
@@ -56,7 +56,7 @@ def measure(character: Character, clip: Clip) -> tuple[float, float, float]:
     toes = [list(character.sport_joints).index(joint) for joint in TOES]
     pivots = character.joint_transforms(positions, world)[0][:, toes][..., [0, 2]]
     way = np.linalg.norm(np.diff(pivots, axis=0), axis=-1) * 100.0 * character.size
-    stands = clip.contacts[:, [1, 3]] > STANDS
+    stands = clip.contacts[:, [1, 3]] > MIN_STANDING_CONTACT
     return float(low.min()), float(np.percentile(low, 1)), float(way[stands[1:] & stands[:-1]].mean())
 
 

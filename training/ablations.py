@@ -1,46 +1,194 @@
-"""The ablation rows of Table I: every variant trained for the same few steps, on the same data, and exported.
+"""The rows of Table I: ablations, other methods and single data sets, each trained for the same few steps and exported.
 
-    python -m training.ablations --clips DIR --run DIR --out DIR --stage2-steps 3000 --stage3-steps 1000 --seeds 0 1 2
+    python -m training.ablations --clips DIR --out RUNS --preset small --stage2-steps 3000 --stage3-steps 1000 --seeds 0 1 2
 
-`--run` is the folder of a finished run: its phases and content encoder serve the variants that do not change them.
-Every variant lands in OUT/<name>/seed<k>/model, and OUT/full/seed<k>/model-mixture is the one without diffusion;
-`training.evaluation table1 --runs OUT` scores them together.
+Every row lands in RUNS/<row>/seed<k>/model, and RUNS/full/seed<k>/model-mixture is the one without diffusion. The row `full`
+is trained first: its phases and content encoder serve the rows that do not change them, unless `--run` names the folder of
+another run for that. Run again after a stop, the command goes on where it was.
+`python -m training.evaluation table1 --train` trains and scores row by row.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import logging
+import os
 import shutil
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
-from runtime.errors import FileError, run_command
-from training import pipeline
+from runtime.assets import model_folder
+from runtime.atomic import write_atomic
+from runtime.errors import FileError, UsageError, run_command
+from runtime.safe_read import open_npz
 from training.frames import stored_for
 from training.presets import ABLATIONS
 
 log = logging.getLogger("sport.train")
 
-# What a variant can take over from the full model's run: the stages that its change leaves alone. Others take the phase.
+FULL, FRAMES, STAGE2 = "full", "frames", "stage2.pt"
+RECIPE = "recipe.json"  # how a row is trained, and whether it is
+
+
+@dataclass(frozen=True)
+class TrainedRow:
+    """One of our networks, on all clips or on those of one data set; or another method."""
+
+    ablation: str = FULL
+    source: str = ""  # the only data set
+    method: str = ""  # of `training.baselines`
+
+
+TRAINED_ROWS = {
+    **{name: TrainedRow(name) for name in ABLATIONS},
+    "100style": TrainedRow(source="100style"),
+    "terrain": TrainedRow(source="pfnn_rollouts"),
+    **{name: TrainedRow(method=name) for name in ("motion-matching", "pfnn", "mason2022", "style-label")},
+}
+# What an ablation can take over from the full model: the stages that its change leaves alone. Others take the phase.
 _PHASE, _CONTENT = ("phase.npy", "phase_final.pt"), ("content_final.pt",)
 SHARED: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(ABLATIONS, _PHASE),
     **dict.fromkeys(
-        ("full", "4-experts", "4-content-experts", "distilled-diffusion", "expert-shares"), _PHASE + _CONTENT
+        (FULL, "4-experts", "4-content-experts", "distilled-diffusion", "expert-shares"), _PHASE + _CONTENT
     ),
     **dict.fromkeys(("pae", "joined-hips"), _CONTENT),
 }
-
 # These differ from the full model in stage 3 alone, and take over its stage 2 of the same seed.
 OTHER_DIFFUSION = ("distilled-diffusion", "expert-shares")
-STAGE2 = "stage2.pt"
-STAGES = {"phase": 1500, "content": 1500, "stage2": 3000, "stage3": 1000}  # steps
-FRAMES = "frames"  # the table of all frames: gigabytes, which every variant of the same clips maps
+STAGES = {"phase": 1000, "content": 2000, "stage2": 2000, "stage3": 700}  # steps
+# of training, as `add_argument` takes them
+OPTIONS: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("--run", {"type": Path, "metavar": "DIR", "help": "finished run whose phases and content encoder serve"}),
+    ("--only", {"nargs": "+", "choices": tuple(TRAINED_ROWS), "metavar": "ROW", "help": "these rows alone"}),
+    ("--preset", {"default": "small"}),
+    *((f"--{stage}-steps", {"type": int, "default": steps}) for stage, steps in STAGES.items()),
+    ("--batch", {"type": int, "default": 256}),
+    ("--baseline-steps", {"type": int, "default": 4000, "help": "of other methods, of 256 frames"}),
+    ("--nice", {"type": int, "default": 19, "help": "priority given up for other work, 0 to 19 (default: 19)"}),
+)  # fmt: skip
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description="Train and export the rows of Table I.")
+    parser.add_argument("--clips", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--out", type=Path, required=True, metavar="RUNS")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="every row once with each")
+    for name, settings in OPTIONS:
+        parser.add_argument(name, **settings)
+    args = parser.parse_args(argv)
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    give_way(args.nice)
+    check(args, args.only or list(ABLATIONS))
+    for seed in args.seeds:  # a whole table first, then its spread
+        for name in args.only or ABLATIONS:
+            train_row(args, args.out, name, seed)
+
+
+def give_way(nice: int) -> None:
+    """Lower this process's priority, where the system has such a thing."""
+    if hasattr(os, "nice"):
+        os.nice(nice)
+
+
+def check(args: argparse.Namespace, names: Sequence[str]) -> None:
+    """UsageError before hours of training for what cannot be trained."""
+    if not 0 <= args.nice <= 19:
+        raise UsageError(f"--nice {args.nice}: expected 0 to 19.", "Try 19.")
+    present = {_source(path) for path in sorted(args.clips.glob("*.npz"))}
+    for name in names:
+        source = TRAINED_ROWS[name].source
+        if source and source not in present:
+            raise UsageError(
+                f"--clips {args.clips}: no clips of {source}, which the row {name} is trained on.",
+                "Import them too, or name the other rows with --only.",
+            )
+
+
+def _source(path: Path) -> str:
+    with open_npz(path, "Run the importer again.") as clip:
+        return str(clip["source"])
+
+
+def train_row(args: argparse.Namespace, out: Path, name: str, seed: int) -> None:
+    """Train and export one row below `out`, if it is not there.
+
+    FileError where the row was begun with other options.
+    """
+    row, folder = TRAINED_ROWS[name], out / name / f"seed{seed}"
+    recipe = {**asdict(row), "seed": seed, **_numbers(args, row)}
+    known = _known(folder / RECIPE)
+    if known.pop("trained", False) and known == recipe:
+        log.info("%s, seed %d: already trained", name, seed)
+        return
+    if known and known != recipe:
+        raise FileError(f"{folder}: trained with other options.", "Name another folder, or the same options.")
+    _keep(folder, recipe, False)
+    log.info("%s, seed %d", name, seed)
+    if row.method:
+        _train_method(args, row, folder, seed)
+    else:
+        _train_ours(args, out, name, seed)
+    _keep(folder, recipe, True)
+
+
+def _numbers(args: argparse.Namespace, row: TrainedRow) -> dict[str, Any]:
+    """The options that decide a row's weights."""
+    if row.method:
+        return {"steps": args.baseline_steps}
+    return {name: getattr(args, name) for name in ("preset", *(f"{s}_steps" for s in STAGES), "batch")}
+
+
+def _known(path: Path) -> dict[str, Any]:
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+
+
+def _keep(folder: Path, recipe: dict[str, Any], trained: bool) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    write_atomic(folder / RECIPE, json.dumps(recipe | {"trained": trained}, indent=1) + "\n")
+
+
+def _train_method(args: argparse.Namespace, row: TrainedRow, folder: Path, seed: int) -> None:
+    """Another method, from its beginning: it takes minutes."""
+    from training.baselines.__main__ import METHODS
+
+    shutil.rmtree(folder / "model", ignore_errors=True)  # of a run that was stopped
+    options = {"method": row.method, "clips": args.clips, "out": folder / "model", "model": model_folder()}
+    given = argparse.Namespace(**options, steps=args.baseline_steps, seed=seed)
+    import_module(METHODS[row.method]).main(given, log.info)
+
+
+def _train_ours(args: argparse.Namespace, out: Path, name: str, seed: int) -> None:
+    """One of our networks; every stage goes on from its checkpoint."""
+    from training import pipeline
+
+    row, folder, full = TRAINED_ROWS[name], out / name / f"seed{seed}", out / FULL / f"seed{seed}"
+    clips = args.clips
+    if row.source:
+        clips = clips_of(args.clips, row.source, folder / "clips")
+    elif args.run is not None or name != FULL:
+        if args.run is None:
+            train_row(args, out, FULL, seed)
+        prepare(args.run or full, folder, name, args.clips)
+    if name in OTHER_DIFFUSION and (full / STAGE2).exists() and not (folder / STAGE2).exists():
+        shutil.copy(full / STAGE2, folder / STAGE2)
+    steps = [f"--{stage}-steps={getattr(args, f'{stage}_steps')}" for stage in STAGES]
+    steps += [f"--batch={args.batch}", f"--seed={seed}"]
+    common = ["--preset", args.preset, "--clips", str(clips), "--out", str(folder), "--layers", "0"]
+    pipeline.main(["all", *common, "--ablation", row.ablation, *steps])
+    if name == FULL:  # its stage 2 is the row without diffusion
+        pipeline.main(["export", *common, "--ablation", name, "--decoder", "mixture"])
 
 
 def prepare(run: Path, out: Path, name: str, clips: Path) -> None:
     """Copy what the variant `name` shares with `run` into `out`; FileError names what is missing."""
     out.mkdir(parents=True, exist_ok=True)
+    # the table of all frames: gigabytes, which every variant of the same clips maps
     if stored_for(run / FRAMES, clips) and not (out / FRAMES).exists():
         (out / FRAMES).symlink_to((run / FRAMES).resolve(), target_is_directory=True)
     for file in SHARED[name]:
@@ -51,40 +199,15 @@ def prepare(run: Path, out: Path, name: str, clips: Path) -> None:
         shutil.copy(run / file, out / file)
 
 
-def main(argv: list[str] | None = None) -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description="Train and export the ablations of Table I.")
-    parser.add_argument("--clips", type=Path, required=True)
-    parser.add_argument("--run", type=Path, required=True, help="folder of the full model's run")
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--only", nargs="*", choices=tuple(ABLATIONS), default=list(ABLATIONS))
-    parser.add_argument("--preset", default="compact")
-    for stage, steps in STAGES.items():
-        parser.add_argument(f"--{stage}-steps", type=int, default=steps)
-    parser.add_argument("--batch", type=int, default=1024)
-    parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="every variant once with each")
-    args = parser.parse_args(argv)
-    for seed in args.seeds:  # a whole table first, then its spread
-        for name in args.only:
-            _train(args, name, seed)
-
-
-def _train(args: argparse.Namespace, name: str, seed: int) -> None:
-    """Train and export one variant, if it is not there."""
-    folder = args.out / name / f"seed{seed}"
-    if (folder / "model" / "metadata.json").exists():
-        log.info("%s, seed %d: already exported", name, seed)
-        return
-    prepare(args.run, folder, name, args.clips)
-    trained = args.out / "full" / f"seed{seed}" / STAGE2
-    if name in OTHER_DIFFUSION and trained.exists() and not (folder / STAGE2).exists():
-        shutil.copy(trained, folder / STAGE2)
-    steps = [f"--{stage}-steps={getattr(args, f'{stage}_steps')}" for stage in STAGES]
-    steps += [f"--batch={args.batch}", f"--seed={seed}"]
-    common = ["--preset", args.preset, "--clips", str(args.clips), "--out", str(folder), "--layers", "0"]
-    pipeline.main(["all", *common, "--ablation", name, *steps])
-    if name == "full":  # its stage 2 is the row without diffusion
-        pipeline.main(["export", *common, "--ablation", name, "--decoder", "mixture"])
+def clips_of(clips: Path, source: str, to: Path) -> Path:
+    """The folder `to` of links to the clips of one data set and to their descriptions."""
+    to.mkdir(parents=True, exist_ok=True)
+    paths = [path for path in sorted(clips.glob("*.npz")) if _source(path) == source]
+    for path in [*paths, *sorted(clips.glob("*.json"))]:
+        link = to / path.name
+        if not link.exists():
+            link.symlink_to(path.resolve())
+    return to
 
 
 if __name__ == "__main__":

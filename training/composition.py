@@ -24,7 +24,7 @@ from runtime.skeleton import PART_JOINTS, PART_NAMES, SPORT_SKELETON, J
 from training.augmentation.catalogue import PartEdit, catalogue, edits_of_key
 from training.augmentation.gait import left_landings, step_phase
 from training.frames import FIRST_OF_UPPER as FIRST
-from training.frames import FIXED_POINT, LAYERED, FrameTable, smooth
+from training.frames import FIXED_POINT_SCALE, LAYERED, FrameTable, smooth
 from training.gpu import constant, rows_of
 from training.kinematics import matrices
 from training.styles import StyleTexts
@@ -34,14 +34,18 @@ UPPER = J - FIRST
 CHEST = SPORT_SKELETON.index("Spine1") - FIRST
 JOINTS_OF = [[j - FIRST for j in PART_JOINTS[part] if j >= FIRST] for part in PARTS]
 _FROM_CHEST = [j for k, part in enumerate(PARTS) if part != "torso" for j in JOINTS_OF[k]]
-CLIP_SPAN = 4096.0  # clocks of two clips never meet
+CLIP_CLOCK_LENGTH = 4096.0  # clocks of two clips never meet
 FEWEST_LANDINGS = 3  # of the left foot, below which a clip does not step
-STEADY = 0.7  # of a clip's median moving speed, from which the upper body swings in full
-COMPOSED = 0.5  # fraction of samples with at least one part of another clip
-COMPOSED_MOMENTS = 0.8  # of those near a start, stop, turn or change of gait: captured in neutral mostly
-CHANGED = 0.5  # chance of each part of a composed sample
-SAME_CLIP = 0.4  # fraction of composed samples whose parts all come from one clip, as a style's upper body
-EDITED = 0.5  # fraction of single parts that are exact edits; the others are captured
+STEADY_SPEED_FRACTION = 0.7  # of a clip's median moving speed, from which the upper body swings in full
+COMPOSED_FRACTION = 0.5  # fraction of samples with at least one part of another clip
+COMPOSED_MOMENTS_FRACTION = (
+    0.8  # of those near a start, stop, turn or change of gait: captured in neutral mostly
+)
+CHANGED_PART_PROBABILITY = 0.5  # chance of each part of a composed sample
+SAME_CLIP_FRACTION = (
+    0.4  # fraction of composed samples whose parts all come from one clip, as a style's upper body
+)
+EDITED_PART_FRACTION = 0.5  # fraction of single parts that are exact edits; the others are captured
 MAX_TEMPO = 1.6  # ratio of two cadences up to which a part may be sped up or slowed down
 SHORTEST = FPS  # frames of a clip that gives parts
 _OF_HIPS = ("sway", "bounce")  # edits of posture that move the hips too
@@ -74,12 +78,12 @@ class UpperBody:
         for clip in range(clips):
             rows = slice(int(table.start[clip]), int(table.start[clip + 1]))
             y = np.asarray(table.y[rows], np.float32)
-            own = np.asarray(table.upper[rows], np.float32) / FIXED_POINT
+            own = np.asarray(table.upper[rows], np.float32) / FIXED_POINT_SCALE
             contacts = (y[:, OUTPUT["contacts"]] > 0.5).astype(np.uint8)
             landings = left_landings(contacts)
             steps[clip] = len(landings) >= FEWEST_LANDINGS
             beat = step_phase(contacts) if steps[clip] else np.arange(len(y)) / FPS
-            clock[rows] = clip * CLIP_SPAN + beat - np.floor(beat[0])
+            clock[rows] = clip * CLIP_CLOCK_LENGTH + beat - np.floor(beat[0])
             activity[rows] = _activity(y, table.x[rows]) if steps[clip] else 1.0
             if steps[clip]:
                 cadence[clip] = FPS / np.median(np.diff(landings))
@@ -95,7 +99,7 @@ class UpperBody:
         """6D rotations `(B, n, 6)` of joints between frames `low` and `high` `(B,)`, not orthonormal."""
         a = self.hung[low[:, None], joints].float()
         b = self.hung[high[:, None], joints].float()
-        return torch.lerp(a, b, weight.float()[:, None, None]) / FIXED_POINT
+        return torch.lerp(a, b, weight.float()[:, None, None]) / FIXED_POINT_SCALE
 
 
 def _activity(y: Array, x: Array) -> Array:
@@ -104,7 +108,7 @@ def _activity(y: Array, x: Array) -> Array:
     standing = np.asarray(x[:, INPUT["gait"]], np.float32).reshape(len(x), L, -1)[:, L // 2, Gait.STAND]
     moving = standing < 0.5
     usual = float(np.median(speed[moving])) if moving.any() else 1.0
-    return np.clip(speed / max(STEADY * usual, 0.05), 0.0, 1.0)
+    return np.clip(speed / max(STEADY_SPEED_FRACTION * usual, 0.05), 0.0, 1.0)
 
 
 def acts_on_base(edit: PartEdit) -> bool:
@@ -175,12 +179,14 @@ class Composer:
     def draw(self, rows: Tensor, ahead: int = 0, often: float = 1.0) -> CompositionPlan:
         """A plan for base frames `rows` `(B,)` whose clips last for `ahead` frames more, or as long as their bases do.
 
-        Samples are composed `often` times as often as COMPOSED and COMPOSED_MOMENTS say.
+        Samples are composed `often` times as often as `COMPOSED_FRACTION` and `COMPOSED_MOMENTS_FRACTION` say.
         """
         count, device = len(rows), rows.device
-        composed_fraction = often * torch.where(self.moments[rows], COMPOSED_MOMENTS, COMPOSED)
+        composed_fraction = often * torch.where(
+            self.moments[rows], COMPOSED_MOMENTS_FRACTION, COMPOSED_FRACTION
+        )
         composed = torch.rand(count, device=device) < composed_fraction
-        changed = torch.rand(count, len(PARTS), device=device) < CHANGED
+        changed = torch.rand(count, len(PARTS), device=device) < CHANGED_PART_PROBABILITY
         changed |= (~changed.any(1, keepdim=True)) & (
             torch.arange(len(PARTS), device=device) == torch.randint(len(PARTS), (count, 1), device=device)
         )
@@ -193,8 +199,10 @@ class Composer:
     def _draw_clips(self, count: int, device: torch.device) -> Tensor:
         captured = weighted(self._captured, (count, len(PARTS)))
         edited = torch.stack([weighted(own, (count,)) for own in self._edited], dim=1)
-        clips = torch.where(torch.rand(count, len(PARTS), device=device) < EDITED, edited, captured)
-        same = torch.rand(count, 1, device=device) < SAME_CLIP
+        clips = torch.where(
+            torch.rand(count, len(PARTS), device=device) < EDITED_PART_FRACTION, edited, captured
+        )
+        same = torch.rand(count, 1, device=device) < SAME_CLIP_FRACTION
         return torch.where(same, captured[:, :1], clips)
 
     def _matched(self, rows: Tensor, plan: CompositionPlan, ahead: int) -> CompositionPlan:
@@ -202,8 +210,8 @@ class Composer:
         upper, base = self.upper, self.clip[rows]
         ending = torch.minimum(rows + ahead, self.last[base])
         now, then = (self._base_clock(r, plan.clips) for r in (rows, ending))
-        low = upper.clock[self.first[plan.clips]] - plan.clips * CLIP_SPAN
-        high = upper.clock[self.last[plan.clips]] - plan.clips * CLIP_SPAN
+        low = upper.clock[self.first[plan.clips]] - plan.clips * CLIP_CLOCK_LENGTH
+        high = upper.clock[self.last[plan.clips]] - plan.clips * CLIP_CLOCK_LENGTH
         stepping = upper.steps[plan.clips]
         least, most = low - now, high - then
         # one number a sample: parts of the same clip stay together
@@ -219,7 +227,7 @@ class Composer:
     def _base_clock(self, rows: Tensor, clips: Tensor) -> Tensor:
         """Of base frames `(B,)` the clock `(B, n)` that each of `clips` `(B, n)` follows: cycles, or seconds."""
         base = self.clip[rows]
-        cycles = self.upper.clock[rows] - base * CLIP_SPAN
+        cycles = self.upper.clock[rows] - base * CLIP_CLOCK_LENGTH
         seconds = (rows - self.first[base]).double() / FPS
         return torch.where(self.upper.steps[clips], cycles[:, None], seconds[:, None])
 
@@ -237,7 +245,7 @@ class Composer:
     def lasts(self, rows: Tensor, plan: CompositionPlan) -> Tensor:
         """Whether every changed part goes on at the base frames `rows`, `(B,)`."""
         clock = self._base_clock(rows, plan.clips) + plan.shift
-        high = self.upper.clock[self.last[plan.clips]] - plan.clips * CLIP_SPAN
+        high = self.upper.clock[self.last[plan.clips]] - plan.clips * CLIP_CLOCK_LENGTH
         return (~plan.changed | (clock <= high)).all(1)
 
     # --- poses --------------------------------------------------------------------------------------------------------
@@ -266,7 +274,7 @@ class Composer:
     def rotations(self, rows: Tensor, plan: CompositionPlan) -> Tensor:
         """Facing-relative rotation matrices `(B, 20, 3, 3)` of the upper body at base frames `rows`."""
         upper = self.upper
-        hung = upper.hung[rows].float() / FIXED_POINT
+        hung = upper.hung[rows].float() / FIXED_POINT_SCALE
         for k, own in enumerate(JOINTS_OF):
             at, joints = rows_of(plan.changed[:, k]), constant(own, rows.device)
             body = hung[at]
@@ -280,7 +288,7 @@ class Composer:
     def _given(self, rows: Tensor, clips: Tensor, shift: Tensor, joints: Tensor) -> Tensor:
         """What clips `(n,)` give at base frames `rows`: their pose there, nearer to its mean where a base stands."""
         upper = self.upper
-        wanted = self._base_clock(rows, clips[:, None])[:, 0] + shift + clips * CLIP_SPAN
+        wanted = self._base_clock(rows, clips[:, None])[:, 0] + shift + clips * CLIP_CLOCK_LENGTH
         high = torch.searchsorted(upper.clock, wanted)
         high = torch.minimum(torch.maximum(high, self.first[clips] + 1), self.last[clips])
         low = high - 1

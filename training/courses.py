@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from copy import copy
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -20,9 +21,8 @@ import numpy as np
 
 from runtime import rotations
 from runtime.arrays import Array, Float32Array
-from runtime.controls import Controls, Gait
+from runtime.controls import Gait
 from runtime.errors import FileError
-from runtime.motion.control_scripts import LOOK_AHEAD_M
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS, INPUT
 from runtime.motion.model import MotionModel
@@ -31,8 +31,9 @@ from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from training.data.clips import Patches, TrainingClip
 from training.evaluation.metrics.traversal import first_problem
-from training.evaluation.motion.driving import Recorder
+from training.evaluation.motion.driving import walked
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
+from training.evaluation.on_obstacles import along_the_middle
 
 log = logging.getLogger("sport.train")
 
@@ -41,11 +42,15 @@ KINDS = ("obstacles", "stairs", "beam", "slopes")
 SHARES = (0.4, 0.3, 0.15, 0.15)  # of the courses
 LENGTH_M, HALF_WIDTH_M, CELL_M, START_M = 30.0, 2.0, 0.05, 2.5
 SIDE_M = 0.5  # of the way to the left and right of the middle
-MINUTES_EACH = 0.4  # of one character on one course, at most
+MAX_WALK_MINUTES = 0.4  # of one character on one course, at most
 MOST_WALKS = 25  # for a minute that passes: a model that walks needs three
 PIECE_S = 5.0  # that is kept or left out as a whole
-MOST_ACCELERATION = 260.0  # m/s^2 of a joint: captured jogs have up to 250
-THROWN, SMOOTH_FRAMES, SMOOTH_SIGMA = 150.0, 5, 2.0  # m/s^2 that are rounded off, over so many frames
+MAX_ACCELERATION_M_PER_S2 = 260.0  # m/s^2 of a joint: captured jogs have up to 250
+MIN_THROWN_M_PER_S2, SMOOTH_FRAMES, SMOOTH_SIGMA_FRAMES = (
+    150.0,
+    5,
+    2.0,
+)  # m/s^2 that are rounded off, over so many frames
 
 
 class LevelSight(MotionModel):
@@ -179,19 +184,14 @@ def walk(model: MotionModel, course: Course, style: str, code: Array, gait: Gait
     controller.set_style(code, 0.0)
     controller.reset()
     controller.settle()
-    recorder = Recorder(controller)
     side = 0.0 if course.straight else generator.uniform(-SIDE_M, SIDE_M)
     amount, wave = generator.uniform(0.75, 1.0), generator.uniform(5.0, 12.0)
-    for _ in range(round(60.0 * MINUTES_EACH * FPS)):
-        root = controller.pose.root_position.astype(np.float64)
-        wanted = side * np.sin(2.0 * np.pi * root[2] / wave)
-        ahead = np.array([wanted - root[0], LOOK_AHEAD_M])
-        ahead *= amount / np.linalg.norm(ahead)
-        recorder.step(Controls((float(ahead[0]), float(ahead[1])), gait=gait))
-        if root[2] > LENGTH_M:
-            break
-    count = recorder.frames
-    motion = recorder.motion(f"{style} {course.kind}", style, np.full(count, int(gait)), 0)
+    stick = partial(
+        along_the_middle, gait=gait, amount=amount, side=lambda z: side * np.sin(2.0 * np.pi * z / wave)
+    )
+    frames = round(60.0 * MAX_WALK_MINUTES * FPS)
+    (track,) = walked([controller], stick, frames, lambda member: member.pose.root_position[2] > LENGTH_M)
+    motion = track.motion(f"{style} {course.kind}", style, gait)
     hips, local = smoothed(motion.hips, motion.local, motion.positions)
     positions, _ = SPORT_SKELETON.forward_kinematics(hips, local)
     return Walked(course, style, gait, hips, local, motion.contacts, positions)
@@ -206,19 +206,21 @@ def smoothed(hips: Array, local: Array, positions: Array) -> tuple[Array, Array]
 
     thrown = np.zeros(len(hips))
     thrown[1:-1] = np.linalg.norm(np.diff(positions.astype(np.float64), 2, axis=0), axis=-1).max(1)
-    near = maximum_filter1d((thrown * FPS * FPS > THROWN).astype(np.float64), 2 * SMOOTH_FRAMES + 1)
+    near = maximum_filter1d(
+        (thrown * FPS * FPS > MIN_THROWN_M_PER_S2).astype(np.float64), 2 * SMOOTH_FRAMES + 1
+    )
     weight = gaussian_filter1d(near, SMOOTH_FRAMES / 2.0)
     even = rotations.continuous(local.astype(np.float64))
-    round_off = gaussian_filter1d(even, SMOOTH_SIGMA, axis=0)
+    round_off = gaussian_filter1d(even, SMOOTH_SIGMA_FRAMES, axis=0)
     mixed = rotations.normalize(even + weight[:, None, None] * (round_off - even))
-    low = gaussian_filter1d(hips.astype(np.float64), SMOOTH_SIGMA, axis=0)
+    low = gaussian_filter1d(hips.astype(np.float64), SMOOTH_SIGMA_FRAMES, axis=0)
     return hips + weight[:, None] * (low - hips), mixed
 
 
 def passes(walked: Walked, piece: slice) -> str:
     """The first check that a stretch does not pass; empty where it passes all."""
     positions = walked.positions[piece]
-    problem = first_problem(positions, walked.course.terrain, MOST_ACCELERATION)
+    problem = first_problem(positions, walked.course.terrain, MAX_ACCELERATION_M_PER_S2)
     if problem:
         return problem
     if np.linalg.norm(positions[-1, 0] - positions[0, 0]) < 0.2 * PIECE_S:

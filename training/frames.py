@@ -23,11 +23,11 @@ from runtime.skeleton import PART_JOINTS, SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 
 PAD = 61  # frames of extrapolated root path at each end of a clip
-FACING_SIGMA = 12.0  # frames; the root faces the forward direction smoothed by this Gaussian
+FACING_SIGMA_FRAMES = 12.0  # frames; the root faces the forward direction smoothed by this Gaussian
 MAX_PATCHES = 3
 LAYERED = "layered"  # content of clips made by training.augmentation
 FIRST_OF_UPPER = 11  # joints from LowerBack on are the upper body
-FIXED_POINT = 32767.0  # of rotations stored in 16 bits: 16 times finer than half floats near 1
+FIXED_POINT_SCALE = 32767.0  # of rotations stored in 16 bits: 16 times finer than half floats near 1
 PLAIN = "neutral"  # of the neutral styles the one that "a person walking normally" describes
 
 
@@ -78,7 +78,7 @@ def repeat_ends(values: Array) -> Array:
 def root_motion(positions: Array) -> tuple[Array, Array]:
     """Root path `(T, 2)` and unwrapped yaw `(T,)` of world joints `(T, 31, 3)`."""
     yaw = np.unwrap(features.facing_yaw(positions))
-    return positions[:, 0][:, [0, 2]], smooth(yaw[:, None], FACING_SIGMA)[:, 0]
+    return positions[:, 0][:, [0, 2]], smooth(yaw[:, None], FACING_SIGMA_FRAMES)[:, 0]
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def clip_frames(path: Path) -> ClipFrames:
         heights=heights.astype(np.float16),
         ground=ground.astype(np.float32),
         previous_ground=ground[previous].astype(np.float32),
-        upper=np.rint(_upper(world, course.yaw) * FIXED_POINT).astype(np.int16),
+        upper=np.rint(_upper(world, course.yaw) * FIXED_POINT_SCALE).astype(np.int16),
         style=str(clip["style"]),
         content=str(clip["content"]),
         source=str(clip["source"]),

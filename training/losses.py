@@ -102,7 +102,7 @@ def swing(own: Tensor, captured: Tensor, scale: Tensor, kept: Tensor) -> Tensor:
     The energies of many rollouts are compared, not frames: they need not be in step. `scale` `(n,)` is metres. Entries
     that the capture moves by less than 3 % of it say nothing, such as the hips' place over the root.
     """
-    least = STILL * kept.sum(0)
+    least = MIN_MOVEMENT * kept.sum(0)
     wanted = (kept * (captured / scale).square()).sum(0)
     moves = (wanted > least).float()
     energy = (kept * (own / scale).square()).sum(0)
@@ -117,8 +117,8 @@ def own_swing(own: Tensor, energies: Tensor, scale: Tensor, kept: Tensor) -> Ten
     `energies` `(2, B, n)` are running means of squares, the rollout's and its clip's; their logarithm is the weight, and
     what it weighs is the rollout's present energy over its running mean.
     """
-    mine, wanted = energies / scale.square() + STILL
-    weight = (mine / wanted).log().clamp(-MOST_WIDER, MOST_NARROWER)
+    mine, wanted = energies / scale.square() + MIN_MOVEMENT
+    weight = (mine / wanted).log().clamp(-MAX_WIDENING, MAX_NARROWING)
     return (kept * weight * (own / scale).square() / mine).sum() / kept.sum().clamp_min(1.0)
 
 
@@ -142,10 +142,10 @@ def distribution(own: Tensor, captured: Tensor, scale: float) -> Tensor:
     return ((own.sort(0).values - captured.sort(0).values) / scale).square().mean()
 
 
-BEND = 0.2  # radians: unit of errors of a knee
+BEND_UNIT_RAD = 0.2  # radians: unit of errors of a knee
 # of the weight in `own_swing`: a rollout that is drawn wider too strongly runs away
-MOST_WIDER, MOST_NARROWER = 0.4, 1.5
-STILL = 1e-3  # mean square of a movement over its scale
+MAX_WIDENING, MAX_NARROWING = 0.4, 1.5
+MIN_MOVEMENT = 1e-3  # mean square of a movement over its scale
 
 
 def contact(labels: Tensor, squared_foot_velocity: Tensor) -> Tensor:

@@ -48,6 +48,7 @@ from training.presets import OPEN, ModelConfig, preset
 from training.run import Run
 from training.session import load_checkpoint, save_checkpoint
 from training.stages import content as stage_content
+from training.stages import diffusion as stage_diffusion
 from training.stages import ground as stage_ground
 from training.stages import motion as stage_motion
 from training.stages import phase as stage_phase
@@ -56,13 +57,15 @@ from training.stages import words as stage_words
 log = logging.getLogger("sport.train")
 
 PHASE_BATCH, CONTENT_BATCH = 128, 64
-WRITING = 0.01  # of --minutes, for the last checkpoint
+WRITING_FRACTION = 0.01  # of --minutes, for the last checkpoint
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run one stage or all of them."""
     args = build_parser().parse_args(argv)
-    args.ends = None if args.minutes is None else time.monotonic() + 60.0 * (1.0 - WRITING) * args.minutes
+    args.ends = (
+        None if args.minutes is None else time.monotonic() + 60.0 * (1.0 - WRITING_FRACTION) * args.minutes
+    )
     _log_progress()
     wanted = _wanted(args)
     stages = [stage for stage in wanted if stage in TRAINING]
@@ -164,7 +167,9 @@ def train_stage2(run: Run) -> None:
 
 def train_stage3(run: Run) -> None:
     """Stage 3, resumed where it stopped."""
-    generator = stage_motion.run_stage3(run.session, run.data, run.generator("stage2"), run.length("stage3"))
+    generator = stage_diffusion.run_stage3(
+        run.session, run.data, run.generator("stage2"), run.length("stage3")
+    )
     save_checkpoint(run.final("stage3"), {"module": generator.state_dict()})
 
 
@@ -231,7 +236,7 @@ def trained(run: Run, stage: str, decoder: str) -> Trained:
     config, data, table, content = run.config, run.data, run.table, run.content
     sigma = np.zeros(config.inference_steps)
     if decoder == "diffusion":
-        sigma = stage_motion.estimate_variance(run.session, data, generator)
+        sigma = stage_diffusion.estimate_variance(run.session, data, generator)
     schedule = Schedule.linear(config.diffusion_steps)
     # of Z^t: walking and jogging speed, then amplitude and rate of each phase channel at rest
     speeds = style_speeds(table, data.style, run.texts.of_pace()), rest_rhythm(table, run.phase, data.style)

@@ -26,7 +26,7 @@ PRESENT = 60
 _POSE = ("joint_positions", "joint_velocities")
 # Fraction of lanes that begin in the pose of another clip. Capture holds no change of style: without these lanes the
 # network would stay in the pose it finds itself in, whatever the prompt says.
-FOREIGN_POSE = 0.5
+FOREIGN_POSE_FRACTION = 0.5
 ENERGY_FRAMES = 45  # most of a gait cycle: over so many a lane is compared with its own clip
 MOVEMENTS = 93 + TURNS  # coordinates of the joints, then turns of trunk, head and feet
 PLANNED_FRAMES = 60  # that a part of another clip goes on at least
@@ -84,7 +84,7 @@ class RolloutLanes:
         plan = self.frames.plan(rows, PLANNED_FRAMES, self._often)
         patch = (torch.rand(len(rows), device=rows.device) * self.frames.patches[rows]).long()
         x, _ = self.frames.pairs(rows, patch, plan)
-        foreign = torch.rand(len(rows), device=rows.device) < FOREIGN_POSE
+        foreign = torch.rand(len(rows), device=rows.device) < FOREIGN_POSE_FRACTION
         order = torch.arange(len(rows), device=rows.device)
         order = torch.where(foreign, torch.rand(len(rows), device=rows.device).argsort(), order)
         index = rows[:, None] - 1 + torch.arange(-PRESENT, PRESENT + 1, device=rows.device)
@@ -220,7 +220,7 @@ def _dense(samples: Tensor) -> Tensor:
     return (1 - t) * samples[:, low] + t * samples[:, low + 1]
 
 
-EXACT = 0.35  # fraction of rows whose path stays as captured
+EXACT_PATH_FRACTION = 0.35  # fraction of rows whose path stays as captured
 
 
 def steered(x: Tensor) -> Tensor:
@@ -231,7 +231,7 @@ def steered(x: Tensor) -> Tensor:
     past, which the character walked itself, a random part is.
     """
     count = len(x)
-    free = (torch.rand(count, 1, device=x.device) >= EXACT).float()
+    free = (torch.rand(count, 1, device=x.device) >= EXACT_PATH_FRACTION).float()
     past = free * torch.rand(count, 1, device=x.device)
     coming = free * (1.5 * torch.rand(count, 1, device=x.device)).clamp_max(1.0)
     ahead = constant((TRAJECTORY_OFFSETS > 0).tolist(), x.device)

@@ -12,13 +12,13 @@ from runtime.motion.features import FPS, INPUT, OUTPUT
 from runtime.skeleton import SPORT_SKELETON
 from training.frames import LAYERED, FrameTable
 
-FAVOUR = 3.0
+FAVOURED_FACTOR = 3.0
 TERRAIN_FRACTION, LAYERED_FRACTION = 0.18, 0.36  # of the frames drawn; the rest is capture
 # A style with a sixteenth of another's frames is drawn half as often: some have one short take.
-STYLE_POWER = 0.25
+STYLE_EXPONENT = 0.25
 # Starts, stops, turns and changes of gait are a small part of the capture and much of what a player does.
-MOMENT_BOOST = 4.0
-TURN = np.deg2rad(50.0)  # within a second
+MOMENT_FACTOR = 4.0
+MIN_TURN_RAD = np.deg2rad(50.0)  # within a second
 SPRINT_TILT = np.deg2rad(24.0)  # of the trunk, forward
 SPRINT_SPEED = 2.2  # m/s within the second after a stand
 _SPRINTING = ("accad", "o3de")  # captures whose runs from a stand are sprint starts
@@ -27,7 +27,7 @@ _SPRINTING = ("accad", "o3de")  # captures whose runs from a stand are sprint st
 def sampling_weights(table: FrameTable, favoured: NDArray[np.bool_] | None = None) -> Array:
     """Per-frame weight `(N,)`: fixed fractions for terrain rollouts and layered clips, the rest by style; sums to one.
 
-    Frames of `favoured` clips `(clips,)` count FAVOUR times. Held-out frames, sprint starts and each clip's first frame
+    Frames of `favoured` clips `(clips,)` count `FAVOURED_FACTOR` times. Held-out frames, sprint starts and each clip's first frame
     (it has no previous pose) weigh nothing.
     """
     weights = np.zeros(len(table))
@@ -40,15 +40,15 @@ def sampling_weights(table: FrameTable, favoured: NDArray[np.bool_] | None = Non
     for style in np.unique(styles):
         chosen = captured & (styles == style)
         if chosen.any():
-            weights[chosen] = float(chosen.sum()) ** (STYLE_POWER - 1.0)
+            weights[chosen] = float(chosen.sum()) ** (STYLE_EXPONENT - 1.0)
     groups = [(captured, 1.0 - TERRAIN_FRACTION - LAYERED_FRACTION), (usable & rollouts, TERRAIN_FRACTION)]
     for chosen, fraction in [*groups, (usable & layered, LAYERED_FRACTION)]:
         if chosen.any():
             own = np.where(weights[chosen] > 0, weights[chosen], 1.0)
             if favoured is not None:
-                own *= np.where(favoured[table.clip[chosen]], FAVOUR, 1.0)
+                own *= np.where(favoured[table.clip[chosen]], FAVOURED_FACTOR, 1.0)
             weights[chosen] = fraction * own / own.sum()
-    weights *= np.where(moments(table), MOMENT_BOOST, 1.0)
+    weights *= np.where(moments(table), MOMENT_FACTOR, 1.0)
     return weights / weights.sum()
 
 
@@ -62,7 +62,7 @@ def moments(table: FrameTable) -> NDArray[np.bool_]:
     facing = np.asarray(table.x[:, INPUT["trajectory_directions"]], np.float32).reshape(-1, features.L, 2)
     yaw = np.arctan2(facing[..., 0], facing[..., 1])
     turned = np.angle(np.exp(1j * (yaw[:, features.L * 3 // 4] - yaw[:, features.L // 4])))
-    return changes | (np.abs(turned) > TURN)
+    return changes | (np.abs(turned) > MIN_TURN_RAD)
 
 
 def sprint_starts(table: FrameTable) -> NDArray[np.bool_]:

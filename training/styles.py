@@ -24,7 +24,7 @@ from training.frames import FrameTable
 LAYERS, CAPTIONS = "layers.json", "captions.json"  # next to the clips: of edited ones, and of captured ones
 PARAPHRASES = 8
 MEASURED = 2  # of these for a captured clip with captions of its own
-MIX = 0.4  # fraction of draws in which every part takes a paraphrase of its own
+MIXED_FRACTION = 0.4  # fraction of draws in which every part takes a paraphrase of its own
 
 
 @dataclass
@@ -61,7 +61,7 @@ def pick_paraphrases(index: Tensor, clips: Tensor) -> Tensor:
     whose = clips if clips.ndim == 2 else clips[:, None]
     own = (torch.rand(len(clips), parts, device=clips.device) * count).long()
     same = own[:, :1].expand(-1, parts)
-    choice = torch.where(torch.rand(len(clips), 1, device=clips.device) < MIX, own, same)
+    choice = torch.where(torch.rand(len(clips), 1, device=clips.device) < MIXED_FRACTION, own, same)
     return index[whose, choice, torch.arange(parts, device=clips.device)]
 
 

@@ -71,7 +71,7 @@ def test_a_knee_that_is_thrown_about_is_rounded_off_and_nothing_else() -> None:
         return float(np.linalg.norm(np.diff(joints.astype(np.float64), 2, axis=0), axis=-1).max()) * 3600.0
 
     assert worst(thrown) > 800.0
-    assert worst(positions) < clips.MOST_ACCELERATION
+    assert worst(positions) < clips.MAX_ACCELERATION_M_PER_S2
     assert np.allclose(positions[:330], thrown[:330], atol=1e-5)
     assert np.allclose(positions[370:], thrown[370:], atol=1e-5)
 
@@ -113,7 +113,7 @@ def test_the_checks_name_what_does_not_pass() -> None:
 
 
 def test_a_walk_gets_on_over_stairs(model: MotionModel, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(clips, "MINUTES_EACH", 0.07)
+    monkeypatch.setattr(clips, "MAX_WALK_MINUTES", 0.07)
     settle_soon(monkeypatch)
     course = random_course("stairs", np.random.default_rng(3))
     walked = walk(model, course, "neutral", model.neutral, Gait.JOG, 1)

@@ -27,7 +27,8 @@ from training.networks.generator import Generator
 from training.presets import preset
 from training.rollouts import MOVEMENTS, RolloutLanes, steered
 from training.session import Session
-from training.stages.motion import MotionData, estimate_variance, from_other_poses
+from training.stages.diffusion import estimate_variance
+from training.stages.motion import MotionData, from_other_poses
 from training.styles import StyleTable
 
 pytestmark = pytest.mark.needs_torch
@@ -41,7 +42,7 @@ def test_steps_that_are_the_velocity_are_no_unrest_and_trembling_is():
 
 
 def test_a_lane_that_predicts_the_truth_moves_by_its_velocity(frames, monkeypatch):  # noqa: F811
-    monkeypatch.setattr("training.rollouts.FOREIGN_POSE", 0.0)
+    monkeypatch.setattr("training.rollouts.FOREIGN_POSE_FRACTION", 0.0)
     rows = torch.tensor([100, 620])  # on a floor, and up a slope
     lanes = RolloutLanes(frames, 2, 1e9, iter([rows, rows, rows]))
     for k in range(3):
@@ -181,12 +182,13 @@ def test_the_energies_of_lanes_are_means_since_they_settled_and_begin_anew_with_
 def test_knees_out_of_step_bend_as_the_capture_does_and_half_bent_ones_do_not():
     phase = torch.linspace(0, 2 * torch.pi, 65)[:-1, None]
     captured = 0.6 + 0.6 * phase.sin()
-    assert losses.distribution(captured.roll(16, 0), captured, losses.BEND) < 1e-8
+    assert losses.distribution(captured.roll(16, 0), captured, losses.BEND_UNIT_RAD) < 1e-8
     shrunk = [
-        float(losses.distribution(0.6 + s * phase.sin(), captured, losses.BEND)) for s in (0.5, 0.3, 0.1)
+        float(losses.distribution(0.6 + s * phase.sin(), captured, losses.BEND_UNIT_RAD))
+        for s in (0.5, 0.3, 0.1)
     ]
     assert 0 < shrunk[0] < shrunk[1] < shrunk[2]
-    assert losses.distribution(captured[:0], captured[:0], losses.BEND) == 0.0
+    assert losses.distribution(captured[:0], captured[:0], losses.BEND_UNIT_RAD) == 0.0
 
 
 def test_the_flexion_of_a_knee_is_the_turn_of_the_shin_in_the_thigh():
@@ -312,5 +314,5 @@ def test_the_sway_of_steps_shrinks_by_random_shares_and_some_rows_keep_it(monkey
     assert sway.min() < 0.6
     facing = y[:, INPUT["trajectory_directions"]].reshape(len(y), L, 2).norm(dim=-1)
     np.testing.assert_allclose(facing.numpy(), 1.0, atol=1e-5)
-    monkeypatch.setattr("training.rollouts.EXACT", 1.0)
+    monkeypatch.setattr("training.rollouts.EXACT_PATH_FRACTION", 1.0)
     assert torch.equal(steered(x)[:, INPUT["trajectory_positions"]], x[:, INPUT["trajectory_positions"]])

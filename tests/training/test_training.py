@@ -76,7 +76,7 @@ def test_held_out_clips_are_never_drawn(small_table):
 
 
 def test_a_lane_that_predicts_the_truth_sees_captured_frames(frames, monkeypatch):
-    monkeypatch.setattr("training.rollouts.FOREIGN_POSE", 0.0)
+    monkeypatch.setattr("training.rollouts.FOREIGN_POSE_FRACTION", 0.0)
     rows = torch.tensor([100, 400])
     lanes = RolloutLanes(frames, 2, 1e9, iter([rows, rows]))
     for k in range(5):
@@ -89,7 +89,7 @@ def test_a_lane_that_predicts_the_truth_sees_captured_frames(frames, monkeypatch
 
 
 def test_lanes_can_begin_in_the_pose_of_another_clip(frames, monkeypatch):
-    monkeypatch.setattr("training.rollouts.FOREIGN_POSE", 1.0)
+    monkeypatch.setattr("training.rollouts.FOREIGN_POSE_FRACTION", 1.0)
     rows = torch.arange(100, 164)
     lanes = RolloutLanes(frames, 64, 1e9, iter([rows]))
     pose = INPUT["joint_positions"]

@@ -39,10 +39,10 @@ from training.presets import preset
 
 Report = Callable[[str], None]
 
-LEAST_DEVIATION = 1e-2  # of x and y in physical units: what never changes is not blown up
+MIN_DEVIATION = 1e-2  # of x and y in physical units: what never changes is not blown up
 MOST_FRAMES = 600_000  # clips are taken at random
-BATCH, RATE = 256, 1e-3  # of a step; of learning, at first
-LIMIT = 5.0  # deviations that a normalised input may have
+BATCH, MAX_LEARNING_RATE = 256, 1e-3  # of a step; of learning, at first
+MAX_INPUT_DEVIATIONS = 5.0  # deviations that a normalised input may have
 
 
 @dataclass(frozen=True)
@@ -121,9 +121,9 @@ def fit(network: Baseline, frames: LabelledFrames, steps: int, seed: int, report
     for name, chosen in (("x", frames.x[sample]), ("y", frames.y[sample])):
         values = torch.from_numpy(chosen.astype(np.float32))
         getattr(network, f"{name}_mean").copy_(values.mean(0))
-        getattr(network, f"{name}_deviation").copy_(values.std(0).clamp_min(LEAST_DEVIATION))
+        getattr(network, f"{name}_deviation").copy_(values.std(0).clamp_min(MIN_DEVIATION))
     trained = [p for p in network.parameters() if p.requires_grad]
-    optimiser = torch.optim.AdamW(trained, RATE, weight_decay=1e-4)
+    optimiser = torch.optim.AdamW(trained, MAX_LEARNING_RATE, weight_decay=1e-4)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
     network.train()
     losses = []
@@ -146,8 +146,8 @@ def fit(network: Baseline, frames: LabelledFrames, steps: int, seed: int, report
 
 
 def scaled(network: Baseline, x: Tensor) -> Tensor:
-    """Normalised x, within LIMIT."""
-    return ((x - network.x_mean) / network.x_deviation).clamp(-LIMIT, LIMIT)
+    """Normalised x, within `MAX_INPUT_DEVIATIONS`."""
+    return ((x - network.x_mean) / network.x_deviation).clamp(-MAX_INPUT_DEVIATIONS, MAX_INPUT_DEVIATIONS)
 
 
 class LabelGraph(nn.Module):

@@ -1,17 +1,17 @@
 """Models compared: Table I of the paper, every row and column, over several seeds, and distances to capture alone.
 
-    python -m training.evaluation table1 --clips DIR --runs RUNS --store table1.json --markdown docs/results/table1.md
+    python -m training.evaluation table1 --train --clips DIR --runs RUNS --markdown docs/results/table1.md
 
-A row's models lie in RUNS/<row>/seed<k>/model (the one without diffusion in RUNS/full/seed<k>/model-mixture), or in RUNS/<row>/model
-as one seed: what `python -m training.ablations` and `python -m training.baselines` write. Each model is measured once; the store is
-written after each, and a run that was stopped goes on where it was.
+A row's models lie in RUNS/<row>/seed<k>/model (the one without diffusion in RUNS/full/seed<k>/model-mixture), where --train
+makes them (`training.ablations`). Seed k also draws what seed k is scored on, so that what has no training has a deviation too.
+The store is written after each model: a run that was stopped goes on where it was.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,10 +19,13 @@ from typing import Any
 import numpy as np
 
 from runtime.atomic import write_atomic
-from runtime.errors import FileError
+from runtime.errors import FileError, UsageError
 from runtime.motion.model_files import read_metadata
+from training.ablations import OPTIONS as TRAINING_OPTIONS
+from training.ablations import check as check_training
+from training.ablations import give_way, train_row
 from training.evaluation.command import check_seconds, plan_of
-from training.evaluation.experiment import PLAN, SECONDS, Experiment, Setting, option, read_json
+from training.evaluation.experiment import PLAN, SECONDS, Arguments, Experiment, Setting, option, read_json
 from training.evaluation.metrics.features import joined
 from training.evaluation.metrics.frechet import compare
 from training.evaluation.motion.capture import OVERALL_COMPONENTS, TERRAIN_GROUP, EvaluationPlan
@@ -34,7 +37,7 @@ from training.markdown import number, percent, table
 Cells = dict[str, float]
 SEED_IN_NAME = re.compile(r" seed\d+")  # of a model, `EvaluatedModel.name`
 SHIPPED, CAPTURE = "ours, as shipped", "capture, one half against the other"
-SHOWN = 0.5  # fraction of its windows from which on a style counts as shown
+SHOWN_WINDOWS_FRACTION = 0.5  # fraction of its windows from which on a style counts as shown
 
 
 @dataclass(frozen=True)
@@ -77,16 +80,13 @@ COLUMNS: dict[str, tuple[str, int]] = {
 }
 
 
-def models_of(row: TableRow, runs: Path) -> dict[str, Path]:
-    """Exported models of a row by seed, those that are there."""
-    folders = [*sorted((runs / row.folder).glob("seed*")), runs / row.folder]
-    found = {
-        f.name.removeprefix("seed"): f / row.model
-        for f in folders
-        if (f / row.model / "metadata.json").is_file()
-    }
-    alone = found.pop(row.folder, None)
-    return found or ({} if alone is None else {"0": alone})
+def model_of(setting: Setting, row: TableRow, seed: int) -> Path | None:
+    """The exported model of a row, trained now where --train is given; None where there is none."""
+    args = setting.args
+    if args.train and (args.only is None or row.folder in args.only):
+        train_row(args, args.runs, row.folder, seed)
+    folder: Path = args.runs / row.folder / f"seed{seed}" / row.model
+    return folder if (folder / "metadata.json").is_file() else None
 
 
 def cells_of(scores: dict[str, Any]) -> Cells:
@@ -107,7 +107,7 @@ def cells_of(scores: dict[str, Any]) -> Cells:
 
 
 def _recognised(scores: dict[str, float]) -> Cells:
-    shown = float(sum(score >= SHOWN for score in scores.values()))
+    shown = float(sum(score >= SHOWN_WINDOWS_FRACTION for score in scores.values()))
     return {"styles": shown, "recognition": mean(scores)}
 
 
@@ -125,61 +125,73 @@ def capture_cells(plan: EvaluationPlan, report: Callable[[str], None]) -> Cells:
 
 
 def table_one(setting: Setting) -> dict[str, Any]:
-    """Measure what is there and not in the store yet; all cells by row and seed."""
-    args, cells = setting.args, _stored(setting)
-    kept = {"options": _options(setting), "cells": cells}
-
-    def keep(title: str, seed: str, found: Cells) -> None:
-        cells.setdefault(title, {})[seed] = found
-        if args.store is not None:
-            write_atomic(args.store, json.dumps(kept, indent=1) + "\n")
-
-    waiting = _waiting(setting, cells)
-    if waiting or CAPTURE not in cells:
-        plan = plan_of(setting)
-        if CAPTURE not in cells:
-            keep(CAPTURE, "0", capture_cells(plan, setting.report))
-        for title, seed, folder in waiting:
-            setting.report(f"{title}, seed {seed}")
-            scores = score_model(plan, EvaluatedModel(folder, plan.texts), setting.report)
-            keep(title, seed, cells_of(scores))
+    """Measure what is not in the store yet, every row with the first seed, then with the others; all cells by row and seed."""
+    args, options = setting.args, _options(setting)
+    store = args.store or (None if args.runs is None else args.runs / "table1.json")
+    kept = {"options": options, "cells": _stored(store, options)}
+    for seed in args.seeds:
+        for title, cells in _missing(setting, seed, kept["cells"]):
+            kept["cells"].setdefault(title, {})[str(seed)] = cells
+            if store is not None:
+                write_atomic(store, json.dumps(kept, indent=1) + "\n")
     return kept
 
 
-def _waiting(setting: Setting, cells: dict[str, dict[str, Cells]]) -> list[tuple[str, str, Path]]:
-    """Row, seed and folder of the models without figures: every row once, then its other seeds."""
-    found = {SHIPPED: {"0": setting.folders[0]}}
-    if setting.args.runs is not None:
-        found |= {row.title: models_of(row, setting.args.runs) for row in ROWS}
-    models = [
-        (number, title, seed, folder)
-        for title, seeds in found.items()
-        for number, (seed, folder) in enumerate(seeds.items())
-        if seed not in cells.get(title, {})
-    ]
-    return [(title, seed, folder) for _, title, seed, folder in sorted(models, key=lambda model: model[0])]
+def _missing(setting: Setting, seed: int, known: dict[str, dict[str, Cells]]) -> Iterator[tuple[str, Cells]]:
+    """Title and cells of each row that has none with this seed: the capture, the shipped model, and what is trained."""
+    plan: list[EvaluationPlan] = []  # made when the first row needs it
+
+    def missing(title: str) -> bool:
+        return str(seed) not in known.get(title, {})
+
+    def scored(title: str, folder: Path | None) -> Iterator[tuple[str, Cells]]:
+        """Of the capture itself where there is no folder."""
+        setting.report(f"{title}, seed {seed}")
+        if not plan:
+            plan.append(plan_of(setting, seed))
+        if folder is None:
+            yield title, capture_cells(plan[0], setting.report)
+        else:
+            scores = score_model(plan[0], EvaluatedModel(folder, plan[0].texts), setting.report)
+            yield title, cells_of(scores)
+
+    for title, folder in ((CAPTURE, None), (SHIPPED, setting.folders[0])):
+        if missing(title):
+            yield from scored(title, folder)
+    for row in ROWS if setting.args.runs is not None else ():
+        if missing(row.title) and (found := model_of(setting, row, seed)) is not None:
+            yield from scored(row.title, found)
 
 
 def _options(setting: Setting) -> dict[str, Any]:
     """What decides the figures."""
     args = setting.args
     features = read_metadata(args.features or setting.folders[0])["sha256"].get("motion", "")
-    return {name: getattr(args, name) for name in ("styles", "seconds", "quick", "seed")} | {
-        "features": features
-    }
+    return {name: getattr(args, name) for name in ("styles", "seconds", "quick")} | {"features": features}
 
 
-def _stored(setting: Setting) -> dict[str, dict[str, Cells]]:
+def _stored(path: Path | None, options: dict[str, Any]) -> dict[str, dict[str, Cells]]:
     """The cells of the store, none where it is not there; FileError for one of other options."""
-    path = setting.args.store
     if path is None or not path.is_file():
         return {}
     kept = read_json(path)
-    if not isinstance(kept, dict) or kept.get("options") != _options(setting):
+    if not isinstance(kept, dict) or kept.get("options") != options:
         raise FileError(
             f"{path}: holds no figures of these options.", "Name another --store, or take the same options."
         )
     return kept["cells"]
+
+
+def check_table_one(args: Arguments) -> None:
+    """UsageError for options that make no sense together, before anything is trained."""
+    check_seconds(args)
+    if min(args.seeds) < 0:
+        raise UsageError(f"--seeds {min(args.seeds)}: expected 0 or more.", "Try 0 1 2.")
+    if args.train and args.known is None:
+        if args.runs is None:
+            raise UsageError("--train: no folder for the rows is given.", "Add --runs DIR.")
+        check_training(args, args.only or [row.folder for row in ROWS])
+        give_way(args.nice)
 
 
 def markdown(kept: dict[str, Any]) -> str:
@@ -212,11 +224,16 @@ TABLE1 = Experiment(
     clips=True,
     options=(
         option("--runs", type=Path, metavar="DIR", help="folder of trained rows: DIR/<row>/seed<k>/model"),
-        option("--store", type=Path, metavar="FILE", help="figures so far; the run goes on from them"),
-        *PLAN,
+        option("--store", type=Path, metavar="FILE", help="figures so far (default: RUNS/table1.json)"),
+        option("--seeds", type=int, nargs="+", default=[0, 1, 2], help="default: 0 1 2"),
+        option(
+            "--train", action="store_true", help="train the rows that are not there, each before it is scored"
+        ),
+        *TRAINING_OPTIONS,
+        *PLAN[:-1],
         SECONDS,
     ),
-    check=check_seconds,
+    check=check_table_one,
 )
 
 # --- distances: is the diffusion worth its steps, what does each part of the model bring ----------------------------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise, product
 from math import isnan
 from typing import Any
@@ -26,7 +27,7 @@ from training.evaluation.metrics.features import window_set
 from training.evaluation.metrics.feet import foot_skating
 from training.evaluation.metrics.motion import Motion
 from training.evaluation.motion.capture import Options, make_plan
-from training.evaluation.motion.driving import Recorder
+from training.evaluation.motion.driving import walked
 from training.evaluation.motion.evaluated_model import EvaluatedModel
 from training.markdown import number, percent, table
 
@@ -78,23 +79,26 @@ def run_obstacles(
     controller.set_style(code, 0.0)
     controller.reset()
     controller.settle()
-    recorder = Recorder(controller)
     end = course.obstacles[-1].end + BEYOND_M
     limit = round((end / controller.full_speed(gait) * 1.3 + SPARE_S) * FPS)
-    roots, speeds, keyed = [], [], []
-    for _ in range(limit):
-        root = controller.pose.root_position.astype(np.float64)
-        ahead = np.array([-root[0], LOOK_AHEAD_M])
-        ahead /= np.linalg.norm(ahead)
-        pose = recorder.step(Controls((float(ahead[0]), float(ahead[1])), gait=gait))
-        roots.append(pose.root_position[[0, 2]])
-        speeds.append(controller.requested_speed)
-        keyed.append(bool(controller.traversal))
-        if pose.root_position[2] > end:
-            break
-    name = f"{style} {gait.label} {course.name}"
-    motion = recorder.motion(name, style, np.full(len(roots), int(gait)), 0)
-    return ObstacleRun(course, motion, np.stack(roots), np.array(speeds), np.array(keyed))
+    stick = partial(along_the_middle, gait=gait)
+    (track,) = walked([controller], stick, limit, lambda member: member.pose.root_position[2] > end)
+    motion = track.motion(f"{style} {gait.label} {course.name}", style, gait)
+    return ObstacleRun(course, motion, track.root, np.array(track.requested_speed), np.array(track.keyed))
+
+
+def along_the_middle(
+    controller: Controller,
+    frame: int,
+    gait: Gait,
+    amount: float = 1.0,
+    side: Callable[[float], float] = lambda z: 0.0,
+) -> Controls:
+    """The stick that leads along +Z, so many metres to the left of the middle."""
+    root = controller.pose.root_position.astype(np.float64)
+    ahead = np.array([side(root[2]) - root[0], LOOK_AHEAD_M])
+    ahead = amount * (ahead / np.linalg.norm(ahead))
+    return Controls((float(ahead[0]), float(ahead[1])), gait=gait)
 
 
 def score_run(run: ObstacleRun) -> dict[str, Any]:

@@ -30,7 +30,7 @@ from runtime.prompts.prompter import Prompter
 from runtime.skeleton import PART_NAMES
 from training.augmentation.catalogue import catalogue, part_edits
 from training.augmentation.measured_edits import Summary
-from training.evaluation.text.prompt_adherence import SECONDS, described_edits, edit_fraction, neutral_motion
+from training.evaluation.text.prompt_adherence import PHRASE_S, described_edits, edit_fraction, neutral_motion
 from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker
 from training.frames import FrameTable
 from training.text.claims import claims, sentence_fraction
@@ -295,6 +295,6 @@ def calibrate(
         write_metadata(folder, metadata)
     model = load_model(folder)
     prompter = Prompter(model, text_encoder=text_encoder, phrasing=ModelPhrasing())
-    walker = Walker(folder, workers, SECONDS)
+    walker = Walker(folder, workers, PHRASE_S)
     codes = calibrated(model, prompter, walker, phrasing or phrasing_of(model.name))
     write_metadata(folder, metadata | {"calibration": {"phase": list(signs), "codes": codes}})

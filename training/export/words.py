@@ -21,7 +21,7 @@ from runtime.motion.model_files import read_metadata
 from runtime.prompts.library_data import load_library, load_styles
 from runtime.prompts.phrasing import ADHERENCE, PHRASINGS, ModelPhrasing, adherence_of, load_phrasings
 from runtime.prompts.prompter import Prompter
-from training.evaluation.text.prompt_adherence import SECONDS, measure_adherence
+from training.evaluation.text.prompt_adherence import PHRASE_S, measure_adherence
 from training.evaluation.text.walks import Walker
 from training.evaluation.text.wording import measure_wording
 from training.export.calibrate import calibrate
@@ -34,14 +34,14 @@ def measure_words(folder: Path, assets: Path, workers: int) -> None:
     model, known = load_model(folder), adherence_of()
     prompter = Prompter(model, phrasing=ModelPhrasing())
     sentences = {*known.sentences, *known.clauses}
-    _write(wording, model.name, measure_wording(Walker(folder, workers, SECONDS), prompter, sentences))
+    _write(wording, model.name, measure_wording(Walker(folder, workers, PHRASE_S), prompter, sentences))
     phrasing = load_phrasings(wording)[model.name]
     calibrate(folder, read_metadata(folder)["calibration"]["phase"], phrasing, workers=workers)
     model = load_model(folder)
     styles = load_styles(asset_path("prompts/styles.json"))
     entries = [e.descriptions for e in load_library(asset_path("prompts/library.json"), styles).entries]
     prompter = Prompter(model, phrasing=phrasing)
-    found = measure_adherence(model, prompter, Walker(folder, workers, SECONDS), entries)
+    found = measure_adherence(model, prompter, Walker(folder, workers, PHRASE_S), entries)
     found.add_plain(styles)
     _write(shares, model.name, found.table())
 

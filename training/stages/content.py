@@ -29,11 +29,11 @@ from training.text.clip_measures import clip_values
 
 STRIDE = 2  # frames between two samples: 40 samples are 1.3 s, more than one step
 # Eq. 7. The paper's lambda_con is 1e-2 for 100 styles over a long training; the shorter one here needs more of it.
-LAMBDA_CONTRAST, LAMBDA_KL, LAMBDA_EMBEDDING = 0.1, 1e-5, 1e-5
+CONTRAST_WEIGHT, KL_WEIGHT, EMBEDDING_WEIGHT = 0.1, 1e-5, 1e-5
 # Weight of the pose statistics, which the paper has not (training.networks.content.StatisticsReader).
-LAMBDA_STATISTICS = 0.5
+STATISTICS_WEIGHT = 0.5
 # Of what clips do, which the paper has not either (training.networks.content.MeasuresReader).
-LAMBDA_MEASURES = 2.0
+MEASURES_WEIGHT = 2.0
 MEASURED_CLIPS = 2048  # whose words are held to it in every step
 STATISTICS_WINDOWS = 4096  # that centre and spread of the pose statistics are measured on
 TEXT_BATCHES = 4  # of windows that words alone are to give the statistics of, in every step
@@ -157,16 +157,16 @@ class ContentLosses:
             "kl": terms.kullback_leibler(text, motion),
             "embedding": terms.embedding_similarity(z_motion, z_text),
         }
-        contrast, weights = 0.5 * whole + parts, (LAMBDA_CONTRAST, LAMBDA_KL, LAMBDA_EMBEDDING)
+        contrast, weights = 0.5 * whole + parts, (CONTRAST_WEIGHT, KL_WEIGHT, EMBEDDING_WEIGHT)
         result["total"] = terms.stage1(result["recon"], contrast, result["kl"], result["embedding"], weights)
         if self.module.statistics is not None:
             others = ContentWindows.around(self.frames, rows[self.batch :])
             result |= self._statistics(self.module.statistics, motion, joints, others)
             both = result["statistics"] + result["text_statistics"]
-            result["total"] = result["total"] + LAMBDA_STATISTICS * both
+            result["total"] = result["total"] + STATISTICS_WEIGHT * both
         if self.module.measures is not None and self.measured is not None:
             result["measures"] = self._measures(self.module.measures, self.measured, motion, clips)
-            result["total"] = result["total"] + LAMBDA_MEASURES * result["measures"]
+            result["total"] = result["total"] + MEASURES_WEIGHT * result["measures"]
         return result
 
     def text(self, clips: Tensor, noise: tuple[float, float] = WORD_NOISE) -> Gaussian:

@@ -19,11 +19,11 @@ from training.session import Resumable, Session, StageLength, train
 from training.stages import motion as stage_motion
 from training.stages.motion import MotionData
 
-COURSES = 0.35  # fraction of the samples
+COURSES_FRACTION = 0.35  # fraction of the samples
 EMBEDDING_WEIGHT = 1.0
 # Fraction of the held samples' parts whose codes are up to twice as far from neutral, as calibration draws them.
-DRAWN_OUT = 0.5
-PEAK = 0.5  # of stage 2's learning rate
+DRAWN_OUT_FRACTION = 0.5
+PEAK_RATE_FRACTION = 0.5  # of stage 2's learning rate
 
 
 def run_ground(
@@ -45,7 +45,7 @@ def run_ground(
     teacher.requires_grad_(False).eval()
     plain = torch.as_tensor(neutral, dtype=torch.float32, device=session.device)
     stage_motion.without_dropout(module)
-    on_courses = round(COURSES * batch)
+    on_courses = round(COURSES_FRACTION * batch)
     held_rows = batch - on_courses
     rows = RandomRows(data.weights, held_rows, 1, data.frames.last, session.batch_generator(12))
     lanes = stage_motion.lanes_of(session, data, held_rows, 13)
@@ -61,11 +61,13 @@ def run_ground(
         held, embedding = _held(data, teacher, module, mixed, lanes)
         mixed = stage_motion.mixed_batch(courses, item[held_rows:], ahead_lanes)
         new, _ = stage_motion.mixture_losses(courses, module, mixed, ahead_lanes)
-        total = (1.0 - COURSES) * (held["total"] + EMBEDDING_WEIGHT * embedding) + COURSES * new["total"]
+        total = (1.0 - COURSES_FRACTION) * (
+            held["total"] + EMBEDDING_WEIGHT * embedding
+        ) + COURSES_FRACTION * new["total"]
         return {"held_rec": held["rec"], "held_embedding": embedding} | new | {"total": total}
 
     def rate(step: float) -> float:
-        return PEAK * stage_motion.warm_restarts(steps, stage_motion.peak_of(batch), 1)(step)
+        return PEAK_RATE_FRACTION * stage_motion.warm_restarts(steps, stage_motion.peak_of(batch), 1)(step)
 
     state.prepare = lambda at: (lanes.draw(), ahead_lanes.draw())
     both = map(torch.cat, zip(rows, ahead, strict=True))
@@ -94,5 +96,5 @@ def _drawn_out(z: Tensor, neutral: Tensor) -> Tensor:
     """Z^t `(B, n)` whose parts are by chance up to twice as far from `neutral` `(6, n / 6)`."""
     parts = z.unflatten(1, neutral.shape)
     size = (len(z), len(neutral), 1)
-    farther = torch.rand(size, device=z.device) * (torch.rand(size, device=z.device) < DRAWN_OUT)
+    farther = torch.rand(size, device=z.device) * (torch.rand(size, device=z.device) < DRAWN_OUT_FRACTION)
     return (parts + farther * (parts - neutral)).flatten(1)

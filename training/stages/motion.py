@@ -1,4 +1,4 @@
-"""Stages 2 and 3: the motion generator, first with the MoE decoder, then with the diffusion decoder (Sec. III-F)."""
+"""Stage 2: the motion generator with the MoE decoder, and the losses that stage 3 and courses share with it (Sec. III-F)."""
 
 from __future__ import annotations
 
@@ -20,8 +20,6 @@ from training.batches import FrameTensors, Normalisation, RandomRows, loss_weigh
 from training.composition import CompositionPlan
 from training.gpu import Losses, constant
 from training.kinematics import TURNS, knee_flexion, shown_joints, turns
-from training.networks.decoder import blend_codes
-from training.networks.diffusion import Schedule, add_noise, analytic_variance, noise_estimate
 from training.networks.generator import Generator
 from training.packed_run import START
 from training.presets import ModelConfig
@@ -82,7 +80,7 @@ def measure(frames: FrameTensors, weights: np.ndarray, session: Session, count: 
     torch.manual_seed(session.seed + 1)
     rows = next(RandomRows(weights, count, 0, frames.last, session.generator(3)))
     return Normalisation.measure(
-        *frames.pairs(rows, torch.zeros_like(rows), frames.plan(rows, often=COMPOSED))
+        *frames.pairs(rows, torch.zeros_like(rows), frames.plan(rows, often=COMPOSED_FACTOR))
     )
 
 
@@ -126,11 +124,13 @@ ADDED_WEIGHTS = {  # of the losses that are not in the paper
     "bend": 0.3,  # of the knees' flexion; in rollouts of its distribution too
     "turn": 1.0,  # of pelvis, shoulders, head and feet: a centimetre at the joints, which Eq. 11 hardly sees
 }
-NOISE = 0.12  # of captured frames' inputs: more makes the network trust its own pose less, and swings shrink
-LANES = 0.5  # fraction of a batch that continues from the network's own output
+MAX_INPUT_NOISE = (
+    0.12  # of captured frames' inputs: more makes the network trust its own pose less, and swings shrink
+)
+LANES_FRACTION = 0.5  # fraction of a batch that continues from the network's own output
 LANE_FRAMES = 90.0  # mean length of such a rollout
-FOREIGN = 0.4  # fraction of captured samples that start from another clip's pose: else the last pose outweighs words
-COMPOSED = (
+FOREIGN_POSE_FRACTION = 0.4  # fraction of captured samples that start from another clip's pose: else the last pose outweighs words
+COMPOSED_FACTOR = (
     0.65  # times as often as in stage 1: whole captured bodies are learnt more slowly than composed ones
 )
 
@@ -147,14 +147,14 @@ class MixedBatch:
 def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes) -> MixedBatch:
     """The first part of `rows` as captured or composed, the rest replaced by the lanes."""
     fresh = rows[: len(rows) - len(lanes.rows)]
-    patch, plan = data.patch(fresh), data.frames.plan(fresh, often=COMPOSED)
+    patch, plan = data.patch(fresh), data.frames.plan(fresh, often=COMPOSED_FACTOR)
     x, y = data.pairs(fresh, patch, plan)
-    x = from_other_poses(x, FOREIGN)
+    x = from_other_poses(x, FOREIGN_POSE_FRACTION)
     in_lanes = data.normal.normalised(steered(lanes.inputs()))
     clips = [plan.words(data.frames.clip[fresh]), lanes.plan.words(data.frames.clip[lanes.rows])]
     return MixedBatch(
         z=data.styles(torch.cat(clips)),
-        x=torch.cat([_corrupt(x, NOISE), _corrupt(in_lanes, 0.2 * NOISE)]),
+        x=torch.cat([_corrupt(x, MAX_INPUT_NOISE), _corrupt(in_lanes, 0.2 * MAX_INPUT_NOISE)]),
         target=torch.cat([y, data.output(lanes.rows, lanes.patch, lanes.plan)]),
     )
 
@@ -177,8 +177,8 @@ def full_precision(device: torch.device) -> torch.autocast:
     return torch.autocast(device.type, enabled=False)
 
 
-TURN = 0.15  # radians: unit of turns
-MOST_WRONG = 4.0  # of these: a head or foot that points to the other side is not pulled farther than this
+TURN_UNIT_RAD = 0.15  # radians: unit of turns
+MAX_TURN_UNITS = 4.0  # of these: a head or foot that points to the other side is not pulled farther than this
 TURN_WEIGHT = 6.0  # of a turn against a joint's coordinate
 SETTLED_FRAMES = 10  # a rollout that began in another pose than its clip's has to move towards it first
 
@@ -207,7 +207,7 @@ def shown_losses(normal: Normalisation, lanes: RolloutLanes, target: Tensor, y: 
     settled = _older(lanes, SETTLED_FRAMES).expand_as(moved)
     result["unrest"] = terms.unrest(moved, real[-count:, velocity], normal.y_deviation[velocity], settled)
     both = movements(real[-count:], own), movements(captured[-count:], wanted_joints[-count:])
-    return result | _movement_losses(lanes, both, torch.cat([scale, scale.new_full((TURNS,), TURN)]))
+    return result | _movement_losses(lanes, both, torch.cat([scale, scale.new_full((TURNS,), TURN_UNIT_RAD)]))
 
 
 def _movement_losses(lanes: RolloutLanes, moved: tuple[Tensor, Tensor], scale: Tensor) -> dict[str, Tensor]:
@@ -227,9 +227,9 @@ def _movement_losses(lanes: RolloutLanes, moved: tuple[Tensor, Tensor], scale: T
 
 
 def _turn(own: Tensor, wanted: Tensor) -> Tensor:
-    """Mean square error of `turns` `(B, 9)`, in units of `TURN`."""
+    """Mean square error of `turns` `(B, 9)`, in units of `TURN_UNIT_RAD`."""
     error = torch.remainder(own - wanted + math.pi, 2.0 * math.pi) - math.pi
-    error = (error / TURN).clamp(-MOST_WRONG, MOST_WRONG)
+    error = (error / TURN_UNIT_RAD).clamp(-MAX_TURN_UNITS, MAX_TURN_UNITS)
     return error.square().mean()
 
 
@@ -241,8 +241,8 @@ def _older(lanes: RolloutLanes, frames: int) -> Tensor:
 def _bend(real: Tensor, wanted: Tensor, lanes: int) -> Tensor:
     """Error of the knees' flexion, and of its distribution in the last `lanes` rows, which may be out of step."""
     own, captured = knee_flexion(real), knee_flexion(wanted)
-    error = ((own - captured) / terms.BEND).square().mean()
-    return error + terms.distribution(own[-lanes:], captured[-lanes:], terms.BEND)
+    error = ((own - captured) / terms.BEND_UNIT_RAD).square().mean()
+    return error + terms.distribution(own[-lanes:], captured[-lanes:], terms.BEND_UNIT_RAD)
 
 
 @lru_cache(2)
@@ -285,7 +285,7 @@ def mixture_losses(
 def lanes_of(session: Session, data: MotionData, batch: int, salt: int) -> RolloutLanes:
     """The rollouts of a batch, begun at random frames."""
     fresh = RandomRows(data.weights, batch, RENEWED, data.frames.last, session.batch_generator(salt))
-    return RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh, COMPOSED)
+    return RolloutLanes(data.frames, int(LANES_FRACTION * batch), LANE_FRAMES, fresh, COMPOSED_FACTOR)
 
 
 def generator_state(
@@ -368,128 +368,3 @@ def warm_restarts(steps: int, peak: float, cycles: int = 3) -> Callable[[float],
         )
 
     return rate
-
-
-@torch.no_grad()
-def measure_codes(module: Generator, data: MotionData, session: Session, batches: int = 8) -> None:
-    """Standardisation of what is diffused; fills the module's buffers."""
-    module.eval()
-    module.code_mean.zero_()
-    module.code_deviation.fill_(1.0)
-    rows = RandomRows(data.weights, 2048, 0, data.frames.last, session.generator(5))
-    codes = []
-    for _ in range(batches):
-        item = next(rows)
-        patch = data.patch(item)
-        e, alpha = module.embed(data.input(item, patch), data.styles(data.frames.clip[item]))
-        codes.append(module.target_codes(e, alpha, data.output(item, patch)))
-    stacked = torch.cat(codes)
-    module.code_mean.copy_(stacked.mean(0))
-    module.code_deviation.copy_(stacked.std(0).clamp_min(1e-2))
-
-
-def _noised(schedule: Schedule, tau: Tensor, codes: Tensor) -> tuple[Tensor, Tensor]:
-    """Noise levels `(B,)`, those of inference and now and then any other, and codes `(B, K, output)` with that noise."""
-    size, last = (len(codes),), len(schedule.alpha_bar) - 1
-    n = tau[torch.randint(len(tau), size, device=codes.device)]
-    anywhere = torch.randint(1, last + 1, size, device=codes.device)
-    n = torch.where(torch.rand(size, device=codes.device) < 0.3, anywhere, n)
-    return n, add_noise(schedule, codes, n, torch.randn(codes.shape, device=codes.device))
-
-
-def _cosine(steps: int, peak: float) -> Callable[[float], float]:
-    """Learning rate from `peak` down to a hundredth along a cosine; Sec. III-G begins at 4e-4."""
-
-    def rate(step: float) -> float:
-        return (
-            peak * min(1.0, (step + 1) / 200) * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * step / steps)))
-        )
-
-    return rate
-
-
-def _denoiser_parameters(session: Session, module: Generator) -> Iterable[nn.Parameter]:
-    """The denoiser alone is trained; at first it adds nothing to the codes of E_d."""
-    if module.config.residual_diffusion and not (session.out / START).exists():
-        torch.nn.init.zeros_(module.denoiser.head.weight)
-        torch.nn.init.zeros_(module.denoiser.head.bias)
-    module.requires_grad_(False)
-    module.denoiser.requires_grad_(True)
-    return module.denoiser.parameters()
-
-
-def run_stage3(session: Session, data: MotionData, module: Generator, length: StageLength) -> Generator:
-    """Train the denoiser on `target_codes` (Eq. 14), then also with stage-2 supervision of the blended output."""
-    torch.manual_seed(session.seed + 3)
-    measure_codes(module, data, session)
-    steps, batch = length.steps, length.batch
-    parameters = _denoiser_parameters(session, module)
-    schedule = Schedule.linear(module.config.diffusion_steps)
-    tau = torch.as_tensor(schedule.subsequence(module.config.inference_steps), device=session.device)
-    rows = RandomRows(data.weights, batch, 1, data.frames.last, session.batch_generator(6))
-    lanes = lanes_of(session, data, batch, 9)
-    state = generator_state(module, parameters, steps, {"rows": rows, "lanes": lanes})
-    supervised = False
-
-    def prepare(at: float) -> tuple:
-        nonlocal supervised
-        supervised = at > 0.25 * steps
-        module.eval()  # dropout stays off in the frozen part; the denoiser has none
-        return lanes.draw(), supervised
-
-    def losses(item: Tensor) -> Losses:
-        with torch.no_grad():
-            mixed = mixed_batch(data, item, lanes)
-            e, alpha = module.embed(mixed.x, mixed.z)
-            with full_precision(e.device):
-                codes = module.target_codes(e.float(), alpha.float(), mixed.target)
-            n, noisy = _noised(schedule, tau, codes.float())
-        predicted = module.denoiser(noisy, e, n).float()
-        with full_precision(e.device):
-            y = blend_codes(module.clean_codes(predicted, e.float()), alpha.float())
-            motion = motion_losses(data, lanes, mixed, y)
-            total = terms.codes(codes.float(), predicted)
-            result = {"codes": total}
-            if supervised:
-                result, total = result | motion, 0.1 * total + total_of(motion)
-            return result | {"total": total}
-
-    state.prepare = prepare
-    train(session, "stage3", state, rows, losses, _cosine(steps, peak_of(batch)), length)
-    module.load_state_dict(state.average.values)
-    return module.eval()
-
-
-VARIANCE_BATCHES = 48  # of 1024 frames, each with its noise and the opposite of it
-
-
-@torch.no_grad()
-def estimate_variance(
-    session: Session, data: MotionData, module: Generator, batches: int = VARIANCE_BATCHES
-) -> np.ndarray:
-    """sigma_bar^2 `(5,)` per step of tau by Monte Carlo over the training set (Analytic-DPM).
-
-    Kept within its bounds: what is diffused is standardised, so no less than 0 and no more than its own variance is
-    left of it at any step. The last steps divide by an alpha_bar of nearly zero; there the bound is what is known.
-    """
-    schedule = Schedule.linear(module.config.diffusion_steps)
-    tau = schedule.subsequence(module.config.inference_steps)
-    rows = RandomRows(data.weights, 1024, 0, data.frames.last, session.generator(7))
-    norms: list[list[Tensor]] = [[] for _ in tau]
-    spread: list[float] = []
-    module.eval()
-    for _ in range(batches):
-        item = next(rows)
-        patch = data.patch(item)
-        e, alpha = module.embed(data.input(item, patch), data.styles(data.frames.clip[item]))
-        codes = module.target_codes(e, alpha, data.output(item, patch))
-        spread.append(float(codes.var(0).mean()))
-        noise = torch.randn_like(codes)
-        for k, step in enumerate(tau):
-            n = torch.full((len(item),), int(step), device=item.device)
-            for sign in (1.0, -1.0):
-                noisy = add_noise(schedule, codes, n, sign * noise)
-                epsilon = noise_estimate(schedule, noisy, module.denoiser(noisy, e, n), n)
-                norms[k].append(epsilon.square().flatten(1).mean(1))
-    found = [analytic_variance(schedule, int(s), torch.cat(v)) for s, v in zip(tau, norms, strict=True)]
-    return np.clip(found, 0.0, np.mean(spread))

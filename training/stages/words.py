@@ -27,7 +27,7 @@ from training.styles import StyleTexts
 log = logging.getLogger("sport.train")
 
 BATCH = 128
-WORD_NOISE = 0.1  # at most, of the length of a sentence's embedding
+MAX_WORD_NOISE = 0.1  # at most, of the length of a sentence's embedding
 
 
 @dataclass
@@ -115,7 +115,7 @@ def _targets(
 def disturbed(words: Tensor, one_sided: bool) -> Tensor:
     """Sentences `(..., D)` with noise of a random strength, their side kept."""
     size = words.shape[-1] - one_sided
-    noise = WORD_NOISE * torch.rand_like(words[..., :1]) * torch.randn_like(words) / size**0.5
+    noise = MAX_WORD_NOISE * torch.rand_like(words[..., :1]) * torch.randn_like(words) / size**0.5
     noise[..., size:] = 0.0
     return words + noise
 

@@ -288,7 +288,7 @@ def _matrix(values: Array) -> im_guizmo.Matrix16:
     return im_guizmo.Matrix16([float(value) for value in np.asarray(values).T.ravel()])
 
 
-def _draw_card(posing: Posing, playback: Playback, view: Rect) -> None:
+def _draw_card(posing: Posing, view: Rect) -> None:
     with panels.card("Pose", view, SMALL_WIDTH if view.width < px(NARROW_PX) else WIDTH, right=True):
         if panels.card_title(NAMES.get(posing.joint, "Click a joint"), "pose"):
             posing.open, posing.joint = False, -1

@@ -125,7 +125,7 @@ def test_from_clips_to_a_folder_that_walks(tmp_path, monkeypatch):
 
     small = train.Method("mason2022", lambda styles: FilmModulated(styles, 32))
     monkeypatch.setitem(train.METHODS, "mason2022", small)
-    monkeypatch.setattr(train, "RATE", 3e-3)
+    monkeypatch.setattr(train, "MAX_LEARNING_RATE", 3e-3)
     monkeypatch.setattr(train, "BATCH", 64)
     export_quickly(monkeypatch)
 

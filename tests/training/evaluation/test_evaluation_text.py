@@ -317,7 +317,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(text_main, "Prompter", StandIn)
     monkeypatch.setattr(text_walks, "_loaded", lambda folder: WalkerModel())
     monkeypatch.setattr(edits, "free_prompts", lambda: {"cocked, tilted left": ("head.tilted_left",)})
-    monkeypatch.setattr(text_main, "SECONDS", 0.5)
+    monkeypatch.setattr(text_main, "WALK_S", 0.5)
     monkeypatch.setattr(text_walks, "LEAD_SECONDS", 0.25)
     monkeypatch.setattr(text_walks, "TOGETHER", 1)  # the stand-in counts its frames
     kept = ("head.tilted_left", "head.turned_right", "hands on hips", "torso.twist", "torso.bob_little")

@@ -59,7 +59,7 @@ def test_a_start_and_a_stop_take_the_time_that_they_take() -> None:
     start, stop = figures(points, script, "start"), figures(points, script, "stop")
     assert start["reached_s"] == pytest.approx(0.9 * 1.2 / 1.4, abs=0.05)
     assert start["peak_ratio"] == pytest.approx(1.4 / 1.2, abs=0.06)
-    assert stop["stop_s"] == pytest.approx(1.2 * (1 - moments.STILL / 1.2), abs=0.05)
+    assert stop["stop_s"] == pytest.approx(1.2 * (1 - moments.STANDING_SPEED_M_PER_S / 1.2), abs=0.05)
     assert stop["calm_after_s"] == 0.0  # no limb moves against the hips
 
 
@@ -127,9 +127,9 @@ def test_jumping() -> None:
 
 def test_raw_takes_are_measured_by_themselves() -> None:
     start = moments.raw_start(pushed(ramp((0.0, 1.0), (1.2, 1.0), (1.2, 2.0))))
-    assert start["reached_s"] == pytest.approx(0.9 - moments.STILL / 1.2, abs=0.06)
+    assert start["reached_s"] == pytest.approx(0.9 - moments.STANDING_SPEED_M_PER_S / 1.2, abs=0.06)
     stop = moments.raw_stop(pushed(ramp((1.2, 0.1), (1.2, 2.0), (0.0, 1.0), (0.0, 1.0))))
-    assert stop["stop_s"] == pytest.approx(0.9 - moments.STILL / 1.2, abs=0.06)
+    assert stop["stop_s"] == pytest.approx(0.9 - moments.STANDING_SPEED_M_PER_S / 1.2, abs=0.06)
 
 
 def test_an_exported_file_is_measured_and_shown(tmp_path: Path) -> None:

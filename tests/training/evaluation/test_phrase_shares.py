@@ -199,9 +199,9 @@ def synthetic(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(words, "read_metadata", lambda folder: {"calibration": {"phase": []}})
     monkeypatch.setattr(words, "calibrate", lambda *_, **__: None)
     monkeypatch.setattr(words, "measure_wording", lambda *_: {"head": {"head tilted": "head tilted far"}})
-    monkeypatch.setattr(words, "SECONDS", 1.5)
+    monkeypatch.setattr(words, "PHRASE_S", 1.5)
     monkeypatch.setattr(prompt_adherence, "part_edits", lambda: kept)
-    monkeypatch.setattr(prompt_adherence, "SECONDS", 1.5)
+    monkeypatch.setattr(prompt_adherence, "PHRASE_S", 1.5)
     monkeypatch.setattr(text_walks, "LEAD_SECONDS", 0.5)
     monkeypatch.setattr(text_walks, "TOGETHER", 1)  # the stand-in counts its frames
     monkeypatch.setattr(text_walks, "_loaded", lambda folder: WalkerModel())

@@ -1,4 +1,4 @@
-"""Table I: what is there is measured once, a run that was stopped goes on, and nothing is made up."""
+"""Table I: each row is trained and measured once, a run that was killed goes on, and nothing is made up."""
 
 from __future__ import annotations
 
@@ -8,81 +8,176 @@ from typing import Any
 
 import pytest
 
-from runtime.errors import FileError
+from runtime.errors import FileError, UsageError
+from tests.helpers.synthetic_clips import save_motion
+from tests.helpers.walker import walk
+from training.ablations import SHARED
 from training.evaluation import compared_models as table1
 from training.evaluation.compared_models import CAPTURE, ROWS, SHIPPED, TABLE1, distances_table
 from training.evaluation.experiment import run
 
 CELLS = dict.fromkeys(table1.COLUMNS, 2.0)
+SEEDS = 3
 
 
-def trained(runs: Path, folder: str, seed: int, model: str = "model") -> None:
-    path = runs / folder / f"seed{seed}" / model
-    path.mkdir(parents=True)
-    (path / "metadata.json").write_text("{}", encoding="utf-8")
+class Killed(BaseException):
+    """What ends a process that is killed: nothing catches it."""
+
+
+class Work:
+    """What was trained and measured, in its order; `killed_at` stops the run at one of them, once."""
+
+    def __init__(self) -> None:
+        self.done: list[str] = []
+        self.killed_at = ""
+
+    def add(self, what: str) -> None:
+        if what == self.killed_at:
+            self.killed_at = ""
+            raise Killed
+        self.done.append(what)
 
 
 @pytest.fixture
-def measured(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Names of what was measured; the third one stops the run the first time."""
-    done: list[str] = []
+def work(monkeypatch: pytest.MonkeyPatch) -> Work:
+    """Stages, other methods and scores that take no time."""
+    done = Work()
 
-    def score(plan: Any, subject: Any, report: Any) -> dict[str, Any]:
-        if len(done) == 2 and "stopped" not in done:
-            done.append("stopped")
-            raise KeyboardInterrupt
-        done.append(subject)
-        return {}
+    def export(folder: Path) -> None:
+        folder.mkdir(parents=True)
+        (folder / "metadata.json").write_text("{}", encoding="utf-8")
 
-    monkeypatch.setattr(table1, "plan_of", lambda setting: type("Plan", (), {"texts": {}}))
-    monkeypatch.setattr(table1, "capture_cells", lambda plan, report: {"fmd_kinematic": 1.0})
+    def stages(argv: list[str]) -> int:
+        out = Path(argv[argv.index("--out") + 1])
+        done.add(f"{argv[0]} {'/'.join(out.parts[-2:])}")
+        assert [path.name for path in sorted(Path(argv[argv.index("--clips") + 1]).glob("*.npz"))] == {
+            "100style": ["b.npz"],
+            "terrain": ["c.npz"],
+        }.get(out.parts[-2], ["a.npz", "b.npz", "c.npz"])
+        mixture = "--decoder" in argv
+        for file in () if mixture else SHARED["full"]:
+            (out / file).touch()
+        export(out / ("model-mixture" if mixture else "model"))
+        return 0
+
+    def method(args: Any, report: Any) -> None:
+        done.add(f"method {'/'.join(args.out.parts[-3:-1])}")
+        export(args.out)
+
+    def score(plan: Any, model: Any, report: Any) -> dict[str, Any]:
+        done.add(f"score {model} by {plan.seed}")
+        return {"number": float(len(done.done))}
+
+    monkeypatch.setattr("training.pipeline.main", stages)
+    for module in ("motion_matching", "train"):
+        monkeypatch.setattr(f"training.baselines.{module}.main", method)
+    monkeypatch.setattr(
+        table1, "plan_of", lambda setting, seed: type("Plan", (), {"texts": {}, "seed": seed})
+    )
+    monkeypatch.setattr(table1, "capture_cells", lambda plan, report: {"fmd_kinematic": 1.0 + plan.seed})
     monkeypatch.setattr(table1, "EvaluatedModel", lambda folder, texts: "/".join(Path(folder).parts[-3:]))
     monkeypatch.setattr(table1, "score_model", score)
-    monkeypatch.setattr(table1, "cells_of", lambda scores: {**CELLS, "fmd_kinematic": 2.0 + len(done)})
+    monkeypatch.setattr(table1, "cells_of", lambda scores: {**CELLS, "fmd_kinematic": scores["number"]})
     return done
 
 
-def test_a_stopped_run_goes_on_and_rows_without_training_say_so(
-    tmp_path: Path, measured: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    runs, store = tmp_path / "runs", tmp_path / "table1.json"
-    for seed in range(3):
-        trained(runs, "full", seed)
-    trained(runs, "full", 0, "model-mixture")
-    words = ["--clips", str(tmp_path), "--runs", str(runs), "--store", str(store)]
-    with pytest.raises(KeyboardInterrupt):
-        run(TABLE1, words, "table1")
-    assert set(json.loads(store.read_text(encoding="utf-8"))["cells"]) == {CAPTURE, SHIPPED, "ours"}
-    assert run(TABLE1, words, "table1") == 0
-    names = [m for m in measured if m != "stopped"]
-    assert len(names) == len(set(names)) == 5  # each of them once
-    text = capsys.readouterr().out
-    lines = {line.split(" | ")[0].strip("| "): line for line in text.splitlines() if line.startswith("| ")}
-    ours = next(line for line in text.splitlines() if line.startswith("| ours | 3 |"))
-    # 4, 7 and 8, as the row without diffusion came between: seeds' mean and deviation
-    assert "| 6.3 ± 2.1 |" in ours
-    assert "| without diffusion | 1 |" in text
-    for row in ROWS:
-        if row.title not in ("ours", "without diffusion"):
-            assert f"| {row.title} | not run | – |" in text
-            assert set(lines_of(text, row.title)[0].split(" | ")[2:]) <= {"–", "– |"}
-    assert CAPTURE in lines
-    assert run(TABLE1, words, "table1") == 0
-    assert len([m for m in measured if m != "stopped"]) == 5  # all of it was kept
+@pytest.fixture(scope="module")
+def clips(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("clips")
+    for name, source in (("a", "accad"), ("b", "100style"), ("c", "pfnn_rollouts")):
+        save_motion(folder, name, walk(60), source=source)
+    return folder
 
 
 def lines_of(text: str, title: str) -> list[str]:
     return [line for line in text.splitlines() if line.startswith(f"| {title} |")]
 
 
-def test_a_store_of_other_options_is_not_mixed_in(tmp_path: Path, measured: list[str]) -> None:
+@pytest.mark.needs_torch
+def test_one_command_trains_and_scores_every_row_with_three_seeds_and_goes_on_after_being_killed(
+    clips: Path, tmp_path: Path, work: Work, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--train", "--nice", "0", "--clips", str(clips), "--runs", str(tmp_path / "runs")]
+    for killed_at in ("all pae/seed0", "method pfnn/seed1", "score 100style/seed2/model by 2"):
+        work.killed_at = killed_at
+        with pytest.raises(Killed):
+            run(TABLE1, words, "table1")
+    assert run(TABLE1, words, "table1") == 0
+    assert len(work.done) == len(set(work.done))  # each of them once
+    ours = {row.folder for row in ROWS} - {"motion-matching", "pfnn", "mason2022", "style-label"}
+    for seed in range(SEEDS):
+        assert {f"all {name}/seed{seed}" for name in ours} <= set(work.done)
+        assert f"export full/seed{seed}" in work.done
+        assert f"method style-label/seed{seed}" in work.done
+    assert sum(what.startswith("score ") for what in work.done) == SEEDS * (len(ROWS) + 1)
+    assert work.done.index("score terrain/seed0/model by 0") < work.done.index(
+        "all full/seed1"
+    )  # whole tables first
+    text = capsys.readouterr().out
+    assert "| capture, one half against the other | 3 | – | 2.0 ± 1.0 |" in text
+    for title in (SHIPPED, *(row.title for row in ROWS)):
+        cells = lines_of(text, title)[0].strip("| ").split(" | ")
+        assert cells[1] == "3"
+        assert all("±" in cell for cell in cells[2:])
+    done = list(work.done)
+    assert run(TABLE1, words, "table1") == 0
+    assert work.done == done  # all of it was kept
+    store = str(tmp_path / "runs" / "table1.json")
+    assert run(TABLE1, ["--known", store], "table1") == 0
+    assert capsys.readouterr().out.endswith(text[-200:])
+
+
+@pytest.mark.needs_torch
+def test_rows_are_not_mixed_with_those_of_other_options(clips: Path, tmp_path: Path, work: Work) -> None:
+    words = ["--train", "--nice", "0", "--clips", str(clips), "--runs", str(tmp_path), "--seeds", "0"]
+    work.killed_at = "score pfnn/seed0/model by 0"
+    with pytest.raises(Killed):
+        run(TABLE1, [*words, "--only", "pfnn"], "table1")
+    with pytest.raises(FileError, match=r"pfnn.seed0: trained with other options"):
+        run(TABLE1, [*words, "--only", "pfnn", "--baseline-steps", "7"], "table1")
+    assert run(TABLE1, [*words, "--only", "pfnn"], "table1") == 0
+
+
+@pytest.mark.parametrize(
+    ("more", "problem"),
+    [
+        ([], "no folder for the rows"),
+        (["--runs", "RUNS"], r"no clips of pfnn_rollouts, which the row terrain"),
+        (["--runs", "RUNS", "--only", "pae", "--nice", "20"], "--nice 20: expected 0 to 19"),
+        (["--runs", "RUNS", "--seeds", "0", "-1"], "--seeds -1"),
+    ],
+)
+def test_what_cannot_be_trained_is_refused_before_it_begins(
+    clips: Path, tmp_path: Path, work: Work, more: list[str], problem: str
+) -> None:
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.npz").symlink_to(clips / f"{name}.npz")
+    with pytest.raises(UsageError, match=problem):
+        run(TABLE1, ["--train", "--clips", str(tmp_path), *more], "table1")
+    assert work.done == []
+
+
+def test_rows_without_training_say_so(tmp_path: Path, work: Work, capsys: pytest.CaptureFixture[str]) -> None:
+    (model := tmp_path / "full" / "seed0" / "model").mkdir(parents=True)
+    (model / "metadata.json").write_text("{}", encoding="utf-8")
+    run(TABLE1, ["--clips", str(tmp_path), "--runs", str(tmp_path)], "table1")
+    text = capsys.readouterr().out
+    assert lines_of(text, "ours")[0].startswith("| ours | 1 | 2.0 | 2.0 |")
+    for row in ROWS[1:]:
+        assert f"| {row.title} | not run | – |" in text
+        assert set(lines_of(text, row.title)[0].split(" | ")[2:]) <= {"–", "– |"}
+
+
+def test_a_store_of_other_options_is_not_mixed_in(tmp_path: Path, work: Work) -> None:
     store = tmp_path / "table1.json"
-    run(TABLE1, ["--clips", str(tmp_path), "--store", str(store)], "table1")
+    words = ["--clips", str(tmp_path), "--store", str(store)]
+    run(TABLE1, words, "table1")
+    assert set(json.loads(store.read_text(encoding="utf-8"))["cells"]) == {CAPTURE, SHIPPED}
     with pytest.raises(FileError, match="of these options"):
-        run(TABLE1, ["--clips", str(tmp_path), "--store", str(store), "--seed", "1"], "table1")
+        run(TABLE1, [*words, "--quick"], "table1")
     store.write_text("[]", encoding="utf-8")
     with pytest.raises(FileError, match="of these options"):
-        run(TABLE1, ["--clips", str(tmp_path), "--store", str(store)], "table1")
+        run(TABLE1, words, "table1")
 
 
 RESULT = {
@@ -92,22 +187,30 @@ RESULT = {
     },
     "recognition": {"score": {"angry": 1.0, "old": 0.5}},
 }
+OTHER_SEED = {
+    **RESULT,
+    "fmd": {n: {**f, "takes": {"distance": 100.07, "ratio": 1.4}} for n, f in RESULT["fmd"].items()},
+}
 
 
-def test_a_row_for_each_model_with_its_reference():
-    lines = distances_table({"ours (diffusion)": RESULT, "other (mixture)": RESULT}).splitlines()
-    assert len(lines) == 4
-    assert lines[2] == "| ours (diffusion) | 98.07 (1.2 x, 1.9 x) | 29.40 (0.8 x, 1.1 x) | 75 % |"
+@pytest.mark.parametrize(
+    ("results", "rows"),
+    [
+        (
+            {"ours (diffusion)": RESULT, "other (mixture)": RESULT},
+            ["ours (diffusion) | 98.07 (1.2 x, 1.9 x) | 29.40 (0.8 x, 1.1 x) | 75 % |", "other (mixture) | "],
+        ),
+        (
+            {"full (diffusion)": RESULT, "full seed1 (diffusion)": OTHER_SEED},
+            ["full (diffusion), 2 seeds | 99.07 ± 1.41 (1.3 x, 1.9 x) |"],
+        ),
+        ({"full seed1 (diffusion)": RESULT}, ["full seed1 (diffusion) | 98.07 (1.2 x, 1.9 x) |"]),
+    ],
+)
+def test_a_row_for_each_model_with_its_reference_and_one_for_its_seeds(
+    results: dict[str, Any], rows: list[str]
+) -> None:
+    lines = distances_table(results).splitlines()
+    assert len(lines) == 2 + len(rows)
+    assert all(line.startswith(f"| {row}") for line, row in zip(lines[2:], rows, strict=True))
     assert len({line.count("|") for line in lines}) == 1
-
-
-def test_seeds_of_a_model_share_a_row():
-    other = {
-        **RESULT,
-        "fmd": {n: {**f, "takes": {"distance": 100.07, "ratio": 1.4}} for n, f in RESULT["fmd"].items()},
-    }
-    lines = distances_table({"full (diffusion)": RESULT, "full seed1 (diffusion)": other}).splitlines()
-    assert len(lines) == 3
-    assert lines[2].startswith("| full (diffusion), 2 seeds | 99.07 ± 1.41 (1.3 x, 1.9 x) |")
-    alone = distances_table({"full seed1 (diffusion)": RESULT}).splitlines()
-    assert alone[2].startswith("| full seed1 (diffusion) | 98.07 (1.2 x, 1.9 x) |")

@@ -42,6 +42,7 @@ from training.networks.content import StatisticsReader
 from training.networks.generator import Generator
 from training.networks.phase import PeriodicAutoencoder, two_hop_neighbours
 from training.presets import ABLATIONS, PRESETS, ablation, preset
+from training.stages import diffusion as stage_diffusion
 from training.stages import motion as stage_motion
 
 pytestmark = pytest.mark.needs_torch
@@ -90,16 +91,17 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.setattr(quantize, "SECONDS", 1.0)
         patch.setattr(pipeline, "measure_traversals", lambda folder: (folder / "traversed").touch())
         for name in ("estimate_variance", "measure_codes"):
-            patch.setattr(stage_motion, name, functools.partial(getattr(stage_motion, name), batches=1))
+            patch.setattr(stage_diffusion, name, functools.partial(getattr(stage_diffusion, name), batches=1))
         patch.setattr(stage_motion, "measure", functools.partial(stage_motion.measure, count=2000))
         for name in ("PHASE_BATCH", "CONTENT_BATCH"):
             patch.setattr(pipeline, name, 16)
         patch.setattr("training.stages.content.STATISTICS_WINDOWS", 128)
         patch.setattr("training.stages.content.MEASURED_CLIPS", 64)
         rows = stage_motion.RandomRows
-        patch.setattr(
-            stage_motion, "RandomRows", lambda weights, batch, *more: rows(weights, min(batch, 64), *more)
-        )
+        for module in (stage_motion, stage_diffusion):
+            patch.setattr(
+                module, "RandomRows", lambda weights, batch, *more: rows(weights, min(batch, 64), *more)
+            )
         export_quickly(patch)
         patch.setattr(export_module, "_export_motion", motion_once)
         for name, config in list(PRESETS.items()):

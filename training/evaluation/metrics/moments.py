@@ -23,18 +23,18 @@ from runtime.motion.control_scripts import StickScript, StickSegment
 from training.data.gait import GaitJoints
 
 FPS = 60
-STILL = 0.08  # m/s of the smoothed hips: slower is standing
-CALM = 0.25  # m/s of head, wrists and knees against the hips
-REACHED = 0.9  # of the steady speed
-POP = 6.0  # degrees a frame squared: a captured knee has none
-POP_APART = 6  # frames; nearer ones are one pop
-SMOOTH_HIPS, SMOOTH_YAW = 6, 2  # frames, of a Gaussian
-BEGIN = round(1.5 * FPS)  # frames of a start or turn
-LAST = 1.5  # seconds of steady going before a stop
-SETTLED = FPS  # frames after which a standing body is at rest
-NEAR_GROUND = 0.01  # m over a toe's resting height
-TURNING = 60.0  # degrees a second: slower hips do not turn, they swing
-IN_AIR = 0.04  # m of both toes over their resting height
+STANDING_SPEED_M_PER_S = 0.08  # m/s of the smoothed hips: slower is standing
+CALM_LIMBS_M_PER_S = 0.25  # m/s of head, wrists and knees against the hips
+REACHED_SPEED_FRACTION = 0.9  # of the steady speed
+MIN_POP_DEG_PER_FRAME2 = 6.0  # degrees a frame squared: a captured knee has none
+POP_FRAMES = 6  # frames; nearer ones are one pop
+HIPS_SIGMA_FRAMES, YAW_SIGMA_FRAMES = 6, 2  # frames, of a Gaussian
+BEGIN_FRAMES = round(1.5 * FPS)  # frames of a start or turn
+BEFORE_STOP_S = 1.5  # seconds of steady going before a stop
+SETTLED_FRAMES = FPS  # frames after which a standing body is at rest
+NEAR_GROUND_M = 0.01  # m over a toe's resting height
+MIN_TURN_DEG_PER_S = 60.0  # degrees a second: slower hips do not turn, they swing
+IN_AIR_M = 0.04  # m of both toes over their resting height
 LIMBS = ("lw", "rw", "head", "lk", "rk")
 Points = dict[str, Array]
 
@@ -73,14 +73,14 @@ def speed(points: Array) -> Array:
 
 def hips_speed(p: Points) -> Array:
     """Over the ground, smoothed over 0.1 s."""
-    return np.asarray(gaussian_filter1d(speed(p["hips"][:, [0, 2]]), SMOOTH_HIPS))
+    return np.asarray(gaussian_filter1d(speed(p["hips"][:, [0, 2]]), HIPS_SIGMA_FRAMES))
 
 
 def hips_turn(p: Points) -> Array:
     """Degrees a second at which the line across the hips turns, without sign."""
     across = p["lh"] - p["rh"]
     yaw = np.degrees(np.unwrap(np.arctan2(-across[:, 2], across[:, 0])))
-    return np.abs(np.gradient(gaussian_filter1d(yaw, SMOOTH_YAW))) * FPS
+    return np.abs(np.gradient(gaussian_filter1d(yaw, YAW_SIGMA_FRAMES))) * FPS
 
 
 def bend(p: Points, joint: str, upper: str, lower: str) -> Array:
@@ -91,9 +91,9 @@ def bend(p: Points, joint: str, upper: str, lower: str) -> Array:
 
 
 def pops(flexion: Array) -> NDArray[np.intp]:
-    """Frames at which a flexion `(T,)` bends its course by more than POP: the first of each pop."""
-    found = np.flatnonzero(np.abs(np.diff(flexion, n=2)) > POP) + 1
-    return found[np.diff(found, prepend=-1 - POP_APART) > POP_APART]
+    """Frames at which a flexion `(T,)` bends its course by more than `MIN_POP_DEG_PER_FRAME2`: the first of each pop."""
+    found = np.flatnonzero(np.abs(np.diff(flexion, n=2)) > MIN_POP_DEG_PER_FRAME2) + 1
+    return found[np.diff(found, prepend=-1 - POP_FRAMES) > POP_FRAMES]
 
 
 def joint_pops(p: Points) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -112,8 +112,8 @@ def toe_heights(p: Points, resting: NDArray[np.bool_]) -> Array:
 
 
 def paths_near_ground(toe: Array, height: Array) -> list[float]:
-    """Centimetres that a toe `(T, 3)` travels over the ground in each stay within NEAR_GROUND of its resting height."""
-    edges = np.flatnonzero(np.diff(height < NEAR_GROUND, prepend=False, append=False))
+    """Centimetres that a toe `(T, 3)` travels over the ground in each stay within `NEAR_GROUND_M` of its resting height."""
+    edges = np.flatnonzero(np.diff(height < NEAR_GROUND_M, prepend=False, append=False))
     steps = np.linalg.norm(np.diff(toe[:, [0, 2]], axis=0), axis=-1)
     return [100.0 * float(steps[a : b - 1].sum()) for a, b in edges.reshape(-1, 2).tolist()]
 
@@ -128,14 +128,14 @@ class Curves:
         self.tilt = np.degrees(np.arctan2(np.linalg.norm(up[:, [0, 2]], axis=-1), up[:, 1]))
         self.wrists = np.stack([speed(p[w] - p["hips"]) for w in ("lw", "rw")], -1)
         self.limbs = np.max([speed(p[k] - p["hips"]) for k in LIMBS], axis=0)
-        self.toes = toe_heights(p, self.hips < STILL if resting is None else resting)
+        self.toes = toe_heights(p, self.hips < STANDING_SPEED_M_PER_S if resting is None else resting)
 
     def start_figures(self, first: int, end: int, steady: float | None = None) -> dict[str, float]:
         """From rest to a speed, by default that of the last second."""
         if steady is None:
             steady = float(np.median(self.hips[first + max(end - first - FPS, (end - first) // 2) : end]))
-        reached = np.flatnonzero(self.hips[first:end] > REACHED * steady)
-        begin = slice(first, min(end, first + BEGIN))
+        reached = np.flatnonzero(self.hips[first:end] > REACHED_SPEED_FRACTION * steady)
+        begin = slice(first, min(end, first + BEGIN_FRAMES))
         return {
             "reached_s": float(reached[0]) / FPS if len(reached) else float("inf"),
             "peak_ratio": float(self.hips[begin].max()) / max(steady, 1e-6),
@@ -144,12 +144,12 @@ class Curves:
 
     def stop_figures(self, first: int, end: int, until: int | None = None) -> dict[str, float]:
         """From a speed, steady `until` a frame, to rest; the last two frames see what comes next."""
-        stopped = np.flatnonzero(self.hips[first:end] < STILL)
+        stopped = np.flatnonzero(self.hips[first:end] < STANDING_SPEED_M_PER_S)
         stop = float(stopped[0]) / FPS if len(stopped) else float("inf")
-        busy = np.flatnonzero(self.limbs[first : end - 2] > CALM)
+        busy = np.flatnonzero(self.limbs[first : end - 2] > CALM_LIMBS_M_PER_S)
         settled = float(busy[-1] + 1) / FPS if len(busy) else 0.0
         until = max(first - 1, 1) if until is None else until
-        steady = self.wrists[max(first - round(LAST * FPS), 0) : until].max()
+        steady = self.wrists[max(first - round(BEFORE_STOP_S * FPS), 0) : until].max()
         return {
             "stop_s": stop,
             "calm_after_s": max(settled - stop, 0.0),
@@ -160,12 +160,12 @@ class Curves:
     def turn_figures(self, first: int, end: int) -> dict[str, float]:
         """The fastest moment of a turn."""
         fastest, tilt = float(self.turn[first:end].max()), float(self.tilt[first:end].max())
-        return {"turn": fastest, "tilt": tilt} | self._toe_paths(slice(first, min(end, first + BEGIN)))
+        return {"turn": fastest, "tilt": tilt} | self._toe_paths(slice(first, min(end, first + BEGIN_FRAMES)))
 
     def jump_figures(self, first: int, end: int) -> dict[str, float]:
         """When both toes leave the ground, and how far the hips rise."""
         known = self.toes.shape[1] > 0
-        air = np.flatnonzero((self.toes[first:end] > IN_AIR).all(-1) & known)
+        air = np.flatnonzero((self.toes[first:end] > IN_AIR_M).all(-1) & known)
         height = self.p["hips"][:, 1]
         rise = height[first:end].max() - np.median(height[max(first - FPS, 0) : first + 1])
         return {
@@ -239,7 +239,7 @@ def _resting(script: StickScript, frames: int) -> NDArray[np.bool_]:
     result = np.zeros(frames, bool)
     for kind, _, first, end in _segments(script, frames):
         if kind in ("stand", "stop", "spin"):
-            result[first + (0 if first == 0 else 2 * SETTLED) : end] = True
+            result[first + (0 if first == 0 else 2 * SETTLED_FRAMES) : end] = True
     return result if result.any() else np.ones(frames, bool)
 
 
@@ -267,7 +267,9 @@ def raw_start(p: Points) -> dict[str, float]:
     curves = Curves(p)
     v = curves.hips
     steady = float(np.median(v[v > 0.5 * v.max()]))
-    begins = np.flatnonzero(v[: int(np.argmax(v > REACHED * steady)) + 1] < STILL)
+    begins = np.flatnonzero(
+        v[: int(np.argmax(v > REACHED_SPEED_FRACTION * steady)) + 1] < STANDING_SPEED_M_PER_S
+    )
     return curves.start_figures(int(begins[-1]) if len(begins) else 0, len(v), steady)
 
 
@@ -276,14 +278,16 @@ def raw_stop(p: Points) -> dict[str, float]:
     curves = Curves(p)
     v = curves.hips
     steady = float(np.median(v[v > 0.5 * v.max()]))
-    last = int(np.flatnonzero(v > REACHED * steady)[-1])
-    return curves.stop_figures(last, len(v) + 2, last + 1) if (v[last:] < STILL).any() else {}
+    last = int(np.flatnonzero(v > REACHED_SPEED_FRACTION * steady)[-1])
+    return (
+        curves.stop_figures(last, len(v) + 2, last + 1) if (v[last:] < STANDING_SPEED_M_PER_S).any() else {}
+    )
 
 
 def raw_turns(p: Points) -> dict[str, float]:
     """Of all turns of the hips in a take, one a second at most: the 90th percentile of their fastest moments."""
     turn = hips_turn(p)
-    peaks, _ = find_peaks(turn, height=TURNING, distance=FPS)
+    peaks, _ = find_peaks(turn, height=MIN_TURN_DEG_PER_S, distance=FPS)
     return {"turn": float(np.percentile(turn[peaks], 90))} if len(peaks) else {}
 
 

@@ -22,12 +22,12 @@ DEEP_M = 0.03
 # Of a path that passes every check: the deepest sole, joint and limb, and the acceleration of a joint; captured jogs
 # come to 470.
 DEEPEST_SOLE_M, DEEPEST_JOINT_M, DEEPEST_LIMB_M = 0.02, 0.015, 0.035
-MOST_ACCELERATION = 600.0  # m/s^2
+MAX_ACCELERATION_M_PER_S2 = 600.0  # m/s^2
 # A figure that glides in one pose, or stands where it should walk: its feet hardly move relative to the root. In a walk
 # they do so with about the speed of the root.
 FROZEN_FRACTION = 0.25  # of the requested speed, mean over a second
 HANDS = (22, 29)
-HAND_REACH_M, HAND_SPEED = 0.10, 0.3  # of a hand that holds an edge: metres to it, m/s
+HAND_REACH_M, HAND_M_PER_S = 0.10, 0.3  # of a hand that holds an edge: metres to it, m/s
 OFF_BEAM_M = 0.1  # under the beam's top: a foot that stands so low has left it
 FLIGHT_M, FLIGHT_S = 0.03, 0.08  # both soles so high over the ground below or the last hold, for so long
 
@@ -57,7 +57,9 @@ def depths(positions: Array, terrain: Terrain, traversal: Mask) -> dict[str, flo
     return result
 
 
-def first_problem(positions: Array, ground: Terrain, most_acceleration: float = MOST_ACCELERATION) -> str:
+def first_problem(
+    positions: Array, ground: Terrain, most_acceleration: float = MAX_ACCELERATION_M_PER_S2
+) -> str:
     """The first check that a motion of world joints `(T, 31, 3)` does not pass; empty where it passes all.
 
     Soles, joints and limbs under the surface, by the shortest way out, and the acceleration of any joint, m/s^2.
@@ -122,7 +124,7 @@ def hands_on_edge(positions: Array, walls: Sequence[Obstacle]) -> list[float]:
     result = []
     for wall in walls:
         away = np.hypot(hands[..., 2] - wall.begin, hands[..., 1] - wall.top)
-        within = (np.abs(hands[..., 0]) <= wall.half_width) & (away < HAND_REACH_M) & (speed < HAND_SPEED)
+        within = (np.abs(hands[..., 0]) <= wall.half_width) & (away < HAND_REACH_M) & (speed < HAND_M_PER_S)
         result.append(float(within.all(1).sum()) / FPS)
     return result
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,73 +29,107 @@ from training.frames import PAD, extrapolate, repeat_ends, root_motion, smooth
 # simulated before the scored part, so that standing still and the start pose are over
 LEAD_IN_FRAMES = 2 * FPS
 STEADY_FRAMES = 3 * FPS  # on either side of a change of prompt
-REQUEST_SIGMA = 15.0  # frames; a thumb does not follow the sway of every step
+REQUEST_SIGMA_FRAMES = 15.0  # frames; a thumb does not follow the sway of every step
 CORRECTION_PER_S = 1.0  # a player also steers back to where the clip went
-MAX_CORRECTION = 0.5  # m/s
+MAX_CORRECTION_M_PER_S = 0.5  # m/s
 TOGETHER = 32  # characters of a crowd that are walked at once
+FORWARD = Controls((0.0, 1.0))
 _ORIGIN = PlanarPose(0.0, 0.0, 0.0)
+Stick = Callable[[Controller, int], Controls]  # what a character is asked for in a frame
 
 
-def walk_together(members: Sequence[Controller], script: ControlScript, frames: int) -> list[list[Pose]]:
-    """Poses of characters of one model and ground by one stick that looks at no place, in half of the time of each alone.
-
-    SportError when the network fails.
-    """
-    made: list[list[Pose]] = []
-    for first in range(0, len(members), TOGETHER):
-        few = members[first : first + TOGETHER]
-        crowd, poses = Crowd(few), []
-        for frame in range(frames):
-            poses.append(crowd.step(script(frame / FPS, _ORIGIN)))
-            faults = [member.message for member in few if member.message]
-            if faults:
-                raise SportError(f"frame {frame}: {faults[0]}", "Try another seed or model.")
-        crowd.close()
-        made += map(list, zip(*poses, strict=True))
-    return made
-
-
-class Recorder:
-    """Collects the poses of a controller, shown and before foot lock."""
+class Track:
+    """What a character did: its frames as they were shown and before foot lock, and what was requested of it."""
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
-        self._poses: list[Pose] = []
+        self.poses: list[Pose] = []
         self._unlocked: list[tuple[Array, Array]] = []
+        self.requested_speed: list[float] = []  # m/s
+        self.keyed: list[bool] = []  # whether keyframed motion was shown
 
-    def step(self, controls: Controls) -> Pose:
-        """One frame; SportError when the network fails."""
-        return self.add(self._controller.step(controls))
+    def __len__(self) -> int:
+        return len(self.poses)
 
-    def add(self, pose: Pose) -> Pose:
-        """A frame that the controller was moved by; SportError when the network failed."""
-        if self._controller.message or not np.isfinite(pose.positions).all():
-            problem = self._controller.message or "The pose is not finite."
-            raise SportError(f"{self._controller.model.name}: {problem}", "Evaluate another model.")
-        self._poses.append(pose)
-        self._unlocked.append(self._controller.unlocked)
-        return pose
+    def add(self, pose: Pose) -> None:
+        """Keep the controller's last frame; SportError when the network failed in it."""
+        controller = self._controller
+        if controller.message or not np.isfinite(pose.positions).all():
+            problem = controller.message or "The pose is not finite."
+            raise SportError(f"{controller.model.name}: {problem}", "Evaluate another model.")
+        self.poses.append(pose)
+        self._unlocked.append(controller.unlocked)
+        self.requested_speed.append(controller.requested_speed)
+        self.keyed.append(bool(controller.traversal))
 
     @property
-    def frames(self) -> int:
-        """How many were recorded."""
-        return len(self._poses)
+    def root(self) -> Array:
+        """Places `(T, 2)` of the root, metres."""
+        return np.stack([pose.root_position[[0, 2]] for pose in self.poses])
 
-    def motion(self, name: str, style: str, gait: NDArray[np.integer], skip: int) -> Motion:
-        """What was recorded after the first `skip` frames; `gait` `(frames - skip,)` are the requested labels."""
-        poses = self._poses[skip:]
-        hips, local = (np.stack(values) for values in zip(*self._unlocked[skip:], strict=True))
+    def shown(self, skip: int = 0) -> tuple[Array, Array, Array]:
+        """Hips `(T, 3)`, local rotations `(T, 31, 4)` and contacts `(T, 4)` after the first `skip` frames."""
+        poses = self.poses[skip:]
+        return (
+            np.stack([pose.hips_position for pose in poses]),
+            np.stack([pose.local_rotations for pose in poses]),
+            np.stack([pose.contacts for pose in poses]),
+        )
+
+    def motion(self, name: str, style: str, gait: Gait | NDArray[np.integer], skip: int = 0) -> Motion:
+        """The motion after the first `skip` frames; `gait` are the requested labels, one or `(frames - skip,)`."""
+        unlocked_hips, unlocked = (np.stack(values) for values in zip(*self._unlocked[skip:], strict=True))
         return Motion(
             name,
             style,
-            np.stack([p.hips_position for p in poses]),
-            np.stack([p.local_rotations for p in poses]),
-            np.stack([p.contacts for p in poses]),
-            gait,
+            *self.shown(skip),
+            np.full(len(self) - skip, int(gait)) if isinstance(gait, Gait) else gait,
             self._controller.terrain,
             source="generated",
-            unlocked=SPORT_SKELETON.forward_kinematics(hips, local)[0].astype(np.float32),
+            unlocked=SPORT_SKELETON.forward_kinematics(unlocked_hips, unlocked)[0].astype(np.float32),
         )
+
+
+def walked(
+    members: Sequence[Controller],
+    sticks: Stick | Sequence[Stick],
+    frames: int,
+    until: Callable[[Controller], bool] = lambda member: False,
+) -> list[Track]:
+    """Tracks of characters of one model and ground, by one stick or each by its own, in half of the time of each alone.
+
+    They end after so many frames, or when `until` is true of all. SportError when the network fails.
+    """
+    own = [sticks] * len(members) if callable(sticks) else sticks
+    tracks = [Track(member) for member in members]
+    for first in range(0, len(members), TOGETHER):
+        few = slice(first, first + TOGETHER)
+        _walk(members[few], own[few], tracks[few], frames, until)
+    return tracks
+
+
+def _walk(
+    members: Sequence[Controller],
+    sticks: Sequence[Stick],
+    tracks: Sequence[Track],
+    frames: int,
+    until: Callable[[Controller], bool],
+) -> None:
+    crowd = Crowd(members) if len(members) > 1 else None
+    for frame in range(frames):
+        asked = [stick(member, frame) for stick, member in zip(sticks, members, strict=True)]
+        poses = [members[0].step(asked[0])] if crowd is None else crowd.step(asked)
+        for track, pose in zip(tracks, poses, strict=True):
+            track.add(pose)
+        if all(map(until, members)):
+            break
+    if crowd is not None:
+        crowd.close()
+
+
+def walk_together(members: Sequence[Controller], script: ControlScript, frames: int) -> list[list[Pose]]:
+    """Poses of characters by one script that looks at no place."""
+    return [t.poses for t in walked(members, lambda _, frame: script(frame / FPS, _ORIGIN), frames)]
 
 
 @dataclass(frozen=True)
@@ -110,7 +145,7 @@ class Requests:
 def requests_of(clip: Motion, lead_in: int) -> Requests:
     """Smoothed root velocity, facing and gait of a clip; the lead-in goes on backwards at the first velocity."""
     xz, yaw = root_motion(clip.positions.astype(np.float64))
-    velocity = smooth(np.gradient(xz, axis=0) * FPS, REQUEST_SIGMA)
+    velocity = smooth(np.gradient(xz, axis=0) * FPS, REQUEST_SIGMA_FRAMES)
     start = velocity[0] if clip.gait[0] != Gait.STAND else np.zeros(2)
     back = np.arange(lead_in, 0, -1)[:, None] / FPS
 
@@ -135,13 +170,11 @@ def follow(
     controller = Controller(model, clip.terrain, seed, temperature, response=MAX_RESPONSE)
     controller.set_style(z, 0.0)
     controller.reset(float(requests.xz[0, 0]), float(requests.xz[0, 1]), float(requests.yaw[0]))
-    recorder = Recorder(controller)
-    for frame in range(len(requests.xz)):
-        recorder.step(_stick(requests, frame, controller))
-    return recorder.motion(clip.name, clip.style, clip.gait, LEAD_IN_FRAMES)
+    (track,) = walked([controller], partial(_stick, requests), len(requests.xz))
+    return track.motion(clip.name, clip.style, clip.gait, LEAD_IN_FRAMES)
 
 
-def _stick(requests: Requests, frame: int, controller: Controller) -> Controls:
+def _stick(requests: Requests, controller: Controller, frame: int) -> Controls:
     gait = Gait(int(requests.gait[frame]))
     speed = float(np.linalg.norm(requests.velocity[frame]))
     facing = (float(np.sin(requests.yaw[frame])), float(np.cos(requests.yaw[frame])))
@@ -151,7 +184,7 @@ def _stick(requests: Requests, frame: int, controller: Controller) -> Controls:
         gait = Gait.WALK
     root = controller.pose.root_position
     away = CORRECTION_PER_S * (requests.xz[frame] - np.array([root[0], root[2]], np.float64))
-    away *= min(1.0, MAX_CORRECTION / max(float(np.linalg.norm(away)), 1e-9))
+    away *= min(1.0, MAX_CORRECTION_M_PER_S / max(float(np.linalg.norm(away)), 1e-9))
     move = (requests.velocity[frame] + away) / controller.full_speed(gait)
     move /= max(1.0, float(np.linalg.norm(move)))
     return Controls((float(move[0]), float(move[1])), facing, gait)
@@ -194,15 +227,19 @@ def replay(model: MotionModel, clip: Motion, z: Array, seed: int, temperature: f
     state = copied(controller.state)
     state.trajectory = ReplayTrajectory.of(clip, state.trajectory)
     controller.put(state, state.styles[0].codes)
-    joints = []
-    for frame in range(len(clip)):
+
+    def stick(member: Controller, frame: int) -> Controls:
         if frame == lead_in:
-            controller.temperature = temperature
-        pose = controller.step(Controls())
-        if frame >= lead_in:
-            root, ground = pose.root_position[[0, 2]], pose.root_position[1]
-            joints.append(features.relative_joints(pose.positions, root, ground, np.array(pose.root_yaw)))
-    return np.stack(joints)
+            member.temperature = temperature
+        return Controls()
+
+    (track,) = walked([controller], stick, len(clip))
+    return np.stack([_relative_joints(pose) for pose in track.poses[lead_in:]])
+
+
+def _relative_joints(pose: Pose) -> Array:
+    root, ground = pose.root_position[[0, 2]], pose.root_position[1]
+    return features.relative_joints(pose.positions, root, ground, np.array(pose.root_yaw))
 
 
 def transitions(model: MotionModel, changes: Sequence[tuple[Array, Array]], seed: int) -> list[Array]:
@@ -212,17 +249,13 @@ def transitions(model: MotionModel, changes: Sequence[tuple[Array, Array]], seed
     """
     ground = flat_ground()
     members = [Controller(model, ground, seed + k) for k in range(len(changes))]
-    walked: list[list[Pose]] = [[] for _ in members]
+    shown: list[list[Pose]] = [[] for _ in members]
     for number, frames, blend in ((0, LEAD_IN_FRAMES + STEADY_FRAMES, 0.0), (1, STEADY_FRAMES, 1.0)):
         for member, codes in zip(members, changes, strict=True):
             member.set_style(codes[number], blend)
-        for poses, more in zip(walked, walk_together(members, _straight_on, frames), strict=True):
+        for poses, more in zip(shown, walk_together(members, lambda *_: FORWARD, frames), strict=True):
             poses += more
-    return [np.stack([pose.positions for pose in poses[LEAD_IN_FRAMES:]]) for poses in walked]
-
-
-def _straight_on(seconds: float, place: PlanarPose) -> Controls:
-    return Controls((0.0, 1.0))
+    return [np.stack([pose.positions for pose in poses[LEAD_IN_FRAMES:]]) for poses in shown]
 
 
 def flat_ground() -> Terrain:
@@ -276,44 +309,33 @@ def run_ring(
 
     The first 2 s, from standing, are not scored.
     """
-    made: list[RingRun] = []
-    for first in range(0, len(walks), TOGETHER):
-        made += _run_together(model, terrain, walks[first : first + TOGETHER], seconds)
-    return made
-
-
-def _run_together(
-    model: MotionModel, terrain: Terrain, walks: Sequence[RingWalk], seconds: float
-) -> list[RingRun]:
     course = ring()
     places = [int(np.random.default_rng(walk.seed).integers(POINTS)) for walk in walks]
     members = [
         _placed(Controller(model, terrain, walk.seed), walk.code, course, place)
         for walk, place in zip(walks, places, strict=True)
     ]
-    recorders, crowd = [Recorder(member) for member in members], Crowd(members)
-    roots, speeds = [], []
-    for _ in range(LEAD_IN_FRAMES + round(seconds * FPS)):
-        here = [member.pose.root_position[[0, 2]].astype(np.float64) for member in members]
-        places = [_nearest(course, root, place) for root, place in zip(here, places, strict=True)]
-        sticks = [
-            Controls(_towards(course, root, place), gait=walk.gait)
-            for root, place, walk in zip(here, places, walks, strict=True)
-        ]
-        poses = crowd.step(sticks)
-        for recorder, pose in zip(recorders, poses, strict=True):
-            recorder.add(pose)
-        roots.append([pose.root_position[[0, 2]] for pose in poses])
-        speeds.append([member.requested_speed for member in members])
-    crowd.close()
-    scored = np.array(roots[LEAD_IN_FRAMES:], np.float64), np.array(speeds[LEAD_IN_FRAMES:])
+    sticks = [_along(course, place, walk.gait) for place, walk in zip(places, walks, strict=True)]
+    tracks = walked(members, sticks, LEAD_IN_FRAMES + round(seconds * FPS))
     made = []
-    for k, (walk, recorder) in enumerate(zip(walks, recorders, strict=True)):
+    for walk, track in zip(walks, tracks, strict=True):
         name = f"{walk.style} {walk.gait.label} {terrain.name}"
-        labels = np.full(len(scored[0]), int(walk.gait))
-        motion = recorder.motion(name, walk.style, labels, LEAD_IN_FRAMES)
-        made.append(RingRun(motion, path_error(scored[0][:, k], course), scored[1][:, k]))
+        motion = track.motion(name, walk.style, walk.gait, LEAD_IN_FRAMES)
+        error = path_error(track.root[LEAD_IN_FRAMES:].astype(np.float64), course)
+        made.append(RingRun(motion, error, np.array(track.requested_speed[LEAD_IN_FRAMES:])))
     return made
+
+
+def _along(course: Array, place: int, gait: Gait) -> Stick:
+    """The stick that leads along the course from one of its points."""
+
+    def stick(member: Controller, frame: int) -> Controls:
+        nonlocal place
+        root = member.pose.root_position[[0, 2]].astype(np.float64)
+        place = _nearest(course, root, place)
+        return Controls(_towards(course, root, place), gait=gait)
+
+    return stick
 
 
 def _placed(member: Controller, code: Array, course: Array, place: int) -> Controller:

@@ -25,7 +25,7 @@ from training.evaluation.text.walks import PLAIN_PROMPT, body_of
 from training.markdown import table
 
 PROMPTS = Path(__file__).parent / "data" / "animator_prompts.txt"
-LEAD, SECONDS = 2.0, 7.0  # walked before measuring, and in all
+LEAD_S, WALK_S = 2.0, 7.0  # walked before measuring, and in all
 _EXPECTATION = re.compile(r"(\w+)\.(\w+) ([<>]) (n\*|n\+|n(?=-))?(-?[\d.]+)")
 # a prompt, how many expectations it has, and those that do not hold with what was measured
 Outcome = dict[str, Any]
@@ -34,7 +34,7 @@ Outcome = dict[str, Any]
 def measured(path: Path) -> dict[str, float]:
     """Measures of an exported walk, "part.measure" → value; `torso.twist` in degrees to the left, `legs.apart` in metres."""
     read = load_clip_bvh(path)
-    first = round(LEAD * read.fps)
+    first = round(LEAD_S * read.fps)
     hips, local = read.hips_positions[first:], read.local_rotations[first:]
     parts = vars(body_of(hips, local)).items()
     values = {f"{part}.{name}": value for part, found in parts for name, value in vars(found).items()}
@@ -88,7 +88,7 @@ def animators(setting: Setting) -> dict[str, list[Outcome]]:
         def walk(prompt: str) -> dict[str, float]:
             seed = setting.args.seed
             clip = generate_clip(
-                prompt, seconds=SECONDS, seed=seed, prompter=prompter, model=model,
+                prompt, seconds=WALK_S, seed=seed, prompter=prompter, model=model,
                 exact_legs=not setting.args.network_legs,
             )  # fmt: skip
             save_bvh(clip, path)

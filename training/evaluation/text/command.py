@@ -17,9 +17,8 @@ from training.augmentation.measured_edits import CapturedReference, Summary, loa
 from training.evaluation.experiment import Arguments, Experiment, Setting, command_of, option
 from training.evaluation.text import edits
 from training.evaluation.text.edits import Case, by_slot, independence
-from training.evaluation.text.retrieval import BAR as RETRIEVAL_BAR
-from training.evaluation.text.retrieval import evaluate_retrieval
-from training.evaluation.text.walks import PLAIN_PROMPT, SECONDS, Walk, Walker
+from training.evaluation.text.retrieval import MIN_RECALL_FRACTION, evaluate_retrieval
+from training.evaluation.text.walks import PLAIN_PROMPT, WALK_S, Walk, Walker
 from training.markdown import percent, table
 
 PARTS = ("retrieval", "edits")
@@ -71,7 +70,7 @@ def _walked(
 ) -> tuple[dict[int, Summary], list[list[Summary]]]:
     """The neutral walks by seed, and those of every case's variants."""
     args = setting.args
-    walker = Walker(setting.folders[0], args.workers, 3.0 if args.quick else SECONDS)
+    walker = Walker(setting.folders[0], args.workers, 3.0 if args.quick else WALK_S)
     plain = [Walk.of(prompter(neutral), seed) for seed in range(edits.SEEDS)]
     walks = [[Walk.of(prompter(d), s) for d, s in zip(c.variants, c.seeds, strict=True)] for c in cases]
     requested = [*plain, *(walk for own in walks for walk in own)]
@@ -123,19 +122,19 @@ def bars(results: dict[str, Any]) -> list[Bar]:
     found: list[Bar] = []
     for key, words in DIRECTIONS.items() if "retrieval" in results else ():
         r1 = results["retrieval"][key]["r1"]
-        name = f"{words} R@1 on held-out captured clips: at least {percent(RETRIEVAL_BAR)}"
-        found.append((name, percent(r1), r1 >= RETRIEVAL_BAR))
+        name = f"{words} R@1 on held-out captured clips: at least {percent(MIN_RECALL_FRACTION)}"
+        found.append((name, percent(r1), r1 >= MIN_RECALL_FRACTION))
     if "edits" in results:
-        rhythm = (edits.RHYTHM_RIGHT_BAR, edits.RHYTHM_ENOUGH_BAR)
+        rhythm = (edits.MIN_RHYTHM_RIGHT_WAY_FRACTION, edits.MIN_RHYTHM_ENOUGH_FRACTION)
         for kind, name, least in (
-            ("zero-shot", "zero-shot part edits", (edits.RIGHT_BAR, edits.ENOUGH_BAR)),
+            ("zero-shot", "zero-shot part edits", (edits.MIN_RIGHT_WAY_FRACTION, edits.MIN_ENOUGH_FRACTION)),
             (edits.HELD_OUT_RHYTHM, "held-out edits of rhythm and weight", rhythm),
         ):
             if kind in results["edits"]["summary"]:
                 found += _edit_bars(name, results["edits"]["summary"][kind], least)
         ratio = results["independence"]["by_slot"]["all"]["ratio"]
-        name = f"other parts change by at most {percent(edits.BAR)} of the described part's change"
-        found.append((name, percent(ratio), ratio <= edits.BAR))
+        name = f"other parts change by at most {percent(edits.MAX_OTHERS_FRACTION)} of the described part's change"
+        found.append((name, percent(ratio), ratio <= edits.MAX_OTHERS_FRACTION))
     return found
 
 

@@ -15,9 +15,12 @@ from runtime.skeleton import PART_NAMES, SPORT_SKELETON
 from training.augmentation.catalogue import catalogue, part_edits
 from training.augmentation.measured_edits import Summary, Target, rotation_change, value
 
-RIGHT_WAY, ENOUGH = 0.1, 0.5  # fractions of the described change; under a tenth is no change
-RIGHT_BAR, ENOUGH_BAR = 0.8, 0.5  # fractions of the held-out edits and pairs
-RHYTHM_RIGHT_BAR, RHYTHM_ENOUGH_BAR = 0.9, 0.7  # of those of rhythm and weight
+RIGHT_WAY_FRACTION, ENOUGH_FRACTION = (
+    0.1,
+    0.5,
+)  # fractions of the described change; under a tenth is no change
+MIN_RIGHT_WAY_FRACTION, MIN_ENOUGH_FRACTION = 0.8, 0.5  # fractions of the held-out edits and pairs
+MIN_RHYTHM_RIGHT_WAY_FRACTION, MIN_RHYTHM_ENOUGH_FRACTION = 0.9, 0.7  # of those of rhythm and weight
 HELD_OUT_RHYTHM, TRAINED_RHYTHM = "held-out rhythm", "trained rhythm"
 SEEDS = 3
 DATA = Path(__file__).parent / "data"
@@ -120,10 +123,10 @@ def score(
         "change": changes,
         "fraction": median,
         "worst_fraction": worst,
-        "right_way": bool(worst >= RIGHT_WAY),
-        "enough": bool(worst >= ENOUGH),
-        "runs_right_way": float((runs >= RIGHT_WAY).mean()),
-        "runs_enough": float((runs >= ENOUGH).mean()),
+        "right_way": bool(worst >= RIGHT_WAY_FRACTION),
+        "enough": bool(worst >= ENOUGH_FRACTION),
+        "runs_right_way": float((runs >= RIGHT_WAY_FRACTION).mean()),
+        "runs_enough": float((runs >= ENOUGH_FRACTION).mean()),
     }
 
 
@@ -137,7 +140,7 @@ def totals(results: Sequence[dict[str, Any]]) -> dict[str, float]:
     }
 
 
-BAR = 0.25  # of the part's own change
+MAX_OTHERS_FRACTION = 0.25  # of the part's own change
 
 _AT = SPORT_SKELETON.index
 # joints that turn; fingers, and hip joints and neck bases without freedom of their own, would only dilute the means
@@ -215,7 +218,9 @@ def _summary(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
         "most_ratio": mean["most"] / own,
         "edit_ratio": mean["edit_others"] / edit_own,
         "edit_most_ratio": mean["edit_most"] / edit_own,
-        "within": float(np.mean([r["own"] > 0.0 and r["others"] <= BAR * r["own"] for r in rows])),
+        "within": float(
+            np.mean([r["own"] > 0.0 and r["others"] <= MAX_OTHERS_FRACTION * r["own"] for r in rows])
+        ),
     }
 
 

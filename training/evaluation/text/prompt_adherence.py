@@ -34,10 +34,10 @@ from training.text.claims import clause_fraction, clauses
 
 log = logging.getLogger("sport.evaluate")
 
-SECONDS = 3.0  # walked and measured for each phrase
+PHRASE_S = 3.0  # walked and measured for each phrase
 _HAND = ("hand_front", "hand_out", "hand_level")
 _LEVEL_M = 0.45  # metres of one unit of hand_level
-APART = 0.15  # between one limb's fraction and that of both: from there its own is kept
+LIMB_DIFFERENCE_FRACTION = 0.15  # between one limb's fraction and that of both: from there its own is kept
 UNEVEN = ("neutral_rough",)  # plain, on ground that is not
 
 
@@ -87,7 +87,7 @@ class Found:
             medians = {key: float(np.median(fractions)) for key, fractions in both.items()}
             for (part, words), fractions in self.limbs.items():
                 own = float(np.median(fractions))
-                if abs(own - medians[as_left_limb(part, part)[0], words]) > APART:
+                if abs(own - medians[as_left_limb(part, part)[0], words]) > LIMB_DIFFERENCE_FRACTION:
                     medians[part, words] = own
             groups: dict[str, dict[str, float]] = {}
             for (group, words), median in sorted(medians.items()):
@@ -164,6 +164,6 @@ def described_edits(motion: EditedMotion) -> dict[str, tuple[Summary, Summary]]:
 
 def neutral_motion(model: MotionModel, z: Array) -> EditedMotion:
     """A neutral walk of the model, to apply edits to."""
-    ((hips, local, contacts),) = straight_walks(model, [z], 2 * SECONDS)
+    ((hips, local, contacts),) = straight_walks(model, [z], 2 * PHRASE_S)
     stands = (contacts > 0.5).astype(np.uint8)
     return EditedMotion(hips.astype(np.float64), local.astype(np.float64), stands, Terrain.flat(size_m=200.0))

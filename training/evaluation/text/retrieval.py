@@ -24,7 +24,7 @@ from training.evaluation.metrics.motion import load_motion, window_starts
 from training.evaluation.motion.capture import TERRAIN_GROUP, ClipInfo, read_capture
 
 HOP = 20  # frames between the beginnings of a clip's windows
-BAR = 0.6  # R@1
+MIN_RECALL_FRACTION = 0.6  # R@1
 
 
 def codes_of(mean: Array, log_variance: Array) -> Array:

@@ -15,20 +15,19 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.measures.table import BodyMeasures, measure
-from runtime.motion.control_scripts import control_script
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel, load_model
 from runtime.skeleton import SPORT_SKELETON
 from training.augmentation.measured_edits import Summary, summarise
 from training.data.labels import foot_contacts
-from training.evaluation.motion.driving import TOGETHER, flat_ground, walk_together
+from training.evaluation.motion.driving import FORWARD, TOGETHER, flat_ground, walked
 
 log = logging.getLogger("sport.evaluate")
 
 PLAIN_PROMPT = "a person walking normally"  # what words about a part change
 LEAD_SECONDS = 2.0  # walked before measuring: standing still and the start pose are over
-SECONDS = 6.0
+WALK_S = 6.0
 LOGGED = 64  # walks between two lines of the log
 
 
@@ -48,7 +47,7 @@ class Walk:
 class Walker:
     """Makes walks with the model of a folder in full precision, many together, in `workers` processes; the same walk is made once."""
 
-    def __init__(self, folder: Path, workers: int = 1, seconds: float = SECONDS) -> None:
+    def __init__(self, folder: Path, workers: int = 1, seconds: float = WALK_S) -> None:
         self.folder, self.workers, self.seconds = folder, workers, seconds
         self._made: dict[Walk, Summary] = {}
 
@@ -97,15 +96,8 @@ def straight_walks(
     members = [Controller(model, ground, seed) for seed in seeds or [0] * len(codes)]
     for member, code in zip(members, codes, strict=True):
         member.set_style(code, 0.0)
-    walks = walk_together(members, control_script("forward", "walk"), lead + round(seconds * FPS))
-    return [
-        (
-            np.stack([p.hips_position for p in poses[lead:]]),
-            np.stack([p.local_rotations for p in poses[lead:]]),
-            np.stack([p.contacts for p in poses[lead:]]),
-        )
-        for poses in walks
-    ]
+    tracks = walked(members, lambda *_: FORWARD, lead + round(seconds * FPS))
+    return [track.shown(lead) for track in tracks]
 
 
 def _loaded(folder: Path) -> MotionModel:

@@ -1,7 +1,7 @@
 """Walk every sentence once and find the wording that a model follows: `assets/prompts/wording.json`, by `training.export.words`.
 
 A sentence is walked with everything else as in neutral, and what it claims (`training.text.claims`) is compared with what the
-body does; each arm is walked on its own, for some of its edits are held out on one side. Where the model shows less than `WEAK` of it,
+body does; each arm is walked on its own, for some of its edits are held out on one side. Where the model shows less than `WEAK_FRACTION` of it,
 the sentence gets the wording, out of all that were walked and claim the same measures, whose walk keeps the claims and changes
 as little else as possible; a sentence of an arm gets its own beginning, or one that ends with the same place. Descriptions of captured styles stay as they are: the model
 learnt them by heart.
@@ -25,10 +25,10 @@ from runtime.prompts.prompter import Prompter
 from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker
 from training.text.claims import claims, sentence_fraction, unclaimed_change
 
-WEAK = 0.6  # fraction of a sentence's claims under which it gets another wording
-GAIN = 0.3  # by which the other wording has to be better
-CHANGE = 0.12  # what a unit of change that was not claimed costs, in fractions
-ALIKE = 0.8  # what likeness of words is worth
+WEAK_FRACTION = 0.6  # fraction of a sentence's claims under which it gets another wording
+MIN_GAIN_FRACTION = 0.3  # by which the other wording has to be better
+UNCLAIMED_CHANGE_WEIGHT = 0.12  # what a unit of change that was not claimed costs, in fractions
+LIKENESS_WEIGHT = 0.8  # what likeness of words is worth
 # what is walked, by the group of the table
 PARTS = {
     "torso": "torso",
@@ -80,7 +80,11 @@ def _better_of(
     """Each weakly shown sentence of a group with the one in its place; `bodies` are what is walked by each sentence."""
     part = PARTS[group]
     shown = {words: sentence_fraction(part, words, neutral, body) for words, body in bodies.items()}
-    weak = {words: fraction for words, fraction in shown.items() if fraction is not None and fraction < WEAK}
+    weak = {
+        words: fraction
+        for words, fraction in shown.items()
+        if fraction is not None and fraction < WEAK_FRACTION
+    }
     if not weak:
         return {}
     vectors = dict(zip(bodies, likeness(list(bodies)), strict=True))
@@ -88,8 +92,10 @@ def _better_of(
     def best(words: str) -> tuple[float, str]:
         """The first of the sentences of most worth, and this; minus infinity where none shows more."""
         others = (w for w in bodies if w not in weak and _stands_for(group, part, w, words))
-        worths = {w: _worth(part, words, weak[words] + GAIN, neutral, bodies[w]) for w in others}
-        worths = {w: value + ALIKE * float(vectors[words] @ vectors[w]) for w, value in worths.items()}
+        worths = {w: _worth(part, words, weak[words] + MIN_GAIN_FRACTION, neutral, bodies[w]) for w in others}
+        worths = {
+            w: value + LIKENESS_WEIGHT * float(vectors[words] @ vectors[w]) for w, value in worths.items()
+        }
         return max(((value, w) for w, value in worths.items()), key=itemgetter(0), default=(-inf, ""))
 
     found = {words: best(words) for words in weak}
@@ -101,7 +107,7 @@ def _worth(part: str, words: str, least: float, neutral: BodyMeasures, body: Bod
     fraction = sentence_fraction(part, words, neutral, body)
     if fraction is None or fraction < least:
         return -inf
-    return fraction - CHANGE * unclaimed_change(part, words, neutral, body)
+    return fraction - UNCLAIMED_CHANGE_WEIGHT * unclaimed_change(part, words, neutral, body)
 
 
 _PLACE = re.compile(r" (?:behind|of|on|at) the \w+$")

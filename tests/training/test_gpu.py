@@ -10,7 +10,7 @@ from torch.utils._pytree import tree_leaves
 from tests.training.test_composition import drawn, frames, table, texts  # noqa: F401
 from tests.training.test_resume import run
 from training import gpu
-from training.stages import content, motion, phase
+from training.stages import content, diffusion, motion, phase
 
 pytestmark = pytest.mark.needs_torch
 
@@ -82,7 +82,7 @@ def as_on_a_gpu(monkeypatch):
 def test_a_recorded_step_waits_for_nothing_and_gives_the_same_bytes(
     stage, steps, frames, table, texts, tmp_path, monkeypatch, as_on_a_gpu  # noqa: F811
 ):  # fmt: skip
-    monkeypatch.setattr(motion, "measure_codes", lambda *_, **__: None)
+    monkeypatch.setattr(diffusion, "measure_codes", lambda *_, **__: None)
     monkeypatch.setattr(phase, "encode_table", lambda *_: None)
     monkeypatch.setattr(content, "STATISTICS_WINDOWS", 16)
     replayed = []

@@ -12,7 +12,7 @@ from training import session as training_session
 from training.presets import preset
 from training.sampling import sampling_weights
 from training.session import Session, StageLength, load_checkpoint
-from training.stages import content, ground, motion, phase
+from training.stages import content, diffusion, ground, motion, phase
 from training.styles import StyleTable
 
 pytestmark = pytest.mark.needs_torch
@@ -61,7 +61,7 @@ def run(stage: str, out: Path, frames, table, texts, steps=STEPS, recorded=False
     else:
         torch.manual_seed(4)
         generator = motion.Generator(CONFIG)
-        motion.run_stage3(session, data(frames, table), generator, StageLength(steps, 8))
+        diffusion.run_stage3(session, data(frames, table), generator, StageLength(steps, 8))
     saved = load_checkpoint(out / f"{stage}.pt")
     assert saved["step"] == steps
     return b"".join(saved["average"][name].numpy().tobytes() for name in sorted(saved["average"]))
@@ -69,7 +69,7 @@ def run(stage: str, out: Path, frames, table, texts, steps=STEPS, recorded=False
 
 @pytest.mark.parametrize("stage", ["phase", "content", "stage2", "stage3", "ground"])
 def test_a_killed_stage_goes_on_to_the_same_bytes(stage, frames, table, texts, tmp_path, monkeypatch):  # noqa: F811
-    monkeypatch.setattr(motion, "measure_codes", lambda *_, **__: None)
+    monkeypatch.setattr(diffusion, "measure_codes", lambda *_, **__: None)
     monkeypatch.setattr(phase, "encode_table", lambda *_: None)
     monkeypatch.setattr(content, "STATISTICS_WINDOWS", 16)
     whole = run(stage, tmp_path / "whole", frames, table, texts)

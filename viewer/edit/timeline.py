@@ -20,25 +20,25 @@ from viewer.gui.theme import Color
 from viewer.gui.widgets import px
 from viewer.session.playback import Playback
 
-RULER, SPACING = 26.0, 3.0  # pixels at scale 1, as all lengths here
-USUAL_TRACKS, USUAL_HEIGHT = 8, 109.0  # what every take has, and the height of those tracks
-TALLEST = 1.6  # of a track's height, where there is room
+RULER_PX, SPACING_PX = 26.0, 3.0  # pixels at scale 1, as all lengths here
+USUAL_TRACKS, USUAL_HEIGHT_PX = 8, 109.0  # what every take has, and the height of those tracks
+MAX_HEIGHT_RATIO = 1.6  # of a track's height, where there is room
 TICK_STEPS = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 3600, 7200, 18000, 36000)
-TICK_WIDTH = 56.0  # at least, between two numbers
-NAMES_WIDTH, NAMES_FROM = 70.0, 420.0  # in a narrower bar the tracks have no names
-EDGE = 4.0  # outside both ends of a row, for half a handle
-LEAST_WIDTH = 9.0  # of a span among neighbours: a jump of a long take can be clicked
-LEAST_SHOWN = 12.0  # frames that the closest zoom shows
-ZOOM_PER_STEP = 0.8
-SCROLL_PER_STEP = 0.1  # of what is shown
-BUTTON_WIDTH = 30.0
-GRIP = 7.0  # how near to an end of a mark or to a point the mouse takes it
-NAME_SIZE = theme.FONT_SIZE_PX * 0.87  # of letters
-LEAST_LETTERS = 3  # of a word that is cut, with its dots
-SMALL, TEXT_FRACTION = theme.FONT_SIZE_PX * 0.8, 0.76  # letters: at least, and of a row's height
-DIM = (*theme.PANEL[:3], 0.6)  # over what the trim leaves out
-SNAP_REACH = 6.0  # pixels from what a drag snaps to
-MIN_BOX = 4.0  # pixels; a shorter drag is a click
+MIN_TICK_PX = 56.0  # at least, between two numbers
+NAMES_WIDTH_PX, NAMES_FROM_PX = 70.0, 420.0  # in a narrower bar the tracks have no names
+EDGE_PX = 4.0  # outside both ends of a row, for half a handle
+MIN_SPAN_PX = 9.0  # of a span among neighbours: a jump of a long take can be clicked
+MIN_SHOWN_FRAMES = 12.0  # frames that the closest zoom shows
+ZOOM_STEP_FACTOR = 0.8
+SCROLL_STEP_FRACTION = 0.1  # of what is shown
+BUTTON_WIDTH_PX = 30.0
+GRIP_PX = 7.0  # how near to an end of a mark or to a point the mouse takes it
+NAME_SIZE_PX = theme.FONT_SIZE_PX * 0.87  # of letters
+MIN_LETTERS = 3  # of a word that is cut, with its dots
+MIN_LETTER_PX, TEXT_FRACTION = theme.FONT_SIZE_PX * 0.8, 0.76  # letters: at least, and of a row's height
+DIM_TINT = (*theme.PANEL[:3], 0.6)  # over what the trim leaves out
+SNAP_REACH_PX = 6.0  # pixels from what a drag snaps to
+MIN_BOX_PX = 4.0  # pixels; a shorter drag is a click
 SELECTED_TINT = (1.0, 1.0, 1.0, 0.9)
 TRIM_HINT = "Drag: only what lies between the handles plays and is exported"
 
@@ -60,7 +60,7 @@ class Range:
 
     def fitted(self, first: float, last: float) -> Range:
         """These frames, or as many that lie within the take."""
-        frames = min(max(last - first, LEAST_SHOWN), self.end)
+        frames = min(max(last - first, MIN_SHOWN_FRAMES), self.end)
         first = min(max(first, 0.0), self.end - frames)
         return replace(self, first=first, last=first + frames)
 
@@ -69,7 +69,7 @@ class Range:
 
     def zoomed(self, at: float, steps: float) -> Range:
         """Wheel steps closer to the frame `at`, which stays where it is."""
-        scale = max(ZOOM_PER_STEP**steps, LEAST_SHOWN / max(self.frames, 1.0))
+        scale = max(ZOOM_STEP_FACTOR**steps, MIN_SHOWN_FRAMES / max(self.frames, 1.0))
         return self.fitted(at - (at - self.first) * scale, at + (self.last - at) * scale)
 
 
@@ -137,7 +137,7 @@ class Row:
     def ends(self, mark: Mark) -> tuple[float, float]:
         """Screen positions of a mark's ends, which may lie outside the row; a span among neighbours has a least width."""
         left, right = self.x(mark.start), self.x(min(mark.end, self.shown.end))
-        more = (px(LEAST_WIDTH) - (right - left)) / 2 if self.track.adjacent else 0.0
+        more = (px(MIN_SPAN_PX) - (right - left)) / 2 if self.track.adjacent else 0.0
         return left - max(more, 0.0), right + max(more, 0.0)
 
     def x(self, frame: float) -> float:
@@ -167,10 +167,10 @@ class Shapes:
 
     def text(self, x: float, row: Row, text: str, tint: Color, width: float, size: float = 0.0) -> None:
         """Words in the middle of a row's height, cut to a width; none where less than three letters fit."""
-        size = size or min(max(TEXT_FRACTION * row.height / px(1.0), SMALL), theme.FONT_SIZE_PX)
+        size = size or min(max(TEXT_FRACTION * row.height / px(1.0), MIN_LETTER_PX), theme.FONT_SIZE_PX)
         imgui.push_font(None, size)
         y, shown = row.top + (row.height - imgui.get_text_line_height()) / 2, widgets.elided(text, width)
-        if shown == text or len(shown) > LEAST_LETTERS:
+        if shown == text or len(shown) > MIN_LETTERS:
             self.texts.append((size, imgui.ImVec2(x, y), widgets.packed(tint), shown))
         imgui.pop_font()
 
@@ -236,8 +236,11 @@ class Timeline:
         self._follow(playback)
         room = imgui.get_content_region_avail()
         tracks, tall = _fitting(tracks, room.y / px(1.0))
-        imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(SPACING)))
-        corner, names = imgui.get_cursor_screen_pos(), px(NAMES_WIDTH) if room.x >= px(NAMES_FROM) else 0.0
+        imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(SPACING_PX)))
+        corner, names = (
+            imgui.get_cursor_screen_pos(),
+            px(NAMES_WIDTH_PX) if room.x >= px(NAMES_FROM_PX) else 0.0,
+        )
         # the ruler above the tracks is as wide as they are, also where they scroll
         self._rows("ruler", [self._ruler(playback)], playback, 1.0, self._bar)
         below = imgui.get_cursor_pos()
@@ -279,9 +282,9 @@ class Timeline:
 
     def _fit_buttons(self, corner: imgui.ImVec2, selection: tuple[int, int]) -> None:
         imgui.set_cursor_screen_pos(corner)
-        size = imgui.ImVec2(px(BUTTON_WIDTH), px(RULER - 4))
+        size = imgui.ImVec2(px(BUTTON_WIDTH_PX), px(RULER_PX - 4))
         imgui.push_style_var(imgui.StyleVar_.frame_padding, imgui.ImVec2(0, 0))
-        imgui.push_font(None, NAME_SIZE)
+        imgui.push_font(None, NAME_SIZE_PX)
         if imgui.button("Fit##all", size):
             self.fit()
         widgets.tooltip("Show the whole take (Z)\nWheel zooms; Shift+wheel or a middle drag scrolls")
@@ -325,7 +328,7 @@ class Timeline:
             shown = shown.scrolled(-io.mouse_delta.x * per_pixel * (not begins))
         wheel = (io.mouse_wheel or io.mouse_wheel_h) * hovered  # Shift turns the wheel of some systems
         if wheel and io.key_shift:
-            shown = shown.scrolled(-wheel * SCROLL_PER_STEP * shown.frames)
+            shown = shown.scrolled(-wheel * SCROLL_STEP_FRACTION * shown.frames)
         elif wheel:
             at = shown.first + (io.mouse_pos.x - row.left) * per_pixel
             shown = shown.zoomed(min(max(at, shown.first), shown.last), wheel)
@@ -335,20 +338,20 @@ class Timeline:
 
     def _shapes(self, tracks: Sequence[Track], place: tuple[float, ...], kept: tuple[int, int]) -> Shapes:
         x, top, width, bar, tall, unit = place
-        names = unit * NAMES_WIDTH if width + bar >= unit * NAMES_FROM else 0.0
-        edge, shapes = unit * EDGE, Shapes()
+        names = unit * NAMES_WIDTH_PX if width + bar >= unit * NAMES_FROM_PX else 0.0
+        edge, shapes = unit * EDGE_PX, Shapes()
         for track in tracks:
             inner, height = width - names - 2 * edge, unit * track.height * tall
             row = Row(track, x + names + edge, top, inner, height, inner + 2 * edge, self.shown)
             shapes.rows.append(row)
             if names and track.name:
-                shapes.text(x, row, track.name, theme.MUTED, names - 4 * unit, NAME_SIZE)
+                shapes.text(x, row, track.name, theme.MUTED, names - 4 * unit, NAME_SIZE_PX)
             if track.key == "timeline":
                 _draw_ruler(shapes, row, self._zero)
             else:
                 self._draw_track(shapes, row)
                 _dim(shapes, row, kept)
-            top += row.height + unit * SPACING
+            top += row.height + unit * SPACING_PX
         return shapes
 
     def _draw_track(self, shapes: Shapes, row: Row) -> None:
@@ -389,7 +392,7 @@ class Timeline:
         known = self._kept.get("ruler")
         if known is not None and known[1].rows[0].track.marks == marks:
             return known[1].rows[0].track
-        return Track("timeline", "", RULER, marks, (theme.ACCENT,), move=move)
+        return Track("timeline", "", RULER_PX, marks, (theme.ACCENT,), move=move)
 
     # --- the mouse
 
@@ -450,7 +453,7 @@ class Timeline:
         """By how many frames the mouse moves, to the nearest frame to snap to where one is near; Alt snaps to none."""
         ends = {held.mark.start} if held.part is not Part.END else set[int]()
         ends |= {held.mark.end} if held.part is not Part.START else set()
-        reach = px(SNAP_REACH) / row.width * row.shown.frames
+        reach = px(SNAP_REACH_PX) / row.width * row.shown.frames
         near = [(abs(snap - end - by), snap, snap - end) for snap in held.snaps for end in ends]
         away, snap, to = min(near, default=(math.inf, 0, 0))
         if away > reach or imgui.get_io().key_alt:
@@ -472,7 +475,7 @@ class Timeline:
         held, box, self.held, self.box = self.held, self.box, None, None
         if box is not None:
             mouse = imgui.get_io().mouse_pos
-            if math.hypot(mouse.x - box[0], mouse.y - box[1]) < px(MIN_BOX):
+            if math.hypot(mouse.x - box[0], mouse.y - box[1]) < px(MIN_BOX_PX):
                 self.selection.let_go()
                 playback.seek(frame)
             else:
@@ -525,10 +528,10 @@ def _fitting(tracks: Sequence[Track], room: float) -> tuple[Sequence[Track], flo
 
     That does not depend on how many there are: no track moves when another one appears.
     """
-    fits = (room - RULER - (USUAL_TRACKS + 1) * SPACING) / USUAL_HEIGHT
+    fits = (room - RULER_PX - (USUAL_TRACKS + 1) * SPACING_PX) / USUAL_HEIGHT_PX
     if fits < 1.0:
         return [track for track in tracks if not track.optional], 1.0
-    return tracks, min(fits, TALLEST)
+    return tracks, min(fits, MAX_HEIGHT_RATIO)
 
 
 def _draw_mark(shapes: Shapes, row: Row, mark: Mark, tint: Color, lit: bool, chosen: bool) -> None:
@@ -541,7 +544,7 @@ def _draw_mark(shapes: Shapes, row: Row, mark: Mark, tint: Color, lit: bool, cho
             )
         shapes.points.append((imgui.ImVec2(left, row.top + half), half * 0.95, widgets.packed(tint), 4))
         return
-    short = right - left < px(LEAST_WIDTH) + 1 and adjacent
+    short = right - left < px(MIN_SPAN_PX) + 1 and adjacent
     left = max(left, row.left)
     right = max(min(right, row.right) - px(1), left + 1)
     if adjacent:
@@ -565,7 +568,7 @@ def _dim(shapes: Shapes, row: Row, kept: tuple[int, int]) -> None:
     first, last = (min(max(row.x(frame), row.left), row.right) for frame in kept)
     for left, right in ((row.left, first), (last, row.right)):
         if right - left > 1.0:
-            shapes.rect(left, row.top, right, row.top + row.height, DIM, 0.0)
+            shapes.rect(left, row.top, right, row.top + row.height, DIM_TINT, 0.0)
 
 
 def _draw_ruler(shapes: Shapes, row: Row, zero: int) -> None:
@@ -576,8 +579,8 @@ def _draw_ruler(shapes: Shapes, row: Row, zero: int) -> None:
     shapes.rect(row.left, base, row.right, bottom, theme.FIELD, 2.0)
     shapes.rect(within(row.x(first)), base, within(row.x(last)), bottom, theme.ACCENT_FILL, 2.0)
     per_frame = row.width / max(shown.frames, 1.0)
-    step = next((s for s in TICK_STEPS if s * per_frame >= px(TICK_WIDTH)), TICK_STEPS[-1])
-    numbers = replace(row, height=px(SMALL) / TEXT_FRACTION)
+    step = next((s for s in TICK_STEPS if s * per_frame >= px(MIN_TICK_PX)), TICK_STEPS[-1])
+    numbers = replace(row, height=px(MIN_LETTER_PX) / TEXT_FRACTION)
     for number in range(
         -(-math.ceil(shown.first - zero) // step) * step, math.floor(shown.last) - zero + 1, step
     ):
@@ -607,7 +610,7 @@ def _hit(row: Row, mouse: imgui.ImVec2) -> tuple[int, Part] | None:
 def _covers(row: Row, mark: Mark, x: float) -> bool:
     """Whether the mouse takes a mark there: a point from some way off, a span at a little outside its ends."""
     left, right = row.ends(mark)
-    slack = 0.0 if row.track.adjacent else px(GRIP) if mark.start == mark.end else px(GRIP) / 2
+    slack = 0.0 if row.track.adjacent else px(GRIP_PX) if mark.start == mark.end else px(GRIP_PX) / 2
     return left - slack <= x <= right + slack
 
 
@@ -617,7 +620,7 @@ def _part(row: Row, index: int, x: float) -> Part:
     left, right = row.ends(mark)
     if mark.start == mark.end:
         return Part.BODY
-    grip = min(px(GRIP), (right - left) / 4)
+    grip = min(px(GRIP_PX), (right - left) / 4)
     if x - left <= grip and not (track.adjacent and index == 0):
         return Part.START
     last = track.adjacent and index == len(track.marks) - 1

@@ -28,7 +28,8 @@ from viewer.edit.posing import Posing
 from viewer.edit.reference_card import ReferenceCard
 from viewer.edit.resimulation import Resimulation
 from viewer.edit.selection import Selection
-from viewer.edit.timeline import Timeline, Track
+from viewer.edit.timeline import Timeline
+from viewer.edit.timeline_look import Track
 from viewer.edit.tracks import Tracks, lanes, mark_at
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets

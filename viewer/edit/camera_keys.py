@@ -23,7 +23,7 @@ from viewer.render.camera import FOV_Y_RAD, looked_at
 from viewer.scene.camera_control import CameraControl
 from viewer.session.takes import Takes
 
-FRAMED = 0.96  # of the free view is the film, that its edges are seen
+FILM_VIEW_FRACTION = 0.96  # of the free view is the film, that its edges are seen
 
 
 @dataclass
@@ -108,7 +108,7 @@ class CameraKeys:
     def fit(self, most: float, aspect: float) -> float:
         """The fraction of the height for the view, so that the film lies in a free view of this `aspect`."""
         usual = math.tan(FOV_Y_RAD / 2) / self._half_height
-        return FRAMED * usual * min(most, aspect / self._aspect)
+        return FILM_VIEW_FRACTION * usual * min(most, aspect / self._aspect)
 
     @property
     def _aspect(self) -> float:

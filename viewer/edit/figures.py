@@ -12,7 +12,12 @@ from runtime.takes.own_skeleton import OwnSkeleton
 
 MAX_BONES = 250
 LONGEST_M = 1.2  # from one joint to the next: longer is the way from a scene's origin to the hips
-WAIST, THICKNESS, THINNEST_M, THICKEST_M = 0.18, 0.11, 0.006, 0.04  # of a spindle's length, and in metres
+WAIST_BONE_FRACTION, THICKNESS_BONE_FRACTION, THINNEST_M, THICKEST_M = (
+    0.18,
+    0.11,
+    0.006,
+    0.04,
+)  # of a spindle's length, and in metres
 COLOR = (0.55, 0.33, 0.06)  # linear; amber, as no character and no ground is
 
 
@@ -40,7 +45,7 @@ class Bones:
         helper = np.where(np.abs(up[:, :1]) < 0.9, np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]))
         side = np.cross(up, helper)
         side /= np.linalg.norm(side, axis=1, keepdims=True)
-        thick = np.clip(length * THICKNESS, THINNEST_M, THICKEST_M)[:, None]
+        thick = np.clip(length * THICKNESS_BONE_FRACTION, THINNEST_M, THICKEST_M)[:, None]
         shown = (length <= LONGEST_M)[:, None]  # else shrunk to nothing
         made = np.zeros((len(up), 4, 4), np.float32)
         made[:, :3, 0], made[:, :3, 1] = side * thick * shown, along * shown
@@ -74,7 +79,14 @@ def bones_of(own: OwnSkeleton) -> Bones:
 
 def _spindle() -> tuple[Array, Array]:
     """Corners `(24, 3)` and normals of eight flat triangles around +Y, counter-clockwise from outside."""
-    ring = np.array([(1.0, WAIST, 0.0), (0.0, WAIST, -1.0), (-1.0, WAIST, 0.0), (0.0, WAIST, 1.0)])
+    ring = np.array(
+        [
+            (1.0, WAIST_BONE_FRACTION, 0.0),
+            (0.0, WAIST_BONE_FRACTION, -1.0),
+            (-1.0, WAIST_BONE_FRACTION, 0.0),
+            (0.0, WAIST_BONE_FRACTION, 1.0),
+        ]
+    )
     low, high = np.zeros(3), np.array([0.0, 1.0, 0.0])
     faces = []
     for i in range(4):
@@ -82,6 +94,6 @@ def _spindle() -> tuple[Array, Array]:
         faces += [(low, b, a), (high, a, b)]
     corners = np.array(faces)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals[:, 1] *= THICKNESS**2  # they are turned by the matrices that stretch the spindle
+    normals[:, 1] *= THICKNESS_BONE_FRACTION**2  # they are turned by the matrices that stretch the spindle
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return corners.reshape(-1, 3).astype(np.float32), np.repeat(normals, 3, axis=0).astype(np.float32)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import zip_longest
 from typing import Any
 
 from runtime.errors import UsageError
 from runtime.session import edits
 from runtime.session.session import Session, Take
 from runtime.takes.camera_keys import with_key
-from runtime.takes.footplants import FootplantEdit, fitted_footplant
+from runtime.takes.footplants import FootplantEdit, Frames, fitted_footplant
 from runtime.takes.input_edits import (
     Edit,
     GaitSpan,
@@ -153,18 +154,25 @@ def pin_items(take: Take) -> list[Item]:
 
 
 def _pins(take: Take, gone: Items, put: Items) -> tuple[Take, Items]:
-    pins, fps, frames = list(take.poses.pins), take.made.header.fps, take.frames
+    fps, pins = take.made.header.fps, list(take.poses.pins)
     if gone and put:
         for old, new in zip(gone, put, strict=True):
-            start = old.value.start if new.start == old.start else new.start / fps
-            end = old.value.end if new.end == old.end else min(new.end, frames) / fps - 1 / fps
-            pins[int(str(old.lane))] = replace(old.value, start=start, end=max(start, end))
+            pins[int(str(old.lane))] = _moved_pin(old, new, take.frames, fps)
     elif gone:
-        pins = [pin for index, pin in enumerate(pins) if index not in {item.lane for item in gone}]
+        removed = {item.lane for item in gone}
+        pins = [pin for index, pin in enumerate(pins) if index not in removed]
     else:
         put = [replace(item, lane=len(pins) + place) for place, item in enumerate(put)]
         pins += [_pin_at(item, fps) for item in put]
     return replace(take, poses=replace(take.poses, pins=tuple(pins))), put
+
+
+def _moved_pin(old: Item, new: Item, frames: int, fps: float) -> Pin:
+    """The pin of an item at other frames; an end that did not move keeps its time."""
+    pin: Pin = old.value
+    start = pin.start if new.start == old.start else new.start / fps
+    end = pin.end if new.end == old.end else (min(new.end, frames) - 1) / fps
+    return replace(pin, start=start, end=max(start, end))
 
 
 def _pin_at(item: Item, fps: float) -> Pin:
@@ -174,33 +182,31 @@ def _pin_at(item: Item, fps: float) -> Pin:
 
 def _footplants(pins: Pins, take: Take, gone: Items, put: Items) -> tuple[Take, Items]:
     """Edits of footplants in an order in which none is in the way of another."""
-    made: list[FootplantEdit] = []
-    paired = (
-        list(zip(gone, put, strict=True))
-        if gone and put
-        else [(g, None) for g in gone] + [(None, p) for p in put]
-    )
-    paired.sort(key=lambda pair: (pair[0] or pair[1]).start)  # type: ignore[union-attr]
-    if gone and put and put[0].start > gone[0].start:
-        paired.reverse()
     known = {foot: pins.planted_frames(take, foot) for foot in (0, 1)}
+    made: list[FootplantEdit] = []
     now: list[Item] = []
-    for old, new in paired:
-        item = old or new
-        assert item is not None
-        foot = int(str(item.lane))
+    for old, new in _paired(gone, put):
+        foot = int(str((old or new).lane))
         before = None if old is None else (old.start, old.end)
-        after = (
-            None if new is None else fitted_footplant(known[foot], take.frames, before, new.start, new.end)
-        )
-        known[foot] = sorted(
-            {*known[foot], *([after] if after else [])} - ({before} if before != after else set())
-        )
-        now += [] if after is None else [item.at(*after)]
+        after = _fitted(known[foot], take.frames, before, new)
         if before != after:
+            known[foot] = sorted({*known[foot], *([after] if after else [])} - {before})
             made.append(FootplantEdit(foot, before, after))
+        if new is not None and after is not None:
+            now.append(new.at(*after))
     footplants = (*take.poses.footplants, *made)
     return replace(take, poses=replace(take.poses, footplants=footplants)), now
+
+
+def _paired(gone: Items, put: Items) -> list[tuple[Any, Any]]:
+    """What goes with what comes in its place, the first ones first; the last ones where they are moved to later frames."""
+    pairs = sorted(zip_longest(gone, put), key=lambda pair: (pair[0] or pair[1]).start)
+    return pairs[::-1] if gone and put and put[0].start > gone[0].start else pairs
+
+
+def _fitted(known: list[Frames], frames: int, before: Frames | None, new: Item | None) -> Frames | None:
+    """The frames of a footplant of a take of so many; None where it is taken away."""
+    return None if new is None else fitted_footplant(known, frames, before, new.start, new.end)
 
 
 # --- the list of takes

@@ -33,9 +33,9 @@ from viewer.session.playback import Playback
 NEW_SECONDS = 1.0  # that a new pin of a take holds
 WALKS_M = 0.6  # farther in that time, a hand could not stay: its new pin goes along
 MISSED_M = 0.03  # farther from its point, a pin is said to be out of reach
-WIDTH, SMALL_WIDTH = 214.0, 168.0  # of the card, pixels at scale 1
-SMALL_VIEW = 520.0  # in a narrower one the card is small, so that it does not hide the character
-MIN_VIEW = 230.0
+WIDTH_PX, SMALL_WIDTH_PX = 214.0, 168.0  # of the card, pixels at scale 1
+SMALL_VIEW_PX = 520.0  # in a narrower one the card is small, so that it does not hide the character
+MIN_VIEW_PX = 230.0
 HELD_LIVE = (Pinned.LEFT_HAND, Pinned.RIGHT_HAND, Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT, Pinned.LOOK)
 
 
@@ -306,9 +306,9 @@ def _triple(point: Array) -> tuple[float, float, float]:
 
 def _draw_card(pins: Pins, view: Rect) -> None:
     pin = pins.pin
-    if pin is None or view.width < px(MIN_VIEW):
+    if pin is None or view.width < px(MIN_VIEW_PX):
         return
-    with panels.card("Pin", view, SMALL_WIDTH if view.width < px(SMALL_VIEW) else WIDTH, right=True):
+    with panels.card("Pin", view, SMALL_WIDTH_PX if view.width < px(SMALL_VIEW_PX) else WIDTH_PX, right=True):
         pressed = panels.card_title(
             str(pin.what).capitalize(), "pin", "Let go" if pins.playback is None else "Remove the pin"
         )

@@ -23,7 +23,7 @@ from runtime.takes.pose_layer import (
 )
 from viewer.edit.handles import Handles, on_screen
 from viewer.edit.handles import dragged as handles_moved
-from viewer.edit.pins import MIN_VIEW, SMALL_WIDTH, WIDTH, Pins
+from viewer.edit.pins import MIN_VIEW_PX, SMALL_WIDTH_PX, WIDTH_PX, Pins
 from viewer.edit.rings import Rings
 from viewer.editor import Editor
 from viewer.gl_bindings import im_guizmo, imgui
@@ -228,7 +228,7 @@ class Posing:
         self._draw_joints(pose)
         if self.joint >= 0 and self._handles.held < 0:
             self._gizmo(pose)
-        if view.width >= px(MIN_VIEW):
+        if view.width >= px(MIN_VIEW_PX):
             _draw_card(self, view)
 
     def _draw_joints(self, pose: Pose) -> None:
@@ -289,7 +289,7 @@ def _matrix(values: Array) -> im_guizmo.Matrix16:
 
 
 def _draw_card(posing: Posing, view: Rect) -> None:
-    with panels.card("Pose", view, SMALL_WIDTH if view.width < px(NARROW_PX) else WIDTH, right=True):
+    with panels.card("Pose", view, SMALL_WIDTH_PX if view.width < px(NARROW_PX) else WIDTH_PX, right=True):
         if panels.card_title(NAMES.get(posing.joint, "Click a joint"), "pose"):
             posing.open, posing.joint = False, -1
         half = widgets.column_width(2)

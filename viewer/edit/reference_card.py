@@ -20,11 +20,11 @@ from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.session.playback import Playback
 
-WIDTH, SMALL_WIDTH = 292.0, 178.0  # of a film's card at least, pixels at scale 1
-SMALL_VIEW = 520.0
-MIN_VIEW = 230.0  # a narrower view has no room for it
+WIDTH_PX, SMALL_WIDTH_PX = 292.0, 178.0  # of a film's card at least, pixels at scale 1
+SMALL_VIEW_PX = 520.0
+MIN_VIEW_PX = 230.0  # a narrower view has no room for it
 # of the line without a film: its fields in words or short, and how much of a name goes before them
-LINE_WIDTH, SMALL_LINE_WIDTH, NAME_WIDTH, LEAST_NAME = 318.0, 242.0, 120.0, 36.0
+LINE_WIDTH_PX, SMALL_LINE_WIDTH_PX, NAME_WIDTH_PX, MIN_NAME_PX = 318.0, 242.0, 120.0, 36.0
 Browse = Callable[[str, tuple[str, ...], Callable[[Path], None]], None]  # title, endings, what takes the file
 
 
@@ -83,10 +83,10 @@ class ReferenceCard:
 
     def _film_width(self, view: Rect) -> float:
         """What a film's card covers of the view's left side, in screen units."""
-        if self._film is None or self.reference.takes.playback is None or view.width < px(MIN_VIEW):
+        if self._film is None or self.reference.takes.playback is None or view.width < px(MIN_VIEW_PX):
             return 0.0
-        least = SMALL_WIDTH if view.width < px(SMALL_VIEW) else WIDTH
-        return max(px(least), self.reference.reference.size * view.width) + px(panels.CARD_MARGIN)
+        least = SMALL_WIDTH_PX if view.width < px(SMALL_VIEW_PX) else WIDTH_PX
+        return max(px(least), self.reference.reference.size * view.width) + px(panels.CARD_MARGIN_PX)
 
     def _draw(self, view: Rect) -> None:
         reference, playback, film = self.reference, self.reference.takes.playback, self._film
@@ -94,19 +94,19 @@ class ReferenceCard:
             return
         if reference.video is not None and film is None:
             self._over(reference.video, playback, view)
-        if view.width < px(MIN_VIEW):
+        if view.width < px(MIN_VIEW_PX):
             return
         if film is None:
             self._line(playback, view)
             return
-        width = self._film_width(view) / px(1.0) - panels.CARD_MARGIN
+        width = self._film_width(view) / px(1.0) - panels.CARD_MARGIN_PX
         with panels.card("Reference", view, width, bottom=True):
             if panels.card_title(reference.name, "reference"):
                 reference.close()
             side = imgui.get_content_region_avail().x
             size = imgui.ImVec2(side, side * film.size[1] / film.size[0])
             imgui.image(self._picture(film, playback), size)
-            self._fields(playback, wide=width >= WIDTH)
+            self._fields(playback, wide=width >= WIDTH_PX)
 
     def _line(self, playback: Playback, view: Rect) -> None:
         """Name, fields and the button that closes, at the top of the view next to the session bar, where no character is.
@@ -115,18 +115,20 @@ class ReferenceCard:
         """
         reference = self.reference
         bar = imgui.internal.find_window_by_name("Session")
-        taken = 0.0 if bar is None or not bar.active else bar.size.x + px(panels.CARD_MARGIN)
-        room = (view.width - 2 * px(panels.CARD_MARGIN) - taken) / px(1.0)
-        at_top = room >= SMALL_LINE_WIDTH and not self.corner_taken()
-        room = room if at_top else view.width / px(1.0) - 2 * panels.CARD_MARGIN
-        wide = room >= LINE_WIDTH + LEAST_NAME
-        fields = LINE_WIDTH if wide else SMALL_LINE_WIDTH
+        taken = 0.0 if bar is None or not bar.active else bar.size.x + px(panels.CARD_MARGIN_PX)
+        room = (view.width - 2 * px(panels.CARD_MARGIN_PX) - taken) / px(1.0)
+        at_top = room >= SMALL_LINE_WIDTH_PX and not self.corner_taken()
+        room = room if at_top else view.width / px(1.0) - 2 * panels.CARD_MARGIN_PX
+        wide = room >= LINE_WIDTH_PX + MIN_NAME_PX
+        fields = LINE_WIDTH_PX if wide else SMALL_LINE_WIDTH_PX
         name = min(
-            imgui.calc_text_size(reference.name).x / px(1.0) + 2 * widgets.GAP_PX, NAME_WIDTH, room - fields
+            imgui.calc_text_size(reference.name).x / px(1.0) + 2 * widgets.GAP_PX,
+            NAME_WIDTH_PX,
+            room - fields,
         )
-        name = name if name >= LEAST_NAME else 0.0
+        name = name if name >= MIN_NAME_PX else 0.0
         if not at_top:  # close to the timeline: right above it are feet
-            view = replace(view, height=view.height + px(panels.CARD_MARGIN - widgets.GAP_PX))
+            view = replace(view, height=view.height + px(panels.CARD_MARGIN_PX - widgets.GAP_PX))
         with panels.card("Reference", view, min(fields + name, room), right=at_top, bottom=not at_top):
             if name:
                 imgui.align_text_to_frame_padding()

@@ -15,12 +15,15 @@ from viewer.gui import theme, widgets
 from viewer.gui.widgets import px
 from viewer.render.camera import Camera
 
-RADIUS, OUTER = 0.055, 1.15  # of the width of the window; of the ring that faces the camera over the others
+RADIUS_WIDTH_FRACTION, OUTER_RADIUS_RATIO = (
+    0.055,
+    1.15,
+)  # of the width of the window; of the ring that faces the camera over the others
 GRAB_PX = 8.0  # at scale 1, how near to a ring the mouse takes it
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 97)
 AXES = ((0.90, 0.40, 0.38, 1.0), (0.55, 0.80, 0.42, 1.0), (0.42, 0.62, 0.95, 1.0))  # x, y, z
 TINTS = (*AXES, theme.TEXT)
-BEHIND = -0.1  # of the radius: what lies farther behind the joint is hidden
+HIDDEN_RADIUS_FRACTION = -0.1  # of the radius: what lies farther behind the joint is hidden
 
 
 @dataclass
@@ -61,7 +64,9 @@ class Rings:
         ring, at = rings[self.held], int(np.nanargmin(away[self.held]))
         along = np.nan_to_num(ring[min(at + 1, len(ring) - 1)] - ring[max(at - 1, 0)])
         along /= max(float(np.linalg.norm(along)), 1e-6)
-        angle = float(along @ (io.mouse_delta.x, io.mouse_delta.y)) / (RADIUS * io.display_size.x)
+        angle = float(along @ (io.mouse_delta.x, io.mouse_delta.y)) / (
+            RADIUS_WIDTH_FRACTION * io.display_size.x
+        )
         return rotations.from_axis_angle(normals[self.held], np.array(angle))
 
     def _draw(self, rings: list[Array]) -> None:
@@ -77,13 +82,21 @@ def _ring(camera: Camera, place: Array, normal: Array, to_eye: Array, outer: boo
     """Where the points of a ring show (n, 2), in screen units; NaN for those behind the joint."""
     size, view = imgui.get_io().display_size, camera.view_matrix().astype(float)
     depth = -(view @ np.array([*place, 1.0]))[2]
-    metres = 2.0 * camera.half_height * depth / max(size.y, 1.0) * RADIUS * size.x * (OUTER if outer else 1.0)
+    metres = (
+        2.0
+        * camera.half_height
+        * depth
+        / max(size.y, 1.0)
+        * RADIUS_WIDTH_FRACTION
+        * size.x
+        * (OUTER_RADIUS_RATIO if outer else 1.0)
+    )
     u = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
     u /= np.linalg.norm(u)
     offsets = np.cos(ANGLES)[:, None] * u + np.sin(ANGLES)[:, None] * np.cross(normal, u)
     matrix = camera.projection_matrix(size.x / max(size.y, 1.0)) @ view
     points = np.concatenate([place + metres * offsets, np.ones((len(ANGLES), 1))], axis=1) @ matrix.T
     shown = (points[:, :2] / points[:, 3:] * (0.5, -0.5) + 0.5) * (size.x, size.y)
-    hidden = (offsets @ to_eye < BEHIND) | (points[:, 3] <= 0.0)
+    hidden = (offsets @ to_eye < HIDDEN_RADIUS_FRACTION) | (points[:, 3] <= 0.0)
     hidden &= not outer
     return np.where(hidden[:, None], np.nan, shown)

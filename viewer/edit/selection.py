@@ -8,10 +8,10 @@ from typing import Any
 
 from runtime.errors import SportError
 from runtime.session.session import LIVE, Session
-from runtime.takes.input_edits import Edit
 from runtime.takes.input_recording import InputRecording, resimulated_take
 from viewer.edit.items import Item, ItemKind, Items, Key
 from viewer.edit.resimulation import Resimulation
+from viewer.editor import Change
 from viewer.gl_bindings import imgui
 from viewer.gui import widgets
 
@@ -115,8 +115,7 @@ class Selection:
             self._put_again("duplicate", items, by if last + 1 < playback.frames - KEY_GAP_FRAMES else -by)
 
     def _put_again(self, label: str, items: Items, by: int) -> None:
-        playback = self.editing.playback
-        end = 0 if playback is None else playback.frames
+        end = self._end
         moved = [
             item.at(max(item.start + by, 0), min(item.end + by, end))
             for item in items
@@ -128,28 +127,30 @@ class Selection:
             self.editing.takes.messages.note("There is no room for that in the take.")
 
     def moved(self, items: Items, by: int) -> list[Item]:
-        """The items so many frames later, all of them within the take."""
-        playback = self.editing.playback
-        end = 0 if playback is None else playback.frames
-        fixed = {
-            item.key
-            for item in items
-            if self.kinds[item.kind].adjacent and (not item.start or item.end == end)
-        }
-        free = [item for item in items if item.key not in fixed]
+        """The items so many frames later, all of them within the take; what ends with it keeps that end."""
+        end = self._end
+
+        def at_end(item: Item) -> bool:
+            return self.kinds[item.kind].adjacent and (not item.start or item.end == end)
+
+        free = [item for item in items if not at_end(item)]
         if free:
             by = max(by, -min(item.start for item in free))
             by = min(by, end - max(max(item.end, item.start + 1) for item in free))
-        return [
-            item.at(item.start + by * (item.start > 0), item.end + by * (item.end < end))
-            if item.key in fixed
-            else item.at(item.start + by, item.end + by)
-            for item in items
-        ]
+
+        def shifted(frame: int, item: Item) -> int:
+            return frame if frame in (0, end) and at_end(item) else frame + by
+
+        return [item.at(shifted(item.start, item), shifted(item.end, item)) for item in items]
+
+    @property
+    def _end(self) -> int:
+        """The frames of the take whose tracks are shown."""
+        return 0 if self.editing.playback is None else self.editing.playback.frames
 
     def resized(self, item: Item, by: int, start: bool) -> Item:
         """The item with one end so many frames later."""
-        end = 0 if self.editing.playback is None else self.editing.playback.frames
+        end = self._end
         if start:
             return item.at(min(max(item.start + by, 0), item.end - 1), item.end)
         return item.at(item.start, max(min(item.end + by, end), item.start + 1))
@@ -170,32 +171,48 @@ class Selection:
 
         `held`: while the mouse moves them; what would be resimulated is shown as a preview until the mouse lets go.
         """
-        editor, number, editing = self.editing.takes.editor, self.number, self.editing
         if list(gone) == list(put) and not held:
             self.preview = None
             return
-        kinds = [self.kinds[name] for name in self.kinds if any(item.kind == name for item in (*gone, *put))]
-        driven, fixed = [kind for kind in kinds if kind.edit is not None], editing.fixed
-        if (driven and fixed) or (editing.busy and not all(kind.listed for kind in kinds)):
-            editing.takes.messages.warn(fixed)
+        kinds, messages = self._kinds_of((*gone, *put)), self.editing.takes.messages
+        driven, listed = [kind for kind in kinds if kind.edit is not None], all(kind.listed for kind in kinds)
+        refusal = self._refusal(bool(driven), listed)
+        if refusal:
+            messages.warn(refusal)
             return
-        what, before, now = f"{label} of {self.named(gone or put)}", editor.history.present.session, list(put)
         try:
-            after, now = self._changed(before, kinds, gone, put)
+            after, now = self._changed(self.editing.takes.editor.history.present.session, kinds, gone, put)
         except SportError as error:
-            editing.takes.messages.error(error)
+            messages.error(error)
             return
-        self.preview = (number, gone, put) if driven else None
+        self.preview = (self.number, gone, put) if driven else None
         self.keys = frozenset(item.key for item in now)
+        what = f"{label} of {self.named(gone or put)}"
         if driven and not held:
-            editor.drop_drag()
+            self.editing.takes.editor.drop_drag()
             self._resimulate(what, driven, gone, put, lambda _: after)
-            return
-        take = editing.take
-        title = "" if take is None or all(kind.listed for kind in kinds) else f" of {take.title}"
-        editor.drag(f"{what}{title}", lambda _: after)
+        else:
+            self._show(what, listed, lambda _: after, held)
+
+    def _refusal(self, driven: bool, listed: bool) -> str:
+        """Why an edit cannot be made now; "" where it can."""
+        return self.editing.fixed if driven or (self.editing.busy and not listed) else ""
+
+    def _show(self, what: str, listed: bool, change: Change, held: bool) -> None:
+        """Make a change at once: a step of undo unless the mouse holds it."""
+        editor, take = self.editing.takes.editor, self.editing.take
+        editor.drag(what if take is None or listed else f"{what} of {take.title}", change)
         if not held:
             editor.finish_drag()
+
+    def _kinds_of(self, items: Items) -> list[ItemKind]:
+        """The kinds of items, in the order of the tracks."""
+        names = {item.kind for item in items}
+        return [kind for name, kind in self.kinds.items() if name in names]
+
+    def _own(self, kind: ItemKind, *parts: Items) -> list[list[Item]]:
+        """The items of one kind."""
+        return [[item for item in items if self.kinds[item.kind] is kind] for items in parts]
 
     def _changed(
         self, session: Session, kinds: Sequence[ItemKind], gone: Items, put: Items
@@ -204,8 +221,7 @@ class Selection:
         now = [item for item in put if self.kinds[item.kind].edit is not None]
         for kind in kinds:
             if kind.change is not None:
-                own = ([item for item in items if self.kinds[item.kind] is kind] for items in (gone, put))
-                session, made = kind.change(session, self.number, *own)
+                session, made = kind.change(session, self.number, *self._own(kind, gone, put))
                 now += made
         return session, now
 
@@ -215,16 +231,16 @@ class Selection:
         kinds: Sequence[ItemKind],
         gone: Items,
         put: Items,
-        also: Callable[[Session], Session],
+        also: Change,
     ) -> None:
         """Make the edits of what drove the take, one kind after the other, and resimulate it once."""
 
         def work(clip: Any, inputs: InputRecording, model: Any, progress: Callable[[float], None]) -> Any:
             first = len(inputs)
             for kind in kinds:
-                own = ([item for item in items if self.kinds[item.kind] is kind] for items in (gone, put))
-                edit = kind.edit(inputs, *own) if kind.edit is not None else Edit(inputs, first)
-                inputs, first = edit.inputs, min(first, edit.first)
+                if kind.edit is not None:
+                    edit = kind.edit(inputs, *self._own(kind, gone, put))
+                    inputs, first = edit.inputs, min(first, edit.first)
             return resimulated_take(clip, inputs, model, first, progress)
 
         self.editing.run(label, work, also=also)

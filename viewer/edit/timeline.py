@@ -8,99 +8,39 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from enum import Enum, auto
 from typing import Any
 
-from runtime.takes.input_edits import laid
 from viewer.edit.items import Item, Items, Mark
 from viewer.edit.selection import Selection
+from viewer.edit.timeline_look import (
+    Part,
+    Range,
+    Row,
+    Shapes,
+    Track,
+    base_of,
+    dim,
+    draw_mark,
+    draw_ruler,
+    hit_in,
+    previewed,
+)
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
-from viewer.gui.theme import Color
 from viewer.gui.widgets import px
 from viewer.session.playback import Playback
 
-RULER, SPACING = 26.0, 3.0  # pixels at scale 1, as all lengths here
-USUAL_TRACKS, USUAL_HEIGHT = 8, 109.0  # what every take has, and the height of those tracks
-TALLEST = 1.6  # of a track's height, where there is room
-TICK_STEPS = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 3600, 7200, 18000, 36000)
-TICK_WIDTH = 56.0  # at least, between two numbers
-NAMES_WIDTH, NAMES_FROM = 70.0, 420.0  # in a narrower bar the tracks have no names
-EDGE = 4.0  # outside both ends of a row, for half a handle
-LEAST_WIDTH = 9.0  # of a span among neighbours: a jump of a long take can be clicked
-LEAST_SHOWN = 12.0  # frames that the closest zoom shows
-ZOOM_PER_STEP = 0.8
-SCROLL_PER_STEP = 0.1  # of what is shown
-BUTTON_WIDTH = 30.0
-GRIP = 7.0  # how near to an end of a mark or to a point the mouse takes it
-NAME_SIZE = theme.FONT_SIZE_PX * 0.87  # of letters
-LEAST_LETTERS = 3  # of a word that is cut, with its dots
-SMALL, TEXT_FRACTION = theme.FONT_SIZE_PX * 0.8, 0.76  # letters: at least, and of a row's height
-DIM = (*theme.PANEL[:3], 0.6)  # over what the trim leaves out
-SNAP_REACH = 6.0  # pixels from what a drag snaps to
-MIN_BOX = 4.0  # pixels; a shorter drag is a click
-SELECTED_TINT = (1.0, 1.0, 1.0, 0.9)
+RULER_PX, SPACING_PX = 26.0, 3.0  # pixels at scale 1, as all lengths here
+USUAL_TRACKS, USUAL_HEIGHT_PX = 8, 109.0  # what every take has, and the height of those tracks
+MAX_HEIGHT_RATIO = 1.6  # of a track's height, where there is room
+NAMES_WIDTH_PX, NAMES_FROM_PX = 70.0, 420.0  # in a narrower bar the tracks have no names
+EDGE_PX = 4.0  # outside both ends of a row, for half a handle
+SCROLL_STEP_FRACTION = 0.1  # of what is shown
+BUTTON_WIDTH_PX = 30.0
+NAME_SIZE_PX = theme.FONT_SIZE_PX * 0.87  # of letters
+SNAP_REACH_PX = 6.0  # pixels from what a drag snaps to
+MIN_BOX_PX = 4.0  # pixels; a shorter drag is a click
 TRIM_HINT = "Drag: only what lies between the handles plays and is exported"
-
-
-@dataclass(frozen=True)
-class Range:
-    """The frames that the timeline shows, of a take whose last frame is `end`."""
-
-    first: float
-    last: float
-    end: float
-
-    @property
-    def frames(self) -> float:
-        return self.last - self.first
-
-    def __contains__(self, frame: float) -> bool:
-        return self.first <= frame <= self.last
-
-    def fitted(self, first: float, last: float) -> Range:
-        """These frames, or as many that lie within the take."""
-        frames = min(max(last - first, LEAST_SHOWN), self.end)
-        first = min(max(first, 0.0), self.end - frames)
-        return replace(self, first=first, last=first + frames)
-
-    def scrolled(self, frames: float) -> Range:
-        return self.fitted(self.first + frames, self.last + frames)
-
-    def zoomed(self, at: float, steps: float) -> Range:
-        """Wheel steps closer to the frame `at`, which stays where it is."""
-        scale = max(ZOOM_PER_STEP**steps, LEAST_SHOWN / max(self.frames, 1.0))
-        return self.fitted(at - (at - self.first) * scale, at + (self.last - at) * scale)
-
-
-class Part(Enum):
-    """What the mouse holds of a mark."""
-
-    BODY = auto()
-    START = auto()
-    END = auto()
-
-
-@dataclass(frozen=True)
-class Track:
-    """One row of the timeline.
-
-    Marks with an item are selected, moved and so on by the selection. `move` takes a handle of the ruler to another frame.
-    `more` are entries of a right click on a free frame.
-    """
-
-    key: str
-    name: str
-    height: float
-    marks: Sequence[Mark]
-    tints: Sequence[Color]
-    hint: str = ""  # of the whole row, in place of those of its marks
-    lit: int = -1  # the mark that is drawn lighter
-    adjacent: bool = False  # each mark ends where the next one begins
-    optional: bool = False  # shown only where there is room
-    fixed: bool = False  # nothing can be dragged
-    move: Callable[[Mark, int], None] | None = None
-    more: tuple[tuple[str, Callable[[int], None]], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -118,75 +58,6 @@ class Held:
     moved: bool = False
 
 
-@dataclass(frozen=True)
-class Row:
-    """A track on the screen: where it lies, and how frames map to it."""
-
-    track: Track
-    left: float
-    top: float
-    width: float
-    height: float
-    outer: float  # its width with what takes the mouse outside both ends
-    shown: Range
-
-    @property
-    def right(self) -> float:
-        return self.left + self.width
-
-    def ends(self, mark: Mark) -> tuple[float, float]:
-        """Screen positions of a mark's ends, which may lie outside the row; a span among neighbours has a least width."""
-        left, right = self.x(mark.start), self.x(min(mark.end, self.shown.end))
-        more = (px(LEAST_WIDTH) - (right - left)) / 2 if self.track.adjacent else 0.0
-        return left - max(more, 0.0), right + max(more, 0.0)
-
-    def x(self, frame: float) -> float:
-        return self.left + (frame - self.shown.first) / max(self.shown.frames, 1.0) * self.width
-
-    def frame_at(self, x: float) -> int:
-        """The frame under a screen position, of those that are shown."""
-        along = min(max((x - self.left) / max(self.width, 1.0), 0.0), 1.0)
-        return round(self.shown.first + along * self.shown.frames)
-
-
-@dataclass
-class Shapes:
-    """What a group of rows looks like, as a drawing list takes it."""
-
-    rows: list[Row] = field(default_factory=list)
-    rects: list[tuple[imgui.ImVec2, imgui.ImVec2, int, float]] = field(default_factory=list)
-    points: list[tuple[imgui.ImVec2, float, int, int]] = field(default_factory=list)
-    # by the size of their letters
-    texts: list[tuple[float, imgui.ImVec2, int, str]] = field(default_factory=list)
-
-    def rect(
-        self, left: float, top: float, right: float, bottom: float, tint: Color, rounding: float
-    ) -> None:
-        low, high = imgui.ImVec2(left, top), imgui.ImVec2(right, bottom)
-        self.rects.append((low, high, widgets.packed(tint), rounding))
-
-    def text(self, x: float, row: Row, text: str, tint: Color, width: float, size: float = 0.0) -> None:
-        """Words in the middle of a row's height, cut to a width; none where less than three letters fit."""
-        size = size or min(max(TEXT_FRACTION * row.height / px(1.0), SMALL), theme.FONT_SIZE_PX)
-        imgui.push_font(None, size)
-        y, shown = row.top + (row.height - imgui.get_text_line_height()) / 2, widgets.elided(text, width)
-        if shown == text or len(shown) > LEAST_LETTERS:
-            self.texts.append((size, imgui.ImVec2(x, y), widgets.packed(tint), shown))
-        imgui.pop_font()
-
-    def draw(self, *lines: tuple[imgui.ImVec2, imgui.ImVec2, int, float]) -> None:
-        """Draw everything, and lines below the texts."""
-        drawing = imgui.get_window_draw_list()
-        for rect in [*self.rects, *lines]:
-            drawing.add_rect_filled(*rect)
-        for point in self.points:
-            drawing.add_ngon_filled(*point)
-        for size, place, tint, text in self.texts:
-            imgui.push_font(None, size)
-            drawing.add_text(place, tint, text)
-            imgui.pop_font()
-
-
 @dataclass
 class Timeline:
     """The frames that are shown, what the mouse holds on the tracks, and what was drawn of them."""
@@ -195,7 +66,7 @@ class Timeline:
     selection: Selection
     held: Held | None = None
     box: tuple[float, float] | None = None  # the corner from which the mouse draws a box
-    shown: Range = Range(0.0, 1.0, 1.0)
+    shown: Range = field(default_factory=lambda: Range(0.0, 1.0, 1.0))
     _of: tuple[int, int] = (-1, 0)  # the take of that range and the frame shown last
     _zero: int = 0  # the frame that is numbered 0
     _bar: float = 0.0  # width of the scrollbar in the frame before
@@ -236,8 +107,11 @@ class Timeline:
         self._follow(playback)
         room = imgui.get_content_region_avail()
         tracks, tall = _fitting(tracks, room.y / px(1.0))
-        imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(SPACING)))
-        corner, names = imgui.get_cursor_screen_pos(), px(NAMES_WIDTH) if room.x >= px(NAMES_FROM) else 0.0
+        imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(SPACING_PX)))
+        corner, names = (
+            imgui.get_cursor_screen_pos(),
+            px(NAMES_WIDTH_PX) if room.x >= px(NAMES_FROM_PX) else 0.0,
+        )
         # the ruler above the tracks is as wide as they are, also where they scroll
         self._rows("ruler", [self._ruler(playback)], playback, 1.0, self._bar)
         below = imgui.get_cursor_pos()
@@ -267,7 +141,7 @@ class Timeline:
             self._row(row, playback)
         at = rows[0].x(min(max(playback.time_s * playback.clip.fps, 0.0), playback.frames - 1.0))
         # on the ruler below the numbers
-        half, top = (px(1.5), _base(rows[0]) - px(4)) if name == "ruler" else (px(0.5), rows[0].top)
+        half, top = (px(1.5), base_of(rows[0]) - px(4)) if name == "ruler" else (px(0.5), rows[0].top)
         low, high = imgui.ImVec2(at - half, top), imgui.ImVec2(at + half, rows[-1].top + rows[-1].height)
         inside = rows[0].left - half <= at <= rows[0].right + half
         lines = [(low, high, widgets.packed(theme.TEXT), 0.0)] if inside else []
@@ -279,9 +153,9 @@ class Timeline:
 
     def _fit_buttons(self, corner: imgui.ImVec2, selection: tuple[int, int]) -> None:
         imgui.set_cursor_screen_pos(corner)
-        size = imgui.ImVec2(px(BUTTON_WIDTH), px(RULER - 4))
+        size = imgui.ImVec2(px(BUTTON_WIDTH_PX), px(RULER_PX - 4))
         imgui.push_style_var(imgui.StyleVar_.frame_padding, imgui.ImVec2(0, 0))
-        imgui.push_font(None, NAME_SIZE)
+        imgui.push_font(None, NAME_SIZE_PX)
         if imgui.button("Fit##all", size):
             self.fit()
         widgets.tooltip("Show the whole take (Z)\nWheel zooms; Shift+wheel or a middle drag scrolls")
@@ -325,7 +199,7 @@ class Timeline:
             shown = shown.scrolled(-io.mouse_delta.x * per_pixel * (not begins))
         wheel = (io.mouse_wheel or io.mouse_wheel_h) * hovered  # Shift turns the wheel of some systems
         if wheel and io.key_shift:
-            shown = shown.scrolled(-wheel * SCROLL_PER_STEP * shown.frames)
+            shown = shown.scrolled(-wheel * SCROLL_STEP_FRACTION * shown.frames)
         elif wheel:
             at = shown.first + (io.mouse_pos.x - row.left) * per_pixel
             shown = shown.zoomed(min(max(at, shown.first), shown.last), wheel)
@@ -335,20 +209,20 @@ class Timeline:
 
     def _shapes(self, tracks: Sequence[Track], place: tuple[float, ...], kept: tuple[int, int]) -> Shapes:
         x, top, width, bar, tall, unit = place
-        names = unit * NAMES_WIDTH if width + bar >= unit * NAMES_FROM else 0.0
-        edge, shapes = unit * EDGE, Shapes()
+        names = unit * NAMES_WIDTH_PX if width + bar >= unit * NAMES_FROM_PX else 0.0
+        edge, shapes = unit * EDGE_PX, Shapes()
         for track in tracks:
             inner, height = width - names - 2 * edge, unit * track.height * tall
             row = Row(track, x + names + edge, top, inner, height, inner + 2 * edge, self.shown)
             shapes.rows.append(row)
             if names and track.name:
-                shapes.text(x, row, track.name, theme.MUTED, names - 4 * unit, NAME_SIZE)
+                shapes.text(x, row, track.name, theme.MUTED, names - 4 * unit, NAME_SIZE_PX)
             if track.key == "timeline":
-                _draw_ruler(shapes, row, self._zero)
+                draw_ruler(shapes, row, self._zero)
             else:
                 self._draw_track(shapes, row)
-                _dim(shapes, row, kept)
-            top += row.height + unit * SPACING
+                dim(shapes, row, kept)
+            top += row.height + unit * SPACING_PX
         return shapes
 
     def _draw_track(self, shapes: Shapes, row: Row) -> None:
@@ -362,21 +236,16 @@ class Timeline:
             tint, (left, right) = track.tints[i % len(track.tints)], row.ends(mark)
             if left <= row.right and right >= row.left:
                 chosen = mark.item is not None and mark.item.key in self.selection.keys
-                _draw_mark(shapes, row, mark, tint, i == track.lit, chosen)
+                draw_mark(shapes, row, mark, tint, i == track.lit, chosen)
 
     def _moved(self, track: Track) -> Sequence[Mark]:
         """The marks as they would lie after what is dragged or being made; of others than adjacent ones the session has that."""
-        preview, marks = self.selection.preview, track.marks
-        if preview is None or not track.adjacent or not marks:
-            return marks
-        keys = {item.key for item in preview[1]}
-        gone = [i for i, mark in enumerate(marks) if mark.item is not None and mark.item.key in keys]
-        put = [item for item in preview[2] if item.kind == track.key]
-        values = {id(marks[i].item.value): i for i in range(len(marks)) if marks[i].item is not None}  # type: ignore[union-attr]
-        of = [*range(len(marks)), *(values.get(id(item.value), 0) for item in put)]
-        return [
-            replace(marks[of[block.of]], start=block.start, end=block.end) for block in laid(marks, gone, put)
-        ]
+        preview = self.selection.preview
+        return (
+            track.marks
+            if preview is None or not track.adjacent or not track.marks
+            else previewed(track, *preview[1:])
+        )
 
     def _ruler(self, playback: Playback) -> Track:
         """Frame numbers, and the part that is kept with its handles, which are dragged in the lower half."""
@@ -389,14 +258,14 @@ class Timeline:
         known = self._kept.get("ruler")
         if known is not None and known[1].rows[0].track.marks == marks:
             return known[1].rows[0].track
-        return Track("timeline", "", RULER, marks, (theme.ACCENT,), move=move)
+        return Track("timeline", "", RULER_PX, marks, (theme.ACCENT,), move=move)
 
     # --- the mouse
 
     def _use_mouse(self, row: Row, playback: Playback) -> None:
         """What the mouse does on a row whose item was just made. On the ruler the frame shown follows it."""
         track, mouse = row.track, imgui.get_io().mouse_pos
-        frame, hit = row.frame_at(mouse.x), _hit(row, mouse)
+        frame, hit = row.frame_at(mouse.x), hit_in(row, mouse)
         if imgui.is_item_activated():
             self._press(track, hit, frame, playback)
         held = self._holds(track)
@@ -409,19 +278,22 @@ class Timeline:
         if imgui.is_item_deactivated():
             self._let_go(track, frame, playback)
 
-    def _press(self, track: Track, hit: tuple[int, Part] | None, frame: int, playback: Playback) -> None:
+    def _press(self, track: Track, hit: tuple[Mark, Part] | None, frame: int, playback: Playback) -> None:
         """Take a mark with everything that is selected, or begin a box; with Shift select more."""
-        selection, mark = self.selection, None if hit is None else track.marks[hit[0]]
-        if mark is None or hit is None:
-            mouse = imgui.get_io().mouse_pos
-            self.box = None if track.key == "timeline" else (mouse.x, mouse.y)
+        selection, io = self.selection, imgui.get_io()
+        if hit is None:
+            self.box = None if track.key == "timeline" else (io.mouse_pos.x, io.mouse_pos.y)
             return
-        if mark.item is not None and (imgui.get_io().key_shift or mark.item.key not in selection.keys):
-            selection.pick([mark.item], extend=imgui.get_io().key_shift)
-        if mark.item is not None or track.move is not None:
-            alone = hit[1] is not Part.BODY and mark.item is not None
-            items = [mark.item] if alone and mark.item is not None else selection.items
-            self.held = Held(track.key, mark, hit[1], frame, items, self._snaps(playback))
+        mark, part = hit
+        item = mark.item
+        if item is None:
+            items: Items = selection.items
+        else:
+            if io.key_shift or item.key not in selection.keys:
+                selection.pick([item], extend=io.key_shift)
+            items = selection.items if part is Part.BODY else [item]
+        if item is not None or track.move is not None:
+            self.held = Held(track.key, mark, part, frame, items, self._snaps(playback))
 
     def _snaps(self, playback: Playback) -> tuple[int, ...]:
         """Frames that a drag snaps to: that shown, the trim, and the ends of what is not selected."""
@@ -450,7 +322,7 @@ class Timeline:
         """By how many frames the mouse moves, to the nearest frame to snap to where one is near; Alt snaps to none."""
         ends = {held.mark.start} if held.part is not Part.END else set[int]()
         ends |= {held.mark.end} if held.part is not Part.START else set()
-        reach = px(SNAP_REACH) / row.width * row.shown.frames
+        reach = px(SNAP_REACH_PX) / row.width * row.shown.frames
         near = [(abs(snap - end - by), snap, snap - end) for snap in held.snaps for end in ends]
         away, snap, to = min(near, default=(math.inf, 0, 0))
         if away > reach or imgui.get_io().key_alt:
@@ -471,21 +343,29 @@ class Timeline:
     def _let_go(self, track: Track, frame: int, playback: Playback) -> None:
         held, box, self.held, self.box = self.held, self.box, None, None
         if box is not None:
-            mouse = imgui.get_io().mouse_pos
-            if math.hypot(mouse.x - box[0], mouse.y - box[1]) < px(MIN_BOX):
-                self.selection.let_go()
-                playback.seek(frame)
-            else:
-                self.selection.pick(self._inside(box, mouse), extend=imgui.get_io().key_shift)
+            self._end_box(box, frame, playback)
         elif held is None or (held.mark.item is None and held.moved):
             return
         elif held.moved:
             self._move(held, held.by, playback)
         elif not imgui.get_io().key_shift:
-            if held.mark.item is not None:
-                self.selection.pick([held.mark.item])
-            if track.key not in ("foot 0", "foot 1") and not track.key.startswith("pins"):
-                playback.seek(held.mark.start if held.mark.start == held.mark.end else frame)
+            self._click(track, held.mark, frame, playback)
+
+    def _end_box(self, box: tuple[float, float], frame: int, playback: Playback) -> None:
+        """Select what the box touches; without one let go, and show the frame."""
+        mouse = imgui.get_io().mouse_pos
+        if math.hypot(mouse.x - box[0], mouse.y - box[1]) < px(MIN_BOX_PX):
+            self.selection.let_go()
+            playback.seek(frame)
+        else:
+            self.selection.pick(self._inside(box, mouse), extend=imgui.get_io().key_shift)
+
+    def _click(self, track: Track, mark: Mark, frame: int, playback: Playback) -> None:
+        """Select a mark alone, and show its frame, unless that is where a pin or a foot is."""
+        if mark.item is not None:
+            self.selection.pick([mark.item])
+        if not track.key.startswith(("foot", "pins")):
+            playback.seek(mark.start if mark.start == mark.end else frame)
 
     def _inside(self, corner: tuple[float, float], mouse: imgui.ImVec2) -> list[Item]:
         """The items that a box touches."""
@@ -508,16 +388,26 @@ class Timeline:
             drawing.add_rect_filled(corner, mouse, widgets.packed((*theme.ACCENT[:3], 0.15)))
             drawing.add_rect(corner, mouse, widgets.packed(theme.ACCENT))
 
-    def _hover(self, track: Track, hit: tuple[int, Part] | None, frame: int) -> None:
-        mark, part = (None, Part.BODY) if hit is None else (track.marks[hit[0]], hit[1])
-        if mark is not None and not track.fixed and (part is not Part.BODY or mark.start == mark.end):
-            imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
-        widgets.tooltip(track.hint or ("" if mark is None else mark.hint or mark.text))
+    def _hover(self, track: Track, hit: tuple[Mark, Part] | None, frame: int) -> None:
+        if hit is None:
+            hint = ""
+        else:
+            mark, part = hit
+            hint = mark.hint or mark.text
+            if not track.fixed and (part is not Part.BODY or mark.start == mark.end):
+                imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
+        widgets.tooltip(track.hint or hint)
         if imgui.is_mouse_clicked(1) and track.key != "timeline":
-            if mark is None or (mark.item is not None and mark.item.key not in self.selection.keys):
-                self.selection.pick([] if mark is None or mark.item is None else [mark.item])
-            self._menu = track.key, frame
-            imgui.open_popup(f"menu of {track.key}")
+            self._open_menu(track, None if hit is None else hit[0], frame)
+
+    def _open_menu(self, track: Track, mark: Mark | None, frame: int) -> None:
+        """The menu of a right click, on what is selected or on what lies there."""
+        if mark is None:
+            self.selection.let_go()
+        elif mark.item is not None and mark.item.key not in self.selection.keys:
+            self.selection.pick([mark.item])
+        self._menu = track.key, frame
+        imgui.open_popup(f"menu of {track.key}")
 
 
 def _fitting(tracks: Sequence[Track], room: float) -> tuple[Sequence[Track], float]:
@@ -525,100 +415,7 @@ def _fitting(tracks: Sequence[Track], room: float) -> tuple[Sequence[Track], flo
 
     That does not depend on how many there are: no track moves when another one appears.
     """
-    fits = (room - RULER - (USUAL_TRACKS + 1) * SPACING) / USUAL_HEIGHT
+    fits = (room - RULER_PX - (USUAL_TRACKS + 1) * SPACING_PX) / USUAL_HEIGHT_PX
     if fits < 1.0:
         return [track for track in tracks if not track.optional], 1.0
-    return tracks, min(fits, TALLEST)
-
-
-def _draw_mark(shapes: Shapes, row: Row, mark: Mark, tint: Color, lit: bool, chosen: bool) -> None:
-    left, right = row.ends(mark)
-    bottom, half, adjacent = row.top + row.height, row.height / 2, row.track.adjacent
-    if mark.start == mark.end:
-        if chosen:
-            shapes.points.append(
-                (imgui.ImVec2(left, row.top + half), half * 1.2, widgets.packed(SELECTED_TINT), 4)
-            )
-        shapes.points.append((imgui.ImVec2(left, row.top + half), half * 0.95, widgets.packed(tint), 4))
-        return
-    short = right - left < px(LEAST_WIDTH) + 1 and adjacent
-    left = max(left, row.left)
-    right = max(min(right, row.right) - px(1), left + 1)
-    if adjacent:
-        shapes.rect(left, row.top, right, bottom, theme.FIELD, px(3))
-    if chosen:
-        shapes.rect(left - px(1), row.top - px(1), right + px(1), bottom + px(1), SELECTED_TINT, px(3))
-        shapes.rect(left, row.top, right, bottom, theme.PANEL, px(3))
-    fill = (*tint[:3], min(tint[3] + 0.12 * lit + 0.3 * short, 1.0))
-    shapes.rect(left, row.top, right, bottom, fill, px(3) if mark.text else px(1))
-    if mark.text:
-        shapes.text(left + px(5), row, mark.text, theme.TEXT, right - left - px(8))
-
-
-def _base(row: Row) -> float:
-    """Where the numbers of the ruler end."""
-    return row.top + row.height * 0.62
-
-
-def _dim(shapes: Shapes, row: Row, kept: tuple[int, int]) -> None:
-    """Darken what the trim leaves out."""
-    first, last = (min(max(row.x(frame), row.left), row.right) for frame in kept)
-    for left, right in ((row.left, first), (last, row.right)):
-        if right - left > 1.0:
-            shapes.rect(left, row.top, right, row.top + row.height, DIM, 0.0)
-
-
-def _draw_ruler(shapes: Shapes, row: Row, zero: int) -> None:
-    """Numbers from the frame `zero` on, and what the trim keeps."""
-    base, bottom, shown = _base(row), row.top + row.height, row.shown
-    first, last = (mark.start for mark in row.track.marks)
-    within = lambda x: min(max(x, row.left), row.right)  # noqa: E731
-    shapes.rect(row.left, base, row.right, bottom, theme.FIELD, 2.0)
-    shapes.rect(within(row.x(first)), base, within(row.x(last)), bottom, theme.ACCENT_FILL, 2.0)
-    per_frame = row.width / max(shown.frames, 1.0)
-    step = next((s for s in TICK_STEPS if s * per_frame >= px(TICK_WIDTH)), TICK_STEPS[-1])
-    numbers = replace(row, height=px(SMALL) / TEXT_FRACTION)
-    for number in range(
-        -(-math.ceil(shown.first - zero) // step) * step, math.floor(shown.last) - zero + 1, step
-    ):
-        x = row.x(number + zero)
-        shapes.rect(x, base - px(4), x + 1, base, theme.MUTED, 0.0)
-        if x + px(28) < row.right or number == -zero:
-            shapes.text(x + px(3), numbers, str(number), theme.MUTED, px(60))
-    for frame, side in ((first, 1), (last, -1)):
-        left, right = sorted((row.x(frame), row.x(frame) + side * px(5)))
-        if row.left - 1 <= row.x(frame) <= row.right + 1:
-            shapes.rect(left, base - px(1), right, bottom, theme.ACCENT, px(2))
-
-
-def _hit(row: Row, mouse: imgui.ImVec2) -> tuple[int, Part] | None:
-    """Which mark is under the mouse, and which part of it."""
-    track, marks, x = row.track, row.track.marks, mouse.x
-    if not marks or (track.key == "timeline" and mouse.y < row.top + 0.5 * row.height):
-        return None
-    if track.adjacent:
-        x = min(max(x, row.ends(marks[0])[0]), row.ends(marks[-1])[1])
-    found = [i for i, mark in enumerate(marks) if _covers(row, mark, x)]
-    if track.adjacent:  # a short one lies over its neighbours
-        found.sort(key=lambda i: marks[i].end - marks[i].start)
-    return (found[0], _part(row, found[0], x)) if found else None
-
-
-def _covers(row: Row, mark: Mark, x: float) -> bool:
-    """Whether the mouse takes a mark there: a point from some way off, a span at a little outside its ends."""
-    left, right = row.ends(mark)
-    slack = 0.0 if row.track.adjacent else px(GRIP) if mark.start == mark.end else px(GRIP) / 2
-    return left - slack <= x <= right + slack
-
-
-def _part(row: Row, index: int, x: float) -> Part:
-    """Which part of a mark; the first and the last of adjacent ones end with the take."""
-    track, mark = row.track, row.track.marks[index]
-    left, right = row.ends(mark)
-    if mark.start == mark.end:
-        return Part.BODY
-    grip = min(px(GRIP), (right - left) / 4)
-    if x - left <= grip and not (track.adjacent and index == 0):
-        return Part.START
-    last = track.adjacent and index == len(track.marks) - 1
-    return Part.END if right - x <= grip and not last else Part.BODY
+    return tracks, min(fits, MAX_HEIGHT_RATIO)

@@ -28,7 +28,8 @@ from viewer.edit.posing import Posing
 from viewer.edit.reference_card import ReferenceCard
 from viewer.edit.resimulation import Resimulation
 from viewer.edit.selection import Selection
-from viewer.edit.timeline import Timeline, Track
+from viewer.edit.timeline import Timeline
+from viewer.edit.timeline_look import Track
 from viewer.edit.tracks import Tracks, lanes, mark_at
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
@@ -39,13 +40,13 @@ from viewer.input.bindings import Action
 from viewer.prompt.prompt_field import undo_buttons
 from viewer.session.playback import Playback
 
-SPEEDS = (0.1, 2.0)
-WIDE = 520.0  # pixels at scale 1: words next to the icons
-GAP, TOOL_PADDING = 4.0, 11.0  # between two buttons, and beside the words of one
-TINY = 400.0  # in less only what has no other way stays
+SPEED_RANGE = (0.1, 2.0)
+WIDE_PX = 520.0  # pixels at scale 1: words next to the icons
+GAP_PX, TOOL_PADDING_PX = 4.0, 11.0  # between two buttons, and beside the words of one
+TINY_PX = 400.0  # in less only what has no other way stays
 CUT_HINT = "Split, cut, repeat the take, or join another one to it"
 NEW_PIN_HINT = "Hold a hand, a foot, the look or the pose from this frame on, or key the camera here"
-PROMPTS, ROW, FEET = 21.0, 15.0, 8.0  # heights at scale 1, where there is no more room
+PROMPTS_PX, ROW_PX, FEET_PX = 21.0, 15.0, 8.0  # heights at scale 1, where there is no more room
 PROMPT_TINTS = (theme.ACCENT_FILL, (0.36, 0.55, 0.78, 0.42))
 GAIT_TINT, GROUND_TINT = (0.78, 0.62, 0.34, 0.42), (0.55, 0.58, 0.62, 0.35)
 POSE_TINT = (0.62, 0.78, 0.40, 1.0)
@@ -83,21 +84,23 @@ class TakeTracks:
     def _of_motion(self, tracks: Tracks, lit: tuple[int, int], fixed: bool) -> list[Track]:
         editing = self.editing
         parts = [
-            Track(f"track {part}", part.replace("_", " ").capitalize(), ROW, tracks.parts[part], (PART_TINT,))
+            Track(
+                f"track {part}", part.replace("_", " ").capitalize(), ROW_PX, tracks.parts[part], (PART_TINT,)
+            )
             for part in (PART_NAMES if editing.part_tracks else ())
         ]
         return [
             Track(
-                "prompts", "Prompts", PROMPTS, tracks.prompts, PROMPT_TINTS, lit=lit[0], adjacent=True,
+                "prompts", "Prompts", PROMPTS_PX, tracks.prompts, PROMPT_TINTS, lit=lit[0], adjacent=True,
                 fixed=fixed,
             ),
             *parts,
             Track(
-                "gaits", "Gait", ROW, tracks.gaits, (GAIT_TINT,), lit=lit[1], adjacent=True, fixed=fixed,
+                "gaits", "Gait", ROW_PX, tracks.gaits, (GAIT_TINT,), lit=lit[1], adjacent=True, fixed=fixed,
             ),
             # one ground all the way says the least
             Track(
-                "grounds", "Ground", ROW, tracks.grounds, (GROUND_TINT,), fixed=True,
+                "grounds", "Ground", ROW_PX, tracks.grounds, (GROUND_TINT,), fixed=True,
                 optional=len(tracks.grounds) == 1,
             ),
         ]  # fmt: skip
@@ -110,10 +113,12 @@ class TakeTracks:
             (CAMERA_KEYS, camera_items(take), "Camera", theme.ACCENT, CAMERA_HINT),
             (POSE_KEYS, pose_items(take), "Pose", POSE_TINT, POSE_HINT),
         ):
-            rows.append(Track(kind, name, ROW, _marks(items), (tint,), hint))
+            rows.append(Track(kind, name, ROW_PX, _marks(items), (tint,), hint))
         for number, lane in enumerate(lanes(take.poses.pins) or [[]]):
             marks = _marks([pins[index] for index in lane])
-            rows.append(Track(f"pins {number}", "" if number else "Pins", ROW, marks, (PIN_TINT,), PIN_HINT))
+            rows.append(
+                Track(f"pins {number}", "" if number else "Pins", ROW_PX, marks, (PIN_TINT,), PIN_HINT)
+            )
         return rows
 
     def _feet(self, foot: int) -> Track:
@@ -125,7 +130,7 @@ class TakeTracks:
             selection.replace("addition", [], [new])
 
         return Track(
-            f"foot {foot}", "" if foot else "Feet", FEET, _marks(items), (theme.ACCENT,), FEET_HINT,
+            f"foot {foot}", "" if foot else "Feet", FEET_PX, _marks(items), (theme.ACCENT,), FEET_HINT,
             fixed=bool(self.pins.fixed), more=(("Plant the foot here", plant),),
         )  # fmt: skip
 
@@ -158,10 +163,10 @@ class Tool:
 
     @property
     def width(self) -> float:
-        return imgui.calc_text_size(self.text).x + px(TOOL_PADDING)
+        return imgui.calc_text_size(self.text).x + px(TOOL_PADDING_PX)
 
     def draw(self) -> None:
-        padding = imgui.ImVec2(px(TOOL_PADDING / 2), imgui.get_style().frame_padding.y)
+        padding = imgui.ImVec2(px(TOOL_PADDING_PX / 2), imgui.get_style().frame_padding.y)
         imgui.push_style_var(imgui.StyleVar_.frame_padding, padding)
         with widgets.disabled(self.why):
             pressed = widgets.toggle(self.text, self.lit, self.width, self.why or self.hint) != self.lit
@@ -185,7 +190,7 @@ class Tool:
 
 def _draw_tools(tools: Sequence[Tool], room: float) -> None:
     """The tools in one line; those for which there is no room are in a menu at its end."""
-    gap, more = px(GAP), Tool("…", "More tools", 0)
+    gap, more = px(GAP_PX), Tool("…", "More tools", 0)
     shown = list(tools)
     while shown and sum(t.width + gap for t in shown) + (more.width + gap) * (len(shown) < len(tools)) > room:
         last = max(tool.folds for tool in shown)
@@ -290,7 +295,7 @@ class Transport:
         if playback is None or tracks is None:
             return
         width = imgui.get_content_region_avail().x
-        self._wide, self._tiny = width >= px(WIDE), width < px(TINY)
+        self._wide, self._tiny = width >= px(WIDE_PX), width < px(TINY_PX)
         self._playing(playback)
         self._edits(playback, references)
         self.timeline.draw(self._tracks.rows(tracks, playback), playback, self._selection(playback))
@@ -334,7 +339,9 @@ class Transport:
             playback.loop = widgets.toggle(ICON.loop, playback.loop, square, "Begin again at the end")
             imgui.same_line(0, px(8))
             imgui.set_next_item_width(px(96 if self._wide else 72))
-            _, playback.speed = widgets.slider("##speed", playback.speed, *SPEEDS, "%.2f x", logarithmic=True)
+            _, playback.speed = widgets.slider(
+                "##speed", playback.speed, *SPEED_RANGE, "%.2f x", logarithmic=True
+            )
             widgets.tooltip("Playback speed; Ctrl+click types it")
             imgui.same_line(0, px(8))
         live = f"{ICON.person} Live" if self._wide else ICON.person
@@ -365,13 +372,13 @@ class Transport:
     def _edits(self, playback: Playback, references: ReferenceCard) -> None:
         """What lies on the tracks: trim, new spans, tools, and going on from here."""
         takes, fixed = self.editing.takes, self.editing.fixed
-        undo_width = 0.0 if self._wide else 2 * imgui.get_frame_height() + px(GAP)
-        go_on = imgui.calc_text_size(ICON.walk).x + 2 * imgui.get_style().frame_padding.x + px(GAP)
+        undo_width = 0.0 if self._wide else 2 * imgui.get_frame_height() + px(GAP_PX)
+        go_on = imgui.calc_text_size(ICON.walk).x + 2 * imgui.get_style().frame_padding.x + px(GAP_PX)
         _draw_tools(
             self._tools(playback, references), imgui.get_content_region_avail().x - undo_width - go_on
         )
         if not self._wide:
-            imgui.same_line(0, px(GAP))
+            imgui.same_line(0, px(GAP_PX))
             undo_buttons(takes.editor, "take ", 0.0)
         self._go_on(fixed)
 
@@ -400,7 +407,7 @@ class Transport:
 
     def _go_on(self, fixed: str) -> None:
         """The button at the end of the line, with as many words as there is room for."""
-        imgui.same_line(0, px(GAP))
+        imgui.same_line(0, px(GAP_PX))
         end = imgui.get_window_width() - imgui.get_style().window_padding.x
         padding, room = 2 * imgui.get_style().frame_padding.x, end - imgui.get_cursor_pos_x()
         texts = [f"{ICON.walk} {text}".rstrip() for text in ("Go on from here", "Go on", "")]

@@ -16,7 +16,7 @@ from viewer.gui.widgets import px
 from viewer.input.bindings import Action
 
 WINDOW_TOP_PX = 60.0  # of a window that grows with its contents
-CARD_MARGIN = 10.0  # to the edges of the view, pixels at scale 1
+CARD_MARGIN_PX = 10.0  # to the edges of the view, pixels at scale 1
 _FLAGS = imgui.WindowFlags_
 _KEPT = _FLAGS.no_move | _FLAGS.no_saved_settings
 FIXED = (
@@ -182,8 +182,8 @@ def card(
     It lies at the `right`, at the `bottom`, or `below` so much more at the top, until it is dragged elsewhere or the view
     changes. `width` and `below` are pixels at scale 1; one `behind` is not brought to the front by a click.
     """
-    x = view.x + (view.width - px(CARD_MARGIN) if right else px(CARD_MARGIN))
-    y = view.y + (view.height - px(CARD_MARGIN) if bottom else px(CARD_MARGIN + below))
+    x = view.x + (view.width - px(CARD_MARGIN_PX) if right else px(CARD_MARGIN_PX))
+    y = view.y + (view.height - px(CARD_MARGIN_PX) if bottom else px(CARD_MARGIN_PX + below))
     known, place = imgui.internal.find_window_by_name(name), (x, y)
     storage, keys = None if known is None else known.state_storage, (1, 2)
     moved = storage is None or place != tuple(storage.get_float(key) for key in keys)

@@ -87,7 +87,7 @@ def panel(guide: Guide, covered: Callable[[], bool]) -> Panel:
     """The card; not shown while it would be `covered`, or cover."""
 
     def draw(view: Rect) -> None:
-        if view.height >= px(MIN_VIEW_HEIGHT_PX) and view.width >= px(WIDTH_PX + 4 * panels.CARD_MARGIN):
+        if view.height >= px(MIN_VIEW_HEIGHT_PX) and view.width >= px(WIDTH_PX + 4 * panels.CARD_MARGIN_PX):
             _draw(guide, view)
 
     return Panel("First minute", PanelPlace.VIEW, draw, shown=lambda: guide.shown and not covered())

@@ -24,7 +24,7 @@ from viewer.session.sessions import OPENING, Sessions, describe
 from viewer.session.takes import Takes
 from viewer.settings import TAKE_ORDERS, Settings
 
-ROWS, ROW = 6, 25.0  # that the list keeps, and the height of one in pixels at scale 1
+ROWS, ROW_PX = 6, 25.0  # that the list keeps, and the height of one in pixels at scale 1
 RENAME_HINT = "Double-click renames it"
 MENU = "take menu"
 COLORS = ("No color", "Red", "Yellow", "Green", "Blue", "Violet")
@@ -72,7 +72,7 @@ def draw(panel: TakesPanel) -> None:
         _search(takes)
     line, room = imgui.get_frame_height_with_spacing(), imgui.get_content_region_avail().y
     # in a low panel the list and the button matter; rate and unit are in the export window too
-    short = room < _export_height(False) + px(ROWS * ROW)
+    short = room < _export_height(False) + px(ROWS * ROW_PX)
     current = takes.session.current
     height = max(room - (_export_height(short) if current is not None else 0.0), line)
     width = (

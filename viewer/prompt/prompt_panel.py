@@ -34,12 +34,12 @@ EXACT_HINT = (
 )
 WEAK_HINT = "The walk shows little of these words. Other words may show more."
 NEAREST_ROWS = 3  # in a tall panel, else one
-NEAR_SIMILARITY = 0.6  # cosine similarity from which a library prompt is near
+NEAR_COSINE = 0.6  # cosine similarity from which a library prompt is near
 MIN_LINES, MAX_LINES = 2, 3  # of the field of a body part
 # pixels at scale 1
 TALL_PANEL_PX = 620.0
-MIN_LIST_HEIGHT = 150.0
-TOOLS_WIDTH = 3 * 26.0 + 2 * 4.0
+MIN_LIST_HEIGHT_PX = 150.0
+TOOLS_WIDTH_PX = 3 * 26.0 + 2 * 4.0
 BAR_WIDTH_PX = 46.0
 LABEL_HEIGHT_PX, ROW_GAP_PX = 17.0, 4.0
 PART_WIDTH_PX = 70.0
@@ -79,7 +79,7 @@ class PromptPanel:
     def panel(self, shown: Callable[[], bool]) -> Panel:
         return Panel(
             "Prompt", PanelPlace.LEFT, self._draw, ICON.prompt, shown,
-            tools=self._tools, tools_width=TOOLS_WIDTH, begin_typing=self._begin_typing,
+            tools=self._tools, tools_width=TOOLS_WIDTH_PX, begin_typing=self._begin_typing,
         )  # fmt: skip
 
     def _begin_typing(self) -> None:
@@ -217,7 +217,7 @@ class PromptPanel:
             title: [text for text in texts if all(word in text.lower() for word in words)]
             for title, texts in lists.items()
         }
-        height = max(imgui.get_content_region_avail().y, px(MIN_LIST_HEIGHT))
+        height = max(imgui.get_content_region_avail().y, px(MIN_LIST_HEIGHT_PX))
         if imgui.begin_child("ready list", imgui.ImVec2(0, height)):
             if not any(found.values()):
                 widgets.muted("No prompt has these words. Type it above: any prompt works.", wrap=True)
@@ -242,7 +242,7 @@ class PromptPanel:
 
 def _scrolling(name: str, contents: Callable[[], None]) -> None:
     """Contents that scroll in the height that is left, or with the whole panel where that is too little."""
-    if imgui.get_content_region_avail().y < px(MIN_LIST_HEIGHT):
+    if imgui.get_content_region_avail().y < px(MIN_LIST_HEIGHT_PX):
         contents()
         return
     if imgui.begin_child(name, imgui.ImVec2(0, 0)):
@@ -276,7 +276,7 @@ def _answer(controller: PromptController, blend: PromptBlend, side: Side, rows: 
         for text, similarity in answer.nearest[: min(rows, 1) if answer.note else rows]:
             chosen = text if _near(text, similarity) else chosen
     if answer.note:
-        far = bool(answer.nearest) and answer.nearest[0][1] < NEAR_SIMILARITY
+        far = bool(answer.nearest) and answer.nearest[0][1] < NEAR_COSINE
         _note(answer.note, far or answer.note.startswith("Language model"), lines)
     return chosen
 
@@ -341,7 +341,7 @@ def _near(text: str, similarity: float) -> bool:
     drawing.add_text(imgui.ImVec2(corner.x, top), words, shown)
     drawing.add_text(imgui.ImVec2(percent_left, top), words, percent)
     middle = corner.y + height / 2
-    tint = theme.ACCENT if similarity >= NEAR_SIMILARITY else theme.WARNING
+    tint = theme.ACCENT if similarity >= NEAR_COSINE else theme.WARNING
     for end, fill in ((1.0, theme.FIELD_ACTIVE), (fraction, tint)):
         high = imgui.ImVec2(bar_left + px(BAR_WIDTH_PX) * end, middle + px(2))
         drawing.add_rect_filled(imgui.ImVec2(bar_left, middle - px(2)), high, widgets.packed(fill), px(2))

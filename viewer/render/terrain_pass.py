@@ -14,9 +14,11 @@ from viewer.render.quality import Quality
 from viewer.render.terrain_mesh import APRON_M, Levels, TerrainMesh, cut_window
 
 RECENTRE_SHARE = 0.12  # of the window's size
-SUN_SLOPE = SUN_DIRECTION[1] / np.hypot(*SUN_DIRECTION[::2])  # flatter ground throws no shadow on itself
+SUN_SLOPE_RATIO = SUN_DIRECTION[1] / np.hypot(
+    *SUN_DIRECTION[::2]
+)  # flatter ground throws no shadow on itself
 MIN_RELIEF_M, MAX_RELIEF_M = 0.25, 3.0  # height over the start that has the full tint
-LEVEL_SLOPE, MEADOW_SLOPE = (
+LEVEL_SLOPE_RATIO, MEADOW_SLOPE_RATIO = (
     0.02,
     1.5,
 )  # rise over run; between them a ground is a meadow, else the floor of a studio
@@ -58,7 +60,7 @@ class TerrainPass:
     def set_terrain(self, terrain: Terrain) -> None:
         """Show another height map from the next frame on."""
         self._terrain = terrain
-        self.shadow_reach_m = SHADOW_REACH_M if self._casts and terrain.steepest > SUN_SLOPE else 0.0
+        self.shadow_reach_m = SHADOW_REACH_M if self._casts and terrain.steepest > SUN_SLOPE_RATIO else 0.0
         self._mesh = None
         start = float(terrain.height(0.0, 0.0))
         highest = float(np.max(np.abs(terrain.heights - start), initial=MIN_RELIEF_M))
@@ -118,7 +120,7 @@ class TerrainPass:
         self._ctx.enable_only(moderngl.DEPTH_TEST)
         self._ctx.depth_func = "<"
         self._noise.use(0)
-        meadow = float(LEVEL_SLOPE < terrain.steepest < MEADOW_SLOPE)
+        meadow = float(LEVEL_SLOPE_RATIO < terrain.steepest < MEADOW_SLOPE_RATIO)
         values = {"grid_strength": float(show_grid), "metres": terrain.unit_m, "noise": 0, "meadow": meadow}
         set_uniforms(self._programs["surface"], values)
         tiles = mesh.indices(self._levels, self._visible)

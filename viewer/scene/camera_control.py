@@ -22,12 +22,12 @@ from viewer.render.camera import (
 )
 
 CHEST_HEIGHT_FRACTION = 0.55  # of the way from the ground to the hips' height: keeps the whole body in view
-ORBIT_PIXELS_PER_SECOND = 420.0  # what a full stick is worth in the orbit camera
+ORBIT_PX_PER_S = 420.0  # what a full stick is worth in the orbit camera
 SHIFT_HALF_LIFE_S = 0.08  # seconds
 JUMP_DISTANCE_M = 3.0  # a target that moves farther in one frame was set there: no glide
 FRAME_DISTANCE_M = 4.0  # the whole body, with air above and below
 POINT_DISTANCE_M = 1.6  # a hand or a foot, and the limb that leads to it
-PIXELS_PER_STEP = 40.0  # of a drag that zooms
+ZOOM_STEP_PX = 40.0  # of a drag that zooms
 BUTTONS = ("left", "right", "middle")  # as ImGui counts them
 # radians from the walker's back: where obstacles lie ahead so that they show, else three quarters from the front
 OBSTACLE_TURN_RAD, OPENING_TURN_RAD = -0.62, math.pi - 0.72
@@ -145,7 +145,7 @@ class CameraControl:
         # how the mouse came to where it was pressed is no drag
         begins = any(imgui.is_mouse_clicked(button) for button in range(3))
         if drag is Drag.ZOOM and not begins:
-            self.current.zoom(-io.mouse_delta.y / PIXELS_PER_STEP)
+            self.current.zoom(-io.mouse_delta.y / ZOOM_STEP_PX)
         elif drag is not None and not begins:
             self.drag(io.mouse_delta.x, io.mouse_delta.y, drag is Drag.PAN, size.y)
         return drag is not None
@@ -192,7 +192,7 @@ class CameraControl:
         if self.mode == "orbit":
             self._track(np.array(self.target(pose)), dt)
             self.orbit.keep_above(terrain, dt)
-            self.orbit.orbit(look[0] * ORBIT_PIXELS_PER_SECOND * dt, -look[1] * ORBIT_PIXELS_PER_SECOND * dt)
+            self.orbit.orbit(look[0] * ORBIT_PX_PER_S * dt, -look[1] * ORBIT_PX_PER_S * dt)
             return
         target = np.array(self.target(pose))
         if math.dist(target, self.follow.target) > JUMP_DISTANCE_M:

@@ -32,7 +32,7 @@ from viewer.live.link import LiveLink
 from viewer.live.vmc import VmcLink
 from viewer.messages import Messages
 from viewer.render.looks import dressed
-from viewer.render.terrain_pass import MEADOW_SLOPE
+from viewer.render.terrain_pass import MEADOW_SLOPE_RATIO
 from viewer.scene.camera_control import VIEWS, CameraControl, start_yaw
 from viewer.scene.joint_mapping import JointMapping
 from viewer.scene.simulation import Simulation, make_pose
@@ -225,7 +225,7 @@ class Scene:
         """Put the character back to the start; it and the camera look at what there is to walk over."""
         yaw = start_yaw(self.terrain)
         self.put_character(0.0, 0.0, yaw)
-        self.camera.open_at(self.simulation.current, yaw, self.terrain.steepest > MEADOW_SLOPE)
+        self.camera.open_at(self.simulation.current, yaw, self.terrain.steepest > MEADOW_SLOPE_RATIO)
         if self._first_view:
             self.camera.view(VIEWS[self._first_view], self.simulation.current)
 

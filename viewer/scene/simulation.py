@@ -33,7 +33,7 @@ TRAVERSALS = {  # by the kinds of `runtime.traversal`
 }
 _STANDS = "The character stands until you reset it (Home)."
 MAX_FAILURES = 3  # in a row; then the character stands still until it is reset
-MS_HALF_LIFE_STEPS = 20.0
+COST_HALF_LIFE_STEPS = 20.0
 _LOG = logging.getLogger("sport.viewer")
 
 
@@ -165,7 +165,7 @@ class Simulation:
             self._fail(failure)
             return None
         cost_ms = (time.perf_counter() - begin) * 1e3
-        fraction = 1.0 - 0.5 ** (1.0 / MS_HALF_LIFE_STEPS)
+        fraction = 1.0 - 0.5 ** (1.0 / COST_HALF_LIFE_STEPS)
         self.model_ms = (
             cost_ms if self.model_ms == 0.0 else self.model_ms + (cost_ms - self.model_ms) * fraction
         )

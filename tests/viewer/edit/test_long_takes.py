@@ -15,7 +15,7 @@ from runtime.takes.pins import Pinned
 from tests.helpers import hand
 from tests.helpers.app_driver import Start, click, click_on, place, press, run
 from viewer.app import App
-from viewer.edit.timeline import Range
+from viewer.edit.timeline_look import Range
 
 SIZES = ((1920, 1080), (800, 500))
 FRAMES = 3661

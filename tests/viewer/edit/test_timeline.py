@@ -209,6 +209,7 @@ def test_driving_goes_on_from_a_frame_of_a_take(start: Start) -> None:
     app.prompting.submit_prompt("proud peacock")
     app.scene.load_terrain("stairs")
     run(app, 3)
+    app.takes.play(1)  # which the choice of the ground has ended
     seek(app, 25)
     click_on(app, "##go on")
     run(app, 1)

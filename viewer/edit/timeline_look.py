@@ -1,0 +1,256 @@
+"""What the tracks of a timeline look like: rows on the screen, their marks, the ruler, and what the mouse is over."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from enum import Enum, auto
+
+from runtime.takes.input_edits import laid
+from viewer.edit.items import Items, Mark
+from viewer.gl_bindings import imgui
+from viewer.gui import theme, widgets
+from viewer.gui.theme import Color
+from viewer.gui.widgets import px
+
+TICK_STEPS = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 3600, 7200, 18000, 36000)
+MIN_TICK_PX = 56.0  # at least, between two numbers
+MIN_SPAN_PX = 9.0  # of a span among neighbours: a jump of a long take can be clicked
+MIN_SHOWN_FRAMES = 12.0  # frames that the closest zoom shows
+ZOOM_STEP_FACTOR = 0.8
+GRIP_PX = 7.0  # how near to an end of a mark or to a point the mouse takes it
+MIN_LETTERS = 3  # of a word that is cut, with its dots
+MIN_LETTER_PX, TEXT_FRACTION = theme.FONT_SIZE_PX * 0.8, 0.76  # letters: at least, and of a row's height
+DIM_TINT = (*theme.PANEL[:3], 0.6)  # over what the trim leaves out
+SELECTED_TINT = (1.0, 1.0, 1.0, 0.9)
+
+
+@dataclass(frozen=True)
+class Range:
+    """The frames that the timeline shows, of a take whose last frame is `end`."""
+
+    first: float
+    last: float
+    end: float
+
+    @property
+    def frames(self) -> float:
+        return self.last - self.first
+
+    def __contains__(self, frame: float) -> bool:
+        return self.first <= frame <= self.last
+
+    def fitted(self, first: float, last: float) -> Range:
+        """These frames, or as many that lie within the take."""
+        frames = min(max(last - first, MIN_SHOWN_FRAMES), self.end)
+        first = min(max(first, 0.0), self.end - frames)
+        return replace(self, first=first, last=first + frames)
+
+    def scrolled(self, frames: float) -> Range:
+        return self.fitted(self.first + frames, self.last + frames)
+
+    def zoomed(self, at: float, steps: float) -> Range:
+        """Wheel steps closer to the frame `at`, which stays where it is."""
+        scale = max(ZOOM_STEP_FACTOR**steps, MIN_SHOWN_FRAMES / max(self.frames, 1.0))
+        return self.fitted(at - (at - self.first) * scale, at + (self.last - at) * scale)
+
+
+class Part(Enum):
+    """What the mouse holds of a mark."""
+
+    BODY = auto()
+    START = auto()
+    END = auto()
+
+
+@dataclass(frozen=True)
+class Track:
+    """One row of the timeline.
+
+    Marks with an item are selected, moved and so on by the selection. `move` takes a handle of the ruler to another frame.
+    `more` are entries of a right click on a free frame.
+    """
+
+    key: str
+    name: str
+    height: float
+    marks: Sequence[Mark]
+    tints: Sequence[Color]
+    hint: str = ""  # of the whole row, in place of those of its marks
+    lit: int = -1  # the mark that is drawn lighter
+    adjacent: bool = False  # each mark ends where the next one begins
+    optional: bool = False  # shown only where there is room
+    fixed: bool = False  # nothing can be dragged
+    move: Callable[[Mark, int], None] | None = None
+    more: tuple[tuple[str, Callable[[int], None]], ...] = ()
+
+
+@dataclass(frozen=True)
+class Row:
+    """A track on the screen: where it lies, and how frames map to it."""
+
+    track: Track
+    left: float
+    top: float
+    width: float
+    height: float
+    outer: float  # its width with what takes the mouse outside both ends
+    shown: Range
+
+    @property
+    def right(self) -> float:
+        return self.left + self.width
+
+    def ends(self, mark: Mark) -> tuple[float, float]:
+        """Screen positions of a mark's ends, which may lie outside the row; a span among neighbours has a least width."""
+        left, right = self.x(mark.start), self.x(min(mark.end, self.shown.end))
+        more = (px(MIN_SPAN_PX) - (right - left)) / 2 if self.track.adjacent else 0.0
+        return left - max(more, 0.0), right + max(more, 0.0)
+
+    def x(self, frame: float) -> float:
+        return self.left + (frame - self.shown.first) / max(self.shown.frames, 1.0) * self.width
+
+    def frame_at(self, x: float) -> int:
+        """The frame under a screen position, of those that are shown."""
+        along = min(max((x - self.left) / max(self.width, 1.0), 0.0), 1.0)
+        return round(self.shown.first + along * self.shown.frames)
+
+
+@dataclass
+class Shapes:
+    """What a group of rows looks like, as a drawing list takes it."""
+
+    rows: list[Row] = field(default_factory=list)
+    rects: list[tuple[imgui.ImVec2, imgui.ImVec2, int, float]] = field(default_factory=list)
+    points: list[tuple[imgui.ImVec2, float, int, int]] = field(default_factory=list)
+    # by the size of their letters
+    texts: list[tuple[float, imgui.ImVec2, int, str]] = field(default_factory=list)
+
+    def rect(
+        self, left: float, top: float, right: float, bottom: float, tint: Color, rounding: float
+    ) -> None:
+        low, high = imgui.ImVec2(left, top), imgui.ImVec2(right, bottom)
+        self.rects.append((low, high, widgets.packed(tint), rounding))
+
+    def text(self, x: float, row: Row, text: str, tint: Color, width: float, size: float = 0.0) -> None:
+        """Words in the middle of a row's height, cut to a width; none where less than three letters fit."""
+        size = size or min(max(TEXT_FRACTION * row.height / px(1.0), MIN_LETTER_PX), theme.FONT_SIZE_PX)
+        imgui.push_font(None, size)
+        y, shown = row.top + (row.height - imgui.get_text_line_height()) / 2, widgets.elided(text, width)
+        if shown == text or len(shown) > MIN_LETTERS:
+            self.texts.append((size, imgui.ImVec2(x, y), widgets.packed(tint), shown))
+        imgui.pop_font()
+
+    def draw(self, *lines: tuple[imgui.ImVec2, imgui.ImVec2, int, float]) -> None:
+        """Draw everything, and lines below the texts."""
+        drawing = imgui.get_window_draw_list()
+        for rect in [*self.rects, *lines]:
+            drawing.add_rect_filled(*rect)
+        for point in self.points:
+            drawing.add_ngon_filled(*point)
+        for size, place, tint, text in self.texts:
+            imgui.push_font(None, size)
+            drawing.add_text(place, tint, text)
+            imgui.pop_font()
+
+
+def draw_mark(shapes: Shapes, row: Row, mark: Mark, tint: Color, lit: bool, chosen: bool) -> None:
+    left, right = row.ends(mark)
+    bottom, half, adjacent = row.top + row.height, row.height / 2, row.track.adjacent
+    if mark.start == mark.end:
+        if chosen:
+            shapes.points.append(
+                (imgui.ImVec2(left, row.top + half), half * 1.2, widgets.packed(SELECTED_TINT), 4)
+            )
+        shapes.points.append((imgui.ImVec2(left, row.top + half), half * 0.95, widgets.packed(tint), 4))
+        return
+    short = right - left < px(MIN_SPAN_PX) + 1 and adjacent
+    left = max(left, row.left)
+    right = max(min(right, row.right) - px(1), left + 1)
+    if adjacent:
+        shapes.rect(left, row.top, right, bottom, theme.FIELD, px(3))
+    if chosen:
+        shapes.rect(left - px(1), row.top - px(1), right + px(1), bottom + px(1), SELECTED_TINT, px(3))
+        shapes.rect(left, row.top, right, bottom, theme.PANEL, px(3))
+    fill = (*tint[:3], min(tint[3] + 0.12 * lit + 0.3 * short, 1.0))
+    shapes.rect(left, row.top, right, bottom, fill, px(3) if mark.text else px(1))
+    if mark.text:
+        shapes.text(left + px(5), row, mark.text, theme.TEXT, right - left - px(8))
+
+
+def base_of(row: Row) -> float:
+    """Where the numbers of the ruler end."""
+    return row.top + row.height * 0.62
+
+
+def dim(shapes: Shapes, row: Row, kept: tuple[int, int]) -> None:
+    """Darken what the trim leaves out."""
+    first, last = (min(max(row.x(frame), row.left), row.right) for frame in kept)
+    for left, right in ((row.left, first), (last, row.right)):
+        if right - left > 1.0:
+            shapes.rect(left, row.top, right, row.top + row.height, DIM_TINT, 0.0)
+
+
+def draw_ruler(shapes: Shapes, row: Row, zero: int) -> None:
+    """Numbers from the frame `zero` on, and what the trim keeps."""
+    base, bottom, shown = base_of(row), row.top + row.height, row.shown
+    first, last = (mark.start for mark in row.track.marks)
+    within = lambda x: min(max(x, row.left), row.right)  # noqa: E731
+    shapes.rect(row.left, base, row.right, bottom, theme.FIELD, 2.0)
+    shapes.rect(within(row.x(first)), base, within(row.x(last)), bottom, theme.ACCENT_FILL, 2.0)
+    per_frame = row.width / max(shown.frames, 1.0)
+    step = next((s for s in TICK_STEPS if s * per_frame >= px(MIN_TICK_PX)), TICK_STEPS[-1])
+    numbers = replace(row, height=px(MIN_LETTER_PX) / TEXT_FRACTION)
+    for number in range(
+        -(-math.ceil(shown.first - zero) // step) * step, math.floor(shown.last) - zero + 1, step
+    ):
+        x = row.x(number + zero)
+        shapes.rect(x, base - px(4), x + 1, base, theme.MUTED, 0.0)
+        if x + px(28) < row.right or number == -zero:
+            shapes.text(x + px(3), numbers, str(number), theme.MUTED, px(60))
+    for frame, side in ((first, 1), (last, -1)):
+        left, right = sorted((row.x(frame), row.x(frame) + side * px(5)))
+        if row.left - 1 <= row.x(frame) <= row.right + 1:
+            shapes.rect(left, base - px(1), right, bottom, theme.ACCENT, px(2))
+
+
+def previewed(track: Track, gone: Items, put: Items) -> Sequence[Mark]:
+    """The marks of an adjacent track as they would lie after an edit."""
+    marks, keys = track.marks, {item.key for item in gone}
+    places = [i for i, mark in enumerate(marks) if mark.item is not None and mark.item.key in keys]
+    put = [item for item in put if item.kind == track.key]
+    by_value = {id(mark.item.value): mark for mark in marks if mark.item is not None}
+    of = [*marks, *(by_value.get(id(item.value), marks[0]) for item in put)]
+    return [replace(of[b.of], start=b.start, end=b.end) for b in laid(marks, places, put)]
+
+
+def hit_in(row: Row, mouse: imgui.ImVec2) -> tuple[Mark, Part] | None:
+    """Which mark is under the mouse, and which part of it."""
+    track, marks, x = row.track, row.track.marks, mouse.x
+    if not marks or (track.key == "timeline" and mouse.y < row.top + 0.5 * row.height):
+        return None
+    if track.adjacent:
+        x = min(max(x, row.ends(marks[0])[0]), row.ends(marks[-1])[1])
+    found = [mark for mark in marks if _covers(row, mark, x)]
+    if track.adjacent:  # a short one lies over its neighbours
+        found.sort(key=lambda mark: mark.end - mark.start)
+    return (found[0], _part(row, found[0], x)) if found else None
+
+
+def _covers(row: Row, mark: Mark, x: float) -> bool:
+    """Whether the mouse takes a mark there: a point from some way off, a span at a little outside its ends."""
+    left, right = row.ends(mark)
+    slack = 0.0 if row.track.adjacent else px(GRIP_PX) if mark.start == mark.end else px(GRIP_PX) / 2
+    return left - slack <= x <= right + slack
+
+
+def _part(row: Row, mark: Mark, x: float) -> Part:
+    """Which part of a mark; the first and the last of adjacent ones end with the take."""
+    (left, right), marks, adjacent = row.ends(mark), row.track.marks, row.track.adjacent
+    if mark.start == mark.end:
+        return Part.BODY
+    grip = min(px(GRIP_PX), (right - left) / 4)
+    if x - left <= grip and not (adjacent and mark is marks[0]):
+        return Part.START
+    return Part.END if right - x <= grip and not (adjacent and mark is marks[-1]) else Part.BODY

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 MAX_JSON_ITEMS = 1_000_000  # an empty list of two bytes takes 56 in memory
 MAX_DIGITS = 400
-_MANY_DIGITS = re.compile(rf"(?:\A|[\[,:\s-])\d{{{MAX_DIGITS}}}", re.ASCII)
+SAMPLED = 50  # of so many characters one is looked at, for a number of more digits
 # bytes that an archive may unpack to, and more for each of its own
 MAX_NPZ_BYTES, NPZ_RATIO = 64 * 1024 * 1024, 16
 
@@ -102,7 +102,8 @@ def parse_json(data: str | bytes, max_items: int = MAX_JSON_ITEMS, kind: type[di
     text = data.decode("utf-8-sig") if isinstance(data, bytes) else data
     if sum(text.count(sign) for sign in "[{,") > max_items:
         raise ValueError(f"more than {max_items} items")
-    large = _integer if _MANY_DIGITS.search(text) else None  # Python's own is three times as fast
+    many = re.search(rf"\d{{{MAX_DIGITS // SAMPLED}}}", text[::SAMPLED], re.ASCII)
+    large = _integer if many else None  # Python's own is three times as fast
     try:
         return json.loads(text, parse_int=large, object_hook=None if kind is dict else kind)
     except RecursionError as error:

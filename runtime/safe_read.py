@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 MAX_JSON_ITEMS = 1_000_000  # an empty list of two bytes takes 56 in memory
 MAX_DIGITS = 400
+SAMPLED = 50  # of so many characters one is looked at, for a number of more digits
 # bytes that an archive may unpack to, and more for each of its own
 MAX_NPZ_BYTES, NPZ_RATIO = 64 * 1024 * 1024, 16
 
@@ -101,19 +102,18 @@ def parse_json(data: str | bytes, max_items: int = MAX_JSON_ITEMS, kind: type[di
     text = data.decode("utf-8-sig") if isinstance(data, bytes) else data
     if sum(text.count(sign) for sign in "[{,") > max_items:
         raise ValueError(f"more than {max_items} items")
+    many = re.search(rf"\d{{{MAX_DIGITS // SAMPLED}}}", text[::SAMPLED], re.ASCII)
+    large = _integer if many else None  # Python's own is three times as fast
     try:
-        return json.loads(text, parse_int=_integer, object_hook=None if kind is dict else kind)
+        return json.loads(text, parse_int=large, object_hook=None if kind is dict else kind)
     except RecursionError as error:
         raise ValueError("too deeply nested") from error
 
 
 def _integer(digits: str) -> int | float:
     """Return the number of a whole text of digits; infinity for more digits than any field has, at which Python raises an error."""
-    return (
-        int(digits)
-        if len(digits) <= MAX_DIGITS
-        else math.copysign(math.inf, -1.0 if digits[0] == "-" else 1.0)
-    )
+    infinity = -math.inf if digits[0] == "-" else math.inf
+    return int(digits) if len(digits) <= MAX_DIGITS else infinity
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from runtime.session.frames import PACKED_FRAME_BYTES, packed_frames, unpacked_f
 from runtime.session.motion import MotionHeader
 from runtime.session.tables import checksum, put_rows, sealed
 
+MAX_MENDED_MOTIONS = 5000  # of a session: a full file of takes has fewer
 MAX_HELD_FRAMES = 100_000  # of a session that hold the pose before them: half an hour
 INPUT, TAIL = ".input", ".tail"  # of a motion's key: what drove it, and its newest frames
 UNKNOWN_NAME, UNKNOWN_FPS = "Recovered take", 60.0  # of a motion whose header is lost
@@ -34,9 +35,14 @@ def fill_gaps(connection: sqlite3.Connection) -> tuple[int, int]:
         gaps, fits = _gaps(pieces.get(key, []))
         if not fits:
             continue
+        made = 0
         if held + sum(count for _, count, _ in gaps) <= MAX_HELD_FRAMES:
-            held += sum(_hold(connection, key, *gap) for gap in gaps)
-        changed += _set_header(connection, key, bool(gaps))
+            made = sum(_hold(connection, key, *gap) for gap in gaps)
+        held += made
+        there = sum(count for part in (key, key + TAIL) for _, _, count in pieces.get(part, ()))
+        changed += _set_header(connection, key, there + made, bool(gaps))
+        if changed == MAX_MENDED_MOTIONS:
+            break
     return changed, held
 
 
@@ -68,14 +74,11 @@ def _hold(connection: sqlite3.Connection, key: str, first: int, count: int, near
     return count
 
 
-def _set_header(connection: sqlite3.Connection, key: str, gaps: bool) -> bool:
+def _set_header(connection: sqlite3.Connection, key: str, frames: int, gaps: bool) -> bool:
     """Have the header of a motion say how many frames it has, and that it cannot be resimulated where some are missing.
 
     Returns whether it said something else.
     """
-    (frames,) = connection.execute(
-        "SELECT sum(count) FROM frames WHERE motion IN (?, ?)", (key, key + TAIL)
-    ).fetchone()
     found = connection.execute("SELECT header FROM motions WHERE key = ?", (key,)).fetchone()
     try:
         value = parse_json(found[0]) if found else None

@@ -24,6 +24,7 @@ from runtime.edits.request import (
     limited,
     range_of,
 )
+from runtime.measures.table import targets_of
 from runtime.scalar_math import (
     Quaternion,
     Vector,
@@ -49,7 +50,7 @@ from runtime.skeleton import SPORT_SKELETON
 ELBOW, OUT, SWING = range(len(ARM))
 MEAN_HALF_LIFE, RANGE_HALF_LIFE = 0.4, 0.6  # seconds in which the measures follow the pose
 HALF_LIFE = 0.25  # seconds in which what is added follows what is missing
-MOST_BEND, MOST_OUT = 110.0, 60.0  # degrees that are added to elbow and shoulder
+MOST = tuple(row.most for row in targets_of("arm").values())  # degrees that are added to elbow and shoulder
 MOST_GAIN = 2.5  # times its own that is added to a swing; the rest goes in step with the other side's leg
 LEAST_SWING = 0.06  # metres: an arm that swings less has no rhythm of its own
 LEAST_STRIDE = 0.15  # metres from end to end: a leg that swings less gives none
@@ -154,9 +155,9 @@ class ArmEdit:
         """Let what is added go towards what is missing."""
         known = self.bend.known
         bend = _lacking(targets[ELBOW], self.bend.middle)
-        self.more_bend = followed(self.more_bend, known * limited(bend, MOST_BEND), HALF_LIFE)
+        self.more_bend = followed(self.more_bend, known * limited(bend, MOST[ELBOW]), HALF_LIFE)
         angle = _lacking(targets[OUT], self.out.middle, _raised)
-        self.more_out = followed(self.more_out, known * limited(angle, MOST_OUT), HALF_LIFE)
+        self.more_out = followed(self.more_out, known * limited(angle, MOST[OUT]), HALF_LIFE)
         gain, swing = self.swing.gain(targets[SWING], LEAST_SWING, MOST_GAIN), targets[SWING]
         rest = swing[0] * known * max(range_of(swing)[0] - self.swing.range * (1.0 + gain), 0.0)
         self.more_swing = followed(self.more_swing, gain, HALF_LIFE)

@@ -13,22 +13,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from runtime.arrays import Array
+from runtime.measures.table import targets_of
 from runtime.scalar_math import Vector, decay
 
 GAITS = ("walk", "jog", "crouch")  # what is asked differs between them
-# of a leg: metres of a foot from the middle line, metres that the hips are lowered, degrees of the heel raised over the
-# toe of a planted foot, degrees that the foot is turned out, the bend of the knee in degrees, metres that the ankle rises
-# in its swing
-LEG = ("outward", "lower", "pitch", "toe_out", "knee", "lift")
-PACE = "pace"  # and of the way that they go: fractions of a neutral walk's speed
-# of the trunk: degrees that it leans forward and to the left, and that shoulders are turned to the left of the hips;
-# metres and degrees from end to end in which hips sway and the trunk rocks, metres in which hips rise and fall, degrees
-# from upright that the trunk leans forward at any moment, and degrees that the shoulders are raised
-TRUNK = ("lean", "aside", "twist", "sway", "rock", "bounce", "fold", "shrug")
-# of an arm: degrees that the elbow bends, metres of the elbow outward of the shoulder, metres from end to end in which
-# the hand swings forward and back
-ARM = ("elbow", "elbow_out", "swing")
-# and the place of its hand in each of these axes, those of a left arm: metres, the way that the elbow points, and
+PACE = "pace"  # of a leg, and of the way that they go
+LEG, TRUNK, ARM = (
+    tuple(name for name in targets_of(kind) if name != PACE) for kind in ("leg", "torso", "arm")
+)
+# of an arm besides the place of its hand in each of these axes, those of a left arm: metres, the way that the elbow points, and
 # metres from the place within which a hand is there
 FRAMES = ("shoulder", "hips", "chest", "head")
 PLACE = ("x", "y", "z", "pole_x", "pole_y", "pole_z", "near")
@@ -41,7 +34,7 @@ OUTWARD = LEG.index("outward")
 PACED = len(LEG)  # the column of a leg's pace
 # metres of a foot from the middle line while both stand, in usual and in narrow walking
 USUAL, NARROW = 0.05, 0.02
-MOST_OF_LEG = (0.3, 0.4, 50.0, 50.0, 90.0, 1.0)  # that is added
+MOST_OF_LEG = tuple(targets_of("leg")[name].most for name in LEG)  # that is added
 LARGEST = 200.0  # degrees, metres of any target; of an open end
 Target = list[float]  # weight, and both ends of the range times that
 Targets = list[Target]  # of one part

@@ -28,6 +28,7 @@ from runtime.edits.request import (
     narrow,
     range_of,
 )
+from runtime.measures.table import targets_of
 from runtime.pose import FPS
 from runtime.scalar_math import (
     Quaternion,
@@ -44,9 +45,8 @@ from runtime.scalar_math import (
 from runtime.skeleton import SPORT_SKELETON
 
 LEAN, ASIDE, TWIST, SWAY, ROCK, BOUNCE, FOLD, SHRUG = range(len(TRUNK))
-MOST = (25.0, 20.0, 40.0)  # degrees of lean, aside and twist that are added
+MOST = tuple(row.most for row in targets_of("torso").values())  # degrees that are added
 MOST_GAIN, MOST_SHIFT, MOST_ROCK = 2.5, 0.07, 12.0  # of sway and rock: times the network's; metres, degrees
-MOST_SHRUG = 30.0  # degrees that shoulders are raised
 MOST_BOUNCE = 0.06  # metres that hips go down or up
 SINKS = 0.35  # of a bounce's range, that hips are lower: legs grow no longer
 MEAN_HALF_LIFE = 0.4  # seconds in which the measures follow the pose,
@@ -182,7 +182,7 @@ class TrunkEdit:
         ):
             goal = measure.known * limited(lacking(targets[k], measure.middle), MOST[k])
             setattr(self, f"more_{name}", followed(getattr(self, f"more_{name}"), goal, HALF_LIFE))
-        self.shrug = followed(self.shrug, limited(targets[SHRUG][1], MOST_SHRUG), HALF_LIFE)
+        self.shrug = followed(self.shrug, limited(targets[SHRUG][1], MOST[SHRUG]), HALF_LIFE)
         for k, name, measure, least in (
             (SWAY, "sway", self.sway, LEAST_SWAY),
             (ROCK, "rock", self.aside, LEAST_ROCK),

@@ -91,11 +91,6 @@ def _words(part: str, sentence: str) -> Clause:
     return part, " ".join(sentence.lower().split())
 
 
-def kind_of(part: str) -> str:
-    """The kind of a part: "leg" of "left_leg"."""
-    return part.split("_")[-1]
-
-
 @cache
 def captured() -> CapturedPhrases:
     """The shipped file; FileError where it is malformed."""

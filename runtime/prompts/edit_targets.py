@@ -32,7 +32,8 @@ from runtime.edits.request import (
     TRUNK,
 )
 from runtime.errors import FileError
-from runtime.prompts.captured import Range, Ranges, captured, kind_of
+from runtime.measures.table import kind_of
+from runtime.prompts.captured import Range, Ranges, captured
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
 

@@ -23,12 +23,13 @@ from runtime.arrays import Array, Flags
 from runtime.assets import asset_path
 from runtime.atomic import write_atomic
 from runtime.edits.body import BodyEdits
-from runtime.edits.request import ARM, GAITS, LARGEST, LEG, SHAPE, TRUNK, EditRequest
+from runtime.edits.request import ARM, GAITS, LARGEST, PACE, PARTS, SHAPE, TRUNK, EditRequest
 from runtime.errors import FileError, run_command
 from runtime.measures.signals import smoothed, smoothed_facing
+from runtime.measures.table import TARGETS, kind_of, targets_of
 from runtime.motion.features import FPS
 from runtime.motion.style import NEUTRAL_SPEEDS
-from runtime.prompts.captured import PHRASE_MEASURES, captions_by_style, captured, kind_of
+from runtime.prompts.captured import PHRASE_MEASURES, captions_by_style, captured
 from runtime.prompts.edit_targets import HAND, phrases, spoken
 from runtime.prompts.library_data import load_styles
 from runtime.safe_read import open_npz
@@ -46,12 +47,7 @@ _NOT_AHEAD = ("back", "left", "right", "side", "turn", "jump", "idle", "stand", 
 ENDS_PERCENT = (30.0, 70.0)
 UNMEASURED = (HAND, "shrug")
 HAND_RANGE = "hand_range"  # of an arm, beside its targets
-# degrees, metres, fractions of a speed out of a phrase's range from which a caption says what its capture does not show
-FAR_OFF = {
-    "outward": 0.05, "lower": 0.06, "pitch": 15.0, "toe_out": 15.0, "knee": 20.0, "lift": 0.04, "pace": 0.25,
-    "lean": 8.0, "aside": 6.0, "twist": 15.0, "sway": 0.05, "rock": 5.0, "bounce": 0.03,
-    "elbow": 25.0, "elbow_out": 0.07, "swing": 0.15,
-}  # fmt: skip
+FAR_OFF = {row.name: row.far for row in TARGETS if row.far}
 Reading = dict[str, dict[str, float]]  # part, target
 Readings = dict[str, dict[str, list[float]]]
 
@@ -133,21 +129,15 @@ def _hand_ranges(hips: Array, local: Array) -> dict[str, float]:
 
 def reading(edits: BodyEdits, pace: float) -> Reading:
     """What the edits know of a body, by part and target."""
-    legs, trunk = edits.legs, edits.trunk
-    found: Reading = {}
-    for k, side in enumerate(("left", "right")):
-        beside = (0.5 * legs.across + (-legs.middle if k else legs.middle)) / max(legs.known, 1e-6)
-        found[f"{side}_leg"] = dict(
-            zip((*LEG, "pace"), (beside, legs.lowered, legs.pitch[k], legs.yaw[k], legs.bend[k], legs.lift[k], pace), strict=True)
-        )  # fmt: skip
-        arm = edits.arms[k]
-        found[f"{side}_arm"] = {
-            "elbow": arm.bend.middle, "elbow_out": arm.out.middle, "swing": arm.swing.range
-        }  # fmt: skip
-    found["torso"] = {
-        "lean": trunk.lean.middle, "aside": trunk.aside.middle, "twist": trunk.twist.middle,
-        "sway": trunk.sway.range, "rock": trunk.aside.range, "bounce": trunk.bounce.range,
-    }  # fmt: skip
+    found = {
+        part: {
+            name: row.shown(edits, int(part.startswith("right")))
+            for name, row in targets_of(part).items()
+            if row.shown is not None
+        }
+        for part in PARTS
+    }
+    found["left_leg"][PACE] = found["right_leg"][PACE] = pace
     return found
 
 

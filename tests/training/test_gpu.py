@@ -10,7 +10,7 @@ from torch.utils._pytree import tree_leaves
 from tests.training.test_composition import drawn, frames, table, texts  # noqa: F401
 from tests.training.test_resume import run
 from training import gpu
-from training.stages import content, diffusion, motion, phase
+from training.stages import content, diffusion, phase
 
 pytestmark = pytest.mark.needs_torch
 

@@ -463,8 +463,9 @@ class SessionMachine(RuleBasedStateMachine):
     @rule(height=st.sampled_from((0.8, 1.0, 1.2)))
     def shape(self, height: float) -> None:
         shape = replace(self.model.now["shape"], height=height)
+        another = self.session.character.path != ""  # the walker is shown, which has no shape
         self.app.scene.set_shape(shape)
-        if shape != self.model.now["shape"]:
+        if another or shape != self.model.now["shape"]:
             self.model.edit(shape=shape)
 
     # --- what is no edit

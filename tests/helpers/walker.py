@@ -70,7 +70,7 @@ def _vault(z, ankles):
     return np.lib.stride_tricks.sliding_window_view(highest, 7).mean(axis=1)
 
 
-@dataclass
+@dataclass(eq=False)
 class WalkerModel:
     """Has the interface of `runtime.motion.model.MotionModel`, follows its trajectory input and cycles the walk.
 

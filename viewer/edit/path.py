@@ -49,6 +49,7 @@ class PathTool:
     _time_s: float = 0.0
     _handles: Handles = field(default_factory=Handles)
     _drawing: bool = False  # the drag began with a new point and sets more
+    _in_view: int = -1  # the point whose controls were scrolled into sight
     _subject: int = LIVE  # the take whose points `selected` counts
     _of_motion: tuple[Motion, tuple[Waypoint, ...]] | None = None
 
@@ -239,6 +240,7 @@ class PathTool:
     def _draw_selected(self) -> None:
         """Speed and gait of the leg that leads to the selected point."""
         if not 0 <= self.selected < len(self.points):
+            self._in_view = -1
             widgets.muted("Click on the ground to set points.", wrap=True)
             return
         point = self.points[self.selected]
@@ -255,3 +257,6 @@ class PathTool:
         imgui.same_line(0, px(4))
         if widgets.button("Clear", px(62), "Remove every point"):
             self.clear()
+        if self.selected != self._in_view:  # a point was clicked in the view: these controls come into sight
+            self._in_view = self.selected
+            imgui.set_scroll_here_y(1.0)

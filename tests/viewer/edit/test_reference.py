@@ -129,7 +129,7 @@ def test_a_reference_is_drawn_as_its_own_skeleton_and_comes_back_with_the_projec
     path = tmp_path / "a.sport"
     app.sessions.save_as(path)
     run(app, 2)
-    assert path.stat().st_size < 400_000
+    assert path.stat().st_size < 500_000
     app.sessions.new()
     run(app, 2)
     assert app.editor.session.reference is None

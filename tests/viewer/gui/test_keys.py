@@ -27,6 +27,7 @@ def things(app: App) -> list[str]:
     found += [w.name for w in context.windows if w.name.startswith("suggestions") and w.active]
     if focus.holder and focus.holder not in focus.windows and focus.use is Use.NONE:
         found.append(f"panel {focus.holder}")
+    found += ["selection"] * bool(app.transport.selection.keys)
     return found + ["take"] * (app.takes.playback is not None) + ["compare"] * app.compare.open
 
 
@@ -158,7 +159,7 @@ def test_what_was_used_or_closed_gives_the_keys_to_the_view(name: str, app: App)
 
 OPENED = {
     "click ##settings; click ##text size": 2,
-    "click ##settings; click Gamepad buttons; click ##button jump": 2,
+    "click ##settings; click Gamepad buttons; click ##pad_buttons jump": 2,
     "key ctrl+e; click ##export format": 2,
     "click ##take menu; click Color": 2,
     "click ##settings; key f1": 2,

@@ -113,7 +113,7 @@ def test_what_became_of_an_export_is_in_view(start: Start, tmp_path: Path, size:
     assert exports.report_good, exports.report
     window, size_y = imgui.internal.find_window_by_name("Export##overlay"), imgui.get_io().display_size.y
     assert window.pos.y + window.size.y <= size_y - STATUS_HEIGHT, "the status line can be read"
-    assert window.scroll.y == pytest.approx(window.scroll_max.y)
+    assert window.scroll_max.y - window.scroll.y <= 4, "all of the report is seen"
 
 
 def test_the_export_window_writes_what_the_command_writes(start: Start, tmp_path: Path) -> None:
@@ -330,7 +330,7 @@ def test_recordings_are_numbered_by_themselves_and_the_folder_stays_under_home(
     app = start()
     record(app)
     app.takes.mirror(1)
-    app.takes.export()
+    app.bvh_export.export()
     run(app, 2)
     record(app)
     assert titles(app)[-1] == "Take 2"

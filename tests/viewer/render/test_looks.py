@@ -23,15 +23,18 @@ def test_parts_are_where_the_body_has_them() -> None:
     assert middle["left_leg"][0] > 0.0 > middle["right_leg"][0]
 
 
-def test_the_walker_is_chosen_in_the_window_and_taken_back(start: Start) -> None:
+def test_a_character_is_chosen_in_the_window_and_taken_back(start: Start) -> None:
     app = start(services={"load_character": load_character_file})
     click_on(app, "Files, body, links")
-    click_on(app, "##walker")
-    run(app, 3)
     assert (app.scene.character_name, app.scene.character_path) == ("walker", character_file("walker"))
-    app.editor.undo()
+    click_on(app, "##mannequin")
     run(app, 3)
     assert app.scene.character_name == "mannequin"
+    app.editor.undo()
+    run(app, 3)
+    assert app.scene.character_name == "walker"
+    assert app.scene.character_path is not None
+    assert app.scene.character_path.read_bytes() == character_file("walker").read_bytes()
 
 
 def test_looks_change_nothing_but_colours() -> None:

@@ -113,7 +113,7 @@ def test_two_seconds_are_enough_to_write_and_to_hand_over() -> None:
     writing = app_module.SESSION_S - app_module.SETTINGS_S - database.HAND_OVER_S
     assert writing > 0.45
     assert database.HAND_OVER_S >= 0.8
-    assert app_module.END_S + app_module.PATIENCE_S < 2.0
+    assert app_module.END_S + app_module.PROMPT_PATIENCE_S < 2.0
 
 
 def test_of_stale_jobs_only_the_newest_is_begun_and_what_is_written_keeps_its_order() -> None:

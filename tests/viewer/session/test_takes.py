@@ -122,6 +122,7 @@ def test_an_earlier_file_is_overwritten_only_when_its_path_was_typed(start: Star
     assert app.bvh_export.saved(app.editor.session.takes[0]) == own
     again = tmp_path / "take-1-4.bvh"
     assert app.bvh_export.path == str(again)  # its own file of this session is not replaced either
+    app.takes.play(1)
     app.takes.trim(first=5)
     app.bvh_export.export()
     run(app)

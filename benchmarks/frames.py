@@ -6,9 +6,7 @@ a second are measured without waiting. A window with its own folder of settings;
 
 from __future__ import annotations
 
-import argparse
 import statistics
-import sys
 import time
 from collections import defaultdict
 from collections.abc import Callable
@@ -16,6 +14,8 @@ from typing import Any
 
 from benchmarks.timing import cpu_name, times_ms
 from runtime.atomic import temporary_folder
+from runtime.errors import run_command
+from training.evaluation.experiment import Experiment, Setting, entry, option
 from viewer.app import App
 from viewer.options import ViewOptions
 from viewer.settings import QUALITIES
@@ -24,29 +24,30 @@ WARM_UP, LOAD_S = 30, 60.0  # frames, and seconds that loading may take
 Times = dict[str, list[float]]  # milliseconds by part, one entry a frame
 
 
-def main() -> int:
-    """Measure and print; the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quality", choices=[q for q in QUALITIES if q], default="fast")
-    parser.add_argument("--size", default="1280x720", metavar="WxH")
-    parser.add_argument("--frames", type=int, default=150)
-    options = parser.parse_args()
-    width, height = (int(side) for side in options.size.split("x"))
+def frame_figures(setting: Setting) -> dict[str, Any]:
+    """Of a window that walks: what it is, its frames a second, and its times."""
+    args = setting.args
+    width, height = (int(side) for side in args.size.split("x"))
     with temporary_folder() as folder:
-        view = ViewOptions(width=width, height=height, quality=options.quality, controls="walk 3600")
+        view = ViewOptions(width=width, height=height, quality=args.quality, controls="walk 3600")
         app = App(view, config=folder)
         app.settings.max_fps = 1000.0
         deadline = time.monotonic() + LOAD_S
         while app.scene.simulation.controller is None and time.monotonic() < deadline:
             app.frame()
-        fps = 1e3 / statistics.mean(times_ms(app.frame, options.frames, WARM_UP))
-        times = measure(app, options.frames)
+        fps = 1e3 / statistics.mean(times_ms(app.frame, args.frames, WARM_UP))
+        times = measure(app, args.frames)
         drawn_by = app.window.ctx.info["GL_RENDERER"]
         app.close()
-    print(f"{cpu_name()}, {drawn_by}, {options.quality}, {options.size}: {fps:.1f} frames a second")
-    for part, ms in sorted(times.items(), key=lambda entry: -statistics.median(entry[1])):
-        print(f"{statistics.median(ms):8.2f} ms  {part}")
-    return 0
+    return {"about": f"{cpu_name()}, {drawn_by}, {args.quality}, {args.size}", "fps": fps, "times": times}
+
+
+def frame_table(figures: dict[str, Any]) -> str:
+    """The median of each part, the longest first."""
+    medians = {part: statistics.median(ms) for part, ms in figures["times"].items()}
+    lines = [f"{figures['about']}: {figures['fps']:.1f} frames a second"]
+    lines += [f"{ms:8.2f} ms  {part}" for part, ms in sorted(medians.items(), key=lambda entry: -entry[1])]
+    return "\n".join(lines)
 
 
 def measure(app: App, frames: int) -> Times:
@@ -84,5 +85,18 @@ def measure(app: App, frames: int) -> Times:
     return dict(times)
 
 
+FRAMES = Experiment(
+    __doc__,
+    frame_figures,
+    frame_table,
+    "frames",
+    options=(
+        option("--quality", choices=[q for q in QUALITIES if q], default="fast"),
+        option("--size", default="1280x720", metavar="WxH"),
+        option("--frames", type=int, default=150),
+    ),
+)
+main = entry(FRAMES, "python -m benchmarks.frames")
+
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(run_command("frames", main))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import subprocess
@@ -12,6 +11,7 @@ from pathlib import Path
 from benchmarks.timing import times_ms
 from runtime.atomic import temporary_folder
 from runtime.errors import run_command
+from training.evaluation.experiment import Experiment, Setting, entry, option
 
 PROMPTS = ("a proud walk", "drunk", "an old man", "march like a soldier")
 
@@ -26,21 +26,28 @@ def make_clips(folder: Path, clips: int, seconds: float, workers: int) -> None:
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 
-def main() -> int:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.batch", description=__doc__)
-    parser.add_argument("--clips", type=int, default=40)
-    parser.add_argument("--seconds", type=float, default=4.0, help="of each clip")
-    parser.add_argument("--workers", type=int, default=2)
-    args = parser.parse_args()
+def clips_a_minute(setting: Setting) -> str:
+    """Measure; the sentence that says it."""
+    args = setting.args
     os.environ["OMP_NUM_THREADS"] = "1"
     with temporary_folder() as folder:
         ms = times_ms(lambda: make_clips(folder, args.clips, args.seconds, args.workers), 1)[0]
-    print(
-        f"{args.clips} clips of {args.seconds:g} s on {args.workers} workers: {6e4 * args.clips / ms:.1f} a minute"
-    )
-    return 0
+    rate = 6e4 * args.clips / ms
+    return f"{args.clips} clips of {args.seconds:g} s on {args.workers} workers: {rate:.1f} a minute"
 
+
+BATCH = Experiment(
+    __doc__,
+    clips_a_minute,
+    str,
+    "batch",
+    options=(
+        option("--clips", type=int, default=40),
+        option("--seconds", type=float, default=4.0, help="of each clip"),
+        option("--workers", type=int, default=2),
+    ),
+)
+main = entry(BATCH, "python -m benchmarks.batch")
 
 if __name__ == "__main__":
     raise SystemExit(run_command("batch", main))

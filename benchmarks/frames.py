@@ -7,7 +7,6 @@ a second are measured without waiting. A window with its own folder of settings;
 
 from __future__ import annotations
 
-import argparse
 import os
 import statistics
 import subprocess
@@ -21,6 +20,8 @@ from typing import Any
 from benchmarks.timing import cpu_name, times_ms
 from runtime.assets import PROJECT_ROOT
 from runtime.atomic import temporary_folder
+from runtime.errors import run_command
+from training.evaluation.experiment import Experiment, Setting, entry, option
 from viewer.app import App
 from viewer.options import ViewOptions
 from viewer.settings import QUALITIES
@@ -30,45 +31,41 @@ TURNS = 5  # of each of two clones
 Times = dict[str, list[float]]  # milliseconds by part, one entry a frame
 
 
-def main() -> int:
-    """Measure and print; the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quality", choices=[q for q in QUALITIES if q], default="fast")
-    parser.add_argument("--size", default="1280x720", metavar="WxH")
-    parser.add_argument("--frames", type=int, default=150)
-    parser.add_argument("--against", type=Path, metavar="CLONE")
-    options = parser.parse_args()
-    width, height = options.size.split("x")
-    if options.against is not None:
-        return compare(options.against, [width, height, str(options.frames), options.quality])
+def frame_figures(setting: Setting) -> dict[str, Any]:
+    """Of a window that walks: what it is, its frames a second, and its times."""
+    args = setting.args
+    if args.against is not None:
+        return {"turns": turns(args.against, [*args.size.split("x"), str(args.frames), args.quality])}
+    width, height = (int(side) for side in args.size.split("x"))
     with temporary_folder() as folder:
-        view = ViewOptions(
-            width=int(width), height=int(height), quality=options.quality, controls="walk 3600"
-        )
+        view = ViewOptions(width=width, height=height, quality=args.quality, controls="walk 3600")
         app = App(view, config=folder)
         app.settings.max_fps = 1000.0
         deadline = time.monotonic() + LOAD_S
         while app.scene.simulation.controller is None and time.monotonic() < deadline:
             app.frame()
-        fps = 1e3 / statistics.mean(times_ms(app.frame, options.frames, WARM_UP))
-        times = measure(app, options.frames)
+        fps = 1e3 / statistics.mean(times_ms(app.frame, args.frames, WARM_UP))
+        times = measure(app, args.frames)
         drawn_by = app.window.ctx.info["GL_RENDERER"]
         app.close()
-    print(f"{cpu_name()}, {drawn_by}, {options.quality}, {options.size}: {fps:.1f} frames a second")
-    for part, ms in sorted(times.items(), key=lambda entry: -statistics.median(entry[1])):
-        print(f"{statistics.median(ms):8.2f} ms  {part}")
-    return 0
+    return {"about": f"{cpu_name()}, {drawn_by}, {args.quality}, {args.size}", "fps": fps, "times": times}
 
 
-def compare(other: Path, arguments: list[str]) -> int:
-    """Measure another clone and this one in turns, so that what else the machine does meets both; the exit code."""
-    ratios = []
-    for _ in range(TURNS):
-        fps = [_fps(folder, arguments) for folder in (other, PROJECT_ROOT)]
-        ratios.append(fps[1] / fps[0])
-        print(f"{fps[0]:6.1f} and {fps[1]:6.1f} frames a second: {ratios[-1]:.2f}", flush=True)
-    print(f"median {statistics.median(ratios):.2f}")
-    return 0
+def frame_table(figures: dict[str, Any]) -> str:
+    """The median of each part, the longest first; of two clones both of each turn, and the median ratio."""
+    if "turns" in figures:
+        rows = [(other, own, own / other) for other, own in figures["turns"]]
+        lines = [f"{other:6.1f} and {own:6.1f} frames a second: {ratio:.2f}" for other, own, ratio in rows]
+        return "\n".join([*lines, f"median {statistics.median(ratio for *_, ratio in rows):.2f}"])
+    medians = {part: statistics.median(ms) for part, ms in figures["times"].items()}
+    lines = [f"{figures['about']}: {figures['fps']:.1f} frames a second"]
+    lines += [f"{ms:8.2f} ms  {part}" for part, ms in sorted(medians.items(), key=lambda entry: -entry[1])]
+    return "\n".join(lines)
+
+
+def turns(other: Path, arguments: list[str]) -> list[list[float]]:
+    """Frames a second of another clone and of this one in turns, so that what else the machine does meets both."""
+    return [[_fps(folder, arguments) for folder in (other, PROJECT_ROOT)] for _ in range(TURNS)]
 
 
 # of any version of the project: walks, and prints frames a second
@@ -135,5 +132,19 @@ def measure(app: App, frames: int) -> Times:
     return dict(times)
 
 
+FRAMES = Experiment(
+    __doc__,
+    frame_figures,
+    frame_table,
+    "frames",
+    options=(
+        option("--quality", choices=[q for q in QUALITIES if q], default="fast"),
+        option("--size", default="1280x720", metavar="WxH"),
+        option("--frames", type=int, default=150),
+        option("--against", type=Path, metavar="CLONE", help="compare with another clone, in turns"),
+    ),
+)
+main = entry(FRAMES, "python -m benchmarks.frames")
+
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(run_command("frames", main))

@@ -10,7 +10,6 @@ between the lines `<!-- networks NAME: begin -->` and `<!-- networks NAME: end -
 
 from __future__ import annotations
 
-import argparse
 import os
 import subprocess
 import sys
@@ -24,13 +23,13 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.timing import cpu_name, times_ms, write_figures
+from benchmarks.timing import cpu_name, times_ms
 from runtime.arrays import Float32Array
-from runtime.assets import PROJECT_ROOT, model_folder
-from runtime.atomic import check_target, temporary_folder
+from runtime.assets import PROJECT_ROOT
+from runtime.atomic import temporary_folder
 from runtime.errors import UsageError, run_command
 from runtime.motion.model_files import FOLDED, INT8_GRAPH, open_graph, read_graph, read_metadata
-from training.markdown import check_section, write_section
+from training.evaluation.experiment import MODEL, Arguments, Experiment, Setting, entry, option
 from training.markdown import table as markdown_table
 
 Feed = dict[str, Float32Array]
@@ -60,36 +59,16 @@ def read_bandwidth(threads: int) -> float:
         return BYTES / min(times_ms(lambda: list(pool.map(np.max, parts)), 8)) / 1e6
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Measure, print a table, and write the files that are given; the exit code."""
-    parser = argparse.ArgumentParser(prog="benchmarks.networks", description="Time the exported networks.")
-    which = parser.add_mutually_exclusive_group()
-    which.add_argument("--preset", help="random weights of this preset")
-    which.add_argument("--model", type=model_folder, default=model_folder(), metavar="DIR")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures to FILE")
-    parser.add_argument("--markdown", type=Path, metavar="FILE", help="put the table into this document")
-    options = parser.parse_args(argv)
-    network = options.preset or options.model.name
-    if options.json is not None:
-        check_target(options.json)
-    if options.markdown is not None:
-        check_section(options.markdown, f"networks {network}")
-    figures = {"network": network, **figures_of(options.preset, options.model)}
-    print(table(figures))
-    if options.markdown is not None:
-        write_section(options.markdown, f"networks {network}", table(figures))
-    write_figures(options.json, figures)
-    return 0
-
-
-def figures_of(preset: str | None, model: Path) -> dict[str, Any]:
+def figures_of(setting: Setting) -> dict[str, Any]:
     """The machine, its read bandwidth, and the rows."""
+    preset, model = setting.args.preset, setting.folders[0]
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
     with temporary_folder() as folder:
         variants = _variants(folder, preset, model)
         bandwidth = {count: read_bandwidth(count) for count in (1, 2) if count <= (os.cpu_count() or 1)}
         rows = measure(variants, bandwidth, _errors(variants) if preset else _known_errors(model))
     return {
+        "network": preset or model.name,
         "cpu": cpu_name(),
         "cores": os.cpu_count(),
         "load": round(load, 2),
@@ -241,6 +220,21 @@ def table(figures: dict[str, Any]) -> str:
         [f"{about} at the start; reads {speeds}", "", *markdown_table([*head, "MB", "error"], rows)]
     )
 
+
+def _check(args: Arguments) -> None:
+    if args.preset and args.model:
+        raise UsageError("--preset and --model: one of them is timed.", "Leave one out.")
+
+
+NETWORKS = Experiment(
+    "Time the exported networks.",
+    figures_of,
+    table,
+    lambda args: f"networks {args.preset or Setting(args).folders[0].name}",
+    options=(MODEL, option("--preset", help="random weights of this preset")),
+    check=_check,
+)
+main = entry(NETWORKS, "python -m benchmarks.networks")
 
 if __name__ == "__main__":
     raise SystemExit(run_command("networks", main))

@@ -7,12 +7,11 @@ Counted are joints more than `DEPTH_M` under the ground and joints faster than `
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cache, partial
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
@@ -25,7 +24,8 @@ from runtime.motion.model import load_model
 from runtime.prompts.prompter import Prompter
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import TERRAIN_NAMES, make_terrain
-from training.markdown import check_section, number, table, write_section
+from training.evaluation.experiment import Experiment, Setting, entry, option
+from training.markdown import number, table
 
 DEPTH_M = 0.3
 SPEED_M_S = 30.0
@@ -34,7 +34,6 @@ GROUND_SECONDS = 10  # after which the ground changes
 STICK_SECONDS = (0.2, 2.5)
 PROMPT_SECONDS = (1.0, 6.0)
 STRENGTHS = (0.0, 1.5)  # what the viewer's slider reaches
-SECTION = "random play"
 PROMPTS = (
     "walk calmly", "waving both hands", "an angry giant stomping", "drunk", "sneaking like a thief", "a zombie",
     "wave with the right hand", "an old man with a bad back", "dancing with joy", "arms stretched out to the sides",
@@ -115,7 +114,7 @@ class Count:
     @property
     def failures(self) -> int:
         """Frames that must not be."""
-        return self.under.total() + self.fast.total()
+        return sum(self.under.values()) + sum(self.fast.values())
 
     def see(self, terrain: Terrain, joints: np.ndarray, last: np.ndarray, where: str) -> None:
         """One frame: joints `(31, 3)`, and those of the frame before."""
@@ -176,58 +175,50 @@ def play(
     return count
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """The command."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.random_play", description=__doc__)
-    parser.add_argument("--model", default="compact", help="compact or open (default: compact)")
-    parser.add_argument("--seeds", type=int, default=1, help="runs (default: 1)")
-    parser.add_argument("--minutes", type=float, default=1.0, help="of each, simulated (default: 1)")
-    parser.add_argument("--first", type=int, default=0, help="the first seed (default: 0)")
-    parser.add_argument("--markdown", type=Path, metavar="FILE", help="put the table into this document")
-    options = parser.parse_args(argv)
-    if options.markdown is not None:
-        check_section(options.markdown, SECTION)
-    model = load_model(options.model)
-    prompter, counts = Prompter(model), []
+def figures_of(setting: Setting) -> dict[str, Any]:
+    """The model's name and what was seen in each run, as plain data."""
+    args = setting.args
+    model = load_model(args.model)
+    prompter, runs = Prompter(model), []
     codes = [np.asarray(prompter(prompt), np.float32) for prompt in PROMPTS]
-    for seed in range(options.first, options.first + options.seeds):
-        counts.append(play(Controller(model, Terrain.flat(), seed), options.minutes, seed, codes=codes))
-        print(*counts[-1].first[:5], f"seed {seed}: {counts[-1].fastest:.1f} m/s", sep="\n", flush=True)
-    lines = report(counts, options.model)
-    print("\n".join(lines))
-    if options.markdown is not None:
-        write_section(options.markdown, SECTION, "\n".join(lines))
-    return 1 if any(count.failures for count in counts) else 0
+    for seed in range(args.first, args.first + args.seeds):
+        count = play(Controller(model, Terrain.flat(), seed), args.minutes, seed, codes=codes)
+        setting.report("\n".join([*count.first[:5], f"seed {seed}: {count.fastest:.1f} m/s"]))
+        runs.append(vars(count))
+    return {"model": args.model, "runs": runs}
 
 
-def report(counts: Sequence[Count], model: str) -> list[str]:
+def report(figures: dict[str, Any]) -> str:
     """The table of these runs."""
+    counts = [Count(**run) for run in figures["runs"]]
     fastest = [count.fastest for count in counts]
-    return table(
-        [
-            "model",
-            "runs",
-            "frames",
-            "joints too fast",
-            "under the ground",
-            "fastest, m/s",
-            "median run",
-            "deepest, m",
-        ],
-        [
-            [
-                model,
-                str(len(counts)),
-                f"{sum(count.frames for count in counts):,}",
-                str(sum(count.fast.total() for count in counts)),
-                str(sum(count.under.total() for count in counts)),
-                number(max(fastest)),
-                number(float(np.median(fastest))),
-                number(max(count.deepest_m for count in counts), 2),
-            ]
-        ],
-    )
+    cells = {
+        "model": figures["model"],
+        "runs": str(len(counts)),
+        "frames": f"{sum(count.frames for count in counts):,}",
+        "joints too fast": str(sum(sum(count.fast.values()) for count in counts)),
+        "under the ground": str(sum(sum(count.under.values()) for count in counts)),
+        "fastest, m/s": number(max(fastest)),
+        "median run": number(float(np.median(fastest))),
+        "deepest, m": number(max(count.deepest_m for count in counts), 2),
+    }
+    return "\n".join(table(list(cells), [list(cells.values())]))
 
+
+RANDOM_PLAY = Experiment(
+    __doc__,
+    figures_of,
+    report,
+    "random play",
+    options=(
+        option("--model", default="compact", help="compact or open (default: compact)"),
+        option("--seeds", type=int, default=1, help="runs (default: 1)"),
+        option("--minutes", type=float, default=1.0, help="of each, simulated (default: 1)"),
+        option("--first", type=int, default=0, help="the first seed (default: 0)"),
+    ),
+    failed=lambda figures: any(Count(**run).failures for run in figures["runs"]),
+)
+main = entry(RANDOM_PLAY, "python -m benchmarks.random_play")
 
 if __name__ == "__main__":
     raise SystemExit(run_command("random play", main))

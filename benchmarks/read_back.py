@@ -7,7 +7,6 @@ The truth is the pose that the window shows. Without usd-core there is no USD.
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import multiprocessing
 import os
@@ -34,7 +33,8 @@ from runtime.formats.table import save_motion
 from runtime.generate import generate_clip
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
-from training.markdown import table, write_section
+from training.evaluation.experiment import Experiment, Setting, entry
+from training.markdown import table
 
 RATES = (30.0, 30000 / 1001, 60.0)
 OWN = Path("tests/runtime/character/characters/box_man.glb")
@@ -230,35 +230,35 @@ def _truth(take: Path, options: ExportOptions, suffix: str) -> dict[str, AnyArra
     return dict(zip(character.joint_names, matrices[..., :3, 3].swapaxes(0, 1), strict=True))
 
 
-def measure(wanted: list[Row]) -> tuple[list[list[str]], bool]:
-    """The lines of the table, and whether a cell failed."""
-    rows, failed = list[list[str]](), False
+def measure(setting: Setting) -> list[list[Any]]:
+    """Of every row its kind, takes, root and character, and its cells by rate."""
+    kinds, rows = [kind for kind in READERS if kind[:3] != "usd" or find_spec("pxr") is not None], []
     with temporary_folder() as folder:
         clip = generate_clip("a proud walk", seconds=2.0)
         parts = {"walk": clip, "on": clip.trim(20, 90), "back": replace(clip.trim(5, 60), fps=50.0)}
         takes = [save_bvh(part, folder / f"{name}.bvh", part.fps) for name, part in parts.items()]
-        for row in wanted:
-            cells = [cell(row, rate, takes) for rate in RATES]
-            failed |= any(wrong or worst > 1.0 for worst, wrong in cells)
+        for row in (row for kind in kinds for row in rows_of(kind)):
             texts = [row[0], str(row[1]), "yes" if row[2] else "no", "own" if row[3] else "mannequin"]
-            texts += [wrong or f"{worst:.4f} mm" for worst, wrong in cells]
-            rows.append(texts)
-            print(*texts, sep=" | ", flush=True)
-    return rows, failed
+            rows.append([*texts, *(cell(row, rate, takes) for rate in RATES)])
+            setting.report(" | ".join(map(str, rows[-1])))
+    return rows
 
 
-def main() -> int:
-    """Write, read and compare every cell; 1 when one is over a millimetre or has other frames."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.read_back", description=__doc__)
-    parser.add_argument("--markdown", type=Path)
-    args = parser.parse_args()
-    kinds = [kind for kind in READERS if kind[:3] != "usd" or find_spec("pxr") is not None]
-    rows, failed = measure([row for kind in kinds for row in rows_of(kind)])
-    if args.markdown:
-        head = ["file", "takes", "root", "character", *(f"{rate:.5g} fps" for rate in RATES)]
-        write_section(args.markdown, "read back", "\n".join(table(head, rows)))
-    return int(failed)
+def read_back_table(rows: list[list[Any]]) -> str:
+    """A line for each row; what is wrong in place of a distance."""
+    head = ["file", "takes", "root", "character", *(f"{rate:.5g} fps" for rate in RATES)]
+    lines = [[*row[:4], *(wrong or f"{worst:.4f} mm" for worst, wrong in row[4:])] for row in rows]
+    return "\n".join(table(head, lines))
 
+
+READ_BACK = Experiment(
+    __doc__,
+    measure,
+    read_back_table,
+    "read back",
+    failed=lambda rows: any(wrong or worst > 1.0 for row in rows for worst, wrong in row[4:]),
+)
+main = entry(READ_BACK, "python -m benchmarks.read_back")
 
 if __name__ == "__main__":
     raise SystemExit(run_command("read_back", main))

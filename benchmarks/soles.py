@@ -5,8 +5,8 @@ python -m benchmarks.soles --seconds 4
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -16,9 +16,12 @@ from runtime.character.character import Character, load_character
 from runtime.character.shape import BodyShape, shaped
 from runtime.character.skinned_mesh import skin_vertices
 from runtime.character.writer import write_character
+from runtime.errors import run_command
 from runtime.feet.skating import TOES
 from runtime.generate import generate_clip
 from runtime.takes.clip import Clip
+from training.evaluation.experiment import Experiment, Setting, entry, option
+from training.markdown import number, table
 
 BODIES = {
     "child": BodyShape(0.62, 0.85, 0.85, 0.9, 1.35),
@@ -60,23 +63,38 @@ def measure(character: Character, clip: Clip) -> tuple[float, float, float]:
     return float(low.min()), float(np.percentile(low, 1)), float(way[stands[1:] & stands[:-1]].mean())
 
 
-def main() -> None:
-    """The command line above."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=4.0)
-    seconds = parser.parse_args().seconds
+def sole_figures(setting: Setting) -> list[list[Any]]:
+    """Of every body and walk its measures."""
+    seconds, rows = setting.args.seconds, []
     mannequin = load_character(asset_path("character/mannequin.glb"))
     clips = [(f"{p}, {g}", generate_clip(p, gait=g, seconds=seconds, path="circle")) for p, g in WALKS]
-    print("body, walk: deepest, first percentile (cm over the ground), slide of standing toes (cm a frame)")
     for name, shape in BODIES.items():
         with temporary_folder() as folder:
             path = folder / "body.glb"
             write_character(path, shaped(mannequin, shape))
             character = load_character(path)
-        for walk, clip in clips:
-            deepest, first, slide = measure(character, clip)
-            print(f"{name}, {walk}: {deepest:.2f}, {first:.2f}, {slide:.3f}")
+        rows += [[f"{name}, {walk}", *measure(character, clip)] for walk, clip in clips]
+    return rows
 
+
+def sole_table(rows: list[list[Any]]) -> str:
+    """A row for each body and walk."""
+    head = [
+        "body, walk",
+        "deepest, cm over the ground",
+        "first percentile",
+        "slide of standing toes, cm a frame",
+    ]
+    cells = [
+        [walk, number(deepest, 2), number(first, 2), number(slide, 3)] for walk, deepest, first, slide in rows
+    ]
+    return "\n".join(table(head, cells))
+
+
+SOLES = Experiment(
+    __doc__, sole_figures, sole_table, "soles", options=(option("--seconds", type=float, default=4.0),)
+)
+main = entry(SOLES, "python -m benchmarks.soles")
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(run_command("soles", main))

@@ -26,7 +26,7 @@ from runtime.atomic import write_atomic
 from runtime.errors import FileError, UsageError, run_command
 from runtime.safe_read import open_npz
 from training.frames import stored_for
-from training.presets import ABLATIONS
+from training.presets import ABLATIONS, METHODS
 
 log = logging.getLogger("sport.train")
 
@@ -155,8 +155,6 @@ def _keep(folder: Path, recipe: dict[str, Any], trained: bool) -> None:
 
 def _train_method(args: argparse.Namespace, row: TrainedRow, folder: Path, seed: int) -> None:
     """Another method, from its beginning: it takes minutes."""
-    from training.baselines.__main__ import METHODS
-
     shutil.rmtree(folder / "model", ignore_errors=True)  # of a run that was stopped
     options = {"method": row.method, "clips": args.clips, "out": folder / "model", "model": model_folder()}
     given = argparse.Namespace(**options, steps=args.baseline_steps, seed=seed)

@@ -81,7 +81,8 @@ def _is_film(clip: Any, methods: list[str]) -> bool:
 
 def _read_participant(file: Path, study: Any) -> dict[str, Any]:
     content = _read(file)
-    if content.get("format") != f"{FORMAT}-answers" or not isinstance(content.get("answers"), list):
+    whole = isinstance(content.get("answers"), list) and is_text(str(content.get("participant")))
+    if content.get("format") != f"{FORMAT}-answers" or not whole:
         raise FileError(f"{file}: not the answers of a participant.", REMEDY)
     if content.get("study") != study:
         raise FileError(f"{file}: answers of another study.", "Name the key of that study.")

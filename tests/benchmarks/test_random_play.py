@@ -17,4 +17,5 @@ def test_a_while_of_random_play_has_no_pop() -> None:
     grounds = [partial(ready, name="hurdles")]
     count = play(Controller(shipped_model(), Terrain.flat()), 0.05, 1, grounds, codes)
     assert count.failures == 0, count.first[:3]
-    assert "| compact | 1 | 180 | 0 | 0 |" in report([count], "compact")[2]
+    table = report({"model": "compact", "runs": [vars(count)]})
+    assert "| compact | 1 | 180 | 0 | 0 |" in table.splitlines()[2]

@@ -8,12 +8,9 @@ from collections.abc import Sequence
 from importlib import import_module
 
 from runtime.errors import run_command
+from training.presets import METHODS
 
 log = logging.getLogger("sport.train")
-METHODS = {
-    "motion-matching": "training.baselines.motion_matching",
-    **dict.fromkeys(("pfnn", "mason2022", "style-label"), "training.baselines.train"),
-}
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -10,8 +10,11 @@ from typing import Any
 from runtime.errors import UsageError
 from runtime.motion.model import ExportedMotionEncoder
 from training.evaluation.experiment import (
+    CLIPS,
+    MODELS,
     PLAN,
     SECONDS,
+    SEED,
     Arguments,
     Experiment,
     Setting,
@@ -73,7 +76,7 @@ def plan_of(setting: Setting, seed: int | None = None) -> EvaluationPlan:
     if folder is None:
         setting.report("no model has a motion.onnx: distances are taken over kinematic features alone")
     encoder = None if folder is None else ExportedMotionEncoder(folder)
-    return make_plan(setting.clips, args.styles, options, encoder, setting.report)
+    return make_plan(setting.args.clips, args.styles, options, encoder, setting.report)
 
 
 def check_seconds(args: Arguments) -> None:
@@ -87,10 +90,12 @@ MOTION = Experiment(
     motion,
     tables.markdown,
     tables.SECTION,
-    clips=True,
-    many=True,
+    needs=("clips",),
     options=(
+        CLIPS,
+        MODELS,
         *PLAN,
+        SEED,
         SECONDS,
         option("--text", action="store_true", help="score what prompts do instead; it has a help of its own"),
         option("--courses", action="store_true", help="score how obstacles are crossed instead; likewise"),

@@ -25,7 +25,19 @@ from training.ablations import OPTIONS as TRAINING_OPTIONS
 from training.ablations import check as check_training
 from training.ablations import give_way, train_row
 from training.evaluation.command import check_seconds, plan_of
-from training.evaluation.experiment import PLAN, SECONDS, Arguments, Experiment, Setting, option, read_json
+from training.evaluation.experiment import (
+    CLIPS,
+    MODEL,
+    MODELS,
+    PLAN,
+    SECONDS,
+    SEED,
+    Arguments,
+    Experiment,
+    Setting,
+    option,
+    read_json,
+)
 from training.evaluation.metrics.features import joined
 from training.evaluation.metrics.frechet import compare
 from training.evaluation.motion.capture import OVERALL_COMPONENTS, TERRAIN_GROUP, EvaluationPlan
@@ -221,8 +233,10 @@ TABLE1 = Experiment(
     table_one,
     markdown,
     "table 1",
-    clips=True,
+    needs=("clips",),
     options=(
+        CLIPS,
+        MODEL,
         option("--runs", type=Path, metavar="DIR", help="folder of trained rows: DIR/<row>/seed<k>/model"),
         option("--store", type=Path, metavar="FILE", help="figures so far (default: RUNS/table1.json)"),
         option("--seeds", type=int, nargs="+", default=[0, 1, 2], help="default: 0 1 2"),
@@ -230,7 +244,7 @@ TABLE1 = Experiment(
             "--train", action="store_true", help="train the rows that are not there, each before it is scored"
         ),
         *TRAINING_OPTIONS,
-        *PLAN[:-1],
+        *PLAN,
         SECONDS,
     ),
     check=check_table_one,
@@ -279,10 +293,12 @@ DISTANCES = Experiment(
     distances,
     distances_table,
     "distances",
-    clips=True,
-    many=True,
+    needs=("clips",),
     options=(
+        CLIPS,
+        MODELS,
         *PLAN,
+        SEED,
         option("--seconds", type=float, default=12.0, help="of each style's paths (default: 12)"),
     ),
     check=check_seconds,

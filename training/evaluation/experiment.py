@@ -1,4 +1,4 @@
-"""One runner for every experiment: what is generated and measured, from which inputs, in which table.
+"""One runner for every experiment and benchmark: what is measured, from which inputs, in which table.
 
 An `Experiment` is a record. `run` gives it the common arguments, checks the files before anything is measured,
 prints the table, and writes figures and table: `python -m training.evaluation NAME --help`.
@@ -44,18 +44,28 @@ Option = tuple[str, dict[str, Any]]
 
 
 def option(name: str, **settings: Any) -> Option:
-    """An option of one experiment, as `add_argument` takes it."""
+    """An option of an experiment, as `add_argument` takes it."""
     return name, settings
 
 
+CLIPS = option("--clips", type=Path, metavar="DIR", help="folder of imported clips")
+_FOLDER: dict[str, Any] = {"type": model_folder, "metavar": "DIR"}
+MODEL = option("--model", **_FOLDER, help="folder of an exported model; default: the shipped one")
+MODELS = option(
+    "--model", **_FOLDER, action="append", help="folder of an exported model; several can be given"
+)
+DATA = option("--data", type=Path, metavar="DIR", help="folder of the unpacked source files")
 SEED = option("--seed", type=int, default=0)
 STYLES = option("--styles", nargs="+", metavar="STYLE", help="default: every style of the clips")
 SECONDS = option("--seconds", type=float, metavar="S", help="of followed paths per style (default: 40)")
 QUICK = option("--quick", action="store_true", help="a trial: too little motion for figures to quote")
-FEATURES = option(
-    "--features", type=model_folder, metavar="DIR", help="model whose motion encoder serves all"
+FEATURES = option("--features", **_FOLDER, help="model whose motion encoder serves all")
+PLAN = (FEATURES, STYLES, QUICK)  # of how much is generated, and what it is compared by
+_OUTPUTS = (
+    option("--json", type=Path, metavar="FILE", help="write all figures to FILE"),
+    option("--known", type=Path, metavar="FILE", help="make the table of the figures that --json kept"),
+    option("--markdown", type=Path, metavar="FILE", help="write the table between FILE's markers"),
 )
-PLAN = (FEATURES, STYLES, QUICK, SEED)  # of how much is generated, and what it is compared by
 
 
 @dataclass(frozen=True)
@@ -63,11 +73,6 @@ class Setting:
     """The arguments of one run, and what is loaded by them."""
 
     args: Arguments
-
-    @property
-    def clips(self) -> Path:
-        """The folder of imported clips."""
-        return Path(self.args.clips)
 
     @cached_property
     def folders(self) -> list[Path]:
@@ -80,11 +85,6 @@ class Setting:
         """The models with the descriptions of every style."""
         return [EvaluatedModel(folder, style_texts()) for folder in self.folders]
 
-    @property
-    def model(self) -> EvaluatedModel:
-        """The one model."""
-        return self.models[0]
-
     def report(self, line: str) -> None:
         """Log progress."""
         log.info(line)
@@ -92,39 +92,22 @@ class Setting:
 
 @dataclass(frozen=True)
 class Experiment:
-    """What is generated and measured, from which inputs, and which table shows it."""
+    """What is measured, from which inputs, and which table shows it."""
 
     question: str
     figures: Callable[[Setting], Figures]
     table: Callable[[Figures], str]
-    section: str  # of a document, between whose markers the table goes
-    clips: bool | None = False  # whether a folder of imported clips is needed; None: it can be given
-    many: bool = False  # whether several models can be given
-    options: tuple[Option, ...] = ()  # its own
+    section: str | Callable[[Arguments], str]  # of a document, between whose markers the table goes
+    options: tuple[Option, ...] = ()
+    needs: tuple[str, ...] = ()  # options that must be given, but for --known
     check: Callable[[Arguments], None] = lambda args: None  # UsageError before anything is measured
+    failed: Callable[[Figures], bool] = lambda figures: False  # whether the exit code is 1
 
     def parser(self, program: str) -> argparse.ArgumentParser:
-        """The common arguments, and its own."""
+        """Its own arguments, and the common ones."""
         parser = argparse.ArgumentParser(prog=program, description=self.question)
-        if self.clips is not False:
-            parser.add_argument("--clips", type=Path, metavar="DIR", help="folder of imported clips")
-        words = "several can be given" if self.many else "default: the shipped one"
-        parser.add_argument(
-            "--model",
-            type=model_folder,
-            metavar="DIR",
-            action="append" if self.many else "store",
-            help=f"folder of an exported model; {words}",
-        )
-        for name, settings in self.options:
+        for name, settings in (*self.options, *_OUTPUTS):
             parser.add_argument(name, **settings)
-        parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures to FILE")
-        parser.add_argument(
-            "--known", type=Path, metavar="FILE", help="make the table of the figures that --json kept"
-        )
-        parser.add_argument(
-            "--markdown", type=Path, metavar="FILE", help="write the table between FILE's markers"
-        )
         return parser
 
 
@@ -132,12 +115,14 @@ def run(experiment: Experiment, argv: Sequence[str], program: str) -> int:
     """Measure, print the table, write the files; the exit code, 0 also where a model misses a bar."""
     args = experiment.parser(program).parse_args(argv)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    section = experiment.section if isinstance(experiment.section, str) else experiment.section(args)
     if args.json is not None:
         check_target(args.json)
     if args.markdown is not None:
-        check_section(args.markdown, experiment.section)
-    if experiment.clips and args.known is None and args.clips is None:
-        raise UsageError("--clips: no folder of imported clips is given.", "Add --clips DIR.")
+        check_section(args.markdown, section)
+    for name in experiment.needs if args.known is None else ():
+        if getattr(args, name) is None:
+            raise UsageError(f"{program}: --{name} is not given.", f"Add --{name} DIR.")
     if getattr(args, "seed", 0) < 0:
         raise UsageError(f"--seed {args.seed}: expected 0 or more.", "Try 0.")
     experiment.check(args)
@@ -147,8 +132,8 @@ def run(experiment: Experiment, argv: Sequence[str], program: str) -> int:
     if args.json is not None:
         write_atomic(args.json, json.dumps(figures, indent=1, ensure_ascii=False) + "\n")
     if args.markdown is not None:
-        write_section(args.markdown, experiment.section, text)
-    return 0
+        write_section(args.markdown, section, text)
+    return int(experiment.failed(figures))
 
 
 def command_of(program: str, args: Arguments) -> str:
@@ -179,16 +164,20 @@ def read_json(path: Path) -> Figures:
         ) from error
 
 
+def entry(experiment: Experiment, program: str) -> Callable[[], int]:
+    """The `main` of a module that is one experiment."""
+    return lambda: run(experiment, sys.argv[1:], program)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """`python -m training.evaluation NAME`."""
     words = list(sys.argv[1:] if argv is None else argv)
-    if not words or words[0] not in EXPERIMENTS:
-        if words and words[0] in ("-h", "--help"):
-            print("python -m training.evaluation NAME --help\n\n" + "\n".join(f"  {n}" for n in EXPERIMENTS))
-            return 0
-        raise UsageError(
-            f"experiment {words[0] if words else ''!r}: unknown.", f"Choose one of {', '.join(EXPERIMENTS)}."
-        )
-    module, record = EXPERIMENTS[words[0]].split(":")
+    name = words[0] if words else ""
+    if name in ("-h", "--help"):
+        print("python -m training.evaluation NAME --help\n\n" + "\n".join(f"  {n}" for n in EXPERIMENTS))
+        return 0
+    if name not in EXPERIMENTS:
+        raise UsageError(f"experiment {name!r}: unknown.", f"Choose one of {', '.join(EXPERIMENTS)}.")
+    module, record = EXPERIMENTS[name].split(":")
     found: Experiment = getattr(import_module(module), record)
-    return run(found, words[1:], f"python -m training.evaluation {words[0]}")
+    return run(found, words[1:], f"python -m training.evaluation {name}")

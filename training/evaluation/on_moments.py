@@ -22,7 +22,7 @@ from runtime.motion.control_scripts import parse_stick
 from runtime.motion.controller import Controller
 from runtime.takes.clip import Clip
 from runtime.terrain.library import load_terrain
-from training.evaluation.experiment import Arguments, Experiment, Setting, option
+from training.evaluation.experiment import DATA, MODEL, Arguments, Experiment, Setting, option
 from training.evaluation.metrics.moments import (
     FPS,
     Points,
@@ -159,7 +159,7 @@ def clips_of(setting: Setting) -> dict[str, list[dict[str, Any]]]:
 
 def clips_together(setting: Setting, styles: Sequence[tuple[str, int]]) -> list[Clip]:
     """The clips that `generate_clip` makes of prompts and seeds, as one crowd in half of the time."""
-    evaluated, ground, stick = setting.model, load_terrain("flat"), parse_stick(setting.args.script)
+    evaluated, ground, stick = setting.models[0], load_terrain("flat"), parse_stick(setting.args.script)
     crowd = []
     for prompt, seed in styles:
         controller = Controller(evaluated.model, ground, seed, response=0.0)  # as in capture
@@ -223,12 +223,11 @@ MOMENTS = Experiment(
     moment_table,
     "moments",
     options=(
+        MODEL,
         option("--prompts", nargs="+", metavar="PROMPT", default=list(PROMPTS), help="default: seven"),
         option("--script", default=SCRIPT, help="the stick, as sport generate --controls"),
         option("--seeds", type=int, nargs="+", default=[1, 2], help="default: 1 2"),
-        option(
-            "--data", type=Path, metavar="DIR", help="folder of the unpacked source files, to measure too"
-        ),
+        DATA,
     ),
     check=_sensible,
 )

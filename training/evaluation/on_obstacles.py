@@ -20,7 +20,7 @@ from runtime.motion.model import MotionModel
 from runtime.terrain.courses import BEAM, BEAM_RAMP_M, GAPS, HURDLES, WALLS, Obstacle
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
-from training.evaluation.experiment import SEED, Experiment, Setting, command_of, option
+from training.evaluation.experiment import CLIPS, MODEL, SEED, Experiment, Setting, command_of, option
 from training.evaluation.metrics import traversal
 from training.evaluation.metrics.classifiers import StyleClassifier, merged
 from training.evaluation.metrics.features import window_set
@@ -183,12 +183,12 @@ def obstacle_courses(setting: Setting) -> dict[str, Any]:
     """All figures as plain data; styles are recognised where clips are given, as in `sport evaluate`."""
     args, classifier = setting.args, None
     if args.clips is not None:
-        classifier = make_plan(setting.clips, None, Options(), None, setting.report).classifier
+        classifier = make_plan(args.clips, None, Options(), None, setting.report).classifier
     results = score_obstacles(
-        setting.model, args.seed, args.styles or STYLES, COURSES, classifier, setting.report
+        setting.models[0], args.seed, args.styles or STYLES, COURSES, classifier, setting.report
     )
     command = command_of("sport evaluate --courses", args)
-    return {"command": command, "model": setting.model.name, **results}
+    return {"command": command, "model": setting.models[0].name, **results}
 
 
 def score_obstacles(
@@ -324,6 +324,10 @@ OBSTACLES = Experiment(
     obstacle_courses,
     markdown,
     "obstacle courses",
-    clips=None,  # only to recognise styles
-    options=(option("--styles", nargs="+", metavar="STYLE", help=f"default: {' '.join(STYLES)}"), SEED),
+    options=(
+        CLIPS,
+        MODEL,
+        option("--styles", nargs="+", metavar="STYLE", help=f"default: {' '.join(STYLES)}"),
+        SEED,
+    ),
 )

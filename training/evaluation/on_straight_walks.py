@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from runtime.atomic import temporary_folder
-from runtime.errors import UsageError
 from runtime.formats.bvh_clip import save_bvh
 from runtime.generate import clip_of
 from runtime.motion.control_scripts import control_script
@@ -18,7 +17,7 @@ from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
 from training.data import gait
 from training.data.sources import list_clips
-from training.evaluation.experiment import Arguments, Experiment, Setting, option
+from training.evaluation.experiment import DATA, MODELS, Experiment, Setting
 from training.evaluation.motion.driving import flat_ground, walk_together
 from training.evaluation.motion.evaluated_model import EvaluatedModel
 from training.markdown import table
@@ -132,17 +131,11 @@ def cell(row: WalkMeasure, raw: dict[str, Measures], ours: dict[str, Measures]) 
     )
 
 
-def _raw_data(args: Arguments) -> None:
-    if args.data is None and args.known is None:
-        raise UsageError("gait: neither --data nor --known is given.", "Give one of them.")
-
-
 GAIT = Experiment(
     "Straight walks of every captured style at full stick and in the raw capture files: is the walk alive?",
     gait_figures,
     gait_table,
     "straight walks",
-    many=True,
-    options=(option("--data", type=Path, metavar="DIR", help="folder of the unpacked source files"),),
-    check=_raw_data,
+    options=(MODELS, DATA),
+    needs=("data",),
 )

@@ -14,7 +14,7 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.prompter import Prompter
 from runtime.prompts.text_encoder import TextEncoder
 from training.augmentation.measured_edits import CapturedReference, Summary, load_reference
-from training.evaluation.experiment import Arguments, Experiment, Setting, command_of, option
+from training.evaluation.experiment import CLIPS, MODEL, Arguments, Experiment, Setting, command_of, option
 from training.evaluation.text import edits
 from training.evaluation.text.edits import Case, by_slot, independence
 from training.evaluation.text.retrieval import MIN_RECALL_FRACTION, evaluate_retrieval
@@ -230,8 +230,10 @@ TEXT = Experiment(
     words_and_motion,
     markdown,
     "text evaluation",
-    clips=True,
+    needs=("clips",),
     options=(
+        CLIPS,
+        MODEL,
         option("--only", choices=PARTS, nargs="+", help="measure this alone"),
         option("--quick", action="store_true", help="no trained edits, shorter walks: no figures to quote"),
         option("--workers", type=int, default=2, metavar="N", help="processes (default: 2)"),

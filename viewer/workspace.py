@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from runtime.atomic import sweep
@@ -139,13 +140,17 @@ class Workspace:
             self.defects,
         )  # fmt: skip
         self.transport.in_view = lambda: self.shell.focus.in_view
+        self.actions = self._actions(panels)
+
+    def _actions(self, panels: list[Panel]) -> dict[Action, Callable[[], None]]:
+        """What each action does, of the panels, of the shell and of all rooms together."""
         own = {
             Action.FRAME_SELECTION: self.frame_selection,
             Action.FULLSCREEN: self.window.toggle_full_screen,
             Action.SCREENSHOT: self.screenshots.ask,
         }
         rooms = [*(panel.actions for panel in panels), self.shell.actions, own]
-        self.actions = {action: do for room in rooms for action, do in room.items()}
+        return {action: do for room in rooms for action, do in room.items()}
 
     def _leave_session(self) -> None:
         """Let go of the session's file where the process ends before its loop does; of an empty one nothing stays."""

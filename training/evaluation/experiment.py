@@ -34,8 +34,8 @@ EXPERIMENTS = {
     "courses": "training.evaluation.on_obstacles:OBSTACLES",
     "text": "training.evaluation.text.command:TEXT",
     "animators": "training.evaluation.text.animators:ANIMATORS",
-    "table1": "training.evaluation.compared_models:TABLE1",
-    "distances": "training.evaluation.compared_models:DISTANCES",
+    "table1": "training.table1:TABLE1",
+    "distances": "training.table1:DISTANCES",
     "gait": "training.evaluation.on_straight_walks:GAIT",
     "moments": "training.evaluation.on_moments:MOMENTS",
 }

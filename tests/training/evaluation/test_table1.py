@@ -11,10 +11,10 @@ import pytest
 from runtime.errors import FileError, UsageError
 from tests.helpers.synthetic_clips import save_motion
 from tests.helpers.walker import walk
+from training import table1
 from training.ablations import SHARED
-from training.evaluation import compared_models as table1
-from training.evaluation.compared_models import CAPTURE, ROWS, SHIPPED, TABLE1, distances_table
 from training.evaluation.experiment import run
+from training.table1 import CAPTURE, ROWS, SHIPPED, TABLE1, distances_table
 
 CELLS = dict.fromkeys(table1.COLUMNS, 2.0)
 SEEDS = 3

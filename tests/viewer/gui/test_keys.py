@@ -152,7 +152,7 @@ USED = {
 @pytest.mark.parametrize("name", USED)
 def test_what_was_used_or_closed_gives_the_keys_to_the_view(name: str, app: App) -> None:
     do(app, USED[name])
-    assert set(things(app)) <= {"take"}
+    assert set(things(app)) <= {"take", "selection"}
     assert app.shell.focus.in_view
     assert walks(app)
 
@@ -161,7 +161,7 @@ OPENED = {
     "click ##settings; click ##text size": 2,
     "click ##settings; click Gamepad buttons; click ##pad_buttons jump": 2,
     "key ctrl+e; click ##export format": 2,
-    "click ##take menu; click Color": 2,
+    "click ##take menu; click Color": 3,
     "click ##settings; key f1": 2,
     "click ##settings; click ##browse folder": 2,
     "click ##settings; ctrl-click ##dead_zone": 2,

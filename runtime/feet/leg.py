@@ -8,8 +8,8 @@ held or let go would throw it. What a knee cannot follow for some frames, the fo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import acos, atan2, copysign, cos, dist, hypot, radians, sin, sqrt
+from dataclasses import dataclass, field
+from math import acos, asin, atan2, copysign, cos, dist, hypot, radians, sin, sqrt
 from typing import NamedTuple
 
 from runtime.feet.ik import EASE_REACH, MAX_REACH, MIN_REACH, POLE_WEIGHT_M
@@ -18,6 +18,7 @@ from runtime.scalar_math import (
     Vector,
     add,
     between,
+    decay,
     dot,
     from_vector,
     length,
@@ -29,7 +30,7 @@ from runtime.scalar_math import (
     subtract,
     unit,
 )
-from runtime.skeleton import SPORT_SKELETON, TOE_HEIGHT, Skeleton
+from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, Skeleton
 from runtime.terrain.height_map import PointHeights
 
 
@@ -80,6 +81,22 @@ def leg_forward(bones: LegBones, hips: Vector, local: list[Quaternion]) -> LegPo
     knee = add(hip, rotate(thigh, o[2]))
     ankle = add(knee, rotate(shin, o[3]))
     return LegPose(base, thigh, shin, foot, hip, knee, ankle, add(ankle, rotate(foot, o[4])))
+
+
+def toes_raised(leg: LegPose, fraction: float, rise: float = 0.0) -> LegPose:
+    """Return the leg with its foot turned about the ankle: toes that are up, against a flat sole, by a `fraction` more.
+
+    The ground under the toe is `rise` metres over that under the ankle.
+    """
+    sole = subtract(leg.toe, leg.ankle)
+    foot = length(sole)
+    up = asin(min(max(sole[1] / foot, -1.0), 1.0)) - asin(
+        min(max((TOE_HEIGHT - ANKLE_HEIGHT + rise) / foot, -1.0), 1.0)
+    )
+    if up <= 0.0:
+        return leg
+    turn = from_vector(scale(rotate(leg.foot, (-1.0, 0.0, 0.0)), fraction * up))
+    return leg._replace(foot=multiply(turn, leg.foot), toe=add(leg.ankle, rotate(turn, sole)))
 
 
 def leg_inverse(
@@ -155,6 +172,8 @@ FASTEST_BEND = (
 )  # rad/s2, of the flexion; 6 degrees a frame squared are seen as a snap, captures stay below
 STRAIGHT = radians(2.3)  # a straight knee: as far as it goes
 BRAKING = radians(2.5) * 3600  # rad/s2, with which it comes to what is requested
+STRAIGHTEST_HALF_LIFE_S = 2.0  # in which the flexion of a straighter stride is forgotten
+MAX_STRAIGHTEST = radians(25.0)
 
 
 @dataclass
@@ -164,9 +183,15 @@ class Knee:
     flexion: float | None = None
     speed: float = 0.0
     incoming: float = 0.0
+    straightest: float = field(default=0.0, metadata={"later": True})  # incoming flexion of the last strides
 
-    def follow(self, leg: LegPose, hip: Vector, target: Vector, bones: LegBones, dt: float) -> float:
-        """Metres from `hip` to the ankle in this frame, where `target` is requested; `leg` is the incoming leg."""
+    def follow(
+        self, leg: LegPose, hip: Vector, target: Vector, bones: LegBones, dt: float, free: bool = False
+    ) -> float:
+        """Metres from `hip` to the ankle in this frame, where `target` is requested; `leg` is the incoming leg.
+
+        The leg of a `free` foot becomes no straighter than the incoming one is in its strides.
+        """
         thigh, shin = dist(leg.knee, leg.hip), dist(leg.ankle, leg.knee)
         far, spans = dist(target, hip), dist(leg.ankle, leg.hip)
         wanted = _flexion(soft_reach(far, bones.length, spans), thigh, shin)
@@ -174,6 +199,10 @@ class Knee:
         if self.flexion is None:
             self.flexion, self.speed, self.incoming = wanted, 0.0, incoming
             return far
+        forgotten = self.straightest + (1.0 - decay(STRAIGHTEST_HALF_LIFE_S)) * (incoming - self.straightest)
+        self.straightest = min(incoming, forgotten)
+        if free:
+            wanted = max(wanted, min(self.straightest, MAX_STRAIGHTEST))
         natural = (incoming - self.incoming) / dt
         missing = wanted - (self.flexion + natural * dt)
         speed = natural + copysign(min(abs(missing) / dt, sqrt(2.0 * BRAKING * abs(missing))), missing)

@@ -17,6 +17,7 @@ from runtime.assets import asset_path
 from runtime.edits.request import GAITS, PARTS
 from runtime.errors import FileError
 from runtime.prompts.library_data import LibraryStyle, load_styles
+from runtime.prompts.parts import PartDescriptions
 
 PHRASE_MEASURES = "prompts/phrase_measures.json"
 # what a caption asks for in other gaits than its walk: what the network adds to a style's walk to jog it
@@ -47,9 +48,17 @@ class CapturedPhrases:
         """Whether a description is a caption of a captured style."""
         return _words(part, sentence) in self.captions
 
-    def caption(self, part: str, sentence: str) -> dict[str, Ranges]:
-        """The ranges of the styles that a description is a caption of, by target."""
+    def styles_of(self, descriptions: PartDescriptions) -> frozenset[str]:
+        """The captured styles that all parts have a caption of."""
+        none: frozenset[str] = frozenset()
+        return frozenset.intersection(
+            *(self.captions.get(_words(part, getattr(descriptions, part)), none) for part in PARTS)
+        )
+
+    def caption(self, part: str, sentence: str, among: frozenset[str] = frozenset()) -> dict[str, Ranges]:
+        """The ranges of the styles that a description is a caption of, by target; of those `among` them, where there are any."""
         styles = self.captions.get(_words(part, sentence), frozenset())
+        styles = styles & among or styles
         return {name: self._over(styles, part, name) for name in self._names(styles, part)}
 
     def clause(self, part: str, clause: str, target: str) -> Ranges | None:

@@ -1,7 +1,8 @@
 """What descriptions ask of a body in numbers (`runtime.edits.request`), by the phrases of assets/prompts/edits.toml.
 
 What a phrase means was measured on the captured clips whose captions use it (`runtime.prompts.captured`); only what no
-capture shows is written by hand. A caption of a captured style asks for nothing in a walk: the network learnt it from there.
+capture shows is written by hand. A caption of a captured style asks a walk for its lean alone, which the network draws
+towards that of all styles; the rest it learnt from there.
 """
 
 from __future__ import annotations
@@ -129,12 +130,13 @@ def spoken(part: str, sentence: str) -> dict[str, tuple[str, str, tuple[int, Val
 
 
 @lru_cache(512)
-def _asked(part: str, sentence: str) -> tuple[tuple[int, Ranges], ...]:
-    """Columns of a part's row, each with its range in every gait."""
+def _asked(part: str, sentence: str, styles: frozenset[str]) -> tuple[tuple[int, Ranges], ...]:
+    """Columns of a part's row, each with its range in every gait; `styles` are those that all parts have a caption of."""
     measured, kind = captured(), kind_of(part)
     if measured.is_caption(part, sentence):
-        own = measured.caption(part, sentence)
-        return tuple((TARGETS[kind].index(n), (None, *ranges[1:])) for n, ranges in own.items())
+        own = measured.caption(part, sentence, styles)
+        one = len(styles) == 1
+        return tuple((TARGETS[kind].index(n), _of_caption(n, ranges, one)) for n, ranges in own.items())
     found: list[tuple[int, Ranges]] = []
     for name, (clause, phrase, (column, values)) in spoken(part, sentence).items():
         if not values:
@@ -151,6 +153,16 @@ def _asked(part: str, sentence: str) -> tuple[tuple[int, Ranges], ...]:
     return tuple(found)
 
 
+def _of_caption(name: str, ranges: Ranges, of_one_style: bool) -> Ranges:
+    """Return what a caption asks for: to lean as captured, one style in the middle of that; of a walk nothing else."""
+    if name != "lean":
+        return (None, *ranges[1:])
+    if not of_one_style:
+        return ranges
+    middles = (None if ends is None else 0.5 * sum(ends) for ends in ranges)
+    return tuple(None if middle is None else (middle, middle) for middle in middles)
+
+
 def _by_hand(name: str, values: Values, usual: Mapping[str, Range]) -> Range:
     low, high = values
     middle = 0.5 * sum(usual["lean"]) if name == RELATIVE and "lean" in usual else 0.0
@@ -159,9 +171,9 @@ def _by_hand(name: str, values: Values, usual: Mapping[str, Range]) -> Range:
 
 def edit_targets(descriptions: PartDescriptions) -> Array:
     """What the parts are asked to show, `request.SHAPE`: weights and the weighted ends of ranges."""
-    result = np.zeros(SHAPE)
+    result, styles = np.zeros(SHAPE), captured().styles_of(descriptions)
     for row, part in enumerate(PARTS):
-        for column, ranges in _asked(part, getattr(descriptions, part)):
+        for column, ranges in _asked(part, getattr(descriptions, part), styles):
             for gait, ends in enumerate(ranges):
                 if ends is not None:
                     result[gait, row, column] = 1.0, max(ends[0], -LARGEST), min(ends[1], LARGEST)
@@ -216,4 +228,5 @@ def edited_parts(descriptions: PartDescriptions | None) -> frozenset[str]:
     asked[FOLD] = 0.0  # of every trunk, whatever is said
     # of the stick, not of the pose: how a leg steps is the network's
     asked[:ROW_TRUNK, PACED] = 0.0
-    return frozenset(part for part, weights in zip(PARTS, asked, strict=True) if weights.any())
+    edited = [part for part, weights in zip(PARTS, asked, strict=True) if weights.any()]
+    return frozenset(p for p in edited if not captured().is_caption(p, getattr(descriptions, p)))

@@ -155,10 +155,13 @@ def tree_of(read: Mapping[str, Mapping[str, Sequence[Reading]]]) -> dict[str, An
     """The same of readings by style and gait."""
     full = {s: {g: _range_of(rows) for g, rows in gaits.items() if rows} for s, gaits in read.items()}
     plain = [row for style, gaits in read.items() if style.startswith(PLAIN) for row in gaits.get("walk", ())]
+    for gait in ("walk", "jog"):  # of several captures, whose spines stand differently
+        own = [
+            of[gait]["torso"]["lean"][1] for s, of in full.items() if s.startswith(f"{PLAIN}_") and gait in of
+        ]
+        if own and gait in full.get(PLAIN, {}):
+            full[PLAIN][gait]["torso"]["lean"] = [_rounded(v) for v in np.percentile(own, (25.0, 50.0, 75.0))]
     styles = {s: {g: _ends(parts) for g, parts in gaits.items()} for s, gaits in full.items()}
-    named = [full[s]["jog"]["torso"]["lean"] for s in full if s.startswith(f"{PLAIN}_") and "jog" in full[s]]
-    if named and "jog" in styles.get(PLAIN, {}):  # of several captures, whose spines stand differently
-        styles[PLAIN]["jog"]["torso"]["lean"] = _over(named)
     return {"usual": _usual(full), "phrases": _phrases(full, _range_of(plain)), "styles": styles}
 
 

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.feet.leg import Knee, leg_bones, leg_forward
+from runtime.feet.leg import Knee, leg_bones, leg_forward, toes_raised
+from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 
 BONES = leg_bones(0)
 STANDING = leg_forward(BONES, (0.0, 0.95, 0.0), np.tile([1.0, 0.0, 0.0, 0.0], (31, 1)).tolist())
@@ -31,3 +32,31 @@ def test_a_demand_that_stays_is_met() -> None:
         target = (STANDING.hip[0], STANDING.hip[1] - share * BONES.length, STANDING.hip[2])
         reach = knee.follow(STANDING, STANDING.hip, target, BONES, DT)
     assert reach == pytest.approx(0.9 * BONES.length, abs=1e-3)
+
+
+@pytest.mark.parametrize(("free", "degrees"), [(True, 25.0), (False, 5.0)])
+def test_a_free_leg_is_no_straighter_than_the_incoming_one(free: bool, degrees: float) -> None:
+    local = np.tile([1.0, 0.0, 0.0, 0.0], (31, 1))
+    half = np.radians(12.5)
+    for joint, angle in ((2, -half), (3, 2.0 * half)):
+        local[joint] = [np.cos(0.5 * angle), np.sin(0.5 * angle), 0.0, 0.0]
+    bent, knee = leg_forward(BONES, (0.0, 0.95, 0.0), local.tolist()), Knee()
+    own = np.hypot(*np.subtract(bent.ankle, bent.hip)[1:])
+    for k in range(720):
+        span = own if k < 660 else 0.9999 * BONES.length
+        knee.follow(bent, bent.hip, (bent.hip[0], bent.hip[1] - span, bent.hip[2]), BONES, DT, free)
+    assert np.degrees(knee.flexion) == pytest.approx(degrees, abs=3.0)
+
+
+@pytest.mark.parametrize("degrees", [-20.0, 0.0, 20.0])
+def test_toes_that_are_up_are_raised_and_others_are_not(degrees: float) -> None:
+    local = np.tile([1.0, 0.0, 0.0, 0.0], (31, 1))
+    flat = TOE_HEIGHT - ANKLE_HEIGHT
+    lying = leg_forward(BONES, (0.0, 0.95, 0.0), local.tolist())
+    rest = np.arcsin(flat / BONES.foot_length)
+    angle = np.arcsin((lying.toe[1] - lying.ankle[1]) / BONES.foot_length) - rest - np.radians(degrees)
+    local[4] = [np.cos(0.5 * angle), np.sin(0.5 * angle), 0.0, 0.0]
+    leg = leg_forward(BONES, (0.0, 0.95, 0.0), local.tolist())
+    raised = toes_raised(leg, 0.5)
+    up = np.degrees(np.arcsin((raised.toe[1] - raised.ankle[1]) / BONES.foot_length) - rest)
+    assert up == pytest.approx(1.5 * degrees if degrees > 0.0 else degrees, abs=1e-6)

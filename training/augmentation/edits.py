@@ -6,7 +6,8 @@ Edits are varied a little by the generator in strength and place. The order of t
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,6 @@ from runtime.feet.leg import leg_bones, leg_forward
 from runtime.motion.features import FPS
 from runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
-from training.augmentation.catalogue import PartEdit
 from training.augmentation.gait import (
     early_rise,
     height_in_swing,
@@ -70,20 +70,36 @@ _CHEST_STAYS = 0.6  # of what the hips sway more: the chest stays behind, level
 _DEEPEST = 6.0  # frames from a landing to the deepest of a knee that gives
 
 
-def apply(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+@dataclass(frozen=True)
+class Edit:
+    """An edit by its numbers: `parameters` are those of `kind`, the slot one of left_arm, right_leg, torso, head, legs, ..."""
+
+    slot: str
+    kind: str
+    parameters: dict[str, Any]
+
+    @property
+    def sides(self) -> list[tuple[int, float]]:
+        """Column of contacts pairs and sign of X of each side that it is of."""
+        return [side for name, side in _SIDES.items() if self.slot == "legs" or self.slot.startswith(name)]
+
+    def size(self, name: str) -> float:
+        """A size, 0 where it has none."""
+        return float(self.parameters.get(name, 0.0))
+
+    def amount(self, name: str, random: np.random.Generator, deviation: float) -> float:
+        """The same, a little varied."""
+        return self.size(name) * random.normal(1.0, deviation)
+
+    def factor(self, name: str, random: np.random.Generator, deviation: float = 0.04) -> float:
+        """A factor or size, 1 where it has none, a little varied; exactly 1 stays as it is."""
+        value = float(self.parameters.get(name, 1.0))
+        return value if value == 1.0 else value * float(np.exp(deviation * random.normal()))
+
+
+def apply(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     """The motion with one edit, a little varied by `random` in strength and place; rhythm may change its length."""
-    return _KINDS[edit.kind](motion, edit, random)
-
-
-def _amount(edit: PartEdit, name: str, random: np.random.Generator, deviation: float) -> float:
-    """A size of the edit, 0 where it has none, a little varied."""
-    return float(edit.parameters.get(name, 0.0)) * random.normal(1.0, deviation)
-
-
-def _factor(edit: PartEdit, name: str, random: np.random.Generator, deviation: float = 0.04) -> float:
-    """A factor or size of the edit, 1 where it has none, a little varied; exactly 1 stays as it is."""
-    value = float(edit.parameters.get(name, 1.0))
-    return value if value == 1.0 else value * float(np.exp(deviation * random.normal()))
+    return KINDS[edit.kind].apply(motion, edit, random)
 
 
 def _beat(motion: EditedMotion, cycles: float, random: np.random.Generator) -> Array:
@@ -106,9 +122,20 @@ def _with_limbs(chain: dict[int, float], arms: float, head: float) -> dict[int, 
     return fractions | dict.fromkeys(PART_JOINTS["head"], head)
 
 
-def _lean(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+_TURNS: dict[str, tuple[dict[int, float], float, Callable[[EditedMotion], Array | float]]] = {
+    "slump": (_with_limbs(_ROUNDED, _ARM_FOLLOWS, _HEAD_FOLLOWS), 0.06, lambda _: 1.0),
+    "sway": (_with_limbs(_CHAIN, 0.6, 0.4), 0.08, _side_beat),
+    "twist": (
+        _with_limbs(_SPINE_ONLY, 1.0, 0.15),
+        0.08,
+        lambda motion: -np.cos(2 * np.pi * motion.step_phase),
+    ),
+}
+
+
+def _lean(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     amount = random.normal(1.0, 0.06)
-    pitch, roll = (amount * float(edit.parameters.get(name, 0.0)) for name in ("pitch", "roll"))
+    pitch, roll = (amount * edit.size(name) for name in ("pitch", "roll"))
     vectors = turns(motion, pitch, 0.0, roll)
     back = -0.13 * np.sin(np.radians(pitch))  # the hips balance the upper body
     side = -0.12 * np.sin(np.radians(roll))
@@ -117,30 +144,22 @@ def _lean(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> 
     return turn_joints(replace(motion, hips=hips), vectors, fractions, motion.feet()[0])
 
 
-def _slump(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    pitch = _amount(edit, "pitch", random, 0.06)
-    fractions = _with_limbs(_ROUNDED, _ARM_FOLLOWS, _HEAD_FOLLOWS)
-    return turn_joints(motion, turns(motion, pitch, 0.0, 0.0), fractions)
+def _turned(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
+    """The torso turned by its angles, held or in step."""
+    fractions, deviation, beat = _TURNS[edit.kind]
+    amount, times = random.normal(1.0, deviation), beat(motion)
+    angles = (edit.size(name) * amount * times for name in ("pitch", "yaw", "roll"))
+    return turn_joints(motion, turns(motion, *angles), fractions)
 
 
-def _sway(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    roll = _amount(edit, "roll", random, 0.08) * _side_beat(motion)
-    return turn_joints(motion, turns(motion, 0.0, 0.0, roll), _with_limbs(_CHAIN, 0.6, 0.4))
-
-
-def _twist(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    yaw = _amount(edit, "yaw", random, 0.08) * np.cos(2 * np.pi * motion.step_phase)
-    return turn_joints(motion, turns(motion, 0.0, -yaw, 0.0), _with_limbs(_SPINE_ONLY, 1.0, 0.15))
-
-
-def _bounce(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    height = _amount(edit, "height", random, 0.08)
+def _bounce(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
+    height = edit.amount("height", random, 0.08)
     return _lowered(motion, 0.5 * height * (1.0 - np.cos(4 * np.pi * (motion.step_phase - 0.04))))
 
 
-def _head(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+def _head(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     amount = random.normal(1.0, 0.07)
-    angles = [amount * float(edit.parameters.get(name, 0.0)) for name in ("pitch", "yaw", "roll")]
+    angles = [amount * edit.size(name) for name in ("pitch", "yaw", "roll")]
     if "wave" in edit.parameters:
         *sizes, cycles = edit.parameters["wave"]
         beat = _beat(motion, cycles, random)
@@ -151,13 +170,11 @@ def _head(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> 
 # --- Arms -------------------------------------------------------------------------------------------------------------
 
 
-def _hand(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+def _hand(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     p = edit.parameters
-    side = edit.slot.removesuffix("_arm")
-    mirror = np.array([_SIDES[side][1], 1.0, 1.0])  # points are given for the left arm
-    collar, shoulder, elbow, hand = (
-        _AT(side.capitalize() + name) for name in ("Shoulder", "Arm", "ForeArm", "Hand")
-    )
+    side = edit.slot.removesuffix("_arm").capitalize()
+    mirror = np.array([edit.sides[0][1], 1.0, 1.0])  # points are given for the left arm
+    collar, shoulder, elbow, hand = (_AT(side + name) for name in ("Shoulder", "Arm", "ForeArm", "Hand"))
     positions, world = motion.joints
     length = len(motion.hips)
     point = np.broadcast_to(np.array(p["point"]), (length, 3)) + random.normal(0.0, 0.015, 3)
@@ -204,8 +221,8 @@ def _reaching(
     return rotations.multiply(upper_turn, first_upper), rotations.multiply(lower_turn, first_lower)
 
 
-def _swing(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    scale = _amount(edit, "scale", random, 0.05)
+def _swing(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
+    scale = edit.amount("scale", random, 0.05)
     name = edit.slot.removesuffix("_arm").capitalize()
     local = motion.local.copy()
     for joint in (_AT(f"{name}Arm"), _AT(f"{name}ForeArm")):
@@ -240,14 +257,13 @@ def _lowered(motion: EditedMotion, drop: Array | float) -> EditedMotion:
     return replace(moved, local=keep_feet(moved, motion))
 
 
-def _legs(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+def _legs(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     p = {name: value * random.normal(1.0, 0.07) for name, value in edit.parameters.items()}
     if "lower" in p:
         return _lowered(motion, p["lower"])
-    sides = list(_SIDES.values()) if edit.slot == "legs" else [_SIDES[edit.slot.removesuffix("_leg")]]
     ankles, toes, feet = motion.feet()
     hips, contacts = motion.hips.copy(), motion.contacts.copy()
-    for column, sign in sides:
+    for column, sign in edit.sides:
         ankles[:, column], feet[:, column] = _placed_foot(
             motion, p, (ankles[:, column], toes[:, column], feet[:, column]), motion.stands(column), sign
         )
@@ -291,13 +307,12 @@ def _placed_foot(
     return ankle, foot
 
 
-def _stiff(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+def _stiff(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     """What the runtime does where a walk lacks what is said of its legs, frame by frame."""
-    knee = _amount(edit, "knee", random, 0.07)
-    sides = [0, 1] if edit.slot == "legs" else [_SIDES[edit.slot.removesuffix("_leg")][0]]
+    knee = edit.amount("knee", random, 0.07)
     ankles, _, feet = motion.feet()
     shown = [[[0.0, 0.0, 0.0] for _ in LEG] for _ in _SIDES]
-    for column in sides:
+    for column, _ in edit.sides:
         shown[column][KNEE] = [1.0, -LARGEST, knee]
     yaw = rotations.to_euler(motion.facing, "YXZ")[:, 0]
     velocity = np.gradient(motion.path, axis=0)[:, [0, 2]] * FPS
@@ -343,8 +358,8 @@ def _drag(ankle: Array, foot: Array, toe: Array, fraction: Array, ground: Terrai
 # --- Steps: where and when a body goes --------------------------------------------------------------------------------
 
 
-def _steps(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    length, cadence = _factor(edit, "length", random), _factor(edit, "cadence", random)
+def _steps(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
+    length, cadence = edit.factor("length", random), edit.factor("cadence", random)
     if length > 1.0:  # the pelvis turns as much more: a leg alone is too short for a long stride
         yaw = motion.hips_turn() * np.array([0.0, length - 1.0, 0.0])
         motion = turn_joints(motion, rotations.rotate(motion.axes.facing, yaw), {0: 1.0})
@@ -374,7 +389,7 @@ def _as_straight(before: EditedMotion, after: EditedMotion) -> EditedMotion:
     return with_feet(after, after.hips + smooth(rise[:, None], 4.0) * UP, ankles, feet)
 
 
-def _line(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+def _line(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     """Steps vary about the wanted place a third as much as in the capture."""
     wanted = float(edit.parameters["outward"]) + 0.006 * random.normal()
     left = motion.axes.left[:, None]
@@ -386,13 +401,13 @@ def _line(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> 
     return on_path(motion, np.zeros_like(motion.path), out[..., None] * left)
 
 
-def _stance(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    column, _ = _SIDES[edit.slot.removesuffix("_leg")]
+def _stance(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
+    column, _ = edit.sides[0]
     alone = motion.stands(column).astype(np.float64) - motion.stands(1 - column)
     weight = smooth(alone[:, None], 3.0)[:, 0]
-    rate = np.exp(-0.5 * np.log(_factor(edit, "uneven", random)) * weight)
+    rate = np.exp(-0.5 * np.log(edit.factor("uneven", random)) * weight)
     motion = on_path(motion, scaled_path(motion, rate**-_IN_STEP_LENGTH))
-    drop = _amount(edit, "drop", random, 0.07)
+    drop = edit.amount("drop", random, 0.07)
     if drop:
         ankles, _, feet = motion.feet()
         carries = smooth(np.maximum(alone, 0.0)[:, None], 5.0)[:, 0]
@@ -400,8 +415,8 @@ def _stance(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -
     return at_rate(motion, rate)
 
 
-def _hesitation(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    seconds = _factor(edit, "pause", random)
+def _hesitation(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
+    seconds = edit.factor("pause", random)
     landings = np.sort(np.concatenate([left_landings(motion.contacts), right_landings(motion.contacts)]))
     frames = np.arange(len(motion.hips))[:, None]
     size = seconds * FPS / (_PAUSE_SIGMA * np.sqrt(2 * np.pi))
@@ -409,7 +424,7 @@ def _hesitation(motion: EditedMotion, edit: PartEdit, random: np.random.Generato
     return at_rate(motion, 1.0 / longer)
 
 
-def _stagger(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+def _stagger(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     """The course leaves its line in slow waves, footprints scatter, the torso follows late, the rate is uneven."""
     seconds = np.arange(len(motion.hips)) / FPS
     slow, quick = random.uniform(2.6, 3.6), random.uniform(1.5, 2.0)
@@ -418,11 +433,11 @@ def _stagger(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) 
         2 * np.pi * seconds / quick + turn[1]
     )
     left = motion.axes.left
-    size = _factor(edit, "wander", random)
+    size = edit.factor("wander", random)
     extra = np.stack([_per_stance(motion.stands(column), random) for column in range(2)], axis=1)
     moved = on_path(motion, size * wave[:, None] * left, 0.2 * size * extra[..., None] * left[:, None])
     lag = np.interp(seconds - 0.15, seconds, np.gradient(wave, seconds))
-    roll = _factor(edit, "roll", random) * lag / max(float(np.abs(lag).max()), 0.5)
+    roll = edit.factor("roll", random) * lag / max(float(np.abs(lag).max()), 0.5)
     rolled = turn_joints(moved, turns(moved, 0.4 * np.abs(roll), 0.0, roll), _with_limbs(_CHAIN, 0.5, 0.5))
     uneven = np.exp(0.12 * np.sin(2 * np.pi * seconds / random.uniform(1.7, 2.5) + turn[1]))
     return at_rate(rolled, uneven)
@@ -437,8 +452,8 @@ def _per_stance(standing: NDArray[np.bool_], random: np.random.Generator) -> Arr
 # --- Within a gait cycle: steps stay where they are -------------------------------------------------------------------
 
 
-def _bob(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    return _bobbing(motion, _factor(edit, "scale", random, 0.05))
+def _bob(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
+    return _bobbing(motion, edit.factor("scale", random, 0.05))
 
 
 def _bobbing(motion: EditedMotion, scale: float) -> EditedMotion:
@@ -450,34 +465,34 @@ def _bobbing(motion: EditedMotion, scale: float) -> EditedMotion:
     return with_feet(motion, motion.hips + rise[:, None] * UP, ankles, feet)
 
 
-def _hips(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+def _hips(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     axes = motion.axes
     sideways = np.sum((motion.hips - motion.path) * axes.left, axis=1)[:, None] * axes.left
-    moved_by = (_factor(edit, "sideways", random, 0.05) - 1.0) * sideways
+    moved_by = (edit.factor("sideways", random, 0.05) - 1.0) * sideways
     moved = replace(motion, hips=motion.hips + moved_by)
     back = np.degrees(np.arctan2(-_CHEST_STAYS * np.sum(moved_by * axes.left, axis=1), _SPINE_M))
     moved = turn_joints(moved, turns(moved, 0.0, 0.0, back), {11: 1.0, 12: 1.0})
-    yaw, roll = (_factor(edit, name, random, 0.05) - 1.0 for name in ("yaw", "roll"))
+    yaw, roll = (edit.factor(name, random, 0.05) - 1.0 for name in ("yaw", "roll"))
     more = rotations.rotate(axes.facing, motion.hips_turn() * np.array([0.0, yaw, roll]))
     return turn_joints(moved, more, {0: 1.0}, motion.feet()[0])
 
 
-def _shoulders(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+def _shoulders(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     positions = motion.joints[0]
     across = positions[:, _AT("LeftArm")] - positions[:, _AT("RightArm")]
     yaw = np.unwrap(np.arctan2(-across[:, 2], across[:, 0]))[:, None]
     turn = yaw - motion.cycle_mean(yaw)
-    more = turn * np.array([0.0, _factor(edit, "yaw", random, 0.05) - 1.0, 0.0])
+    more = turn * np.array([0.0, edit.factor("yaw", random, 0.05) - 1.0, 0.0])
     vectors = rotations.rotate(motion.axes.facing, more)
     moved = turn_joints(motion, vectors, _with_limbs(_SPINE_ONLY, 1.0, 0.1))
-    roll = _amount(edit, "roll", random, 0.06)
+    roll = edit.amount("roll", random, 0.06)
     if not roll:
         return moved
     rolls = turns(moved, 0.0, 0.0, roll * _side_beat(motion))
     return turn_joints(moved, rolls, _with_limbs(_SPINE_ONLY, 0.8, 0.2))
 
 
-def _rock(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+def _rock(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     size = random.normal(1.0, 0.06)
     beat = _side_beat(motion)
     sideways = size * float(edit.parameters["sideways"]) * beat
@@ -487,7 +502,7 @@ def _rock(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> 
     return turn_joints(moved, turns(moved, 0.0, 0.0, roll), fractions, motion.feet()[0])
 
 
-def _landing(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+def _landing(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     p = edit.parameters
     size = random.normal(1.0, 0.06)
     ankles, _, feet = motion.feet()
@@ -498,11 +513,11 @@ def _landing(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) 
         if "soft" in p:
             height -= p["soft"] * height_in_swing(height, standing) * over_swings(standing, early_rise)
     jolts = _jolts(motion)
-    lower = size * float(p.get("drop", 0.0)) * jolts
+    lower = size * edit.size("drop") * jolts
     moved = with_feet(motion, motion.hips - lower[:, None] * UP, ankles, feet)
     if "bob" in p:
         moved = _bobbing(moved, p["bob"])
-    pitch = size * float(p.get("jolt", 0.0)) * jolts
+    pitch = size * edit.size("jolt") * jolts
     if not pitch.any():
         return moved
     return turn_joints(moved, turns(moved, pitch, 0.0, 0.0), _with_limbs(_SPINE_ONLY, 0.6, 0.4))
@@ -517,26 +532,47 @@ def _jolts(motion: EditedMotion) -> Array:
     return smooth((since * np.exp(1.0 - since)).sum(1, keepdims=True), 1.0)[:, 0]
 
 
-_KINDS: dict[str, Callable[[EditedMotion, PartEdit, np.random.Generator], EditedMotion]] = {
-    "lean": _lean,
-    "slump": _slump,
-    "sway": _sway,
-    "twist": _twist,
-    "bounce": _bounce,
-    "head": _head,
-    "hand": _hand,
-    "swing": _swing,
-    "leg": _legs,
-    "legs": _legs,
-    "stiff": _stiff,
-    "steps": _steps,
-    "line": _line,
-    "stance": _stance,
-    "hesitation": _hesitation,
-    "stagger": _stagger,
-    "bob": _bob,
-    "hips": _hips,
-    "shoulders": _shoulders,
-    "rock": _rock,
-    "landing": _landing,
+@dataclass(frozen=True)
+class Kind:
+    """What edits of a kind do, and the parameters that they may have.
+
+    A kind `moves_feet` that puts them elsewhere on the ground, or changes the length of a clip; it is `of_steps` if of rhythm and
+    weight, which show in walking only; it `scales` what a captured motion does, so that a body which does not do it shows nothing.
+    """
+
+    apply: Callable[[EditedMotion, Edit, np.random.Generator], EditedMotion]
+    parameters: frozenset[str]
+    moves_feet: bool = False
+    of_steps: bool = False
+    scales: bool = False
+
+
+def _kind(apply: Callable[..., EditedMotion], parameters: str, **flags: bool) -> Kind:
+    return Kind(apply, frozenset(parameters.split()), **flags)
+
+
+_FEET = {"moves_feet": True, "of_steps": True}
+_SCALES = {"of_steps": True, "scales": True}
+KINDS = {
+    "hand": _kind(_hand, "frame point pole wave"),
+    "swing": _kind(_swing, "scale", scales=True),
+    "leg": _kind(_legs, "lift drag outward toe_out"),
+    "legs": _kind(_legs, "lower tiptoe outward toe_up"),
+    "stiff": _kind(_stiff, "knee"),
+    "lean": _kind(_lean, "pitch roll"),
+    "slump": _kind(_turned, "pitch"),
+    "sway": _kind(_turned, "roll"),
+    "twist": _kind(_turned, "yaw"),
+    "bounce": _kind(_bounce, "height"),
+    "head": _kind(_head, "pitch yaw roll wave"),
+    "bob": _kind(_bob, "scale", **_SCALES),
+    "hips": _kind(_hips, "sideways roll yaw", **_SCALES),
+    "shoulders": _kind(_shoulders, "yaw roll", **_SCALES),
+    "rock": _kind(_rock, "roll sideways", of_steps=True),
+    "landing": _kind(_landing, "lift drop jolt soft bob", of_steps=True),
+    "steps": _kind(_steps, "length cadence", **_FEET),
+    "line": _kind(_line, "outward", **_FEET),
+    "stance": _kind(_stance, "uneven drop", **_FEET),
+    "hesitation": _kind(_hesitation, "pause", **_FEET),
+    "stagger": _kind(_stagger, "wander roll", **_FEET),
 }

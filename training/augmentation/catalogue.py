@@ -11,7 +11,8 @@ from typing import Any
 
 from runtime.errors import FileError
 from runtime.measures.table import Measure, measures_of
-from training.augmentation.edits import KINDS, Edit, Kind
+from training.augmentation.edits import KINDS, Kind
+from training.augmentation.motion import Edit
 
 _PATH = Path(__file__).with_name("edits.toml")
 _OTHER_LEG = {"left_leg": "right_leg", "right_leg": "left_leg"}

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,29 +18,21 @@ from runtime.edits.request import LARGEST, LEG, EditRequest
 from runtime.feet import ik
 from runtime.feet.leg import leg_bones, leg_forward
 from runtime.motion.features import FPS
-from runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
-from runtime.terrain.height_map import Terrain
-from training.augmentation.gait import (
-    early_rise,
-    height_in_swing,
-    held_in_stance,
-    hill,
-    late_hill,
-    left_landings,
-    over_swings,
-    plateau,
-    right_landings,
-)
+from runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON
+from training.augmentation import gait
 from training.augmentation.motion import (
-    AHEAD,
     LEFT,
+    SIDES,
     THIGHS,
     UP,
+    Edit,
     EditedMotion,
     at_rate,
+    drag_foot,
     keep_feet,
     on_path,
     raise_heel,
+    reaching,
     scaled_path,
     turn_joints,
     turns,
@@ -50,7 +41,6 @@ from training.augmentation.motion import (
 from training.frames import smooth
 
 _AT = SPORT_SKELETON.index
-_SIDES = {"left": (0, 1.0), "right": (1, -1.0)}  # column of contacts pairs and sign of X
 _FRAME_JOINT = {"hips": "Hips", "chest": "Spine1", "head": "Head"}
 _CHAIN = {0: 0.4, 11: 0.6, 12: 0.8, 13: 1.0}  # of a lean, taken by hips, lower back, spine, chest
 _ROCKING = {0: 0.35, 11: 0.6, 12: 0.8, 13: 1.0}
@@ -67,34 +57,6 @@ _VARIATION_GONE = 0.7  # of the stance width, where an edit sets it
 _IN_STEP_LENGTH = 0.6  # of an unequal rate that becomes an unequal step length; the rest is an uneven speed
 _SPINE_M = 0.23  # from the hips to the chest
 _CHEST_STAYS = 0.6  # of what the hips sway more: the chest stays behind, level
-_DEEPEST = 6.0  # frames from a landing to the deepest of a knee that gives
-
-
-@dataclass(frozen=True)
-class Edit:
-    """An edit by its numbers: `parameters` are those of `kind`, the slot one of left_arm, right_leg, torso, head, legs, ..."""
-
-    slot: str
-    kind: str
-    parameters: dict[str, Any]
-
-    @property
-    def sides(self) -> list[tuple[int, float]]:
-        """Column of contacts pairs and sign of X of each side that it is of."""
-        return [side for name, side in _SIDES.items() if self.slot == "legs" or self.slot.startswith(name)]
-
-    def size(self, name: str) -> float:
-        """A size, 0 where it has none."""
-        return float(self.parameters.get(name, 0.0))
-
-    def amount(self, name: str, random: np.random.Generator, deviation: float) -> float:
-        """The same, a little varied."""
-        return self.size(name) * random.normal(1.0, deviation)
-
-    def factor(self, name: str, random: np.random.Generator, deviation: float = 0.04) -> float:
-        """A factor or size, 1 where it has none, a little varied; exactly 1 stays as it is."""
-        value = float(self.parameters.get(name, 1.0))
-        return value if value == 1.0 else value * float(np.exp(deviation * random.normal()))
 
 
 def apply(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
@@ -189,36 +151,12 @@ def _hand(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Edit
     target = positions[:, joint] + rotations.rotate(axes, point * mirror)
     body = motion.facing if at_shoulder else world[:, _AT("Spine1")]
     pole = rotations.rotate(body, np.broadcast_to(np.array(p["pole"]) * mirror, (length, 3)))
-    upper, lower = _reaching(motion, (shoulder, elbow, hand), target, pole, mirror * LEFT)
+    upper, lower = reaching(motion, (shoulder, elbow, hand), target, pole, mirror * LEFT)
     local = motion.local.copy()
     local[:, shoulder] = rotations.multiply(rotations.inverse(world[:, collar]), upper)
     local[:, elbow] = rotations.multiply(rotations.inverse(upper), lower)
     local[:, hand] = rotations.slerp(local[:, hand], rotations.identity((length,)), 0.7)
     return replace(motion, local=local)
-
-
-def _reaching(
-    motion: EditedMotion, arm: tuple[int, int, int], target: Array, pole: Array, along: Array
-) -> tuple[Array, Array]:
-    """World rotations `(T, 4)` of upper arm and forearm that bring the hand to `target`, the elbow towards `pole`.
-
-    `arm` are the joints shoulder, elbow and hand, `along` is the direction of its bones at rest. The elbow is first bent
-    by hand towards the pole: the solver then keeps that bending plane.
-    """
-    positions, world = motion.joints
-    shoulder = positions[:, arm[0]]
-    middle = shoulder + 0.5 * (target - shoulder)
-    upper, lower = (np.linalg.norm(SPORT_SKELETON.offsets[joint]) for joint in arm[1:])
-    elbow = shoulder + upper * rotations.normalize(middle + 0.3 * rotations.normalize(pole) - shoulder)
-    hand = elbow + lower * rotations.normalize(target - elbow)
-    arm_turn = rotations.between(
-        rotations.normalize(positions[:, arm[1]] - shoulder), rotations.normalize(elbow - shoulder)
-    )
-    first_upper = rotations.multiply(arm_turn, world[:, arm[0]])
-    fore_turn = rotations.between(rotations.rotate(first_upper, along), rotations.normalize(hand - elbow))
-    first_lower = rotations.multiply(fore_turn, first_upper)
-    upper_turn, lower_turn = ik.two_bone(shoulder, elbow, hand, target)
-    return rotations.multiply(upper_turn, first_upper), rotations.multiply(lower_turn, first_lower)
 
 
 def _swing(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
@@ -288,13 +226,13 @@ def _placed_foot(
     """Ankle `(T, 3)` and rotation `(T, 4)` of a foot by the numbers `p`; `leg` is ankle, toe and rotation."""
     ankle, toe, foot = leg[0].copy(), leg[1], leg[2].copy()
     if "lift" in p:
-        ankle[:, 1] += p["lift"] * over_swings(down, hill)
+        ankle[:, 1] += p["lift"] * gait.over_swings(down, gait.hill)
     if "drag" in p:
-        _drag(ankle, foot, toe, p["drag"] * over_swings(down, plateau), motion.ground)
+        drag_foot(ankle, foot, toe, p["drag"] * gait.over_swings(down, gait.plateau), motion.ground)
     if "outward" in p:
         offset = rotations.rotate(motion.facing, np.array([sign * p["outward"], 0.0, 0.0]))
         before = motion.ground.height(ankle[:, 0], ankle[:, 2])
-        ankle += held_in_stance(offset, down)
+        ankle += gait.held_in_stance(offset, down)
         ankle[:, 1] += motion.ground.height(ankle[:, 0], ankle[:, 2]) - before
     if "toe_out" in p:
         foot = rotations.multiply(rotations.from_yaw(np.radians(sign * p["toe_out"])), foot)
@@ -311,7 +249,7 @@ def _stiff(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Edi
     """What the runtime does where a walk lacks what is said of its legs, frame by frame."""
     knee = edit.amount("knee", random, 0.07)
     ankles, _, feet = motion.feet()
-    shown = [[[0.0, 0.0, 0.0] for _ in LEG] for _ in _SIDES]
+    shown = [[[0.0, 0.0, 0.0] for _ in LEG] for _ in SIDES]
     for column, _ in edit.sides:
         shown[column][KNEE] = [1.0, -LARGEST, knee]
     yaw = rotations.to_euler(motion.facing, "YXZ")[:, 0]
@@ -329,30 +267,6 @@ def _stiff(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Edi
         rise[t], placed = state.apply(hips[t][1], legs, list(contacts[t]), request)
         ankles[t], feet[t] = [leg.ankle for leg in placed], [leg.foot for leg in placed]
     return with_feet(motion, motion.hips + rise[:, None] * UP, ankles, feet)
-
-
-def _drag(ankle: Array, foot: Array, toe: Array, fraction: Array, ground: Terrain) -> None:
-    """Lay the foot flat and lower it to the ground by `fraction` `(T,)` of what it is away from both, in place.
-
-    `ankle` and `toe` are positions `(T, 3)`, `foot` its rotations `(T, 4)`.
-    """
-    fraction = np.clip(fraction, 0.0, 1.0)
-    toe_ground = ground.height(toe[:, 0], toe[:, 2])
-    ankle_ground = ground.height(ankle[:, 0], ankle[:, 2])
-    apart = np.maximum(np.linalg.norm((toe - ankle)[:, [0, 2]], axis=1), 0.05)
-    slope = np.arctan2(ankle_ground - toe_ground, apart)
-    ahead = rotations.rotate(foot, AHEAD)
-    pitch = np.arcsin(np.clip(-ahead[:, 1], -1, 1)) - slope  # positive: the heel is up
-    turn = rotations.from_axis_angle(rotations.rotate(foot, LEFT), -fraction * pitch)
-    to_toe = rotations.rotate(turn, toe - ankle)
-    ankle[:] = np.where(pitch[:, None] > 0, toe - to_toe, ankle)  # about whichever is lower, toe or heel
-    foot[:] = rotations.multiply(turn, foot)
-    lowest = ankle + to_toe
-    room = np.minimum(
-        lowest[:, 1] - ground.height(lowest[:, 0], lowest[:, 2]) - TOE_HEIGHT,
-        ankle[:, 1] - ground.height(ankle[:, 0], ankle[:, 2]) - ANKLE_HEIGHT,
-    )
-    ankle[:, 1] -= fraction * np.maximum(room, 0.0)
 
 
 # --- Steps: where and when a body goes --------------------------------------------------------------------------------
@@ -394,7 +308,7 @@ def _line(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Edit
     wanted = float(edit.parameters["outward"]) + 0.006 * random.normal()
     left = motion.axes.left[:, None]
     out = np.sum((motion.feet()[0] - motion.path[:, None]) * left, axis=-1)
-    for column, sign in _SIDES.values():
+    for column, sign in SIDES.values():
         standing = motion.stands(column)
         own = float(np.median(out[standing, column])) if standing.any() else 0.0
         out[:, column] = sign * wanted - own - _VARIATION_GONE * (out[:, column] - own)
@@ -417,7 +331,7 @@ def _stance(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Ed
 
 def _hesitation(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     seconds = edit.factor("pause", random)
-    landings = np.sort(np.concatenate([left_landings(motion.contacts), right_landings(motion.contacts)]))
+    landings = np.sort(gait.all_landings(motion.contacts))
     frames = np.arange(len(motion.hips))[:, None]
     size = seconds * FPS / (_PAUSE_SIGMA * np.sqrt(2 * np.pi))
     longer = 1.0 + size * np.exp(-0.5 * ((frames - (landings[None] + 5)) / _PAUSE_SIGMA) ** 2).sum(1)
@@ -434,19 +348,13 @@ def _stagger(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> E
     )
     left = motion.axes.left
     size = edit.factor("wander", random)
-    extra = np.stack([_per_stance(motion.stands(column), random) for column in range(2)], axis=1)
+    extra = np.stack([gait.per_stance(motion.stands(column), random) for column in range(2)], axis=1)
     moved = on_path(motion, size * wave[:, None] * left, 0.2 * size * extra[..., None] * left[:, None])
     lag = np.interp(seconds - 0.15, seconds, np.gradient(wave, seconds))
     roll = edit.factor("roll", random) * lag / max(float(np.abs(lag).max()), 0.5)
     rolled = turn_joints(moved, turns(moved, 0.4 * np.abs(roll), 0.0, roll), _with_limbs(_CHAIN, 0.5, 0.5))
     uneven = np.exp(0.12 * np.sin(2 * np.pi * seconds / random.uniform(1.7, 2.5) + turn[1]))
     return at_rate(rolled, uneven)
-
-
-def _per_stance(standing: NDArray[np.bool_], random: np.random.Generator) -> Array:
-    """One number of unit deviation for every stance, `(T,)`."""
-    number = np.cumsum(np.diff(standing.astype(int), prepend=0) == 1)
-    return random.normal(size=int(number.max()) + 1).clip(-1.5, 1.5)[number]
 
 
 # --- Within a gait cycle: steps stay where they are -------------------------------------------------------------------
@@ -509,10 +417,14 @@ def _landing(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> E
     for column in range(2):
         standing, height = motion.stands(column), ankles[:, column, 1]
         if "lift" in p:
-            height += size * p["lift"] * over_swings(standing, late_hill)
+            height += size * p["lift"] * gait.over_swings(standing, gait.late_hill)
         if "soft" in p:
-            height -= p["soft"] * height_in_swing(height, standing) * over_swings(standing, early_rise)
-    jolts = _jolts(motion)
+            height -= (
+                p["soft"]
+                * gait.height_in_swing(height, standing)
+                * gait.over_swings(standing, gait.early_rise)
+            )
+    jolts = gait.jolts(motion.contacts)
     lower = size * edit.size("drop") * jolts
     moved = with_feet(motion, motion.hips - lower[:, None] * UP, ankles, feet)
     if "bob" in p:
@@ -521,15 +433,6 @@ def _landing(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> E
     if not pitch.any():
         return moved
     return turn_joints(moved, turns(moved, pitch, 0.0, 0.0), _with_limbs(_SPINE_ONLY, 0.6, 0.4))
-
-
-def _jolts(motion: EditedMotion) -> Array:
-    """One after every landing, risen to in a tenth of a second and gone after half."""
-    landings = np.concatenate([left_landings(motion.contacts), right_landings(motion.contacts)])
-    if not len(landings):
-        return np.zeros(len(motion.hips))
-    since = np.maximum((np.arange(len(motion.hips))[:, None] - landings[None]) / _DEEPEST, 0.0)
-    return smooth((since * np.exp(1.0 - since)).sum(1, keepdims=True), 1.0)[:, 0]
 
 
 @dataclass(frozen=True)

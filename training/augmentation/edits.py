@@ -29,9 +29,10 @@ from training.augmentation.motion import (
     EditedMotion,
     at_rate,
     drag_foot,
-    keep_feet,
+    lowered,
     on_path,
     raise_heel,
+    raised,
     reaching,
     scaled_path,
     turn_joints,
@@ -116,7 +117,7 @@ def _turned(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Ed
 
 def _bounce(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     height = edit.amount("height", random, 0.08)
-    return _lowered(motion, 0.5 * height * (1.0 - np.cos(4 * np.pi * (motion.step_phase - 0.04))))
+    return lowered(motion, 0.5 * height * (1.0 - np.cos(4 * np.pi * (motion.step_phase - 0.04))))
 
 
 def _head(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
@@ -140,7 +141,7 @@ def _hand(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Edit
     positions, world = motion.joints
     length = len(motion.hips)
     point = np.broadcast_to(np.array(p["point"]), (length, 3)) + random.normal(0.0, 0.015, 3)
-    point = point + 0.008 * _drift(length, random)
+    point = point + 0.008 * gait.drift(length, random)
     if "wave" in p:
         *amplitude, cycles = p["wave"]
         beat = _beat(motion, cycles, random)
@@ -170,35 +171,18 @@ def _swing(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Edi
         away *= np.where(away[:, :1] < 0, -1.0, 1.0)
         angle = 2.0 * np.arctan2(np.linalg.norm(away[:, 1:], axis=1), away[:, 0])
         axis = rotations.normalize(away[:, 1:])
-        local[:, joint] = rotations.multiply(
-            mean, rotations.from_axis_angle(axis, np.clip(scale * angle, 0, 1.5))
-        )
+        turn = rotations.from_axis_angle(axis, np.clip(scale * angle, 0, 1.5))
+        local[:, joint] = rotations.multiply(mean, turn)
     return replace(motion, local=local)
-
-
-def _drift(length: int, random: np.random.Generator) -> Array:
-    """Slow unit noise `(T, 3)`: a held hand never stands perfectly still."""
-    time = np.arange(length)[:, None] / FPS
-    drift = np.zeros((length, 3))
-    for _ in range(2):
-        drift += np.sin(2 * np.pi * (random.uniform(0.1, 0.7, 3) * time + random.random(3)))
-    return drift
 
 
 # --- Posture of legs --------------------------------------------------------------------------------------------------
 
 
-def _lowered(motion: EditedMotion, drop: Array | float) -> EditedMotion:
-    hips = motion.hips.copy()
-    hips[:, 1] -= drop
-    moved = replace(motion, hips=hips)
-    return replace(moved, local=keep_feet(moved, motion))
-
-
 def _legs(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     p = {name: value * random.normal(1.0, 0.07) for name, value in edit.parameters.items()}
     if "lower" in p:
-        return _lowered(motion, p["lower"])
+        return lowered(motion, p["lower"])
     ankles, toes, feet = motion.feet()
     hips, contacts = motion.hips.copy(), motion.contacts.copy()
     for column, sign in edit.sides:
@@ -211,9 +195,8 @@ def _legs(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Edit
             contacts[:, 2 * column + 1] = 0
     if "tiptoe" in p:
         hips[:, 1] += _TIPTOE_RISE
-    return replace(
-        motion, hips=hips, local=ik.solve_legs(hips, motion.local, ankles, feet), contacts=contacts
-    )
+    local = ik.solve_legs(hips, motion.local, ankles, feet)
+    return replace(motion, hips=hips, local=local, contacts=contacts)
 
 
 def _placed_foot(
@@ -256,11 +239,8 @@ def _stiff(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Edi
     velocity = np.gradient(motion.path, axis=0)[:, [0, 2]] * FPS
     ground = motion.ground.height(motion.hips[:, 0], motion.hips[:, 2])
     state, bones, rise = LegEdit(), (leg_bones(0), leg_bones(1)), np.zeros(len(motion.hips))
-    local, hips, contacts = (
-        motion.local.tolist(),
-        motion.hips.tolist(),
-        motion.contacts.astype(float).tolist(),
-    )
+    local, hips = motion.local.tolist(), motion.hips.tolist()
+    contacts = motion.contacts.astype(float).tolist()
     for t in [*range(min(_SETTLING, len(hips))), *range(len(hips))]:
         legs = leg_forward(bones[0], hips[t], local[t]), leg_forward(bones[1], hips[t], local[t])
         request = EditRequest(shown, float(yaw[t]), tuple(velocity[t].tolist()), float(ground[t]))
@@ -285,7 +265,6 @@ def _steps(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Edi
 
 def _as_straight(before: EditedMotion, after: EditedMotion) -> EditedMotion:
     """`after` with its hips raised so far that the legs that stand are as long as in `before`: short steps, high hips."""
-    ankles, _, feet = after.feet()
     room = np.full((len(after.hips), 2), np.inf)
     for column in range(2):
         old, new = (
@@ -300,7 +279,7 @@ def _as_straight(before: EditedMotion, after: EditedMotion) -> EditedMotion:
     if not known.any():
         return after
     rise = np.interp(np.arange(len(rise)), np.flatnonzero(known), np.clip(rise[known], 0.0, _HIGHEST))
-    return with_feet(after, after.hips + smooth(rise[:, None], 4.0) * UP, ankles, feet)
+    return raised(after, smooth(rise[:, None], 4.0)[:, 0])
 
 
 def _line(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
@@ -323,9 +302,7 @@ def _stance(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Ed
     motion = on_path(motion, scaled_path(motion, rate**-_IN_STEP_LENGTH))
     drop = edit.amount("drop", random, 0.07)
     if drop:
-        ankles, _, feet = motion.feet()
-        carries = smooth(np.maximum(alone, 0.0)[:, None], 5.0)[:, 0]
-        motion = with_feet(motion, motion.hips - (drop * carries)[:, None] * UP, ankles, feet)
+        motion = raised(motion, -drop * smooth(np.maximum(alone, 0.0)[:, None], 5.0)[:, 0])
     return at_rate(motion, rate)
 
 
@@ -343,9 +320,8 @@ def _stagger(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> E
     seconds = np.arange(len(motion.hips)) / FPS
     slow, quick = random.uniform(2.6, 3.6), random.uniform(1.5, 2.0)
     turn = 2 * np.pi * random.random(2)
-    wave = 0.75 * np.sin(2 * np.pi * seconds / slow + turn[0]) + 0.35 * np.sin(
-        2 * np.pi * seconds / quick + turn[1]
-    )
+    wave = 0.75 * np.sin(2 * np.pi * seconds / slow + turn[0])
+    wave = wave + 0.35 * np.sin(2 * np.pi * seconds / quick + turn[1])
     left = motion.axes.left
     size = edit.factor("wander", random)
     extra = np.stack([gait.per_stance(motion.stands(column), random) for column in range(2)], axis=1)
@@ -360,17 +336,11 @@ def _stagger(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> E
 # --- Within a gait cycle: steps stay where they are -------------------------------------------------------------------
 
 
-def _bob(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
-    return _bobbing(motion, edit.factor("scale", random, 0.05))
-
-
 def _bobbing(motion: EditedMotion, scale: float) -> EditedMotion:
     """The hips' rise and fall scaled. Their highest stays where it is, or sinks: legs grow no longer."""
     away = (motion.hips - motion.path)[:, 1]
     top = motion.cycle_mean(np.maximum(away, 0.0)[:, None])[:, 0] * 2.0
-    rise = (scale - 1.0) * away - abs(scale - 1.0) * top
-    ankles, _, feet = motion.feet()
-    return with_feet(motion, motion.hips + rise[:, None] * UP, ankles, feet)
+    return raised(motion, (scale - 1.0) * away - abs(scale - 1.0) * top)
 
 
 def _hips(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
@@ -419,11 +389,8 @@ def _landing(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> E
         if "lift" in p:
             height += size * p["lift"] * gait.over_swings(standing, gait.late_hill)
         if "soft" in p:
-            height -= (
-                p["soft"]
-                * gait.height_in_swing(height, standing)
-                * gait.over_swings(standing, gait.early_rise)
-            )
+            early = gait.over_swings(standing, gait.early_rise)
+            height -= p["soft"] * gait.height_in_swing(height, standing) * early
     jolts = gait.jolts(motion.contacts)
     lower = size * edit.size("drop") * jolts
     moved = with_feet(motion, motion.hips - lower[:, None] * UP, ankles, feet)
@@ -468,7 +435,9 @@ KINDS = {
     "twist": _kind(_turned, "yaw"),
     "bounce": _kind(_bounce, "height"),
     "head": _kind(_head, "pitch yaw roll wave"),
-    "bob": _kind(_bob, "scale", **_SCALES),
+    "bob": _kind(
+        lambda motion, edit, random: _bobbing(motion, edit.factor("scale", random, 0.05)), "scale", **_SCALES
+    ),
     "hips": _kind(_hips, "sideways roll yaw", **_SCALES),
     "shoulders": _kind(_shoulders, "yaw roll", **_SCALES),
     "rock": _kind(_rock, "roll sideways", of_steps=True),

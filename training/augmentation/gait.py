@@ -135,3 +135,12 @@ def jolts(contacts: NDArray[np.uint8]) -> Array:
         return np.zeros(len(contacts))
     since = np.maximum((np.arange(len(contacts))[:, None] - frames[None]) / _DEEPEST, 0.0)
     return smooth((since * np.exp(1.0 - since)).sum(1, keepdims=True), 1.0)[:, 0]
+
+
+def drift(length: int, random: np.random.Generator) -> Array:
+    """Slow unit noise `(T, 3)`: a held hand never stands perfectly still."""
+    time = np.arange(length)[:, None] / FPS
+    drift = np.zeros((length, 3))
+    for _ in range(2):
+        drift += np.sin(2 * np.pi * (random.uniform(0.1, 0.7, 3) * time + random.random(3)))
+    return drift

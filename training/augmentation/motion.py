@@ -200,6 +200,20 @@ def with_feet(motion: EditedMotion, hips: Array, ankles: Array, feet: Array) -> 
     return replace(motion, hips=hips, local=ik.solve_legs(hips, motion.local, ankles, feet))
 
 
+def raised(motion: EditedMotion, rise: Array) -> EditedMotion:
+    """The motion with its hips raised by metres `(T,)` over feet that stay; they rise no higher than legs reach."""
+    ankles, _, feet = motion.feet()
+    return with_feet(motion, motion.hips + rise[:, None] * UP, ankles, feet)
+
+
+def lowered(motion: EditedMotion, drop: Array | float) -> EditedMotion:
+    """The motion with its hips lowered by metres over feet that stay."""
+    hips = motion.hips.copy()
+    hips[:, 1] -= drop
+    moved = replace(motion, hips=hips)
+    return replace(moved, local=keep_feet(moved, motion))
+
+
 def keep_feet(moved: EditedMotion, original: EditedMotion) -> Array:
     """Local rotations with the moved hips and the original's feet."""
     ankles, _, feet = original.feet()

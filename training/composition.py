@@ -113,7 +113,7 @@ def _activity(y: Array, x: Array) -> Array:
 
 def acts_on_base(edit: PartEdit) -> bool:
     """Whether a torso edit moves hips or feet, and so cannot be given to another body."""
-    return edit.kind in _OF_HIPS or (edit.of_steps and edit.kind != "shoulders")
+    return edit.kind in _OF_HIPS or (edit.does.of_steps and edit.kind != "shoulders")
 
 
 @dataclass

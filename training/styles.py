@@ -45,7 +45,7 @@ class StyleTexts:
 
     def of_rhythm(self) -> np.ndarray:
         """`(clips,)` bool: where a part does an edit of rhythm and weight, which shows in steps only."""
-        return self._does(lambda edit: edit.of_steps)
+        return self._does(lambda edit: edit.does.of_steps)
 
     def of_pace(self) -> np.ndarray:
         """`(clips,)` bool: where an edit changes how long or how quick the steps are."""

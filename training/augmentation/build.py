@@ -137,21 +137,21 @@ def _style_texts(
 
 def _suits(source: Source, motion: EditedMotion, edits: tuple[str, ...]) -> bool:
     """Whether edits can show: an arm that does not swing in its style cannot swing more, feet move on a floor only."""
-    if any(part_edits()[e].scales for e in edits) and not source.style.startswith("neutral"):
+    if any(part_edits()[e].does.scales for e in edits) and not source.style.startswith("neutral"):
         return False
     if (
-        any(part_edits()[e].of_steps for e in edits)
+        any(part_edits()[e].does.of_steps for e in edits)
         and np.asarray(source.motion.gait)[:, Gait.WALK].mean() < WALKED
     ):
         return False
-    return not any(part_edits()[e].moves_feet for e in edits) or walks_on_a_floor(motion)
+    return not any(part_edits()[e].does.moves_feet for e in edits) or walks_on_a_floor(motion)
 
 
 def _suitable(
     pool: Pool, edits: tuple[str, ...], random: np.random.Generator
 ) -> tuple[Source, EditedMotion] | None:
     """Another clip and a piece of it that suit the edits; None after `TRIES` draws."""
-    neutral = 1.0 if any(part_edits()[e].scales for e in edits) else NEUTRAL
+    neutral = 1.0 if any(part_edits()[e].does.scales for e in edits) else NEUTRAL
     for _ in range(TRIES):
         source, motion = _piece(pool, neutral, random)
         if _suits(source, motion, edits):
@@ -176,7 +176,7 @@ def _ground(
     source: Source, motion: EditedMotion, edits: tuple[str, ...], random: np.random.Generator
 ) -> Patches:
     """The source's ground near the path, or new relief around feet that stand elsewhere now."""
-    if any(part_edits()[e].moves_feet for e in edits):
+    if any(part_edits()[e].does.moves_feet for e in edits):
         return relief.fit_around_steps(motion.joints[0], motion.contacts, random)
     return _near(source.patches, motion.hips)
 

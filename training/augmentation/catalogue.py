@@ -11,47 +11,21 @@ from typing import Any
 
 from runtime.errors import FileError
 from runtime.measures.table import Measure, measures_of
+from training.augmentation.edits import KINDS, Kind
+from training.augmentation.motion import Edit
 
 _PATH = Path(__file__).with_name("edits.toml")
-_PARAMETERS = {  # that the edits of a kind have
-    "hand": {"frame", "point", "pole", "wave"},
-    "swing": {"scale"},
-    "leg": {"lift", "drag", "outward", "toe_out"},
-    "legs": {"lower", "tiptoe", "outward", "toe_up"},
-    "stiff": {"knee"},
-    "stance": {"uneven", "drop"},
-    "lean": {"pitch", "roll"},
-    "slump": {"pitch"},
-    "sway": {"roll"},
-    "twist": {"yaw"},
-    "bounce": {"height"},
-    "head": {"pitch", "yaw", "roll", "wave"},
-    "bob": {"scale"},
-    "hips": {"sideways", "roll", "yaw"},
-    "shoulders": {"yaw", "roll"},
-    "rock": {"roll", "sideways"},
-    "steps": {"length", "cadence"},
-    "line": {"outward"},
-    "hesitation": {"pause"},
-    "stagger": {"wander", "roll"},
-    "landing": {"lift", "drop", "jolt", "soft", "bob"},
-}
 _OTHER_LEG = {"left_leg": "right_leg", "right_leg": "left_leg"}
 
 
 @dataclass(frozen=True)
-class PartEdit:
-    """One edit. `phrases` `{part: sentences}` describe every part it changes; `parameters` are those of `kind`.
+class PartEdit(Edit):
+    """One edit. `phrases` `{part: sentences}` describe every part it changes.
 
-    Two edits of one clip never describe the same part.
-
-    `measure` (part, name in `runtime.measures.table`) is the quantity that shows the edit.
+    Two edits of one clip never describe the same part. `measure` (part, name in `runtime.measures.table`) shows the edit.
     """
 
     name: str
-    slot: str  # left_arm, right_arm, torso, head, left_leg, right_leg or legs
-    kind: str
-    parameters: dict[str, Any]
     phrases: dict[str, tuple[str, ...]]
     measure: tuple[str, str]
 
@@ -62,24 +36,14 @@ class PartEdit:
         return measures_of(part)[name]
 
     @property
-    def moves_feet(self) -> bool:
-        """Whether it puts feet elsewhere on the ground, or changes the length of the clip: rhythm."""
-        return self.kind in ("steps", "line", "stance", "hesitation", "stagger")
-
-    @property
-    def of_steps(self) -> bool:
-        """Whether it is of rhythm and weight, which show in walking only."""
-        return self.moves_feet or self.kind in ("landing", "bob", "hips", "shoulders", "rock")
+    def does(self) -> Kind:
+        """What edits of its kind do."""
+        return KINDS[self.kind]
 
     @property
     def rhythm(self) -> bool:
         """Whether the evaluation counts it as rhythm and weight, and not as posture."""
-        return self.of_steps or self.kind == "swing"
-
-    @property
-    def scales(self) -> bool:
-        """Whether it scales what the captured motion does, so that a body which does not do it shows nothing."""
-        return self.kind in ("swing", "bob", "hips", "shoulders")
+        return self.does.of_steps or self.kind == "swing"
 
 
 @dataclass(frozen=True)
@@ -157,7 +121,7 @@ def _edit(slot: str, name: str, entry: dict[str, Any]) -> PartEdit:
     if slot == "legs":
         parts = {"left_leg": "sentences", "right_leg": "sentences", "torso": "torso"}
     kind, parameters = entry["kind"], entry["parameters"]
-    if unknown := parameters.keys() - _PARAMETERS[kind]:
+    if unknown := parameters.keys() - KINDS[kind].parameters:
         raise ValueError(f"{slot}.{name}: {kind} has no {min(unknown)}")
     if unknown := entry.keys() - {"kind", "parameters", "measure", *parts.values()}:
         raise ValueError(f"{slot}.{name}: {min(unknown)} is unknown")
@@ -166,7 +130,7 @@ def _edit(slot: str, name: str, entry: dict[str, Any]) -> PartEdit:
     part = part or ("left_leg" if slot == "legs" else slot)
     if field not in measures_of(part):
         raise ValueError(f"{slot}.{name}: {part} has no measure {field}")
-    return PartEdit(f"{slot}.{name}", slot, kind, parameters, phrases, (part, field))
+    return PartEdit(slot, kind, parameters, f"{slot}.{name}", phrases, (part, field))
 
 
 def _other_words(table: dict[str, list[str]]) -> Iterator[tuple[tuple[str, str], tuple[str, ...]]]:

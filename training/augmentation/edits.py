@@ -6,7 +6,7 @@ Edits are varied a little by the generator in strength and place. The order of t
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,30 +18,22 @@ from runtime.edits.request import LARGEST, LEG, EditRequest
 from runtime.feet import ik
 from runtime.feet.leg import leg_bones, leg_forward
 from runtime.motion.features import FPS
-from runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
-from runtime.terrain.height_map import Terrain
-from training.augmentation.catalogue import PartEdit
-from training.augmentation.gait import (
-    early_rise,
-    height_in_swing,
-    held_in_stance,
-    hill,
-    late_hill,
-    left_landings,
-    over_swings,
-    plateau,
-    right_landings,
-)
+from runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON
+from training.augmentation import gait
 from training.augmentation.motion import (
-    AHEAD,
     LEFT,
+    SIDES,
     THIGHS,
     UP,
+    Edit,
     EditedMotion,
     at_rate,
-    keep_feet,
+    drag_foot,
+    lowered,
     on_path,
     raise_heel,
+    raised,
+    reaching,
     scaled_path,
     turn_joints,
     turns,
@@ -50,7 +42,6 @@ from training.augmentation.motion import (
 from training.frames import smooth
 
 _AT = SPORT_SKELETON.index
-_SIDES = {"left": (0, 1.0), "right": (1, -1.0)}  # column of contacts pairs and sign of X
 _FRAME_JOINT = {"hips": "Hips", "chest": "Spine1", "head": "Head"}
 _CHAIN = {0: 0.4, 11: 0.6, 12: 0.8, 13: 1.0}  # of a lean, taken by hips, lower back, spine, chest
 _ROCKING = {0: 0.35, 11: 0.6, 12: 0.8, 13: 1.0}
@@ -67,23 +58,11 @@ _VARIATION_GONE = 0.7  # of the stance width, where an edit sets it
 _IN_STEP_LENGTH = 0.6  # of an unequal rate that becomes an unequal step length; the rest is an uneven speed
 _SPINE_M = 0.23  # from the hips to the chest
 _CHEST_STAYS = 0.6  # of what the hips sway more: the chest stays behind, level
-_DEEPEST = 6.0  # frames from a landing to the deepest of a knee that gives
 
 
-def apply(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+def apply(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     """The motion with one edit, a little varied by `random` in strength and place; rhythm may change its length."""
-    return _KINDS[edit.kind](motion, edit, random)
-
-
-def _amount(edit: PartEdit, name: str, random: np.random.Generator, deviation: float) -> float:
-    """A size of the edit, 0 where it has none, a little varied."""
-    return float(edit.parameters.get(name, 0.0)) * random.normal(1.0, deviation)
-
-
-def _factor(edit: PartEdit, name: str, random: np.random.Generator, deviation: float = 0.04) -> float:
-    """A factor or size of the edit, 1 where it has none, a little varied; exactly 1 stays as it is."""
-    value = float(edit.parameters.get(name, 1.0))
-    return value if value == 1.0 else value * float(np.exp(deviation * random.normal()))
+    return KINDS[edit.kind].apply(motion, edit, random)
 
 
 def _beat(motion: EditedMotion, cycles: float, random: np.random.Generator) -> Array:
@@ -106,9 +85,20 @@ def _with_limbs(chain: dict[int, float], arms: float, head: float) -> dict[int, 
     return fractions | dict.fromkeys(PART_JOINTS["head"], head)
 
 
-def _lean(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+_TURNS: dict[str, tuple[dict[int, float], float, Callable[[EditedMotion], Array | float]]] = {
+    "slump": (_with_limbs(_ROUNDED, _ARM_FOLLOWS, _HEAD_FOLLOWS), 0.06, lambda _: 1.0),
+    "sway": (_with_limbs(_CHAIN, 0.6, 0.4), 0.08, _side_beat),
+    "twist": (
+        _with_limbs(_SPINE_ONLY, 1.0, 0.15),
+        0.08,
+        lambda motion: -np.cos(2 * np.pi * motion.step_phase),
+    ),
+}
+
+
+def _lean(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     amount = random.normal(1.0, 0.06)
-    pitch, roll = (amount * float(edit.parameters.get(name, 0.0)) for name in ("pitch", "roll"))
+    pitch, roll = (amount * edit.size(name) for name in ("pitch", "roll"))
     vectors = turns(motion, pitch, 0.0, roll)
     back = -0.13 * np.sin(np.radians(pitch))  # the hips balance the upper body
     side = -0.12 * np.sin(np.radians(roll))
@@ -117,30 +107,22 @@ def _lean(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> 
     return turn_joints(replace(motion, hips=hips), vectors, fractions, motion.feet()[0])
 
 
-def _slump(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    pitch = _amount(edit, "pitch", random, 0.06)
-    fractions = _with_limbs(_ROUNDED, _ARM_FOLLOWS, _HEAD_FOLLOWS)
-    return turn_joints(motion, turns(motion, pitch, 0.0, 0.0), fractions)
+def _turned(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
+    """The torso turned by its angles, held or in step."""
+    fractions, deviation, beat = _TURNS[edit.kind]
+    amount, times = random.normal(1.0, deviation), beat(motion)
+    angles = (edit.size(name) * amount * times for name in ("pitch", "yaw", "roll"))
+    return turn_joints(motion, turns(motion, *angles), fractions)
 
 
-def _sway(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    roll = _amount(edit, "roll", random, 0.08) * _side_beat(motion)
-    return turn_joints(motion, turns(motion, 0.0, 0.0, roll), _with_limbs(_CHAIN, 0.6, 0.4))
+def _bounce(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
+    height = edit.amount("height", random, 0.08)
+    return lowered(motion, 0.5 * height * (1.0 - np.cos(4 * np.pi * (motion.step_phase - 0.04))))
 
 
-def _twist(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    yaw = _amount(edit, "yaw", random, 0.08) * np.cos(2 * np.pi * motion.step_phase)
-    return turn_joints(motion, turns(motion, 0.0, -yaw, 0.0), _with_limbs(_SPINE_ONLY, 1.0, 0.15))
-
-
-def _bounce(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    height = _amount(edit, "height", random, 0.08)
-    return _lowered(motion, 0.5 * height * (1.0 - np.cos(4 * np.pi * (motion.step_phase - 0.04))))
-
-
-def _head(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+def _head(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     amount = random.normal(1.0, 0.07)
-    angles = [amount * float(edit.parameters.get(name, 0.0)) for name in ("pitch", "yaw", "roll")]
+    angles = [amount * edit.size(name) for name in ("pitch", "yaw", "roll")]
     if "wave" in edit.parameters:
         *sizes, cycles = edit.parameters["wave"]
         beat = _beat(motion, cycles, random)
@@ -151,17 +133,15 @@ def _head(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> 
 # --- Arms -------------------------------------------------------------------------------------------------------------
 
 
-def _hand(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+def _hand(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     p = edit.parameters
-    side = edit.slot.removesuffix("_arm")
-    mirror = np.array([_SIDES[side][1], 1.0, 1.0])  # points are given for the left arm
-    collar, shoulder, elbow, hand = (
-        _AT(side.capitalize() + name) for name in ("Shoulder", "Arm", "ForeArm", "Hand")
-    )
+    side = edit.slot.removesuffix("_arm").capitalize()
+    mirror = np.array([edit.sides[0][1], 1.0, 1.0])  # points are given for the left arm
+    collar, shoulder, elbow, hand = (_AT(side + name) for name in ("Shoulder", "Arm", "ForeArm", "Hand"))
     positions, world = motion.joints
     length = len(motion.hips)
     point = np.broadcast_to(np.array(p["point"]), (length, 3)) + random.normal(0.0, 0.015, 3)
-    point = point + 0.008 * _drift(length, random)
+    point = point + 0.008 * gait.drift(length, random)
     if "wave" in p:
         *amplitude, cycles = p["wave"]
         beat = _beat(motion, cycles, random)
@@ -172,7 +152,7 @@ def _hand(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> 
     target = positions[:, joint] + rotations.rotate(axes, point * mirror)
     body = motion.facing if at_shoulder else world[:, _AT("Spine1")]
     pole = rotations.rotate(body, np.broadcast_to(np.array(p["pole"]) * mirror, (length, 3)))
-    upper, lower = _reaching(motion, (shoulder, elbow, hand), target, pole, mirror * LEFT)
+    upper, lower = reaching(motion, (shoulder, elbow, hand), target, pole, mirror * LEFT)
     local = motion.local.copy()
     local[:, shoulder] = rotations.multiply(rotations.inverse(world[:, collar]), upper)
     local[:, elbow] = rotations.multiply(rotations.inverse(upper), lower)
@@ -180,32 +160,8 @@ def _hand(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> 
     return replace(motion, local=local)
 
 
-def _reaching(
-    motion: EditedMotion, arm: tuple[int, int, int], target: Array, pole: Array, along: Array
-) -> tuple[Array, Array]:
-    """World rotations `(T, 4)` of upper arm and forearm that bring the hand to `target`, the elbow towards `pole`.
-
-    `arm` are the joints shoulder, elbow and hand, `along` is the direction of its bones at rest. The elbow is first bent
-    by hand towards the pole: the solver then keeps that bending plane.
-    """
-    positions, world = motion.joints
-    shoulder = positions[:, arm[0]]
-    middle = shoulder + 0.5 * (target - shoulder)
-    upper, lower = (np.linalg.norm(SPORT_SKELETON.offsets[joint]) for joint in arm[1:])
-    elbow = shoulder + upper * rotations.normalize(middle + 0.3 * rotations.normalize(pole) - shoulder)
-    hand = elbow + lower * rotations.normalize(target - elbow)
-    arm_turn = rotations.between(
-        rotations.normalize(positions[:, arm[1]] - shoulder), rotations.normalize(elbow - shoulder)
-    )
-    first_upper = rotations.multiply(arm_turn, world[:, arm[0]])
-    fore_turn = rotations.between(rotations.rotate(first_upper, along), rotations.normalize(hand - elbow))
-    first_lower = rotations.multiply(fore_turn, first_upper)
-    upper_turn, lower_turn = ik.two_bone(shoulder, elbow, hand, target)
-    return rotations.multiply(upper_turn, first_upper), rotations.multiply(lower_turn, first_lower)
-
-
-def _swing(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    scale = _amount(edit, "scale", random, 0.05)
+def _swing(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
+    scale = edit.amount("scale", random, 0.05)
     name = edit.slot.removesuffix("_arm").capitalize()
     local = motion.local.copy()
     for joint in (_AT(f"{name}Arm"), _AT(f"{name}ForeArm")):
@@ -215,39 +171,21 @@ def _swing(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) ->
         away *= np.where(away[:, :1] < 0, -1.0, 1.0)
         angle = 2.0 * np.arctan2(np.linalg.norm(away[:, 1:], axis=1), away[:, 0])
         axis = rotations.normalize(away[:, 1:])
-        local[:, joint] = rotations.multiply(
-            mean, rotations.from_axis_angle(axis, np.clip(scale * angle, 0, 1.5))
-        )
+        turn = rotations.from_axis_angle(axis, np.clip(scale * angle, 0, 1.5))
+        local[:, joint] = rotations.multiply(mean, turn)
     return replace(motion, local=local)
-
-
-def _drift(length: int, random: np.random.Generator) -> Array:
-    """Slow unit noise `(T, 3)`: a held hand never stands perfectly still."""
-    time = np.arange(length)[:, None] / FPS
-    drift = np.zeros((length, 3))
-    for _ in range(2):
-        drift += np.sin(2 * np.pi * (random.uniform(0.1, 0.7, 3) * time + random.random(3)))
-    return drift
 
 
 # --- Posture of legs --------------------------------------------------------------------------------------------------
 
 
-def _lowered(motion: EditedMotion, drop: Array | float) -> EditedMotion:
-    hips = motion.hips.copy()
-    hips[:, 1] -= drop
-    moved = replace(motion, hips=hips)
-    return replace(moved, local=keep_feet(moved, motion))
-
-
-def _legs(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+def _legs(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     p = {name: value * random.normal(1.0, 0.07) for name, value in edit.parameters.items()}
     if "lower" in p:
-        return _lowered(motion, p["lower"])
-    sides = list(_SIDES.values()) if edit.slot == "legs" else [_SIDES[edit.slot.removesuffix("_leg")]]
+        return lowered(motion, p["lower"])
     ankles, toes, feet = motion.feet()
     hips, contacts = motion.hips.copy(), motion.contacts.copy()
-    for column, sign in sides:
+    for column, sign in edit.sides:
         ankles[:, column], feet[:, column] = _placed_foot(
             motion, p, (ankles[:, column], toes[:, column], feet[:, column]), motion.stands(column), sign
         )
@@ -257,9 +195,8 @@ def _legs(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> 
             contacts[:, 2 * column + 1] = 0
     if "tiptoe" in p:
         hips[:, 1] += _TIPTOE_RISE
-    return replace(
-        motion, hips=hips, local=ik.solve_legs(hips, motion.local, ankles, feet), contacts=contacts
-    )
+    local = ik.solve_legs(hips, motion.local, ankles, feet)
+    return replace(motion, hips=hips, local=local, contacts=contacts)
 
 
 def _placed_foot(
@@ -272,13 +209,13 @@ def _placed_foot(
     """Ankle `(T, 3)` and rotation `(T, 4)` of a foot by the numbers `p`; `leg` is ankle, toe and rotation."""
     ankle, toe, foot = leg[0].copy(), leg[1], leg[2].copy()
     if "lift" in p:
-        ankle[:, 1] += p["lift"] * over_swings(down, hill)
+        ankle[:, 1] += p["lift"] * gait.over_swings(down, gait.hill)
     if "drag" in p:
-        _drag(ankle, foot, toe, p["drag"] * over_swings(down, plateau), motion.ground)
+        drag_foot(ankle, foot, toe, p["drag"] * gait.over_swings(down, gait.plateau), motion.ground)
     if "outward" in p:
         offset = rotations.rotate(motion.facing, np.array([sign * p["outward"], 0.0, 0.0]))
         before = motion.ground.height(ankle[:, 0], ankle[:, 2])
-        ankle += held_in_stance(offset, down)
+        ankle += gait.held_in_stance(offset, down)
         ankle[:, 1] += motion.ground.height(ankle[:, 0], ankle[:, 2]) - before
     if "toe_out" in p:
         foot = rotations.multiply(rotations.from_yaw(np.radians(sign * p["toe_out"])), foot)
@@ -291,23 +228,19 @@ def _placed_foot(
     return ankle, foot
 
 
-def _stiff(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+def _stiff(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     """What the runtime does where a walk lacks what is said of its legs, frame by frame."""
-    knee = _amount(edit, "knee", random, 0.07)
-    sides = [0, 1] if edit.slot == "legs" else [_SIDES[edit.slot.removesuffix("_leg")][0]]
+    knee = edit.amount("knee", random, 0.07)
     ankles, _, feet = motion.feet()
-    shown = [[[0.0, 0.0, 0.0] for _ in LEG] for _ in _SIDES]
-    for column in sides:
+    shown = [[[0.0, 0.0, 0.0] for _ in LEG] for _ in SIDES]
+    for column, _ in edit.sides:
         shown[column][KNEE] = [1.0, -LARGEST, knee]
     yaw = rotations.to_euler(motion.facing, "YXZ")[:, 0]
     velocity = np.gradient(motion.path, axis=0)[:, [0, 2]] * FPS
     ground = motion.ground.height(motion.hips[:, 0], motion.hips[:, 2])
     state, bones, rise = LegEdit(), (leg_bones(0), leg_bones(1)), np.zeros(len(motion.hips))
-    local, hips, contacts = (
-        motion.local.tolist(),
-        motion.hips.tolist(),
-        motion.contacts.astype(float).tolist(),
-    )
+    local, hips = motion.local.tolist(), motion.hips.tolist()
+    contacts = motion.contacts.astype(float).tolist()
     for t in [*range(min(_SETTLING, len(hips))), *range(len(hips))]:
         legs = leg_forward(bones[0], hips[t], local[t]), leg_forward(bones[1], hips[t], local[t])
         request = EditRequest(shown, float(yaw[t]), tuple(velocity[t].tolist()), float(ground[t]))
@@ -316,35 +249,11 @@ def _stiff(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) ->
     return with_feet(motion, motion.hips + rise[:, None] * UP, ankles, feet)
 
 
-def _drag(ankle: Array, foot: Array, toe: Array, fraction: Array, ground: Terrain) -> None:
-    """Lay the foot flat and lower it to the ground by `fraction` `(T,)` of what it is away from both, in place.
-
-    `ankle` and `toe` are positions `(T, 3)`, `foot` its rotations `(T, 4)`.
-    """
-    fraction = np.clip(fraction, 0.0, 1.0)
-    toe_ground = ground.height(toe[:, 0], toe[:, 2])
-    ankle_ground = ground.height(ankle[:, 0], ankle[:, 2])
-    apart = np.maximum(np.linalg.norm((toe - ankle)[:, [0, 2]], axis=1), 0.05)
-    slope = np.arctan2(ankle_ground - toe_ground, apart)
-    ahead = rotations.rotate(foot, AHEAD)
-    pitch = np.arcsin(np.clip(-ahead[:, 1], -1, 1)) - slope  # positive: the heel is up
-    turn = rotations.from_axis_angle(rotations.rotate(foot, LEFT), -fraction * pitch)
-    to_toe = rotations.rotate(turn, toe - ankle)
-    ankle[:] = np.where(pitch[:, None] > 0, toe - to_toe, ankle)  # about whichever is lower, toe or heel
-    foot[:] = rotations.multiply(turn, foot)
-    lowest = ankle + to_toe
-    room = np.minimum(
-        lowest[:, 1] - ground.height(lowest[:, 0], lowest[:, 2]) - TOE_HEIGHT,
-        ankle[:, 1] - ground.height(ankle[:, 0], ankle[:, 2]) - ANKLE_HEIGHT,
-    )
-    ankle[:, 1] -= fraction * np.maximum(room, 0.0)
-
-
 # --- Steps: where and when a body goes --------------------------------------------------------------------------------
 
 
-def _steps(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    length, cadence = _factor(edit, "length", random), _factor(edit, "cadence", random)
+def _steps(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
+    length, cadence = edit.factor("length", random), edit.factor("cadence", random)
     if length > 1.0:  # the pelvis turns as much more: a leg alone is too short for a long stride
         yaw = motion.hips_turn() * np.array([0.0, length - 1.0, 0.0])
         motion = turn_joints(motion, rotations.rotate(motion.axes.facing, yaw), {0: 1.0})
@@ -356,7 +265,6 @@ def _steps(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) ->
 
 def _as_straight(before: EditedMotion, after: EditedMotion) -> EditedMotion:
     """`after` with its hips raised so far that the legs that stand are as long as in `before`: short steps, high hips."""
-    ankles, _, feet = after.feet()
     room = np.full((len(after.hips), 2), np.inf)
     for column in range(2):
         old, new = (
@@ -371,113 +279,98 @@ def _as_straight(before: EditedMotion, after: EditedMotion) -> EditedMotion:
     if not known.any():
         return after
     rise = np.interp(np.arange(len(rise)), np.flatnonzero(known), np.clip(rise[known], 0.0, _HIGHEST))
-    return with_feet(after, after.hips + smooth(rise[:, None], 4.0) * UP, ankles, feet)
+    return raised(after, smooth(rise[:, None], 4.0)[:, 0])
 
 
-def _line(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+def _line(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     """Steps vary about the wanted place a third as much as in the capture."""
     wanted = float(edit.parameters["outward"]) + 0.006 * random.normal()
     left = motion.axes.left[:, None]
     out = np.sum((motion.feet()[0] - motion.path[:, None]) * left, axis=-1)
-    for column, sign in _SIDES.values():
+    for column, sign in SIDES.values():
         standing = motion.stands(column)
         own = float(np.median(out[standing, column])) if standing.any() else 0.0
         out[:, column] = sign * wanted - own - _VARIATION_GONE * (out[:, column] - own)
     return on_path(motion, np.zeros_like(motion.path), out[..., None] * left)
 
 
-def _stance(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    column, _ = _SIDES[edit.slot.removesuffix("_leg")]
+def _stance(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
+    column, _ = edit.sides[0]
     alone = motion.stands(column).astype(np.float64) - motion.stands(1 - column)
     weight = smooth(alone[:, None], 3.0)[:, 0]
-    rate = np.exp(-0.5 * np.log(_factor(edit, "uneven", random)) * weight)
+    rate = np.exp(-0.5 * np.log(edit.factor("uneven", random)) * weight)
     motion = on_path(motion, scaled_path(motion, rate**-_IN_STEP_LENGTH))
-    drop = _amount(edit, "drop", random, 0.07)
+    drop = edit.amount("drop", random, 0.07)
     if drop:
-        ankles, _, feet = motion.feet()
-        carries = smooth(np.maximum(alone, 0.0)[:, None], 5.0)[:, 0]
-        motion = with_feet(motion, motion.hips - (drop * carries)[:, None] * UP, ankles, feet)
+        motion = raised(motion, -drop * smooth(np.maximum(alone, 0.0)[:, None], 5.0)[:, 0])
     return at_rate(motion, rate)
 
 
-def _hesitation(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    seconds = _factor(edit, "pause", random)
-    landings = np.sort(np.concatenate([left_landings(motion.contacts), right_landings(motion.contacts)]))
+def _hesitation(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
+    seconds = edit.factor("pause", random)
+    landings = np.sort(gait.all_landings(motion.contacts))
     frames = np.arange(len(motion.hips))[:, None]
     size = seconds * FPS / (_PAUSE_SIGMA * np.sqrt(2 * np.pi))
     longer = 1.0 + size * np.exp(-0.5 * ((frames - (landings[None] + 5)) / _PAUSE_SIGMA) ** 2).sum(1)
     return at_rate(motion, 1.0 / longer)
 
 
-def _stagger(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+def _stagger(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     """The course leaves its line in slow waves, footprints scatter, the torso follows late, the rate is uneven."""
     seconds = np.arange(len(motion.hips)) / FPS
     slow, quick = random.uniform(2.6, 3.6), random.uniform(1.5, 2.0)
     turn = 2 * np.pi * random.random(2)
-    wave = 0.75 * np.sin(2 * np.pi * seconds / slow + turn[0]) + 0.35 * np.sin(
-        2 * np.pi * seconds / quick + turn[1]
-    )
+    wave = 0.75 * np.sin(2 * np.pi * seconds / slow + turn[0])
+    wave = wave + 0.35 * np.sin(2 * np.pi * seconds / quick + turn[1])
     left = motion.axes.left
-    size = _factor(edit, "wander", random)
-    extra = np.stack([_per_stance(motion.stands(column), random) for column in range(2)], axis=1)
+    size = edit.factor("wander", random)
+    extra = np.stack([gait.per_stance(motion.stands(column), random) for column in range(2)], axis=1)
     moved = on_path(motion, size * wave[:, None] * left, 0.2 * size * extra[..., None] * left[:, None])
     lag = np.interp(seconds - 0.15, seconds, np.gradient(wave, seconds))
-    roll = _factor(edit, "roll", random) * lag / max(float(np.abs(lag).max()), 0.5)
+    roll = edit.factor("roll", random) * lag / max(float(np.abs(lag).max()), 0.5)
     rolled = turn_joints(moved, turns(moved, 0.4 * np.abs(roll), 0.0, roll), _with_limbs(_CHAIN, 0.5, 0.5))
     uneven = np.exp(0.12 * np.sin(2 * np.pi * seconds / random.uniform(1.7, 2.5) + turn[1]))
     return at_rate(rolled, uneven)
 
 
-def _per_stance(standing: NDArray[np.bool_], random: np.random.Generator) -> Array:
-    """One number of unit deviation for every stance, `(T,)`."""
-    number = np.cumsum(np.diff(standing.astype(int), prepend=0) == 1)
-    return random.normal(size=int(number.max()) + 1).clip(-1.5, 1.5)[number]
-
-
 # --- Within a gait cycle: steps stay where they are -------------------------------------------------------------------
-
-
-def _bob(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
-    return _bobbing(motion, _factor(edit, "scale", random, 0.05))
 
 
 def _bobbing(motion: EditedMotion, scale: float) -> EditedMotion:
     """The hips' rise and fall scaled. Their highest stays where it is, or sinks: legs grow no longer."""
     away = (motion.hips - motion.path)[:, 1]
     top = motion.cycle_mean(np.maximum(away, 0.0)[:, None])[:, 0] * 2.0
-    rise = (scale - 1.0) * away - abs(scale - 1.0) * top
-    ankles, _, feet = motion.feet()
-    return with_feet(motion, motion.hips + rise[:, None] * UP, ankles, feet)
+    return raised(motion, (scale - 1.0) * away - abs(scale - 1.0) * top)
 
 
-def _hips(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+def _hips(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     axes = motion.axes
     sideways = np.sum((motion.hips - motion.path) * axes.left, axis=1)[:, None] * axes.left
-    moved_by = (_factor(edit, "sideways", random, 0.05) - 1.0) * sideways
+    moved_by = (edit.factor("sideways", random, 0.05) - 1.0) * sideways
     moved = replace(motion, hips=motion.hips + moved_by)
     back = np.degrees(np.arctan2(-_CHEST_STAYS * np.sum(moved_by * axes.left, axis=1), _SPINE_M))
     moved = turn_joints(moved, turns(moved, 0.0, 0.0, back), {11: 1.0, 12: 1.0})
-    yaw, roll = (_factor(edit, name, random, 0.05) - 1.0 for name in ("yaw", "roll"))
+    yaw, roll = (edit.factor(name, random, 0.05) - 1.0 for name in ("yaw", "roll"))
     more = rotations.rotate(axes.facing, motion.hips_turn() * np.array([0.0, yaw, roll]))
     return turn_joints(moved, more, {0: 1.0}, motion.feet()[0])
 
 
-def _shoulders(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+def _shoulders(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     positions = motion.joints[0]
     across = positions[:, _AT("LeftArm")] - positions[:, _AT("RightArm")]
     yaw = np.unwrap(np.arctan2(-across[:, 2], across[:, 0]))[:, None]
     turn = yaw - motion.cycle_mean(yaw)
-    more = turn * np.array([0.0, _factor(edit, "yaw", random, 0.05) - 1.0, 0.0])
+    more = turn * np.array([0.0, edit.factor("yaw", random, 0.05) - 1.0, 0.0])
     vectors = rotations.rotate(motion.axes.facing, more)
     moved = turn_joints(motion, vectors, _with_limbs(_SPINE_ONLY, 1.0, 0.1))
-    roll = _amount(edit, "roll", random, 0.06)
+    roll = edit.amount("roll", random, 0.06)
     if not roll:
         return moved
     rolls = turns(moved, 0.0, 0.0, roll * _side_beat(motion))
     return turn_joints(moved, rolls, _with_limbs(_SPINE_ONLY, 0.8, 0.2))
 
 
-def _rock(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+def _rock(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     size = random.normal(1.0, 0.06)
     beat = _side_beat(motion)
     sideways = size * float(edit.parameters["sideways"]) * beat
@@ -487,56 +380,71 @@ def _rock(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> 
     return turn_joints(moved, turns(moved, 0.0, 0.0, roll), fractions, motion.feet()[0])
 
 
-def _landing(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
+def _landing(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     p = edit.parameters
     size = random.normal(1.0, 0.06)
     ankles, _, feet = motion.feet()
     for column in range(2):
         standing, height = motion.stands(column), ankles[:, column, 1]
         if "lift" in p:
-            height += size * p["lift"] * over_swings(standing, late_hill)
+            height += size * p["lift"] * gait.over_swings(standing, gait.late_hill)
         if "soft" in p:
-            height -= p["soft"] * height_in_swing(height, standing) * over_swings(standing, early_rise)
-    jolts = _jolts(motion)
-    lower = size * float(p.get("drop", 0.0)) * jolts
+            early = gait.over_swings(standing, gait.early_rise)
+            height -= p["soft"] * gait.height_in_swing(height, standing) * early
+    jolts = gait.jolts(motion.contacts)
+    lower = size * edit.size("drop") * jolts
     moved = with_feet(motion, motion.hips - lower[:, None] * UP, ankles, feet)
     if "bob" in p:
         moved = _bobbing(moved, p["bob"])
-    pitch = size * float(p.get("jolt", 0.0)) * jolts
+    pitch = size * edit.size("jolt") * jolts
     if not pitch.any():
         return moved
     return turn_joints(moved, turns(moved, pitch, 0.0, 0.0), _with_limbs(_SPINE_ONLY, 0.6, 0.4))
 
 
-def _jolts(motion: EditedMotion) -> Array:
-    """One after every landing, risen to in a tenth of a second and gone after half."""
-    landings = np.concatenate([left_landings(motion.contacts), right_landings(motion.contacts)])
-    if not len(landings):
-        return np.zeros(len(motion.hips))
-    since = np.maximum((np.arange(len(motion.hips))[:, None] - landings[None]) / _DEEPEST, 0.0)
-    return smooth((since * np.exp(1.0 - since)).sum(1, keepdims=True), 1.0)[:, 0]
+@dataclass(frozen=True)
+class Kind:
+    """What edits of a kind do, and the parameters that they may have.
+
+    A kind `moves_feet` that puts them elsewhere on the ground, or changes the length of a clip; it is `of_steps` if of rhythm and
+    weight, which show in walking only; it `scales` what a captured motion does, so that a body which does not do it shows nothing.
+    """
+
+    apply: Callable[[EditedMotion, Edit, np.random.Generator], EditedMotion]
+    parameters: frozenset[str]
+    moves_feet: bool = False
+    of_steps: bool = False
+    scales: bool = False
 
 
-_KINDS: dict[str, Callable[[EditedMotion, PartEdit, np.random.Generator], EditedMotion]] = {
-    "lean": _lean,
-    "slump": _slump,
-    "sway": _sway,
-    "twist": _twist,
-    "bounce": _bounce,
-    "head": _head,
-    "hand": _hand,
-    "swing": _swing,
-    "leg": _legs,
-    "legs": _legs,
-    "stiff": _stiff,
-    "steps": _steps,
-    "line": _line,
-    "stance": _stance,
-    "hesitation": _hesitation,
-    "stagger": _stagger,
-    "bob": _bob,
-    "hips": _hips,
-    "shoulders": _shoulders,
-    "rock": _rock,
-    "landing": _landing,
+def _kind(apply: Callable[..., EditedMotion], parameters: str, **flags: bool) -> Kind:
+    return Kind(apply, frozenset(parameters.split()), **flags)
+
+
+_FEET = {"moves_feet": True, "of_steps": True}
+_SCALES = {"of_steps": True, "scales": True}
+KINDS = {
+    "hand": _kind(_hand, "frame point pole wave"),
+    "swing": _kind(_swing, "scale", scales=True),
+    "leg": _kind(_legs, "lift drag outward toe_out"),
+    "legs": _kind(_legs, "lower tiptoe outward toe_up"),
+    "stiff": _kind(_stiff, "knee"),
+    "lean": _kind(_lean, "pitch roll"),
+    "slump": _kind(_turned, "pitch"),
+    "sway": _kind(_turned, "roll"),
+    "twist": _kind(_turned, "yaw"),
+    "bounce": _kind(_bounce, "height"),
+    "head": _kind(_head, "pitch yaw roll wave"),
+    "bob": _kind(
+        lambda motion, edit, random: _bobbing(motion, edit.factor("scale", random, 0.05)), "scale", **_SCALES
+    ),
+    "hips": _kind(_hips, "sideways roll yaw", **_SCALES),
+    "shoulders": _kind(_shoulders, "yaw roll", **_SCALES),
+    "rock": _kind(_rock, "roll sideways", of_steps=True),
+    "landing": _kind(_landing, "lift drop jolt soft bob", of_steps=True),
+    "steps": _kind(_steps, "length cadence", **_FEET),
+    "line": _kind(_line, "outward", **_FEET),
+    "stance": _kind(_stance, "uneven drop", **_FEET),
+    "hesitation": _kind(_hesitation, "pause", **_FEET),
+    "stagger": _kind(_stagger, "wander roll", **_FEET),
 }

@@ -11,7 +11,9 @@ from runtime.arrays import Array
 from runtime.easing import smoothstep
 from runtime.measures.signals import landings
 from runtime.motion.features import FPS
+from training.frames import smooth
 
+_DEEPEST = 6.0  # frames from a landing to the deepest of a knee that gives
 USUAL_CYCLE = 66  # frames, where there are too few landings to tell
 
 
@@ -23,6 +25,11 @@ def left_landings(contacts: NDArray[np.uint8]) -> NDArray[np.intp]:
 def right_landings(contacts: NDArray[np.uint8]) -> NDArray[np.intp]:
     """Frames where the right foot comes down."""
     return landings(np.asarray(contacts[:, 2:].any(1)))
+
+
+def all_landings(contacts: NDArray[np.uint8]) -> NDArray[np.intp]:
+    """Frames where the left foot comes down, then those of the right one."""
+    return np.concatenate([left_landings(contacts), right_landings(contacts)])
 
 
 def step_phase(contacts: NDArray[np.uint8]) -> Array:
@@ -113,3 +120,27 @@ def held_in_stance(values: Array, down: NDArray[np.bool_]) -> Array:
         before, after = held[max(a - 1, 0)], held[min(b, len(values) - 1)]
         held[a:b] = (1 - t) * before + t * after
     return held
+
+
+def per_stance(standing: NDArray[np.bool_], random: np.random.Generator) -> Array:
+    """One number of unit deviation for every stance, `(T,)`."""
+    number = np.cumsum(np.diff(standing.astype(int), prepend=0) == 1)
+    return random.normal(size=int(number.max()) + 1).clip(-1.5, 1.5)[number]
+
+
+def jolts(contacts: NDArray[np.uint8]) -> Array:
+    """One after every landing, risen to in a tenth of a second and gone after half."""
+    frames = all_landings(contacts)
+    if not len(frames):
+        return np.zeros(len(contacts))
+    since = np.maximum((np.arange(len(contacts))[:, None] - frames[None]) / _DEEPEST, 0.0)
+    return smooth((since * np.exp(1.0 - since)).sum(1, keepdims=True), 1.0)[:, 0]
+
+
+def drift(length: int, random: np.random.Generator) -> Array:
+    """Slow unit noise `(T, 3)`: a held hand never stands perfectly still."""
+    time = np.arange(length)[:, None] / FPS
+    drift = np.zeros((length, 3))
+    for _ in range(2):
+        drift += np.sin(2 * np.pi * (random.uniform(0.1, 0.7, 3) * time + random.random(3)))
+    return drift

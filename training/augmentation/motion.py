@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +18,14 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.feet import ik
 from runtime.motion import features
-from runtime.skeleton import SPORT_SKELETON
+from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
 from training.augmentation.gait import cycle_frames, cycle_mean, held_in_stance, step_phase
 from training.frames import extrapolate, smooth
 
 UP = np.array([0.0, 1.0, 0.0])
 LEFT = np.array([1.0, 0.0, 0.0])
+SIDES = {"left": (0, 1.0), "right": (1, -1.0)}  # column of contacts pairs and sign of X
 AHEAD = np.array([0.0, 0.0, 1.0])
 LEVEL = np.array([1.0, 0.0, 1.0])
 THIGHS = SPORT_SKELETON.offsets[ik.LEG_THIGHS].astype(np.float64)
@@ -121,6 +123,33 @@ def cut(motion: EditedMotion, start: int, end: int) -> EditedMotion:
     )
 
 
+@dataclass(frozen=True)
+class Edit:
+    """An edit by its numbers: `parameters` are those of `kind`, the slot one of left_arm, right_leg, torso, head, legs, ..."""
+
+    slot: str
+    kind: str
+    parameters: dict[str, Any]
+
+    @property
+    def sides(self) -> list[tuple[int, float]]:
+        """Column of contacts pairs and sign of X of each side that it is of."""
+        return [side for name, side in SIDES.items() if self.slot == "legs" or self.slot.startswith(name)]
+
+    def size(self, name: str) -> float:
+        """A size, 0 where it has none."""
+        return float(self.parameters.get(name, 0.0))
+
+    def amount(self, name: str, random: np.random.Generator, deviation: float) -> float:
+        """The same, a little varied."""
+        return self.size(name) * random.normal(1.0, deviation)
+
+    def factor(self, name: str, random: np.random.Generator, deviation: float = 0.04) -> float:
+        """A factor or size, 1 where it has none, a little varied; exactly 1 stays as it is."""
+        value = float(self.parameters.get(name, 1.0))
+        return value if value == 1.0 else value * float(np.exp(deviation * random.normal()))
+
+
 # --- Joints and feet --------------------------------------------------------------------------------------------------
 
 
@@ -171,10 +200,72 @@ def with_feet(motion: EditedMotion, hips: Array, ankles: Array, feet: Array) -> 
     return replace(motion, hips=hips, local=ik.solve_legs(hips, motion.local, ankles, feet))
 
 
+def raised(motion: EditedMotion, rise: Array) -> EditedMotion:
+    """The motion with its hips raised by metres `(T,)` over feet that stay; they rise no higher than legs reach."""
+    ankles, _, feet = motion.feet()
+    return with_feet(motion, motion.hips + rise[:, None] * UP, ankles, feet)
+
+
+def lowered(motion: EditedMotion, drop: Array | float) -> EditedMotion:
+    """The motion with its hips lowered by metres over feet that stay."""
+    hips = motion.hips.copy()
+    hips[:, 1] -= drop
+    moved = replace(motion, hips=hips)
+    return replace(moved, local=keep_feet(moved, motion))
+
+
 def keep_feet(moved: EditedMotion, original: EditedMotion) -> Array:
     """Local rotations with the moved hips and the original's feet."""
     ankles, _, feet = original.feet()
     return ik.solve_legs(moved.hips, moved.local, ankles, feet)
+
+
+def reaching(
+    motion: EditedMotion, arm: tuple[int, int, int], target: Array, pole: Array, along: Array
+) -> tuple[Array, Array]:
+    """World rotations `(T, 4)` of upper arm and forearm that bring the hand to `target`, the elbow towards `pole`.
+
+    `arm` are the joints shoulder, elbow and hand, `along` is the direction of its bones at rest. The elbow is first bent
+    by hand towards the pole: the solver then keeps that bending plane.
+    """
+    positions, world = motion.joints
+    shoulder = positions[:, arm[0]]
+    middle = shoulder + 0.5 * (target - shoulder)
+    upper, lower = (np.linalg.norm(SPORT_SKELETON.offsets[joint]) for joint in arm[1:])
+    elbow = shoulder + upper * rotations.normalize(middle + 0.3 * rotations.normalize(pole) - shoulder)
+    hand = elbow + lower * rotations.normalize(target - elbow)
+    arm_turn = rotations.between(
+        rotations.normalize(positions[:, arm[1]] - shoulder), rotations.normalize(elbow - shoulder)
+    )
+    first_upper = rotations.multiply(arm_turn, world[:, arm[0]])
+    fore_turn = rotations.between(rotations.rotate(first_upper, along), rotations.normalize(hand - elbow))
+    first_lower = rotations.multiply(fore_turn, first_upper)
+    upper_turn, lower_turn = ik.two_bone(shoulder, elbow, hand, target)
+    return rotations.multiply(upper_turn, first_upper), rotations.multiply(lower_turn, first_lower)
+
+
+def drag_foot(ankle: Array, foot: Array, toe: Array, fraction: Array, ground: Terrain) -> None:
+    """Lay the foot flat and lower it to the ground by `fraction` `(T,)` of what it is away from both, in place.
+
+    `ankle` and `toe` are positions `(T, 3)`, `foot` its rotations `(T, 4)`.
+    """
+    fraction = np.clip(fraction, 0.0, 1.0)
+    toe_ground = ground.height(toe[:, 0], toe[:, 2])
+    ankle_ground = ground.height(ankle[:, 0], ankle[:, 2])
+    apart = np.maximum(np.linalg.norm((toe - ankle)[:, [0, 2]], axis=1), 0.05)
+    slope = np.arctan2(ankle_ground - toe_ground, apart)
+    ahead = rotations.rotate(foot, AHEAD)
+    pitch = np.arcsin(np.clip(-ahead[:, 1], -1, 1)) - slope  # positive: the heel is up
+    turn = rotations.from_axis_angle(rotations.rotate(foot, LEFT), -fraction * pitch)
+    to_toe = rotations.rotate(turn, toe - ankle)
+    ankle[:] = np.where(pitch[:, None] > 0, toe - to_toe, ankle)  # about whichever is lower, toe or heel
+    foot[:] = rotations.multiply(turn, foot)
+    lowest = ankle + to_toe
+    room = np.minimum(
+        lowest[:, 1] - ground.height(lowest[:, 0], lowest[:, 2]) - TOE_HEIGHT,
+        ankle[:, 1] - ground.height(ankle[:, 0], ankle[:, 2]) - ANKLE_HEIGHT,
+    )
+    ankle[:, 1] -= fraction * np.maximum(room, 0.0)
 
 
 # --- Path and time ----------------------------------------------------------------------------------------------------

@@ -12,7 +12,6 @@ BOTH_ARMS = 0.2  # chance that an edited arm is joined by the same edit of the o
 BOTH_LEGS = 0.35
 BOTH = 0.3  # fraction of the posture edits of legs that are of both at once
 BOTH_RHYTHM = 0.72  # of those of rhythm
-RHYTHM = ("steps", "line", "stance", "hesitation", "stagger", "landing")
 BOTH_SWING = 0.5  # arms that swing more or less mostly do so together
 LEGS_RHYTHM = 0.55  # fraction of the legs' edits that are of rhythm and weight
 TOGETHER = 0.5  # chance that a base has two edits of legs
@@ -66,7 +65,11 @@ def _beside(chosen: list[str], random: np.random.Generator, standing: bool) -> l
 def _go_together(one: PartEdit, other: PartEdit) -> bool:
     """Whether two edits of legs show both: they are no two rhythms, and neither changes the other's measure."""
     kinds, fields = {one.kind, other.kind}, {one.measure[1], other.measure[1]}
-    if kinds <= set(RHYTHM) or len(fields) == 1 or "torso" in one.phrases.keys() & other.phrases.keys():
+    if (
+        (one.does.of_steps and other.does.of_steps)
+        or len(fields) == 1
+        or "torso" in one.phrases.keys() & other.phrases.keys()
+    ):
         return False
     return not any(pair <= kinds | fields for pair in _AGAINST)
 
@@ -105,7 +108,7 @@ def _edits_of_legs(random: np.random.Generator, standing: bool) -> list[PartEdit
     rhythm = not standing and random.random() < LEGS_RHYTHM
     one = not standing and random.random() >= (BOTH_RHYTHM if rhythm else BOTH)
     slots = ("left_leg", "right_leg") if one else ("legs",)
-    return [e for e in _edits_of(slots) if (e.kind in RHYTHM) == rhythm]
+    return [e for e in _edits_of(slots) if e.does.of_steps == rhythm]
 
 
 def _edits_of(slots: tuple[str, ...]) -> list[PartEdit]:
@@ -113,7 +116,7 @@ def _edits_of(slots: tuple[str, ...]) -> list[PartEdit]:
 
 
 def _shows_standing(edit: PartEdit) -> bool:
-    return edit.kind != "leg" and not edit.of_steps and edit.name != "torso.bounce"
+    return edit.kind != "leg" and not edit.does.of_steps and edit.name != "torso.bounce"
 
 
 def _twin(name: str) -> str | None:
@@ -137,4 +140,4 @@ def _order(name: str) -> int:
     slot = ("left_leg", "right_leg", "legs", "torso", "head", "left_arm", "right_arm").index(
         part_edits()[name].slot
     )
-    return 0 if part_edits()[name].moves_feet else 1 + slot
+    return 0 if part_edits()[name].does.moves_feet else 1 + slot

@@ -58,7 +58,7 @@ def _two_postures(slot: str) -> Iterator[LongerSentence]:
     upright: list[str] = []
     sideways: list[str] = []
     for edit in catalogue().trained:
-        if edit.slot == slot and not edit.shown_by.moves and not edit.of_steps:
+        if edit.slot == slot and not edit.shown_by.moves and not edit.does.of_steps:
             (sideways if edit.shown_by.sided else upright).extend(edit.phrases[slot])
     return _either_order(slot, upright, sideways)
 
@@ -66,8 +66,8 @@ def _two_postures(slot: str) -> Iterator[LongerSentence]:
 def _posture_and_rhythm(part: str) -> Iterator[LongerSentence]:
     """A posture, and what its steps are like; the first phrase of each."""
     own = [e for e in catalogue().trained if part in e.phrases]
-    postures = [e.phrases[part][0] for e in own if not e.of_steps]
-    rhythm = [e.phrases[part][0] for e in own if e.of_steps]
+    postures = [e.phrases[part][0] for e in own if not e.does.of_steps]
+    rhythm = [e.phrases[part][0] for e in own if e.does.of_steps]
     return _either_order(part, postures, rhythm)
 
 
@@ -80,7 +80,7 @@ def _either_order(part: str, ones: list[str], others: list[str]) -> Iterator[Lon
 
 def _clauses(edit: PartEdit, part: str) -> tuple[str, ...]:
     clauses, kind, shown = catalogue().clauses, kind_of(part), edit.shown_by
-    if edit.of_steps:
+    if edit.does.of_steps:
         return clauses["in_rhythm"][kind]
     if shown.moves:
         return clauses["moving"][kind]

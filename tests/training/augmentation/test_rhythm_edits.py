@@ -15,7 +15,7 @@ from training.augmentation.gait import cycle_frames, cycle_mean
 from training.augmentation.motion import EditedMotion
 from training.data.labels import FOOT_JOINTS
 
-RHYTHM = sorted(name for name, edit in part_edits().items() if edit.of_steps)
+RHYTHM = sorted(name for name, edit in part_edits().items() if edit.does.of_steps)
 
 
 class Plain:

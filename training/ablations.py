@@ -17,7 +17,6 @@ import os
 import shutil
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -155,12 +154,13 @@ def _keep(folder: Path, recipe: dict[str, Any], trained: bool) -> None:
 
 def _train_method(args: argparse.Namespace, row: TrainedRow, folder: Path, seed: int) -> None:
     """Another method, from its beginning: it takes minutes."""
-    from training.baselines.__main__ import METHODS
+    from training.baselines import motion_matching, train
+    from training.baselines.folders import Order
 
     shutil.rmtree(folder / "model", ignore_errors=True)  # of a run that was stopped
-    options = {"method": row.method, "clips": args.clips, "out": folder / "model", "model": model_folder()}
-    given = argparse.Namespace(**options, steps=args.baseline_steps, seed=seed)
-    import_module(METHODS[row.method]).main(given, log.info)
+    method = motion_matching if row.method == "motion-matching" else train
+    order = Order(row.method, args.clips, folder / "model", model_folder(), args.baseline_steps, seed)
+    method.make(order, log.info)
 
 
 def _train_ours(args: argparse.Namespace, out: Path, name: str, seed: int) -> None:

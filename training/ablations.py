@@ -17,7 +17,6 @@ import os
 import shutil
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,7 @@ from runtime.atomic import write_atomic
 from runtime.errors import FileError, UsageError, run_command
 from runtime.safe_read import open_npz
 from training.frames import stored_for
-from training.presets import ABLATIONS, METHODS
+from training.presets import ABLATIONS
 
 log = logging.getLogger("sport.train")
 
@@ -155,10 +154,13 @@ def _keep(folder: Path, recipe: dict[str, Any], trained: bool) -> None:
 
 def _train_method(args: argparse.Namespace, row: TrainedRow, folder: Path, seed: int) -> None:
     """Another method, from its beginning: it takes minutes."""
+    from training.baselines import motion_matching, train
+    from training.baselines.folders import Order
+
     shutil.rmtree(folder / "model", ignore_errors=True)  # of a run that was stopped
-    options = {"method": row.method, "clips": args.clips, "out": folder / "model", "model": model_folder()}
-    given = argparse.Namespace(**options, steps=args.baseline_steps, seed=seed)
-    import_module(METHODS[row.method]).main(given, log.info)
+    method = motion_matching if row.method == "motion-matching" else train
+    order = Order(row.method, args.clips, folder / "model", model_folder(), args.baseline_steps, seed)
+    method.make(order, log.info)
 
 
 def _train_ours(args: argparse.Namespace, out: Path, name: str, seed: int) -> None:

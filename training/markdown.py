@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import isnan
 from pathlib import Path
+from typing import Any
 
 from runtime.atomic import write_atomic
 from runtime.errors import FileError
@@ -18,6 +19,11 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
         *("| " + " | ".join(row) + " |" for row in rows),
         "",
     ]
+
+
+def columns(of: Mapping[str, Callable[[Any], str]], rows: Iterable[Any]) -> list[str]:
+    """Lines of a table whose columns, by title, say what each shows of a row."""
+    return table(list(of), [[cell(row) for cell in of.values()] for row in rows])
 
 
 def number(value: float | None, digits: int = 1) -> str:

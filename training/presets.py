@@ -141,10 +141,3 @@ def preset(name: str) -> ModelConfig:
     if name not in PRESETS:
         raise UsageError(f"--preset {name}: unknown.", f"Use one of {', '.join(PRESETS)}.")
     return PRESETS[name]
-
-
-# other methods of Table I, each with the module that trains it
-METHODS = {
-    "motion-matching": "training.baselines.motion_matching",
-    **dict.fromkeys(("pfnn", "mason2022", "style-label"), "training.baselines.train"),
-}

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -142,37 +142,33 @@ def table_one(setting: Setting) -> dict[str, Any]:
     store = args.store or (None if args.runs is None else args.runs / "table1.json")
     kept = {"options": options, "cells": _stored(store, options)}
     for seed in args.seeds:
-        for title, cells in _missing(setting, seed, kept["cells"]):
+        plan = None  # made when the first row needs it
+        for title, row in _rows(args):
+            if str(seed) in kept["cells"].get(title, {}):
+                continue
+            folder = setting.folders[0] if row is None else model_of(setting, row, seed)
+            if folder is None:
+                continue
+            setting.report(f"{title}, seed {seed}")
+            plan = plan or plan_of(setting, seed)
+            cells = _scored(setting, plan, None if title == CAPTURE else folder)
             kept["cells"].setdefault(title, {})[str(seed)] = cells
             if store is not None:
                 write_atomic(store, json.dumps(kept, indent=1) + "\n")
     return kept
 
 
-def _missing(setting: Setting, seed: int, known: dict[str, dict[str, Cells]]) -> Iterator[tuple[str, Cells]]:
-    """Title and cells of each row that has none with this seed: the capture, the shipped model, and what is trained."""
-    plan: list[EvaluationPlan] = []  # made when the first row needs it
+def _rows(args: Arguments) -> list[tuple[str, TableRow | None]]:
+    """Titles with what is trained for them: nothing for the capture and the shipped model."""
+    trained = ROWS if args.runs is not None else ()
+    return [(CAPTURE, None), (SHIPPED, None), *((row.title, row) for row in trained)]
 
-    def missing(title: str) -> bool:
-        return str(seed) not in known.get(title, {})
 
-    def scored(title: str, folder: Path | None) -> Iterator[tuple[str, Cells]]:
-        """Of the capture itself where there is no folder."""
-        setting.report(f"{title}, seed {seed}")
-        if not plan:
-            plan.append(plan_of(setting, seed))
-        if folder is None:
-            yield title, capture_cells(plan[0], setting.report)
-        else:
-            scores = score_model(plan[0], EvaluatedModel(folder, plan[0].texts), setting.report)
-            yield title, cells_of(scores)
-
-    for title, folder in ((CAPTURE, None), (SHIPPED, setting.folders[0])):
-        if missing(title):
-            yield from scored(title, folder)
-    for row in ROWS if setting.args.runs is not None else ():
-        if missing(row.title) and (found := model_of(setting, row, seed)) is not None:
-            yield from scored(row.title, found)
+def _scored(setting: Setting, plan: EvaluationPlan, folder: Path | None) -> Cells:
+    """Of a model, or of the capture itself where there is none."""
+    if folder is None:
+        return capture_cells(plan, setting.report)
+    return cells_of(score_model(plan, EvaluatedModel(folder, plan.texts), setting.report))
 
 
 def _options(setting: Setting) -> dict[str, Any]:

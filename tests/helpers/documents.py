@@ -25,7 +25,7 @@ DOCUMENTS = [
     *sorted((ROOT / "examples").glob("*.md")),
     ROOT / "assets" / "NOTICE.md",
 ]
-WITH_SUBCOMMANDS = ("training.evaluation", "training.baselines", "benchmarks.study")
+WITH_SUBCOMMANDS = ("training.evaluation", "benchmarks.study")
 TRAINING = re.compile(rf"\btraining\.|^(?:python -m )?sport (?:{'|'.join(training.COMMANDS)})\b")
 SETTING = re.compile(r"[A-Z_]+=\S*")  # a variable in front of a command
 

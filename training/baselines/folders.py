@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import json
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.arrays import Array
-from runtime.assets import model_folder
 from runtime.atomic import write_atomic
 from runtime.controls import Gait
 from runtime.motion.features import LAYOUT_VERSION, OUTPUT_SIZE
@@ -25,6 +24,21 @@ from runtime.skeleton import SPORT_SKELETON
 from training.evaluation.metrics.motion import original_clips
 from training.evaluation.motion.capture import ClipInfo, read_capture
 from training.evaluation.motion.evaluated_model import style_texts
+
+Report = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Order:
+    """What is made: a method's model folder `out` out of `clips`, which understands the prompts of `model`."""
+
+    method: str
+    clips: Path
+    out: Path
+    model: Path
+    steps: int  # of training, where there is any
+    seed: int
+
 
 MIN_FRAMES = 60  # of a clip
 WALK_RANGE, JOG_RANGE = (0.3, 2.2), (1.2, 5.0)  # m/s that count
@@ -82,16 +96,3 @@ def write_metadata(model: Path, out: Path, files: Sequence[str], own: dict[str, 
     }
     write_atomic(out / "metadata.json", json.dumps(metadata, indent=1) + "\n")
     return out
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """What every method needs."""
-    parser.add_argument("--clips", type=Path, required=True, metavar="DIR", help="folder of imported clips")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="model folder to write")
-    parser.add_argument(
-        "--model",
-        type=model_folder,
-        default=model_folder(),
-        metavar="DIR",
-        help="whose prompts it understands",
-    )

@@ -108,7 +108,9 @@ class Database:
     @staticmethod
     def load(path: Path) -> Database:
         """ModelError when the file is none."""
-        with open_npz(path, "Build it again with `python -m training.baselines`.", ModelError) as found:
+        with open_npz(
+            path, "Build it again with `python -m training.ablations --only motion-matching`.", ModelError
+        ) as found:
             floats = {k: found[k].astype(np.float32) for k in ("features", "hips", "root", "codes", "speeds")}
             base = Database(
                 **floats,

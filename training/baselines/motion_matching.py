@@ -1,4 +1,4 @@
-"""A database for motion matching out of imported clips: `python -m training.baselines motion-matching`.
+"""A database for motion matching out of imported clips: `python -m training.ablations --only motion-matching`.
 
 All captured clips that training sees go in, without mirror images, copies on made terrain, layered clips and rollouts.
 Styles are labels; a prompt chooses the style whose descriptions lie nearest.
@@ -6,8 +6,7 @@ Styles are labels; a prompt chooses the style whose descriptions lie nearest.
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,8 +19,15 @@ from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.errors import FileError, UsageError
 from runtime.motion.features import INPUT, OUTPUT_SIZE, C, L, split_output
-from training.baselines.folders import add_arguments as add_arguments
-from training.baselines.folders import copy_text_side, speeds, style_codes, training_clips, write_metadata
+from training.baselines.folders import (
+    Order,
+    Report,
+    copy_text_side,
+    speeds,
+    style_codes,
+    training_clips,
+    write_metadata,
+)
 from training.baselines.matching import (
     DATABASE,
     KIND,
@@ -124,13 +130,13 @@ def standing(model: MatchingModel) -> list[float]:
     return [float(v) for v in model.output_of(int(rows[int(np.argmin(speed))]))]
 
 
-def main(args: argparse.Namespace, report: Callable[[str], None]) -> Path:
+def make(order: Order, report: Report) -> Path:
     """Build the database and write its model folder."""
-    if args.out.exists() and any(args.out.iterdir()) and not (args.out / DATABASE).exists():
-        raise UsageError(f"--out {args.out}: holds something else.", "Choose a new folder.")
-    clips = [c for c in training_clips(args.clips) if c.group != TERRAIN_GROUP]
+    if order.out.exists() and any(order.out.iterdir()) and not (order.out / DATABASE).exists():
+        raise UsageError(f"--out {order.out}: holds something else.", "Choose a new folder.")
+    clips = [c for c in training_clips(order.clips) if c.group != TERRAIN_GROUP]
     report(f"{len(clips)} clips")
     rows = [clip_rows(clip_frames(c.path)) for c in clips]
-    base = build(rows, style_codes(args.model, sorted({r.style for r in rows})))
+    base = build(rows, style_codes(order.model, sorted({r.style for r in rows})))
     report(f"{len(base.last)} rows, {len(base.last) * STEP / 3600:.0f} minutes, {len(base.styles)} styles")
-    return export(base, args.model, args.out)
+    return export(base, order.model, order.out)

@@ -1,13 +1,12 @@
 """Trains a rival network on imported clips and writes it as a model folder, as the viewer loads them.
 
-    python -m training.baselines pfnn --clips DIR --out RUNS/pfnn/seed0/model [--steps 20000] [--seed 0]
+    python -m training.ablations --clips DIR --out RUNS --only pfnn --baseline-steps 20000
 
 The loss is the mean squared error of normalised y, as all of these papers have it. The optimiser is AdamW with a cosine to zero.
 """
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,8 +21,15 @@ from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.errors import FileError
 from runtime.motion.features import INPUT, INPUT_SIZE, OUTPUT, OUTPUT_SIZE, C, L
-from training.baselines.folders import add_arguments as add_common
-from training.baselines.folders import copy_text_side, speeds, style_codes, training_clips, write_metadata
+from training.baselines.folders import (
+    Order,
+    Report,
+    copy_text_side,
+    speeds,
+    style_codes,
+    training_clips,
+    write_metadata,
+)
 from training.baselines.networks import (
     Baseline,
     FilmModulated,
@@ -36,8 +42,6 @@ from training.evaluation.motion.capture import TERRAIN_GROUP, ClipInfo
 from training.export.graph import export_graph
 from training.frames import PLAIN, ClipFrames, clip_frames
 from training.presets import preset
-
-Report = Callable[[str], None]
 
 MIN_DEVIATION = 1e-2  # of x and y in physical units: what never changes is not blown up
 MOST_FRAMES = 600_000  # clips are taken at random
@@ -222,19 +226,12 @@ def export(network: Baseline, frames: LabelledFrames, model: Path, out: Path, no
     return write_metadata(model, out, ["style.onnx", "step.onnx"], own)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """What the command needs."""
-    add_common(parser)
-    parser.add_argument("--steps", type=int, default=20_000)
-    parser.add_argument("--seed", type=int, default=0)
-
-
-def main(args: argparse.Namespace, report: Report) -> Path:
+def make(order: Order, report: Report) -> Path:
     """Train and export."""
-    method = METHODS[args.method]
-    frames = read_frames(args.clips, method, MOST_FRAMES, args.seed, report)
-    torch.manual_seed(args.seed)
+    method = METHODS[order.method]
+    frames = read_frames(order.clips, method, MOST_FRAMES, order.seed, report)
+    torch.manual_seed(order.seed)
     network = method.network(len(frames.styles))
-    loss = fit(network, frames, args.steps, args.seed, report)
-    notes = {"method": method.name, "steps": args.steps, "batch": BATCH, "seed": args.seed, "loss": loss}
-    return export(network, frames, args.model, args.out, notes)
+    loss = fit(network, frames, order.steps, order.seed, report)
+    notes = {"method": method.name, "steps": order.steps, "batch": BATCH, "seed": order.seed, "loss": loss}
+    return export(network, frames, order.model, order.out, notes)

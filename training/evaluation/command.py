@@ -19,6 +19,7 @@ from training.evaluation.experiment import (
     Experiment,
     Setting,
     command_of,
+    experiment,
     option,
     run,
 )
@@ -32,16 +33,10 @@ from training.evaluation.motion.scores import score_held_out, score_model
 def main(argv: Sequence[str] | None = None) -> int:
     """Evaluate; the exit code is 0 also where a model misses a bar: the tables say so."""
     words = list(sys.argv[1:] if argv is None else argv)
-    if "--text" in words:  # does the motion do what the words say
-        from training.evaluation.text.command import TEXT
-
-        words.remove("--text")
-        return run(TEXT, words, "sport evaluate --text")
-    if "--courses" in words:  # how obstacles are crossed
-        from training.evaluation.on_obstacles import OBSTACLES
-
-        words.remove("--courses")
-        return run(OBSTACLES, words, "sport evaluate --courses")
+    for name in ("text", "courses"):  # does the motion do what the words say; how obstacles are crossed
+        if f"--{name}" in words:
+            words.remove(f"--{name}")
+            return run(experiment(name), words, f"sport evaluate --{name}")
     return run(MOTION, words, "sport evaluate")
 
 

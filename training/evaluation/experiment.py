@@ -178,6 +178,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     if name not in EXPERIMENTS:
         raise UsageError(f"experiment {name!r}: unknown.", f"Choose one of {', '.join(EXPERIMENTS)}.")
+    return run(experiment(name), words[1:], f"python -m training.evaluation {name}")
+
+
+def experiment(name: str) -> Experiment:
+    """The record of one of `EXPERIMENTS`."""
     module, record = EXPERIMENTS[name].split(":")
     found: Experiment = getattr(import_module(module), record)
-    return run(found, words[1:], f"python -m training.evaluation {name}")
+    return found

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from runtime.atomic import temporary_folder
 from runtime.errors import UsageError
-from runtime.formats.bvh_clip import save_bvh
 from runtime.generate import clip_of
 from runtime.motion.control_scripts import parse_stick
 from runtime.motion.controller import Controller
@@ -35,7 +34,7 @@ from training.evaluation.metrics.moments import (
     read_points,
     whole_clip,
 )  # fmt: skip
-from training.evaluation.motion.driving import walk_together
+from training.evaluation.motion.driving import measured_files, walk_together
 from training.markdown import table
 
 Values = list[float]
@@ -149,11 +148,9 @@ def clips_of(setting: Setting) -> dict[str, list[dict[str, Any]]]:
     args = setting.args
     result: dict[str, list[dict[str, Any]]] = {prompt: [] for prompt in args.prompts}
     members = list(product(args.prompts, args.seeds))
-    with temporary_folder() as folder:
-        path = folder / "clip.bvh"
-        for (prompt, seed), clip in zip(members, clips_together(setting, members), strict=True):
-            save_bvh(clip, path)
-            result[prompt].append({"seed": seed, **measure(path, args.script)})
+    found = measured_files(clips_together(setting, members), partial(measure, script=args.script))
+    for (prompt, seed), figures in zip(members, found, strict=True):
+        result[prompt].append({"seed": seed, **figures})
     return result
 
 

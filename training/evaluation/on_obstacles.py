@@ -29,7 +29,7 @@ from training.evaluation.metrics.motion import Motion
 from training.evaluation.motion.capture import Options, make_plan
 from training.evaluation.motion.driving import walked
 from training.evaluation.motion.evaluated_model import EvaluatedModel
-from training.markdown import number, percent, table
+from training.markdown import columns, number, percent
 
 BEYOND_M = 1.5  # behind the last obstacle the run is over
 SPARE_S = 25.0  # that a run may take longer than the path at full stick
@@ -229,70 +229,66 @@ Row = dict[str, Any]
 
 
 def markdown(results: dict[str, Any]) -> str:
-    """All tables of `results`, what `--json` holds."""
-    found = {c.title: [r for r in results["rows"] if r["course"] == c.name] for c in COURSES}
-    found = {title: rows for title, rows in found.items() if rows}
-    lines = [
-        f"`{results['command']}`",
-        "",
-        *_overview(found, traversal.mean_of(results["level"], "recognised")),
-    ]
-    for title, rows in found.items():
-        lines += [f"### {title[0].upper()}{title[1:]}", "", *_course(rows)]
+    """All tables of `results`, what `--json` holds: means of each course, then a row for each style and gait."""
+    found = [[r for r in results["rows"] if r["course"] == course.name] for course in COURSES]
+    found = [runs for runs in found if runs]
+    level = traversal.mean_of(results["level"], "recognised")
+
+    def recognised(runs: list[Row]) -> str:
+        known = traversal.mean_of(runs, "recognised")
+        return percent(known) + ("" if isnan(known / level) else f" ({known / level:.2f})")
+
+    name = f"recognised (of level ground's {percent(level)})"
+    lines = [f"`{results['command']}`", "", *columns(OVERVIEW_COLUMNS | {name: recognised}, found)]
+    for runs in found:
+        title, own = _title(runs), OWN_COLUMNS.get(runs[0]["course"], {})
+        shown = RUN_COLUMNS | own | {"recognised": lambda r: percent(r["recognised"])}
+        lines += [f"### {title[0].upper()}{title[1:]}", "", *columns(shown, runs)]
     return "\n".join(lines) + "\n"
 
 
-def _overview(found: dict[str, list[Row]], level: float) -> list[str]:
-    """A row for each course: means over styles and gaits."""
-    rows = []
-    for title, runs in found.items():
-        known, obstacles = traversal.mean_of(runs, "recognised"), sum(r["obstacles"] for r in runs)
-        limbs = [_both(runs, f"{limb}_deep", percent) for limb in ("thighs", "shins", "hands")]
-        rows.append(
-            [
-                title,
-                f"{sum(r['passed'] for r in runs)} of {obstacles}",
-                _both(runs, "sole_p99"),
-                _both(runs, "joint_inside", percent),
-                _both(runs, "joint_deep", percent),
-                *limbs,
-                number(traversal.mean_of(runs, "skating"), 2),
-                str(sum(r["frozen_s"] for r in runs)),
-                percent(traversal.mean_of(runs, "keyed_fraction")),
-                *(percent(sum(r[key] for r in runs) / obstacles) for key in ("sound", "own")),
-                percent(known) + ("" if isnan(known / level) else f" ({known / level:.2f})"),
-            ]
-        )
-    head = ["means over styles and gaits; before > after foot lock", "got over", "soles sunk p99, cm"]
-    head += ["joint inside", "over 3 cm", "thigh over 3 cm", "shin", "hand", "soles slide, cm a frame"]
-    head += ["frozen s", "keyed", "traversals that pass every check", "by the network alone"]
-    return table([*head, f"recognised (of level ground's {percent(level)})"], rows)
+def _title(runs: list[Row]) -> str:
+    return next(course.title for course in COURSES if course.name == runs[0]["course"])
+
+
+def _total(runs: list[Row], key: str) -> int:
+    return sum(run[key] for run in runs)
+
+
+OVERVIEW_COLUMNS: dict[str, Callable[[list[Row]], str]] = {
+    "means over styles and gaits; before > after foot lock": _title,
+    "got over": lambda runs: f"{_total(runs, 'passed')} of {_total(runs, 'obstacles')}",
+    "soles sunk p99, cm": lambda runs: _both(runs, "sole_p99"),
+    "joint inside": lambda runs: _both(runs, "joint_inside", percent),
+    "over 3 cm": lambda runs: _both(runs, "joint_deep", percent),
+    "thigh over 3 cm": lambda runs: _both(runs, "thighs_deep", percent),
+    "shin": lambda runs: _both(runs, "shins_deep", percent),
+    "hand": lambda runs: _both(runs, "hands_deep", percent),
+    "soles slide, cm a frame": lambda runs: number(traversal.mean_of(runs, "skating"), 2),
+    "frozen s": lambda runs: str(_total(runs, "frozen_s")),
+    "keyed": lambda runs: percent(traversal.mean_of(runs, "keyed_fraction")),
+    "traversals that pass every check": lambda runs: percent(
+        _total(runs, "sound") / _total(runs, "obstacles")
+    ),
+    "by the network alone": lambda runs: percent(_total(runs, "own") / _total(runs, "obstacles")),
+}
 
 
 def _both(rows: Sequence[Row], key: str, show: Any = number) -> str:
     return " > ".join(show(traversal.mean_of([r[side] for r in rows], key)) for side in ("before", "after"))
 
 
-def _course(rows: Sequence[Row]) -> list[str]:
-    """A row for each style and gait, with the columns that only this course has."""
-    own = OWN_COLUMNS.get(rows[0]["course"], {})
-    head = ["", "got over", "s each", "slowest / requested m/s", "soles p99, cm", "deepest joint, cm"]
-    head += ["thigh, shin, hand p99, cm, after lock", *own, "recognised"]
-    cells = [
-        [
-            f"{r['style']} {r['gait']}",
-            f"{r['passed']} of {r['obstacles']}",
-            number(r["seconds_each"]),
-            f"{number(r['slowest_m_s'], 2)} / {number(r['requested_m_s'], 2)}",
-            _both([r], "sole_p99"),
-            _both([r], "joint_max"),
-            ", ".join(number(r["after"].get(f"{limb}_p99")) for limb in ("thighs", "shins", "hands")),
-            *(cell(r) for cell in own.values()),
-            percent(r["recognised"]),
-        ]
-        for r in rows
-    ]
-    return table(head, cells)
+RUN_COLUMNS: dict[str, Callable[[Row], str]] = {
+    "": lambda r: f"{r['style']} {r['gait']}",
+    "got over": lambda r: f"{r['passed']} of {r['obstacles']}",
+    "s each": lambda r: number(r["seconds_each"]),
+    "slowest / requested m/s": lambda r: f"{number(r['slowest_m_s'], 2)} / {number(r['requested_m_s'], 2)}",
+    "soles p99, cm": lambda r: _both([r], "sole_p99"),
+    "deepest joint, cm": lambda r: _both([r], "joint_max"),
+    "thigh, shin, hand p99, cm, after lock": lambda r: ", ".join(
+        number(r["after"].get(f"{limb}_p99")) for limb in traversal.CAPSULES
+    ),
+}
 
 
 def _each(row: Row, key: str) -> str:

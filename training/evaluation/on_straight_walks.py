@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from runtime.atomic import temporary_folder
-from runtime.formats.bvh_clip import save_bvh
 from runtime.generate import clip_of
 from runtime.motion.control_scripts import control_script
 from runtime.motion.controller import Controller
@@ -18,7 +16,7 @@ from runtime.motion.features import FPS
 from training.data import gait
 from training.data.sources import list_clips
 from training.evaluation.experiment import DATA, MODELS, Experiment, Setting
-from training.evaluation.motion.driving import flat_ground, walk_together
+from training.evaluation.motion.driving import flat_ground, measured_files, walk_together
 from training.evaluation.motion.evaluated_model import EvaluatedModel
 from training.markdown import table
 
@@ -86,16 +84,10 @@ def generated_walks(evaluated: EvaluatedModel, styles: Iterable[str]) -> dict[st
     members = [Controller(evaluated.model, ground, 0) for _ in names]
     for style, member in zip(names, members, strict=True):
         member.set_style(evaluated.style(style, 0), 0.0)
-    result, script = {}, control_script("forward", "walk", 1.0, 0)
-    walks = walk_together(members, script, round(WALK_SECONDS * FPS))
-    with temporary_folder() as folder:
-        for style, poses in zip(names, walks, strict=True):
-            path = folder / f"{style}.bvh"
-            save_bvh(clip_of(poses, style, (), "flat"), path)
-            measured = gait.measure_file(path)
-            if measured is not None:
-                result[style] = measured
-    return result
+    walks = walk_together(members, control_script("forward", "walk"), round(WALK_SECONDS * FPS))
+    clips = [clip_of(poses, style, (), "flat") for style, poses in zip(names, walks, strict=True)]
+    measured = zip(names, measured_files(clips, gait.measure_file), strict=True)
+    return {style: found for style, found in measured if found is not None}
 
 
 def gait_figures(setting: Setting) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 
 import numpy as np
@@ -19,6 +18,7 @@ from tests.helpers.quick_export import export_quickly
 from tests.helpers.synthetic_clips import save_motion
 from tests.helpers.walker import walk
 from training.baselines import networks as phases
+from training.baselines.folders import Order
 from training.baselines.networks import (
     FilmModulated,
     PhaseFunctioned,
@@ -134,9 +134,9 @@ def test_from_clips_to_a_folder_that_walks(tmp_path, monkeypatch):
     for name, style in (("a", "neutral"), ("b", "old")):
         save_motion(clips, name, walk(240), style=style)
     out, shipped = tmp_path / "model", model_folder()
-    args = argparse.Namespace(method="mason2022", clips=clips, out=out, model=shipped, steps=40, seed=0)
+    order = Order("mason2022", clips, out, shipped, steps=40, seed=0)
     losses = []
-    folder = train.main(args, losses.append)
+    folder = train.make(order, losses.append)
     first, last = (float(losses[k].split(": ")[1]) for k in (1, -1))
     assert last < 0.8 * first
     model = load_model(folder)

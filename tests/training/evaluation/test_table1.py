@@ -60,9 +60,9 @@ def work(monkeypatch: pytest.MonkeyPatch) -> Work:
         export(out / ("model-mixture" if mixture else "model"))
         return 0
 
-    def method(args: Any, report: Any) -> None:
-        done.add(f"method {'/'.join(args.out.parts[-3:-1])}")
-        export(args.out)
+    def method(order: Any, report: Any) -> None:
+        done.add(f"method {'/'.join(order.out.parts[-3:-1])}")
+        export(order.out)
 
     def score(plan: Any, model: Any, report: Any) -> dict[str, Any]:
         done.add(f"score {model} by {plan.seed}")
@@ -70,7 +70,7 @@ def work(monkeypatch: pytest.MonkeyPatch) -> Work:
 
     monkeypatch.setattr("training.pipeline.main", stages)
     for module in ("motion_matching", "train"):
-        monkeypatch.setattr(f"training.baselines.{module}.main", method)
+        monkeypatch.setattr(f"training.baselines.{module}.make", method)
     monkeypatch.setattr(
         table1, "plan_of", lambda setting, seed: type("Plan", (), {"texts": {}, "seed": seed})
     )

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.atomic import temporary_folder
-from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
+from runtime.formats.bvh_clip import load_clip_bvh
 from runtime.generate import generate_clip
 from runtime.measures.signals import smoothed
 from runtime.motion.model import load_model
 from runtime.prompts.prompter import Prompter
 from runtime.skeleton import SPORT_SKELETON
 from training.evaluation.experiment import MODEL, SEED, Experiment, Setting, option
+from training.evaluation.motion.driving import measured_files
 from training.evaluation.text.walks import PLAIN_PROMPT, body_of
 from training.markdown import table
 
@@ -82,23 +82,19 @@ def animators(setting: Setting) -> dict[str, list[Outcome]]:
     """The outcomes of every section of the list."""
     model = load_model(setting.folders[0])
     prompter = Prompter(model)
-    with temporary_folder() as folder:
-        path = folder / "clip.bvh"
 
-        def walk(prompt: str) -> dict[str, float]:
-            seed = setting.args.seed
-            clip = generate_clip(
-                prompt, seconds=WALK_S, seed=seed, prompter=prompter, model=model,
-                exact_legs=not setting.args.network_legs,
-            )  # fmt: skip
-            save_bvh(clip, path)
-            return measured(path)
+    def walk(prompt: str) -> dict[str, float]:
+        args = setting.args
+        clip = generate_clip(
+            prompt, seconds=WALK_S, seed=args.seed, prompter=prompter, model=model, exact_legs=not args.network_legs
+        )  # fmt: skip
+        return measured_files([clip], measured)[0]
 
-        neutral = walk(PLAIN_PROMPT)
-        found: dict[str, list[Outcome]] = {}
-        for name, lines in sections(setting.args.list).items():
-            setting.report(name)
-            found[name] = [outcome(line, walk(line.split(" | ")[0]), neutral) for line in lines]
+    neutral = walk(PLAIN_PROMPT)
+    found: dict[str, list[Outcome]] = {}
+    for name, lines in sections(setting.args.list).items():
+        setting.report(name)
+        found[name] = [outcome(line, walk(line.split(" | ")[0]), neutral) for line in lines]
     return found
 
 

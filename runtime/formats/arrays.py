@@ -18,14 +18,8 @@ from runtime.formats.sidecar import CONTACTS, FEET, foot_phases, markers
 from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
 
-FORMULAS = (
-    "=",
-    "+",
-    "-",
-    "@",
-    "\t",
-    "\r",
-)  # a spreadsheet computes a cell that begins so; a ' before it is text
+# a spreadsheet computes a cell that begins so; a ' before it is text
+FORMULAS = ("=", "+", "-", "@", "\t", "\r")
 ROWS = 1024  # of a table that are in memory at once
 ALL = slice(None)
 
@@ -89,10 +83,8 @@ def save_parquet(take: PreparedTake, path: Path, options: object, terrain: objec
     frame = pandas.DataFrame({name: values.astype(np.float32) for name, values in columns.items()})
     frame["gait"], frame["prompt"] = gaits, prompts
     frame.attrs = {"fps": take.clip.fps, "name": take.clip.name}
-    with (
-        atomic_path(path) as temporary,
-        temporary.open("wb") as file,
-    ):  # Arrow takes no name that is not UTF-8
+    # Arrow takes no name that is not UTF-8
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
         frame.to_parquet(file, index=False)
         check()
 

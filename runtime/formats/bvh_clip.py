@@ -102,19 +102,11 @@ def _text(clip: Clip, unit: str, order: str | None, root: RootTrack | None = Non
         back = rotations.inverse(turn)
         local = np.concatenate([turn[:, None], clip.local_rotations], axis=1)
         local[:, 1] = rotations.multiply(back, clip.local_rotations[:, 0])
-        places, above = (
-            {0: root.positions, 1: rotations.rotate(back, clip.hips_positions - root.positions)},
-            1,
-        )
-    return format_bvh(
-        skeleton,
-        places,
-        local,
-        clip.fps,
-        units_per_metre=UNITS_PER_METRE[unit] * clip.size,
-        order=order,
-        end_offsets={joint + above: offset for joint, offset in END_OFFSETS.items()},
-    )
+        above = 1
+        places = {0: root.positions, 1: rotations.rotate(back, clip.hips_positions - root.positions)}
+    ends = {joint + above: offset for joint, offset in END_OFFSETS.items()}
+    scale = UNITS_PER_METRE[unit] * clip.size
+    return format_bvh(skeleton, places, local, clip.fps, units_per_metre=scale, order=order, end_offsets=ends)
 
 
 def load_clip_bvh(path: str | Path) -> Clip:

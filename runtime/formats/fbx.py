@@ -87,7 +87,12 @@ class _Scene:
                 check()
                 skin = None if nodes[node].skin is None else skins[nodes[node].skin]
                 meshes.add(nodes[node].mesh, self.ids[node], skin)
-        self._add_bind_pose()
+        bound = [
+            Node("PoseNode", children=[Node("Node", self.ids[node]), matrix("Matrix", self.binds[node])])
+            for node in self.order
+        ]
+        head = leaves(Type="BindPose", Version=100, NbPoseNodes=len(bound))
+        self.document.add("Pose", "Bind pose", "BindPose", [*head, *bound])
         for take in self.file.gltf.animations:
             self._add_take(take, fps, check)
 
@@ -129,14 +134,6 @@ class _Scene:
         self.binds.update(zip(joints, links, strict=True))
         names = [self.file.gltf.nodes[joint].name or "" for joint in joints]
         return Skin(place, links, [self.ids[joint] for joint in joints], names)
-
-    def _add_bind_pose(self) -> None:
-        nodes = [
-            Node("PoseNode", children=[Node("Node", self.ids[node]), matrix("Matrix", self.binds[node])])
-            for node in self.order
-        ]
-        head = leaves(Type="BindPose", Version=100, NbPoseNodes=len(nodes))
-        self.document.add("Pose", "Bind pose", "BindPose", [*head, *nodes])
 
     def _add_take(self, take: Entry, fps: float, check: Check) -> None:
         """Add an animation: a curve for each axis of what moves, with a key in every frame."""

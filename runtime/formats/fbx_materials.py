@@ -36,12 +36,15 @@ class Materials:
         surface = entry.pbrMetallicRoughness or Entry()
         factor = np.array(surface.baseColorFactor or (1.0, 1.0, 1.0, 1.0), np.float64)
         alpha = 1.0 if entry.alphaMode in (None, "OPAQUE") else float(factor[3])
+        unlit = "KHR_materials_unlit" in (entry.extensions or {})
+        textured = unlit or surface.metallicRoughnessTexture  # then the factor is none
+        metal = 0.0 if textured else float(surface.get("metallicFactor", 1.0))
         shine = (10.0 * (1.0 - float(surface.get("roughnessFactor", 1.0)))) ** 2  # as Blender reads it
         colors = {"AmbientColor": np.zeros(3), "DiffuseColor": factor[:3] * color, "SpecularColor": np.ones(3),
                   "EmissiveColor": np.array(entry.emissiveFactor or (0.0, 0.0, 0.0)),
                   "TransparentColor": np.full(3, 1.0 - alpha)}  # fmt: skip
         numbers = {"DiffuseFactor": 1.0, "SpecularFactor": 0.25, "EmissiveFactor": 1.0, "Shininess": shine,
-                   "ShininessExponent": shine, "ReflectionFactor": _metal(entry, surface),
+                   "ShininessExponent": shine, "ReflectionFactor": metal,
                    "TransparencyFactor": 1.0 - alpha, "Opacity": alpha}  # fmt: skip
         facts = [prop(n, "Color", *value.tolist(), flags="A") for n, value in colors.items()]
         facts += [prop(n, "Number", value, flags="A") for n, value in numbers.items()]
@@ -83,9 +86,3 @@ class Materials:
             parts = [*leaves(Type="Clip"), properties(prop("Path", "KString", path)), *content]
             self._videos[index] = self.document.add("Video", name, "Clip", parts), name, path
         return self._videos[index]
-
-
-def _metal(entry: Entry, surface: Entry) -> float:
-    """Return the metallic factor of a surface; 0 if a texture holds it."""
-    unlit = "KHR_materials_unlit" in (entry.extensions or {})
-    return 0.0 if unlit or surface.metallicRoughnessTexture else float(surface.get("metallicFactor", 1.0))

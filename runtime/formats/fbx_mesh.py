@@ -110,7 +110,9 @@ class Meshes:
         count = max(len(part.primitive.targets or []) for part in parts)
         if not count:
             return
-        titles, head = _titles(entry, count), leaves(Version=100)
+        head = leaves(Version=100)
+        titles = [str(title) for title in (entry.extras or {}).get("targetNames") or []]
+        titles += [f"shape_{k}" for k in range(len(titles), count)]
         deformer = self.document.add("Deformer", "Shapes", "BlendShape", head, geometry)
         amounts = [float(weight) for weight in entry.weights or []] + [0.0] * count
         for k in range(count):
@@ -141,15 +143,12 @@ class _Part:
         self.points = self.values("POSITION").astype(np.float64)
         self.palette: list[Array] = []
         self.shades = np.zeros(len(corners) // 3, int)
-        if "COLOR_0" in primitive.attributes and not self._textured():
+        material = Entry() if primitive.material is None else file.gltf.materials[primitive.material]
+        textured = (material.pbrMetallicRoughness or Entry()).baseColorTexture is not None
+        if "COLOR_0" in primitive.attributes and not textured:
             palette, shades = _palette(self.values("COLOR_0")[:, :3])
             if len(palette) <= MAX_COLORS:
                 self.palette, self.shades = list(palette), shades[self.corners[::3]]
-
-    def _textured(self) -> bool:
-        index = self.primitive.material
-        surface = None if index is None else self.file.gltf.materials[index].pbrMetallicRoughness
-        return surface is not None and surface.baseColorTexture is not None
 
     def has(self, name: str) -> bool:
         """Return whether this primitive has the layer."""
@@ -234,12 +233,6 @@ def _layers(parts: _Parts, corners: AnyArray, place: Array) -> list[_Layer]:
         uv = parts.joined(_Part.uv, name).astype(float)
         layers.append(_Layer("UV", number, f"UV{number}", {"UV": uv.ravel(), "UVIndex": corners}))
     return layers
-
-
-def _titles(entry: Entry, count: int) -> list[str]:
-    """Names of the morph targets of a mesh."""
-    named = [str(title) for title in (entry.extras or {}).get("targetNames") or []]
-    return named + [f"shape_{k}" for k in range(len(named), count)]
 
 
 def _layer_lists(layers: list[_Layer]) -> list[Node]:

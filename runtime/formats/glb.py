@@ -60,19 +60,24 @@ def glb_document(
 ) -> tuple[GlbBuffer, int]:
     """The document of `save_glb` with some takes, and the number of its node of the hips. FileError."""
     source = options.character or asset_path(MANNEQUIN)
-    character, file = (
-        load_character(source, options.joint_map, options.character_unit),
-        open_character(source)[0],
-    )
+    character = load_character(source, options.joint_map, options.character_unit)
+    file, _ = open_character(source)
     buffer = GlbBuffer.of_file(file)
     buffer.gltf.asset.generator = "SPORT viewer"
     size, plain = body_size(takes[0].clip, options, character), options.plain or options.engine is not None
     rig = open_rig(buffer, file, character, read_meshes(file), options.rooted, plain, size)
-    _animate_all(rig, buffer, takes, check)
+    names = [take.clip.name for take in takes]
+    buffer.gltf.animations = []
+    for k, name in enumerate(names):  # each name is there once
+        _animate(rig, buffer, takes[k], name if name not in names[:k] else f"{name}-{k + 1}", check)
     if options.humanoid_names:
         rename_bones(rig, options.bones)
-    if options.animation_only:
-        _drop_meshes(buffer)
+    if options.animation_only:  # a skin without a mesh keeps the joints a skeleton
+        gltf = buffer.gltf
+        for node in gltf.nodes:
+            node.mesh = node.skin = None
+        gltf.meshes, gltf.materials, gltf.textures, gltf.images = [], [], [], []
+        gltf.samplers, gltf.skins = [], []
     if options.with_ground and terrain is not None:
         add_ground(buffer, terrain, takes[0], size, most=ground_vertices, margin_m=ground_margin_m)
     buffer.gltf.scenes[0].extras = {"sport": take_extras(takes[0])}
@@ -94,23 +99,6 @@ def body_size(clip: Clip, options: ExportOptions, character: Character) -> float
     A clip that was made for another size is carried over whole, with its steps and its ground.
     """
     return clip.size if options.character is None or options.fit_to_motion else character.size
-
-
-def _animate_all(rig: Rig, buffer: GlbBuffer, takes: list[PreparedTake], check: Check) -> None:
-    """Add the takes as animations to the document, whose names are each there once."""
-    names = [take.clip.name for take in takes]
-    buffer.gltf.animations = []
-    for k, name in enumerate(names):
-        _animate(rig, buffer, takes[k], name if name not in names[:k] else f"{name}-{k + 1}", check)
-
-
-def _drop_meshes(buffer: GlbBuffer) -> None:
-    """Only the skeleton and its animations stay; a skin without a mesh keeps the joints a skeleton."""
-    gltf = buffer.gltf
-    for node in gltf.nodes:
-        node.mesh = node.skin = None
-    gltf.meshes, gltf.materials, gltf.textures, gltf.images, gltf.samplers = [], [], [], [], []
-    gltf.skins = []
 
 
 def _animate(rig: Rig, buffer: GlbBuffer, take: PreparedTake, name: str, check: Check) -> None:
@@ -160,13 +148,10 @@ def _tracks(
             local = worlds[node] if parent < 0 else np.linalg.inv(_world(rig, parent, worlds)) @ worlds[node]
             turn = nearest_rotation(local[:, :3, :3] / scales[node])
             parts[node].append((local[:, :3, 3].astype(np.float32), turn))
-    return {
-        node: (
-            np.concatenate([t for t, _ in pieces]),
-            rotations.continuous(np.concatenate([q for _, q in pieces])).astype(np.float32),
-        )
-        for node, pieces in parts.items()
+    tracks = {
+        node: [np.concatenate(part) for part in zip(*each, strict=True)] for node, each in parts.items()
     }
+    return {node: (t, rotations.continuous(q).astype(np.float32)) for node, (t, q) in tracks.items()}
 
 
 def _world(rig: Rig, node: int, worlds: dict[int, Array]) -> Array:

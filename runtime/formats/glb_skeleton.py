@@ -69,11 +69,8 @@ def open_rig(
         joints.setdefault(node, k)  # a joint of several skins moves as the first of them
     hips = int(np.flatnonzero(character.sport_joints == SPORT_SKELETON.index("Hips"))[0])
     space = np.eye(4)
-    space[:3, :3] = (
-        size
-        * character.alignment.basis[hips]
-        @ np.linalg.inv(character.rest_world[hips, :3, :3].astype(np.float64))
-    )
+    axes = character.rest_world[hips, :3, :3].astype(np.float64)
+    space[:3, :3] = size * character.alignment.basis[hips] @ np.linalg.inv(axes)
     order, parents = ancestors(file)
     rest = space @ node_world_matrices(file, order, parents)
     soles = float((data.rest_positions() @ space[:3, :3].T)[:, 1].min())
@@ -100,9 +97,16 @@ def _set_plain_scene(rig: Rig) -> None:
     gltf, parents, count = rig.gltf, rig.parents, len(rig.parents)
     moving = {n for joint in rig.joints for n in _line(parents, joint) if _under_joint(rig, n)}
     rig.plain, rig.space = True, np.eye(4)
-    _bind_to_scaleless_joints(rig)
+    for index, skin in enumerate(gltf.skins):
+        rest = rig.rest[skin.joints]
+        rig.binds[index] = np.linalg.inv(written(rig, rest)) @ rest @ rig.binds[index]
+        rig.binds[index][:, 3] = (0.0, 0.0, 0.0, 1.0)
+        skin.skeleton = None
     heads = [n for n in sorted(moving) if parents[n] not in moving]
-    loose = _loose_meshes(rig, _line(parents, heads[0])[-1])
+    # meshes under no joint: skinned ones, and those below the character's own uppermost node
+    own, nodes = _line(parents, heads[0])[-1], gltf.nodes
+    loose = [n for n in range(count) if nodes[n].mesh is not None and not _under_joint(rig, n)]
+    loose = [n for n in loose if nodes[n].skin is not None or _line(parents, n)[-1] == own]
     for node in (*heads, *loose):
         if parents[node] >= 0:
             gltf.nodes[parents[node]].children.remove(node)
@@ -123,21 +127,6 @@ def _set_plain_locals(rig: Rig, moving: set[int], loose: list[int]) -> None:
         elif parents[node] in moving:
             above = written(rig, rig.rest[parents[node]])
             set_local(nodes[node], np.linalg.inv(above) @ rig.rest[node])
-
-
-def _bind_to_scaleless_joints(rig: Rig) -> None:
-    for index, skin in enumerate(rig.gltf.skins):
-        rest = rig.rest[skin.joints]
-        rig.binds[index] = np.linalg.inv(written(rig, rest)) @ rest @ rig.binds[index]
-        rig.binds[index][:, 3] = (0.0, 0.0, 0.0, 1.0)
-        skin.skeleton = None
-
-
-def _loose_meshes(rig: Rig, top: int) -> list[int]:
-    """Nodes with meshes that are under no joint: skinned ones, and those below the character's own `top`."""
-    nodes = rig.gltf.nodes
-    loose = [n for n in range(len(nodes)) if nodes[n].mesh is not None and not _under_joint(rig, n)]
-    return [n for n in loose if nodes[n].skin is not None or _line(rig.parents, n)[-1] == top]
 
 
 def _line(parents: Sequence[int], node: int) -> list[int]:
@@ -169,7 +158,8 @@ def _set_scene(rig: Rig) -> None:
     gltf = rig.gltf
     carried = {_line(rig.parents, joint)[-1] for joint in rig.joints}
     moved = sorted(carried)
-    skinned = [top for top in _alone(rig) if top not in carried and gltf.nodes[top].skin is not None]
+    alone = [top for top, above in enumerate(rig.parents) if above < 0 and not gltf.nodes[top].children]
+    skinned = [top for top in alone if top not in carried and gltf.nodes[top].skin is not None]
     if np.allclose(rig.space, np.eye(4), atol=SAME_TOLERANCE):
         rig.space = np.eye(4)
     else:
@@ -180,12 +170,6 @@ def _set_scene(rig: Rig) -> None:
             rig.parents[top] = number
         moved = [number]
     gltf.scenes, gltf.scene = [g.Scene(name="take", nodes=[*moved, *skinned])], 0
-
-
-def _alone(rig: Rig) -> list[int]:
-    """Nodes without a parent or a child."""
-    nodes = rig.gltf.nodes
-    return [top for top, parent in enumerate(rig.parents) if parent < 0 and not nodes[top].children]
 
 
 def _append_node(rig: Rig, node: Node, parent: int, rest: Array) -> int:

@@ -35,17 +35,8 @@ from runtime.safe_read import parse_json, printable, reason
 from runtime.skeleton import Skeleton
 
 USUAL_FPS = 30.0  # of an animation that does not tell
-USUAL_RATES = (
-    USUAL_FPS,
-    24.0,
-    25.0,
-    60.0,
-    48.0,
-    50.0,
-    *VIDEO_RATES,
-    100.0,
-    240.0,
-)  # in the order they are tried
+# in the order they are tried
+USUAL_RATES = (USUAL_FPS, 24.0, 25.0, 60.0, 48.0, 50.0, *VIDEO_RATES, 100.0, 240.0)
 # keys in so many frames of a rate, and at least so many steps, are one in every frame
 DENSE_FRACTION, LEAST_STEPS = (0.9, 4)
 # of keys in every frame: fewer are apart, and cubics between them bend
@@ -250,7 +241,8 @@ def _as_far_as_needed(nodes: Nodes, listed: _Listed) -> list[_Animation]:
     read: list[_Animation] = []
     keys = looked_at = moved = 0
     for (label, (entry, body)), most in zip(listed.items(), later, strict=True):
-        keys += _key_count(nodes.file, entry)
+        used = [entry.samplers[channel.sampler] for channel in entry.channels or []]  # one may be there often
+        keys += sum(accessor_count(nodes.file, key) for each in used for key in (each.input, each.output))
         if keys > _room(nodes.file):
             raise nodes.file.error("more keys than a file of its size has.", KEYS_REMEDY)
         read.append(_animation(nodes, label, entry, body))
@@ -259,12 +251,6 @@ def _as_far_as_needed(nodes: Nodes, listed: _Listed) -> list[_Animation]:
         if looked_at > MAX_LOOKED_AT or read[-1].moved >= max(most, moved) / 2 > 0:
             break
     return read
-
-
-def _key_count(file: GltfFile, animation: Any) -> int:
-    """Times and values of all channels; a sampler counts for each that has it."""
-    used = [animation.samplers[channel.sampler] for channel in animation.channels or []]
-    return sum(accessor_count(file, key) for sampler in used for key in (sampler.input, sampler.output))
 
 
 def _room(file: GltfFile) -> float:

@@ -51,7 +51,11 @@ def prepare(clip: Clip, options: ExportOptions, terrain: Terrain | None = None) 
     taken, track = _in_range(at_rate, track, options)
     if options.loop:
         taken, track = make_loop(taken, track, options.strides)
-    placement = _to_origin(track) if options.at_origin else there
+    placement = there
+    if options.at_origin:
+        turn = Placement(0.0 - float(track.yaw[0]))
+        x, y, z = (0.0 - float(v) for v in turn.points(track.positions[0]))
+        placement = Placement(turn.yaw, (x, y, z))
     if not placement.identity:
         taken, track = placement.clip(taken), track.moved(placement)
     if options.in_place:
@@ -104,12 +108,6 @@ def _in_range(clip: Clip, track: RootTrack, options: ExportOptions) -> tuple[Cli
         )
     whole = (first, last) == (0, len(clip) - 1)
     return (clip, track) if whole else (clip.trim(first, last), track.cut(first, last))
-
-
-def _to_origin(track: RootTrack) -> Placement:
-    turn = Placement(0.0 - float(track.yaw[0]))
-    x, y, z = (0.0 - float(v) for v in turn.points(track.positions[0]))
-    return Placement(turn.yaw, (x, y, z))
 
 
 def _with_rest_frame(clip: Clip, track: RootTrack) -> tuple[Clip, RootTrack]:

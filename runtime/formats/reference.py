@@ -101,17 +101,11 @@ def _reference(motion: BvhMotion, path: Path) -> ReferenceMotion:
         if motion.metadata:
             hips, start = hips + start, np.zeros(3)
         own = _own(motion, positions, world, axes, scale, start)
-    if not np.all(np.abs(hips) <= MAX_DISTANCE_M) or not (
-        np.isfinite(local).all() and np.isfinite(own.points).all()
-    ):
+    finite = np.isfinite(local).all() and np.isfinite(own.points).all()
+    if not finite or not np.all(np.abs(hips) <= MAX_DISTANCE_M):
         raise FileError(f"{path}: its legs have no length, or it is too far away.", "Choose another file.")
-    clip = Clip(
-        printable(path.stem),
-        fps,
-        hips.astype(np.float32),
-        local.astype(np.float32),
-        **clip_fields(motion.metadata, path, fps, len(hips)),
-    )
+    known = clip_fields(motion.metadata, path, fps, len(hips))
+    clip = Clip(printable(path.stem), fps, hips.astype(np.float32), local.astype(np.float32), **known)
     return ReferenceMotion(clip, own, len(rest.guess.found), rest.guess.origin, scale)
 
 
@@ -151,12 +145,8 @@ def _stands(found: dict[str, int], at: Array) -> bool:
     down = at[[found["LeftFoot"], found["RightFoot"]]].mean(axis=0) - at[found["Hips"]]
     size = float(np.linalg.norm(np.ptp(at[list(found.values())], axis=0)))
     apart = float(np.linalg.norm(at[found["LeftUpLeg"]] - at[found["RightUpLeg"]]))
-    return bool(
-        np.linalg.norm(up - down) > UPRIGHT_FRACTION * size
-        and up @ down < 0.0
-        and apart > 0.01 * size
-        and size > 0.0
-    )
+    stretched = np.linalg.norm(up - down) > UPRIGHT_FRACTION * size and up @ down < 0.0
+    return bool(stretched and apart > 0.01 * size and size > 0.0)
 
 
 def _retarget(

@@ -11,6 +11,7 @@ import itertools
 import json
 import logging
 from dataclasses import asdict
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -78,15 +79,8 @@ def _metadata(clip: Clip) -> dict[str, Any]:
         "gaits": [[round(seconds, 4), gait] for seconds, gait in gait_changes(clip.gaits, clip.fps)],
         "placed": None if clip.placed is None else [round(value, 6) for value in clip.placed],
         "size": round(clip.size, 6),
-        **(
-            {}
-            if clip.loop is None
-            else {"loop": {name: round(v, 4) for name, v in asdict(clip.loop).items()}}
-        ),
-        "prompts": [
-            {**asdict(event), "words": json.loads(event.words) if event.words else None}
-            for event in clip.prompts
-        ],
+        **({"loop": {name: round(v, 4) for name, v in asdict(clip.loop).items()}} if clip.loop else {}),
+        "prompts": [{**asdict(e), "words": json.loads(e.words) if e.words else None} for e in clip.prompts],
     }
 
 
@@ -204,15 +198,12 @@ def markers(clip: Clip) -> list[dict[str, Any]]:
 
     Gaits are there where the clip knows them frame by frame.
     """
-    found = [_marker("prompt", title(event), max(event.seconds, 0.0), clip.fps) for event in clip.prompts]
-    found += [
-        _marker("gait", name, seconds, clip.fps) for seconds, name in gait_changes(clip.gaits, clip.fps)
+    marks = [("prompt", title(event), max(event.seconds, 0.0)) for event in clip.prompts]
+    marks += [("gait", name, seconds) for seconds, name in gait_changes(clip.gaits, clip.fps)]
+    return [
+        {"kind": kind, "name": name, "seconds": round(seconds, 4), "frame": round(seconds * clip.fps)}
+        for kind, name, seconds in sorted(marks, key=itemgetter(2))
     ]
-    return sorted(found, key=lambda marker: float(marker["seconds"]))
-
-
-def _marker(kind: str, name: str, seconds: float, fps: float) -> dict[str, Any]:
-    return {"kind": kind, "name": name, "seconds": round(seconds, 4), "frame": round(seconds * fps)}
 
 
 def take_extras(take: PreparedTake) -> dict[str, Any]:

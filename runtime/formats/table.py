@@ -9,7 +9,7 @@ import importlib.util
 import os
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from runtime.errors import SportError, UsageError
 from runtime.formats.options import ExportOptions, ExportSpec
@@ -79,12 +79,6 @@ _TABLE = (
 FORMATS = {format.suffix: format for format in _TABLE}
 
 
-def _function(name: str) -> Any:
-    """A function of `runtime.formats`, whose module is imported only now."""
-    module, _, function = name.partition(".")
-    return getattr(importlib.import_module(f"runtime.formats.{module}"), function)
-
-
 def format_of(path: Path) -> Format:
     """The format that a file's name says; UsageError lists those that are written."""
     found = FORMATS.get(path.suffix.lower())
@@ -135,11 +129,11 @@ def save_motion(
         raise UsageError(f"{path}: a film is drawn, not written.", "Choose .bvh, .glb or .fbx.")
     take = prepare(clip, options, terrain)
     check()
-    said = _function(format.write)(take, path, options, terrain, check)
-    written = [said or describe(take, path)]
-    return written + save_ground_beside(
-        take, options, terrain, options.unit if format.suffix == ".bvh" else "m"
-    )
+    module, _, function = format.write.partition(".")
+    write = getattr(importlib.import_module(f"runtime.formats.{module}"), function)
+    said = write(take, path, options, terrain, check) or describe(take, path)
+    unit = options.unit if format.suffix == ".bvh" else "m"
+    return [said, *save_ground_beside(take, options, terrain, unit)]
 
 
 def save_ground_beside(

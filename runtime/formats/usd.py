@@ -40,6 +40,7 @@ from runtime.formats.table import describe
 from runtime.terrain.height_map import Terrain
 
 ROOT = "/take"
+IMAGE_ENDINGS = {b"\x89PNG": ".png", b"\xff\xd8": ".jpg"}
 PACKED_S = 1e9  # the time of every file in a package: equal takes are equal files
 
 
@@ -119,11 +120,8 @@ class _Stage:
     def renamed(self) -> str:
         """Return a phrase that lists joints renamed because their names are invalid in USD or duplicate; "" without any."""
         own = [self.file.gltf.nodes[node].name for node in self.joints]
-        pairs = [
-            f"{old[:40]} is {new[:40]}"
-            for old, new in zip(own, self.names, strict=True)
-            if old and old != new
-        ]
+        both = zip(own, self.names, strict=True)
+        pairs = [f"{old[:40]} is {new[:40]}" for old, new in both if old and old != new]
         more = f" and {len(pairs) - 6} more" if len(pairs) > 6 else ""
         return f"; joints renamed: {', '.join(pairs[:6])}{more}" if pairs else ""
 
@@ -205,10 +203,7 @@ class _Stage:
         turns = np.tile(rotations.from_matrix(rest[:, :3, :3] / scales[:, None]), (frames, 1, 1))
         for channel in entry.channels:
             sampler = entry.samplers[channel.sampler]
-            values, k = (
-                read_accessor(self.file, sampler.output, "the animation"),
-                self.slot[channel.target.node],
-            )
+            values, k = read_accessor(self.file, sampler.output, "a track"), self.slot[channel.target.node]
             if channel.target.path == "rotation":
                 turns[:, k] = values[:, [3, 0, 1, 2]]
             elif channel.target.path == "translation":
@@ -242,12 +237,12 @@ class _Stage:
         """Points, triangles, normals, texture coordinates, colours; how many points."""
         from pxr import UsdGeom, Vt
 
-        def read(name: str) -> AnyArray | None:
-            index = primitive.attributes.get(name)
-            read = None if index is None else read_accessor(self.file, index, name)
-            return None if read is None else np.ascontiguousarray(read, np.float32)
-
-        points = read("POSITION")
+        points, normals, uv, colors = (
+            np.ascontiguousarray(read_accessor(self.file, index, name), np.float32)
+            if (index := primitive.attributes.get(name)) is not None
+            else None
+            for name in ("POSITION", "NORMAL", "TEXCOORD_0", "COLOR_0")
+        )
         assert points is not None  # the character was loaded before
         count = len(points)
         indices = np.arange(count)
@@ -260,7 +255,6 @@ class _Stage:
         mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
         mesh.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(np.stack([points.min(0), points.max(0)])))
         api, types = UsdGeom.PrimvarsAPI(mesh), self.Sdf.ValueTypeNames
-        normals, uv, colors = read("NORMAL"), read("TEXCOORD_0"), read("COLOR_0")
         if normals is not None:
             mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals))
             mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
@@ -324,9 +318,9 @@ class _Stage:
         material = UsdShade.Material.Define(self.stage, path)
         shader = UsdShade.Shader.Define(self.stage, f"{path}/surface")
         shader.CreateIdAttr("UsdPreviewSurface")
-        shader.CreateInput("roughness", types.Float).Set(float(_or(surface.roughnessFactor, 1.0)))
-        shader.CreateInput("metallic", types.Float).Set(float(_or(surface.metallicFactor, 1.0)))
-        factor = [float(v) for v in _or(surface.baseColorFactor, (1.0, 1.0, 1.0, 1.0))]
+        shader.CreateInput("roughness", types.Float).Set(float(surface.get("roughnessFactor", 1.0)))
+        shader.CreateInput("metallic", types.Float).Set(float(surface.get("metallicFactor", 1.0)))
+        factor = [float(v) for v in surface.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0))]
         color = shader.CreateInput("diffuseColor", types.Color3f)
         color.Set(tuple(factor[:3]))
         file = None if surface.baseColorTexture is None else self._texture(surface.baseColorTexture.index)
@@ -341,10 +335,11 @@ class _Stage:
                 texture.CreateInput(axis, types.Token).Set("repeat")
             texture.CreateInput("st", types.Float2).ConnectToSource(st)
             color.ConnectToSource(texture.CreateOutput("rgb", types.Float3))
-        elif surface.baseColorTexture is None and self._colored(index):
-            color.ConnectToSource(
-                self._primvar(f"{path}/reader", "float3", "displayColor", tuple(factor[:3]))
-            )
+        elif surface.baseColorTexture is None:
+            used = [p for mesh in self.file.gltf.meshes for p in mesh.primitives if p.material == index]
+            if all("COLOR_0" in p.attributes for p in used):  # the colours of the vertices
+                reader = f"{path}/reader", "float3", "displayColor"
+                color.ConnectToSource(self._primvar(*reader, tuple(factor[:3])))
         material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
         return material
 
@@ -362,19 +357,14 @@ class _Stage:
             reader.CreateInput("fallback", result).Set(fallback)
         return output
 
-    def _colored(self, material: int) -> bool:
-        """Return whether all meshes of a material have vertex colours."""
-        used = [p for mesh in self.file.gltf.meshes for p in mesh.primitives if p.material == material]
-        return all("COLOR_0" in p.attributes for p in used)
-
     def _texture(self, index: int) -> str | None:
         """The name of a texture's file next to the layer; None where the form has none, or for other images."""
         source = self.file.gltf.textures[index].source
         if self.textures is None or source is None:
             return None
         data = bytes(buffer_view_bytes(self.file, self.file.gltf.images[source].bufferView, "an image"))
-        ending = ".png" if data.startswith(b"\x89PNG") else ".jpg" if data.startswith(b"\xff\xd8") else ""
-        if not ending:
+        ending = next((end for head, end in IMAGE_ENDINGS.items() if data.startswith(head)), None)
+        if ending is None:
             return None
         name = f"texture_{source}{ending}"
         (self.textures / name).write_bytes(data)
@@ -401,12 +391,6 @@ def unique_names(names: Sequence[str]) -> list[str]:
         text = "".join(c if Sdf.Path.IsValidIdentifier(f"_{c}") else "_" for c in letters)
         text = text if Sdf.Path.IsValidIdentifier(text) else f"_{text}"
         text = text if Sdf.Path.IsValidIdentifier(text) and text.strip("_") else f"joint_{number}"
-        once = next(
-            t for t in itertools.chain([text], (f"{text}_{k}" for k in itertools.count(2))) if t not in found
-        )
-        found[once] = None
+        others = (f"{text}_{k}" for k in itertools.count(2))
+        found[next(each for each in itertools.chain([text], others) if each not in found)] = None
     return list(found)
-
-
-def _or(value: Any, default: Any) -> Any:
-    return default if value is None else value

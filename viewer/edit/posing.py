@@ -11,8 +11,6 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.errors import SportError
 from runtime.pose import Pose
-from runtime.session.session import Take
-from runtime.takes.clip import Clip
 from runtime.takes.pose_layer import (
     PoseKey,
     PoseLayer,
@@ -193,7 +191,8 @@ class Posing:
             return
         hips, local = self._copied
         local = mirrored_pose(local) if mirror else local
-        key = pose_as_key(hips, local, _below(playback.take), playback.frame)
+        take = playback.take
+        key = pose_as_key(hips, local, take.poses.below_layer(take.base_clip), playback.frame)
         self.put("pasted pose", lambda layer: layer.with_key(key, playback.clip.fps))
 
     # --- in the view
@@ -288,10 +287,6 @@ def _moved_by(camera: Camera, place: Array, axes: Array) -> Array:
 def _matrix(values: Array) -> im_guizmo.Matrix16:
     """Column by column, as ImGuizmo reads it."""
     return im_guizmo.Matrix16([float(value) for value in np.asarray(values).T.ravel()])
-
-
-def _below(take: Take) -> Clip:
-    return take.poses.below_layer(take.base_clip)
 
 
 def _draw_card(posing: Posing, view: Rect) -> None:

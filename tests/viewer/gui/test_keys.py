@@ -27,6 +27,7 @@ def things(app: App) -> list[str]:
     found += [w.name for w in context.windows if w.name.startswith("suggestions") and w.active]
     if focus.holder and focus.holder not in focus.windows and focus.use is Use.NONE:
         found.append(f"panel {focus.holder}")
+    found += ["selection"] * bool(app.transport.selection.keys)
     return found + ["take"] * (app.takes.playback is not None) + ["compare"] * app.compare.open
 
 
@@ -151,16 +152,16 @@ USED = {
 @pytest.mark.parametrize("name", USED)
 def test_what_was_used_or_closed_gives_the_keys_to_the_view(name: str, app: App) -> None:
     do(app, USED[name])
-    assert set(things(app)) <= {"take"}
+    assert set(things(app)) <= {"take", "selection"}
     assert app.shell.focus.in_view
     assert walks(app)
 
 
 OPENED = {
     "click ##settings; click ##text size": 2,
-    "click ##settings; click Gamepad buttons; click ##button jump": 2,
+    "click ##settings; click Gamepad buttons; click ##pad_buttons jump": 2,
     "key ctrl+e; click ##export format": 2,
-    "click ##take menu; click Color": 2,
+    "click ##take menu; click Color": 3,
     "click ##settings; key f1": 2,
     "click ##settings; click ##browse folder": 2,
     "click ##settings; ctrl-click ##dead_zone": 2,

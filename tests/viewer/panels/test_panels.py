@@ -330,7 +330,7 @@ def test_recordings_are_numbered_by_themselves_and_the_folder_stays_under_home(
     app = start()
     record(app)
     app.takes.mirror(1)
-    app.takes.export()
+    app.bvh_export.export()
     run(app, 2)
     record(app)
     assert titles(app)[-1] == "Take 2"

@@ -41,6 +41,7 @@ from tests.helpers.app_driver import (
 from tests.helpers.full_session import history_of, still, text_of, written
 from tests.helpers.gltf_characters import user_character
 from viewer.app import App
+from viewer.edit.item_kinds import CAMERA_KEYS
 from viewer.session.sessions import RESIMULATION
 
 
@@ -163,9 +164,11 @@ def test_a_camera_key_is_dragged_past_another_one_and_never_onto_it(start: Start
     for frame in (10, 20, 30):
         playback.seek(frame)
         app.camera_keys.add()
-    held = app.camera_keys.keys[0]
+    selection = app.transport.selection
+    held = selection.all([CAMERA_KEYS])[0]
     for frame in (12, 20, 24, 30, 40):
-        app.camera_keys.move(held, frame)
+        selection.replace("move", [held], [held.at(frame, frame)], held=True)
+    app.editor.finish_drag()
     assert [round(key.seconds * 60) for key in app.camera_keys.keys] == [20, 30, 40]
 
 

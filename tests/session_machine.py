@@ -68,7 +68,7 @@ def shown(session: Session) -> dict[str, Any]:
         "blended": live.prompt.prompt(1),
         "weights": live.prompt.weights,
         "locked": sorted(live.prompt.locked),
-        "shape": session.character.shape,
+        "shape": (session.character.path, session.character.shape),
         "ground": "" if session.ground is None else session.ground.spec,
         "path": len(live.path),
         "held": sorted(str(pin.what) for pin in held_pins(live.poses.pins)),
@@ -462,11 +462,10 @@ class SessionMachine(RuleBasedStateMachine):
 
     @rule(height=st.sampled_from((0.8, 1.0, 1.2)))
     def shape(self, height: float) -> None:
-        shape = replace(self.model.now["shape"], height=height)
-        another = self.session.character.path != ""  # the walker is shown, which has no shape
-        self.app.scene.set_shape(shape)
-        if another or shape != self.model.now["shape"]:
-            self.model.edit(shape=shape)
+        shape = replace(self.model.now["shape"][1], height=height)
+        self.app.scene.set_shape(shape)  # that of the mannequin, which takes the place of another character
+        if ("", shape) != self.model.now["shape"]:
+            self.model.edit(shape=("", shape))
 
     # --- what is no edit
 

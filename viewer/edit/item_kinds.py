@@ -163,7 +163,10 @@ def _pins(take: Take, gone: Items, put: Items) -> tuple[Take, Items]:
         pins = [pin for index, pin in enumerate(pins) if index not in removed]
     else:
         put = [replace(item, lane=len(pins) + place) for place, item in enumerate(put)]
-        pins += [_pin_at(item, fps) for item in put]
+        pins += [
+            replace(item.value, start=item.start / fps, end=max(item.start, item.end - 1) / fps)
+            for item in put
+        ]
     return replace(take, poses=replace(take.poses, pins=tuple(pins))), put
 
 
@@ -173,11 +176,6 @@ def _moved_pin(old: Item, new: Item, frames: int, fps: float) -> Pin:
     start = pin.start if new.start == old.start else new.start / fps
     end = pin.end if new.end == old.end else (min(new.end, frames) - 1) / fps
     return replace(pin, start=start, end=max(start, end))
-
-
-def _pin_at(item: Item, fps: float) -> Pin:
-    pin: Pin = item.value
-    return replace(pin, start=item.start / fps, end=max(item.start, item.end - 1) / fps)
 
 
 def _footplants(pins: Pins, take: Take, gone: Items, put: Items) -> tuple[Take, Items]:

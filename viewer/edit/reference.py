@@ -217,7 +217,8 @@ class References:
         local = np.array(pose.local_rotations)
         local[0] = rotations.multiply(rotations.from_yaw(turn), local[0])
         ground = float(playback.terrain.height(float(hips[0]), float(hips[2])))
-        hips[1] += ground - float(playback.terrain.height(*self._start(playback.clip)))
+        start = playback.clip.hips_positions[0]
+        hips[1] += ground - float(playback.terrain.height(float(start[0]), float(start[2])))
         return make_pose(hips, local, pose.contacts, ground, pose.root_yaw + turn)
 
     def figure(self, playback: Playback, pose: Pose) -> Figure | None:
@@ -251,7 +252,3 @@ class References:
         *_, yaw, shift, turn = self._placed
         right = np.array([-math.cos(yaw), 0.0, math.sin(yaw)])
         return shift + (0.0 if self.reference.over else self.reference.aside_m) * right, turn
-
-    @staticmethod
-    def _start(take: Clip) -> tuple[float, float]:
-        return float(take.hips_positions[0, 0]), float(take.hips_positions[0, 2])

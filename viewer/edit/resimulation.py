@@ -132,7 +132,7 @@ class Resimulation:
             style = self.style(mark.start, request, known)
             return input_edits.reworded(inputs, input_edits.prompt_spans(inputs)[index], style)
 
-        self._again(label, edit)
+        self.again(label, edit)
 
     def reword_part(self, index: int, part: str, text: str) -> None:
         mark = self.tracks and self.tracks.prompts[index]
@@ -151,7 +151,7 @@ class Resimulation:
         """Another prompt from the frame shown to the next prompt."""
         if self.playback is not None and text.strip():
             frame = self.playback.frame
-            self._again(
+            self.again(
                 f"prompt {_short(text)}",
                 lambda inputs: input_edits.with_prompt(inputs, self.style(frame, text, None)),
             )
@@ -177,11 +177,13 @@ class Resimulation:
             return
         frame = playback.frame
         end = tracks.gaits[at].end if (at := mark_at(tracks.gaits, frame)) >= 0 else playback.frames
-        self._again(f"gait {gait.label}", lambda inputs: input_edits.with_gait(inputs, frame, end - 1, gait))
+        self.again(f"gait {gait.label}", lambda inputs: input_edits.with_gait(inputs, frame, end - 1, gait))
 
     # --- resimulating
 
-    def _again(self, label: str, edit: Callable[[InputRecording], Edit]) -> None:
+    def again(
+        self, label: str, edit: Callable[[InputRecording], Edit], also: Change = lambda session: session
+    ) -> None:
         """Resimulate the take that plays by the recorded stick after an edit of its input."""
 
         def work(
@@ -190,20 +192,21 @@ class Resimulation:
             made = edit(inputs)
             return resimulated_take(driven, made.inputs, model, made.first, progress)
 
-        self.run(label, work)
+        self.run(label, work, also=also)
 
     def walk(self, points: tuple[Waypoint, ...]) -> None:
         """Resimulate the take that plays along another path."""
 
-        def work(
-            driven: Clip, inputs: InputRecording, model: Steppable, progress: Callable[[float], None]
-        ) -> tuple[Clip, InputRecording]:
+        if points:
             from runtime.takes.take_path import resimulated_along
 
-            return resimulated_along(driven, inputs, model, points, 0, progress)
-
-        if points:
-            self.run("path", work, points)
+            self.run(
+                "path",
+                lambda clip, inputs, model, progress: resimulated_along(
+                    clip, inputs, model, points, 0, progress
+                ),
+                points,
+            )
 
     def run(
         self,

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 from runtime.errors import SportError
 from runtime.session.session import LIVE, Session
-from runtime.takes.input_recording import InputRecording, resimulated_take
+from runtime.takes.input_edits import Edit
+from runtime.takes.input_recording import InputRecording
 from viewer.edit.items import Item, ItemKind, Items, Key
 from viewer.edit.resimulation import Resimulation
 from viewer.editor import Change
@@ -235,15 +235,15 @@ class Selection:
     ) -> None:
         """Make the edits of what drove the take, one kind after the other, and resimulate it once."""
 
-        def work(clip: Any, inputs: InputRecording, model: Any, progress: Callable[[float], None]) -> Any:
-            first = len(inputs)
+        def edit(inputs: InputRecording) -> Edit:
+            made = Edit(inputs, len(inputs))
             for kind in kinds:
                 if kind.edit is not None:
-                    edit = kind.edit(inputs, *self._own(kind, gone, put))
-                    inputs, first = edit.inputs, min(first, edit.first)
-            return resimulated_take(clip, inputs, model, first, progress)
+                    now = kind.edit(made.inputs, *self._own(kind, gone, put))
+                    made = Edit(now.inputs, min(made.first, now.first))
+            return made
 
-        self.editing.run(label, work, also=also)
+        self.editing.again(label, edit, also)
 
     def named(self, items: Items) -> str:
         """Items in words: one by its kind, several by their number."""

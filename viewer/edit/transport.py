@@ -75,9 +75,7 @@ class TakeTracks:
         editing, frame = self.editing, playback.frame
         fixed, lit = bool(editing.fixed), (mark_at(tracks.prompts, frame), mark_at(tracks.gaits, frame))
         state = tracks, playback.take, playback.shown, editing.part_tracks, fixed, lit
-        if len(state) != len(self._state) or any(
-            a is not b and a != b for a, b in zip(state, self._state, strict=True)
-        ):
+        if state != self._state:  # whose parts are looked at only where they are others
             self._state, self._rows = state, [*self._of_motion(tracks, lit, fixed), *self._of_edits(playback)]
         return self._rows
 

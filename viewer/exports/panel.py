@@ -13,7 +13,7 @@ from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 
 WINDOW_WIDTH, WINDOW_HEIGHT = 470.0, 560.0  # pixels at scale 1
-END_HEIGHT = 92.0  # of the buttons and of what became of the last export
+END_HEIGHT = 100.0  # of the buttons and of what became of the last export
 LISTS = ("part", "fps", "unit", "euler_order", "engine", "ground", "film_fps", "size", "camera")
 SLIDERS = (("distance", 0.5, "%.1f m"), ("fov_degrees", 15.0, "%.0f degrees"))  # the least value, the text
 TOGGLES = (

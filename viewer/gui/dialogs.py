@@ -14,14 +14,13 @@ from typing import Any
 from runtime.safe_read import printable
 from viewer.gl_bindings import imgui
 from viewer.gui import widgets
-from viewer.gui.focus import OVER
-from viewer.gui.panels import Panel, PanelPlace, dim_behind
+from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.messages import Messages
 
 LINUX_PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")
-DIALOG_WIDTH, LIST_HEIGHT_PX = 520.0, 240.0  # pixels at scale 1
+DIALOG_WIDTH_PX, LIST_HEIGHT_PX = 520.0, 240.0  # pixels at scale 1
 MAX_ENTRIES = 500  # of a folder
 Filters = Sequence[str]  # in turns a name and its patterns: ["Projects", "*.sport"]
 
@@ -148,8 +147,8 @@ class Dialogs:
 
     def panel(self) -> Panel:
         return Panel(
-            "Path", PanelPlace.WINDOW, lambda _: self.draw(), modal=True, close=self.close,
-            shown=lambda: self.question is not None and self.question.native is None,
+            "Path", PanelPlace.WINDOW, lambda _: self.draw(), ICON.folder, width=DIALOG_WIDTH_PX, modal=True,
+            close=self.close, shown=lambda: self.question is not None and self.question.native is None,
         )  # fmt: skip
 
     def draw(self) -> None:
@@ -157,18 +156,9 @@ class Dialogs:
         question = self.question
         if question is None or question.native is not None:
             return
-        dim_behind("path")
-        size = imgui.get_io().display_size
-        center = imgui.ImVec2(size.x / 2, size.y / 2)
-        imgui.set_next_window_pos(center, imgui.Cond_.always, imgui.ImVec2(0.5, 0.5))
-        imgui.set_next_window_size(imgui.ImVec2(min(px(DIALOG_WIDTH), size.x - px(20)), 0))
-        flags = imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_title_bar
-        imgui.begin(f"Path{OVER}", None, flags | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_resize)
-        imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
         imgui.text_unformatted(question.title)
         clicked = self._browser(question)
         chosen = self._field(question)
-        imgui.end()
         chosen = clicked or chosen
         if chosen is None:
             return
@@ -206,5 +196,6 @@ class Dialogs:
         if widgets.button(f"{question.kind.value}###dialog ok", half, primary=True) or entered:
             return question.accept()
         widgets.same_line()
+        # also of the field, which has the keys
         escaped = imgui.is_window_focused() and imgui.is_key_pressed(imgui.Key.escape)
         return "" if widgets.button("Cancel###dialog cancel", half) or escaped else None

@@ -117,7 +117,7 @@ class GlfwGamepads:
         except FileError as error:
             return f"{error.problem} The built-in gamepad mappings are used."
         said = [line for line in lines if line.strip() and not line.startswith("#")]
-        good = list(filter(_is_mapping, said))
+        good = [line for line in said if line.count(",") >= 2 and "\0" not in line]  # glfw takes garbage too
         if good:
             self.glfw.update_gamepad_mappings("\n".join(good) + "\n")
         bad = len(said) - len(good)
@@ -129,11 +129,6 @@ def _axis(number: int, value: float, trigger: bool, live: set[int]) -> float:
     if value < _MAX_RELEASED if trigger else abs(value) < _REST_DISTANCE:
         live.add(number)
     return value if number in live else -float(trigger)
-
-
-def _is_mapping(line: str) -> bool:
-    """Return whether a line looks like a mapping: glfw answers success for garbage too."""
-    return line.count(",") >= 2 and "\0" not in line
 
 
 def _from_mapping(name: str, mapped: Any) -> GamepadState:

@@ -25,6 +25,7 @@ from viewer.session.takes import Takes
 from viewer.settings import TAKE_ORDERS, Settings
 
 ROWS, ROW_PX = 6, 25.0  # that the list keeps, and the height of one in pixels at scale 1
+ICON_PX = 24.0  # of the buttons in a row
 RENAME_HINT = "Double-click renames it"
 MENU = "take menu"
 COLORS = ("No color", "Red", "Yellow", "Green", "Blue", "Violet")
@@ -205,13 +206,14 @@ def _name_field(takes: Takes, take: Take) -> None:
 def _row(panel: TakesPanel, take: Take) -> None:
     """Play, name, length, remove; a click anywhere selects."""
     takes = panel.takes
-    width, square = imgui.get_content_region_avail().x, px(24)
+    width, square = imgui.get_content_region_avail().x, px(ICON_PX)
     corner, start = imgui.get_cursor_screen_pos(), imgui.get_cursor_pos()
     _row_ground(panel, take, corner, width)
     imgui.set_cursor_pos(start)
     playback = takes.playback
     playing = playback is not None and playback.number == take.number and playback.playing
-    if _small(ICON.pause if playing else ICON.play, square, "Pause" if playing else "Play (P)"):
+    icon, hint = (ICON.pause, "Pause") if playing else (ICON.play, "Play (P)")
+    if widgets.icon_button(icon, "play take", hint, size=ICON_PX):
         takes.play_or_pause(take.number)
     seconds = _facts(panel, take)
     time_width = imgui.calc_text_size(seconds).x
@@ -222,10 +224,14 @@ def _row(panel: TakesPanel, take: Take) -> None:
     imgui.align_text_to_frame_padding()
     widgets.muted(seconds)
     imgui.same_line(width - 2 * square)
-    if _small(f"{ICON.more}##take menu", square, "Rename, rate, note, mirror, compare, color"):
+    if widgets.icon_button(
+        ICON.more, "take menu", "Rename, rate, note, mirror, compare, color", size=ICON_PX
+    ):
         imgui.open_popup(MENU)
     imgui.same_line(width - square)
-    if _small(ICON.trash, square, "Remove from the list; exported files stay"):
+    if widgets.icon_button(
+        ICON.trash, "remove take", "Remove from the list; exported files stay", size=ICON_PX
+    ):
         takes.remove(take.number)
     imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(px(8), px(7)))
     if imgui.begin_popup(MENU):
@@ -367,17 +373,6 @@ def _animations(takes: Takes, references: ReferenceCard, take: Take) -> None:
             compared = references.reference.take == take
             (takes.open_reference if compared else takes.open)(path, animation=name)
     imgui.end_menu()
-
-
-def _small(icon: str, width: float, hint: str) -> bool:
-    with widgets.color(imgui.Col_.button, theme.CLEAR), widgets.color(imgui.Col_.text, theme.MUTED):
-        imgui.push_style_var(
-            imgui.StyleVar_.frame_padding, imgui.ImVec2(px(3), imgui.get_style().frame_padding.y)
-        )
-        clicked = imgui.button(icon, imgui.ImVec2(width, 0))
-        imgui.pop_style_var()
-    widgets.tooltip(hint)
-    return bool(clicked)
 
 
 def _rate_and_unit(settings: Settings) -> None:

@@ -64,7 +64,9 @@ class Suggester:
     def suggestions(self, box: PromptText) -> tuple[Suggestion, ...]:
         typed, history = box.text, self.settings.prompt_history
         self._look_up(box, typed)
-        near = box.near if box.near_to and _continues(typed, box.near_to) else ()
+        # what was found is still of use while more is typed or taken away
+        goes_on = typed.startswith(box.near_to) or box.near_to.startswith(typed)
+        near = box.near if box.near_to and goes_on else ()
         key = (typed, near, tuple(history))
         if key != self._key:
             self._key = key
@@ -143,8 +145,3 @@ def remember(history: Sequence[str], prompt: str) -> list[str]:
 
 def _folded(text: str) -> str:
     return " ".join(text.casefold().split())
-
-
-def _continues(typed: str, earlier: str) -> bool:
-    """Whether what was found for `earlier` is still of use while more is typed or taken away."""
-    return typed.startswith(earlier) or earlier.startswith(typed)

@@ -293,12 +293,8 @@ class Sessions:
                 library.remove(file.path)
             return whole
 
-        def closed(_: bool) -> None:
-            self.look()
-
-        self.jobs.submit(
-            Slot(CLOSING.what, file.path), close, closed, writing=f"the session {file.path.stem}"
-        )
+        slot = Slot(CLOSING.what, file.path)
+        self.jobs.submit(slot, close, lambda _: self.look(), writing=f"the session {file.path.stem}")
 
     @property
     def _is_empty(self) -> bool:

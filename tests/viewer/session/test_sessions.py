@@ -41,6 +41,7 @@ from tests.helpers.app_driver import (
 from tests.helpers.full_session import history_of, still, text_of, written
 from tests.helpers.gltf_characters import user_character
 from viewer.app import App
+from viewer.edit.item_kinds import CAMERA_KEYS
 from viewer.session.sessions import RESIMULATION
 
 
@@ -152,6 +153,23 @@ def test_each_take_is_in_the_session_in_which_it_was_recorded(start: Start, tmp_
     assert titles(app) == ["Take 1"]
     assert app.sessions.path is None
     assert app.sessions.earlier == []
+
+
+def test_a_camera_key_is_dragged_past_another_one_and_never_onto_it(start: Start) -> None:
+    app = start()
+    record(app, 60)
+    app.takes.play(1)
+    playback = app.takes.playback
+    assert playback is not None
+    for frame in (10, 20, 30):
+        playback.seek(frame)
+        app.camera_keys.add()
+    selection = app.transport.selection
+    held = selection.all([CAMERA_KEYS])[0]
+    for frame in (12, 20, 24, 30, 40):
+        selection.replace("move", [held], [held.at(frame, frame)], held=True)
+    app.editor.finish_drag()
+    assert [round(key.seconds * 60) for key in app.camera_keys.keys] == [20, 30, 40]
 
 
 def test_save_as_of_an_untitled_session_removes_the_untitled_file(start: Start, tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ class PathTool:
     _time_s: float = 0.0
     _handles: Handles = field(default_factory=Handles)
     _drawing: bool = False  # the drag began with a new point and sets more
-    _in_view: int = -1  # the point whose controls were scrolled into sight
+    _clicked: bool = False  # a point in the view: its controls come into sight
     _subject: int = LIVE  # the take whose points `selected` counts
     _of_motion: tuple[Motion, tuple[Waypoint, ...]] | None = None
 
@@ -163,7 +163,7 @@ class PathTool:
 
     def _press(self, place: tuple[float, float] | None) -> None:
         """Take the point under the mouse, or begin to draw with another one."""
-        handles = self._handles
+        handles, self._clicked = self._handles, True
         self._drawing = handles.held < 0 and place is not None
         if handles.held >= 0:
             self.selected = handles.held
@@ -240,7 +240,6 @@ class PathTool:
     def _draw_selected(self) -> None:
         """Speed and gait of the leg that leads to the selected point."""
         if not 0 <= self.selected < len(self.points):
-            self._in_view = -1
             widgets.muted("Click on the ground to set points.", wrap=True)
             return
         point = self.points[self.selected]
@@ -257,6 +256,6 @@ class PathTool:
         imgui.same_line(0, px(4))
         if widgets.button("Clear", px(62), "Remove every point"):
             self.clear()
-        if self.selected != self._in_view:  # a point was clicked in the view: these controls come into sight
-            self._in_view = self.selected
+        if self._clicked:  # in the view, so that nothing moves under the mouse
+            self._clicked = False
             imgui.set_scroll_here_y(1.0)

@@ -24,6 +24,7 @@ from runtime.motion.model import load_model
 from runtime.prompts.prompter import Prompter
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import TERRAIN_NAMES, make_terrain
+from training.evaluation import log
 from training.evaluation.experiment import Experiment, Setting, entry, option
 from training.markdown import number, table
 
@@ -183,7 +184,7 @@ def figures_of(setting: Setting) -> dict[str, Any]:
     codes = [np.asarray(prompter(prompt), np.float32) for prompt in PROMPTS]
     for seed in range(args.first, args.first + args.seeds):
         count = play(Controller(model, Terrain.flat(), seed), args.minutes, seed, codes=codes)
-        setting.report("\n".join([*count.first[:5], f"seed {seed}: {count.fastest:.1f} m/s"]))
+        log.info("\n".join([*count.first[:5], f"seed {seed}: {count.fastest:.1f} m/s"]))
         runs.append(vars(count))
     return {"model": args.model, "runs": runs}
 

@@ -33,6 +33,7 @@ from runtime.formats.table import save_motion
 from runtime.generate import generate_clip
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
+from training.evaluation import log
 from training.evaluation.experiment import Experiment, Setting, entry
 from training.markdown import table
 
@@ -240,7 +241,7 @@ def measure(setting: Setting) -> list[list[Any]]:
         for row in (row for kind in kinds for row in rows_of(kind)):
             texts = [row[0], str(row[1]), "yes" if row[2] else "no", "own" if row[3] else "mannequin"]
             rows.append([*texts, *(cell(row, rate, takes) for rate in RATES)])
-            setting.report(" | ".join(map(str, rows[-1])))
+            log.info(" | ".join(map(str, rows[-1])))
     return rows
 
 

@@ -59,7 +59,7 @@ SHARED: dict[str, tuple[str, ...]] = {
 }
 # These differ from the full model in stage 3 alone, and take over its stage 2 of the same seed.
 OTHER_DIFFUSION = ("distilled-diffusion", "expert-shares")
-STAGES = {"phase": 1000, "content": 2000, "stage2": 2000, "stage3": 700}  # steps
+STAGES = {"phase": 1000, "content": 2000, "words": 2000, "stage2": 2000, "stage3": 700}  # steps
 # of training, as `add_argument` takes them
 OPTIONS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("--run", {"type": Path, "metavar": "DIR", "help": "finished run whose phases and content encoder serve"}),

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from runtime.motion.model_files import read_metadata
 from training.ablations import OPTIONS as TRAINING_OPTIONS
 from training.ablations import check as check_training
 from training.ablations import give_way, train_row
+from training.evaluation import log
 from training.evaluation.command import check_seconds, plan_of
 from training.evaluation.experiment import (
     CLIPS,
@@ -123,9 +124,9 @@ def _recognised(scores: dict[str, float]) -> Cells:
     return {"styles": shown, "recognition": mean(scores)}
 
 
-def capture_cells(plan: EvaluationPlan, report: Callable[[str], None]) -> Cells:
+def capture_cells(plan: EvaluationPlan) -> Cells:
     """The same of the capture: one half of its takes against the other, and its held-out clips."""
-    held_out = score_held_out(plan, report)
+    held_out = score_held_out(plan)
     reference = joined([plan.reference[g] for g in plan.groups if g != TERRAIN_GROUP])
     cells = {}
     for name in plan.feature_sets:
@@ -149,7 +150,7 @@ def table_one(setting: Setting) -> dict[str, Any]:
             folder = setting.folders[0] if row is None else model_of(setting, row, seed)
             if folder is None:
                 continue
-            setting.report(f"{title}, seed {seed}")
+            log.info(f"{title}, seed {seed}")
             plan = plan or plan_of(setting, seed)
             cells = _scored(setting, plan, None if title == CAPTURE else folder)
             kept["cells"].setdefault(title, {})[str(seed)] = cells
@@ -167,8 +168,8 @@ def _rows(args: Arguments) -> list[tuple[str, TableRow | None]]:
 def _scored(setting: Setting, plan: EvaluationPlan, folder: Path | None) -> Cells:
     """Of a model, or of the capture itself where there is none."""
     if folder is None:
-        return capture_cells(plan, setting.report)
-    return cells_of(score_model(plan, EvaluatedModel(folder, plan.texts), setting.report))
+        return capture_cells(plan)
+    return cells_of(score_model(plan, EvaluatedModel(folder, plan.texts)))
 
 
 def _options(setting: Setting) -> dict[str, Any]:
@@ -257,7 +258,7 @@ def distances(setting: Setting) -> dict[str, Any]:
     plan = plan_of(setting)
     plan = replace(plan, options=replace(plan.options, recognise_seconds=8.0))
     models = [EvaluatedModel(folder, plan.texts) for folder in setting.folders]
-    return {f"{m.name} ({m.decoder})": score_following(plan, m, setting.report) for m in models}
+    return {f"{m.name} ({m.decoder})": score_following(plan, m) for m in models}
 
 
 def distances_table(results: dict[str, dict[str, Any]]) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 
 from runtime.errors import UsageError
 from runtime.motion.model import ExportedMotionEncoder
+from training.evaluation import log
 from training.evaluation.experiment import (
     CLIPS,
     MODELS,
@@ -43,13 +44,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 def motion(setting: Setting) -> dict[str, Any]:
     """All figures as plain data."""
     plan = plan_of(setting)
-    held_out = score_held_out(plan, setting.report)
-    models = [
-        score_model(plan, EvaluatedModel(folder, plan.texts), setting.report) for folder in setting.folders
-    ]
+    held_out = score_held_out(plan)
+    models = [score_model(plan, EvaluatedModel(folder, plan.texts)) for folder in setting.folders]
     for model in models:
         for bar in tables.check(model, held_out):
-            setting.report(f"{model['name']}: {bar.name}: {bar.passed} ({bar.met} of {bar.cases})")
+            log.info(f"{model['name']}: {bar.name}: {bar.passed} ({bar.met} of {bar.cases})")
     return {
         "command": command_of("sport evaluate", setting.args),
         "feature_sets": plan.feature_sets,
@@ -69,9 +68,9 @@ def plan_of(setting: Setting, seed: int | None = None) -> EvaluationPlan:
         options = replace(options, follow_seconds=args.seconds)
     folder = args.features or next((f for f in setting.folders if has_encoder(f)), None)
     if folder is None:
-        setting.report("no model has a motion.onnx: distances are taken over kinematic features alone")
+        log.info("no model has a motion.onnx: distances are taken over kinematic features alone")
     encoder = None if folder is None else ExportedMotionEncoder(folder)
-    return make_plan(setting.args.clips, args.styles, options, encoder, setting.report)
+    return make_plan(setting.args.clips, args.styles, options, encoder)
 
 
 def check_seconds(args: Arguments) -> None:

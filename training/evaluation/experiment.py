@@ -23,8 +23,6 @@ from runtime.errors import FileError, UsageError
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
 from training.markdown import check_section, write_section
 
-log = logging.getLogger("sport.evaluate")
-
 Figures = Any  # plain data, as JSON holds it
 Arguments = argparse.Namespace
 
@@ -84,10 +82,6 @@ class Setting:
     def models(self) -> list[EvaluatedModel]:
         """The models with the descriptions of every style."""
         return [EvaluatedModel(folder, style_texts()) for folder in self.folders]
-
-    def report(self, line: str) -> None:
-        """Log progress."""
-        log.info(line)
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from runtime.motion.model import MotionModel
 from runtime.terrain.courses import BEAM, BEAM_RAMP_M, GAPS, HURDLES, WALLS, Obstacle
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
+from training.evaluation import log
 from training.evaluation.experiment import CLIPS, MODEL, SEED, Experiment, Setting, command_of, option
 from training.evaluation.metrics import traversal
 from training.evaluation.metrics.classifiers import StyleClassifier, merged
@@ -183,10 +184,8 @@ def obstacle_courses(setting: Setting) -> dict[str, Any]:
     """All figures as plain data; styles are recognised where clips are given, as in `sport evaluate`."""
     args, classifier = setting.args, None
     if args.clips is not None:
-        classifier = make_plan(args.clips, None, Options(), None, setting.report).classifier
-    results = score_obstacles(
-        setting.models[0], args.seed, args.styles or STYLES, COURSES, classifier, setting.report
-    )
+        classifier = make_plan(args.clips, None, Options(), None).classifier
+    results = score_obstacles(setting.models[0], args.seed, args.styles or STYLES, COURSES, classifier)
     command = command_of("sport evaluate --courses", args)
     return {"command": command, "model": setting.models[0].name, **results}
 
@@ -197,13 +196,12 @@ def score_obstacles(
     styles: Sequence[str],
     courses: Iterable[ObstacleCourse],
     classifier: StyleClassifier | None,
-    report: Callable[[str], None],
 ) -> dict[str, Any]:
     """A row for each course, style and gait, and how often the style is recognised there and on level ground."""
     rows: list[dict[str, Any]] = []
     grounds = [*courses, *([] if classifier is None else [LEVEL])]
     for course, style, gait in product(grounds, styles, GAITS):
-        report(f"{course.name}: {style}, {gait.label}")
+        log.info(f"{course.name}: {style}, {gait.label}")
         done = run_obstacles(evaluated.model, course, style, evaluated.style(style, 0), gait, seed)
         row: dict[str, Any] = {"course": course.name, "style": style, "gait": gait.label}
         row["recognised"] = _recognised(done, classifier)

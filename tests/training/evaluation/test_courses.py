@@ -157,7 +157,7 @@ def results():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("training.evaluation.on_obstacles.GAITS", (Gait.WALK,))
         settle_soon(patch)
-        found = score_obstacles(evaluated, 0, ["neutral"], [course], None, lambda text: None)
+        found = score_obstacles(evaluated, 0, ["neutral"], [course], None)
     return {"command": "sport evaluate --courses", **found}
 
 

@@ -85,7 +85,7 @@ class FakeModel:
 @pytest.fixture(scope="module")
 def results(clips):
     """Of walks as short as their scores allow."""
-    plan = make_plan(clips, None, Options(3.0, 1.0, 1.0, 1, 1, 1), None, lambda _: None)
+    plan = make_plan(clips, None, Options(3.0, 1.0, 1.0, 1, 1, 1), None)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(scores, "TERRAINS", ("stairs",))
         patch.setattr(scores, "DIVERSITY_FRAMES", 40)
@@ -95,8 +95,8 @@ def results(clips):
         return {
             "command": "sport evaluate",
             "feature_sets": plan.feature_sets,
-            "held_out": score_held_out(plan, lambda _: None),
-            "models": [score_model(plan, FakeModel(), lambda _: None)],
+            "held_out": score_held_out(plan),
+            "models": [score_model(plan, FakeModel())],
         }
 
 

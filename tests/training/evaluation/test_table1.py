@@ -64,7 +64,7 @@ def work(monkeypatch: pytest.MonkeyPatch) -> Work:
         done.add(f"method {'/'.join(order.out.parts[-3:-1])}")
         export(order.out)
 
-    def score(plan: Any, model: Any, report: Any) -> dict[str, Any]:
+    def score(plan: Any, model: Any) -> dict[str, Any]:
         done.add(f"score {model} by {plan.seed}")
         return {"number": float(len(done.done))}
 
@@ -74,7 +74,7 @@ def work(monkeypatch: pytest.MonkeyPatch) -> Work:
     monkeypatch.setattr(
         table1, "plan_of", lambda setting, seed: type("Plan", (), {"texts": {}, "seed": seed})
     )
-    monkeypatch.setattr(table1, "capture_cells", lambda plan, report: {"fmd_kinematic": 1.0 + plan.seed})
+    monkeypatch.setattr(table1, "capture_cells", lambda plan: {"fmd_kinematic": 1.0 + plan.seed})
     monkeypatch.setattr(table1, "EvaluatedModel", lambda folder, texts: "/".join(Path(folder).parts[-3:]))
     monkeypatch.setattr(table1, "score_model", score)
     monkeypatch.setattr(table1, "cells_of", lambda scores: {**CELLS, "fmd_kinematic": scores["number"]})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
@@ -16,6 +16,7 @@ from runtime.motion.features import FPS
 from runtime.motion.model import ExportedMotionEncoder
 from runtime.prompts.parts import PartDescriptions
 from runtime.safe_read import open_npz
+from training.evaluation import log
 from training.evaluation.metrics.classifiers import (
     MIN_HELD_OUT_WINDOWS,
     MIN_TRAINING_WINDOWS,
@@ -144,8 +145,6 @@ def _shuffled(clips: list[ClipInfo], rng: np.random.Generator) -> list[ClipInfo]
     return [clips[i] for i in rng.permutation(len(clips))]
 
 
-Report = Callable[[str], None]
-
 STYLE_COMPONENTS = 32  # principal components of the distances of one style: it has a few hundred windows
 OVERALL_COMPONENTS = 128  # of the distances of all styles together
 TRAINING_SECONDS = 150.0  # of a style's training clips, for the classifier and the principal axes
@@ -233,7 +232,6 @@ def make_plan(
     styles: list[str] | None,
     options: Options,
     encoder: ExportedMotionEncoder | None,
-    report: Report,
 ) -> EvaluationPlan:
     """Read the capture and train the classifier; FileError when the clips do not do."""
     capture = read_capture(clips, styles)
@@ -241,7 +239,7 @@ def make_plan(
     texts = style_texts({clip.style for clip in capture.clips})
     segments, reference, training, held_out, labels = {}, {}, [], {}, []
     for number, group in enumerate(groups):
-        report(f"capture {number + 1}/{len(groups)}: {group}")
+        log.info(f"capture {number + 1}/{len(groups)}: {group}")
         segments[group] = driving_segments(capture, group, options.follow_seconds, options.seed)
         # neighbours in speed are a pair of takes (`frechet.compare`)
         takes = sorted((s.load() for s in segments[group]), key=lambda motion: mean_speed(motion.positions))
@@ -255,7 +253,7 @@ def make_plan(
         held_out[group] = window_set((s.load() for s in parts), encoder)
     windows = joined(training)
     known = _known(windows, labels, held_out)
-    report(f"classifier: {len(known)} windows")
+    log.info(f"classifier: {len(known)} windows")
     classifier = StyleClassifier(windows.for_classifier[known], [labels[int(i)] for i in known], options.seed)
     return EvaluationPlan(
         options, capture, texts, encoder, segments, reference, windows, labels, held_out, classifier

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from runtime.controls import Gait
 from runtime.terrain.library import make_terrain
+from training.evaluation import log
 from training.evaluation.metrics.classifiers import recognition
 from training.evaluation.metrics.features import WindowSet, joined, window_set
 from training.evaluation.metrics.feet import GAITS, Skating, foot_skating, terrain_feet
@@ -42,14 +43,12 @@ from training.evaluation.motion.driving import (
 )
 from training.evaluation.motion.evaluated_model import EvaluatedModel, count_parameters, frame_times
 
-Report = Callable[[str], None]
-
 TERRAINS = ("hills", "stairs", "rough")
 DETERMINISM_CLIPS = 5  # that temperature 0 gives the same twice takes no more
 DRAWS = 10
 
 
-def score_model(plan: EvaluationPlan, evaluated: EvaluatedModel, report: Report) -> dict[str, Any]:
+def score_model(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, Any]:
     """Generate what the plan specifies and score it."""
     metadata = evaluated.model.metadata
     return {
@@ -58,11 +57,11 @@ def score_model(plan: EvaluationPlan, evaluated: EvaluatedModel, report: Report)
         "config": metadata["config"],
         "parameters": count_parameters(metadata),
         "runtime": frame_times(evaluated.model),
-        "following": score_following(plan, evaluated, report),
-        "courses": score_courses(plan, evaluated, report),
-        "terrain": score_terrain(plan, evaluated, report),
-        "transitions": score_transitions(plan, evaluated, report),
-        "diversity": score_diversity(plan, evaluated, report),
+        "following": score_following(plan, evaluated),
+        "courses": score_courses(plan, evaluated),
+        "terrain": score_terrain(plan, evaluated),
+        "transitions": score_transitions(plan, evaluated),
+        "diversity": score_diversity(plan, evaluated),
     }
 
 
@@ -106,11 +105,11 @@ def follow_group(plan: EvaluationPlan, evaluated: EvaluatedModel, group: str) ->
     )
 
 
-def score_following(plan: EvaluationPlan, evaluated: EvaluatedModel, report: Report) -> dict[str, Any]:
+def score_following(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, Any]:
     """Distances per style and overall, recognition, path and speed along the captured paths."""
     done: dict[str, Followed] = {}
     for number, group in enumerate(plan.groups):
-        report(f"{evaluated.name}: following {number + 1}/{len(plan.groups)}: {group}")
+        log.info(f"{evaluated.name}: following {number + 1}/{len(plan.groups)}: {group}")
         done[group] = follow_group(plan, evaluated, group)
     styles = [g for g in plan.groups if g != TERRAIN_GROUP]
     return {
@@ -152,7 +151,7 @@ def _recognition(plan: EvaluationPlan, windows: dict[str, WindowSet]) -> dict[st
 # --- on courses -------------------------------------------------------------------------------------------------------
 
 
-def score_courses(plan: EvaluationPlan, evaluated: EvaluatedModel, report: Report) -> dict[str, Any]:
+def score_courses(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, Any]:
     """Skating before and after foot lock, path error and speed, per style and gait, on level and on rough ground."""
     result: dict[str, Any] = {}
     styles = [g for g in plan.groups if g != TERRAIN_GROUP and plan.gaits(g)]
@@ -162,7 +161,7 @@ def score_courses(plan: EvaluationPlan, evaluated: EvaluatedModel, report: Repor
         found = {"captured": captured.as_dict() | {"held_out": held_out}}
         result.setdefault(walk.style, {})[walk.gait.label] = found
     for ground in (flat_ground(), make_terrain("rough", plan.options.seed)):
-        report(f"{evaluated.name}: courses on {ground.name}")
+        log.info(f"{evaluated.name}: courses on {ground.name}")
         runs = run_ring(evaluated.model, ground, walks, plan.options.course_seconds)
         for walk, run in zip(walks, runs, strict=True):
             result[walk.style][walk.gait.label][ground.name] = _course_scores(run)
@@ -194,13 +193,13 @@ def _course_scores(run: RingRun) -> dict[str, Any]:
     }
 
 
-def score_terrain(plan: EvaluationPlan, evaluated: EvaluatedModel, report: Report) -> dict[str, Any]:
+def score_terrain(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, Any]:
     """Sinking and floating of soles, and path error, on uneven ground: neutral first, then other styles."""
     result: dict[str, Any] = {}
     styles = _walking_styles(plan)[: plan.options.terrain_styles]
     for name in TERRAINS:
         ground = make_terrain(name, plan.options.seed)
-        report(f"{evaluated.name}: on {name}")
+        log.info(f"{evaluated.name}: on {name}")
         for gait in GAITS:
             walks = _walks(plan, evaluated, styles, (gait,))
             rows = []
@@ -222,7 +221,7 @@ def _walking_styles(plan: EvaluationPlan) -> list[str]:
 # --- transitions and diversity ----------------------------------------------------------------------------------------
 
 
-def score_transitions(plan: EvaluationPlan, evaluated: EvaluatedModel, report: Report) -> dict[str, float]:
+def score_transitions(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, float]:
     """Jerk around changes of prompt between random styles, walking, against that inside the styles."""
     rng, seed, count = (
         np.random.default_rng(plan.options.seed + 2),
@@ -232,7 +231,7 @@ def score_transitions(plan: EvaluationPlan, evaluated: EvaluatedModel, report: R
     styles = _walking_styles(plan)
     if len(styles) < 2:
         return {}
-    report(f"{evaluated.name}: {count} transitions")
+    log.info(f"{evaluated.name}: {count} transitions")
     pairs = [rng.choice(len(styles), 2, replace=False) for _ in range(count)]
     codes = [
         (evaluated.style(styles[one], k), evaluated.style(styles[other], k))
@@ -244,7 +243,7 @@ def score_transitions(plan: EvaluationPlan, evaluated: EvaluatedModel, report: R
     return {"ratio": float(np.mean(ratios)), "count": count}
 
 
-def score_diversity(plan: EvaluationPlan, evaluated: EvaluatedModel, report: Report) -> dict[str, Any]:
+def score_diversity(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, Any]:
     """Diversity at temperature 1, and over a few clips at 0, of random captured clips, held-out ones first.
 
     Control variables are those of the clip in both generations; only the seed of the noise differs.
@@ -252,7 +251,7 @@ def score_diversity(plan: EvaluationPlan, evaluated: EvaluatedModel, report: Rep
     result: dict[str, Any] = {}
     clips = list(enumerate(diversity_clips(plan)))
     for temperature in (0.0, 1.0):
-        report(f"{evaluated.name}: diversity at temperature {temperature:.0f}")
+        log.info(f"{evaluated.name}: diversity at temperature {temperature:.0f}")
         distances = []
         for k, clip in clips if temperature > 0 else clips[:DETERMINISM_CLIPS]:
             z = evaluated.style(clip.style, k)
@@ -283,9 +282,9 @@ def diversity_clips(plan: EvaluationPlan) -> Iterator[Motion]:
 # --- the capture itself -----------------------------------------------------------------------------------------------
 
 
-def score_held_out(plan: EvaluationPlan, report: Report) -> dict[str, Any]:
+def score_held_out(plan: EvaluationPlan) -> dict[str, Any]:
     """The capture's own held-out clips, scored by the same code."""
-    report("held-out capture")
+    log.info("held-out capture")
     styles = [g for g in plan.groups if g != TERRAIN_GROUP and len(plan.held_out[g])]
     return {
         "name": "held-out capture",

@@ -19,6 +19,7 @@ from runtime.measures.signals import smoothed
 from runtime.motion.model import load_model
 from runtime.prompts.prompter import Prompter
 from runtime.skeleton import SPORT_SKELETON
+from training.evaluation import log
 from training.evaluation.experiment import MODEL, SEED, Experiment, Setting, option
 from training.evaluation.motion.driving import measured_files
 from training.evaluation.text.walks import PLAIN_PROMPT, body_of
@@ -93,7 +94,7 @@ def animators(setting: Setting) -> dict[str, list[Outcome]]:
     neutral = walk(PLAIN_PROMPT)
     found: dict[str, list[Outcome]] = {}
     for name, lines in sections(setting.args.list).items():
-        setting.report(name)
+        log.info(name)
         found[name] = [outcome(line, walk(line.split(" | ")[0]), neutral) for line in lines]
     return found
 

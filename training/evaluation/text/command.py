@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +14,13 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.prompter import Prompter
 from runtime.prompts.text_encoder import TextEncoder
 from training.augmentation.measured_edits import CapturedReference, Summary, load_reference
+from training.evaluation import log
 from training.evaluation.experiment import CLIPS, MODEL, Arguments, Experiment, Setting, command_of, option
 from training.evaluation.text import edits
 from training.evaluation.text.edits import Case, by_slot, independence
 from training.evaluation.text.retrieval import MIN_RECALL_FRACTION, evaluate_retrieval
 from training.evaluation.text.walks import PLAIN_PROMPT, WALK_S, Walk, Walker
-from training.markdown import percent, table
+from training.markdown import columns, percent, table
 
 PARTS = ("retrieval", "edits")
 
@@ -32,7 +33,7 @@ def words_and_motion(setting: Setting) -> dict[str, Any]:
     command = command_of("sport evaluate --text", args)
     results: dict[str, Any] = {"command": command, "model": model.name}
     if "retrieval" in (args.only or PARTS):
-        setting.report("retrieval")
+        log.info("retrieval")
         results["retrieval"] = _retrieval(args, folder, prompter.text_encoder)
     if "edits" in (args.only or PARTS):
         results |= _edits(setting, prompter)
@@ -74,7 +75,7 @@ def _walked(
     plain = [Walk.of(prompter(neutral), seed) for seed in range(edits.SEEDS)]
     walks = [[Walk.of(prompter(d), s) for d, s in zip(c.variants, c.seeds, strict=True)] for c in cases]
     requested = [*plain, *(walk for own in walks for walk in own)]
-    setting.report(f"{len(set(requested))} walks")
+    log.info(f"{len(set(requested))} walks")
     made = dict(zip(requested, walker.make(requested), strict=True))
     return {walk.seed: made[walk] for walk in plain}, [[made[walk] for walk in own] for own in walks]
 
@@ -150,74 +151,68 @@ def _edit_bars(name: str, scores: dict[str, float], least: tuple[float, float]) 
     ]
 
 
+Row = tuple[str, dict[str, Any]]  # a title and its scores
+Columns = dict[str, Callable[[Row], str]]
+RETRIEVAL_COLUMNS: Columns = {
+    "": lambda row: row[0],
+    "queries": lambda row: str(row[1]["queries"]),
+    "gallery": lambda row: str(row[1]["gallery"]),
+    "R@1": lambda row: _with(row[1], "r1", "chance_r1"),
+    "R@3": lambda row: _with(row[1], "r3", "chance_r3"),
+    "median rank": lambda row: f"{row[1]['median_rank']:g} ({row[1]['chance_rank']:g})",
+    "R@1, mean over styles": lambda row: percent(row[1]["r1_by_style"]),
+}
+EDITS_COLUMNS: Columns = {
+    "": lambda row: row[0],
+    "cases": lambda row: str(row[1]["cases"]),
+    "right way": lambda row: percent(row[1]["right_way"]),
+    "at least half": lambda row: percent(row[1]["enough"]),
+    "median fraction": lambda row: f"{row[1]['median_fraction']:.2f}",
+    "of single walks": lambda row: percent(row[1]["runs_right_way"]),
+    "at least half of them": lambda row: percent(row[1]["runs_enough"]),
+}
+INDEPENDENCE_COLUMNS: Columns = {
+    "part": lambda row: row[0],
+    "edits": lambda row: str(row[1]["edits"]),
+    "its change": lambda row: f"{row[1]['own']:.1f}°",
+    "the others'": lambda row: f"{row[1]['others']:.1f}°",
+    "the others' between two seeds": lambda row: f"{row[1]['seed_others']:.1f}°",
+    "ratio": lambda row: _with(row[1], "ratio", "edit_ratio"),
+    "edits within 25 %": lambda row: percent(row[1]["within"]),
+    "the other part that changes most": lambda row: _with(row[1], "most_ratio", "edit_most_ratio"),
+}
+
+
+def _with(scores: dict[str, float], key: str, bracketed: str) -> str:
+    return f"{percent(scores[key])} ({100 * scores[bracketed]:.0f})"
+
+
 def _retrieval_table(scores: dict[str, Any]) -> list[str]:
-    rows = []
-    for suffix, words in (("", ""), ("_alike", ", look-alike styles as one")):
-        for key, name in DIRECTIONS.items():
-            found = scores[key + suffix]
-            rows.append(
-                [
-                    name + words,
-                    str(found["queries"]),
-                    str(found["gallery"]),
-                    f"{percent(found['r1'])} ({100 * found['chance_r1']:.0f})",
-                    f"{percent(found['r3'])} ({100 * found['chance_r3']:.0f})",
-                    f"{found['median_rank']:g} ({found['chance_rank']:g})",
-                    percent(found["r1_by_style"]),
-                ]
-            )
-    head = ["", "queries", "gallery", "R@1", "R@3", "median rank", "R@1, mean over styles"]
-    return [*table(head, rows), "Chance stands in brackets.", ""]
+    rows = [
+        (name + words, scores[key + suffix])
+        for suffix, words in (("", ""), ("_alike", ", look-alike styles as one"))
+        for key, name in DIRECTIONS.items()
+    ]
+    return [*columns(RETRIEVAL_COLUMNS, rows), "Chance stands in brackets.", ""]
 
 
 def _edits_table(found: dict[str, Any]) -> list[str]:
-    rows = [
-        [
-            kind,
-            str(s["cases"]),
-            percent(s["right_way"]),
-            percent(s["enough"]),
-            f"{s['median_fraction']:.2f}",
-            percent(s["runs_right_way"]),
-            percent(s["runs_enough"]),
-        ]
-        for kind, s in found["summary"].items()
-    ]
-    head = ["", "cases", "right way", "at least half", "median fraction", "of single walks", "at least half"]
-    weak = {
-        kind: [
-            f"{r['name']} ({r['worst_fraction']:.2f})"
-            for r in found["rows"]
-            if r["kind"] == kind and not r["enough"]
-        ]
-        for kind in dict.fromkeys(r["kind"] for r in found["rows"])
-    }
-    lines = [*table(head, rows), "Edits under half of the described change (in brackets the fraction):", ""]
+    weak: dict[str, list[str]] = {row["kind"]: [] for row in found["rows"]}
+    for row in found["rows"]:
+        if not row["enough"]:
+            weak[row["kind"]].append(f"{row['name']} ({row['worst_fraction']:.2f})")
+    lines = columns(EDITS_COLUMNS, found["summary"].items())
+    lines += ["Edits under half of the described change (in brackets the fraction):", ""]
     lines += table(["kind", "edits"], [[kind, ", ".join(names)] for kind, names in weak.items() if names])
     if found["unmeasured"]:
-        names = ", ".join(found["unmeasured"])
-        lines += [
-            f"Not scored, as captured walks disagree about what the edit does to its measure: {names}.",
-            "",
-        ]
+        why = "as captured walks disagree about what the edit does to its measure"
+        lines += [f"Not scored, {why}: {', '.join(found['unmeasured'])}.", ""]
     return lines
 
 
 def _independence_table(found: dict[str, Any]) -> list[str]:
-    rows = [
-        [
-            slot,
-            str(s["edits"]),
-            *(f"{s[key]:.1f}°" for key in ("own", "others", "seed_others")),
-            f"{percent(s['ratio'])} ({100 * s['edit_ratio']:.0f})",
-            percent(s["within"]),
-            f"{percent(s['most_ratio'])} ({100 * s['edit_most_ratio']:.0f})",
-        ]
-        for slot, s in found["by_slot"].items()
-    ]
-    head = ["part", "edits", "its change", "the others'", "the others' between two seeds", "ratio"]
-    head += ["edits within 25 %", "the other part that changes most"]
-    return [*table(head, rows), "In brackets what the edits themselves do to captured walks.", ""]
+    note = "In brackets what the edits themselves do to captured walks."
+    return [*columns(INDEPENDENCE_COLUMNS, found["by_slot"].items()), note, ""]
 
 
 def _check(args: Arguments) -> None:

@@ -7,7 +7,6 @@ with the claims of `training.text.claims`.
 
 from __future__ import annotations
 
-import logging
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -27,12 +26,11 @@ from training.augmentation.catalogue import part_edits
 from training.augmentation.edits import apply
 from training.augmentation.measured_edits import Summary, summarise, targets, value
 from training.augmentation.motion import EditedMotion
+from training.evaluation import log
 from training.evaluation.text.edits import phrased
 from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker, straight_walks
 from training.frames import PLAIN
 from training.text.claims import clause_fraction, clauses
-
-log = logging.getLogger("sport.evaluate")
 
 PHRASE_S = 3.0  # walked and measured for each phrase
 _HAND = ("hand_front", "hand_out", "hand_level")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -21,9 +20,8 @@ from runtime.motion.model import MotionModel, load_model
 from runtime.skeleton import SPORT_SKELETON
 from training.augmentation.measured_edits import Summary, summarise
 from training.data.labels import foot_contacts
+from training.evaluation import log
 from training.evaluation.motion.driving import FORWARD, TOGETHER, flat_ground, walked
-
-log = logging.getLogger("sport.evaluate")
 
 PLAIN_PROMPT = "a person walking normally"  # what words about a part change
 LEAD_SECONDS = 2.0  # walked before measuring: standing still and the start pose are over

@@ -21,9 +21,8 @@ MAX_BODY_JOINTS = 1024
 FBX_ROOT = "root"  # what holds all nodes of a file that was an FBX
 LEAST_JOINTS = len(NEEDED)  # of a body that is told by its tree
 MAX_LOOSE_BODIES = 8  # that no names tell
-MOVED_FRACTION = (
-    0.8  # of the moved nodes of a file without skins hang on the top of a body, cameras and props apart
-)
+# of the moved nodes of a file without skins hang on the top of a body, cameras and props apart
+MOVED_FRACTION = 0.8
 
 
 @dataclass(frozen=True)
@@ -106,7 +105,8 @@ def find_bodies(nodes: Nodes, moved: Collection[int] = ()) -> list[Body]:
     tops = dict.fromkeys(_named_tops(nodes), True)
     for bones, fraction in ((nodes.skinned, 1.0), (shown, MOVED_FRACTION)):
         for _ in range(MAX_LOOSE_BODIES):
-            apart = _outside(nodes, bones, tops)
+            inside, above = nearest_of(nodes.order, nodes.parents, tops), set(nodes.with_ancestors(tops))
+            apart = {node for node in bones if inside[node] < 0 and node not in above}
             if not apart:
                 break
             top = _top(nodes, apart, fraction)
@@ -126,9 +126,8 @@ def open_character(path: Path) -> tuple[GltfFile, str]:
     if not others:
         return file, ""
     skins = file.gltf.skins
-    kept = [
-        k for k, skin in enumerate(skins) if 2 * len(others.intersection(skin.joints)) <= len(skin.joints)
-    ]
+    shared = [len(others.intersection(skin.joints)) for skin in skins]
+    kept = [k for k, skin in enumerate(skins) if 2 * shared[k] <= len(skin.joints)]
     inside = nearest_of(nodes.order, nodes.parents, others)
     for node, entry in enumerate(file.gltf.nodes):
         if (inside[node] >= 0) if entry.skin is None else entry.skin not in kept:
@@ -151,9 +150,8 @@ def _bits() -> dict[str, AnyArray]:
     for number, table in enumerate(CONVENTIONS.values()):
         for bit, joint in enumerate(NEEDED):
             found = bits.setdefault(table[joint], np.zeros(len(CONVENTIONS), np.int64))
-            found[slice(None) if bit < 2 else number] |= (
-                1 << bit
-            )  # hips and head as any convention calls them
+            # hips and head as any convention calls them
+            found[slice(None) if bit < 2 else number] |= 1 << bit
     return bits
 
 
@@ -170,12 +168,6 @@ def _named_tops(nodes: Nodes) -> list[int]:
         elif nodes.parents[node] >= 0:
             found[nodes.parents[node]] |= found[node]
     return tops[::-1]
-
-
-def _outside(nodes: Nodes, bones: Collection[int], tops: Collection[int]) -> set[int]:
-    """Return the bones that are neither in the branch of a top nor an ancestor of one."""
-    inside, above = nearest_of(nodes.order, nodes.parents, tops), set(nodes.with_ancestors(tops))
-    return {node for node in bones if inside[node] < 0 and node not in above}
 
 
 def _top(nodes: Nodes, bones: Collection[int], fraction: float) -> int:

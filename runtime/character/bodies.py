@@ -113,7 +113,12 @@ def find_bodies(nodes: Nodes, moved: Collection[int] = ()) -> list[Body]:
             tops |= _parted(nodes, top, nodes.skinned | shown) or {top: False}
     inside = nearest_of(nodes.order, nodes.parents, tops)
     kept = _joints(nodes, inside, nodes.skinned | shown)
-    bodies = [Body(_body_name(nodes, top, inside), tuple(kept[top]), known) for top, known in tops.items()]
+    bodies = []
+    for top, known in tops.items():
+        holder = nodes.parents[top]  # what holds this body alone, as an armature does, has its name
+        alone = holder >= 0 and {inside[node] for node in nodes.under(holder)} <= {-1, top}
+        name = nodes.name(holder if alone and nodes.name(holder) != FBX_ROOT else top)
+        bodies.append(Body(name, tuple(kept[top]), known))
     return sorted(bodies, key=lambda body: (not body.known, nodes.order.index(body.joints[0])))
 
 
@@ -214,10 +219,3 @@ def _joints(nodes: Nodes, inside: list[int], bones: Collection[int]) -> dict[int
         if inside[node] >= 0 and node in kept and node not in joints:
             joints[inside[node]].append(node)
     return joints
-
-
-def _body_name(nodes: Nodes, top: int, inside: list[int]) -> str:
-    """The name of what holds this body alone, as an armature does, else of its top."""
-    above = nodes.parents[top]
-    alone = above >= 0 and {inside[node] for node in nodes.under(above)} <= {-1, top}
-    return nodes.name(above if alone and nodes.name(above) != FBX_ROOT else top)

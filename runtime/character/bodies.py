@@ -21,9 +21,8 @@ MAX_BODY_JOINTS = 1024
 FBX_ROOT = "root"  # what holds all nodes of a file that was an FBX
 LEAST_JOINTS = len(NEEDED)  # of a body that is told by its tree
 MAX_LOOSE_BODIES = 8  # that no names tell
-MOVED_FRACTION = (
-    0.8  # of the moved nodes of a file without skins hang on the top of a body, cameras and props apart
-)
+# of the moved nodes of a file without skins hang on the top of a body, cameras and props apart
+MOVED_FRACTION = 0.8
 
 
 @dataclass(frozen=True)
@@ -106,14 +105,20 @@ def find_bodies(nodes: Nodes, moved: Collection[int] = ()) -> list[Body]:
     tops = dict.fromkeys(_named_tops(nodes), True)
     for bones, fraction in ((nodes.skinned, 1.0), (shown, MOVED_FRACTION)):
         for _ in range(MAX_LOOSE_BODIES):
-            apart = _outside(nodes, bones, tops)
+            inside, above = nearest_of(nodes.order, nodes.parents, tops), set(nodes.with_ancestors(tops))
+            apart = {node for node in bones if inside[node] < 0 and node not in above}
             if not apart:
                 break
             top = _top(nodes, apart, fraction)
             tops |= _parted(nodes, top, nodes.skinned | shown) or {top: False}
     inside = nearest_of(nodes.order, nodes.parents, tops)
     kept = _joints(nodes, inside, nodes.skinned | shown)
-    bodies = [Body(_body_name(nodes, top, inside), tuple(kept[top]), known) for top, known in tops.items()]
+    bodies = []
+    for top, known in tops.items():
+        holder = nodes.parents[top]  # what holds this body alone, as an armature does, has its name
+        alone = holder >= 0 and {inside[node] for node in nodes.under(holder)} <= {-1, top}
+        name = nodes.name(holder if alone and nodes.name(holder) != FBX_ROOT else top)
+        bodies.append(Body(name, tuple(kept[top]), known))
     return sorted(bodies, key=lambda body: (not body.known, nodes.order.index(body.joints[0])))
 
 
@@ -126,9 +131,8 @@ def open_character(path: Path) -> tuple[GltfFile, str]:
     if not others:
         return file, ""
     skins = file.gltf.skins
-    kept = [
-        k for k, skin in enumerate(skins) if 2 * len(others.intersection(skin.joints)) <= len(skin.joints)
-    ]
+    shared = [len(others.intersection(skin.joints)) for skin in skins]
+    kept = [k for k, skin in enumerate(skins) if 2 * shared[k] <= len(skin.joints)]
     inside = nearest_of(nodes.order, nodes.parents, others)
     for node, entry in enumerate(file.gltf.nodes):
         if (inside[node] >= 0) if entry.skin is None else entry.skin not in kept:
@@ -151,9 +155,8 @@ def _bits() -> dict[str, AnyArray]:
     for number, table in enumerate(CONVENTIONS.values()):
         for bit, joint in enumerate(NEEDED):
             found = bits.setdefault(table[joint], np.zeros(len(CONVENTIONS), np.int64))
-            found[slice(None) if bit < 2 else number] |= (
-                1 << bit
-            )  # hips and head as any convention calls them
+            # hips and head as any convention calls them
+            found[slice(None) if bit < 2 else number] |= 1 << bit
     return bits
 
 
@@ -170,12 +173,6 @@ def _named_tops(nodes: Nodes) -> list[int]:
         elif nodes.parents[node] >= 0:
             found[nodes.parents[node]] |= found[node]
     return tops[::-1]
-
-
-def _outside(nodes: Nodes, bones: Collection[int], tops: Collection[int]) -> set[int]:
-    """Return the bones that are neither in the branch of a top nor an ancestor of one."""
-    inside, above = nearest_of(nodes.order, nodes.parents, tops), set(nodes.with_ancestors(tops))
-    return {node for node in bones if inside[node] < 0 and node not in above}
 
 
 def _top(nodes: Nodes, bones: Collection[int], fraction: float) -> int:
@@ -222,10 +219,3 @@ def _joints(nodes: Nodes, inside: list[int], bones: Collection[int]) -> dict[int
         if inside[node] >= 0 and node in kept and node not in joints:
             joints[inside[node]].append(node)
     return joints
-
-
-def _body_name(nodes: Nodes, top: int, inside: list[int]) -> str:
-    """The name of what holds this body alone, as an armature does, else of its top."""
-    above = nodes.parents[top]
-    alone = above >= 0 and {inside[node] for node in nodes.under(above)} <= {-1, top}
-    return nodes.name(above if alone and nodes.name(above) != FBX_ROOT else top)

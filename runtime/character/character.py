@@ -110,25 +110,9 @@ def _guessed(file: GltfFile, joint_map: Mapping[str, str] | Path | None) -> tupl
         joint_map = saved_joint_map(file.path)
     elif isinstance(joint_map, Path):
         joint_map = read_joint_map(joint_map)
-    return guess_joints(file.path, data, _names(file, data), joint_map), data
-
-
-def _names(file: GltfFile, data: MeshData) -> tuple[str, ...]:
-    nodes = file.gltf.nodes
-    names = [nodes[n].get("name") for n in data.joint_nodes]
-    return tuple(
-        name if is_text(name) else f"node{n}" for name, n in zip(names, data.joint_nodes, strict=True)
-    )
-
-
-def _check_finite(file: GltfFile, character: Character) -> None:
-    """FileError where scales of zero and the like have made numbers that nothing can be drawn with."""
-    for holder in (character, character.alignment):
-        for field in fields(holder):
-            value = getattr(holder, field.name)
-            real = isinstance(value, float) or (isinstance(value, np.ndarray) and value.dtype.kind == "f")
-            if real and not np.all(np.abs(value) < MAX_VALUE):
-                raise file.error(f"the {field.name.replace('_', ' ')} of its skeleton are not finite.")
+    named = ((n, file.gltf.nodes[n].get("name")) for n in data.joint_nodes)
+    names = tuple(name if is_text(name) else f"node{n}" for n, name in named)
+    return guess_joints(file.path, data, names, joint_map), data
 
 
 def _assemble(file: GltfFile, guess: JointGuess, data: MeshData, unit: str | None) -> Character:
@@ -146,20 +130,18 @@ def _assemble(file: GltfFile, guess: JointGuess, data: MeshData, unit: str | Non
         alignment=alignment,
         size=size,
     )
-    _check_finite(file, character)
+    for holder in (character, alignment):  # scales of zero make numbers that nothing can be drawn with
+        for field in fields(holder):
+            value = getattr(holder, field.name)
+            real = isinstance(value, float) or (isinstance(value, np.ndarray) and value.dtype.kind == "f")
+            if real and not np.all(np.abs(value) < MAX_VALUE):
+                raise file.error(f"the {field.name.replace('_', ' ')} of its skeleton are not finite.")
     metres = alignment.units * NAMED_UNITS[unit or "m"]
     if alignment.native or ((unit is not None or file_unit(vertices) == 1.0) and np.isclose(size, metres)):
         return character
-    return replace(character, note=_size_note(file, character, vertices))
-
-
-def _size_note(file: GltfFile, character: Character, vertices: AnyArray) -> str:
-    """Return a sentence that says which height was assumed for the body."""
     high = float(np.ptp(vertices, axis=0).max())
-    return (
-        f"{file.path.name}: {high:.4g} units high, taken as {high * character.size / character.alignment.units:.2f} m;"
-        " --character-unit m, cm, mm or in says another unit."
-    )
+    taken = f"{file.path.name}: {high:.4g} units high, taken as {high * size / alignment.units:.2f} m"
+    return replace(character, note=f"{taken}; --character-unit m, cm, mm or in says another unit.")
 
 
 def file_unit(vertices: AnyArray) -> float | None:

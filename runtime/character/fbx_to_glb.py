@@ -100,12 +100,11 @@ def _node(document: GlbBuffer, node: Any, nodes: dict[int, int], materials: dict
     import pygltflib as g
 
     t = node.local_transform
+    turn = np.array([[t.rotation.x, t.rotation.y, t.rotation.z, t.rotation.w]])
     made = g.Node(
         name=node.name or "root",
         translation=[t.translation.x, t.translation.y, t.translation.z],
-        rotation=_active(node, np.array([[t.rotation.x, t.rotation.y, t.rotation.z, t.rotation.w]]))[
-            0
-        ].tolist(),
+        rotation=_active(node, turn)[0].tolist(),
         scale=[t.scale.x, t.scale.y, t.scale.z],
         children=[nodes[child.typed_id] for child in node.children],
     )
@@ -156,9 +155,7 @@ def _span(stack: Any) -> tuple[float, float]:
     if stack.time_end > stack.time_begin:
         return float(stack.time_begin), float(stack.time_end)
     values = [value for layer in stack.layers for value in layer.anim_values]
-    curves = [
-        curve for value in values for curve in value.curves if curve is not None and len(curve.keyframes)
-    ]
+    curves = [c for value in values for c in value.curves if c is not None and len(c.keyframes)]
     begin = min((float(curve.min_time) for curve in curves), default=0.0)
     return begin, max((float(curve.max_time) for curve in curves), default=begin)
 

@@ -41,7 +41,13 @@ class GlbBuffer:
 
         FileError when something is missing or damaged.
         """
-        gltf = _document(file)
+        import pygltflib as g
+
+        try:
+            gltf = g.GLTF2.gltf_from_json(json.dumps(file.gltf, allow_nan=False))
+        except STRUCTURE_ERRORS as error:
+            raise file.error(f"damaged glTF document ({reason(error)}).") from error
+        gltf.animations = []
         made = GlbBuffer(gltf)
         for index, view in enumerate(gltf.bufferViews):
             held = buffer_view_bytes(file, index, f"buffer view {index}")
@@ -54,16 +60,20 @@ class GlbBuffer:
         """All images inside the buffer, as PNG or JPEG: other forms are extensions that many programs lack."""
         gltf = self.gltf
         for number, image in enumerate(gltf.images):
-            if image.uri is not None or image.mimeType not in _IMAGE_TYPES.values():
-                self._embed_image(file, image, f"image {number}")
-        _without_extensions(gltf, file)
-
-    def _embed_image(self, file: GltfFile, image: Any, what: str) -> None:
-        data = image_bytes(file, image, what)
-        kind = next((t for head, t in _IMAGE_TYPES.items() if data.startswith(head)), None)
-        if kind is None:
-            data, kind = _as_png(data, file, what), "image/png"
-        image.mimeType, image.uri, image.bufferView = kind, None, self.add_view(data)
+            if image.uri is None and image.mimeType in _IMAGE_TYPES.values():
+                continue
+            data = image_bytes(file, image, f"image {number}")
+            kind = next((t for head, t in _IMAGE_TYPES.items() if data.startswith(head)), None)
+            if kind is None:
+                data, kind = _as_png(data, file, f"image {number}"), "image/png"
+            image.mimeType, image.uri, image.bufferView = kind, None, self.add_view(data)
+        for texture, read in zip(gltf.textures, file.gltf.textures or [], strict=True):
+            texture.source = texture_source(read)
+            for name in EXTENSIONS:
+                (texture.extensions or {}).pop(name, None)
+        for names in (gltf.extensionsUsed, gltf.extensionsRequired):
+            if names:
+                names[:] = [name for name in names if name not in EXTENSIONS]
 
     def _normalise_weights(self, file: GltfFile) -> None:
         """Skin weights that do not add up to one are replaced: a valid file has none, and many exporters write them."""
@@ -161,17 +171,6 @@ class GlbBuffer:
         return b"".join(self.gltf.save_to_bytes())
 
 
-def _without_extensions(gltf: GLTF2, file: GltfFile) -> None:
-    """Textures name their images themselves."""
-    for texture, read in zip(gltf.textures, file.gltf.textures or [], strict=True):
-        texture.source = texture_source(read)
-        for name in EXTENSIONS:
-            (texture.extensions or {}).pop(name, None)
-    for names in (gltf.extensionsUsed, gltf.extensionsRequired):
-        if names:
-            names[:] = [name for name in names if name not in EXTENSIONS]
-
-
 def _as_png(data: bytes, file: GltfFile, what: str) -> bytes:
     """An image of another form as PNG; FileError where it is damaged or too large."""
     from PIL import Image
@@ -217,15 +216,3 @@ def _renumbered(entries: list[Any], references: list[Reference]) -> list[Any]:
     for fields, name in references:
         fields[name] = place[fields[name]]
     return [entries[index] for index in used]
-
-
-def _document(file: GltfFile) -> GLTF2:
-    """A document of its own to be changed and written, without animations."""
-    import pygltflib as g
-
-    try:
-        gltf = g.GLTF2.gltf_from_json(json.dumps(file.gltf, allow_nan=False))
-        gltf.animations = []
-        return gltf
-    except STRUCTURE_ERRORS as error:
-        raise file.error(f"damaged glTF document ({reason(error)}).") from error

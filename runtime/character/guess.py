@@ -16,11 +16,13 @@ from runtime.character.mesh import MeshData
 from runtime.character.structure import guess_by_structure, leg_count
 from runtime.character.tree import JointTree
 from runtime.errors import FileError
-from runtime.skeleton import SPORT_SKELETON
+from runtime.skeleton import MIRROR_JOINTS, SPORT_SKELETON
 
 BY_TREE = "tree and rest pose"
 STILL_RAD = 0.01  # radians: a joint that turns less in a whole motion does not move
 SIDES = ("Left", "Right")
+# of each joint the one that is its mirror image
+OTHER_SIDE = {name: SPORT_SKELETON.names[MIRROR_JOINTS[k]] for k, name in enumerate(SPORT_SKELETON.names)}
 LIMBS = {  # limb: its joints from the trunk outwards, and the least share of the longer one of its two bones
     "leg": (("UpLeg", "Leg", "Foot"), 0.35),
     "arm": (("Arm", "ForeArm", "Hand"), 0.3),
@@ -31,10 +33,8 @@ MIN_FORWARD_FRACTION = 0.2  # of the width of the hips: feet that point less far
 MIN_LEANING_COSINE = -0.6  # cosine between legs and trunk; an upright trunk goes the other way
 MIN_ALIKE_COSINE = 0.5  # cosine between front and hind legs
 FRONT_LEG_FRACTION = 0.5  # how far front legs reach down from the hips
-GROUND_FRACTION, OTHER_FEET_FRACTION = (
-    0.75,
-    0.6,
-)  # ends of limbs on the ground, and how far they are from the feet
+# ends of limbs on the ground, and how far they are from the feet
+GROUND_FRACTION, OTHER_FEET_FRACTION = 0.75, 0.6
 
 
 class JointsUnknown(FileError):
@@ -159,7 +159,7 @@ def _guessed_joints(
     named = all(name in by_name for name in REQUIRED)
     if named and not refusals(by_name, tree):
         return by_name, "VRM" if humanoid else convention
-    exchanged = {_other_side(joint): k for joint, k in by_name.items()}
+    exchanged = {OTHER_SIDE[joint]: k for joint, k in by_name.items()}
     if named and not refusals(exchanged, tree):  # of a body that was mirrored with its names
         return exchanged, f"{convention}, left and right exchanged"
     by_tree = guess_by_structure(tree, points)
@@ -169,15 +169,6 @@ def _guessed_joints(
     if _missing(by_name) and len(by_tree) > len(by_name):
         return by_tree, BY_TREE
     return by_name, convention
-
-
-def _other_side(joint: str) -> str:
-    other = (
-        joint.replace("Left", "Right", 1) if joint.startswith("Left") else joint.replace("Right", "Left", 1)
-    )
-    return {"LThumb": "RThumb", "RThumb": "LThumb", "LHipJoint": "RHipJoint", "RHipJoint": "LHipJoint"}.get(
-        joint, other
-    )
 
 
 def _missing(found: Mapping[str, int]) -> tuple[str, ...]:
@@ -233,9 +224,8 @@ def _limb(
         return {}, sum(lengths)
     share = min(lengths) / max(*lengths, 1e-9)
     short = side + bones[lengths.index(min(lengths))]
-    return {short: f"its bone has {100 * share:.0f} % of the length of the other one of this {limb}"}, sum(
-        lengths
-    )
+    why = f"its bone has {100 * share:.0f} % of the length of the other one of this {limb}"
+    return {short: why}, sum(lengths)
 
 
 def _on_both_sides(found: Mapping[str, int], *bones: str) -> bool:
@@ -276,14 +266,12 @@ def on_four_legs(found: Mapping[str, int], tree: JointTree) -> bool:
     along = down / length
     if _on_both_sides(found, "Arm"):
         shoulders = _middle(found, tree, "Arm")
-        ends = [_deepest(tree, found[side + "Arm"], along) for side in SIDES]
+        arms = [tree.under(found[side + "Arm"]) for side in SIDES]
+        ends = [max(arm, key=lambda k: float(tree.positions[k] @ along)) for arm in arms]
         front = tree.positions[ends].mean(axis=0)
-        leaning, pointing = _cosine(along, shoulders - hips), _cosine(along, front - shoulders)
-        if (
-            leaning > MIN_LEANING_COSINE
-            and pointing > MIN_ALIKE_COSINE
-            and float((front - hips) @ along) / length > FRONT_LEG_FRACTION
-        ):
+        leans = _cosine(along, shoulders - hips) > MIN_LEANING_COSINE
+        goes_down = _cosine(along, front - shoulders) > MIN_ALIKE_COSINE
+        if leans and goes_down and float((front - hips) @ along) / length > FRONT_LEG_FRACTION:
             return True
     return _other_feet(found, tree, hips, along, length)
 
@@ -314,15 +302,9 @@ def _other_feet(
 
 
 def _middle(found: Mapping[str, int], tree: JointTree, bone: str) -> AnyArray:
-    return np.asarray(
-        0.5 * (tree.positions[found["Left" + bone]] + tree.positions[found["Right" + bone]]), np.float64
-    )
+    return np.asarray(tree.positions[[found[side + bone] for side in SIDES]].mean(axis=0))
 
 
 def _end(tree: JointTree, joint: int) -> int:
     """The end of the limb that goes on from a joint, the farthest one."""
     return max(tree.under(joint), key=lambda k: tree.distance(joint, k))
-
-
-def _deepest(tree: JointTree, joint: int, along: AnyArray) -> int:
-    return max(tree.under(joint), key=lambda k: float(tree.positions[k] @ along))

@@ -198,12 +198,11 @@ class _Seen:
         points = (self.wrists + way)[..., None, :] + hands
         # not of the fingers alone, which may be beyond an axis
         middle = 0.5 * (points.mean(axis=-2) + self.wrists + way)
-        points = (points[..., :, None, :, :] - self.places[..., None, :, None, :]) @ self.axes[
-            ..., None, :, :, :
-        ]
+        axes = self.axes[..., None, :, :, :]
+        points = (points[..., :, None, :, :] - self.places[..., None, :, None, :]) @ axes
         middle = middle[..., :, None, :] - self.places[..., None, :, :]
-        middle = (middle[..., None, :] @ self.axes[..., None, :, :, :])[..., 0, :]
-        out = (self.axes[..., None, :, :, :] @ self.body.outward(middle)[..., None])[..., 0]
+        middle = (middle[..., None, :] @ axes)[..., 0, :]
+        out = (axes @ self.body.outward(middle)[..., None])[..., 0]
         return self.body.depth(points).max(axis=-1)[..., None], out
 
     @property

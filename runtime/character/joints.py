@@ -177,14 +177,7 @@ def align(found: Mapping[str, int], parents: Sequence[int], rest_world: Array, v
 
 
 # the joint that a limb's bone points to
-_AIM = {
-    "Arm": "ForeArm",
-    "ForeArm": "Hand",
-    "Hand": "HandIndex1",
-    "UpLeg": "Leg",
-    "Leg": "Foot",
-    "Foot": "ToeBase",
-}
+_AIM = dict(Arm="ForeArm", ForeArm="Hand", Hand="HandIndex1", UpLeg="Leg", Leg="Foot", Foot="ToeBase")
 
 
 def _attach_to_limbs(found: Mapping[str, int], anchor: NDArray[np.int64], parents: Sequence[int]) -> None:
@@ -216,10 +209,9 @@ def _leg_scale(found: Mapping[str, int], position: Array) -> float:
     for side in _SIDED:
         hip, knee, ankle = (position[found[side + bone]] for bone in ("UpLeg", "Leg", "Foot"))
         length += 0.5 * float(np.linalg.norm(hip - knee) + np.linalg.norm(knee - ankle))
-    ours = np.linalg.norm(SPORT_SKELETON.offsets, axis=1)
-    return float(ours[SPORT_SKELETON.index("LeftLeg")] + ours[SPORT_SKELETON.index("LeftFoot")]) / max(
-        length, 1e-6
-    )
+    shin_and_foot = [SPORT_SKELETON.index(name) for name in ("LeftLeg", "LeftFoot")]
+    ours = float(np.linalg.norm(SPORT_SKELETON.offsets[shin_and_foot], axis=1).sum())
+    return ours / max(length, 1e-6)
 
 
 def _drivers(parents: Sequence[int], source: NDArray[np.int64], hips: int) -> NDArray[np.int64]:

@@ -100,18 +100,14 @@ def skin_joints(file: GltfFile, index: int) -> tuple[list[int], AnyArray]:
     matrices = skins[index].inverseBindMatrices
     if matrices is None:
         return joints, np.broadcast_to(np.eye(4), (len(joints), 4, 4))
-    return joints, _bind_matrices(file, matrices, index, len(joints))
-
-
-def _bind_matrices(file: GltfFile, accessor: int, skin: int, joints: int) -> AnyArray:
-    if accessor_count(file, accessor) > 2 * MAX_JOINTS:
-        raise file.error(f"skin {skin} has more than {2 * MAX_JOINTS} bind matrices.")
-    values = read_accessor(file, accessor, f"inverse bind matrices of skin {skin}")
-    if values.shape[1] != 16 or len(values) < joints:
-        raise file.error(f"skin {skin} has {joints} joints but {len(values)} bind matrices.")
+    if accessor_count(file, matrices) > 2 * MAX_JOINTS:
+        raise file.error(f"skin {index} has more than {2 * MAX_JOINTS} bind matrices.")
+    values = read_accessor(file, matrices, f"inverse bind matrices of skin {index}")
+    if values.shape[1] != 16 or len(values) < len(joints):
+        raise file.error(f"skin {index} has {len(joints)} joints but {len(values)} bind matrices.")
     if np.abs(values).max(initial=0.0) > MAX_BIND:
-        raise file.error(f"skin {skin} has bind matrices with values over {MAX_BIND:,.0f}.")
-    return values.reshape(-1, 4, 4).transpose(0, 2, 1)
+        raise file.error(f"skin {index} has bind matrices with values over {MAX_BIND:,.0f}.")
+    return joints, values.reshape(-1, 4, 4).transpose(0, 2, 1)
 
 
 class _Reader:
@@ -172,10 +168,14 @@ def read_meshes(file: GltfFile) -> MeshData:
             slot = palette.first[carriers[i]]
             to_bind = np.linalg.inv(world[carriers[i]] @ palette.inverse_bind[slot]) @ world[i]
             parts += reader.read(node.mesh, np.array([slot]), to_bind)
+    base = np.cumsum([0] + [len(part.positions) for part in parts[:-1]])
+    parts = [replace(p, triangles=p.triangles + np.uint32(b)) for p, b in zip(parts, base, strict=True)]
+    # the nearest ancestor that is itself a joint
+    above = [carriers[parents[node]] if parents[node] >= 0 else -1 for node in palette.nodes]
     return MeshData(
-        **vars(_merged(parts)),
+        **{field.name: np.concatenate([getattr(p, field.name) for p in parts]) for field in fields(Surface)},
         joint_nodes=tuple(palette.nodes),
-        joint_parents=_joint_parents(parents, carriers, palette),
+        joint_parents=tuple(palette.first[joint] if joint >= 0 else -1 for joint in above),
         inverse_bind=np.stack(palette.inverse_bind).astype(np.float32),
         rest_world=world[palette.nodes],
         humanoid=_vrm_humanoid(file, palette.nodes),
@@ -266,18 +266,6 @@ def _influences(
     kept = np.take_along_axis(all_weights, best, axis=1)
     index = np.take_along_axis(np.where(used, all_joints, 0), best, axis=1)
     return slots[index].astype(np.uint16), (kept / kept.sum(axis=1, keepdims=True)).astype(np.float32)
-
-
-def _merged(parts: list[Surface]) -> Surface:
-    base = np.cumsum([0] + [len(p.positions) for p in parts[:-1]])
-    moved = [replace(p, triangles=p.triangles + np.uint32(b)) for p, b in zip(parts, base, strict=True)]
-    return Surface(*(np.concatenate([getattr(p, f.name) for p in moved]) for f in fields(Surface)))
-
-
-def _joint_parents(parents: list[int], carriers: list[int], palette: _Palette) -> tuple[int, ...]:
-    """Nearest ancestor that is itself a joint, as an index into the palette, -1 at roots."""
-    above = [carriers[parents[node]] if parents[node] >= 0 else -1 for node in palette.nodes]
-    return tuple(palette.first[joint] if joint >= 0 else -1 for joint in above)
 
 
 def _vrm_humanoid(file: GltfFile, joint_nodes: list[int]) -> dict[str, int]:

@@ -33,17 +33,9 @@ _LISTS = (
 )  # fmt: skip
 # what numpy and attribute access raise on JSON of the wrong shape or values out of range
 STRUCTURE_ERRORS = (
-    KeyError,
-    TypeError,
-    ValueError,
-    IndexError,
-    AttributeError,
-    AssertionError,
-    OverflowError,
-    RecursionError,
-    struct.error,
-    np.linalg.LinAlgError,
-)
+    KeyError, TypeError, ValueError, IndexError, AttributeError, AssertionError, OverflowError, RecursionError,
+    struct.error, np.linalg.LinAlgError,
+)  # fmt: skip
 
 
 class Entry(dict[str, Any]):
@@ -136,7 +128,8 @@ def _load_buffers(path: Path, gltf: Entry, blob: memoryview) -> list[memoryview]
     buffers, total = list[memoryview](), 0
     for i, buffer in enumerate(gltf.buffers or []):
         data = blob if not buffer.uri else memoryview(read_uri(path, buffer.uri, "buffer"))
-        if i and _is_fallback(buffer):
+        packed = not buffer.uri and any((buffer.extensions or {}).get(name) for name in MESHOPT)
+        if i and packed:  # a buffer without bytes, for readers that know no compression
             data = memoryview(b"")
         elif not isinstance(buffer.byteLength, int) or not 0 <= buffer.byteLength <= len(data):
             wanted = str(buffer.byteLength)[:40]
@@ -146,11 +139,6 @@ def _load_buffers(path: Path, gltf: Entry, blob: memoryview) -> list[memoryview]
             raise FileError(f"{path}: its buffers are larger than {MAX_FILE_BYTES >> 20} MB.", REMEDY)
         buffers.append(data)
     return buffers
-
-
-def _is_fallback(buffer: Entry) -> bool:
-    """Return whether a buffer without bytes is the fallback for readers without compression."""
-    return not buffer.uri and any((buffer.extensions or {}).get(name) for name in MESHOPT)
 
 
 def read_uri(path: Path, uri: Any, what: str) -> bytes:

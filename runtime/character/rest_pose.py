@@ -79,9 +79,13 @@ def _space(
         agreeing = (np.abs(apart).max(axis=-1) < ALIKE_FRACTION * size).sum(axis=1)
         if 2 * agreeing.max() > len(members):
             return np.asarray(found[int(np.argmax(agreeing))])
+    # the node above the joints, those that show the skin, and those above them
+    shown = [node for node in nodes.order if nodes.entry(node).skin == skin]
+    above = (nodes.parents[node] for node in (members[0], *shown))
+    holding = nodes.rest[[node for node in (*shown, *above) if node >= 0]]
     fitting = [
         space
-        for space in (*spaces, *_holding(nodes, skin, members[0]), np.eye(4))
+        for space in (*spaces, *holding, np.eye(4))
         if _stretch(nodes, members, space @ bind, told)[0] < SAME_LENGTH_FACTOR
     ]
     if fitting:
@@ -93,13 +97,6 @@ def _space(
     if stretch > MAX_STRETCH_FACTOR:
         raise nodes.file.error(problem, REMEDY)
     return np.asarray(space)
-
-
-def _holding(nodes: Nodes, skin: int, top: int) -> AnyArray:
-    """World matrices of the node above the joints of a skin, those that show it, and those above them."""
-    shown = [node for node in nodes.order if nodes.entry(node).skin == skin]
-    above = (nodes.parents[node] for node in (top, *shown))
-    return np.asarray(nodes.rest[[node for node in (*shown, *above) if node >= 0]])
 
 
 def _stretch(nodes: Nodes, members: list[int], worlds: AnyArray, told: Pose) -> tuple[float, str]:

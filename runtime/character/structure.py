@@ -202,7 +202,10 @@ def _arms(
 ) -> tuple[int, tuple[list[int], list[int]]]:
     """The joint where the arms fork, and the chain of each arm to its farthest end; -1 where there are none."""
     middle = 0.5 * (tree.positions[legs[0].top] + tree.positions[legs[1].top])
-    ends = _arm_ends(tree, hips, legs)
+    in_legs = _joints_in_legs(tree, legs)
+    top = _trunk_root(tree, hips, in_legs)
+    ends = [joint for joint in tree.under(top) if not tree.children[joint] and joint not in in_legs]
+    ends = [joint for joint in ends if len(tree.chain(top, joint)) > 3]
     nothing: tuple[int, tuple[list[int], list[int]]] = (-1, ([], []))
     if not ends:
         return nothing
@@ -216,14 +219,6 @@ def _arms(
         return nothing
     above = min(float(tree.positions[chain[0], 1]) for chain in arms) - middle[1] > 0.1 * tree.size
     return (chest, arms) if above else nothing
-
-
-def _arm_ends(tree: JointTree, hips: int, legs: tuple[_Leg, ...]) -> list[int]:
-    """Ends of limbs that are no legs, some joints from where the trunk begins."""
-    in_legs = _joints_in_legs(tree, legs)
-    top = _trunk_root(tree, hips, in_legs)
-    ends = [joint for joint in tree.under(top) if not tree.children[joint] and joint not in in_legs]
-    return [joint for joint in ends if len(tree.chain(top, joint)) > 3]
 
 
 def _joints_in_legs(tree: JointTree, legs: tuple[_Leg, ...]) -> set[int]:

@@ -25,14 +25,10 @@ STRIDES = {  # bytes of an element by mode and filter, as the extension allows t
     ("INDICES", "NONE"): (2, 4),
 }
 _REMEDY = "Export it without mesh compression."
-COMPONENTS: dict[int, type] = {  # numpy types of accessors
-    5120: np.int8,
-    5121: np.uint8,
-    5122: np.int16,
-    5123: np.uint16,
-    5125: np.uint32,
-    5126: np.float32,
-}
+# numpy types of accessors
+COMPONENTS: dict[int, type] = {
+    5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32,
+}  # fmt: skip
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
@@ -107,15 +103,16 @@ def _check_meshopt(view: Any, packed: Any) -> None:
 
 def _unpack_draco(path: Path, gltf: Any, buffers: list[memoryview]) -> None:
     """The attributes and indices of every compressed primitive become accessors with buffers of their own."""
-    primitives = _packed_by_draco(gltf)
+    primitives = [p for mesh in gltf.meshes or [] for p in mesh.primitives if DRACO in (p.extensions or {})]
     if not primitives:
         return
-    size = sum(_unpacked_bytes(gltf, primitive) for primitive in primitives)
-    _check_size(path, size)
-    wanted: dict[int, set[int]] = {}  # attributes of each buffer view
+    size, wanted = 0, dict[int, set[int]]()  # bytes of four for a number; attributes of each buffer view
     for primitive in primitives:
         packed = primitive.extensions[DRACO]
+        for k in (primitive.indices, *(primitive.attributes[name] for name in packed.attributes)):
+            size += 4 * _WIDTHS[gltf.accessors[k].type] * gltf.accessors[k].count
         wanted.setdefault(packed.bufferView, set()).update(map(int, packed.attributes.values()))
+    _check_size(path, size)
     parts = {view: _part(buffers, gltf.bufferViews[view]) for view in wanted}
     facts = [{"length": len(part), "attributes": sorted(wanted[view])} for view, part in parts.items()]
     data = decode("draco", path, {"parts": facts, "size": size}, b"".join(parts.values()), _REMEDY)
@@ -127,20 +124,6 @@ def _unpack_draco(path: Path, gltf: Any, buffers: list[memoryview]) -> None:
             _set_accessor(gltf, buffers, primitive.indices, decoded[f"{part}.indices"])
             for name, number in packed.attributes.items():
                 _set_accessor(gltf, buffers, primitive.attributes[name], decoded[f"{part}.{int(number)}"])
-
-
-def _packed_by_draco(gltf: Any) -> list[Any]:
-    meshes = gltf.meshes or []
-    return [p for mesh in meshes for p in mesh.primitives if DRACO in (p.extensions or {})]
-
-
-def _unpacked_bytes(gltf: Any, primitive: Any) -> int:
-    """Return the unpacked size (bytes) of a primitive, four bytes per number."""
-    accessors = (
-        primitive.indices,
-        *(primitive.attributes[n] for n in primitive.extensions[DRACO].attributes),
-    )
-    return sum(4 * _WIDTHS[gltf.accessors[k].type] * gltf.accessors[k].count for k in accessors)
 
 
 def _set_accessor(gltf: Any, buffers: list[memoryview], index: int, values: AnyArray) -> None:

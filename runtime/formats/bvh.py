@@ -54,17 +54,11 @@ class BvhMotion:
 
     def world(self) -> tuple[Array, Array]:
         """World positions `(T, J, 3)` and rotations `(T, J, 4)`, honouring per-joint translations."""
-        positions = np.empty_like(self.positions)
-        world = np.empty_like(self.local_rotations)
+        positions, world = self.positions.copy(), self.local_rotations.copy()
         for j, parent in enumerate(self.skeleton.parents):
-            if parent < 0:
-                positions[:, j] = self.positions[:, j]
-                world[:, j] = self.local_rotations[:, j]
-            else:
-                world[:, j] = rotations.multiply(world[:, parent], self.local_rotations[:, j])
-                positions[:, j] = positions[:, parent] + rotations.rotate(
-                    world[:, parent], self.positions[:, j]
-                )
+            if parent >= 0:
+                positions[:, j] = positions[:, parent] + rotations.rotate(world[:, parent], positions[:, j])
+                world[:, j] = rotations.multiply(world[:, parent], world[:, j])
         return positions, world
 
 
@@ -339,25 +333,15 @@ def format_bvh(
         rows = slice(first, first + _WRITTEN_FRAMES)
         local: Array = np.asarray(local_rotations[rows], np.float64)
         angles: Array = np.stack([rotations.to_euler(local[:, j], orders[j]) for j in joints], axis=1)
-        angles = rotations.continuous_euler(angles if before is None else np.concatenate([before, angles]))[
-            -len(local) :
-        ]
-        before = angles[-1:]
-        blocks.append(_motion_lines(joints, np.rad2deg(angles), places, rows, units_per_metre))
+        angles = rotations.continuous_euler(angles if before is None else np.concatenate([before, angles]))
+        angles, before = angles[-len(local) :], angles[-1:]
+        columns: list[Array] = []
+        for k, j in enumerate(joints):  # the place of a joint that has one, then its angles
+            columns += [places[j][rows] * units_per_metre] if j in places else []
+            columns.append(np.rad2deg(angles[:, k]))
+        for row in np.concatenate(columns, axis=1).tolist():
+            blocks.append(" ".join(f"{v:.5f}" for v in row) + "\n")
     return "".join(blocks)
-
-
-def _motion_lines(
-    joints: list[int], degrees: Array, places: Mapping[int, Array], rows: slice, scale: float
-) -> str:
-    """Lines of frames `rows`: the place of a joint that has one, then its angles `(n, joints, 3)`."""
-    columns: list[Array] = []
-    for k, j in enumerate(joints):
-        columns += [places[j][rows] * scale] if j in places else []
-        columns.append(degrees[:, k])
-    return "".join(
-        " ".join(f"{v:.5f}" for v in row) + "\n" for row in np.concatenate(columns, axis=1).tolist()
-    )
 
 
 def _hierarchy(

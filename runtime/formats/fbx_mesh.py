@@ -67,7 +67,13 @@ class Meshes:
         slots, faces = self._slots(parts)
         layers = [*_layers(parts, corners, place), _Layer("Material", 0, "", {"Materials": faces})]
         content = leaves(GeometryVersion=124, Vertices=points.ravel(), PolygonVertexIndex=polygons.ravel())
-        content += [*(layer.node() for layer in layers), *_layer_lists(layers)]
+        content += [layer.node() for layer in layers]
+        for number in range(
+            max(layer.number for layer in layers) + 1
+        ):  # all first layers go together, and so on
+            kinds = [f"LayerElement{layer.kind}" for layer in layers if layer.number == number]
+            named = [Node("LayerElement", children=leaves(Type=kind, TypedIndex=number)) for kind in kinds]
+            content.append(Node("Layer", number, children=[*leaves(Version=100), *named]))
         geometry = self.document.add("Geometry", entry.name or "mesh", "Mesh", content, model)
         for material in slots:
             self.document.connect(material, model)
@@ -233,13 +239,3 @@ def _layers(parts: _Parts, corners: AnyArray, place: Array) -> list[_Layer]:
         uv = parts.joined(_Part.uv, name).astype(float)
         layers.append(_Layer("UV", number, f"UV{number}", {"UV": uv.ravel(), "UVIndex": corners}))
     return layers
-
-
-def _layer_lists(layers: list[_Layer]) -> list[Node]:
-    """Which layers go together: all first ones, all second ones, and so on."""
-    lists = []
-    for number in range(max(layer.number for layer in layers) + 1):
-        kinds = [f"LayerElement{layer.kind}" for layer in layers if layer.number == number]
-        entries = [Node("LayerElement", children=leaves(Type=kind, TypedIndex=number)) for kind in kinds]
-        lists.append(Node("Layer", number, children=[*leaves(Version=100), *entries]))
-    return lists

@@ -283,32 +283,21 @@ def joint_worlds(rig: Rig, take: PreparedTake, frames: slice) -> dict[int, Array
     pivots = rig.size * pivots
     linear = rig.size * rotations.to_matrix(turns) @ character.alignment.basis
     result: dict[int, Array] = {}
-    first = frames.start == 0 and take.rest_frame
+    # of the root joint, and from the rest pose to it
+    root: Array = np.tile(np.eye(4), (len(hips), 1, 1))
+    root[:, :3, :3] = rotations.to_matrix(rotations.from_yaw(take.root.yaw[frames]))
+    root[:, :3, 3] = rig.size * take.root.positions[frames]
     for node, k in rig.joints.items():
         matrices: Array = np.tile(np.eye(4), (len(hips), 1, 1))
         matrices[:, :3, :3], matrices[:, :3, 3] = linear[:, k], pivots[:, k]
-        if first:
-            matrices[0] = _rest_place(rig, take) @ rig.rest[node]
+        if frames.start == 0 and take.rest_frame:
+            matrices[0] = root[0] @ rig.rest[node]
+            matrices[0, :3, 3] -= root[0, :3, :3] @ rig.ground_point
         result[node] = matrices
     if rig.root_node >= 0:
-        result[rig.root_node] = _root_worlds(rig, take, frames)
+        root[:, :3, :3] = root[:, :3, :3] @ rig.rest[rig.root_node, :3, :3]
+        result[rig.root_node] = root
     return {node: written(rig, matrices) for node, matrices in result.items()}
-
-
-def _rest_place(rig: Rig, take: PreparedTake) -> Array:
-    """Return the transform `(4, 4)` from the rest pose to the start of the take."""
-    place = np.eye(4)
-    place[:3, :3] = rotations.to_matrix(rotations.from_yaw(take.root.yaw[0]))
-    place[:3, 3] = rig.size * take.root.positions[0] - place[:3, :3] @ rig.ground_point
-    return place
-
-
-def _root_worlds(rig: Rig, take: PreparedTake, frames: slice) -> Array:
-    yaw, positions = take.root.yaw[frames], take.root.positions[frames]
-    matrices = np.tile(np.eye(4), (len(yaw), 1, 1))
-    matrices[:, :3, :3] = rotations.to_matrix(rotations.from_yaw(yaw)) @ rig.rest[rig.root_node, :3, :3]
-    matrices[:, :3, 3] = rig.size * positions
-    return matrices
 
 
 def rename_bones(rig: Rig, bones: Mapping[str, str]) -> None:

@@ -111,21 +111,13 @@ def _motion(file: GltfFile, wanted: str) -> BvhMotion:
         raise file.error("its animation moves no node of a body.", KEYS_REMEDY)
     if len(joints) > MAX_JOINTS:
         raise file.error(f"{len(joints)} joints; expected at most {MAX_JOINTS}.", KEYS_REMEDY)
-    told = number_field(animation.metadata, "fps", 0.0)
-    times, fps = _times(file, channels, len(needed), told)
+    times, fps = _times(file, channels, len(needed), number_field(animation.metadata, "fps", 0.0))
     bind = bind_worlds(nodes, joints)
     positions = np.empty((len(times), len(joints), 3), np.float32)
     local = np.empty((len(times), len(joints), 4), np.float32)
-    motion = BvhMotion(
-        _skeleton(nodes, joints, bind),
-        positions,
-        local,
-        1.0 / fps,
-        {},
-        _note(animation, listed, bodies, wanted),
-        animation.metadata,
-        tuple(listed),
-    )
+    note = _note(animation, listed, bodies, wanted)
+    skeleton, told = _skeleton(nodes, joints, bind), animation.metadata
+    motion = BvhMotion(skeleton, positions, local, 1.0 / fps, {}, note, told, tuple(listed))
     moving = MovingNodes(needed, nodes.parents, local_matrices(file), channels)
     with np.errstate(all="ignore"):  # what comes of it is checked
         unbind = np.linalg.inv(bind[:, :3, :3])
@@ -145,13 +137,10 @@ def _skeleton(nodes: Nodes, joints: list[int], bind: Array) -> Skeleton:
     parents = tuple(joints.index(node) if node >= 0 else -1 for node in above)
     at_rest = bind[:, :3, 3]
     offsets = [at_rest[k] - (at_rest[p] if p >= 0 else 0.0) for k, p in enumerate(parents)]
-    return Skeleton(_joint_names(nodes, joints), parents, np.array(offsets, np.float32))
-
-
-def _joint_names(nodes: Nodes, joints: list[int]) -> tuple[str, ...]:
-    """Names of joints: of a VRM's bones as Unity has them, else those of the nodes."""
+    # a VRM's bones as Unity calls them
     bones = {node: bone[:1].upper() + bone[1:] for node, bone in vrm_bones(nodes.file).items()}
-    return tuple(printable(str(bones.get(j) or nodes.name(j)))[:MAX_NAME] for j in joints)
+    names = tuple(printable(str(bones.get(j) or nodes.name(j)))[:MAX_NAME] for j in joints)
+    return Skeleton(names, parents, np.array(offsets, np.float32))
 
 
 def _fill(motion: BvhMotion, rows: slice, world: Array, unbind: Array) -> None:
@@ -221,9 +210,8 @@ def _chosen(nodes: Nodes, listed: _Listed, wanted: str) -> _Animation:
 
 def _note(animation: _Animation, listed: _Listed, bodies: list[Body], wanted: str) -> str:
     """Return a sentence that says what was read and what else the file has; "" if that is all."""
-    others = [
-        printable(body.name)[:MAX_SHOWN] for body in bodies if body.known and body is not animation.body
-    ]
+    further = (body for body in bodies if body.known and body is not animation.body)
+    others = [printable(body.name)[:MAX_SHOWN] for body in further]
     texts = []
     if len(listed) > 1 and not wanted:
         more = [label for label in listed if label != animation.label][:MAX_LISTED]

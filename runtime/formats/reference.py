@@ -177,7 +177,11 @@ def _retarget(
         turned = rotations.multiply(upright, turned)
         ours[:, j] = rotations.multiply(turned, rotations.inverse(alignment.turns[k]))
     axes = rotations.multiply(upright, axes)
-    back = _as_in_file(axes)
+    # the turn about +Y after which `axes` only change which axis is up: the motion faces as in its file
+    up = rotations.rotate(rotations.inverse(axes), np.array([0.0, 1.0, 0.0]))
+    plain = rotations.between(np.round(up), np.array([0.0, 1.0, 0.0]))
+    back = rotations.multiply(plain, rotations.inverse(axes))
+    back = rotations.normalize(back * np.array([1.0, 0.0, 1.0, 0.0]))
     ours = np.asarray(rotations.multiply(back, ours))
     axes = rotations.multiply(back, axes)
     local = rotations.normalize(SPORT_SKELETON.local_rotations(ours))
@@ -205,14 +209,6 @@ def _heading(found: dict[str, int], at: Array) -> Array:
     axes = canonical_axes(found, at)
     left = axes @ (at[found["LeftUpLeg"]] - at[found["RightUpLeg"]])
     return rotations.from_axis_angle(axes[1], np.arctan2(left[2], left[0]))
-
-
-def _as_in_file(axes: Array) -> Array:
-    """The turn about +Y after which `axes` only change which axis is up: the motion faces as in its file."""
-    up = rotations.rotate(rotations.inverse(axes), np.array([0.0, 1.0, 0.0]))
-    plain = rotations.between(np.round(up), np.array([0.0, 1.0, 0.0]))
-    turn = rotations.multiply(plain, rotations.inverse(axes))
-    return rotations.normalize(turn * np.array([1.0, 0.0, 1.0, 0.0]))
 
 
 def _upright(positions: Array, found: dict[str, int]) -> Array:

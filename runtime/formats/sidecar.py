@@ -166,11 +166,10 @@ def _gait_changes(value: Any) -> tuple[tuple[float, str], ...]:
 
 
 def _loop(value: Any) -> LoopReport | None:
-    try:
+    with contextlib.suppress(TypeError, ValueError, KeyError):
         first, last, *rest = (read_number(value[name]) for name in LoopReport.__dataclass_fields__)
-    except (TypeError, ValueError, KeyError):
-        return None
-    return LoopReport(int(first), int(last), *rest)
+        return LoopReport(int(first), int(last), *rest)
+    return None
 
 
 def _contacts(value: dict[str, Any], frames: int) -> Array | None:

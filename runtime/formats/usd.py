@@ -138,7 +138,7 @@ class _Stage:
 
     def write(self) -> None:
         """Write all prims and save the layer."""
-        from pxr import Usd, UsdSkel, Vt
+        from pxr import Usd, UsdGeom, UsdSkel, Vt
 
         root = UsdSkel.Root.Define(self.stage, ROOT)
         self.stage.SetDefaultPrim(root.GetPrim())
@@ -159,7 +159,11 @@ class _Stage:
         for node in self.order:
             if self.file.gltf.nodes[node].mesh is not None:
                 self._meshes(node)
-        self._extent(root)
+        # the box of all takes, so that a viewer finds it: the way of the joints and half a body more
+        positions = np.concatenate([take.clip.world()[0].reshape(-1, 3) for take in self.takes])
+        corners = (positions.min(axis=0) - 0.5, positions.max(axis=0) + 0.5)
+        box = [self.Gf.Vec3f(*corner.tolist()) for corner in corners]
+        UsdGeom.ModelAPI.Apply(root.GetPrim()).SetExtentsHint(box)
         self.stage.GetRootLayer().Save()
 
     def _variants(self, root: Any) -> None:
@@ -219,7 +223,7 @@ class _Stage:
 
     def _meshes(self, node: int) -> None:
         """The meshes of a node: skinned, carried by the joint above, or still."""
-        from pxr import UsdGeom
+        from pxr import UsdGeom, UsdShade
 
         gltf = self.file.gltf
         (named,) = unique_names([gltf.nodes[node].name or f"mesh_{node}"])
@@ -230,8 +234,12 @@ class _Stage:
             mesh = UsdGeom.Mesh.Define(self.stage, path)
             count = self._geometry(mesh, primitive)
             self._bind(mesh, node, primitive, count)
-            if primitive.material is not None:
-                self._shade(mesh, primitive.material)
+            index = primitive.material
+            if index is not None:
+                if index not in self._materials:
+                    self._materials[index] = self._material(index)
+                UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(self._materials[index])
+                mesh.CreateDoubleSidedAttr(bool(gltf.materials[index].doubleSided))
 
     def _geometry(self, mesh: Any, primitive: Entry) -> int:
         """Points, triangles, normals, texture coordinates, colours; how many points."""
@@ -299,14 +307,6 @@ class _Stage:
         sets = [primitive.attributes.get(f"{name}_{k}") for k in (0, 1)]
         return np.concatenate([read_accessor(self.file, k, name) for k in sets if k is not None], axis=1)
 
-    def _shade(self, mesh: Any, index: int) -> None:
-        from pxr import UsdShade
-
-        if index not in self._materials:
-            self._materials[index] = self._material(index)
-        UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(self._materials[index])
-        mesh.CreateDoubleSidedAttr(bool(self.file.gltf.materials[index].doubleSided))
-
     def _material(self, index: int) -> Any:
         """A preview surface with base colour (a texture in a package, else the mesh's colours), roughness and metal."""
         from pxr import UsdShade
@@ -369,16 +369,6 @@ class _Stage:
         name = f"texture_{source}{ending}"
         (self.textures / name).write_bytes(data)
         return f"./{name}"
-
-    def _extent(self, root: Any) -> None:
-        """The box of all takes, so that a viewer finds it: the way of the joints and half a body more."""
-        from pxr import UsdGeom
-
-        positions = np.concatenate([take.clip.world()[0].reshape(-1, 3) for take in self.takes])
-        low, high = positions.min(axis=0) - 0.5, positions.max(axis=0) + 0.5
-        UsdGeom.ModelAPI.Apply(root.GetPrim()).SetExtentsHint(
-            [self.Gf.Vec3f(*low.tolist()), self.Gf.Vec3f(*high.tolist())]
-        )
 
 
 def unique_names(names: Sequence[str]) -> list[str]:

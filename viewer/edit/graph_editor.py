@@ -33,6 +33,7 @@ KEY_PX, CHOSEN_KEY_PX = 4.0, 5.5  # radii
 SAMPLES = 240  # of a curve across the plot
 MIN_SPAN = {"°": 10.0, "cm": 4.0, "m": 0.5}  # of the values shown
 _FLAGS = imgui.WindowFlags_
+_SCROLLS_NOT = _FLAGS.no_scrollbar | _FLAGS.no_scroll_with_mouse
 CAMERA_TINTS = ((0.95, 0.78, 0.42, 1.0), (0.80, 0.55, 0.92, 1.0), (0.45, 0.80, 0.86, 1.0), *AXES)
 HELP = (
     "Click or box keys, Shift adds. Drag moves them; Ctrl in one direction alone.\n"
@@ -68,14 +69,9 @@ class GraphEditor:
     _field_width: float = 0.0
 
     @property
-    def playback(self) -> Playback | None:
-        """What plays."""
-        return self.takes.playback
-
-    @property
     def curves(self) -> KeyedCurves:
         """The curves of the take that plays."""
-        playback = self.playback
+        playback = self.takes.playback
         if playback is None:
             return KeyedCurves(PoseLayer(), (), 1.0, 1)
         take = playback.take
@@ -91,7 +87,7 @@ class GraphEditor:
 
     def close(self) -> bool:
         """Let the chosen keys go, then close the window; return whether anything was open."""
-        was = self.open and self.playback is not None
+        was = self.open and self.takes.playback is not None
         self.open, self.chosen, self._grab = self.open and bool(self.chosen), frozenset(), None
         return was
 
@@ -99,14 +95,14 @@ class GraphEditor:
         """The window, over the view until it is moved; Escape closes it."""
         return Panel(
             "Curves", PanelPlace.VIEW, self._draw,
-            shown=lambda: self.open and self.playback is not None, close=self.close,
+            shown=lambda: self.open and self.takes.playback is not None, close=self.close,
         )  # fmt: skip
 
     # --- edits
 
     def put(self, label: str, change: Callable[[], KeyedCurves], held: bool = False) -> None:
         """Put other curves in the place of those of the take, as a step of undo."""
-        playback = self.playback
+        playback = self.takes.playback
         if playback is None or self.pins.fixed:
             return
         take = playback.take
@@ -150,7 +146,7 @@ class GraphEditor:
     # --- the window
 
     def _draw(self, view: Rect) -> None:
-        playback = self.playback
+        playback = self.takes.playback
         if playback is None:
             return
         if self._take != playback.number:
@@ -167,9 +163,7 @@ class GraphEditor:
         imgui.set_next_window_size_constraints(
             imgui.ImVec2(px(MIN_SIZE_PX[0]), px(MIN_SIZE_PX[1])), imgui.ImVec2(4096, 4096)
         )
-        flags = (
-            _FLAGS.no_saved_settings | _FLAGS.no_collapse | _FLAGS.no_scrollbar | _FLAGS.no_scroll_with_mouse
-        )
+        flags = _FLAGS.no_saved_settings | _FLAGS.no_collapse | _SCROLLS_NOT
         shown, keep = imgui.begin("Curves", True, flags)
         try:
             if shown:
@@ -325,10 +319,8 @@ class GraphEditor:
         """The line of the frame shown, and the box that chooses keys."""
         limits, drawing = implot.get_plot_limits(), implot.get_plot_draw_list()
         implot.push_plot_clip_rect()
-        low, high = (
-            implot.plot_to_pixels(playback.frame, limits.y.min),
-            implot.plot_to_pixels(playback.frame, limits.y.max),
-        )
+        low = implot.plot_to_pixels(playback.frame, limits.y.min)
+        high = implot.plot_to_pixels(playback.frame, limits.y.max)
         drawing.add_line(low, high, widgets.packed(theme.TEXT), px(1))
         if self._grab is not None and self._grab.what == "box":
             corner, mouse = implot.plot_to_pixels(self._grab.frame, self._grab.value), imgui.get_mouse_pos()

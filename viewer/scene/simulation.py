@@ -119,9 +119,8 @@ class Simulation:
     def use(self, controller: Controller) -> None:
         """Take another controller; it starts where the character stands."""
         self.controller = controller
-        self.reset(
-            float(self.current.root_position[0]), float(self.current.root_position[2]), self.current.root_yaw
-        )
+        x, _, z = map(float, self.current.root_position)
+        self.reset(x, z, self.current.root_yaw)
 
     def go_on_from(self, pose: Pose) -> None:
         """The controller was put into another state, whose pose this is; failures are forgotten."""
@@ -166,9 +165,8 @@ class Simulation:
             return None
         cost_ms = (time.perf_counter() - begin) * 1e3
         fraction = 1.0 - 0.5 ** (1.0 / COST_HALF_LIFE_STEPS)
-        self.model_ms = (
-            cost_ms if self.model_ms == 0.0 else self.model_ms + (cost_ms - self.model_ms) * fraction
-        )
+        before_ms = self.model_ms or cost_ms
+        self.model_ms = before_ms + (cost_ms - before_ms) * fraction
         fault = controller.message  # it set itself back: no defect, unless it does so every time
         self._failures = self._failures + 1 if fault else 0
         self.problem = (f"{fault} {_STANDS}" if self.halted else fault) or self.problem

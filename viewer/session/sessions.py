@@ -140,9 +140,8 @@ class Sessions:
     def find_cut_off(self) -> SessionSummary | None:
         """The session that was open last, untitled or the user's own file, where it was cut off."""
         named = library.look_at(self.recent[0]) if self.recent else None
-        named = named and replace(
-            named, name=named.path.stem
-        )  # it is written with the view, and may be older
+        # what the file says is written with the view, and may be older
+        named = named and replace(named, name=named.path.stem)
         found = [left for left in (self.cut_off, named) if left is not None and not left.ended]
         return max(found, key=lambda left: left.saved_s, default=None)
 
@@ -210,9 +209,8 @@ class Sessions:
         elif self.editor.file.flush(1.0):
             self.messages.note(f"{self.path.name} is saved, as is every edit.")
         else:
-            self.messages.error(
-                self.editor.file.problem or f"{self.path.name} is still being written.", PROBLEM
-            )
+            text = self.editor.file.problem or f"{self.path.name} is still being written."
+            self.messages.error(text, PROBLEM)
 
     def ask_save(self) -> None:
         start = self.path or self._home() / f"session{SUFFIX}"
@@ -302,10 +300,8 @@ class Sessions:
         return self.path is None and not self.editor.file.has_work
 
     def _remember(self, path: Path) -> None:
-        settings = self.settings
-        settings.recent_sessions = remembered(
-            str(path.absolute()), settings.recent_sessions, MAX_RECENT_SESSIONS
-        )
+        known, text = self.settings.recent_sessions, str(path.absolute())
+        self.settings.recent_sessions = remembered(text, known, MAX_RECENT_SESSIONS)
 
     def _home(self) -> Path:
         return self.recent[0].parent if self.recent else Path(self.settings.export_folder).expanduser()

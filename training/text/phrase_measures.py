@@ -42,6 +42,7 @@ LABELS = {"walk": 1, "jog": 2, "crouch": 3}  # columns of a clip's gait
 _CONTENTS = {"walk": ("walk",), "jog": ("run", "jog", "dash"), "crouch": ("crouch",)}
 LEAD_S, SHORTEST_S, EVERY_S = 0.8, 1.3, 0.2  # read after a lead, in stretches that last, so often
 MIN_SPEED_M_PER_S, MAX_TURN_RAD_PER_S, MAX_OFF_RAD = 0.25, 0.7, 0.45  # of a steady stretch straight ahead
+TWISTING_TIMES = 3.0  # these, of a clip that has no such stretch
 CLIPS_OF_STYLE, LONGEST_S = 12, 10.0  # of a style and content, and of a stretch, that are read at most
 _NOT_AHEAD = ("back", "left", "right", "side", "turn", "jump", "idle", "stand", "transition", "terrain")
 SPREAD_PERCENT = (30.0, 50.0, 70.0)  # low end, median and high end of a target
@@ -64,6 +65,8 @@ def read_clip(path: Path) -> tuple[str, dict[str, list[Reading]]]:
     yaw = smoothed_facing(SPORT_SKELETON.forward_kinematics(hips, local)[0])
     velocity = np.gradient(smoothed(hips[:, [0, 2]], 0.5), axis=0) * FPS
     steady = _steady(yaw, velocity)
+    if not any(_stretches(steady)):  # a body that twists with its arms
+        steady = _steady(yaw, velocity, TWISTING_TIMES)
     found: dict[str, list[Reading]] = {}
     for gait in named:
         alone = len(named) == 1
@@ -79,15 +82,15 @@ def _gaits_named(content: str) -> list[str]:
     return ["crouch"] if "crouch" in named else named
 
 
-def _steady(yaw: Array, velocity: Array) -> Flags:
+def _steady(yaw: Array, velocity: Array, times: float = 1.0) -> Flags:
     speed = np.linalg.norm(velocity, axis=1)
     turn = np.abs(np.gradient(np.unwrap(yaw))) * FPS
     off = np.arctan2(velocity[:, 0], velocity[:, 1]) - yaw
     off = np.abs((off + np.pi) % (2.0 * np.pi) - np.pi)
     return np.asarray(
         (speed > MIN_SPEED_M_PER_S)
-        & (smoothed(turn[:, None], 0.5)[:, 0] < MAX_TURN_RAD_PER_S)
-        & (smoothed(off[:, None], 0.5)[:, 0] < MAX_OFF_RAD)
+        & (smoothed(turn[:, None], 0.5)[:, 0] < times * MAX_TURN_RAD_PER_S)
+        & (smoothed(off[:, None], 0.5)[:, 0] < times * MAX_OFF_RAD)
     )
 
 

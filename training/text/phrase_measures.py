@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +36,7 @@ from runtime.safe_read import open_npz
 from runtime.skeleton import SPORT_SKELETON
 from training.frames import PLAIN
 
-ASKED = 1e-5  # weight of what is asked: enough to be measured, and next to nothing is added
+ASKED_WEIGHT = 1e-5  # of what is asked: enough to be measured, and next to nothing is added
 LABELS = {"walk": 1, "jog": 2, "crouch": 3}  # columns of a clip's gait
 # what a clip of one gait is called; slow runs are labelled as walks
 _CONTENTS = {"walk": ("walk",), "jog": ("run", "jog", "dash"), "crouch": ("crouch",)}
@@ -44,12 +44,15 @@ LEAD_S, SHORTEST_S, EVERY_S = 0.8, 1.3, 0.2  # read after a lead, in stretches t
 MIN_SPEED_M_PER_S, MAX_TURN_RAD_PER_S, MAX_OFF_RAD = 0.25, 0.7, 0.45  # of a steady stretch straight ahead
 CLIPS_OF_STYLE, LONGEST_S = 12, 10.0  # of a style and content, and of a stretch, that are read at most
 _NOT_AHEAD = ("back", "left", "right", "side", "turn", "jump", "idle", "stand", "transition", "terrain")
-ENDS_PERCENT = (30.0, 70.0)
+SPREAD_PERCENT = (30.0, 50.0, 70.0)  # low end, median and high end of a target
+QUARTILES_PERCENT = (25.0, 75.0)  # of the medians of several styles
 UNMEASURED = (HAND, "shrug")
+USUAL = ("lean", "bounce")  # of every trunk, whatever is said
 HAND_RANGE = "hand_range"  # of an arm, beside its targets
 FAR_OFF = {row.name: row.far for row in TARGETS if row.far}
 Reading = dict[str, dict[str, float]]  # part, target
-Readings = dict[str, dict[str, list[float]]]
+Spread = dict[str, dict[str, list[float]]]  # part, target, by `SPREAD_PERCENT`
+Ends = dict[str, dict[str, list[float]]]  # part, target: the first and the last of these
 
 
 def read_clip(path: Path) -> tuple[str, dict[str, list[Reading]]]:
@@ -57,21 +60,23 @@ def read_clip(path: Path) -> tuple[str, dict[str, list[Reading]]]:
     with open_npz(path, "Run the importer again.") as clip:
         style = str(clip["style"])
         hips, local, contacts = clip["hips_positions"], clip["local_rotations"], clip["contacts"]
-        gaits, content = clip["gait"], str(clip["content"])
-    positions, _ = SPORT_SKELETON.forward_kinematics(hips, local)
-    yaw = smoothed_facing(positions)
+        gaits, named = clip["gait"], _gaits_named(str(clip["content"]))
+    yaw = smoothed_facing(SPORT_SKELETON.forward_kinematics(hips, local)[0])
     velocity = np.gradient(smoothed(hips[:, [0, 2]], 0.5), axis=0) * FPS
-    steady, found = _steady(yaw, velocity), {}
+    steady = _steady(yaw, velocity)
+    found: dict[str, list[Reading]] = {}
+    for gait in named:
+        alone = len(named) == 1
+        for part in _stretches(steady if alone else steady & (gaits[:, LABELS[gait]] > 0.5)):
+            rows = _read(hips[part], local[part], contacts[part], yaw[part], velocity[part], gait == "jog")
+            found.setdefault(gait, []).extend(rows)
+    return style, {gait: rows for gait, rows in found.items() if rows}
+
+
+def _gaits_named(content: str) -> list[str]:
+    """The gaits that a content names; a crouched walk is a crouch."""
     named = [gait for gait, words in _CONTENTS.items() if any(word in content for word in words)]
-    for gait in named[-1:] if len(named) == 1 or named[-1:] == ["crouch"] else named:
-        rows: list[Reading] = []
-        shows = steady if len(named) == 1 or gait == "crouch" else steady & (gaits[:, LABELS[gait]] > 0.5)
-        for first, last in _stretches(shows):
-            part = slice(first, last)
-            rows += _read(hips[part], local[part], contacts[part], yaw[part], velocity[part], gait == "jog")
-        if rows:
-            found[gait] = rows
-    return style, found
+    return ["crouch"] if "crouch" in named else named
 
 
 def _steady(yaw: Array, velocity: Array) -> Flags:
@@ -86,19 +91,18 @@ def _steady(yaw: Array, velocity: Array) -> Flags:
     )
 
 
-def _stretches(steady: Flags) -> Iterator[tuple[int, int]]:
+def _stretches(steady: Flags) -> Iterator[slice]:
     edges = np.flatnonzero(np.diff(np.r_[False, steady, False].astype(int)))
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         if last - first >= SHORTEST_S * FPS:
-            yield int(first), int(min(last, first + LONGEST_S * FPS))
+            yield slice(int(first), int(min(last, first + LONGEST_S * FPS)))
 
 
 def _read(
     hips: Array, local: Array, contacts: Array, yaw: Array, velocity: Array, jogs: bool
 ) -> Iterator[Reading]:
     edits, targets = BodyEdits(), np.zeros(SHAPE[1:])
-    targets[:, :, 0] = ASKED
-    targets[..., 1], targets[..., 2] = -ASKED * LARGEST, ASKED * LARGEST
+    targets[...] = ASKED_WEIGHT * np.array([1.0, -LARGEST, LARGEST])
     targets[3:, len(ARM) :] = 0.0  # no places
     targets[2, len(TRUNK) :] = 0.0
     asked = targets.tolist()
@@ -153,20 +157,20 @@ def measured(clips: Path) -> dict[str, Any]:
 
 def tree_of(read: Mapping[str, Mapping[str, Sequence[Reading]]]) -> dict[str, Any]:
     """The same of readings by style and gait."""
-    full = {s: {g: _range_of(rows) for g, rows in gaits.items() if rows} for s, gaits in read.items()}
+    full = {s: {g: _spread(rows) for g, rows in gaits.items() if rows} for s, gaits in read.items()}
     plain = [row for style, gaits in read.items() if style.startswith(PLAIN) for row in gaits.get("walk", ())]
-    for gait in ("walk", "jog"):  # of several captures, whose spines stand differently
-        own = [
-            of[gait]["torso"]["lean"][1] for s, of in full.items() if s.startswith(f"{PLAIN}_") and gait in of
-        ]
-        if own and gait in full.get(PLAIN, {}):
-            full[PLAIN][gait]["torso"]["lean"] = [_rounded(v) for v in np.percentile(own, (25.0, 50.0, 75.0))]
+    _lean_as_several_captures(full)
     styles = {s: {g: _ends(parts) for g, parts in gaits.items()} for s, gaits in full.items()}
-    return {"usual": _usual(full), "phrases": _phrases(full, _range_of(plain)), "styles": styles}
+    return {"usual": _usual(full), "phrases": _phrases(full, _spread(plain)), "styles": styles}
 
 
-def _ends(parts: Mapping[str, Any]) -> dict[str, dict[str, list[float]]]:
-    return {part: {name: [r[0], r[-1]] for name, r in ranges.items()} for part, ranges in parts.items()}
+def _lean_as_several_captures(styles: Mapping[str, Mapping[str, Spread]]) -> None:
+    """Let the neutral style lean as those of all captures, whose spines stand differently."""
+    for gait in ("walk", "jog"):
+        neutral = [own for s, own in styles.items() if s.startswith(f"{PLAIN}_") and gait in own]
+        if neutral and gait in styles.get(PLAIN, {}):
+            middles = [own[gait]["torso"]["lean"][1] for own in neutral]
+            styles[PLAIN][gait]["torso"]["lean"] = _percentiles(middles, (25.0, 50.0, 75.0))
 
 
 def _chosen(clips: Path) -> list[Path]:
@@ -184,53 +188,44 @@ def _chosen(clips: Path) -> list[Path]:
     return [path for own in found.values() for path in own[:: -(-len(own) // CLIPS_OF_STYLE)]]
 
 
-def _percentile(rows: Sequence[Reading], percent: float) -> dict[str, dict[str, float]]:
+def _spread(rows: Sequence[Reading]) -> Spread:
+    """Low end, median and high end of each target."""
     return {
-        part: {
-            name: float(np.percentile([row[part][name] for row in rows], percent)) for name in rows[0][part]
-        }
-        for part in rows[0]
+        part: {name: _percentiles([row[part][name] for row in rows], SPREAD_PERCENT) for name in own}
+        for part, own in rows[0].items()
     }
 
 
-def _range_of(rows: Sequence[Reading]) -> dict[str, dict[str, list[float]]]:
-    """Low end, median and high end of each target."""
-    found = [_percentile(rows, percent) for percent in (ENDS_PERCENT[0], 50.0, ENDS_PERCENT[1])]
-    return {p: {n: [_rounded(each[p][n]) for each in found] for n in found[0][p]} for p in found[0]}
+def _percentiles(values: Sequence[float], percents: Sequence[float]) -> list[float]:
+    """Of values, to three digits."""
+    return [
+        float(f"{value:.3g}") if abs(value) < 100.0 else round(value)
+        for value in np.percentile(values, percents).tolist()
+    ]
 
 
-def _rounded(value: float) -> float:
-    return float(f"{value:.3g}") if abs(value) < 100.0 else round(value)
+def _ends(parts: Spread) -> Ends:
+    return {part: {name: [r[0], r[-1]] for name, r in ranges.items()} for part, ranges in parts.items()}
 
 
-def _usual(styles: Mapping[str, Any]) -> dict[str, dict[str, list[float]]]:
+def _usual(styles: Mapping[str, Mapping[str, Spread]]) -> dict[str, dict[str, list[float]]]:
     """What trunks do in a gait: of walks the neutral style, of others the quartiles of the styles' middles."""
     found: dict[str, dict[str, list[float]]] = {}
     for gait in GAITS:
-        trunks = [row[gait]["torso"] for row in styles.values() if gait in row]
-        for name in ("lean", "bounce") if trunks else ():
-            middles = [trunk[name][1] for trunk in trunks]
-            found.setdefault(gait, {})[name] = [_rounded(v) for v in np.percentile(middles, (25.0, 75.0))]
+        trunks = [own[gait]["torso"] for own in styles.values() if gait in own]
         if gait == "walk" and PLAIN in styles:
-            found[gait] = {
-                name: ends
-                for name, ends in _ends(styles[PLAIN][gait])["torso"].items()
-                if name in found[gait]
-            }
+            own = _ends(styles[PLAIN][gait])["torso"]
+            found[gait] = {name: own[name] for name in USUAL}
+        elif trunks:
+            middles = {name: [trunk[name][1] for trunk in trunks] for name in USUAL}
+            found[gait] = {name: _percentiles(own, QUARTILES_PERCENT) for name, own in middles.items()}
     return found
 
 
-def _phrases(styles: Mapping[str, Any], usual: Mapping[str, Any]) -> dict[str, Any]:
+def _phrases(styles: Mapping[str, Mapping[str, Spread]], usual: Spread) -> dict[str, Any]:
     """By kind, target and phrase the range in every gait over the styles whose captions use the phrase, where they show it."""
-    said = captions_by_style(load_styles(asset_path("prompts/styles.json")))
-    using: dict[tuple[str, str, str], list[str]] = defaultdict(list)
-    for style, part, text in said:
-        if part in ("left_leg", "torso", "left_arm") and style in styles:
-            for name, (_, phrase, (_, values)) in spoken(part, text).items():
-                if values and name not in UNMEASURED:
-                    using[part, name, phrase].append(style)
     found: dict[str, Any] = {}
-    for (part, name, phrase), names in sorted(using.items()):
+    for (part, name, phrase), names in sorted(_using(set(styles)).items()):
         rows = [styles[style] for style in dict.fromkeys(names)]
         ranges = {g: _over([row[g][part][name] for row in rows if g in row]) for g in GAITS}
         by_hand = phrases()[kind_of(part)][name][phrase][1]
@@ -238,6 +233,22 @@ def _phrases(styles: Mapping[str, Any], usual: Mapping[str, Any]) -> dict[str, A
             table = found.setdefault(kind_of(part), {}).setdefault(name, {})
             table[phrase] = {gait: own for gait, own in ranges.items() if own}
     return found
+
+
+def _using(styles: Collection[str]) -> dict[tuple[str, str, str], list[str]]:
+    """The styles whose captions use a phrase, by part, target and phrase; of limbs the left ones."""
+    using: dict[tuple[str, str, str], list[str]] = defaultdict(list)
+    for style, part, text in _captions():
+        if style in styles and not part.startswith("right_"):
+            for name, (_, phrase, (_, values)) in spoken(part, text).items():
+                if values and name not in UNMEASURED:
+                    using[part, name, phrase].append(style)
+    return using
+
+
+def _captions() -> Iterator[tuple[str, str, str]]:
+    """Style, part and text of the captions of captured styles."""
+    return captions_by_style(load_styles(asset_path("prompts/styles.json")))
 
 
 def _shows(range_: Sequence[float], usual: Sequence[float], by_hand: Sequence[float]) -> bool:
@@ -253,26 +264,35 @@ def _over(ranges: Sequence[Sequence[float]]) -> list[float]:
     """The ends of one style; of several the quartiles of their medians."""
     if len(ranges) < 2:
         return [ranges[0][0], ranges[0][-1]] if ranges else []
-    return [_rounded(v) for v in np.percentile([r[1] for r in ranges], (25.0, 75.0))]
+    return _percentiles([r[1] for r in ranges], QUARTILES_PERCENT)
 
 
 def disagreements(styles: Mapping[str, Any]) -> Iterator[str]:
     """Lines of captions that say what their capture's walk is far from."""
-    seen = set()
-    for style, part, text in captions_by_style(load_styles(asset_path("prompts/styles.json"))):
+    for style, part, text in dict.fromkeys(_captions()):
         own = styles.get(style, {}).get("walk", {}).get(part)
-        if own is None or (style, text) in seen or part.startswith("right_"):
-            continue
-        seen.add((style, text))
-        for name, (clause, phrase, (_, values)) in spoken(part, text).items():
-            if name == HAND and values and own[HAND_RANGE][0] > values[-1] + FAR_OFF["swing"]:
-                yield f"{style}: {clause}: its hand moves by {own[HAND_RANGE]} m ({text})"
-            elif values and name in FAR_OFF:
-                shown = captured().phrase(kind_of(part), phrase, name)
-                least, most = (shown and shown[0]) or values
-                low, high = own[name]
-                if low > most + FAR_OFF[name] or high < least - FAR_OFF[name]:
-                    yield f"{style}: {clause}: {name} of {least} to {most}, captured {low} to {high} ({text})"
+        if own is not None and not part.startswith("right_"):
+            for name, (clause, phrase, (_, values)) in spoken(part, text).items():
+                wrong = _far_off(part, name, phrase, values, own) if values else ""
+                if wrong:
+                    yield f"{style}: {clause}: {wrong} ({text})"
+
+
+def _far_off(
+    part: str, name: str, phrase: str, values: Sequence[float], own: Mapping[str, Sequence[float]]
+) -> str:
+    """What a capture shows in place of what a phrase says, "" where it is near."""
+    if name == HAND:
+        far = own[HAND_RANGE][0] > values[-1] + FAR_OFF["swing"]
+        return f"its hand moves by {own[HAND_RANGE]} m" if far else ""
+    if name not in FAR_OFF:
+        return ""
+    shown = captured().phrase(kind_of(part), phrase, name)
+    least, most = (shown and shown[0]) or values
+    low, high = own[name]
+    if low > most + FAR_OFF[name] or high < least - FAR_OFF[name]:
+        return f"{name} of {least} to {most}, captured {low} to {high}"
+    return ""
 
 
 def main(argv: list[str] | None = None) -> None:

@@ -31,7 +31,7 @@ from training.augmentation.catalogue import PartEdit, part_edits
 from training.augmentation.edits import apply
 from training.augmentation.measured_edits import rhythm_section
 from training.augmentation.motion import EditedMotion, cut
-from training.augmentation.pool import NEUTRAL, Pool, Source
+from training.augmentation.pool import NEUTRAL_FRACTION, Pool, Source
 from training.data import relief
 from training.data.clips import Patches, TrainingClip
 from training.data.labels import FOOT_JOINTS
@@ -41,25 +41,27 @@ from training.markdown import table
 
 log = logging.getLogger("sport.train")
 
-SECONDS = (4.0, 7.0)  # of a clip
+CLIP_S = (4.0, 7.0)
 PARAPHRASES = 4
 LAYERS = "layers.json"
 _MADE = "layers.jsonl"  # of a build that has not come to its end: a line for each clip
-LEVEL = 0.015  # m: ground under all contacts of a floor
-BASES = 0.6  # fraction of the clips in which legs alone are edited: all else comes in training
-WALKED = 0.5  # fraction of a clip's frames that walk, for edits of steps
+LEVEL_M = 0.015  # ground under all contacts of a floor
+BASES_FRACTION = 0.6  # of the clips, in which legs alone are edited: all else comes in training
+WALKED_FRACTION = 0.5  # of a clip's frames that walk, for edits of steps
 TRIES = 30  # clips drawn for edits that do not suit every one
-FORWARD = 0.8  # of a path that goes where the body faces
+FORWARD_FRACTION = 0.8  # of a path that goes where the body faces
+LEAST_M_PER_S = 0.3  # of one that walks
 
 
 def build_layer(
     pool: Pool, styles: dict[str, dict], name: str, random: np.random.Generator
 ) -> tuple[TrainingClip, dict[str, object]] | None:
     """One edited clip and its entry of `layers.json`; None when no clip was found that shows the drawn edits."""
-    source, motion = _piece(pool, NEUTRAL, random)
+    source, motion = _piece(pool, NEUTRAL_FRACTION, random)
     texts = _style_texts(styles, source, random)
     standing = bool(np.asarray(motion.gait)[:, Gait.STAND].mean() > 0.5)
-    edits = (recipes.draw_base if random.random() < BASES else recipes.draw)(random, standing)
+    names = (recipes.draw_base if random.random() < BASES_FRACTION else recipes.draw)(random, standing)
+    edits = [part_edits()[name] for name in names]
     if not _suits(source, motion, edits):
         found = _suitable(pool, edits, random)
         if found is None:
@@ -67,8 +69,7 @@ def build_layer(
         source, motion = found
         texts = _style_texts(styles, source, random)
     keys: dict[str, str] = {}
-    for edit_name in edits:
-        edit = part_edits()[edit_name]
+    for edit in edits:
         motion = apply(motion, edit, random)
         _describe(edit, texts, keys, random)
     clip = TrainingClip(
@@ -82,14 +83,16 @@ def build_layer(
         source=source.source,
         split="train",
         tier=LAYERED,
-        patches=_ground(source, motion, edits, random),
+        patches=relief.fit_around_steps(motion.joints[0], motion.contacts, random)
+        if any(e.does.moves_feet for e in edits)
+        else _near(source.patches, motion.hips),
         mirrored=source.mirrored,
     )
     entry = {
         "descriptions": [{p: own[k % len(own)] for p, own in texts.items()} for k in range(PARAPHRASES)],
         "keys": [keys.get(part, source.key) for part in PART_NAMES],
         "base": source.name,
-        "edits": list(edits),
+        "edits": list(names),
     }
     return clip, entry
 
@@ -118,7 +121,7 @@ def _both(part: str, ones: list[str], others: list[str], random: np.random.Gener
 def _piece(pool: Pool, neutral: float, random: np.random.Generator) -> tuple[Source, EditedMotion]:
     """A drawn clip, neutral with the given chance, and some seconds of it."""
     source = pool.draw(random, neutral)
-    frames = int(random.uniform(*SECONDS) * features.FPS)
+    frames = int(random.uniform(*CLIP_S) * features.FPS)
     length = len(source.motion.hips)
     start = int(random.integers(max(1, length - frames)))
     return source, cut(source.motion, start, min(start + frames, length))
@@ -135,28 +138,23 @@ def _style_texts(
     return {part: [getattr(descriptions[int(k)], part) for k in own] for part, own in orders.items()}
 
 
-def _suits(source: Source, motion: EditedMotion, edits: tuple[str, ...]) -> bool:
+def _suits(source: Source, motion: EditedMotion, edits: list[PartEdit]) -> bool:
     """Whether edits can show: an arm that does not swing in its style cannot swing more, feet move on a floor only."""
-    if any(part_edits()[e].does.scales for e in edits) and not source.style.startswith("neutral"):
+    walked = np.asarray(source.motion.gait)[:, Gait.WALK].mean()
+    if any(e.does.scales for e in edits) and not source.style.startswith("neutral"):
         return False
-    if (
-        any(part_edits()[e].does.of_steps for e in edits)
-        and np.asarray(source.motion.gait)[:, Gait.WALK].mean() < WALKED
-    ):
+    if any(e.does.of_steps for e in edits) and walked < WALKED_FRACTION:
         return False
-    return not any(part_edits()[e].does.moves_feet for e in edits) or walks_on_a_floor(motion)
+    return not any(e.does.moves_feet for e in edits) or walks_on_a_floor(motion)
 
 
 def _suitable(
-    pool: Pool, edits: tuple[str, ...], random: np.random.Generator
+    pool: Pool, edits: list[PartEdit], random: np.random.Generator
 ) -> tuple[Source, EditedMotion] | None:
     """Another clip and a piece of it that suit the edits; None after `TRIES` draws."""
-    neutral = 1.0 if any(part_edits()[e].does.scales for e in edits) else NEUTRAL
-    for _ in range(TRIES):
-        source, motion = _piece(pool, neutral, random)
-        if _suits(source, motion, edits):
-            return source, motion
-    return None
+    neutral = 1.0 if any(e.does.scales for e in edits) else NEUTRAL_FRACTION
+    pieces = (_piece(pool, neutral, random) for _ in range(TRIES))
+    return next((piece for piece in pieces if _suits(*piece, edits)), None)
 
 
 def walks_on_a_floor(motion: EditedMotion) -> bool:
@@ -164,21 +162,14 @@ def walks_on_a_floor(motion: EditedMotion) -> bool:
     feet = motion.joints[0][:, FOOT_JOINTS]
     ground = motion.ground.height(feet[..., 0], feet[..., 2])
     standing = motion.contacts.astype(bool)
-    if not standing.any() or np.abs(ground[standing]).max() > LEVEL:
+    if not standing.any() or np.abs(ground[standing]).max() > LEVEL_M:
         return False
     step = np.diff(motion.path, axis=0)
     along = np.sum(step * motion.axes.ahead[1:], axis=1)
     gone = np.linalg.norm(step[:, [0, 2]], axis=1)
-    return bool(gone.sum() > 0.3 * len(gone) / features.FPS and along.sum() > FORWARD * gone.sum())
-
-
-def _ground(
-    source: Source, motion: EditedMotion, edits: tuple[str, ...], random: np.random.Generator
-) -> Patches:
-    """The source's ground near the path, or new relief around feet that stand elsewhere now."""
-    if any(part_edits()[e].does.moves_feet for e in edits):
-        return relief.fit_around_steps(motion.joints[0], motion.contacts, random)
-    return _near(source.patches, motion.hips)
+    return bool(
+        gone.sum() > LEAST_M_PER_S * len(gone) / features.FPS and along.sum() > FORWARD_FRACTION * gone.sum()
+    )
 
 
 def _near(patches: Patches, hips: np.ndarray, margin: float = 2.5) -> Patches:

@@ -48,16 +48,21 @@ _ROCKING = {0: 0.35, 11: 0.6, 12: 0.8, 13: 1.0}
 _SPINE_ONLY = {11: 0.25, 12: 0.6, 13: 1.0}
 _ROUNDED = {11: -0.35, 12: 0.25, 13: 1.0}
 _NECK = {14: 0.35, 15: 0.7, 16: 1.0}
-_ARM_FOLLOWS, _HEAD_FOLLOWS = 0.35, 0.3  # arms keep hanging and eyes keep looking ahead when a torso leans
-_TIPTOE_RISE = 0.055  # m of the hips
-_HEEL_BEHIND = 0.05  # m of the ankle
-_SETTLING = 60  # frames in which the runtime's edit of legs comes into force
-_PAUSE_SIGMA = 2.5  # frames of the capture over which a pause is spread
-_HIGHEST = 0.06  # m that hips rise for short steps
-_VARIATION_GONE = 0.7  # of the stance width, where an edit sets it
-_IN_STEP_LENGTH = 0.6  # of an unequal rate that becomes an unequal step length; the rest is an uneven speed
+_ARMS_FRACTION, _HEAD_FRACTION = (
+    0.35,
+    0.3,
+)  # arms keep hanging and eyes keep looking ahead when a torso leans
+_TIPTOE_RISE_M = 0.055  # of the hips
+_HEEL_BEHIND_M = 0.05  # of the ankle
+_SETTLING_FRAMES = 60  # in which the runtime's edit of legs comes into force
+_PAUSE_SIGMA_FRAMES = 2.5  # of the capture, over which a pause is spread
+_MAX_RISE_M = 0.06  # of the hips for short steps
+_VARIATION_GONE_FRACTION = 0.7  # of the stance width, where an edit sets it
+_IN_STEP_LENGTH_FRACTION = (
+    0.6  # of an unequal rate that becomes an unequal step length; the rest is an uneven speed
+)
 _SPINE_M = 0.23  # from the hips to the chest
-_CHEST_STAYS = 0.6  # of what the hips sway more: the chest stays behind, level
+_CHEST_STAYS_FRACTION = 0.6  # of what the hips sway more: the chest stays behind, level
 
 
 def apply(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
@@ -86,13 +91,9 @@ def _with_limbs(chain: dict[int, float], arms: float, head: float) -> dict[int, 
 
 
 _TURNS: dict[str, tuple[dict[int, float], float, Callable[[EditedMotion], Array | float]]] = {
-    "slump": (_with_limbs(_ROUNDED, _ARM_FOLLOWS, _HEAD_FOLLOWS), 0.06, lambda _: 1.0),
+    "slump": (_with_limbs(_ROUNDED, _ARMS_FRACTION, _HEAD_FRACTION), 0.06, lambda _: 1.0),
     "sway": (_with_limbs(_CHAIN, 0.6, 0.4), 0.08, _side_beat),
-    "twist": (
-        _with_limbs(_SPINE_ONLY, 1.0, 0.15),
-        0.08,
-        lambda motion: -np.cos(2 * np.pi * motion.step_phase),
-    ),
+    "twist": (_with_limbs(_SPINE_ONLY, 1.0, 0.15), 0.08, lambda m: -np.cos(2 * np.pi * m.step_phase)),
 }
 
 
@@ -103,7 +104,7 @@ def _lean(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Edit
     back = -0.13 * np.sin(np.radians(pitch))  # the hips balance the upper body
     side = -0.12 * np.sin(np.radians(roll))
     hips = motion.hips + rotations.rotate(motion.facing, np.array([side, 0.0, back]))
-    fractions = _with_limbs(_CHAIN, _ARM_FOLLOWS, _HEAD_FOLLOWS)
+    fractions = _with_limbs(_CHAIN, _ARMS_FRACTION, _HEAD_FRACTION)
     return turn_joints(replace(motion, hips=hips), vectors, fractions, motion.feet()[0])
 
 
@@ -194,7 +195,7 @@ def _legs(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Edit
         if "toe_up" in p:
             contacts[:, 2 * column + 1] = 0
     if "tiptoe" in p:
-        hips[:, 1] += _TIPTOE_RISE
+        hips[:, 1] += _TIPTOE_RISE_M
     local = ik.solve_legs(hips, motion.local, ankles, feet)
     return replace(motion, hips=hips, local=local, contacts=contacts)
 
@@ -221,7 +222,7 @@ def _placed_foot(
         foot = rotations.multiply(rotations.from_yaw(np.radians(sign * p["toe_out"])), foot)
     if "toe_up" in p:  # about the heel, which is where the foot stands
         turn = rotations.from_axis_angle(rotations.rotate(foot, LEFT), np.radians(-p["toe_up"]))
-        from_heel = rotations.rotate(foot, np.array([0.0, ANKLE_HEIGHT, _HEEL_BEHIND]))
+        from_heel = rotations.rotate(foot, np.array([0.0, ANKLE_HEIGHT, _HEEL_BEHIND_M]))
         return ankle - from_heel + rotations.rotate(turn, from_heel), rotations.multiply(turn, foot)
     if "tiptoe" in p:
         return raise_heel(ankle, toe, foot, np.full(len(ankle), np.radians(p["tiptoe"])))
@@ -241,7 +242,7 @@ def _stiff(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Edi
     state, bones, rise = LegEdit(), (leg_bones(0), leg_bones(1)), np.zeros(len(motion.hips))
     local, hips = motion.local.tolist(), motion.hips.tolist()
     contacts = motion.contacts.astype(float).tolist()
-    for t in [*range(min(_SETTLING, len(hips))), *range(len(hips))]:
+    for t in [*range(min(_SETTLING_FRAMES, len(hips))), *range(len(hips))]:
         legs = leg_forward(bones[0], hips[t], local[t]), leg_forward(bones[1], hips[t], local[t])
         request = EditRequest(shown, float(yaw[t]), tuple(velocity[t].tolist()), float(ground[t]))
         rise[t], placed = state.apply(hips[t][1], legs, list(contacts[t]), request)
@@ -278,7 +279,7 @@ def _as_straight(before: EditedMotion, after: EditedMotion) -> EditedMotion:
     known = np.isfinite(rise)
     if not known.any():
         return after
-    rise = np.interp(np.arange(len(rise)), np.flatnonzero(known), np.clip(rise[known], 0.0, _HIGHEST))
+    rise = np.interp(np.arange(len(rise)), np.flatnonzero(known), np.clip(rise[known], 0.0, _MAX_RISE_M))
     return raised(after, smooth(rise[:, None], 4.0)[:, 0])
 
 
@@ -290,7 +291,7 @@ def _line(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Edit
     for column, sign in SIDES.values():
         standing = motion.stands(column)
         own = float(np.median(out[standing, column])) if standing.any() else 0.0
-        out[:, column] = sign * wanted - own - _VARIATION_GONE * (out[:, column] - own)
+        out[:, column] = sign * wanted - own - _VARIATION_GONE_FRACTION * (out[:, column] - own)
     return on_path(motion, np.zeros_like(motion.path), out[..., None] * left)
 
 
@@ -299,7 +300,7 @@ def _stance(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Ed
     alone = motion.stands(column).astype(np.float64) - motion.stands(1 - column)
     weight = smooth(alone[:, None], 3.0)[:, 0]
     rate = np.exp(-0.5 * np.log(edit.factor("uneven", random)) * weight)
-    motion = on_path(motion, scaled_path(motion, rate**-_IN_STEP_LENGTH))
+    motion = on_path(motion, scaled_path(motion, rate**-_IN_STEP_LENGTH_FRACTION))
     drop = edit.amount("drop", random, 0.07)
     if drop:
         motion = raised(motion, -drop * smooth(np.maximum(alone, 0.0)[:, None], 5.0)[:, 0])
@@ -310,8 +311,8 @@ def _hesitation(motion: EditedMotion, edit: Edit, random: np.random.Generator) -
     seconds = edit.factor("pause", random)
     landings = np.sort(gait.all_landings(motion.contacts))
     frames = np.arange(len(motion.hips))[:, None]
-    size = seconds * FPS / (_PAUSE_SIGMA * np.sqrt(2 * np.pi))
-    longer = 1.0 + size * np.exp(-0.5 * ((frames - (landings[None] + 5)) / _PAUSE_SIGMA) ** 2).sum(1)
+    size = seconds * FPS / (_PAUSE_SIGMA_FRAMES * np.sqrt(2 * np.pi))
+    longer = 1.0 + size * np.exp(-0.5 * ((frames - (landings[None] + 5)) / _PAUSE_SIGMA_FRAMES) ** 2).sum(1)
     return at_rate(motion, 1.0 / longer)
 
 
@@ -348,7 +349,7 @@ def _hips(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Edit
     sideways = np.sum((motion.hips - motion.path) * axes.left, axis=1)[:, None] * axes.left
     moved_by = (edit.factor("sideways", random, 0.05) - 1.0) * sideways
     moved = replace(motion, hips=motion.hips + moved_by)
-    back = np.degrees(np.arctan2(-_CHEST_STAYS * np.sum(moved_by * axes.left, axis=1), _SPINE_M))
+    back = np.degrees(np.arctan2(-_CHEST_STAYS_FRACTION * np.sum(moved_by * axes.left, axis=1), _SPINE_M))
     moved = turn_joints(moved, turns(moved, 0.0, 0.0, back), {11: 1.0, 12: 1.0})
     yaw, roll = (edit.factor(name, random, 0.05) - 1.0 for name in ("yaw", "roll"))
     more = rotations.rotate(axes.facing, motion.hips_turn() * np.array([0.0, yaw, roll]))
@@ -381,8 +382,7 @@ def _rock(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Edit
 
 
 def _landing(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
-    p = edit.parameters
-    size = random.normal(1.0, 0.06)
+    p, size = edit.parameters, random.normal(1.0, 0.06)
     ankles, _, feet = motion.feet()
     for column in range(2):
         standing, height = motion.stands(column), ankles[:, column, 1]

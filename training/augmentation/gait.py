@@ -13,8 +13,8 @@ from runtime.measures.signals import landings
 from runtime.motion.features import FPS
 from training.frames import smooth
 
-_DEEPEST = 6.0  # frames from a landing to the deepest of a knee that gives
-USUAL_CYCLE = 66  # frames, where there are too few landings to tell
+_DEEPEST_FRAMES = 6.0  # frames from a landing to the deepest of a knee that gives
+USUAL_CYCLE_FRAMES = 66  # frames, where there are too few landings to tell
 
 
 def left_landings(contacts: NDArray[np.uint8]) -> NDArray[np.intp]:
@@ -48,7 +48,7 @@ def step_phase(contacts: NDArray[np.uint8]) -> Array:
 def cycle_frames(contacts: NDArray[np.uint8]) -> int:
     """Frames of a gait cycle: the median from one landing of a foot to its next."""
     gaps = np.concatenate([np.diff(left_landings(contacts)), np.diff(right_landings(contacts))])
-    return int(np.clip(np.median(gaps), 20, 150)) if len(gaps) else USUAL_CYCLE
+    return int(np.clip(np.median(gaps), 20, 150)) if len(gaps) else USUAL_CYCLE_FRAMES
 
 
 def cycle_mean(values: Array, frames: int) -> Array:
@@ -133,7 +133,7 @@ def jolts(contacts: NDArray[np.uint8]) -> Array:
     frames = all_landings(contacts)
     if not len(frames):
         return np.zeros(len(contacts))
-    since = np.maximum((np.arange(len(contacts))[:, None] - frames[None]) / _DEEPEST, 0.0)
+    since = np.maximum((np.arange(len(contacts))[:, None] - frames[None]) / _DEEPEST_FRAMES, 0.0)
     return smooth((since * np.exp(1.0 - since)).sum(1, keepdims=True), 1.0)[:, 0]
 
 

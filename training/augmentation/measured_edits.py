@@ -30,7 +30,7 @@ _WALKING = ("walk", "walk forward")
 # Measures where the catalogue's own goes up on one captured walk and down on another: a fist that punches moves
 # forward and back as far as a swinging arm, but it does so high and in front of the chest.
 _SHOWN_BY = {"punching": ("hand_level", "hand_front")}
-_AGREEMENT = (
+_AGREEMENT_FRACTION = (
     0.75  # of the captured walks, on which an edit must move its measure the same way to show anything
 )
 
@@ -117,7 +117,7 @@ class CapturedReference:
         for target in targets(edits):
             changes = [value(after, target) - value(before, target) for before, after in pairs]
             found[target] = float(np.median(changes))
-            if np.mean(np.sign(changes) == np.sign(found[target])) < _AGREEMENT:
+            if np.mean(np.sign(changes) == np.sign(found[target])) < _AGREEMENT_FRACTION:
                 return {}
         return found
 

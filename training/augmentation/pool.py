@@ -14,7 +14,7 @@ from training.augmentation.motion import EditedMotion
 from training.data.clips import Patches
 from training.frames import PLAIN
 
-NEUTRAL = 0.45  # fraction of clips that are made of neutral motion, where an edit shows most clearly
+NEUTRAL_FRACTION = 0.45  # of the clips that are made of neutral motion, where an edit shows most clearly
 PLAIN_FRACTION = 0.7  # of the neutral motion: an edit's words stand next to these sentences most often
 
 
@@ -66,7 +66,7 @@ class Pool:
             raise FileError(f"{folder}: no training clips.", "Run `sport train import` first.")
         self._load = lru_cache(maxsize=400)(load_source)
 
-    def draw(self, random: np.random.Generator, neutral: float = NEUTRAL) -> Source:
+    def draw(self, random: np.random.Generator, neutral: float = NEUTRAL_FRACTION) -> Source:
         """A clip; neutral ones with the given chance."""
         styles = sorted(self.by_style)
         normal = [s for s in styles if s.startswith("neutral")]

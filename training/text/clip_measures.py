@@ -27,7 +27,7 @@ _NOT_FORWARD = (
     "back", "left", "right", "side", "jump", "terrain", "transition", "idle", "run", "dash", "navigate",
 )  # fmt: skip
 MAX_TILT_CORRECTION = 10.0  # degrees; a neutral walk that looks down by more does look down
-MOST = 4.0  # deviations: what a clip that turns or jumps does beyond that says nothing more
+MAX_DEVIATIONS = 4.0  # deviations: what a clip that turns or jumps does beyond that says nothing more
 _OF_CAPTURE = {"torso": ("pitch", "arch"), "head": ("pitch", "forward")}  # what retargeting may add
 
 
@@ -128,7 +128,7 @@ def signs_of(part: str) -> tuple[float, ...]:
 
 
 def clip_values(folder: Path, names: Sequence[str]) -> list[Array]:
-    """Six arrays `(clips, n)` of the clips called `names`, standardised over them and at most `MOST` from their mean.
+    """Six arrays `(clips, n)` of the clips called `names`, standardised over them and at most `MAX_DEVIATIONS` from their mean.
 
     FileError of numpy's where a clip is missing. Signs survive: what changes its sign in the mirror image has mean 0.
     """
@@ -141,7 +141,7 @@ def _standardised(values: Array, part: str) -> Array:
     centre = np.median(values, axis=0) * (np.array(signs_of(part)) > 0)
     # percentiles: a clip that spins has a thousand times the others' range
     spread = np.percentile(np.abs(values - centre), 80, axis=0) + 1e-4
-    return np.clip((values - centre) / spread, -MOST, MOST).astype(np.float32)
+    return np.clip((values - centre) / spread, -MAX_DEVIATIONS, MAX_DEVIATIONS).astype(np.float32)
 
 
 def _measured(folder: Path, name: str) -> list[tuple[float, ...]]:

@@ -162,14 +162,18 @@ def tree_of(read: Mapping[str, Mapping[str, Sequence[Reading]]]) -> dict[str, An
     """The same of readings by style and gait."""
     full = {s: {g: _spread(rows) for g, rows in gaits.items() if rows} for s, gaits in read.items()}
     plain = [row for style, gaits in read.items() if style.startswith(PLAIN) for row in gaits.get("walk", ())]
-    for gait in ("walk", "jog"):  # of several captures, whose spines stand differently
-        own = [
-            of[gait]["torso"]["lean"][1] for s, of in full.items() if s.startswith(f"{PLAIN}_") and gait in of
-        ]
-        if own and gait in full.get(PLAIN, {}):
-            full[PLAIN][gait]["torso"]["lean"] = _percentiles(own, (25.0, 50.0, 75.0))
+    _lean_as_several_captures(full)
     styles = {s: {g: _ends(parts) for g, parts in gaits.items()} for s, gaits in full.items()}
     return {"usual": _usual(full), "phrases": _phrases(full, _spread(plain)), "styles": styles}
+
+
+def _lean_as_several_captures(styles: Mapping[str, Mapping[str, Spread]]) -> None:
+    """Let the neutral style lean as those of all captures, whose spines stand differently."""
+    for gait in ("walk", "jog"):
+        neutral = [own for s, own in styles.items() if s.startswith(f"{PLAIN}_") and gait in own]
+        if neutral and gait in styles.get(PLAIN, {}):
+            middles = [own[gait]["torso"]["lean"][1] for own in neutral]
+            styles[PLAIN][gait]["torso"]["lean"] = _percentiles(middles, (25.0, 50.0, 75.0))
 
 
 def _chosen(clips: Path) -> list[Path]:

@@ -10,7 +10,7 @@ from runtime.measures.table import measure, measures_of
 from runtime.skeleton import PART_NAMES
 from tests.helpers.walker import CYCLE_FRAMES, STRIDE_M, walk
 from training.networks.content import PARTS, MeasuresReader, odd_codes
-from training.text.clip_measures import MOST, _standardised, signs_of
+from training.text.clip_measures import MAX_DEVIATIONS, _standardised, signs_of
 
 pytestmark = pytest.mark.needs_torch
 
@@ -26,7 +26,7 @@ def test_values_are_of_unit_spread_and_what_has_a_side_keeps_its_sign():
     values = np.random.default_rng(0).normal(3.0, 5.0, (400, len(measures_of("torso"))))
     values[0] = 1e6  # a clip that spins
     found = _standardised(values, "torso")
-    assert np.abs(found).max() <= MOST
+    assert np.abs(found).max() <= MAX_DEVIATIONS
     roll = list(measures_of("torso")).index("roll")
     assert np.array_equal(np.sign(found[:, roll]), np.sign(values[:, roll]).astype(np.float32))
     assert np.median(np.delete(found, roll, axis=1), axis=0) == pytest.approx(0.0, abs=1e-5)

@@ -90,31 +90,37 @@ def read_glb(path: Path) -> Read:
     from pygltflib import GLTF2
 
     gltf = GLTF2.load(str(path))
-
-    def values(index: int) -> AnyArray:
-        accessor = gltf.accessors[index]
-        start = gltf.bufferViews[accessor.bufferView].byteOffset + (accessor.byteOffset or 0)
-        width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[accessor.type]
-        return np.frombuffer(gltf.binary_blob(), "<f4", accessor.count * width, start).reshape(-1, width)
-
     found: Read = {}
     for animation in gltf.animations:
-        times = values(animation.samplers[0].input)[:, 0]
-        outputs = [
-            (channel.target, animation.samplers[channel.sampler].output) for channel in animation.channels
-        ]
-        keys = {(target.node, target.path): values(output) for target, output in outputs}
+        keys = {
+            (channel.target.node, channel.target.path): _glb_values(
+                gltf, animation.samplers[channel.sampler].output
+            )
+            for channel in animation.channels
+        }
+        times = _glb_values(gltf, animation.samplers[0].input)[:, 0]
         world: dict[int, AnyArray] = {}
         todo: list[tuple[int, AnyArray]] = [(node, np.eye(4)) for node in gltf.scenes[0].nodes]
         for node, above in todo:
-            thing = gltf.nodes[node]
-            turn = keys.get((node, "rotation"), thing.rotation or [0, 0, 0, 1])
-            place = keys.get((node, "translation"), thing.translation or [0, 0, 0])
-            world[node] = above @ _matrix(turn, place, thing.scale or [1.0, 1.0, 1.0], len(times))
+            world[node] = above @ _glb_local(gltf.nodes[node], node, keys, len(times))
             todo.extend((child, world[node]) for child in gltf.nodes[node].children or [])
         places = {gltf.nodes[node].name: matrix[:, :3, 3] for node, matrix in world.items()}
         found[animation.name] = (len(times) - 1) / float(times[-1]), places
     return found
+
+
+def _glb_values(gltf: Any, index: int) -> AnyArray:
+    accessor = gltf.accessors[index]
+    start = gltf.bufferViews[accessor.bufferView].byteOffset + (accessor.byteOffset or 0)
+    width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[accessor.type]
+    return np.frombuffer(gltf.binary_blob(), "<f4", accessor.count * width, start).reshape(-1, width)
+
+
+def _glb_local(node: Any, number: int, keys: dict[tuple[int, str], AnyArray], frames: int) -> AnyArray:
+    """Matrices `(frames, 4, 4)` of a node by its keys, or as it rests."""
+    turn = keys.get((number, "rotation"), node.rotation or [0, 0, 0, 1])
+    place = keys.get((number, "translation"), node.translation or [0, 0, 0])
+    return _matrix(turn, place, node.scale or [1.0, 1.0, 1.0], frames)
 
 
 def _matrix(rotation: Any, translation: Any, scale: Any, frames: int) -> AnyArray:
@@ -214,11 +220,18 @@ def cell(row: Row, rate: float, takes: list[Path]) -> tuple[float, str]:
         frames = {len(place) for place in places.values()}
         if frames != {len(next(iter(wanted.values())))} or abs(fps - rate) > 1e-3:
             wrong.append(f"{frames} frames at {fps:.3f}")
-            continue
-        for name, there in wanted.items():  # in USD a name has letters, digits and _
-            found_at = places.get(name, places.get(name.replace(":", "_")))
-            worst = max(worst, np.inf if found_at is None else 1e3 * float(np.abs(found_at - there).max()))
+        else:
+            worst = max(worst, _farthest_mm(places, wanted))
     return worst, ", ".join(wrong)
+
+
+def _farthest_mm(places: dict[str, AnyArray], wanted: dict[str, AnyArray]) -> float:
+    """The largest distance of a joint; infinite where one is missing. In USD a name has letters, digits and _."""
+    found = {name: places.get(name, places.get(name.replace(":", "_"))) for name in wanted}
+    return max(
+        np.inf if there is None else 1e3 * float(np.abs(there - wanted[name]).max())
+        for name, there in found.items()
+    )
 
 
 def _truth(take: Path, options: ExportOptions, suffix: str) -> dict[str, AnyArray]:
@@ -239,10 +252,13 @@ def measure(setting: Setting) -> list[list[Any]]:
         parts = {"walk": clip, "on": clip.trim(20, 90), "back": replace(clip.trim(5, 60), fps=50.0)}
         takes = [save_bvh(part, folder / f"{name}.bvh", part.fps) for name, part in parts.items()]
         for row in (row for kind in kinds for row in rows_of(kind)):
-            texts = [row[0], str(row[1]), "yes" if row[2] else "no", "own" if row[3] else "mannequin"]
-            rows.append([*texts, *(cell(row, rate, takes) for rate in RATES)])
+            rows.append([*_texts(row), *(cell(row, rate, takes) for rate in RATES)])
             log.info(" | ".join(map(str, rows[-1])))
     return rows
+
+
+def _texts(row: Row) -> list[str]:
+    return [row[0], str(row[1]), "yes" if row[2] else "no", "own" if row[3] else "mannequin"]
 
 
 def read_back_table(rows: list[list[Any]]) -> str:

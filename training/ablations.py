@@ -171,12 +171,14 @@ def _train_ours(args: argparse.Namespace, out: Path, name: str, seed: int) -> No
     clips = args.clips
     if row.source:
         clips = clips_of(args.clips, row.source, folder / "clips")
-    elif args.run is not None or name != FULL:
-        if args.run is None:
-            train_row(args, out, FULL, seed)
-        prepare(args.run or full, folder, name, args.clips)
-    if name in OTHER_DIFFUSION and (full / STAGE2).exists() and not (folder / STAGE2).exists():
-        shutil.copy(full / STAGE2, folder / STAGE2)
+    elif args.run is not None:
+        prepare(args.run, folder, name, args.clips)
+    elif name != FULL:
+        train_row(args, out, FULL, seed)
+        prepare(full, folder, name, args.clips)
+    stage2 = full / STAGE2
+    if name in OTHER_DIFFUSION and stage2.exists():
+        _copy_once(stage2, folder / STAGE2)
     steps = [f"--{stage}-steps={getattr(args, f'{stage}_steps')}" for stage in STAGES]
     steps += [f"--batch={args.batch}", f"--seed={seed}"]
     common = ["--preset", args.preset, "--clips", str(clips), "--out", str(folder), "--layers", "0"]
@@ -192,11 +194,14 @@ def prepare(run: Path, out: Path, name: str, clips: Path) -> None:
     if stored_for(run / FRAMES, clips) and not (out / FRAMES).exists():
         (out / FRAMES).symlink_to((run / FRAMES).resolve(), target_is_directory=True)
     for file in SHARED[name]:
-        if (out / file).exists():
-            continue
-        if not (run / file).exists():
+        if not (out / file).exists() and not (run / file).exists():
             raise FileError(f"{run / file}: missing.", "Train stages phase and content there first.")
-        shutil.copy(run / file, out / file)
+        _copy_once(run / file, out / file)
+
+
+def _copy_once(file: Path, to: Path) -> None:
+    if not to.exists():
+        shutil.copy(file, to)
 
 
 def clips_of(clips: Path, source: str, to: Path) -> Path:

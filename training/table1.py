@@ -93,9 +93,11 @@ COLUMNS: dict[str, tuple[str, int]] = {
 }
 
 
-def model_of(setting: Setting, row: TableRow, seed: int) -> Path | None:
-    """The exported model of a row, trained now where --train is given; None where there is none."""
+def model_of(setting: Setting, row: TableRow | None, seed: int) -> Path | None:
+    """The exported model of a row, trained now where --train is given, or the shipped one; None where there is none."""
     args = setting.args
+    if row is None:
+        return setting.folders[0]
     if args.train and (args.only is None or row.folder in args.only):
         train_row(args, args.runs, row.folder, seed)
     folder: Path = args.runs / row.folder / f"seed{seed}" / row.model
@@ -147,7 +149,7 @@ def table_one(setting: Setting) -> dict[str, Any]:
         for title, row in _rows(args):
             if str(seed) in kept["cells"].get(title, {}):
                 continue
-            folder = setting.folders[0] if row is None else model_of(setting, row, seed)
+            folder = model_of(setting, row, seed)
             if folder is None:
                 continue
             log.info(f"{title}, seed {seed}")

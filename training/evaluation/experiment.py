@@ -114,12 +114,7 @@ def run(experiment: Experiment, argv: Sequence[str], program: str) -> int:
         check_target(args.json)
     if args.markdown is not None:
         check_section(args.markdown, section)
-    for name in experiment.needs if args.known is None else ():
-        if getattr(args, name) is None:
-            raise UsageError(f"{program}: --{name} is not given.", f"Add --{name} DIR.")
-    if getattr(args, "seed", 0) < 0:
-        raise UsageError(f"--seed {args.seed}: expected 0 or more.", "Try 0.")
-    experiment.check(args)
+    _check(experiment, args)
     figures = experiment.figures(Setting(args)) if args.known is None else read_json(args.known)
     text = experiment.table(figures)
     print(text.rstrip("\n"))
@@ -128,6 +123,15 @@ def run(experiment: Experiment, argv: Sequence[str], program: str) -> int:
     if args.markdown is not None:
         write_section(args.markdown, section, text)
     return int(experiment.failed(figures))
+
+
+def _check(experiment: Experiment, args: Arguments) -> None:
+    missing = [name for name in experiment.needs if args.known is None and getattr(args, name) is None]
+    if missing:
+        raise UsageError(f"--{missing[0]} is not given.", f"Add --{missing[0]} DIR.")
+    if getattr(args, "seed", 0) < 0:
+        raise UsageError(f"--seed {args.seed}: expected 0 or more.", "Try 0.")
+    experiment.check(args)
 
 
 def command_of(program: str, args: Arguments) -> str:

@@ -106,7 +106,7 @@ def find_bodies(nodes: Nodes, moved: Collection[int] = ()) -> list[Body]:
     for bones, fraction in ((nodes.skinned, 1.0), (shown, MOVED_FRACTION)):
         for _ in range(MAX_LOOSE_BODIES):
             inside, above = nearest_of(nodes.order, nodes.parents, tops), set(nodes.with_ancestors(tops))
-            apart = {node for node in bones if inside[node] < 0 and node not in above}
+            apart = {node for node in set(bones) - above if inside[node] < 0}
             if not apart:
                 break
             top = _top(nodes, apart, fraction)
@@ -131,8 +131,7 @@ def open_character(path: Path) -> tuple[GltfFile, str]:
     if not others:
         return file, ""
     skins = file.gltf.skins
-    shared = [len(others.intersection(skin.joints)) for skin in skins]
-    kept = [k for k, skin in enumerate(skins) if 2 * shared[k] <= len(skin.joints)]
+    kept = [k for k, s in enumerate(skins) if 2 * len(others.intersection(s.joints)) <= len(s.joints)]
     inside = nearest_of(nodes.order, nodes.parents, others)
     for node, entry in enumerate(file.gltf.nodes):
         if (inside[node] >= 0) if entry.skin is None else entry.skin not in kept:
@@ -195,7 +194,7 @@ def _parted(nodes: Nodes, top: int, bones: Collection[int], depth: int = 8) -> d
         top = deeper[0]
     if depth == 0 or not LEAST_JOINTS <= below[top] <= MAX_BODY_JOINTS:
         return {}
-    branch = [node for node in nodes.under(top) if below[node]]
+    branch = list(filter(below.__getitem__, nodes.under(top)))
     place = {node: k for k, node in enumerate(branch)}
     tree = JointTree([place.get(nodes.parents[node], -1) for node in branch], nodes.rest[branch, :3, 3])
     known = bool(guess_by_structure(tree, tree.positions))

@@ -77,6 +77,11 @@ class _Palette:
             self._slots[skin] = np.array([self._add(j, m) for j, m in zip(joints, inverse, strict=False)])
         return self._slots[skin]
 
+    def parents(self, parents: list[int], carriers: list[int]) -> tuple[int, ...]:
+        """The entry of each joint's nearest ancestor that is itself a joint, -1 at roots."""
+        above = (carriers[parents[node]] if parents[node] >= 0 else -1 for node in self.nodes)
+        return tuple(self.first[joint] if joint >= 0 else -1 for joint in above)
+
     def _add(self, node: int, inverse_bind: AnyArray) -> int:
         key = (node, np.round(inverse_bind, 5).astype(np.float32).tobytes())
         if key not in self._index:
@@ -170,12 +175,10 @@ def read_meshes(file: GltfFile) -> MeshData:
             parts += reader.read(node.mesh, np.array([slot]), to_bind)
     base = np.cumsum([0] + [len(part.positions) for part in parts[:-1]])
     parts = [replace(p, triangles=p.triangles + np.uint32(b)) for p, b in zip(parts, base, strict=True)]
-    # the nearest ancestor that is itself a joint
-    above = [carriers[parents[node]] if parents[node] >= 0 else -1 for node in palette.nodes]
     return MeshData(
         **{field.name: np.concatenate([getattr(p, field.name) for p in parts]) for field in fields(Surface)},
         joint_nodes=tuple(palette.nodes),
-        joint_parents=tuple(palette.first[joint] if joint >= 0 else -1 for joint in above),
+        joint_parents=palette.parents(parents, carriers),
         inverse_bind=np.stack(palette.inverse_bind).astype(np.float32),
         rest_world=world[palette.nodes],
         humanoid=_vrm_humanoid(file, palette.nodes),

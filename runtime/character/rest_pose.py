@@ -31,7 +31,7 @@ def bind_worlds(nodes: Nodes, joints: Sequence[int]) -> AnyArray:
     if sum(len(skin.joints) for skin in skins) > MAX_BIND_MATRICES:
         raise nodes.file.error(f"more than {MAX_BIND_MATRICES} bind matrices.", REMEDY)
     for skin in sorted(range(len(skins)), key=lambda skin: -len(skins[skin].joints)):
-        bound = {node: m for node, m in _bound(nodes, skin).items() if node in wanted}
+        bound = _bound(nodes, skin, wanted)
         members = [node for node in nodes.order if node in bound]
         bind = np.array([bound[node] for node in members]).reshape(-1, 4, 4)
         space = _space(nodes, skin, members, bind, spaces, told) if members else None
@@ -49,14 +49,15 @@ def bind_worlds(nodes: Nodes, joints: Sequence[int]) -> AnyArray:
     return np.array([moved[joint] @ rest[joint] for joint in joints])
 
 
-def _bound(nodes: Nodes, skin: int) -> Pose:
-    """Bind matrices of a skin's joints in its own space; none of a skin that tells none."""
+def _bound(nodes: Nodes, skin: int, wanted: set[int]) -> Pose:
+    """Bind matrices of those joints of a skin that are wanted, in its own space; none of a skin that tells none."""
     if nodes.file.gltf.skins[skin].inverseBindMatrices is None:
         return {}
     joints, inverse = skin_joints(nodes.file, skin)
     inverse = inverse[: len(joints)].astype(np.float64)
     usable = np.flatnonzero(np.abs(np.linalg.det(inverse)) > 1e-15)
-    return {joints[k]: matrix for k, matrix in zip(usable, np.linalg.inv(inverse[usable]), strict=True)}
+    found = zip(usable, np.linalg.inv(inverse[usable]), strict=True)
+    return {joints[k]: matrix for k, matrix in found if joints[k] in wanted}
 
 
 def _space(

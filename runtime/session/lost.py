@@ -37,7 +37,7 @@ def settle(writer: Writer, held: Iterable[str], now_s: int) -> set[str]:
     motions, blobs = writer.kept()
     lost = {key: since for key, since, _ in writer.lost()}
     unnamed = [key for key in (*motions, *blobs) if key not in used]
-    writer.find([key for key in lost if key in named])
+    writer.find(named & lost.keys())
     writer.lose([key for key in unnamed if key not in lost], now_s)
     due = [key for key, since in lost.items() if key not in used and since < now_s - 86400 * LOST_DAYS]
     _remove(writer, due)

@@ -139,15 +139,8 @@ def _blocks(owner: NDArray[np.integer]) -> list[Block]:
 def prompts_laid(inputs: InputRecording, gone: Sequence[int], put: Sequence[PromptSpan]) -> Edit:
     """Prompts taken away and laid over others, as `laid` says."""
     spans = prompt_spans(inputs)
-    known, seen = [*spans, *put], set[int]()
-    blocks, new = laid(spans, gone, put), list[StyleChange]()
-    for block in blocks:
-        # what goes on behind another prompt is as it was in the end
-        changes = known[block.of].changes[-1:] if block.of in seen else known[block.of].changes
-        seen.add(block.of)
-        by = block.start - max(changes[0].frame, 0)
-        moved = (replace(c, frame=c.frame + by) if by else c for c in changes)
-        new += [c for c in moved if c.frame < block.end]
+    known, blocks = [*spans, *put], laid(spans, gone, put)
+    new = _changes_of(blocks, known)
     old = [change for span in spans for change in span.changes]
     first = known[blocks[0].of]
     if first is not spans[0]:  # it comes into force before the clip, in the place of the first one
@@ -155,6 +148,18 @@ def prompts_laid(inputs: InputRecording, gone: Sequence[int], put: Sequence[Prom
     changed = [c.frame for c in (*old, *new) if (c in old) is not (c in new)]
     edit = _with_styles(inputs, old, new, min(changed, default=len(inputs)))
     return edit if first is spans[0] else reworded(edit.inputs, spans[0], first.changes[-1])
+
+
+def _changes_of(blocks: Sequence[Block], known: Sequence[PromptSpan]) -> list[StyleChange]:
+    """The changes of the spans that blocks have, moved to where these begin; what goes on behind another prompt is as it was in the end."""
+    seen, new = set[int](), list[StyleChange]()
+    for block in blocks:
+        changes = known[block.of].changes[-1:] if block.of in seen else known[block.of].changes
+        seen.add(block.of)
+        by = block.start - max(changes[0].frame, 0)
+        moved = (replace(c, frame=c.frame + by) if by else c for c in changes)
+        new += [c for c in moved if c.frame < block.end]
+    return new
 
 
 def with_gait(inputs: InputRecording, first: int, last: int, gait: Gait) -> Edit:

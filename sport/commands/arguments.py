@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import Field, fields
+from typing import Any
 
 from runtime.assets import model_folder, shipped_models
 from runtime.errors import UsageError
@@ -14,6 +15,12 @@ from runtime.options import spec_of
 
 OUT_HELP = "file to write; its ending says what: " + ", ".join(FORMATS)
 Subparsers = argparse._SubParsersAction  # what `add_subparsers` returns
+
+
+def declare(command: argparse._ActionsContainer, table: Mapping[str, Mapping[str, Any]]) -> None:
+    """Declare the arguments of a table: by the flag what `add_argument` takes."""
+    for flag, spec in table.items():
+        command.add_argument(flag, **spec)
 
 
 def add_model(command: argparse.ArgumentParser) -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from runtime.errors import UsageError
-from sport.commands.arguments import OUT_HELP, Subparsers, add_blend, add_export_arguments, add_model
+from sport.commands.arguments import OUT_HELP, Subparsers, add_blend, add_export_arguments, add_model, declare
 
 if TYPE_CHECKING:
     from sport.batch.rows import RowParser
@@ -26,8 +26,7 @@ def add(commands: Subparsers) -> None:
     style.add_argument(
         "prompt", nargs="?", default=argparse.SUPPRESS, metavar="PROMPT", help="the same as --prompt"
     )
-    _add_course(generate)
-    _add_output(generate)
+    _add_course_and_output(generate)
     batch = generate.add_argument_group("many clips")
     batch.add_argument(
         "--batch",
@@ -54,71 +53,46 @@ def _add_style(generate: argparse.ArgumentParser) -> argparse._MutuallyExclusive
     return style
 
 
-def _add_course(generate: argparse.ArgumentParser) -> None:
-    generate.add_argument("--terrain", default="flat", metavar="NAME|FILE", help="default: flat")
-    generate.add_argument("--path", metavar="PATH", help="forward (default), circle, figure8 or random")
-    generate.add_argument("--gait", metavar="GAIT", help="walk (default), jog, crouch or stand")
-    generate.add_argument(
-        "--speed", type=float, metavar="V", help="share of the full stick, 0 to 1 (default: 1)"
-    )
-    generate.add_argument(
-        "--controls",
+_COURSE: dict[str, dict[str, Any]] = {
+    "--terrain": dict(default="flat", metavar="NAME|FILE", help="default: flat"),
+    "--path": dict(metavar="PATH", help="forward (default), circle, figure8 or random"),
+    "--gait": dict(metavar="GAIT", help="walk (default), jog, crouch or stand"),
+    "--speed": dict(type=float, metavar="V", help="share of the full stick, 0 to 1 (default: 1)"),
+    "--controls": dict(
         metavar="SCRIPT",
         help='the stick as text, in place of path, gait and speed: "stand 2; walk@90 3; jog@0*0.5 2; jump 1"',
-    )
-    generate.add_argument(
-        "--seconds", type=float, metavar="S", help="default: 10, or the length of --controls"
-    )
-    generate.add_argument(
-        "--transition", type=float, default=1.0, metavar="S", help="seconds between prompts"
-    )
-    generate.add_argument(
-        "--pin",
-        action="append",
-        default=[],
-        metavar="TEXT",
+    ),
+    "--seconds": dict(type=float, metavar="S", help="default: 10, or the length of --controls"),
+    "--transition": dict(type=float, default=1.0, metavar="S", help="seconds between prompts"),
+    "--pin": dict(
+        action="append", default=[], metavar="TEXT",
         help='hold a part of the body (again for more): "left hand 0.3 1.1 0.4 from 2 to 4", '
         '"left hand 0.5 0.9 0 rail 0.5 0.9 4", "look 0 1.6 5", "left foot 0.1 0 2 from 1 to 2", "pose 1.5 from 2 to 3"; '
         "metres of the world, or after the point: along",
-    )
-    generate.add_argument(
-        "--strength",
-        type=float,
-        default=1.0,
-        metavar="S",
-        help="how far styles go from plain walking: 0 to 2, 1 as the model shows them",
-    )
-    generate.add_argument(
-        "--response",
-        type=float,
-        default=0.0,
-        metavar="R",
+    ),
+    "--strength": dict(
+        type=float, default=1.0, metavar="S", help="how far styles go from plain walking: 0 to 2, 1 as the model shows them"
+    ),
+    "--response": dict(
+        type=float, default=0.0, metavar="R",
         help="how quickly starts, stops and turns follow the stick: 0 as in capture (default) to 1 as in a game",
-    )
-    generate.add_argument(
-        "--network-legs",
-        action="store_true",
-        help="leave the body as the network walks it, without the edits that show what its words say",
-    )
-    generate.add_argument("--seed", type=int, default=0, metavar="N")
+    ),
+    "--network-legs": dict(
+        action="store_true", help="leave the body as the network walks it, without the edits that show what its words say"
+    ),
+    "--seed": dict(type=int, default=0, metavar="N"),
+}  # fmt: skip
+_OUTPUT: dict[str, dict[str, Any]] = {
+    "--text-encoder": dict(type=Path, metavar="DIR", help="folder of the text encoder that the model was trained with"),
+    "--variants": dict(type=int, default=1, metavar="N", help="N clips, name-1 to name-N, with seeds from --seed on"),
+    "--out": dict(type=Path, required=True, metavar="FILE", help=OUT_HELP),
+}  # fmt: skip
 
 
-def _add_output(generate: argparse.ArgumentParser) -> None:
+def _add_course_and_output(generate: argparse.ArgumentParser) -> None:
+    declare(generate, _COURSE)
     add_model(generate)
-    generate.add_argument(
-        "--text-encoder",
-        type=Path,
-        metavar="DIR",
-        help="folder of the text encoder that the model was trained with",
-    )
-    generate.add_argument(
-        "--variants",
-        type=int,
-        default=1,
-        metavar="N",
-        help="N clips, name-1 to name-N, with seeds from --seed on",
-    )
-    generate.add_argument("--out", type=Path, required=True, metavar="FILE", help=OUT_HELP)
+    declare(generate, _OUTPUT)
     add_export_arguments(generate)
 
 
@@ -142,6 +116,5 @@ def row_parser() -> RowParser:
 
     parser = RowParser(prog="row", add_help=False, allow_abbrev=False)
     _add_style(parser)
-    _add_course(parser)
-    _add_output(parser)
+    _add_course_and_output(parser)
     return parser

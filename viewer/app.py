@@ -37,18 +37,13 @@ from viewer.workspace import Workspace
 
 __all__ = ["App", "ViewOptions", "run"]
 
-LONGEST_FRAME_S = (
-    1.0  # slow pictures are dropped and the motion keeps its time; more is a pause (a suspended laptop)
-)
+# slow pictures are dropped and the motion keeps its time; more is a pause (a suspended laptop)
+LONGEST_FRAME_S = 1.0
 MINIMISED_WAIT_S = 0.1
 LOADING_FPS = 20.0
 FRAMES_PER_MEMORY_LOOK = 60  # between two looks at the memory
-OVER_EVERYTHING = {
-    Action.HELP,
-    Action.NEXT_PANEL,
-    Action.FULLSCREEN,
-    Action.SCREENSHOT,
-}  # also with a modal window
+# also with a modal window
+OVER_EVERYTHING = {Action.HELP, Action.NEXT_PANEL, Action.FULLSCREEN, Action.SCREENSHOT}
 PROMPT_PATIENCE_S = 0.2  # with the encoder of a prompt, after which the process ends with it
 # From the user's close on. What is not written by then is for the next start or given up: exports first, settings last.
 END_S, SESSION_S, SETTINGS_S = 1.6, 1.4, 0.1

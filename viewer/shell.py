@@ -245,10 +245,8 @@ class Shell:
         driven_by = (f"{icon} {device[:24]}", "The device that drives the character")
         keyed = scene.simulation.keyed
         if keyed:
-            driven_by = (
-                f"{ICON.walk} keyed: {keyed}",
-                "Legs and hips follow keys over this obstacle, not the network",
-            )
+            hint = "Legs and hips follow keys over this obstacle, not the network"
+            driven_by = f"{ICON.walk} keyed: {keyed}", hint
         if not self.state.clocked:
             return [(model, "The motion model and what runs it"), driven_by]
         memory = [(f"{stats.memory_mb:.0f} MB", "Memory of the program, with every take of the list")]

@@ -349,9 +349,8 @@ class Window:
         # otherwise one exception between begin and end makes every later frame fail
         io.config_error_recovery_enable_assert = False
         io.config_flags |= imgui.ConfigFlags_.nav_enable_keyboard
-        context = (
-            imgui.get_current_context()
-        )  # F6 goes from panel to panel, Ctrl+Tab would go behind a window
+        context = imgui.get_current_context()
+        # F6 goes from panel to panel, Ctrl+Tab would go behind a window
         context.config_nav_windowing_key_next = context.config_nav_windowing_key_prev = 0
         io.config_error_recovery_enable_tooltip = False  # it is logged; the user cannot repair it
         self.address = ctypes.cast(self.handle, ctypes.c_void_p).value or 0  # as ImGui's backend wants it

@@ -186,6 +186,7 @@ class Workspace:
             self.camera_keys.panel(),
             takes_panel.sign(self.takes),
             bar.panel(),
+            self.path.panel(),
             pins.panel(),
             self.posing.panel(),
             self.graph.panel(),

@@ -24,7 +24,8 @@ from viewer.editor import Change, Editor
 from viewer.input.bindings import Action
 from viewer.jobs import Slot
 from viewer.messages import Messages
-from viewer.prompt.prompt_controller import PromptController, quoted, same_answers
+from viewer.prompt.prompt_controller import PromptController
+from viewer.prompt.questions import quoted, same_answers
 from viewer.render.camera import Camera
 from viewer.scene.camera_control import CameraControl
 from viewer.scene.scene import Scene

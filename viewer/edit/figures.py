@@ -12,12 +12,8 @@ from runtime.takes.own_skeleton import OwnSkeleton
 
 MAX_BONES = 250
 LONGEST_M = 1.2  # from one joint to the next: longer is the way from a scene's origin to the hips
-WAIST_BONE_FRACTION, THICKNESS_BONE_FRACTION, THINNEST_M, THICKEST_M = (
-    0.18,
-    0.11,
-    0.006,
-    0.04,
-)  # of a spindle's length, and in metres
+WAIST_BONE_FRACTION, THICKNESS_BONE_FRACTION = 0.18, 0.11  # of a spindle's length
+THINNEST_M, THICKEST_M = 0.006, 0.04
 COLOR = (0.55, 0.33, 0.06)  # linear; amber, as no character and no ground is
 
 

@@ -33,6 +33,7 @@ KEY_PX, CHOSEN_KEY_PX = 4.0, 5.5  # radii
 SAMPLES = 240  # of a curve across the plot
 MIN_SPAN = {"°": 10.0, "cm": 4.0, "m": 0.5}  # of the values shown
 _FLAGS = imgui.WindowFlags_
+_SCROLLS_NOT = _FLAGS.no_scrollbar | _FLAGS.no_scroll_with_mouse
 CAMERA_TINTS = ((0.95, 0.78, 0.42, 1.0), (0.80, 0.55, 0.92, 1.0), (0.45, 0.80, 0.86, 1.0), *AXES)
 HELP = (
     "Click or box keys, Shift adds. Drag moves them; Ctrl in one direction alone.\n"
@@ -167,9 +168,7 @@ class GraphEditor:
         imgui.set_next_window_size_constraints(
             imgui.ImVec2(px(MIN_SIZE_PX[0]), px(MIN_SIZE_PX[1])), imgui.ImVec2(4096, 4096)
         )
-        flags = (
-            _FLAGS.no_saved_settings | _FLAGS.no_collapse | _FLAGS.no_scrollbar | _FLAGS.no_scroll_with_mouse
-        )
+        flags = _FLAGS.no_saved_settings | _FLAGS.no_collapse | _SCROLLS_NOT
         shown, keep = imgui.begin("Curves", True, flags)
         try:
             if shown:
@@ -325,10 +324,8 @@ class GraphEditor:
         """The line of the frame shown, and the box that chooses keys."""
         limits, drawing = implot.get_plot_limits(), implot.get_plot_draw_list()
         implot.push_plot_clip_rect()
-        low, high = (
-            implot.plot_to_pixels(playback.frame, limits.y.min),
-            implot.plot_to_pixels(playback.frame, limits.y.max),
-        )
+        low = implot.plot_to_pixels(playback.frame, limits.y.min)
+        high = implot.plot_to_pixels(playback.frame, limits.y.max)
         drawing.add_line(low, high, widgets.packed(theme.TEXT), px(1))
         if self._grab is not None and self._grab.what == "box":
             corner, mouse = implot.plot_to_pixels(self._grab.frame, self._grab.value), imgui.get_mouse_pos()

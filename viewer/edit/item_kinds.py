@@ -115,11 +115,8 @@ def pose_items(take: Take) -> list[Item]:
 
 def _at_seconds(item: Item, fps: float) -> Any:
     """The key of an item at its frame."""
-    return (
-        item.value
-        if round(item.value.seconds * fps) == item.start
-        else replace(item.value, seconds=item.start / fps)
-    )
+    there = round(item.value.seconds * fps) == item.start
+    return item.value if there else replace(item.value, seconds=item.start / fps)
 
 
 def _camera_keys(take: Take, gone: Items, put: Items) -> tuple[Take, Items]:

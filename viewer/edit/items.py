@@ -57,7 +57,6 @@ class ItemKind:
     items: Callable[[], Items]
     change: Callable[[Session, int, Items, Items], tuple[Session, Items]] | None = None
     edit: Callable[[InputRecording, Items, Items], Edit] | None = None
-    adjacent: bool = (
-        False  # each ends where the next one begins, and the first and the last one with the take
-    )
+    # each ends where the next one begins, and the first and the last one with the take
+    adjacent: bool = False
     listed: bool = False  # lies in a list, by its place, not on a track by its frame

@@ -16,10 +16,13 @@ from runtime.session.session import LIVE, Session, Take
 from runtime.takes.take_path import path_of
 from runtime.terrain.height_map import Terrain
 from viewer.edit.handles import Handles, ground_under
+from viewer.edit.pins import MIN_VIEW_PX, WIDTH_PX
 from viewer.edit.resimulation import Resimulation
 from viewer.editor import Editor
 from viewer.gl_bindings import imgui
-from viewer.gui import widgets
+from viewer.gui import panels, widgets
+from viewer.gui.layout import Rect
+from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.render.camera import Camera
@@ -94,9 +97,8 @@ class PathTool:
             self._subject, self.active, self.selected = number, False, -1
         if self.active or self.selected >= 0:
             last = len(self.points) - 1
-            self.selected = (
-                last if self.selected > last or (self.active and self.selected < 0) else self.selected
-            )
+            if self.selected > last or (self.active and self.selected < 0):
+                self.selected = last
 
     def overlay(self) -> PathOverlay | None:
         if not (self.active or self.walk is not None) or not self.points:
@@ -216,8 +218,8 @@ class PathTool:
     # --- its part of the scene panel
 
     def draw(self, draw_pins: Callable[[float], None]) -> None:
-        """Draw or edit it, walk it, and speed and gait of the selected leg; `draw_pins` fills the row's end, of a width."""
-        third = (imgui.get_content_region_avail().x - 2 * px(4)) / 3
+        """Draw or edit it, and walk it; `draw_pins` fills the row's end, of a width."""
+        third = widgets.column_width(3)
         of_take = self.of_take
         text, hint = ("Edit its path", TAKE_HINT) if of_take else ("Draw a path", DRAW_HINT)
         self.active = widgets.toggle(text, self.active, third, hint)
@@ -234,27 +236,41 @@ class PathTool:
             self.start()
         widgets.same_line()
         draw_pins(third)
-        if self.active:
-            self._draw_selected()
 
-    def _draw_selected(self) -> None:
-        """Speed and gait of the leg that leads to the selected point."""
-        if not 0 <= self.selected < len(self.points):
-            widgets.muted("Click on the ground to set points.", wrap=True)
+    def panel(self) -> Panel:
+        """The card of the selected point, over the view while points are set; Escape ends that."""
+
+        def close() -> bool:
+            was, self.active = self.active, False
+            return was
+
+        return Panel("Point", PanelPlace.VIEW, self._draw_card, shown=lambda: self.active, close=close)
+
+    def _draw_card(self, view: Rect) -> None:
+        if view.width < px(MIN_VIEW_PX):
             return
-        point = self.points[self.selected]
+        with panels.card("Point", view, WIDTH_PX, right=True):
+            if panels.card_title("Path", "path"):
+                self.active = False
+            if 0 <= self.selected < len(self.points):
+                self._draw_selected(self.points[self.selected])
+            else:
+                widgets.muted("Click on the ground to set points.", wrap=True)
+
+    def _draw_selected(self, point: Waypoint) -> None:
+        """Speed and gait of the leg that leads to the selected point."""
         gait = widgets.segmented("path gait", GAITS, point.gait)
-        imgui.set_next_item_width(imgui.get_content_region_avail().x - 2 * px(62) - 2 * px(4))
+        widgets.full_width()
         text = f"to point {self.selected + 1}: %.0f %%"
         moved, speed = widgets.slider("##path speed", point.speed * 100.0, 10.0, 100.0, text)
         widgets.tooltip("Stick deflection on the way to this point")
         if gait != point.gait or moved:
             self.change(gait=gait, speed=speed / 100.0)
-        imgui.same_line(0, px(4))
-        if widgets.button("Delete", px(62), "Remove this point (Delete)"):
+        half = widgets.column_width(2)
+        if widgets.button("Delete", half, "Remove this point (Delete)"):
             self.delete()
-        imgui.same_line(0, px(4))
-        if widgets.button("Clear", px(62), "Remove every point"):
+        widgets.same_line()
+        if widgets.button("Clear", half, "Remove every point"):
             self.clear()
         if self._clicked:  # in the view, so that nothing moves under the mouse
             self._clicked = False

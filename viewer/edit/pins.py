@@ -123,11 +123,9 @@ class Pins:
         """Remove the selected pin; a live one is let go, and stays in what was recorded of it."""
         pin, pins = self.pin, self.take.poses.pins
         if pin is not None:
-            kept = (
-                released(pins, pin.what, self.scene.now)
-                if self.playback is None
-                else tuple(p for p in pins if p is not pin)
-            )
+            kept = tuple(p for p in pins if p is not pin)
+            if self.playback is None:
+                kept = released(pins, pin.what, self.scene.now)
             self._put(f"removal of the {pin.what}'s pin", kept)
             self.selected = -1
 

@@ -28,11 +28,8 @@ from viewer.session.playback import Playback
 from viewer.session.takes import Takes
 from viewer.settings import remembered
 
-CHARACTER, VIDEO, FRAMES = (
-    Slot("reference character"),
-    Slot("reference video"),
-    Slot("frames of the reference"),
-)
+CHARACTER, VIDEO = Slot("reference character"), Slot("reference video")
+FRAMES = Slot("frames of the reference")
 LIMITS = {  # of fields that are dragged
     "offset_s": (-600.0, 600.0),
     "aside_m": (-20.0, 20.0),

@@ -175,10 +175,8 @@ class ReferenceCard:
 
     def _aside(self, wide: bool) -> None:
         reference, limits = self.reference.reference, LIMITS["aside_m"]
-        text, hint = (
-            "%.1f m aside" if wide else "%.1f m",
-            "How far to the right of the take. Drag, or double-click to type.",
-        )
+        text = "%.1f m aside" if wide else "%.1f m"
+        hint = "How far to the right of the take. Drag, or double-click to type."
         with widgets.disabled(reference.over):
             moved, aside_m = widgets.drag("##reference aside", reference.aside_m, limits, text, hint, 0.01)
         if moved:

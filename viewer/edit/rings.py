@@ -15,10 +15,8 @@ from viewer.gui import theme, widgets
 from viewer.gui.widgets import px
 from viewer.render.camera import Camera
 
-RADIUS_WIDTH_FRACTION, OUTER_RADIUS_RATIO = (
-    0.055,
-    1.15,
-)  # of the width of the window; of the ring that faces the camera over the others
+RADIUS_WIDTH_FRACTION = 0.055  # of the width of the window
+OUTER_RADIUS_RATIO = 1.15  # of the ring that faces the camera over the others
 GRAB_PX = 8.0  # at scale 1, how near to a ring the mouse takes it
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 97)
 AXES = ((0.90, 0.40, 0.38, 1.0), (0.55, 0.80, 0.42, 1.0), (0.42, 0.62, 0.95, 1.0))  # x, y, z

@@ -159,12 +159,8 @@ class Selection:
         """Move what is selected by frames, or by places of its list."""
         items = self.items
         if items:
-            made = (
-                [item.at(item.start + by, item.end + by) for item in items]
-                if self.listed
-                else self.moved(items, by)
-            )
-            self.replace("move", items, made)
+            listed = [item.at(item.start + by, item.end + by) for item in items]
+            self.replace("move", items, listed if self.listed else self.moved(items, by))
 
     def replace(self, label: str, gone: Items, put: Items, held: bool = False) -> None:
         """One step that takes items away and puts others, which are selected then.
@@ -264,11 +260,8 @@ class Selection:
         for chord, act in chords:
             if imgui.is_key_chord_pressed(chord) and (self.keys or act in (self.pick_all, self.paste)):
                 act()
-        back, on = (
-            (imgui.Key.up_arrow, imgui.Key.down_arrow)
-            if self.listed
-            else (imgui.Key.left_arrow, imgui.Key.right_arrow)
-        )
+        across = imgui.Key.left_arrow, imgui.Key.right_arrow
+        back, on = (imgui.Key.up_arrow, imgui.Key.down_arrow) if self.listed else across
         by = NUDGE_FRAMES[imgui.get_io().key_shift and not self.listed]
         for key, frames in ((back, -by), (on, by)):
             if self.keys and imgui.is_key_pressed(key):

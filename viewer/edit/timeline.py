@@ -108,10 +108,8 @@ class Timeline:
         room = imgui.get_content_region_avail()
         tracks, tall = _fitting(tracks, room.y / px(1.0))
         imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(SPACING_PX)))
-        corner, names = (
-            imgui.get_cursor_screen_pos(),
-            px(NAMES_WIDTH_PX) if room.x >= px(NAMES_FROM_PX) else 0.0,
-        )
+        corner = imgui.get_cursor_screen_pos()
+        names = px(NAMES_WIDTH_PX) if room.x >= px(NAMES_FROM_PX) else 0.0
         # the ruler above the tracks is as wide as they are, also where they scroll
         self._rows("ruler", [self._ruler(playback)], playback, 1.0, self._bar)
         below = imgui.get_cursor_pos()
@@ -172,12 +170,8 @@ class Timeline:
         imgui.set_cursor_screen_pos(imgui.ImVec2(row.left - edge, row.top))
         imgui.invisible_button(f"##{key}", imgui.ImVec2(max(row.outer, 1.0), max(row.height, 1.0)))
         self._navigate(row)
-        if (
-            self._holds(row.track)
-            or imgui.is_item_active()
-            or imgui.is_item_hovered()
-            or imgui.is_item_deactivated()
-        ):
+        used = imgui.is_item_active() or imgui.is_item_hovered() or imgui.is_item_deactivated()
+        if used or self._holds(row.track):
             self._use_mouse(row, playback)
         if self._menu[0] == key and imgui.begin_popup(f"menu of {key}"):
             for text, act in row.track.more:
@@ -241,11 +235,8 @@ class Timeline:
     def _moved(self, track: Track) -> Sequence[Mark]:
         """The marks as they would lie after what is dragged or being made; of others than adjacent ones the session has that."""
         preview = self.selection.preview
-        return (
-            track.marks
-            if preview is None or not track.adjacent or not track.marks
-            else previewed(track, *preview[1:])
-        )
+        shown = preview is not None and track.adjacent and bool(track.marks)
+        return previewed(track, *preview[1:]) if preview and shown else track.marks
 
     def _ruler(self, playback: Playback) -> Track:
         """Frame numbers, and the part that is kept with its handles, which are dragged in the lower half."""
@@ -297,9 +288,8 @@ class Timeline:
 
     def _snaps(self, playback: Playback) -> tuple[int, ...]:
         """Frames that a drag snaps to: that shown, the trim, and the ends of what is not selected."""
-        marks = (
-            [mark for row in self._kept["tracks"][1].rows for mark in row.track.marks] if self._kept else []
-        )
+        rows = self._kept["tracks"][1].rows if self._kept else []
+        marks = [mark for row in rows for mark in row.track.marks]
         free = [m for m in marks if m.item is None or m.item.key not in self.selection.keys]
         ends = {frame for mark in free for frame in (mark.start, mark.end)}
         return tuple(sorted({playback.frame, playback.first, playback.last, *ends}))
@@ -380,11 +370,8 @@ class Timeline:
 
     def _draw_box(self) -> None:
         if self.box is not None:
-            drawing, mouse, corner = (
-                imgui.get_window_draw_list(),
-                imgui.get_io().mouse_pos,
-                imgui.ImVec2(*self.box),
-            )
+            drawing, mouse = imgui.get_window_draw_list(), imgui.get_io().mouse_pos
+            corner = imgui.ImVec2(*self.box)
             drawing.add_rect_filled(corner, mouse, widgets.packed((*theme.ACCENT[:3], 0.15)))
             drawing.add_rect(corner, mouse, widgets.packed(theme.ACCENT))
 

@@ -327,12 +327,8 @@ def _held(take: Take, form: ExportForm, options: ExportOptions) -> Take | None:
     changes = replace(
         options, fps=ExportOptions.fps, unit="cm", euler_order=None, ground_out=None, start_s=0.0, end_s=None
     )
-    if (
-        form.suffix != ".bvh"
-        or form.part == "shown"
-        or changes != ExportOptions()
-        or options.fps < take.made.header.fps
-    ):
+    whole = form.suffix == ".bvh" and form.part != "shown" and options.fps >= take.made.header.fps
+    if not whole or changes != ExportOptions():
         return None
     return take if form.part else replace(take, trim=None)
 

@@ -86,9 +86,7 @@ def _mp4(path: Path, size: tuple[int, int], fps: float) -> Iterator[FrameWriter]
         failures: list[FileError] = []
 
         def encode(frame: Any) -> None:
-            if (
-                failures
-            ):  # frames that waited: a muxer that has failed ends the process when it is called again
+            if failures:  # a muxer that has failed ends the process when it is called again
                 raise failures[0]
             try:
                 container.mux(stream.encode(frame))

@@ -8,15 +8,11 @@ MARGIN_PX = 10.0  # all lengths at scale 1
 STATUS_HEIGHT = 30.0
 LEFT_WIDTH, RIGHT_WIDTH = 316.0, 296.0
 SCENE_MIN_WIDTH = 240.0  # of the free view between the columns
-TIMELINE_HEIGHT = (
-    257.0  # two rows of buttons, the ruler and the tracks that every take has; more of them scroll
-)
+# two rows of buttons, the ruler and the tracks that every take has; more of them scroll
+TIMELINE_HEIGHT = 257.0
 TRACKS_HEIGHT = 144.0  # of that, the tracks
-TALL_FROM_PX, TALL_TO_PX, TALLER_FRACTION = (
-    700.0,
-    1000.0,
-    0.6,
-)  # in views of such heights the tracks grow by this fraction
+# in views of such heights the tracks grow by this fraction
+TALL_FROM_PX, TALL_TO_PX, TALLER_FRACTION = 700.0, 1000.0, 0.6
 MAX_TIMELINE_SHARE = 0.45  # of the height above the status line
 SCENE_PANEL_HEIGHT = 350.0  # with its sections folded; they scroll where there is no more room
 SCENE_SHARE = 0.53  # of a tall column

@@ -54,7 +54,7 @@ class ScenePanel:
         _views(scene)
         _toggles(scene.settings)
         _drawing(scene)
-        self.path.draw(self.draw_pins)  # the last one: it gets longer
+        self.path.draw(self.draw_pins)
 
     def _links(self) -> None:
         """Where poses are sent."""
@@ -82,9 +82,7 @@ class ScenePanel:
         if widgets.icon_button(ICON.folder, "browse file", "Choose by a dialog", theme.TEXT):
             self.browse()
         widgets.same_line()
-        hint = (
-            "A ground (PNG, NPY, mesh), a character (GLB, VRM) or a clip (BVH); dropping a file does the same"
-        )
+        hint = "A ground (PNG, NPY, mesh), a character (GLB, VRM) or a clip (BVH), as by dropping a file"
         load = widgets.button("Open", load_width, hint)
         path = scene.file_path.strip().strip('"')
         if (entered or load) and path:
@@ -142,9 +140,8 @@ def _unit(scene: Scene) -> None:
         spec_of(ExportOptions, "character_unit").choices or {},
     )
     imgui.set_next_item_width(-1)
-    chosen = widgets.combo(
-        "##character unit", [(u or "", f"Unit: {text.lower()}") for u, text in choices.items()], unit
-    )
+    options = [(u or "", f"Unit: {text.lower()}") for u, text in choices.items()]
+    chosen = widgets.combo("##character unit", options, unit)
     widgets.tooltip("Of lengths in the character's file")
     if chosen != unit:
         scene.set_unit(str(chosen))

@@ -76,9 +76,8 @@ def draw(panel: TakesPanel) -> None:
     short = room < _export_height(False) + px(ROWS * ROW_PX)
     current = takes.session.current
     height = max(room - (_export_height(short) if current is not None else 0.0), line)
-    width = (
-        imgui.get_content_region_avail().x - imgui.get_style().scrollbar_size
-    )  # also while it has no scrollbar
+    # also while it has no scrollbar
+    width = imgui.get_content_region_avail().x - imgui.get_style().scrollbar_size
     imgui.set_next_window_content_size(imgui.ImVec2(max(width, 1.0), 0))
     if imgui.begin_child("take list", imgui.ImVec2(0, height)):
         _list(panel)
@@ -112,9 +111,8 @@ def _cut_off(sessions: Sessions) -> None:
 def _record(takes: Takes) -> None:
     recording = takes.recording
     half = widgets.column_width(2)
-    text = (
-        f"{ICON.stop} {widgets.clock(takes.recorder.take_seconds)}" if recording else f"{ICON.record} Record"
-    )
+    stop = f"{ICON.stop} {widgets.clock(takes.recorder.take_seconds)}"
+    text = stop if recording else f"{ICON.record} Record"
     with (
         widgets.color(imgui.Col_.button, theme.RECORD if recording else theme.FIELD),
         # red words on red could not be read

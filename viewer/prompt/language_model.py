@@ -178,9 +178,8 @@ def _fields(model: LanguageModel) -> None:
     done, settings.gpt_model = _text("##model", DEFAULT_MODEL, settings.gpt_model)
     changed |= done
     widgets.label("API key")
-    hint = (
-        "from OPENAI_API_KEY" if model.key_from_environment else "none (endpoints of your own may need none)"
-    )
+    none = "none (endpoints of your own may need none)"
+    hint = "from OPENAI_API_KEY" if model.key_from_environment else none
     done, model.key = _text("##key", hint, model.key, imgui.InputTextFlags_.password)
     changed |= done
     widgets.label("The key stays in memory: no file, no log, no take has it.")

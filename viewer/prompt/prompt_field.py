@@ -16,17 +16,11 @@ from viewer.prompt.suggestions import PromptText, Suggester, Suggestion
 
 _SENTENCE = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.ctrl_enter_for_new_line
 WRAPPED = _SENTENCE | imgui.InputTextFlags_.word_wrap
-_LIST = (
-    (FIXED & ~imgui.WindowFlags_.no_bring_to_front_on_focus)
-    | imgui.WindowFlags_.no_nav
-    | imgui.WindowFlags_.no_scrollbar
-)
-_UNDO = int(imgui.Key.mod_ctrl) | int(imgui.Key.z)
-_REDO = (
-    int(imgui.Key.mod_ctrl) | int(imgui.Key.y),
-    int(imgui.Key.mod_ctrl) | int(imgui.Key.mod_shift) | int(imgui.Key.z),
-)
-
+_FLAGS = imgui.WindowFlags_
+_LIST = (FIXED & ~_FLAGS.no_bring_to_front_on_focus) | _FLAGS.no_nav | _FLAGS.no_scrollbar
+_CTRL = int(imgui.Key.mod_ctrl)
+_UNDO = _CTRL | int(imgui.Key.z)
+_REDO = _CTRL | int(imgui.Key.y), _UNDO | int(imgui.Key.mod_shift)
 _REPEATED = (imgui.Key.down_arrow, imgui.Key.up_arrow)
 # keys over the list; Enter, at the end, only while a line is chosen
 _TAKEN = (*_REPEATED, imgui.Key.tab, imgui.Key.escape, imgui.Key.enter, imgui.Key.keypad_enter)

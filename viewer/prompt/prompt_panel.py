@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from runtime.prompts.answer import Answer
 from runtime.prompts.edit_targets import edited_parts
 from runtime.prompts.expander import DEFAULT_PROMPT
 from runtime.prompts.gpt.settings import GptSettings
@@ -19,6 +18,7 @@ from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.prompt import language_model, prompt_field
+from viewer.prompt.answer_view import draw_answer
 from viewer.prompt.language_model import LanguageModel
 from viewer.prompt.prompt_controller import PromptController, named, part_words
 from viewer.prompt.suggestions import Suggester
@@ -34,21 +34,13 @@ EXACT_HINT = (
 )
 WEAK_HINT = "The walk shows little of these words. Other words may show more."
 NEAREST_ROWS = 3  # in a tall panel, else one
-NEAR_COSINE = 0.6  # cosine similarity from which a library prompt is near
 MIN_LINES, MAX_LINES = 2, 3  # of the field of a body part
 # pixels at scale 1
 TALL_PANEL_PX = 620.0
 MIN_LIST_HEIGHT_PX = 150.0
 TOOLS_WIDTH_PX = 3 * 26.0 + 2 * 4.0
-BAR_WIDTH_PX = 46.0
 LABEL_HEIGHT_PX, ROW_GAP_PX = 17.0, 4.0
 PART_WIDTH_PX = 70.0
-
-_ANSWERED = {  # by the source of an answer
-    "library": ("Library", "Composed from the shipped library's nearest prompts"),
-    "gpt": ("GPT", "Written by the language model"),
-    "explicit": ("Explicit", "The prompt itself says what the parts do"),
-}
 
 
 @dataclass
@@ -114,7 +106,7 @@ class PromptPanel:
             if blend.b is not None:
                 _no_blend(controller, blend)
                 rows = min(rows // 2, 1)
-            near = _answer(controller, blend, Side.A, rows, 2 if rows > 1 else 1)
+            near = draw_answer(controller, blend, Side.A, rows, 2 if rows > 1 else 1)
         imgui.end_child()
         imgui.set_cursor_pos_y(top + height)
         if near:
@@ -260,111 +252,6 @@ def _lock_button(name: str, locked: bool, hint: str, size: float = 0.0) -> bool:
     return widgets.icon_button(icon, name, hint, tint, size=size)
 
 
-# --- who answered
-
-
-def _answer(controller: PromptController, blend: PromptBlend, side: Side, rows: int, lines: int = 2) -> str:
-    """A side's answer with at most `rows` of the nearest prompts and `lines` of remarks; a prompt that was clicked, or ""."""
-    answer, pending = blend.answers[side], side in controller.pending
-    missing = _missing(controller, answer, pending)
-    if missing or answer is None:
-        widgets.muted(missing, wrap=True)
-        return ""
-    _who(answer, pending, controller.language_model, rows)
-    chosen = ""
-    if answer.source != "gpt":
-        for text, similarity in answer.nearest[: min(rows, 1) if answer.note else rows]:
-            chosen = text if _near(text, similarity) else chosen
-    if answer.note:
-        far = bool(answer.nearest) and answer.nearest[0][1] < NEAR_COSINE
-        _note(answer.note, far or answer.note.startswith("Language model"), lines)
-    return chosen
-
-
-def _missing(controller: PromptController, answer: Answer | None, pending: bool) -> str:
-    """What is said in the place of an answer that is not there; "" for one to be shown."""
-    if not controller.available:
-        return f"{ICON.warning} Prompts need a motion model."
-    if answer is None:
-        if controller.loading:
-            return f"{ICON.clock} Loading…"
-        return f"{ICON.clock} Preparing the style…" if pending else f"{ICON.note} Type a prompt."
-    if pending or not answer.prompt or any(box.text.strip() for box in controller.boxes):
-        return ""
-    return f"{ICON.note} Type a prompt; “{answer.prompt}” goes on until then."
-
-
-def _who(answer: Answer, pending: bool, model: str, rows: int) -> None:
-    name, hint = _ANSWERED.get(answer.source, (answer.source, ""))
-    widgets.tag(name)
-    widgets.tooltip(f"{hint}, in {answer.milliseconds:.0f} ms")
-    if answer.edited:
-        widgets.same_line()
-        widgets.tag("edited", theme.MUTED)
-        widgets.tooltip(f"Words of {', '.join(map(named, answer.edited))} are yours")
-    text = _summary(answer, pending, model, rows)
-    imgui.same_line(0, px(7))
-    shown = widgets.elided(text, imgui.get_content_region_avail().x)
-    widgets.muted(shown)
-    if shown != text:
-        widgets.tooltip(text)
-
-
-def _summary(answer: Answer, pending: bool, model: str, rows: int) -> str:
-    if pending:
-        return f"{ICON.clock} asking {model or 'for the next'}…"
-    if answer.source == "gpt":
-        return model or "language model"
-    if answer.source == "explicit":
-        return "your own words"
-    if answer.nearest and not rows:
-        text, similarity = answer.nearest[0]
-        return f"{max(similarity, 0.0):.0%} like “{text}”"
-    return "nearest prompts" if answer.nearest else "no style named"
-
-
-def _near(text: str, similarity: float) -> bool:
-    """One of the nearest prompts with a bar of its similarity; whether it was clicked."""
-    width, height = imgui.get_content_region_avail().x, imgui.get_text_line_height() + px(2)
-    corner = imgui.get_cursor_screen_pos()
-    imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(1)))
-    clicked = imgui.invisible_button(f"near {text}", imgui.ImVec2(width, height))
-    imgui.pop_style_var()
-    hovered = imgui.is_item_hovered()
-    widgets.tooltip(f"Cosine similarity {similarity:.2f} with “{text}”. Click to use it.")
-    drawing, fraction = imgui.get_window_draw_list(), min(max(similarity, 0.0), 1.0)
-    percent, top = f"{fraction:.0%}", corner.y + px(1)
-    percent_left = corner.x + width - imgui.calc_text_size(percent).x
-    bar_left = corner.x + width - px(38 + BAR_WIDTH_PX)
-    words = widgets.packed(theme.TEXT if hovered else theme.MUTED)
-    shown = widgets.elided(text, bar_left - corner.x - px(8))
-    drawing.add_text(imgui.ImVec2(corner.x, top), words, shown)
-    drawing.add_text(imgui.ImVec2(percent_left, top), words, percent)
-    middle = corner.y + height / 2
-    tint = theme.ACCENT if similarity >= NEAR_COSINE else theme.WARNING
-    for end, fill in ((1.0, theme.FIELD_ACTIVE), (fraction, tint)):
-        high = imgui.ImVec2(bar_left + px(BAR_WIDTH_PX) * end, middle + px(2))
-        drawing.add_rect_filled(imgui.ImVec2(bar_left, middle - px(2)), high, widgets.packed(fill), px(2))
-    return bool(clicked)
-
-
-def _note(text: str, warns: bool, lines: int) -> None:
-    """A remark on the answer, on at most so many lines."""
-    with widgets.color(imgui.Col_.text, theme.WARNING if warns else theme.ACCENT):
-        imgui.text_unformatted(ICON.warning if warns else ICON.note)
-    widgets.same_line()
-    width = imgui.get_content_region_avail().x
-    imgui.begin_group()
-    with widgets.color(imgui.Col_.text, theme.MUTED):
-        imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + width)
-        shown = widgets.elided(text, (lines - 0.15 * (lines > 1)) * width)
-        imgui.text_unformatted(shown)
-        imgui.pop_text_wrap_pos()
-    imgui.end_group()
-    if shown != text:
-        widgets.tooltip(text)
-
-
 # --- the six fields
 
 
@@ -389,11 +276,10 @@ def _part_buttons(
         if widgets.icon_button(ICON.original, "reset", f"Back to what was said: “{said}”", size=size):
             controller.reset_part(part)
     imgui.set_cursor_pos(imgui.ImVec2(right.x - px(size), right.y))
-    hint = (
-        "Locked: the next prompt leaves these words alone" if locked
-        else "Keep these words when the prompt changes"
-    )  # fmt: skip
-    if _lock_button("lock", locked, hint, size):
+    free = "Keep these words when the prompt changes"
+    if _lock_button(
+        "lock", locked, "Locked: the next prompt leaves these words alone" if locked else free, size
+    ):
         controller.toggle_lock(part)
 
 
@@ -431,7 +317,7 @@ def _blend(controller: PromptController, suggester: Suggester) -> None:
     if blend.b is None and Side.B not in controller.pending:
         widgets.muted("Type a second prompt: each body part is blended by its own slider.", wrap=True)
         return
-    _answer(controller, blend, Side.B, rows=0, lines=1)
+    draw_answer(controller, blend, Side.B, rows=0, lines=1)
     if blend.b is None:
         return
     imgui.dummy(imgui.ImVec2(0, px(1)))
@@ -464,9 +350,8 @@ def _part_weight(part: str, weight: float, words: str, controller: PromptControl
         controller.set_weight(part, value)
     widgets.tooltip(words)
     widgets.same_line()
-    hint = (
-        "Locked: no prompt and no slider changes this part" if locked else "Hold this part's words and weight"
-    )
+    free = "Hold this part's words and weight"
+    hint = "Locked: no prompt and no slider changes this part" if locked else free
     if _lock_button(f"lock {part}", locked, hint):
         controller.toggle_lock(part)
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -218,11 +219,10 @@ class TerrainMesh:
 
     def corners(self, low: Array, high: Array, chosen: NDArray[np.bool_]) -> Array:
         """Return the corners `(8, 3)` of a box around the ground from `low` to `high` (x, z), as high as the `chosen` tiles."""
-        y = (
-            np.min(self._low[..., 1], where=chosen, initial=np.inf),
-            np.max(self._high[..., 1], where=chosen, initial=-np.inf),
-        )
-        return np.array([[x, h, z] for x in (low[0], high[0]) for h in y for z in (low[1], high[1])])
+        bottom = np.min(self._low[..., 1], where=chosen, initial=np.inf)
+        top = np.max(self._high[..., 1], where=chosen, initial=-np.inf)
+        sides = (low[0], high[0]), (bottom, top), (low[1], high[1])
+        return np.array(list(product(*sides)))
 
     def indices(self, levels: Levels, chosen: NDArray[np.bool_]) -> Indices:
         """Return the vertex indices of the triangles of the `chosen` tiles."""

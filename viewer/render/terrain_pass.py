@@ -14,14 +14,11 @@ from viewer.render.quality import Quality
 from viewer.render.terrain_mesh import APRON_M, Levels, TerrainMesh, cut_window
 
 RECENTRE_SHARE = 0.12  # of the window's size
-SUN_SLOPE_RATIO = SUN_DIRECTION[1] / np.hypot(
-    *SUN_DIRECTION[::2]
-)  # flatter ground throws no shadow on itself
+# flatter ground throws no shadow on itself
+SUN_SLOPE_RATIO = SUN_DIRECTION[1] / np.hypot(*SUN_DIRECTION[::2])
 MIN_RELIEF_M, MAX_RELIEF_M = 0.25, 3.0  # height over the start that has the full tint
-LEVEL_SLOPE_RATIO, MEADOW_SLOPE_RATIO = (
-    0.02,
-    1.5,
-)  # rise over run; between them a ground is a meadow, else the floor of a studio
+# rise over run; between them a ground is a meadow, else the floor of a studio
+LEVEL_SLOPE_RATIO, MEADOW_SLOPE_RATIO = 0.02, 1.5
 NOISE_TEXELS, NOISE_SEED = 256, 7
 PATCH_TEXELS, GRAIN_TEXELS = (2.0, 4.0, 9.0, 20.0), (0.6, 1.2, 2.5)  # sizes of what the noise is made of
 LAYOUTS = {  # of a vertex: what each program reads

@@ -166,9 +166,8 @@ class Simulation:
             return None
         cost_ms = (time.perf_counter() - begin) * 1e3
         fraction = 1.0 - 0.5 ** (1.0 / COST_HALF_LIFE_STEPS)
-        self.model_ms = (
-            cost_ms if self.model_ms == 0.0 else self.model_ms + (cost_ms - self.model_ms) * fraction
-        )
+        before_ms = self.model_ms or cost_ms
+        self.model_ms = before_ms + (cost_ms - before_ms) * fraction
         fault = controller.message  # it set itself back: no defect, unless it does so every time
         self._failures = self._failures + 1 if fault else 0
         self.problem = (f"{fault} {_STANDS}" if self.halted else fault) or self.problem

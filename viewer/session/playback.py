@@ -128,11 +128,9 @@ class Playback:
     @property
     def _newer(self) -> bool:
         """Whether pins or pose keys were changed whose frames are not made yet; plants are looked at when they are made."""
-        return (
-            self.take.poses != self.shown.poses
-            and self.take.poses.footplants == self.shown.poses.footplants
-            and self.take.motion == self.shown.motion
-        )
+        take, shown = self.take, self.shown
+        same = take.poses.footplants == shown.poses.footplants and take.motion == shown.motion
+        return same and take.poses != shown.poses
 
     def standing(self, pose: Pose) -> Pose:
         """A pose of the take, with its root on the terrain shown."""

@@ -140,9 +140,8 @@ class Sessions:
     def find_cut_off(self) -> SessionSummary | None:
         """The session that was open last, untitled or the user's own file, where it was cut off."""
         named = library.look_at(self.recent[0]) if self.recent else None
-        named = named and replace(
-            named, name=named.path.stem
-        )  # it is written with the view, and may be older
+        # what the file says is written with the view, and may be older
+        named = named and replace(named, name=named.path.stem)
         found = [left for left in (self.cut_off, named) if left is not None and not left.ended]
         return max(found, key=lambda left: left.saved_s, default=None)
 

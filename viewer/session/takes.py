@@ -138,15 +138,10 @@ class Takes:
 
     def mark_style(self, blend: PromptBlend, seconds: float, holds: bool = False) -> None:
         """A prompt came into force for the next frame, or it `holds` already in the controller's state."""
-        z, prompt, words, typed = (
-            blend.style(self.settings.exact_legs),
-            blend.prompt_text,
-            blend.spelled_out(),
-            blend.typed(),
-        )
-        self.recorder.mark_prompt(prompt, seconds, words, typed)
+        z = blend.style(self.settings.exact_legs)
+        event = PromptEvent(0.0, blend.prompt_text, seconds, blend.spelled_out(), blend.typed())
+        self.recorder.mark_prompt(event.prompt, seconds, event.words, event.typed)
         if z is not None:
-            event = PromptEvent(0.0, prompt, seconds, words, typed)
             self.inputs.mark_style(StyleChange(0, z, seconds, event, blend), holds)
 
     def mark_style_in_force(self, style: StyleChange) -> None:
@@ -351,10 +346,8 @@ class Takes:
 
     def compare_with(self, version: Take) -> None:
         """Play a take next to an earlier version of it, which comes into the list."""
-        copy, number = (
-            replace(edits.copied(version), name=f"{version.title}, before"[: edits.MAX_NAME_CHARACTERS]),
-            version.number,
-        )
+        name, number = f"{version.title}, before"[: edits.MAX_NAME_CHARACTERS], version.number
+        copy = replace(edits.copied(version), name=name)
 
         def change(session: Session) -> Session:
             made = edits.with_new_take(session, copy)

@@ -1,0 +1,125 @@
+"""Questions to whoever answers prompts, and what their answers make of a blend and of a session."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.motion.style import LINEAR
+from runtime.prompts.answer import Request
+from runtime.prompts.parts import PartDescriptions
+from runtime.session.prompt_blend import Answer, PromptBlend, Side
+from runtime.session.session import Session
+from viewer.messages import Level
+
+FIRST_SHARE = 0.5  # of a new prompt B in every part that is not locked, so that it shows
+MAX_LABEL = 40  # characters of a prompt in the name of its step
+Codes = Mapping[PartDescriptions, NDArray[np.float32]]  # (6, 64) of six descriptions
+
+
+@dataclass
+class Question:
+    """What was requested on one side, until its final answer."""
+
+    request: Request
+    label: str  # of the step of undo
+    remembered: bool = False  # into the list of the last prompts
+    number: int = 0
+    answered: bool = False  # a better answer is on its way
+
+    @property
+    def prompt(self) -> str:
+        """The prompt, "" where six descriptions were edited."""
+        return self.request if isinstance(self.request, str) else ""
+
+    def held_by(self, answer: Answer | None) -> bool:
+        """Whether an answer is one to this question."""
+        return answer is not None and answer.question == self.number
+
+
+def quoted(prompt: str) -> str:
+    """A prompt in the name of its step: on one line, cut where it is long."""
+    line = " ".join(prompt.split())
+    return f"“{line if len(line) <= MAX_LABEL else line[: MAX_LABEL - 1] + '…'}”"
+
+
+def with_first_answer(blend: PromptBlend, side: Side, question: Question, answer: Answer) -> PromptBlend:
+    """The blend with the first answer to a question; words that were edited are locked with it."""
+    before = blend.answers[side]
+    if not question.prompt:
+        words = answer if before is None else before.with_words(answer)
+        return blend.with_answer(side, words).locking_edits(before)
+    kept = answer if before is None else answer.keeping(blend.locked_on(side), before)
+    blend = blend.with_answer(side, kept)
+    return blend.with_all_weights(FIRST_SHARE) if side is Side.B and not any(blend.weights) else blend
+
+
+def with_better_answer(blend: PromptBlend, side: Side, question: Question, answer: Answer) -> PromptBlend:
+    """The blend with a better answer in the place of the first one; the same blend where that does not hold.
+
+    Where a part was locked after the first answer, it keeps that answer's words.
+    """
+    first = blend.answers[side]
+    if first is None or not question.held_by(first):
+        return blend
+    return blend.with_answer(side, answer.keeping(blend.locked_on(side), first))
+
+
+def words_of_all(sessions: Sequence[Session]) -> list[PartDescriptions]:
+    """All descriptions by which the live character or a variant moves in any of the sessions, each once."""
+    blends = [
+        blend for s in sessions for blend in (s.live.prompt, *(variant.prompt for variant in s.variants))
+    ]
+    return list(dict.fromkeys(a.words for blend in blends for a in blend.answers if a is not None))
+
+
+def with_codes(session: Session, codes: Codes) -> Session:
+    """The session with the codes of another model for all prompts of `words_of_all`."""
+
+    def coded(blend: PromptBlend) -> PromptBlend:
+        a, b = (
+            answer and dataclasses.replace(answer, z=codes.get(answer.words, answer.z))
+            for answer in blend.answers
+        )
+        return dataclasses.replace(blend, answers=(a, b), shares=LINEAR)
+
+    live = dataclasses.replace(session.live, prompt=coded(session.live.prompt))
+    variants = tuple(dataclasses.replace(v, prompt=coded(v.prompt)) for v in session.variants)
+    return dataclasses.replace(session, live=live, variants=variants)
+
+
+def same_answers(a: PromptBlend, b: PromptBlend) -> bool:
+    """Whether two blends have the same prompts in the same words and codes."""
+    return all(
+        x is y or (x and y and (x.prompt, x.words) == (y.prompt, y.words) and np.array_equal(x.z, y.z))
+        for x, y in zip(a.answers, b.answers, strict=True)
+    )
+
+
+def answer_message(
+    answer: Answer, prompt: str, model: str, followed: bool, kept: Sequence[str] = ()
+) -> tuple[str, Level]:
+    """Text and level for an answer to `prompt`, as it is named; `followed` when the library had answered before.
+
+    `kept` are the parts whose locked words go on.
+    """
+    text, level = _of_answer(answer, prompt, model, followed)
+    parts = ", ".join(part.replace("_", " ") for part in kept)
+    return f"{text} Locked, so kept: {parts}." if kept else text, level
+
+
+def _of_answer(answer: Answer, prompt: str, model: str, followed: bool) -> tuple[str, Level]:
+    if not answer.final:
+        return f"The library answered at once; waiting for {model}.", Level.NOTE
+    if answer.source == "gpt":
+        return f"{model} answered: {prompt}.", Level.NOTE
+    if answer.note:
+        return answer.note, Level.WARNING if followed else Level.NOTE
+    if answer.nearest:
+        text, similarity = answer.nearest[0]
+        return f"Library: {prompt} is {similarity:.0%} like “{text}”.", Level.NOTE
+    return f"{prompt} itself says what the parts do.", Level.NOTE

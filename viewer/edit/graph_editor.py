@@ -69,14 +69,9 @@ class GraphEditor:
     _field_width: float = 0.0
 
     @property
-    def playback(self) -> Playback | None:
-        """What plays."""
-        return self.takes.playback
-
-    @property
     def curves(self) -> KeyedCurves:
         """The curves of the take that plays."""
-        playback = self.playback
+        playback = self.takes.playback
         if playback is None:
             return KeyedCurves(PoseLayer(), (), 1.0, 1)
         take = playback.take
@@ -92,7 +87,7 @@ class GraphEditor:
 
     def close(self) -> bool:
         """Let the chosen keys go, then close the window; return whether anything was open."""
-        was = self.open and self.playback is not None
+        was = self.open and self.takes.playback is not None
         self.open, self.chosen, self._grab = self.open and bool(self.chosen), frozenset(), None
         return was
 
@@ -100,14 +95,14 @@ class GraphEditor:
         """The window, over the view until it is moved; Escape closes it."""
         return Panel(
             "Curves", PanelPlace.VIEW, self._draw,
-            shown=lambda: self.open and self.playback is not None, close=self.close,
+            shown=lambda: self.open and self.takes.playback is not None, close=self.close,
         )  # fmt: skip
 
     # --- edits
 
     def put(self, label: str, change: Callable[[], KeyedCurves], held: bool = False) -> None:
         """Put other curves in the place of those of the take, as a step of undo."""
-        playback = self.playback
+        playback = self.takes.playback
         if playback is None or self.pins.fixed:
             return
         take = playback.take
@@ -151,7 +146,7 @@ class GraphEditor:
     # --- the window
 
     def _draw(self, view: Rect) -> None:
-        playback = self.playback
+        playback = self.takes.playback
         if playback is None:
             return
         if self._take != playback.number:

@@ -33,7 +33,6 @@ from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.widgets import px
 from viewer.render.camera import Camera
 from viewer.scene.camera_control import CameraControl
-from viewer.session.playback import Playback
 from viewer.session.takes import Takes
 
 _SIDES = (("Left", 0, 0), ("Right", 5, 7))  # with what its leg and its arm add to the index of a joint
@@ -72,30 +71,25 @@ class Posing:
     rings: Rings = field(default_factory=Rings)
 
     @property
-    def playback(self) -> Playback | None:
-        """What plays."""
-        return self.takes.playback
-
-    @property
     def shown(self) -> bool:
         """Whether a take can be posed in the view now."""
-        return self.open and self.playback is not None and self.pins.pin is None and not self.pins.fixed
+        return self.open and self.takes.playback is not None and self.pins.pin is None and not self.pins.fixed
 
     @property
     def place(self) -> Array | None:
         """Where the picked joint is `(3,)`."""
-        playback = self.playback
+        playback = self.takes.playback
         return None if playback is None or self.joint < 0 else playback.pose().positions[self.joint]
 
     @property
     def layer(self) -> PoseLayer:
         """The pose layer of the take that plays."""
-        return PoseLayer() if self.playback is None else self.playback.take.poses.layer
+        return PoseLayer() if self.takes.playback is None else self.takes.playback.take.poses.layer
 
     @property
     def key(self) -> PoseKey | None:
         """The key at the frame shown."""
-        playback = self.playback
+        playback = self.takes.playback
         return None if playback is None else self.layer.key_at(playback.frame, playback.clip.fps)
 
     def toggle(self) -> None:
@@ -103,8 +97,8 @@ class Posing:
         self.open = not self.open
         if self.open:
             self.pins.close()
-            if self.playback is not None:
-                self.playback.seek(self.playback.frame)
+            if self.takes.playback is not None:
+                self.takes.playback.seek(self.takes.playback.frame)
 
     def close(self) -> bool:
         """Pick no joint, then end it; whether anything was open."""
@@ -116,13 +110,13 @@ class Posing:
 
     def edit(self, label: str, change: Callable[[PoseKey], PoseKey], held: bool = False) -> None:
         """Key what `change` makes of the pose shown; `held`: while the mouse holds the gizmo."""
-        playback = self.playback
+        playback = self.takes.playback
         if playback is not None:
             fps = playback.clip.fps
             self.put(label, lambda layer: layer.edited(playback.frame, fps, change), held)
 
     def put(self, label: str, change: Callable[[PoseLayer], PoseLayer], held: bool = False) -> None:
-        playback = self.playback
+        playback = self.takes.playback
         if playback is None or self.pins.fixed:
             return
         take = playback.take
@@ -135,7 +129,7 @@ class Posing:
 
     def set_key(self, release: bool = False) -> None:
         """Key the picked joint as it is, or `release` it: from this key on it follows the motion again."""
-        joint, playback = self.joint, self.playback
+        joint, playback = self.joint, self.takes.playback
         if joint < 0 or playback is None:
             return
         seconds, fps = playback.frame / playback.clip.fps, playback.clip.fps
@@ -154,7 +148,7 @@ class Posing:
 
     def remove_joint(self) -> None:
         """Take the picked joint out of the key at the frame shown, and a key that holds nothing more away."""
-        key, joint, playback = self.key, self.joint, self.playback
+        key, joint, playback = self.key, self.joint, self.takes.playback
         if key is not None and playback is not None:
             left = key
             for one in posed_by(joint) if joint >= 0 else ():
@@ -168,7 +162,7 @@ class Posing:
 
     def set_tangent(self, tangent: Tangent) -> None:
         """How the curves pass the key at the frame shown."""
-        key, playback = self.key, self.playback
+        key, playback = self.key, self.takes.playback
         if key is not None and playback is not None and key.tangent is not tangent:
             made = replace(key, tangent=tangent)
             self.put("tangent of a pose key", lambda layer: layer.with_key(made, playback.clip.fps))
@@ -177,7 +171,7 @@ class Posing:
 
     def copy(self) -> None:
         """Remember the pose shown."""
-        playback = self.playback
+        playback = self.takes.playback
         if playback is not None:
             pose = playback.pose()
             self._copied = np.array(pose.hips_position), np.array(pose.local_rotations)
@@ -185,7 +179,7 @@ class Posing:
 
     def paste(self, mirror: bool = False) -> None:
         """Key the copied pose at the frame shown, or its mirror image."""
-        playback = self.playback
+        playback = self.takes.playback
         if playback is None or self._copied is None:
             self.editor.messages.note("Copy a pose first.")
             return
@@ -198,7 +192,7 @@ class Posing:
 
     def use_mouse(self, camera: Camera) -> bool:
         """Pick a joint in this frame; whether the left button is in use here."""
-        playback = self.playback
+        playback = self.takes.playback
         if not self.shown or playback is None:
             return False
         pose, handles = playback.pose(), self._handles
@@ -221,7 +215,7 @@ class Posing:
         return Panel("Pose", PanelPlace.VIEW, self._draw, shown=lambda: self.shown, close=self.close)
 
     def _draw(self, view: Rect) -> None:
-        playback = self.playback
+        playback = self.takes.playback
         if playback is None:
             return
         pose = playback.pose()
@@ -342,6 +336,5 @@ def _draw_layer(posing: Posing, half: float) -> None:
 
 def _uses_arrows() -> bool:
     """Whether the mouse holds one of them or is over one."""
-    return bool(im_guizmo.is_using_any()) or (
-        im_guizmo.get_hovered_handle_type() is not im_guizmo.MOVETYPE.mt_none
-    )
+    over = im_guizmo.get_hovered_handle_type() is not im_guizmo.MOVETYPE.mt_none
+    return over or bool(im_guizmo.is_using_any())

@@ -159,11 +159,10 @@ def draw_mark(shapes: Shapes, row: Row, mark: Mark, tint: Color, lit: bool, chos
     left, right = row.ends(mark)
     bottom, half, adjacent = row.top + row.height, row.height / 2, row.track.adjacent
     if mark.start == mark.end:
+        place = imgui.ImVec2(left, row.top + half)
         if chosen:
-            shapes.points.append(
-                (imgui.ImVec2(left, row.top + half), half * 1.2, widgets.packed(SELECTED_TINT), 4)
-            )
-        shapes.points.append((imgui.ImVec2(left, row.top + half), half * 0.95, widgets.packed(tint), 4))
+            shapes.points.append((place, half * 1.2, widgets.packed(SELECTED_TINT), 4))
+        shapes.points.append((place, half * 0.95, widgets.packed(tint), 4))
         return
     short = right - left < px(MIN_SPAN_PX) + 1 and adjacent
     left = max(left, row.left)

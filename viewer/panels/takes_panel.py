@@ -25,7 +25,6 @@ from viewer.session.takes import Takes
 from viewer.settings import TAKE_ORDERS, Settings
 
 ROWS, ROW_PX = 6, 25.0  # that the list keeps, and the height of one in pixels at scale 1
-ICON_PX = 24.0  # of the buttons in a row
 RENAME_HINT = "Double-click renames it"
 MENU = "take menu"
 COLORS = ("No color", "Red", "Yellow", "Green", "Blue", "Violet")
@@ -204,14 +203,14 @@ def _name_field(takes: Takes, take: Take) -> None:
 def _row(panel: TakesPanel, take: Take) -> None:
     """Play, name, length, remove; a click anywhere selects."""
     takes = panel.takes
-    width, square = imgui.get_content_region_avail().x, px(ICON_PX)
+    width, square = imgui.get_content_region_avail().x, imgui.get_frame_height()
     corner, start = imgui.get_cursor_screen_pos(), imgui.get_cursor_pos()
     _row_ground(panel, take, corner, width)
     imgui.set_cursor_pos(start)
     playback = takes.playback
     playing = playback is not None and playback.number == take.number and playback.playing
     icon, hint = (ICON.pause, "Pause") if playing else (ICON.play, "Play (P)")
-    if widgets.icon_button(icon, "play take", hint, size=ICON_PX):
+    if widgets.icon_button(icon, "play take", hint):
         takes.play_or_pause(take.number)
     seconds = _facts(panel, take)
     time_width = imgui.calc_text_size(seconds).x
@@ -222,14 +221,10 @@ def _row(panel: TakesPanel, take: Take) -> None:
     imgui.align_text_to_frame_padding()
     widgets.muted(seconds)
     imgui.same_line(width - 2 * square)
-    if widgets.icon_button(
-        ICON.more, "take menu", "Rename, rate, note, mirror, compare, color", size=ICON_PX
-    ):
+    if widgets.icon_button(ICON.more, "take menu", "Rename, rate, note, mirror, compare, color"):
         imgui.open_popup(MENU)
     imgui.same_line(width - square)
-    if widgets.icon_button(
-        ICON.trash, "remove take", "Remove from the list; exported files stay", size=ICON_PX
-    ):
+    if widgets.icon_button(ICON.trash, "remove take", "Remove from the list; exported files stay"):
         takes.remove(take.number)
     imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(px(8), px(7)))
     if imgui.begin_popup(MENU):

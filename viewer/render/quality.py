@@ -23,9 +23,8 @@ class Quality:
     terrain_casts_shadow: bool
     self_shadow: bool  # characters receive shadows too
     msaa: int  # samples per pixel; 0: none
-    smooth_edges: (
-        str  # what is softened afterwards, where there is no multisampling: "characters", "all" or ""
-    )
+    # what is softened afterwards, where there is no multisampling: "characters", "all" or ""
+    smooth_edges: str
     render_scale: float  # rendered pixels per shown pixel, along one side
     max_pixels: int  # a larger frame is rendered at this many and stretched; 0: no limit
 

@@ -294,10 +294,9 @@ class Scene:
         if ground.unit_m == size:
             return
         by, pose = ground.unit_m / size, self.simulation.current
+        x, _, z = map(float, pose.root_position)
         self._put_ground(Ground.of(self.terrain_spec, ground))
-        self.put_character(
-            float(pose.root_position[0]) * by, float(pose.root_position[2]) * by, pose.root_yaw
-        )
+        self.put_character(x * by, z * by, pose.root_yaw)
 
     def go_on_from(self, snapshot: Snapshot, pose: Pose) -> None:
         """Let the live character go on from a state of a take; the session has the take's ground already."""

@@ -119,9 +119,8 @@ class Simulation:
     def use(self, controller: Controller) -> None:
         """Take another controller; it starts where the character stands."""
         self.controller = controller
-        self.reset(
-            float(self.current.root_position[0]), float(self.current.root_position[2]), self.current.root_yaw
-        )
+        x, _, z = map(float, self.current.root_position)
+        self.reset(x, z, self.current.root_yaw)
 
     def go_on_from(self, pose: Pose) -> None:
         """The controller was put into another state, whose pose this is; failures are forgotten."""

@@ -209,9 +209,8 @@ class Sessions:
         elif self.editor.file.flush(1.0):
             self.messages.note(f"{self.path.name} is saved, as is every edit.")
         else:
-            self.messages.error(
-                self.editor.file.problem or f"{self.path.name} is still being written.", PROBLEM
-            )
+            text = self.editor.file.problem or f"{self.path.name} is still being written."
+            self.messages.error(text, PROBLEM)
 
     def ask_save(self) -> None:
         start = self.path or self._home() / f"session{SUFFIX}"
@@ -301,10 +300,8 @@ class Sessions:
         return self.path is None and not self.editor.file.has_work
 
     def _remember(self, path: Path) -> None:
-        settings = self.settings
-        settings.recent_sessions = remembered(
-            str(path.absolute()), settings.recent_sessions, MAX_RECENT_SESSIONS
-        )
+        known, text = self.settings.recent_sessions, str(path.absolute())
+        self.settings.recent_sessions = remembered(text, known, MAX_RECENT_SESSIONS)
 
     def _home(self) -> Path:
         return self.recent[0].parent if self.recent else Path(self.settings.export_folder).expanduser()

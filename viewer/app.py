@@ -232,9 +232,8 @@ class App(Workspace):
     def _read_devices(self, dt: float) -> Intent:
         self.devices.play_script(self._scripted_seconds)
         self._script_s += dt
-        intent, changed = self.devices.read(
-            dt, self.keys.typing, self.settings, self.takes.playback is not None
-        )
+        take, listed = self.takes.playback is not None, self.transport.selection.listed
+        intent, changed = self.devices.read(dt, self.keys.typing, self.settings, take, listed)
         self.state.device = self.devices.name
         if changed:
             self.messages.note(changed)
@@ -257,6 +256,8 @@ class App(Workspace):
         moving = intent.move != (0.0, 0.0)
         begins_to_move = self.path.walk_began() or (moving and not self._was_moving)
         self._was_moving = moving
+        if begins_to_move and self.transport.selection.listed:
+            self.transport.selection.let_go()  # Space jumps again
         if playback is not None and begins_to_move:
             self.takes.close_playback()  # back to the live character
         elif playback is not None:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from pygltflib import GLTF2
 
 
+GENERATOR = "SPORT viewer"  # by which glTF names what wrote a file
 ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963
 _COMPONENT_TYPES = {"uint8": 5121, "uint16": 5123, "uint32": 5125, "float32": 5126}
 _ELEMENT_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}

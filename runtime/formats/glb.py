@@ -11,7 +11,7 @@ from runtime.arrays import Array
 from runtime.assets import asset_path
 from runtime.character.bodies import open_character
 from runtime.character.character import Character, load_character
-from runtime.character.glb_buffer import GlbBuffer
+from runtime.character.glb_buffer import GENERATOR, GlbBuffer
 from runtime.character.mesh import read_meshes
 from runtime.formats.glb_skeleton import (
     Rig,
@@ -63,7 +63,7 @@ def glb_document(
     character = load_character(source, options.joint_map, options.character_unit)
     file, _ = open_character(source)
     buffer = GlbBuffer.of_file(file)
-    buffer.gltf.asset.generator = "SPORT viewer"
+    buffer.gltf.asset.generator = GENERATOR
     size, plain = body_size(takes[0].clip, options, character), options.plain or options.engine is not None
     rig = open_rig(buffer, file, character, read_meshes(file), options.rooted, plain, size)
     names = [take.clip.name for take in takes]

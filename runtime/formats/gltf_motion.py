@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.character.bodies import Body, Nodes, find_bodies
+from runtime.character.glb_buffer import GENERATOR
 from runtime.character.mesh import vrm_bones
 from runtime.character.read import (
     STRUCTURE_ERRORS,
@@ -68,7 +69,10 @@ class _Animation:
 
 
 def contents(path: Path) -> tuple[bool, bool]:
-    """Whether a file has a mesh with a skin, and whether it moves its nodes; FileError when it cannot be read."""
+    """Whether a file has a mesh with a skin, and whether it moves its nodes; FileError when it cannot be read.
+
+    A take that was exported here is a motion alone: its mesh is only who moved in it.
+    """
     file = open_gltf(path, motion=True)
     skinned = any(node.mesh is not None and node.skin is not None for node in file.gltf.nodes or [])
     try:
@@ -80,7 +84,8 @@ def contents(path: Path) -> tuple[bool, bool]:
         )
     except STRUCTURE_ERRORS:
         moves = True  # reading it says what is wrong
-    return skinned, moves
+    own = file.gltf.asset is not None and file.gltf.asset.generator == GENERATOR
+    return skinned and not (moves and own), moves
 
 
 def read_gltf_motion(path: Path, animation: str = "") -> BvhMotion:

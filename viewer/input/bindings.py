@@ -294,15 +294,18 @@ class InputMapper:
         dead_zone: float = 0.15,
         invert: bool = False,
         take: bool = False,
+        listed: bool = False,
         buttons: str = "",
         keys: str = "",
     ) -> Intent:
         """Return the intent of this frame of `dt` seconds.
 
-        `take`: a take is shown, and some keys move its playhead; `buttons` and `keys` are changes, see `bound`.
+        `take`: a take is shown, and some keys move its playhead; `listed`: one is selected in the list, and the key that
+        plays it does; `buttons` and `keys` are changes, see `bound`.
         """
         by_view, by_take = key_tables(keys)
-        by_take = by_take if take else {}
+        if not take:
+            by_take = {key: act for key, act in by_take.items() if listed and act is Action.PLAY}
         pad_buttons = bound(BUTTONS, buttons)
         held = _held_actions(keyboard.held - by_take.keys(), by_view, pad, pad_buttons)
         pressed = self._pressed(keyboard, by_view, by_take, pad, pad_buttons)

@@ -84,10 +84,12 @@ class Devices:
             self.press(name, True)
         self._scripted = keys
 
-    def read(self, dt: float, typing: bool, settings: Settings, take: bool) -> tuple[Intent, str]:
+    def read(
+        self, dt: float, typing: bool, settings: Settings, take: bool, listed: bool
+    ) -> tuple[Intent, str]:
         """Return the intent of a frame of `dt` seconds, and a sentence when a pad came or went.
 
-        `take`: one is shown, and some keys are its.
+        `take`: one is shown, and some keys are its; `listed`: one is selected in the list.
         """
         self._keys = settings.keys
         if typing:
@@ -96,7 +98,7 @@ class Devices:
         before, self.name = self.name, KEYBOARD if pad is None else pad.name
         changed = f"{self.name} connected." if pad else "Gamepad gone: keyboard and mouse drive."
         intent = self.mapper.read(
-            self.keyboard, pad, dt, settings.dead_zone, settings.invert_look, take, settings.pad_buttons,
-            settings.keys,
+            self.keyboard, pad, dt, settings.dead_zone, settings.invert_look, take, listed,
+            settings.pad_buttons, settings.keys,
         )  # fmt: skip
         return intent, changed if self.name != before else ""

@@ -293,6 +293,21 @@ def test_takes_of_the_list_are_selected_deleted_copied_and_moved(app: App) -> No
     undone(app, before)
 
 
+def test_space_plays_the_take_that_was_clicked_until_one_walks(app: App) -> None:
+    app.takes.close_playback()
+    click(app, *place(app, "row", 0, share=0.5))
+    press(app, "space")
+    run(app, 2)
+    assert app.takes.played is app.editor.session.takes[0]
+    app.window.inject_key("w", True)
+    run(app, 2)
+    assert app.takes.playback is None
+    assert not chosen(app).keys
+    press(app, "space")
+    app.window.inject_key("w", False)
+    assert app.takes.playback is None
+
+
 def test_the_last_prompt_of_a_take_stays(app: App) -> None:
     pick(app, "prompts", 0, 1, 2)
     press(app, "delete")

@@ -97,6 +97,21 @@ def test_dropped_files_go_where_they_belong(start: Start, tmp_path: Path) -> Non
     assert app.editor.session.takes == ()
 
 
+def test_a_glb_of_a_take_that_was_exported_here_is_a_take_alone(start: Start, tmp_path: Path) -> None:
+    app = start()
+    app.settings.export_folder = str(tmp_path)
+    record(app, 40)
+    app.exporting.open()
+    app.exporting.export()
+    run(app, 3)
+    before = app.editor.session
+    assert app.exporting.saved is not None
+    app.open_files([app.exporting.saved])
+    run(app, 3)
+    assert len(app.editor.session.takes) == len(before.takes) + 1
+    assert app.editor.session.character == before.character
+
+
 @pytest.mark.parametrize("suffix", [".glb", ".gltf", ".off", ".obj"])
 def test_a_dropped_mesh_without_a_skin_is_a_ground(start: Start, tmp_path: Path, suffix: str) -> None:
     import trimesh

@@ -138,6 +138,7 @@ def test_rows_are_not_mixed_with_those_of_other_options(clips: Path, tmp_path: P
     assert run(TABLE1, [*words, "--only", "pfnn"], "table1") == 0
 
 
+@pytest.mark.needs_torch
 @pytest.mark.parametrize(
     ("more", "problem"),
     [
@@ -157,6 +158,7 @@ def test_what_cannot_be_trained_is_refused_before_it_begins(
     assert work.done == []
 
 
+@pytest.mark.needs_torch
 def test_rows_without_training_say_so(tmp_path: Path, work: Work, capsys: pytest.CaptureFixture[str]) -> None:
     (model := tmp_path / "full" / "seed0" / "model").mkdir(parents=True)
     (model / "metadata.json").write_text("{}", encoding="utf-8")
@@ -168,6 +170,7 @@ def test_rows_without_training_say_so(tmp_path: Path, work: Work, capsys: pytest
         assert set(lines_of(text, row.title)[0].split(" | ")[2:]) <= {"–", "– |"}
 
 
+@pytest.mark.needs_torch
 def test_a_store_of_other_options_is_not_mixed_in(tmp_path: Path, work: Work) -> None:
     store = tmp_path / "table1.json"
     words = ["--clips", str(tmp_path), "--store", str(store)]

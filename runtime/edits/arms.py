@@ -48,20 +48,22 @@ from runtime.scalar_math import (
 from runtime.skeleton import SPORT_SKELETON
 
 ELBOW, OUT, SWING = range(len(ARM))
-MEAN_HALF_LIFE, RANGE_HALF_LIFE = 0.4, 0.6  # seconds in which the measures follow the pose
-HALF_LIFE = 0.25  # seconds in which what is added follows what is missing
+MEAN_HALF_LIFE_S, RANGE_HALF_LIFE_S = 0.4, 0.6  # seconds in which the measures follow the pose
+ADDED_HALF_LIFE_S = 0.25  # seconds in which what is added follows what is missing
 MOST = tuple(row.most for row in targets_of("arm").values())  # degrees that are added to elbow and shoulder
-MOST_GAIN = 2.5  # times its own that is added to a swing; the rest goes in step with the other side's leg
-LEAST_SWING = 0.06  # metres: an arm that swings less has no rhythm of its own
-LEAST_STRIDE = 0.15  # metres from end to end: a leg that swings less gives none
+# times its own that is added to a swing; the rest goes in step with the other side's leg
+MAX_SWING_GAIN = 2.5
+MIN_SWING_M = 0.06  # metres: an arm that swings less has no rhythm of its own
+MIN_STRIDE_M = 0.15  # metres from end to end: a leg that swings less gives none
 DEEPEST_BEND = radians(150.0)
-FAR = 0.15  # metres: a hand that comes from further has its elbow where the place has it
+FAR_HAND_M = 0.15  # metres: a hand that comes from further has its elbow where the place has it
 # an elbow further from there than the first is turned there, over the second
 TURNED, TURNS = radians(30.0), radians(40.0)
-HAND_FOLLOWS = 0.7  # of the way to a straight wrist, at a place
-TRUNK_X, TRUNK_Z = 0.165, 0.13  # metres from the middle of a trunk to its surface, for a wrist
-TRUNK_BELOW, TRUNK_ABOVE = -0.12, 0.32  # metres from the hips up the trunk within which that holds
-SHOULDERS = 0.5  # metres up the trunk below which a palm lies on it
+WRIST_STRAIGHTENING_FRACTION = 0.7  # of the way to a straight wrist, at a place
+# metres from the middle of a trunk to its surface, for a wrist
+TRUNK_HALF_WIDTH_M, TRUNK_HALF_DEPTH_M = 0.165, 0.13
+TRUNK_BOTTOM_M, TRUNK_TOP_M = -0.12, 0.32  # metres from the hips up the trunk within which that holds
+SHOULDER_HEIGHT_M = 0.5  # metres up the trunk below which a palm lies on it
 TOUCHING = 1.4, 1.8  # radii of the trunk within which a palm lies on it wholly, and beyond which it does not
 HEAD_MIDDLE: Vector = (0.0, 0.09, 0.02)  # metres from the joint of the head
 # metres from there within which a palm lies on it wholly, and beyond which it does not
@@ -70,7 +72,7 @@ MOST_TWIST, MOST_FLEXION = radians(80.0), radians(60.0)  # of forearm and wrist
 _LENGTHS = tuple(
     abs(float(SPORT_SKELETON.offsets[SPORT_SKELETON.index(n)][0])) for n in ("LeftForeArm", "LeftHand")
 )
-_REACH, _NEAREST = 0.995 * sum(_LENGTHS), 0.12  # metres from the shoulder
+_MAX_REACH_M, _MIN_REACH_M = 0.995 * sum(_LENGTHS), 0.12  # metres from the shoulder
 _SHOULDER = len(ARM)
 _NOWHERE = (0.0,) * (len(FRAMES) * (1 + len(PLACE)))
 
@@ -144,7 +146,7 @@ class ArmEdit:
         return self._put(arm, body, placed) if placed > 0.0 else arm
 
     def _observe(self, arm: ArmPose, body: Body) -> None:
-        halves = MEAN_HALF_LIFE, RANGE_HALF_LIFE
+        halves = MEAN_HALF_LIFE_S, RANGE_HALF_LIFE_S
         reach, upper = subtract(arm.wrist, arm.shoulder), subtract(arm.elbow, arm.shoulder)
         self.bend = self.bend.observed(degrees(_flexion(arm)), *halves)
         self.out = self.out.observed(arm.sign * dot(upper, body.side), *halves)
@@ -155,13 +157,13 @@ class ArmEdit:
         """Let what is added go towards what is missing."""
         known = self.bend.known
         bend = _lacking(targets[ELBOW], self.bend.middle)
-        self.more_bend = followed(self.more_bend, known * limited(bend, MOST[ELBOW]), HALF_LIFE)
+        self.more_bend = followed(self.more_bend, known * limited(bend, MOST[ELBOW]), ADDED_HALF_LIFE_S)
         angle = _lacking(targets[OUT], self.out.middle, _raised)
-        self.more_out = followed(self.more_out, known * limited(angle, MOST[OUT]), HALF_LIFE)
-        gain, swing = self.swing.gain(targets[SWING], LEAST_SWING, MOST_GAIN), targets[SWING]
+        self.more_out = followed(self.more_out, known * limited(angle, MOST[OUT]), ADDED_HALF_LIFE_S)
+        gain, swing = self.swing.gain(targets[SWING], MIN_SWING_M, MAX_SWING_GAIN), targets[SWING]
         rest = swing[0] * known * max(range_of(swing)[0] - self.swing.range * (1.0 + gain), 0.0)
-        self.more_swing = followed(self.more_swing, gain, HALF_LIFE)
-        self.in_step = followed(self.in_step, rest, HALF_LIFE)
+        self.more_swing = followed(self.more_swing, gain, ADDED_HALF_LIFE_S)
+        self.in_step = followed(self.in_step, rest, ADDED_HALF_LIFE_S)
         places: list[float] = []
         for frame in range(len(FRAMES)):
             first, now = _SHOULDER + frame * len(PLACE), frame * (1 + len(PLACE))
@@ -169,9 +171,9 @@ class ArmEdit:
             wanted = targets[first][0]
             if wanted > 1e-6:
                 goal = [least_of(target) for target in targets[first : first + len(PLACE)]]
-                moved = [followed(a, b, HALF_LIFE) for a, b in zip(place, goal, strict=True)]
+                moved = [followed(a, b, ADDED_HALF_LIFE_S) for a, b in zip(place, goal, strict=True)]
                 place = goal if weight < 1e-3 else moved
-            places += [followed(weight, wanted, HALF_LIFE), *place]
+            places += [followed(weight, wanted, ADDED_HALF_LIFE_S), *place]
         self.places = tuple(places) if any(places[:: 1 + len(PLACE)]) else _NOWHERE
 
     def _swung(self, arm: ArmPose, body: Body, weight: float) -> ArmPose:
@@ -183,7 +185,7 @@ class ArmEdit:
             return arm
         reach = subtract(arm.wrist, arm.shoulder)
         ahead, down = dot(reach, body.ahead), -reach[1]
-        step = max(self.stride.range, LEAST_STRIDE)
+        step = max(self.stride.range, MIN_STRIDE_M)
         more = (
             self.more_swing * (ahead - self.swing.middle)
             + self.in_step * (body.stride - self.stride.middle) / step
@@ -212,7 +214,7 @@ class ArmEdit:
             pole = add(pole, scale(rotate(points, (arm.sign * px, py, pz)), weight))
         wrist = add(arm.wrist, moved)
         wrist = add(wrist, scale(_out_of_trunk(wrist, arm.sign, body), placed))
-        return _laid(_reached(arm, wrist, pole, placed, smoothstep(length(moved) / FAR)), body, placed)
+        return _laid(_reached(arm, wrist, pole, placed, smoothstep(length(moved) / FAR_HAND_M)), body, placed)
 
 
 def _lacking(target: Target, has: float, angle: Callable[[float], float] = float) -> float:
@@ -260,7 +262,7 @@ def _reached(arm: ArmPose, wrist: Vector, pole: Vector, placed: float, far: floa
     """The arm by two-bone IK with its wrist there, the elbow on the side that it was, or towards `pole`."""
     a, b = _LENGTHS
     to = subtract(wrist, arm.shoulder)
-    reach = min(max(length(to), _NEAREST), _REACH)
+    reach = min(max(length(to), _MIN_REACH_M), _MAX_REACH_M)
     axis, before = unit(to), unit(subtract(arm.wrist, arm.shoulder))
     swing = between(before, axis)
     own = rotate(swing, perpendicular(subtract(arm.elbow, arm.shoulder), before))
@@ -278,7 +280,7 @@ def _reached(arm: ArmPose, wrist: Vector, pole: Vector, placed: float, far: floa
     bone: Vector = (arm.sign, 0.0, 0.0)
     lower = multiply(upper, relative(arm.upper, arm.lower))
     lower = multiply(between(unit(rotate(lower, bone)), unit(subtract(wrist, elbow))), lower)
-    hand = _towards(arm.hand, (1.0, 0.0, 0.0, 0.0), HAND_FOLLOWS * placed * far)
+    hand = _towards(arm.hand, (1.0, 0.0, 0.0, 0.0), WRIST_STRAIGHTENING_FRACTION * placed * far)
     return arm._replace(upper=upper, lower=lower, hand=hand, elbow=elbow, wrist=wrist)
 
 
@@ -303,7 +305,7 @@ class _Trunk(NamedTuple):
     @property
     def radii(self) -> float:
         """How far from the middle it is, 1 on the surface."""
-        return hypot(self.x / TRUNK_X, self.z / TRUNK_Z)
+        return hypot(self.x / TRUNK_HALF_WIDTH_M, self.z / TRUNK_HALF_DEPTH_M)
 
 
 def _by_trunk(wrist: Vector, body: Body) -> _Trunk:
@@ -318,12 +320,12 @@ def _by_trunk(wrist: Vector, body: Body) -> _Trunk:
 def _out_of_trunk(wrist: Vector, sign: float, body: Body) -> Vector:
     """The way out of the trunk, of a wrist inside it; nothing for one outside."""
     trunk = _by_trunk(wrist, body)
-    level = smoothstep((trunk.high - TRUNK_BELOW) / 0.06) * smoothstep((TRUNK_ABOVE - trunk.high) / 0.06)
+    level = smoothstep((trunk.high - TRUNK_BOTTOM_M) / 0.06) * smoothstep((TRUNK_TOP_M - trunk.high) / 0.06)
     x, z, deep = trunk.x, trunk.z, trunk.radii
     if level <= 0.0 or deep >= 1.0:
         return (0.0, 0.0, 0.0)
     if deep < 1e-3:
-        x, deep = sign * 1e-3 * TRUNK_X, 1e-3
+        x, deep = sign * 1e-3 * TRUNK_HALF_WIDTH_M, 1e-3
     out = level * (1.0 / deep - 1.0)
     return add(scale(trunk.side, out * x), scale(trunk.ahead, out * z))
 
@@ -337,9 +339,16 @@ def _touched(arm: ArmPose, body: Body) -> tuple[float, Vector, Vector]:
     if on_head > 0.0:
         return on_head, unit(from_head), rotate(head.turned, (-arm.sign, 0.0, 0.0))
     trunk = _by_trunk(arm.wrist, body)
-    level = smoothstep((trunk.high - TRUNK_BELOW) / 0.06) * smoothstep((SHOULDERS - trunk.high) / 0.06)
+    level = smoothstep((trunk.high - TRUNK_BOTTOM_M) / 0.06) * smoothstep(
+        (SHOULDER_HEIGHT_M - trunk.high) / 0.06
+    )
     near = smoothstep((TOUCHING[1] - trunk.radii) / (TOUCHING[1] - TOUCHING[0]))
-    out = unit(add(scale(trunk.side, trunk.x / TRUNK_X**2), scale(trunk.ahead, trunk.z / TRUNK_Z**2)))
+    out = unit(
+        add(
+            scale(trunk.side, trunk.x / TRUNK_HALF_WIDTH_M**2),
+            scale(trunk.ahead, trunk.z / TRUNK_HALF_DEPTH_M**2),
+        )
+    )
     # behind the back it is the back of a hand that lies there
     before = smoothstep((dot(out, trunk.ahead) + 0.9) / 0.3)
     return level * near * before, out, subtract(trunk.ahead, (0.0, 0.5, 0.0))

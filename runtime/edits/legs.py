@@ -28,23 +28,24 @@ from runtime.scalar_math import Quaternion, Vector, add, decay, dot, length, mul
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 
 OUTWARD, LOWER, PITCH, TOE_OUT, KNEE, LIFT = range(len(LEG))
-HALF_LIFE = 0.2  # seconds in which an edit follows its measure
-MEASURE_HALF_LIFE = 0.25  # seconds in which a measure follows the pose
-LINE_HALF_LIFE = 0.15  # seconds on both feet in which their line is measured,
-ON_ONE_FOOT = 0.2  # and what a second on one foot or none counts of that
-LIFT_HALF_LIFE = 2.0  # seconds in which the height of a swing, and the largest bend of a knee, are forgotten
-STIFFENS = 5.0  # degrees over the bend that is asked for, at which a knee is straightened wholly
-WALKS = 0.3  # m/s, from which on it is
-RISE_HALF_LIFE, MOST_RISE = 0.1, 0.05  # seconds, metres: the hips go with legs that stand elsewhere
-TIPTOE_RISE = 0.1  # metres that hips rise per radian of a raised heel, half of what the ankles do,
-HEEL_SINK = 0.045  # and that they sink per radian of raised toes
-ROLLED = 8.0  # degrees of a raised heel from which it does not stand
-ASIDE_HALF_LIFE, MOST_ASIDE = 0.06, 0.24  # seconds, metres that a straight leg swings outward
-MOST_TOE_UP = 0.7  # radians that its foot is turned up so that the toe clears the ground
-STANDS_BENT = radians(10.0)  # of a straight leg that stands: it carries the hips as high as it can
+ADDED_HALF_LIFE_S = 0.2  # seconds in which an edit follows its measure
+MEASURE_HALF_LIFE_S = 0.25  # seconds in which a measure follows the pose
+LINE_HALF_LIFE_S = 0.15  # seconds on both feet in which their line is measured,
+ONE_FOOT_WEIGHT = 0.2  # and what a second on one foot or none counts of that
+# seconds in which the height of a swing, and the largest bend of a knee, are forgotten
+LIFT_HALF_LIFE_S = 2.0
+STIFFENING_DEGREES = 5.0  # degrees over the bend that is asked for, at which a knee is straightened wholly
+MIN_WALKING_SPEED_M_PER_S = 0.3  # m/s, from which on it is
+RISE_HALF_LIFE_S, MAX_RISE_M = 0.1, 0.05  # seconds, metres: the hips go with legs that stand elsewhere
+TIPTOE_RISE_M_PER_RAD = 0.1  # metres that hips rise per radian of a raised heel, half of what the ankles do,
+HEEL_SINK_M_PER_RAD = 0.045  # and that they sink per radian of raised toes
+ROLLED_FOOT_DEGREES = 8.0  # degrees of a raised heel from which it does not stand
+SIDESTEP_HALF_LIFE_S, MAX_SIDESTEP_M = 0.06, 0.24  # seconds, metres that a straight leg swings outward
+MAX_TOE_UP_RAD = 0.7  # radians that its foot is turned up so that the toe clears the ground
+STANDING_BEND_RAD = radians(10.0)  # of a straight leg that stands: it carries the hips as high as it can
 BENT_M = 0.1  # hips that are lowered so far bend knees, whatever these are to do
-SWING_CLEARANCE = 0.03  # metres over its resting height that a straight leg swings
-UPRIGHT = 0.955  # metres of the hips over level ground in neutral walking
+SWING_CLEARANCE_M = 0.03  # metres over its resting height that a straight leg swings
+UPRIGHT_HIPS_M = 0.955  # metres of the hips over level ground in neutral walking
 _NOTHING = (0.0,) * len(LEG)
 _UP: Vector = (0.0, 1.0, 0.0)
 _FROM_HEEL: Vector = (0.0, ANKLE_HEIGHT, 0.05)  # metres from the heel to the ankle
@@ -77,7 +78,7 @@ class LegEdit:
     @property
     def lowered(self) -> float:
         """Metres that the hips are lower than in a neutral walk."""
-        return UPRIGHT - self.height
+        return UPRIGHT_HIPS_M - self.height
 
     def apply(
         self, height: float, legs: tuple[LegPose, LegPose], chances: list[float], request: EditRequest
@@ -94,8 +95,8 @@ class LegEdit:
         side: Vector = (cos(request.yaw), 0.0, -sin(request.yaw))  # towards the left
         pitches = [radians(each[PITCH]) for each in added]
         lower = self.left[LOWER]
-        up = -lower if lower > 1e-3 else TIPTOE_RISE * max(min(pitches), 0.0)
-        up += HEEL_SINK * min(max(pitches), 0.0)
+        up = -lower if lower > 1e-3 else TIPTOE_RISE_M_PER_RAD * max(min(pitches), 0.0)
+        up += HEEL_SINK_M_PER_RAD * min(max(pitches), 0.0)
         feet = [
             _low(_foot(leg, sign, each), each[LIFT], request.ground) if each[LIFT] else _foot(leg, sign, each)
             for leg, sign, each in zip(legs, (1.0, -1.0), added, strict=True)
@@ -115,17 +116,17 @@ class LegEdit:
         for k, (foot, ankle) in enumerate(zip(feet, moved, strict=True)):
             if added[k][KNEE] > 0.0:
                 ankle, aside = _straightened(foot, up, ankle, spans[k][1], bears[k], request)
-                swings[k] += (aside - swings[k]) * (1.0 - decay(ASIDE_HALF_LIFE))
+                swings[k] += (aside - swings[k]) * (1.0 - decay(SIDESTEP_HALF_LIFE_S))
                 ankle = add(ankle, scale(side, (1.0 - 2.0 * k) * swings[k]))
                 foot = _toe_over(
-                    foot, request.ground + TOE_HEIGHT + SWING_CLEARANCE - ankle[1], 1.0 - bears[k]
+                    foot, request.ground + TOE_HEIGHT + SWING_CLEARANCE_M - ankle[1], 1.0 - bears[k]
                 )
             toe = add(foot.toe, subtract(ankle, foot.ankle))
             hip, knee = ((p[0], p[1] + up, p[2]) for p in (foot.hip, foot.knee))
             result.append(foot._replace(hip=hip, knee=knee, toe=toe, ankle=ankle))
-            if added[k][PITCH] > ROLLED:
+            if added[k][PITCH] > ROLLED_FOOT_DEGREES:
                 chances[2 * k] = 0.0
-            if added[k][PITCH] < -ROLLED:
+            if added[k][PITCH] < -ROLLED_FOOT_DEGREES:
                 chances[2 * k + 1] = 0.0
         self.aside = (swings[0], swings[1])
         return up, result
@@ -135,22 +136,22 @@ class LegEdit:
     ) -> None:
         x, z = request.velocity
         speed = hypot(x, z)
-        if speed > WALKS:
+        if speed > MIN_WALKING_SPEED_M_PER_S:
             left, right = (
                 (z * (leg.ankle[0] - middle[0]) - x * (leg.ankle[2] - middle[2])) / speed
                 for middle in (scale(add(legs[0].hip, legs[1].hip), 0.5),)
                 for leg in legs
             )
-            seen = (1.0 - decay(LINE_HALF_LIFE)) * max(min(4.0 * bears[0] * bears[1], 1.0), ON_ONE_FOOT)
+            seen = (1.0 - decay(LINE_HALF_LIFE_S)) * max(min(4.0 * bears[0] * bears[1], 1.0), ONE_FOOT_WEIGHT)
             self.across += seen * (left - right - self.across)
             self.middle += seen * (0.5 * (left + right) - self.middle)
             self.known += seen * (1.0 - self.known)
-        follow = 1.0 - decay(MEASURE_HALF_LIFE)
+        follow = 1.0 - decay(MEASURE_HALF_LIFE_S)
         self.height = height if self.height == 0.0 else self.height + follow * (height - self.height)
         pitch, yaw, lift, bend = map(list, (self.pitch, self.yaw, self.lift, self.bend))
         for k, (leg, sign) in enumerate(zip(legs, (1.0, -1.0), strict=True)):
-            lift[k] = max(leg.ankle[1] - request.ground - ANKLE_HEIGHT, lift[k] * decay(LIFT_HALF_LIFE))
-            bend[k] = max(_bend(leg), bend[k] * decay(LIFT_HALF_LIFE))
+            lift[k] = max(leg.ankle[1] - request.ground - ANKLE_HEIGHT, lift[k] * decay(LIFT_HALF_LIFE_S))
+            bend[k] = max(_bend(leg), bend[k] * decay(LIFT_HALF_LIFE_S))
             if bears[k] > 0.5:
                 ahead = subtract(leg.toe, leg.ankle)
                 turned = (atan2(ahead[0], ahead[2]) - request.yaw + pi) % (2.0 * pi) - pi
@@ -168,7 +169,11 @@ class LegEdit:
             goal[LOWER] = lower
             goal[KNEE] *= max(1.0 - lower / BENT_M, 0.0)
             before = getattr(self, name)
-            setattr(self, name, tuple(followed(a, b, HALF_LIFE) for a, b in zip(before, goal, strict=True)))
+            setattr(
+                self,
+                name,
+                tuple(followed(a, b, ADDED_HALF_LIFE_S) for a, b in zip(before, goal, strict=True)),
+            )
 
     def _missing(self, targets: Targets, leg: int, middle: float) -> list[float]:
         beside = (0.5 * self.across + (-middle if leg else middle)) / max(self.known, 1e-6)
@@ -180,7 +185,7 @@ class LegEdit:
         wanted[OUTWARD] *= self.known
         wanted[LOWER] = max(wanted[LOWER], 0.0)
         most, bend = range_of(targets[KNEE])[1], self.bend[leg]
-        stiffens = limited(max(bend - most, 0.0) / STIFFENS, 1.0)
+        stiffens = limited(max(bend - most, 0.0) / STIFFENING_DEGREES, 1.0)
         wanted[KNEE] = targets[KNEE][0] * limited(most, MOST_OF_LEG[KNEE]) * stiffens
         lift, has = range_of(targets[LIFT])[1], self.lift[leg]
         wanted[LIFT] = targets[LIFT][0] * max(1.0 - lift / max(has, 1e-3), 0.0)
@@ -203,8 +208,8 @@ class LegEdit:
                 max(dot(was, was), least * least) - min(now[0] ** 2 + now[2] ** 2, dot(was, was) - 0.04)
             )
             total, rise = total + weight, rise + weight * (height - now[1])
-        rise = min(max(rise / max(total, 0.5), -MOST_RISE), MOST_RISE)
-        self.rise += (rise - self.rise) * (1.0 - decay(RISE_HALF_LIFE))
+        rise = min(max(rise / max(total, 0.5), -MAX_RISE_M), MAX_RISE_M)
+        self.rise += (rise - self.rise) * (1.0 - decay(RISE_HALF_LIFE_S))
         return self.rise
 
 
@@ -265,7 +270,7 @@ def _straight(leg: LegPose, added: float, asked: Target) -> tuple[float, float]:
     thigh, shin, reach = dist(leg.knee, leg.hip), dist(leg.ankle, leg.knee), dist(leg.ankle, leg.hip)
     stands, swings = (
         sqrt(thigh * thigh + shin * shin + 2.0 * thigh * shin * cos(bend))
-        for bend in (min(most, STANDS_BENT), most)
+        for bend in (min(most, STANDING_BEND_RAD), most)
     )
     weight = min(radians(added) / most, 1.0)
     return reach + weight * max(stands - reach, 0.0), reach + weight * max(swings - reach, 0.0)
@@ -282,12 +287,12 @@ def _straightened(
     along = subtract(ankle, hip)
     reach = max(length(along), 1e-6)
     target = add(hip, scale(along, max(straight / reach, 1.0)))
-    floor = request.ground + ANKLE_HEIGHT + SWING_CLEARANCE
+    floor = request.ground + ANKLE_HEIGHT + SWING_CLEARANCE_M
     floor += min(bears, 1.0) * min(ankle[1] - floor, 0.0)  # what stands, stands
     sunk, drop = max(floor - target[1], 0.0), hip[1] - target[1]
     # the leg keeps its length and its place along the way: what it rises it goes aside
     aside = (1.0 - min(bears, 1.0)) * sqrt(max(drop * drop - (drop - sunk) ** 2, 0.0))
-    return (target[0], target[1] + sunk, target[2]), min(aside, MOST_ASIDE)
+    return (target[0], target[1] + sunk, target[2]), min(aside, MAX_SIDESTEP_M)
 
 
 def _toe_over(leg: LegPose, lowest: float, swings: float) -> LegPose:
@@ -297,7 +302,7 @@ def _toe_over(leg: LegPose, lowest: float, swings: float) -> LegPose:
         return leg
     long = length(ahead)
     turn = asin(max(min(lowest / long, 1.0), -1.0)) - asin(max(min(ahead[1] / long, 1.0), -1.0))
-    up = _about(rotate(leg.foot, (1.0, 0.0, 0.0)), -swings * min(turn, MOST_TOE_UP))
+    up = _about(rotate(leg.foot, (1.0, 0.0, 0.0)), -swings * min(turn, MAX_TOE_UP_RAD))
     return leg._replace(foot=multiply(up, leg.foot), toe=add(leg.ankle, rotate(up, ahead)))
 
 

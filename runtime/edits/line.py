@@ -15,13 +15,13 @@ from runtime.pose import FPS
 from runtime.scalar_math import Vector, add, decay, dot, scale, subtract
 
 STEP_HALF_LIFE = 0.04  # seconds in which a swinging foot comes before the one that stands
-FOLLOWS = 0.55  # of the way there that it goes: by the rest the network keeps its balance
-MOST_STEP = 0.15  # metres that a step goes elsewhere
+FOLLOWED_FRACTION = 0.55  # of the way there that it goes: by the rest the network keeps its balance
+MAX_STEP_CHANGE_M = 0.15  # metres that a step goes elsewhere
 CLEAR_M, PASSING_M = 0.1, 0.27  # a foot passes the other at this distance, while it is so near along the way
-WALKS = 0.3  # m/s, from which on it is
-DRIFT_HALF_LIFE, MOST_DRIFT = 1.0, 0.3  # seconds in which a drift to one side is seen, m/s
+MIN_WALKING_SPEED_M_PER_S = 0.3  # m/s, from which on it is
+DRIFT_HALF_LIFE, MAX_DRIFT_M_PER_S = 1.0, 0.3  # seconds in which a drift to one side is seen, m/s
 OFF_HALF_LIFE = 0.5  # seconds in which it is seen that the line runs beside the hips
-CENTRING, MOST_CENTRING = 0.5, 0.05  # of that, and metres, that a step comes back under them
+CENTRING_FRACTION, MAX_CENTRING_M = 0.5, 0.05  # of that, and metres, that a step comes back under them
 
 
 @dataclass
@@ -48,13 +48,13 @@ class FootLine:
         stand = request.feet or (ankles[0], ankles[1])
         off = dot(subtract(scale(add(*stand), 0.5), hips), side)
         self.off += (1.0 - decay(OFF_HALF_LIFE)) * (off - self.off)
-        centring = limited(CENTRING * self.off, MOST_CENTRING)
+        centring = limited(CENTRING_FRACTION * self.off, MAX_CENTRING_M)
         wanted = sum(range_of(leg[OUTWARD])[1] for leg in request.targets[:2])
         steps, moved = [self.left, self.right], []
         for k, (sign, ankle, other) in enumerate(zip((1.0, -1.0), ankles, stand[::-1], strict=True)):
             apart, free = subtract(ankle, other), max(1.0 - bears[k], 0.0)
             gap = sign * dot(apart, side)
-            goal = FOLLOWS * by * limited(sign * (wanted - gap) - centring, MOST_STEP)
+            goal = FOLLOWED_FRACTION * by * limited(sign * (wanted - gap) - centring, MAX_STEP_CHANGE_M)
             steps[k] += (1.0 - decay(STEP_HALF_LIFE)) * free * (goal - steps[k])
             ahead = apart[2] * side[0] - apart[0] * side[2]
             near = max(1.0 - (ahead / PASSING_M) ** 2, 0.0)
@@ -67,12 +67,14 @@ class FootLine:
         """To the left across the way that the hips go."""
         x, z = request.velocity
         speed = hypot(x, z)
-        if speed < WALKS:
+        if speed < MIN_WALKING_SPEED_M_PER_S:
             x, z, self.known = sin(request.yaw), cos(request.yaw), 0.0
         else:
             if self.known:
                 drift = (z * (hips[0] - self.x) - x * (hips[2] - self.z)) / speed * FPS
-                self.drift += (1.0 - decay(DRIFT_HALF_LIFE)) * (limited(drift, MOST_DRIFT) - self.drift)
+                self.drift += (1.0 - decay(DRIFT_HALF_LIFE)) * (
+                    limited(drift, MAX_DRIFT_M_PER_S) - self.drift
+                )
             turn = self.drift / speed
             x, z, self.known = x + turn * z, z - turn * x, 1.0
         self.x, self.z = hips[0], hips[2]

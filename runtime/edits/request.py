@@ -33,7 +33,7 @@ SHAPE = (len(GAITS), len(PARTS), WIDTH, 3)  # of what is asked for: each target'
 OUTWARD = LEG.index("outward")
 PACED = len(LEG)  # the column of a leg's pace
 # metres of a foot from the middle line while both stand, in usual and in narrow walking
-USUAL, NARROW = 0.05, 0.02
+USUAL_OUTWARD_M, NARROW_OUTWARD_M = 0.05, 0.02
 MOST_OF_LEG = tuple(targets_of("leg")[name].most for name in LEG)  # that is added
 LARGEST = 200.0  # degrees, metres of any target; of an open end
 Target = list[float]  # weight, and both ends of the range times that
@@ -77,7 +77,12 @@ def narrow(targets: list[Targets]) -> float:
     found = []
     for leg in targets[:ROW_TRUNK]:
         outward = leg[OUTWARD]
-        found.append(outward[0] * min(max((USUAL - range_of(outward)[1]) / (USUAL - NARROW), 0.0), 1.0))
+        found.append(
+            outward[0]
+            * min(
+                max((USUAL_OUTWARD_M - range_of(outward)[1]) / (USUAL_OUTWARD_M - NARROW_OUTWARD_M), 0.0), 1.0
+            )
+        )
     return min(found)
 
 

@@ -46,21 +46,24 @@ from runtime.skeleton import SPORT_SKELETON
 
 LEAN, ASIDE, TWIST, SWAY, ROCK, BOUNCE, FOLD, SHRUG = range(len(TRUNK))
 MOST = tuple(row.most for row in targets_of("torso").values())  # degrees that are added
-MOST_GAIN, MOST_SHIFT, MOST_ROCK = 2.5, 0.07, 12.0  # of sway and rock: times the network's; metres, degrees
-MOST_BOUNCE = 0.06  # metres that hips go down or up
-SINKS = 0.35  # of a bounce's range, that hips are lower: legs grow no longer
-MEAN_HALF_LIFE = 0.4  # seconds in which the measures follow the pose,
-RANGE_HALF_LIFE = 0.6  # and the ranges of sway, rock and bounce
-HALF_LIFE = 0.36  # seconds in which what is added follows what is missing
-MOST_SWAY = 0.06  # metres from end to end over feet on a line: less than half a foot's width to either side
+# of sway and rock: times the network's; metres, degrees
+MAX_SWING_GAIN, MAX_SHIFT_M, MAX_ROCK_DEGREES = 2.5, 0.07, 12.0
+MAX_BOUNCE_M = 0.06  # metres that hips go down or up
+SINKING_FRACTION = 0.35  # of a bounce's range, that hips are lower: legs grow no longer
+MEAN_HALF_LIFE_S = 0.4  # seconds in which the measures follow the pose,
+RANGE_HALF_LIFE_S = 0.6  # and the ranges of sway, rock and bounce
+ADDED_HALF_LIFE_S = 0.36  # seconds in which what is added follows what is missing
+# metres from end to end over feet on a line: less than half a foot's width to either side
+MAX_LINE_SWAY_M = 0.06
 # metres, degrees: what swings less is not amplified more
-LEAST_SWAY, LEAST_ROCK, LEAST_BOUNCE = 0.008, 1.0, 0.008
-LOOKS_AHEAD = 0.6  # of what is added, that the neck takes back
-HANGS = 0.65  # of a lean that is added, that the arms take back
+MIN_SWAY_M, MIN_ROCK_DEGREES, MIN_BOUNCE_M = 0.008, 1.0, 0.008
+NECK_FRACTION = 0.6  # of what is added, that the neck takes back
+HANGING_ARM_FRACTION = 0.65  # of a lean that is added, that the arms take back
 # seconds, degrees: a trunk folds so far over what it leans all the time
-STEADY_HALF_LIFE, STEADY_MORE = 2.0, 8.0
-TIPS, BACK = 20.0, 15.0  # degrees that a trunk tips to a side, and leans back, at most, over what is said
-EASE = 5.0  # degrees before either bound, from which it is slowed down
+STEADY_HALF_LIFE_S, STEADY_LEAN_MARGIN_DEGREES = 2.0, 8.0
+# degrees that a trunk tips to a side, and leans back, at most, over what is said
+MAX_TIP_DEGREES, MAX_BACK_LEAN_DEGREES = 20.0, 15.0
+BOUND_EASE_DEGREES = 5.0  # degrees before either bound, from which it is slowed down
 _AT = SPORT_SKELETON.index
 _SPINE, _NECK = tuple(map(_AT, ("LowerBack", "Spine", "Spine1"))), _AT("Neck")
 _COLLARS = _AT("LeftShoulder"), _AT("RightShoulder")
@@ -107,8 +110,12 @@ class TrunkEdit:
     def watch(self, lean: float, aside: float, fold: float) -> bool:
         """Whether a trunk that leans by so many degrees comes near the bound of a fold, `fold`, or tips over; called in every frame."""
         shown = max(min(lean, self._bound(fold)), -self._back(0.0))
-        self.steady += (1.0 - decay(STEADY_HALF_LIFE)) * (shown - self.steady)
-        return lean > self._bound(fold) - EASE or -lean > self._back(0.0) - EASE or abs(aside) > TIPS - EASE
+        self.steady += (1.0 - decay(STEADY_HALF_LIFE_S)) * (shown - self.steady)
+        return (
+            lean > self._bound(fold) - BOUND_EASE_DEGREES
+            or -lean > self._back(0.0) - BOUND_EASE_DEGREES
+            or abs(aside) > MAX_TIP_DEGREES - BOUND_EASE_DEGREES
+        )
 
     def apply(self, hips: Vector, local: Array, request: EditRequest) -> Moved:
         """The trunk as it is asked for, of hips at a place and local rotations `(31, 4)`."""
@@ -127,7 +134,7 @@ class TrunkEdit:
             leans = shown[LEAN] + lean
             lean -= weight * _too_far(leans, self._bound(most))
             lean += weight * _too_far(-leans, self._back(min(range_of(targets[LEAN])[1], 0.0)))
-            aside, tips = shown[ASIDE] + rolled, TIPS + abs(least_of(targets[ASIDE]))
+            aside, tips = shown[ASIDE] + rolled, MAX_TIP_DEGREES + abs(least_of(targets[ASIDE]))
             rolled -= weight * copysign(_too_far(abs(aside), tips), aside)
         if lean or rolled or self.more_twist:
             local = _turned(local, rotations, (lean, rolled, self.more_twist), (side, ahead))
@@ -141,11 +148,11 @@ class TrunkEdit:
         return any(abs(getattr(self, name)) > 1e-3 for name in _ADDED)
 
     def _bound(self, fold: float) -> float:
-        return max(fold, self.steady + STEADY_MORE)
+        return max(fold, self.steady + STEADY_LEAN_MARGIN_DEGREES)
 
     def _back(self, said: float) -> float:
         """Degrees that the trunk leans back at most, of which so much is said (negative: back)."""
-        return max(BACK - min(said, 0.0), STEADY_MORE - self.steady)
+        return max(MAX_BACK_LEAN_DEGREES - min(said, 0.0), STEADY_LEAN_MARGIN_DEGREES - self.steady)
 
     def _edit(
         self, hips: Vector, shown: tuple[float, float, float], side: Vector, request: EditRequest
@@ -153,24 +160,24 @@ class TrunkEdit:
         """Metres that hips move to the left and up, degrees that the trunk leans forward and to the left."""
         if self.lean.known == 0.0:
             self.x, self.z, self.east, self.south = hips[0], hips[2], 0.0, 0.0
-        mean, halves = 1.0 - decay(MEAN_HALF_LIFE), (MEAN_HALF_LIFE, RANGE_HALF_LIFE)
+        mean, halves = 1.0 - decay(MEAN_HALF_LIFE_S), (MEAN_HALF_LIFE_S, RANGE_HALF_LIFE_S)
         east, south = request.velocity
         self.east += mean * (east - self.east)
         self.south += mean * (south - self.south)
         x, z = self.x + self.east / FPS, self.z + self.south / FPS  # the mean goes along
         self.x, self.z = x + mean * (hips[0] - x), z + mean * (hips[2] - z)
         swayed = (hips[0] - self.x) * side[0] + (hips[2] - self.z) * side[2]
-        swayed = limited(swayed, MOST_SHIFT)  # what is more turns or sets off
+        swayed = limited(swayed, MAX_SHIFT_M)  # what is more turns or sets off
         height = hips[1] - request.ground
         for name, value in zip(_MEASURED, (*shown, swayed, height), strict=True):
             setattr(self, name, getattr(self, name).observed(value, *halves))
         self._follow(request.targets[ROW_TRUNK], narrow(request.targets))
-        rocked = limited(self.more_rock * (shown[ASIDE] - self.aside.middle), MOST_ROCK)
-        sinks = SINKS * self.bounce.range if self.more_bounce > 0.0 else 0.0
+        rocked = limited(self.more_rock * (shown[ASIDE] - self.aside.middle), MAX_ROCK_DEGREES)
+        sinks = SINKING_FRACTION * self.bounce.range if self.more_bounce > 0.0 else 0.0
         bounced = self.more_bounce * (height - self.bounce.middle - sinks)
         return (
-            limited(self.more_sway * swayed, MOST_SHIFT),
-            limited(bounced, MOST_BOUNCE),
+            limited(self.more_sway * swayed, MAX_SHIFT_M),
+            limited(bounced, MAX_BOUNCE_M),
             self.more_lean,
             self.more_aside + rocked,
         )
@@ -181,24 +188,28 @@ class TrunkEdit:
             (("lean", self.lean), ("aside", self.aside), ("twist", self.twist))
         ):
             goal = measure.known * limited(lacking(targets[k], measure.middle), MOST[k])
-            setattr(self, f"more_{name}", followed(getattr(self, f"more_{name}"), goal, HALF_LIFE))
-        self.shrug = followed(self.shrug, limited(targets[SHRUG][1], MOST[SHRUG]), HALF_LIFE)
+            setattr(self, f"more_{name}", followed(getattr(self, f"more_{name}"), goal, ADDED_HALF_LIFE_S))
+        self.shrug = followed(self.shrug, limited(targets[SHRUG][1], MOST[SHRUG]), ADDED_HALF_LIFE_S)
         for k, name, measure, least in (
-            (SWAY, "sway", self.sway, LEAST_SWAY),
-            (ROCK, "rock", self.aside, LEAST_ROCK),
-            (BOUNCE, "bounce", self.bounce, LEAST_BOUNCE),
+            (SWAY, "sway", self.sway, MIN_SWAY_M),
+            (ROCK, "rock", self.aside, MIN_ROCK_DEGREES),
+            (BOUNCE, "bounce", self.bounce, MIN_BOUNCE_M),
         ):
-            goal = measure.gain(targets[k], least, MOST_GAIN)
+            goal = measure.gain(targets[k], least, MAX_SWING_GAIN)
             if k == SWAY:
-                most = measure.known * (MOST_SWAY / max(measure.range, MOST_SWAY) - 1.0)
+                most = measure.known * (MAX_LINE_SWAY_M / max(measure.range, MAX_LINE_SWAY_M) - 1.0)
                 goal += on_a_line * min(most - goal, 0.0)
-            setattr(self, f"more_{name}", followed(getattr(self, f"more_{name}"), goal, HALF_LIFE))
+            setattr(self, f"more_{name}", followed(getattr(self, f"more_{name}"), goal, ADDED_HALF_LIFE_S))
 
 
 def _too_far(angle: float, bound: float) -> float:
     """Degrees by which a trunk leans too far: it is slowed down before the bound, and stops there."""
-    over = max(angle - bound + EASE, 0.0)
-    return over * over / (4.0 * EASE) if over < 2.0 * EASE else over - EASE
+    over = max(angle - bound + BOUND_EASE_DEGREES, 0.0)
+    return (
+        over * over / (4.0 * BOUND_EASE_DEGREES)
+        if over < 2.0 * BOUND_EASE_DEGREES
+        else over - BOUND_EASE_DEGREES
+    )
 
 
 def _angles(rotations: list[Quaternion], side: Vector, ahead: Vector) -> tuple[float, float, float]:
@@ -228,10 +239,10 @@ def _turned(
         result[joint] = made
         parent = multiply(parent, made)
         turn = (1.0, 0.0, 0.0, 0.0)
-    back = _leant(side, -LOOKS_AHEAD * lean, ahead, -LOOKS_AHEAD * aside)
-    back = multiply(back, from_vector(scale(_UP, -LOOKS_AHEAD * twist)))
+    back = _leant(side, -NECK_FRACTION * lean, ahead, -NECK_FRACTION * aside)
+    back = multiply(back, from_vector(scale(_UP, -NECK_FRACTION * twist)))
     result[_NECK] = relative(parent, multiply(back, multiply(parent, rotations[-1])))
-    back = _leant(side, -HANGS * lean, ahead, -HANGS * aside)
+    back = _leant(side, -HANGING_ARM_FRACTION * lean, ahead, -HANGING_ARM_FRACTION * aside)
     for collar, arm in zip(_COLLARS, _ARMS, strict=True):
         base = multiply(parent, tuple(local[collar].tolist()))
         result[arm] = relative(base, multiply(back, multiply(base, tuple(local[arm].tolist()))))

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.feet.ik import EASE_REACH, MAX_REACH
+from runtime.feet.ik import EASE_REACH_FRACTION, MAX_REACH
 from runtime.feet.leg import Knee, LegPose, bent, leg_forward, leg_inverse, toes_raised, turned_out
 from runtime.feet.narrow_support import Balance, SidewaysLead, may_be_narrow, pull_of_beam, side_of_beam
 from runtime.feet.next_step import SteppedOver, has_edges
@@ -28,7 +28,7 @@ from runtime.terrain.height_map import PointHeights, Terrain
 UNLOADED_FOOT_WEIGHT = 0.05  # of a foot without contact, in what carries the hips
 BENT_LEG_FRACTION = 0.93  # of a leg's length: one that spans less carries no height
 # a network shows toes at heel strike 13 % lower than captured ones (`python -m training.evaluation gait`, "toes up")
-MORE_TOES_UP = 0.14
+ADDED_TOES_UP_FRACTION = 0.14
 
 
 @dataclass
@@ -73,7 +73,7 @@ class PelvisOffset:
             total += weight
             if foot.anchor:
                 # what needs no easing, or what the incoming leg spans
-                reach = foot.bones.length * max(MAX_REACH - EASE_REACH, spans / foot.bones.length)
+                reach = foot.bones.length * max(MAX_REACH - EASE_REACH_FRACTION, spans / foot.bones.length)
                 least = min(least, rise_for(leg.hip, foot.ankle, reach))
         self.carried, self.speed = damp(self.carried, self.speed, carried / total, s.carry_half_life, dt)
         carried = self.carried
@@ -90,7 +90,7 @@ class PelvisOffset:
     def _room_to_rise(self, legs: Sequence[LegPose], feet: Sequence[PlantedFoot]) -> float:
         """Metres over `offset` at which the first held leg is straight."""
         spans = [
-            rise_for(leg.hip, foot.ankle, (MAX_REACH - EASE_REACH) * foot.bones.length)
+            rise_for(leg.hip, foot.ankle, (MAX_REACH - EASE_REACH_FRACTION) * foot.bones.length)
             for leg, foot in zip(legs, feet, strict=True)
             if foot.anchor
         ]
@@ -127,7 +127,7 @@ def carrying_rise(legs: Sequence[LegPose], spans: Sequence[float], bears: Sequen
 
 def _with_toes_up(leg: LegPose, ground: PointHeights) -> LegPose:
     rise = ground.height(leg.toe[0], leg.toe[2]) - ground.height(leg.ankle[0], leg.ankle[2])
-    return toes_raised(leg, MORE_TOES_UP, rise)
+    return toes_raised(leg, ADDED_TOES_UP_FRACTION, rise)
 
 
 class Support(NamedTuple):

@@ -15,13 +15,11 @@ LEG_SHINS = np.array([3, 8])
 LEG_FEET = np.array([4, 9])
 LEG_TOES = np.array([5, 10])
 
-MAX_REACH = (
-    0.9998  # of the leg's length (2.3 degrees): a knee never locks, so its bending plane stays defined
-)
-EASE_REACH = (
-    0.001  # of the leg's length: what a leg straightens beyond its own pose is approached with falling speed
-)
-MIN_REACH = 0.2  # of the leg's length: about 155 degrees of knee flexion
+# of the leg's length (2.3 degrees): a knee never locks, so its bending plane stays defined
+MAX_REACH = 0.9998
+# of the leg's length: what a leg straightens beyond its own pose is approached with falling speed
+EASE_REACH_FRACTION = 0.001
+MIN_REACH_FRACTION = 0.2  # of the leg's length: about 155 degrees of knee flexion
 POLE_WEIGHT_M = 0.01  # pull of the pole on the bending plane, as metres of knee offset
 _FORWARD = np.array([0.0, 0.0, 1.0])
 
@@ -29,16 +27,16 @@ _FORWARD = np.array([0.0, 0.0, 1.0])
 def soft_reach(distance: Array, length: Array, span: Array | float = 0.0) -> Array:
     """Distance that a leg of `length` may span when `distance` is requested and the incoming pose spans `span`.
 
-    Equal to the requested distance up to `MAX_REACH - EASE_REACH` of the length, and always up to `span`: a leg that the pose
+    Equal to the requested distance up to `MAX_REACH - EASE_REACH_FRACTION` of it, and always up to `span`: a leg that the pose
     itself shows so straight needs no easing. Beyond, eased quadratically towards `MAX_REACH` of the length. The knee
     angle grows with the square root of the missing length, so that without easing it moves at any speed.
     """
     length = np.asarray(length)
-    start = np.maximum((MAX_REACH - EASE_REACH) * length, np.minimum(span, length))
+    start = np.maximum((MAX_REACH - EASE_REACH_FRACTION) * length, np.minimum(span, length))
     room = np.maximum(MAX_REACH * length - start, 1e-9 * length)
     over = np.clip(np.asarray(distance) - start, 0.0, 2.0 * room)
     eased = np.minimum(distance, start) + over - over * over / (4.0 * room)
-    return np.maximum(eased, MIN_REACH * length)
+    return np.maximum(eased, MIN_REACH_FRACTION * length)
 
 
 def two_bone(

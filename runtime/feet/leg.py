@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from math import acos, asin, atan2, copysign, cos, dist, hypot, radians, sin, sqrt
 from typing import NamedTuple
 
-from runtime.feet.ik import EASE_REACH, MAX_REACH, MIN_REACH, POLE_WEIGHT_M
+from runtime.feet.ik import EASE_REACH_FRACTION, MAX_REACH, MIN_REACH_FRACTION, POLE_WEIGHT_M
 from runtime.scalar_math import (
     Quaternion,
     Vector,
@@ -154,10 +154,10 @@ def rolled(to_hip: Vector, along: Vector, cosine: float) -> Vector:
 
 def soft_reach(distance: float, leg_length: float, span: float = 0.0) -> float:
     """Scalar twin of `runtime.feet.ik.soft_reach`."""
-    start = max((MAX_REACH - EASE_REACH) * leg_length, min(span, leg_length))
+    start = max((MAX_REACH - EASE_REACH_FRACTION) * leg_length, min(span, leg_length))
     room = max(MAX_REACH * leg_length - start, 1e-9 * leg_length)
     over = min(max(distance - start, 0.0), 2.0 * room)
-    return max(min(distance, start) + over - over * over / (4.0 * room), MIN_REACH * leg_length)
+    return max(min(distance, start) + over - over * over / (4.0 * room), MIN_REACH_FRACTION * leg_length)
 
 
 def _bend(axis: Vector, knee: Vector, pole: Vector) -> Vector:

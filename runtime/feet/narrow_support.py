@@ -26,11 +26,11 @@ AROUND_M = 0.08  # farther out it passes the other foot,
 PASSES_M = 0.25  # while it is so near to it along the way
 LIFTED_M = 0.06  # and so high
 HALF_LIFE_S = 0.06
-PULL_PER_S, FASTEST_PULL = 1.5, 0.3  # of the root's way to the middle; m/s
+PULL_PER_S, MAX_PULL_M_PER_S = 1.5, 0.3  # of the root's way to the middle; m/s
 NOTHING: Vector = (0.0, 0.0, 0.0)
 
 ARMS = (SPORT_SKELETON.index("LeftArm"), SPORT_SKELETON.index("RightArm"))
-OUT = 0.5  # radians that the arms are held out,
+ARMS_OUT_RAD = 0.5  # radians that the arms are held out,
 OUT_HALF_LIFE_S = 0.25  # in about twice so long
 
 
@@ -79,7 +79,7 @@ def pull_of_beam(hips: Vector, side: Vector | None, ground: PointHeights) -> tup
     way = None if side is None else to_middle(hips, side, ground)
     if side is None or way is None:
         return 0.0, 0.0
-    speed = min(max(PULL_PER_S * way, -FASTEST_PULL), FASTEST_PULL)
+    speed = min(max(PULL_PER_S * way, -MAX_PULL_M_PER_S), MAX_PULL_M_PER_S)
     return speed * side[0], speed * side[2]
 
 
@@ -134,7 +134,9 @@ class Balance:
             self.fraction = 0.0
             return local
         result = np.array(local, np.float64)
-        angle = OUT * self.fraction * np.array([1.0, -1.0])  # about the way ahead, as the chest faces
+        angle = (
+            ARMS_OUT_RAD * self.fraction * np.array([1.0, -1.0])
+        )  # about the way ahead, as the chest faces
         turn = rotations.from_axis_angle(np.tile([0.0, 0.0, 1.0], (2, 1)), angle)
         result[list(ARMS)] = rotations.multiply(turn, result[list(ARMS)])
         return result.astype(local.dtype)

@@ -15,15 +15,15 @@ from runtime.skeleton import ANKLE_HEIGHT
 from runtime.terrain.height_map import PointHeights
 
 RISE_M, RUN_M = 0.08, 0.1  # ground that rises so much within so little has edges
-TURNING = 0.08  # fraction of a frame in the mean velocity of the hip
-SLOWEST = 0.25  # m/s of a hip whose foot is taken to step somewhere
+HIP_VELOCITY_FRACTION = 0.08  # fraction of a frame in the mean velocity of the hip
+MIN_HIP_SPEED_M_PER_S = 0.25  # m/s of a hip whose foot is taken to step somewhere
 SHORTEST_S, LONGEST_S, SOONEST_S = 0.2, 1.5, 0.04  # between two landings; until the next one
 STEP_M = 0.1, 2.5  # of a step
 FASTER = 0.6, 1.6  # times its length, where the body has become slower or faster
 NEARLY_S, SOON_S = 0.18, 0.42  # before an edge a foot is as high as it has to be, and begins to rise
 SPACING_M = 0.04
 CLEARANCE_M, EDGE_M = 0.05, 0.08  # between a sole and an edge, so far before and behind it
-LEAST_M, STEEP = 0.03, 0.7  # higher than a foot stands, and rise over run: less is no edge
+LEAST_M, EDGE_SLOPE = 0.03, 0.7  # higher than a foot stands, and rise over run: less is no edge
 # from an ankle to the near edge of a bar or gap, and to its far edge: a foot stands clear of both
 TOE_M, HEEL_M = 0.19, 0.1
 FARTHEST_M = 0.4  # that a foot is led on
@@ -115,8 +115,8 @@ class NextStep:
         """Read an incoming leg: where the hip goes, and where the foot comes down; `down` tells that it has, held or not."""
         (x, _, z), (ankle_x, _, ankle_z) = leg.hip, leg.ankle
         if self.watched:
-            self.way_x += ((x - self.hip_x) / dt - self.way_x) * TURNING
-            self.way_z += ((z - self.hip_z) / dt - self.way_z) * TURNING
+            self.way_x += ((x - self.hip_x) / dt - self.way_x) * HIP_VELOCITY_FRACTION
+            self.way_z += ((z - self.hip_z) / dt - self.way_z) * HIP_VELOCITY_FRACTION
         self.hip_x, self.hip_z, self.watched = x, z, True
         came = (held or down) and not self.stood and self.since > SHORTEST_S
         self.held, self.stood, self.metres, self.seconds = held, held or down, 0.0, 0.0
@@ -125,10 +125,10 @@ class NextStep:
         way_x, way_z = self.way_x / max(speed, 1e-6), self.way_z / max(speed, 1e-6)
         step = (ankle_x - other.landed_x) * way_x + (ankle_z - other.landed_z) * way_z
         if came:
-            if speed > SLOWEST and STEP_M[0] < step < STEP_M[1] and other.since < LONGEST_S:
+            if speed > MIN_HIP_SPEED_M_PER_S and STEP_M[0] < step < STEP_M[1] and other.since < LONGEST_S:
                 self.step, self.step_seconds, self.step_speed = step, other.since, speed
             self.landed_x, self.landed_z, self.since = ankle_x, ankle_z, 0.0
-        elif not held and speed > SLOWEST and other.since < LONGEST_S:
+        elif not held and speed > MIN_HIP_SPEED_M_PER_S and other.since < LONGEST_S:
             self.second = self.since < other.since
             faster = min(max(speed / self.step_speed, FASTER[0]), FASTER[1])
             if self.second:
@@ -195,7 +195,7 @@ class NextStep:
             below, metre = ground.height(point[0], point[2]), SPACING_M
             while metre <= farthest:
                 ahead = ground.height(point[0] + metre * x, point[2] + metre * z)
-                if ahead - below > LEAST_M + STEEP * metre and ahead + CLEARANCE_M - low > lift:
+                if ahead - below > LEAST_M + EDGE_SLOPE * metre and ahead + CLEARANCE_M - low > lift:
                     soon = smoothstep((SOON_S - metre / pace) / (SOON_S - NEARLY_S))
                     lift = max(lift, soon * (ahead + CLEARANCE_M - low))
                 metre += SPACING_M

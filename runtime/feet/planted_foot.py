@@ -7,7 +7,7 @@ from math import atan2, cos, dist, pi, sin, sqrt
 from typing import NamedTuple
 
 from runtime.arrays import Array
-from runtime.feet.ik import EASE_REACH, MAX_REACH
+from runtime.feet.ik import EASE_REACH_FRACTION, MAX_REACH
 from runtime.feet.leg import LegBones, LegPose, leg_bones, roll_cosine, rolled, soft_reach
 from runtime.feet.next_step import HEEL_M, NextStep, SteppedOver, has_edges
 from runtime.feet.settings import SETTINGS
@@ -425,7 +425,7 @@ class PlantedFoot:
         for _ in range(REACH_TRIALS):
             to_target = subtract(target, hip)
             wanted = length(to_target)
-            if wanted <= (MAX_REACH - EASE_REACH) * self.bones.length:
+            if wanted <= (MAX_REACH - EASE_REACH_FRACTION) * self.bones.length:
                 break
             reached = add(hip, scale(to_target, soft_reach(wanted, self.bones.length, span(leg)) / wanted))
             toe = add(reached, rotate(self.rotation, self.bones.offsets[4]))

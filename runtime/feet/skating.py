@@ -23,7 +23,7 @@ SKATING_HEIGHT_M = 0.025  # H
 # of a sole that bears: its speed, and its height over its lowest places,
 STANDING_M_PER_S = 0.25
 STANDING_M = 0.04
-RESTS = 0.05  # in this fraction of the frames
+RESTING_FRACTION = 0.05  # in this fraction of the frames
 
 
 def joint_heights(positions: Array, terrain: Terrain, joints: Sequence[int] = TOES) -> Array:
@@ -40,7 +40,7 @@ def measured_contacts(positions: Array, fps: float, terrain: Terrain | None) -> 
     feet = positions[:, list(SOLE_POINTS)].astype(np.float64)
     step = np.gradient(feet, axis=0) if len(feet) > 1 else np.zeros_like(feet)
     above = feet[..., 1] if terrain is None else joint_heights(positions, terrain, SOLE_POINTS)
-    low = above - np.quantile(above, RESTS, axis=0) < STANDING_M
+    low = above - np.quantile(above, RESTING_FRACTION, axis=0) < STANDING_M
     return (low & (np.linalg.norm(step, axis=-1) * fps < STANDING_M_PER_S)).astype(np.float32)
 
 

@@ -55,9 +55,9 @@ WINDOW_FRAMES = 13  # in which accelerations are smoothed by a cubic; known is t
 HARMONICS = 4  # of a stride
 LEARNING_HALF_LIFE_S = 2.0  # in which errors are forgotten
 PRIOR_VARIANCE = 0.05  # of what each harmonic may be, over that of an error
-# m along the path, cosine and sine of the second and the fourth harmonic, from which learning starts: half of what bodies
+# m along the path, cosine and sine of the second and the fourth harmonic, from which learning starts: a quarter of what bodies
 # composed by words lack at 1.2 m/s, who surge too little with each step (`StrideBalance.errors` after 9 s)
-USUAL_ERRORS_M = {3: -0.025, 4: 0.05, 7: -0.03, 8: 0.04}
+USUAL_ERRORS_M = {3: -0.012, 4: 0.025, 7: -0.015, 8: 0.02}
 DISTANCE_HALF_LIFE_S = 0.6  # of the mean and the size of the ankles' distance
 SPEED_HALF_LIFE_S = 0.03  # of the smoothing of its speed
 PHASE_GAIN = 0.15  # of the loop that follows the phase, a frame: fraction of its error

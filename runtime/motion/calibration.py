@@ -12,16 +12,16 @@ from numpy.typing import NDArray
 from runtime.arrays import Float32Array
 from runtime.motion.mirror import LIMBS, TWINS, Ways, mirrored_code
 
-BETTER = 0.3  # fraction by which the mirror image of a code must be shown better than the code
+MIRROR_LEAD_FRACTION = 0.3  # fraction by which the mirror image of a code must be shown better than the code
 # the same of one limb, for which the network runs twice
-LIMB_BETTER = 0.4
+LIMB_LEAD_FRACTION = 0.4
 MAX_GAIN = 2.0
 # of a code's distance from neutral: what is farther from it says something else
-SAME_SIDE = 0.6  # and has nothing of its lead
-FADE = 0.2  # beyond its own sentences, within which its gain fades
+SAME_SIDE_FRACTION = 0.6  # and has nothing of its lead
+GAIN_FADE_FRACTION = 0.2  # beyond its own sentences, within which its gain fades
 # of the usual distance of a part's measured codes from neutral: nearer than the first it is plain, from the second on unusual
-PLAIN, UNUSUAL = 0.3, 0.8
-OTHERS = 2.0  # other parts of the body (both arms, both legs, torso, head) that are unusual: a gain is that among others
+PLAIN_FRACTION, UNUSUAL_FRACTION = 0.3, 0.8
+OTHER_PARTS_COUNT = 2.0  # other parts of the body (both arms, both legs, torso, head) that are unusual: a gain is that among others
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,18 +44,18 @@ class Calibration:
         """By how much of a fraction each part of Z^t `(6, 64)` is shown better than in the mirror, `(6,)`: as a measured code near it."""
         found = np.zeros(len(z), np.float32)
         for near in self._nearest(z):
-            if near.off < SAME_SIDE:
+            if near.off < SAME_SIDE_FRACTION:
                 found[near.part] += near.sign * self.leads[near.code]
         return found
 
     def ways(self, leads: Float32Array) -> Ways:
         """The ways round in which parts with such leads `(6,)` are walked best."""
-        mirrored = bool(leads.sum() < -BETTER)
+        mirrored = bool(leads.sum() < -MIRROR_LEAD_FRACTION)
         return Ways(mirrored, any(self.other_limbs(leads, mirrored)))
 
     def other_limbs(self, leads: Float32Array, mirrored: bool) -> tuple[float, ...]:
         """Of the four limbs 1 for those that are shown much better the other way round, else 0."""
-        better = (leads if mirrored else -leads)[:LIMBS] >= LIMB_BETTER
+        better = (leads if mirrored else -leads)[:LIMBS] >= LIMB_LEAD_FRACTION
         return tuple(better.astype(float).tolist())
 
     def drawn_out(self, z: Float32Array) -> Float32Array:
@@ -65,7 +65,7 @@ class Calibration:
         """
         gains, others = np.ones((len(z), 1), np.float32), self._others(z)
         for near in self._nearest(z):
-            like = float(np.clip(1.0 - (near.off - self.spreads[near.code]) / FADE, 0.0, 1.0))
+            like = float(np.clip(1.0 - (near.off - self.spreads[near.code]) / GAIN_FADE_FRACTION, 0.0, 1.0))
             alone, among = self.gains[near.code]
             gain = alone + others[near.part] * (among - alone)
             gains[near.part] = max(gains[near.part], 1.0 + like * (gain - 1.0))
@@ -74,10 +74,10 @@ class Calibration:
     def _others(self, z: Float32Array) -> Float32Array:
         """Of each part, how unusual the rest of the body is `(6,)`, 0 to 1; of a limb its twin does not count."""
         far = np.linalg.norm(z - self.neutral, axis=1) / self._usual
-        unusual = np.clip((far - PLAIN) / (UNUSUAL - PLAIN), 0.0, 1.0)
+        unusual = np.clip((far - PLAIN_FRACTION) / (UNUSUAL_FRACTION - PLAIN_FRACTION), 0.0, 1.0)
         groups = 0.5 * (unusual + unusual[TWINS])  # the same for both of a pair
         total = groups.sum() - groups[:LIMBS].sum() / 2
-        return np.asarray(np.minimum(1.0, (total - groups) / OTHERS), np.float32)
+        return np.asarray(np.minimum(1.0, (total - groups) / OTHER_PARTS_COUNT), np.float32)
 
     @cached_property
     def _usual(self) -> Float32Array:

@@ -131,7 +131,7 @@ def _random_script(gait: Gait, speed: float, seed: int) -> ControlScript:
 MAX_POINTS = 500
 ARRIVED_M = 0.3  # of the way left
 SLOWING_M = 1.2  # over the last of the way the stick goes back,
-SLOWEST = 0.4  # not further than this
+MIN_STICK_FRACTION = 0.4  # not further than this
 SEARCH_M = 2.0  # ahead of the progress so far: where a path crosses itself, the other branch is not taken
 STUCK_SECONDS, STUCK_M = 4.0, 0.15  # with less progress than this in so long, the walk ends
 
@@ -205,7 +205,7 @@ class PathWalk:
         x, z = self._at(min(self.progress + LOOK_AHEAD_M, float(self.ends[-1])))
         dx, dz = x - place.x, z - place.z
         length = max(hypot(dx, dz), 1e-6)
-        amount = min(leg.speed, max(left / SLOWING_M, SLOWEST))
+        amount = min(leg.speed, max(left / SLOWING_M, MIN_STICK_FRACTION))
         return Controls((amount * dx / length, amount * dz / length), gait=leg.gait)
 
     def _leg(self, along: float) -> Waypoint:

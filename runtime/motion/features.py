@@ -28,13 +28,13 @@ TRAJECTORY_OFFSETS = np.arange(-60, 60, SAMPLE_STEP)  # frames; index 6 is the p
 PHASE_OFFSETS = np.arange(-60, 61, SAMPLE_STEP)
 FUTURE_OFFSETS = TRAJECTORY_OFFSETS[L // 2 :]
 FUTURE_PHASE_OFFSETS = PHASE_OFFSETS[L // 2 :]
-HEIGHT_SPACING = 0.25  # metres between the right, centre and left height samples
+HEIGHT_SPACING_M = 0.25  # metres between the right, centre and left height samples
 BETWEEN = np.arange(1, 6) / 6.0  # places between two height samples where something narrow is looked for
 # places (12, 7) of the path around each sample, to the middle between both: the sample before, and what share the next one has
 _AROUND = np.clip(np.arange(L)[:, None] + np.arange(-3, 4) / 6.0, 0.0, L - 1.0)
 _FIRST = np.minimum(_AROUND.astype(int), L - 2)
 _SHARE = (_AROUND - _FIRST)[..., None]
-SEEN = 0.25  # fraction of the rises of ground with edges that the network sees
+SEEN_RISE_FRACTION = 0.25  # fraction of the rises of ground with edges that the network sees
 NARROW_M = 0.05  # that it stands higher than both of them; less is rough ground
 
 
@@ -106,7 +106,7 @@ def facing_yaw(positions: Array) -> Array:
 def height_points(positions: Array, directions: Array) -> Array:
     """XZ points `(..., n, 3, 2)` right, centre and left of trajectory samples `(..., n, 2)`."""
     left = np.stack([directions[..., 1], -directions[..., 0]], axis=-1)
-    side = np.array([-HEIGHT_SPACING, 0.0, HEIGHT_SPACING], np.float32)[:, None]
+    side = np.array([-HEIGHT_SPACING_M, 0.0, HEIGHT_SPACING_M], np.float32)[:, None]
     return positions[..., None, :] + side * left[..., None, :]
 
 
@@ -146,7 +146,7 @@ def softened(heights: Array) -> Array:
     """
     middle = L // 2
     here = heights[..., middle - 1 : middle + 2].mean(-1, keepdims=True)
-    return np.asarray(here + SEEN * (heights - here))
+    return np.asarray(here + SEEN_RISE_FRACTION * (heights - here))
 
 
 def ground_height(heights: Array) -> Array:

@@ -20,9 +20,9 @@ from runtime.motion import features
 from runtime.motion.features import DT, InputParts, OutputParts, split_output
 from runtime.motion.limbs import KEYFRAMED, resolve_penetration
 from runtime.motion.model import MotionModel, drifting_noise
-from runtime.motion.pace import CYCLES_PER_SECOND, STANDING_SECONDS, advance_by_cycles
+from runtime.motion.pace import STALLED_RATE_HZ, STANDING_SECONDS, advance_by_cycles
 from runtime.motion.phase import advance_phase, at_rate
-from runtime.motion.pose_smoothing import PATIENCE
+from runtime.motion.pose_smoothing import ADDED_PATIENCE_FRACTION
 from runtime.motion.root_motion import SPEED_HALF_LIFE, rest_share, root_velocity, settled_pose
 from runtime.motion.state import CharacterState, bound_speed, network_pose, placed, shown_poses, standing
 from runtime.motion.style import Style
@@ -43,16 +43,17 @@ MAX_OUTPUT = 1e4  # metres, m/s, rad/s: no body has more, and bones would be los
 REST_TEMPERATURE = 0.35  # of the temperature, while standing: breathing and shifts of weight stay
 TAKE_OFF_FRAMES = 6  # whose mean velocity a body keeps in the air
 MIN_GAIT_SPEED = 0.3  # m/s; slower, feet may well rest for a while
-MAX_STICK_LENGTH = (
-    2.0  # devices give 1 at most; who leads a character may ask for more than its style's own speed
-)
+# devices give 1 at most; who leads a character may ask for more than its style's own speed
+MAX_STICK_LENGTH = 2.0
 CROUCH_SPEED = 0.8  # m/s at full stick
-GATHERED = 0.8  # of the plan's speed: slower, a body that starts to jog is still gathering speed
+# of the plan's speed: slower, a body that starts to jog is still gathering speed
+GATHERED_SPEED_FRACTION = 0.8
 JOG_START_GAIN = 1.0  # of the regulator at most, until then
-STEADY = 0.7  # of the plan's speed: slower, a body that starts to walk does not swing yet
-TURN_FRAMES, TURN_MOST = 6, 0.7  # radians a second, over so many frames: faster, a walk turns
-SLOWEST_PLAN = 0.05  # m/s: a body that stops is regulated until then
-FASTEST_LIFT = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
+STEADY_SPEED_FRACTION = 0.7  # of the plan's speed: slower, a body that starts to walk does not swing yet
+# radians a second, over so many frames: faster, a walk turns
+TURN_FRAMES, MAX_WALKING_TURN_RAD_PER_S = 6, 0.7
+MIN_PLANNED_SPEED_M_PER_S = 0.05  # m/s: a body that stops is regulated until then
+MAX_LIFT_M_PER_S = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
 _SMOOTHS = 1.0 - decay(SPEED_HALF_LIFE)
 FUTURE = len(features.FUTURE_OFFSETS)
 NECK = SPORT_SKELETON.index("Neck")
@@ -146,9 +147,11 @@ def step(
 
 def _steady(state: CharacterState) -> list[bool]:
     """Return which characters move on straight ahead, rather than start, stop, turn or jump."""
-    going = (state.wished_speed > 0.0) & (state.measured_speed > STEADY * state.requested_speed)
+    going = (state.wished_speed > 0.0) & (
+        state.measured_speed > STEADY_SPEED_FRACTION * state.requested_speed
+    )
     turned = state.trajectory.yaw[:, PRESENT] - state.trajectory.yaw[:, PRESENT - TURN_FRAMES]
-    ahead = np.abs((turned + np.pi) % (2.0 * np.pi) - np.pi) < TURN_MOST * TURN_FRAMES * DT
+    ahead = np.abs((turned + np.pi) % (2.0 * np.pi) - np.pi) < MAX_WALKING_TURN_RAD_PER_S * TURN_FRAMES * DT
     jumps = [bool(jump.stage) for jump in state.jumps]
     return (going & ahead & ~np.array(jumps)).tolist()
 
@@ -293,12 +296,14 @@ def _steer(
     speeds = [hypot(x, z) for x, z in state.trajectory.velocity.tolist()]
     state.requested_speed = np.array(speeds)
     state.smooth_request = state.smooth_request + (state.requested_speed - state.smooth_request) * _SMOOTHS
-    moving = [wish > 0.0 or speed > SLOWEST_PLAN for wish, speed in zip(wished, speeds, strict=True)]
+    moving = [
+        wish > 0.0 or speed > MIN_PLANNED_SPEED_M_PER_S for wish, speed in zip(wished, speeds, strict=True)
+    ]
     shown = (state.root_speed * state.stride.fraction).tolist()
     gains = state.regulator.update(speeds, shown, moving)
     for i, speed in enumerate(speeds):
         # requested more while it gathers speed, the network dives into a jog
-        gathers = state.regulator.measured[i] < GATHERED * speed
+        gathers = state.regulator.measured[i] < GATHERED_SPEED_FRACTION * speed
         if request.gait[i] == Gait.JOG and gathers and state.regulator.stood[i] < STANDING_SECONDS:
             gains[i] = min(gains[i], JOG_START_GAIN)
     velocities = plan.velocities * np.array(gains)[:, None, None]
@@ -332,7 +337,7 @@ def _input(state: CharacterState, probes: Sequence[ObstacleProbe], terrain: Terr
         joint_positions=state.joints,
         joint_velocities=state.velocities,
     )
-    most = FASTEST_LIFT * DT
+    most = MAX_LIFT_M_PER_S * DT
     state.ground = np.minimum(np.maximum(ground, state.ground - most), state.ground + most)
     return features.build_input(parts)
 
@@ -396,7 +401,7 @@ def _plant(
                 posed = jump.pose(hips[i], local[i], contacts[i], terrain)
                 unlocked_hips[i], unlocked_local[i], contacts[i] = posed
             stood = feet.feet[0].incoming is not None  # else on ground that has just come under the body
-            patience = 1.0 + PATIENCE * (1.0 - float(state.settling.fraction[i]))
+            patience = 1.0 + ADDED_PATIENCE_FRACTION * (1.0 - float(state.settling.fraction[i]))
             edited = EditedPose(unlocked_hips[i], unlocked_local[i], contacts[i])
             if (asked := _edit_request(state, i, joints[i])) is not None:
                 edited = state.edits[i].apply(*edited[:3], asked)
@@ -484,7 +489,7 @@ def _feed_back(
     ]
     stalled = state.stall.update(state.joints, steps)
     if any(stalled):
-        state.phase[stalled] = advance_by_cycles(state.phase[stalled], CYCLES_PER_SECOND * DT)
+        state.phase[stalled] = advance_by_cycles(state.phase[stalled], STALLED_RATE_HZ * DT)
     state.phase = state.rest.apply(state.phase, [style.rest for style in styles], resting)
 
     moved = y.root * slowed[:, None]

@@ -14,13 +14,15 @@ from runtime.arrays import Array
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 
-SHARES = np.linspace(0.0, 1.0, 9)  # of the way from the incoming limb to one that hangs
-PARTS = np.linspace(
+HANGING_FRACTIONS = np.linspace(0.0, 1.0, 9)  # of the way from the incoming limb to one that hangs
+TURN_FRACTIONS = np.linspace(
     0.0, 1.0, 7
 )  # of the way of one joint, where a limb is looked at that goes round the ground
 SHALLOW_M = 0.25  # that a limb may be in the ground rather than go through it
-TURN_MOST = 0.7  # radians in a frame, of an arm or a leg: 42 rad/s, faster than a pitcher's forearm
-ARM_TURN = 0.15  # and of an arm that is not in a wall: one that came back at once would flicker
+# radians in a frame, of an arm or a leg: 42 rad/s, faster than a pitcher's forearm
+MAX_TURN_RAD_PER_FRAME = 0.7
+# and of an arm that is not in a wall: one that came back at once would flicker
+MAX_ARM_TURN_RAD_PER_FRAME = 0.15
 _ARMS, _LEGS = [18, 19, 20, 25, 26, 27], [2, 3, 4, 7, 8, 9]
 _DOWN = np.array([0.0, -1.0, 0.0])
 
@@ -39,18 +41,37 @@ class Limb:
     ]  # radians about Y of an elbow or knee that it may hang with; None as it is
     steps: bool = False  # it goes round ground on its way to where it is less deep
     turns: tuple[float, ...] = (
-        TURN_MOST,
+        MAX_TURN_RAD_PER_FRAME,
     )  # radians a frame: the first with which it comes out of the ground
 
 
 LIMBS = (
-    Limb(18, 19, (20, 21, 22, 23), (0.2, 0.1, 0.0), 0.1, (0.0, -2.4), turns=(ARM_TURN, TURN_MOST)),
-    Limb(25, 26, (27, 28, 29, 30), (0.2, 0.1, 0.0), 0.1, (0.0, 2.4), turns=(ARM_TURN, TURN_MOST)),
+    Limb(
+        18,
+        19,
+        (20, 21, 22, 23),
+        (0.2, 0.1, 0.0),
+        0.1,
+        (0.0, -2.4),
+        turns=(MAX_ARM_TURN_RAD_PER_FRAME, MAX_TURN_RAD_PER_FRAME),
+    ),
+    Limb(
+        25,
+        26,
+        (27, 28, 29, 30),
+        (0.2, 0.1, 0.0),
+        0.1,
+        (0.0, 2.4),
+        turns=(MAX_ARM_TURN_RAD_PER_FRAME, MAX_TURN_RAD_PER_FRAME),
+    ),
     Limb(2, 3, (4, 5), (0.06, 0.0), 0.2, (0.0, None), steps=True),
     Limb(7, 8, (9, 10), (0.06, 0.0), 0.2, (0.0, None), steps=True),
 )
 # while keyframed: hands hold on to edges, and arms are as fast as they must be
-KEYFRAMED = (*(replace(arm, free_m=(0.0,), sunk_m=0.15, turns=(TURN_MOST,)) for arm in LIMBS[:2]), *LIMBS[2:])
+KEYFRAMED = (
+    *(replace(arm, free_m=(0.0,), sunk_m=0.15, turns=(MAX_TURN_RAD_PER_FRAME,)) for arm in LIMBS[:2]),
+    *LIMBS[2:],
+)
 
 
 def resolve_penetration(
@@ -58,8 +79,8 @@ def resolve_penetration(
 ) -> Array:
     """Local rotations `(31, 4)` whose `limbs` hang down as far as they must to be out of the ground.
 
-    `before` are those of the last frame, which arms turn away from no faster than `ARM_TURN` out of need, and no limb
-    faster than `TURN_MOST`.
+    `before` are those of the last frame, which arms turn away from no faster than `MAX_ARM_TURN_RAD_PER_FRAME` out of need, and no limb
+    faster than `MAX_TURN_RAD_PER_FRAME`.
     """
     result = _slowed(no_faster(local, before), before, _ARMS, limbs[0].turns[0])
     positions, world = SPORT_SKELETON.forward_kinematics(hips, result)
@@ -77,7 +98,7 @@ def resolve_penetration(
         turned = rotations.angle_between(before[moved], tries[:, moved]).sum(-1)
         best = _best(depths, turned, limb)
         if best is None:
-            best = -len(SHARES) * (1 + _bend_to_hang_with(terrain, hips, result, world, limb))
+            best = -len(HANGING_FRACTIONS) * (1 + _bend_to_hang_with(terrain, hips, result, world, limb))
         result[moved] = tries[best][moved]
     return result
 
@@ -143,7 +164,9 @@ def _best(depths: Array, turned: Array, limb: Limb) -> int | None:
 
 def _bend_to_hang_with(terrain: Terrain, hips: Array, local: Array, world: Array, limb: Limb) -> int:
     """Which of its `bends` a limb hangs with in a wall: straight, or where that is deep as it is least deep."""
-    goals = _tries(local, local, world, limb, np.inf)[len(SHARES) - 1 :: len(SHARES)][: len(limb.bends)]
+    goals = _tries(local, local, world, limb, np.inf)[len(HANGING_FRACTIONS) - 1 :: len(HANGING_FRACTIONS)][
+        : len(limb.bends)
+    ]
     depths = _pose_depths(terrain, limb, hips, goals)[-1]
     return 0 if depths[0] <= SHALLOW_M else int(np.argmin(depths))
 
@@ -156,9 +179,9 @@ def _tries(local: Array, before: Array, world: Array, limb: Limb, most: float) -
     parent = world[SPORT_SKELETON.parents[limb.upper]].astype(np.float64)
     hangs = rotations.multiply(rotations.inverse(parent), down)
     # where neither is free, it goes from where it was as far as it can: one that only stayed would be caught; last straight down
-    ways = [(local, bend, SHARES) for bend in limb.bends]
-    ways += [(before, bend, SHARES[::-1]) for bend in limb.bends[::-1]]
-    tries = np.tile(np.asarray(local, np.float64), (len(ways) * len(SHARES), 1, 1))
+    ways = [(local, bend, HANGING_FRACTIONS) for bend in limb.bends]
+    ways += [(before, bend, HANGING_FRACTIONS[::-1]) for bend in limb.bends[::-1]]
+    tries = np.tile(np.asarray(local, np.float64), (len(ways) * len(HANGING_FRACTIONS), 1, 1))
     for k, (start, bend, fractions) in enumerate(ways):
         part = slice(k * len(fractions), (k + 1) * len(fractions))
         bent = start[limb.lower] if bend is None else rotations.from_yaw(bend)
@@ -169,10 +192,12 @@ def _tries(local: Array, before: Array, world: Array, limb: Limb, most: float) -
 
 def _aside(local: Array, before: Array, limb: Limb) -> Array:
     """Local rotations `(18, 4)` with one limb turned from where it was `before` to each side, its lower part both ways or not."""
-    turns = rotations.from_rotation_vector(TURN_MOST * np.concatenate([np.eye(3), -np.eye(3)]))
+    turns = rotations.from_rotation_vector(MAX_TURN_RAD_PER_FRAME * np.concatenate([np.eye(3), -np.eye(3)]))
     tries = np.tile(np.asarray(local, np.float64), (18, 1, 1))
     tries[:, limb.upper] = np.repeat(rotations.multiply(turns, before[limb.upper]), 3, axis=0)
-    bends = rotations.from_rotation_vector(np.array([[-TURN_MOST, 0, 0], [0, 0, 0], [TURN_MOST, 0, 0]]))
+    bends = rotations.from_rotation_vector(
+        np.array([[-MAX_TURN_RAD_PER_FRAME, 0, 0], [0, 0, 0], [MAX_TURN_RAD_PER_FRAME, 0, 0]])
+    )
     tries[:, limb.lower] = np.tile(rotations.multiply(before[limb.lower], bends), (6, 1))
     return tries
 
@@ -184,9 +209,9 @@ def _way_round(
 
     Either joint may go ahead of the other: a knee is folded before the thigh is raised, or after.
     """
-    moved, count = [limb.upper, limb.lower], len(PARTS)
+    moved, count = [limb.upper, limb.lower], len(TURN_FRACTIONS)
     grid = np.tile(np.asarray(wanted, np.float64), (count * count, 1, 1))
-    upper, lower = (rotations.slerp(before[j], wanted[j], PARTS) for j in moved)
+    upper, lower = (rotations.slerp(before[j], wanted[j], TURN_FRACTIONS) for j in moved)
     grid[:, limb.upper], grid[:, limb.lower] = np.repeat(upper, count, axis=0), np.tile(lower, (count, 1))
     depths = _pose_depths(terrain, limb, hips, grid)[-1].reshape(count, count)
     deepest = _deepest_on(depths)
@@ -199,8 +224,8 @@ def _way_round(
             if max(i, j) < count
         ]
         goal = min(steps, key=lambda cell: deepest[cell])
-        there = PARTS[list(goal)]
-        room = (TURN_MOST / turns - fraction) / np.maximum(there - fraction, 1e-9)
+        there = TURN_FRACTIONS[list(goal)]
+        room = (MAX_TURN_RAD_PER_FRAME / turns - fraction) / np.maximum(there - fraction, 1e-9)
         part = float(np.where(there > fraction, room, 1.0).min())
         fraction = fraction + min(max(part, 0.0), 1.0) * (there - fraction)
         if part < 1.0:
@@ -226,8 +251,8 @@ def _turned(before: Array, after: Array, most: float | Array) -> Array:
 
 
 def no_faster(local: Array, before: Array) -> Array:
-    """Local rotations `(31, 4)` with limbs turned from those of the frame `before` by no more than `TURN_MOST`."""
-    return _slowed(local, before, _ARMS + _LEGS, TURN_MOST)
+    """Local rotations `(31, 4)` with limbs turned from those of the frame `before` by at most `MAX_TURN_RAD_PER_FRAME`."""
+    return _slowed(local, before, _ARMS + _LEGS, MAX_TURN_RAD_PER_FRAME)
 
 
 def _slowed(local: Array, before: Array, joints: list[int], most: float) -> Array:

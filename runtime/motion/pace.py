@@ -14,17 +14,17 @@ from runtime.motion.features import FPS
 from runtime.scalar_math import decay
 
 GAIN_RANGE = (0.35, 2.0)  # of the gain
-PROPORTIONAL = 2.0  # gain for a relative error of one
-INTEGRAL = 0.6  # change of the gain per second and relative error
-SPEED_SMOOTHING = 0.12  # seconds, half-life of the measured speed: a stride speeds up and slows down
+PROPORTIONAL_GAIN = 2.0  # gain for a relative error of one
+INTEGRAL_GAIN_PER_S = 0.6  # change of the gain per second and relative error
+SPEED_HALF_LIFE_S = 0.12  # seconds, half-life of the measured speed: a stride speeds up and slows down
 SETS_OFF_S = 0.36  # seconds in which a body has followed half of a change of its plan
-SLOWEST_REQUEST = 0.12  # m/s; slower requests have no relative error
+MIN_REQUEST_M_PER_S = 0.12  # m/s; slower requests have no relative error
 # A style that is to go much slower than it ever does may go on standing: it is requested more until it sets off.
 STANDING_SHARE = 0.4  # of the expected speed
 STANDING_SECONDS = 0.7
 STANDING_GAIN = 3.0  # at most
 _NUMBERS = {"shape": ()}
-_SETS_OFF, _MEASURES = 1.0 - decay(SETS_OFF_S), 1.0 - decay(SPEED_SMOOTHING)
+_SETS_OFF, _MEASURES = 1.0 - decay(SETS_OFF_S), 1.0 - decay(SPEED_HALF_LIFE_S)
 
 
 @dataclass
@@ -60,26 +60,26 @@ class SpeedRegulator:
             least, most = GAIN_RANGE
             if stood > STANDING_SECONDS:
                 most = STANDING_GAIN
-            error = min(max((expected - measured) / max(wanted, SLOWEST_REQUEST), -1.0), 1.0)
-            integral = min(max(integral + INTEGRAL * error / FPS, least), most)
+            error = min(max((expected - measured) / max(wanted, MIN_REQUEST_M_PER_S), -1.0), 1.0)
+            integral = min(max(integral + INTEGRAL_GAIN_PER_S * error / FPS, least), most)
             made.append((expected, measured, stood, integral))
-            gains.append(min(max(integral + PROPORTIONAL * error, least), most))
+            gains.append(min(max(integral + PROPORTIONAL_GAIN * error, least), most))
         self.expected, self.measured, self.stood, self.integral = np.array(made).T
         return gains
 
 
 POINTS = np.array(SOLE_POINTS)  # left heel, left toe, right heel, right toe, as contacts
-LEAST_CONTACT = 0.25  # sum of squared contacts: less is a flight, which says nothing
+MIN_CONTACT_WEIGHT = 0.25  # sum of squared contacts: less is a flight, which says nothing
 SHARE_RANGE = (0.5, 1.5)  # of the fraction
-STRIDE_SMOOTHING = 0.3  # seconds, half-life: about a step
-SLOWEST = 0.3  # m/s: slower, feet may well rest
+STRIDE_HALF_LIFE_S = 0.3  # seconds, half-life: about a step
+MIN_STRIDE_SPEED_M_PER_S = 0.3  # m/s: slower, feet may well rest
 # what the regulator leaves of a difference in speed is taken up by longer or shorter strides, this much at most
 STRETCH = (0.65, 1.25)
 # of the plan: a smoothed request below that is a start, which longer strides would overshoot
-SETTING_OFF = 0.5
-SETTLED = 0.9  # of the plan: until the smoothed request is there,
-WALK_START = 1.12  # times a walk's plan is the most that longer strides make of a speed
-_STRIDES = 1.0 - decay(STRIDE_SMOOTHING)
+SETTING_OFF_FRACTION = 0.5
+SETTLED_FRACTION = 0.9  # of the plan: until the smoothed request is there,
+WALK_START_RATIO = 1.12  # times a walk's plan is the most that longer strides make of a speed
+_STRIDES = 1.0 - decay(STRIDE_HALF_LIFE_S)
 
 
 @dataclass
@@ -107,7 +107,7 @@ class StrideState:
             for (foot_x, foot_z), chance in zip(feet, chances, strict=True):
                 weight = 0.0 if flies else min(max(chance, 0.0), 1.0) ** 2
                 x, z, total = x + weight * foot_x, z + weight * foot_z, total + weight
-            by = -FPS / max(total, LEAST_CONTACT)
+            by = -FPS / max(total, MIN_CONTACT_WEIGHT)
             result.append((by * x, by * z, total))
         return result
 
@@ -119,9 +119,9 @@ class StrideState:
         fractions = self.fraction.tolist()
         for i, ((x, z, total), speed) in enumerate(zip(carried, speeds, strict=True)):
             fraction = fractions[i]  # a flight says nothing
-            if speed < SLOWEST:
+            if speed < MIN_STRIDE_SPEED_M_PER_S:
                 fraction = 1.0
-            elif total > LEAST_CONTACT:
+            elif total > MIN_CONTACT_WEIGHT:
                 fraction = min(max(hypot(x, z) / speed, SHARE_RANGE[0]), SHARE_RANGE[1])
             fractions[i] += (fraction - fractions[i]) * _STRIDES
         self.fraction = np.array(fractions)
@@ -134,13 +134,13 @@ def stretch(planned: tuple[float, float], shown: tuple[float, float], jogs: bool
     """
     (smooth, requested), (measured, root) = planned, shown
     going = smooth / max(requested, 1e-9)
-    settled = min(max((going - SETTLED) / (1.0 - SETTLED), response), 1.0)
-    going = min(max((going - SETTING_OFF) / (1.0 - SETTING_OFF), response), 1.0)
+    settled = min(max((going - SETTLED_FRACTION) / (1.0 - SETTLED_FRACTION), response), 1.0)
+    going = min(max((going - SETTING_OFF_FRACTION) / (1.0 - SETTING_OFF_FRACTION), response), 1.0)
     longer = min(max(smooth / max(measured, 1e-9), STRETCH[0]), 1.0 + (STRETCH[1] - 1.0) * going)
     if settled == 1.0:
         return longer
     # a body that has caught up with its plan is not carried past it
-    most = STRETCH[1] if jogs else max(WALK_START * requested / max(root, 1e-9), 1.0)
+    most = STRETCH[1] if jogs else max(WALK_START_RATIO * requested / max(root, 1e-9), 1.0)
     return min(longer, most + (STRETCH[1] - 1.0) * settled)
 
 
@@ -150,9 +150,9 @@ def _across(joints: Array) -> Array:
 
 STALLED_SHARE = 0.35  # of the requested speed; in a gait feet move against the root about as fast as the root
 STALLED_SECONDS = 0.25  # longer than feet rest against the root in the slowest step
-FEET_SMOOTHING = 0.1  # seconds, half-life of the feet's speed
-CYCLES_PER_SECOND = 2.0  # of the phases while stalled
-_FEET = 1.0 - decay(FEET_SMOOTHING)
+FEET_HALF_LIFE_S = 0.1  # seconds, half-life of the feet's speed
+STALLED_RATE_HZ = 2.0  # of the phases while stalled
+_FEET = 1.0 - decay(FEET_HALF_LIFE_S)
 
 
 @dataclass

@@ -23,8 +23,9 @@ from runtime.terrain.height_map import Terrain
 
 WALKERS = 13
 LEAD_IN, FRAMES = 120, 240  # not measured, measured: some walks take seconds to find their gait
-STICK = 0.7
-LEAST = 0.02  # of the whole change that a step counts for: equal walks leave the fractions as they are
+STICK_FRACTION = 0.7
+# of the whole change that a step counts for: equal walks leave the fractions as they are
+MIN_CHANGE_FRACTION = 0.02
 FIELD_M = 200.0
 
 
@@ -38,7 +39,7 @@ def perceptual_weights(
     fractions = np.linspace(0.0, 1.0, WALKERS)
     mixed = [StyleMix((1.0 - fraction, fraction), (a, b)) for fraction in fractions.tolist()]
     steps = np.linalg.norm(np.diff(walks(model, mixed, strength, pause), axis=0), axis=1)
-    steps = np.maximum(steps, LEAST * steps.sum()) + 1e-9
+    steps = np.maximum(steps, MIN_CHANGE_FRACTION * steps.sum()) + 1e-9
     done = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
     found = np.interp(fractions, done, fractions)
     return (0.0, *found[1:-1].tolist(), 1.0)
@@ -61,7 +62,7 @@ def walks(model: MotionModel, styles: Sequence[StyleMix], strength: float = 1.0,
 
 def _frames(walkers: Sequence[Controller], pause: float) -> tuple[Array, Array]:
     """Hips `(T, W, 3)` and local rotations `(T, W, 31, 4)` before foot lock, all walking straight on."""
-    crowd, ahead = Crowd(walkers), Controls(move=(0.0, STICK))
+    crowd, ahead = Crowd(walkers), Controls(move=(0.0, STICK_FRACTION))
     hips, local = [], []
     try:
         for frame in range(LEAD_IN + FRAMES):

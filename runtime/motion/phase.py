@@ -43,12 +43,12 @@ def at_rate(before: Array, window: Array, rate: Array) -> Array:
 
 # A fit that is linear in the words of the arms finds 1.33 to 3.3 at 1.0 to 1.9 turns a second for waving hands, and up to
 # 1.25 at 0.93 in styles that do not wave.
-LEAST_AMPLITUDE = 1.3
-LEAST_RATE = 0.97  # turns a second, of the same fit
-FULL_AMPLITUDE = 2.0  # of a waving hand in capture
+MIN_GESTURE_AMPLITUDE = 1.3
+MIN_GESTURE_RATE_HZ = 0.97  # turns a second, of the same fit
+FULL_GESTURE_AMPLITUDE = 2.0  # of a waving hand in capture
 RATES = (0.7, 2.0)  # turns a second
-STANDING = 0.9  # of the gait's label
-SET_IN = 0.25  # seconds, half-life, in which the clock takes over and leaves
+STANDING_LABEL_FRACTION = 0.9  # of the gait's label
+CLOCK_HALF_LIFE_S = 0.25  # seconds, half-life, in which the clock takes over and leaves
 LEAST_SHARE = 0.01
 _SECONDS = np.arange(PHASE_OFFSETS[0], PHASE_OFFSETS[-1] + 1) / FPS
 _PRESENT = int(-PHASE_OFFSETS[0])
@@ -68,22 +68,24 @@ class RestRhythm:
 
     def apply(self, phase: Array, styles: Sequence[Array], standing: Array) -> Array:
         """The windows `(N, 121, C, 2)` of this frame; `styles` are amplitudes and rates `(C, 2)` at rest, `standing` `(N,)` 0 to 1."""
-        if max(standing.tolist()) <= STANDING and not np.count_nonzero(self.fraction):
+        if max(standing.tolist()) <= STANDING_LABEL_FRACTION and not np.count_nonzero(self.fraction):
             return phase
         rest = np.stack(styles)
         swings = (
-            (rest[..., 0] > LEAST_AMPLITUDE) & (rest[..., 1] > LEAST_RATE) & (standing[:, None] > STANDING)
+            (rest[..., 0] > MIN_GESTURE_AMPLITUDE)
+            & (rest[..., 1] > MIN_GESTURE_RATE_HZ)
+            & (standing[:, None] > STANDING_LABEL_FRACTION)
         )
         if not swings.any() and not np.count_nonzero(self.fraction):
             return phase
-        full = FULL_AMPLITUDE / np.maximum(rest[..., 0], LEAST_AMPLITUDE)
+        full = FULL_GESTURE_AMPLITUDE / np.maximum(rest[..., 0], MIN_GESTURE_AMPLITUDE)
         rate = np.clip(full * rest[..., 1], *RATES)
         now = phase[:, _PRESENT]
         begins = self.fraction == 0.0
         turns = np.where(begins, np.arctan2(now[..., 0], now[..., 1]) / (2 * np.pi), self.turns)
         self.turns = turns + rate / FPS
-        fraction = self.fraction + (swings - self.fraction) * (1.0 - decay(SET_IN))
+        fraction = self.fraction + (swings - self.fraction) * (1.0 - decay(CLOCK_HALF_LIFE_S))
         self.fraction = np.where(swings | (fraction > LEAST_SHARE), fraction, 0.0)
         angle = 2 * np.pi * (self.turns[:, None] + rate[:, None] * _SECONDS[:, None])
-        clock = FULL_AMPLITUDE * np.stack([np.sin(angle), np.cos(angle)], axis=-1)
+        clock = FULL_GESTURE_AMPLITUDE * np.stack([np.sin(angle), np.cos(angle)], axis=-1)
         return np.asarray(phase + self.fraction[:, None, :, None] * (clock - phase))

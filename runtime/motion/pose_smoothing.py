@@ -30,13 +30,13 @@ ARMS = [
 ]
 TRUNK = [SPORT_SKELETON.index(name) for name in ("LowerBack", "Spine", "Spine1", "Neck", "Neck1", "Head")]
 JOINTS = np.array(ARMS + TRUNK)
-FASTEST = 6.0  # rad/s; arms that swing in walking and jogging turn by up to that
-HALF_LIFE = 0.2  # seconds in which about half of an offset is gone
-AFTERWARDS = 0.5  # seconds after a blend in which the network may still change its mind
-FASTEST_EVER = 20.0  # rad/s at any other time: arms of a captured dash reach 16 in 99 of 100 frames, a network that jumps 50
-FASTEST_AT_REST = 0.15  # rad/s: breathing is slower, an arm that swings on is faster
-HALF_LIFE_AT_REST = 0.35  # seconds
-_DONE = 1e-3  # rad
+MAX_ARM_SPEED_RAD_PER_S = 6.0  # rad/s; arms that swing in walking and jogging turn by up to that
+OFFSET_HALF_LIFE_S = 0.2  # seconds in which about half of an offset is gone
+AFTER_BLEND_S = 0.5  # seconds after a blend in which the network may still change its mind
+MAX_JOINT_SPEED_RAD_PER_S = 20.0  # rad/s at any other time: arms of a captured dash reach 16 in 99 of 100 frames, a network that jumps 50
+MAX_RESTING_SPEED_RAD_PER_S = 0.15  # rad/s: breathing is slower, an arm that swings on is faster
+RESTING_HALF_LIFE_S = 0.35  # seconds
+_DONE_RAD = 1e-3  # rad
 
 
 @dataclass
@@ -64,7 +64,7 @@ class Inertialization:
         `rest` is 0 for a body that moves as it likes, to 1 for one that is to be calm.
         """
         left = [
-            AFTERWARDS if blends else max(0.0, each - DT)
+            AFTER_BLEND_S if blends else max(0.0, each - DT)
             for each, blends in zip(self.left.tolist(), blending, strict=True)
         ]
         limits = [_fastest(*pair) for pair in zip(left, rest, strict=True)]
@@ -72,7 +72,7 @@ class Inertialization:
         same = np.abs((arms * self.last).sum(-1)).min(-1).tolist()  # cosines of half the fastest turns
         held = np.abs(self.offset).max((1, 2)).tolist()
         active = [
-            left[i] > 0.0 or rest[i] > 0.0 or held[i] > _DONE or same[i] < cos(0.5 * limit)
+            left[i] > 0.0 or rest[i] > 0.0 or held[i] > _DONE_RAD or same[i] < cos(0.5 * limit)
             for i, limit in enumerate(limits)
         ]
         last, self.last, self.left = self.last, arms, np.array(left)
@@ -87,7 +87,7 @@ class Inertialization:
         offset = rotations.from_rotation_vector(self.offset)
         offset = rotations.multiply(offset, rotations.from_rotation_vector(-excess))
         vector = rotations.to_rotation_vector(offset)
-        half_life = (HALF_LIFE * (HALF_LIFE_AT_REST / HALF_LIFE) ** calm)[:, None, None]
+        half_life = (OFFSET_HALF_LIFE_S * (RESTING_HALF_LIFE_S / OFFSET_HALF_LIFE_S) ** calm)[:, None, None]
         offset, speed = spring(vector, self.speed, np.zeros(3), half_life, 1.0 / FPS)
         acts = np.array(active)[:, None, None]
         self.offset, self.speed = np.where(acts, offset, 0.0), np.where(acts, speed, 0.0)
@@ -98,8 +98,8 @@ class Inertialization:
 
 def _fastest(left: float, rest: float) -> float:
     """Radians that a joint turns in a frame, where the network may change its mind for `left` seconds; `rest` as in `apply`."""
-    fastest = FASTEST if left > 0.0 else FASTEST_EVER
-    return DT * fastest * (FASTEST_AT_REST / fastest) ** rest
+    fastest = MAX_ARM_SPEED_RAD_PER_S if left > 0.0 else MAX_JOINT_SPEED_RAD_PER_S
+    return DT * fastest * (MAX_RESTING_SPEED_RAD_PER_S / fastest) ** rest
 
 
 WATCHED = np.array(
@@ -110,21 +110,22 @@ WATCHED = np.array(
 )
 # m/s of the limbs of a body at rest: hands and head (0.02 to 0.1 in captured idles), knees, and feet, which stand
 AT_REST = (0.07, 0.07, 0.07, 0.05, 0.05, 0.02, 0.02)
-NEARLY = 0.3  # of the usual speed: a body that is nearly at rest comes over its feet
-PATIENCE = 0.6  # more of its usual distance a foot may be held away at rest, where a body steps for no reason
+NEARLY_AT_REST_FRACTION = 0.3  # of the usual speed: a body that is nearly at rest comes over its feet
+# more of its usual distance a foot may be held away at rest, where a body steps for no reason
+ADDED_PATIENCE_FRACTION = 0.6
 UNSEEN_M = 0.05  # m away from its feet it may stay,
 OVER_FEET_S = 0.4  # from farther away it comes in about this time,
-SWAYS = 0.05  # m/s at most
-FORGETS = 2.0  # seconds, half-life, in which a body forgets how fast its limbs were
-LEAST_USUAL = 1.0  # m/s: as fast a body may come to rest that moved slower
-RESTS_BELOW = 0.25  # m/s of the plan: slower, a body comes to rest
-WAITS = 0.2  # seconds after the last change of the request
-EVEN = 0.05  # seconds, half-life, in which the rate changes while a body stops; at rest at once
-SETTLES = 0.12  # seconds, half-life, in which the limit goes down,
-WAKES = 0.05  # and up again
-WHOLE = 1.0 - 1e-6  # of a frame's time: more is all of it
-STEPS_ON = 0.6  # of its usual speed a body keeps until both feet stand
-_FORGETS, _SETTLES, _WAKES = decay(FORGETS), decay(SETTLES), decay(WAKES)
+MAX_SWAY_M_PER_S = 0.05  # m/s at most
+RANGE_HALF_LIFE_S = 2.0  # seconds, half-life, in which a body forgets how fast its limbs were
+MIN_USUAL_SPEED_M_PER_S = 1.0  # m/s: as fast a body may come to rest that moved slower
+RESTING_SPEED_M_PER_S = 0.25  # m/s of the plan: slower, a body comes to rest
+SETTLING_DELAY_S = 0.2  # seconds after the last change of the request
+RATE_HALF_LIFE_S = 0.05  # seconds, half-life, in which the rate changes while a body stops; at rest at once
+SETTLE_HALF_LIFE_S = 0.12  # seconds, half-life, in which the limit goes down,
+WAKE_HALF_LIFE_S = 0.05  # and up again
+WHOLE_FRAME_FRACTION = 1.0 - 1e-6  # of a frame's time: more is all of it
+STEPPING_ON_FRACTION = 0.6  # of its usual speed a body keeps until both feet stand
+_FORGETS, _SETTLES, _WAKES = decay(RANGE_HALF_LIFE_S), decay(SETTLE_HALF_LIFE_S), decay(WAKE_HALF_LIFE_S)
 
 
 @dataclass
@@ -141,7 +142,7 @@ class Settling:
     def awake(local: Array) -> Settling:
         """Of characters that do not move, local rotations `(N, 31, 4)` relative to the root."""
         one = np.ones(len(local))
-        usual = np.full((len(local), len(WATCHED)), LEAST_USUAL)
+        usual = np.full((len(local), len(WATCHED)), MIN_USUAL_SPEED_M_PER_S)
         return Settling(local, usual, one, 0.0 * one, one)
 
     def slow(
@@ -163,20 +164,23 @@ class Settling:
         waits, rates = self.waited.tolist(), []
         for i, (speed, was) in enumerate(zip(speeds, fractions, strict=True)):
             waits[i] = waits[i] + DT if free[i] and still[i] else 0.0
-            if waits[i] > WAITS:
-                fractions[i] = max(was * _SETTLES, 0.0 if grounded[i] else min(was, STEPS_ON))
+            if waits[i] > SETTLING_DELAY_S:
+                fractions[i] = max(was * _SETTLES, 0.0 if grounded[i] else min(was, STEPPING_ON_FRACTION))
             else:
                 fractions[i] = 1.0 + (was - 1.0) * _WAKES
             if not free[i]:
                 usual[i] = [
-                    max(each * _FORGETS, now, LEAST_USUAL) for each, now in zip(usual[i], speed, strict=True)
+                    max(each * _FORGETS, now, MIN_USUAL_SPEED_M_PER_S)
+                    for each, now in zip(usual[i], speed, strict=True)
                 ]
             limits = zip(usual[i], AT_REST, speed, strict=True)
             rate = min(max(fractions[i] * each, least) / max(now, 1e-9) for each, least, now in limits)
             rate = min(rate, 1.0)
-            even = 0.5 ** (1.0 / (FPS * EVEN * max(fractions[i], 1e-3)))
+            even = 0.5 ** (1.0 / (FPS * RATE_HALF_LIFE_S * max(fractions[i], 1e-3)))
             rate += (float(self.rate[i]) - rate) * even
-            rates.append(rate if rate < WHOLE else 1.0)  # rounding would keep it below 1 for ever
+            rates.append(
+                rate if rate < WHOLE_FRAME_FRACTION else 1.0
+            )  # rounding would keep it below 1 for ever
         self.usual, self.fraction, self.waited = np.array(usual), np.array(fractions), np.array(waits)
         self.rate = np.array(rates)
         return self.rate

@@ -14,9 +14,15 @@ from runtime.arrays import Array
 from runtime.controls import STAND_SPEED, Gait
 from runtime.motion.features import DT
 from runtime.motion.pace import stretch
-from runtime.motion.pose_smoothing import NEARLY, OVER_FEET_S, RESTS_BELOW, SWAYS, UNSEEN_M
+from runtime.motion.pose_smoothing import (
+    MAX_SWAY_M_PER_S,
+    NEARLY_AT_REST_FRACTION,
+    OVER_FEET_S,
+    RESTING_SPEED_M_PER_S,
+    UNSEEN_M,
+)
 from runtime.motion.state import CharacterState
-from runtime.motion.trajectory import GAME, PRESENT
+from runtime.motion.trajectory import GAME_RESPONSE_FRACTION, PRESENT
 from runtime.scalar_math import decay
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
@@ -27,10 +33,11 @@ from runtime.traversal.obstacle_probe import CLEAR, HALF_BODY_M, ObstacleProbe, 
 from runtime.traversal.traversal_frame import traversal_velocity
 
 LAST_SPEED = 9.0  # times the planned speed: what is more fades at the end of a stop,
-FIRM_CONTACT = 0.5  # sum of squared contacts that carry a root
-COAST = 0.24  # seconds, half-life: the planted feet carry the root on, or they would slide under it
+FIRM_CONTACT_WEIGHT = 0.5  # sum of squared contacts that carry a root
+# seconds, half-life: the planted feet carry the root on, or they would slide under it
+COAST_HALF_LIFE_S = 0.24
 SPEED_HALF_LIFE = 0.25  # seconds, smoothing of the measured speed (a stride speeds up and slows down)
-_COAST, _FOLLOWS = decay(COAST), 1.0 - decay(SPEED_HALF_LIFE)
+_COAST, _FOLLOWS = decay(COAST_HALF_LIFE_S), 1.0 - decay(SPEED_HALF_LIFE)
 
 
 def root_velocity(
@@ -54,7 +61,7 @@ def root_velocity(
         speed, requested = hypot(x, z), float(state.requested_speed[i])
         if state.wished_speed[i] == 0.0 and not jump.airborne:
             # a body at rest does not creep: what is faster than the plan fades
-            most = max(LAST_SPEED * requested, _COAST ** (GAME**-haste) * root[i])
+            most = max(LAST_SPEED * requested, _COAST ** (GAME_RESPONSE_FRACTION**-haste) * root[i])
             creep = min(1.0, most / max(speed, 1e-6))
             x, z, speed = creep * x, creep * z, creep * speed
         root[i], measured[i] = speed, measured[i] + (speed - measured[i]) * _FOLLOWS
@@ -78,7 +85,7 @@ def _carried(
     x = cosine * velocity[0] + sine * velocity[1] + pull[0]
     z = cosine * velocity[1] - sine * velocity[0] + pull[1]
     across, along, weight = carried
-    firm = rest * min(weight / FIRM_CONTACT, 1.0)
+    firm = rest * min(weight / FIRM_CONTACT_WEIGHT, 1.0)
     x += (cosine * across + sine * along - x) * firm
     z += (cosine * along - sine * across - z) * firm
     return state.jumps[i].carried((x, z))
@@ -108,10 +115,10 @@ def _past_obstacles(
 
 
 # m/s of the plan of a stop: from there on the feet carry the root, and arms and trunk grow calm
-CALM_FROM = 0.8
-TURNS = 0.03  # rad of the stick's facing that the plan has not reached: a body turns on the spot
-STANDS = 0.5  # of a contact of heel or toe
-CHANGES = 0.03  # of the labels of gait in a frame: a body crouches or gets up
+CALM_FROM_FRACTION = 0.8
+TURNING_RAD = 0.03  # rad of the stick's facing that the plan has not reached: a body turns on the spot
+STANDING_CONTACT_FRACTION = 0.5  # of a contact of heel or toe
+GAIT_CHANGE_FRACTION = 0.03  # of the labels of gait in a frame: a body crouches or gets up
 
 
 def rest_share(state: CharacterState) -> list[float]:
@@ -119,7 +126,7 @@ def rest_share(state: CharacterState) -> list[float]:
     return [
         0.0
         if wished > 0.0 or jump.airborne
-        else min(max(1.0 - requested / CALM_FROM, 0.0), 1.0) * (1.0 - max(swings))
+        else min(max(1.0 - requested / CALM_FROM_FRACTION, 0.0), 1.0) * (1.0 - max(swings))
         for wished, requested, swings, jump in zip(
             state.wished_speed.tolist(),
             state.requested_speed.tolist(),
@@ -137,7 +144,10 @@ def settled_pose(state: CharacterState, local: Array, joints: Array, contacts: A
     """
     free = [_is_free(state, i) for i in range(len(state))]
     still = [free[i] and _stands_still(state, i) for i in range(len(state))]
-    grounded = [min(max(heels[0], heels[1]), max(heels[2], heels[3])) > STANDS for heels in contacts.tolist()]
+    grounded = [
+        min(max(heels[0], heels[1]), max(heels[2], heels[3])) > STANDING_CONTACT_FRACTION
+        for heels in contacts.tolist()
+    ]
     rate = state.settling.slow(joints, state.joints, free, still, grounded)
     local = state.settling.between(local)
     slow = rate < 1.0
@@ -154,23 +164,25 @@ def _is_free(state: CharacterState, i: int) -> bool:
     if state.wished_speed[i] > 0.0 or arms.left[i] > 0.0 or state.jumps[i].stage or state.traversals[i].kind:
         return False
     turn = (float(path.wish_yaw[i] - path.requested_yaw[i]) + pi) % (2.0 * pi) - pi
-    return abs(turn) <= TURNS and not np.count_nonzero(swings)
+    return abs(turn) <= TURNING_RAD and not np.count_nonzero(swings)
 
 
 def _stands_still(state: CharacterState, i: int) -> bool:
     """Whether the plan stands still and the gait is what it was."""
     gait = state.trajectory.gait[i]
-    same = np.abs(gait[PRESENT] - gait[PRESENT - 1]).max() <= CHANGES
-    return bool(state.requested_speed[i] < RESTS_BELOW and same)
+    same = np.abs(gait[PRESENT] - gait[PRESENT - 1]).max() <= GAIT_CHANGE_FRACTION
+    return bool(state.requested_speed[i] < RESTING_SPEED_M_PER_S and same)
 
 
 def over_feet(state: CharacterState, i: int) -> tuple[float, float]:
     """Velocity (m/s, X and Z) that brings a calm body over its feet: one that stops leaves them up to 0.2 m behind."""
-    feet, fraction = state.feet[i], 1.0 - float(state.settling.fraction[i]) / NEARLY
+    feet, fraction = state.feet[i], 1.0 - float(state.settling.fraction[i]) / NEARLY_AT_REST_FRACTION
     if fraction <= 0.0 or not all(feet.held):
         return 0.0, 0.0
     (left_x, _, left_z), (right_x, _, right_z) = (foot.offset for foot in feet.feet)
     x, z = 0.5 * (left_x + right_x), 0.5 * (left_z + right_z)
     distance = hypot(x, z)
-    speed = fraction * min(max(distance - UNSEEN_M, 0.0) / OVER_FEET_S, SWAYS) / max(distance, 1e-9)
+    speed = (
+        fraction * min(max(distance - UNSEEN_M, 0.0) / OVER_FEET_S, MAX_SWAY_M_PER_S) / max(distance, 1e-9)
+    )
     return speed * x, speed * z

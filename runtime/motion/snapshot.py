@@ -31,8 +31,8 @@ from runtime.traversal.traversal import is_possible
 
 VERSION = 8
 MAX_BYTES = 16 * 1024 * 1024  # a folded style has 2 MB
-MOST_CODES, LARGEST_SHARE, LARGEST_CODE = 64, 64.0, 1e4
-LONGEST_BLEND_S, LARGEST_STRENGTH, FASTEST = 1e6, 16.0, 100.0
+MOST_CODES, LARGEST_SHARE, MAX_CODE_VALUE = 64, 64.0, 1e4
+LONGEST_BLEND_S, MAX_STRENGTH_RATIO, MAX_SPEED_M_PER_S = 1e6, 16.0, 100.0
 # what zipfile, json and numpy raise on damaged bytes
 DAMAGES = (
     ValueError, KeyError, TypeError, OSError, EOFError, IndexError, AttributeError, RecursionError, NotImplementedError,
@@ -136,7 +136,7 @@ def _written(style: StyleMix | Style, arrays: list[np.ndarray]) -> dict[str, Any
 
 
 def _codes(tree: Any, arrays: list[np.ndarray]) -> StyleCodes:
-    limits = (("seconds", LONGEST_BLEND_S), ("progress", 1.0), ("strength", LARGEST_STRENGTH))
+    limits = (("seconds", LONGEST_BLEND_S), ("progress", 1.0), ("strength", MAX_STRENGTH_RATIO))
     numbers = [read_number(tree[name], most) for name, most in limits]
     if (numbers[1] < 1.0 and numbers[0] <= 0.0) or numbers[1] < 0.0:
         raise ValueError("a blend that takes no time")
@@ -148,10 +148,10 @@ def _codes(tree: Any, arrays: list[np.ndarray]) -> StyleCodes:
 def _folded(tree: Any, arrays: list[np.ndarray]) -> Style:
     """A folded style; whether its shapes are those of a model shows when it is restored."""
     folded = [arrays[int(tree[name])] for name in FOLDED_FIELDS]
-    if any(array.dtype != np.float32 or not (np.abs(array) <= LARGEST_CODE).all() for array in folded):
+    if any(array.dtype != np.float32 or not (np.abs(array) <= MAX_CODE_VALUE).all() for array in folded):
         raise ValueError("weights that no style has")
     z, front_bias, content_weight, content_bias, rest = folded
-    walk, jog = (read_number(tree[name], FASTEST) for name in ("walk_speed", "jog_speed"))
+    walk, jog = (read_number(tree[name], MAX_SPEED_M_PER_S) for name in ("walk_speed", "jog_speed"))
     edits = checked_targets(arrays[int(_edits(tree))])
     made = Style(z, front_bias, content_weight, content_bias, walk, jog, rest, edits)
     if "swings" in tree:
@@ -182,7 +182,7 @@ def _mix(tree: Any, arrays: list[np.ndarray]) -> StyleMix:
         [read_number(fraction, LARGEST_SHARE) for fraction in tree["weights"]],
     )
     fits = codes.dtype == np.float32 and codes.ndim == 3 and len(codes) == len(fractions)
-    if not fits or not 1 <= len(codes) <= MOST_CODES or not (np.abs(codes) <= LARGEST_CODE).all():
+    if not fits or not 1 <= len(codes) <= MOST_CODES or not (np.abs(codes) <= MAX_CODE_VALUE).all():
         raise ValueError("codes that no style has")
     return StyleMix(tuple(fractions), tuple(codes), checked_targets(_edits(tree)))
 

@@ -93,7 +93,8 @@ def shown_poses(
     return Poses(hips, local, positions, world, contacts, root, trajectory.yaw[:, PRESENT].copy())
 
 
-FASTEST_JOINT = 24.0  # m/s: a hand in a captured jog; a network far from its data jumps at up to 100
+# m/s: a hand in a captured jog; a network far from its data jumps at up to 100
+MAX_JOINT_SPEED_M_PER_S = 24.0
 
 
 def bound_speed(poses: Poses, before: Poses) -> None:
@@ -102,16 +103,16 @@ def bound_speed(poses: Poses, before: Poses) -> None:
     The network goes on from its own pose, where what is shown arrives some frames later.
     """
     moved = poses.positions - before.positions
-    if float((moved * moved).max()) * 3.0 < (FASTEST_JOINT * DT) ** 2:
+    if float((moved * moved).max()) * 3.0 < (MAX_JOINT_SPEED_M_PER_S * DT) ** 2:
         return
-    fast = _fastest_joint(poses.positions, before.positions) > FASTEST_JOINT
+    fast = _fastest_joint(poses.positions, before.positions) > MAX_JOINT_SPEED_M_PER_S
     if not fast.any():
         return
     last = before.hips[fast], before.local[fast], before.positions[fast]
     hips, local, positions = poses.hips[fast], poses.local[fast], poses.positions[fast]
     fraction = np.ones((len(hips), 1))
     for _ in range(4):  # a fraction of all turns is not that of the way
-        fraction *= np.minimum(1.0, FASTEST_JOINT / _fastest_joint(positions, last[2]))[:, None]
+        fraction *= np.minimum(1.0, MAX_JOINT_SPEED_M_PER_S / _fastest_joint(positions, last[2]))[:, None]
         placed = last[0] + fraction * (hips - last[0]), rotations.slerp(last[1], local, fraction)
         positions, world = SPORT_SKELETON.forward_kinematics(*placed)
     poses.hips[fast], poses.local[fast] = placed

@@ -51,11 +51,12 @@ _LEGS_TRUNK, _ARMS_TRUNK = (
 )
 _TOLD_BY = (_LEGS_TRUNK, _LEGS_TRUNK, _ARMS_TRUNK, _ARMS_TRUNK, _LEGS_TRUNK)
 # root mean square of a code's distance at which a style tells little: its own sentences lie within twice that, others beyond
-NEAR = 0.2
-UNKNOWN = 0.01  # weight of the gain 1 against that of a style at its own code
-UNSEEN = 0.03  # of a gain: nearer to 1 it is left alone
-MEAN_HALF_LIFE = 0.8  # seconds in which the means follow the pose
-SETS_IN, LEAVES = 0.5, 0.12  # seconds, half-lives, in which gains come into force in a walk, and go
+KNOWN_STYLE_CODE_DISTANCE = 0.2
+UNKNOWN_STYLE_WEIGHT = 0.01  # weight of the gain 1 against that of a style at its own code
+UNSEEN_GAIN_FRACTION = 0.03  # of a gain: nearer to 1 it is left alone
+MEAN_HALF_LIFE_S = 0.8  # seconds in which the means follow the pose
+# seconds, half-lives, in which gains come into force in a walk, and go
+SET_IN_HALF_LIFE_S, LEAVE_HALF_LIFE_S = 0.5, 0.12
 _SPINE = tuple(SPORT_SKELETON.index(name) for name in ("LowerBack", "Spine", "Spine1"))
 _NECK = SPORT_SKELETON.index("Neck")
 _SHOULDERS = (SPORT_SKELETON.index("LeftShoulder"), SPORT_SKELETON.index("RightShoulder"))
@@ -79,8 +80,10 @@ class MeasuredSwings:
     def of(self, z: Array) -> tuple[float, ...]:
         """The gains of a Z^t `(6, 64)`: those of the styles that are near in the parts which tell them, 1 far from all."""
         away = ((self.codes - z) ** 2).mean(-1)
-        near = np.stack([np.exp(-0.5 * away[:, parts].mean(1) / NEAR**2) for parts in _TOLD_BY])
-        logarithms = (near * np.log(self.gains.T)).sum(1) / (near.sum(1) + UNKNOWN)
+        near = np.stack(
+            [np.exp(-0.5 * away[:, parts].mean(1) / KNOWN_STYLE_CODE_DISTANCE**2) for parts in _TOLD_BY]
+        )
+        logarithms = (near * np.log(self.gains.T)).sum(1) / (near.sum(1) + UNKNOWN_STYLE_WEIGHT)
         return tuple(np.exp(logarithms).tolist())
 
     @staticmethod
@@ -125,14 +128,14 @@ class Swings:
         """
         shares = self.share.tolist()
         for i, (own, walks) in enumerate(zip(gains, walking, strict=True)):
-            walks = walks and any(abs(gain - 1.0) > UNSEEN for gain in own)
+            walks = walks and any(abs(gain - 1.0) > UNSEEN_GAIN_FRACTION for gain in own)
             if not walks and shares[i] < 1e-3:
                 shares[i] = 0.0
                 continue
             if self.share[i] == 0.0:  # begins with what is
                 self.means = self.means.copy()
                 self.means[i] = _measured(hips[i], local[i])
-            follow = 1.0 - decay(SETS_IN if walks else LEAVES)
+            follow = 1.0 - decay(SET_IN_HALF_LIFE_S if walks else LEAVE_HALF_LIFE_S)
             shares[i] += follow * (float(walks) - shares[i])
             more = [shares[i] * (gain - 1.0) for gain in own]
             hips, local = hips.copy(), local.copy()
@@ -164,7 +167,7 @@ def _swung(
 ) -> tuple[Vector, Array, list[float]]:
     """Hips, local rotations and means of a frame; `more` is what is added of every swing, as a fraction of it."""
     now = _measured(hips, local)
-    seen = 1.0 - decay(MEAN_HALF_LIFE)
+    seen = 1.0 - decay(MEAN_HALF_LIFE_S)
     arms = [_towards(means[k : k + 4], now[k : k + 4], seen) for k in range(4, _MEANS, 4)]
     after = [mean + seen * (value - mean) for mean, value in zip(means[:4], now[:4], strict=True)]
     added = [

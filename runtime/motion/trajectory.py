@@ -24,11 +24,12 @@ from runtime.motion.style import NEUTRAL_SPEEDS
 from runtime.scalar_math import decay
 from runtime.terrain.height_map import Terrain
 
-TO_WALK = 0.72  # seconds from rest to the walking speed of a neutral body, and back
-FASTEST_CHANGE, SLOWEST_CHANGE = 0.85, 1.12  # of TO_WALK: a style slower than neutral has slower steps
+TO_WALK_S = 0.72  # seconds from rest to the walking speed of a neutral body, and back
+# of TO_WALK: a style slower than neutral has slower steps
+FASTEST_CHANGE_RATIO, SLOWEST_CHANGE_RATIO = 0.85, 1.12
 TURN = np.pi / 2  # radians
-TO_TURN = (0.95, 1.25, 0.75)  # seconds: standing, walking, and at twice that speed
-GAME = 0.13  # of these times, at full response
+TO_TURN_S = (0.95, 1.25, 0.75)  # seconds: standing, walking, and at twice that speed
+GAME_RESPONSE_FRACTION = 0.13  # of these times, at full response
 MIN_RESPONSE, MAX_RESPONSE = 0.0, 1.0
 WISH_HALF_LIFE = 0.1  # seconds in which a body makes up its mind
 LABEL_HALF_LIFE = 0.08  # seconds in which a gait's label comes and goes
@@ -52,16 +53,16 @@ class Plan:
 
 def change_seconds(walk_speed: float, response: float) -> float:
     """Seconds in which a body changes its velocity by its walking speed (m/s); `response` 0 (capture) to 1 (game)."""
-    style = min(max(sqrt(NEUTRAL_SPEEDS[0] / walk_speed), FASTEST_CHANGE), SLOWEST_CHANGE)
-    return TO_WALK * style * GAME**response
+    style = min(max(sqrt(NEUTRAL_SPEEDS[0] / walk_speed), FASTEST_CHANGE_RATIO), SLOWEST_CHANGE_RATIO)
+    return TO_WALK_S * style * GAME_RESPONSE_FRACTION**response
 
 
 def turn_seconds(speed: float, walk_speed: float, response: float) -> float:
     """Seconds in which a body at a speed turns by TURN (m/s; see `change_seconds`)."""
-    standing, walking, twice = TO_TURN
+    standing, walking, twice = TO_TURN_S
     going = min(speed / walk_speed, 2.0)
     slower, faster, part = (standing, walking, going) if going < 1.0 else (walking, twice, going - 1.0)
-    return (slower + part * (faster - slower)) * GAME**response
+    return (slower + part * (faster - slower)) * GAME_RESPONSE_FRACTION**response
 
 
 def remaining(missing: Array, reach: Array | float, seconds: Array, after: Array) -> Array:
@@ -113,7 +114,7 @@ def labels(
     fade = _LABEL_FADE
     crouches = np.abs(change[:, _CROUCH]) > 0.02
     if any(crouches.tolist()):
-        slow = np.maximum(CROUCH_HALF_LIFE * GAME ** np.array(response), LABEL_HALF_LIFE)
+        slow = np.maximum(CROUCH_HALF_LIFE * GAME_RESPONSE_FRACTION ** np.array(response), LABEL_HALF_LIFE)
         fade = np.where(crouches[:, None], 0.5 ** ((AHEAD + 1.0 / FPS) / slow[:, None]), fade)
     plan += change[:, None] * fade[..., None]
     return plan
@@ -124,15 +125,15 @@ LENGTH = 2 * PRESENT + 1
 SAMPLES = TRAJECTORY_OFFSETS + PRESENT  # the network's 12 samples
 
 # How strongly the stick overrules the network along the coming second: 1 - (1 - t)^bias at time t of it.
-POSITION_BIAS = 8.0
-DIRECTION_BIAS = 3.0
+POSITION_BIAS_RATIO = 8.0
+DIRECTION_BIAS_RATIO = 3.0
 
 _AT = features.FUTURE_OFFSETS.astype(float)  # the network's coming samples,
 _FRAMES = np.arange(1, LENGTH - PRESENT)  # the coming frames,
 _BEYOND = np.maximum(_FRAMES - _AT[-1], 0.0) / SAMPLE_STEP  # and how far each lies after the last sample
 _TIME = _FRAMES / (LENGTH - PRESENT - 1)
-_ALONG = (1 - (1 - _TIME) ** POSITION_BIAS)[:, None]
-_AROUND = 1 - (1 - _TIME) ** DIRECTION_BIAS
+_ALONG = (1 - (1 - _TIME) ** POSITION_BIAS_RATIO)[:, None]
+_AROUND = 1 - (1 - _TIME) ** DIRECTION_BIAS_RATIO
 # fractions (60, 6) of the samples in every coming frame, the last one kept beyond it; and going on as it went
 _KEPT = np.maximum(1.0 - np.abs(np.minimum(_FRAMES, _AT[-1])[:, None] - _AT) / SAMPLE_STEP, 0.0)
 _GOING_ON = _KEPT.copy()
@@ -209,7 +210,7 @@ class Trajectory:
         """
         seconds, around, wishes, yaws = [], [], [], []
         for i, (pace, haste) in enumerate(zip(walk, response, strict=True)):
-            quick = _MAKES_UP ** (GAME**-haste)
+            quick = _MAKES_UP ** (GAME_RESPONSE_FRACTION**-haste)
             seconds.append(change_seconds(pace, haste))
             around.append(turn_seconds(hypot(*self.velocity[i].tolist()), pace, haste))
             (x, z), (wish_x, wish_z), ahead = self.wish[i].tolist(), wish[i], facing[i]

@@ -105,7 +105,7 @@ GROUPS: tuple[tuple[str, frozenset[str]], ...] = tuple(
         ("foot", "foot feet toe toes heel heels ankle step steps stepping"),
     )
 )
-PRESENT = 0.1  # twice the usual size of an embedding's components
+MIN_PRESENT_VALUE = 0.1  # twice the usual size of an embedding's components
 
 
 def direction_words(texts: Sequence[str]) -> NDArray[np.float32]:
@@ -113,7 +113,7 @@ def direction_words(texts: Sequence[str]) -> NDArray[np.float32]:
     found = np.zeros((len(texts), len(GROUPS)), np.float32)
     for row, text in zip(found, texts, strict=True):
         words = frozenset(re.findall(r"[a-z]+", text.lower()))
-        row[:] = [PRESENT if words & group else 0.0 for _, group in GROUPS]
+        row[:] = [MIN_PRESENT_VALUE if words & group else 0.0 for _, group in GROUPS]
     return found
 
 

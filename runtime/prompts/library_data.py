@@ -28,7 +28,7 @@ from runtime.skeleton import PART_NAMES
 
 MAX_BYTES = 8_000_000
 NEUTRAL_STYLE = "neutral"
-RIDGE = 10.0
+RIDGE_WEIGHT = 10.0
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,7 @@ def _bodily_score(prompts: NDArray[np.float32], nothing: NDArray[np.float32]) ->
     wanted = np.repeat([1.0, -1.0], [len(prompts), len(nothing)])
     weights = len(features) / 2 / np.repeat([len(prompts), len(nothing)], [len(prompts), len(nothing)])
     weighted = features * weights[:, None]
-    normal = features.T @ weighted + RIDGE * np.eye(features.shape[1])
+    normal = features.T @ weighted + RIDGE_WEIGHT * np.eye(features.shape[1])
     return np.linalg.solve(normal, weighted.T @ wanted).astype(np.float32)
 
 

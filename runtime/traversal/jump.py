@@ -55,7 +55,7 @@ HIGHEST_M = 0.25  # over the ground, a foot is put down wholly
 SET_S = 0.1  # in which a foot that pushes is put down
 HANG_M, HANG_S = 0.05, 0.3  # that the foot which pushed hangs at the landing, and until it comes down
 CARRIED_S = 0.3  # in which the network's own speed and height take over
-GOES = 0.3  # m/s: slower, both feet push
+MOVING_SPEED_M_PER_S = 0.3  # m/s: slower, both feet push
 HOLD_S = 0.1  # for which a foot that comes down stays
 FARTHEST_M = 0.25  # behind the hip; from there it goes with the body, wholly at twice that
 FARTHEST_PUSH_M = 0.38  # behind the hip a foot pushes
@@ -67,21 +67,23 @@ OFF_SHARE = (
     (0.36, 0.47),
     (0.25, 0.34),
 )  # of a stride since the foot that pushes came down, at the take-off; jogging
-RUNS = 1.7  # m/s
-FAST = 0.6  # m/s ahead from which feet are wholly that far apart; at half of it they are not
+RUNNING_SPEED_M_PER_S = 1.7  # m/s
+# m/s ahead from which feet are wholly that far apart; at half of it they are not
+FULL_STRIDE_SPEED_M_PER_S = 0.6
 WAKE_S = 0.1  # before the landing it goes on
-FASTEST_RATE = 2.0  # of the network's rhythm, before the take-off
-SWINGING_RATE = 0.7  # of it in flight, until the foot that comes down is ahead,
-FLYING_RATE = 0.12  # and from then on
-RATE_STEP = 0.18  # it changes by in a frame at most: elbows would bend their course by 8 degrees
+MAX_RHYTHM_RATIO = 2.0  # of the network's rhythm, before the take-off
+SWINGING_RHYTHM_RATIO = 0.7  # of it in flight, until the foot that comes down is ahead,
+FLYING_RHYTHM_RATIO = 0.12  # and from then on
+# it changes by in a frame at most: elbows would bend their course by 8 degrees
+MAX_RHYTHM_CHANGE_RATIO = 0.18
 EASE_S = 0.1  # in which a push comes to its rate
 LEG_SHARE = 0.985  # of its length that a pushing leg spans,
 BENT_SHARE = 0.955  # and one that is to give way,
-YIELDING, YIELD_S, YIELDED_SHARE = 24.0, 0.12, 0.88  # by so much, 1/s2, for so long, so far
+YIELDING_RATE_PER_S, YIELD_S, YIELDED_SHARE = 24.0, 0.12, 0.88  # by so much, 1/s2, for so long, so far
 TUCK_M = 0.10  # that feet are drawn up in flight
-POINTED = 0.5  # radians, toes down in flight
+POINTED_TOES_RAD = 0.5  # radians, toes down in flight
 APART_M = (0.3, 0.42)  # that the feet are before and behind the hips in the flight of a walk, of a jog
-LEAN = 0.22  # radians, of the trunk before and after
+JUMP_LEAN_RAD = 0.22  # radians, of the trunk before and after
 SWING = (
     0.45,
     0.9,
@@ -133,7 +135,7 @@ class Jump:
             *self.aim,
             *self.velocity,
         )
-        whole = self.gait in list(Gait) and self.foot in (0, 1, BOTH) and 0.0 <= self.rate <= FASTEST_RATE
+        whole = self.gait in list(Gait) and self.foot in (0, 1, BOTH) and 0.0 <= self.rate <= MAX_RHYTHM_RATIO
         return whole and max(map(abs, numbers)) < 1e4 and (self.stage != "flight" or self.begin[1] > 0.0)
 
     @property
@@ -199,16 +201,16 @@ class Jump:
         self.begin = (self.hips, self.speed)
         self.foot, self.rate, self.ripe, self.spot, self.shift = BOTH, 1.0, False, None, (0.0, 0.0)
         speed = hypot(*velocity)
-        if speed > GOES and steps.stance is not None:
+        if speed > MOVING_SPEED_M_PER_S and steps.stance is not None:
             self.foot = steps.stance
             done = steps.elapsed / steps.seconds
-            least, most = OFF_SHARE[speed > RUNS]
+            least, most = OFF_SHARE[speed > RUNNING_SPEED_M_PER_S]
             toe, hip = (pose.positions[LEGS[self.foot].joints[k]].astype(np.float64) for k in (4, 1))
             ahead = ((toe - hip)[[0, 2]] @ np.array(velocity)) / speed
             if speed * PUSH_S - ahead > FARTHEST_PUSH_M:  # the other foot is nearer to where it is needed
                 self.foot, done = 1 - self.foot, done - 0.5
             goal = min(max(done + PUSH_S / steps.seconds, least), most)
-            self.rate = min(max((goal - done) * steps.seconds / PUSH_S, 0.0), FASTEST_RATE)
+            self.rate = min(max((goal - done) * steps.seconds / PUSH_S, 0.0), MAX_RHYTHM_RATIO)
 
     def advance(self, incoming: float, ground: float, root: tuple[float, float]) -> None:
         """Move on by a frame over an incoming pose with hips at `incoming` (m); `ground` is what it stands on, `root` its velocity."""
@@ -245,13 +247,13 @@ class Jump:
         t = self.time
         self.hips = self.begin[0] + self.begin[1] * t - 0.5 * GRAVITY * t * t
         falls = self.begin[1] - GRAVITY * t
-        going = FLYING_RATE if self.ripe else SWINGING_RATE
+        going = FLYING_RHYTHM_RATIO if self.ripe else SWINGING_RHYTHM_RATIO
         goal = 1.0 if self.foot == BOTH or self._wakes() else going
-        self.rate += min(max(goal - self.rate, -RATE_STEP), RATE_STEP)
+        self.rate += min(max(goal - self.rate, -MAX_RHYTHM_CHANGE_RATIO), MAX_RHYTHM_CHANGE_RATIO)
         if falls < 0.0 and self.hips < mean + LAND_M:
             self.stage, self.time, self.spot = "land", 0.0, None
             self.begin = (self.hips - mean, falls)
-            fast = hypot(*self.velocity) > RUNS
+            fast = hypot(*self.velocity) > RUNNING_SPEED_M_PER_S
             self.give = max(GIVE_RATES[0 if self.foot == BOTH else 1 + fast], -falls / (e * DEEPEST_M))
             self.rate = 1.0
 
@@ -309,7 +311,7 @@ class Jump:
         self.ripe = self.ripe or AHEAD_M < lead < self.lead
         self.lead = lead
         if self.ripe and self.stage == "push":
-            self.rate = max(self.rate - RATE_STEP, FLYING_RATE)
+            self.rate = max(self.rate - MAX_RHYTHM_CHANGE_RATIO, FLYING_RHYTHM_RATIO)
 
     def _wakes(self) -> bool:
         """Whether the landing is near."""
@@ -332,7 +334,7 @@ class Jump:
         if self.stage == "flight":
             return LEG_SHARE + (BENT_SHARE - LEG_SHARE) * smoothstep(self.time / FOLD_S)
         if self.stage == "land":
-            soon = max(BENT_SHARE - YIELDING * self.time**2, YIELDED_SHARE)
+            soon = max(BENT_SHARE - YIELDING_RATE_PER_S * self.time**2, YIELDED_SHARE)
             return soon + (LEG_SHARE - soon) * smoothstep((self.time - YIELD_S) / YIELD_S)
         return LEG_SHARE
 
@@ -362,7 +364,7 @@ class Jump:
             ankle = add(hip, scale(away, min(reach / length(away), 1.0)))
         if flies > 0.0:
             right = rotate(leg.base, (1.0, 0.0, 0.0))
-            foot = multiply(from_vector(scale(right, POINTED * flies)), foot)
+            foot = multiply(from_vector(scale(right, POINTED_TOES_RAD * flies)), foot)
         return ankle, foot
 
     def _shifted(self, side: int, toe: Vector, hip: Vector, way: Vector, high: float) -> tuple[float, float]:
@@ -394,8 +396,8 @@ class Jump:
         """The way of a foot to where it is in a leap: before or behind the hips, as far as the body goes where it faces."""
         way = _ahead(leg)
         speed = self.velocity[0] * way[0] + self.velocity[1] * way[2]
-        fraction = min(max(2.0 * speed / FAST - 1.0, 0.0), 1.0)
-        goal = APART_M[speed > RUNS] * (-1.0 if side == self.foot else 1.0)
+        fraction = min(max(2.0 * speed / FULL_STRIDE_SPEED_M_PER_S - 1.0, 0.0), 1.0)
+        goal = APART_M[speed > RUNNING_SPEED_M_PER_S] * (-1.0 if side == self.foot else 1.0)
         return scale(way, fraction * (goal - dot(way, subtract(leg.toe, leg.hip))))
 
     def _trunk_and_arms(self, mine: list[Quaternion]) -> None:
@@ -412,11 +414,11 @@ class Jump:
         fraction = 1.0 if self.foot == BOTH else 0.5
         back, up = fraction * SWING[0], -fraction * SWING[1]
         if self.stage == "push":
-            swing, lean = (back, LEAN) if self.time < 0.4 * PUSH_S else (up, 0.0)
+            swing, lean = (back, JUMP_LEAN_RAD) if self.time < 0.4 * PUSH_S else (up, 0.0)
         elif self.stage == "flight":
-            swing, lean = (up, 0.0) if self._left() > 0.15 else (0.4 * up, LEAN)
+            swing, lean = (up, 0.0) if self._left() > 0.15 else (0.4 * up, JUMP_LEAN_RAD)
         elif self.stage == "land" and self.time < 0.15:
-            swing, lean = 0.3 * back, LEAN
+            swing, lean = 0.3 * back, JUMP_LEAN_RAD
         else:
             swing, lean = 0.0, 0.0
         self.swing, self.swing_speed = damp(self.swing, self.swing_speed, swing, UPPER_HALF_LIFE, DT)

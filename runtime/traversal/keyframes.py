@@ -226,7 +226,7 @@ LEAD, TRAIL = 1, 0  # the right foot goes first
 STANDING_HIPS_M = 0.97  # height of the pelvis in the middle of a traversal before its keys move it
 EASY_REACH_M, SLACK_M = 0.44, 0.03  # of an arm of 0.478 m
 KNEE_CLEAR_M = 0.06  # of a knee from a wall
-KNEE_TURN, FARTHEST_KNEE_OUT = 6.0, 1.25  # radians outwards: for each metre inside, at most
+KNEE_TURN_RAD_PER_M, MAX_KNEE_OUT_RAD = 6.0, 1.25  # radians outwards: for each metre inside, at most
 FARTHEST_PULL_M = 0.12  # of the pelvis to a hand
 FADE_S = 0.25  # at both ends: inverse kinematics takes over the incoming legs
 
@@ -297,7 +297,7 @@ class KeyframedMotion:
         inside = (knee[2] + KNEE_CLEAR_M) * under
         if inside > 0.0:
             mine[:] = before
-            out = max(out, min(out + KNEE_TURN * inside, FARTHEST_KNEE_OUT))
+            out = max(out, min(out + KNEE_TURN_RAD_PER_M * inside, MAX_KNEE_OUT_RAD))
             place_foot(mine, side, place, toe, foot, out, free)
         toes = LEGS[side].joints[4]  # stay flat under a raised heel
         mine[toes] = multiply(from_vector((-0.7 * max(heel, 0.0), 0.0, 0.0)), mine[toes])

@@ -28,20 +28,20 @@ Mask = NDArray[np.bool_]
 TOE = np.asarray(SPORT_SKELETON.offsets[LEG_FEET[0] + 1], np.float64)  # from the ankle, on a flat foot
 HIP_DROP = float(-SPORT_SKELETON.offsets[LEG_THIGHS[0], 1])  # of the thighs' joints under the hips
 LEG = float(-SPORT_SKELETON.offsets[LEG_SHINS[0], 1] - SPORT_SKELETON.offsets[LEG_FEET[0], 1])
-REACH = 0.995  # of its length that a standing leg spans
+LEG_REACH_FRACTION = 0.995  # of its length that a standing leg spans
 BEHIND_M = 0.42  # the stance foot leaves the ground when the hips are so far before it,
 AHEAD_M = 0.30  # and the lead foot comes down when they are so far behind it
 CLEARANCE_M = 0.05  # of soles over edges
 EDGE_M = 0.07  # before and behind an edge in which soles are that high
 ROLL_M = 0.1  # the lead foot rolls over its toe when the hips are so far before it
-TOE_OFF, LANDING = 0.75, -0.2  # pitch of a foot, radians, toes down
+TOE_OFF_PITCH_RAD, LANDING_PITCH_RAD = 0.75, -0.2  # pitch of a foot, radians, toes down
 FLATTEN_S = 0.09  # in which the sole comes down after the heel
 LONGEST_FLIGHT_S = 0.35
-LATEST_LANDING, LONGER = 0.68, 1.6  # of the stride; it takes so many times as long at most
+LATEST_LANDING_FRACTION, MAX_STRIDE_RATIO = 0.68, 1.6  # of the stride; it takes so many times as long at most
 FLIGHT_S = 0.22  # over a gap at least
 RISING_S = 0.2  # in which the hips rise over a bar at least
 LOW_M = 0.2  # to deeper ground the hips fall
-STEEPEST = 0.15  # of a swing in which a foot goes all the way up or down
+MIN_RISE_FRACTION = 0.15  # of a swing in which a foot goes all the way up or down
 LIFT_M = 0.05  # of a swing on level ground
 DEEPEST_M = 0.12  # that the hips sink for a foot that the leg does not reach
 GRAVITY = 9.81
@@ -118,10 +118,10 @@ class Leap:
             self._count = max(round(self.seconds * FPS), 2)
             self._t = self.stride.elapsed + np.arange(self._count + 1) / self._count * self.seconds
             self._root = self._root_path()
-            whole = float(np.interp(self._lead_z - AHEAD_M, self._root, self._t)) / LATEST_LANDING
-            if whole <= self.stride.seconds + 0.5 / FPS or self.stride.seconds >= LONGER * wanted:
+            whole = float(np.interp(self._lead_z - AHEAD_M, self._root, self._t)) / LATEST_LANDING_FRACTION
+            if whole <= self.stride.seconds + 0.5 / FPS or self.stride.seconds >= MAX_STRIDE_RATIO * wanted:
                 break
-            self.stride = replace(self.stride, seconds=min(whole, LONGER * wanted))
+            self.stride = replace(self.stride, seconds=min(whole, MAX_STRIDE_RATIO * wanted))
         return self._times(stance_z)
 
     def _root_path(self) -> Array:
@@ -136,7 +136,7 @@ class Leap:
         off = float(np.interp(stance_z + BEHIND_M, self._root, self._t))
         land = float(np.interp(self._lead_z - AHEAD_M, self._root, self._t))
         whole, begin = self.stride.seconds, self.stride.elapsed
-        land = min(max(land, 0.42 * whole, begin + 0.15 * whole), LATEST_LANDING * whole)
+        land = min(max(land, 0.42 * whole, begin + 0.15 * whole), LATEST_LANDING_FRACTION * whole)
         off = min(max(off, 0.3 * whole, begin + 0.05), 0.62 * whole)
         if self.kind is ObstacleKind.GAP:
             off = max(min(off, land - FLIGHT_S), begin + 0.05)
@@ -179,7 +179,11 @@ class Leap:
         limit = np.full(len(t), np.inf)
         for plan in self._plans:
             dz = plan.ankle[:, 2] - self._root
-            reach = plan.ankle[:, 1] + np.sqrt(np.maximum((REACH * LEG) ** 2 - dz**2, 0.01)) + HIP_DROP
+            reach = (
+                plan.ankle[:, 1]
+                + np.sqrt(np.maximum((LEG_REACH_FRACTION * LEG) ** 2 - dz**2, 0.01))
+                + HIP_DROP
+            )
             limit = np.where(plan.stands, np.minimum(limit, reach - self.stride.hips), limit)
         lower = np.minimum(np.maximum(rise - limit, 0.0), DEEPEST_M)
         # the most of seven frames around, then their smooth mean: hardly less anywhere, and without a step where a foot comes down
@@ -226,8 +230,8 @@ class _FootPlan:
         if not inner.any():
             return
         first, last = float(u[inner][0]), float(u[inner][-1])
-        up = smoothstep(u / max(first, STEEPEST))
-        down = smoothstep((1.0 - u) / max(1.0 - last, STEEPEST))
+        up = smoothstep(u / max(first, MIN_RISE_FRACTION))
+        down = smoothstep((1.0 - u) / max(1.0 - last, MIN_RISE_FRACTION))
         self.ankle = self.ankle + np.outer(float(lack[inner].max()) * np.minimum(up, down), [0.0, 1.0, 0.0])
 
 
@@ -249,12 +253,16 @@ def _foot_plan(
     flat = smoothstep((t - t[0]) / FLATTEN_S)
     heel_off = smoothstep((t - 0.35 * off) / (0.65 * off)) if pitch0 < 0.3 else np.ones(len(t))
     standing = pitch0 * (1.0 - flat) if pitch0 < 0.3 else np.full(len(t), pitch0)
-    standing = standing + (TOE_OFF - standing) * heel_off * smoothstep((t - t[0]) / max(off - t[0], 1e-3))
-    swung = TOE_OFF + (LANDING - TOE_OFF) * smoothstep(u / 0.8)
-    rolled = (
-        TOE_OFF * smoothstep((t - rolls) / (1.6 * (t[-1] - rolls))) if rolls < t[-1] else np.zeros(len(t))
+    standing = standing + (TOE_OFF_PITCH_RAD - standing) * heel_off * smoothstep(
+        (t - t[0]) / max(off - t[0], 1e-3)
     )
-    landed = LANDING * (1.0 - smoothstep((t - land) / FLATTEN_S)) + rolled
+    swung = TOE_OFF_PITCH_RAD + (LANDING_PITCH_RAD - TOE_OFF_PITCH_RAD) * smoothstep(u / 0.8)
+    rolled = (
+        TOE_OFF_PITCH_RAD * smoothstep((t - rolls) / (1.6 * (t[-1] - rolls)))
+        if rolls < t[-1]
+        else np.zeros(len(t))
+    )
+    landed = LANDING_PITCH_RAD * (1.0 - smoothstep((t - land) / FLATTEN_S)) + rolled
     pitch = np.where(t < off, standing, np.where(t < land, swung, landed))
     ankle = _planned_ankle(
         t, off, land, u, pitch, yaw, start, np.array([goal[0], goal[1] + ANKLE_HEIGHT, goal[2]])

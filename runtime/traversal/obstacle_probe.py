@@ -27,7 +27,7 @@ CLIMB_M = 0.46  # from the edge the root stops,
 CLIMB_SECONDS = 0.4  # and as much farther as it covers in this time
 NEAREST_M = 0.38  # it comes to a wall
 CLIMB_FROM_M = 0.8  # a climb begins nearer
-WIDEST_SKEW = 0.9  # radians from the right angle
+MAX_SKEW_RAD = 0.9  # radians from the right angle
 BESIDE_BAR_M, BAR_SLACK_M = 0.3, 0.1  # before a bar, and higher than it, nothing stands next to the path
 NO_LANDING = "The way ahead is blocked: no room to come down behind the edge."
 NO_CLIMB = "The way ahead is blocked: no room to climb over the edge."
@@ -168,6 +168,6 @@ def _blocked(obstacle: ObstacleAhead) -> str | None:
     """What the status line says where an obstacle is neither leapt nor climbed; None where it is."""
     if obstacle.kind is ObstacleKind.BAR and obstacle.top > HIGHEST_LEAP_M:
         return f"The way ahead is blocked: a bar of {obstacle.top:.1f} m, too high to leap over and too narrow to stand on."
-    if abs(obstacle.skew) > WIDEST_SKEW and is_climb(obstacle):
+    if abs(obstacle.skew) > MAX_SKEW_RAD and is_climb(obstacle):
         return "The way ahead is blocked: walk straight at the wall to climb it."
     return None

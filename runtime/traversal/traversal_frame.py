@@ -19,7 +19,7 @@ from runtime.traversal.traversal import Traversal
 
 BEFORE_M = 0.06  # the edge of an obstacle that the network is not to see
 SIGHT_HALF_LIFE_S = 0.1  # in which ground comes halfway into sight
-ARRIVED_SIGHT = 1e-4  # fraction, and 1/s
+ARRIVED_SIGHT_FRACTION = 1e-4  # fraction, and 1/s
 DEEPEST_M = 0.05  # that a sole is lifted out of the ground,
 LEAST_LIFT_M = 1e-6  # and least: a planned foot stands on it but for rounding
 FADE_S = 0.3  # in which the first pose's difference from the traversal's goes
@@ -98,7 +98,7 @@ def seen_heights(
     if traversal.sight == goal:
         return heights if goal else np.full_like(heights, level)
     fraction, velocity = damp(traversal.sight, traversal.sight_velocity, goal, SIGHT_HALF_LIFE_S, DT)
-    arrived = abs(fraction - goal) < ARRIVED_SIGHT and abs(velocity) < ARRIVED_SIGHT
+    arrived = abs(fraction - goal) < ARRIVED_SIGHT_FRACTION and abs(velocity) < ARRIVED_SIGHT_FRACTION
     traversal.sight, traversal.sight_velocity = (goal, 0.0) if arrived else (fraction, velocity)
     return level + traversal.sight * (heights - level)
 

@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.edits.request import PACE, USUAL
+from runtime.edits.request import PACE, USUAL_OUTWARD_M
 from runtime.prompts.edit_targets import PLAIN_LEG, targets_of
-from runtime.prompts.english.phrases import FIGURES, SLIGHTLY, Element
+from runtime.prompts.english.phrases import FIGURES, SLIGHT_STRENGTH, Element
 from runtime.prompts.english.sides import OPPOSITE, SIDE, only_side
 from runtime.prompts.library_data import LibraryEmbeddings, LibraryEntry
 from runtime.prompts.parts import PartDescriptions
@@ -113,7 +113,7 @@ def _agreeing(part: str, words: str, figure: str) -> list[str]:
     asked = targets.keys() - {PACE}
     shown = {c: targets_of(part, c).keys() - {PACE} for c in clauses}  # by an edit, beside its speed
     free = [c for c in clauses if not shown[c] & asked]
-    if targets.get("outward", (USUAL,))[0] < USUAL and not (free and shown[free[0]]):
+    if targets.get("outward", (USUAL_OUTWARD_M,))[0] < USUAL_OUTWARD_M and not (free and shown[free[0]]):
         return []  # on a line feet keep their balance in plain steps, if they do not shuffle or the like
     if _OF_STEPS.search(words):
         return [c for c in free if shown[c] and not _OF_STEPS.search(c)][:1]
@@ -126,7 +126,7 @@ def _agreeing(part: str, words: str, figure: str) -> list[str]:
 
 def _base(modifiers: Sequence[Element], entries: tuple[LibraryEntry, ...], neutral: int) -> int:
     strongest = max(modifiers, key=lambda e: _strength(e, entries), default=None)
-    return neutral if strongest is None or strongest.degree <= SLIGHTLY else strongest.entry
+    return neutral if strongest is None or strongest.degree <= SLIGHT_STRENGTH else strongest.entry
 
 
 def _modified(

@@ -50,19 +50,20 @@ from runtime.prompts.text_encoder import TextEncoderLike
 from runtime.skeleton import PART_NAMES
 
 # Cosine similarities of prompts, set on the first lists of tests/runtime/prompts/bodily_prompts.txt.
-NEAR = 0.62  # the best entry is taken whole
-GUESS = 0.56  # below, neighbours are a guess that is wrong more often than not
-WHOLE = 0.3  # words that an entry must explain more than the phrases found do, to be taken in place of them
-CERTAIN = 0.85  # what an entry needs that has only a part's name in common with the prompt
-ONE_WORD = (
-    0.72  # the same where that is a single word, or one beside a part's name: their neighbours are many
-)
-CLOSE = 0.8  # so near an entry a prompt is about a body, whatever the bodily score
-PLAIN = 0.2  # neutral walks are like everything that "walks": a style is none
-ANIMAL = 0.25  # how far below 0 the bodily score may lie where an animal is named: "a dog that has just had a bath"
-UNSEEN = 0.15  # by which a sentence that no walk shows counts less than one that is shown whole
+NEAR_COSINE = 0.62  # the best entry is taken whole
+GUESS_COSINE = 0.56  # below, neighbours are a guess that is wrong more often than not
+# words that an entry must explain more than the phrases found do, to be taken in place of them
+WHOLE_ENTRY_FRACTION = 0.3
+CERTAIN_COSINE = 0.85  # what an entry needs that has only a part's name in common with the prompt
+# the same where that is a single word, or one beside a part's name: their neighbours are many
+ONE_WORD_COSINE = 0.72
+CLOSE_COSINE = 0.8  # so near an entry a prompt is about a body, whatever the bodily score
+PLAIN_PENALTY_SCORE = 0.2  # neutral walks are like everything that "walks": a style is none
+ANIMAL_MARGIN_SCORE = 0.25  # how far below 0 the bodily score may lie where an animal is named: "a dog that has just had a bath"
+# by which a sentence that no walk shows counts less than one that is shown whole
+UNSEEN_PENALTY_FRACTION = 0.15
 NEIGHBOURS = 4  # entries that vote for each part between GUESS and NEAR
-SAME_GESTURE = 0.66  # cosine from which two sentences of an arm are one gesture
+SAME_GESTURE_COSINE = 0.66  # cosine from which two sentences of an arm are one gesture
 MAX_STRETCHES = 4  # embedded for one prompt
 _OF_ONE_ARM = re.compile(r"\b(?:left|right|one)\b")
 LIMP = "limping on the {s} leg"  # an entry of the library
@@ -115,7 +116,7 @@ class LibraryExpander:
     def _in_another_language(self, prompt: str) -> Expansion:
         """The entry nearest by meaning, where its multilingual encoder is installed; else neutral with the remedy."""
         ranked = self._languages.nearest(prompt)
-        if ranked and ranked[0][1] >= other_languages.NEAR:
+        if ranked and ranked[0][1] >= other_languages.NEAR_COSINE:
             near = self._near(ranked)
             note = (
                 f"“{_short(prompt)}” is not English: nearest by meaning is “{near[0][0]}” ({near[0][1]:.0%})."
@@ -176,10 +177,10 @@ class LibraryExpander:
         """Why words next to a prompt's phrases name no way of moving, or "" where they do; `best` is the nearest's cosine."""
         if not any(words[i].says for i in reading.left) or self._about_a_person(words, reading.elements):
             return ""
-        if knows_no_word(text, self._library.phrases.known) and best < NEAR:
+        if knows_no_word(text, self._library.phrases.known) and best < NEAR_COSINE:
             return f"{_NOTHING} “{_short(text)}”, none of whose words is known: neutral. {_REMEDY}"
-        least = -ANIMAL if "animals" in self._categories(reading.elements) else 0.0
-        if best >= CLOSE or self._bodily(text) >= least:
+        least = -ANIMAL_MARGIN_SCORE if "animals" in self._categories(reading.elements) else 0.0
+        if best >= CLOSE_COSINE or self._bodily(text) >= least:
             return ""
         return f"“{_short(text)}” says nothing about a body, {best:.0%} like the nearest prompt: neutral."
 
@@ -196,7 +197,7 @@ class LibraryExpander:
             return False
         explained = _explained(words, elements)
         said = sum(words[i].says for i in reading.left) + _explained(words, reading.elements)
-        return similarity >= NEAR and said * similarity >= explained + WHOLE
+        return similarity >= NEAR_COSINE and said * similarity >= explained + WHOLE_ENTRY_FRACTION
 
     def _by_neighbours(
         self,
@@ -208,10 +209,10 @@ class LibraryExpander:
     ) -> Expansion:
         """The nearest entry, or what the nearest ones agree on; neutral when they are far."""
         best, near = ranked[0][1], self._near(ranked)
-        if best < GUESS or self._only_a_part_in_common(text, ranked[0]):
+        if best < GUESS_COSINE or self._only_a_part_in_common(text, ranked[0]):
             reason = f"“{_short(text)}” is only {best:.0%} like the nearest prompt, “{near[0][0]}”: neutral."
             return self._neutral(near, stated, f"{reason} {note}".strip())
-        if best >= NEAR:
+        if best >= NEAR_COSINE:
             return self._expansion(entries[ranked[0][0]].descriptions, near, stated, note)
         chosen = compose_neighbours(ranked[:NEIGHBOURS], self._library.embeddings, self._worth)
         parts = sources_note(chosen, self._library.entries, dict(ranked))
@@ -231,7 +232,7 @@ class LibraryExpander:
         """Whether a text has only the name of a part in common with an entry about parts: another instruction."""
         words = words_of(text)
         named = any(word.stem in PLACES for word in words) and not any(w.text in PERSONS for w in words)
-        return named and best[1] < CERTAIN and not self._has_a_word_of(words, best[0])
+        return named and best[1] < CERTAIN_COSINE and not self._has_a_word_of(words, best[0])
 
     def _has_a_word_of(self, words: list[Word], number: int) -> bool:
         """Whether an entry about arms, legs or posture has one of the words, parts' names aside; True for others."""
@@ -268,8 +269,8 @@ class LibraryExpander:
         """Whether some words, as similar as that to an entry, name it."""
         # "with jerky arms" is like everything that has arms
         one = sum(word.says for word in words) == 1 or any(word.stem in PLACES for word in words)
-        least = ONE_WORD if one else GUESS
-        alike = similarity >= least and (similarity >= CERTAIN or self._has_a_word_of(words, entry))
+        least = ONE_WORD_COSINE if one else GUESS_COSINE
+        alike = similarity >= least and (similarity >= CERTAIN_COSINE or self._has_a_word_of(words, entry))
         return alike and not self._library.phrases.only_alone(words) and self._bodily(_text(words)) > 0.0
 
     def _categories(self, elements: Iterable[Element]) -> set[str]:
@@ -283,7 +284,7 @@ class LibraryExpander:
     def _worth(self, entry: int, part: str) -> float:
         """How much a sentence of an entry counts next to others: all, or less where walks do not show it."""
         shown = adherence_of().of(getattr(self._library.entries[entry].descriptions, part), part)
-        return 1.0 if shown is None else 1.0 - UNSEEN * (1.0 - shown)
+        return 1.0 if shown is None else 1.0 - UNSEEN_PENALTY_FRACTION * (1.0 - shown)
 
     def _bodily(self, text: str) -> float:
         """Above 0 where a text is rather about a body than about nothing bodily."""
@@ -320,7 +321,7 @@ class LibraryExpander:
         does = getattr(said, arms[0]), mirror_text(getattr(said, other))
         one, two = self._encoder.encode(list(does))
         place, other_place = (targets_of(arms[0], words).get(HAND) for words in does)
-        if float(one @ two) < SAME_GESTURE and not (place and place == other_place):
+        if float(one @ two) < SAME_GESTURE_COSINE and not (place and place == other_place):
             return expansion
         idle = getattr(self._library.entries[self._library.neutral].descriptions, other)
         return replace(expansion, descriptions=said.replace(other, idle))
@@ -331,7 +332,7 @@ class LibraryExpander:
         similarity = embeddings.prompts @ self._encoder.encode([text])[0]
         by_entry = np.full(len(self._library.entries), -1.0, np.float32)
         np.maximum.at(by_entry, embeddings.entry_of, similarity)
-        by_entry[self._library.plain] -= PLAIN
+        by_entry[self._library.plain] -= PLAIN_PENALTY_SCORE
         order = np.argsort(-by_entry, kind="stable")[: NEIGHBOURS + 1]
         return [(int(i), float(np.clip(by_entry[i], -1.0, 1.0))) for i in order]
 

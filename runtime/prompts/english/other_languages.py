@@ -19,7 +19,7 @@ from runtime.prompts.library_data import PromptLibrary, unit_vectors, vectors_as
 from runtime.safe_read import open_npz
 
 FILE = "languages.npz"  # next to library.json
-NEAR = 0.38  # centred cosine from which an entry is taken, set on 35 prompts in 11 languages
+NEAR_COSINE = 0.38  # centred cosine from which an entry is taken, set on 35 prompts in 11 languages
 SAID_ALIKE = 4  # of an entry's prompts, at most, are compared
 
 

@@ -33,7 +33,7 @@ FIGURES = ("characters", "animals", "occupations")  # categories of who walks
 _THINGS = ("weather", "ground", "loads")
 _QUALITIES = ("ages", "bodies", "emotions", "minds")  # categories of what they are like
 _SAID_OF_ONE = (*_QUALITIES, "walks", "posture", "steps")
-SLIGHTLY, STRONGLY = 0.6, 1.2  # strength of "slightly drunk" and "very drunk" against "drunk"
+SLIGHT_STRENGTH, STRONG_STRENGTH = 0.6, 1.2  # strength of "slightly drunk" and "very drunk" against "drunk"
 _OBJECT_STARTS = word_set(
     "from by against toward towards of for after past to at with beside behind near before over on"
 )
@@ -342,9 +342,9 @@ def _degree(words: list[Word], start: int) -> float:
     """Strength by the degree words right before an element."""
     for word in reversed(words[max(start - 3, 0) : start]):
         if word.text in SLIGHT:
-            return SLIGHTLY
+            return SLIGHT_STRENGTH
         if word.text in STRONG:
-            return STRONGLY
+            return STRONG_STRENGTH
         if word.text not in DEGREES:
             break
     return 1.0

@@ -8,11 +8,11 @@ from runtime.feet.foot_lock import FootLock
 from runtime.feet.leg import leg_bones, leg_forward
 from runtime.feet.narrow_support import (
     ARMS,
+    ARMS_OUT_RAD,
     AROUND_M,
     FARTHEST_M,
     INLINE_M,
     LIFTED_M,
-    OUT,
     SidewaysLead,
     pull_of_beam,
     side_of_beam,
@@ -100,7 +100,7 @@ def test_arms_are_held_out_on_a_beam_and_come_back():
         shown = lock.apply(h, r, c, BEAM, 1 / 60).local_rotations
     assert lock.on_beam
     turned = rotations.angle_between(shown[list(ARMS)], local[-1][list(ARMS)])
-    assert turned == pytest.approx([OUT, OUT], rel=0.05)
+    assert turned == pytest.approx([ARMS_OUT_RAD, ARMS_OUT_RAD], rel=0.05)
     flat = make_terrain("flat")
     for h, r, c in zip(hips, local, contacts, strict=True):
         shown = lock.apply(h - np.array([0.0, 0.4, 0.0], np.float32), r, c, flat, 1 / 60).local_rotations

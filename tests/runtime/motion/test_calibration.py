@@ -9,7 +9,7 @@ import pytest
 
 from runtime.assets import model_folder
 from runtime.errors import ModelError
-from runtime.motion.calibration import FADE, Calibration
+from runtime.motion.calibration import GAIN_FADE_FRACTION, Calibration
 from runtime.motion.features import C
 from runtime.motion.mirror import mirrored_code
 from runtime.motion.model import load_model
@@ -71,9 +71,9 @@ def test_codes_near_a_measured_one_are_drawn_out_by_its_gain() -> None:
     np.testing.assert_allclose(right, mirrored_code(drawn), atol=1e-6)
     own = (1.0 - SPREAD) * NEAR  # as far as its sentences lie
     np.testing.assert_allclose(measured.drawn_out(code(0, own))[0], 1.8 * own, atol=1e-5)
-    half = (1.0 - SPREAD - FADE / 2) * NEAR  # half of the way to where a gain ends
+    half = (1.0 - SPREAD - GAIN_FADE_FRACTION / 2) * NEAR  # half of the way to where a gain ends
     np.testing.assert_allclose(measured.drawn_out(code(0, half))[0], 1.4 * half, atol=1e-5)
-    far = (1.0 - SPREAD - 1.1 * FADE) * NEAR
+    far = (1.0 - SPREAD - 1.1 * GAIN_FADE_FRACTION) * NEAR
     np.testing.assert_array_equal(measured.drawn_out(code(0, far))[0], far)
 
 

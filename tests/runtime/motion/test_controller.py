@@ -7,7 +7,7 @@ from runtime.controls import Controls, Gait
 from runtime.motion import features
 from runtime.motion.controller import Controller
 from runtime.motion.model_files import run_graph
-from runtime.motion.state import FASTEST_JOINT
+from runtime.motion.state import MAX_JOINT_SPEED_M_PER_S
 from runtime.skeleton import SPORT_SKELETON, J
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
@@ -140,7 +140,7 @@ def test_no_joint_is_faster_than_a_captured_one_when_the_network_jumps(part):
         assert np.allclose(joints, pose.positions, atol=1e-4)
         speeds.append(np.linalg.norm(pose.positions - last, axis=-1).max() * features.FPS)
         last = pose.positions
-    assert 10.0 < max(speeds) < 1.02 * FASTEST_JOINT
+    assert 10.0 < max(speeds) < 1.02 * MAX_JOINT_SPEED_M_PER_S
     assert max(speeds[-20:]) < 5.0
 
 

@@ -107,6 +107,6 @@ def test_stairs_are_seen_as_a_gentle_slope_through_the_ground_of_the_body():
     seen = features.softened(features.mean_heights(stairs, positions))
     slopes = np.diff(seen) / 0.2
     assert slopes.min() >= 0.0
-    assert slopes.max() < 2.0 * features.SEEN * 0.5
+    assert slopes.max() < 2.0 * features.SEEN_RISE_FRACTION * 0.5
     assert seen[6] == pytest.approx(-0.08, abs=0.05)  # half a step under the tread that begins there
     assert np.array_equal(features.softened(np.full(12, 0.3)), np.full(12, 0.3))

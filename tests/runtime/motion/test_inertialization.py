@@ -4,7 +4,7 @@ import numpy as np
 
 from runtime import rotations
 from runtime.motion.features import FPS
-from runtime.motion.pose_smoothing import FASTEST, FASTEST_EVER, Inertialization
+from runtime.motion.pose_smoothing import MAX_ARM_SPEED_RAD_PER_S, MAX_JOINT_SPEED_RAD_PER_S, Inertialization
 from runtime.skeleton import SPORT_SKELETON
 
 ARM = SPORT_SKELETON.index("LeftArm")
@@ -32,7 +32,7 @@ JUMP = np.repeat([0.0, 2.5], [30, 90])  # an arm goes up within a frame
 def test_an_arm_that_jumps_while_styles_blend_is_shown_on_its_way():
     shown = _shown(JUMP, True)
     speed = rotations.angle_between(shown[1:], shown[:-1]) * FPS
-    assert speed.max() < 1.2 * FASTEST  # 150 rad/s in the network's own motion
+    assert speed.max() < 1.2 * MAX_ARM_SPEED_RAD_PER_S  # 150 rad/s in the network's own motion
     assert np.abs(np.diff(speed[30:])).max() < 2.0  # and gently to the end
     assert rotations.angle_between(shown[-1], _pose(2.5)[ARM]) < 0.01
 
@@ -48,12 +48,12 @@ def test_without_a_blend_only_what_no_arm_does_is_held_back():
     expected = np.array([_pose(a)[ARM] for a in fast])
     np.testing.assert_array_equal(_shown(fast, False), expected)
     speed = rotations.angle_between(_shown(JUMP, False)[1:], _shown(JUMP, False)[:-1]) * FPS
-    assert FASTEST < speed.max() < 1.2 * FASTEST_EVER
+    assert MAX_ARM_SPEED_RAD_PER_S < speed.max() < 1.2 * MAX_JOINT_SPEED_RAD_PER_S
 
 
 def test_at_rest_an_arm_settles_calmly_and_breathing_stays():
     still = _shown(JUMP, False, rest=1.0)
-    assert (rotations.angle_between(still[1:], still[:-1]) * FPS).max() < FASTEST
+    assert (rotations.angle_between(still[1:], still[:-1]) * FPS).max() < MAX_ARM_SPEED_RAD_PER_S
     breathing = 0.05 * np.sin(0.4 * np.pi * np.arange(120) / FPS)
     expected = np.array([_pose(a)[ARM] for a in breathing])
     np.testing.assert_allclose(_shown(breathing, False, rest=1.0), expected, atol=1e-12)

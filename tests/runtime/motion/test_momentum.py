@@ -29,7 +29,7 @@ def test_a_velocity_comes_nearer_to_the_wish_and_no_faster_than_a_body(
 
 @given(st.floats(-10.0, 10.0), st.floats(-10.0, 10.0))
 def test_a_body_turns_the_shorter_way(now: float, wish: float) -> None:
-    yaws = trajectory.facings(np.array([now]), np.array([wish]), np.array([trajectory.TO_TURN[0]]))[0]
+    yaws = trajectory.facings(np.array([now]), np.array([wish]), np.array([trajectory.TO_TURN_S[0]]))[0]
     assert yaws[0] == pytest.approx(now)
     assert abs(yaws[-1] - now) <= np.pi + 1e-9
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from runtime.prompts.content import GROUPS, PRESENT, PromptEncoder, direction_words
+from runtime.prompts.content import GROUPS, MIN_PRESENT_VALUE, PromptEncoder, direction_words
 
 NAMES = [name for name, _ in GROUPS]
 
@@ -76,4 +76,4 @@ def test_a_network_gets_them_if_it_was_trained_with_them(tmp_path):
     plain = PromptEncoder(_Words(), _network(tmp_path / "plain.onnx", 4)).encode(text)
     words = PromptEncoder(_Words(), _network(tmp_path / "words.onnx", 4 + len(GROUPS))).encode(text)
     assert plain == pytest.approx(0.5)
-    assert words == pytest.approx(PRESENT)  # the last group is that of the feet
+    assert words == pytest.approx(MIN_PRESENT_VALUE)  # the last group is that of the feet

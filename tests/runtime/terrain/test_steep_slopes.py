@@ -10,7 +10,7 @@ from runtime.controls import Controls, Gait
 from runtime.feet.ik import solve_legs
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
-from runtime.motion.limbs import KEYFRAMED, LIMBS, TURN_MOST, Limb, resolve_penetration
+from runtime.motion.limbs import KEYFRAMED, LIMBS, MAX_TURN_RAD_PER_FRAME, Limb, resolve_penetration
 from runtime.motion.state import standing
 from runtime.rotations import angle_between
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON
@@ -68,7 +68,7 @@ def test_a_leg_that_hangs_in_a_slope_goes_round_to_where_it_has_room(
     asked[[18, 25]] = shown[[18, 25]] = (1.0, 0.0, 0.0, 0.0)  # arms to both sides
     for _ in range(8):
         before, shown = shown, resolve_penetration(hips, asked, shown, slope, limbs)
-        assert angle_between(before, shown).max() < TURN_MOST + 1e-6
+        assert angle_between(before, shown).max() < MAX_TURN_RAD_PER_FRAME + 1e-6
     assert depth(slope, hips, shown) < 0.2
     # a climber's, whose hands are on a wall: they leave it only where they are deep in it
     if limbs is KEYFRAMED:

@@ -27,7 +27,6 @@ from runtime.takes.pins import Pin
 from viewer.edit.items import PINS, TAKES, Item, ItemKind, Items
 from viewer.edit.pins import Pins
 from viewer.edit.resimulation import Resimulation
-from viewer.session.takes import Takes
 
 PROMPTS, GAITS, FOOTPLANTS = "prompts", "gaits", "footplants"
 CAMERA_KEYS, POSE_KEYS = "camera keys", "pose keys"
@@ -45,6 +44,10 @@ def item_kinds(editing: Resimulation, pins: Pins) -> dict[str, ItemKind]:
             [] if editing.tracks is None else [m.item for m in getattr(editing.tracks, kind) if m.item]
         )
 
+    def listed() -> list[Item]:
+        takes = enumerate(editing.takes.session.takes)
+        return [Item(place, place, TAKES, take, take.number) for place, take in takes]
+
     def plants(take: Take) -> list[Item]:
         return [Item(a, b, FOOTPLANTS, None, foot) for foot in (0, 1) for a, b in pins.footplants(foot)]
 
@@ -57,7 +60,7 @@ def item_kinds(editing: Resimulation, pins: Pins) -> dict[str, ItemKind]:
         FOOTPLANTS: ItemKind(
             "footplant", of_take(plants), _to_take(lambda *about: _footplants(pins, *about))
         ),
-        TAKES: ItemKind("take", lambda: take_items(editing.takes), _takes, listed=True),
+        TAKES: ItemKind("take", listed, _takes, listed=True),
     }
 
 
@@ -205,11 +208,6 @@ def _fitted(known: list[Frames], frames: int, before: Frames | None, new: Item |
 
 
 # --- the list of takes
-
-
-def take_items(takes: Takes) -> list[Item]:
-    """The takes of the list, by their places and numbers."""
-    return [Item(place, place, TAKES, take, take.number) for place, take in enumerate(takes.session.takes)]
 
 
 def _takes(session: Session, _: int, gone: Items, put: Items) -> tuple[Session, Items]:

@@ -52,7 +52,6 @@ class PathTool:
     _time_s: float = 0.0
     _handles: Handles = field(default_factory=Handles)
     _drawing: bool = False  # the drag began with a new point and sets more
-    _clicked: bool = False  # a point in the view: its controls come into sight
     _subject: int = LIVE  # the take whose points `selected` counts
     _of_motion: tuple[Motion, tuple[Waypoint, ...]] | None = None
 
@@ -165,7 +164,7 @@ class PathTool:
 
     def _press(self, place: tuple[float, float] | None) -> None:
         """Take the point under the mouse, or begin to draw with another one."""
-        handles, self._clicked = self._handles, True
+        handles = self._handles
         self._drawing = handles.held < 0 and place is not None
         if handles.held >= 0:
             self.selected = handles.held
@@ -272,6 +271,3 @@ class PathTool:
         widgets.same_line()
         if widgets.button("Clear", half, "Remove every point"):
             self.clear()
-        if self._clicked:  # in the view, so that nothing moves under the mouse
-            self._clicked = False
-            imgui.set_scroll_here_y(1.0)

@@ -71,10 +71,6 @@ def interpolate(a: Pose, b: Pose, t: float) -> Pose:
     return make_pose(hips, local, a.contacts + (b.contacts - a.contacts) * t, ground, yaw)
 
 
-def is_finite(pose: Pose) -> bool:
-    return bool(np.isfinite(pose.hips_position).all() and np.isfinite(pose.positions).all())
-
-
 def steps_of(due_s: float, frame_s: float, step_ms: float) -> tuple[int, float]:
     """Steps of the time that is due in a frame of `frame_s`, when each takes `step_ms`; and what is left of that time."""
     steps = int(due_s / STEP_SECONDS + 1e-6)
@@ -156,7 +152,8 @@ class Simulation:
         begin = time.perf_counter()
         try:
             pose = controller.step(controls)
-            failure = "" if is_finite(pose) else "it answered with values that are not numbers"
+            finite = np.isfinite(pose.hips_position).all() and np.isfinite(pose.positions).all()
+            failure = "" if finite else "it answered with values that are not numbers"
         except Exception as error:  # a foreign network may fail in any way; the window must live on
             _LOG.exception("the model failed")
             failure = str(error) or type(error).__name__

@@ -60,7 +60,7 @@ def keep(path: Path, changes: Sequence[Change], seconds: float) -> Path | None:
     The first place is next to the session, the other in the user's state folder, for a disk that is full or hangs. They are
     not synced: this process ends, the system does not.
     """
-    text = json.dumps(changes, default=lambda data: {"bytes": base64.b64encode(data).decode("ascii")})
+    text = json.dumps(changes, default=_as_json)
     content, until = zlib.compress(text.encode("ascii"), 1), time.monotonic() + seconds
     for file, patience in zip(unwritten_files(path), (0.5, 1.0), strict=True):
         kept = threading.Event()
@@ -70,6 +70,13 @@ def keep(path: Path, changes: Sequence[Change], seconds: float) -> Path | None:
             if in_time and file.stat().st_size == len(content):
                 return file
     return None
+
+
+def _as_json(value: bytes | Iterable[str]) -> dict[str, str] | list[str]:
+    """Bytes in base 64, keys in any collection as a list."""
+    if isinstance(value, bytes):
+        return {"bytes": base64.b64encode(value).decode("ascii")}
+    return sorted(value)
 
 
 def _write(file: Path, content: bytes, done: threading.Event) -> None:

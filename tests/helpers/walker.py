@@ -110,6 +110,9 @@ class WalkerModel:
         z = np.asarray(z, np.float32)
         return Style(z, z[:1], z[:1], z[:1], WALK_SPEED, 2.5)
 
+    def neutral_style(self, mirrored):
+        return self.fold_style(self.neutral)
+
     def step(self, x, noise, style):
         self.frame += 1
         ahead = x[0, features.INPUT["trajectory_positions"]].reshape(features.L, 2)

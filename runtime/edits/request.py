@@ -35,7 +35,7 @@ PACED = len(LEG)  # the column of a leg's pace
 # metres of a foot from the middle line while both stand, in usual and in narrow walking
 USUAL_OUTWARD_M, NARROW_OUTWARD_M = 0.05, 0.02
 MOST_OF_LEG = tuple(targets_of("leg")[name].most for name in LEG)  # that is added
-LARGEST = 200.0  # degrees, metres of any target; of an open end
+MAX_TARGET = 200.0  # degrees, metres of any target; of an open end
 Target = list[float]  # weight, and both ends of the range times that
 Targets = list[Target]  # of one part
 
@@ -53,7 +53,7 @@ class EditRequest(NamedTuple):
 def range_of(target: Target) -> tuple[float, float]:
     """The lowest and the highest value that a target asks for; open at both ends where it asks for nothing."""
     weight, low, high = target
-    return (low / weight, high / weight) if weight > 1e-6 else (-LARGEST, LARGEST)
+    return (low / weight, high / weight) if weight > 1e-6 else (-MAX_TARGET, MAX_TARGET)
 
 
 def least_of(target: Target) -> float:
@@ -141,7 +141,7 @@ def checked_targets(values: Any) -> Array:
         return np.zeros(SHAPE)  # of a file in which a target was one value: its words ask anew
     targets = given if given.shape == SHAPE else _placed(given.reshape(-1, 6))
     weights = targets[..., 0]
-    if not (np.abs(targets) <= LARGEST).all() or not ((weights >= 0.0) & (weights <= 1.0)).all():
+    if not (np.abs(targets) <= MAX_TARGET).all() or not ((weights >= 0.0) & (weights <= 1.0)).all():
         raise ValueError("edits that no description asks for")
     return targets
 

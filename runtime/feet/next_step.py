@@ -23,7 +23,7 @@ FASTER = 0.6, 1.6  # times its length, where the body has become slower or faste
 NEARLY_S, SOON_S = 0.18, 0.42  # before an edge a foot is as high as it has to be, and begins to rise
 SPACING_M = 0.04
 CLEARANCE_M, EDGE_M = 0.05, 0.08  # between a sole and an edge, so far before and behind it
-LEAST_M, EDGE_SLOPE = 0.03, 0.7  # higher than a foot stands, and rise over run: less is no edge
+MIN_EDGE_M, MIN_EDGE_SLOPE = 0.03, 0.7  # higher than a foot stands, and rise over run: less is no edge
 # from an ankle to the near edge of a bar or gap, and to its far edge: a foot stands clear of both
 TOE_M, HEEL_M = 0.19, 0.1
 FARTHEST_M = 0.4  # that a foot is led on
@@ -195,7 +195,7 @@ class NextStep:
             below, metre = ground.height(point[0], point[2]), SPACING_M
             while metre <= farthest:
                 ahead = ground.height(point[0] + metre * x, point[2] + metre * z)
-                if ahead - below > LEAST_M + EDGE_SLOPE * metre and ahead + CLEARANCE_M - low > lift:
+                if ahead - below > MIN_EDGE_M + MIN_EDGE_SLOPE * metre and ahead + CLEARANCE_M - low > lift:
                     soon = smoothstep((SOON_S - metre / pace) / (SOON_S - NEARLY_S))
                     lift = max(lift, soon * (ahead + CLEARANCE_M - low))
                 metre += SPACING_M

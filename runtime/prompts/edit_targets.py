@@ -22,8 +22,8 @@ from runtime.edits.request import (
     FOLD,
     FRAMES,
     GAITS,
-    LARGEST,
     LEG,
+    MAX_TARGET,
     PACE,
     PACED,
     PARTS,
@@ -176,7 +176,7 @@ def edit_targets(descriptions: PartDescriptions) -> Array:
         for column, ranges in _asked(part, getattr(descriptions, part), styles):
             for gait, ends in enumerate(ranges):
                 if ends is not None:
-                    result[gait, row, column] = 1.0, max(ends[0], -LARGEST), min(ends[1], LARGEST)
+                    result[gait, row, column] = 1.0, max(ends[0], -MAX_TARGET), min(ends[1], MAX_TARGET)
     _ask_of_every_trunk(result)
     return result
 
@@ -188,11 +188,11 @@ def _ask_of_every_trunk(result: Array) -> None:
         low, high = captured().usual("jog").get(name, (-inf, inf))
         target = result[jog, ROW_TRUNK, TRUNK.index(name)]
         if not target[0]:
-            target[:] = (1.0, low, LARGEST) if name == "lean" else (1.0, -LARGEST, high)
+            target[:] = (1.0, low, MAX_TARGET) if name == "lean" else (1.0, -MAX_TARGET, high)
     for gait in result:
         weight, low, _ = gait[ROW_TRUNK, TRUNK.index("lean")]
         fold = max(FOLD_DEGREES, low + MORE_FOLD_DEGREES) if weight else FOLD_DEGREES
-        gait[FOLD] = 1.0, -LARGEST, fold
+        gait[FOLD] = 1.0, -MAX_TARGET, fold
 
 
 def blended_targets(a: PartDescriptions, b: PartDescriptions, weights: Sequence[float]) -> Array:

@@ -19,7 +19,7 @@ from runtime.errors import FileError
 from runtime.prompts.parts import PartDescriptions, mirror_text
 from runtime.skeleton import PART_NAMES
 
-HARDLY = 0.3  # fraction under which a sentence is hardly shown
+HARDLY_SHOWN_FRACTION = 0.3  # fraction under which a sentence is hardly shown
 ADHERENCE, PHRASINGS = "prompts/shares.json", "prompts/wording.json"
 Key = tuple[str, str]  # group, words
 Table = TypeVar("Table")
@@ -47,9 +47,13 @@ class PromptAdherence:
         return sum(known) / len(known) if known else None
 
     def weakly_shown(self, descriptions: PartDescriptions) -> dict[str, float]:
-        """Parts whose sentences are shown by less than `HARDLY`, with their fractions."""
+        """Parts whose sentences are shown by less than `HARDLY_SHOWN_FRACTION`, with their fractions."""
         found = {part: self.of(text, part) for part, text in descriptions.to_mapping().items()}
-        return {part: value for part, value in found.items() if value is not None and value < HARDLY}
+        return {
+            part: value
+            for part, value in found.items()
+            if value is not None and value < HARDLY_SHOWN_FRACTION
+        }
 
     def note(
         self, descriptions: PartDescriptions, read: PartDescriptions, edited: frozenset[str] = frozenset()

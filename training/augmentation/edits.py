@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.edits.legs import KNEE, LegEdit
-from runtime.edits.request import LARGEST, LEG, EditRequest
+from runtime.edits.request import LEG, MAX_TARGET, EditRequest
 from runtime.feet import ik
 from runtime.feet.leg import leg_bones, leg_forward
 from runtime.motion.features import FPS
@@ -235,7 +235,7 @@ def _stiff(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Edi
     ankles, _, feet = motion.feet()
     shown = [[[0.0, 0.0, 0.0] for _ in LEG] for _ in SIDES]
     for column, _ in edit.sides:
-        shown[column][KNEE] = [1.0, -LARGEST, knee]
+        shown[column][KNEE] = [1.0, -MAX_TARGET, knee]
     yaw = rotations.to_euler(motion.facing, "YXZ")[:, 0]
     velocity = np.gradient(motion.path, axis=0)[:, [0, 2]] * FPS
     ground = motion.ground.height(motion.hips[:, 0], motion.hips[:, 2])

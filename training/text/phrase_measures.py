@@ -23,7 +23,7 @@ from runtime.arrays import Array, Flags
 from runtime.assets import asset_path
 from runtime.atomic import write_atomic
 from runtime.edits.body import BodyEdits
-from runtime.edits.request import ARM, GAITS, LARGEST, PACE, PARTS, SHAPE, TRUNK, EditRequest
+from runtime.edits.request import ARM, GAITS, MAX_TARGET, PACE, PARTS, SHAPE, TRUNK, EditRequest
 from runtime.errors import FileError, run_command
 from runtime.measures.signals import smoothed, smoothed_facing
 from runtime.measures.table import TARGETS, kind_of, targets_of
@@ -105,7 +105,7 @@ def _read(
     hips: Array, local: Array, contacts: Array, yaw: Array, velocity: Array, jogs: bool
 ) -> Iterator[Reading]:
     edits, targets = BodyEdits(), np.zeros(SHAPE[1:])
-    targets[...] = ASKED_WEIGHT * np.array([1.0, -LARGEST, LARGEST])
+    targets[...] = ASKED_WEIGHT * np.array([1.0, -MAX_TARGET, MAX_TARGET])
     targets[3:, len(ARM) :] = 0.0  # no places
     targets[2, len(TRUNK) :] = 0.0
     asked = targets.tolist()

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from runtime.prompts.edit_targets import edited_parts
 from runtime.prompts.expander import DEFAULT_PROMPT
 from runtime.prompts.gpt.settings import GptSettings
-from runtime.prompts.phrasing import HARDLY, adherence_of
+from runtime.prompts.phrasing import HARDLY_SHOWN_FRACTION, adherence_of
 from runtime.session.prompt_blend import PromptBlend, Side
 from runtime.skeleton import PART_NAMES
 from viewer.gl_bindings import imgui
@@ -263,7 +263,7 @@ def weakly_shown(blend: PromptBlend, part: str, model: str) -> float | None:
     if blend.a is None or (blend.a.prompt == DEFAULT_PROMPT and part not in blend.a.edited):
         return None
     shown = adherence_of(model).of(getattr(blend.a.words, part), part)
-    return shown if shown is not None and shown < HARDLY else None
+    return shown if shown is not None and shown < HARDLY_SHOWN_FRACTION else None
 
 
 def _part_buttons(

@@ -14,7 +14,7 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.edits.body import BodyEdits
 from runtime.edits.legs import LegEdit
-from runtime.edits.request import LARGEST, LEG, MOST_OF_LEG, PACED, SHAPE, EditRequest
+from runtime.edits.request import LEG, MAX_TARGET, MOST_OF_LEG, PACED, SHAPE, EditRequest
 from runtime.feet import ik
 from runtime.feet.foot_lock import FootLock, Support
 from runtime.feet.leg import leg_bones, leg_forward
@@ -40,7 +40,7 @@ def asked(**values: float) -> Array:
     """Both legs by these targets: the largest bends and lifts, and all others exactly."""
     targets = np.zeros(SHAPE[1:])
     for name, value in values.items():
-        targets[:2, LEG.index(name)] = 1.0, -LARGEST if name in ("knee", "lift") else value, value
+        targets[:2, LEG.index(name)] = 1.0, -MAX_TARGET if name in ("knee", "lift") else value, value
     return targets
 
 

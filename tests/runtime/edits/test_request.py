@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.edits.request import LARGEST, SHAPE, Swing, checked_targets, written_targets
+from runtime.edits.request import MAX_TARGET, SHAPE, Swing, checked_targets, written_targets
 from runtime.prompts.edit_targets import phrases, read_phrases, targets_of
 
 PART = {"leg": "left_leg", "torso": "torso", "arm": "left_arm"}
@@ -76,6 +76,6 @@ def test_a_swing_knows_its_middle_and_its_ends() -> None:
         swing = swing.observed(2.0 + 0.3 * np.sin(2.0 * np.pi * t / 60.0), 0.4, 0.6)
     assert swing.middle == pytest.approx(2.0, abs=0.1)
     assert swing.range == pytest.approx(0.6, abs=0.12)
-    assert swing.gain([1.0, 1.2, LARGEST], 0.1, 5.0) == pytest.approx(1.0, abs=0.4)
-    assert swing.gain([1.0, -LARGEST, 0.3], 0.1, 5.0) == pytest.approx(-0.5, abs=0.15)
+    assert swing.gain([1.0, 1.2, MAX_TARGET], 0.1, 5.0) == pytest.approx(1.0, abs=0.4)
+    assert swing.gain([1.0, -MAX_TARGET, 0.3], 0.1, 5.0) == pytest.approx(-0.5, abs=0.15)
     assert swing.gain([1.0, 0.3, 1.0], 0.1, 5.0) == 0.0

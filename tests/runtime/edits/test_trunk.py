@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.edits.body import BodyEdits
-from runtime.edits.request import FOLD, LARGEST, ROW_TRUNK, SHAPE, TRUNK, EditRequest
+from runtime.edits.request import FOLD, MAX_TARGET, ROW_TRUNK, SHAPE, TRUNK, EditRequest
 from runtime.edits.trunk import ASIDE, LEAN, MOST, TWIST
 from runtime.feet.foot_lock import FootLock, Support
 from runtime.motion.features import DT
@@ -27,8 +27,8 @@ def asked(**values: float) -> Array:
     """A trunk by these targets: exact angles, least swings, the largest fold."""
     targets = np.zeros(SHAPE[1:])
     for name, value in values.items():
-        low = -LARGEST if name == "fold" else value
-        high = LARGEST if name in ("sway", "rock", "bounce") else value
+        low = -MAX_TARGET if name == "fold" else value
+        high = MAX_TARGET if name in ("sway", "rock", "bounce") else value
         targets[ROW_TRUNK, TRUNK.index(name)] = 1.0, low, high
     return targets
 

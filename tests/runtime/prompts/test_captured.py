@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from runtime.assets import asset_path
-from runtime.edits.request import FOLD, GAITS, LARGEST, ROW_TRUNK, TRUNK
+from runtime.edits.request import FOLD, GAITS, MAX_TARGET, ROW_TRUNK, TRUNK
 from runtime.errors import FileError
 from runtime.prompts import captured as module
 from runtime.prompts.captured import CapturedPhrases, captured
@@ -57,7 +57,7 @@ def test_jogs_lean_forward_unless_words_say_otherwise(torso: str) -> None:
     _, least, _ = edit_targets(replace(PLAIN, torso=torso))[JOG, ROW_TRUNK, LEAN]
     assert least > 3.0
     back = edit_targets(replace(PLAIN, torso="torso leaning far back"))[JOG, ROW_TRUNK, LEAN]
-    assert back[1] == -LARGEST
+    assert back[1] == -MAX_TARGET
 
 
 def test_a_phrase_means_what_was_measured_and_another_what_is_written() -> None:

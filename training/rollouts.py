@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from runtime.arrays import Array
 from runtime.motion import features
 from runtime.motion.features import FPS, INPUT, OUTPUT, TRAJECTORY_OFFSETS, L
 from training.batches import FrameTensors, RandomRows
@@ -251,5 +252,8 @@ def _fits(device: torch.device) -> tuple[Tensor, Tensor]:
     """Least-squares parabolas of the 12 samples as `(12, 12)`: of positions through the root, of directions free."""
     time = np.asarray(TRAJECTORY_OFFSETS) / FPS
     powers = np.stack([time**k for k in range(3)], 1)
-    fits = [basis @ np.linalg.pinv(basis) for basis in (powers[:, 1:], powers)]
-    return tuple(torch.as_tensor(f, dtype=torch.float32, device=device) for f in fits)  # type: ignore[return-value]
+
+    def fit(basis: Array) -> Tensor:
+        return torch.as_tensor(basis @ np.linalg.pinv(basis), dtype=torch.float32, device=device)
+
+    return fit(powers[:, 1:]), fit(powers)

@@ -13,7 +13,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 SPORT = (sys.executable, "-m", "sport")
 # shader caches of the driver, and what finished runs leave too
-KEPT = ("mesa_shader_cache", ".sport-batch.lock", "manifest.jsonl", "settings.json")
+KEPT = ("mesa_shader_cache", ".sport-batch.lock", "manifest.jsonl", "settings.json", "characters")
 
 _GENERATE = "generate --prompt zombie --seconds 2 --out"
 COMMANDS: dict[str, str] = {

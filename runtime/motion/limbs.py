@@ -23,6 +23,7 @@ SHALLOW_M = 0.25  # that a limb may be in the ground rather than go through it
 MAX_TURN_RAD_PER_FRAME = 0.7
 # and of an arm that is not in a wall: one that came back at once would flicker
 MAX_ARM_TURN_RAD_PER_FRAME = 0.15
+ARM_TURNS_RAD_PER_FRAME = (MAX_ARM_TURN_RAD_PER_FRAME, MAX_TURN_RAD_PER_FRAME)
 _ARMS, _LEGS = [18, 19, 20, 25, 26, 27], [2, 3, 4, 7, 8, 9]
 _DOWN = np.array([0.0, -1.0, 0.0])
 
@@ -36,37 +37,17 @@ class Limb:
     rest: tuple[int, ...]  # and what follows
     free_m: tuple[float, ...]  # it is kept so far from a wall, or else so far,
     sunk_m: float  # and none of its joints deeper than so much under the ground
-    bends: tuple[
-        float | None, ...
-    ]  # radians about Y of an elbow or knee that it may hang with; None as it is
+    # radians about Y of an elbow or knee that it may hang with; None as it is
+    bends: tuple[float | None, ...]
     steps: bool = False  # it goes round ground on its way to where it is less deep
-    turns: tuple[float, ...] = (
-        MAX_TURN_RAD_PER_FRAME,
-    )  # radians a frame: the first with which it comes out of the ground
+    # radians a frame: the first with which it comes out of the ground
+    turns: tuple[float, ...] = (MAX_TURN_RAD_PER_FRAME,)
 
 
-LIMBS = (
-    Limb(
-        18,
-        19,
-        (20, 21, 22, 23),
-        (0.2, 0.1, 0.0),
-        0.1,
-        (0.0, -2.4),
-        turns=(MAX_ARM_TURN_RAD_PER_FRAME, MAX_TURN_RAD_PER_FRAME),
-    ),
-    Limb(
-        25,
-        26,
-        (27, 28, 29, 30),
-        (0.2, 0.1, 0.0),
-        0.1,
-        (0.0, 2.4),
-        turns=(MAX_ARM_TURN_RAD_PER_FRAME, MAX_TURN_RAD_PER_FRAME),
-    ),
-    Limb(2, 3, (4, 5), (0.06, 0.0), 0.2, (0.0, None), steps=True),
-    Limb(7, 8, (9, 10), (0.06, 0.0), 0.2, (0.0, None), steps=True),
-)
+_LEFT_ARM = Limb(18, 19, (20, 21, 22, 23), (0.2, 0.1, 0.0), 0.1, (0.0, -2.4), turns=ARM_TURNS_RAD_PER_FRAME)
+_RIGHT_ARM = replace(_LEFT_ARM, upper=25, lower=26, rest=(27, 28, 29, 30), bends=(0.0, 2.4))
+_LEFT_LEG = Limb(2, 3, (4, 5), (0.06, 0.0), 0.2, (0.0, None), steps=True)
+LIMBS = (_LEFT_ARM, _RIGHT_ARM, _LEFT_LEG, replace(_LEFT_LEG, upper=7, lower=8, rest=(9, 10)))
 # while keyframed: hands hold on to edges, and arms are as fast as they must be
 KEYFRAMED = (
     *(replace(arm, free_m=(0.0,), sunk_m=0.15, turns=(MAX_TURN_RAD_PER_FRAME,)) for arm in LIMBS[:2]),

@@ -285,9 +285,9 @@ class Database(StoredRows):
         if self._reader is None:
             self._connect()
             if checked:
-                threading.Thread(
-                    target=self._check_integrity, name="sport-session check", daemon=True
-                ).start()
+                check = self._check_integrity
+                self._checker = threading.Thread(target=check, name="sport-session check", daemon=True)
+                self._checker.start()
         self._thread = threading.Thread(target=self._run, name="sport-session", daemon=True)
         self._thread.start()
         return self

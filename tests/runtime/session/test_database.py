@@ -249,6 +249,16 @@ def test_what_is_missing_is_said(session: Database) -> None:
     assert list(session.frames("n")) == []
 
 
+def test_the_check_of_an_opened_file_ends_with_it(session: Database, monkeypatch: pytest.MonkeyPatch) -> None:
+    def slow(self: Database) -> None:
+        time.sleep(0.2)
+
+    assert session.close()
+    monkeypatch.setattr(Database, "_check_integrity", slow)
+    assert Database.open(session.path).close()
+    assert "sport-session check" not in [thread.name for thread in threading.enumerate()]
+
+
 def test_the_frame_does_not_wait(session: Database) -> None:
     held, waited = threading.Event(), []
     session.submit(lambda writer: waited.append(held.wait(20.0)))

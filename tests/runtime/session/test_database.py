@@ -39,7 +39,7 @@ def files(tmp_path: Path) -> Iterator[list[Database]]:
     opened: list[Database] = []
     yield opened
     for database in opened:
-        database.close(5.0)
+        database.close(60.0)
 
 
 @pytest.fixture
@@ -111,7 +111,7 @@ class Model(RuleBasedStateMachine):
         self.meta: dict[str, str] = {}
 
     def teardown(self) -> None:
-        self.database.close(5.0)
+        self.database.close(60.0)
         self.patch.undo()
         shutil.rmtree(self.folder)
 

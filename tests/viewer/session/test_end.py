@@ -21,7 +21,7 @@ from runtime.session.sqlite_file import lock_of
 from tests.helpers.app_driver import Start, run
 from tests.helpers.viewer_fakes import fake_services
 from viewer import app as app_module
-from viewer import process
+from viewer import process, workspace
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.options import ViewOptions
@@ -223,7 +223,8 @@ def test_a_signal_ends_the_loop_with_its_code_and_a_sentence(
     assert capfd.readouterr().err == (f"sport: stopped by {what}.\n" if what else "")
 
 
-def test_a_start_that_fails_leaves_no_session(tmp_path: Path) -> None:
+def test_a_start_that_fails_leaves_no_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workspace, "LEAVE_S", 60.0)  # a busy machine must not decide
     options = ViewOptions(offscreen=True, terrain="flat", prompt=" ")
     with pytest.raises(SportError):
         app_module.App(options, fake_services(drawn=False), config=tmp_path)

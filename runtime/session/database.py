@@ -41,9 +41,7 @@ from runtime.session.sqlite_file import (
     unwritten_files,
 )
 from runtime.session.stored_rows import StoredRows
-from runtime.session.tables import (
-    copy_rows,
-)
+from runtime.session.tables import copy_rows
 from runtime.session.writer import Writer
 
 GATHER_S = 0.05  # that works wait for others before they are written

@@ -21,6 +21,7 @@ ROTATION_COMPONENT_STEP = 1.0 / (32767.0 * 2.0**0.5)
 CONTACT_STEP = 1.0 / 128.0
 MIN_CONTACT_PROBABILITY = -0.5
 PACKED_FRAME_BYTES = 3 * 4 + J * (1 + 3 * 2) + 4 + 1  # of a packed frame: hips, rotations, contacts, gait
+_PLACES = (np.arange(4) - np.arange(4)[:, None]) % 4  # of components stored from the largest on, by its index
 CLIP_FRAME_BYTES = 4 * (3 + 4 * J + 4) + 1  # of a frame in memory
 
 
@@ -33,10 +34,11 @@ def packed_frames(hips: AnyArray, rotations: AnyArray, contacts: AnyArray, gaits
     """The bytes of T frames; hips `(T, 3)`, rotations `(T, 31, 4)`, contacts `(T, 4)`, gaits `(T,)`."""
     places = np.round(np.asarray(hips, np.float64) / HIPS_STEP_M).astype(np.int32)
     largest = np.abs(rotations).argmax(axis=-1)
-    negative = np.take_along_axis(rotations, largest[..., None], axis=-1) < 0.0
-    rest = np.take_along_axis(rotations, _others(largest), axis=-1) * np.where(negative, -1.0, 1.0)
+    ordered = np.take_along_axis(rotations, (largest[..., None] + np.arange(4)) % 4, axis=-1)
+    negative = ordered[..., 0] < 0.0
+    rest = ordered[..., 1:] * np.where(negative, -1.0, 1.0)[..., None]
     small = np.clip(np.round(rest / ROTATION_COMPONENT_STEP), -32767, 32767).astype(np.int16)
-    signs = (largest | (negative[..., 0] << 2)).astype(np.uint8)
+    signs = (largest | (negative << 2)).astype(np.uint8)
     touching = np.round((contacts - MIN_CONTACT_PROBABILITY) / CONTACT_STEP).astype(np.uint8)
     requested = np.zeros(len(hips), np.int8) if gaits is None else gaits.astype(np.int8)
     columns = (
@@ -60,28 +62,21 @@ def unpacked_frames(data: bytes, count: int) -> tuple[AnyArray, AnyArray, AnyArr
     places = _sums(unpacked_table(parts[2], count, np.int32))
     if (signs > 7).any() or (small == -32768).any():
         raise ValueError("rotations that are none")
-    rest = small * ROTATION_COMPONENT_STEP
-    largest = (signs & 3).astype(np.int64)
-    main = np.sqrt(np.maximum(1.0 - np.sum(rest * rest, axis=-1), 0.0))
-    rotations = np.empty((count, J, 4), np.float64)
-    np.put_along_axis(rotations, _others(largest), rest, axis=-1)
-    np.put_along_axis(rotations, largest[..., None], main[..., None], axis=-1)
-    rotations *= np.where(signs & 4, -1.0, 1.0)[..., None]
+    a, b, c = np.moveaxis(small * ROTATION_COMPONENT_STEP, -1, 0)
+    main = np.sqrt(np.maximum(1.0 - (a * a + b * b + c * c), 0.0))
+    ordered = np.stack([main, a, b, c], axis=-1).astype(np.float32)
+    rotations = np.take_along_axis(ordered, _PLACES[signs & 3], axis=-1)
+    rotations *= np.where(signs & 4, np.float32(-1.0), np.float32(1.0))[..., None]
     hips = (places * HIPS_STEP_M).astype(np.float32)
     contacts = (unpacked_table(parts[3], count, np.uint8) * CONTACT_STEP + MIN_CONTACT_PROBABILITY).astype(
         np.float32
     )
-    return hips, rotations.astype(np.float32), contacts, unpacked_table(parts[4], count, np.int8)[:, 0]
+    return hips, rotations, contacts, unpacked_table(parts[4], count, np.int8)[:, 0]
 
 
 def packed_gaits(data: bytes, count: int) -> AnyArray:
     """The gaits `(T,)` of `packed_frames`, which are its last bytes."""
     return np.frombuffer(data, np.int8, count, (PACKED_FRAME_BYTES - 1) * count)
-
-
-def _others(largest: AnyArray) -> AnyArray:
-    """The three other components `(..., 3)` of a quaternion."""
-    return (largest[..., None] + np.arange(1, 4)) % 4
 
 
 def _differences(values: AnyArray) -> AnyArray:

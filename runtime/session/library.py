@@ -141,7 +141,7 @@ def _summary(path: Path) -> SessionSummary | None:
     database.budget = Budget(SUMMARY_BYTES, SUMMARY_BYTES)
     try:
         takes, edits = int(database.meta("takes", "0")), database.meta("edits", "1")
-        recordings = len(database.framed_motions())
+        recordings = len(database.frame_counts())
         if not (takes or recordings or (edits and database.steps())):
             return None
         return SessionSummary(

@@ -16,7 +16,6 @@ from runtime.session.frames import PACKED_FRAME_BYTES, packed_frames, unpacked_f
 from runtime.session.motion import MotionHeader
 from runtime.session.tables import checksum, put_rows, sealed
 
-MAX_MENDED_MOTIONS = 5000  # of a session: a full file of takes has fewer
 MAX_HELD_FRAMES = 100_000  # of a session that hold the pose before them: half an hour
 INPUT, TAIL = ".input", ".tail"  # of a motion's key: what drove it, and its newest frames
 UNKNOWN_NAME, UNKNOWN_FPS = "Recovered take", 60.0  # of a motion whose header is lost
@@ -41,8 +40,6 @@ def fill_gaps(connection: sqlite3.Connection) -> tuple[int, int]:
         held += made
         there = sum(count for part in (key, key + TAIL) for _, _, count in pieces.get(part, ()))
         changed += _set_header(connection, key, there + made, bool(gaps))
-        if changed == MAX_MENDED_MOTIONS:
-            break
     return changed, held
 
 

@@ -9,7 +9,7 @@ import json
 import logging
 import time
 import weakref
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -18,17 +18,12 @@ from typing import Any
 from runtime.errors import FileError
 from runtime.safe_read import printable
 from runtime.session.blobs import REMEDY, BlobReader
-from runtime.session.character_files import (
-    read_character_files,
-)
+from runtime.session.character_files import read_character_files
 from runtime.session.database import Database
 from runtime.session.document import DocumentWriter, header_text, pack_sticks
-from runtime.session.document_reader import DocumentReader, read_view
+from runtime.session.document_reader import MAX_TAKES, DocumentReader, read_view
 from runtime.session.edits import with_new_take
-from runtime.session.frames import (
-    packed_frames,
-    pieces,
-)
+from runtime.session.frames import packed_frames, pieces
 from runtime.session.history import MAX_STEPS, History, Step
 from runtime.session.lost import LostTake, settle
 from runtime.session.motion import Motion, MotionHeader
@@ -42,7 +37,7 @@ from runtime.takes.input_recording import InputRecording
 
 _LOG = logging.getLogger("sport.session")
 DROPPED_STEPS = 50  # of the history, after which what only they referred to is noted as lost
-MAX_RECOVERED_TAKES = 500
+MAX_RECOVERED_TAKES = 2000  # at once; the others are lost takes, which can be had back
 
 
 @dataclass
@@ -51,6 +46,7 @@ class SessionFile(StoredMotions):
 
     repaired: str = ""  # what was wrong with the file when it was opened, in a user's words
     recovered: int = 0  # takes that no step named
+    unrecovered: int = 0  # of them, those that are lost takes now
     _documents: DocumentWriter = field(init=False)
     _written: dict[int, Session] = field(default_factory=dict)  # steps of the file, by their numbers
     _known: set[str] = field(default_factory=set)  # blobs, motions and characters that the file has
@@ -287,7 +283,7 @@ class SessionFile(StoredMotions):
         characters = (f"character {c.key}" for s in self._written.values() for c in _characters(s))
         self._known = {*self.database.motions(), *characters}
         self._held.update(known)
-        self._has_motions = bool(self.database.framed_motions())
+        self._has_motions = bool(self.database.frame_counts())
         self._note_unsound(unsound, len(reader.left_out))
         self._recover(history, set(known))
         return history
@@ -331,8 +327,11 @@ class SessionFile(StoredMotions):
     def _recover(self, history: History, named: set[str]) -> None:
         """Take up motions with frames that no step names: recordings that were cut off, and what damaged steps named."""
         lost = {key for key, _, _ in self.database.lost()}
-        keys = [key for key in self.database.framed_motions() if key not in named and key not in lost]
-        motions = [found for key in keys[-MAX_RECOVERED_TAKES:] if (found := self._recovered(key))]
+        counts = self.database.frame_counts()
+        keys = [key for key in counts if key not in named and key not in lost]
+        most = min(MAX_RECOVERED_TAKES, MAX_TAKES - len(history.present.session.takes))
+        first = max(len(keys) - most, 0)
+        motions = [found for key in keys[first:] if (found := self._recovered(key, counts[key]))]
         if not motions:
             return
         takes = self._takes_of({motion.key for motion, cut_off in motions if not cut_off})
@@ -342,7 +341,7 @@ class SessionFile(StoredMotions):
             session = with_new_take(session, replace(takes.get(motion.key, unknown), motion=motion))
         name = motions[0][0].header.name if len(motions) == 1 else f"{len(motions)} takes"
         history.push(f"recovery of {name}", session)
-        self.recovered = len(motions)
+        self.recovered, self.unrecovered = len(motions), first
         headers = {motion.key: header_text(motion.header) for motion, _ in motions}
 
         def work(writer: Writer) -> None:
@@ -352,14 +351,16 @@ class SessionFile(StoredMotions):
         self.database.submit(work)
         self.write(history)
 
-    def found_take(self, lost: LostTake) -> Take:
-        """A lost take with its edits, to be put into the session again; FileError."""
-        found = self._recovered(lost.key)
-        if found is None:
-            raise FileError(f"{self.path}: {lost.name} is gone.", REMEDY)
-        take = self._takes_of({lost.key}).get(lost.key, Take())
-        self.hold(lost.key, found[0])
-        return replace(take, motion=found[0])
+    def found_takes(self, lost: Sequence[LostTake]) -> list[Take]:
+        """Lost takes with their edits, to be put into the session again; FileError."""
+        counts, takes = self.database.frame_counts(), self._takes_of({take.key for take in lost})
+        for take in lost:
+            found = self._recovered(take.key, counts[take.key])
+            if found is None:
+                raise FileError(f"{self.path}: {take.name} is gone.", REMEDY)
+            self.hold(take.key, found[0])
+            takes[take.key] = replace(takes.get(take.key, Take()), motion=found[0])
+        return [takes[take.key] for take in lost]
 
     # --- the file
 

@@ -14,10 +14,7 @@ from runtime.arrays import AnyArray
 from runtime.errors import FileError
 from runtime.safe_read import parse_json
 from runtime.session.blobs import REMEDY, BlobReader
-from runtime.session.character_files import (
-    check_character_files,
-    write_character_files,
-)
+from runtime.session.character_files import check_character_files, write_character_files
 from runtime.session.clip_cache import ClipCache
 from runtime.session.database import Database
 from runtime.session.document import MAX_FRAMES, unpack_sticks
@@ -58,7 +55,7 @@ class StoredMotions:
         return self._clips.get(key, lambda: self._read_clip(key, header))
 
     def _read_clip(self, key: str, header: MotionHeader) -> Clip:
-        count, found = header.frames, self._frame_count(key)
+        count, found = header.frames, sum(map(self.database.frame_count, (key, key + TAIL)))
         if found != count:
             raise FileError(f"{self.path}: {header.name} has {found} frames of {count}.", REMEDY)
         if CLIP_FRAME_BYTES * count > MAX_CLIP_BYTES:
@@ -94,10 +91,6 @@ class StoredMotions:
             return reader.inputs(value, InputFrames(table))
 
         return reader.checked(read)
-
-    def _frame_count(self, key: str) -> int:
-        """Frames that the pieces of a motion say they have."""
-        return self.database.frame_count(key) + self.database.frame_count(key + TAIL)
 
     def _pieces(self, key: str) -> Iterator[tuple[int, bytes]]:
         for count, content in chain(self.database.frames(key), self.database.frames(key + TAIL)):
@@ -139,22 +132,22 @@ class StoredMotions:
     @property
     def lost_takes(self) -> list[LostTake]:
         """Motions that no step has named for less than `LOST_DAYS`, the newest first; FileError."""
-        framed, takes = set(self.database.framed_motions()), []
+        frames, takes = self.database.frame_counts(), []
         for key, since_s, _ in reversed(self.database.lost()):
-            found = self._recovered(key) if key in framed else None
+            found = self._recovered(key, frames[key])
             if found is not None:
                 takes.append(LostTake(key, found[0].header.name, found[0].header.seconds, since_s))
         return takes
 
-    def _recovered(self, key: str) -> tuple[Motion, bool] | None:
-        """A motion of the file as far as its frames are there, and whether its recording was cut off; None for too few."""
-        frames, cut_off = self._frame_count(key), False
+    def _recovered(self, key: str, frames: int) -> tuple[Motion, bool] | None:
+        """A motion of the file with the frames that are there, and whether its recording was cut off; None for too few."""
+        if not MIN_FRAMES <= frames <= MAX_FRAMES:
+            return None
+        cut_off = False
         try:
             header, cut_off = self._reader().header(self.database.motion(key))
         except FileError:
             header = MotionHeader(UNKNOWN_NAME, UNKNOWN_FPS, frames)
-        if not MIN_FRAMES <= frames <= MAX_FRAMES:
-            return None
         if cut_off or header.frames != frames:
             gaits = np.concatenate([packed_gaits(content, count) for count, content in self._pieces(key)])
             seconds = gait_seconds(gaits, header.fps) if are_gaits(gaits) else ()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 import threading
 import zlib
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -55,12 +56,13 @@ class StoredRows:
         rows = self._rows("motions", "key", (str,), "length(CAST(key AS BLOB))", order="ORDER BY number")
         return [key for (key,) in rows]
 
-    def framed_motions(self) -> list[str]:
-        """Keys of the motions that have frames, in the order in which they were made."""
-        size = "length(CAST(motion AS BLOB))"
-        order = "GROUP BY motion ORDER BY min(rowid)"
-        found = self._rows("frames", "motion", (str,), size, order=order)
-        return list(dict.fromkeys(key.removesuffix(TAIL) for (key,) in found))
+    def frame_counts(self) -> Counter[str]:
+        """How many frames the pieces of each motion say they have, in the order in which the motions were made."""
+        size, order = "length(CAST(motion AS BLOB))", "GROUP BY motion ORDER BY min(rowid)"
+        counts = Counter[str]()
+        for key, count in self._rows("frames", "motion, sum(count)", (str, int), size, order=order):
+            counts[key.removesuffix(TAIL)] += count
+        return counts
 
     def text_blobs(self) -> list[tuple[str, int]]:
         """Keys and lengths of blobs that may be texts of takes, the newest first."""

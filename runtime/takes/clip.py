@@ -170,7 +170,7 @@ def stacked(poses: Sequence[Pose]) -> tuple[Array, Array, Array]:
 
 def are_poses(hips: Array, rotations: Array, contacts: Array) -> bool:
     """Whether every frame can be shown: hips `(T, 3)`, local rotations `(T, 31, 4)` and contacts `(T, 4)`; nor NaN."""
-    norms = np.linalg.norm(rotations, axis=-1)
+    norms = np.sqrt(np.einsum("...i,...i", rotations, rotations))
     return bool(
         (np.abs(hips) <= MAX_DISTANCE_M).all()
         and (np.abs(norms - 1.0) <= MAX_NORM_ERROR).all()

@@ -22,24 +22,21 @@ def main() -> int:
     options = parser.parse_args()
     bad = 0
     print("| ending | writes | whole | refused | wrong |\n| --- | --- | --- | --- | --- |")
-    copied = Path("/dev/shm/sport-full-disk.sport")
-    session(copied)
-    try:
-        with tempfile.TemporaryDirectory() as disk:
-            for ending in writers():
-                if options.only in ending:
-                    bad += one(ending, Path(disk))
-    finally:
-        copied.unlink()
+    with tempfile.TemporaryDirectory() as disk, tempfile.TemporaryDirectory() as folder:
+        copied = Path(folder) / "a.sport"
+        session(copied)
+        for ending in writers(copied):
+            if options.only in ending:
+                bad += one(ending, Path(disk), copied)
     return int(bad > 0)
 
 
-def one(ending: str, disk: Path) -> int:
-    """Print the row of an ending; how many writes went wrong."""
+def one(ending: str, disk: Path, copied: Path) -> int:
+    """Print the row of an ending; how many writes went wrong. A session of a megabyte is copied onto the disk, too."""
     mount = ["mount", "-t", "tmpfs", "-o", f"size={DISK_KB}k", "tmpfs", str(disk)]
     subprocess.run(mount, check=True)
     try:
-        command = [sys.executable, "-m", "tests.full_disk.writing", ending, str(disk)]
+        command = [sys.executable, "-m", "tests.full_disk.writing", ending, str(disk), str(copied)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
     finally:
         subprocess.run(["umount", str(disk)], check=True)

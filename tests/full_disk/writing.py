@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +15,11 @@ OLD = b"the file that was there"
 Write = Callable[[Path], object]
 
 
-def writers() -> dict[str, Write]:
-    """What writes a file of each ending: all formats of the program, and a session."""
+def writers(copied: Path) -> dict[str, Write]:
+    """What writes a file of each ending: all formats of the program, a session, and a copy of one."""
     from runtime.formats.options import ExportOptions
     from runtime.formats.table import FORMATS, save_motion
+    from runtime.session.session_file import SessionFile
     from runtime.terrain.height_map import Terrain
     from tests.fuzz.files import clip
     from viewer.filming.shots import FilmOptions
@@ -39,7 +41,7 @@ def writers() -> dict[str, Write]:
         save_motion(long, path, ExportOptions(fps=long.fps), Terrain.flat())
 
     formats = {suffix: film if format.film else motion for suffix, format in FORMATS.items()}
-    return {**formats, ".sport": session, "copy.sport": session_copy}
+    return {**formats, ".sport": session, "copy.sport": partial(SessionFile.copy, copied)}
 
 
 def session(path: Path) -> None:
@@ -59,18 +61,11 @@ def session(path: Path) -> None:
         raise FileError(file.problem, "")
 
 
-def session_copy(path: Path) -> None:
-    """Copy a session of a megabyte over a file."""
-    from runtime.session.session_file import SessionFile
-
-    SessionFile.copy(Path("/dev/shm") / "sport-full-disk.sport", path)
-
-
-def main(ending: str, disk: Path) -> None:
+def main(ending: str, disk: Path, copied: Path) -> None:
     """Write with each room, an old file there or not; print what came out, a line of JSON each."""
     from runtime.errors import SportError
 
-    write = writers()[ending]
+    write = writers(copied)[ending]
     for room_kb in ROOM_KB:
         for old in (False, True):
             for path in disk.iterdir():
@@ -107,4 +102,4 @@ def fill(disk: Path, room_kb: int) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], Path(sys.argv[2]))
+    main(sys.argv[1], *map(Path, sys.argv[2:]))

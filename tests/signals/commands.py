@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -12,8 +13,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 SPORT = (sys.executable, "-m", "sport")
-# shader caches of the driver, and what finished runs leave too
-KEPT = ("mesa_shader_cache", ".sport-batch.lock", "manifest.jsonl", "settings.json", "characters")
+# shader caches of the driver, what finished runs leave too, and frames that are whole: each is what was asked for
+KEPT = re.compile(
+    r"mesa_shader_cache|\.sport-batch\.lock|manifest\.jsonl|settings\.json|characters|^work/frames(/frame_\d+\.png)?$"
+)
 
 _GENERATE = "generate --prompt zombie --seconds 2 --out"
 COMMANDS: dict[str, str] = {
@@ -102,7 +105,7 @@ class Place:
         found = set()
         for path in self.folder.rglob("*"):
             name = path.relative_to(self.folder).as_posix()
-            if not any(kept in name for kept in KEPT) and (path.is_file() or not name.startswith("home")):
+            if not KEPT.search(name) and (path.is_file() or not name.startswith("home")):
                 found.add(name)
         return found
 

@@ -19,13 +19,14 @@ from viewer.gui.widgets import px
 from viewer.panels.guide import Guide
 from viewer.panels.settings_panel import SettingsWindow
 from viewer.prompt.prompt_field import pressed_undo
-from viewer.session.sessions import Sessions, SessionSummary, describe
+from viewer.session.sessions import Sessions, SessionSummary, describe, time_text
 
 POPUP = "session menu"
 NAME_WIDTH = 110.0  # pixels at scale 1
 MENU_WIDTH = 240.0
 MARGIN_PX = 10.0
 MAX_PICTURE = 512  # pixels of a side
+MAX_LISTED_LOST = 30  # takes
 MIN_VIEW = 200.0  # a narrower view has no room for the bar
 # plain numbers: Python 3.11.2, Debian 12's, raises where two of these keys are joined as the enumeration they are
 _CTRL, _SHIFT = int(imgui.Key.mod_ctrl), int(imgui.Key.mod_shift)
@@ -102,8 +103,11 @@ class SessionBar:
         sessions, editor = self.sessions, self.sessions.editor
         undo, redo = editor.undo_label, editor.redo_label
         _items(("New session", "", sessions.new), ("Open…", "Ctrl+O", sessions.ask_open))
+        if imgui.is_window_appearing():
+            sessions.find_lost()
         self._recent()
         self._earlier()
+        self._lost()
         imgui.separator()
         _items(
             ("Save" if sessions.path is None else "Saved as you work", "Ctrl+S", sessions.save),
@@ -153,6 +157,19 @@ class SessionBar:
                     sessions.discard(left)
                 imgui.end_popup()
             imgui.pop_id()
+        imgui.end_menu()
+
+    def _lost(self) -> None:
+        """Takes of the file that no step of the history names any more."""
+        sessions, lost = self.sessions, self.sessions.lost
+        if not lost or not imgui.begin_menu(f"Lost takes ({len(lost)})###lost"):
+            return
+        if len(lost) > 1 and widgets.item("Recover all"):
+            sessions.recover(*lost)
+        for number, take in enumerate(lost[:MAX_LISTED_LOST]):
+            about = f"{widgets.clock(take.seconds)}, {time_text(take.since_s)}"
+            if widgets.item(f"{printable(take.name)}, {about}##{number}"):
+                sessions.recover(take)
         imgui.end_menu()
 
     def _picture(self, left: SessionSummary) -> None:

@@ -7,7 +7,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import partial, reduce
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from runtime.session import edits, library
 from runtime.session.history import History
 from runtime.session.library import SessionSummary
 from runtime.session.lost import LostTake
-from runtime.session.session import ModelName
+from runtime.session.session import ModelName, Take
 from runtime.session.session_file import SessionFile
 from runtime.session.sqlite_file import SUFFIX, FileInUse, lock_of, side_files
 from runtime.takes.metadata import origin_of
@@ -38,6 +38,7 @@ MAX_RECENT_SESSIONS = 8
 KEPT_SESSIONS = 10  # untitled ones that can be opened again
 VIEW_INTERVAL_S = 10.0  # between two times at which the view is written
 OPENING, CLOSING, COPYING = Slot("session"), Slot("closing of a session"), Slot("copy of the session")
+LOST = Slot("lost takes")
 PROBLEM = Slot("file of the session")  # a topic of messages
 RESIMULATION = Slot("resimulation of a take")
 UNFINISHED = "unfinished"  # under which a file says what an end of the program cut short
@@ -68,11 +69,15 @@ def first_file(folder: Path, cache: Path) -> tuple[SessionFile, str]:
 
 def describe(summary: SessionSummary) -> str:
     """Name, takes, length and time in a few words."""
+    return f"{summary.name}, {_contents(summary)}, {time_text(summary.saved_s)}"
+
+
+def time_text(since_1970_s: float) -> str:
+    """Day, month, hour and minute of a time."""
     try:
-        when = time.strftime("%d %b %H:%M", time.localtime(summary.saved_s))
+        return time.strftime("%d %b %H:%M", time.localtime(since_1970_s))
     except (OverflowError, ValueError, OSError):  # of a clock that was far off
-        when = "at an unknown time"
-    return f"{summary.name}, {_contents(summary)}, {when}"
+        return "at an unknown time"
 
 
 def _contents(summary: SessionSummary) -> str:
@@ -101,6 +106,7 @@ class Sessions:
     picture: Callable[[], bytes]  # a small PNG of the view
     folder: Path  # the state folder
     earlier: list[SessionSummary] = field(default_factory=list)  # of other runs, newest first
+    lost: list[LostTake] = field(default_factory=list)  # that no step names, newest first, see `find_lost`
     incomplete: bool = False  # something is not where it was to be written
     _viewed: dict[str, Any] = field(default_factory=dict)
     _viewed_s: float = -1e9
@@ -188,7 +194,8 @@ class Sessions:
         if not said and not self._is_untitled(path):
             self._remember(path)
         self.earlier = [summary for summary in self.earlier if summary.path != path]
-        recovered = f"Recovered: {_count(file.recovered)}." if file.recovered else ""
+        more = f", and {file.unrecovered} under Lost takes" if file.unrecovered else ""
+        recovered = f"Recovered: {_count(file.recovered)}{more}." if file.recovered else ""
         wrong = [text for text in (said, recovered, file.repaired, self._unfinished(file)) if text]
         text = said or f"{self.name}: {_count(len(history.present.session.takes))}."
         (self.messages.warn if wrong else self.messages.note)(" ".join(dict.fromkeys([text, *wrong])))
@@ -252,14 +259,21 @@ class Sessions:
         if not self.editor.do("revert to when it was opened", lambda _: opened):
             self.messages.note("Nothing was changed since it was opened.")
 
-    def lost_takes(self) -> list[LostTake]:
-        """Motions of the file that no step of the history names any more, the newest first; FileError."""
-        return self.editor.file.lost_takes
+    def find_lost(self) -> None:
+        """Look for motions of the file that no step of the history names any more."""
+        file = self.editor.file
+        self.jobs.submit(LOST, lambda: file.lost_takes, lambda found: setattr(self, "lost", found))
 
-    def recover(self, lost: LostTake) -> None:
-        """Put a lost take with its edits into the list again."""
-        take = self.editor.file.found_take(lost)
-        self.editor.do(f"recovery of {lost.name}", lambda session: edits.with_new_take(session, take))
+    def recover(self, *lost: LostTake) -> None:
+        """Put lost takes with their edits into the list again."""
+        file, what = self.editor.file, lost[0].name if len(lost) == 1 else _count(len(lost))
+
+        def found(takes: list[Take]) -> None:
+            self.editor.do(f"recovery of {what}", lambda session: reduce(edits.with_new_take, takes, session))
+            self.lost = [take for take in self.lost if take not in lost]
+            self.messages.note(f"Recovered: {what}.")
+
+        self.jobs.submit(LOST, lambda: file.found_takes(lost), found, reading=what)
 
     def discard(self, summary: SessionSummary) -> None:
         """Remove an untitled session of another run for good."""
@@ -275,6 +289,8 @@ class Sessions:
         self.takes.end_recording()
         self.takes.close_playback()
         self.takes.animations.clear()
+        self.jobs.end_slot(LOST)
+        self.lost = []
         self._leave()
         self.editor.use(file, history)
         self._viewed_s = time.monotonic()

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import random
 import sqlite3
+import zlib
 from contextlib import closing
 from pathlib import Path
 
 import pytest
 
+from runtime.session import session_file
+from runtime.session.document import header_text
+from runtime.session.frames import PACKED_FRAME_BYTES
+from runtime.session.motion import MotionHeader
+from runtime.session.recovery import fill_gaps
 from runtime.session.session_file import SessionFile
+from runtime.session.sqlite_file import in_memory
+from runtime.session.tables import put_rows, sealed
 from tests.damage.damages import DAMAGES, FRAMES, Known, check, seed_session
+from tests.damage.damages import NAMES as NAMES_OF_SEED
 from tests.damage.ends import DONE, KINDS, offered
 from tests.damage.names import NAMES, lost
 
@@ -62,6 +72,38 @@ def test_without_steps_or_texts_every_motion_is_a_take(
             assert [take.note for take in takes] == ["Läufer über Stock!", "走る男!", "take three!"]
         assert all(len(take.made.clip) == take.frames for take in takes)
         assert file.close()
+
+
+def test_what_is_too_much_to_recover_at_once_can_be_had_from_the_lost_takes(
+    seed: tuple[bytes, Known], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(session_file, "MAX_RECOVERED_TAKES", 1)
+    (tmp_path / "a.sport").write_bytes(seed[0])
+    with closing(sqlite3.connect(tmp_path / "a.sport")) as connection, connection:
+        connection.execute("DELETE FROM steps")
+    file, history = SessionFile.open(tmp_path / "a.sport", tmp_path)
+    assert file.flush(20.0)
+    assert (file.recovered, file.unrecovered) == (1, 2)
+    assert [take.frames for take in history.present.session.takes] == [FRAMES[-1]]
+    found = file.found_takes(file.lost_takes)
+    assert {(take.frames, take.name) for take in found} == set(
+        zip(FRAMES[:2], NAMES_OF_SEED[:2], strict=True)
+    )
+    file.close()
+
+
+def test_every_motion_of_a_long_session_is_mended() -> None:
+    count = 6000
+    with closing(in_memory()) as connection:
+        text = header_text(MotionHeader("take", 60.0, 30))
+        frames = zlib.compress(bytes(2 * PACKED_FRAME_BYTES))
+        for number in range(count):
+            key = f"{number:032x}"
+            put_rows(connection, "motions", [sealed("motions", (number, key, text))])
+            put_rows(connection, "frames", [sealed("frames", (key, 0, 2, 2 * PACKED_FRAME_BYTES, frames))])
+        assert fill_gaps(connection) == (count, 0)
+        headers = [json.loads(header) for (header,) in connection.execute("SELECT header FROM motions")]
+    assert {header["frames"] for header in headers} == {2}
 
 
 @pytest.mark.parametrize(("done", "end"), KINDS)

@@ -317,7 +317,7 @@ def test_what_three_hundred_resimulations_replaced_stays_for_thirty_days(
     names = [lost.name for lost in last.lost_takes]
     assert len(names) == 302 - 1 - 7 + 1  # but those of the seven steps
     back = next(lost for lost in last.lost_takes if lost.name == "motion 250")
-    found.push("recovery", edits.with_new_take(found.present.session, last.found_take(back)))
+    found.push("recovery", edits.with_new_take(found.present.session, *last.found_takes([back])))
     last.write(found)
     assert last.close()
     later(monkeypatch, 2.0)

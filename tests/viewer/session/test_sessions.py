@@ -353,12 +353,19 @@ def test_a_take_that_left_the_history_can_be_had_back_with_its_edits(start: Star
     for number in range(205):
         app.editor.do("edit", lambda session, n=number: replace(session, counter=10 + n))  # type: ignore[misc]
     assert app.editor.file.flush(20.0)
-    (lost,) = app.sessions.lost_takes()
-    assert lost.name == "Take 1"
-    app.sessions.recover(lost)
+    click_on(app, "##session")
+    run(app, 2)
+    click_on(app, "##lost")
+    run(app, 2)
+    (label,) = [label for label, _ in drawn(app) if label.startswith("Take 1, ")]
+    click_on(app, label.partition("##")[0])
+    run(app, 2)
     assert titles(app) == ["gone"]
+    assert said(app) == "Recovered: Take 1."
     assert app.editor.file.flush(20.0)
-    assert app.sessions.lost_takes() == []
+    app.sessions.find_lost()
+    run(app, 2)
+    assert app.sessions.lost == []
     app.takes.play(app.editor.session.takes[0].number)
     assert app.takes.playback is not None
 

@@ -93,6 +93,10 @@ class Body:
     joints: tuple[int, ...]
     known: bool
 
+    def half(self, count: int) -> float:
+        """Half of a count of joints, or of a known body that has fewer: what an animation of it moves at least."""
+        return min(count, len(self.joints) if self.known else count) / 2
+
 
 def find_bodies(nodes: Nodes, moved: Collection[int] = ()) -> list[Body]:
     """The bodies of a file, known ones first: joints of skins and `moved` nodes that hang together.
@@ -109,8 +113,8 @@ def find_bodies(nodes: Nodes, moved: Collection[int] = ()) -> list[Body]:
             apart = {node for node in set(bones) - above if inside[node] < 0}
             if not apart:
                 break
-            top = _top(nodes, apart, fraction)
-            tops |= _parted(nodes, top, nodes.skinned | shown) or {top: False}
+            top, loose = _top(nodes, apart, fraction), {n for n in nodes.skinned | shown if inside[n] < 0}
+            tops |= _parted(nodes, top, loose) or {top: False}
     inside = nearest_of(nodes.order, nodes.parents, tops)
     kept = _joints(nodes, inside, nodes.skinned | shown)
     bodies = []

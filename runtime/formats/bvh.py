@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -26,7 +27,13 @@ MAX_VALUE = 1e9  # of a length in the file's unit, or an angle in degrees
 MOVING_ORDER, JOINT_ORDER = "YXZ", "ZYX"  # of rotations: the heading first where it may be any
 _CHUNK_BYTES = 1 << 20  # of numbers that are read at once
 _WRITTEN_FRAMES = 4096  # that are formatted at once
-_BRACES = re.compile(r"((?<!\S)[{}](?!\S)|\{(?=\s*$))")  # that stand alone, or end a line
+_BRACES = re.compile(r"((?<!\S)[{}](?!\S)|[{}](?=[\s{}]*$))")  # that stand alone, or end a line
+_MOTION = re.compile(rb"(?i)(?<![^\s}])MOTION(?!\S)")
+# the seconds of a frame are a number or a fraction
+_FRAMES = re.compile(
+    rb"(?i)\s*Frames\s*:\s*(-?\d+)\s+Frame\s*Time\s*:\s*([\d.,eE+-]+)(?:\s*/\s*([\d.,]+))?[ \t]*(?=\s|$)"
+)
+_CHANNELS = frozenset(axis + kind for axis in "xyz" for kind in ("position", "rotation"))
 _REMEDY = "Export the clip again as BVH, or choose another file."
 
 
@@ -74,13 +81,13 @@ def parse_bvh(data: bytes | str, name: str = "BVH") -> BvhMotion:
         data = decode_text(data).encode("utf-8", "replace")
     if b"\r" in data[:MAX_HEAD_BYTES]:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    at = data.find(b"MOTION")
-    head = decode_text(data[: max(at, 0)])
-    if at < 0 or not head.lstrip().startswith("HIERARCHY"):
+    motion = _MOTION.search(data)
+    head = decode_text(data[: motion.start()]) if motion else ""
+    if motion is None or not head.lstrip().upper().startswith("HIERARCHY"):
         raise FileError(f"{name}: expected HIERARCHY and MOTION sections.", _REMEDY)
-    if at > MAX_HEAD_BYTES:
+    if motion.start() > MAX_HEAD_BYTES:
         raise FileError(f"{name}: HIERARCHY is larger than {MAX_HEAD_BYTES >> 20} MB.", _REMEDY)
-    return _read_motion(_Hierarchy(head, name), data, at + len(b"MOTION"), name)
+    return _read_motion(_Hierarchy(head, name), data, motion.end(), name)
 
 
 def check_size(joints: int, frames: int, name: str) -> None:
@@ -116,58 +123,63 @@ class _Hierarchy:
         self.end_offsets: dict[int, Array] = {}
         self._name, self._stack, self._in_end_site = name, list[int](), False
         keywords = {
-            "ROOT": self._joint, "JOINT": self._joint, "End": self._end, "{": self._open, "}": self._close,
-            "OFFSET": self._offset, "CHANNELS": self._channels, "HIERARCHY": lambda tokens: True,
+            "ROOT": self._joint, "JOINT": self._joint, "END": self._end, "{": self._open, "}": self._close,
+            "OFFSET": self._offset, "CHANNELS": self._channels, "HIERARCHY": lambda tokens: 1,
         }  # fmt: skip
         for self._line, line in enumerate(head.split("\n"), 1):
             for part in _BRACES.split(line):
                 tokens = part.split()
-                if tokens and not (tokens[0] in keywords and keywords[tokens[0]](tokens)):
-                    raise FileError(f"{name}, line {self._line}: unexpected '{tokens[0][:40]}'.", _REMEDY)
+                while tokens:
+                    read = keywords.get(tokens[0].upper())
+                    used = read(tokens) if read else 0
+                    if not used:
+                        raise FileError(f"{name}, line {self._line}: unexpected '{tokens[0][:40]}'.", _REMEDY)
+                    tokens = tokens[used:]
         if self._stack or not self.names or sum(p < 0 for p in self.parents) != 1:
             raise FileError(f"{name}: expected one closed hierarchy with one ROOT.", _REMEDY)
 
-    def _joint(self, tokens: list[str]) -> bool:
+    # what a keyword says with the tokens after it on its line; how many they are, 0 where they cannot be
+    def _joint(self, tokens: list[str]) -> int:
         if len(self.names) >= MAX_JOINTS:
             raise FileError(f"{self._name}: more than {MAX_JOINTS} joints.", _REMEDY)
         self.names.append("_".join(tokens[1:]))
         self.parents.append(self._stack[-1] if self._stack else -1)
         self.offsets.append([0.0, 0.0, 0.0])
         self.channels.append([])
-        return len(tokens) >= 2
+        return len(tokens) if len(tokens) > 1 else 0
 
-    def _end(self, tokens: list[str]) -> bool:
+    def _end(self, tokens: list[str]) -> int:
         self._in_end_site = True
-        return True
+        return len(tokens)
 
-    def _open(self, tokens: list[str]) -> bool:
+    def _open(self, tokens: list[str]) -> int:
         self._stack.append(len(self.names) - 1)
-        return True
+        return 1
 
-    def _close(self, tokens: list[str]) -> bool:
+    def _close(self, tokens: list[str]) -> int:
         self._in_end_site = False
-        return bool(self._stack) and self._stack.pop() is not None
+        return int(bool(self._stack) and self._stack.pop() is not None)
 
-    def _offset(self, tokens: list[str]) -> bool:
+    def _offset(self, tokens: list[str]) -> int:
         if not self.names:
-            return False
+            return 0
         offset = _numbers(tokens[1:], 3, self._line, self._name)
         if self._in_end_site:
             self.end_offsets[len(self.names) - 1] = np.array(offset, np.float32)
         else:
             self.offsets[-1] = offset
-        return True
+        return 4
 
-    def _channels(self, tokens: list[str]) -> bool:
+    def _channels(self, tokens: list[str]) -> int:
         if not self.names:
-            return False
-        self.channels[-1] = channels = [channel.lower() for channel in tokens[2:]]
-        known = {a + kind for a in "xyz" for kind in ("position", "rotation")}
-        if tokens[1:2] != [str(len(channels))] or not set(channels) <= known:
+            return 0
+        channels = [*itertools.takewhile(_CHANNELS.__contains__, map(str.lower, tokens[2:]))]
+        if tokens[1:2] != [str(len(channels))]:
             raise FileError(f"{self._name}, line {self._line}: CHANNELS count or names are wrong.", _REMEDY)
         if len(set(channels)) != len(channels):
             raise FileError(f"{self._name}, line {self._line}: a channel stands twice in CHANNELS.", _REMEDY)
-        return True
+        self.channels[-1] = channels
+        return 2 + len(channels)
 
 
 def _read_motion(h: _Hierarchy, data: bytes, at: int, name: str) -> BvhMotion:
@@ -238,14 +250,12 @@ def _line_of(data: bytes, at: int) -> int:
 
 def _parse_frames(data: bytes, at: int, name: str) -> tuple[int, float, int]:
     """The number of frames, the seconds of one, and where their values begin."""
-    head = re.match(
-        rb"\s*Frames\s*:\s*(-?\d+)\s+Frame\s*Time\s*:\s*([\d.,eE+-]+)(?:/(\d+))?[ \t]*(?=\s|$)",
-        data[at : at + 1000],
-    )
+    head = _FRAMES.match(data[at : at + 1000])
     try:
         if head is None:
             raise ValueError("no such lines")
-        frame_seconds = float(head[2].replace(b",", b".")) / float(head[3] or 1)
+        seconds, parts = (float(part.replace(b",", b".")) for part in (head[2], head[3] or b"1"))
+        frame_seconds = seconds / parts
     except (ValueError, ZeroDivisionError) as error:
         raise FileError(
             f"{name}, line {_line_of(data, at)}: after MOTION expected a line 'Frames: 120' and a line 'Frame Time: 0.0333'.",

@@ -182,14 +182,15 @@ def _targets(nodes: Nodes, entry: Any) -> set[int]:
 
 
 def _listed(nodes: Nodes, animations: dict[str, Any], bodies: list[Body]) -> _Listed:
-    """List the choices: each animation with the body that it moves most, and once more for each further body."""
+    """List the choices: each animation with the first body that it moves, and once more for each further body."""
     inside = {joint: k for k, body in enumerate(bodies) for joint in body.joints}
     above = [set(nodes.with_ancestors(body.joints[:1])) for body in bodies]
     listed: _Listed = {}
     for name, entry in animations.items():
         targets = _targets(nodes, entry)
         hits = Counter(inside[node] for node in targets if node in inside)
-        moved = sorted(hits, key=lambda k: (not bodies[k].known, -hits[k]))
+        most = max(hits.values(), default=0)
+        moved = sorted(hits, key=lambda k: (not bodies[k].known, hits[k] < bodies[k].half(most), k))
         moved = moved or [k for k, holding in enumerate(above) if not targets.isdisjoint(holding)][:1]
         listed[name] = entry, bodies[moved[0]] if moved else None
         for k in moved[1:]:
@@ -207,7 +208,7 @@ def _chosen(nodes: Nodes, listed: _Listed, wanted: str) -> _Animation:
     read = _as_far_as_needed(nodes, {wanted: listed[wanted]} if wanted else listed)
     read = [a for a in read if a.body and a.body.known and a.moved] or read
     most = max(animation.moved for animation in read)
-    first = next((a for a in read if a.channels and a.moved >= most / 2), None)
+    first = next((a for a in read if a.channels and (not a.body or a.moved >= a.body.half(most))), None)
     if first is None:
         raise nodes.file.error("its animation moves no node.", KEYS_REMEDY)
     return first
@@ -228,7 +229,7 @@ def _note(animation: _Animation, listed: _Listed, bodies: list[Body], wanted: st
 
 
 def _as_far_as_needed(nodes: Nodes, listed: _Listed) -> list[_Animation]:
-    """Animations up to the first one of which half as many joints move as any later one has keys for. FileError."""
+    """Animations up to the first one of which half the body moves, or half as much as any later one has keys for. FileError."""
     targets = [len(_targets(nodes, entry)) if body else 0 for entry, body in listed.values()]
     later = [*accumulate(targets[:0:-1], max, initial=0)][::-1]
     read: list[_Animation] = []
@@ -241,7 +242,8 @@ def _as_far_as_needed(nodes: Nodes, listed: _Listed) -> list[_Animation]:
         read.append(_animation(nodes, label, entry, body))
         looked_at += len(nodes.parents) + CHANNEL_COST * (1 + len(entry.channels or []))
         moved = max(moved, read[-1].moved)
-        if looked_at > MAX_LOOKED_AT or read[-1].moved >= max(most, moved) / 2 > 0:
+        enough = body.half(max(most, moved)) if body else np.inf
+        if looked_at > MAX_LOOKED_AT or read[-1].moved >= enough > 0:
             break
     return read
 

@@ -89,6 +89,13 @@ def test_damage_is_named(old, new, expected):
         ("\n      OFFSET 0 -5 1\n    }", "\n      OFFSET 0 -5 1 }"),
         ("0.0333333", "0,0333333"),
         ("1 2 3 90", "1,0 2,0 3 90"),
+        ("5 1\n    }\n  }\n}\n", "5 1}}}\n"),
+        ("HIERARCHY\nROOT hip\n{\n  OFFSET 0 0 0\n", "HIERARCHY ROOT hip { OFFSET 0 0 0 "),
+        ("}\nMOTION", "} MOTION"),
+        ("MOTION\nFrames: 2\nFrame Time", "Motion\nframes : 2\n\nFRAMETIME"),
+        ("ROOT", "root"),
+        ("End Site", "END SITE"),
+        ("HIERARCHY", "Hierarchy"),
         ("\n", "\r"),
         ("\n", "\r\n"),
     ],
@@ -102,8 +109,24 @@ def test_other_ways_to_write_a_file_are_the_same_motion(old: str, new: str) -> N
     np.testing.assert_array_equal(motion.end_offsets[1], same.end_offsets[1])
 
 
-def test_the_time_of_a_frame_may_be_a_fraction() -> None:
-    assert parse_bvh(SMALL.replace("0.0333333", "1/30")).frame_seconds == pytest.approx(1 / 30)
+@pytest.mark.parametrize(
+    ("text", "fps"),
+    [
+        ("1/30", 30.0),
+        ("1 / 30", 30.0),
+        ("1.0/30.0", 30.0),
+        ("1,0/29,97", 29.97),
+        ("1001/30000", 30000 / 1001),
+    ],
+)
+def test_the_time_of_a_frame_may_be_a_fraction(text: str, fps: float) -> None:
+    motion = parse_bvh(SMALL.replace("0.0333333", text))
+    assert motion.fps == pytest.approx(fps)
+    assert len(motion.positions) == 2
+
+
+def test_a_joint_may_be_called_motion() -> None:
+    assert parse_bvh(SMALL.replace("knee", "MOTION_knee")).skeleton.names == ("hip", "MOTION_knee_joint")
 
 
 @pytest.mark.parametrize("frames", ["0", "2"])

@@ -73,6 +73,11 @@ class Scene:
             self.doc.value["skins"].append({"joints": joints, "inverseBindMatrices": self.doc.array(inverse)})
         return number
 
+    def prop(self, name: str) -> dict[str, int]:
+        """A node of its own, as cameras and swords on the ground are."""
+        self.nodes.append({"name": name, "translation": [4.0, 0.0, 0.0]})
+        return {"Hips": len(self.nodes) - 1}
+
     def walk(self, name: str, *bodies: dict[str, int], fps: float = FPS, frames: int = FRAMES) -> None:
         seconds = np.arange(frames) / fps
         times, samplers, channels = self.doc.array(np.float32(seconds)[:, None]), list[dict](), list[dict]()
@@ -83,7 +88,7 @@ class Scene:
 
         for number in bodies:
             rng = np.random.default_rng(4)
-            for bone in BONES:
+            for bone in number:
                 turn = 0.3 * np.sin(4.0 * seconds[:, None] + rng.uniform(0, 6, 3))
                 turn = turn * (bone not in ("Hips", "Spine", "Head"))
                 track(number[bone], "rotation", rotations.from_rotation_vector(turn)[:, [1, 2, 3, 0]])
@@ -153,16 +158,17 @@ def test_a_skin_of_more_joints_on_the_head_is_no_body(tmp_path: Path) -> None:
     assert opened.note == ""
 
 
-def two_bodies(path: Path, *walks: tuple[str, tuple[int, ...]]) -> Path:
+def two_bodies(path: Path, *walks: tuple[str, tuple[int, ...]], more: int = 10) -> Path:
     """Two characters, the second one of more joints, with animations of some of both."""
     scene, there = Scene(), space()
     there[:3, 3] = 3.0, 0.0, 0.0
-    bodies = scene.body(ONE, space()), scene.body(ONE, there, "npc_", more=10)
+    bodies = scene.body(ONE, space()), scene.body(ONE, there, "npc_", more=more)
     for name, moved in walks:
         scene.walk(name, *(bodies[k] for k in moved))
     return scene.write(path)
 
 
+@pytest.mark.parametrize("more", [10, 80])
 @pytest.mark.parametrize(
     ("walks", "wanted", "names", "read"),
     [
@@ -175,14 +181,30 @@ def two_bodies(path: Path, *walks: tuple[str, tuple[int, ...]]) -> Path:
     ],
 )
 def test_an_animation_belongs_to_the_body_that_it_moves(
-    walks: list, wanted: str, names: tuple[str, ...], read: str, tmp_path: Path
+    walks: list, wanted: str, names: tuple[str, ...], read: str, more: int, tmp_path: Path
 ) -> None:
-    motion = read_gltf_motion(two_bodies(tmp_path / "a.glb", *walks), wanted)
+    motion = read_gltf_motion(two_bodies(tmp_path / "a.glb", *walks, more=more), wanted)
     assert motion.animations == names
     other = {"npc_Armature", "mixamorig:Armature"} - {read}
     assert f"2 bodies; {read} is read, not {other.pop()}." in motion.note
     assert motion.skeleton.names[0].startswith(read.split("Arm")[0])
     assert open_take(tmp_path / "a.glb", wanted).reference is not None
+
+
+@pytest.mark.parametrize("top", ["", "root"], ids=["loose", "below one node, as an FBX has"])
+def test_props_that_move_are_no_body(top: str, tmp_path: Path) -> None:
+    scene = Scene()
+    props = [scene.prop(f"prop {k}") for k in range(3)]
+    scene.walk("fall", *props)
+    scene.walk("walk", scene.body(ONE, space()), *props)
+    if top:
+        held = {child for node in scene.nodes for child in node.get("children", [])}
+        scene.nodes.append({"name": top, "children": [k for k in range(len(scene.nodes)) if k not in held]})
+    angle, way, opened = limbs(scene.write(tmp_path / "a.glb"))
+    assert angle < 1.0
+    assert way == pytest.approx(1.0, abs=0.01)
+    assert opened.note == "2 animations; walk is read, not fall."
+    assert opened.animations == ("fall", "walk")
 
 
 def test_of_two_persons_in_a_character_file_one_is_taken(tmp_path: Path) -> None:

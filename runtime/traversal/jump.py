@@ -373,16 +373,14 @@ class Jump:
         if self.stage == "flight":
             left = 1.0 - smoothstep(self.time / FOLD_S)
             return (x * left, z * left) if side == self.foot else (0.0, 0.0)
-        if side != (self.foot if self.stage == "push" else 1 - self.foot):
+        pushes = self.stage == "push"
+        if side != (self.foot if pushes else 1 - self.foot):
             return 0.0, 0.0
-        if self.stage == "push":
-            if self.spot is None and (self.time > SET_S or high < STANDS_M):
-                self.spot = (toe[0], toe[2])
-        elif self.spot is None:
+        if self.spot is None and not (pushes and self.time <= SET_S and high >= STANDS_M):
             self.spot = (toe[0], toe[2])
         if self.spot is None:
             return 0.0, 0.0
-        held = 1.0 if self.stage == "push" else self._held(self.spot, hip, way)
+        held = 1.0 if pushes else self._held(self.spot, hip, way)
         self.shift = (held * (self.spot[0] - toe[0]), held * (self.spot[1] - toe[2]))
         return self.shift
 

@@ -42,12 +42,17 @@ def decide(
         if ahead is not None and ahead.climbable:
             _climb(traversal, ahead, pose, speed, walk_speed)
     elif steps.stance is not None and steps.speed > MIN_LEAP_SPEED_M_PER_S:
-        left = ahead.obstacle.near - steps.ankle(pose, ahead.path)
-        if ahead.alone:
-            if came and leads_over:
-                traversal.over.crossing = _last_step(traversal, ahead.obstacle, left, came, alone=True)
-        elif left > TOO_LATE_M and _last_step(traversal, ahead.obstacle, left, came):
-            _leap(traversal, ahead, pose)
+        _approach(traversal, ahead, pose, came, leads_over)
+
+
+def _approach(traversal: Traversal, ahead: Ahead, pose: Pose, came: bool, leads_over: bool) -> None:
+    """Pace the steps to the edge of a bar or gap; from the last one leap over it, or let the gait step over it."""
+    left = ahead.obstacle.near - traversal.steps.ankle(pose, ahead.path)
+    if ahead.alone:
+        if came and leads_over:
+            traversal.over.crossing = _last_step(traversal, ahead.obstacle, left, came, alone=True)
+    elif left > TOO_LATE_M and _last_step(traversal, ahead.obstacle, left, came):
+        _leap(traversal, ahead, pose)
 
 
 FORGET_BEHIND_M = 1.2  # behind what was stepped over the network sees it no more

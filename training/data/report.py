@@ -21,7 +21,8 @@ from training.data import gait
 from training.data.clips import TrainingClip
 from training.data.labels import FOOT_JOINTS
 from training.data.retarget import FPS
-from training.data.sources import BY_NAME, ClipSource, Refusal, list_clips
+from training.data.shown import ClipSource, Refusal
+from training.data.sources import BY_NAME, list_clips
 from training.markdown import table
 
 

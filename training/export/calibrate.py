@@ -150,16 +150,17 @@ class _Walks:
         What farther out is not shown wholly distorts the rest.
         """
         shown, found = fractions(several, gains), list(gains)
-        left = {i: [g for g in GAINS if g > gains[i]] for i, fraction in enumerate(shown) if fraction < SHOWN}
+        left = {i: _farther(gains[i]) for i, fraction in enumerate(shown) if fraction < SHOWN}
         while left := {i: farther for i, farther in left.items() if farther}:
             tried = {i: farther[len(farther) // 2] for i, farther in left.items()}
             reached = fractions([several[i] for i in tried], list(tried.values()))
             for (i, gain), fraction in zip(tried.items(), reached, strict=True):
+                half = left[i].index(gain)
                 if fraction >= max(SHOWN, shown[i] + WORTH):
                     log.info("%s: %.2f, drawn out by %.2f", several[i].name, shown[i], gain)
-                    found[i], left[i] = gain, [g for g in left[i] if g < gain]
+                    found[i], left[i] = gain, left[i][:half]
                 else:
-                    left[i] = [g for g in left[i] if g > gain]
+                    left[i] = left[i][half + 1 :]
         return found
 
     def _code(self, claim: _Claim, gain: float, among: PartDescriptions) -> Float32Array:
@@ -167,6 +168,10 @@ class _Walks:
         own = [PART_NAMES.index(part) for part in claim.words]
         code[own] = self.neutral[own] + np.float32(gain) * (code[own] - self.neutral[own])
         return code
+
+
+def _farther(gain: float) -> list[float]:
+    return [each for each in GAINS if each > gain]
 
 
 def calibrated(

@@ -136,9 +136,8 @@ class Support(NamedTuple):
 
     airborne: bool = False  # it is thrown, no leg carries it
     patience: float = 1.0  # how many times as far as usual a held foot may be from the incoming one
-    legs: tuple[LegPose, LegPose] | None = (
-        None  # where they are to stand, if not where the incoming pose has them
-    )
+    # where they are to stand, if not where the incoming pose has them
+    legs: tuple[LegPose, LegPose] | None = None
     over: SteppedOver | None = None  # what the gait itself steps over
     walks: bool = False  # one foot at least is on the ground
 

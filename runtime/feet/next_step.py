@@ -128,7 +128,8 @@ class NextStep:
                 self.step, self.step_seconds, self.step_speed = step, other.since, speed
             self.landed_x, self.landed_z, self.since = ankle_x, ankle_z, 0.0
         elif steps and not held:
-            metres = self._expect(other, step, (ankle_x, ankle_z), way, velocity)
+            mine = (ankle_x - self.landed_x) * way[0] + (ankle_z - self.landed_z) * way[1]
+            metres = self._expect(other, step, mine, velocity[0] * way[0] + velocity[2] * way[1])
             self.metres = 0.0 if down else max(metres, 0.0)
 
     def _follow_hip(self, hip: Vector, dt: float) -> None:
@@ -139,26 +140,21 @@ class NextStep:
         self.hip_x, _, self.hip_z = hip
         self.watched = True
 
-    def _expect(
-        self,
-        other: NextStep,
-        step: float,
-        ankle: tuple[float, float],
-        way: tuple[float, float],
-        velocity: Vector,
-    ) -> float:
-        """Metres along `way` to where a free foot comes down, `step` past where the other one did; writes how soon."""
+    def _expect(self, other: NextStep, step: float, mine: float, pace: float) -> float:
+        """Metres to where a free foot comes down; writes how soon.
+
+        It is `step` metres past where the other one did, `mine` past where itself did, and goes on at `pace` (m/s).
+        """
         self.second = self.since < other.since
         faster = min(max(self.speed / self.step_speed, FASTER[0]), FASTER[1])
         if self.second:
-            mine = (ankle[0] - self.landed_x) * way[0] + (ankle[1] - self.landed_z) * way[1]
             metres = (self.step + other.step) * faster - mine
             seconds = self.step_seconds + other.step_seconds - self.since
         else:
             metres, seconds = self.step * faster - step, self.step_seconds - other.since
         self.seconds = max(seconds, SOONEST_S)
         if self.seconds < 0.5 * self.step_seconds:  # a foot that slows down comes no farther
-            metres = min(metres, max(velocity[0] * way[0] + velocity[2] * way[1], 0.0) * self.seconds)
+            metres = min(metres, max(pace, 0.0) * self.seconds)
         return metres
 
     def lead(self, leg: LegPose, over: SteppedOver | None, held: bool, dt: float) -> LegPose:

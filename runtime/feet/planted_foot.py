@@ -40,7 +40,7 @@ SOLE_REACH_M = 0.07  # from the middle of a sole to where the slope of its groun
 MIN_EDGE_AHEAD_M = 0.03  # higher than a foot stands, and steeper than a slope, ground ahead is an edge
 SEEN_AHEAD_FRACTIONS = (1.0, 0.75, 0.5, 0.25)  # of `look_ahead`, where the ground is looked at
 HEEL_STRIKE_FRACTION = 0.3  # of what is ahead that an ankle clears whose heel strikes first
-CONTACT_HYSTERESIS = 1.5  # times its bounds, for a point that was in contact
+CONTACT_HYSTERESIS_RATIO = 1.5  # times its bounds, for a point that was in contact
 
 
 @dataclass
@@ -108,7 +108,7 @@ class PlantedFoot:
     def _in_contact(self, was: bool, chance: float, height: float, velocity: Vector) -> bool:
         s = SETTINGS
         speed = sqrt(velocity[0] * velocity[0] + velocity[2] * velocity[2])
-        slack = CONTACT_HYSTERESIS if was else 1.0
+        slack = CONTACT_HYSTERESIS_RATIO if was else 1.0
         if length(velocity) < slack * s.still_speed and height < slack * s.still_height:
             return True
         if was:

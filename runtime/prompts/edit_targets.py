@@ -48,9 +48,8 @@ FOLD_DEGREES, MORE_FOLD_DEGREES = 20.0, 15.0  # that any trunk leans forward at 
 NEAR_M = 0.06  # within which a hand is at its place, where the file does not say it
 _PLACE_KEYS = {"frame", "point", "pole", "near"}
 Values = tuple[Any, ...]  # a range, or the seven numbers of a place; () for what asks for nothing
-Phrases = dict[
-    str, tuple[int, Values]
-]  # the first column that each phrase fills in a part's row, and with what
+# the first column that each phrase fills in a part's row, and with what
+Phrases = dict[str, tuple[int, Values]]
 
 
 @cache

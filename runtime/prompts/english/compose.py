@@ -63,11 +63,9 @@ def compose_elements(
     chosen = _without_mentioned([e for e in elements if not e.only], entries)
     figures = [e for e in chosen if len(entries[e.entry].defines) >= BROAD]
     modifiers = [e for e in chosen if e not in figures]
-    sources = (
-        _of_figures(figures, entries, embeddings, neutral)
-        if figures
-        else dict.fromkeys(PART_NAMES, _base(modifiers, entries, neutral))
-    )
+    sources = dict.fromkeys(PART_NAMES, _base(modifiers, entries, neutral))
+    if figures:
+        sources = _of_figures(figures, entries, embeddings, neutral)
     sources |= _modified(modifiers, entries, worth)
     _show_all(sources, modifiers, entries)
     for element in elements:

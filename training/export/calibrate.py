@@ -117,12 +117,8 @@ class _Walks:
                 words = _among(self.plain, each.words, companions)
                 codes += [self.prompter(words), self._code(each, gain, words)]
             made = self.walker.make([Walk.of(z, 0) for z in codes])
-            found.append(
-                [
-                    each.fraction(without, one)
-                    for each, without, one in zip(several, made[::2], made[1::2], strict=True)
-                ]
-            )
+            pairs = zip(several, made[::2], made[1::2], strict=True)
+            found.append([each.fraction(without, one) for each, without, one in pairs])
         return [float(np.mean(fractions)) for fractions in zip(*found, strict=True)]
 
     def gains(self, several: Sequence[_Claim]) -> list[tuple[float, float]]:

@@ -181,10 +181,8 @@ def _crowd_times(network: MotionModel, frames: int) -> dict[str, float]:
 
 def _recording_times(frames: int) -> dict[str, float]:
     """A recording at the rate of the simulation: milliseconds a frame, the writing thread's processor time included."""
-    rows, sticks = (
-        np.zeros((RECORDED_FRAMES, FRAME_NUMBERS), np.float32),
-        np.zeros((RECORDED_FRAMES, COLUMNS)),
-    )
+    rows = np.zeros((RECORDED_FRAMES, FRAME_NUMBERS), np.float32)
+    sticks = np.zeros((RECORDED_FRAMES, COLUMNS))
     rows[:, 3:-5:4] = 1.0  # unit rotations
     times: list[float] = []
     with temporary_folder() as folder:

@@ -51,10 +51,8 @@ def measure(character: Character, clip: Clip) -> tuple[float, float, float]:
     """The lowest point of the soles, its first percentile over frames, and the way of standing toes a frame, cm."""
     positions, world = (array.astype(np.float64) for array in clip.world())
     positions, world = character.adapted(positions, world, clip.contacts.astype(np.float64))
-    matrices, feet = (
-        character.joint_matrices(positions, world) @ character.inverse_bind,
-        foot_meshes(character),
-    )
+    matrices = character.joint_matrices(positions, world) @ character.inverse_bind
+    feet = foot_meshes(character)
     low = np.array([skin_vertices(feet, each)[:, 1].min() for each in matrices]) * 100.0 * character.size
     toes = [list(character.sport_joints).index(joint) for joint in TOES]
     pivots = character.joint_transforms(positions, world)[0][:, toes][..., [0, 2]]

@@ -114,9 +114,8 @@ class ClipOptions:
     size: float = 1.0  # of `Character`: a smaller body takes smaller steps on the same ground
     pins: str | Sequence[Pin] = ()  # that bend the poses, as text of `runtime.takes.pins` too
     exact_legs: bool = True  # legs show what their words say by an edit where the network does not
-    response: float = (
-        0.0  # how quickly starts, stops and turns follow the stick: 0 as in capture, 1 as in a game
-    )
+    # how quickly starts, stops and turns follow the stick: 0 as in capture, 1 as in a game
+    response: float = 0.0
 
 
 def generate_clip(

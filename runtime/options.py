@@ -41,10 +41,17 @@ class Spec:
         if self.choices is not None:
             known = value is None or _is_short_text(value) or _is_number(value)
             return next((choice for choice in self.choices if known and choice == value), default)
+        if not _is_of_type(value, default):
+            return default
         if isinstance(default, bool):
-            return value if isinstance(value, bool) else default
-        fits = _is_short_text(value) if isinstance(default, str) else _is_number(value)
-        return type(default)(value) if fits and self.allows(value) else default
+            return value
+        return type(default)(value) if self.allows(value) else default
+
+
+def _is_of_type(value: Any, default: Any) -> bool:
+    if isinstance(default, bool):
+        return isinstance(value, bool)
+    return _is_short_text(value) if isinstance(default, str) else _is_number(value)
 
 
 def _is_short_text(value: Any) -> bool:

@@ -38,13 +38,11 @@ CLIP_CLOCK_LENGTH = 4096.0  # clocks of two clips never meet
 FEWEST_LANDINGS = 3  # of the left foot, below which a clip does not step
 STEADY_SPEED_FRACTION = 0.7  # of a clip's median moving speed, from which the upper body swings in full
 COMPOSED_FRACTION = 0.5  # fraction of samples with at least one part of another clip
-COMPOSED_MOMENTS_FRACTION = (
-    0.8  # of those near a start, stop, turn or change of gait: captured in neutral mostly
-)
+# of those near a start, stop, turn or change of gait: captured in neutral mostly
+COMPOSED_MOMENTS_FRACTION = 0.8
 CHANGED_PART_PROBABILITY = 0.5  # chance of each part of a composed sample
-SAME_CLIP_FRACTION = (
-    0.4  # fraction of composed samples whose parts all come from one clip, as a style's upper body
-)
+# fraction of composed samples whose parts all come from one clip, as a style's upper body
+SAME_CLIP_FRACTION = 0.4
 EDITED_PART_FRACTION = 0.5  # fraction of single parts that are exact edits; the others are captured
 MAX_TEMPO = 1.6  # ratio of two cadences up to which a part may be sped up or slowed down
 SHORTEST = FPS  # frames of a clip that gives parts

@@ -46,11 +46,8 @@ MAX_WALK_MINUTES = 0.4  # of one character on one course, at most
 MOST_WALKS = 25  # for a minute that passes: a model that walks needs three
 PIECE_S = 5.0  # that is kept or left out as a whole
 MAX_ACCELERATION_M_PER_S2 = 260.0  # m/s^2 of a joint: captured jogs have up to 250
-MIN_THROWN_M_PER_S2, SMOOTH_FRAMES, SMOOTH_SIGMA_FRAMES = (
-    150.0,
-    5,
-    2.0,
-)  # m/s^2 that are rounded off, over so many frames
+# m/s^2 that are rounded off, over so many frames
+MIN_THROWN_M_PER_S2, SMOOTH_FRAMES, SMOOTH_SIGMA_FRAMES = 150.0, 5, 2.0
 
 
 class LevelSight(MotionModel):
@@ -100,11 +97,8 @@ def _obstacles(heights: Array, x: Array, z: Array, generator: np.random.Generato
     del x
     place, level, between = START_M + generator.uniform(0.5, 2.0), 0.0, (1.8, 3.6)
     while place < LENGTH_M - 4.0:
-        kind = (
-            generator.choice(("bar", "gap", "up", "down"))
-            if level > 0.1
-            else generator.choice(("bar", "up", "bar"))
-        )
+        kinds = ("bar", "gap", "up", "down") if level > 0.1 else ("bar", "up", "bar")
+        kind = generator.choice(kinds)
         ahead, row = z[0] >= place, heights[0]
         if kind == "bar":
             thick, top = generator.uniform(0.1, 0.3), generator.uniform(0.15, 0.65)
@@ -206,9 +200,8 @@ def smoothed(hips: Array, local: Array, positions: Array) -> tuple[Array, Array]
 
     thrown = np.zeros(len(hips))
     thrown[1:-1] = np.linalg.norm(np.diff(positions.astype(np.float64), 2, axis=0), axis=-1).max(1)
-    near = maximum_filter1d(
-        (thrown * FPS * FPS > MIN_THROWN_M_PER_S2).astype(np.float64), 2 * SMOOTH_FRAMES + 1
-    )
+    far = (thrown * FPS * FPS > MIN_THROWN_M_PER_S2).astype(np.float64)
+    near = maximum_filter1d(far, 2 * SMOOTH_FRAMES + 1)
     weight = gaussian_filter1d(near, SMOOTH_FRAMES / 2.0)
     even = rotations.continuous(local.astype(np.float64))
     round_off = gaussian_filter1d(even, SMOOTH_SIGMA_FRAMES, axis=0)
@@ -283,14 +276,8 @@ def make(folder: Path, out: Path, minutes: float, seed: int, part: int = 0, part
         style, kind = str(generator.choice(styles)), str(generator.choice(KINDS, p=SHARES))
         gait = Gait.JOG if generator.random() < 0.35 else Gait.WALK
         code = evaluated.style(style, int(generator.integers(8)))
-        walked = walk(
-            evaluated.model,
-            random_course(kind, generator),
-            style,
-            code,
-            gait,
-            int(generator.integers(1 << 30)),
-        )
+        course, walk_seed = random_course(kind, generator), int(generator.integers(1 << 30))
+        walked = walk(evaluated.model, course, style, code, gait, walk_seed)
         for clip in kept(walked, f"course_{seed}_{number}_{style}", seen):
             clip.save(out)
             clip.mirror().save(out)

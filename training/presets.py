@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -37,9 +38,8 @@ class ModelConfig:
     content_feedforward: int = 256  # paper 1024
     content_encoder: bool = True  # False: raw text embeddings as Z^t
     part_contrast: bool = True  # False: stage 1 contrasts the whole body only
-    pose_statistics: bool = (
-        True  # stage 1 also reads each part's mean pose and its range off the codes (paper: no)
-    )
+    # stage 1 also reads each part's mean pose and its range off the codes (paper: no)
+    pose_statistics: bool = True
     # stage 1 reads off the codes what a part does in a walk: steps, swings, ranges (paper: no)
     measures: bool = True
     text_encoder: str = "all-MiniLM-L6-v2"  # paper CLIP ViT-B/32, of 512
@@ -61,6 +61,12 @@ class ModelConfig:
     def sentence_size(self) -> int:
         """Numbers that the content encoder reads of a sentence."""
         return self.text_size + (len(GROUPS) if self.direction_words else 0) + self.one_sided_words
+
+    @staticmethod
+    def of(stored: Mapping[str, Any]) -> ModelConfig:
+        """Of a model's metadata, which may hold fields of other versions."""
+        known = {name: stored[name] for name in ModelConfig.__dataclass_fields__ if name in stored}
+        return ModelConfig(**known | {"front": tuple(stored["front"])})
 
 
 _COMPACT = ModelConfig()

@@ -196,8 +196,6 @@ def _stored(path: Path | None, options: dict[str, Any]) -> dict[str, dict[str, C
 def check_table_one(args: Arguments) -> None:
     """UsageError for options that make no sense together, before anything is trained."""
     check_seconds(args)
-    if min(args.seeds) < 0:
-        raise UsageError(f"--seeds {min(args.seeds)}: expected 0 or more.", "Try 0 1 2.")
     if args.train and args.known is None:
         if args.runs is None:
             raise UsageError("--train: no folder for the rows is given.", "Add --runs DIR.")

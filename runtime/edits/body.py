@@ -15,7 +15,7 @@ from runtime.edits.request import LEG, ROW_ARMS, EditRequest, asks
 from runtime.edits.trunk import TrunkEdit
 from runtime.feet.foot_lock import carrying_rise
 from runtime.feet.leg import LegPose, leg_bones, leg_forward
-from runtime.feet.planted_foot import span
+from runtime.feet.reach import span
 from runtime.scalar_math import Quaternion, Vector, add, dot, multiply, relative, rotate, subtract
 from runtime.skeleton import SPORT_SKELETON
 

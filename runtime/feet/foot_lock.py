@@ -20,7 +20,8 @@ from runtime.feet.ik import EASE_REACH_FRACTION, MAX_REACH
 from runtime.feet.leg import Knee, LegPose, bent, leg_forward, leg_inverse, toes_raised, turned_out
 from runtime.feet.narrow_support import Balance, SidewaysLead, may_be_narrow, pull_of_beam, side_of_beam
 from runtime.feet.next_step import SteppedOver, has_edges
-from runtime.feet.planted_foot import LEGS, PlantedFoot, SpannedFoot, span
+from runtime.feet.planted_foot import LEGS, PlantedFoot
+from runtime.feet.reach import SpannedFoot, ankle_target, span, spanned_foot
 from runtime.feet.settings import SETTINGS
 from runtime.scalar_math import Vector, damp, smoothstep
 from runtime.terrain.height_map import PointHeights, Terrain
@@ -135,9 +136,8 @@ class Support(NamedTuple):
 
     airborne: bool = False  # it is thrown, no leg carries it
     patience: float = 1.0  # how many times as far as usual a held foot may be from the incoming one
-    legs: tuple[LegPose, LegPose] | None = (
-        None  # where they are to stand, if not where the incoming pose has them
-    )
+    # where they are to stand, if not where the incoming pose has them
+    legs: tuple[LegPose, LegPose] | None = None
     over: SteppedOver | None = None  # what the gait itself steps over
     walks: bool = False  # one foot at least is on the ground
 
@@ -235,21 +235,27 @@ class FootLock:
     ) -> tuple[list[SpannedFoot], float]:
         """Return the feet as far as their legs reach and knees can follow, and the metres that the hips sink for it."""
         drop = -self.pelvis.offset
-        targets = [foot.within_reach(leg, drop, ground) for foot, leg in zip(self.feet, legs, strict=True)]
-        hips = [(leg.hip[0], leg.hip[1] - drop, leg.hip[2]) for leg in incoming]
+        targets = [
+            ankle_target(foot.bones, foot.rotation, leg, foot.ankle, drop, ground)
+            for foot, leg in zip(self.feet, legs, strict=True)
+        ]
+        hips = [leg.raised(-drop) for leg in incoming]
         each = list(zip(self.feet, self.knees, incoming, hips, targets, strict=True))
         reaches = [
             knee.follow(leg, hip, target, foot.bones, dt, not foot.anchor)
             for foot, knee, leg, hip, target in each
         ]
-        ends = list(zip(self.feet, hips, targets, reaches, strict=True))
-        reached = [foot.spanned(hip, target, reach, ground) for foot, hip, target, reach in ends]
+
+        def feet_with(hips: list[Vector]) -> list[SpannedFoot]:
+            return [
+                spanned_foot(foot.bones, foot.rotation, hip, target, reach, ground)
+                for foot, hip, target, reach in zip(self.feet, hips, targets, reaches, strict=True)
+            ]
+
+        reached = feet_with(hips)
         room = self.pelvis.make_room([end.depth for end in reached], dt)
         if room > 0.0:
-            reached = [
-                foot.spanned((x, y + room, z), target, reach, ground)
-                for foot, (x, y, z), target, reach in ends
-            ]
+            reached = feet_with([(x, y + room, z) for x, y, z in hips])
         return reached, drop - room
 
     def _bend_legs(
@@ -263,7 +269,7 @@ class FootLock:
     ) -> None:
         """Write the local rotations of thighs, shins and feet that bring the feet there, with the hips `drop` metres lower."""
         for foot, knee, leg, end in zip(self.feet, self.knees, incoming, reached, strict=True):
-            hip = (leg.hip[0], leg.hip[1] - drop, leg.hip[2])
+            hip = leg.raised(-drop)
             first, ankle = foot.bones.joints[1], end.lifted(end.ankle)
             knee.bend_to(leg, hip, ankle, foot.bones, dt)
             joints = slice(first, first + 3)

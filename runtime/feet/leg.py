@@ -167,9 +167,8 @@ def _bend(axis: Vector, knee: Vector, pole: Vector) -> Vector:
     return unit(add(bend, scale(forward, lack)) if lack > 0.0 else bend)
 
 
-FASTEST_BEND = (
-    radians(4.5) * 3600
-)  # rad/s2, of the flexion; 6 degrees a frame squared are seen as a snap, captures stay below
+# rad/s2, of the flexion; 6 degrees a frame squared are seen as a snap, captures stay below
+FASTEST_BEND = radians(4.5) * 3600
 STRAIGHT = radians(2.3)  # a straight knee: as far as it goes
 BRAKING = radians(2.5) * 3600  # rad/s2, with which it comes to what is requested
 STRAIGHTEST_HALF_LIFE_S = 2.0  # in which the flexion of a straighter stride is forgotten

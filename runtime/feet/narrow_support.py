@@ -134,9 +134,8 @@ class Balance:
             self.fraction = 0.0
             return local
         result = np.array(local, np.float64)
-        angle = (
-            ARMS_OUT_RAD * self.fraction * np.array([1.0, -1.0])
-        )  # about the way ahead, as the chest faces
+        # about the way ahead, as the chest faces
+        angle = ARMS_OUT_RAD * self.fraction * np.array([1.0, -1.0])
         turn = rotations.from_axis_angle(np.tile([0.0, 0.0, 1.0], (2, 1)), angle)
         result[list(ARMS)] = rotations.multiply(turn, result[list(ARMS)])
         return result.astype(local.dtype)

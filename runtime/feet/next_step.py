@@ -37,6 +37,7 @@ OUT = (0.0, 0.3, 0.6, 0.9, 1.2)  # radians outwards that a knee may turn
 OUT_HALF_LIFE_S = 0.05
 LIMB_M = 0.07  # between the middle of a thigh or shin and the ground
 SHIN_S = (0.0, 0.08, 0.16, 0.24, 0.32)  # ahead, that a shin is watched before a bar
+THIGH_FRACTIONS, SHIN_FRACTIONS = (0.6, 0.8), (0.25, 0.5, 0.75)  # of their lengths, that keep clear
 AHEAD_M = (0.0, 0.07, 0.14, 0.21)  # on its way, that a knee keeps clear
 
 
@@ -113,34 +114,48 @@ class NextStep:
         self, leg: LegPose, other: NextStep, held: bool, down: bool, velocity: Vector, dt: float
     ) -> None:
         """Read an incoming leg: where the hip goes, and where the foot comes down; `down` tells that it has, held or not."""
-        (x, _, z), (ankle_x, _, ankle_z) = leg.hip, leg.ankle
-        if self.watched:
-            self.way_x += ((x - self.hip_x) / dt - self.way_x) * HIP_VELOCITY_FRACTION
-            self.way_z += ((z - self.hip_z) / dt - self.way_z) * HIP_VELOCITY_FRACTION
-        self.hip_x, self.hip_z, self.watched = x, z, True
+        self._follow_hip(leg.hip, dt)
+        ankle_x, _, ankle_z = leg.ankle
         came = (held or down) and not self.stood and self.since > SHORTEST_S
         self.held, self.stood, self.metres, self.seconds = held, held or down, 0.0, 0.0
         self.since += dt
         speed = self.speed
-        way_x, way_z = self.way_x / max(speed, 1e-6), self.way_z / max(speed, 1e-6)
-        step = (ankle_x - other.landed_x) * way_x + (ankle_z - other.landed_z) * way_z
+        way = self.way_x / max(speed, 1e-6), self.way_z / max(speed, 1e-6)
+        steps = speed > MIN_HIP_SPEED_M_PER_S and other.since < LONGEST_S
+        step = (ankle_x - other.landed_x) * way[0] + (ankle_z - other.landed_z) * way[1]
         if came:
-            if speed > MIN_HIP_SPEED_M_PER_S and STEP_M[0] < step < STEP_M[1] and other.since < LONGEST_S:
+            if steps and STEP_M[0] < step < STEP_M[1]:
                 self.step, self.step_seconds, self.step_speed = step, other.since, speed
             self.landed_x, self.landed_z, self.since = ankle_x, ankle_z, 0.0
-        elif not held and speed > MIN_HIP_SPEED_M_PER_S and other.since < LONGEST_S:
-            self.second = self.since < other.since
-            faster = min(max(speed / self.step_speed, FASTER[0]), FASTER[1])
-            if self.second:
-                mine = (ankle_x - self.landed_x) * way_x + (ankle_z - self.landed_z) * way_z
-                metres = (self.step + other.step) * faster - mine
-                seconds = self.step_seconds + other.step_seconds - self.since
-            else:
-                metres, seconds = self.step * faster - step, self.step_seconds - other.since
-            self.seconds = max(seconds, SOONEST_S)
-            if self.seconds < 0.5 * self.step_seconds:  # a foot that slows down comes no farther
-                metres = min(metres, max(velocity[0] * way_x + velocity[2] * way_z, 0.0) * self.seconds)
+        elif steps and not held:
+            mine = (ankle_x - self.landed_x) * way[0] + (ankle_z - self.landed_z) * way[1]
+            metres = self._expect(other, step, mine, velocity[0] * way[0] + velocity[2] * way[1])
             self.metres = 0.0 if down else max(metres, 0.0)
+
+    def _follow_hip(self, hip: Vector, dt: float) -> None:
+        """Smooth the velocity of the hip."""
+        if self.watched:
+            self.way_x += ((hip[0] - self.hip_x) / dt - self.way_x) * HIP_VELOCITY_FRACTION
+            self.way_z += ((hip[2] - self.hip_z) / dt - self.way_z) * HIP_VELOCITY_FRACTION
+        self.hip_x, _, self.hip_z = hip
+        self.watched = True
+
+    def _expect(self, other: NextStep, step: float, mine: float, pace: float) -> float:
+        """Metres to where a free foot comes down; writes how soon.
+
+        It is `step` metres past where the other one did, `mine` past where itself did, and goes on at `pace` (m/s).
+        """
+        self.second = self.since < other.since
+        faster = min(max(self.speed / self.step_speed, FASTER[0]), FASTER[1])
+        if self.second:
+            metres = (self.step + other.step) * faster - mine
+            seconds = self.step_seconds + other.step_seconds - self.since
+        else:
+            metres, seconds = self.step * faster - step, self.step_seconds - other.since
+        self.seconds = max(seconds, SOONEST_S)
+        if self.seconds < 0.5 * self.step_seconds:  # a foot that slows down comes no farther
+            metres = min(metres, max(pace, 0.0) * self.seconds)
+        return metres
 
     def lead(self, leg: LegPose, over: SteppedOver | None, held: bool, dt: float) -> LegPose:
         """The leg, led so that it comes down before or behind what is stepped `over`; a held foot keeps its lead."""
@@ -219,19 +234,9 @@ class NextStep:
 
     def knee_out(self, leg: LegPose, side: int, ground: PointHeights, dt: float) -> float:
         """Radians that the knee of a solved leg is turned outwards, so that thigh and shin pass over the ground."""
-        speed, goal = max(self.speed, 1e-6), 0.0
-        x, z = self.way_x / speed, self.way_z / speed
-        least = 1e9
+        goal, least = 0.0, 1e9
         for radians_out in OUT:
-            knee = turned_out(leg, side, radians_out).knee
-            points = [
-                knee,
-                *_between(leg.hip, knee, (0.6, 0.8)),
-                *_between(knee, leg.ankle, (0.25, 0.5, 0.75)),
-            ]
-            depth = max(
-                ground.height(p[0] + m * x, p[2] + m * z) + LIMB_M - p[1] for p in points for m in AHEAD_M
-            )
+            depth = self._knee_depth(leg, turned_out(leg, side, radians_out).knee, ground)
             if depth < least - 1e-3:
                 goal, least = radians_out, depth
             if depth <= 0.0:
@@ -246,6 +251,17 @@ class NextStep:
         if goal == 0.0 and abs(self.out) < 1e-3:
             self.out = self.out_velocity = 0.0
         return self.out
+
+    def _knee_depth(self, leg: LegPose, knee: Vector, ground: PointHeights) -> float:
+        """Metres that thigh and shin of a leg with its `knee` there lie in the ground, here or soon."""
+        speed = max(self.speed, 1e-6)
+        x, z = self.way_x / speed, self.way_z / speed
+        points = [
+            knee,
+            *_between(leg.hip, knee, THIGH_FRACTIONS),
+            *_between(knee, leg.ankle, SHIN_FRACTIONS),
+        ]
+        return max(ground.height(p[0] + m * x, p[2] + m * z) + LIMB_M - p[1] for p in points for m in AHEAD_M)
 
 
 def _between(a: Vector, b: Vector, fractions: tuple[float, ...]) -> list[Vector]:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import atan2, cos, dist, pi, sin, sqrt
-from typing import NamedTuple
 
 from runtime.arrays import Array
-from runtime.feet.ik import EASE_REACH_FRACTION, MAX_REACH
-from runtime.feet.leg import LegBones, LegPose, leg_bones, roll_cosine, rolled, soft_reach
+from runtime.feet.leg import LegBones, LegPose, leg_bones, roll_cosine, rolled
 from runtime.feet.next_step import HEEL_M, NextStep, SteppedOver, has_edges
+from runtime.feet.reach import depth_in_ground, span
 from runtime.feet.settings import SETTINGS
 from runtime.scalar_math import (
     Quaternion,
@@ -35,20 +34,13 @@ ANCHORS = ("", "heel", "toe")
 NOWHERE: Vector = (0.0, 0.0, 0.0)
 LEGS = (leg_bones(0), leg_bones(1))
 HIGH_M = 0.1  # over the ground a foot next to a bar is still coming down
-REACH_TRIALS = 4  # raisings of a foot that its leg does not reach; one is the rule
-
-
-class SpannedFoot(NamedTuple):
-    """A foot where its leg reaches."""
-
-    toe: Vector
-    ankle: Vector
-    rotation: Quaternion  # in the world
-    depth: float  # m that it is too deep in the ground
-
-    def lifted(self, joint: Vector) -> Vector:
-        """Return one of its joints, out of the ground."""
-        return joint[0], joint[1] + self.depth, joint[2]
+MAX_STRAIN_BESIDE_STEP = 1.5  # times the usual strain, while the other foot makes a small step
+MIN_LEVEL_FOOT_M = 0.04  # from ankle to toe seen from above: less has no heading
+SOLE_REACH_M = 0.07  # from the middle of a sole to where the slope of its ground is read
+MIN_EDGE_AHEAD_M = 0.03  # higher than a foot stands, and steeper than a slope, ground ahead is an edge
+SEEN_AHEAD_FRACTIONS = (1.0, 0.75, 0.5, 0.25)  # of `look_ahead`, where the ground is looked at
+HEEL_STRIKE_FRACTION = 0.3  # of what is ahead that an ankle clears whose heel strikes first
+CONTACT_HYSTERESIS_RATIO = 1.5  # times its bounds, for a point that was in contact
 
 
 @dataclass
@@ -116,7 +108,7 @@ class PlantedFoot:
     def _in_contact(self, was: bool, chance: float, height: float, velocity: Vector) -> bool:
         s = SETTINGS
         speed = sqrt(velocity[0] * velocity[0] + velocity[2] * velocity[2])
-        slack = 1.5 if was else 1.0  # hysteresis
+        slack = CONTACT_HYSTERESIS_RATIO if was else 1.0
         if length(velocity) < slack * s.still_speed and height < slack * s.still_height:
             return True
         if was:
@@ -136,30 +128,41 @@ class PlantedFoot:
 
         A foot that is `over` something comes down first. The `last` foot of a walk stays until the other one is down.
         """
-        s = SETTINGS
-        anchor = "toe" if self.toe_down else "heel" if self.heel_down else self.anchor if last else ""
+        anchor = self._point_down(last)
         if self.refractory > 0.0 or not anchor or (over and not self.anchor):
             self.anchor = ""
             return
         k = ("toe", "heel").index(anchor)
-        sure = last or self.chances[k] > s.contact_on
-        rise, may_rise = self.heights[k], s.release_rise_sure if sure else s.release_rise
+        rise = self.heights[k]
         if anchor != self.anchor:
             joint = (self.toe, self.ankle)[k]
             self.point, self.lowest = (joint[0], joint[2]), rise
         self.anchor, self.lowest = anchor, min(self.lowest, rise)
-        joint = (leg.toe, leg.ankle)[k]
-        away = sqrt((joint[0] - self.point[0]) ** 2 + (joint[2] - self.point[1]) ** 2)
-        hip = (leg.hip[0], leg.hip[1] - drop, leg.hip[2])
-        stretch = dist(self.ankle, hip) - self.bones.length
-        strain = max(away / (patience * s.release_offset), stretch / s.release_stretch)
-        overstrained = strain > (s.last_patience if last else 1.5 if other_steps else 1.0)
-        if rise > self.lowest + may_rise:
+        most_strain = SETTINGS.last_patience if last else MAX_STRAIN_BESIDE_STEP if other_steps else 1.0
+        if rise > self.lowest + self._may_rise(k, last):
             self.anchor, self.toe_down, self.heel_down = "", False, False
-        elif (
-            self.twisted or overstrained or self.next_step.caught or self.ankle[1] > hip[1] - s.release_under
-        ):
-            self.anchor, self.refractory = "", s.refractory
+        elif self._strained((leg.toe, leg.ankle)[k], leg.raised(-drop), patience, most_strain):
+            self.anchor, self.refractory = "", SETTINGS.refractory
+
+    def _point_down(self, last: bool) -> str:
+        """The point that can hold the foot, or ""; the `last` foot of a walk keeps the one it has."""
+        if self.toe_down or self.heel_down:
+            return "toe" if self.toe_down else "heel"
+        return self.anchor if last else ""
+
+    def _may_rise(self, k: int, last: bool) -> float:
+        """Metres that the held toe (0) or heel (1) may rise over its lowest place."""
+        sure = last or self.chances[k] > SETTINGS.contact_on
+        return SETTINGS.release_rise_sure if sure else SETTINGS.release_rise
+
+    def _strained(self, incoming: Vector, hip: Vector, patience: float, most: float) -> bool:
+        """Whether the held point, whose joint comes in at `incoming`, must be given up: by its strain, or by how leg and hip stand."""
+        s = SETTINGS
+        away = sqrt((incoming[0] - self.point[0]) ** 2 + (incoming[2] - self.point[1]) ** 2)
+        stretch = dist(self.ankle, hip) - self.bones.length
+        overstrained = max(away / (patience * s.release_offset), stretch / s.release_stretch) > most
+        hip_low = self.ankle[1] > hip[1] - s.release_under
+        return self.twisted or overstrained or self.next_step.caught or hip_low
 
     def is_over(self, over: SteppedOver | None, ground: PointHeights) -> bool:
         """Whether the shown foot still is on its way over what is stepped over: high over the ground, or hanging over the far edge."""
@@ -262,19 +265,12 @@ class PlantedFoot:
         """Rotation of the foot: incoming, with its heading held and its sole laid flat while all of it is down."""
         s = SETTINGS
         ahead = rotate(leg.foot, self.bones.offsets[4])
-        level = sqrt(ahead[0] * ahead[0] + ahead[2] * ahead[2]) > 0.04
-        heel_over_toe = -ahead[1] - (ANKLE_HEIGHT - TOE_HEIGHT)  # on level ground
-        tiptoe = min(self.heights[1] - self.heights[0], heel_over_toe) > s.still_height
-        whole = bool(self.anchor) and self.toe_down and self.heel_down and level and not tiptoe
+        level = sqrt(ahead[0] * ahead[0] + ahead[2] * ahead[2]) > MIN_LEVEL_FOOT_M
         heading = atan2(ahead[0], ahead[2])
+        whole = level and self._whole_sole_down(ahead)
         near = self.toe[1] - ground.height(self.toe[0], self.toe[2]) - TOE_HEIGHT < s.travel_height
         if whole or (self.anchor == "heel" and near and level):  # toes that are nearly down would sweep
-            if self.held_yaw is None:
-                self.held_yaw = heading + self.yaw
-            turn = (self.held_yaw - heading + pi) % (2.0 * pi) - pi
-            self.twisted = self.anchor == "heel" and abs(turn) > s.max_yaw
-            turn = min(max(turn, -s.max_yaw), s.max_yaw)
-            self.yaw, self.yaw_velocity = turn, (turn - self.yaw) / dt
+            self._hold_heading(heading, dt)
         else:
             self.held_yaw, self.twisted = None, False
             self.yaw, self.yaw_velocity = damp(self.yaw, self.yaw_velocity, 0.0, s.yaw_half_life, dt)
@@ -287,9 +283,24 @@ class PlantedFoot:
         self.tilt, self.tilt_velocity = damp_vector(self.tilt, self.tilt_velocity, goal, s.flat_half_life, dt)
         self.rotation = multiply(from_vector(self.tilt), rotation)
 
+    def _whole_sole_down(self, ahead: Vector) -> bool:
+        """Whether toe and heel of a held foot are down, from ankle to toe `ahead` (m), and it is not on tiptoe."""
+        heel_over_toe = -ahead[1] - (ANKLE_HEIGHT - TOE_HEIGHT)  # on level ground
+        tiptoe = min(self.heights[1] - self.heights[0], heel_over_toe) > SETTINGS.still_height
+        return bool(self.anchor) and self.toe_down and self.heel_down and not tiptoe
+
+    def _hold_heading(self, heading: float, dt: float) -> None:
+        """Turn the foot from its incoming `heading` to the one it came down with, as far as a leg turns."""
+        if self.held_yaw is None:
+            self.held_yaw = heading + self.yaw
+        turn = (self.held_yaw - heading + pi) % (2.0 * pi) - pi
+        self.twisted = self.anchor == "heel" and abs(turn) > SETTINGS.max_yaw
+        turn = min(max(turn, -SETTINGS.max_yaw), SETTINGS.max_yaw)
+        self.yaw, self.yaw_velocity = turn, (turn - self.yaw) / dt
+
     def _normal(self, ground: PointHeights) -> Vector:
         """Upward normal of the ground under the sole; straight up where the sole lies over an edge."""
-        x, z, reach = 0.5 * (self.toe[0] + self.ankle[0]), 0.5 * (self.toe[2] + self.ankle[2]), 0.07
+        x, z, reach = 0.5 * (self.toe[0] + self.ankle[0]), 0.5 * (self.toe[2] + self.ankle[2]), SOLE_REACH_M
         dx = (ground.height(x + reach, z) - ground.height(x - reach, z)) / (2.0 * reach)
         dz = (ground.height(x, z + reach) - ground.height(x, z - reach)) / (2.0 * reach)
         steep = sqrt(dx * dx + dz * dz) > SETTINGS.edge_slope
@@ -321,10 +332,10 @@ class PlantedFoot:
         room, under = max(leg.hip[1] - drop - s.folded - leg.ankle[1], 0.0), 0.0
         for joint, rest, chance in zip((self.toe, self.ankle), incoming, self.chances, strict=True):
             below = ahead = ground.height(joint[0], joint[2])
-            for fraction in (1.0, 0.75, 0.5, 0.25):
+            for fraction in SEEN_AHEAD_FRACTIONS:
                 time = fraction * s.look_ahead
                 ahead = ground.height(joint[0] + time * vx, joint[2] + time * vz)
-                if ahead - below > 0.03 + s.edge_slope * time * speed:
+                if ahead - below > MIN_EDGE_AHEAD_M + s.edge_slope * time * speed:
                     lift = max(lift, ahead + s.clearance - rest)
             # a foot in swing slows down before it lands, and does not drag over the ground
             free, clear = 1.0 - chance, moving * moving * s.swing_clearance
@@ -332,7 +343,7 @@ class PlantedFoot:
                 free, clear = max(free, travels), toe_clears
             soon = max(0.0, ahead - below - 0.25 * s.look_ahead * vy) + clear
             if joint is self.ankle and heel_strikes:
-                soon = 0.3 * soon
+                soon = HEEL_STRIKE_FRACTION * soon
             depth = below - s.sink - rest + free * soon
             lift = max(lift, _soft_positive(depth, free * s.soft_floor))
             under = max(under, below - s.sink - rest)
@@ -378,32 +389,9 @@ class PlantedFoot:
         else:
             ankle = subtract(toe, sole)
         # the turn has moved one end sideways, perhaps over an edge: what is still missing lifts the foot as it is
-        missing = max(0.0, self._depth(toe, ankle, ground))
+        missing = max(0.0, depth_in_ground(toe, ankle, ground))
         self.toe = (toe[0], toe[1] + missing, toe[2])
         self.ankle = (ankle[0], ankle[1] + missing, ankle[2])
-
-    def _depth(self, toe: Vector, ankle: Vector, ground: PointHeights) -> float:
-        """Metres by which a foot at `toe` and `ankle` lies deeper in the ground than a sole may press."""
-        return max(
-            ground.height(toe[0], toe[2]) + TOE_HEIGHT - SETTINGS.sink - toe[1],
-            ground.height(ankle[0], ankle[2]) + ANKLE_HEIGHT - SETTINGS.sink - ankle[1],
-        )
-
-    def spanned(self, hip: Vector, target: Vector, reach: float, ground: PointHeights) -> SpannedFoot:
-        """Return the foot with its ankle at `reach` from `hip` in place of at `target`: rolled over the toe, or slid on the heel."""
-        sole, rotation = rotate(self.rotation, self.bones.offsets[4]), self.rotation
-        toe = add(target, sole)
-        to_hip, along = subtract(hip, toe), unit(scale(sole, -1.0))
-        cosine = roll_cosine(to_hip, self.bones.foot_length, reach)
-        if abs(cosine) > 1.0:
-            to_target = subtract(target, hip)
-            ankle = add(hip, scale(to_target, reach / max(length(to_target), 1e-6)))
-            toe = add(ankle, sole)
-        else:
-            turned = rolled(to_hip, along, cosine)
-            ankle = add(toe, scale(turned, self.bones.foot_length))
-            rotation = multiply(between(along, turned), rotation)
-        return SpannedFoot(toe, ankle, rotation, max(0.0, self._depth(toe, ankle, ground)))
 
     def knee_out(self, leg: LegPose, hip: Vector, local: Array, ground: PointHeights, dt: float) -> float:
         """Radians that the knee turns outwards for the ground; `local` are thigh, shin and foot over the base of `leg`."""
@@ -418,27 +406,6 @@ class PlantedFoot:
         straightest = SETTINGS.straightest * (self.bones.length + self.bones.foot_length)
         self.next_step.caught |= dist(self.toe, hip) > straightest
         return out
-
-    def within_reach(self, leg: LegPose, drop: float, ground: PointHeights) -> Vector:
-        """Target of the ankle for the IK: raised where the leg is too short and what it reaches instead lies in a step."""
-        hip, target = (leg.hip[0], leg.hip[1] - drop, leg.hip[2]), self.ankle
-        for _ in range(REACH_TRIALS):
-            to_target = subtract(target, hip)
-            wanted = length(to_target)
-            if wanted <= (MAX_REACH - EASE_REACH_FRACTION) * self.bones.length:
-                break
-            reached = add(hip, scale(to_target, soft_reach(wanted, self.bones.length, span(leg)) / wanted))
-            toe = add(reached, rotate(self.rotation, self.bones.offsets[4]))
-            missing = self._depth(toe, reached, ground)
-            if missing <= 0.0:
-                break
-            target = (target[0], target[1] + 2.0 * missing, target[2])  # twice: the reach takes a part of it
-        return target
-
-
-def span(leg: LegPose) -> float:
-    """Metres from hip to ankle of the incoming pose."""
-    return dist(leg.ankle, leg.hip)
 
 
 def _soft_positive(x: float, width: float) -> float:

@@ -21,12 +21,10 @@ class FootLockSettings:
     release_stretch: float = 0.04  # m that the leg would have to grow
     last_patience: float = 1.8  # times these, for the only foot on the ground in a walk
     straightest: float = 0.97  # of leg and foot in one line: rolled farther, the foot would turn over its toe
-    release_under: float = (
-        0.12  # m that the ankle must stay under its hip: a body that goes down a steep slope leaves it behind
-    )
-    trailing: float = (
-        0.08  # m behind the hips from which a foot begins to roll over its toe, wholly at twice that
-    )
+    # m that the ankle must stay under its hip: a body that goes down a steep slope leaves it behind
+    release_under: float = 0.12
+    # m behind the hips from which a foot begins to roll over its toe, wholly at twice that
+    trailing: float = 0.08
     rolls_away: float = 0.05  # m that it rolls its ankle farther from the hip at most
     refractory: float = 0.15  # s without a new hold after a forced release
     refractory_lift: float = 0.04  # m: a forced release becomes a small step
@@ -36,9 +34,8 @@ class FootLockSettings:
     far: float = 0.08  # m: what is farther
     far_slower: float = 0.12  # s/m, takes so much longer
     settle_half_life: float = 0.02  # of a held point's height
-    unseen: float = (
-        0.0015  # m over or under the ground that a standing foot may keep: a straight knee shows them
-    )
+    # m over or under the ground that a standing foot may keep: a straight knee shows them
+    unseen: float = 0.0015
     settle_slower: float = 0.5  # s/m: added to it for every metre that is missing
     flat_half_life: float = 0.06  # of the sole's alignment to the ground
     yaw_half_life: float = 0.10
@@ -53,9 +50,8 @@ class FootLockSettings:
     room_half_life: float = 0.05
     rise_over_half_life: float = 0.04  # in which the hips rise over a bar
     max_free_rise: float = 0.01  # m that a foot in the air may carry them, up or down
-    straight_span: float = (
-        0.99  # fraction of its length that a straight leg spans (16 degrees): it carries the hips
-    )
+    # fraction of its length that a straight leg spans (16 degrees): it carries the hips
+    straight_span: float = 0.99
     bent_span: float = 0.94  # and a bent one (40 degrees), which does not
     free_weight: float = 0.02  # of no leg at all: the hips stay where they are
     sink: float = 0.002  # m that a sole may press into the ground; more, and a moving toe counts as skating

@@ -13,12 +13,8 @@ from runtime.terrain.height_map import Terrain
 TOES = (5, 10)
 HEELS = (4, 9)  # the ankle joints, over the heels
 SOLE_POINTS = (4, 5, 9, 10)
-SOLE_HEIGHTS = (
-    ANKLE_HEIGHT,
-    TOE_HEIGHT,
-    ANKLE_HEIGHT,
-    TOE_HEIGHT,
-)  # of SOLE_POINTS on a foot that stands flat
+# of SOLE_POINTS on a foot that stands flat
+SOLE_HEIGHTS = ANKLE_HEIGHT, TOE_HEIGHT, ANKLE_HEIGHT, TOE_HEIGHT
 SKATING_HEIGHT_M = 0.025  # H
 # of a sole that bears: its speed, and its height over its lowest places,
 STANDING_M_PER_S = 0.25

@@ -14,8 +14,9 @@ from runtime.edits.body import BodyEdits
 from runtime.errors import UsageError
 from runtime.feet.foot_lock import FootLock
 from runtime.motion.features import FPS
-from runtime.motion.frame import Frame, full_speed, step
+from runtime.motion.frame import Frame, step
 from runtime.motion.model import MotionModel
+from runtime.motion.request import full_speed
 from runtime.motion.state import CharacterState, standing
 from runtime.motion.style import Style, StyleBlend, StyleCodes, StyleFolder, StyleMix
 from runtime.motion.trajectory import Trajectory, TrajectoryView

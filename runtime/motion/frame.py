@@ -7,54 +7,46 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan2, degrees, hypot, inf
+from math import atan2, degrees, inf
 
 import numpy as np
 
 from runtime.arrays import Array, Flags
-from runtime.controls import STAND_SPEED, Controls, Gait
+from runtime.controls import Controls, Gait
 from runtime.edits.body import EditedPose
 from runtime.edits.request import EditRequest
 from runtime.feet.foot_lock import Support
 from runtime.motion import features
 from runtime.motion.features import DT, InputParts, OutputParts, split_output
-from runtime.motion.limbs import KEYFRAMED, resolve_penetration
+from runtime.motion.limbs import KEYFRAMED, LIMBS, resolve_penetration
 from runtime.motion.model import MotionModel, drifting_noise
-from runtime.motion.pace import STALLED_RATE_HZ, STANDING_SECONDS, advance_by_cycles
+from runtime.motion.pace import STALLED_RATE_HZ, advance_by_cycles
 from runtime.motion.phase import advance_phase, at_rate
 from runtime.motion.pose_smoothing import ADDED_PATIENCE_FRACTION
-from runtime.motion.root_motion import SPEED_HALF_LIFE, rest_share, root_velocity, settled_pose
+from runtime.motion.request import probe_paths, read_request, root_velocity_of, steer
+from runtime.motion.root_motion import rest_share, root_velocity, settled_pose
 from runtime.motion.state import CharacterState, bound_speed, network_pose, placed, shown_poses, standing
 from runtime.motion.style import Style
-from runtime.motion.trajectory import JOG_SHARE, PRESENT, SAMPLES, Plan
+from runtime.motion.trajectory import PRESENT, SAMPLES
 from runtime.records import copied, joined, part
-from runtime.scalar_math import Vector, decay
+from runtime.scalar_math import Vector
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacle_detection import EDGE_M, RUN_M
 from runtime.terrain.room import has_walls
-from runtime.terrain.steps import level_ahead, within_steps
-from runtime.traversal.obstacle_probe import CLEAR, PROBE_M, STOP_SECONDS, ObstacleProbe
+from runtime.terrain.steps import within_steps
+from runtime.traversal.obstacle_probe import CLEAR, ObstacleProbe
 from runtime.traversal.plan import decide
 from runtime.traversal.traversal import end_when_over
 from runtime.traversal.traversal_frame import seen_heights, traversal_pose
 
 MAX_OUTPUT = 1e4  # metres, m/s, rad/s: no body has more, and bones would be lost in rounding
 REST_TEMPERATURE = 0.35  # of the temperature, while standing: breathing and shifts of weight stay
-TAKE_OFF_FRAMES = 6  # whose mean velocity a body keeps in the air
 MIN_GAIT_SPEED = 0.3  # m/s; slower, feet may well rest for a while
-# devices give 1 at most; who leads a character may ask for more than its style's own speed
-MAX_STICK_LENGTH = 2.0
-CROUCH_SPEED = 0.8  # m/s at full stick
-# of the plan's speed: slower, a body that starts to jog is still gathering speed
-GATHERED_SPEED_FRACTION = 0.8
-JOG_START_GAIN = 1.0  # of the regulator at most, until then
 STEADY_SPEED_FRACTION = 0.7  # of the plan's speed: slower, a body that starts to walk does not swing yet
 # radians a second, over so many frames: faster, a walk turns
 TURN_FRAMES, MAX_WALKING_TURN_RAD_PER_S = 6, 0.7
-MIN_PLANNED_SPEED_M_PER_S = 0.05  # m/s: a body that stops is regulated until then
 MAX_LIFT_M_PER_S = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
-_SMOOTHS = 1.0 - decay(SPEED_HALF_LIFE)
 FUTURE = len(features.FUTURE_OFFSETS)
 NECK = SPORT_SKELETON.index("Neck")
 ANKLES = [SPORT_SKELETON.index("LeftFoot"), SPORT_SKELETON.index("RightFoot")]
@@ -76,15 +68,6 @@ class Frame:
         return Frame(self.hips[one], self.local[one], self.reasons[one], self.faults[one])
 
 
-@dataclass(frozen=True)
-class Request:
-    """What the sticks ask of N characters in this frame."""
-
-    velocity: list[tuple[float, float]]  # m/s
-    facing: list[float | None]  # radians, None to keep it
-    gait: list[int]
-
-
 def step(
     model: MotionModel,
     state: CharacterState,
@@ -101,14 +84,14 @@ def step(
     state.styles = tuple(style.advanced(DT) for style in state.styles)
     styles = state.walkable.styles(model, state.styles)
 
-    probes = _probe(model, state, controls, terrain)
-    request = _request(state, controls, probes, styles)
+    probes = probe_paths(model, state, controls, terrain)
+    request = read_request(state, controls, probes, styles)
     # before an obstacle, and while one is crossed, a body does at once what it has to
     haste = [
         1.0 if probe.finds or traversal.kind else usual
         for probe, traversal, usual in zip(probes, state.traversals, response, strict=True)
     ]
-    _steer(state, request, styles, haste)
+    steer(state, request, styles, haste)
 
     x = _input(state, probes, terrain)
     noise = _noise(model, state, temperature)
@@ -185,131 +168,6 @@ def _watch_strides(state: CharacterState, even: Sequence[bool]) -> list[Vector]:
     return [(x, 0.0, z) for x, z in shifts.tolist()]
 
 
-def full_speed(style: Style, gait: Gait) -> float:
-    """What a full stick requests in a style, m/s."""
-    walk, jog = style.speeds
-    return {Gait.JOG: jog, Gait.CROUCH: CROUCH_SPEED}.get(gait, walk)
-
-
-def _stick(controls: Controls) -> tuple[float, float, float]:
-    """X, Z and length of the stick, which is at most `MAX_STICK_LENGTH`."""
-    x, z = float(controls.move[0]), float(controls.move[1])
-    amount = hypot(x, z)
-    kept = min(1.0, MAX_STICK_LENGTH / max(amount, 1e-9))
-    return x * kept, z * kept, amount * kept
-
-
-def _probe(
-    model: MotionModel, state: CharacterState, controls: Sequence[Controls], terrain: Terrain
-) -> list[ObstacleProbe]:
-    """The obstacles on the sticks' paths that the network does not cross by itself; every traversal remembers whether it stops."""
-    sticks, here = [_stick(each) for each in controls], state.trajectory.here
-    headings = np.array([(x / max(size, 1e-9), z / max(size, 1e-9)) for x, z, size in sticks])
-    clear = _clear(state, headings, terrain)
-    probes = []
-    for i, traversal in enumerate(state.traversals):
-        gait = state.jumps[i].requested_gait(controls[i].gait)
-        requested = sticks[i][2] * full_speed(state.styles[i].style, gait)
-        # a probe next to a beam would find a drop
-        ground = None
-        if requested > STAND_SPEED and not clear[i] and not state.feet[i].on_beam:
-            ground = terrain
-        probe = traversal.probe(ground, here[i], headings[i], float(state.measured_speed[i]))
-        if probe.ahead is not None and model.crosses(probe.ahead.obstacle):
-            probe = probe.alone()
-        probes.append(probe)
-    return probes
-
-
-def _clear(state: CharacterState, headings: Array, terrain: Terrain) -> list[bool]:
-    """Whose ways hold no edge, towards `headings` `(N, 2)`."""
-    if terrain.steepest * RUN_M < EDGE_M:  # no slope of this ground is an edge
-        return [True] * len(state)
-    ways = np.array([each.path(way) for each, way in zip(state.traversals, headings, strict=True)])
-    reach = PROBE_M + STOP_SECONDS * state.measured_speed
-    return level_ahead(terrain, state.trajectory.here, ways, reach, EDGE_M).tolist()
-
-
-def _request(
-    state: CharacterState,
-    controls: Sequence[Controls],
-    probes: Sequence[ObstacleProbe],
-    styles: Sequence[Style],
-) -> Request:
-    """What is requested of every root; writes `wished_speed`, and begins jumps."""
-    request, speeds = Request([], [], []), []
-    for i, (stick, probe, style) in enumerate(zip(controls, probes, styles, strict=True)):
-        x, z, amount = _stick(stick)
-        jump, traversal = state.jumps[i], state.traversals[i]
-        if jump.press(stick.gait, traversal.kind == ""):
-            jump.start(state.poses.pose(i), traversal.steps, _velocity(state, i))
-        gait = jump.requested_gait(stick.gait)
-        full = full_speed(style, gait)
-        speed = 0.0 if probe.stops else amount * full
-        ahead = (x * full, z * full) if speed > STAND_SPEED else None
-        way = ahead or (0.0, 0.0)
-        if jump.airborne:  # no steering in the air
-            way = state.trajectory.velocity[i].tolist()
-            speed = hypot(*way)
-        elif ahead is None and gait != Gait.CROUCH:
-            gait = Gait.STAND
-        request.velocity.append(way)
-        request.gait.append(int(gait))
-        speeds.append(speed if speed > STAND_SPEED else 0.0)
-        request.facing.append(traversal.yaw if traversal.climbing else _yaw(stick.facing, ahead))
-    state.wished_speed = np.array(speeds)
-    return request
-
-
-def _yaw(facing: tuple[float, float] | None, ahead: tuple[float, float] | None) -> float | None:
-    """Of what a stick faces, or else of the way ahead."""
-    direction = ahead if facing is None else facing
-    return None if direction is None else atan2(*direction)
-
-
-def _velocity(state: CharacterState, index: int) -> tuple[float, float]:
-    """Of the root in the last frames, m/s."""
-    xz = state.trajectory.xz[index]
-    x, z = ((xz[PRESENT] - xz[PRESENT - TAKE_OFF_FRAMES]) / (TAKE_OFF_FRAMES * DT)).tolist()
-    return x, z
-
-
-def _jog_from(style: Style, gait: int, wished: float) -> float:
-    """Speed of the plan (m/s) from which a body jogs: a slow jog is one too."""
-    middle = 0.5 * sum(style.speeds)
-    return min(middle, JOG_SHARE * wished) if gait == Gait.JOG else middle
-
-
-def _steer(
-    state: CharacterState, request: Request, styles: Sequence[Style], response: Sequence[float]
-) -> None:
-    """Plan the coming second towards the request and let the network see it, with what its regulator adds."""
-    wished = state.wished_speed.tolist()
-    plan = state.trajectory.plan(
-        request.velocity,
-        request.facing,
-        request.gait,
-        [style.speeds[0] for style in styles],
-        [_jog_from(*each) for each in zip(styles, request.gait, wished, strict=True)],
-        response,
-    )
-    speeds = [hypot(x, z) for x, z in state.trajectory.velocity.tolist()]
-    state.requested_speed = np.array(speeds)
-    state.smooth_request = state.smooth_request + (state.requested_speed - state.smooth_request) * _SMOOTHS
-    moving = [
-        wish > 0.0 or speed > MIN_PLANNED_SPEED_M_PER_S for wish, speed in zip(wished, speeds, strict=True)
-    ]
-    shown = (state.root_speed * state.stride.fraction).tolist()
-    gains = state.regulator.update(speeds, shown, moving)
-    for i, speed in enumerate(speeds):
-        # requested more while it gathers speed, the network dives into a jog
-        gathers = state.regulator.measured[i] < GATHERED_SPEED_FRACTION * speed
-        if request.gait[i] == Gait.JOG and gathers and state.regulator.stood[i] < STANDING_SECONDS:
-            gains[i] = min(gains[i], JOG_START_GAIN)
-    velocities = plan.velocities * np.array(gains)[:, None, None]
-    state.trajectory.steer(Plan(velocities, plan.yaws, plan.gaits))
-
-
 def _input(state: CharacterState, probes: Sequence[ObstacleProbe], terrain: Terrain) -> Array:
     """x `(N, 472)`; writes the ground that the bodies are placed over."""
     path, present = state.trajectory, features.L // 2
@@ -378,44 +236,61 @@ def _plant(
 
     Returns hips `(N, 3)` and local rotations `(N, 31, 4)` before the foot lock.
     """
-    unlocked_hips, unlocked_local = hips.copy(), local.copy()
+    unlocked = hips.copy(), local.copy(), contacts
     shown_hips, shown_local, walls = np.empty_like(hips), np.empty_like(local), has_walls(terrain)
-    for i, (traversal, feet) in enumerate(zip(state.traversals, state.feet, strict=True)):
+    for i, traversal in enumerate(state.traversals):
         if traversal.kind:
-            keyframed = traversal_pose(
-                traversal, hips[i], local[i], float(state.ground[i]), state.poses.pose(i), terrain
-            )
-            unlocked_hips[i], unlocked_local[i], contacts[i] = keyframed
-            shown_hips[i], shown_local[i] = keyframed[:2]
-            state.jumps[i].cancel(float(hips[i, 1]))
-            state.edits[i].reset()
-            if walls:
-                shown_local[i] = resolve_penetration(
-                    shown_hips[i], shown_local[i], state.poses.local[i], terrain, KEYFRAMED
-                )
+            shown, before, limbs = _keyframed(state, i, unlocked, terrain), state.poses.local[i], KEYFRAMED
         else:
-            jump = state.jumps[i]
-            root = _velocity(state, i) if jump.stage else (0.0, 0.0)
-            jump.advance(float(hips[i, 1]), float(state.ground[i]), root)
-            if jump.stage:
-                posed = jump.pose(hips[i], local[i], contacts[i], terrain)
-                unlocked_hips[i], unlocked_local[i], contacts[i] = posed
-            stood = feet.feet[0].incoming is not None  # else on ground that has just come under the body
-            patience = 1.0 + ADDED_PATIENCE_FRACTION * (1.0 - float(state.settling.fraction[i]))
-            edited = EditedPose(unlocked_hips[i], unlocked_local[i], contacts[i])
-            if (asked := _edit_request(state, i, joints[i])) is not None:
-                edited = state.edits[i].apply(*edited[:3], asked)
-            if any(shifts[i]):
-                edited = edited.moved(shifts[i])
-            walks = even[i] and float(state.trajectory.gait[i, PRESENT, Gait.JOG]) < 0.5
-            support = Support(jump.airborne, patience, edited.legs, traversal.over, walks)
-            locked = feet.apply(edited.hips, edited.local, edited.contacts, terrain, DT, support)
-            shown_hips[i], shown_local[i] = locked.hips_position, locked.local_rotations
-            if walls:
-                before = state.poses.local[i] if stood else shown_local[i]
-                shown_local[i] = resolve_penetration(shown_hips[i], shown_local[i], before, terrain)
+            stood = state.feet[i].feet[0].incoming is not None
+            shown = _on_feet(state, i, unlocked, joints[i], shifts[i], even[i], terrain)
+            # a body that did not stand is on ground that has just come under it
+            before, limbs = state.poses.local[i] if stood else shown[1], LIMBS
+        shown_hips[i], shown_local[i] = shown
+        if walls:
+            shown_local[i] = resolve_penetration(shown_hips[i], shown_local[i], before, terrain, limbs)
     state.poses = shown_poses(shown_hips, shown_local, contacts, state.trajectory, terrain)
-    return unlocked_hips, unlocked_local
+    return unlocked[0], unlocked[1]
+
+
+def _keyframed(
+    state: CharacterState, i: int, unlocked: tuple[Array, Array, Array], terrain: Terrain
+) -> tuple[Array, Array]:
+    """Return the pose of a character over its obstacle, and write it into `unlocked`: hips, local rotations, contacts."""
+    hips, local, contacts = unlocked
+    ground = float(state.ground[i])
+    posed = traversal_pose(state.traversals[i], hips[i], local[i], ground, state.poses.pose(i), terrain)
+    state.jumps[i].cancel(float(hips[i, 1]))
+    state.edits[i].reset()
+    hips[i], local[i], contacts[i] = posed
+    return posed[0], posed[1]
+
+
+def _on_feet(
+    state: CharacterState,
+    i: int,
+    unlocked: tuple[Array, Array, Array],
+    joints: Array,
+    shift: Vector,
+    even: bool,
+    terrain: Terrain,
+) -> tuple[Array, Array]:
+    """Return the pose of a character with planted feet; a jump is written into `unlocked`."""
+    (hips, local, contacts), jump = unlocked, state.jumps[i]
+    root = root_velocity_of(state, i) if jump.stage else (0.0, 0.0)
+    jump.advance(float(hips[i, 1]), float(state.ground[i]), root)
+    if jump.stage:
+        hips[i], local[i], contacts[i] = jump.pose(hips[i], local[i], contacts[i], terrain)
+    edited = EditedPose(hips[i], local[i], contacts[i])
+    if (asked := _edit_request(state, i, joints)) is not None:
+        edited = state.edits[i].apply(*edited[:3], asked)
+    if any(shift):
+        edited = edited.moved(shift)
+    patience = 1.0 + ADDED_PATIENCE_FRACTION * (1.0 - float(state.settling.fraction[i]))
+    walks = even and float(state.trajectory.gait[i, PRESENT, Gait.JOG]) < 0.5
+    support = Support(jump.airborne, patience, edited.legs, state.traversals[i].over, walks)
+    locked = state.feet[i].apply(edited.hips, edited.local, edited.contacts, terrain, DT, support)
+    return locked.hips_position, locked.local_rotations
 
 
 def _edit_request(state: CharacterState, index: int, joints: Array) -> EditRequest | None:

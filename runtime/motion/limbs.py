@@ -15,9 +15,8 @@ from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 
 HANGING_FRACTIONS = np.linspace(0.0, 1.0, 9)  # of the way from the incoming limb to one that hangs
-TURN_FRACTIONS = np.linspace(
-    0.0, 1.0, 7
-)  # of the way of one joint, where a limb is looked at that goes round the ground
+# of the way of one joint, where a limb is looked at that goes round the ground
+TURN_FRACTIONS = np.linspace(0.0, 1.0, 7)
 SHALLOW_M = 0.25  # that a limb may be in the ground rather than go through it
 # radians in a frame, of an arm or a leg: 42 rad/s, faster than a pitcher's forearm
 MAX_TURN_RAD_PER_FRAME = 0.7

@@ -102,9 +102,8 @@ class MotionModel:
         self._styles_apart = check_graphs(
             folder, prompt, self._style, self._step, self.noise_shape, self.style_shape, step
         )
-        self._stacked: dict[
-            tuple[int, bool], tuple[tuple[Style, ...], dict[str, Float32Array]]
-        ] = {}  # by the thread that asks, and which of its calls
+        # by the thread that asks, and which of its calls
+        self._stacked: dict[tuple[int, bool], tuple[tuple[Style, ...], dict[str, Float32Array]]] = {}
         self._crosses = read_crosses(folder, metadata)
         self.provider = self._step.get_providers()[0].removesuffix("ExecutionProvider")
 

@@ -249,8 +249,14 @@ def _check_shapes(path: Path, values: Any, expected: _Shapes) -> None:
     if list(found) != list(expected):
         raise ModelError(f"{path}: has {', '.join(found)[:80]}; expected {', '.join(expected)}.", REMEDY)
     for name, shape in expected.items():
-        sizes = found[name]
-        fits = shape is None or len(sizes) == len(shape)
-        if not fits or any(w not in (None, s) for w, s in zip(shape or [], sizes, strict=False)):
+        if not _fits(found[name], shape):
+            sizes = found[name]
             wanted = ", ".join("any" if size is None else str(size) for size in shape or [])
             raise ModelError(f"{path}: '{name}' has shape {sizes}; expected ({wanted}).", REMEDY)
+
+
+def _fits(sizes: list[Any], shape: list[Any] | None) -> bool:
+    """Whether a graph's sizes, where they are known, are those of a shape; None fits all."""
+    if shape is None:
+        return True
+    return len(sizes) == len(shape) and all(w in (None, s) for w, s in zip(shape, sizes, strict=True))

@@ -16,9 +16,8 @@ from runtime.motion.features import FPS, PHASE_OFFSETS, SAMPLE_STEP, C
 from runtime.scalar_math import decay
 
 PRESENT = int(-PHASE_OFFSETS[0])  # index of the current frame in the dense window of 121 frames
-_NEAREST = (
-    np.arange(PRESENT + 1) // SAMPLE_STEP
-)  # forecast of each coming frame: only the samples' own are read
+# forecast of each coming frame: only the samples' own are read
+_NEAREST = np.arange(PRESENT + 1) // SAMPLE_STEP
 
 
 def advance_phase(window: Array, samples: Array) -> Array:

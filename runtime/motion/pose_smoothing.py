@@ -43,12 +43,10 @@ _DONE_RAD = 1e-3  # rad
 class Inertialization:
     """The offsets of N characters, from frame to frame."""
 
-    last: Array = field(
-        metadata={"shape": (len(JOINTS), 4)}
-    )  # (N, 12, 4) the network's rotations of the last frame
-    offset: Array = field(
-        metadata={"shape": (len(JOINTS), 3)}
-    )  # (N, 12, 3) rotation vectors, rad, on the parent's side
+    # (N, 12, 4) the network's rotations of the last frame
+    last: Array = field(metadata={"shape": (len(JOINTS), 4)})
+    # (N, 12, 3) rotation vectors, rad, on the parent's side
+    offset: Array = field(metadata={"shape": (len(JOINTS), 3)})
     speed: Array = field(metadata={"shape": (len(JOINTS), 3)})  # (N, 12, 3) rad/s
     left: Array = field(metadata={"shape": ()})  # (N,) seconds in which the network may still change its mind
 

@@ -177,10 +177,8 @@ def _edits(tree: Any) -> Any:
 
 
 def _mix(tree: Any, arrays: list[np.ndarray]) -> StyleMix:
-    codes, fractions = (
-        arrays[int(tree["codes"])],
-        [read_number(fraction, LARGEST_SHARE) for fraction in tree["weights"]],
-    )
+    codes = arrays[int(tree["codes"])]
+    fractions = [read_number(fraction, LARGEST_SHARE) for fraction in tree["weights"]]
     fits = codes.dtype == np.float32 and codes.ndim == 3 and len(codes) == len(fractions)
     if not fits or not 1 <= len(codes) <= MOST_CODES or not (np.abs(codes) <= MAX_CODE_VALUE).all():
         raise ValueError("codes that no style has")

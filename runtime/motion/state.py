@@ -135,12 +135,10 @@ class CharacterState:
     """
 
     seed: NDArray[np.int64] = field(metadata={"shape": (), "dtype": np.int64})  # of the noise
-    frame: NDArray[np.int64] = field(
-        metadata={"shape": (), "dtype": np.int64}
-    )  # since the character was put down
-    joints: Array = field(
-        metadata={"shape": (J, 3), "most": 100.0}
-    )  # the network's own pose, relative to the root: what is fed back
+    # since the character was put down
+    frame: NDArray[np.int64] = field(metadata={"shape": (), "dtype": np.int64})
+    # the network's own pose, relative to the root: what is fed back
+    joints: Array = field(metadata={"shape": (J, 3), "most": 100.0})
     velocities: Array = field(metadata={"shape": (J, 3), "most": 1000.0})  # m/s
     phase: Array = field(metadata={"shape": (LENGTH, C, 2), "most": 1000.0})
     trajectory: Trajectory
@@ -179,10 +177,8 @@ def standing(
     samples = np.array(start["phase"], np.float64).reshape(len(PHASE_OFFSETS), -1)
     dense = np.arange(PHASE_OFFSETS[0], PHASE_OFFSETS[-1] + 1)
     phase = np.stack([np.interp(dense, PHASE_OFFSETS, column) for column in samples.T], -1)
-    trajectory, ground = (
-        Trajectory.standing(x, z, yaw),
-        terrain.height(np.array([x]), np.array([z])).astype(np.float64),
-    )
+    trajectory = Trajectory.standing(x, z, yaw)
+    ground = terrain.height(np.array([x]), np.array([z])).astype(np.float64)
     relative, joints = network_pose(y)
     hips, local = placed(joints[:, 0], relative, trajectory, ground)
     feet, contacts = FootLock(), np.zeros((1, 4))

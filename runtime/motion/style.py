@@ -43,9 +43,8 @@ class Style:
     rest: Float32Array = field(default_factory=lambda: np.zeros((C, 2), np.float32))
     edits: Array = field(default_factory=lambda: np.zeros(SHAPE))  # what parts are to show
     mirrored: bool = False  # folded from the mirror image of z: the network walks it in the mirror
-    opposite: Style | None = (
-        None  # the same code folded the other way round, where some limbs move as it moves them
-    )
+    # the same code folded the other way round, where some limbs move as it moves them
+    opposite: Style | None = None
     limbs: tuple[float, ...] = (0.0,) * LIMBS  # how far each of the four does
     swings: tuple[float, ...] = PLAIN  # gains of `runtime.motion.swing.SWINGS`
 

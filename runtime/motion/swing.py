@@ -18,8 +18,8 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.errors import ModelError
 from runtime.feet.foot_lock import carrying_rise
-from runtime.feet.leg import leg_bones, leg_forward, leg_inverse
-from runtime.feet.planted_foot import span
+from runtime.feet.leg import LegBones, LegPose, leg_bones, leg_forward, leg_inverse
+from runtime.feet.reach import span
 from runtime.scalar_math import (
     Quaternion,
     Vector,
@@ -184,17 +184,20 @@ def _swung(
         swing = to_vector(multiply(q, inverse(mean)))
         size = min(abs(more[ARMS]), MOST[ARMS] / max(length(swing), 1e-9))
         result[joint] = multiply(from_vector(scale(swing, copysign(size, more[ARMS]))), q)
-    legs = []
-    for bones, leg in zip(_LEGS, before, strict=True):
-        moved = leg_forward(bones, tuple(hips.tolist()), rotations)
-        knee = add(leg.knee, subtract(moved.hip, leg.hip))
-        legs.append(leg._replace(base=moved.base, hip=moved.hip, knee=knee))
+    legs = [_moved_with(leg, bones, hips, rotations) for leg, bones in zip(before, _LEGS, strict=True)]
     bears = max(contacts[:2]), max(contacts[2:])
     rise += carrying_rise(legs, [span(leg) for leg in before], bears)
     for bones, leg in zip(_LEGS, legs, strict=True):
         result[list(bones.joints[1:4])] = leg_inverse(leg, leg.ankle, leg.foot, -rise)
     x, y, z = hips.tolist()
     return (x, y + rise, z), result, [*after, *(value for q in arms for value in q)]
+
+
+def _moved_with(leg: LegPose, bones: LegBones, hips: Array, rotations: list[Quaternion]) -> LegPose:
+    """A leg whose thigh goes with a pelvis that is turned; its foot stays."""
+    moved = leg_forward(bones, tuple(hips.tolist()), rotations)
+    knee = add(leg.knee, subtract(moved.hip, leg.hip))
+    return leg._replace(base=moved.base, hip=moved.hip, knee=knee)
 
 
 def _turn_spine(result: Array, before: list[Quaternion], added: tuple[float, float, float]) -> None:

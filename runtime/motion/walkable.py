@@ -60,24 +60,17 @@ class WalkableShare:
 
         Who `walks` has a foot on the ground; who is not `steady` may do as he likes; who is `blending` gets a new style.
         """
-        numbers = (self.share.tolist(), self.in_air.tolist(), self.height.tolist(), heights.tolist())
-        made = []
-        for share, air, (mean, square), height, (left, right), walking, even, changing in zip(
-            *numbers, stands, walks, steady, blending, strict=True
-        ):
-            feet = (left, right, left or right)
-            air = [0.0 if down or not even else seconds + DT for down, seconds in zip(feet, air, strict=True)]
-            mean = mean + _FOLLOWS * (height - mean) if even else height
-            square = square + _FOLLOWS * ((height - mean) ** 2 - square) if even else 0.0
-            wrong = square > MAX_RISE_M**2
-            wrong = wrong or (walking and (air[2] > MAX_FLIGHT_S or max(air[:2]) > MAX_SWING_S))
-            if changing:
-                share = min(share + SHARE_GAIN_PER_S * DT, 1.0)
-            elif wrong and even:
-                share = max(share - SHARE_LOSS_PER_S * DT, LEAST_SHARE)
-            made.append((share, *air, mean, square))
-        values = np.array(made)
-        self.share, self.in_air, self.height = values[:, 0], values[:, 1:4], values[:, 4:]
+        even, downs = np.array(steady, bool), np.array([(*feet, any(feet)) for feet in stands])
+        self.in_air = np.where(downs | ~even[:, None], 0.0, self.in_air + DT)
+        mean, square = self.height.T
+        mean = np.where(even, mean + _FOLLOWS * (heights - mean), heights)
+        square = np.where(even, square + _FOLLOWS * ((heights - mean) ** 2 - square), 0.0)
+        self.height = np.stack([mean, square], -1)
+        flies = np.any(self.in_air > (MAX_SWING_S, MAX_SWING_S, MAX_FLIGHT_S), -1)
+        wrong = even & ((square > MAX_RISE_M**2) | (np.array(walks, bool) & flies))
+        changing = np.array(blending, bool)
+        kept = np.where(wrong, np.maximum(self.share - SHARE_LOSS_PER_S * DT, LEAST_SHARE), self.share)
+        self.share = np.where(changing, np.minimum(self.share + SHARE_GAIN_PER_S * DT, 1.0), kept)
 
 
 @lru_cache(maxsize=16)

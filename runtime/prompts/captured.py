@@ -34,12 +34,10 @@ Clause = tuple[str, str]  # a part and the words of a caption's clause, or of a 
 class CapturedPhrases:
     """The measures of captured styles and of phrases, with the captions that they belong to."""
 
-    styles: Mapping[str, Mapping[str, Mapping[str, Measured]]] = field(
-        default_factory=dict
-    )  # style, gait, part
-    phrases: Mapping[str, Mapping[str, Mapping[str, Ranges]]] = field(
-        default_factory=dict
-    )  # kind, target, phrase
+    # style, gait, part
+    styles: Mapping[str, Mapping[str, Mapping[str, Measured]]] = field(default_factory=dict)
+    # kind, target, phrase
+    phrases: Mapping[str, Mapping[str, Mapping[str, Ranges]]] = field(default_factory=dict)
     usual_of: Mapping[str, Measured] = field(default_factory=dict)  # by gait, of trunks
     captions: Mapping[Clause, frozenset[str]] = field(default_factory=dict)  # styles by whole descriptions
     clauses: Mapping[Clause, frozenset[str]] = field(default_factory=dict)  # and by their clauses

@@ -48,9 +48,8 @@ FOLD_DEGREES, MORE_FOLD_DEGREES = 20.0, 15.0  # that any trunk leans forward at 
 NEAR_M = 0.06  # within which a hand is at its place, where the file does not say it
 _PLACE_KEYS = {"frame", "point", "pole", "near"}
 Values = tuple[Any, ...]  # a range, or the seven numbers of a place; () for what asks for nothing
-Phrases = dict[
-    str, tuple[int, Values]
-]  # the first column that each phrase fills in a part's row, and with what
+# the first column that each phrase fills in a part's row, and with what
+Phrases = dict[str, tuple[int, Values]]
 
 
 @cache
@@ -81,16 +80,23 @@ def read_phrases(tree: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> dict[st
     }
     for part, kinds in tree.items():
         for name, kind in kinds.items():
-            for target, value in kind.items():
-                if target in ("phrases", ALONE, BESIDE):
-                    continue
+            for target in (each for each in kind if each not in ("phrases", ALONE, BESIDE)):
                 if part not in found or target not in found[part]:
                     raise ValueError(f"[{part}.{name}]: no target is called {target!r}")
-                for phrase in kind["phrases"]:
-                    if phrase in found[part][target]:
-                        raise ValueError(f"[{part}.{name}]: {phrase!r} is of another kind already")
-                    found[part][target][phrase] = _columns(target, TARGETS[part], value)
+                _add(
+                    found[part][target],
+                    kind["phrases"],
+                    _columns(target, TARGETS[part], kind[target]),
+                    f"{part}.{name}",
+                )
     return found
+
+
+def _add(table: Phrases, phrases: Sequence[str], columns: tuple[int, Values], kind: str) -> None:
+    for phrase in phrases:
+        if phrase in table:
+            raise ValueError(f"[{kind}]: {phrase!r} is of another kind already")
+        table[phrase] = columns
 
 
 def _columns(target: str, names: Sequence[str], value: Any) -> tuple[int, Values]:
@@ -139,18 +145,18 @@ def _asked(part: str, sentence: str, styles: frozenset[str]) -> tuple[tuple[int,
         return tuple((TARGETS[kind].index(n), _of_caption(n, ranges, one)) for n, ranges in own.items())
     found: list[tuple[int, Ranges]] = []
     for name, (clause, phrase, (column, values)) in spoken(part, sentence).items():
-        if not values:
-            continue
-        if name == HAND:
-            if not measured.moves(part, clause):
-                places = enumerate(values, column)
-                found += [(at, ((value, value),) * len(GAITS)) for at, value in places]
-            continue
-        shown = measured.clause(part, clause, name) or measured.phrase(kind, phrase, name)
-        by_hand = [_by_hand(name, values, measured.usual(gait)) for gait in GAITS]
-        ranges = [own or other for own, other in zip(shown or by_hand, by_hand, strict=True)]
-        found.append((column, tuple(ranges)))
+        if values and name != HAND:
+            shown = measured.clause(part, clause, name) or measured.phrase(kind, phrase, name)
+            found.append((column, _ranges(name, values, shown)))
+        elif values and not measured.moves(part, clause):
+            found += [(at, ((value, value),) * len(GAITS)) for at, value in enumerate(values, column)]
     return tuple(found)
+
+
+def _ranges(name: str, values: Values, shown: Ranges | None) -> Ranges:
+    """What a phrase asks for in every gait: as captures show it, or else as written by hand."""
+    by_hand = [_by_hand(name, values, captured().usual(gait)) for gait in GAITS]
+    return tuple(own or other for own, other in zip(shown or by_hand, by_hand, strict=True))
 
 
 def _of_caption(name: str, ranges: Ranges, of_one_style: bool) -> Ranges:
@@ -206,18 +212,24 @@ def left_to_network(descriptions: PartDescriptions) -> PartDescriptions:
 
     Legs that cross by the network as well let it fall out of step with most other words.
     """
-    _, alone, beside = _read()
     for part in ("left_leg", "right_leg"):
-        side = part.split("_")[0]
-        if captured().is_caption(part, getattr(descriptions, part)):
-            continue
-        said = getattr(descriptions, part).split(", ")
-        kept = [clause for clause in said if clause.removeprefix(f"{side} ") not in alone]
-        rest = [clause for clause in kept if clause.removeprefix(f"{side} ") not in beside]
-        kept = rest if rest and rest[0].startswith(side) else kept
-        if not kept or (len(kept) < len(said) and kept[0].startswith(side)):  # what is left is a sentence
-            descriptions = descriptions.replace(part, ", ".join(kept) or PLAIN_LEG.format(side=side))
+        said = getattr(descriptions, part)
+        if not captured().is_caption(part, said):
+            descriptions = descriptions.replace(part, _unedited(said, part.split("_")[0]))
     return descriptions
+
+
+def _unedited(said: str, side: str) -> str:
+    """The description of a leg without the clauses that edits show alone; as it is where what is left is no sentence."""
+    _, alone, beside = _read()
+    clauses = said.split(", ")
+    kept = [clause for clause in clauses if clause.removeprefix(f"{side} ") not in alone]
+    rest = [clause for clause in kept if clause.removeprefix(f"{side} ") not in beside]
+    if rest and rest[0].startswith(side):
+        kept = rest
+    if not kept:
+        return PLAIN_LEG.format(side=side)
+    return ", ".join(kept) if kept[0].startswith(side) else said
 
 
 def edited_parts(descriptions: PartDescriptions | None) -> frozenset[str]:

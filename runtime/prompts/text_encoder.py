@@ -84,18 +84,22 @@ class TextEncoder:
         # text's vector would depend on its neighbours, and the same prompt would not give the same motion.
         with self._lock:
             rows, stored = self._stored
-            own = dict.fromkeys(text for text in texts if text not in rows)
-            new = [text for text in own if text not in self._cache]
-            if new:
-                _ = self._session, self._tokenizer  # read once
-                with ThreadPoolExecutor(2, "text") as threads:
-                    self._cache.update(zip(new, threads.map(self._run, new), strict=True))
-            for text in own:
-                self._cache.move_to_end(text)
+            own = list(dict.fromkeys(text for text in texts if text not in rows))
+            self._encode_new(own)
             vectors = np.stack([stored[rows[text]] if text in rows else self._cache[text] for text in texts])
             while len(self._cache) > CACHE_TEXTS:
                 self._cache.popitem(last=False)
         return vectors
+
+    def _encode_new(self, texts: Sequence[str]) -> None:
+        """Run the network for texts that are not in the cache yet; all of them become the ones used last."""
+        new = [text for text in texts if text not in self._cache]
+        if new:
+            _ = self._session, self._tokenizer  # read once
+            with ThreadPoolExecutor(2, "text") as threads:
+                self._cache.update(zip(new, threads.map(self._run, new), strict=True))
+        for text in texts:
+            self._cache.move_to_end(text)
 
     @property
     def name(self) -> str:

@@ -22,9 +22,8 @@ MIN_SPEED_M_PER_S = 0.15  # of the root in a cycle
 VELOCITY_S = 0.1  # a metre a second of difference counts as much as this many metres
 SOLE_WEIGHT = 4.0  # of the height of ankles and toes: a foot that stands is to stand as high at both ends
 NEAR_CYCLE_FACTOR = 1.15  # cycles whose lengths differ by less have as many strides
-NEARLY_BEST_FACTOR = (
-    1.25  # the shortest cycle within this factor of the best one is taken: one cycle, not two
-)
+# the shortest cycle within this factor of the best one is taken: one cycle, not two
+NEARLY_BEST_FACTOR = 1.25
 MAX_ENDS_M, MAX_ENDS_RADIANS = 0.15, np.deg2rad(40.0)  # of ends that can be blended
 MAX_STARTS = 1800  # first frames that are compared
 SWING_FRACTION = 0.35  # of a foot's highest speed: above it, it swings
@@ -94,9 +93,8 @@ def _best_cycle(clip: Clip, root: RootTrack, least: int, most: int, nearly: floa
         raise UsageError(": the character does not walk in this range.", _REMEDY, "loop")
     good = costs <= costs.min() * nearly + 1e-4
     shortest = np.flatnonzero(good)[0]
-    near = np.flatnonzero(
-        good & (lags <= lags[shortest] * NEAR_CYCLE_FACTOR)
-    )  # the best of that cycle's neighbours
+    # the best of that cycle's neighbours
+    near = np.flatnonzero(good & (lags <= lags[shortest] * NEAR_CYCLE_FACTOR))
     best = near[np.argmin(costs[near])]
     return int(starts[best]), int(starts[best] + lags[best])
 

@@ -27,14 +27,10 @@ CHEST, HEAD = 13, 16
 SPINE = ((11, 1 / 3), (12, 1 / 3), (13, 1 / 3))  # joints that lean together, with their fractions
 ORDER = (Pinned.POSE, Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT, Pinned.LOOK, Pinned.LEFT_HAND, Pinned.RIGHT_HAND)
 NECK = ((14, 0.3), (15, 0.3), (16, 0.4))  # joints that turn to look, with their fractions
-EASY_ARM_FRACTION, MAX_ARM_FRACTION = (
-    0.94,
-    0.995,
-)  # of its length: from the first on an arm straightens with falling speed
-EASY_LEG_FRACTION, MAX_DROP_M = (
-    0.985,
-    0.2,
-)  # of its length, and how far the hips sink so that a leg is not longer
+# of its length: from the first on an arm straightens with falling speed
+EASY_ARM_FRACTION, MAX_ARM_FRACTION = 0.94, 0.995
+# of its length, and how far the hips sink so that a leg is not longer
+EASY_LEG_FRACTION, MAX_DROP_M = 0.985, 0.2
 MAX_LEAN_RAD = np.radians(60.0)  # of the spine, to bring a hand nearer
 LETS_GO_REACHES = (1.9, 2.6)  # reaches of an arm from the shoulder: a hand begins to give a point up, and has
 FOOT_LETS_GO_LENGTHS = (1.02, 1.3)  # lengths of a leg from the hip
@@ -88,11 +84,9 @@ def pinned(
                 _hold_pose(frames, pose, weights[part])
             else:
                 _bend(frames, pin, weights[part], flat)
-            made.hips[part], made.local[part], made.contacts[part] = (
-                frames.hips,
-                frames.local,
-                frames.contacts,
-            )
+            made.hips[part] = frames.hips
+            made.local[part] = frames.local
+            made.contacts[part] = frames.contacts
     return clip.posed(made.hips, made.local, made.contacts)
 
 
@@ -132,10 +126,8 @@ def in_world(pin: Pin, hips: Array, hips_rotation: Array) -> tuple[Array, ...]:
     """The point of a pin with a character, and the end of its rail, in the world: `(..., 3)` each."""
     points = [np.array(point, float) for point in (pin.point, pin.rail) if point is not None]
     if pin.along:
-        turn, below = (
-            rotations.from_yaw(rotations.yaw_of(hips_rotation)),
-            hips - np.array([0.0, REST_HIPS_HEIGHT, 0.0]),
-        )
+        turn = rotations.from_yaw(rotations.yaw_of(hips_rotation))
+        below = hips - np.array([0.0, REST_HIPS_HEIGHT, 0.0])
         points = [below + rotations.rotate(turn, point) for point in points]
     return tuple(points)
 

@@ -32,27 +32,29 @@ class Obstacle:
         return within & (np.abs(x) <= self.half_width + slack)
 
 
-def _hurdles() -> tuple[Obstacle, ...]:
-    """Bars of 20 to 60 cm, 10 cm thick."""
-    places = zip((4.0, 7.5, 11.0, 14.5, 18.0), (0.2, 0.3, 0.4, 0.5, 0.6), strict=True)
-    return tuple(Obstacle(z - 0.05, z + 0.05, top, 3.0) for z, top in places)
+BAR_M, WALL_M, HALF_WIDTH_M = 0.1, 1.0, 3.0  # thick, and half as wide as they reach across the way
+PLATFORM_M, PLATFORM_HALF_WIDTH_M, FIRST_PLATFORM_M = 1.8, 1.5, 3.0
+HURDLES_M = ((4.0, 0.2), (7.5, 0.3), (11.0, 0.4), (14.5, 0.5), (18.0, 0.6))  # place and height
+WALLS_M = ((5.0, 0.6), (10.0, 1.0), (15.0, 1.4))
+# height, and the gap behind
+PLATFORMS_M = ((0.2, 0.4), (0.35, 0.5), (0.5, 0.6), (0.5, 0.7), (0.5, 0.8), (0.5, 0.0))
+
+
+def _across(places: Sequence[tuple[float, float]], thick: float) -> tuple[Obstacle, ...]:
+    """Bars to step over, or walls to climb or to walk around."""
+    return tuple(Obstacle(z - 0.5 * thick, z + 0.5 * thick, top, HALF_WIDTH_M) for z, top in places)
 
 
 def _platforms_with_gaps() -> tuple[Obstacle, ...]:
-    """Blocks of 1.8 m, up to 50 cm high, behind gaps of 0.4 to 0.8 m that reach down to the floor."""
-    result, z = [], 3.0
-    for top, gap in ((0.2, 0.4), (0.35, 0.5), (0.5, 0.6), (0.5, 0.7), (0.5, 0.8), (0.5, 0.0)):
-        result.append(Obstacle(z, z + 1.8, top, 1.5))
-        z = round(z + 1.8 + gap, 2)
+    """Blocks behind gaps that reach down to the floor."""
+    result, z = [], FIRST_PLATFORM_M
+    for top, gap in PLATFORMS_M:
+        result.append(Obstacle(z, z + PLATFORM_M, top, PLATFORM_HALF_WIDTH_M))
+        z = round(z + PLATFORM_M + gap, 2)
     return tuple(result)
 
 
-def _walls() -> tuple[Obstacle, ...]:
-    """Walls of 0.6, 1.0 and 1.4 m, a metre thick, to climb or to walk around."""
-    return tuple(Obstacle(z - 0.5, z + 0.5, top, 3.0) for z, top in ((5.0, 0.6), (10.0, 1.0), (15.0, 1.4)))
-
-
-HURDLES, GAPS, WALLS = _hurdles(), _platforms_with_gaps(), _walls()
+HURDLES, GAPS, WALLS = _across(HURDLES_M, BAR_M), _platforms_with_gaps(), _across(WALLS_M, WALL_M)
 BEAM = Obstacle(3.0, 15.0, 0.4, 0.1)
 BEAM_RAMP_M = 1.2  # at both of its ends
 

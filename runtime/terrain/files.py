@@ -24,6 +24,8 @@ _COLOUR_MODES = ("RGB", "RGBA", "P", "LA", "PA")
 _BRIGHTNESS = np.array([0.299, 0.587, 0.114])  # ITU-R BT.601, as Pillow's own
 _ROWS = 256  # of a height map that are converted at once
 SUFFIXES = (".png", ".npy", *MESH_SUFFIXES)
+WHITE_16_BIT_SCALE, WHITE_8_BIT_SCALE = 65535.0, 255.0  # of grey pictures with so many bits
+CELL_RANGE_M = 0.005, 10.0
 
 
 def read_terrain(path: str | Path, cell_m: float = 0.1, height_m: float = 2.0) -> Terrain:
@@ -35,7 +37,7 @@ def read_terrain(path: str | Path, cell_m: float = 0.1, height_m: float = 2.0) -
     Mesh: metres, Y up; its highest surface is sampled every `cell_m`, gaps take its lowest height.
     """
     path = Path(path)
-    if not 0.005 <= cell_m <= 10.0:
+    if not CELL_RANGE_M[0] <= cell_m <= CELL_RANGE_M[1]:
         raise TerrainError(f"terrain cell size {cell_m} m: expected 0.005 to 10 m.", "Change the cell size.")
     if not 0.0 < abs(height_m) <= MAX_HEIGHT_M:
         raise TerrainError(
@@ -63,7 +65,7 @@ def write_height_png(path: str | Path, heights: Array) -> None:
     """Write heights `(nx, nz)` in 0..1 as a 16-bit grey PNG that `read_terrain` reads back."""
     from PIL import Image
 
-    values = np.round(np.clip(heights, 0.0, 1.0) * 65535.0).astype(np.uint16)
+    values = np.round(np.clip(heights, 0.0, 1.0) * WHITE_16_BIT_SCALE).astype(np.uint16)
     Image.fromarray(np.ascontiguousarray(values.T)).save(path)
 
 
@@ -81,7 +83,13 @@ def _read_png(path: Path, data: bytes, height_m: float) -> tuple[Array, str]:
                     f"{path}: {image.size[0]} x {image.size[1]} pixels; expected 2 to {MAX_SIDE} a side.",
                     "Scale the image.",
                 )
-            full_scale = {"I;16": 65535.0, "I;16B": 65535.0, "I": 65535.0, "L": 255.0, "1": 1.0}
+            full_scale = {
+                "I;16": WHITE_16_BIT_SCALE,
+                "I;16B": WHITE_16_BIT_SCALE,
+                "I": WHITE_16_BIT_SCALE,
+                "L": WHITE_8_BIT_SCALE,
+                "1": 1.0,
+            }
             if image.mode in full_scale:
                 return _scaled(np.asarray(image).T, height_m, full_scale[image.mode]), ""
             if image.mode not in _COLOUR_MODES:
@@ -89,7 +97,7 @@ def _read_png(path: Path, data: bytes, height_m: float) -> tuple[Array, str]:
             note = (
                 f"{path.name}: colours ({image.mode}, 8 bits) were read as grey; a 16-bit grey PNG is finer."
             )
-            return _scaled(_brightness(np.asarray(image.convert("RGB"))).T, height_m, 255.0), note
+            return _scaled(_brightness(np.asarray(image.convert("RGB"))).T, height_m, WHITE_8_BIT_SCALE), note
     except (
         OSError, ValueError, SyntaxError, EOFError, IndexError, KeyError, TypeError, AttributeError,
         OverflowError, struct.error, Image.DecompressionBombError,

@@ -13,6 +13,8 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.errors import TerrainError
 
+LAST_CELL_WIDTH = 1.000001  # from the number of a grid's points to the last place inside its cells
+
 
 @dataclass(frozen=True)
 class Terrain:
@@ -82,7 +84,10 @@ class Terrain:
         # float64: in float32 the upper clip bound would round up onto the edge
         u = (np.asarray(x, np.float64) - self.origin[0]) / self.cell_m
         v = (np.asarray(z, np.float64) - self.origin[1]) / self.cell_m
-        u, v = np.minimum(np.maximum(u, 0.0), nx - 1.000001), np.minimum(np.maximum(v, 0.0), nz - 1.000001)
+        u, v = (
+            np.minimum(np.maximum(u, 0.0), nx - LAST_CELL_WIDTH),
+            np.minimum(np.maximum(v, 0.0), nz - LAST_CELL_WIDTH),
+        )
         i, j = u.astype(np.int64), v.astype(np.int64)
         fu, fv = u - i, v - j
         h = self.heights
@@ -115,7 +120,7 @@ class PointHeights:
             return
         item, cells = terrain.heights.item, 1.0 / terrain.cell_m
         (x0, z0), (nx, nz) = terrain.origin, terrain.heights.shape
-        last_u, last_v = nx - 1.000001, nz - 1.000001
+        last_u, last_v = nx - LAST_CELL_WIDTH, nz - LAST_CELL_WIDTH
 
         def height(x: float, z: float) -> float:
             u, v = (x - x0) * cells, (z - z0) * cells

@@ -42,6 +42,9 @@ PLATFORM_HALF_WIDTH_M = (0.8, 1.1)  # smallest and largest
 PLATFORM_STEP_RISE_M, PLATFORM_STEP_RUN_M, PLATFORM_RAMP_SLOPE = 0.15, 0.4, 0.33
 STEEPEST_FRACTION = 0.99  # of the ground is less steep than the slope that a terrain is scaled to
 KEPT_TERRAINS = 9  # generated grounds in memory: one of each
+HILLS_CELL_M = 0.1
+STAIRS_CELL_M = 0.04  # the run is a whole number of cells, a riser is one cell wide
+BAND_WIDTH, LOW_BAND_WIDTH = 0.35, 0.4  # of the noise's spectrum, times the frequency of its bumps
 
 
 def make_terrain(name: str, seed: int = 0) -> Terrain:
@@ -86,7 +89,7 @@ def _made(maker: Callable[[int], Terrain], name: str, seed: int) -> Terrain:
 
 
 def _hills(seed: int) -> Terrain:
-    cell = 0.1
+    cell = HILLS_CELL_M
     x, z = _grid(cell)
     knolls = KNOLLS_FRACTION * _noise(len(x), cell, KNOLLS_WAVELENGTH_M, seed + 1)
     heights = _level_start(_noise(len(x), cell, HILLS_WAVELENGTH_M, seed) + knolls, x, z)
@@ -94,7 +97,7 @@ def _hills(seed: int) -> Terrain:
 
 
 def _rough(seed: int) -> Terrain:
-    cell = 0.1
+    cell = HILLS_CELL_M
     x, z = _grid(cell)
     bumps = _noise(len(x), cell, BUMPS_WAVELENGTH_M, seed)
     change = smoothstep((_noise(len(x), cell, BUMPS_CHANGE_M, seed + 1) + 1.0) / 2.0)
@@ -106,7 +109,7 @@ def _rough(seed: int) -> Terrain:
 
 def _stairs(_seed: int) -> Terrain:
     """Square rings around the start: up a flight, over a landing, down a flight, along a floor."""
-    cell = 0.04  # the run is a whole number of cells, a riser is one cell wide
+    cell = STAIRS_CELL_M
     x, z = _grid(cell)
     distance = np.maximum(np.abs(x), np.abs(z)) - STAIRS_BEGIN_M
     flight = STEPS * STEP_RUN_M
@@ -122,7 +125,7 @@ def _stairs(_seed: int) -> Terrain:
 
 def _platforms(seed: int) -> Terrain:
     """A field of raised squares, each with ramps along Z and steps along X."""
-    cell = 0.05
+    cell = CELL_M
     x, z = _grid(cell)
     rng = np.random.default_rng(seed)
     pitch = PLATFORM_SPACING_M
@@ -181,7 +184,9 @@ def _noise(n: int, cell: float, wavelength_m: float, seed: int) -> Array:
     white = np.random.default_rng(seed).standard_normal((n, n))
     fx, fz = np.fft.fftfreq(n, cell)[:, None], np.fft.rfftfreq(n, cell)[None, :]
     frequency = np.hypot(fx, fz) * wavelength_m
-    band = np.exp(-0.5 * ((frequency - 1.0) / 0.35) ** 2) + 0.5 * np.exp(-0.5 * (frequency / 0.4) ** 2)
+    band = np.exp(-0.5 * ((frequency - 1.0) / BAND_WIDTH) ** 2) + 0.5 * np.exp(
+        -0.5 * (frequency / LOW_BAND_WIDTH) ** 2
+    )
     field = np.fft.irfft2(np.fft.rfft2(white) * band, (n, n))
     return (field - field.mean()) / field.std()
 

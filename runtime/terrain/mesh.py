@@ -130,14 +130,19 @@ def _obj_geometry(text: str, path: Path) -> tuple[Array, NDArray[np.int64]]:
         if kind == "v":
             vertices.append(words[:3])
         elif kind == "f":
-            numbers = [int(word.partition("/")[0]) for word in words]
-            corners = [k - 1 if k > 0 else len(vertices) + k for k in numbers]
-            faces += [(corners[0], b, c) for b, c in pairwise(corners[1:])]
+            faces += _fan(words, len(vertices))
         if len(faces) > MAX_TRIANGLES:
             raise FileError(f"{path}: more than {MAX_TRIANGLES} triangles.", _REMEDY)
         if len(vertices) > MAX_VERTICES:
             raise FileError(f"{path}: more than {MAX_VERTICES} vertices.", _REMEDY)
     return np.array(vertices, np.float64).reshape(len(vertices), -1), np.array(faces, np.int64).reshape(-1, 3)
+
+
+def _fan(words: list[str], vertices: int) -> list[tuple[int, int, int]]:
+    """The triangles of a polygon of an OBJ, whose numbers below 0 count back from the last of the `vertices`."""
+    numbers = [int(word.partition("/")[0]) for word in words]
+    corners = [k - 1 if k > 0 else vertices + k for k in numbers]
+    return [(corners[0], b, c) for b, c in pairwise(corners[1:])]
 
 
 def _gltf_geometry(path: Path) -> tuple[Array, NDArray[np.int64]]:

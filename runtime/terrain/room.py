@@ -15,10 +15,8 @@ from runtime.terrain.height_map import Terrain
 REACH_M, RISE_M = 0.45, 0.8  # knees and elbows: higher ground within this reach is a wall for them
 HAND_REACH_M, HAND_RISE_M = 0.65, 1.3  # hands: likewise
 STEEP_M, STEEP_RUN_M = 0.8, 0.15  # nobody stands where the ground falls so far within so short a run
-TOWARDS_COSINE, HAND_TOWARDS_COSINE = (
-    0.5,
-    0.7,
-)  # of the angle between a velocity and a wall that it leads into
+# of the angle between a velocity and a wall that it leads into
+TOWARDS_COSINE, HAND_TOWARDS_COSINE = 0.5, 0.7
 LANDING_DISTANCES_M = (0.2, 0.35, 0.5)  # behind an edge that is leapt: where feet come down,
 RUN_OUT_DISTANCES_M, RUN_OUT_RISE_M = (0.75, 1.0, 1.25), 0.6  # and where the body comes to; rise at most
 LANDING_RISE_M = 0.3  # over the edge at most, or it is a slope too steep to land on
@@ -123,10 +121,8 @@ def can_climb(terrain: Terrain, place: Array, way: Array, edge_m: float, rise_m:
 
     Behind it the ground is level and `rise_m` higher (negative is lower).
     """
-    before, behind = (
-        np.arange(0.0, edge_m - CLIMB_EDGE_M, CLIMB_SPACING_M),
-        edge_m + np.arange(CLIMB_FOOT_M, CLIMB_LENGTH_M, CLIMB_SPACING_M),
-    )
+    before = np.arange(0.0, edge_m - CLIMB_EDGE_M, CLIMB_SPACING_M)
+    behind = edge_m + np.arange(CLIMB_FOOT_M, CLIMB_LENGTH_M, CLIMB_SPACING_M)
     top = _strip_rises(terrain, place, way, behind, CLIMBER_FEET_M)
     return bool(
         _strip_rises(terrain, place, way, before, CLIMBER_WIDTHS_M).max(initial=0.0) <= LANDING_RISE_M

@@ -27,6 +27,26 @@ STEP_UP_M = 0.68  # up to which the lead foot steps from the ground onto the top
 FARTHEST_END_M = 0.28  # behind the edge, where a climber stands up
 LANDING_M = 0.52  # behind the edge, where one who got down stands up
 DEEPEST_SQUAT_FROM_M = 1.0  # a deeper squat does not fit a leg that still stands on the edge
+SHALLOWEST_M, DEEPEST_M = 0.55, 1.5  # of what is keyframed
+
+# A climb up, posed by eye: heights of the pelvis over the ground, and of hands, metres.
+CLIMB_S, CLIMB_S_PER_M, CLIMB_M = 1.5, 1.5, 0.6  # up a wall of so many metres, and more for every further one
+TIPTOE_HIPS_M, ON_ARMS_M = 1.02, 0.34  # as it leaves the ground; over the edge, when the arms carry it
+CARRIED_M, MAX_CARRIED_HIPS_M, MIN_LIFT_M = 0.39, 1.03, 0.04  # over the edge, so that the lead foot passes
+HANGING_FRACTION, PULLED_FRACTION = 0.35, 0.8  # of the way from tiptoe onto the arms
+HANDS_OVER_EDGE_M, HANDS_REACH_M = (0.1, 0.3), (1.0, 1.25)  # before they are on the edge
+
+# A way down, posed by eye. Of pairs the first is at the shallowest drop, the second at the deepest one.
+SQUAT_S, STEP_OFF_S, STAND_UP_S = (0.45, 0.68), (0.22, 0.32), (0.6, 0.8)
+LANDING_HIPS_M, LOWEST_HIPS_M, BENT_FRACTION = (0.84, 0.76), (0.68, 0.46), (0.35, 0.6)
+SQUAT_HIPS_M, OVER_EDGE_HIPS_M, CROUCH_FRACTION = 0.74, 0.66, 0.5  # lower by so much of a deeper drop
+JUMP_M = 0.35  # deeper than the shallowest drop both feet fall; until there, the trailing one carries
+LEAVE_S, LEAVE_M, LEAVE_Z_M = (0.15, -0.09), (-0.11, 0.08), (0.19, -0.07)  # and what a jump adds
+FOLLOW_S, FOLLOW_S_PER_M, MIN_FOLLOW_S = 0.24, (0.2, 0.6), 0.04  # from one foot's landing to the other's
+CLEAR_FRACTION, PASSING_FRACTION = 0.22, 0.55  # of the trailing foot's way down
+SOFT_FRACTION, HANGING_LAND_FRACTION, PASSING_DROP_FRACTION = 0.75, 0.6, 0.4
+LOWEST_ANKLE_M = 0.06  # over the lower ground
+STEPPING_LEG_M, HANGING_LEG_M, PASSING_LEG_M = 0.7, 0.84, 0.72  # from the pelvis down to a foot
 _TERM = re.compile(r"([+-]?[\d.]*)\*?([a-z_]*)")
 _Names = Mapping[str, float]
 
@@ -83,22 +103,22 @@ def _motion(kind: str, rise: float, seconds: float, whole: float, names: _Names)
 
 def _climb(rise: float, start: float, end: float) -> KeyframedMotion:
     """Up a wall: heights of the pelvis over a standing one's, and of the hands before they are on the edge."""
-    tiptoe, support = 1.02, rise + 0.34  # of a pelvis that leaves the ground, and of one that the arms carry
+    support = rise + ON_ARMS_M
 
     def height(fraction: float) -> float:
-        return tiptoe + (support - tiptoe) * fraction - STANDING_HIPS_M
+        return TIPTOE_HIPS_M + (support - TIPTOE_HIPS_M) * fraction - STANDING_HIPS_M
 
     # on tiptoe and on the arms, so that the lead foot passes
-    carried = min(0.39 + rise, 1.03) - STANDING_HIPS_M
-    over = max(rise + 0.10, min(1.0, rise + 0.3))
+    carried = min(CARRIED_M + rise, MAX_CARRIED_HIPS_M) - STANDING_HIPS_M
+    over = max(rise + HANDS_OVER_EDGE_M[0], min(HANDS_REACH_M[0], rise + HANDS_OVER_EDGE_M[1]))
     names = {
-        "rise": rise, "start": start, "end": end, "carried": carried, "lifted": max(0.04, carried),
-        "tiptoe": height(0.0), "hanging": height(0.35), "pulled": height(0.80), "supported": height(1.0),
+        "rise": rise, "start": start, "end": end, "carried": carried, "lifted": max(MIN_LIFT_M, carried),
+        "tiptoe": height(0.0), "hanging": height(HANGING_FRACTION), "pulled": height(PULLED_FRACTION), "supported": height(1.0),
         # near the second place of the hand: an arm that swings there while its weight is small could turn over
-        "over": over, "before": min(over, 1.25),
+        "over": over, "before": min(over, HANDS_REACH_M[1]),
     }  # fmt: skip
     kind = "step_up" if rise < STEP_UP_M else "pull_up"
-    return _motion(kind, rise, 1.5 + 1.5 * (rise - 0.6), 1.0, names)
+    return _motion(kind, rise, CLIMB_S + CLIMB_S_PER_M * (rise - CLIMB_M), 1.0, names)
 
 
 def _let_down(drop: float, start: float, end: float) -> KeyframedMotion:
@@ -106,52 +126,66 @@ def _let_down(drop: float, start: float, end: float) -> KeyframedMotion:
 
     Heights are those of the pelvis over the upper ground, `t_` the seconds at which it has them.
     """
-    k = (drop - 0.55) / 0.95
+    deeper = drop - SHALLOWEST_M
+    k = deeper / (DEEPEST_M - SHALLOWEST_M)
 
-    def mix(low: float, high: float) -> float:
-        return low + (high - low) * k
+    def mix(ends: tuple[float, float]) -> float:
+        return ends[0] + (ends[1] - ends[0]) * k
 
-    crouch = min(drop, DEEPEST_SQUAT_FROM_M) - 0.55
-    squat, over = 0.74 - 0.5 * crouch, 0.66 - 0.5 * crouch  # over: in front of the edge, on the trailing foot
-    jump = min(1.0, (drop - 0.55) / 0.35)  # 0: the trailing foot carries until the other lands, 1: both fall
-    leave = over - 0.11 + 0.08 * jump
-    land, low = mix(0.84, 0.76) - drop, mix(0.68, 0.46) - drop
-    t_squat = mix(0.45, 0.68)
-    t_over = t_squat + mix(0.22, 0.32)
-    t_leave = t_over + 0.15 - 0.09 * jump
+    crouch = CROUCH_FRACTION * (min(drop, DEEPEST_SQUAT_FROM_M) - SHALLOWEST_M)
+    # over: in front of the edge, on the trailing foot
+    squat, over = SQUAT_HIPS_M - crouch, OVER_EDGE_HIPS_M - crouch
+    jump = min(1.0, deeper / JUMP_M)  # 0: the trailing foot carries until the other lands, 1: both fall
+    leave = over + LEAVE_M[0] + LEAVE_M[1] * jump
+    land, low = mix(LANDING_HIPS_M) - drop, mix(LOWEST_HIPS_M) - drop
+    t_squat = mix(SQUAT_S)
+    t_over = t_squat + mix(STEP_OFF_S)
+    t_leave = t_over + LEAVE_S[0] + LEAVE_S[1] * jump
     speed = (over - leave) / (t_leave - t_over)  # downwards, m/s, where the trailing foot leaves the edge
     landing = sqrt(speed * speed + 2.0 * GRAVITY * max(leave - land, 0.0))
     t_land = t_leave + (landing - speed) / GRAVITY
     t_low = t_land + 2.0 * (land - low) / landing
-    seconds = t_low + mix(0.6, 0.8)
-    t_follow = t_land + max(0.04, 0.24 - 0.2 * (drop - 0.55) / 0.6)  # when the trailing foot lands
-    t_clear, t_passing = (t_leave + fraction * (t_follow - t_leave) for fraction in (0.22, 0.55))
+    seconds = t_low + mix(STAND_UP_S)
+    # when the trailing foot lands
+    t_follow = t_land + max(MIN_FOLLOW_S, FOLLOW_S - FOLLOW_S_PER_M[0] * deeper / FOLLOW_S_PER_M[1])
+    t_clear, t_passing = (
+        t_leave + fraction * (t_follow - t_leave) for fraction in (CLEAR_FRACTION, PASSING_FRACTION)
+    )
     t_middle = 0.5 * (t_leave + t_land)
 
     def fallen(t: float) -> float:
         return leave - (t - t_leave) * (speed + 0.5 * GRAVITY * (t - t_leave))
 
-    lowest = 0.06 - drop
+    lowest = LOWEST_ANKLE_M - drop
+    hanging = (1.0 - HANGING_LAND_FRACTION) * leave + HANGING_LAND_FRACTION * land - HANGING_LEG_M
     names = {
         "drop": drop, "start": start, "end": end, "seconds": seconds, "hips": STANDING_HIPS_M, "toe": TOE_HEIGHT,
         "squat": squat, "over": over, "leave": leave, "middle": fallen(t_middle), "land": land, "low": low,
-        "soft": land + 0.75 * (low - land), "bent": 0.35 + 0.25 * (drop - 0.55) / 0.95, "leave_z": 0.19 - 0.07 * jump,
+        "soft": land + SOFT_FRACTION * (low - land), "bent": mix(BENT_FRACTION), "leave_z": LEAVE_Z_M[0] + LEAVE_Z_M[1] * jump,
         "t_squat": t_squat, "t_over": t_over, "t_leave": t_leave, "t_middle": t_middle, "t_land": t_land, "t_low": t_low,
         "t_clear": t_clear, "t_passing": t_passing, "t_follow": t_follow,
         # feet: of the lead one beside the edge, and of both on bent legs in the fall
-        "stepping": max(lowest, over - 0.70), "hanging": max(lowest, 0.4 * leave + 0.6 * land - 0.84),
-        "passing": max(fallen(t_passing) - 0.72, lowest) + 0.4 * drop,
+        "stepping": max(lowest, over - STEPPING_LEG_M), "hanging": max(lowest, hanging),
+        "passing": max(fallen(t_passing) - PASSING_LEG_M, lowest) + PASSING_DROP_FRACTION * drop,
     }  # fmt: skip
     return _motion("let_down", -drop, seconds, seconds, names)
 
 
-class _AtTempo:
-    """What climbing up and getting down have in common: a keyframed motion at a tempo."""
+class Climb:
+    """A keyframed way up onto a wall (hands on the edge, a foot on top, stand) or down a drop (squat, step off, land, stand)."""
 
-    def __init__(self, motion: KeyframedMotion, tempo: float) -> None:
-        self._motion, self._tempo = motion, tempo
-        self.seconds = motion.seconds / tempo
-        self.end_z = motion.end_z
+    def __init__(self, rise: float, start_z: float, depth: float, tempo: float = 1.0) -> None:
+        """`rise` metres up, or below 0 down, from a root at `start_z` < 0.
+
+        A wall's top is `depth` thick, a drop does not use it; `tempo` over 1 is faster.
+        """
+        if rise > 0.0:
+            self._motion = _climb(rise, start_z, min(FARTHEST_END_M, 0.5 * depth))
+        else:
+            self._motion = _let_down(-rise, start_z, LANDING_M)
+        self._tempo = tempo
+        self.seconds = self._motion.seconds / tempo
+        self.end_z = self._motion.end_z
 
     def root_z(self, t: float) -> float:
         """Place of the root along z in metres at `t` seconds."""
@@ -160,19 +194,3 @@ class _AtTempo:
     def pose(self, t: float, hips: Array, local: Array) -> TraversalPose:
         """The pose at `t` seconds; `hips` `(3,)` and `local` `(31, 4)` are the incoming one, root at `root_z(t)`."""
         return self._motion.pose(min(max(t * self._tempo, 0.0), self._motion.seconds), hips, local)
-
-
-class Climb(_AtTempo):
-    """Up onto a wall: hands on the edge, a foot on top, stand."""
-
-    def __init__(self, rise: float, start_z: float, depth: float, tempo: float = 1.0) -> None:
-        """`rise` metres up from a root at `start_z` < 0; the wall's top is `depth` thick; `tempo` over 1 is faster."""
-        super().__init__(_climb(rise, start_z, min(FARTHEST_END_M, 0.5 * depth)), tempo)
-
-
-class Descend(_AtTempo):
-    """Down a drop: squat at the edge, step off, land on bent knees, stand."""
-
-    def __init__(self, rise: float, start_z: float, depth: float, tempo: float = 1.0) -> None:
-        """`rise` < 0 is the drop in metres, from a root at `start_z` < 0; `depth` is not used; `tempo` over 1 is faster."""
-        super().__init__(_let_down(-rise, start_z, LANDING_M), tempo)

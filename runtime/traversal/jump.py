@@ -63,10 +63,8 @@ STANDS_M = 0.02  # over the ground: a foot stands
 AHEAD_M = 0.12  # a foot is to be, before the rhythm waits for it
 UPPER_HALF_LIFE = 0.06
 REST_HALF_LIFE = 0.3  # seconds, of the mean height
-OFF_SHARE = (
-    (0.36, 0.47),
-    (0.25, 0.34),
-)  # of a stride since the foot that pushes came down, at the take-off; jogging
+# of a stride since the foot that pushes came down, at the take-off; jogging
+OFF_SHARE = ((0.36, 0.47), (0.25, 0.34))
 RUNNING_SPEED_M_PER_S = 1.7  # m/s
 # m/s ahead from which feet are wholly that far apart; at half of it they are not
 FULL_STRIDE_SPEED_M_PER_S = 0.6
@@ -84,11 +82,14 @@ TUCK_M = 0.10  # that feet are drawn up in flight
 POINTED_TOES_RAD = 0.5  # radians, toes down in flight
 APART_M = (0.3, 0.42)  # that the feet are before and behind the hips in the flight of a walk, of a jog
 JUMP_LEAN_RAD = 0.22  # radians, of the trunk before and after
-SWING = (
-    0.45,
-    0.9,
-)  # radians that hanging arms are swung back before and up in the flight, at rest; half of it going
+# radians that hanging arms are swung back before and up in the flight, at rest; half of it going
+SWING = 0.45, 0.9
 LEGS = (leg_bones(0), leg_bones(1))
+# cosine of an upper arm with the vertical from which it swings, and to swing wholly
+MIN_HANGING_COSINE, HANGING_COSINE_WIDTH = 0.2, 0.6
+SWING_BACK_FRACTION, LANDS_S = 0.4, 0.15  # of the push; before and after a landing
+# fractions of the swing up before it, and of that back after it
+LANDING_SWING_FRACTION, LANDED_SWING_FRACTION = 0.4, 0.3
 
 
 @dataclass
@@ -98,9 +99,8 @@ class Jump:
     stage: str = field(default="", metadata={"choices": STAGES})
     time: float = 0.0  # s in this stage
     pressed: bool = False  # the button was down in the last frame
-    gait: int = field(
-        default=int(Gait.WALK), metadata={"most": max(Gait)}
-    )  # requested when the button was not
+    # requested when the button was not
+    gait: int = field(default=int(Gait.WALK), metadata={"most": max(Gait)})
     foot: int = field(default=BOTH, metadata={"most": BOTH})  # that pushes: 0 left, 1 right, or both
     rate: float = 1.0  # of the network's rhythm
     rest: float = 0.95  # mean height of the hips over the ground, m
@@ -369,20 +369,17 @@ class Jump:
 
     def _shifted(self, side: int, toe: Vector, hip: Vector, way: Vector, high: float) -> tuple[float, float]:
         """Metres (XZ) by which a foot is moved so that it stays where it stands, before and after the flight."""
-        x, z = self.shift
+        pushes = self.stage == "push"
+        if side != (self.foot if pushes or self.stage == "flight" else 1 - self.foot):
+            return 0.0, 0.0
         if self.stage == "flight":
             left = 1.0 - smoothstep(self.time / FOLD_S)
-            return (x * left, z * left) if side == self.foot else (0.0, 0.0)
-        if side != (self.foot if self.stage == "push" else 1 - self.foot):
-            return 0.0, 0.0
-        if self.stage == "push":
-            if self.spot is None and (self.time > SET_S or high < STANDS_M):
-                self.spot = (toe[0], toe[2])
-        elif self.spot is None:
-            self.spot = (toe[0], toe[2])
+            return self.shift[0] * left, self.shift[1] * left
         if self.spot is None:
-            return 0.0, 0.0
-        held = 1.0 if self.stage == "push" else self._held(self.spot, hip, way)
+            if pushes and self.time <= SET_S and high >= STANDS_M:
+                return 0.0, 0.0
+            self.spot = (toe[0], toe[2])
+        held = 1.0 if pushes else self._held(self.spot, hip, way)
         self.shift = (held * (self.spot[0] - toe[0]), held * (self.spot[1] - toe[2]))
         return self.shift
 
@@ -406,7 +403,7 @@ class Jump:
         for _, upper, fore, _ in ARMS:
             bone = SPORT_SKELETON.offsets[fore]
             down = -rotate(mine[upper], (float(bone[0]), float(bone[1]), float(bone[2])))[1] / length(bone)
-            hangs = smoothstep((down - 0.2) / 0.6)
+            hangs = smoothstep((down - MIN_HANGING_COSINE) / HANGING_COSINE_WIDTH)
             mine[upper] = multiply(from_vector((self.swing * hangs, 0.0, 0.0)), mine[upper])
 
     def _move_upper(self) -> None:
@@ -414,11 +411,13 @@ class Jump:
         fraction = 1.0 if self.foot == BOTH else 0.5
         back, up = fraction * SWING[0], -fraction * SWING[1]
         if self.stage == "push":
-            swing, lean = (back, JUMP_LEAN_RAD) if self.time < 0.4 * PUSH_S else (up, 0.0)
+            swing, lean = (back, JUMP_LEAN_RAD) if self.time < SWING_BACK_FRACTION * PUSH_S else (up, 0.0)
         elif self.stage == "flight":
-            swing, lean = (up, 0.0) if self._left() > 0.15 else (0.4 * up, JUMP_LEAN_RAD)
-        elif self.stage == "land" and self.time < 0.15:
-            swing, lean = 0.3 * back, JUMP_LEAN_RAD
+            swing, lean = (
+                (up, 0.0) if self._left() > LANDS_S else (LANDING_SWING_FRACTION * up, JUMP_LEAN_RAD)
+            )
+        elif self.stage == "land" and self.time < LANDS_S:
+            swing, lean = LANDED_SWING_FRACTION * back, JUMP_LEAN_RAD
         else:
             swing, lean = 0.0, 0.0
         self.swing, self.swing_speed = damp(self.swing, self.swing_speed, swing, UPPER_HALF_LIFE, DT)

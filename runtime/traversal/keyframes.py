@@ -43,6 +43,7 @@ NECK = tuple(SPORT_SKELETON.index(name) for name in ("Neck", "Neck1"))
 ARMS: tuple[Arm, Arm] = ((17, 18, 19, 20), (24, 25, 26, 27))  # shoulder, upper arm, forearm, hand
 EASY_LEG_M, LEG_SLACK_M = 0.78, 0.035  # of a leg of 0.835 m
 _OFFSETS: tuple[Vector, ...] = tuple((float(x), float(y), float(z)) for x, y, z in SPORT_SKELETON.offsets)
+RIGHT_ANGLE_RAD = 1.5708
 
 
 @dataclass(frozen=True)
@@ -185,9 +186,8 @@ def place_hand(
     c = min(1.0, max(-1.0, (a * a + reach * reach - b * b) / (2.0 * a * reach)))
     upper = add(scale(aim, c), scale(out, sqrt(1.0 - c * c)))
     fore = unit(subtract(scale(aim, reach), scale(upper, a)))
-    flexed = unit(
-        subtract(scale(out, -c), scale(aim, -sqrt(1.0 - c * c)))
-    )  # across the upper arm, to the hand
+    # across the upper arm, to the hand
+    flexed = unit(subtract(scale(out, -c), scale(aim, -sqrt(1.0 - c * c))))
     hinge = cross(flexed, upper) if side == 0 else cross(upper, flexed)
     x = 1.0 if side == 0 else -1.0
     upper_world = _from_axes(scale(upper, x), hinge)
@@ -332,7 +332,7 @@ class KeyframedMotion:
 
 def flat_hand(side: int, inward: float, down: float) -> Quaternion:
     """World rotation of a hand (0 left, 1 right) with its palm down: fingers ahead, turned inwards and down (radians)."""
-    half = 0.5 * ((-1.5708 - inward) if side == 0 else (1.5708 + inward))
+    half = 0.5 * (RIGHT_ANGLE_RAD + inward) * (-1.0 if side == 0 else 1.0)
     turn = (cos(half), 0.0, sin(half), 0.0)
     return multiply(from_vector((down, 0.0, 0.0)), turn)
 

@@ -45,6 +45,22 @@ MIN_RISE_FRACTION = 0.15  # of a swing in which a foot goes all the way up or do
 LIFT_M = 0.05  # of a swing on level ground
 DEEPEST_M = 0.12  # that the hips sink for a foot that the leg does not reach
 GRAVITY = 9.81
+# metres that the stance foot stands before an edge: of a bar, more for its height and for each m/s over 1; of a gap or drop; of a step
+BAR_TAKEOFF_M, TAKEOFF_TOP_FRACTION, TAKEOFF_S, EDGE_TAKEOFF_M, STEP_TAKEOFF_M = 0.22, 0.45, 0.12, 0.16, 0.3
+# and metres that the lead foot comes down behind it: of a bar, more for its height; of a drop
+LANDING_M, LANDING_TOP_FRACTION, DROP_LANDING_M = 0.13, 0.35, 0.16
+MIN_STEP_M, MIN_ROOT_M = 0.3, 0.05  # of the step that follows; of the root's way behind the stance foot
+# of a stride: the stance foot leaves within these fractions, the lead foot lands after one of it, or one of what is left
+LEAVE_RANGE_FRACTION, MIN_LANDING_FRACTION, MIN_SWING_FRACTION = (0.3, 0.62), 0.42, 0.15
+MIN_LEAVE_S, LATEST_FALL_FRACTION, MIN_LEAD_FRACTION = 0.05, 0.85, 0.1
+# from when to when they change their ground
+HIPS_UP_FRACTION, HIPS_UP_S_FRACTION, HIPS_DOWN_FRACTION = 0.8, 0.4, 0.1
+LOW_BAR_M, HIGHER_FRACTION = 0.33, 1.1  # what hips rise over a bar is higher by
+ARC_FRACTIONS, FADE_S = (0.34, 0.48), 0.15  # of a stride that half of a rise takes
+INNER_FRACTIONS = 0.04, 0.96  # of a swing in which a foot has to be clear
+ON_TOE_RAD = 0.3  # pitch of a foot that already stands on its toe
+# of a stand; of a swing; of the rest of a stride
+HEEL_UP_FRACTION, LANDING_TURN_FRACTION, ROLL_FRACTION = 0.35, 0.8, 1.6
 
 
 @dataclass(frozen=True)
@@ -63,13 +79,9 @@ class LeapStart:
 
 def takeoff_m(kind: ObstacleKind, top: float, speed: float) -> float:
     """How far before an obstacle's edge the stance foot's ankle stands at best; `speed` of the root in m/s."""
-    return (
-        0.22 + 0.45 * top + 0.12 * max(speed - 1.0, 0.0)
-        if kind is ObstacleKind.BAR
-        else 0.16
-        if kind in (ObstacleKind.GAP, ObstacleKind.DOWN)
-        else 0.3
-    )
+    if kind is ObstacleKind.BAR:
+        return BAR_TAKEOFF_M + TAKEOFF_TOP_FRACTION * top + TAKEOFF_S * max(speed - 1.0, 0.0)
+    return EDGE_TAKEOFF_M if kind in (ObstacleKind.GAP, ObstacleKind.DOWN) else STEP_TAKEOFF_M
 
 
 class Leap:
@@ -82,24 +94,25 @@ class Leap:
         self.kind, self.length, self.top, self.beyond, self.stride = kind, length, top, beyond, stride
         lead = 1 - stride.stance
         first, last = stride.ankles[stride.stance], stride.ankles[lead]
-        step = max(0.5 * stride.speed * stride.seconds, 0.3)
-        behind = (
-            0.13 + 0.35 * top if kind is ObstacleKind.BAR else 0.16 if kind is ObstacleKind.DOWN else 0.13
-        )
+        step = max(0.5 * stride.speed * stride.seconds, MIN_STEP_M)
+        behind = DROP_LANDING_M if kind is ObstacleKind.DOWN else LANDING_M
+        if kind is ObstacleKind.BAR:
+            behind += LANDING_TOP_FRACTION * top
         fall = float(np.sqrt(max(-2.0 * beyond, 0.0) / GRAVITY)) if beyond < -LOW_M else 0.0
         self._fall = fall
         flown = stride.speed * fall + BEHIND_M + AHEAD_M if fall else 0.0
         self._lead_z = max(length + behind, first[2] + step, first[2] + flown)
         self._stance_z = self._lead_z + step
-        self.end_z = self._stance_z - max(first[2] - stride.start_z + stride.elapsed * stride.speed, 0.05)
+        self.end_z = self._stance_z - max(
+            first[2] - stride.start_z + stride.elapsed * stride.speed, MIN_ROOT_M
+        )
         off, land = self._timed(float(first[2]))
         stride = self.stride
         rolls = float(np.interp(self._lead_z + ROLL_M, self._root, self._t, right=np.inf))
         goals = ((last[0], beyond, self._lead_z), (first[0], beyond, self._stance_z))
+        leads = max(MIN_LEAD_FRACTION * stride.seconds, stride.elapsed), land, rolls
         plans = [
-            _foot_plan(
-                self._t, stride, lead, (max(0.1 * stride.seconds, stride.elapsed), land, rolls), goals[0]
-            ),
+            _foot_plan(self._t, stride, lead, leads, goals[0]),
             _foot_plan(self._t, stride, stride.stance, (off, stride.seconds, np.inf), goals[1]),
         ]
         for plan in plans:
@@ -136,11 +149,13 @@ class Leap:
         off = float(np.interp(stance_z + BEHIND_M, self._root, self._t))
         land = float(np.interp(self._lead_z - AHEAD_M, self._root, self._t))
         whole, begin = self.stride.seconds, self.stride.elapsed
-        land = min(max(land, 0.42 * whole, begin + 0.15 * whole), LATEST_LANDING_FRACTION * whole)
-        off = min(max(off, 0.3 * whole, begin + 0.05), 0.62 * whole)
+        soonest = max(land, MIN_LANDING_FRACTION * whole, begin + MIN_SWING_FRACTION * whole)
+        land = min(soonest, LATEST_LANDING_FRACTION * whole)
+        first, last = LEAVE_RANGE_FRACTION
+        off = min(max(off, first * whole, begin + MIN_LEAVE_S), last * whole)
         if self.kind is ObstacleKind.GAP:
-            off = max(min(off, land - FLIGHT_S), begin + 0.05)
-        return off, max(land, min(off + self._fall, 0.85 * whole))
+            off = max(min(off, land - FLIGHT_S), begin + MIN_LEAVE_S)
+        return off, max(land, min(off + self._fall, LATEST_FALL_FRACTION * whole))
 
     def _profile(self, z: Array) -> Array:
         """Height that a sole keeps at z `(N,)`: over the obstacle, its edges a little wider; the ground's elsewhere."""
@@ -156,20 +171,19 @@ class Leap:
     def _hips_rise(self, off: float, land: float) -> Array:
         """Height of the hips over those of the incoming pose: the new ground, a flight's arc, and legs that reach."""
         t, begin, end = self._t, self.stride.elapsed, self.stride.seconds
-        leaves = max(0.8 * off, begin)
+        leaves = max(HIPS_UP_FRACTION * off, begin)
         up = (
-            smoothstep((t - land) / min(0.4 * end, end - land))
+            smoothstep((t - land) / min(HIPS_UP_S_FRACTION * end, end - land))
             if self.beyond > 0.0
-            else smoothstep((t - leaves) / (land + 0.1 * off - leaves))
+            else smoothstep((t - leaves) / (land + HIPS_DOWN_FRACTION * off - leaves))
         )
         if self._fall:
             up = np.clip((t - off) / max(land - off, 1e-3), 0.0, 1.0) ** 2
         flight = min(max(land - off, 0.0), LONGEST_FLIGHT_S)
-        high = max(GRAVITY * flight**2 / 8.0, 1.1 * (self.top - 0.33))
+        high = max(GRAVITY * flight**2 / 8.0, HIGHER_FRACTION * (self.top - LOW_BAR_M))
         middle = 0.5 * (off + land)
-        width = min(
-            max(np.pi * (0.5 * max(high, 0.0) / GRAVITY) ** 0.5, 0.34 * end), 0.48 * end
-        )  # no faster than a fall
+        falling = np.pi * (0.5 * max(high, 0.0) / GRAVITY) ** 0.5  # no faster than a fall
+        width = min(max(falling, ARC_FRACTIONS[0] * end), ARC_FRACTIONS[1] * end)
         # a leap that begins late rises later, and each ends on its own ground
         before = min(width, max(middle - begin, RISING_S))
         middle = max(middle, begin + before)
@@ -190,7 +204,7 @@ class Leap:
         most = sliding_window_view(np.pad(lower, 3, mode="edge"), 7).max(-1)
         kernel = np.hanning(15)
         spread = np.convolve(np.pad(most, 7, mode="edge"), kernel / kernel.sum(), mode="valid")
-        fade = smoothstep(np.minimum(t - t[0], end - t) / 0.15)
+        fade = smoothstep(np.minimum(t - t[0], end - t) / FADE_S)
         return rise - spread * fade
 
     def root_z(self, t: float) -> float:
@@ -226,7 +240,7 @@ class _FootPlan:
         ]
         lack = np.max([profile(p[:, 2]) - (p[:, 1] - rest) for p, rest in points], axis=0)
         lack = np.where((u > 0.0) & (u < 1.0), lack, 0.0)
-        inner = (u > 0.04) & (u < 0.96) & (lack > 0.0)
+        inner = (u > INNER_FRACTIONS[0]) & (u < INNER_FRACTIONS[1]) & (lack > 0.0)
         if not inner.any():
             return
         first, last = float(u[inner][0]), float(u[inner][-1])
@@ -251,26 +265,26 @@ def _foot_plan(
     pitch0 = float(level - np.arctan2(ahead[1], np.hypot(ahead[0], ahead[2])))
     u = np.clip((t - off) / max(land - off, 1e-3), 0.0, 1.0)
     flat = smoothstep((t - t[0]) / FLATTEN_S)
-    heel_off = smoothstep((t - 0.35 * off) / (0.65 * off)) if pitch0 < 0.3 else np.ones(len(t))
-    standing = pitch0 * (1.0 - flat) if pitch0 < 0.3 else np.full(len(t), pitch0)
+    on_toe, raised = pitch0 >= ON_TOE_RAD, HEEL_UP_FRACTION * off
+    heel_off = np.ones(len(t)) if on_toe else smoothstep((t - raised) / ((1.0 - HEEL_UP_FRACTION) * off))
+    standing = np.full(len(t), pitch0) if on_toe else pitch0 * (1.0 - flat)
     standing = standing + (TOE_OFF_PITCH_RAD - standing) * heel_off * smoothstep(
         (t - t[0]) / max(off - t[0], 1e-3)
     )
-    swung = TOE_OFF_PITCH_RAD + (LANDING_PITCH_RAD - TOE_OFF_PITCH_RAD) * smoothstep(u / 0.8)
-    rolled = (
-        TOE_OFF_PITCH_RAD * smoothstep((t - rolls) / (1.6 * (t[-1] - rolls)))
-        if rolls < t[-1]
-        else np.zeros(len(t))
+    swung = TOE_OFF_PITCH_RAD + (LANDING_PITCH_RAD - TOE_OFF_PITCH_RAD) * smoothstep(
+        u / LANDING_TURN_FRACTION
     )
+    rolled: Array = np.zeros(len(t))
+    if rolls < t[-1]:
+        rolled = TOE_OFF_PITCH_RAD * smoothstep((t - rolls) / (ROLL_FRACTION * (t[-1] - rolls)))
     landed = LANDING_PITCH_RAD * (1.0 - smoothstep((t - land) / FLATTEN_S)) + rolled
     pitch = np.where(t < off, standing, np.where(t < land, swung, landed))
-    ankle = _planned_ankle(
-        t, off, land, u, pitch, yaw, start, np.array([goal[0], goal[1] + ANKLE_HEIGHT, goal[2]])
-    )
+    over = np.array([goal[0], goal[1] + ANKLE_HEIGHT, goal[2]])
+    ankle = _planned_ankle(t, off, land, u, pitch, yaw, start, over)
     ahead = rotations.rotate(rotations.from_yaw(yaw), TOE)
     turned = rotations.multiply(rotations.from_yaw(np.full(len(t), yaw)), _pitched(rolled))
     ankle = ankle + (ahead - rotations.rotate(turned, np.tile(TOE, (len(t), 1))))  # over its toe
-    heel = ((t < 0.35 * off) & (pitch0 < 0.3)) | ((t >= land) & (t < rolls))
+    heel = ((t < raised) & (not on_toe)) | ((t >= land) & (t < rolls))
     toe = (t < off) | (t >= land + FLATTEN_S)
     return _FootPlan(ankle, pitch, yaw, u, heel, toe)
 
@@ -281,9 +295,10 @@ def _planned_ankle(
     """The ankle `(T, 3)`: over its toe while it stands, on a smooth way while it swings, over `goal` afterwards."""
     turned = rotations.multiply(rotations.from_yaw(np.full(len(t), yaw)), _pitched(pitch))
     toe = rotations.rotate(turned, np.tile(TOE, (len(t), 1)))
-    down = np.minimum(start[1], ANKLE_HEIGHT) if pitch[0] < 0.3 else start[1]
+    on_toe = pitch[0] >= ON_TOE_RAD
+    down = start[1] if on_toe else np.minimum(start[1], ANKLE_HEIGHT)
     held = np.array([start[0], down, start[2]]) + toe[0]
-    held[1] = max(held[1], TOE_HEIGHT) if pitch[0] >= 0.3 else TOE_HEIGHT
+    held[1] = max(held[1], TOE_HEIGHT) if on_toe else TOE_HEIGHT
     over = held - toe  # the toe stays where it is
     settle = (start - over[0]) * (1.0 - smoothstep((t - t[0]) / FLATTEN_S))[:, None]
     standing = over + settle

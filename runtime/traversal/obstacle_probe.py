@@ -31,6 +31,7 @@ MAX_SKEW_RAD = 0.9  # radians from the right angle
 BESIDE_BAR_M, BAR_SLACK_M = 0.3, 0.1  # before a bar, and higher than it, nothing stands next to the path
 NO_LANDING = "The way ahead is blocked: no room to come down behind the edge."
 NO_CLIMB = "The way ahead is blocked: no room to climb over the edge."
+MAX_SPEED_M_PER_S = 5.0  # with which the view ahead grows
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,7 @@ def probe_obstacles(
     distance, rise = step_ahead(terrain, x, z, path, reach)
     if distance <= reach:
         return ObstacleProbe(True, None, blocked_message(rise))
-    found = obstacle_ahead(terrain, x, z, path, PROBE_M + CLIMB_SECONDS * min(speed, 5.0))
+    found = obstacle_ahead(terrain, x, z, path, PROBE_M + CLIMB_SECONDS * min(speed, MAX_SPEED_M_PER_S))
     if found is None:
         return CLEAR
     ahead = Ahead(found, path)

@@ -20,6 +20,8 @@ from runtime.traversal.traversal import PACE_RANGE, TEMPO_RANGE, Traversal
 MAX_CLIMB_START_SPEED_M_PER_S = 0.3  # m/s: a climb begins slower
 LAST_STEP_FRACTION = 0.65  # of a step: what is left is leapt over, more is another step
 LATEST_START_FRACTION = 0.55  # of a stride: a leap that begins later is planned as if it began then
+FAR_TAKEOFF_FRACTION = 0.6  # of the best place before an edge: the next step would come nearer
+MAX_DEPTH_M = 10.0  # of what is climbed onto or down from
 TOO_LATE_M = 0.08  # a foot whose ankle stands nearer to the edge leaps no more
 MIN_LEAP_SPEED_M_PER_S = 0.2  # m/s of a walk that leaps
 NEUTRAL_SPEED_M_PER_S = 1.3  # m/s of a walk whose climb takes the time it is keyframed for
@@ -42,12 +44,17 @@ def decide(
         if ahead is not None and ahead.climbable:
             _climb(traversal, ahead, pose, speed, walk_speed)
     elif steps.stance is not None and steps.speed > MIN_LEAP_SPEED_M_PER_S:
-        left = ahead.obstacle.near - steps.ankle(pose, ahead.path)
-        if ahead.alone:
-            if came and leads_over:
-                traversal.over.crossing = _last_step(traversal, ahead.obstacle, left, came, alone=True)
-        elif left > TOO_LATE_M and _last_step(traversal, ahead.obstacle, left, came):
-            _leap(traversal, ahead, pose)
+        _approach(traversal, ahead, pose, came, leads_over)
+
+
+def _approach(traversal: Traversal, ahead: Ahead, pose: Pose, came: bool, leads_over: bool) -> None:
+    """Pace the steps to the edge of a bar or gap; from the last one leap over it, or let the gait step over it."""
+    left = ahead.obstacle.near - traversal.steps.ankle(pose, ahead.path)
+    if ahead.alone:
+        if came and leads_over:
+            traversal.over.crossing = _last_step(traversal, ahead.obstacle, left, came, alone=True)
+    elif left > TOO_LATE_M and _last_step(traversal, ahead.obstacle, left, came):
+        _leap(traversal, ahead, pose)
 
 
 FORGET_BEHIND_M = 1.2  # behind what was stepped over the network sees it no more
@@ -98,7 +105,7 @@ def _last_step(
             min(max(missing / (count * steps.length), PACE_RANGE[0]), PACE_RANGE[1]) if count > 0 else 1.0
         )
         return bool(count <= 0)
-    edge = obstacle.near - 0.6 * takeoff_m(obstacle.kind, obstacle.top, 0.0)
+    edge = obstacle.near - FAR_TAKEOFF_FRACTION * takeoff_m(obstacle.kind, obstacle.top, 0.0)
     return steps.next_ankle(traversal.pace) > edge
 
 
@@ -109,7 +116,7 @@ def _climb(traversal: Traversal, ahead: Ahead, pose: Pose, speed: float, walk_sp
         return
     yaw = float(np.arctan2(ahead.path[0], ahead.path[1])) + obstacle.skew
     near = obstacle.near * float(np.cos(obstacle.skew))
-    depth = min(obstacle.far - obstacle.near, 10.0)
+    depth = min(obstacle.far - obstacle.near, MAX_DEPTH_M)
     tempo = min(max((walk_speed / NEUTRAL_SPEED_M_PER_S) ** 0.5, TEMPO_RANGE[0]), TEMPO_RANGE[1])
     kind = "climb" if obstacle.top > 0.0 else "descend"
     _start(traversal, kind, (obstacle.top, -near, depth, tempo), pose, yaw, near, obstacle.ground)

@@ -23,22 +23,24 @@ SAME_FOOT_STRIDE_FRACTION = 0.8  # of a stride, until the same foot may come dow
 VELOCITY_SMOOTHING_FRACTION = 0.15  # fraction of a frame in the mean velocity
 SPEED_SMOOTHING_FRACTION = 0.05  # fraction of a frame in the mean speed
 STRIDE_RATIO_RANGE = (0.6, 1.6)  # of the stride before: other lengths come of a landing that was missed
+MIN_STEP_M, MAX_SPEED_M_PER_S = 0.15, 6.0
+TRAILING_M = 0.05  # behind the root: a foot that lands farther back is the trailing one, held again
+STRIDE_SMOOTHING_FRACTION = 0.6  # of a new stride in the mean one
+MAX_FIRST_STRIDE_RATIO = 1.5  # of the usual one: a slower first step tells nothing of the stride
 
 
 @dataclass
 class PlannedSteps:
     """Landings of the feet, from frame to frame."""
 
-    stance: int | None = field(
-        default=None, metadata={"most": 1}
-    )  # the foot that came down last: 0 left, 1 right
+    # the foot that came down last: 0 left, 1 right
+    stance: int | None = field(default=None, metadata={"most": 1})
     elapsed: float = 0.0  # seconds since then
     seconds: float = WALK_STRIDE_S  # of a stride
     measured: bool = False  # whether `seconds` was
     speed: float = 0.0  # of the root, m/s, smoothed, at full pace
-    velocity: Array = field(
-        default_factory=lambda: np.zeros(2), metadata={"whole": (2,)}
-    )  # of the root, m/s, smoothed
+    # of the root, m/s, smoothed
+    velocity: Array = field(default_factory=lambda: np.zeros(2), metadata={"whole": (2,)})
     ahead: float = 0.2  # m of the last landing before the root
     stood: tuple[bool, bool] = (True, True)  # which feet did in the last frame
     since: tuple[float, float] = (9.0, 9.0)  # seconds since each foot came down
@@ -47,7 +49,7 @@ class PlannedSteps:
     @property
     def length(self) -> float:
         """Metres of a step at full pace."""
-        return max(0.5 * self.speed * self.seconds, 0.15)
+        return max(0.5 * self.speed * self.seconds, MIN_STEP_M)
 
     def watch(self, pose: Pose, held: Sequence[object], way: Array | None, pace: float) -> bool:
         """Whether a foot came down in this frame; `held` tells which feet stand, `way` (XZ) where the root goes."""
@@ -62,7 +64,9 @@ class PlannedSteps:
                     velocity_z + (way_z - velocity_z) * VELOCITY_SMOOTHING_FRACTION,
                 )
             )
-            self.speed += (min(hypot(way_x, way_z) / pace, 6.0) - self.speed) * SPEED_SMOOTHING_FRACTION
+            self.speed += (
+                min(hypot(way_x, way_z) / pace, MAX_SPEED_M_PER_S) - self.speed
+            ) * SPEED_SMOOTHING_FRACTION
         self.root = np.array((x, z))
         self.elapsed += DT
         self.since = (self.since[0] + DT, self.since[1] + DT)
@@ -71,7 +75,7 @@ class PlannedSteps:
         for foot in fresh:
             ankle = pose.positions[LEG_FEET[foot]]
             ahead = 0.0 if way is None else float((ankle[0] - x) * way[0] + (ankle[2] - z) * way[1])
-            if ahead > -0.05:  # else it is the trailing foot, held again
+            if ahead > -TRAILING_M:
                 self._landed(foot, ahead)
                 return True
         return False
@@ -86,12 +90,18 @@ class PlannedSteps:
         if STRIDE_RANGE_S[0] < stride < STRIDE_RANGE_S[1] and (
             not self.measured or STRIDE_RATIO_RANGE[0] < stride / self.seconds < STRIDE_RATIO_RANGE[1]
         ):
-            self.seconds = stride if not self.measured else self.seconds + 0.6 * (stride - self.seconds)
+            self.seconds = (
+                stride
+                if not self.measured
+                else self.seconds + STRIDE_SMOOTHING_FRACTION * (stride - self.seconds)
+            )
             self.measured = self.speed > SETTING_OFF_SPEED_M_PER_S
         elif not self.measured:
             step = self.since[1 - foot]
             guess = JOG_STRIDE_S if self.speed > MIN_JOG_SPEED_M_PER_S else WALK_STRIDE_S
-            self.seconds = 2.0 * step if STRIDE_RANGE_S[0] < 2.0 * step < 1.5 * guess else guess
+            self.seconds = (
+                2.0 * step if STRIDE_RANGE_S[0] < 2.0 * step < MAX_FIRST_STRIDE_RATIO * guess else guess
+            )
         self.stance, self.elapsed, self.ahead = foot, 0.0, max(ahead, 0.0)
         self.since = (0.0, self.since[1]) if foot == 0 else (self.since[0], 0.0)
 

@@ -18,7 +18,7 @@ from runtime.feet.next_step import SteppedOver
 from runtime.pose import DT
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacle_detection import ObstacleKind
-from runtime.traversal.climb import Climb, Descend
+from runtime.traversal.climb import Climb
 from runtime.traversal.leap import Leap, LeapStart
 from runtime.traversal.obstacle_probe import (
     CLEAR,
@@ -39,12 +39,10 @@ TEMPO_RANGE = (0.7, 1.2)  # of a climb
 
 
 @lru_cache(maxsize=64)
-def _motion(kind: str, numbers: tuple[float, ...]) -> Leap | Climb | Descend:
+def _motion(kind: str, numbers: tuple[float, ...]) -> Leap | Climb:
     """The motion that these numbers describe: made again after a snapshot is put back."""
-    if kind == "climb":
+    if kind in ("climb", "descend"):
         return Climb(*numbers)
-    if kind == "descend":
-        return Descend(*numbers)
     length, top, beyond, start, speed, seconds, elapsed, stance, hips = numbers[:9]
     points = np.array(numbers[9:])
     stride = LeapStart(
@@ -66,9 +64,8 @@ class Traversal:
     yaw: float = 0.0
     fresh: bool = False  # its first pose is still to tell the two offsets
     hips_offset: Array = field(default_factory=lambda: np.zeros(3), metadata={"whole": (3,)})
-    offset: Array = field(
-        default_factory=lambda: np.zeros((31, 3)), metadata={"whole": (31, 3)}
-    )  # rotation vectors
+    # rotation vectors
+    offset: Array = field(default_factory=lambda: np.zeros((31, 3)), metadata={"whole": (31, 3)})
     last_z: float = 0.0
     sight: float = 1.0  # fraction of the ground's heights that the network sees: none of them in a traversal
     sight_velocity: float = 0.0  # its change, 1/s
@@ -81,7 +78,7 @@ class Traversal:
         return self.kind in ("climb", "descend")
 
     @property
-    def motion(self) -> Leap | Climb | Descend:
+    def motion(self) -> Leap | Climb:
         """What is crossed by; only while there is a `kind`."""
         return _motion(self.kind, self.numbers)
 

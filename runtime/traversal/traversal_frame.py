@@ -90,7 +90,7 @@ def seen_heights(
         way = np.array([np.sin(traversal.yaw), np.cos(traversal.yaw)])
         along = (points - traversal.origin[[0, 2]]) @ way
         heights = np.where(_and_before(along > -BEFORE_M), level, heights)
-    elif ahead is not None and not ahead.alone and (is_leap(ahead.obstacle) or is_climb(ahead.obstacle)):
+    elif ahead is not None and _is_keyframed(ahead):
         along = (points - points[present]) @ ahead.path
         hidden = _and_before(along > ahead.obstacle.near - BEFORE_M)
         heights = np.where(hidden, ahead.obstacle.ground, heights)
@@ -101,6 +101,11 @@ def seen_heights(
     arrived = abs(fraction - goal) < ARRIVED_SIGHT_FRACTION and abs(velocity) < ARRIVED_SIGHT_FRACTION
     traversal.sight, traversal.sight_velocity = (goal, 0.0) if arrived else (fraction, velocity)
     return level + traversal.sight * (heights - level)
+
+
+def _is_keyframed(ahead: Ahead) -> bool:
+    """Whether what lies ahead is leapt over or climbed, rather than stepped over by the gait."""
+    return not ahead.alone and (is_leap(ahead.obstacle) or is_climb(ahead.obstacle))
 
 
 def _without(over: SteppedOver, points: Array, heights: Array) -> Array:

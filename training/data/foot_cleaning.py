@@ -21,9 +21,8 @@ _FOOT_LENGTH = float(np.linalg.norm(_FOOT))
 _REST_ELEVATION = float(np.arcsin(_FOOT[1] / _FOOT_LENGTH))
 _LEG = float(-(SPORT_SKELETON.offsets[3][1] + SPORT_SKELETON.offsets[4][1]))
 _FLOAT = 0.001  # m by which a foot may hang over its place: hips that sink so far bend a straight knee by 5 degrees
-_STRAIGHT = (
-    0.9975  # of the leg's length: 8 degrees, from which a knee is not to become straighter than it was
-)
+# of the leg's length: 8 degrees, from which a knee is not to become straighter than it was
+_STRAIGHT = 0.9975
 _HEEL_OFF = np.deg2rad(6.0)  # of pitch, from which a heel over standing toes counts as raised
 _MAX_TURN = np.deg2rad(40.0)
 _SWING_ANKLE = 0.05  # m: least height of the ankle of a foot in the air

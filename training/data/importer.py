@@ -27,8 +27,9 @@ from training.data.clips import Patches, TrainingClip, crop_rollout, load_rollou
 from training.data.foot_cleaning import GroundHeight, clean_feet
 from training.data.report import ClipSummary, Report, comparison, summarise
 from training.data.retarget import FPS, FootCalibration, SourceMotion, calibrate_feet, load_source, retarget
+from training.data.shown import ClipSource, Refusal
 from training.data.source_skeletons import SourceSkeleton
-from training.data.sources import BY_NAME, ClipSource, Refusal, list_clips, skeleton_of, source_folder
+from training.data.sources import BY_NAME, list_clips, skeleton_of, source_folder
 
 CALIBRATION_CLIPS = 40  # of each source, evenly spread
 MAX_ARCHIVE_BYTES = 4 << 30  # unpacked

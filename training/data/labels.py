@@ -14,9 +14,8 @@ FOOT_JOINTS = (4, 5, 9, 10)  # left heel (ankle joint), left toe, right heel, ri
 _REST = np.array([ANKLE_HEIGHT, TOE_HEIGHT, ANKLE_HEIGHT, TOE_HEIGHT])
 _NEAR = np.array([0.05, 0.03, 0.05, 0.03])  # m over the rest height that still counts as contact
 _SPEED_ON, _SPEED_OFF = 0.25, 0.45  # m/s, hysteresis
-_PACE_SHARE = (
-    0.12  # of the root's speed over 1 m/s that the thresholds grow by: 30 fps smears a runner's short stance
-)
+# of the root's speed over 1 m/s that the thresholds grow by: 30 fps smears a runner's short stance
+_PACE_SHARE = 0.12
 JOG_SPEED = 2.2
 STAND_SPEED = 0.15
 CROUCH_HEIGHT = 0.72  # m of the hips over the ground; upright is 1.0

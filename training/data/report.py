@@ -21,7 +21,8 @@ from training.data import gait
 from training.data.clips import TrainingClip
 from training.data.labels import FOOT_JOINTS
 from training.data.retarget import FPS
-from training.data.sources import BY_NAME, ClipSource, Refusal, list_clips
+from training.data.shown import ClipSource, Refusal
+from training.data.sources import BY_NAME, list_clips
 from training.markdown import table
 
 
@@ -53,21 +54,13 @@ class Report:
 
     def save(self, path: Path) -> None:
         """Write the report as JSON."""
-        content = {
-            "clips": [asdict(c) for c in self.clips],
-            "refused": [asdict(r) for r in self.refused],
-            "calibrations": self.calibrations,
-        }
-        path.write_text(json.dumps(content, indent=1), encoding="utf-8")
+        path.write_text(json.dumps(asdict(self), indent=1), encoding="utf-8")
 
     def markdown(self) -> str:
         """The tables, and the calibration of the feet."""
+        turned = ("foot_turn_euler_yxz_degrees", "toe_offset_m")
         rows = [
-            [
-                key,
-                *(str(c[k][0]) for k in ("foot_turn_euler_yxz_degrees", "toe_offset_m")),
-                str(c["ankle_height_m"]),
-            ]
+            [key, *(str(c[k][0]) for k in turned), str(c["ankle_height_m"])]
             for key, c in sorted(self.calibrations.items())
         ]
         head = ("Skeleton", "foot turn YXZ, degrees", "toe offset, m", "ankle height, m")

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
+from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.formats.bvh import BvhMotion
-from runtime.skeleton import SPORT_SKELETON
 
 _UP, _DOWN = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0])
 
@@ -124,184 +127,49 @@ def _rest_direction(joint: str) -> Array:
     return _LEG_DIRECTION
 
 
-def same_rest(**names: str) -> dict[str, SourceJoint]:
-    """Source joints whose rest frames are ours, by our names."""
-    return {target: SourceJoint(source) for target, source in names.items()}
+@cache
+def known_skeletons() -> tuple[SourceSkeleton, ...]:
+    """Return the hierarchies of `skeletons.toml`, in the order in which files are recognised."""
+    text = Path(__file__).with_name("skeletons.toml").read_text("utf-8")
+    return tuple(_skeleton(name, **entry) for name, entry in tomllib.loads(text).items())
 
 
-def limbs(
-    parts: Mapping[str, str] | Sequence[str],
-    name: Callable[[str, str], str] = str.__add__,
+def _skeleton(
+    name: str,
+    signature: Sequence[str],
+    trunk: Mapping[str, str],
+    limbs: Sequence[Mapping[str, Any]],
+    joints: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
+    trunk_axes: str | None = None,
+    **settings: Any,
+) -> SourceSkeleton:
+    found = {target: SourceJoint(source, axes=trunk_axes) for target, source in trunk.items()}
+    for group in limbs:
+        found |= _limbs(**group)
+    found |= {target: SourceJoint(**joint) for target, joint in joints.items()}
+    return SourceSkeleton(name, frozenset(signature), found, **settings)
+
+
+_ALL_PARTS = MappingProxyType({part: part for part in LIMBS})
+
+
+def _limbs(
+    parts: Mapping[str, str] = _ALL_PARTS,
+    name: str = "{side}{part}",
     axes: Mapping[str, str] | str | None = None,
     along: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, SourceJoint]:
-    """Source joints of both sides: `parts` by our names, spelled by `name` of side and part.
+    """Source joints of both sides, as `skeletons.toml` says."""
 
-    `axes` are those of all, or by side; `along` names the part that our bone is aligned with, see `SourceJoint`.
-    """
-    named = parts if isinstance(parts, Mapping) else {part: part for part in parts}
+    def spelled(side: str, part: str) -> str:
+        return name.format(side=side, part=part, letter=side[0], small=side[0].lower())
+
     return {
         side + target: SourceJoint(
-            name(side, part),
+            spelled(side, part),
             axes=axes[side] if isinstance(axes, Mapping) else axes,
-            along=name(side, along[target]) if target in along else None,
+            along=spelled(side, along[target]) if target in along else None,
         )
         for side in SIDES
-        for target, part in named.items()
+        for target, part in parts.items()
     }
-
-
-def same_limbs() -> dict[str, SourceJoint]:
-    """Limbs that are named as ours and whose bones we turn along the source's own, from joint to joint."""
-    return limbs(LIMBS, along={"Arm": "ForeArm", "ForeArm": "Hand", "UpLeg": "Leg", "Leg": "Foot"})
-
-
-# --- the skeletons of the data sets --------------------------------------------------------------------------------
-
-# a trunk of four joints under the neck
-_FOUR = {
-    "Hips": "Hips", "LowerBack": "Spine1", "Spine": "Spine2", "Spine1": "Spine3", "Neck1": "Neck", "Head": "Head",
-}  # fmt: skip
-_STYLE100_LIMBS = {
-    "UpLeg": "Hip", "Leg": "Knee", "Foot": "Ankle", "ToeBase": "Toe",
-    "Shoulder": "Collar", "Arm": "Shoulder", "ForeArm": "Elbow", "Hand": "Wrist",
-}  # fmt: skip
-# arms, legs and feet as Bandai Namco and José Luis Pontón name them
-_PARTS_OF_LIMBS = (
-    {"Shoulder": "Shoulder", "Arm": "UpperArm", "ForeArm": "LowerArm", "Hand": "Hand"},
-    {"UpLeg": "UpperLeg", "Leg": "LowerLeg"},
-    {"Foot": "Foot", "ToeBase": "Toes"},
-)
-
-
-def _bandai_skeleton() -> SourceSkeleton:
-    trunk = {"Spine": "Spine", "Spine1": "Chest", "Neck1": "Neck", "Head": "Head"}
-    joints = {"Hips": SourceJoint("Hips", axes="+Y -X +Z")}
-    joints |= {target: SourceJoint(name, axes="+Y +Z +X") for target, name in trunk.items()}
-    arm = {"Left": "+X +Y +Z", "Right": "+X -Y -Z"}
-    leg = {"Left": "-Y +X +Z", "Right": "+Y +X -Z"}
-    foot = {"Left": "+Z +X +Y", "Right": "-Z +X -Y"}
-    for parts, axes in zip(_PARTS_OF_LIMBS, (arm, leg, foot), strict=True):
-        joints |= limbs(parts, lambda side, part: f"{part}_{side[0]}", axes)
-    return SourceSkeleton("bandai_namco", frozenset({"joint_Root", "UpperArm_L"}), joints)
-
-
-def _daz_skeleton() -> SourceSkeleton:
-    joints = same_rest(Hips="hip", Spine="abdomen", Spine1="chest", Neck1="neck", Head="head")
-    joints["LowerBack"] = SourceJoint("hip", "abdomen", 0.5)
-    parts = {
-        "UpLeg": "Thigh", "Leg": "Shin", "Foot": "Foot",
-        "Shoulder": "Collar", "Arm": "Shldr", "ForeArm": "ForeArm", "Hand": "Hand",
-    }  # fmt: skip
-    along = {"UpLeg": "Shin", "Leg": "Foot", "Arm": "ForeArm", "ForeArm": "Hand", "Hand": "Mid1"}
-    joints |= limbs(parts, lambda side, part: side[0].lower() + part, along=along)
-    return SourceSkeleton(
-        "cmu_daz",
-        frozenset({"abdomen", "lShldr"}),
-        joints,
-        has_toe_rotation=False,
-        toe_is_end_site=True,
-        neck_base="neck",
-    )
-
-
-def _cmu_plain_skeleton() -> SourceSkeleton:
-    joints = same_rest(
-        Hips="Hips",
-        LowerBack="lowerback",
-        Spine="Chest",
-        Spine1="Chest2",
-        Neck="lowerneck",
-        Neck1="Neck",
-        Head="Head",
-    )
-    along = {"UpLeg": "Knee", "Leg": "Ankle", "Arm": "Elbow", "ForeArm": "Wrist"}
-    joints |= limbs(_STYLE100_LIMBS, along=along)
-    for side in SIDES:
-        joints[side + "Hand"] = SourceJoint(side + "Wrist", along=side[0] + "Fingers")
-    return SourceSkeleton("cmu_plain", frozenset({"lowerback", "LHipJoint"}), joints, neck_base="lowerneck")
-
-
-def _cmu91_skeleton() -> SourceSkeleton:
-    joints = same_rest(Hips="Hips", Spine="Spine", Spine1="Spine1", Neck1="Neck", Head="Head")
-    return SourceSkeleton(
-        "cmu91",
-        frozenset({"LeftHipJoint", "Spine1"}),
-        joints | limbs(LIMBS[:-1]),
-        has_toe_rotation=False,
-        toe_is_end_site=True,
-        reference="",
-    )
-
-
-def _fair_skeleton() -> SourceSkeleton:
-    axes = "+X -Z +Y"  # lies on its back: the file's Z is up, its -Y ahead
-    joints = {target: SourceJoint(name, axes=axes) for target, name in _FOUR.items()} | limbs(
-        LIMBS, axes=axes
-    )
-    return SourceSkeleton(
-        "fair", frozenset({"LeftHandThumb1", "LeftToeBase", "Spine3"}), joints, has_toe_rotation=False
-    )
-
-
-def _biped_skeleton() -> SourceSkeleton:
-    joints = same_rest(**_FOUR | {"Hips": "Pelvis"}) | limbs(LIMBS)
-    for side in SIDES:
-        joints[side + "ToeBase"] = SourceJoint(side + "FootThumb1")
-    joints["LeftHand"] = SourceJoint("Lefthand")  # as the files spell it
-    return SourceSkeleton(
-        "biped", frozenset({"Lefthand", "LeftFootThumb1"}), joints, has_toe_rotation=False, reference=""
-    )
-
-
-def _jlpm_skeleton() -> SourceSkeleton:
-    trunk = {
-        "Hips": "Hips", "LowerBack": "Spine", "Spine": "Chest", "Spine1": "UpperChest", "Neck1": "Neck", "Head": "Head",
-    }  # fmt: skip
-    joints = {target: SourceJoint(name, axes="-X +Y -Z") for target, name in trunk.items()}
-    arm = {"Left": "+Z +X +Y", "Right": "-Z -X +Y"}
-    arms, legs, feet = _PARTS_OF_LIMBS
-    joints |= limbs(arms, axes=arm) | limbs(legs, axes="+X -Y -Z") | limbs(feet, axes="+X +Z -Y")
-    return SourceSkeleton("jlpm", frozenset({"UpperChest", "LeftUpperLeg"}), joints)
-
-
-def _pfnn_skeleton() -> SourceSkeleton:
-    same = [n for n in SPORT_SKELETON.names if not n.startswith(("LeftUpLeg", "RightUpLeg"))]
-    joints = {name: SourceJoint(name) for name in same}
-    joints |= limbs(("UpLeg", "Leg"), along={"UpLeg": "Leg", "Leg": "Foot"})
-    return SourceSkeleton("pfnn", frozenset({"LHipJoint", "LowerBack"}), joints)
-
-
-O3DE = SourceSkeleton(
-    "o3de",
-    frozenset({"Spine3", "Neck1", "LeftToeBase"}),
-    same_rest(**_FOUR) | same_limbs(),
-    has_toe_rotation=False,
-)
-ACCAD = SourceSkeleton(
-    "accad",
-    frozenset({"ToSpine", "LeftToeBase"}),
-    same_rest(Hips="Hips", Spine="Spine", Spine1="Spine1", Neck1="Neck", Head="Head") | limbs(LIMBS),
-    reference="",
-)
-STYLE100 = SourceSkeleton(
-    "100style",
-    frozenset({"Chest4", "LeftAnkle"}),
-    same_rest(**_FOUR | {"LowerBack": "Chest", "Spine": "Chest3", "Spine1": "Chest4"})
-    | limbs(_STYLE100_LIMBS),
-    has_toe_rotation=False,
-)
-TRANSFORMS = SourceSkeleton(
-    "transforms",
-    frozenset({"Spine3", "LeftToeBase"}),
-    same_rest(**_FOUR) | same_limbs(),
-    has_toe_rotation=False,
-)
-BANDAI = _bandai_skeleton()
-CMU_DAZ = _daz_skeleton()
-CMU_PLAIN = _cmu_plain_skeleton()
-CMU91 = _cmu91_skeleton()
-FAIR = _fair_skeleton()
-BIPED = _biped_skeleton()
-JLPM = _jlpm_skeleton()
-PFNN = _pfnn_skeleton()

@@ -129,8 +129,9 @@ def _check(experiment: Experiment, args: Arguments) -> None:
     missing = [name for name in experiment.needs if args.known is None and getattr(args, name) is None]
     if missing:
         raise UsageError(f"--{missing[0]} is not given.", f"Add --{missing[0]} DIR.")
-    if getattr(args, "seed", 0) < 0:
-        raise UsageError(f"--seed {args.seed}: expected 0 or more.", "Try 0.")
+    for name, seeds in (("seed", [getattr(args, "seed", 0)]), ("seeds", getattr(args, "seeds", [0]))):
+        if min(seeds) < 0:
+            raise UsageError(f"--{name} {min(seeds)}: expected 0 or more.", "Try 0.")
     experiment.check(args)
 
 

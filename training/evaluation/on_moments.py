@@ -21,7 +21,7 @@ from runtime.motion.control_scripts import parse_stick
 from runtime.motion.controller import Controller
 from runtime.takes.clip import Clip
 from runtime.terrain.library import load_terrain
-from training.evaluation.experiment import DATA, MODEL, Arguments, Experiment, Setting, option
+from training.evaluation.experiment import DATA, MODEL, Experiment, Setting, option
 from training.evaluation.metrics.moments import (
     FPS,
     Points,
@@ -209,11 +209,6 @@ def _raw(row: Row, raw: dict[str, Raw]) -> str:
     return " to ".join(dict.fromkeys(f"{v:.{row.digits}f}" for v in (min(values), max(values))))
 
 
-def _sensible(args: Arguments) -> None:
-    if min(args.seeds) < 0:
-        raise UsageError(f"--seeds {min(args.seeds)}: expected 0 or more.", "Try 1 2.")
-
-
 MOMENTS = Experiment(
     "Starts, stops, turns and jumps of an exported BVH and of raw capture: has the body weight?",
     moment_figures,
@@ -226,5 +221,4 @@ MOMENTS = Experiment(
         option("--seeds", type=int, nargs="+", default=[1, 2], help="default: 1 2"),
         DATA,
     ),
-    check=_sensible,
 )

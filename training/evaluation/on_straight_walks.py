@@ -116,11 +116,8 @@ def cell(row: WalkMeasure, raw: dict[str, Measures], ours: dict[str, Measures]) 
     values = np.array([a - b if row.difference else a / b for a, b in pairs])
     inside = int(((values >= row.low) & (values <= row.high)).sum())
     middle = float(np.median(values))
-    return (
-        f"{middle:+.1f}; {inside} of {len(values)}"
-        if row.difference
-        else f"{middle:.2f}; {inside} of {len(values)}"
-    )
+    shown = f"{middle:+.1f}" if row.difference else f"{middle:.2f}"
+    return f"{shown}; {inside} of {len(values)}"
 
 
 GAIT = Experiment(

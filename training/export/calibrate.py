@@ -117,12 +117,8 @@ class _Walks:
                 words = _among(self.plain, each.words, companions)
                 codes += [self.prompter(words), self._code(each, gain, words)]
             made = self.walker.make([Walk.of(z, 0) for z in codes])
-            found.append(
-                [
-                    each.fraction(without, one)
-                    for each, without, one in zip(several, made[::2], made[1::2], strict=True)
-                ]
-            )
+            pairs = zip(several, made[::2], made[1::2], strict=True)
+            found.append([each.fraction(without, one) for each, without, one in pairs])
         return [float(np.mean(fractions)) for fractions in zip(*found, strict=True)]
 
     def gains(self, several: Sequence[_Claim]) -> list[tuple[float, float]]:
@@ -150,16 +146,17 @@ class _Walks:
         What farther out is not shown wholly distorts the rest.
         """
         shown, found = fractions(several, gains), list(gains)
-        left = {i: [g for g in GAINS if g > gains[i]] for i, fraction in enumerate(shown) if fraction < SHOWN}
+        left = {i: _farther(gains[i]) for i, fraction in enumerate(shown) if fraction < SHOWN}
         while left := {i: farther for i, farther in left.items() if farther}:
             tried = {i: farther[len(farther) // 2] for i, farther in left.items()}
             reached = fractions([several[i] for i in tried], list(tried.values()))
             for (i, gain), fraction in zip(tried.items(), reached, strict=True):
+                half = left[i].index(gain)
                 if fraction >= max(SHOWN, shown[i] + WORTH):
                     log.info("%s: %.2f, drawn out by %.2f", several[i].name, shown[i], gain)
-                    found[i], left[i] = gain, [g for g in left[i] if g < gain]
+                    found[i], left[i] = gain, left[i][:half]
                 else:
-                    left[i] = [g for g in left[i] if g > gain]
+                    left[i] = left[i][half + 1 :]
         return found
 
     def _code(self, claim: _Claim, gain: float, among: PartDescriptions) -> Float32Array:
@@ -167,6 +164,10 @@ class _Walks:
         own = [PART_NAMES.index(part) for part in claim.words]
         code[own] = self.neutral[own] + np.float32(gain) * (code[own] - self.neutral[own])
         return code
+
+
+def _farther(gain: float) -> list[float]:
+    return [each for each in GAINS if each > gain]
 
 
 def calibrated(

@@ -39,32 +39,25 @@ class MixtureStepGraph(FrameGraph):
 
 
 class PromptGraph(nn.Module):
-    """Six sentence embeddings `(N, 6, D)` to standardised Z^t, and mean and log-variance as in Eq. 2, all `(N, 6, 64)`."""
+    """Six sentence embeddings `(N, 6, D)` to standardised Z^t, and mean and log-variance as in Eq. 2, all `(N, 6, 64)`.
 
-    def __init__(self, content: ContentEncoder, centre: Tensor, deviation: Tensor) -> None:
-        super().__init__()
-        self.text = content.text
-        self.register_buffer("centre", centre.view(6, -1))
-        self.register_buffer("deviation", deviation.view(6, -1))
-
-    def forward(self, embeddings: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        code = self.text(embeddings)
-        return (code.mean - self.centre) / self.deviation, code.mean, code.log_variance
-
-
-class EmbeddingGraph(nn.Module):
-    """The ablation without a content encoder: the sentence embeddings `(N, 6, D)`, standardised, are Z^t."""
+    In the ablation without a content encoder the standardised embeddings alone, which are its Z^t.
+    """
 
     centre: Tensor
     deviation: Tensor
 
-    def __init__(self, centre: Tensor, deviation: Tensor) -> None:
+    def __init__(self, content: ContentEncoder | None, centre: Tensor, deviation: Tensor) -> None:
         super().__init__()
+        self.text = None if content is None else content.text
         self.register_buffer("centre", centre.view(6, -1))
         self.register_buffer("deviation", deviation.view(6, -1))
 
-    def forward(self, embeddings: Tensor) -> Tensor:
-        return (embeddings - self.centre) / self.deviation
+    def forward(self, embeddings: Tensor) -> tuple[Tensor, ...]:
+        if self.text is None:
+            return ((embeddings - self.centre) / self.deviation,)
+        code = self.text(embeddings)
+        return (code.mean - self.centre) / self.deviation, code.mean, code.log_variance
 
 
 class MotionGraph(nn.Module):
@@ -158,7 +151,7 @@ def _export_prompt(trained: Trained, folder: Path) -> float:
     scale = trained.style_centre.cpu(), trained.style_deviation.cpu()
     content = trained.content.cpu() if trained.content is not None else None
     return export_graph(
-        PromptGraph(content, *scale) if content is not None else EmbeddingGraph(*scale),
+        PromptGraph(content, *scale),
         (torch.randn(2, 6, trained.config.sentence_size),),
         ["embeddings"],
         ["z", "mean", "log_variance"] if content is not None else ["z"],

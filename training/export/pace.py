@@ -25,9 +25,8 @@ PACED_WEIGHT, LAYERED_WEIGHT = 0.15, 0.05
 OTHERS = {"left_arm": 0.5, "right_arm": 0.5, "torso": 0.4, "head": 0.5}
 PLAIN_OTHERS = 0.3  # of these are neutral
 FALLBACKS = {Gait.WALK: 1.3, Gait.JOG: 2.6}  # m/s
-PLAIN_WEIGHT = (
-    4.0  # of the neutral walk, with which the program begins and whose words stand in many sentences
-)
+# of the neutral walk, with which the program begins and whose words stand in many sentences
+PLAIN_WEIGHT = 4.0
 FORWARD_CONTENTS = {Gait.WALK: ("walk forward",), Gait.JOG: ("run forward", "jog forward")}
 
 # m/s: slower, a forward take starts, stops or turns back

@@ -17,7 +17,6 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.errors import run_command
 from runtime.motion.mirror import mirrored_code
-from runtime.motion.model import MotionModel
 from runtime.motion.model_files import read_metadata, write_metadata
 from runtime.motion.swing import LEAST_GAIN, MOST_GAIN, PLAIN, SWINGS
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
@@ -30,27 +29,17 @@ MEASURES = ("pelvis_yaw", "pelvis_roll", "shoulder_yaw", "arm_swing_cm", "bob_cm
 PASSES = 2
 
 
-class _Gained(MotionModel):
-    """A model with gains that are set, by the bytes of a code."""
-
-    gains: dict[bytes, tuple[float, ...]]
-
-    def swings(self, z: Array) -> tuple[float, ...]:
-        """That of the code, 1 for another."""
-        return self.gains.get(z.tobytes(), PLAIN)
-
-
 def measure_gains(evaluated: EvaluatedModel, raw: Mapping[str, Measures]) -> dict[str, Array]:
     """Of every style the gains with which its swings are as far as those of the raw files."""
     gained = copy(evaluated)
     gained.model = copy(evaluated.model)
-    gained.model.__class__ = _Gained
     found: dict[str, Array] = {style: np.ones(len(SWINGS)) for style in raw}
+    set_gains: dict[bytes, tuple[float, ...]] = {}  # by the bytes of a code
+    gained.model.swings = lambda z: set_gains.get(z.tobytes(), PLAIN)  # type: ignore[method-assign]
     for number in range(PASSES):
-        gained.model.gains = {}  # type: ignore[attr-defined]
         for style, gains in found.items():
             for code in (evaluated.style(style, 0), mirrored_code(evaluated.style(style, 0))):
-                gained.model.gains[code.tobytes()] = tuple(gains.tolist())  # type: ignore[attr-defined]
+                set_gains[code.tobytes()] = tuple(gains.tolist())
         walked = generated_walks(gained, raw)
         for style, ours in walked.items():
             missing = np.array([raw[style][key] / max(ours[key], 1e-3) for key in MEASURES])
@@ -70,9 +59,8 @@ def fit_swings(folder: Path, data: Path) -> dict[str, Array]:
     raw = raw_walks(data, free_only=metadata["name"] == OPEN)
     evaluated = EvaluatedModel(folder, style_texts(raw))
     gains = measure_gains(evaluated, raw)
-    write_metadata(
-        folder, metadata | {"swings": [_row(evaluated, style, own) for style, own in gains.items()]}
-    )
+    rows = [_row(evaluated, style, own) for style, own in gains.items()]
+    write_metadata(folder, metadata | {"swings": rows})
     return gains
 
 
@@ -90,9 +78,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--data", type=Path, required=True, help="folder of the unpacked source files")
     args = parser.parse_args(argv)
     for style, gains in fit_swings(args.model, args.data).items():
-        print(
-            f"{style}: " + ", ".join(f"{name} {gain:.2f}" for name, gain in zip(SWINGS, gains, strict=True))
-        )
+        named = zip(SWINGS, gains, strict=True)
+        print(f"{style}: " + ", ".join(f"{name} {gain:.2f}" for name, gain in named))
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import logging
-from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -69,10 +68,7 @@ def main(argv: list[str] | None = None) -> int:
         logging.getLogger(chatty).setLevel(logging.WARNING)
     config = preset(options.preset)
     if options.model is not None:
-        stored = read_metadata(options.model)["config"]
-        known = {field.name for field in fields(ModelConfig)}
-        stored = {name: value for name, value in stored.items() if name in known}
-        config = ModelConfig(**{**stored, "front": tuple(stored["front"])})
+        config = ModelConfig.of(read_metadata(options.model)["config"])
     export_untrained(config, options.folder)
     return 0
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -74,15 +75,19 @@ def _position_table(length: int, size: int) -> Tensor:
     return table
 
 
+def _layer(config: ModelConfig) -> dict[str, Any]:
+    heads, feedforward = config.content_heads, config.content_feedforward
+    return {
+        "nhead": heads,
+        "dim_feedforward": feedforward,
+        "dropout": 0.1,
+        "activation": "gelu",
+        "batch_first": True,
+    }
+
+
 def _transformer(config: ModelConfig) -> nn.TransformerEncoder:
-    layer = nn.TransformerEncoderLayer(
-        PART_SIZE,
-        config.content_heads,
-        config.content_feedforward,
-        dropout=0.1,
-        activation="gelu",
-        batch_first=True,
-    )
+    layer = nn.TransformerEncoderLayer(PART_SIZE, **_layer(config))
     return nn.TransformerEncoder(layer, config.content_layers, enable_nested_tensor=False)
 
 
@@ -167,14 +172,7 @@ class SequenceDecoder(nn.Module):
         self.project = nn.Linear(PART_SIZE, size)
         self.part = nn.Parameter(0.1 * torch.randn(PARTS, size))
         self.register_buffer("position", _position_table(SEQUENCE_LENGTH, size))
-        layer = nn.TransformerDecoderLayer(
-            size,
-            config.content_heads,
-            config.content_feedforward,
-            dropout=0.1,
-            activation="gelu",
-            batch_first=True,
-        )
+        layer = nn.TransformerDecoderLayer(size, **_layer(config))
         self.decoder = nn.TransformerDecoder(layer, config.content_layers)
         self.head = nn.Linear(size, J * JOINT_FEATURES + 3)
 

@@ -124,15 +124,13 @@ ADDED_WEIGHTS = {  # of the losses that are not in the paper
     "bend": 0.3,  # of the knees' flexion; in rollouts of its distribution too
     "turn": 1.0,  # of pelvis, shoulders, head and feet: a centimetre at the joints, which Eq. 11 hardly sees
 }
-MAX_INPUT_NOISE = (
-    0.12  # of captured frames' inputs: more makes the network trust its own pose less, and swings shrink
-)
+# of captured frames' inputs: more makes the network trust its own pose less, and swings shrink
+MAX_INPUT_NOISE = 0.12
 LANES_FRACTION = 0.5  # fraction of a batch that continues from the network's own output
 LANE_FRAMES = 90.0  # mean length of such a rollout
 FOREIGN_POSE_FRACTION = 0.4  # fraction of captured samples that start from another clip's pose: else the last pose outweighs words
-COMPOSED_FACTOR = (
-    0.65  # times as often as in stage 1: whole captured bodies are learnt more slowly than composed ones
-)
+# times as often as in stage 1: whole captured bodies are learnt more slowly than composed ones
+COMPOSED_FACTOR = 0.65
 
 
 @dataclass

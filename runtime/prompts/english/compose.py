@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import replace
 
 import numpy as np
@@ -63,13 +63,9 @@ def compose_elements(
     chosen = _without_mentioned([e for e in elements if not e.only], entries)
     figures = [e for e in chosen if len(entries[e.entry].defines) >= BROAD]
     modifiers = [e for e in chosen if e not in figures]
+    sources = dict.fromkeys(PART_NAMES, _base(modifiers, entries, neutral))
     if figures:
-        sources = _figure_parts(figures, entries, embeddings, neutral)
-        for i in {e.entry for e in figures} - {neutral}:  # who hurries does so with the legs, whoever it is
-            if entries[i].category == "walks" and entries[i].defines == PART_NAMES:
-                sources.update(dict.fromkeys(_GROUPS["legs"], i))
-    else:
-        sources = dict.fromkeys(PART_NAMES, _base(modifiers, entries, neutral))
+        sources = _of_figures(figures, entries, embeddings, neutral)
     sources |= _modified(modifiers, entries, worth)
     _show_all(sources, modifiers, entries)
     for element in elements:
@@ -105,23 +101,32 @@ def _agreeing(part: str, words: str, figure: str) -> list[str]:
     """The clauses of a figure's sentence of a part that leave what is stated of it as it is."""
     clauses = figure.split(", ")
     if part == "torso":
-        swaying = (c for c in clauses if _SWAYS.search(c) and "lean" not in c)
-        return list(swaying)[:1] if _OF_LEAN.search(words) else []
+        swaying = [c for c in clauses if _SWAYS.search(c) and "lean" not in c]
+        return swaying[:1] if _OF_LEAN.search(words) else []
     if part not in _PAIRS["legs"] or figure == PLAIN_LEG.format(side=part.split("_")[0]):
         return []
+    return _agreeing_of_leg(part, words, clauses)
+
+
+def _agreeing_of_leg(part: str, words: str, clauses: Sequence[str]) -> list[str]:
     targets = targets_of(part, words)
     asked = targets.keys() - {PACE}
     shown = {c: targets_of(part, c).keys() - {PACE} for c in clauses}  # by an edit, beside its speed
-    free = [c for c in clauses if not shown[c] & asked]
-    if targets.get("outward", (USUAL_OUTWARD_M,))[0] < USUAL_OUTWARD_M and not (free and shown[free[0]]):
+    free = [c for c in clauses if shown[c].isdisjoint(asked)]
+    narrow = targets.get("outward", (USUAL_OUTWARD_M,))[0] < USUAL_OUTWARD_M
+    if narrow and not any(shown[c] for c in free[:1]):
         return []  # on a line feet keep their balance in plain steps, if they do not shuffle or the like
     if _OF_STEPS.search(words):
         return [c for c in free if shown[c] and not _OF_STEPS.search(c)][:1]
-    of_pace = [c for c in free if _PACED_STEPS.search(c)]
+    return _agreeing_in_pace(words, asked, free)
+
+
+def _agreeing_in_pace(words: str, asked: Set[str], free: list[str]) -> list[str]:
+    paced = _OF_PACE.search(words) is not None
     if asked and asked <= _OF_PLACE:  # where feet are says nothing of how they step
-        return [c for c in free if c not in of_pace] if _OF_PACE.search(words) else free
+        return [c for c in free if not (paced and _PACED_STEPS.search(c))]
     plain = asked or "lifted" in words  # and not a gait of its own: limping, stomping
-    return of_pace[:1] if plain and not _OF_PACE.search(words) else []
+    return list(filter(_PACED_STEPS.search, free))[:1] if plain and not paced else []
 
 
 def _base(modifiers: Sequence[Element], entries: tuple[LibraryEntry, ...], neutral: int) -> int:
@@ -156,6 +161,16 @@ def _show_all(
             if elsewhere and set(parts) <= set(entries[element.entry].defines):
                 sources.update(dict.fromkeys(parts, element.entry))
                 break
+
+
+def _of_figures(
+    figures: Sequence[Element], entries: tuple[LibraryEntry, ...], embeddings: LibraryEmbeddings, neutral: int
+) -> dict[str, int]:
+    sources = _figure_parts(figures, entries, embeddings, neutral)
+    for i in {e.entry for e in figures} - {neutral}:  # who hurries does so with the legs, whoever it is
+        if entries[i].category == "walks" and entries[i].defines == PART_NAMES:
+            sources.update(dict.fromkeys(_GROUPS["legs"], i))
+    return sources
 
 
 def _figure_parts(

@@ -267,13 +267,21 @@ def _without_objects(
         figure = category in (*FIGURES, "ages") or element.end == dropped_at or _any_in(follows, PERSONS)
         if element.start in objects and figure and not element.only:
             dropped_at = element.start
-            continue
-        thing = next((e for e in elements if e.start == element.end), None)
-        other = thing is None or entries[thing.entry].category in _THINGS
-        of_thing = category in _QUALITIES and other and _says(follows)
-        if element.only or element.start not in places or not of_thing:  # all but "in an old house"
+        elif (
+            element.only
+            or element.start not in places
+            or category not in _QUALITIES
+            or not _says(follows)
+            or not _of_thing(element, elements, entries)
+        ):  # all but "in an old house"
             kept.insert(0, element)
     return kept
+
+
+def _of_thing(element: Element, elements: list[Element], entries: tuple[LibraryEntry, ...]) -> bool:
+    """Whether what follows an element is a thing, or nothing that the library knows."""
+    thing = next((e for e in elements if e.start == element.end), None)
+    return thing is None or entries[thing.entry].category in _THINGS
 
 
 def _says(words: Sequence[Word]) -> bool:

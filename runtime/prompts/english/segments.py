@@ -38,20 +38,27 @@ def _opens(before: str, match: Match) -> int | None:
     words = before.split()
     if not words:
         return None
-    # "surgeon | holding his hands"
     if match["subject"] is not None and rules["keeping"].fullmatch(words[-1]):
-        before = before.rstrip().removesuffix(words.pop())
-        closed = (
-            not words or rules["noun_at_end"].search(before) or rules["no_opening_after"].fullmatch(words[-1])
-        )
-        return None if closed else len(before)
+        return _before_keeping(before, words)
     if rules["no_opening_after"].fullmatch(words[-1]) and not rules["particle_at_end"].search(before.strip()):
         return None
-    if match["subject"] is not None:
-        return _before_subject(before, words)
-    if match["posture"] is None and not rules["part"].search(before):
+    return _before_posture(before, match) if match["subject"] is None else _before_subject(before, words)
+
+
+def _before_keeping(before: str, words: list[str]) -> int | None:
+    """The same before a verb that keeps a part: "surgeon | holding his hands"."""
+    rules, (*earlier, verb) = grammar(), words
+    before = before.rstrip().removesuffix(verb)
+    if not earlier or rules["noun_at_end"].search(before) or rules["no_opening_after"].fullmatch(earlier[-1]):
         return None
-    noun = rules["noun_at_end"].search(before)
+    return len(before)
+
+
+def _before_posture(before: str, match: Match) -> int | None:
+    """The same where a posture, or what a part does, may open the clause."""
+    if match["posture"] is None and not grammar()["part"].search(before):
+        return None
+    noun = grammar()["noun_at_end"].search(before)
     return None if noun and _is_subject(before, noun, match) else len(before)
 
 
@@ -67,10 +74,11 @@ def _before_subject(before: str, words: list[str]) -> int | None:
         return len(before)
     if rules["holding"].fullmatch(last):
         return None
-    if other_verb and not verb:  # it opens the clause itself: "head up | sliding the feet along"
-        of_part = len(words) < 2 or rules["part"].fullmatch(words[-2])
-        return None if of_part or not spoken else len(before.rstrip()) - len(last)
-    return len(before) if spoken or not verb else None
+    if verb or not other_verb:
+        return len(before) if spoken or not verb else None
+    # it opens the clause itself: "head up | sliding the feet along"
+    of_part = len(words) < 2 or rules["part"].fullmatch(words[-2])
+    return None if of_part or not spoken else len(before.rstrip()) - len(last)
 
 
 def _is_subject(before: str, noun: Match, match: Match) -> bool:

@@ -259,9 +259,8 @@ def _whole(response: Any, waiting: Waiting) -> Any:
     """The same response with its whole body; AnswerError or TimeoutError where it goes on, or elsewhere."""
     if response.next_request is not None:
         url = response.next_request.url
-        place = (
-            f"{url.scheme}://{url.netloc.decode('ascii')}{url.path}"  # without a name, a password or a query
-        )
+        # without a name, a password or a query
+        place = f"{url.scheme}://{url.netloc.decode('ascii')}{url.path}"
         raise AnswerError(f"sends the prompt on to {place}, which is another address")
     coding = response.headers.get("content-encoding", "identity").strip().lower()
     if coding not in ("identity", ""):

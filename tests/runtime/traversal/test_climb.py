@@ -14,7 +14,7 @@ from runtime.arrays import Array
 from runtime.feet.ik import solve_legs
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain.courses import Obstacle
-from runtime.traversal.climb import Climb, Descend
+from runtime.traversal.climb import Climb
 from runtime.traversal.keyframes import Track
 from training.evaluation.metrics.traversal import CAPSULES, capsule_points, hands_on_edge, on_top_after
 
@@ -55,7 +55,7 @@ def moved(hips: Array, z: float, y: float = 0.0) -> Array:
     return hips + np.array([0.0, y, z])
 
 
-def played(crossing: Climb | Descend, style: str = "upright") -> tuple[Array, Array]:
+def played(crossing: Climb, style: str = "upright") -> tuple[Array, Array]:
     """World positions `(T, 31, 3)` and contacts `(T, 4)` of a crossing at 60 frames a second."""
     hips, local = standing(style)
     times = np.arange(0.0, crossing.seconds, 1.0 / FPS)
@@ -66,7 +66,7 @@ def played(crossing: Climb | Descend, style: str = "upright") -> tuple[Array, Ar
     return positions, np.array([p.contacts for p in poses])
 
 
-def check_ends(crossing: Climb | Descend, rise: float, start: float, style: str) -> None:
+def check_ends(crossing: Climb, rise: float, start: float, style: str) -> None:
     """Both ends show the incoming pose, lifted by the rise, and the root rests there."""
     hips, local = standing(style)
     for t, z, y in ((0.0, start, 0.0), (crossing.seconds, crossing.end_z, rise)):
@@ -110,7 +110,7 @@ def test_climbing_begins_and_ends_in_the_incoming_pose(rise: float, start: float
 @settings(max_examples=12)
 @given(drop=RISES, start=STARTS, style=STYLES)
 def test_getting_down_begins_and_ends_in_the_incoming_pose(drop: float, start: float, style: str) -> None:
-    check_ends(Descend(-drop, start, 1.0), -drop, start, style)
+    check_ends(Climb(-drop, start, 1.0), -drop, start, style)
 
 
 @settings(max_examples=10)
@@ -127,7 +127,7 @@ def test_a_climber_holds_the_edge_and_stays_out_of_the_wall(rise: float, start: 
 @settings(max_examples=10)
 @given(drop=RISES, start=STARTS, style=STYLES)
 def test_getting_down_lands_softly_and_clears_the_edge(drop: float, start: float, style: str) -> None:
-    positions, contacts = played(Descend(-drop, start, 1.0), style)
+    positions, contacts = played(Climb(-drop, start, 1.0), style)
     check_body(positions, -drop)
     check_stance(positions, contacts)
     height = positions[:, 0, 1]
@@ -146,7 +146,7 @@ def test_spread_arms_do_not_turn_over_on_their_way_to_the_edge(rise: float) -> N
 @pytest.mark.parametrize("rise", [0.6, 1.0, 1.4, -0.6, -1.0, -1.4])
 def test_soles_stand_on_the_ground(rise: float) -> None:
     """Feet that are in contact with heel and toe are as high over the ground as a flat sole."""
-    crossing = Climb(rise, -0.38, 1.0) if rise > 0 else Descend(rise, -0.38, 1.0)
+    crossing = Climb(rise, -0.38, 1.0)
     positions, contacts = played(crossing)
     for heel, toe, side in ((4, 5, 0), (9, 10, 2)):
         flat = (contacts[:, side : side + 2] > 0.99).all(1)
@@ -156,7 +156,7 @@ def test_soles_stand_on_the_ground(rise: float) -> None:
 
 
 def test_knees_bend_forward_and_never_lock_backwards() -> None:
-    for crossing in (Climb(0.6, -0.4, 1.0), Climb(1.4, -0.4, 1.0), Descend(-1.0, -0.4, 1.0)):
+    for crossing in (Climb(0.6, -0.4, 1.0), Climb(1.4, -0.4, 1.0), Climb(-1.0, -0.4, 1.0)):
         hips, local = standing("upright")
         for t in np.linspace(0.0, crossing.seconds, 60):
             pose = crossing.pose(float(t), moved(hips, crossing.root_z(float(t))), local)

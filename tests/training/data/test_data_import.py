@@ -17,6 +17,7 @@ from training.data import cutting, labels, relief
 from training.data.clips import Patches, TrainingClip, wrapped_height
 from training.data.foot_cleaning import bridge, clean_feet, stretches
 from training.data.importer import import_all
+from training.data.readers import read_transforms
 from training.data.retarget import (
     calibrate_feet,
     load_source,
@@ -25,17 +26,16 @@ from training.data.retarget import (
     retarget,
     sample_times,
 )
-from training.data.source_skeletons import SourceJoint, SourceSkeleton
+from training.data.shown import Shown
+from training.data.source_skeletons import SourceJoint, SourceSkeleton, known_skeletons
 from training.data.sources import (
     BY_NAME,
     DATA_SETS,
     FREE,
     DataSet,
-    Shown,
     credits_of,
     licence_of,
     list_clips,
-    read_transforms,
     recognise,
     skeleton_of,
 )
@@ -175,8 +175,9 @@ def test_a_data_set_is_added_by_one_record(tmp_path: Path, monkeypatch: pytest.M
     def shows(path: Path) -> Shown | str:
         return "no walk" if path.stem == "sit" else Shown("neutral", "walk forward")
 
-    record = DataSet("mine", "Me (MIT)", shows, (skeleton,), free=False, files="*.txt", first_frame=2)
+    record = DataSet("mine", "Me (MIT)", shows, free=False, files="*.txt", first_frame=2)
     monkeypatch.setattr("training.data.sources.DATA_SETS", (*DATA_SETS, record))
+    monkeypatch.setattr("training.data.sources.known_skeletons", lambda: (skeleton,))
     monkeypatch.setitem(BY_NAME, "mine", record)
     (tmp_path / "mine").mkdir()
     for name in ("walk", "sit"):
@@ -238,7 +239,7 @@ def test_resampling_hits_source_frames() -> None:
 
 def test_every_axis_map_is_a_rotation() -> None:
     motion = parse_bvh(march())
-    for skeleton in (s for record in DATA_SETS for s in record.skeletons):
+    for skeleton in known_skeletons():
         for target, joint in skeleton.joints.items():
             assert target in SPORT_SKELETON.names
             if joint.axes:

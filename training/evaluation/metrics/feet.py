@@ -83,9 +83,7 @@ def terrain_feet(positions: Array, terrain: Terrain) -> TerrainFeet:
     """
     heights = 100.0 * feet.joint_heights(positions, terrain, feet.SOLE_POINTS)
     soles = heights - 100.0 * np.array(feet.SOLE_HEIGHTS)
-    sunk_joint, sunk, above = (
-        -np.percentile(heights, 1),
-        -np.percentile(soles, [5, 1]),
-        np.percentile(soles.min(1), [50, 95]),
-    )
+    sunk_joint = -np.percentile(heights, 1)
+    sunk = -np.percentile(soles, [5, 1])
+    above = np.percentile(soles.min(1), [50, 95])
     return TerrainFeet(*(max(0.0, float(v)) for v in (sunk_joint, *sunk, *above)))

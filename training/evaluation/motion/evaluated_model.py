@@ -5,7 +5,6 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import fields
 from functools import cached_property
 from itertools import zip_longest
 from pathlib import Path
@@ -76,11 +75,7 @@ def count_parameters(metadata: dict[str, Any]) -> int:
     from training.networks.generator import Generator
     from training.presets import ModelConfig
 
-    known = {f.name for f in fields(ModelConfig)}
-    config: dict[str, Any] = {
-        k: tuple(v) if isinstance(v, list) else v for k, v in metadata["config"].items() if k in known
-    }
-    counted = Generator(ModelConfig(**config)).named_parameters()
+    counted = Generator(ModelConfig.of(metadata["config"])).named_parameters()
     unused = "denoiser" if metadata.get("decoder") == "mixture" else "none of these"
     return sum(p.numel() for name, p in counted if not name.startswith(unused))
 

@@ -223,11 +223,9 @@ def _walking_styles(plan: EvaluationPlan) -> list[str]:
 
 def score_transitions(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, float]:
     """Jerk around changes of prompt between random styles, walking, against that inside the styles."""
-    rng, seed, count = (
-        np.random.default_rng(plan.options.seed + 2),
-        plan.options.seed,
-        plan.options.transitions,
-    )
+    rng = np.random.default_rng(plan.options.seed + 2)
+    seed = plan.options.seed
+    count = plan.options.transitions
     styles = _walking_styles(plan)
     if len(styles) < 2:
         return {}
@@ -237,9 +235,8 @@ def score_transitions(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[s
         (evaluated.style(styles[one], k), evaluated.style(styles[other], k))
         for k, (one, other) in enumerate(pairs)
     ]
-    ratios = [
-        transition_jerk(positions, STEADY_FRAMES) for positions in transitions(evaluated.model, codes, seed)
-    ]
+    walks = transitions(evaluated.model, codes, seed)
+    ratios = [transition_jerk(positions, STEADY_FRAMES) for positions in walks]
     return {"ratio": float(np.mean(ratios)), "count": count}
 
 

@@ -20,12 +20,15 @@ def markdown(results: dict[str, Any]) -> str:
     sets, held_out = results["feature_sets"], results["held_out"]
     rows = [_held_out_row(held_out, sets), *(_model_row(model, sets) for model in results["models"])]
     head = ["", *(f"FMD, {n} features" for n in sets)]
+    head += ["skating under soles / under toes / at toe joints, before lock", "after lock"]
     head += [
-        "skating under soles / under toes / at toe joints, before lock",
-        "after lock",
         "diversity T 1 / T 0",
+        "network / frame (ms)",
+        "parameters",
+        "recognised / alike",
+        "transition jerk",
+        "path error (m)",
     ]
-    head += ["network / frame (ms)", "parameters", "recognised / alike", "transition jerk", "path error (m)"]
     lines = [f"`{results['command']}`", "", *table(head, rows)]
     for model in results["models"]:
         lines += [f"### {model['name']}", "", *_bars(model, held_out)]

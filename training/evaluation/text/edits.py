@@ -15,10 +15,8 @@ from runtime.skeleton import PART_NAMES, SPORT_SKELETON
 from training.augmentation.catalogue import catalogue, part_edits
 from training.augmentation.measured_edits import Summary, Target, rotation_change, value
 
-RIGHT_WAY_FRACTION, ENOUGH_FRACTION = (
-    0.1,
-    0.5,
-)  # fractions of the described change; under a tenth is no change
+# fractions of the described change; under a tenth is no change
+RIGHT_WAY_FRACTION, ENOUGH_FRACTION = 0.1, 0.5
 MIN_RIGHT_WAY_FRACTION, MIN_ENOUGH_FRACTION = 0.8, 0.5  # fractions of the held-out edits and pairs
 MIN_RHYTHM_RIGHT_WAY_FRACTION, MIN_RHYTHM_ENOUGH_FRACTION = 0.9, 0.7  # of those of rhythm and weight
 HELD_OUT_RHYTHM, TRAINED_RHYTHM = "held-out rhythm", "trained rhythm"

@@ -57,9 +57,7 @@ class Found:
                 self.clauses[as_left_limb(part, part)[0], clause].append(fraction[0])
         if fractions:
             # what neutral does not do already is what the sentence is there for
-            shown = [fraction for fraction, changes in fractions if changes] or [
-                fraction for fraction, _ in fractions
-            ]
+            shown = [f for f, changes in fractions if changes] or [f for f, _ in fractions]
             self.sentences[as_left_limb(sentence, part)].append(float(np.mean(shown)))
 
     def add_edit(self, part: str, phrase: str, fraction: float) -> None:

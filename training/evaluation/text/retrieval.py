@@ -29,9 +29,8 @@ MIN_RECALL_FRACTION = 0.6  # R@1
 
 def codes_of(mean: Array, log_variance: Array) -> Array:
     """Unit vectors mu + Sigma `(N, 768)` (Eq. 2) of distribution parameters `(N, 6, 64)`: products are cosines."""
-    both = (
-        np.concatenate([mean, np.exp(0.5 * log_variance)], axis=-1).reshape(len(mean), -1).astype(np.float64)
-    )
+    both = np.concatenate([mean, np.exp(0.5 * log_variance)], axis=-1).reshape(len(mean), -1)
+    both = both.astype(np.float64)
     return both / np.maximum(np.linalg.norm(both, axis=-1, keepdims=True), 1e-12)
 
 

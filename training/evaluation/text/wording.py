@@ -80,11 +80,7 @@ def _better_of(
     """Each weakly shown sentence of a group with the one in its place; `bodies` are what is walked by each sentence."""
     part = PARTS[group]
     shown = {words: sentence_fraction(part, words, neutral, body) for words, body in bodies.items()}
-    weak = {
-        words: fraction
-        for words, fraction in shown.items()
-        if fraction is not None and fraction < WEAK_FRACTION
-    }
+    weak = {w: f for w, f in shown.items() if f is not None and f < WEAK_FRACTION}
     if not weak:
         return {}
     vectors = dict(zip(bodies, likeness(list(bodies)), strict=True))
@@ -93,10 +89,10 @@ def _better_of(
         """The first of the sentences of most worth, and this; minus infinity where none shows more."""
         others = (w for w in bodies if w not in weak and _stands_for(group, part, w, words))
         worths = {w: _worth(part, words, weak[words] + MIN_GAIN_FRACTION, neutral, bodies[w]) for w in others}
-        worths = {
-            w: value + LIKENESS_WEIGHT * float(vectors[words] @ vectors[w]) for w, value in worths.items()
-        }
-        return max(((value, w) for w, value in worths.items()), key=itemgetter(0), default=(-inf, ""))
+        alike = {w: LIKENESS_WEIGHT * float(vectors[words] @ vectors[w]) for w in worths}
+        return max(
+            ((value + alike[w], w) for w, value in worths.items()), key=itemgetter(0), default=(-inf, "")
+        )
 
     found = {words: best(words) for words in weak}
     return {words: other for words, (value, other) in found.items() if value > -inf}

@@ -1,0 +1,90 @@
+"""How far a leg reaches: where its foot stands instead of where the ground asks for it."""
+
+from __future__ import annotations
+
+from math import dist
+from typing import NamedTuple
+
+from runtime.feet.ik import EASE_REACH_FRACTION, MAX_REACH
+from runtime.feet.leg import LegBones, LegPose, roll_cosine, rolled, soft_reach
+from runtime.feet.settings import SETTINGS
+from runtime.scalar_math import (
+    Quaternion,
+    Vector,
+    add,
+    between,
+    length,
+    multiply,
+    rotate,
+    scale,
+    subtract,
+    unit,
+)
+from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
+from runtime.terrain.height_map import PointHeights
+
+REACH_TRIALS = 4  # raisings of a foot that its leg does not reach; one is the rule
+
+
+class SpannedFoot(NamedTuple):
+    """A foot where its leg reaches."""
+
+    toe: Vector
+    ankle: Vector
+    rotation: Quaternion  # in the world
+    depth: float  # m that it is too deep in the ground
+
+    def lifted(self, joint: Vector) -> Vector:
+        """Return one of its joints, out of the ground."""
+        return joint[0], joint[1] + self.depth, joint[2]
+
+
+def span(leg: LegPose) -> float:
+    """Metres from hip to ankle of the incoming pose."""
+    return dist(leg.ankle, leg.hip)
+
+
+def depth_in_ground(toe: Vector, ankle: Vector, ground: PointHeights) -> float:
+    """Metres by which a foot at `toe` and `ankle` lies deeper in the ground than a sole may press."""
+    return max(
+        ground.height(toe[0], toe[2]) + TOE_HEIGHT - SETTINGS.sink - toe[1],
+        ground.height(ankle[0], ankle[2]) + ANKLE_HEIGHT - SETTINGS.sink - ankle[1],
+    )
+
+
+def spanned_foot(
+    bones: LegBones, rotation: Quaternion, hip: Vector, target: Vector, reach: float, ground: PointHeights
+) -> SpannedFoot:
+    """Return the foot with its ankle at `reach` from `hip` in place of at `target`: rolled over the toe, or slid on the heel."""
+    sole = rotate(rotation, bones.offsets[4])
+    toe = add(target, sole)
+    to_hip, along = subtract(hip, toe), unit(scale(sole, -1.0))
+    cosine = roll_cosine(to_hip, bones.foot_length, reach)
+    if abs(cosine) > 1.0:
+        to_target = subtract(target, hip)
+        ankle = add(hip, scale(to_target, reach / max(length(to_target), 1e-6)))
+        toe = add(ankle, sole)
+    else:
+        turned = rolled(to_hip, along, cosine)
+        ankle = add(toe, scale(turned, bones.foot_length))
+        rotation = multiply(between(along, turned), rotation)
+    return SpannedFoot(toe, ankle, rotation, max(0.0, depth_in_ground(toe, ankle, ground)))
+
+
+def ankle_target(
+    bones: LegBones, rotation: Quaternion, leg: LegPose, ankle: Vector, drop: float, ground: PointHeights
+) -> Vector:
+    """Target of the ankle for the IK: raised where the leg is too short and what it reaches instead lies in a step."""
+    hip, target = leg.raised(-drop), ankle
+    for _ in range(REACH_TRIALS):
+        to_target = subtract(target, hip)
+        wanted = length(to_target)
+        if wanted <= (MAX_REACH - EASE_REACH_FRACTION) * bones.length:
+            break
+        reached = add(hip, scale(to_target, soft_reach(wanted, bones.length, span(leg)) / wanted))
+        toe = add(reached, rotate(rotation, bones.offsets[4]))
+        missing = depth_in_ground(toe, reached, ground)
+        if missing <= 0.0:
+            break
+        target = (target[0], target[1] + 2.0 * missing, target[2])  # twice: the reach takes a part of it
+    return target

@@ -1,0 +1,40 @@
+"""Readers of takes that are not plain BVH with Y up."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from runtime import rotations
+from runtime.formats.bvh import BvhMotion, read_bvh
+from runtime.safe_read import open_npz
+from runtime.skeleton import Skeleton
+
+
+def read_z_up(path: Path) -> BvhMotion:
+    """A take whose Z is up, turned so that Y is."""
+    motion = read_bvh(path)
+    upright = rotations.from_axis_angle(np.array([1.0, 0.0, 0.0]), np.array(-0.5 * np.pi))
+    positions, local = motion.positions.copy(), motion.local_rotations.copy()
+    positions[:, 0] = rotations.rotate(upright, positions[:, 0])
+    local[:, 0] = rotations.multiply(np.broadcast_to(upright, local[:, 0].shape), local[:, 0])
+    return replace(motion, positions=positions, local_rotations=local)
+
+
+def read_transforms(path: Path) -> BvhMotion:
+    """A take of global joint positions and rotations as a hierarchy; FileError when it is none."""
+    with open_npz(path, "Unpack the archive again.") as file:
+        positions, world = file["positions"].astype(np.float64), file["quaternions"].astype(np.float64)
+        names, parents = file["bone_names"], file["parent_indices"]
+        fps = float(file["framerate"])
+    world = world[..., [3, 0, 1, 2]]  # stored as x, y, z, w
+    local, bones = world.copy(), positions.copy()
+    for joint, parent in enumerate(parents):
+        if parent >= 0:
+            back = rotations.inverse(world[:, parent])
+            local[:, joint] = rotations.multiply(back, world[:, joint])
+            bones[:, joint] = rotations.rotate(back, positions[:, joint] - positions[:, parent])
+    skeleton = Skeleton(tuple(map(str, names)), tuple(map(int, parents)), np.median(bones, axis=0))
+    return BvhMotion(skeleton, bones, local, 1.0 / fps, {})

@@ -55,9 +55,11 @@ WINDOW_FRAMES = 13  # in which accelerations are smoothed by a cubic; known is t
 HARMONICS = 4  # of a stride
 LEARNING_HALF_LIFE_S = 2.0  # in which errors are forgotten
 PRIOR_VARIANCE = 0.05  # of what each harmonic may be, over that of an error
-# m along the path, cosine and sine of the second and the fourth harmonic, from which learning starts: a quarter of what bodies
-# composed by words lack at 1.2 m/s, who surge too little with each step (`StrideBalance.errors` after 9 s)
-USUAL_ERRORS_M = {3: -0.012, 4: 0.025, 7: -0.015, 8: 0.02}
+# m along the path at 1 m/s, cosine and sine of the second and the fourth harmonic, which grow by the square of the speed:
+# between what captured styles lack (-0.019, 0.03, -0.022, 0.018) and bodies composed by words (-0.028, 0.104, -0.042, 0.042),
+# who surge too little with each step (means after 10 s). What is learnt is added
+USUAL_ERRORS_M = {3: -0.023, 4: 0.065, 7: -0.03, 8: 0.03}
+MAX_USUAL_SPEED_M_PER_S = 1.5  # up to which they are known
 DISTANCE_HALF_LIFE_S = 0.6  # of the mean and the size of the ankles' distance
 SPEED_HALF_LIFE_S = 0.03  # of the smoothing of its speed
 PHASE_GAIN = 0.15  # of the loop that follows the phase, a frame: fraction of its error
@@ -74,9 +76,16 @@ _LEFT_BEARS, _RIGHT_BEARS = np.array([1, 0, 1, 1, 1, 1]) > 0, np.array([0, 1, 1,
 _MIDDLE = WINDOW_FRAMES // 2
 _CUBIC = np.linalg.pinv(np.vander((np.arange(WINDOW_FRAMES) - _MIDDLE) * DT, 4, increasing=True))
 _PLACE, _ACCELERATION = _CUBIC[0], 2.0 * _CUBIC[2]
-# what the window has of each frame: centre of mass, foot points, which feet stand, direction of the path, phase of the
+# what the window has of each frame: centre of mass, foot points, which feet stand, planned velocity, phase of the
 # stride, and whether the frame is learnt from
-_MASS, _POINTS, _STANDS, _PATH, _PHASE, _LEARNS = slice(3), slice(3, 11), slice(11, 13), slice(13, 15), 15, 16
+_MASS, _POINTS, _STANDS, _VELOCITY, _PHASE, _LEARNS = (
+    slice(3),
+    slice(3, 11),
+    slice(11, 13),
+    slice(13, 15),
+    15,
+    16,
+)
 _COLUMNS = 17
 _TERMS = 1 + 2 * HARMONICS
 _ORDERS = (np.arange(_TERMS) + 1) // 2  # the harmonic of each term
@@ -119,8 +128,8 @@ class StrideBalance:
     # radians
     phase: Array = field(default_factory=_one(), metadata={"shape": ()})
     frequency: Array = field(default_factory=_one(start=USUAL_FREQUENCY_RAD_PER_S), metadata={"shape": ()})
-    # m along and across the path: mean, cosine and sine of each harmonic
-    errors: Array = field(default_factory=_one(_TERMS, 2, start=_USUAL), metadata={"shape": (_TERMS, 2)})
+    # m along and across the path, over what is usual: mean, cosine and sine of each harmonic
+    errors: Array = field(default_factory=_one(_TERMS, 2), metadata={"shape": (_TERMS, 2)})
     # of the errors
     covariance: Array = field(
         default_factory=_one(_TERMS, _TERMS, start=PRIOR_VARIANCE * np.eye(_TERMS)),
@@ -146,15 +155,19 @@ class StrideBalance:
         Joints `(N, 31, 3)` as they were shown in the last frame, the `ground`'s height under them `(N,)`, and whether
         the left and the right foot stood; the planned `velocity` `(N, 2)` in m/s; `steady` is who moves on evenly.
         """
-        speed = np.sqrt((velocity * velocity).sum(-1, keepdims=True))
-        path = velocity / np.maximum(speed, 1e-6)
+        path = _direction(velocity)
         joints = positions.astype(np.float64)
         points = joints[:, _FOOT_POINTS][..., [0, 2]]
         self._follow_phase(((points[:, 0] - points[:, 2]) * path).sum(-1))
         mass = JOINT_MASSES @ joints
         mass[:, [0, 2]] -= MASS_SHIFT * self.shift
         mass[:, 1] -= ground
-        flags = np.array(stands, np.float64), path, self.phase[:, None], np.array(steady, np.float64)[:, None]
+        flags = (
+            np.array(stands, np.float64),
+            velocity,
+            self.phase[:, None],
+            np.array(steady, np.float64)[:, None],
+        )
         row = np.concatenate([mass, points.reshape(-1, 8), *flags], -1)
         self.window = np.concatenate([self.window[:, 1:], row[:, None]], 1)
         if any(steady):
@@ -164,7 +177,7 @@ class StrideBalance:
             self.shift = np.zeros_like(velocity)
             return self.shift
         terms = _terms(self.phase) / self._pendulum(mass[:, 1])
-        along_across = (terms[:, None] @ self.errors)[:, 0]
+        along_across = self._missing(terms, velocity)
         limited = along_across / np.sqrt(1.0 + (along_across / MAX_SHIFT_M) ** 2)
         self.shift = self.fraction[:, None] * _from_path(limited, path)
         return self.shift
@@ -200,7 +213,8 @@ class StrideBalance:
         middle = self.window[:, _MIDDLE]
         known = self.window[..., _LEARNS].min(-1)[:, None]
         terms = _terms(middle[:, _PHASE])
-        missing = _to_path(self._error(), middle[:, _PATH]) - (terms[:, None] @ self.errors)[:, 0]
+        velocity = middle[:, _VELOCITY]
+        missing = _to_path(self._error(), _direction(velocity)) - self._missing(terms, velocity)
         spread = (self.covariance @ terms[..., None])[..., 0]
         gain = known * spread / (_KEEPS + (terms * spread).sum(-1, keepdims=True))
         self.errors = self.errors + gain[..., None] * missing[:, None]
@@ -208,6 +222,11 @@ class StrideBalance:
         known_well: Flags = np.trace(covariance, axis1=1, axis2=2) < _KEEPS * _TERMS * PRIOR_VARIANCE
         forgets = known[:, 0] * known_well
         self.covariance = covariance * (1.0 + forgets * (1.0 / _KEEPS - 1.0))[:, None, None]
+
+    def _missing(self, terms: Array, velocity: Array) -> Array:
+        """Return the metres `(N, 2)` along and across the path that terms `(N, 9)` make of what is usual and what is learnt."""
+        squares = np.minimum((velocity * velocity).sum(-1), MAX_USUAL_SPEED_M_PER_S**2)
+        return (terms[:, None] @ (self.errors + squares[:, None, None] * _USUAL))[:, 0]
 
     def _error(self) -> Array:
         """Return what the zero moment point lacks to the standing feet, `(N, 2)` metres, times the force on them over the weight."""
@@ -246,6 +265,11 @@ def _terms(phase: Array) -> Array:
     """Return 1, then cosine and sine of every harmonic of phases `(N,)`: `(N, 9)`."""
     orders = range(1, HARMONICS + 1)
     return np.array([[1.0, *(f(k * p) for k in orders for f in (cos, sin))] for p in phase.tolist()])
+
+
+def _direction(velocity: Array) -> Array:
+    """Return velocities `(N, 2)` over their speed; 0 of one that is 0."""
+    return velocity / np.maximum(np.sqrt((velocity * velocity).sum(-1, keepdims=True)), 1e-6)
 
 
 def _to_path(vectors: Array, path: Array) -> Array:

@@ -113,11 +113,11 @@ def step(
         np.minimum(np.maximum(y.contacts, 0.0), 1.0), 1.0 - state.settling.fraction[:, None]
     )
     gains = [style.swings for style in styles]
-    steady = _steady(state)
+    steady = _steady(state, state.measured_speed)
     swung = state.swings.apply(joints[:, 0], local, contacts, gains, _walking(state, steady))
     network = placed(*swung, state.trajectory, state.ground)
     even = _undisturbed(state, probes, steady)
-    shifts = _watch_strides(state, even)
+    shifts = _watch_strides(state, even, _undisturbed(state, probes, _steady(state, state.root_speed)))
     unlocked = _plant(state, *network, joints, contacts, shifts, even, terrain)
     _cross(state, unlocked, network, probes, styles)
     _feed_back(state, y, joints, probes, styles, terrain, haste)
@@ -128,11 +128,9 @@ def step(
     return state, Frame(*unlocked, reasons, ~sound)
 
 
-def _steady(state: CharacterState) -> list[bool]:
-    """Return which characters move on straight ahead, rather than start, stop, turn or jump."""
-    going = (state.wished_speed > 0.0) & (
-        state.measured_speed > STEADY_SPEED_FRACTION * state.requested_speed
-    )
+def _steady(state: CharacterState, speed: Array) -> list[bool]:
+    """Return which characters, of a root speed `(N,)` in m/s, move on straight ahead, rather than start, stop, turn or jump."""
+    going = (state.wished_speed > 0.0) & (speed > STEADY_SPEED_FRACTION * state.requested_speed)
     turned = state.trajectory.yaw[:, PRESENT] - state.trajectory.yaw[:, PRESENT - TURN_FRAMES]
     ahead = np.abs((turned + np.pi) % (2.0 * np.pi) - np.pi) < MAX_WALKING_TURN_RAD_PER_S * TURN_FRAMES * DT
     jumps = [bool(jump.stage) for jump in state.jumps]
@@ -155,15 +153,15 @@ def _undisturbed(
     ]
 
 
-def _watch_strides(state: CharacterState, even: Sequence[bool]) -> list[Vector]:
-    """Return the metres by which the hips are moved to keep who goes on `even` ground in balance; watches how they walk."""
+def _watch_strides(state: CharacterState, even: Sequence[bool], balanced: Sequence[bool]) -> list[Vector]:
+    """Return the metres by which the hips of who is to be `balanced` are moved; watches how they walk on `even` ground."""
     stands = [(bool(left), bool(right)) for left, right in (feet.held for feet in state.feet)]
     heights = state.poses.hips[:, 1].astype(np.float64) - state.ground
     walks = (state.trajectory.gait[:, PRESENT, Gait.JOG] < 0.5).tolist()
     blending = [blend.blending for blend in state.styles]
     state.walkable.update(heights, stands, walks, even, blending)
     shifts = state.balance.update(
-        state.poses.positions, state.ground, state.trajectory.velocity, stands, even
+        state.poses.positions, state.ground, state.trajectory.velocity, stands, balanced
     )
     return [(x, 0.0, z) for x, z in shifts.tolist()]
 

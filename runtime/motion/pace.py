@@ -14,8 +14,8 @@ from runtime.motion.features import FPS
 from runtime.scalar_math import decay
 
 GAIN_RANGE = (0.35, 2.0)  # of the gain
-PROPORTIONAL_GAIN = 2.0  # gain for a relative error of one
-INTEGRAL_GAIN_PER_S = 0.6  # change of the gain per second and relative error
+PROPORTIONAL_GAIN = 0.8  # gain for a relative error of one: more of it makes long slow strides leap
+INTEGRAL_GAIN_PER_S = 0.5  # change of the gain per second and relative error
 SPEED_HALF_LIFE_S = 0.12  # seconds, half-life of the measured speed: a stride speeds up and slows down
 SETS_OFF_S = 0.36  # seconds in which a body has followed half of a change of its plan
 MIN_REQUEST_M_PER_S = 0.12  # m/s; slower requests have no relative error
@@ -74,7 +74,7 @@ SHARE_RANGE = (0.5, 1.5)  # of the fraction
 STRIDE_HALF_LIFE_S = 0.3  # seconds, half-life: about a step
 MIN_STRIDE_SPEED_M_PER_S = 0.3  # m/s: slower, feet may well rest
 # what the regulator leaves of a difference in speed is taken up by longer or shorter strides, this much at most
-STRETCH = (0.65, 1.25)
+STRETCH = (0.65, 1.1)
 # of the plan: a smoothed request below that is a start, which longer strides would overshoot
 SETTING_OFF_FRACTION = 0.5
 SETTLED_FRACTION = 0.9  # of the plan: until the smoothed request is there,

@@ -42,7 +42,8 @@ LABELS = {"walk": 1, "jog": 2, "crouch": 3}  # columns of a clip's gait
 _CONTENTS = {"walk": ("walk",), "jog": ("run", "jog", "dash"), "crouch": ("crouch",)}
 LEAD_S, SHORTEST_S, EVERY_S = 0.8, 1.3, 0.2  # read after a lead, in stretches that last, so often
 MIN_SPEED_M_PER_S, MAX_TURN_RAD_PER_S, MAX_OFF_RAD = 0.25, 0.7, 0.45  # of a steady stretch straight ahead
-TWISTING_TIMES = 3.0  # these, of a clip that has no such stretch
+TWISTING_TIMES = 3.0  # these, of a clip in which such stretches are less than
+LEAST_STEADY_S, LEAST_STEADY_FRACTION = 20.0, 0.25  # these, of it: who is drunk or angry twists
 CLIPS_OF_STYLE, LONGEST_S = 12, 10.0  # of a style and content, and of a stretch, that are read at most
 _NOT_AHEAD = ("back", "left", "right", "side", "turn", "jump", "idle", "stand", "transition", "terrain")
 SPREAD_PERCENT = (30.0, 50.0, 70.0)  # low end, median and high end of a target
@@ -65,7 +66,8 @@ def read_clip(path: Path) -> tuple[str, dict[str, list[Reading]]]:
     yaw = smoothed_facing(SPORT_SKELETON.forward_kinematics(hips, local)[0])
     velocity = np.gradient(smoothed(hips[:, [0, 2]], 0.5), axis=0) * FPS
     steady = _steady(yaw, velocity)
-    if not any(_stretches(steady)):  # a body that twists with its arms
+    least = min(LEAST_STEADY_S * FPS, LEAST_STEADY_FRACTION * len(steady))
+    if sum(part.stop - part.start for part in _stretches(steady)) < least:
         steady = _steady(yaw, velocity, TWISTING_TIMES)
     found: dict[str, list[Reading]] = {}
     for gait in named:

@@ -58,12 +58,11 @@ def _relation(match: Match, words: str, hand: str, sides: list[str]) -> str | No
 
 def _hands(values: dict[str, str]) -> str:
     """The hand of a gesture: the one that is named, else that of the target's side (across from it on an arm)."""
-    if "both" in (values.get("side"), values.get("both")):
+    named = values.get("side") in OPPOSITE  # "both eyes with the right hand"
+    if values.get("side") == "both" or (values.get("both") and not named):
         return "both hands"
     place = values.get("target_side", "")
-    side = (
-        values.get("side") if values.get("side") in OPPOSITE else place and _hand_at(place, values["target"])
-    )
+    side = values["side"] if named else place and _hand_at(place, values["target"])
     return f"{side or 'right'} hand"
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from runtime.arrays import AnyArray
 from runtime.character.bodies import Nodes, open_character
 from runtime.character.body_surface import BodySurface, fit_surface
-from runtime.character.guess import JointGuess, guess_joints, require
+from runtime.character.guess import JointGuess, guess_skeleton, require
 from runtime.character.hand_contact import clear_hands
 from runtime.character.joint_map import read_joint_map, saved_joint_map
 from runtime.character.joints import Alignment, align
@@ -22,6 +22,7 @@ from runtime.character.planted_feet import Soles, find_soles, plant_feet
 from runtime.character.read import MAX_VALUE, REMEDY, STRUCTURE_ERRORS, GltfFile
 from runtime.character.rest_pose import bind_worlds
 from runtime.character.skinned_mesh import SkinnedMesh, Surface
+from runtime.character.tree import JointTree
 from runtime.errors import FileError
 from runtime.pose import Pose
 from runtime.safe_read import is_text, reason
@@ -78,7 +79,7 @@ def load_character(
 ) -> Character:
     """Load a skinned .glb, .gltf or .vrm; FileError names the file, what is wrong and what to do.
 
-    Joints are found by known names or by the tree and the rest pose (`guess_joints`). `joint_map` (SPORT joint name ->
+    Joints are found by known names or by the tree and the rest pose (`guess_skeleton`). `joint_map` (SPORT joint name ->
     joint name in the file, "" for none), or its file, overrides them one by one; by default it is the one next to the file.
     `unit` is a key of `NAMED_UNITS`; None: metres, or what fits the height of the body.
     """
@@ -112,7 +113,9 @@ def _guessed(file: GltfFile, joint_map: Mapping[str, str] | Path | None) -> tupl
         joint_map = read_joint_map(joint_map)
     named = ((n, file.gltf.nodes[n].get("name")) for n in data.joint_nodes)
     names = tuple(name if is_text(name) else f"node{n}" for n, name in named)
-    return guess_joints(file.path, data, names, joint_map), data
+    tree = JointTree(data.joint_parents, data.rest_world[:, :3, 3])
+    points, humanoid = data.rest_positions(), data.humanoid
+    return guess_skeleton(file.path, names, tree, points, joint_map, humanoid=humanoid), data
 
 
 def _assemble(file: GltfFile, guess: JointGuess, data: MeshData, unit: str | None) -> Character:
@@ -131,11 +134,10 @@ def _assemble(file: GltfFile, guess: JointGuess, data: MeshData, unit: str | Non
         size=size,
     )
     for holder in (character, alignment):  # scales of zero make numbers that nothing can be drawn with
-        for field in fields(holder):
-            value = getattr(holder, field.name)
-            real = isinstance(value, float) or (isinstance(value, np.ndarray) and value.dtype.kind == "f")
-            if real and not np.all(np.abs(value) < MAX_VALUE):
-                raise file.error(f"the {field.name.replace('_', ' ')} of its skeleton are not finite.")
+        for name, value in vars(holder).items():
+            values = np.asarray(value)
+            if values.dtype.kind == "f" and not np.all(np.abs(values) < MAX_VALUE):
+                raise file.error(f"the {name.replace('_', ' ')} of its skeleton are not finite.")
     metres = alignment.units * NAMED_UNITS[unit or "m"]
     if alignment.native or ((unit is not None or file_unit(vertices) == 1.0) and np.isclose(size, metres)):
         return character

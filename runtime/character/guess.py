@@ -12,7 +12,6 @@ import numpy as np
 from runtime.arrays import AnyArray
 from runtime.character.joint_map import joint_map_path
 from runtime.character.joints import NEEDED, REQUIRED, match_centre, match_names
-from runtime.character.mesh import MeshData
 from runtime.character.structure import guess_by_structure, leg_count
 from runtime.character.tree import JointTree
 from runtime.errors import FileError
@@ -64,15 +63,6 @@ class JointGuess:
     doubts: dict[str, str]
 
 
-def guess_joints(
-    path: Path, data: MeshData, names: tuple[str, ...], joint_map: Mapping[str, str]
-) -> JointGuess:
-    """What the joints of a mesh in its rest pose play. FileError where the map names a joint that is not there; `NotUpright` for a quadruped."""
-    tree = JointTree(data.joint_parents, data.rest_world[:, :3, 3])
-    found, origin = _guessed_joints(tree, data.rest_positions(), names, data.humanoid)
-    return _believed(path, names, tree, found, origin, joint_map)
-
-
 def require(path: Path, guess: JointGuess) -> None:
     """`JointsUnknown` where something is missing, with where to name it."""
     if guess.missing:
@@ -99,28 +89,18 @@ def guess_skeleton(
     points: AnyArray,
     joint_map: Mapping[str, str],
     turning: AnyArray | None = None,
+    humanoid: Mapping[str, int] | None = None,
 ) -> JointGuess:
-    """What the joints of a skeleton without a mesh play, in a rest pose with `points` `(N, 3)` on its body.
+    """What the joints of a skeleton play, in a rest pose with `points` `(N, 3)` of its body or mesh.
 
-    `turning` `(K,)` is how far each joint turns against its parent in a motion, radians: joints of limbs must turn.
+    What geometry refuses is left out, what was chosen by hand is put in. `turning` `(K,)` is how far each joint turns
+    against its parent in a motion, radians: joints of limbs must turn. `humanoid` are the joints that a VRM names.
 
     FileError where the map names a joint that is not there, `NotUpright` for a quadruped.
     """
-    found, origin = _guessed_joints(tree, points, names, {})
+    found, origin = _guessed_joints(tree, points, names, humanoid or {})
     if turning is not None:
         found = _bending(found, tree, turning)
-    return _believed(path, names, tree, found, origin, joint_map)
-
-
-def _believed(
-    path: Path,
-    names: tuple[str, ...],
-    tree: JointTree,
-    found: Mapping[str, int],
-    origin: str,
-    joint_map: Mapping[str, str],
-) -> JointGuess:
-    """A guess without what geometry refuses, and with what was chosen by hand."""
     if _missing(found) and not joint_map and leg_count(tree) > 2:
         raise _not_upright(path)
     refused = refusals(found, tree)

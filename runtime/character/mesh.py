@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -27,8 +28,8 @@ from runtime.character.skinned_mesh import Surface
 from runtime.character.textures import Textures, primitive_colors
 
 MAX_BIND = 1e6  # of an inverse bind matrix: rounding would be seen in its vertices
-MAX_VERTICES = 1_000_000  # of all primitives; characters in games have 100,000
-MAX_TRIANGLES = 2_000_000
+# of all meshes; characters in games have 100,000 vertices
+MOST = {"primitives": MAX_PRIMITIVES, "vertices": 1_000_000, "triangles": 2_000_000}
 MAX_JOINTS = 1024
 MAX_SKIN_JOINTS = 16 * MAX_JOINTS  # of all skins, which mostly share their joints
 _SKINNED_AT_ONCE = 1 << 15  # vertices, whose blended matrices take 400 bytes each
@@ -121,7 +122,7 @@ class _Reader:
     def __init__(self, file: GltfFile) -> None:
         self._file = file
         self._textures = Textures(file)
-        self._primitives = self._vertices = self._triangles = 0
+        self._counts = Counter[str]()
 
     def read(self, mesh: int, slots: NDArray[np.int64], rigid: AnyArray | None) -> list[Surface]:
         """The triangles of a mesh whose joints are `slots`; for `rigid` see `_read_primitive`."""
@@ -138,19 +139,12 @@ class _Reader:
 
     def _count(self, primitive: Entry, what: str) -> None:
         vertices = accessor_count(self._file, primitive.attributes.POSITION)
-        self._primitives += 1
-        self._vertices += vertices
-        self._triangles += (accessor_count(self._file, primitive.indices) or vertices) // 3
-        for name, count, most in (
-            ("primitives", self._primitives, MAX_PRIMITIVES),
-            ("vertices", self._vertices, MAX_VERTICES),
-            ("triangles", self._triangles, MAX_TRIANGLES),
-        ):
-            if count > most:
-                raise self._file.error(
-                    f"more than {most} {name} up to the POSITION of {what}.",
-                    "Reduce the mesh.",
-                )
+        triangles = (accessor_count(self._file, primitive.indices) or vertices) // 3
+        self._counts.update(primitives=1, vertices=vertices, triangles=triangles)
+        for name, most in MOST.items():
+            if self._counts[name] > most:
+                problem = f"more than {most} {name} up to the POSITION of {what}."
+                raise self._file.error(problem, "Reduce the mesh.")
 
 
 def read_meshes(file: GltfFile) -> MeshData:

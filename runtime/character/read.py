@@ -253,17 +253,6 @@ def _sparse_values(file: GltfFile, accessor: Entry, what: str) -> AnyArray:
 
 def ancestors(file: GltfFile) -> tuple[list[int], list[int]]:
     """All nodes with parents before their children, and the parent of each node, -1 at roots. FileError."""
-    nodes, parents = file.gltf.nodes or [], _parents(file)
-    order = [i for i, parent in enumerate(parents) if parent < 0]
-    for i in order:  # which grows meanwhile
-        order.extend(nodes[i].children or [])
-    if len(order) < len(nodes):
-        first = min(set(range(len(nodes))) - set(order))
-        raise file.error(f"the node hierarchy has a cycle at node {first}.")
-    return order, parents
-
-
-def _parents(file: GltfFile) -> list[int]:
     nodes = file.gltf.nodes or []
     parents = [-1] * len(nodes)
     for i, node in enumerate(nodes):
@@ -272,7 +261,13 @@ def _parents(file: GltfFile) -> list[int]:
             if not known or parents[child] >= 0:
                 raise file.error(f"the children of node {i} do not form a tree.")
             parents[child] = i
-    return parents
+    order = [i for i, parent in enumerate(parents) if parent < 0]
+    for i in order:  # which grows meanwhile
+        order.extend(nodes[i].children or [])
+    if len(order) < len(nodes):
+        first = min(set(range(len(nodes))) - set(order))
+        raise file.error(f"the node hierarchy has a cycle at node {first}.")
+    return order, parents
 
 
 def skeleton_nodes(file: GltfFile, order: list[int], parents: list[int]) -> set[int]:

@@ -84,18 +84,12 @@ def _in_the_middle(
     """Keep the forks whose legs stand on both sides of one plane; two fingers of a hand are no legs."""
     if len(forks) < 2:
         return forks
-    gaps = [tree.positions[legs[0].end] - tree.positions[legs[1].end] for _, legs in forks]
-    widest = max(gaps, key=lambda gap: float(np.linalg.norm(gap)))
-    across = widest / np.linalg.norm(widest)
-    middles = [
-        float(across @ (tree.positions[legs[0].end] + tree.positions[legs[1].end])) / 2 for _, legs in forks
-    ]
-    plane = middles[int(np.argmax([np.linalg.norm(gap) for gap in gaps]))]
-    return [
-        fork
-        for fork, middle in zip(forks, middles, strict=True)
-        if abs(middle - plane) < TOLERANCE * tree.size
-    ]
+    ends = tree.positions[[[leg.end for leg in legs] for _, legs in forks]]  # (forks, 2, 3)
+    gaps = ends[:, 0] - ends[:, 1]
+    widest = int(np.linalg.norm(gaps, axis=1).argmax())
+    middles = ends.mean(axis=1) @ gaps[widest] / np.linalg.norm(gaps[widest])
+    near = np.abs(middles - middles[widest]) < TOLERANCE * tree.size
+    return [forks[k] for k in np.flatnonzero(near)]
 
 
 def _leg(tree: JointTree, top: int, taken: set[int]) -> _Leg | None:

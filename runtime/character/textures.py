@@ -19,7 +19,6 @@ from runtime.character.read import (
     read_accessor,
     read_uri,
 )
-from runtime.errors import FileError
 from runtime.safe_read import reason
 
 if TYPE_CHECKING:
@@ -146,13 +145,12 @@ class Textures:
 
     def pixels(self, texture: Any) -> NDArray[np.uint8]:
         """sRGB pixels `(H, W, 3)` of a texture's image."""
-        name = self._file.path
         textures, images = self._file.gltf.textures or [], self._file.gltf.images or []
         if not isinstance(texture, int) or not 0 <= texture < len(textures):
-            raise FileError(f"{name}: texture {str(texture)[:40]} is missing.", REMEDY)
+            raise self._file.error(f"texture {str(texture)[:40]} is missing.", REMEDY)
         source = texture_source(textures[texture])
         if not isinstance(source, int) or not 0 <= source < len(images):
-            raise FileError(f"{name}: the image of texture {texture} is missing.", REMEDY)
+            raise self._file.error(f"the image of texture {texture} is missing.", REMEDY)
         if source not in self._pixels:
             what = f"image {source}"
             self._pixels[source] = self._decode(image_bytes(self._file, images[source], what), what)

@@ -61,10 +61,8 @@ class JointTree:
 
     def chain(self, top: int, tip: int) -> list[int]:
         """The joints from `top` down to `tip`, both included."""
-        found = [tip]
-        while found[-1] != top:
-            found.append(self.parents[found[-1]])
-        return found[::-1]
+        above = self.ancestors(tip)
+        return above[above.index(top) :: -1]
 
     def lowest(self, top: int) -> int:
         """The lowest end of a branch."""

@@ -35,14 +35,12 @@ def ground_spec(clip: Clip, clip_path: Path | None = None, chosen: str | None = 
     Metadata keep only the name of a ground from a file: it is looked for as it is, and next to the clip. FileError when
     it is in neither place, with the remedy to name it.
     """
-    if chosen is not None:
-        return chosen
-    if clip.placed is None or clip.terrain in TERRAIN_NAMES:
-        return clip.terrain if clip.placed is not None else "flat"
-    places = [Path(clip.terrain)]
-    if clip_path is not None:
-        places.append(clip_path.parent / Path(clip.terrain).name)
-    for place in places:
+    if chosen is not None or clip.placed is None:
+        return "flat" if chosen is None else chosen
+    if clip.terrain in TERRAIN_NAMES:
+        return clip.terrain
+    for folder in (None, clip_path and clip_path.parent):
+        place = Path(clip.terrain) if folder is None else folder / Path(clip.terrain).name
         if place.is_file():
             return str(place)
     raise FileError(

@@ -174,22 +174,20 @@ def _loop(value: Any) -> LoopReport | None:
 
 def _contacts(value: dict[str, Any], frames: int) -> Array | None:
     """Contacts `(frames, 4)` of a track of each sole point; None where they are none."""
-    try:
+    with contextlib.suppress(TypeError, ValueError, KeyError, OverflowError):
         contacts = np.array([value["contacts"][name] for name in CONTACTS], np.float32).T
-    except (TypeError, ValueError, KeyError, OverflowError):
-        return None
-    usable = contacts.shape == (frames, 4) and bool(((contacts >= 0.0) & (contacts <= 1.0)).all())
-    return np.ascontiguousarray(contacts) if usable else None
+        if contacts.shape == (frames, 4) and ((contacts >= 0.0) & (contacts <= 1.0)).all():
+            return np.ascontiguousarray(contacts)
+    return None
 
 
 def _placed(value: Any) -> tuple[float, ...] | None:
     if value is None:
         return None
-    try:
-        yaw, x, y, z = (read_number(part) for part in value)
-    except (TypeError, ValueError):
-        return UNMOVED
-    return yaw, x, y, z
+    with contextlib.suppress(TypeError, ValueError):
+        yaw, x, y, z = map(read_number, value)
+        return yaw, x, y, z
+    return UNMOVED
 
 
 def markers(clip: Clip) -> list[dict[str, Any]]:

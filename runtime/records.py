@@ -116,9 +116,10 @@ def _error(path: str, problem: str) -> FileError:
 def _read(hint: Any, value: Tree, arrays: typing.Sequence[np.ndarray], path: str, metadata: Any) -> Any:
     origin, inside = typing.get_origin(hint), typing.get_args(hint)
     if origin in (typing.Union, types.UnionType):
-        (hint,) = (each for each in inside if each is not type(None))
-        optional = value is None and type(None) in inside
-        return None if optional else _read(hint, value, arrays, path, metadata)
+        if value is None and type(None) in inside:
+            return None
+        (hint,) = set(inside) - {type(None)}
+        return _read(hint, value, arrays, path, metadata)
     if origin is tuple:
         kinds = _kinds(inside, value, path)
         pairs = enumerate(zip(kinds, value, strict=True))

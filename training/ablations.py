@@ -24,6 +24,7 @@ from runtime.assets import model_folder
 from runtime.atomic import write_atomic
 from runtime.errors import FileError, UsageError, run_command
 from runtime.safe_read import open_npz
+from training.arguments import log_progress
 from training.frames import stored_for
 from training.presets import ABLATIONS
 
@@ -81,7 +82,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     for name, settings in OPTIONS:
         parser.add_argument(name, **settings)
     args = parser.parse_args(argv)
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    log_progress()
     give_way(args.nice)
     check(args, args.only or list(ABLATIONS))
     for seed in args.seeds:  # a whole table first, then its spread

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -78,3 +79,10 @@ def build_parser() -> argparse.ArgumentParser:
         "--no-graphs", action="store_true", help="compute every step, in place of CUDA graphs on a GPU"
     )
     return parser
+
+
+def log_progress() -> None:
+    """Show what is logged with its time, and nothing of the exporters' own."""
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    for chatty in ("onnx_ir", "onnxscript", "torch.onnx"):
+        logging.getLogger(chatty).setLevel(logging.WARNING)

@@ -29,7 +29,7 @@ from runtime.atomic import write_atomic
 from runtime.errors import FileError, UsageError
 from runtime.motion.features import OUTPUT_SIZE
 from training import courses, parallel
-from training.arguments import STAGES, build_parser
+from training.arguments import STAGES, build_parser, log_progress
 from training.augmentation.build import LAYERS, build_layers
 from training.batches import FrameTensors
 from training.data import sources
@@ -66,7 +66,7 @@ def main(argv: list[str] | None = None) -> int:
     args.ends = (
         None if args.minutes is None else time.monotonic() + 60.0 * (1.0 - WRITING_FRACTION) * args.minutes
     )
-    _log_progress()
+    log_progress()
     wanted = _wanted(args)
     stages = [stage for stage in wanted if stage in TRAINING]
     if stages:
@@ -298,14 +298,8 @@ def _train_together(run: Run, stage: str) -> None:
 
 
 def _train_one_of_several(args: argparse.Namespace, stage: str) -> None:
-    _log_progress()
+    log_progress()
     TRAINING[stage](Run.of(argparse.Namespace(**vars(args) | {"stage": stage})))
-
-
-def _log_progress() -> None:
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
-    for chatty in ("onnx_ir", "onnxscript", "torch.onnx"):
-        logging.getLogger(chatty).setLevel(logging.WARNING)
 
 
 def _refuse_table_one(config: ModelConfig) -> None:

@@ -116,8 +116,9 @@ class NextStep:
         """Read an incoming leg: where the hip goes, and where the foot comes down; `down` tells that it has, held or not."""
         self._follow_hip(leg.hip, dt)
         ankle_x, _, ankle_z = leg.ankle
-        came = (held or down) and not self.stood and self.since > SHORTEST_S
-        self.held, self.stood, self.metres, self.seconds = held, held or down, 0.0, 0.0
+        stands = held or down
+        came = stands and not self.stood and self.since > SHORTEST_S
+        self.held, self.stood, self.metres, self.seconds = held, stands, 0.0, 0.0
         self.since += dt
         speed = self.speed
         way = self.way_x / max(speed, 1e-6), self.way_z / max(speed, 1e-6)

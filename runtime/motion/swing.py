@@ -180,10 +180,7 @@ def _swung(
     pelvis = multiply(from_vector((0.0, yaw, roll)), rotations[0])
     rotations[0], result[0] = pelvis, pelvis
     _turn_spine(result, local.tolist(), (yaw, roll, turn))
-    for joint, mean, q in zip(_UPPER_ARMS, arms, local[list(_UPPER_ARMS)].tolist(), strict=True):
-        swing = to_vector(multiply(q, inverse(mean)))
-        size = min(abs(more[ARMS]), MOST[ARMS] / max(length(swing), 1e-9))
-        result[joint] = multiply(from_vector(scale(swing, copysign(size, more[ARMS]))), q)
+    _swing_arms(result, arms, more[ARMS])
     legs = [_moved_with(leg, bones, hips, rotations) for leg, bones in zip(before, _LEGS, strict=True)]
     bears = max(contacts[:2]), max(contacts[2:])
     rise += carrying_rise(legs, [span(leg) for leg in before], bears)
@@ -191,6 +188,13 @@ def _swung(
         result[list(bones.joints[1:4])] = leg_inverse(leg, leg.ankle, leg.foot, -rise)
     x, y, z = hips.tolist()
     return (x, y + rise, z), result, [*after, *(value for q in arms for value in q)]
+
+
+def _swing_arms(result: Array, means: list[Quaternion], more: float) -> None:
+    for joint, mean, q in zip(_UPPER_ARMS, means, result[list(_UPPER_ARMS)].tolist(), strict=True):
+        swing = to_vector(multiply(q, inverse(mean)))
+        size = min(abs(more), MOST[ARMS] / max(length(swing), 1e-9))
+        result[joint] = multiply(from_vector(scale(swing, copysign(size, more))), q)
 
 
 def _moved_with(leg: LegPose, bones: LegBones, hips: Array, rotations: list[Quaternion]) -> LegPose:

@@ -57,19 +57,22 @@ def _tensor(data: bytes) -> bytes:
         return data
     out, values = bytearray(), bytearray()
     for field in fields:
-        content = data[field.content : field.end]
         if field.number == _DATA_TYPE:
             out += _varint(_DATA_TYPE << 3 | _VARINT) + _varint(_UINT8)
-        elif field.number == _RAW_DATA:
-            values += content
-        elif field.number == _INT32_DATA and field.kind == _BYTES:
-            values += bytes(value & 0xFF for value in _varints(content))
-        elif field.number == _INT32_DATA:
-            values.append(field.value & 0xFF)
+        elif field.number in (_RAW_DATA, _INT32_DATA):
+            values += _values(field, data[field.content : field.end])
         else:
             out += data[field.start : field.end]
     shifted = np.frombuffer(values, np.uint8) ^ 0x80
     return bytes(out) + _encoded(_RAW_DATA, shifted.tobytes())
+
+
+def _values(field: _Field, content: bytes) -> bytes:
+    """The 8-bit numbers of a field: as they are, or as one or many integers."""
+    if field.number == _RAW_DATA:
+        return content
+    numbers = _varints(content) if field.kind == _BYTES else [field.value]
+    return bytes(value & 0xFF for value in numbers)
 
 
 def _fields(data: bytes) -> Iterator[_Field]:

@@ -8,7 +8,7 @@ usual in a gait. Captions are the descriptions of styles.json.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
@@ -103,25 +103,33 @@ def captured() -> CapturedPhrases:
     """The shipped file; FileError where it is malformed."""
     path = asset_path(PHRASE_MEASURES)
     styles = load_styles(asset_path("prompts/styles.json"))
-    captions: dict[Clause, set[str]] = {}
-    clauses: dict[Clause, set[str]] = {}
     try:
         tree = json.loads(path.read_text("utf-8"))
         measured = {s: _by_part(gaits) for s, gaits in tree["styles"].items() if "walk" in gaits}
-        for name, part, sentence in captions_by_style(styles):
-            if name in measured:  # a gesture that was captured standing says nothing of a walk
-                captions.setdefault((part, sentence), set()).add(name)
-                for clause in sentence.split(", "):
-                    clauses.setdefault((part, clause), set()).add(name)
+        captions, clauses = _styles_by_words(styles, measured)
         return CapturedPhrases(
             measured,
             {k: {t: _by_phrase(of) for t, of in targets.items()} for k, targets in tree["phrases"].items()},
             {gait: _ranges(measures) for gait, measures in tree["usual"].items()},
-            {key: frozenset(names) for key, names in captions.items()},
-            {key: frozenset(names) for key, names in clauses.items()},
+            captions,
+            clauses,
         )
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise FileError(f"{path}: not readable as measures ({error!r}).", "Restore the file.") from error
+
+
+def _styles_by_words(
+    styles: Mapping[str, LibraryStyle], walked: Container[str]
+) -> tuple[dict[Clause, frozenset[str]], ...]:
+    """The styles that have each caption, and each clause; one that was captured standing says nothing of a walk."""
+    captions: dict[Clause, set[str]] = {}
+    clauses: dict[Clause, set[str]] = {}
+    for name, part, sentence in captions_by_style(styles):
+        if name in walked:
+            captions.setdefault((part, sentence), set()).add(name)
+            for clause in sentence.split(", "):
+                clauses.setdefault((part, clause), set()).add(name)
+    return tuple({key: frozenset(names) for key, names in of.items()} for of in (captions, clauses))
 
 
 def captions_by_style(styles: Mapping[str, LibraryStyle]) -> Iterator[tuple[str, str, str]]:

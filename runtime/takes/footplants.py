@@ -81,8 +81,7 @@ def _each(clip: Clip, edits: Sequence[FootplantEdit]) -> tuple[Clip, int]:
     for edit in edits:
         known = footplants(made.contacts[:, 2 * edit.foot : 2 * edit.foot + 2])
         part = _window(edit, known, len(clip))
-        fits = (edit.old is None or edit.old in known) and max(edit.new or (0, 0)) <= len(clip)
-        if not fits or part.stop - part.start > MAX_WINDOW_FRAMES:
+        if not _fits(edit, known, part, len(clip)):
             left_out += 1
             continue
         if made is clip:
@@ -94,6 +93,11 @@ def _each(clip: Clip, edits: Sequence[FootplantEdit]) -> tuple[Clip, int]:
         for whole, inside in zip(_arrays(made), _arrays(around), strict=True):
             whole[part] = inside
     return made, left_out
+
+
+def _fits(edit: FootplantEdit, known: list[Frames], part: slice, count: int) -> bool:
+    there = edit.old is None or edit.old in known
+    return there and max(edit.new or (0, 0)) <= count and part.stop - part.start <= MAX_WINDOW_FRAMES
 
 
 def _arrays(clip: Clip) -> tuple[Array, Array, Array]:

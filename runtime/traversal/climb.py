@@ -75,11 +75,9 @@ def _motion(kind: str, rise: float, seconds: float, whole: float, names: _Names)
 
     def rows(name: str, side: float = 1.0) -> Rows:
         found = [[_value(cell, names) for cell in row] for row in keys[name]]
-        return (
-            [(*row[:2], side * row[2], *row[3:]) for row in found]
-            if name == "hands"
-            else [*map(tuple, found)]
-        )
+        if name == "hands":
+            found = [[*row[:2], side * row[2], *row[3:]] for row in found]
+        return [*map(tuple, found)]
 
     def contacts(name: str) -> Rows:
         spans = ({k: _value(cell, names) for k, cell in span.items()} for span in keys[name])

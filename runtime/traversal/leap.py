@@ -58,6 +58,7 @@ HIPS_UP_FRACTION, HIPS_UP_S_FRACTION, HIPS_DOWN_FRACTION = 0.8, 0.4, 0.1
 LOW_BAR_M, HIGHER_FRACTION = 0.33, 1.1  # what hips rise over a bar is higher by
 ARC_FRACTIONS, FADE_S = (0.34, 0.48), 0.15  # of a stride that half of a rise takes
 INNER_FRACTIONS = 0.04, 0.96  # of a swing in which a foot has to be clear
+MIN_SQUARED_SPAN = 0.01  # m2 from hip to ankle
 ON_TOE_RAD = 0.3  # pitch of a foot that already stands on its toe
 # of a stand; of a swing; of the rest of a stride
 HEEL_UP_FRACTION, LANDING_TURN_FRACTION, ROLL_FRACTION = 0.35, 0.8, 1.6
@@ -172,13 +173,12 @@ class Leap:
         """Height of the hips over those of the incoming pose: the new ground, a flight's arc, and legs that reach."""
         t, begin, end = self._t, self.stride.elapsed, self.stride.seconds
         leaves = max(HIPS_UP_FRACTION * off, begin)
-        up = (
-            smoothstep((t - land) / min(HIPS_UP_S_FRACTION * end, end - land))
-            if self.beyond > 0.0
-            else smoothstep((t - leaves) / (land + HIPS_DOWN_FRACTION * off - leaves))
-        )
         if self._fall:
-            up = np.clip((t - off) / max(land - off, 1e-3), 0.0, 1.0) ** 2
+            up: Array = np.clip((t - off) / max(land - off, 1e-3), 0.0, 1.0) ** 2
+        elif self.beyond > 0.0:
+            up = smoothstep((t - land) / min(HIPS_UP_S_FRACTION * end, end - land))
+        else:
+            up = smoothstep((t - leaves) / (land + HIPS_DOWN_FRACTION * off - leaves))
         flight = min(max(land - off, 0.0), LONGEST_FLIGHT_S)
         high = max(GRAVITY * flight**2 / 8.0, HIGHER_FRACTION * (self.top - LOW_BAR_M))
         middle = 0.5 * (off + land)
@@ -193,11 +193,8 @@ class Leap:
         limit = np.full(len(t), np.inf)
         for plan in self._plans:
             dz = plan.ankle[:, 2] - self._root
-            reach = (
-                plan.ankle[:, 1]
-                + np.sqrt(np.maximum((LEG_REACH_FRACTION * LEG) ** 2 - dz**2, 0.01))
-                + HIP_DROP
-            )
+            spans = np.sqrt(np.maximum((LEG_REACH_FRACTION * LEG) ** 2 - dz**2, MIN_SQUARED_SPAN))
+            reach = plan.ankle[:, 1] + spans + HIP_DROP
             limit = np.where(plan.stands, np.minimum(limit, reach - self.stride.hips), limit)
         lower = np.minimum(np.maximum(rise - limit, 0.0), DEEPEST_M)
         # the most of seven frames around, then their smooth mean: hardly less anywhere, and without a step where a foot comes down

@@ -56,14 +56,9 @@ class PlannedSteps:
         x, _, z = pose.root_position.tolist()
         if self.root is not None:
             last_x, last_z = self.root.tolist()
-            velocity_x, velocity_z = self.velocity.tolist()
             way_x, way_z = (x - last_x) / DT, (z - last_z) / DT
-            self.velocity = np.array(
-                (
-                    velocity_x + (way_x - velocity_x) * VELOCITY_SMOOTHING_FRACTION,
-                    velocity_z + (way_z - velocity_z) * VELOCITY_SMOOTHING_FRACTION,
-                )
-            )
+            velocity = np.array((way_x, way_z))
+            self.velocity = self.velocity + (velocity - self.velocity) * VELOCITY_SMOOTHING_FRACTION
             self.speed += (
                 min(hypot(way_x, way_z) / pace, MAX_SPEED_M_PER_S) - self.speed
             ) * SPEED_SMOOTHING_FRACTION

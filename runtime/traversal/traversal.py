@@ -35,6 +35,7 @@ FOLLOWED_FRACTION = 0.7  # by so much
 PACE_RANGE = (0.85, 1.2)  # of the root in the steps before a leap, so that a foot comes down at its edge
 # of the spring of sight, where it is turned round on its way: fraction, and 1/s
 MAX_SIGHT_FRACTION, MAX_SIGHT_CHANGE_PER_S = 1.5, 20.0
+MAX_SIZE_M, MAX_NUMBER = 10.0, 100.0  # of what is crossed; of what describes it
 TEMPO_RANGE = (0.7, 1.2)  # of a climb
 
 
@@ -114,16 +115,11 @@ class Traversal:
 def is_possible(traversal: Traversal) -> bool:
     """Whether the numbers of a traversal that was read from a file describe one of its kind."""
     numbers = traversal.numbers
-    in_sight = (
-        abs(traversal.sight) <= MAX_SIGHT_FRACTION and abs(traversal.sight_velocity) <= MAX_SIGHT_CHANGE_PER_S
-    )
-    over = traversal.over
-    in_sight = in_sight and max(over.length, abs(over.top), abs(over.rise)) <= 10.0
-    if (
-        not in_sight
-        or max(map(abs, numbers), default=0.0) > 100.0
-        or not PACE_RANGE[0] <= traversal.pace <= PACE_RANGE[1]
-    ):
+    over, farthest = traversal.over, max(map(abs, numbers), default=0.0)
+    seen = abs(traversal.sight) <= MAX_SIGHT_FRACTION
+    seen = seen and abs(traversal.sight_velocity) <= MAX_SIGHT_CHANGE_PER_S
+    near = max(over.length, abs(over.top), abs(over.rise)) <= MAX_SIZE_M and not farthest > MAX_NUMBER
+    if not (seen and near and PACE_RANGE[0] <= traversal.pace <= PACE_RANGE[1]):
         return False
     if not traversal.kind:
         return True

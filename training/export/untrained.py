@@ -10,7 +10,6 @@ no metadata: it is no model that could be walked with.
 from __future__ import annotations
 
 import argparse
-import logging
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +19,7 @@ from runtime.assets import model_folder
 from runtime.errors import run_command
 from runtime.motion.features import INPUT_SIZE
 from runtime.motion.model_files import FOLDED, INT8_GRAPH, read_metadata
+from training.arguments import log_progress
 from training.batches import Normalisation
 from training.export.graph import BATCH, export_graph
 from training.export.model import StyleGraph
@@ -64,8 +64,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--preset", default="paper")
     parser.add_argument("--model", type=model_folder, help="folder of a model whose layer sizes are taken")
     options = parser.parse_args(argv)
-    for chatty in ("onnx_ir", "onnxscript", "torch.onnx"):
-        logging.getLogger(chatty).setLevel(logging.WARNING)
+    log_progress()
     config = preset(options.preset)
     if options.model is not None:
         config = ModelConfig.of(read_metadata(options.model)["config"])

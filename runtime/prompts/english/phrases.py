@@ -262,24 +262,25 @@ def _without_objects(
     kept: list[Element] = []
     dropped_at = -1
     for element in reversed(elements):  # an adjective goes with the noun behind it
-        category = entries[element.entry].category
         follows = words[element.end : element.end + 1]
-        figure = category in (*FIGURES, "ages") or element.end == dropped_at or _any_in(follows, PERSONS)
+        figure = entries[element.entry].category in (*FIGURES, "ages") or element.end == dropped_at
+        figure = figure or _any_in(follows, PERSONS)
         if element.start in objects and figure and not element.only:
             dropped_at = element.start
         elif (
-            element.only
-            or element.start not in places
-            or category not in _QUALITIES
-            or not _says(follows)
-            or not _of_thing(element, elements, entries)
-        ):  # all but "in an old house"
+            element.only or element.start not in places or not _of_thing(element, elements, entries, follows)
+        ):
+            # all but "in an old house"
             kept.insert(0, element)
     return kept
 
 
-def _of_thing(element: Element, elements: list[Element], entries: tuple[LibraryEntry, ...]) -> bool:
-    """Whether what follows an element is a thing, or nothing that the library knows."""
+def _of_thing(
+    element: Element, elements: list[Element], entries: tuple[LibraryEntry, ...], follows: list[Word]
+) -> bool:
+    """Whether an element is a quality of what follows: a thing, or nothing that the library knows."""
+    if entries[element.entry].category not in _QUALITIES or not _says(follows):
+        return False
     thing = next((e for e in elements if e.start == element.end), None)
     return thing is None or entries[thing.entry].category in _THINGS
 

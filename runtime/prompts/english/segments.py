@@ -74,11 +74,16 @@ def _before_subject(before: str, words: list[str]) -> int | None:
         return len(before)
     if rules["holding"].fullmatch(last):
         return None
-    if verb or not other_verb:
-        return len(before) if spoken or not verb else None
-    # it opens the clause itself: "head up | sliding the feet along"
-    of_part = len(words) < 2 or rules["part"].fullmatch(words[-2])
-    return None if of_part or not spoken else len(before.rstrip()) - len(last)
+    if other_verb and not verb:
+        return _before_verb(before, words) if spoken else None
+    return len(before) if spoken or not verb else None
+
+
+def _before_verb(before: str, words: list[str]) -> int | None:
+    """The same where the last word opens the clause itself: "head up | sliding the feet along"."""
+    if len(words) < 2 or grammar()["part"].fullmatch(words[-2]):
+        return None
+    return len(before.rstrip()) - len(words[-1])
 
 
 def _is_subject(before: str, noun: Match, match: Match) -> bool:

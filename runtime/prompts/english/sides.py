@@ -137,7 +137,9 @@ class _Limbs:
             return self._side_of_one(match, is_arm)
         if match["at"]:
             return ""
-        owner = "".join(owners[-1:])
+        return self._side_of_owner(match, "".join(owners[-1:]), is_arm)
+
+    def _side_of_owner(self, match: Match, owner: str, is_arm: bool) -> str:
         if self._spoken and match["noun"] == self._noun and owner in _DEFINITE:
             return self._side  # "pain in the left knee, so the knee stays straight"
         hand = self._hand if is_arm and owner in _OWNERS else ""

@@ -99,14 +99,14 @@ class CameraKeys:
             camera.target = looked_at(pose.hips_position, terrain) + np.array([key.x, key.y, key.z])
 
     def panel(self) -> Panel:
-        """What a film through the keys shows, as a frame in the view."""
+        """Return what a film through the keys shows, as a frame in the view."""
         actions = {Action.KEYED_CAMERA: self.toggle}
         return Panel(
             "Film", PanelPlace.SIGN, lambda _: self._draw(), shown=lambda: self.through, actions=actions
         )
 
     def fit(self, most: float, aspect: float) -> float:
-        """The fraction of the height for the view, so that the film lies in a free view of this `aspect`."""
+        """Return the fraction of the height for the view, so that the film lies in a free view of this `aspect`."""
         usual = math.tan(FOV_Y_RAD / 2) / self._half_height
         return FILM_VIEW_FRACTION * usual * min(most, aspect / self._aspect)
 

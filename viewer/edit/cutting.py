@@ -114,12 +114,12 @@ class Cutting:
     def menu(self) -> None:
         take = self.takes.played
         others = [other for other in self.takes.session.takes if other is not take]
-        if widgets.item("Split here", SPLIT_HINT):
-            self.split()
-        if widgets.item("Cut out what the handles keep", CUT_HINT):
-            self.cut()
-        if widgets.item("Loop", LOOP_HINT):
-            self.loop()
+        for text, hint, act in (
+            ("Split here", SPLIT_HINT, self.split), ("Cut out what the handles keep", CUT_HINT, self.cut),
+            ("Loop", LOOP_HINT, self.loop),
+        ):  # fmt: skip
+            if widgets.item(text, hint):
+                act()
         self._several(others)
 
     def _several(self, others: list[Take]) -> None:

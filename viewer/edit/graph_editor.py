@@ -185,11 +185,10 @@ class GraphEditor:
         if imgui.is_key_pressed(imgui.Key.delete, False):
             self.remove()
         if imgui.get_io().key_ctrl and imgui.is_key_pressed(imgui.Key.a, False):
-            self.chosen = frozenset(self._all_keys())
-
-    def _all_keys(self) -> list[CurveKey]:
-        curves = self.curves
-        return [CurveKey(channel, frame) for channel in self._shown(curves) for frame in curves.keys(channel)]
+            keys = {each: self.curves.keys(each) for each in self._shown(self.curves)}
+            self.chosen = frozenset(
+                CurveKey(each, frame) for each, frames in keys.items() for frame in frames
+            )
 
     def _shown(self, curves: KeyedCurves) -> list[Channel]:
         return [each for each in curves.channels() if (each.curve, each.joint) not in self.hidden]
